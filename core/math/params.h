@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// Parameters: one declaration serves as default, check, error message and manual page (`marram info` prints it).
+// Cameras, films, lights, shaders, meshes and, through the plug-in contract, procedurals all declare theirs this way.
+//
+// To add a parameter anywhere: add one ParamSpec to the owner's list and read it by name. Nothing else.
+#pragma once
+
+#include "core/math/problem.h"
+#include "core/math/vec.h"
+
+#include <cassert>
+#include <limits>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace marram {
+
+enum class ParamType {
+    boolean,     // true | false
+    integer,     // whole number
+    number,      // real number
+    vec2,        // [a, b]
+    vec3,        // [x, y, z]
+    range,       // [low, high] with low <= high; a single number stands for both
+    color,       // [r, g, b] linear, each >= 0; a single number stands for a grey
+    text,        // free string
+    choice,      // one of `choices`
+    ramp,        // [[position, value], ...] or { knots = [[...]], interpolation = "linear|smooth|constant" }
+    file,        // path of an existing file, relative to the scene file
+    image,       // path of an existing image, relative to the scene file
+    reference,   // name of another thing of the scene, its kind in `choices`: "mesh", "material"
+    texts,       // ["a", "b", ...]
+    keys,        // keyed transform: see core/math/transform.h
+    unavailable, // known to the design, not to this build: using it is an error that says so
+};
+
+struct ParamSpec {
+    std::string name; // dotted where tables nest: "noise.octaves"
+    ParamType type = ParamType::number;
+    std::string unit;    // "m", "deg", "m/s", "frames", "1/m"; "" where there is none
+    std::string initial; // default, as it would be written in a scene file; "" = must be given; "none" = may be absent
+    double minimum = -std::numeric_limits<double>::infinity(); // of every component, both ends allowed
+    double maximum = std::numeric_limits<double>::infinity();
+    std::string choices; // "a|b|c" for choice; the kind for reference
+    std::string help;    // one line
+};
+
+// A value with its place. Exactly what each type fills in:
+//   boolean, integer, number   numbers[0]            vec2, range   numbers[0..1]       vec3, color   numbers[0..2]
+//   text, choice, reference    text                  file, image   text = path as it can be opened
+//   ramp                       numbers = p0 v0 p1 v1 ..., positions ascending; text = interpolation
+//   texts                      texts
+//   keys                       numbers = 10 a key: frame, translate xyz, rotate xyz (degrees), scale xyz; frames
+//                              ascending; text = interpolation "linear|smooth"
+struct ParamValue {
+    const ParamSpec* spec = nullptr;
+    std::vector<double> numbers;
+    std::string text;
+    std::vector<std::string> texts;
+    Place place;        // of the value in the file; of the owning table where the default was taken
+    bool given = false; // false: default
+};
+
+// The checked values of one table; every declared parameter is present except the absent "none" ones.
+class ParamSet {
+  public:
+    void put(ParamValue value) { values_.push_back(std::move(value)); }
+
+    const ParamValue* find(std::string_view name) const {
+        for (const ParamValue& value : values_)
+            if (value.spec->name == name) return &value;
+        return nullptr;
+    }
+    bool has(std::string_view name) const { return find(name) != nullptr; }
+    const ParamValue& at(std::string_view name) const {
+        const ParamValue* value = find(name);
+        assert(value && "a parameter is read that its owner does not declare");
+        return *value;
+    }
+    bool boolean(std::string_view name) const { return at(name).numbers[0] != 0.0; }
+    int integer(std::string_view name) const { return static_cast<int>(at(name).numbers[0]); }
+    double number(std::string_view name) const { return at(name).numbers[0]; }
+    const std::string& text(std::string_view name) const { return at(name).text; }
+    Vec2d vec2(std::string_view name) const { return Vec2d(at(name).numbers.data()); }
+    Vec3d vec3(std::string_view name) const { return Vec3d(at(name).numbers.data()); }
+    std::span<const ParamValue> all() const { return values_; }
+
+  private:
+    std::vector<ParamValue> values_;
+};
+
+} // namespace marram

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is wrong with an input, where, and how to mend it. Mistakes of a user travel as an InputError that carries all
+// of them; mistakes of a programmer are asserts.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace marram {
+
+// A position in a text file. line and column count from 1; 0 means "not known" and is left out when printed.
+struct Place {
+    std::string file;
+    int line = 0;
+    int column = 0;
+};
+
+struct Problem {
+    Place place;
+    std::string what; // what is wrong
+    std::string fix;  // what to do about it
+};
+
+inline std::string to_string(const Place& place) {
+    std::string text = place.file;
+    if (place.line > 0) text += ":" + std::to_string(place.line);
+    if (place.line > 0 && place.column > 0) text += ":" + std::to_string(place.column);
+    return text;
+}
+
+// "file:line:column: what is wrong: what to do", on one line.
+inline std::string to_string(const Problem& problem) {
+    std::string text = to_string(problem.place) + ": " + problem.what + ": " + problem.fix;
+    for (char& c : text)
+        if (c == '\n' || c == '\r') c = ' ';
+    return text;
+}
+
+class InputError : public std::runtime_error {
+  public:
+    explicit InputError(std::vector<Problem> all)
+        : std::runtime_error(all.empty() ? "bad input" : to_string(all.front())), problems(std::move(all)) {}
+    InputError(Place place, std::string what, std::string fix)
+        : InputError(std::vector<Problem>{{std::move(place), std::move(what), std::move(fix)}}) {}
+
+    std::vector<Problem> problems;
+};
+
+} // namespace marram

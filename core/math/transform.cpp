@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/math/transform.h"
+
+#include <cassert>
+
+namespace marram {
+
+KeyedTransform::KeyedTransform(std::span<const double> numbers, std::string_view interpolation)
+    : smooth_(interpolation == "smooth") {
+    assert(numbers.size() % 10 == 0);
+    for (size_t i = 0; i + 9 < numbers.size(); i += 10) {
+        const double* k = numbers.data() + i;
+        const Eigen::Quaterniond rotation = Eigen::AngleAxisd(k[6] * degree, Vec3d::UnitZ()) *
+                                            Eigen::AngleAxisd(k[5] * degree, Vec3d::UnitY()) *
+                                            Eigen::AngleAxisd(k[4] * degree, Vec3d::UnitX());
+        keys_.push_back({k[0], Vec3d(k + 1), rotation, Vec3d(k + 7)});
+    }
+}
+
+Eigen::Affine3d KeyedTransform::at(double frame) const {
+    if (keys_.empty()) return Eigen::Affine3d::Identity();
+    size_t after = 0;
+    while (after < keys_.size() && keys_[after].frame <= frame) ++after;
+    Key key = keys_[after == 0 ? 0 : after - 1];
+    if (after > 0 && after < keys_.size() && keys_[after - 1].frame < frame) {
+        const Key &a = keys_[after - 1], &b = keys_[after];
+        double t = (frame - a.frame) / (b.frame - a.frame);
+        if (smooth_) t = t * t * (3.0 - 2.0 * t);
+        key.translation = a.translation + t * (b.translation - a.translation);
+        key.rotation = a.rotation.slerp(t, b.rotation);
+        key.scale = a.scale + t * (b.scale - a.scale);
+    }
+    Eigen::Affine3d m = Eigen::Affine3d::Identity();
+    m.linear() = key.rotation.toRotationMatrix() * key.scale.asDiagonal();
+    m.translation() = key.translation;
+    return m;
+}
+
+bool KeyedTransform::moves_within(double begin, double end) const {
+    return keys_.size() > 1 && keys_.front().frame < end && keys_.back().frame > begin && begin < end;
+}
+
+} // namespace marram

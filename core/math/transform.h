@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// Keyed transforms: translate, rotate, scale at frames, exact at every key and defined at every time.
+#pragma once
+
+#include "core/math/vec.h"
+
+#include <span>
+#include <string_view>
+#include <vector>
+
+namespace marram {
+
+// p -> rotation * (scale * p) + translation. Angles of a key are Euler angles in degrees, applied about x, then y,
+// then z; between two keys the rotation takes the shortest arc.
+class KeyedTransform {
+  public:
+    KeyedTransform() = default; // identity at all times
+    // numbers = 10 a key: frame, translate xyz, rotate xyz in degrees, scale xyz; frames strictly ascending.
+    // interpolation: "linear", or "smooth" (flat at every key). Constant before the first and after the last key.
+    KeyedTransform(std::span<const double> numbers, std::string_view interpolation);
+
+    Eigen::Affine3d at(double frame) const;
+    bool moves() const { return keys_.size() > 1; } // false: at() is the same for every frame
+    bool moves_within(double begin, double end) const;
+
+  private:
+    struct Key {
+        double frame;
+        Vec3d translation;
+        Eigen::Quaterniond rotation;
+        Vec3d scale;
+    };
+    std::vector<Key> keys_;
+    bool smooth_ = false;
+};
+
+} // namespace marram

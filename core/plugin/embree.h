@@ -1,0 +1,44 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Embree 3.13 and 4.x by one name. Whatever differs between the two is hidden here and nowhere else. */
+#ifndef MARRAM_EMBREE_H
+#define MARRAM_EMBREE_H
+
+#if defined(__has_include)
+#if __has_include(<embree4/rtcore.h>) && !defined(MARRAM_EMBREE3)
+#include <embree4/rtcore.h>
+#define MARRAM_EMBREE_MAJOR 4
+#endif
+#endif
+#ifndef MARRAM_EMBREE_MAJOR
+#include <embree3/rtcore.h>
+#define MARRAM_EMBREE_MAJOR 3
+#endif
+
+/* One ray against one committed scene; hints: coherent is nonzero for camera rays. */
+static inline void marram_intersect1(RTCScene scene, struct RTCRayHit* rayhit, int coherent) {
+#if MARRAM_EMBREE_MAJOR == 4
+    struct RTCIntersectArguments args;
+    rtcInitIntersectArguments(&args);
+    args.flags = coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
+    rtcIntersect1(scene, rayhit, &args);
+#else
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+    rtcIntersect1(scene, &context, rayhit);
+#endif
+}
+
+static inline void marram_occluded1(RTCScene scene, struct RTCRay* ray) {
+#if MARRAM_EMBREE_MAJOR == 4
+    struct RTCOccludedArguments args;
+    rtcInitOccludedArguments(&args);
+    rtcOccluded1(scene, ray, &args);
+#else
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    rtcOccluded1(scene, &context, ray);
+#endif
+}
+
+#endif

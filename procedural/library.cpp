@@ -1,1 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
+// The entry point, and the one place where a name in a scene file becomes a procedural.
+//
+// To add a procedural: give it a folder, a function that fills a MarramProcedural, and a line in the table below.
+#include "procedural/groom/groom.h"
+#include "procedural/wind/wind.h"
+
+#include <array>
+
+extern "C" __attribute__((visibility("default"))) const MarramLibrary* marram_library(uint32_t abi) {
+    using namespace marram;
+    static const std::array procedurals = {
+        groom_procedural(),
+    };
+    static const MarramLibrary library{MARRAM_ABI_VERSION,
+                                       "marram_procedural",
+                                       MARRAM_VERSION,
+                                       wind_params().data(),
+                                       static_cast<uint32_t>(wind_params().size()),
+                                       procedurals.data(),
+                                       static_cast<uint32_t>(procedurals.size())};
+    return abi == MARRAM_ABI_VERSION ? &library : nullptr;
+}

@@ -1,1 +1,145 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "core/cli/cli.h"
+
+#include "core/cli/commands.h"
+#include "core/cli/interrupt.h"
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include <charconv>
+#include <functional>
+
+namespace marram {
+namespace {
+
+constexpr int exit_bad_input = 2;
+
+// "WxH".
+std::pair<uint32_t, uint32_t> parse_size(const std::string& text) {
+    uint32_t width = 0, height = 0;
+    const char* end = text.data() + text.size();
+    const auto a = std::from_chars(text.data(), end, width);
+    bool good = a.ec == std::errc{} && a.ptr != end && *a.ptr == 'x';
+    if (good) {
+        const auto b = std::from_chars(a.ptr + 1, end, height);
+        good = b.ec == std::errc{} && b.ptr == end;
+    }
+    if (!good) throw InputError({"--size " + text}, "this is no size", "give width and height in pixels, such as 800x450");
+    return {width, height};
+}
+
+struct Texts { // options that are checked after parsing
+    std::string size, layers;
+    uint32_t samples = 0;
+    double frame = 0.0;
+};
+
+void add_common(CLI::App& command, CommonOptions& options) {
+    command.add_option("scene", options.scene, "scene file (.toml)")->required();
+    command.add_option("--set", options.overrides.settings, "change any key of the scene, such as wind.speed=4")
+        ->type_name("KEY=VALUE")->allow_extra_args(false);
+    command.add_option("--threads", options.threads, "threads to use; default: one a processor")->check(CLI::Range(1, 1024));
+    command.add_option("--stats", options.stats, "write what it cost to this JSON file")->type_name("FILE");
+    command.add_flag("--quiet", options.quiet, "no progress line");
+}
+
+std::vector<std::string> split(const std::string& text) {
+    std::vector<std::string> parts;
+    for (size_t begin = 0; begin <= text.size() && !text.empty();) {
+        const size_t end = std::min(text.find(',', begin), text.size());
+        parts.push_back(text.substr(begin, end - begin));
+        begin = end + 1;
+    }
+    return parts;
+}
+
+struct Commands {
+    RenderOptions render;
+    BakeOptions bake;
+    std::string subject;
+    Texts texts;
+    std::function<int()> chosen;
+};
+
+void add_render(CLI::App& app, Commands& c) {
+    CLI::App* command = app.add_subcommand("render", "render a scene to pictures");
+    add_common(*command, c.render);
+    command->add_option("-o,--output", c.render.output, "picture, .exr or .png; #### stands for the frame")
+        ->type_name("FILE")->capture_default_str();
+    CLI::Option* frame = command->add_option("--frame", c.texts.frame, "frame, also a fraction of one");
+    command->add_option("--frames", c.render.frames.range, "first and last frame")->type_name("A-B")->excludes(frame);
+    command->add_option("--spp", c.texts.samples, "samples a pixel")->check(CLI::Range(1, 65536));
+    command->add_option("--size", c.texts.size, "size of the picture")->type_name("WxH");
+    command->add_option("--aov", c.texts.layers, "image layers besides the scene's: albedo, normal, depth, strand_u, or a curve attribute")
+        ->type_name("NAME,...");
+    command->add_flag("--resume", c.render.resume, "leave out frames whose picture is there, whole, and of this scene");
+    command->callback([&c, command, frame] {
+        if (frame->count() > 0) c.render.frames.frame = c.texts.frame;
+        if (command->count("--spp") > 0) c.render.overrides.samples = c.texts.samples;
+        c.render.layers = split(c.texts.layers);
+        c.chosen = [&c] {
+            if (!c.texts.size.empty()) c.render.overrides.size = parse_size(c.texts.size);
+            return render_command(c.render);
+        };
+    });
+}
+
+void add_bake(CLI::App& app, Commands& c) {
+    CLI::App* command = app.add_subcommand("bake", "write a scene's strands to a file");
+    add_common(*command, c.bake);
+    command->add_option("-o,--output", c.bake.output, "strands: .hair, .usda or .obj")->required()->type_name("FILE");
+    command->add_option("--frame", c.bake.frame, "frame, also a fraction of one; default: the scene's first");
+    command->add_option("--stage", c.bake.stage, "how far through the chain")->check(CLI::IsMember({"rest", "bent", "final"}))->capture_default_str();
+    command->add_option("--colliders", c.bake.colliders, "write all meshes as well, .obj")->type_name("FILE");
+    command->callback([&c] { c.chosen = [&c] { return bake_command(c.bake); }; });
+}
+
+// Known to the design, not to this build: says so.
+void add_unavailable(CLI::App& app, Commands& c, const std::string& name, const std::string& help, const std::string& instead) {
+    CLI::App* command = app.add_subcommand(name, help);
+    command->allow_extras();
+    command->callback([&c, name, instead] {
+        c.chosen = [name, instead]() -> int {
+            throw InputError({"marram " + name}, "this command is not available in this build", instead);
+        };
+    });
+}
+
+int report(const InputError& error) {
+    for (const Problem& problem : error.problems) fmt::print(stderr, "{}\n", to_string(problem));
+    return exit_bad_input;
+}
+
+} // namespace
+
+int run(int argc, char** argv) {
+    CLI::App app("Wind on hair, fur and grass, applied while the renderer tessellates its scene.", "marram");
+    app.set_version_flag("--version", "marram " MARRAM_VERSION);
+    app.require_subcommand(1);
+    Commands commands;
+    add_render(app, commands);
+    add_bake(app, commands);
+    CLI::App* info = app.add_subcommand("info", "what there is: procedurals, shaders, parameters, what a scene holds");
+    info->add_option("subject", commands.subject, "a procedural, shader or table, or a scene file; default: everything");
+    info->callback([&commands] { commands.chosen = [&commands] { return info_command(commands.subject); }; });
+    add_unavailable(app, commands, "compare", "compare two pictures", "use `idiff` of openimageio-tools until it is");
+    add_unavailable(app, commands, "measure", "speed against error", "use `marram render --stats` until it is");
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::ParseError& error) {
+        return app.exit(error) == 0 ? 0 : exit_bad_input;
+    }
+    watch_interrupts();
+    try {
+        return commands.chosen();
+    } catch (const InputError& error) {
+        return report(error);
+    } catch (const Cancelled&) {
+        return exit_interrupted;
+    } catch (const std::bad_alloc&) {
+        return report(InputError({"marram"}, "the scene does not fit into memory", "use fewer strands, CVs, motion keys or pixels"));
+    }
+}
+
+} // namespace marram

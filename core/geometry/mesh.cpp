@@ -1,1 +1,299 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "core/geometry/mesh.h"
+
+#include "core/geometry/mesh_reader.h"
+
+#include <fmt/format.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <bit>
+#include <charconv>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+namespace marram {
+
+namespace {
+
+using Triangle = std::array<uint32_t, 3>;
+
+constexpr uint32_t none = ~0u;
+constexpr size_t vertices_a_task = 4096;
+
+// ---- Vertex normals
+// --------------------------------------------------------------------------------------------------
+
+// For each vertex the first one with the same position: an open hash table over the positions' bits.
+std::vector<uint32_t> weld(std::span<const Vec3f> positions) {
+    const size_t slots = std::bit_ceil(positions.size() * 2 + 1);
+    std::vector<uint32_t> table(slots, none);
+    std::vector<uint32_t> first(positions.size());
+    for (uint32_t v = 0; v < positions.size(); ++v) {
+        const Vec3f p = positions[v] + Vec3f::Zero(); // -0 becomes 0
+        uint64_t hash = 0;
+        for (int axis = 0; axis < 3; ++axis) {
+            hash = (hash ^ std::bit_cast<uint32_t>(p[axis])) * 0x9e3779b97f4a7c15ull; // golden ratio
+            hash ^= hash >> 32;
+        }
+        size_t slot = hash & (slots - 1);
+        while (table[slot] != none && positions[table[slot]] != positions[v]) slot = (slot + 1) & (slots - 1);
+        if (table[slot] == none) table[slot] = v;
+        first[v] = table[slot];
+    }
+    return first;
+}
+
+// The corners (3 * triangle + k) at each welded vertex, in the triangles' order.
+struct Fans {
+    std::vector<uint64_t> begin; // positions.size() + 1
+    std::vector<uint64_t> corners;
+};
+
+Fans fans_of(std::span<const uint32_t> first, std::span<const Triangle> triangles) {
+    Fans fans{std::vector<uint64_t>(first.size() + 1, 0), std::vector<uint64_t>(triangles.size() * 3)};
+    for (const Triangle& t : triangles)
+        for (uint32_t v : t) ++fans.begin[first[v] + 1];
+    for (size_t v = 0; v < first.size(); ++v) fans.begin[v + 1] += fans.begin[v];
+    std::vector<uint64_t> next(fans.begin.begin(), fans.begin.end() - 1);
+    for (size_t t = 0; t < triangles.size(); ++t)
+        for (size_t k = 0; k < 3; ++k) fans.corners[next[first[triangles[t][k]]]++] = 3 * t + k;
+    return fans;
+}
+
+// A triangle seen from one of its corners.
+struct Corner {
+    Vec3d normal = Vec3d::Zero(); // unit
+    double angle = 0.0;           // 0: the triangle has no area to speak of
+    double area = 0.0;            // twice
+};
+
+Corner corner_at(std::span<const Vec3f> positions, const Triangle& t, size_t k) {
+    const Vec3d p = positions[t[k]].cast<double>();
+    const Vec3d a = positions[t[(k + 1) % 3]].cast<double>() - p;
+    const Vec3d b = positions[t[(k + 2) % 3]].cast<double>() - p;
+    Corner corner;
+    const Vec3d cross = a.cross(b);
+    corner.area = cross.norm();
+    if (!(corner.area > 0.0)) return corner;
+    corner.normal = cross / corner.area;
+    // Less high than a few roundings of its coordinates: the direction of its normal is noise, yet an obtuse
+    // corner would give it the weight of half a circle.
+    const double longest = std::sqrt(std::max({a.squaredNorm(), b.squaredNorm(), (b - a).squaredNorm()}));
+    const double rounding = p.cwiseAbs().maxCoeff() * double(std::numeric_limits<float>::epsilon());
+    constexpr double roundings = 2.0;
+    if (corner.area > roundings * rounding * longest) corner.angle = std::atan2(corner.area, a.dot(b));
+    return corner;
+}
+
+Vec3f normal_at(std::span<const Vec3f> positions, std::span<const Triangle> triangles,
+                std::span<const uint64_t> fan, uint32_t vertex) {
+    Vec3d all = Vec3d::Zero(), own = Vec3d::Zero(), flat = Vec3d::Zero(), one = Vec3d::Zero();
+    double weight = 0.0;
+    for (uint64_t c : fan) {
+        const Triangle& t = triangles[c / 3];
+        const Corner corner = corner_at(positions, t, c % 3);
+        weight += corner.angle;
+        all += corner.angle * corner.normal;
+        const bool is_own = t[c % 3] == vertex;
+        if (is_own) own += corner.angle * corner.normal;
+        if (is_own && corner.angle > 0.0 && one.isZero(0.0)) one = corner.normal;
+        flat += corner.area * corner.normal;
+    }
+    constexpr double vanishing = 1e-6; // of the weights: what is left is rounding
+    for (const Vec3d& sum : {all, own})
+        if (sum.norm() > vanishing * weight) return sum.normalized().cast<float>();
+    if (!one.isZero(0.0)) return one.cast<float>();
+    if (flat.norm() > 0.0) return (flat / flat.norm()).cast<float>();
+    return Vec3f::UnitY();
+}
+
+// ---- Loading
+// ---------------------------------------------------------------------------------------------------------
+
+std::string read_bytes(const std::string& path) {
+    std::error_code error;
+    const std::filesystem::file_status status = std::filesystem::status(path, error);
+    if (!std::filesystem::exists(status))
+        throw InputError(Place{path}, "there is no such file", "check the path");
+    if (!std::filesystem::is_regular_file(status))
+        throw InputError(Place{path}, "is not an ordinary file", "give the path of an .obj or .ply file");
+    std::ifstream file(path, std::ios::binary);
+    std::string bytes(file ? std::filesystem::file_size(path, error) : 0, '\0');
+    if (!file || error || !file.read(bytes.data(), std::streamsize(bytes.size())))
+        throw InputError(Place{path}, "cannot be read", "check the file's permissions");
+    return bytes;
+}
+
+// Makes the file's normals unit and fills in those that are missing.
+void finish_normals(Mesh& mesh, bool smooth) {
+    size_t missing = 0;
+    for (Vec3f& normal : mesh.normals) {
+        const Vec3d exact = normal.cast<double>();
+        const double length = exact.norm();
+        if (length > 0.0) normal = (exact / length).cast<float>();
+        missing += length > 0.0 ? 0 : 1;
+    }
+    if (missing == mesh.normals.size()) mesh.normals.clear();
+    if (mesh.normals.empty()) {
+        if (smooth) mesh.normals = vertex_normals(mesh.positions, mesh.triangles);
+    } else if (missing > 0) {
+        const std::vector<Vec3f> computed = vertex_normals(mesh.positions, mesh.triangles);
+        for (size_t v = 0; v < mesh.normals.size(); ++v)
+            if (mesh.normals[v].isZero(0.0f)) mesh.normals[v] = computed[v];
+    }
+}
+
+std::string lower_extension(const std::string& path) {
+    std::string extension = std::filesystem::path(path).extension().string();
+    for (char& c : extension)
+        if (c >= 'A' && c <= 'Z') c = char(c - 'A' + 'a');
+    return extension;
+}
+
+} // namespace
+
+std::vector<Vec3f> vertex_normals(std::span<const Vec3f> positions, std::span<const Triangle> triangles) {
+    const std::vector<uint32_t> first = weld(positions);
+    const Fans fans = fans_of(first, triangles);
+    std::vector<Vec3f> normals(positions.size());
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, positions.size(), vertices_a_task),
+                      [&](const auto& range) {
+                          for (size_t v = range.begin(); v != range.end(); ++v) {
+                              const uint64_t begin = fans.begin[first[v]], end = fans.begin[first[v] + 1];
+                              const std::span<const uint64_t> fan(fans.corners.data() + begin, end - begin);
+                              normals[v] = normal_at(positions, triangles, fan, uint32_t(v));
+                          }
+                      });
+    return normals;
+}
+
+Mesh load_mesh(const std::string& path, bool smooth) {
+    const std::string extension = lower_extension(path);
+    if (extension != ".obj" && extension != ".ply")
+        throw InputError(Place{path}, fmt::format("meshes of the type \"{}\" are not known", extension),
+                         "save it as .obj or .ply");
+    std::string bytes = read_bytes(path);
+    Mesh mesh = extension == ".obj" ? read_obj(path, bytes) : read_ply(path, bytes);
+    if (mesh.triangles.empty())
+        throw InputError(Place{path}, "has no triangles",
+                         "check that the surface was exported, not only its points");
+    if (mesh.triangles.size() > greatest_count || mesh.positions.size() > greatest_count)
+        throw InputError(Place{path}, "has more than 4,294,967,294 vertices or triangles",
+                         "split it into several files");
+    finish_normals(mesh, smooth);
+    reserve_spare_bytes(mesh.positions);
+    reserve_spare_bytes(mesh.normals);
+    reserve_spare_bytes(mesh.uvs);
+    reserve_spare_bytes(mesh.triangles);
+    return mesh;
+}
+
+// ---- What readers share
+// ----------------------------------------------------------------------------------------------
+
+Place place_of(const std::string& path, std::string_view bytes, size_t offset) {
+    const char newline = bytes.find('\n') == std::string_view::npos ? '\r' : '\n';
+    const std::string_view before = bytes.substr(0, offset);
+    const size_t line_start = before.rfind(newline) + 1; // npos + 1 is 0
+    return {path, int(std::count(before.begin(), before.end(), newline)) + 1, int(offset - line_start) + 1};
+}
+
+NumberFault parse_number(std::string_view token, double& value) {
+    if (token.starts_with('+')) token.remove_prefix(1);
+    const char* end = token.data() + token.size();
+    const auto [stop, error] = std::from_chars(token.data(), end, value);
+    if (stop != end || token.empty() || error == std::errc::invalid_argument)
+        return NumberFault::not_a_number;
+    if (error == std::errc::result_out_of_range) {
+        // Too large or too small: only the exponent's sign tells which.
+        const size_t exponent = token.find_first_of("eE");
+        if (exponent == std::string_view::npos || token.substr(exponent + 1, 1) != "-")
+            return NumberFault::not_finite;
+        value = 0.0;
+    }
+    return std::isfinite(value) ? NumberFault::none : NumberFault::not_finite;
+}
+
+namespace {
+
+double turn(const Vec2d& a, const Vec2d& b, const Vec2d& c) {
+    return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
+}
+
+// The polygon in its plane of greatest extent, turned so that it runs anticlockwise.
+std::vector<Vec2d> flatten(std::span<const Vec3f> positions, std::span<const uint32_t> corners) {
+    const Vec3d origin = positions[corners[0]].cast<double>();
+    Vec3d normal = Vec3d::Zero(); // Newell's: twice the areas of the three shadows
+    for (size_t i = 0; i < corners.size(); ++i) {
+        const Vec3d a = positions[corners[i]].cast<double>() - origin;
+        const Vec3d b = positions[corners[(i + 1) % corners.size()]].cast<double>() - origin;
+        normal += a.cross(b);
+    }
+    int axis = 0;
+    normal.cwiseAbs().maxCoeff(&axis);
+    const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+    std::vector<Vec2d> flat;
+    flat.reserve(corners.size());
+    for (uint32_t corner : corners) {
+        const Vec3d p = positions[corner].cast<double>() - origin;
+        flat.push_back(normal[axis] < 0.0 ? Vec2d(p[v], p[u]) : Vec2d(p[u], p[v]));
+    }
+    return flat;
+}
+
+bool is_strictly_convex(std::span<const Vec2d> flat) {
+    const size_t n = flat.size();
+    for (size_t i = 0; i < n; ++i)
+        if (!(turn(flat[i], flat[(i + 1) % n], flat[(i + 2) % n]) > 0.0)) return false;
+    return true;
+}
+
+// A corner that turns left and has no other corner in its triangle; corners that stand in the same points (a
+// polygon with a slit) do not count.
+bool is_ear(std::span<const Vec2d> flat, std::span<const uint32_t> ring, size_t i) {
+    const size_t n = ring.size();
+    const Vec2d &a = flat[ring[(i + n - 1) % n]], &b = flat[ring[i]], &c = flat[ring[(i + 1) % n]];
+    if (!(turn(a, b, c) > 0.0)) return false;
+    for (uint32_t corner : ring) {
+        const Vec2d& p = flat[corner];
+        if (p == a || p == b || p == c) continue;
+        if (turn(a, b, p) >= 0.0 && turn(b, c, p) >= 0.0 && turn(c, a, p) >= 0.0) return false;
+    }
+    return true;
+}
+
+} // namespace
+
+void append_polygon(std::span<const Vec3f> positions, std::span<const uint32_t> corners,
+                    std::vector<Triangle>& triangles) {
+    if (corners.size() == 3) {
+        triangles.push_back({corners[0], corners[1], corners[2]});
+        return;
+    }
+    const std::vector<Vec2d> flat = flatten(positions, corners);
+    if (is_strictly_convex(flat)) {
+        for (size_t i = 1; i + 1 < corners.size(); ++i)
+            triangles.push_back({corners[0], corners[i], corners[i + 1]});
+        return;
+    }
+    std::vector<uint32_t> ring(corners.size());
+    for (size_t i = 0; i < ring.size(); ++i) ring[i] = uint32_t(i);
+    size_t at = 1;
+    while (ring.size() > 3) {
+        const size_t n = ring.size();
+        size_t tried = 0;
+        while (tried < n && !is_ear(flat, ring, (at + tried) % n)) ++tried;
+        const size_t ear =
+            (at + tried) % n; // a polygon that crosses itself may have none: take what is there
+        triangles.push_back(
+            {corners[ring[(ear + n - 1) % n]], corners[ring[ear]], corners[ring[(ear + 1) % n]]});
+        ring.erase(ring.begin() + std::ptrdiff_t(ear));
+        at = ear + 1; // skipping one keeps the triangles from becoming a fan of slivers
+    }
+    triangles.push_back({corners[ring[0]], corners[ring[1]], corners[ring[2]]});
+}
+
+} // namespace marram

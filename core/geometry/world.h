@@ -56,6 +56,7 @@ struct World {
     std::vector<MeshGeometry> meshes;
     std::vector<CurveGeometry> curves;
     Box3f bounds; // of everything at every motion sample
+    std::vector<std::shared_ptr<RTCGeometryTy>> curve_buffers; // what the pointers in `curves` point into, attached or not
 };
 
 } // namespace marram

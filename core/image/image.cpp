@@ -1,1 +1,295 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "core/image/image.h"
+
+#include "core/image/atomic_file.h"
+#include "core/math/problem.h"
+
+#include <OpenImageIO/imageio.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+
+namespace marram {
+
+namespace {
+
+constexpr int greatest_side = 65536;
+constexpr int64_t greatest_bytes = int64_t(1) << 30; // of floats in memory
+constexpr int strip_rows = 256; // rows converted at a time; a multiple of EXR's blocks of 16
+constexpr float greatest_half = 65504.0f;
+
+using InputFile = std::unique_ptr<OIIO::ImageInput>;
+
+[[noreturn]] void refuse(const std::string& path, const std::string& what, const std::string& fix) {
+    throw InputError(Place{path}, what, fix);
+}
+
+// OpenImageIO's own words, on one line.
+std::string reason(const std::string& message) {
+    std::string text = message.empty() ? "no reason given" : message.substr(0, message.find('\n'));
+    return "(" + text + ")";
+}
+
+void check_is_file(const std::string& path) {
+    std::error_code error;
+    const std::filesystem::file_status status = std::filesystem::status(path, error);
+    if (!std::filesystem::exists(status)) refuse(path, "there is no such file", "check the path");
+    if (!std::filesystem::is_regular_file(status))
+        refuse(path, "is not an ordinary file", "give the path of an image");
+    if (std::filesystem::file_size(path, error) == 0 || error)
+        refuse(path, "the file is empty", "save the image again");
+}
+
+InputFile open_image(const std::string& path) {
+    check_is_file(path);
+    OIIO::ImageSpec config;
+    config.attribute("oiio:UnassociatedAlpha",
+                     1); // else 8-bit colour is multiplied by alpha, and rounded, before we see it
+    InputFile input = OIIO::ImageInput::open(path, &config);
+    if (!input)
+        refuse(path, "is not an image that can be read " + reason(OIIO::geterror()),
+               "save it again as EXR, PNG, TIFF or JPEG");
+    return input;
+}
+
+void check_spec(const std::string& path, const OIIO::ImageSpec& spec) {
+    if (spec.deep || spec.depth > 1) refuse(path, "is a deep or volume image", "save it as a flat image");
+    if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1)
+        refuse(path, "has no pixels", "save the image again");
+    if (spec.width > greatest_side || spec.height > greatest_side)
+        refuse(path,
+               fmt::format("is {} x {} pixels, more than {} a side", spec.width, spec.height, greatest_side),
+               "make it smaller");
+    const int64_t bytes = int64_t(spec.width) * spec.height * spec.nchannels * int64_t(sizeof(float));
+    if (bytes > greatest_bytes)
+        refuse(path, fmt::format("takes {} MiB in memory, more than {}", bytes >> 20, greatest_bytes >> 20),
+               "make it smaller");
+}
+
+bool is_srgb(const OIIO::ImageSpec& spec) {
+    const std::string space = spec.get_string_attribute("oiio:ColorSpace");
+    if (!space.empty()) return OIIO::Strutil::iequals(space, "sRGB");
+    return spec.format == OIIO::TypeDesc::UINT8;
+}
+
+void make_linear(Image& image, int alpha_channel) {
+    for (size_t i = 0; i < image.pixels.size(); ++i)
+        if (int(i % size_t(image.channels)) != alpha_channel)
+            image.pixels[i] = linear_from_srgb(image.pixels[i]);
+}
+
+void check_finite(const std::string& path, const Image& image) {
+    for (size_t i = 0; i < image.pixels.size(); ++i) {
+        if (std::isfinite(image.pixels[i])) continue;
+        const size_t pixel = i / size_t(image.channels);
+        refuse(path,
+               fmt::format("channel {} of pixel ({}, {}) is {}",
+                           image.channel_names[i % size_t(image.channels)], pixel % size_t(image.width),
+                           pixel / size_t(image.width),
+                           std::isnan(image.pixels[i]) ? "not a number" : "infinite"),
+               "mend that pixel; positions count from 0 at the top left");
+    }
+}
+
+// JPEG files cut short are decoded to the end with grey by the library; the end marker tells.
+bool jpeg_is_whole(const std::string& path) {
+    std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"), &std::fclose);
+    constexpr int tail_bytes = 4096; // some cameras pad behind the marker
+    if (!file || std::fseek(file.get(), 0, SEEK_END) != 0) return false;
+    const long size = std::ftell(file.get());
+    std::fseek(file.get(), std::max(0L, size - tail_bytes), SEEK_SET);
+    std::string tail(tail_bytes, '\0');
+    tail.resize(std::fread(tail.data(), 1, tail.size(), file.get()));
+    return tail.find("\xff\xd9") != std::string::npos;
+}
+
+void refuse_truncated(const std::string& path, const std::string& message) {
+    refuse(path, "cannot be read to its end, it is truncated or damaged " + reason(message),
+           "save or copy the image again");
+}
+
+} // namespace
+
+float srgb_from_linear(float linear) {
+    const float magnitude = std::fabs(linear);
+    const float encoded =
+        magnitude <= 0.0031308f ? 12.92f * magnitude : 1.055f * std::pow(magnitude, 1.0f / 2.4f) - 0.055f;
+    return std::copysign(encoded, linear);
+}
+
+float linear_from_srgb(float encoded) {
+    const float magnitude = std::fabs(encoded);
+    const float linear =
+        magnitude <= 0.04045f ? magnitude / 12.92f : std::pow((magnitude + 0.055f) / 1.055f, 2.4f);
+    return std::copysign(linear, encoded);
+}
+
+Image read_image(const std::string& path, ColorSpace space) {
+    InputFile input = open_image(path);
+    const OIIO::ImageSpec spec = input->spec();
+    check_spec(path, spec);
+    Image image;
+    image.width = spec.width;
+    image.height = spec.height;
+    image.channels = spec.nchannels;
+    for (int c = 0; c < spec.nchannels; ++c) image.channel_names.push_back(spec.channel_name(c));
+    image.pixels.resize(size_t(spec.width) * size_t(spec.height) * size_t(spec.nchannels));
+    if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, image.pixels.data()))
+        refuse_truncated(path, input->geterror());
+    if (std::string_view(input->format_name()) == "jpeg" && !jpeg_is_whole(path))
+        refuse_truncated(path, "its end marker is missing");
+    check_finite(path, image);
+    if (space == ColorSpace::color && is_srgb(spec)) make_linear(image, spec.alpha_channel);
+    return image;
+}
+
+// ---- Writing
+// ---------------------------------------------------------------------------------------------------------
+
+namespace {
+
+OIIO::ImageSpec exr_spec(int width, int height, std::span<const Layer> layers,
+                         std::span<const Metadata> metadata) {
+    OIIO::ImageSpec spec(width, height, 0, OIIO::TypeDesc::FLOAT);
+    spec.channelnames.clear();
+    for (const Layer& layer : layers)
+        for (const std::string& channel : layer.channels) {
+            spec.channelnames.push_back(layer.name.empty() ? channel : layer.name + "." + channel);
+            spec.channelformats.push_back(layer.half ? OIIO::TypeDesc::HALF : OIIO::TypeDesc::FLOAT);
+            if (spec.channelnames.back() == "A") spec.alpha_channel = spec.nchannels;
+            if (spec.channelnames.back() == "Z") spec.z_channel = spec.nchannels;
+            ++spec.nchannels;
+        }
+    spec.attribute("compression", "zip");
+    spec.attribute("DateTime", ""); // else OpenImageIO writes the time of day, and no two files are alike
+    for (const auto& [key, value] : metadata) {
+        if (const auto* text = std::get_if<std::string>(&value)) spec.attribute(key, *text);
+        if (const int* number = std::get_if<int>(&value)) spec.attribute(key, *number);
+        if (const double* number = std::get_if<double>(&value))
+            spec.attribute(key, OIIO::TypeDesc::DOUBLE, number);
+    }
+    return spec;
+}
+
+// Rows [begin, end) of all layers, channels side by side as the file wants them.
+void interleave(std::span<const Layer> layers, int width, int channels, int begin, int end,
+                std::vector<float>& strip) {
+    size_t offset = 0;
+    for (const Layer& layer : layers) {
+        const size_t count = layer.channels.size();
+        const float* from = layer.pixels + size_t(begin) * size_t(width) * count;
+        const size_t pixels = size_t(end - begin) * size_t(width);
+        for (size_t i = 0; i < pixels; ++i)
+            for (size_t c = 0; c < count; ++c) {
+                const float value = from[i * count + c];
+                // A NaN fails both comparisons of clamp and stays what it is.
+                strip[i * size_t(channels) + offset + c] =
+                    layer.half ? std::clamp(value, -greatest_half, greatest_half) : value;
+            }
+        offset += count;
+    }
+}
+
+uint8_t to_byte(double encoded) {
+    if (!(encoded > 0.0)) return 0;
+    return uint8_t(std::min(encoded, 1.0) * 255.0 + 0.5);
+}
+
+std::vector<uint8_t> to_bytes(int width, int height, int channels, const float* pixels,
+                              double exposure_stops) {
+    const size_t count = size_t(width) * size_t(height);
+    const float scale = float(std::exp2(exposure_stops));
+    std::vector<uint8_t> bytes(count * size_t(channels));
+    for (size_t i = 0; i < count; ++i) {
+        const float* from = pixels + i * size_t(channels);
+        uint8_t* to = bytes.data() + i * size_t(channels);
+        const float alpha = channels == 4 ? from[3] : 1.0f;
+        // PNG keeps colour apart from alpha; where alpha is 0 there is only light that was added: leave it.
+        const float apart = alpha > 0.0f && alpha < 1.0f ? scale / alpha : scale;
+        for (int c = 0; c < 3; ++c) to[c] = to_byte(srgb_from_linear(from[c] * apart));
+        if (channels == 4) to[3] = to_byte(alpha);
+    }
+    return bytes;
+}
+
+std::unique_ptr<OIIO::ImageOutput> open_output(const std::string& path, const AtomicFile& file,
+                                               const OIIO::ImageSpec& spec, const char* format) {
+    std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create(format);
+    if (!output)
+        refuse(path, fmt::format("this OpenImageIO cannot write {} files", format), "write another format");
+    if (!output->open(file.partial(), spec))
+        refuse(path, "cannot be written " + reason(output->geterror()),
+               "check the folder, or choose another output");
+    return output;
+}
+
+void close_output(const std::string& path, OIIO::ImageOutput& output, bool written) {
+    const std::string message = written ? std::string() : output.geterror();
+    if (!output.close() || !written)
+        refuse(path, "could not be written " + reason(message.empty() ? output.geterror() : message),
+               "check the disk and its free space");
+}
+
+} // namespace
+
+void write_exr(const std::string& path, int width, int height, std::span<const Layer> layers,
+               std::span<const Metadata> metadata) {
+    assert(width > 0 && height > 0 && !layers.empty());
+    const OIIO::ImageSpec spec = exr_spec(width, height, layers, metadata);
+    AtomicFile file(path);
+    auto output = open_output(path, file, spec, "openexr");
+    std::vector<float> strip(size_t(std::min(height, strip_rows)) * size_t(width) * size_t(spec.nchannels));
+    bool written = true;
+    for (int begin = 0; begin < height && written; begin += strip_rows) {
+        const int end = std::min(height, begin + strip_rows);
+        interleave(layers, width, spec.nchannels, begin, end, strip);
+        written = output->write_scanlines(begin, end, 0, OIIO::TypeDesc::FLOAT, strip.data());
+    }
+    close_output(path, *output, written);
+    file.commit();
+}
+
+void write_png(const std::string& path, int width, int height, int channels, const float* pixels,
+               double exposure_stops) {
+    assert(width > 0 && height > 0 && (channels == 3 || channels == 4));
+    OIIO::ImageSpec spec(width, height, channels, OIIO::TypeDesc::UINT8);
+    spec.attribute("oiio:ColorSpace", "sRGB");
+    spec.attribute("oiio:UnassociatedAlpha", 1); // the division by alpha is done here, before the rounding
+    const std::vector<uint8_t> bytes = to_bytes(width, height, channels, pixels, exposure_stops);
+    AtomicFile file(path);
+    auto output = open_output(path, file, spec, "png");
+    close_output(path, *output, output->write_image(OIIO::TypeDesc::UINT8, bytes.data()));
+    file.commit();
+}
+
+std::optional<std::string> read_metadata(const std::string& path, const std::string& key) {
+    std::error_code error;
+    if (!std::filesystem::is_regular_file(path, error)) return std::nullopt;
+    InputFile input = OIIO::ImageInput::open(path);
+    if (!input) {
+        (void)OIIO::geterror(); // asked for, so that it is not reported at exit
+        return std::nullopt;
+    }
+    const OIIO::ImageSpec spec = input->spec();
+    if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1 || spec.deep) return std::nullopt;
+    if (spec.image_bytes() > OIIO::imagesize_t(greatest_bytes)) return std::nullopt;
+    // A file cut short lacks its last row: reading that one is the test, and cheap in an EXR.
+    const int last = spec.y + spec.height - 1;
+    std::vector<float> row(size_t(spec.width) * size_t(spec.nchannels));
+    if (!input->read_scanlines(0, 0, last, last + 1, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT,
+                               row.data())) {
+        (void)input->geterror();
+        return std::nullopt;
+    }
+    const OIIO::ParamValue* value = spec.find_attribute(key);
+    if (!value) return std::nullopt;
+    if (value->type() == OIIO::TypeDesc::DOUBLE) return fmt::format("{}", value->get<double>());
+    return value->get_string();
+}
+
+} // namespace marram

@@ -25,8 +25,9 @@ struct Problem {
 
 inline std::string to_string(const Place& place) {
     std::string text = place.file;
-    if (place.line > 0) text += ":" + std::to_string(place.line);
-    if (place.line > 0 && place.column > 0) text += ":" + std::to_string(place.column);
+    // Appended in two steps: GCC 12 takes the sum of a literal and a string for an overlapping copy (its bug 105329).
+    if (place.line > 0) text.append(":").append(std::to_string(place.line));
+    if (place.line > 0 && place.column > 0) text.append(":").append(std::to_string(place.column));
     return text;
 }
 

@@ -109,7 +109,7 @@ typedef struct MarramMesh {
 
 typedef enum MarramStage { MARRAM_REST = 0, MARRAM_BENT = 1, MARRAM_FINAL = 2 } MarramStage;
 
-typedef struct MarramFrame { /* valid from begin until the next begin or destroy */
+typedef struct MarramFrame { /* valid from begin until the frame's last call, report included */
     double fps, frame;
     double bind_frame;   /* where roots are placed: the same for every frame of a shot */
     uint32_t time_count; /* motion samples, 1 ... 64 */

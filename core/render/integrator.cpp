@@ -1,1 +1,303 @@
 // SPDX-License-Identifier: Apache-2.0
+// The estimator. A path x0 (camera), x1, x2, ... carries the throughput beta = prod f cos / p of the directions drawn so far.
+// At each vertex the light that arrives directly is the integral of f cos L over directions, estimated twice and weighted by
+// the power heuristic (Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997):
+//
+//   once by drawing a direction of a light (density l):  beta f cos L / l . l^2 / (l^2 + p^2), if nothing is in the way;
+//   once by going on along the shader's draw (density p): beta' L . p^2 / (l^2 + p^2), if it meets a light.
+//
+// What the camera sees directly has nothing to be weighed against and counts whole; so does light that only one of the two can
+// reach. Russian roulette ends a path with probability 1 - max(beta) and divides what goes on by max(beta).
+//
+// Random numbers: pair 0 film, 1 lens, 2 time, then four a vertex; a vertex's place is fixed, whatever it draws. Passes of
+// 1, 3, 12, 16, 16, ... samples over the whole image show something early; a pixel belongs to one task in each, which
+// adds its samples in their order.
+#include "core/render/integrator.h"
+
+#include "core/math/hash.h"
+#include "core/render/sampler.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <mutex>
+
+namespace marram {
+
+namespace {
+
+constexpr uint32_t first_vertex_pair = 3, pairs_a_vertex = 4;
+
+// Everything that is the same for all samples.
+struct Frame {
+    const World& world;
+    const Lights& lights;
+    std::span<const Material> materials;
+    const RenderSettings& settings;
+    CameraRays camera;
+    FilterSampler filter;
+    Material fallback;
+    std::vector<const CurveAttributeValues*> tints;  // [curve geometry]
+    std::vector<const CurveAttributeValues*> layers; // [curve geometry * film layers + layer]
+    bool moves;
+};
+
+struct FirstHit {
+    bool hit = false;
+    SurfacePoint point;
+    Vec3f albedo = Vec3f::Zero(), normal = Vec3f::Zero();
+};
+
+float power_heuristic(float mine, float other) {
+    if (!(mine > 0.0F)) return 0.0F;
+    const float ratio = other / mine; // squares of densities overflow for small suns
+    return 1.0F / (1.0F + ratio * ratio);
+}
+
+const CurveAttributeValues* attribute_named(const CurveGeometry& curves, std::string_view name) {
+    for (const CurveAttributeValues& attribute : curves.attributes)
+        if (!name.empty() && attribute.name == name) return &attribute;
+    return nullptr;
+}
+
+const Material& material_of(const Frame& frame, int index) {
+    const bool known = index >= 0 && static_cast<size_t>(index) < frame.materials.size();
+    return known ? frame.materials[static_cast<size_t>(index)] : frame.fallback;
+}
+
+void find_attributes(Frame& frame, const Film& film) {
+    for (const CurveGeometry& curves : frame.world.curves) {
+        frame.tints.push_back(attribute_named(curves, material_of(frame, curves.material).tint));
+        for (const FilmLayer& layer : film.layers)
+            frame.layers.push_back(layer.kind == LayerKind::attribute ? attribute_named(curves, layer.name) : nullptr);
+    }
+}
+
+ShadingPoint shading_point(const Frame& frame, const SurfacePoint& at, const Vec3f& wo) {
+    ShadingPoint point;
+    point.wo = wo;
+    point.geometric_normal = at.geometric_normal;
+    point.normal = at.normal;
+    point.tangent = at.tangent;
+    point.uv = at.uv;
+    point.fibre = at.shape != PointShape::triangle;
+    if (!point.fibre) return point;
+    point.h = at.h;
+    point.strand_u = at.strand_u;
+    const uint32_t curves = at.geometry - static_cast<uint32_t>(frame.world.meshes.size());
+    point.strand = static_cast<uint32_t>(hash(curves, at.strand));
+    if (const CurveAttributeValues* tint = frame.tints[curves]) {
+        std::array<float, 4> values{};
+        attribute_at(frame.world.curves[curves], *tint, at, values.data());
+        point.tint = values[0];
+    }
+    return point;
+}
+
+// Light that reaches the point directly, by drawing from the lights.
+Vec3f direct_light(const Frame& frame, const SurfacePoint& point, const Bsdf& bsdf, float time, Sampler& sampler,
+                   const Vec2f& choice, RayCounts& counts) {
+    const Vec2f where = sampler.next_pair();
+    const LightSample light = frame.lights.sample(point.position, time, {choice.x(), where.x(), where.y()});
+    if (!(light.pdf > 0.0F)) return Vec3f::Zero();
+    if (frame.settings.strategy == Strategy::shaders_only && !light.delta) return Vec3f::Zero();
+    const Ray ray = light.at_infinity ? spawn(point, light.direction, time)
+                                      : spawn_towards(point, light.target, 0.0, time);
+    const BsdfValue scattered = evaluate(bsdf, ray.direction);
+    if (!(scattered.value.maxCoeff() > 0.0F)) return Vec3f::Zero();
+    if (occluded(frame.world, ray, &counts)) return Vec3f::Zero();
+    const bool alone = light.delta || frame.settings.strategy == Strategy::lights_only;
+    const float weight = alone ? 1.0F : power_heuristic(light.pdf, scattered.pdf);
+    return scattered.value.cwiseProduct(light.radiance) * (weight / light.pdf);
+}
+
+// The weight of light found along a shader's draw of density `drawn`; below 0: the camera's own ray.
+float found_weight(const Frame& frame, float drawn, float light_pdf) {
+    if (drawn < 0.0F || frame.settings.strategy == Strategy::shaders_only) return 1.0F;
+    if (frame.settings.strategy == Strategy::lights_only && light_pdf > 0.0F) return 0.0F;
+    return power_heuristic(drawn, light_pdf);
+}
+
+bool survives(Vec3f& throughput, float random) {
+    const float chance = std::min(1.0F, throughput.maxCoeff());
+    if (!(random < chance)) return false;
+    throughput /= chance;
+    return true;
+}
+
+Vec3f trace(const Frame& frame, Ray ray, Sampler& sampler, FirstHit& first, RayCounts& counts) {
+    Vec3f radiance = Vec3f::Zero(), throughput = Vec3f::Ones();
+    float drawn = -1.0F;
+    SurfacePoint later;
+    for (uint32_t depth = 0;; ++depth) {
+        SurfacePoint& point = depth == 0 ? first.point : later;
+        if (!intersect(frame.world, ray, point, depth == 0, &counts)) {
+            const auto weight = [&](float light_pdf) { return found_weight(frame, drawn, light_pdf); };
+            return radiance + throughput.cwiseProduct(frame.lights.escaped(ray.direction, depth == 0, weight));
+        }
+        if (point.light >= 0) {
+            const Lights::Seen seen = frame.lights.emitted(point, ray.direction);
+            if (seen.pdf >= 0.0F) radiance += found_weight(frame, drawn, seen.pdf) * throughput.cwiseProduct(seen.radiance);
+        }
+        const Bsdf bsdf = bsdf_at(material_of(frame, point.material), shading_point(frame, point, -ray.direction));
+        if (depth == 0) {
+            first.hit = true;
+            first.albedo = albedo(bsdf);
+            first.normal = point.geometric_normal.dot(ray.direction) > 0.0F ? Vec3f(-point.normal) : point.normal;
+        }
+        if (depth >= frame.settings.max_depth) return radiance;
+        sampler.seek(first_vertex_pair + pairs_a_vertex * depth);
+        const Vec2f choice = sampler.next_pair();
+        if (!frame.lights.empty())
+            radiance += throughput.cwiseProduct(direct_light(frame, point, bsdf, ray.time, sampler, choice, counts));
+        sampler.seek(first_vertex_pair + pairs_a_vertex * depth + 2);
+        const Vec2f a = sampler.next_pair(), b = sampler.next_pair();
+        BsdfSample next;
+        if (!sample(bsdf, {a.x(), a.y(), b.x(), b.y()}, next)) return radiance;
+        throughput = throughput.cwiseProduct(next.value) / next.pdf;
+        if (depth + 1 >= frame.settings.roulette_depth && !survives(throughput, choice.y())) return radiance;
+        drawn = next.pdf;
+        ray = spawn(point, next.wi, ray.time);
+    }
+}
+
+void add(const double* values, uint32_t channels, double* sums) {
+    for (uint32_t c = 0; c < channels; ++c) sums[c] += values[c];
+    sums[channels] += 1.0;
+}
+
+void add(const Vec3f& color, double* sums) {
+    for (int c = 0; c < 3; ++c) sums[c] += static_cast<double>(color[c]);
+    sums[3] += 1.0;
+}
+
+void add(float value, double* sums) {
+    sums[0] += static_cast<double>(value);
+    sums[1] += 1.0;
+}
+
+void add_attribute(const Frame& frame, const FilmLayer& layer, size_t layer_index, size_t layer_count,
+                   const SurfacePoint& point, double* sums) {
+    const size_t curves = point.geometry - frame.world.meshes.size();
+    const CurveAttributeValues* attribute = frame.layers[curves * layer_count + layer_index];
+    if (!attribute) return;
+    std::array<float, 4> values{};
+    attribute_at(frame.world.curves[curves], *attribute, point, values.data());
+    const std::array<double, 4> wide = {values[0], values[1], values[2], values[3]};
+    add(wide.data(), layer.channels, sums);
+}
+
+void add_sample(const Frame& frame, const Vec3f& radiance, const FirstHit& first, const Film& film, double* pixel) {
+    const bool strand = first.hit && first.point.shape != PointShape::triangle;
+    for (size_t i = 0; i < film.layers.size(); ++i) {
+        const FilmLayer& layer = film.layers[i];
+        double* sums = pixel + layer.first;
+        switch (layer.kind) {
+        case LayerKind::beauty: add(radiance, sums); break;
+        case LayerKind::alpha: add(first.hit ? 1.0F : 0.0F, sums); break;
+        case LayerKind::albedo: add(first.albedo, sums); break;
+        case LayerKind::normal: add(first.normal, sums); break;
+        case LayerKind::depth:
+            if (first.hit) add(first.point.distance, sums);
+            break;
+        case LayerKind::strand_u:
+            if (strand) add(first.point.strand_u, sums);
+            break;
+        case LayerKind::attribute:
+            if (strand) add_attribute(frame, layer, i, film.layers.size(), first.point, sums);
+            break;
+        }
+    }
+}
+
+Ray camera_ray(const Frame& frame, const Film& film, uint32_t x, uint32_t y, Sampler& sampler) {
+    const Vec2f on_film = sampler.next_pair();
+    const Vec2f lens = frame.camera.has_lens() ? sampler.next_pair() : Vec2f(0.5F, 0.5F);
+    sampler.seek(2);
+    const float time = frame.moves ? sampler.next_pair().x() : 0.0F;
+    return frame.camera((x + 0.5 + frame.filter(on_film.x())) / film.width,
+                        (y + 0.5 + frame.filter(on_film.y())) / film.height, lens, time);
+}
+
+struct Pass {
+    uint32_t begin, end; // samples
+};
+
+struct Tile {
+    uint32_t x0, y0, x1, y1;
+};
+
+bool cancelled(const RenderProgress* progress) {
+    return progress && progress->cancel && progress->cancel->load(std::memory_order_relaxed);
+}
+
+void render_tile(const Frame& frame, const Tile& tile, const Pass& pass, Film& film, RenderStats& stats,
+                 RenderProgress* progress) {
+    for (uint32_t y = tile.y0; y < tile.y1; ++y)
+        for (uint32_t x = tile.x0; x < tile.x1; ++x) {
+            if (cancelled(progress)) return;
+            double* pixel = film.sums.data() + (static_cast<size_t>(y) * film.width + x) * film.stride;
+            const uint64_t seed = pixel_seed(frame.settings.seed, x, y);
+            for (uint32_t s = pass.begin; s < pass.end; ++s) {
+                Sampler sampler(seed, s);
+                FirstHit first;
+                const Ray ray = camera_ray(frame, film, x, y, sampler);
+                const Vec3f radiance = trace(frame, ray, sampler, first, stats.rays);
+                if (radiance.allFinite())
+                    add_sample(frame, radiance, first, film, pixel);
+                else
+                    ++stats.dropped_samples;
+            }
+            if (progress) progress->samples_done.fetch_add(pass.end - pass.begin, std::memory_order_relaxed);
+        }
+}
+
+void add_stats(const RenderStats& more, RenderStats& sum) {
+    sum.rays.intersect += more.rays.intersect;
+    sum.rays.occluded += more.rays.occluded;
+    sum.rays.dropped += more.rays.dropped;
+    sum.dropped_samples += more.dropped_samples;
+}
+
+void render_pass(const Frame& frame, const Pass& pass, Film& film, RenderStats& stats, RenderProgress* progress) {
+    const uint32_t size = std::max(frame.settings.tile, 1U);
+    const uint32_t columns = (film.width + size - 1) / size, rows = (film.height + size - 1) / size;
+    std::mutex guard;
+    const auto body = [&](const tbb::blocked_range<uint32_t>& range) {
+        for (uint32_t i = range.begin(); i < range.end(); ++i) {
+            const uint32_t x = i % columns * size, y = i / columns * size;
+            RenderStats mine;
+            render_tile(frame, {x, y, std::min(x + size, film.width), std::min(y + size, film.height)}, pass, film, mine,
+                        progress);
+            const std::lock_guard lock(guard);
+            add_stats(mine, stats);
+        }
+    };
+    tbb::parallel_for(tbb::blocked_range<uint32_t>(0, columns * rows, 1), body, tbb::simple_partitioner());
+}
+
+uint32_t pass_end(uint32_t begin) {
+    constexpr uint32_t longest = 16; // samples: a pixel's share of a pass is what a cancel has to wait for
+    if (begin == 0) return 1;
+    return begin < longest ? begin * 4 : begin + longest;
+}
+
+} // namespace
+
+RenderStats render(const World& world, const Lights& lights, std::span<const Material> materials, const Camera& camera,
+                   const RenderSettings& settings, Film& film, RenderProgress* progress) {
+    Frame frame{world,    lights, materials, settings, CameraRays(camera, film.width, film.height),
+                FilterSampler(settings.filter), {}, {}, {}, world.times.size() > 1 || camera.poses.size() > 1};
+    find_attributes(frame, film);
+    RenderStats stats;
+    for (uint32_t begin = 0; begin < settings.samples && !stats.cancelled;) {
+        const uint32_t end = std::min(pass_end(begin), settings.samples);
+        render_pass(frame, {begin, end}, film, stats, progress);
+        stats.cancelled = cancelled(progress);
+        begin = end;
+    }
+    resolve(film);
+    return stats;
+}
+
+} // namespace marram

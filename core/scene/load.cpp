@@ -1,1 +1,162 @@
 // SPDX-License-Identifier: Apache-2.0
+// The order of things: parse, lay the settings over, read every table against its declaration, check the
+// rules between them, and throw all that was found wrong at once.
+#include "core/scene/parse.h"
+#include "core/scene/rules.h"
+#include "core/scene/suggest.h"
+#include "core/scene/table.h"
+#include "core/scene/words.h"
+
+#include <fmt/format.h>
+
+namespace marram {
+namespace {
+
+const std::vector<std::string> table_names = {"camera",   "film", "wind",      "light",
+                                              "material", "mesh", "procedural"};
+
+// Every procedural may come from a library of its own, whether its declaration says so or not.
+const ParamSpec library_spec = {
+    "library", ParamType::file, "", "none", {}, {}, "", "shared library it comes from"};
+
+// The table of this name, or nothing; a list or a value in its place is reported.
+const toml::table* single_table(const toml::table& root, const std::string& name, Reading& reading) {
+    const toml::node* node = root.get(name);
+    if (!node || node->is_table()) return node ? node->as_table() : nullptr;
+    if (node->is_array_of_tables())
+        reading.report(place_of(*node, reading), fmt::format("there is only one {}", name),
+                       fmt::format("write [{}] in single brackets, once", name));
+    else
+        reading.report(place_of(*node, reading), fmt::format("{} is {}", name, found(*node)),
+                       fmt::format("write a table [{}]", name));
+    return nullptr;
+}
+
+ParamSet read_single(const toml::table& root, const std::string& name, std::span<const ParamSpec> specs,
+                     Reading& reading) {
+    TableToRead job;
+    job.table = single_table(root, name, reading);
+    job.place = job.table ? place_of(*job.table, reading) : Place{reading.file, 1, 1};
+    job.address = name;
+    job.specs = pointers(specs);
+    // A table that stands there in the wrong shape has been reported; its keys being missing is no further
+    // mistake.
+    if (!job.table && root.contains(name)) return {};
+    return read_table(job, reading);
+}
+
+// A text among the keys that every thing has: `name`, `type`. Reported where it is no text or empty.
+std::optional<std::string> read_word(const toml::table& table, const char* key, const std::string& label,
+                                     Reading& reading) {
+    const toml::node* node = table.get(key);
+    if (!node) return {};
+    if (node->is_string() && !node->as_string()->get().empty()) return node->as_string()->get();
+    reading.report(place_of(*node, reading), fmt::format("{}.{} is {}", label, key, found(*node)),
+                   "give a text of at least one letter, in quotes");
+    return {};
+}
+
+const ItemSchema* read_type(const toml::table& table, const std::string& kind, const std::string& label,
+                            std::span<const ItemSchema> schemas, Reading& reading) {
+    std::vector<std::string> types;
+    for (const ItemSchema& schema : schemas) types.push_back(schema.type);
+    if (!table.contains("type"))
+        reading.report(place_of(table, reading), fmt::format("{} has no type", label),
+                       types.empty() ? hint("", types, "type of " + kind + " in this build")
+                                     : fmt::format("add type = \"...\", known are {}", listed(types)));
+    const std::optional<std::string> type = read_word(table, "type", label, reading);
+    if (!type) return nullptr;
+    for (const ItemSchema& schema : schemas)
+        if (schema.type == *type) return &schema;
+    reading.report(place_of(*table.get("type"), reading),
+                   fmt::format("{} is no type of {}", in_quotes(*type), kind),
+                   hint(*type, types, fmt::format("type of {} in this build", kind)));
+    return nullptr;
+}
+
+void read_item(const toml::table& table, const std::string& kind, std::span<const ItemSchema> schemas,
+               std::vector<Item>& items, std::vector<Name>& names, Reading& reading) {
+    Item item;
+    item.place = place_of(table, reading);
+    std::string label = kind;
+    if (const std::optional<std::string> name = read_word(table, "name", kind, reading)) {
+        item.name = *name;
+        label = join(kind, clean(*name));
+        names.push_back({kind, *name, place_of(*table.get("name"), reading)});
+    } else if (kind != "light" && !table.contains("name")) {
+        reading.report(item.place, fmt::format("this {} has no name", kind), "add name = \"...\"");
+    }
+    const ItemSchema* schema = read_type(table, kind, label, schemas, reading);
+    if (!schema) return;
+    item.type = schema->type;
+    TableToRead job;
+    job.table = &table;
+    job.place = item.place;
+    job.address = label;
+    job.specs = pointers(schema->params);
+    job.others = {"name", "type"};
+    bool has_library = kind != "procedural";
+    for (const ParamSpec& spec : schema->params) has_library = has_library || spec.name == library_spec.name;
+    if (!has_library) job.specs.push_back(&library_spec);
+    item.params = read_table(job, reading);
+    items.push_back(std::move(item));
+}
+
+void read_items(const toml::table& root, const std::string& kind, std::span<const ItemSchema> schemas,
+                std::vector<Item>& items, std::vector<Name>& names, Reading& reading) {
+    const toml::node* node = root.get(kind);
+    if (!node) return;
+    const toml::array* list = node->as_array();
+    if (!list) {
+        reading.report(place_of(*node, reading),
+                       fmt::format("{} is {}, there may be several", kind, found(*node)),
+                       fmt::format("write [[{}]] in double brackets", kind));
+        return;
+    }
+    for (const toml::node& entry : *list) {
+        if (const toml::table* table = entry.as_table())
+            read_item(*table, kind, schemas, items, names, reading);
+        else
+            reading.report(place_of(entry, reading),
+                           fmt::format("in the list of {}s stands {}", kind, found(entry)),
+                           fmt::format("write a table [[{}]]", kind));
+    }
+}
+
+} // namespace
+
+SceneDescription load_scene(const std::string& file, const std::vector<std::string>& settings,
+                            const Schema& schema) {
+    Reading reading;
+    reading.file = file;
+    reading.schema = &schema;
+    toml::table root = parse_scene(reading);
+    apply_settings(root, settings, reading);
+
+    SceneDescription scene;
+    scene.file = file;
+    TableToRead globals;
+    globals.table = &root;
+    globals.place = {file, 1, 1};
+    globals.specs = pointers(schema.globals);
+    globals.others = table_names;
+    scene.globals = read_table(globals, reading);
+    if (root.contains("camera"))
+        scene.camera = read_single(root, "camera", schema.camera, reading);
+    else
+        reading.report({file, 1, 1}, "the scene has no camera",
+                       "add a table [camera] with position and target");
+    scene.film = read_single(root, "film", schema.film, reading);
+    scene.wind = read_single(root, "wind", schema.wind, reading);
+    std::vector<Name> names;
+    read_items(root, "light", schema.lights, scene.lights, names, reading);
+    read_items(root, "material", schema.materials, scene.materials, names, reading);
+    read_items(root, "mesh", schema.meshes, scene.meshes, names, reading);
+    read_items(root, "procedural", schema.procedurals, scene.procedurals, names, reading);
+    check_names(names, reading);
+    check_rules(scene, names, reading);
+    throw_problems(reading);
+    return scene;
+}
+
+} // namespace marram

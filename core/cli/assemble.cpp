@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/cli/assemble.h"
+
+#include "core/image/image.h"
+#include "core/scene/libraries.h"
+
+#include <algorithm>
+#include <bit>
+#include <filesystem>
+#include <functional>
+
+namespace marram {
+namespace {
+
+namespace fs = std::filesystem;
+
+void add_library(Dialect& dialect, const std::string& key, const std::string& path, const Place& place) {
+    auto library = std::make_shared<PluginLibrary>(path, place);
+    for (ItemSchema& schema : procedural_schemas(library->table())) {
+        const auto same = [&](const ItemSchema& known) { return known.type == schema.type; };
+        if (std::ranges::none_of(dialect.schema.procedurals, same)) dialect.schema.procedurals.push_back(std::move(schema));
+    }
+    if (dialect.schema.wind.empty()) dialect.schema.wind = wind_specs(library->table());
+    dialect.libraries[key] = std::move(library);
+}
+
+// Runs a step and keeps what it objects to, so that all mistakes of a scene are reported together.
+class Objections {
+  public:
+    void operator()(const std::function<void()>& step) {
+        try {
+            step();
+        } catch (const InputError& error) {
+            problems_.insert(problems_.end(), error.problems.begin(), error.problems.end());
+        }
+    }
+    void raise() const {
+        if (!problems_.empty()) throw InputError(problems_);
+    }
+
+  private:
+    std::vector<Problem> problems_;
+};
+
+Vec2f vec2f(const ParamSet& params, std::string_view name) { return params.vec2(name).cast<float>(); }
+Vec3f vec3f(const ParamSet& params, std::string_view name) { return params.vec3(name).cast<float>(); }
+
+int index_of(const std::vector<Item>& items, const std::string& name) {
+    for (size_t i = 0; i < items.size(); ++i)
+        if (items[i].name == name) return int(i);
+    return -1;
+}
+
+int material_of(const SceneDescription& description, const Item& item) {
+    return item.params.has("material") ? index_of(description.materials, item.params.text("material")) : -1;
+}
+
+// Heights of an image's first channel, resampled to (squares + 1)^2 where the scene says how many.
+Mesh load_heightfield(const ParamSet& params) {
+    const Image image = read_image(params.text("image"), ColorSpace::linear_data);
+    const bool resample = params.has("divisions");
+    const int width = resample ? params.integer("divisions") + 1 : image.width;
+    const int height = resample ? params.integer("divisions") + 1 : image.height;
+    const auto pixel = [&](int x, int y) {
+        return double(image.pixels[(size_t(y) * size_t(image.width) + size_t(x)) * size_t(image.channels)]);
+    };
+    std::vector<float> heights(size_t(width) * size_t(height));
+    for (int j = 0; j < height; ++j)
+        for (int i = 0; i < width; ++i) {
+            const double x = width > 1 ? double(i) * (image.width - 1) / (width - 1) : 0.0;
+            const double y = height > 1 ? double(j) * (image.height - 1) / (height - 1) : 0.0;
+            const int x0 = std::min(int(x), image.width - 1), y0 = std::min(int(y), image.height - 1);
+            const int x1 = std::min(x0 + 1, image.width - 1), y1 = std::min(y0 + 1, image.height - 1);
+            const double fx = x - x0, fy = y - y0;
+            heights[size_t(j) * size_t(width) + size_t(i)] =
+                float((1 - fy) * ((1 - fx) * pixel(x0, y0) + fx * pixel(x1, y0)) +
+                      fy * ((1 - fx) * pixel(x0, y1) + fx * pixel(x1, y1)));
+        }
+    return heightfield_mesh(heights, width, height, vec2f(params, "size"), float(params.number("height")));
+}
+
+Mesh load_mesh_item(const Item& item) {
+    const ParamSet& params = item.params;
+    if (item.type == "file") return load_mesh(params.text("file"), params.boolean("smooth"));
+    if (item.type == "plane") return plane_mesh(vec2f(params, "size"), params.integer("divisions"));
+    if (item.type == "box") return box_mesh(vec3f(params, "size"));
+    if (item.type == "sphere")
+        return sphere_mesh(float(params.number("radius")), params.integer("divisions"), float(params.number("bumps")),
+                           float(params.number("frequency")));
+    return load_heightfield(params);
+}
+
+// What the built-in shapes object to stands at the scene's own line.
+Mesh load_mesh_at(const Item& item) {
+    try {
+        return load_mesh_item(item);
+    } catch (const InputError& error) {
+        std::vector<Problem> problems = error.problems;
+        for (Problem& problem : problems)
+            if (problem.place.file.empty()) problem.place = item.place;
+        throw InputError(std::move(problems));
+    }
+}
+
+LightDescription light_of(const Item& item) {
+    const ParamSet& params = item.params;
+    if (item.type == "sun") {
+        SunLight sun;
+        sun.direction = params.vec3("direction");
+        sun.angle = params.number("angle") * degree;
+        sun.irradiance = vec3f(params, "irradiance");
+        return sun;
+    }
+    if (item.type == "sky") {
+        SkyLight sky;
+        sky.zenith = vec3f(params, "zenith");
+        sky.horizon = vec3f(params, "horizon");
+        sky.ground = vec3f(params, "ground");
+        sky.strength = float(params.number("strength"));
+        return sky;
+    }
+    if (item.type == "environment") {
+        const Image image = read_image(params.text("file"));
+        EnvironmentLight light;
+        light.width = uint32_t(image.width);
+        light.height = uint32_t(image.height);
+        for (size_t i = 0; i < size_t(image.width) * size_t(image.height); ++i) {
+            const float* p = image.pixels.data() + i * size_t(image.channels);
+            const Vec3f color = image.channels >= 3 ? Vec3f(p[0], p[1], p[2]) : Vec3f::Constant(p[0]);
+            light.pixels.push_back(color.cwiseMax(0.0F));
+        }
+        light.rotation = params.number("rotation") * degree;
+        light.strength = float(params.number("strength"));
+        return light;
+    }
+    MeshLight light;
+    light.radiance = vec3f(params, "radiance");
+    return light;
+}
+
+Camera camera_of(const SceneDescription& description) {
+    const ParamSet& params = description.camera;
+    Camera camera;
+    const Vec3d position = params.vec3("position"), target = params.vec3("target");
+    camera.poses = {look_at(position, target, params.vec3("up"))};
+    camera.vertical_fov = params.number("fov") * degree;
+    camera.lens_radius = params.number("lens_radius");
+    camera.focus_distance = params.has("focus") ? params.number("focus") : (target - position).norm();
+    return camera;
+}
+
+void apply(const Overrides& overrides, std::vector<std::string>& settings) {
+    settings = overrides.settings;
+    if (overrides.samples) settings.push_back("film.samples=" + std::to_string(*overrides.samples));
+    if (overrides.size)
+        settings.push_back("film.size=[" + std::to_string(overrides.size->first) + ", " + std::to_string(overrides.size->second) + "]");
+}
+
+void load_meshes(LoadedScene& scene, const std::atomic<bool>& cancel, Objections& objections) {
+    const SceneDescription& description = scene.description;
+    for (const Item& item : description.meshes) {
+        if (cancel.load()) throw Cancelled{};
+        SceneMesh mesh{item.name, {}, {}, material_of(description, item), -1};
+        const ParamValue& keys = item.params.at("transform");
+        mesh.transform = KeyedTransform(keys.numbers, keys.text);
+        objections([&] { mesh.mesh = load_mesh_at(item); });
+        for (size_t i = 0; i < description.lights.size(); ++i)
+            if (description.lights[i].type == "mesh" && description.lights[i].params.text("mesh") == item.name) mesh.light = int(i);
+        scene.geometry.meshes.push_back(std::move(mesh));
+    }
+}
+
+std::shared_ptr<PluginLibrary> library_for(const Dialect& dialect, const Item& item) {
+    const std::string key = item.params.has("library") ? item.params.text("library") : "";
+    return dialect.libraries.at(key);
+}
+
+} // namespace
+
+std::string default_library() {
+    std::error_code error;
+    const fs::path program = fs::read_symlink("/proc/self/exe", error);
+    return ((error ? fs::path(".") : program.parent_path()) / "libmarram_procedural.so").string();
+}
+
+Dialect default_dialect() {
+    Dialect dialect;
+    dialect.schema = scene_schema();
+    for (const ShaderDescription& shader : shaders())
+        dialect.schema.materials.push_back({shader.name, shader.help, shader.params});
+    add_library(dialect, "", default_library(), {default_library()});
+    return dialect;
+}
+
+LoadedScene load(const std::string& file, const Overrides& overrides, const std::atomic<bool>& cancel) {
+    LoadedScene scene;
+    std::vector<std::string> settings;
+    apply(overrides, settings);
+    scene.dialect = std::make_unique<Dialect>(default_dialect());
+    for (const LibraryName& library : scene_libraries(file, settings))
+        add_library(*scene.dialect, library.path, library.path, library.place);
+    scene.description = load_scene(file, settings, scene.dialect->schema);
+    const SceneDescription& description = scene.description;
+
+    Objections objections;
+    for (const Item& item : description.materials)
+        objections([&] { scene.materials.push_back(make_material(item.type, item.params)); });
+    for (const Item& item : description.lights) objections([&] { scene.lights.push_back(light_of(item)); });
+    load_meshes(scene, cancel, objections);
+    for (const Item& item : description.procedurals)
+        objections([&] {
+            auto procedural = std::make_unique<Procedural>(library_for(*scene.dialect, item), item, description.wind, cancel);
+            procedural->material = material_of(description, item);
+            scene.geometry.procedurals.push_back(std::move(procedural));
+        });
+    scene.camera = camera_of(description);
+    objections.raise();
+    return scene;
+}
+
+std::pair<uint32_t, uint32_t> film_size(const LoadedScene& scene) {
+    const Vec2d size = scene.description.film.vec2("size");
+    return {uint32_t(size.x()), uint32_t(size.y())};
+}
+
+BuildSettings build_settings(const LoadedScene& scene, double frame) {
+    const SceneDescription& description = scene.description;
+    const ParamSet& globals = description.globals;
+    BuildSettings settings;
+    settings.frame = frame;
+    settings.fps = globals.number("fps");
+    const Vec2d shutter = description.camera.vec2("shutter");
+    settings.shutter_open = shutter.x();
+    settings.shutter_close = shutter.y();
+    // Two keys draw a straight line, which a quarter of a gust's swing or of a turn is to a pixel.
+    constexpr uint32_t default_keys = 2;
+    settings.motion_keys = description.film.has("motion_keys") ? uint32_t(description.film.integer("motion_keys")) : default_keys;
+    settings.bind_frame = globals.has("bind_frame") ? globals.number("bind_frame") : globals.vec2("frames").x();
+    settings.camera_position = scene.camera.poses.front().position;
+    settings.pixel_angle = 2.0 * std::tan(0.5 * scene.camera.vertical_fov) / double(film_size(scene).second);
+    settings.tolerance = globals.number("tolerance");
+    if (globals.has("tolerance_pixels"))
+        settings.tolerance = globals.number("tolerance_pixels") * settings.pixel_angle *
+                             (description.camera.vec3("target") - settings.camera_position).norm();
+    return settings;
+}
+
+RenderSettings render_settings(const LoadedScene& scene, double frame) {
+    const ParamSet& film = scene.description.film;
+    RenderSettings settings;
+    settings.samples = uint32_t(film.integer("samples"));
+    settings.max_depth = uint32_t(film.integer("max_depth"));
+    const std::string& filter = film.text("filter");
+    settings.filter.kind = filter == "box"        ? FilterKind::box
+                           : filter == "triangle" ? FilterKind::triangle
+                           : filter == "gaussian" ? FilterKind::gaussian
+                                                  : FilterKind::blackman_harris;
+    settings.filter.radius = film.number("filter_radius");
+    settings.seed = std::bit_cast<uint64_t>(frame); // another pattern of noise each frame
+    return settings;
+}
+
+std::vector<std::string> wanted_attributes(const LoadedScene& scene, const std::vector<std::string>& layers) {
+    std::vector<std::string> names = layers;
+    for (const Material& material : scene.materials)
+        if (!material.tint.empty()) names.push_back(material.tint);
+    names.emplace_back("id"); // strands differ by it, whatever grows beside them
+    std::ranges::sort(names);
+    names.erase(std::unique(names.begin(), names.end()), names.end());
+    return names;
+}
+
+} // namespace marram

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/cli/commands.h"
+#include "core/cli/interrupt.h"
+#include "core/cli/progress.h"
+#include "core/cli/stats.h"
+#include "core/geometry/curve_export.h"
+#include "core/image/atomic_file.h"
+
+#include <fmt/format.h>
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+
+#include <filesystem>
+
+namespace marram {
+namespace {
+
+MarramStage stage_of(const std::string& name) {
+    return name == "rest" ? MARRAM_REST : name == "bent" ? MARRAM_BENT : MARRAM_FINAL;
+}
+
+void check_formats(const BakeOptions& options) {
+    const std::string extension = std::filesystem::path(options.output).extension().string();
+    if (extension == ".exr")
+        throw InputError({options.output}, "baking height fields to .exr needs a terrain, which is not available in this build",
+                         "bake strands to .hair, .usda or .obj");
+    if (extension != ".hair" && extension != ".usda" && extension != ".obj")
+        throw InputError({options.output}, "strands cannot be written in the format '" + extension + "'", "name it .hair, .usda or .obj");
+    if (!options.colliders.empty() && std::filesystem::path(options.colliders).extension() != ".obj")
+        throw InputError({options.colliders}, "colliders are written as .obj only", "name the file .obj");
+}
+
+} // namespace
+
+int bake_command(const BakeOptions& options) {
+    check_formats(options);
+    const double begin = wall_seconds();
+    LoadedScene scene = load(options.scene, options.overrides, interrupted());
+    FrameStats stats;
+    stats.load = wall_seconds() - begin;
+    stats.frame = options.frame.value_or(scene.description.globals.vec2("frames").x());
+    const std::string output = numbered(options.output, stats.frame);
+    check_writable(output);
+    if (!options.colliders.empty()) check_writable(options.colliders);
+    if (!options.stats.empty()) check_writable(options.stats);
+
+    BuildSettings settings = build_settings(scene, stats.frame);
+    settings.shutter_open = settings.shutter_close = 0.0; // the frame itself, not what the shutter sees of it
+    settings.stage = stage_of(options.stage);
+    settings.curves_bvh = false;
+    settings.attributes = {"id"};
+    stats.threads = options.threads > 0 ? options.threads : tbb::this_task_arena::max_concurrency();
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(stats.threads));
+    tbb::task_arena arena(stats.threads);
+    BuildProgress progress;
+    World world;
+    {
+        const ProgressLine line(options.quiet, [&] { return ProgressState{progress.phase.load(), progress.fraction.load()}; });
+        arena.execute([&] { world = build_world(scene.geometry, settings, interrupted(), progress, stats.build); });
+        progress.phase = "writing";
+        write_curves(output, world.curves, stats.frame, settings.fps);
+        if (!options.colliders.empty()) write_colliders_obj(options.colliders, world.meshes);
+    }
+    for (const std::string& warning : stats.build.warnings) fmt::print(stderr, "{}\n", warning);
+    stats.total = wall_seconds() - begin;
+    if (!options.stats.empty()) write_stats(options.stats, {stats});
+    fmt::print("{}\n", output);
+    return 0;
+}
+
+} // namespace marram

@@ -1,0 +1,11 @@
+// SPDX-License-Identifier: Apache-2.0
+// The program: parses the command line and runs one command.
+#pragma once
+
+namespace marram {
+
+// Returns the exit code: 0 done, 1 `compare` found a difference, 2 bad input (said on stderr, one line a mistake), 130
+// interrupted.
+int run(int argc, char** argv);
+
+} // namespace marram

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// The subcommands of `marram`. Each returns the process's exit code and throws InputError and Cancelled.
+//
+// To add one: its options here, its function in a file of its own, and its parser in cli.cpp.
+#pragma once
+
+#include "core/cli/assemble.h"
+#include "core/cli/frames.h"
+
+#include <string>
+#include <vector>
+
+namespace marram {
+
+struct CommonOptions {
+    std::string scene;
+    Overrides overrides;
+    int threads = 0; // 0: as many as there are processors
+    std::string stats; // JSON file, "" for none
+    bool quiet = false;
+};
+
+struct RenderOptions : CommonOptions {
+    std::string output = "marram.png";
+    FrameRequest frames;
+    std::vector<std::string> layers; // besides those of the scene
+    bool resume = false;
+};
+
+struct BakeOptions : CommonOptions {
+    std::string output;
+    std::optional<double> frame;
+    std::string stage = "final";
+    std::string colliders; // "" for none
+};
+
+int render_command(const RenderOptions& options);
+int bake_command(const BakeOptions& options);
+int info_command(const std::string& subject); // "" for everything
+
+} // namespace marram

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/cli/frames.h"
+
+#include "core/math/problem.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+
+namespace marram {
+namespace {
+
+constexpr long most_frames = 1'000'000;
+
+// "A-B" of whole numbers, either of which may be negative: "1-24", "-10--5".
+std::optional<std::pair<long, long>> parse_range(const std::string& text) {
+    long first = 0, last = 0;
+    const char* end = text.data() + text.size();
+    const auto a = std::from_chars(text.data(), end, first);
+    if (a.ec != std::errc{} || a.ptr == end || *a.ptr != '-') return {};
+    const auto b = std::from_chars(a.ptr + 1, end, last);
+    if (b.ec != std::errc{} || b.ptr != end) return {};
+    return std::pair{first, last};
+}
+
+std::vector<double> whole_frames(long first, long last) {
+    std::vector<double> frames;
+    for (long f = first; f <= last; ++f) frames.push_back(double(f));
+    return frames;
+}
+
+} // namespace
+
+std::vector<double> frames_to_make(const FrameRequest& request, const Vec2d& scene_range, const std::string& output) {
+    const bool has_place = output.find('#') != std::string::npos;
+    if (request.frame) return {*request.frame};
+    std::pair<long, long> range{std::lround(scene_range.x()), std::lround(scene_range.y())};
+    if (request.range) {
+        const auto parsed = parse_range(*request.range);
+        if (!parsed || parsed->first > parsed->second || parsed->second - parsed->first >= most_frames)
+            throw InputError({"--frames " + *request.range}, "this is no range of frames", "give first and last, such as 1-24");
+        range = *parsed;
+        if (range.first != range.second && !has_place)
+            throw InputError({"--frames " + *request.range}, "all frames would go to one file, '" + output + "'",
+                             "put a #### where the frame's number belongs");
+    } else if (!has_place) {
+        return {scene_range.x()};
+    }
+    return whole_frames(range.first, range.second);
+}
+
+std::string numbered(const std::string& output, double frame) {
+    const size_t first = output.find('#');
+    if (first == std::string::npos) return output;
+    const size_t end = std::min(output.find_first_not_of('#', first), output.size());
+    const double whole = std::floor(std::abs(frame));
+    std::string number = fmt::format("{}{:0{}}", frame < 0.0 ? "-" : "", static_cast<long>(whole), end - first);
+    const std::string fraction = fmt::format("{}", std::abs(frame) - whole);
+    if (fraction != "0" && fraction.starts_with("0.")) number += fraction.substr(1);
+    return output.substr(0, first) + number + output.substr(end);
+}
+
+} // namespace marram

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/cli/interrupt.h"
+
+#include "core/image/atomic_file.h"
+
+#include <csignal>
+#include <ctime>
+#include <thread>
+
+#include <pthread.h>
+#include <unistd.h>
+
+namespace marram {
+namespace {
+
+std::atomic<bool> stop{false};
+std::atomic<int> uncut{0};
+
+// A second of patience is promised; sorting roots and the like takes up to this before it looks.
+constexpr double grace_seconds = 0.7;
+
+[[noreturn]] void cut_off() {
+    remove_partial_files();
+    _exit(exit_interrupted);
+}
+
+void watch(sigset_t signals) {
+    int signal = 0;
+    while (sigwait(&signals, &signal) != 0) {}
+    stop.store(true);
+    const timespec pause{0, 20'000'000};
+    for (double waited = 0.0;; waited += 0.02) {
+        timespec none{0, 0};
+        const bool again = sigtimedwait(&signals, nullptr, &none) > 0;
+        if (again || (waited > grace_seconds && uncut.load() == 0)) cut_off();
+        nanosleep(&pause, nullptr);
+    }
+}
+
+} // namespace
+
+const std::atomic<bool>& interrupted() { return stop; }
+
+void watch_interrupts() {
+    // Signals go to one thread that waits for them; every thread made from here on inherits the mask.
+    sigset_t signals;
+    sigemptyset(&signals);
+    sigaddset(&signals, SIGINT);
+    sigaddset(&signals, SIGTERM);
+    pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+    std::thread(watch, signals).detach();
+}
+
+Uncut::Uncut() { ++uncut; }
+Uncut::~Uncut() { --uncut; }
+
+} // namespace marram

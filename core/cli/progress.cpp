@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/cli/progress.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+
+#include <unistd.h>
+
+namespace marram {
+namespace {
+
+constexpr int bar_width = 30;
+constexpr auto interval = std::chrono::milliseconds(100);
+
+std::string time_left(double elapsed, double fraction) {
+    // Too early to tell until something measurable is done.
+    if (fraction < 0.01 || elapsed < 0.5) return "";
+    const int seconds = int(elapsed * (1.0 - fraction) / fraction + 0.5);
+    return fmt::format("{}:{:02} left", seconds / 60, seconds % 60);
+}
+
+} // namespace
+
+ProgressLine::ProgressLine(bool quiet, std::function<ProgressState()> ask) : ask_(std::move(ask)) {
+    if (quiet || !isatty(STDERR_FILENO)) return;
+    thread_ = std::jthread([this](const std::stop_token& stop) {
+        using Clock = std::chrono::steady_clock;
+        std::string phase;
+        auto begin = Clock::now();
+        while (!stop.stop_requested()) {
+            const ProgressState state = ask_();
+            if (state.phase != phase) {
+                phase = state.phase;
+                begin = Clock::now();
+            }
+            const double fraction = std::clamp(state.fraction, 0.0, 1.0);
+            const int full = int(fraction * bar_width);
+            const double elapsed = std::chrono::duration<double>(Clock::now() - begin).count();
+            fmt::print(stderr, "\r\033[K{:<20} [{:#<{}}{:.<{}}] {:3.0f} %  {}", phase, "", full, "", bar_width - full,
+                       100.0 * fraction, time_left(elapsed, fraction));
+            std::fflush(stderr);
+            std::this_thread::sleep_for(interval);
+        }
+        fmt::print(stderr, "\r\033[K");
+        std::fflush(stderr);
+    });
+}
+
+ProgressLine::~ProgressLine() {
+    if (!thread_.joinable()) return;
+    thread_.request_stop();
+    thread_.join();
+}
+
+} // namespace marram

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// A progress line on a terminal; silence elsewhere.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <thread>
+
+namespace marram {
+
+struct ProgressState {
+    std::string phase;
+    double fraction = 0.0; // of the phase
+};
+
+// Redraws one line on stderr ten times a second with bar, percentage and time left, until destroyed. Does nothing where
+// stderr is no terminal or `quiet`.
+class ProgressLine {
+  public:
+    ProgressLine(bool quiet, std::function<ProgressState()> ask);
+    ~ProgressLine();
+    ProgressLine(const ProgressLine&) = delete;
+    ProgressLine& operator=(const ProgressLine&) = delete;
+
+  private:
+    std::function<ProgressState()> ask_;
+    std::jthread thread_;
+};
+
+} // namespace marram

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/cli/stats.h"
+
+#include "core/image/atomic_file.h"
+
+#include <nlohmann/json.hpp>
+
+#include <chrono>
+
+#include <sys/resource.h>
+
+namespace marram {
+namespace {
+
+nlohmann::ordered_json to_json(const FrameStats& stats) {
+    const BuildStats& build = stats.build;
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    nlohmann::ordered_json json;
+    json["frame"] = stats.frame;
+    json["threads"] = stats.threads;
+    json["curves"] = build.curves;
+    json["cvs"] = build.cvs;
+    json["segments"] = build.segments;
+    json["triangles"] = build.triangles;
+    json["seconds"] = {{"load", stats.load},
+                       {"terrain", 0.0},
+                       {"colliders", build.colliders},
+                       {"expand", build.expand},
+                       {"gusts", 0.0},
+                       {"shield", 0.0},
+                       {"bend", build.bend},
+                       {"jiggle", 0.0},
+                       {"collide", 0.0},
+                       {"curves_bvh", build.curves_bvh},
+                       {"trace", stats.trace},
+                       {"total", stats.total}};
+    json["collision"] = {{"contacts", 0}, {"pushed_out", 0}, {"unresolved", 0}};
+    json["memory"] = {{"peak_bytes", uint64_t(usage.ru_maxrss) * 1024}, // of the process so far
+                      {"curve_bytes", build.curve_bytes},
+                      {"curve_extra_bytes", build.curve_extra_bytes}};
+    json["rays"] = stats.render.rays.intersect + stats.render.rays.occluded;
+    json["dropped_rays"] = stats.render.rays.dropped;
+    json["dropped_samples"] = stats.render.dropped_samples;
+    return json;
+}
+
+} // namespace
+
+void write_stats(const std::string& path, const std::vector<FrameStats>& frames) {
+    nlohmann::ordered_json json;
+    if (frames.size() == 1) {
+        json = to_json(frames.front());
+    } else {
+        json = nlohmann::ordered_json::array();
+        for (const FrameStats& frame : frames) json.push_back(to_json(frame));
+    }
+    AtomicWriter writer(path);
+    writer.write(json.dump(2));
+    writer.write("\n");
+    writer.commit();
+}
+
+double wall_seconds() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+} // namespace marram

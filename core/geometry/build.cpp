@@ -1,0 +1,461 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/geometry/build.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+namespace marram {
+namespace {
+
+double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+// Where meshes stand at a time.
+struct Placement {
+    Eigen::Affine3d transform;
+    Eigen::Matrix3d normals;
+
+    Placement(const KeyedTransform& keyed, double frame) : transform(keyed.at(frame)) {
+        normals = transform.linear().inverse().transpose();
+        if (transform.linear().determinant() < 0.0) normals = -normals; // triangles are turned around along with it
+    }
+};
+
+template <typename Body>
+void parallel(size_t count, Body&& body) {
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, count, 8192), [&](const auto& range) {
+        for (size_t i = range.begin(); i < range.end(); ++i) body(i);
+    });
+}
+
+// Embree reads up to 16 bytes past the end of a shared buffer.
+template <typename T>
+std::vector<T> with_spare_bytes(size_t size) {
+    std::vector<T> buffer;
+    buffer.reserve(size + 2);
+    buffer.resize(size);
+    return buffer;
+}
+
+std::vector<Vec3f> positions_at(const SceneMesh& source, double frame) {
+    const Placement placement(source.transform, frame);
+    std::vector<Vec3f> positions = with_spare_bytes<Vec3f>(source.mesh.positions.size());
+    parallel(positions.size(), [&](size_t i) {
+        positions[i] = (placement.transform * source.mesh.positions[i].cast<double>()).cast<float>();
+    });
+    return positions;
+}
+
+std::vector<Vec3f> normals_at(const SceneMesh& source, double frame) {
+    const Placement placement(source.transform, frame);
+    std::vector<Vec3f> normals = with_spare_bytes<Vec3f>(source.mesh.normals.size());
+    parallel(normals.size(), [&](size_t i) {
+        normals[i] = (placement.normals * source.mesh.normals[i].cast<double>()).normalized().cast<float>();
+    });
+    return normals;
+}
+
+MeshGeometry place_mesh(const SceneMesh& source, const std::vector<double>& times, double frame) {
+    MeshGeometry mesh{source.name, source.material, source.light, {}, {}, {}, {}};
+    mesh.triangles.reserve(source.mesh.triangles.size() + 2);
+    mesh.triangles = source.mesh.triangles;
+    mesh.uvs = source.mesh.uvs;
+    if (source.transform.at(frame).linear().determinant() < 0.0)
+        for (auto& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
+    const bool moves = times.size() > 1 && source.transform.moves_within(times.front(), times.back());
+    const size_t steps = moves ? times.size() : 1;
+    for (size_t t = 0; t < steps; ++t) {
+        mesh.positions.push_back(positions_at(source, times[t]));
+        if (!source.mesh.normals.empty()) mesh.normals.push_back(normals_at(source, times[t]));
+    }
+    // A transform can throw a sound mesh far away; Embree would drop such vertices in silence.
+    for (const auto& positions : mesh.positions)
+        for (const Vec3f& p : positions)
+            if (!(p.cwiseAbs().maxCoeff() < 1e18F))
+                throw InputError({source.name}, "the mesh's transform moves it beyond 1e18 m", "use smaller translations and scales");
+    return mesh;
+}
+
+struct DeviceErrors {
+    std::mutex lock;
+    RTCError code = RTC_ERROR_NONE;
+    std::string text;
+};
+
+void on_device_error(void* user, RTCError code, const char* text) {
+    DeviceErrors& errors = *static_cast<DeviceErrors*>(user);
+    const std::lock_guard guard(errors.lock);
+    if (errors.code != RTC_ERROR_NONE) return;
+    errors.code = code;
+    errors.text = text ? text : "";
+}
+
+// The device and the place its errors go to, which live and die together.
+std::shared_ptr<RTCDeviceTy> make_device(std::shared_ptr<DeviceErrors>& errors) {
+    errors = std::make_shared<DeviceErrors>();
+    // Tasks run in whatever arena calls; Embree must not start threads of its own or bind ours to cores.
+    RTCDevice device = rtcNewDevice("set_affinity=0,start_threads=0");
+    if (!device) throw InputError({"embree"}, "the ray tracing device cannot be made", "check that the processor has SSE2 and the package embree is whole");
+    rtcSetDeviceErrorFunction(device, on_device_error, errors.get());
+    return {device, [errors](RTCDevice d) { rtcReleaseDevice(d); }};
+}
+
+struct Build {
+    SceneGeometry& geometry;
+    const BuildSettings& settings;
+    const std::atomic<bool>& cancel;
+    BuildProgress& progress;
+    BuildStats& stats;
+    World world;
+    std::shared_ptr<DeviceErrors> errors;
+    std::vector<std::shared_ptr<RTCGeometryTy>> curves; // own the buffers that World::curves points into
+
+    void check_device() const {
+        if (cancel.load()) throw Cancelled{};
+        const std::lock_guard guard(errors->lock);
+        if (errors->code == RTC_ERROR_NONE) return;
+        if (errors->code == RTC_ERROR_CANCELLED) throw Cancelled{};
+        const bool memory = errors->code == RTC_ERROR_OUT_OF_MEMORY;
+        throw InputError({"embree"}, memory ? "the scene does not fit into memory" : "Embree failed: " + errors->text,
+                         memory ? "use fewer strands, CVs or motion keys" : "report it with the scene");
+    }
+};
+
+bool on_commit_progress(void* user, double fraction) {
+    Build& build = *static_cast<Build*>(user);
+    build.progress.fraction.store(fraction, std::memory_order_relaxed);
+    return !build.cancel.load(std::memory_order_relaxed);
+}
+
+void commit(Build& build, RTCScene scene, const char* phase) {
+    build.progress.fraction = 0.0;
+    build.progress.phase = phase;
+    rtcSetSceneProgressMonitorFunction(scene, on_commit_progress, &build);
+    rtcCommitScene(scene);
+    rtcSetSceneProgressMonitorFunction(scene, nullptr, nullptr);
+    build.check_device();
+}
+
+std::shared_ptr<RTCSceneTy> new_scene(const Build& build, RTCSceneFlags flags) {
+    RTCScene scene = rtcNewScene(build.world.device.get());
+    rtcSetSceneFlags(scene, flags);
+    rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_MEDIUM); // HIGH differs from run to run
+    const auto device = build.world.device;
+    return {scene, [device](RTCScene s) { rtcReleaseScene(s); }};
+}
+
+void attach_mesh(Build& build, MeshGeometry& mesh, unsigned id) {
+    RTCGeometry geometry = rtcNewGeometry(build.world.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE);
+    rtcSetGeometryTimeStepCount(geometry, unsigned(mesh.positions.size()));
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh.triangles.data(), 0, 12,
+                               mesh.triangles.size());
+    for (size_t t = 0; t < mesh.positions.size(); ++t)
+        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, unsigned(t), RTC_FORMAT_FLOAT3,
+                                   mesh.positions[t].data(), 0, sizeof(Vec3f), mesh.positions[t].size());
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometryByID(build.world.colliders.get(), geometry, id);
+    rtcAttachGeometryByID(build.world.scene.get(), geometry, id);
+    rtcReleaseGeometry(geometry);
+    build.stats.triangles += mesh.triangles.size();
+}
+
+// The world's meshes as the contract lists them.
+class LentMeshes {
+  public:
+    LentMeshes(const World& world, const SceneGeometry& geometry) : world_(world), geometry_(geometry) {
+        lists_.resize(world.meshes.size());
+        for (size_t i = 0; i < world.meshes.size(); ++i) {
+            const MeshGeometry& mesh = world.meshes[i];
+            for (const auto& positions : mesh.positions) lists_[i].positions.push_back(positions.data()->data());
+            for (const auto& normals : mesh.normals) lists_[i].normals.push_back(normals.data()->data());
+            meshes_.push_back({mesh.name.c_str(), uint32_t(i), uint32_t(mesh.positions[0].size()),
+                               uint32_t(mesh.triangles.size()), uint32_t(mesh.positions.size()),
+                               lists_[i].positions.data(), mesh.normals.empty() ? nullptr : lists_[i].normals.data(),
+                               mesh.triangles.data()->data(), mesh.uvs.empty() ? nullptr : mesh.uvs.data()->data()});
+        }
+    }
+
+    MarramFrame frame(const BuildSettings& settings, bool colliders) {
+        MarramFrame frame{};
+        frame.fps = settings.fps;
+        frame.frame = settings.frame;
+        frame.bind_frame = settings.bind_frame;
+        frame.time_count = uint32_t(world_.times.size());
+        frame.times = world_.times.data();
+        frame.stage = settings.stage;
+        frame.tolerance = settings.tolerance;
+        for (int axis = 0; axis < 3; ++axis) frame.camera_position[axis] = settings.camera_position[axis];
+        frame.pixel_angle = settings.pixel_angle;
+        frame.device = world_.device.get();
+        frame.colliders = colliders ? world_.colliders.get() : nullptr;
+        frame.mesh_count = uint32_t(meshes_.size());
+        frame.meshes = meshes_.data();
+        frame.pose = pose;
+        frame.pose_user = this;
+        return frame;
+    }
+
+  private:
+    struct Lists {
+        std::vector<const float*> positions, normals;
+    };
+
+    static MarramStatus pose(void* user, uint32_t index, double frame, float* out) {
+        const LentMeshes& lent = *static_cast<LentMeshes*>(user);
+        if (index >= lent.meshes_.size() || !std::isfinite(frame)) return MARRAM_ERROR;
+        // Meshes that a procedural has made have one pose.
+        const std::vector<Vec3f> positions = index < lent.geometry_.meshes.size()
+                                                 ? positions_at(lent.geometry_.meshes[index], frame)
+                                                 : lent.world_.meshes[index].positions[0];
+        std::copy_n(positions.data()->data(), 3 * positions.size(), out);
+        return MARRAM_OK;
+    }
+
+    const World& world_;
+    const SceneGeometry& geometry_;
+    std::vector<Lists> lists_;
+    std::vector<MarramMesh> meshes_;
+};
+
+void check_mesh(const Procedural& procedural, const MeshGeometry& mesh) {
+    for (const Vec3f& p : mesh.positions[0])
+        if (!(p.cwiseAbs().maxCoeff() < 1e18F))
+            procedural.refuse("a vertex of its mesh is not a number below 1e18", "mend the library");
+    for (const auto& triangle : mesh.triangles)
+        for (const uint32_t vertex : triangle)
+            if (vertex >= mesh.positions[0].size())
+                procedural.refuse("a triangle of its mesh names a vertex that is not there", "mend the library");
+}
+
+// Phase 1 for one procedural that makes a mesh: it may read the meshes before it.
+void add_procedural_mesh(Build& build, Procedural& procedural) {
+    LentMeshes lent(build.world, build.geometry);
+    const MarramOutput output = procedural.begin(lent.frame(build.settings, false));
+    MeshGeometry mesh{procedural.name(), procedural.material, -1, {}, {}, {}, {}};
+    mesh.positions.push_back(with_spare_bytes<Vec3f>(output.vertex_count));
+    mesh.triangles = with_spare_bytes<std::array<uint32_t, 3>>(output.triangle_count);
+    if (output.has_uvs) mesh.uvs.resize(output.vertex_count);
+    const MarramMeshBuffers buffers{mesh.positions[0].data()->data(), mesh.triangles.data()->data(),
+                                    output.has_uvs ? mesh.uvs.data()->data() : nullptr};
+    procedural.mesh(buffers);
+    check_mesh(procedural, mesh);
+    mesh.normals.push_back(vertex_normals(mesh.positions[0], mesh.triangles));
+    build.world.meshes.push_back(std::move(mesh));
+}
+
+RTCGeometryType curve_type(const MarramOutput& output) {
+    const bool bspline = output.basis == MARRAM_BSPLINE;
+    switch (output.shape) {
+    case MARRAM_ROUND: return bspline ? RTC_GEOMETRY_TYPE_ROUND_BSPLINE_CURVE : RTC_GEOMETRY_TYPE_ROUND_CATMULL_ROM_CURVE;
+    case MARRAM_RIBBON: return bspline ? RTC_GEOMETRY_TYPE_FLAT_BSPLINE_CURVE : RTC_GEOMETRY_TYPE_FLAT_CATMULL_ROM_CURVE;
+    default:
+        return bspline ? RTC_GEOMETRY_TYPE_NORMAL_ORIENTED_BSPLINE_CURVE
+                       : RTC_GEOMETRY_TYPE_NORMAL_ORIENTED_CATMULL_ROM_CURVE;
+    }
+}
+
+// The curves of one procedural while they are being made.
+struct CurveBuild {
+    Procedural* procedural;
+    MarramOutput output;
+    std::vector<MarramPatch> patches;
+    std::vector<uint32_t> attributes; // indices asked for
+    CurveGeometry curves;
+    std::shared_ptr<RTCGeometryTy> geometry;
+    uint32_t* indices = nullptr;
+    std::vector<float*> vertices, normals; // [time]
+};
+
+void check_output(const CurveBuild& item) {
+    const MarramOutput& output = item.output;
+    const Procedural& procedural = *item.procedural;
+    if (output.cvs_per_curve < 2) procedural.refuse("its curves have fewer than 2 CVs", "mend the library");
+    if (output.shape >= MARRAM_SHAPE_COUNT || output.basis > MARRAM_CATMULL_ROM)
+        procedural.refuse("it asks for a shape or basis that the contract does not have", "mend the library");
+    constexpr uint64_t most = std::numeric_limits<uint32_t>::max();
+    if (output.curve_count > most / (output.cvs_per_curve + 2))
+        procedural.refuse("its curves need more than 2^32 vertices", "use fewer strands or CVs, or two procedurals");
+    uint64_t next = 0;
+    for (const MarramPatch& patch : item.patches) {
+        if (patch.first_curve != next) procedural.refuse("its patches do not follow each other", "mend the library");
+        next += patch.curve_count;
+    }
+    if (next != output.curve_count) procedural.refuse("its patches do not add up to its curves", "mend the library");
+}
+
+void allocate(Build& build, CurveBuild& item) {
+    const MarramOutput& output = item.output;
+    const size_t count = output.curve_count, vertices = count * (output.cvs_per_curve + 2);
+    const size_t segments = count * (output.cvs_per_curve - 1);
+    RTCGeometry geometry = rtcNewGeometry(build.world.device.get(), curve_type(output));
+    item.geometry = {geometry, [](RTCGeometry g) { rtcReleaseGeometry(g); }};
+    rtcSetGeometryTimeStepCount(geometry, output.time_count);
+    item.indices = static_cast<uint32_t*>(
+        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4, segments));
+    const bool oriented = output.shape == MARRAM_ORIENTED_RIBBON;
+    for (uint32_t t = 0; t < output.time_count; ++t) {
+        item.vertices.push_back(static_cast<float*>(
+            rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, t, RTC_FORMAT_FLOAT4, 16, vertices)));
+        if (oriented)
+            item.normals.push_back(static_cast<float*>(
+                rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_NORMAL, t, RTC_FORMAT_FLOAT3, 12, vertices)));
+    }
+    build.check_device();
+    CurveGeometry& curves = item.curves;
+    curves.name = item.procedural->name();
+    curves.material = item.procedural->material;
+    curves.basis = output.basis;
+    curves.shape = output.shape;
+    curves.curve_count = count;
+    curves.cvs_per_curve = output.cvs_per_curve;
+    curves.vertices.assign(item.vertices.begin(), item.vertices.end());
+    curves.normals.assign(item.normals.begin(), item.normals.end());
+    const MarramProcedural& type = item.procedural->type();
+    for (uint32_t a = 0; a < type.attribute_count; ++a)
+        for (const std::string& wanted : build.settings.attributes) {
+            const MarramAttribute& attribute = type.attributes[a];
+            if (wanted != attribute.name) continue;
+            item.attributes.push_back(a);
+            const size_t values = count * attribute.components * (attribute.per_cv ? output.cvs_per_curve : 1);
+            curves.attributes.push_back({attribute.name, attribute.components, attribute.per_cv != 0, std::vector<float>(values)});
+            build.stats.curve_extra_bytes += values * sizeof(float);
+            break;
+        }
+    build.stats.curves += count;
+    build.stats.cvs += count * output.cvs_per_curve;
+    build.stats.segments += segments;
+    build.stats.curve_bytes += segments * 4 + vertices * output.time_count * (oriented ? 28 : 16);
+}
+
+// x - x is 0 for a finite number and NaN for any other.
+bool finite(const float* values, size_t count) {
+    float sum = 0.0F;
+    for (size_t i = 0; i < count; ++i) sum += values[i] - values[i];
+    return sum == 0.0F;
+}
+
+void tessellate_patch(CurveBuild& item, uint32_t index) {
+    const MarramPatch& patch = item.patches[index];
+    const uint32_t cvs = item.output.cvs_per_curve;
+    const size_t first_vertex = patch.first_curve * (cvs + 2);
+    float* vertices[64];
+    float* normals[64];
+    float* attributes[64];
+    for (uint32_t t = 0; t < item.output.time_count; ++t) {
+        vertices[t] = item.vertices[t] + 4 * first_vertex;
+        if (!item.normals.empty()) normals[t] = item.normals[t] + 3 * first_vertex;
+    }
+    for (size_t a = 0; a < item.attributes.size(); ++a) {
+        CurveAttributeValues& values = item.curves.attributes[a];
+        attributes[a] = values.values.data() + patch.first_curve * values.components * (values.per_cv ? cvs : 1);
+    }
+    item.procedural->tessellate(index, {vertices, item.normals.empty() ? nullptr : normals, uint32_t(item.attributes.size()),
+                                        item.attributes.data(), attributes});
+    for (uint32_t t = 0; t < item.output.time_count; ++t)
+        if (!finite(vertices[t], size_t(patch.curve_count) * (cvs + 2) * 4))
+            item.procedural->refuse("a CV is not a finite number", "look for huge values in the scene, or mend the library");
+    uint32_t* indices = item.indices + patch.first_curve * (cvs - 1);
+    for (uint32_t c = 0; c < patch.curve_count; ++c)
+        for (uint32_t k = 0; k + 1 < cvs; ++k) *indices++ = uint32_t(first_vertex + size_t(c) * (cvs + 2) + k);
+}
+
+// Wall seconds of the tessellation are shared out by the thread seconds that the procedural reports.
+void account(Build& build, CurveBuild& item, double wall) {
+    double roots = 0.0, expand = 0.0, bend = 0.0;
+    for (const auto& [key, value] : item.procedural->report()) {
+        if (key == "seconds.roots") roots = value;
+        if (key == "thread_seconds.expand") expand = value;
+        if (key == "thread_seconds.bend") bend = value;
+        if (key == "memory.bytes") build.stats.curve_extra_bytes += uint64_t(value);
+    }
+    const double sum = expand + bend;
+    build.stats.expand += roots + (sum > 0.0 ? wall * expand / sum : wall);
+    build.stats.bend += sum > 0.0 ? wall * bend / sum : 0.0;
+    for (std::string& warning : item.procedural->take_warnings()) build.stats.warnings.push_back(std::move(warning));
+}
+
+void add_curves(Build& build, Procedural& procedural, LentMeshes& lent) {
+    CurveBuild item{};
+    item.procedural = &procedural;
+    build.progress.fraction = 0.0;
+    build.progress.phase = "expanding";
+    item.output = procedural.begin(lent.frame(build.settings, true));
+    for (uint32_t i = 0; i < item.output.patch_count; ++i) {
+        item.patches.push_back(procedural.patch(i));
+        const MarramPatch& p = item.patches.back();
+        build.stats.patch_bounds.emplace_back(Vec3f(p.lower), Vec3f(p.upper));
+    }
+    check_output(item);
+    if (item.output.time_count != 1 && item.output.time_count != build.world.times.size())
+        procedural.refuse("it hands over another number of motion samples than asked", "mend the library");
+    allocate(build, item);
+    const double begin = now();
+    std::atomic<uint32_t> done{0};
+    tbb::parallel_for(uint32_t{0}, item.output.patch_count, [&](uint32_t index) {
+        if (build.cancel.load(std::memory_order_relaxed)) throw Cancelled{};
+        tessellate_patch(item, index);
+        build.progress.fraction = double(++done) / double(item.output.patch_count);
+    });
+    account(build, item, now() - begin);
+    if (build.settings.curves_bvh && item.output.curve_count > 0) {
+        rtcCommitGeometry(item.geometry.get());
+        rtcAttachGeometryByID(build.world.scene.get(), item.geometry.get(),
+                              unsigned(build.world.meshes.size() + build.world.curves.size()));
+    }
+    build.curves.push_back(item.geometry);
+    build.world.curves.push_back(std::move(item.curves));
+}
+
+} // namespace
+
+std::vector<double> motion_times(const BuildSettings& settings) {
+    const double open = settings.frame + settings.shutter_open, close = settings.frame + settings.shutter_close;
+    if (!(open < close)) return {open};
+    std::vector<double> times(settings.motion_keys);
+    const auto last = double(settings.motion_keys - 1);
+    for (uint32_t i = 0; i < settings.motion_keys; ++i) times[i] = (open * (last - i) + close * i) / last;
+    times.front() = open;
+    times.back() = close;
+    return times;
+}
+
+World build_world(SceneGeometry& geometry, const BuildSettings& settings, const std::atomic<bool>& cancel,
+                  BuildProgress& progress, BuildStats& stats) {
+    Build build{geometry, settings, cancel, progress, stats, {}, {}, {}};
+    World& world = build.world;
+    world.frame = settings.frame;
+    world.times = motion_times(settings);
+    world.device = make_device(build.errors);
+    world.colliders = new_scene(build, RTC_SCENE_FLAG_NONE);
+    world.scene = new_scene(build, RTC_SCENE_FLAG_NONE);
+
+    const double begin = now();
+    progress.phase = "placing meshes";
+    for (const SceneMesh& mesh : geometry.meshes) {
+        if (cancel.load()) throw Cancelled{};
+        world.meshes.push_back(place_mesh(mesh, world.times, settings.frame));
+    }
+    for (const auto& procedural : geometry.procedurals)
+        if (procedural->type().kind == MARRAM_MESH) add_procedural_mesh(build, *procedural);
+    for (size_t i = 0; i < world.meshes.size(); ++i) attach_mesh(build, world.meshes[i], unsigned(i));
+    commit(build, world.colliders.get(), "building colliders");
+    stats.colliders = now() - begin;
+
+    LentMeshes lent(world, geometry);
+    for (const auto& procedural : geometry.procedurals)
+        if (procedural->type().kind == MARRAM_CURVES) add_curves(build, *procedural, lent);
+
+    const double curves = now();
+    if (settings.curves_bvh) commit(build, world.scene.get(), "building the BVH");
+    stats.curves_bvh = now() - curves;
+    RTCBounds bounds{};
+    rtcGetSceneBounds(settings.curves_bvh ? world.scene.get() : world.colliders.get(), &bounds);
+    world.bounds = Box3f(Vec3f(bounds.lower_x, bounds.lower_y, bounds.lower_z), Vec3f(bounds.upper_x, bounds.upper_y, bounds.upper_z));
+    world.curve_buffers = std::move(build.curves);
+    return std::move(build.world);
+}
+
+} // namespace marram

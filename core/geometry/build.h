@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// The two-phase build of a frame: meshes and what makes meshes become the collider scene; what makes curves reads it,
+// patch by patch, and writes its CVs straight into Embree's buffers; the world scene attaches the same colliders again
+// and the curves.
+#pragma once
+
+#include "core/geometry/mesh.h"
+#include "core/geometry/plugin_host.h"
+#include "core/geometry/world.h"
+#include "core/math/transform.h"
+
+#include <atomic>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace marram {
+
+struct SceneMesh {
+    std::string name;
+    Mesh mesh; // object space
+    KeyedTransform transform;
+    int material = -1;
+    int light = -1;
+};
+
+// What stays the same from frame to frame.
+struct SceneGeometry {
+    std::vector<SceneMesh> meshes;
+    std::vector<std::unique_ptr<Procedural>> procedurals; // in the scene's order
+};
+
+struct BuildSettings {
+    double frame = 1.0, fps = 24.0;
+    double shutter_open = 0.0, shutter_close = 0.0; // frames, relative to `frame`; open <= close
+    uint32_t motion_keys = 2;                       // 2 ... 64, used where open < close
+    double bind_frame = 1.0;
+    MarramStage stage = MARRAM_FINAL;
+    double tolerance = 0.0; // metres
+    Vec3d camera_position = Vec3d::Zero();
+    double pixel_angle = 0.0;
+    std::vector<std::string> attributes; // of curves, by name; those a procedural does not have are left out
+    bool curves_bvh = true;              // false: curves are made but not traced (baking)
+};
+
+// Watched from other threads while build_world runs.
+struct BuildProgress {
+    std::atomic<const char*> phase{""};
+    std::atomic<double> fraction{0.0}; // of the phase
+};
+
+struct BuildStats {
+    double colliders = 0.0, expand = 0.0, bend = 0.0, curves_bvh = 0.0; // wall seconds
+    uint64_t curves = 0, cvs = 0, segments = 0, triangles = 0;
+    uint64_t curve_bytes = 0;       // buffers that Embree reads: vertices, normals, indices
+    uint64_t curve_extra_bytes = 0; // ours besides: roots, scratch, attributes
+    std::vector<std::string> warnings;
+    std::vector<Box3f> patch_bounds; // as promised by the procedurals, in curve order
+};
+
+// Throws InputError (bad input, or a procedural that breaks the contract) and Cancelled. Runs in the caller's TBB arena.
+World build_world(SceneGeometry& geometry, const BuildSettings& settings, const std::atomic<bool>& cancel,
+                  BuildProgress& progress, BuildStats& stats);
+
+// Motion sample times in frames: equally spaced over the shutter, both ends exact; one where it is closed.
+std::vector<double> motion_times(const BuildSettings& settings);
+
+} // namespace marram

@@ -1,0 +1,323 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/geometry/curve_export.h"
+
+#include "core/image/atomic_file.h"
+#include "core/math/problem.h"
+
+#include <fmt/format.h>
+
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <set>
+
+namespace marram {
+
+namespace {
+
+constexpr size_t vertex_floats = 4;             // x, y, z, radius
+constexpr size_t chunk_bytes = size_t(1) << 16; // of text gathered before it is written
+
+[[noreturn]] void refuse(const std::string& path, const std::string& what, const std::string& fix) {
+    throw InputError(Place{path}, what, fix);
+}
+
+// The first CV of a curve at the first motion sample; the others follow, 4 floats each.
+const float* first_cv(const CurveGeometry& geometry, uint64_t curve) {
+    return geometry.vertices[0] + (curve * (geometry.cvs_per_curve + 2) + 1) * vertex_floats;
+}
+
+void check_curves(const std::string& path, std::span<const CurveGeometry> curves) {
+    for (const CurveGeometry& geometry : curves) {
+        if (geometry.curve_count == 0) continue;
+        if (geometry.vertices.empty() || !geometry.vertices[0])
+            refuse(path, fmt::format("the curves of \"{}\" were not made", geometry.name),
+                   "build the frame first");
+        if (geometry.cvs_per_curve < 2)
+            refuse(path,
+                   fmt::format("the curves of \"{}\" have {} CVs", geometry.name, geometry.cvs_per_curve),
+                   "a curve needs at least 2");
+        for (uint64_t c = 0; c < geometry.curve_count; ++c)
+            for (uint64_t i = 0; i < geometry.cvs_per_curve * vertex_floats; ++i)
+                if (!std::isfinite(first_cv(geometry, c)[i]))
+                    refuse(path, fmt::format("curve {} of \"{}\" is not finite", c, geometry.name),
+                           "report this: no scene should lead here");
+    }
+}
+
+// Text on its way into a file.
+class Text {
+  public:
+    explicit Text(const std::string& path) : writer_(path) { buffer_.reserve(2 * chunk_bytes); }
+
+    template <typename... Values>
+    void add(fmt::format_string<Values...> format, Values&&... values) {
+        fmt::format_to(std::back_inserter(buffer_), format, std::forward<Values>(values)...);
+        if (buffer_.size() >= chunk_bytes) flush();
+    }
+    void commit() {
+        flush();
+        writer_.commit();
+    }
+
+  private:
+    void flush() {
+        writer_.write(buffer_.data(), buffer_.size());
+        buffer_.clear();
+    }
+
+    AtomicWriter writer_;
+    fmt::basic_memory_buffer<char> buffer_;
+};
+
+// A name that USD takes as an identifier and OBJ as one word, and that nobody else has.
+std::string unique_name(const std::string& name, const char* fallback, std::set<std::string>& taken) {
+    std::string clean;
+    for (char c : name) {
+        const bool digit = c >= '0' && c <= '9';
+        const bool letter = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
+        if (clean.empty() && digit) clean = "_";
+        clean += digit || letter ? c : '_';
+    }
+    if (clean.empty()) clean = fallback;
+    std::string unique = clean;
+    for (int number = 1; !taken.insert(unique).second; ++number) unique = fmt::format("{}_{}", clean, number);
+    return unique;
+}
+
+// ---- HAIR
+// ------------------------------------------------------------------------------------------------------------
+
+static_assert(std::endian::native == std::endian::little);
+
+struct HairHeader {
+    char magic[4] = {'H', 'A', 'I', 'R'};
+    uint32_t strands = 0, points = 0, flags = 0, default_segments = 0;
+    float default_thickness = 0.0f, default_transparency = 0.0f, default_color[3] = {1.0f, 1.0f, 1.0f};
+    char info[88] = "Marram: y up, metres";
+};
+static_assert(sizeof(HairHeader) == 128);
+enum HairFlag : uint32_t { hair_segments = 1, hair_points = 2, hair_thickness = 4 };
+
+HairHeader hair_header(const std::string& path, std::span<const CurveGeometry> curves) {
+    HairHeader header;
+    header.flags = hair_points | hair_thickness;
+    uint64_t strands = 0, points = 0;
+    bool first = true;
+    for (const CurveGeometry& geometry : curves) {
+        if (geometry.curve_count == 0) continue;
+        const uint32_t segments = geometry.cvs_per_curve - 1;
+        if (segments > std::numeric_limits<uint16_t>::max())
+            refuse(path,
+                   fmt::format("the curves of \"{}\" have {} CVs, .hair holds 65536", geometry.name,
+                               segments + 1),
+                   "write .usda");
+        if (first) header.default_segments = segments;
+        if (segments != header.default_segments) header.flags |= hair_segments;
+        first = false;
+        strands += geometry.curve_count;
+        points += geometry.curve_count * geometry.cvs_per_curve;
+    }
+    if (points > std::numeric_limits<uint32_t>::max())
+        refuse(path, fmt::format("{} points, .hair holds 4294967295", points),
+               "write .usda, or fewer curves");
+    header.strands = uint32_t(strands);
+    header.points = uint32_t(points);
+    return header;
+}
+
+// For each CV of all curves `count` floats, made by `pick(cv, to)`.
+template <typename Pick>
+void write_cvs(AtomicWriter& writer, std::span<const CurveGeometry> curves, size_t count, Pick pick) {
+    std::vector<float> row;
+    for (const CurveGeometry& geometry : curves)
+        for (uint64_t c = 0; c < geometry.curve_count; ++c) {
+            const float* cv = first_cv(geometry, c);
+            row.resize(geometry.cvs_per_curve * count);
+            for (size_t i = 0; i < geometry.cvs_per_curve; ++i)
+                pick(cv + i * vertex_floats, row.data() + i * count);
+            writer.write(row.data(), row.size() * sizeof(float));
+        }
+}
+
+// ---- USD
+// -------------------------------------------------------------------------------------------------------------
+
+// "name = [a, b, ...]", one element from each add().
+class UsdArray {
+  public:
+    UsdArray(Text& text, const char* declaration) : text_(text) { text_.add("        {} = [", declaration); }
+    template <typename... Values>
+    void add(fmt::format_string<Values...> format, Values&&... values) {
+        text_.add("{}", first_ ? "" : ", ");
+        text_.add(format, std::forward<Values>(values)...);
+        first_ = false;
+    }
+    void end(const char* interpolation) {
+        text_.add("]");
+        if (*interpolation) text_.add(" (\n            interpolation = \"{}\"\n        )", interpolation);
+        text_.add("\n");
+    }
+
+  private:
+    Text& text_;
+    bool first_ = true;
+};
+
+template <typename Visit>
+void for_each_cv(const CurveGeometry& geometry, Visit visit) {
+    for (uint64_t c = 0; c < geometry.curve_count; ++c) {
+        const float* cv = first_cv(geometry, c);
+        for (uint32_t i = 0; i < geometry.cvs_per_curve; ++i) visit(cv + i * vertex_floats);
+    }
+}
+
+// The box of what is drawn: a pinned curve can leave its CVs' box by no more than the phantom points do.
+void write_extent(Text& text, const CurveGeometry& geometry) {
+    Box3f box;
+    const uint64_t vertices = geometry.curve_count * (geometry.cvs_per_curve + 2);
+    for (uint64_t v = 0; v < vertices; ++v) {
+        const float* vertex = geometry.vertices[0] + v * vertex_floats;
+        const Vec3f centre(vertex[0], vertex[1], vertex[2]), reach = Vec3f::Constant(std::fabs(vertex[3]));
+        box.extend(Vec3f(centre - reach));
+        box.extend(Vec3f(centre + reach));
+    }
+    if (box.isEmpty()) return;
+    text.add("        float3[] extent = [({}, {}, {}), ({}, {}, {})]\n", box.min().x(), box.min().y(),
+             box.min().z(), box.max().x(), box.max().y(), box.max().z());
+}
+
+void write_ids(Text& text, const CurveGeometry& geometry) {
+    for (const CurveAttributeValues& attribute : geometry.attributes) {
+        if (attribute.name != "id" || attribute.per_cv || attribute.components != 1 ||
+            attribute.values.size() != geometry.curve_count)
+            continue;
+        UsdArray ids(text, "int64[] primvars:id"); // an id is a whole number that travels as a float
+        for (float id : attribute.values) ids.add("{}", std::llrint(double(id)));
+        ids.end("uniform");
+    }
+}
+
+// A ribbon's normals have the layout of its vertices.
+void write_normals(Text& text, const CurveGeometry& geometry) {
+    if (geometry.normals.empty() || !geometry.normals[0]) return;
+    UsdArray normals(text, "normal3f[] normals");
+    for (uint64_t c = 0; c < geometry.curve_count; ++c)
+        for (uint32_t i = 0; i < geometry.cvs_per_curve; ++i) {
+            const float* n = geometry.normals[0] + (c * (geometry.cvs_per_curve + 2) + 1 + i) * 3;
+            normals.add("({}, {}, {})", n[0], n[1], n[2]);
+        }
+    normals.end("vertex");
+}
+
+void write_basis_curves(Text& text, const CurveGeometry& geometry, const std::string& name) {
+    text.add("    def BasisCurves \"{}\"\n    {{\n", name);
+    text.add("        uniform token basis = \"{}\"\n",
+             geometry.basis == MARRAM_CATMULL_ROM ? "catmullRom" : "bspline");
+    UsdArray counts(text, "int[] curveVertexCounts");
+    for (uint64_t c = 0; c < geometry.curve_count; ++c) counts.add("{}", geometry.cvs_per_curve);
+    counts.end("");
+    write_extent(text, geometry);
+    write_normals(text, geometry);
+    UsdArray points(text, "point3f[] points");
+    for_each_cv(geometry, [&](const float* cv) { points.add("({}, {}, {})", cv[0], cv[1], cv[2]); });
+    points.end("");
+    write_ids(text, geometry);
+    text.add("        uniform token type = \"cubic\"\n");
+    UsdArray widths(text, "float[] widths");
+    for_each_cv(geometry, [&](const float* cv) { widths.add("{}", 2.0f * cv[3]); });
+    widths.end("vertex");
+    text.add("        uniform token wrap = \"pinned\"\n    }}\n");
+}
+
+} // namespace
+
+void write_hair(const std::string& path, std::span<const CurveGeometry> curves) {
+    check_curves(path, curves);
+    const HairHeader header = hair_header(path, curves);
+    AtomicWriter writer(path);
+    writer.write(&header, sizeof(header));
+    if (header.flags & hair_segments)
+        for (const CurveGeometry& geometry : curves) {
+            const uint16_t segments = uint16_t(geometry.cvs_per_curve - 1);
+            for (uint64_t c = 0; c < geometry.curve_count; ++c) writer.write(&segments, sizeof(segments));
+        }
+    write_cvs(writer, curves, 3, [](const float* cv, float* to) { std::memcpy(to, cv, 3 * sizeof(float)); });
+    write_cvs(writer, curves, 1, [](const float* cv, float* to) { *to = 2.0f * cv[3]; });
+    writer.commit();
+}
+
+void write_usda(const std::string& path, std::span<const CurveGeometry> curves, double frame, double fps) {
+    check_curves(path, curves);
+    Text text(path);
+    text.add("#usda 1.0\n(\n    defaultPrim = \"marram\"\n    doc = \"Curves baked by Marram\"\n");
+    text.add(
+        "    endTimeCode = {}\n    framesPerSecond = {}\n    metersPerUnit = 1\n    startTimeCode = {}\n",
+        frame, fps, frame);
+    text.add("    timeCodesPerSecond = {}\n    upAxis = \"Y\"\n)\n\n", fps);
+    text.add("def Xform \"marram\"\n{{\n");
+    std::set<std::string> taken;
+    for (const CurveGeometry& geometry : curves)
+        write_basis_curves(text, geometry, unique_name(geometry.name, "curves", taken));
+    text.add("}}\n");
+    text.commit();
+}
+
+void write_curves_obj(const std::string& path, std::span<const CurveGeometry> curves) {
+    check_curves(path, curves);
+    Text text(path);
+    text.add("# Curves baked by Marram: y up, metres\n");
+    std::set<std::string> taken;
+    uint64_t first = 1;
+    for (const CurveGeometry& geometry : curves) {
+        text.add("o {}\n", unique_name(geometry.name, "curves", taken));
+        for_each_cv(geometry, [&](const float* cv) { text.add("v {} {} {}\n", cv[0], cv[1], cv[2]); });
+        for (uint64_t c = 0; c < geometry.curve_count; ++c) {
+            text.add("l");
+            for (uint32_t i = 0; i < geometry.cvs_per_curve; ++i) text.add(" {}", first++);
+            text.add("\n");
+        }
+    }
+    text.commit();
+}
+
+void write_curves(const std::string& path, std::span<const CurveGeometry> curves, double frame, double fps) {
+    const std::string extension = std::filesystem::path(path).extension().string();
+    if (extension == ".hair") return write_hair(path, curves);
+    if (extension == ".usda") return write_usda(path, curves, frame, fps);
+    if (extension == ".obj") return write_curves_obj(path, curves);
+    refuse(path, fmt::format("curves cannot be written as \"{}\"", extension), "use .hair, .usda or .obj");
+}
+
+void write_colliders_obj(const std::string& path, std::span<const MeshGeometry> meshes) {
+    Text text(path);
+    text.add("# Colliders baked by Marram: y up, metres\n");
+    std::set<std::string> taken;
+    uint64_t first = 1, first_uv = 1, first_normal = 1;
+    for (const MeshGeometry& mesh : meshes) {
+        const bool has_normals = !mesh.normals.empty() && !mesh.normals[0].empty();
+        text.add("o {}\n", unique_name(mesh.name, "mesh", taken));
+        for (const Vec3f& p : mesh.positions.at(0)) text.add("v {} {} {}\n", p.x(), p.y(), p.z());
+        for (const Vec2f& uv : mesh.uvs) text.add("vt {} {}\n", uv.x(), uv.y());
+        if (has_normals)
+            for (const Vec3f& n : mesh.normals[0]) text.add("vn {} {} {}\n", n.x(), n.y(), n.z());
+        for (const std::array<uint32_t, 3>& triangle : mesh.triangles) {
+            text.add("f");
+            for (uint32_t v : triangle) {
+                text.add(" {}", first + v);
+                if (!mesh.uvs.empty() || has_normals) text.add("/");
+                if (!mesh.uvs.empty()) text.add("{}", first_uv + v);
+                if (has_normals) text.add("/{}", first_normal + v);
+            }
+            text.add("\n");
+        }
+        first += mesh.positions[0].size();
+        first_uv += mesh.uvs.size();
+        first_normal += has_normals ? mesh.normals[0].size() : 0;
+    }
+    text.commit();
+}
+
+} // namespace marram

@@ -1,0 +1,391 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where a ray has hit, and from where the next may start.
+//
+// Embree returns t with an error that grows with the distance, so positions are recomputed in double from what it says of
+// the primitive: barycentrics, or the parameter u of the curve C(u) of radius r(u), at the ray's time (vertices are
+// linear between the time steps, as in Embree). What remains is the difference between this point and the surface
+// that Embree's float arithmetic sees; `error` bounds it along the normal. With U = 2^-23, c the greatest coordinate and
+// l the extent of the primitive:
+//
+//   triangle  c U (the origin is rounded to float, vertices are interpolated in float) + l U q. Embree decides t > 0 by the
+//             sign of (v0 - o) . (e1 x e2), whose rounding is U l |e1| |e2|; over |e1 x e2| that is a distance, hence
+//             q = |e1| |e2| / |e1 x e2|, large for slivers.
+//   curves    c U + 64 l U: Newton's iteration in Embree stops at residuals of a few times 16 U l.
+//   flat      besides, Embree draws a ribbon as 4 quadrilaterals a segment: their depth is off by |C''| (1/4)^2 / 8.
+//
+// The origin moves along the geometric normal by that error, times a margin, to the side of the new direction; a ray that
+// leaves a plane or a convex surface from there sees it behind it at any angle. Two cases need more. Let T be the tangent,
+// w = position - axis, a = |d - (T.d) T|^2 = sin^2 of the angle between ray and fibre, b = -w.d.
+//
+//   Through a round fibre (b > 0), a cone of slope r' = dr / dlength. The ray is e beyond its far side where
+//     |w + s d_perp| = r + e + g s, g = r' (T.d):  s = (B + sqrt(B^2 + A (2 r e + e^2))) / A, A = a - g^2, B = b + g (r + e).
+//   Over the length x = s |T.d| along the axis the fibre bends away by k x^2 / 2 (curvature k), so e starts as the error and
+//   grows by that, three times over. s becomes tnear; the origin stays.
+//
+//   Leaving a camera-facing ribbon. It turns towards the new ray, and the point, off the axis by |w| <= r, finds it again
+//   where the ray passes the axis: of the points C + x T, the one that the ray from C + w meets in projection along d
+//   has x a = -(T.d)(w.d), at depth t = x (T.d) - w.d = -(w.d) / a <= r / sin. tnear is that, with the same allowance
+//   for the bend, plus the error over sin. For w.d > 0 it lies behind.
+//
+// Embree's assertions abort on rays that are not finite or whose tnear or time is out of range: valid() is asked before
+// every call.
+#include "core/geometry/hit.h"
+
+#include "core/plugin/embree.h"
+
+#include <algorithm>
+
+namespace marram {
+
+namespace {
+
+constexpr double float_step = 0x1p-23; // U
+constexpr double margin = 2.0;         // measured: tests/unit/render/test_spawn.cpp prints the rates
+constexpr double curve_residual = 64.0; // Newton's tolerance in Embree is 16, and it may stop on both sides of a surface
+constexpr double ribbon_pieces = 4.0;   // Embree's default tessellation rate
+constexpr double least_sine = 1e-4;     // a ray closer to the fibre's direction than that, 1 in 1e8, may meet it again
+
+double greatest(const Vec3d& v) { return v.cwiseAbs().maxCoeff(); }
+
+// Two time steps and the place between them.
+struct Step {
+    size_t first;
+    double within;
+};
+
+Step step_of(size_t steps, float time) {
+    if (steps < 2) return {0, 0.0};
+    const double at = static_cast<double>(time) * static_cast<double>(steps - 1);
+    const size_t first = std::min(static_cast<size_t>(at), steps - 2);
+    return {first, at - static_cast<double>(first)};
+}
+
+// Four vertices' weights for the value, first and second derivative at u of a uniform cubic.
+struct Basis {
+    std::array<double, 4> value, first, second;
+};
+
+Basis basis_at(MarramBasis kind, double u) {
+    const double s = 1.0 - u, u2 = u * u, u3 = u2 * u;
+    if (kind == MARRAM_BSPLINE)
+        return {{s * s * s / 6.0, (3.0 * u3 - 6.0 * u2 + 4.0) / 6.0, (-3.0 * u3 + 3.0 * u2 + 3.0 * u + 1.0) / 6.0, u3 / 6.0},
+                {-0.5 * s * s, 1.5 * u2 - 2.0 * u, -1.5 * u2 + u + 0.5, 0.5 * u2},
+                {s, 3.0 * u - 2.0, 1.0 - 3.0 * u, u}};
+    return {{0.5 * (-u3 + 2.0 * u2 - u), 0.5 * (3.0 * u3 - 5.0 * u2 + 2.0), 0.5 * (-3.0 * u3 + 4.0 * u2 + u),
+             0.5 * (u3 - u2)},
+            {0.5 * (-3.0 * u2 + 4.0 * u - 1.0), 0.5 * (9.0 * u2 - 10.0 * u), 0.5 * (-9.0 * u2 + 8.0 * u + 1.0),
+             0.5 * (3.0 * u2 - 2.0 * u)},
+            {0.5 * (4.0 - 6.0 * u), 0.5 * (18.0 * u - 10.0), 0.5 * (8.0 - 18.0 * u), 0.5 * (6.0 * u - 2.0)}};
+}
+
+// The vertices of a segment at a time: `Size` floats each.
+template <int Size> using Control = Eigen::Matrix<double, Size, 4>;
+
+template <int Size>
+Control<Size> control_of(const std::vector<const float*>& vertices, size_t first_vertex, float time) {
+    using Points = Eigen::Map<const Eigen::Matrix<float, Size, 4>>;
+    const Step step = step_of(vertices.size(), time);
+    Control<Size> control = Points(vertices[step.first] + Size * first_vertex).template cast<double>();
+    if (step.within > 0.0)
+        control += step.within *
+                   (Points(vertices[step.first + 1] + Size * first_vertex).template cast<double>() - control);
+    return control;
+}
+
+template <int Size>
+Eigen::Matrix<double, Size, 1> weigh(const Control<Size>& control, const std::array<double, 4>& weights) {
+    return weights[0] * control.col(0) + weights[1] * control.col(1) + weights[2] * control.col(2) +
+           weights[3] * control.col(3);
+}
+
+using Vec4d = Eigen::Vector4d;
+
+struct CurvePoint { // of a segment
+    Vec4d value, first, second;
+    Vec3d axis() const { return value.head<3>(); }
+};
+
+CurvePoint curve_at(const Control<4>& control, const Basis& basis) {
+    return {weigh<4>(control, basis.value), weigh<4>(control, basis.first), weigh<4>(control, basis.second)};
+}
+
+// Embree's oriented ribbon is C(u) + v D(u), v = -1 ... 1: D the cubic with the value and derivative of
+// r N x C' / |N x C'| at both ends of the segment.
+struct Across {
+    Vec3d value, first;
+};
+
+Across across_at_end(const Control<4>& control, const Control<3>& normals, MarramBasis kind, double u) {
+    const Basis basis = basis_at(kind, u);
+    const CurvePoint c = curve_at(control, basis);
+    const Vec3d n = weigh<3>(normals, basis.value), dn = weigh<3>(normals, basis.first);
+    const Vec3d dc = c.first.head<3>(), ddc = c.second.head<3>();
+    const Vec3d b = n.cross(dc), db = dn.cross(dc) + n.cross(ddc);
+    const double length = b.norm();
+    const Vec3d k = b / length, dk = (db - k * k.dot(db)) / length;
+    return {c.value[3] * k, c.first[3] * k + c.value[3] * dk};
+}
+
+Across across_at(const Control<4>& control, const Control<3>& normals, MarramBasis kind, double u) {
+    const Across a = across_at_end(control, normals, kind, 0.0), b = across_at_end(control, normals, kind, 1.0);
+    const double u2 = u * u, u3 = u2 * u;
+    return {(2.0 * u3 - 3.0 * u2 + 1.0) * a.value + (u3 - 2.0 * u2 + u) * a.first + (3.0 * u2 - 2.0 * u3) * b.value +
+                (u3 - u2) * b.first,
+            (6.0 * u2 - 6.0 * u) * (a.value - b.value) + (3.0 * u2 - 4.0 * u + 1.0) * a.first +
+                (3.0 * u2 - 2.0 * u) * b.first};
+}
+
+void set_triangle(const MeshGeometry& mesh, uint32_t triangle, const Vec2f& barycentrics, float time,
+                  SurfacePoint& point) {
+    const auto& corner = mesh.triangles[triangle];
+    const Vec3d a = mesh_vertex(mesh, corner[0], time), b = mesh_vertex(mesh, corner[1], time),
+                c = mesh_vertex(mesh, corner[2], time);
+    const float u = barycentrics.x(), v = barycentrics.y(), w = 1.0F - u - v;
+    const Vec3d ab = b - a, ac = c - a, cross = ab.cross(ac);
+    const double area = cross.norm(), edges = ab.norm() * ac.norm();
+    point.shape = PointShape::triangle;
+    point.position = a + static_cast<double>(u) * ab + static_cast<double>(v) * ac;
+    point.geometric_normal = (cross / area).cast<float>();
+    point.normal = point.geometric_normal;
+    point.tangent = ab.normalized().cast<float>();
+    point.area = static_cast<float>(0.5 * area);
+    const double extent = std::max(greatest(ab), greatest(ac));
+    point.error = float_step * (std::max({greatest(a), greatest(b), greatest(c)}) + extent * (edges / area));
+    point.uv = mesh.uvs.empty()
+                   ? barycentrics
+                   : Vec2f(w * mesh.uvs[corner[0]] + u * mesh.uvs[corner[1]] + v * mesh.uvs[corner[2]]);
+    if (!mesh.normals.empty()) {
+        const Step step = step_of(mesh.normals.size(), time);
+        const auto normal_at = [&](size_t key) -> Vec3f {
+            const std::vector<Vec3f>& n = mesh.normals[key];
+            return w * n[corner[0]] + u * n[corner[1]] + v * n[corner[2]];
+        };
+        Vec3f n = normal_at(step.first);
+        if (step.within > 0.0) n += static_cast<float>(step.within) * (normal_at(step.first + 1) - n);
+        const float length = n.norm();
+        if (length > 0.0F) point.normal = n / length;
+    }
+    point.strand_u = point.h = point.radius = 0.0F;
+    point.material = mesh.material;
+    point.light = mesh.light;
+}
+
+// A direction across the fibre for a ray along it.
+Vec3d any_across(const Vec3d& tangent) {
+    Vec3d a, b;
+    orthonormal_basis(tangent, a, b);
+    return a;
+}
+
+void set_round(const Vec3d& seen, const CurvePoint& c, const Vec3d& tangent, double slope, SurfacePoint& point) {
+    Vec3d out = seen - c.axis();
+    out -= out.dot(tangent) * tangent;
+    const double length = out.norm();
+    out = length > 0.0 ? Vec3d(out / length) : any_across(tangent);
+    point.shape = PointShape::round;
+    point.from_axis = (c.value[3] * out).cast<float>();
+    point.position = c.axis() + c.value[3] * out;
+    point.geometric_normal = (out - slope * tangent).normalized().cast<float>();
+    point.normal = point.geometric_normal;
+}
+
+// The flat ribbon's normal is the direction to the ray's origin, made perpendicular to the tangent.
+void set_ribbon(const Vec3d& seen, const Vec3d& side, double v, const CurvePoint& c, const Vec3d& tangent,
+                SurfacePoint& point) {
+    const Vec3d w = std::copysign(std::min(std::abs(v), 1.0), (seen - c.axis()).dot(side)) * c.value[3] * side;
+    point.shape = PointShape::ribbon;
+    point.from_axis = w.cast<float>();
+    point.position = c.axis() + w;
+    point.geometric_normal = side.cross(tangent).cast<float>();
+    point.normal = point.geometric_normal;
+    point.error += c.second.head<3>().norm() / (8.0 * ribbon_pieces * ribbon_pieces);
+}
+
+void set_oriented(const Vec3d& seen, const Control<4>& control, const Control<3>& normals, const CurveGeometry& curves,
+                  double u, const CurvePoint& c, SurfacePoint& point) {
+    const Across across = across_at(control, normals, curves.basis, u);
+    const double width2 = across.value.squaredNorm();
+    const double v = width2 > 0.0 ? std::clamp((seen - c.axis()).dot(across.value) / width2, -1.0, 1.0) : 0.0;
+    const Vec3d w = v * across.value;
+    Vec3d normal = (c.first.head<3>() + v * across.first).cross(across.value).normalized();
+    point.shape = PointShape::oriented_ribbon;
+    if (!w.allFinite() || !normal.allFinite() || normal.isZero()) { // handed normals along the strand: Embree's guess
+        normal = point.normal.cast<double>();
+        point.from_axis = (seen - c.axis()).cast<float>();
+        point.position = seen;
+    } else {
+        point.from_axis = w.cast<float>();
+        point.position = c.axis() + w;
+    }
+    point.geometric_normal = normal.cast<float>();
+    point.normal = point.geometric_normal;
+}
+
+void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit, SurfacePoint& point) {
+    const uint32_t segments = curves.cvs_per_curve - 1, segment = hit.primID % segments;
+    point.strand = hit.primID / segments;
+    const size_t first = static_cast<size_t>(point.strand) * (curves.cvs_per_curve + 2) + segment;
+    const double u = hit.u;
+    const Control<4> control = control_of<4>(curves.vertices, first, ray.time);
+    const CurvePoint c = curve_at(control, basis_at(curves.basis, u));
+    const Vec3d dc = c.first.head<3>();
+    const double speed = dc.norm();
+    const Vec3d direction(ray.dir_x, ray.dir_y, ray.dir_z);
+    const Vec3d seen = Vec3d(ray.org_x, ray.org_y, ray.org_z) + static_cast<double>(ray.tfar) * direction;
+    const Vec3d tangent = speed > 0.0 ? Vec3d(dc / speed) : any_across(direction);
+    const Vec3d across = -tangent.cross(direction);
+    const double sine = across.norm();
+    const Vec3d side = sine > least_sine * least_sine ? Vec3d(across / sine) : any_across(tangent);
+
+    const double extent = (control.topRows<3>().rowwise().maxCoeff() - control.topRows<3>().rowwise().minCoeff()).maxCoeff();
+    point.error = float_step * (control.topRows<3>().cwiseAbs().maxCoeff() + curve_residual * (extent + c.value[3]));
+    point.tangent = tangent.cast<float>();
+    const double slope = speed > 0.0 ? c.first[3] / speed : 0.0;
+    point.taper = static_cast<float>(slope);
+    point.curvature = speed > 0.0 ? static_cast<float>(c.second.head<3>().cross(dc).norm() / (speed * speed * speed)) : 0.0F;
+    point.radius = static_cast<float>(c.value[3]);
+    if (curves.shape == MARRAM_ROUND)
+        set_round(seen, c, tangent, slope, point);
+    else if (curves.shape == MARRAM_RIBBON)
+        set_ribbon(seen, side, hit.v, c, tangent, point);
+    else
+        set_oriented(seen, control, control_of<3>(curves.normals, first, ray.time), curves, u, c, point);
+    const double h = c.value[3] > 0.0 ? point.from_axis.cast<double>().dot(side) / c.value[3] : 0.0;
+    point.h = static_cast<float>(std::clamp(h, -1.0, 1.0));
+    point.segment_position = static_cast<float>(segment + u);
+    point.strand_u = std::min(point.segment_position / static_cast<float>(segments), 1.0F);
+    point.uv = {point.strand_u, 0.5F * (1.0F + point.h)};
+    point.area = 0.0F;
+    point.material = curves.material;
+    point.light = -1;
+}
+
+// How far along d a fibre is left behind (head of this file).
+double leave_fibre(const SurfacePoint& point, const Vec3d& d, double error) {
+    const Vec3d tangent = point.tangent.cast<double>();
+    const double along = tangent.dot(d), b = -point.from_axis.cast<double>().dot(d), r = point.radius;
+    const double a = std::max((d - along * tangent).squaredNorm(), least_sine * least_sine);
+    const double g = point.taper * along, cone = std::max(a - g * g, least_sine * least_sine);
+    const auto distance = [&](double e) {
+        if (point.shape == PointShape::ribbon) return std::max(0.0, b / a) + e / std::sqrt(a);
+        const double turned = b + g * (r + e);
+        return (turned + std::sqrt(turned * turned + cone * (2.0 * r * e + e * e))) / cone;
+    };
+    double s = distance(error);
+    for (int i = 0; i < 3; ++i) {
+        const double x = s * along;
+        s = distance(error + 0.5 * point.curvature * x * x);
+    }
+    return std::min(s, 1e12); // a bend tighter than the radius: the ray is lost, but stays finite
+}
+
+} // namespace
+
+Vec3d mesh_vertex(const MeshGeometry& mesh, uint32_t vertex, float time) {
+    const Step step = step_of(mesh.positions.size(), time);
+    const Vec3d at = mesh.positions[step.first][vertex].cast<double>();
+    if (step.within == 0.0) return at;
+    return at + step.within * (mesh.positions[step.first + 1][vertex].cast<double>() - at);
+}
+
+SurfacePoint mesh_point(const World& world, uint32_t mesh, uint32_t triangle, const Vec2f& barycentrics, float time) {
+    SurfacePoint point;
+    point.geometry = mesh;
+    point.primitive = triangle;
+    set_triangle(world.meshes[mesh], triangle, barycentrics, time, point);
+    return point;
+}
+
+bool valid(const Ray& ray) {
+    constexpr float limit = 1e18F; // Embree's own is 1.8e18; NaN fails every comparison
+    return ray.origin.cwiseAbs().maxCoeff() <= limit && ray.origin.allFinite() && ray.direction.allFinite() &&
+           ray.direction.cwiseAbs().maxCoeff() > 0.0F && ray.tnear >= 0.0F && ray.tnear <= limit && ray.tfar >= 0.0F &&
+           ray.time >= 0.0F && ray.time <= 1.0F;
+}
+
+bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coherent, RayCounts* counts) {
+    if (!valid(ray)) {
+        if (counts) ++counts->dropped;
+        return false;
+    }
+    if (counts) ++counts->intersect;
+    if (!(ray.tnear < ray.tfar)) return false;
+    RTCRayHit query;
+    query.ray = {ray.origin.x(), ray.origin.y(), ray.origin.z(), ray.tnear, ray.direction.x(), ray.direction.y(),
+                 ray.direction.z(), ray.time, ray.tfar, 0xffffffffU, 0, 0};
+    query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    marram_intersect1(world.scene.get(), &query, coherent ? 1 : 0);
+    if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
+    point.geometry = query.hit.geomID;
+    point.primitive = query.hit.primID;
+    point.distance = query.ray.tfar;
+    if (query.hit.geomID < world.meshes.size()) {
+        set_triangle(world.meshes[query.hit.geomID], query.hit.primID, {query.hit.u, query.hit.v}, ray.time, point);
+    } else {
+        point.normal = Vec3f(query.hit.Ng_x, query.hit.Ng_y, query.hit.Ng_z).normalized();
+        set_curve(world.curves[query.hit.geomID - world.meshes.size()], query.ray, query.hit, point);
+    }
+    return true;
+}
+
+bool occluded(const World& world, const Ray& ray, RayCounts* counts) {
+    if (!valid(ray)) {
+        if (counts) ++counts->dropped;
+        return false;
+    }
+    if (!(ray.tnear < ray.tfar)) return false;
+    if (counts) ++counts->occluded;
+    RTCRay query = {ray.origin.x(), ray.origin.y(), ray.origin.z(), ray.tnear, ray.direction.x(), ray.direction.y(),
+                    ray.direction.z(), ray.time, ray.tfar, 0xffffffffU, 0, 0};
+    marram_occluded1(world.scene.get(), &query);
+    return query.tfar < 0.0F;
+}
+
+Ray spawn(const SurfacePoint& point, const Vec3f& direction, float time) {
+    Ray ray;
+    ray.direction = direction;
+    ray.time = time;
+    const Vec3d d = direction.cast<double>(), n = point.geometric_normal.cast<double>();
+    const double error = margin * point.error, outward = n.dot(d);
+    const bool through = point.shape == PointShape::ribbon || (point.shape == PointShape::round && outward < 0.0);
+    if (through) {
+        ray.origin = point.position.cast<float>();
+        ray.tnear = static_cast<float>(leave_fibre(point, d, error));
+    } else {
+        ray.origin = (point.position + std::copysign(error, outward) * n).cast<float>();
+    }
+    return ray;
+}
+
+Ray spawn_towards(const SurfacePoint& point, const Vec3d& target, double target_error, float time) {
+    Ray ray = spawn(point, (target - point.position).normalized().cast<float>(), time);
+    const Vec3d way = target - ray.origin.cast<double>();
+    const double distance = way.norm();
+    constexpr double rounding = 4.0 * float_step; // of t, over the distance
+    ray.direction = (way / distance).cast<float>();
+    ray.tfar = static_cast<float>(std::max(0.0, distance * (1.0 - rounding) - target_error));
+    return ray;
+}
+
+const CurveAttributeValues* find_attribute(const World& world, const SurfacePoint& point, std::string_view name) {
+    if (point.geometry < world.meshes.size()) return nullptr;
+    for (const CurveAttributeValues& attribute : world.curves[point.geometry - world.meshes.size()].attributes)
+        if (attribute.name == name) return &attribute;
+    return nullptr;
+}
+
+void attribute_at(const CurveGeometry& curves, const CurveAttributeValues& attribute, const SurfacePoint& point,
+                  float* values) {
+    const size_t components = attribute.components;
+    if (!attribute.per_cv) {
+        std::copy_n(attribute.values.data() + point.strand * components, components, values);
+        return;
+    }
+    const uint32_t first = std::min(static_cast<uint32_t>(point.segment_position), curves.cvs_per_curve - 2);
+    const float within = point.segment_position - static_cast<float>(first);
+    const float* a = attribute.values.data() + (static_cast<size_t>(point.strand) * curves.cvs_per_curve + first) * components;
+    for (size_t i = 0; i < components; ++i) values[i] = a[i] + within * (a[i + components] - a[i]);
+}
+
+} // namespace marram

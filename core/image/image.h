@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pictures in and out, through OpenImageIO. Values are linear floats in memory; files are written whole or
+// not at all (core/image/atomic_file.h). Everything wrong with a file is an InputError that names it.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+namespace marram {
+
+struct Image {
+    int width = 0, height = 0, channels = 0;
+    std::vector<float> pixels; // rows from the top, channels interleaved
+    std::vector<std::string> channel_names;
+};
+
+enum class ColorSpace {
+    linear_data, // values as they stand in the file, integers scaled to 0 ... 1
+    color, // colour: files that are sRGB (said so in the file, or 8 bits and nothing said) are made linear
+};
+
+// The sRGB transfer functions (IEC 61966-2-1), odd-symmetric below zero and continued above one.
+float srgb_from_linear(float linear);
+float linear_from_srgb(float encoded);
+
+// Reads any format that OpenImageIO knows; the first picture of files that hold several, at full resolution.
+// Alpha is as in the file and is never multiplied into colour. Refused: missing, unreadable or truncated
+// files, deep and volume images, sizes above 65536 or 1 GiB of floats, pixels that are not finite.
+Image read_image(const std::string& path, ColorSpace space = ColorSpace::color);
+
+// One layer of an EXR. The channels of the layer "" are written under their own names, those of others as
+// "name.channel".
+struct Layer {
+    std::string name;
+    std::vector<std::string> channels; // "R", "G", "B", "A", "Z", ...
+    const float* pixels = nullptr;     // width * height * channels.size(), interleaved, rows from the top
+    bool half = true;                  // 16-bit float; false, for depth and ids: 32-bit
+};
+
+using Metadata = std::pair<std::string, std::variant<std::string, int, double>>;
+
+// ZIP compression. The bytes depend on the arguments alone. Half layers are clamped to the largest half,
+// 65504, so that finite pixels stay finite.
+void write_exr(const std::string& path, int width, int height, std::span<const Layer> layers,
+               std::span<const Metadata> metadata);
+
+// 8-bit sRGB of linear `pixels` (3 channels, or 4 with colour multiplied by alpha) times 2^exposure_stops,
+// clamped, without dither. NaN becomes 0.
+void write_png(const std::string& path, int width, int height, int channels, const float* pixels,
+               double exposure_stops);
+
+// The value of a metadata entry of a finished picture, as text (numbers in the fewest digits that give them
+// back); nullopt where the file is missing, unreadable or cut short, or the key is not there. Never throws.
+std::optional<std::string> read_metadata(const std::string& path, const std::string& key);
+
+} // namespace marram

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sums are doubles, added in the order of a pixel's samples by the one thread that has the pixel: the same bits always.
+#include "core/render/film.h"
+
+namespace marram {
+
+namespace {
+
+struct BuiltIn {
+    std::string_view name;
+    LayerKind kind;
+    uint32_t channels;
+};
+
+constexpr BuiltIn built_in[] = {
+    {"beauty", LayerKind::beauty, 3}, {"alpha", LayerKind::alpha, 1}, {"albedo", LayerKind::albedo, 3},
+    {"normal", LayerKind::normal, 3}, {"depth", LayerKind::depth, 1}, {"strand_u", LayerKind::strand_u, 1},
+};
+
+// Layer with that name, no pixels yet; channels 0 where there is none.
+FilmLayer describe(std::string_view name, const World& world) {
+    FilmLayer layer;
+    layer.name = name;
+    layer.channels = 0;
+    for (const BuiltIn& known : built_in)
+        if (known.name == name) {
+            layer.kind = known.kind;
+            layer.channels = known.channels;
+            return layer;
+        }
+    layer.kind = LayerKind::attribute;
+    for (const CurveGeometry& curves : world.curves)
+        for (const CurveAttributeValues& attribute : curves.attributes)
+            if (attribute.name == name) layer.channels = std::max(layer.channels, attribute.components);
+    return layer;
+}
+
+std::string known_names(const World& world) {
+    std::string names;
+    for (const BuiltIn& known : built_in) names += (names.empty() ? "" : ", ") + std::string(known.name);
+    for (const CurveGeometry& curves : world.curves)
+        for (const CurveAttributeValues& attribute : curves.attributes)
+            if (names.find(attribute.name) == std::string::npos) names += ", " + attribute.name;
+    return names;
+}
+
+} // namespace
+
+uint32_t layer_channels(std::string_view name, const World& world) { return describe(name, world).channels; }
+
+Film make_film(uint32_t width, uint32_t height, std::span<const std::string> names, const World& world) {
+    Film film;
+    film.width = width;
+    film.height = height;
+    for (const std::string& name : names) {
+        FilmLayer layer = describe(name, world);
+        if (layer.channels == 0)
+            throw InputError(Place{}, "there is no layer \"" + name + "\"", "one of " + known_names(world));
+        layer.first = film.stride;
+        film.stride += layer.channels + 1;
+        film.layers.push_back(std::move(layer));
+    }
+    film.sums.assign(static_cast<size_t>(width) * height * film.stride, 0.0);
+    return film;
+}
+
+void resolve(Film& film) {
+    const size_t pixels = static_cast<size_t>(film.width) * film.height;
+    for (FilmLayer& layer : film.layers) {
+        layer.pixels.resize(pixels * layer.channels);
+        for (size_t pixel = 0; pixel < pixels; ++pixel) {
+            const double* sums = film.sums.data() + pixel * film.stride + layer.first;
+            const double count = sums[layer.channels];
+            for (uint32_t c = 0; c < layer.channels; ++c)
+                layer.pixels[pixel * layer.channels + c] = count > 0.0 ? static_cast<float>(sums[c] / count) : 0.0F;
+        }
+    }
+}
+
+const FilmLayer* find_layer(const Film& film, std::string_view name) {
+    for (const FilmLayer& layer : film.layers)
+        if (layer.name == name) return &layer;
+    return nullptr;
+}
+
+} // namespace marram

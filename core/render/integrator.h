@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// The path tracer: forward paths from the camera, one light sampled at every vertex, multiple importance sampling between
+// that and the shader's own sampling, Russian roulette. integrator.cpp opens with the estimator.
+#pragma once
+
+#include "core/render/camera.h"
+#include "core/render/film.h"
+#include "core/render/filter.h"
+#include "core/render/lights.h"
+#include "shaders/shader.h"
+
+#include <atomic>
+
+namespace marram {
+
+// How light is found: mis is for rendering, the other two are unbiased too and exist to check it.
+enum class Strategy { mis, lights_only, shaders_only };
+
+struct RenderSettings {
+    uint32_t samples = 64;      // a pixel
+    uint32_t max_depth = 16;    // surface interactions a path may have; 0: lights seen directly only
+    uint32_t roulette_depth = 4; // interactions before Russian roulette may end a path
+    Filter filter;
+    uint64_t seed = 0; // change it with the frame
+    Strategy strategy = Strategy::mis;
+    uint32_t tile = 16; // pixels; no influence on the result
+};
+
+// Shared with whoever watches. cancel and done may be read and written from any thread while render runs.
+struct RenderProgress {
+    const std::atomic<bool>* cancel = nullptr; // set it and render returns within about 100 ms
+    std::atomic<uint64_t> samples_done{0};     // of width * height * samples
+};
+
+struct RenderStats {
+    RayCounts rays;
+    uint64_t dropped_samples = 0; // whose radiance was not finite: none, unless a light says so
+    bool cancelled = false;
+};
+
+// Renders into the film (make_film) and resolves it. Runs in the caller's TBB arena; the bits of the result depend neither
+// on the number of threads nor on `tile`. materials are indexed by SurfacePoint::material; a hit without a material is
+// shaded as diffuse with its defaults.
+RenderStats render(const World& world, const Lights& lights, std::span<const Material> materials, const Camera& camera,
+                   const RenderSettings& settings, Film& film, RenderProgress* progress = nullptr);
+
+} // namespace marram

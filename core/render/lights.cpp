@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sampling lights.
+//
+// One light is chosen, half of the probability spread evenly and half by an estimate of the irradiance it causes in the
+// scene, so that none is starved. Densities are per solid angle and contain the choice.
+//
+// Sun: uniform in the cone of half angle a. 1 - cos a = 2 sin^2(a/2) keeps its digits however small a is; a direction at
+//   1 - cos = w has sin = sqrt(w (2 - w)). Irradiance E perpendicular to it gives radiance E / (pi sin^2 a). A disc so
+//   small that unit vectors in float cannot tell its inside is a delta light.
+// Sky: uniform azimuth, height y from a table: equal steps of y are equal solid angles (Archimedes).
+// Environment: pixels by the mean of their bilinear interpolant times their solid angle dphi (cos t0 - cos t1), uniform in
+//   azimuth and cosine inside a pixel. The mean is (1 6 1)/8 in both directions, so that it is 0 only where the
+//   interpolant is.
+// Emitting meshes: uniform by area over all triangles of the light as they are mid-shutter; a triangle's own area enters the
+//   density at the ray's time: P(triangle) / area(t) . distance^2 / cos. Uniform point: Turk, "Graphics Gems", 1990.
+#include "core/render/lights.h"
+
+#include <type_traits>
+
+namespace marram {
+
+namespace {
+
+constexpr double least_disc = 64.0 * 0x1p-23; // radians; a float direction is off by up to 1 % of that
+constexpr size_t sky_cells = 512;
+constexpr float ground_blend = 0.1F;
+
+double mean_of(const Vec3f& color) { return color.cast<double>().sum() / 3.0; }
+
+double azimuth_of(const Vec3f& d) { return std::atan2(static_cast<double>(d.x()), -static_cast<double>(d.z())); }
+
+// Column and row, in pixels from the image's top left corner, of a direction.
+Vec2d pixel_of(const EnvironmentLight& map, const Vec3f& d) {
+    double u = 0.5 + (azimuth_of(d) + map.rotation) / (2.0 * pi);
+    u -= std::floor(u);
+    const double v = std::acos(std::clamp(static_cast<double>(d.y()), -1.0, 1.0)) / pi;
+    return {u * map.width, v * map.height};
+}
+
+Vec3f texel(const EnvironmentLight& map, int64_t column, int64_t row) {
+    const int64_t width = map.width, height = map.height;
+    column = (column % width + width) % width;
+    row = std::clamp<int64_t>(row, 0, height - 1);
+    return map.pixels[static_cast<size_t>(row * width + column)];
+}
+
+double row_cosine(const EnvironmentLight& map, size_t row) {
+    return std::cos(pi * static_cast<double>(row) / map.height);
+}
+
+// Solid angle of a pixel in a row.
+double pixel_angle(const EnvironmentLight& map, size_t row) {
+    return 2.0 * pi / map.width * (row_cosine(map, row) - row_cosine(map, row + 1));
+}
+
+} // namespace
+
+Vec3f sky_radiance(const SkyLight& sky, const Vec3f& direction) {
+    const float y = direction.y();
+    Vec3f color;
+    if (y >= 0.0F) {
+        const float down = 1.0F - std::min(y, 1.0F);
+        color = sky.horizon + (1.0F - down * down * down) * (sky.zenith - sky.horizon);
+    } else {
+        const float t = std::min(-y / ground_blend, 1.0F);
+        color = sky.horizon + t * t * (3.0F - 2.0F * t) * (sky.ground - sky.horizon);
+    }
+    return sky.strength * color;
+}
+
+Vec3f environment_radiance(const EnvironmentLight& map, const Vec3f& direction) {
+    const Vec2d at = pixel_of(map, direction) - Vec2d(0.5, 0.5);
+    const int64_t column = static_cast<int64_t>(std::floor(at.x())), row = static_cast<int64_t>(std::floor(at.y()));
+    const float x = static_cast<float>(at.x() - static_cast<double>(column));
+    const float y = static_cast<float>(at.y() - static_cast<double>(row));
+    const Vec3f a = texel(map, column, row), b = texel(map, column + 1, row);
+    const Vec3f c = texel(map, column, row + 1), d = texel(map, column + 1, row + 1);
+    const Vec3f top = a + x * (b - a), bottom = c + x * (d - c);
+    return map.strength * (top + y * (bottom - top));
+}
+
+Lights::Sun Lights::make(const SunLight& light) {
+    const double half = 0.5 * light.angle, rise = 2.0 * std::sin(0.5 * half) * std::sin(0.5 * half);
+    Sun sun{light.direction.normalized(), half, light.irradiance, 1.0F, half < least_disc, light.visible};
+    if (!sun.delta) {
+        sun.radiance = light.irradiance / static_cast<float>(pi * std::sin(half) * std::sin(half));
+        sun.pdf = static_cast<float>(1.0 / (2.0 * pi * rise));
+    }
+    return sun;
+}
+
+Lights::Sky Lights::make(const SkyLight& light) {
+    std::vector<double> weights(sky_cells);
+    const auto at = [&](double y) { return mean_of(sky_radiance(light, Vec3f(0.0F, static_cast<float>(y), 0.0F))); };
+    for (size_t i = 0; i < sky_cells; ++i) { // Simpson's rule; positive wherever the sky is
+        const double y0 = -1.0 + 2.0 * static_cast<double>(i) / sky_cells, step = 2.0 / sky_cells;
+        weights[i] = (at(y0) + 4.0 * at(y0 + 0.5 * step) + at(y0 + step)) / 6.0;
+    }
+    return {light, Distribution1D(weights)};
+}
+
+Lights::Environment Lights::make(const EnvironmentLight& light) {
+    std::vector<double> weights(static_cast<size_t>(light.width) * light.height);
+    for (int64_t row = 0; row < light.height; ++row)
+        for (int64_t column = 0; column < light.width; ++column) {
+            double sum = 0.0;
+            for (int64_t dy = -1; dy <= 1; ++dy)
+                for (int64_t dx = -1; dx <= 1; ++dx)
+                    sum += mean_of(texel(light, column + dx, row + dy)) * (dx == 0 ? 0.75 : 0.125) *
+                           (dy == 0 ? 0.75 : 0.125);
+            weights[static_cast<size_t>(row * light.width + column)] =
+                sum * light.strength * pixel_angle(light, static_cast<size_t>(row));
+        }
+    return {light, Distribution2D(weights, light.width)};
+}
+
+Lights::Emitter Lights::make(const MeshLight& light, uint32_t index, const World& world) {
+    Emitter emitter;
+    emitter.radiance = light.radiance;
+    std::vector<double> areas;
+    for (uint32_t mesh = 0; mesh < world.meshes.size(); ++mesh) {
+        if (world.meshes[mesh].light != static_cast<int>(index)) continue;
+        emitter.first_of_mesh.emplace_back(mesh, areas.size());
+        for (uint32_t triangle = 0; triangle < world.meshes[mesh].triangles.size(); ++triangle) {
+            const float area = mesh_point(world, mesh, triangle, Vec2f::Zero(), 0.5F).area;
+            emitter.triangles.push_back({mesh, triangle});
+            areas.push_back(std::isfinite(area) ? area : 0.0);
+        }
+    }
+    emitter.by_area = Distribution1D(areas);
+    return emitter;
+}
+
+double Lights::power(const Table& table, double scene_radius) {
+    if (const Sun* sun = std::get_if<Sun>(&table)) {
+        const double sine = std::sin(sun->half_angle);
+        return mean_of(sun->radiance) * (sun->delta ? 1.0 : pi * sine * sine);
+    }
+    if (const Sky* sky = std::get_if<Sky>(&table)) return pi * sky->by_height.total() / sky_cells;
+    if (const Environment* map = std::get_if<Environment>(&table)) return 0.25 * map->by_pixel.total();
+    const Emitter& emitter = *std::get_if<Emitter>(&table);
+    if (emitter.triangles.empty()) return 0.0;
+    return mean_of(emitter.radiance) * emitter.by_area.total() / (scene_radius * scene_radius);
+}
+
+Lights::Lights(std::span<const LightDescription> descriptions, const World& world) : world_(&world) {
+    for (uint32_t i = 0; i < descriptions.size(); ++i) {
+        const LightDescription& light = descriptions[i];
+        if (const MeshLight* mesh = std::get_if<MeshLight>(&light)) {
+            tables_.emplace_back(make(*mesh, i, world));
+            continue;
+        }
+        infinite_.push_back(i);
+        if (const SunLight* sun = std::get_if<SunLight>(&light)) tables_.emplace_back(make(*sun));
+        if (const SkyLight* sky = std::get_if<SkyLight>(&light)) tables_.emplace_back(make(*sky));
+        if (const EnvironmentLight* map = std::get_if<EnvironmentLight>(&light)) tables_.emplace_back(make(*map));
+    }
+    const double size = world.bounds.isEmpty() ? 1.0 : 0.5 * static_cast<double>(world.bounds.diagonal().norm());
+    std::vector<double> powers;
+    double total = 0.0;
+    for (const Table& table : tables_) total += powers.emplace_back(power(table, size > 0.0 ? size : 1.0));
+    if (!(total > 0.0)) return; // nothing shines: nothing to sample
+    for (double& p : powers)
+        p = p > 0.0 ? 0.5 / static_cast<double>(powers.size()) + 0.5 * p / total : 0.0;
+    choice_ = Distribution1D(powers);
+}
+
+void Lights::sample_sun(const Sun& sun, float a, float b, LightSample& sample) {
+    sample.delta = sun.delta;
+    sample.radiance = sun.radiance;
+    sample.pdf = sun.pdf;
+    const double half = std::sin(0.5 * sun.half_angle), w = sun.delta ? 0.0 : 2.0 * half * half * a;
+    const double sine = std::sqrt(w * (2.0 - w)), phi = 2.0 * pi * b;
+    Vec3d x, y;
+    orthonormal_basis(sun.direction, x, y);
+    sample.direction =
+        (sine * (std::cos(phi) * x + std::sin(phi) * y) + (1.0 - w) * sun.direction).normalized().cast<float>();
+}
+
+void Lights::sample_sky(const Sky& sky, float a, float b, LightSample& sample) {
+    const Distribution1D::Choice at = sky.by_height.sample(b);
+    const double y = -1.0 + 2.0 * (static_cast<double>(at.cell) + at.within) / sky_cells;
+    const double sine = std::sqrt(std::max(0.0, 1.0 - y * y)), phi = 2.0 * pi * a;
+    sample.direction = Vec3d(sine * std::cos(phi), y, sine * std::sin(phi)).cast<float>();
+    sample.radiance = sky_radiance(sky.colors, sample.direction);
+    sample.pdf = static_cast<float>(sky.by_height.probability(at.cell) * sky_cells / (4.0 * pi));
+}
+
+void Lights::sample_environment(const Environment& map, float a, float b, LightSample& sample) {
+    const Distribution2D::Choice at = map.by_pixel.sample(a, b);
+    const double top = row_cosine(map.image, at.row), y = top + at.y * (row_cosine(map.image, at.row + 1) - top);
+    const double sine = std::sqrt(std::max(0.0, 1.0 - y * y));
+    const double azimuth = 2.0 * pi * ((static_cast<double>(at.column) + at.x) / map.image.width - 0.5) -
+                           map.image.rotation;
+    sample.direction = Vec3d(sine * std::sin(azimuth), y, -sine * std::cos(azimuth)).cast<float>();
+    sample.radiance = environment_radiance(map.image, sample.direction);
+    sample.pdf = static_cast<float>(map.by_pixel.probability(at.column, at.row) / pixel_angle(map.image, at.row));
+}
+
+void Lights::sample_emitter(const Emitter& emitter, const Vec3d& from, float time, float a, float b,
+                            LightSample& sample) const {
+    sample.at_infinity = false;
+    if (emitter.triangles.empty()) return;
+    const Distribution1D::Choice at = emitter.by_area.sample(a);
+    const EmittingTriangle& triangle = emitter.triangles[at.cell];
+    const float root = static_cast<float>(std::sqrt(at.within));
+    const SurfacePoint point =
+        mesh_point(*world_, triangle.mesh, triangle.triangle, {root * (1.0F - b), root * b}, time);
+    const Vec3d normal = point.geometric_normal.cast<double>();
+    sample.target = point.position + 2.0 * point.error * normal;
+    const Vec3d way = from - sample.target;
+    const double distance2 = way.squaredNorm(), cosine = way.dot(normal) / std::sqrt(distance2);
+    if (!(cosine > 0.0) || !(point.area > 0.0F)) return;
+    sample.radiance = emitter.radiance;
+    sample.pdf = static_cast<float>(emitter.by_area.probability(at.cell) / point.area * distance2 / cosine);
+}
+
+LightSample Lights::sample(const Vec3d& from, float time, const std::array<float, 3>& random) const {
+    const Distribution1D::Choice choice = choice_.sample(random[0]);
+    const Table& table = tables_[choice.cell];
+    LightSample sample;
+    const float a = random[1], b = random[2];
+    if (const Sun* sun = std::get_if<Sun>(&table)) sample_sun(*sun, a, b, sample);
+    if (const Sky* sky = std::get_if<Sky>(&table)) sample_sky(*sky, a, b, sample);
+    if (const Environment* map = std::get_if<Environment>(&table)) sample_environment(*map, a, b, sample);
+    if (const Emitter* emitter = std::get_if<Emitter>(&table)) sample_emitter(*emitter, from, time, a, b, sample);
+    sample.pdf *= static_cast<float>(choice_.probability(choice.cell));
+    return sample;
+}
+
+Lights::Seen Lights::seen_along(uint32_t light, const Vec3f& direction, bool visible_only) const {
+    const Table& table = tables_[light];
+    const float chosen = empty() ? 0.0F : static_cast<float>(choice_.probability(light));
+    if (const Sun* sun = std::get_if<Sun>(&table)) {
+        const double half = std::sin(0.5 * sun->half_angle);
+        const bool inside = (direction.cast<double>() - sun->direction).squaredNorm() <= 4.0 * half * half;
+        if (sun->delta || !inside || (visible_only && !sun->visible)) return {};
+        return {sun->radiance, chosen * sun->pdf};
+    }
+    if (const Sky* sky = std::get_if<Sky>(&table)) {
+        if (visible_only && !sky->colors.visible) return {};
+        const double y = std::clamp(static_cast<double>(direction.y()), -1.0, 1.0);
+        const size_t cell = std::min(static_cast<size_t>(0.5 * (y + 1.0) * sky_cells), sky_cells - 1);
+        return {sky_radiance(sky->colors, direction),
+                chosen * static_cast<float>(sky->by_height.probability(cell) * sky_cells / (4.0 * pi))};
+    }
+    const Environment& map = *std::get_if<Environment>(&table);
+    if (visible_only && !map.image.visible) return {};
+    const Vec2d at = pixel_of(map.image, direction);
+    const size_t column = std::min(static_cast<size_t>(at.x()), static_cast<size_t>(map.image.width) - 1);
+    const size_t row = std::min(static_cast<size_t>(at.y()), static_cast<size_t>(map.image.height) - 1);
+    return {environment_radiance(map.image, direction),
+            chosen * static_cast<float>(map.by_pixel.probability(column, row) / pixel_angle(map.image, row))};
+}
+
+Lights::Seen Lights::emitted(const SurfacePoint& point, const Vec3f& direction) const {
+    if (point.light < 0 || static_cast<size_t>(point.light) >= tables_.size()) return {};
+    const Emitter* emitter = std::get_if<Emitter>(&tables_[static_cast<size_t>(point.light)]);
+    const float cosine = -point.geometric_normal.dot(direction);
+    if (!emitter || !(cosine > 0.0F) || empty()) return {};
+    for (const auto& [mesh, first] : emitter->first_of_mesh) {
+        if (mesh != point.geometry) continue;
+        const double chosen = choice_.probability(static_cast<size_t>(point.light)) *
+                              emitter->by_area.probability(first + point.primitive);
+        const double distance = point.distance;
+        return {emitter->radiance, static_cast<float>(chosen / point.area * distance * distance / cosine)};
+    }
+    return {};
+}
+
+} // namespace marram

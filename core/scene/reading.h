@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the steps of reading one scene share: where it is, what was found wrong so far.
+#pragma once
+
+#include "core/math/params.h"
+#include "core/scene/description.h"
+
+#include <optional>
+#include <string>
+#include <toml++/toml.h>
+#include <unordered_map>
+#include <vector>
+
+namespace marram {
+
+struct Reading {
+    std::string file; // as given on the command line
+    const Schema* schema = nullptr;
+    std::vector<Problem> problems;
+    // Defaults are TOML texts; each is read once however many things share it.
+    std::unordered_map<const ParamSpec*, std::optional<ParamValue>> defaults;
+
+    void report(Place place, std::string what, std::string fix) {
+        problems.push_back({std::move(place), std::move(what), std::move(fix)});
+    }
+};
+
+// Every node knows its text by its path: the scene file, or "--set key=value", which has no lines worth
+// naming.
+inline Place place_of(const toml::source_region& source, const Reading& reading) {
+    if (source.path && *source.path != reading.file) return {*source.path, 0, 0};
+    return {reading.file, static_cast<int>(source.begin.line), static_cast<int>(source.begin.column)};
+}
+inline Place place_of(const toml::node& node, const Reading& reading) {
+    return place_of(node.source(), reading);
+}
+
+// Throws what has been reported, if anything: the file's mistakes by line and column, then those of settings.
+void throw_problems(Reading& reading);
+
+} // namespace marram

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/scene/rules.h"
+#include "core/scene/suggest.h"
+#include "core/scene/table.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fmt/format.h>
+#include <map>
+#include <set>
+
+namespace marram {
+namespace {
+
+// A vector shorter than this has no direction once it is a float squared.
+constexpr double shortest_direction = 1e-6;
+
+bool has_direction(const Vec3d& v) { return v.cwiseAbs().maxCoeff() >= shortest_direction; }
+
+void check_whole(const ParamSet& params, const std::string& address, std::string_view name,
+                 Reading& reading) {
+    const ParamValue* value = params.find(name);
+    if (!value) return;
+    for (const double number : value->numbers) {
+        if (number == std::floor(number)) continue;
+        reading.report(value->place, fmt::format("{} has {}", join(address, name), number),
+                       "give whole numbers");
+        return;
+    }
+}
+
+void check_camera(const ParamSet& camera, Reading& reading) {
+    const ParamValue *position = camera.find("position"), *target = camera.find("target"),
+                     *up = camera.find("up");
+    if (up && !has_direction(Vec3d(up->numbers.data()))) {
+        reading.report(up->place, "camera.up is (nearly) zero", "give a direction, for example [0, 1, 0]");
+        up = nullptr;
+    }
+    if (!position || !target) return;
+    const Vec3d p(position->numbers.data()), t(target->numbers.data());
+    const double size = std::max(p.cwiseAbs().maxCoeff(), t.cwiseAbs().maxCoeff());
+    // Rounding of the two is 1e-16 of their size; with 1e-12 four digits of the direction are left.
+    if ((t - p).cwiseAbs().maxCoeff() <= 1e-12 * size) {
+        reading.report(target->place, "camera.target is camera.position",
+                       "let the camera look at another point");
+        return;
+    }
+    if (!up) return;
+    const Vec3d view = (t - p).stableNormalized(), upright = Vec3d(up->numbers.data()).stableNormalized();
+    if (view.cross(upright).norm() < 1e-6)
+        reading.report(up->given ? up->place : target->place, "camera.up points along the view",
+                       "give another up, for example [0, 0, -1] for a view straight down");
+}
+
+void check_lights(const std::vector<Item>& lights, Reading& reading) {
+    for (const Item& light : lights) {
+        const ParamValue* direction = light.type == "sun" ? light.params.find("direction") : nullptr;
+        if (!direction || has_direction(Vec3d(direction->numbers.data()))) continue;
+        reading.report(direction->place, "the sun's direction is (nearly) zero",
+                       "give the direction towards the sun");
+    }
+}
+
+void check_mesh_files(const std::vector<Item>& meshes, Reading& reading) {
+    for (const Item& mesh : meshes) {
+        const ParamValue* file = mesh.type == "file" ? mesh.params.find("file") : nullptr;
+        if (!file) continue;
+        std::string ending = std::filesystem::path(file->text).extension().string();
+        std::transform(ending.begin(), ending.end(), ending.begin(),
+                       [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+        if (ending == ".obj" || ending == ".ply") continue;
+        reading.report(file->place, fmt::format("mesh.{}.file is no .obj and no .ply", clean(mesh.name)),
+                       "convert the mesh to one of them");
+    }
+}
+
+using NamesByKind = std::map<std::string, std::vector<std::string>>;
+
+void check_references(const ParamSet& params, const std::string& address, const NamesByKind& names,
+                      Reading& reading) {
+    for (const ParamValue& value : params.all()) {
+        if (value.spec->type != ParamType::reference) continue;
+        std::vector<std::string> known; // of any of the kinds that are allowed
+        for (const std::string& kind : split(value.spec->choices, '|'))
+            if (const auto entry = names.find(kind); entry != names.end())
+                known.insert(known.end(), entry->second.begin(), entry->second.end());
+        if (std::find(known.begin(), known.end(), value.text) != known.end()) continue;
+        const std::string kinds = listed(split(value.spec->choices, '|'));
+        reading.report(value.place,
+                       fmt::format("{}: there is no {} {}", join(address, value.spec->name), kinds,
+                                   in_quotes(value.text)),
+                       known.empty() ? fmt::format("add a [[{}]] of this name", kinds)
+                                     : hint(value.text, known, kinds));
+    }
+}
+
+void check_all_references(const SceneDescription& scene, const std::vector<Name>& names, Reading& reading) {
+    NamesByKind by_kind;
+    for (const Name& name : names) by_kind[name.kind].push_back(name.name);
+    check_references(scene.globals, "", by_kind, reading);
+    check_references(scene.camera, "camera", by_kind, reading);
+    check_references(scene.film, "film", by_kind, reading);
+    check_references(scene.wind, "wind", by_kind, reading);
+    auto check = [&](const char* kind, const std::vector<Item>& items) {
+        for (const Item& item : items)
+            check_references(item.params, item.name.empty() ? kind : join(kind, clean(item.name)), by_kind,
+                             reading);
+    };
+    check("light", scene.lights);
+    check("material", scene.materials);
+    check("mesh", scene.meshes);
+    check("procedural", scene.procedurals);
+}
+
+} // namespace
+
+void check_names(const std::vector<Name>& names, Reading& reading) {
+    std::map<std::pair<std::string, std::string>, const Name*> first;
+    for (const Name& name : names) {
+        const std::string space = name.kind == "procedural" ? "mesh" : name.kind;
+        const auto [entry, is_new] = first.try_emplace({space, name.name}, &name);
+        if (is_new) continue;
+        const Name& other = *entry->second;
+        reading.report(name.place,
+                       fmt::format("the name {} is taken by the {} at {}", in_quotes(name.name), other.kind,
+                                   to_string(other.place)),
+                       fmt::format("give this {} a name of its own", name.kind));
+    }
+}
+
+void check_rules(const SceneDescription& scene, const std::vector<Name>& names, Reading& reading) {
+    check_whole(scene.globals, "", "frames", reading);
+    check_whole(scene.film, "film", "size", reading);
+    const ParamValue *metres = scene.globals.find("tolerance"),
+                     *pixels = scene.globals.find("tolerance_pixels");
+    if (metres && pixels && metres->given && pixels->given)
+        reading.report(pixels->place, "tolerance and tolerance_pixels are both given", "keep one of them");
+    check_camera(scene.camera, reading);
+    check_lights(scene.lights, reading);
+    check_mesh_files(scene.meshes, reading);
+    check_all_references(scene, names, reading);
+}
+
+} // namespace marram

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// The tables that the renderer itself knows. What is written here is also the manual: `marram info scene`
+// prints it.
+#include "core/scene/description.h"
+
+namespace marram {
+namespace {
+
+using enum ParamType;
+constexpr double any = std::numeric_limits<double>::infinity();
+// Metres and frames beyond which a number is a slip of the pen; Embree drops vertices at 1e20 without a word.
+constexpr double far = 1e8, late = 1e6;
+constexpr double bright = 1e9; // still a float after any product along a path
+
+std::vector<ParamSpec> global_params() {
+    return {
+        {"fps", number, "frames/s", "24", 1, 10000, "", "frames a second"},
+        {"frames", range, "frames", "[1, 1]", -late, late, "",
+         "first and last frame of the shot, whole numbers"},
+        {"bind_frame", number, "frames", "none", -late, late, "",
+         "frame at which strands are rooted; default: the first of `frames`"},
+        {"tolerance", number, "m", "0.001", 0, far, "",
+         "error that no stage may exceed; 0: as exact as possible"},
+        {"tolerance_pixels", number, "pixels", "none", 1e-4, 1e4, "",
+         "the same, in pixels of the film; instead of `tolerance`"},
+    };
+}
+
+std::vector<ParamSpec> camera_params() {
+    return {
+        {"position", vec3, "m", "", -far, far, "", "where the camera stands"},
+        {"target", vec3, "m", "", -far, far, "", "the point that it looks at"},
+        {"up", vec3, "", "[0, 1, 0]", -far, far, "", "what is up in the picture; not along the view"},
+        {"fov", number, "deg", "40", 0.01, 179, "", "vertical angle of view"},
+        {"lens_radius", number, "m", "0", 0, 1000, "", "radius of the lens; 0: everything is sharp"},
+        {"focus", number, "m", "none", 1e-6, far, "", "distance that is sharp; default: that of the target"},
+        {"shutter", range, "frames", "[0, 0]", -100, 100, "",
+         "when the shutter opens and closes, relative to the frame; [-0.25, 0.25] blurs like film, [0, 0] "
+         "not at all"},
+    };
+}
+
+std::vector<ParamSpec> film_params() {
+    return {
+        {"size", vec2, "pixels", "[640, 360]", 1, 16384, "", "width and height, whole numbers"},
+        {"samples", integer, "", "64", 1, 65536, "", "paths a pixel"},
+        {"filter", choice, "", "blackman-harris", -any, any, "box|triangle|gaussian|blackman-harris",
+         "how samples are weighted around a pixel"},
+        {"filter_radius", number, "pixels", "1.5", 0.5, 8, "",
+         "reach of the filter; 0.5 with a box is the bare pixel"},
+        {"exposure", number, "stops", "0", -32, 32, "",
+         "gain of PNG pictures, 2^exposure; EXR pictures stay linear"},
+        {"max_depth", integer, "", "12", 0, 1024, "",
+         "bounces of a path; 0: light sources only, 1: direct light"},
+        {"aovs", texts, "", "[]", -any, any, "", "image layers besides the colour"},
+        {"motion_keys", integer, "", "none", 2, 64, "",
+         "motion samples over the shutter; default: from the tolerance"},
+    };
+}
+
+std::vector<ItemSchema> light_types() {
+    return {
+        {"sun",
+         "a disc at infinity",
+         {{"direction", vec3, "", "[1, 2, 1]", -far, far, "", "towards the sun, of any length"},
+          {"angle", number, "deg", "0.53", 0, 180, "", "angular diameter; larger: softer shadows"},
+          {"irradiance", color, "W/m^2", "3", 0, bright, "",
+           "on a surface perpendicular to it; 3.14 shows white as 1"}}},
+        {"sky",
+         "a gradient over the whole sphere",
+         {{"zenith", color, "W/(m^2 sr)", "[0.25, 0.45, 0.9]", 0, bright, "", "radiance straight above"},
+          {"horizon", color, "W/(m^2 sr)", "[0.8, 0.87, 0.95]", 0, bright, "", "radiance at the horizon"},
+          {"ground", color, "W/(m^2 sr)", "[0.2, 0.18, 0.15]", 0, bright, "", "radiance below the horizon"},
+          {"strength", number, "", "1", 0, bright, "", "factor on all three"}}},
+        {"environment",
+         "an image around the scene, latitude by longitude",
+         {{"file", image, "", "", -any, any, "", "the image, twice as wide as high, up is up"},
+          {"strength", number, "", "1", 0, bright, "", "factor on the image"},
+          {"rotation", number, "deg", "0", -36000, 36000, "", "turn about y"}}},
+        {"mesh",
+         "a mesh that shines",
+         {{"mesh", reference, "", "", -any, any, "mesh", "the mesh"},
+          {"radiance", color, "W/(m^2 sr)", "1", 0, bright, "",
+           "the same in all directions, from the outer side"}}},
+    };
+}
+
+// What every mesh has, behind what its type has.
+ItemSchema mesh_type(const char* type, const char* help, std::vector<ParamSpec> params) {
+    params.push_back({"material", reference, "", "none", -any, any, "material", "default: a plain grey"});
+    params.push_back(
+        {"transform", keys, "", "{}", -any, any, "",
+         "{ translate, rotate, scale } or { keys = [{ frame, ... }, ...], interpolation }: scale, then "
+         "rotate about x, y, z in degrees, then translate"});
+    return {type, help, std::move(params)};
+}
+
+std::vector<ItemSchema> mesh_types() {
+    return {
+        mesh_type(
+            "file", "triangles from a file",
+            {{"file", file, "", "", -any, any, "", "an .obj or .ply file"},
+             {"smooth", boolean, "", "true", -any, any, "", "make vertex normals where the file has none"}}),
+        mesh_type("plane", "a rectangle in xz around the origin, facing up",
+                  {{"size", vec2, "m", "[10, 10]", 1e-6, far, "", "length in x and in z"},
+                   {"divisions", integer, "", "1", 1, 4096, "", "squares a side, of two triangles each"}}),
+        mesh_type("box", "a box around the origin",
+                  {{"size", vec3, "m", "[1, 1, 1]", 1e-6, far, "", "length of its sides"}}),
+        mesh_type("sphere", "a sphere around the origin",
+                  {{"radius", number, "m", "1", 1e-6, far, "", "radius"},
+                   {"divisions", integer, "", "64", 4, 4096, "",
+                    "n segments round the equator, n/2 rounded up from pole to pole: about n^2 triangles"},
+                   {"bumps", number, "m", "0", 0, far, "",
+                    "amplitude of noise along the normal; 0: a smooth sphere"},
+                   {"frequency", number, "1/m", "1", 0, 1e6, "", "frequency of the bumps"}}),
+        mesh_type("heightfield", "a plane lifted by an image",
+                  {{"image", image, "", "", -any, any, "", "first channel: height"},
+                   {"size", vec2, "m", "[10, 10]", 1e-6, far, "", "length in x and in z"},
+                   {"height", number, "m", "1", -far, far, "", "height where the image is 1"},
+                   {"divisions", integer, "", "none", 1, 8192, "", "squares a side; default: one a pixel"}}),
+    };
+}
+
+} // namespace
+
+Schema scene_schema() {
+    Schema schema;
+    schema.globals = global_params();
+    schema.camera = camera_params();
+    schema.film = film_params();
+    schema.lights = light_types();
+    schema.meshes = mesh_types();
+    return schema;
+}
+
+} // namespace marram

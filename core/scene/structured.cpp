@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: Apache-2.0
+// The values with an inner life: ramps, keyed transforms, paths.
+#include "core/scene/suggest.h"
+#include "core/scene/values.h"
+#include "core/scene/words.h"
+
+#include <cmath>
+#include <filesystem>
+#include <fmt/format.h>
+#include <fstream>
+
+namespace marram {
+namespace {
+
+constexpr double unbounded = std::numeric_limits<double>::infinity();
+// Beyond these a transform is a slip of the pen, and floats would not carry it.
+constexpr double largest_frame = 1e6, largest_distance = 1e8, largest_angle = 1e6, largest_scale = 1e6;
+
+bool ascends(const std::vector<double>& numbers, size_t stride) {
+    return numbers.size() < 2 * stride ||
+           numbers[numbers.size() - stride] > numbers[numbers.size() - 2 * stride];
+}
+
+bool read_knot(const toml::node& node, const ParamSpec& spec, const std::string& label,
+               std::vector<double>& numbers, Reading& reading) {
+    const toml::array* knot = node.as_array();
+    if (!knot || knot->size() != 2) {
+        reading.report(place_of(node, reading), fmt::format("{} is {}", label, found(node)),
+                       "give [position, value]");
+        return false;
+    }
+    const auto position = read_number(*knot->get(0), -unbounded, unbounded, "the position of " + label,
+                                      "give a number", reading);
+    const auto number = read_number(*knot->get(1), spec.minimum, spec.maximum, "the value of " + label,
+                                    "give a number" + bounds(spec), reading);
+    if (!position || !number) return false;
+    numbers.insert(numbers.end(), {*position, *number});
+    if (ascends(numbers, 2)) return true;
+    reading.report(place_of(*knot->get(0), reading), fmt::format("the position of {} does not ascend", label),
+                   "sort the knots by position, each position once");
+    return false;
+}
+
+// One key of a transform: its frame (where it may have one), translate, rotate, scale; what is left out is
+// identity.
+bool read_key(const toml::table& table, const std::string& label, std::vector<double>& numbers,
+              Reading& reading) {
+    auto limits = [](const char* unit, double most) {
+        return ParamSpec{"", ParamType::vec3, unit, "", -most, most, "", ""};
+    };
+    auto read = [&](const char* name, double initial, const ParamSpec& spec, bool scalar) {
+        if (const toml::node* node = table.get(name))
+            return read_numbers(*node, spec, 3, scalar, label + "." + name, numbers, reading);
+        numbers.insert(numbers.end(), 3, initial);
+        return true;
+    };
+    bool good = read("translate", 0.0, limits("m", largest_distance), false);
+    good = read("rotate", 0.0, limits("deg", largest_angle), false) && good;
+    const bool scales = read("scale", 1.0, limits("", largest_scale), true);
+    if (!scales) return false;
+    for (size_t i = numbers.size() - 3; i < numbers.size(); ++i) {
+        if (std::fabs(numbers[i]) >= 1.0 / largest_scale) continue;
+        reading.report(place_of(*table.get("scale"), reading), fmt::format("{}.scale is (nearly) 0", label),
+                       "give a scale other than 0, it may be negative");
+        return false;
+    }
+    return good;
+}
+
+bool read_keyed(const toml::array& keys, const std::string& label, ParamValue& value, Reading& reading) {
+    const std::vector<std::string> known = {"frame", "translate", "rotate", "scale"};
+    bool good = true;
+    for (size_t i = 0; i < keys.size(); ++i) {
+        const std::string name = fmt::format("key {} of {}", i + 1, label);
+        const toml::table* key = keys.get(i)->as_table();
+        if (!key) {
+            reading.report(place_of(*keys.get(i), reading),
+                           fmt::format("{} is {}", name, found(*keys.get(i))),
+                           "give { frame = 1, translate = [x, y, z], ... }");
+            good = false;
+            continue;
+        }
+        good = only_keys(*key, known, name, reading) && good;
+        const toml::node* frame = key->get("frame");
+        if (!frame) {
+            reading.report(place_of(*key, reading), fmt::format("{} has no frame", name), "add frame = ...");
+            good = false;
+            continue;
+        }
+        const auto number = read_number(
+            *frame, -largest_frame, largest_frame, name + ".frame",
+            fmt::format("give a number from {} to {}", limit(-largest_frame), limit(largest_frame)), reading);
+        if (!number) return false; // the order of what follows would mean nothing
+        std::vector<double> numbers = {*number};
+        good = read_key(*key, name, numbers, reading) && good;
+        numbers.resize(10);
+        value.numbers.insert(value.numbers.end(), numbers.begin(), numbers.end());
+        if (ascends(value.numbers, 10)) continue;
+        reading.report(place_of(*frame, reading), fmt::format("{}.frame does not ascend", name),
+                       "sort the keys by frame, each frame once");
+        return false;
+    }
+    return good;
+}
+
+// The nearest name among what stands in the folder of a file that is not there.
+std::string nearest_file(const std::filesystem::path& path) {
+    namespace fs = std::filesystem;
+    constexpr size_t most = 10000;
+    std::error_code error;
+    std::vector<std::string> names;
+    for (fs::directory_iterator it(path.has_parent_path() ? path.parent_path() : ".", error), end;
+         !error && it != end && names.size() < most; it.increment(error))
+        names.push_back(it->path().filename().string());
+    return nearest(path.filename().string(), names);
+}
+
+} // namespace
+
+bool read_ramp(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
+               Reading& reading) {
+    const std::vector<std::string> known = {"knots", "interpolation"},
+                                   ways = {"linear", "smooth", "constant"};
+    const toml::table* table = node.as_table();
+    const toml::node* list = table ? table->get("knots") : &node;
+    bool good = !table || only_keys(*table, known, label, reading);
+    value.text = "linear";
+    if (const toml::node* way = table ? table->get("interpolation") : nullptr)
+        good = read_choice(*way, ways, label + ".interpolation", value.text, reading) && good;
+    const toml::array* knots = list ? list->as_array() : nullptr;
+    if (!knots || knots->empty()) {
+        const toml::node& wrong = list ? *list : node;
+        reading.report(place_of(wrong, reading),
+                       list ? fmt::format("{} is {}", label, found(wrong))
+                            : fmt::format("{} has no knots", label),
+                       "give " + wanted(spec));
+        return false;
+    }
+    for (size_t i = 0; i < knots->size(); ++i)
+        good = read_knot(*knots->get(i), spec, fmt::format("knot {} of {}", i + 1, label), value.numbers,
+                         reading) &&
+               good;
+    return good;
+}
+
+bool read_keys(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
+               Reading& reading) {
+    const toml::table* table = node.as_table();
+    if (!table) {
+        reading.report(place_of(node, reading), fmt::format("{} is {}", label, found(node)),
+                       "give " + wanted(spec));
+        return false;
+    }
+    value.text = "linear";
+    const toml::node* keys = table->get("keys");
+    if (!keys) {
+        const std::vector<std::string> known = {"translate", "rotate", "scale", "keys"};
+        bool good = only_keys(*table, known, label, reading);
+        value.numbers = {0.0}; // one key says nothing of time
+        return read_key(*table, label, value.numbers, reading) && good;
+    }
+    const std::vector<std::string> known = {"keys", "interpolation"}, ways = {"linear", "smooth"};
+    bool good = only_keys(*table, known, label, reading);
+    if (const toml::node* way = table->get("interpolation"))
+        good = read_choice(*way, ways, label + ".interpolation", value.text, reading) && good;
+    if (!keys->is_array() || keys->as_array()->empty()) {
+        reading.report(place_of(*keys, reading), fmt::format("{}.keys is {}", label, found(*keys)),
+                       "give a list of { frame = 1, translate = [x, y, z], ... }");
+        return false;
+    }
+    return read_keyed(*keys->as_array(), label, value, reading) && good;
+}
+
+bool read_path(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
+               Reading& reading) {
+    namespace fs = std::filesystem;
+    auto fail = [&](std::string what, std::string fix) {
+        reading.report(place_of(node, reading), std::move(what), std::move(fix));
+        return false;
+    };
+    const auto* text = node.as_string();
+    if (!text || text->get().empty() || text->get().find('\0') != std::string::npos)
+        return fail(fmt::format("{} is {}", label, found(node)), "give " + wanted(spec));
+    const fs::path path = fs::path(reading.file).parent_path() / text->get();
+    const std::string shown = in_quotes(text->get());
+    std::error_code error;
+    const fs::file_status status = fs::status(path, error);
+    if (status.type() == fs::file_type::not_found) {
+        const std::string near = nearest_file(path);
+        return fail(fmt::format("{}: there is no file {}", label, shown),
+                    near.empty() ? "check the path, it is relative to the scene file's folder"
+                                 : fmt::format("did you mean {}?", in_quotes(near)));
+    }
+    if (status.type() == fs::file_type::directory)
+        return fail(fmt::format("{}: {} is a directory", label, shown), "name a file in it");
+    if (!error && status.type() != fs::file_type::regular) // opening a pipe would wait for its other end
+        return fail(fmt::format("{}: {} is no file but a pipe or device", label, shown), "name a file");
+    if (error)
+        return fail(fmt::format("{}: {} cannot be read ({})", label, shown, error.message()),
+                    "check the path");
+    if (!std::ifstream(path))
+        return fail(fmt::format("{}: {} cannot be read", label, shown), "check its permissions");
+    value.text = path.string();
+    return true;
+}
+
+} // namespace marram

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+// A table of the scene file against the parameters its owner declares.
+#pragma once
+
+#include "core/scene/reading.h"
+
+namespace marram {
+
+struct TableToRead {
+    const toml::table* table = nullptr; // none: the file lacks it, everything is default
+    Place place;                        // of the table
+    std::string address;                // as --set has it: "" for globals, "film", "mesh.hill"
+    std::vector<const ParamSpec*> specs;
+    std::vector<std::string>
+        others; // keys that are no parameters and somebody else's to check: name, type, film, ...
+};
+
+// Every declared parameter, given or default; what is wrong is reported and left out.
+ParamSet read_table(const TableToRead& job, Reading& reading);
+
+inline std::vector<const ParamSpec*> pointers(std::span<const ParamSpec> specs) {
+    std::vector<const ParamSpec*> all;
+    for (const ParamSpec& spec : specs) all.push_back(&spec);
+    return all;
+}
+
+// "film" + "size" -> "film.size"
+inline std::string join(const std::string& address, std::string_view name) {
+    return address.empty() ? std::string(name) : address + "." + std::string(name);
+}
+
+} // namespace marram

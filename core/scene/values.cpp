@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/scene/values.h"
+#include "core/scene/suggest.h"
+#include "core/scene/words.h"
+
+#include <cmath>
+#include <cstdint>
+#include <fmt/format.h>
+#include <limits>
+
+namespace marram {
+namespace {
+
+bool wrong(const toml::node& node, const ParamSpec& spec, const std::string& label, Reading& reading) {
+    reading.report(place_of(node, reading), fmt::format("{} is {}", label, found(node)),
+                   "give " + wanted(spec));
+    return false;
+}
+
+bool read_integer(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
+                  Reading& reading) {
+    const auto* integer = node.as_integer();
+    if (!integer) return wrong(node, spec, label, reading);
+    const int64_t number = integer->get();
+    const bool fits =
+        number >= std::numeric_limits<int32_t>::min() && number <= std::numeric_limits<int32_t>::max();
+    const double real = static_cast<double>(number);
+    if (real < spec.minimum || real > spec.maximum) return wrong(node, spec, label, reading);
+    if (!fits) {
+        reading.report(place_of(node, reading),
+                       fmt::format("{} is {}, which no 32-bit integer can hold", label, number),
+                       "give a smaller number");
+        return false;
+    }
+    value.numbers = {real};
+    return true;
+}
+
+bool read_range(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
+                Reading& reading) {
+    if (!read_numbers(node, spec, 2, true, label, value.numbers, reading)) return false;
+    if (value.numbers[0] <= value.numbers[1]) return true;
+    reading.report(place_of(node, reading),
+                   fmt::format("{} runs from {} down to {}", label, value.numbers[0], value.numbers[1]),
+                   "give the lower number first");
+    return false;
+}
+
+bool read_text(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
+               Reading& reading) {
+    if (!node.is_string()) return wrong(node, spec, label, reading);
+    value.text = node.as_string()->get();
+    return true;
+}
+
+bool read_texts(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
+                Reading& reading) {
+    if (!node.is_array()) return wrong(node, spec, label, reading);
+    for (const toml::node& item : *node.as_array()) {
+        if (!item.is_string()) return wrong(item, spec, "a part of " + label, reading);
+        value.texts.push_back(item.as_string()->get());
+    }
+    return true;
+}
+
+bool read_into(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
+               Reading& reading) {
+    switch (spec.type) {
+    case ParamType::boolean:
+        if (!node.is_boolean()) return wrong(node, spec, label, reading);
+        value.numbers = {node.as_boolean()->get() ? 1.0 : 0.0};
+        return true;
+    case ParamType::integer:
+        return read_integer(node, spec, label, value, reading);
+    case ParamType::number: {
+        const auto number =
+            read_number(node, spec.minimum, spec.maximum, label, "give " + wanted(spec), reading);
+        if (number) value.numbers = {*number};
+        return number.has_value();
+    }
+    case ParamType::vec2:
+        return read_numbers(node, spec, 2, false, label, value.numbers, reading);
+    case ParamType::vec3:
+        return read_numbers(node, spec, 3, false, label, value.numbers, reading);
+    case ParamType::color:
+        return read_numbers(node, spec, 3, true, label, value.numbers, reading);
+    case ParamType::range:
+        return read_range(node, spec, label, value, reading);
+    case ParamType::text:
+    case ParamType::reference:
+        return read_text(node, spec, label, value, reading);
+    case ParamType::choice:
+        return read_choice(node, split(spec.choices, '|'), label, value.text, reading);
+    case ParamType::texts:
+        return read_texts(node, spec, label, value, reading);
+    case ParamType::ramp:
+        return read_ramp(node, spec, label, value, reading);
+    case ParamType::keys:
+        return read_keys(node, spec, label, value, reading);
+    case ParamType::file:
+    case ParamType::image:
+        return read_path(node, spec, label, value, reading);
+    case ParamType::unavailable:
+        break; // refused by name before its value is looked at
+    }
+    return wrong(node, spec, label, reading);
+}
+
+// `value = <initial>`; text-like types may stand without quotes.
+toml::table default_table(const ParamSpec& spec) {
+    const bool texty = spec.type == ParamType::text || spec.type == ParamType::choice ||
+                       spec.type == ParamType::reference || spec.type == ParamType::file ||
+                       spec.type == ParamType::image;
+    const bool bare = texty && spec.initial.find_first_of("\"'") != 0;
+    try {
+        return toml::parse(bare ? fmt::format("value = '''{}'''", spec.initial) : "value = " + spec.initial);
+    } catch (const toml::parse_error&) {
+        return {};
+    }
+}
+
+} // namespace
+
+std::optional<double> read_number(const toml::node& node, double minimum, double maximum,
+                                  const std::string& label, const std::string& fix, Reading& reading) {
+    const std::optional<double> number = node.is_number() ? node.value<double>() : std::nullopt;
+    if (number && std::isfinite(*number) && *number >= minimum && *number <= maximum) return number;
+    reading.report(place_of(node, reading), fmt::format("{} is {}", label, found(node)), fix);
+    return {};
+}
+
+bool read_numbers(const toml::node& node, const ParamSpec& spec, size_t count, bool scalar,
+                  const std::string& label, std::vector<double>& numbers, Reading& reading) {
+    const double minimum = spec.type == ParamType::color ? std::max(spec.minimum, 0.0) : spec.minimum;
+    const std::string fix = "give " + wanted(spec);
+    if (scalar && node.is_number()) {
+        const std::optional<double> number = read_number(node, minimum, spec.maximum, label, fix, reading);
+        if (number) numbers.insert(numbers.end(), count, *number);
+        return number.has_value();
+    }
+    const toml::array* array = node.as_array();
+    if (!array || array->size() != count) return wrong(node, spec, label, reading);
+    bool good = true;
+    for (size_t i = 0; i < count; ++i) {
+        const std::string part = fmt::format("number {} of {}", i + 1, label);
+        const auto number = read_number(*array->get(i), minimum, spec.maximum, part, fix, reading);
+        numbers.push_back(number.value_or(0.0));
+        good = good && number.has_value();
+    }
+    return good;
+}
+
+bool read_choice(const toml::node& node, std::span<const std::string> choices, const std::string& label,
+                 std::string& text, Reading& reading) {
+    if (node.is_string()) {
+        text = node.as_string()->get();
+        for (const std::string& choice : choices)
+            if (choice == text) return true;
+    }
+    reading.report(place_of(node, reading), fmt::format("{} is {}", label, found(node)),
+                   node.is_string() ? hint(text, choices, "choice")
+                                    : "give one of " + listed(choices) + " in quotes");
+    return false;
+}
+
+bool only_keys(const toml::table& table, std::span<const std::string> known, const std::string& label,
+               Reading& reading) {
+    bool good = true;
+    for (const auto& [key, node] : table) {
+        bool is_known = false;
+        for (const std::string& name : known) is_known = is_known || name == key.str();
+        if (is_known) continue;
+        reading.report(place_of(key.source(), reading),
+                       fmt::format("{}.{} is unknown", label, clean(key.str())),
+                       hint(key.str(), known, "key"));
+        good = false;
+    }
+    return good;
+}
+
+std::optional<ParamValue> read_value(const toml::node& node, const ParamSpec& spec, const std::string& label,
+                                     Reading& reading) {
+    ParamValue value;
+    value.spec = &spec;
+    value.place = place_of(node, reading);
+    value.given = true;
+    if (!read_into(node, spec, label, value, reading)) return {};
+    return value;
+}
+
+std::optional<ParamValue> default_value(const ParamSpec& spec, const std::string& label, const Place& table,
+                                        Reading& reading) {
+    auto [entry, is_new] = reading.defaults.try_emplace(&spec);
+    if (is_new) {
+        Reading aside;
+        aside.file = reading.file;
+        const toml::table parsed = default_table(spec);
+        if (const toml::node* node = parsed.get("value"))
+            entry->second = read_value(*node, spec, label, aside);
+        if (!entry->second)
+            reading.report(
+                table,
+                fmt::format("the default of {}, {}, is no valid value", label, in_quotes(spec.initial)),
+                "tell its maker, or give a value (" + wanted(spec) + ")");
+    }
+    if (!entry->second) return {};
+    ParamValue value = *entry->second;
+    value.place = table;
+    value.given = false;
+    return value;
+}
+
+} // namespace marram

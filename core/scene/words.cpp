@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/scene/words.h"
+#include "core/scene/suggest.h"
+
+#include <cmath>
+#include <fmt/format.h>
+
+namespace marram {
+
+std::string found(const toml::node& node) {
+    if (const auto* text = node.as_string()) return "the text " + in_quotes(text->get());
+    if (const auto* flag = node.as_boolean()) return flag->get() ? "true" : "false";
+    if (const auto* integer = node.as_integer()) return fmt::format("{}", integer->get());
+    if (const auto* number = node.as_floating_point()) {
+        std::string text = fmt::format("{}", number->get());
+        // 4.0 where a whole number is wanted: say it as it was written.
+        if (std::isfinite(number->get()) && text.find_first_of(".e") == std::string::npos) text += ".0";
+        return text;
+    }
+    if (const auto* array = node.as_array())
+        return array->empty() ? "an empty list" : fmt::format("a list of {}", array->size());
+    return node.is_table() ? "a table" : "a date or time";
+}
+
+std::string limit(double value) {
+    if (std::fabs(value) < 1e6 && (value == 0.0 || std::fabs(value) >= 1e-3)) return fmt::format("{}", value);
+    std::string text = fmt::format("{:g}", value); // 1e+08
+    if (const size_t plus = text.find('+'); plus != std::string::npos) text.erase(plus, 1);
+    if (const size_t zero = text.find("e0"); zero != std::string::npos) text.erase(zero + 1, 1);
+    if (const size_t zero = text.find("e-0"); zero != std::string::npos) text.erase(zero + 2, 1);
+    return text; // 1e8
+}
+
+std::string bounds(const ParamSpec& spec) {
+    const std::string unit = spec.unit.empty() ? "" : " " + spec.unit;
+    double low = spec.minimum;
+    if (spec.type == ParamType::color) low = std::max(low, 0.0);
+    const bool below = std::isfinite(low), above = std::isfinite(spec.maximum);
+    if (below && above) return fmt::format(" from {} to {}{}", limit(low), limit(spec.maximum), unit);
+    if (below) return fmt::format(" of {}{} or more", limit(low), unit);
+    if (above) return fmt::format(" of {}{} or less", limit(spec.maximum), unit);
+    return spec.unit.empty() ? "" : " in " + spec.unit;
+}
+
+std::string wanted(const ParamSpec& spec) {
+    switch (spec.type) {
+    case ParamType::boolean:
+        return "true or false";
+    case ParamType::integer:
+        return "a whole number" + bounds(spec);
+    case ParamType::number:
+        return "a number" + bounds(spec);
+    case ParamType::vec2:
+        return "[a, b], two numbers" + bounds(spec);
+    case ParamType::vec3:
+        return "[x, y, z], three numbers" + bounds(spec);
+    case ParamType::range:
+        return "[low, high] or one number," + (bounds(spec).empty() ? " any" : bounds(spec));
+    case ParamType::color:
+        return "[r, g, b] or one number for a grey, linear," + bounds(spec);
+    case ParamType::text:
+        return "a text in quotes";
+    case ParamType::choice:
+        return "one of " + listed(split(spec.choices, '|'), 100) + " in quotes";
+    case ParamType::ramp:
+        return "[[position, value], ...] or { knots = [[position, value], ...], interpolation = \"linear\" }";
+    case ParamType::file:
+        return "the path of a file, in quotes";
+    case ParamType::image:
+        return "the path of an image, in quotes";
+    case ParamType::reference:
+        return fmt::format("the name of a {}, in quotes", spec.choices);
+    case ParamType::texts:
+        return "a list of texts, [\"a\", \"b\"]";
+    case ParamType::keys:
+        return "{ translate = [x, y, z], rotate = [x, y, z], scale = 1 } or { keys = [{ frame = 1, ... }, "
+               "...] }";
+    case ParamType::unavailable:
+        break;
+    }
+    return "nothing";
+}
+
+} // namespace marram

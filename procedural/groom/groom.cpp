@@ -1,0 +1,335 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/groom/groom.h"
+
+#include "procedural/groom/description.h"
+#include "procedural/groom/roots.h"
+#include "procedural/groom/strand_shape.h"
+#include "procedural/wind/chain.h"
+
+#include <tbb/enumerable_thread_specific.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <new>
+#include <string>
+
+namespace marram {
+namespace {
+
+constexpr std::array attributes = {
+    MarramAttribute{"root_normal", 3, 0, "surface normal at the root"},
+    MarramAttribute{"root_uv", 2, 0, "surface uv at the root"},
+    MarramAttribute{"id", 1, 0, "a number below 2^24 that stays with the strand, whatever grows elsewhere"},
+    MarramAttribute{"envelope", 1, 1, "share of the wind that reaches a CV"},
+};
+enum AttributeIndex : uint32_t { root_normal, root_uv, id, envelope };
+
+// CVs that one patch aims at: enough to hide the cost of a task, few enough to stay in a core's cache.
+constexpr int patch_cvs = 4096;
+
+int strands_a_patch(int cvs) { return std::clamp((patch_cvs / cvs + lanes - 1) / lanes * lanes, lanes, 512); }
+
+struct Worker { // what a thread keeps from patch to patch
+    Strands strands;
+    StageClock clock;
+};
+
+struct GroomInstance {
+    MarramHost host{};
+    Groom groom;
+    Wind wind;
+
+    std::vector<Root> roots;
+    std::vector<float> bind_positions;
+    bool placed = false;
+    double placing_seconds = 0.0;
+
+    MarramFrame frame{};
+    const MarramMesh* mesh = nullptr;
+    uint32_t time_count = 1;
+    std::vector<float> width_profile; // [cvs], half of it: radius of a strand 1 wide
+
+    tbb::enumerable_thread_specific<Worker> workers;
+
+    GrowthPoses poses(uint32_t time) const {
+        const uint32_t t = std::min(time, mesh->time_count - 1);
+        const Surface now{mesh->positions[t], mesh->normals ? mesh->normals[t] : nullptr, mesh->triangles, mesh->uvs,
+                          mesh->triangle_count};
+        const Surface bind{bind_positions.data(), nullptr, mesh->triangles, mesh->uvs, mesh->triangle_count};
+        return {bind, now};
+    }
+    uint32_t patch_count() const {
+        const auto size = uint64_t(strands_a_patch(groom.cvs));
+        return uint32_t((roots.size() + size - 1) / size);
+    }
+    std::span<const Root> patch_roots(uint32_t patch) const {
+        const auto size = size_t(strands_a_patch(groom.cvs));
+        const size_t first = size_t(patch) * size;
+        return std::span(roots).subspan(first, std::min(size, roots.size() - first));
+    }
+};
+
+GroomInstance& self(MarramInstance* instance) { return *reinterpret_cast<GroomInstance*>(instance); }
+
+// Nothing is thrown across the border.
+template <typename Body>
+MarramStatus guarded(const MarramHost& host, Body&& body) {
+    try {
+        return body();
+    } catch (const SceneFault& fault) {
+        host.message(host.user, MARRAM_FAULT, fault.place.c_str(), fault.what());
+    } catch (const std::bad_alloc&) {
+        host.message(host.user, MARRAM_FAULT, "", "the groom does not fit into memory: lower its density or count");
+    } catch (const std::exception& error) {
+        host.message(host.user, MARRAM_FAULT, "", error.what());
+    }
+    return MARRAM_ERROR;
+}
+
+MarramStatus create(const MarramHost* host, const MarramValue* values, uint32_t count, MarramInstance** out) {
+    return guarded(*host, [&] {
+        auto instance = std::make_unique<GroomInstance>();
+        instance->host = *host;
+        const Values given(values, count);
+        instance->groom = read_groom(given);
+        instance->wind = read_wind(given);
+        for (int k = 0; k < instance->groom.cvs; ++k)
+            instance->width_profile.push_back(
+                float(0.5 * instance->groom.width_profile(double(k) / double(instance->groom.cvs - 1))));
+        *out = reinterpret_cast<MarramInstance*>(instance.release());
+        return MARRAM_OK;
+    });
+}
+
+void find_mesh(GroomInstance& instance) {
+    instance.mesh = nullptr;
+    for (uint32_t i = 0; i < instance.frame.mesh_count; ++i)
+        if (instance.groom.mesh == instance.frame.meshes[i].name) instance.mesh = &instance.frame.meshes[i];
+    if (!instance.mesh)
+        throw SceneFault(instance.groom.mesh_place, "there is no mesh '" + instance.groom.mesh + "' to grow on: name one of the scene's");
+}
+
+MarramStatus place(GroomInstance& instance) {
+    const double begin = std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+    instance.bind_positions.resize(3 * size_t(instance.mesh->vertex_count));
+    const auto index = uint32_t(instance.mesh - instance.frame.meshes);
+    const MarramStatus status = instance.frame.pose(instance.frame.pose_user, index, instance.frame.bind_frame,
+                                                    instance.bind_positions.data());
+    if (status != MARRAM_OK) return status;
+    const auto cancelled = [&] { return instance.host.cancelled(instance.host.user) != 0; };
+    instance.roots = place_roots(instance.groom, instance.poses(0).bind, cancelled);
+    if (cancelled()) return MARRAM_CANCELLED;
+    instance.placed = true;
+    instance.placing_seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count() - begin;
+    return MARRAM_OK;
+}
+
+MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
+    GroomInstance& instance = self(opaque);
+    return guarded(instance.host, [&] {
+        instance.frame = *frame;
+        instance.workers.clear();
+        instance.placing_seconds = 0.0;
+        find_mesh(instance);
+        if (!instance.placed) {
+            const MarramStatus status = place(instance);
+            if (status != MARRAM_OK) return status;
+        }
+        const bool moves = instance.mesh->time_count > 1 || (frame->stage != MARRAM_REST && wind_moves(instance.wind));
+        instance.time_count = moves ? frame->time_count : 1;
+        *out = MarramOutput{};
+        out->kind = MARRAM_CURVES;
+        out->curve_count = instance.roots.size();
+        out->cvs_per_curve = uint32_t(instance.groom.cvs);
+        out->patch_count = instance.patch_count();
+        out->time_count = instance.time_count;
+        out->basis = instance.groom.basis;
+        out->shape = instance.groom.shape;
+        return MARRAM_OK;
+    });
+}
+
+MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
+    const GroomInstance& instance = self(opaque);
+    const std::span<const Root> roots = instance.patch_roots(index);
+    out->first_curve = uint64_t(roots.data() - instance.roots.data());
+    out->curve_count = uint32_t(roots.size());
+    Vec3d lower = Vec3d::Constant(std::numeric_limits<double>::infinity()), upper = -lower;
+    const uint32_t poses = std::min(instance.time_count, instance.mesh->time_count);
+    for (uint32_t time = 0; time < poses; ++time) {
+        const Surface now = instance.poses(time).now;
+        for (const Root root : roots) {
+            const Vec3d p = now.point(root.triangle, root_weights(instance.groom.seed, root));
+            lower = lower.cwiseMin(p);
+            upper = upper.cwiseMax(p);
+        }
+    }
+    // Whatever bends a strand keeps its length, so it stays in a ball about its root. B-splines stay within the hull of their
+    // CVs (drawn to the tip with the phantom rule too); Catmull-Rom leaves it by less than a third of a segment.
+    const double length = longest_strand(instance.groom);
+    double widest = 0.0;
+    for (const float half : instance.width_profile) widest = std::max(widest, double(half));
+    const double beyond = instance.groom.basis == MARRAM_CATMULL_ROM ? length / (3.0 * (instance.groom.cvs - 1)) : 0.0;
+    const double scale = std::max(lower.cwiseAbs().maxCoeff(), upper.cwiseAbs().maxCoeff()) + length;
+    const double reach = (length + beyond + instance.groom.width * widest) * (1.0 + 1e-5) + 4.0 * scale * 0x1p-23;
+    for (int axis = 0; axis < 3; ++axis) {
+        out->lower[axis] = float(lower[axis] - reach);
+        out->upper[axis] = float(upper[axis] + reach);
+    }
+    return MARRAM_OK;
+}
+
+// One motion sample of a patch: CVs with the phantoms at both ends, four floats each.
+void write_vertices(const GroomInstance& instance, std::span<const Root> roots, const Strands& strands, float* out) {
+    const int cvs = strands.cvs;
+    const std::vector<float>& profile = instance.width_profile;
+    for (size_t i = 0; i < roots.size(); ++i) {
+        const Wide3f* pose = strands.pose.data() + (i / lanes) * size_t(cvs);
+        const auto lane = int(i % lanes);
+        const auto width = float(strand_width(instance.groom, roots[i]));
+        float* strand = out + i * size_t(cvs + 2) * 4;
+        for (int k = 0; k < cvs; ++k) {
+            float* v = strand + 4 * (k + 1);
+            v[0] = pose[k].x[lane];
+            v[1] = pose[k].y[lane];
+            v[2] = pose[k].z[lane];
+            v[3] = width * profile[size_t(k)];
+        }
+        float* tip = strand + 4 * (cvs + 1);
+        for (int c = 0; c < 4; ++c) {
+            strand[c] = 2.0F * strand[4 + c] - strand[8 + c];
+            tip[c] = 2.0F * tip[c - 4] - tip[c - 8];
+        }
+    }
+}
+
+void write_normals(const Strands& strands, size_t count, float* out) {
+    const int cvs = strands.cvs;
+    for (size_t i = 0; i < count; ++i) {
+        const Wide3f* normal = strands.pose_normal.data() + (i / lanes) * size_t(cvs);
+        const auto lane = int(i % lanes);
+        float* strand = out + i * size_t(cvs + 2) * 3;
+        for (int k = 0; k < cvs + 2; ++k) {
+            const Wide3f& n = normal[std::clamp(k - 1, 0, cvs - 1)];
+            strand[3 * k] = n.x[lane];
+            strand[3 * k + 1] = n.y[lane];
+            strand[3 * k + 2] = n.z[lane];
+        }
+    }
+}
+
+void write_attribute(const GroomInstance& instance, std::span<const Root> roots, const Strands& strands, uint32_t which,
+                     float* out) {
+    const GrowthPoses poses = instance.poses(0);
+    for (size_t i = 0; i < roots.size(); ++i) {
+        const Vec3d weights = root_weights(instance.groom.seed, roots[i]);
+        if (which == root_normal) {
+            const Vec3d n = frame_at(poses.now, roots[i].triangle, weights).normal;
+            for (int axis = 0; axis < 3; ++axis) out[3 * i + size_t(axis)] = float(n[axis]);
+        } else if (which == root_uv) {
+            const Vec2d uv = poses.now.uv(roots[i].triangle, weights);
+            out[2 * i] = float(uv.x());
+            out[2 * i + 1] = float(uv.y());
+        } else if (which == id) {
+            out[i] = float(root_hash(instance.groom.seed, roots[i], Purpose::id) >> 40);
+        } else if (which == envelope) {
+            const VFloat* e = strands.envelope.data() + (i / lanes) * size_t(strands.cvs);
+            for (int k = 0; k < strands.cvs; ++k) out[i * size_t(strands.cvs) + size_t(k)] = e[k][int(i % lanes)];
+        }
+    }
+}
+
+MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatchBuffers* buffers) {
+    GroomInstance& instance = self(opaque);
+    if (instance.host.cancelled(instance.host.user)) return MARRAM_CANCELLED;
+    return guarded(instance.host, [&] {
+        Worker& worker = instance.workers.local();
+        const std::span<const Root> roots = instance.patch_roots(index);
+        Strands& strands = worker.strands;
+        strands.resize(int(roots.size()), instance.groom.cvs, instance.groom.shape == MARRAM_ORIENTED_RIBBON);
+        for (uint32_t time = 0; time < instance.time_count; ++time) {
+            if (time < instance.mesh->time_count) { // later motion samples of a resting mesh share its rest strands
+                const StageTimer timer(worker.clock.expand);
+                expand(instance.groom, instance.poses(time), roots, instance.wind.rest_anchored, strands);
+            }
+            run_chain(instance.wind, instance.groom.envelope, instance.frame.times[time], instance.frame.fps,
+                      instance.frame.stage, strands, worker.clock);
+            const StageTimer timer(worker.clock.write);
+            write_vertices(instance, roots, strands, buffers->vertices[time]);
+            if (strands.oriented) write_normals(strands, roots.size(), buffers->normals[time]);
+            if (time > 0) continue;
+            for (uint32_t a = 0; a < buffers->attribute_count; ++a)
+                write_attribute(instance, roots, strands, buffers->attributes[a], buffers->attribute_values[a]);
+        }
+        return MARRAM_OK;
+    });
+}
+
+MarramStatus mesh(MarramInstance* opaque, const MarramMeshBuffers*) {
+    const GroomInstance& instance = self(opaque);
+    instance.host.message(instance.host.user, MARRAM_FAULT, "", "a groom makes curves: call tessellate, not mesh");
+    return MARRAM_ERROR;
+}
+
+void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
+    GroomInstance& instance = self(opaque);
+    StageClock sum;
+    size_t scratch = 0;
+    for (const Worker& worker : instance.workers) {
+        sum += worker.clock;
+        const Strands& s = worker.strands;
+        scratch += (s.rest.capacity() + s.pose.capacity() + s.rest_normal.capacity() + s.pose_normal.capacity() +
+                    s.values.capacity()) * sizeof(Wide3f) +
+                   s.envelope.capacity() * sizeof(VFloat) + (s.anchor.capacity() + s.points.capacity()) * sizeof(Wide3d);
+    }
+    sink(user, "seconds.roots", instance.placing_seconds);
+    sink(user, "thread_seconds.expand", sum.expand + sum.write);
+    sink(user, "thread_seconds.bend", sum.bend);
+    sink(user, "memory.bytes", double(instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 + scratch));
+}
+
+void destroy(MarramInstance* opaque) { delete &self(opaque); }
+
+// The groom's own parameters and behind them the wind's as "wind.<name>". Names must live as long as the library.
+const std::vector<MarramParam>& all_params() {
+    static const std::vector<std::string> names = [] {
+        std::vector<std::string> list;
+        for (const MarramParam& param : wind_params()) list.push_back(std::string("wind.") + param.name);
+        return list;
+    }();
+    static const std::vector<MarramParam> params = [] {
+        std::vector<MarramParam> list(groom_params().begin(), groom_params().end());
+        for (size_t i = 0; i < wind_params().size(); ++i) {
+            list.push_back(wind_params()[i]);
+            list.back().name = names[i].c_str();
+        }
+        return list;
+    }();
+    return params;
+}
+
+} // namespace
+
+MarramProcedural groom_procedural() {
+    MarramProcedural procedural{};
+    procedural.name = "groom";
+    procedural.help = "hair, fur or grass that grows on a mesh and bends in the scene's wind";
+    procedural.kind = MARRAM_CURVES;
+    procedural.params = all_params().data();
+    procedural.param_count = uint32_t(all_params().size());
+    procedural.attributes = attributes.data();
+    procedural.attribute_count = uint32_t(attributes.size());
+    procedural.create = create;
+    procedural.begin = begin;
+    procedural.patch = patch;
+    procedural.tessellate = tessellate;
+    procedural.mesh = mesh;
+    procedural.report = report;
+    procedural.destroy = destroy;
+    return procedural;
+}
+
+} // namespace marram

@@ -1,0 +1,323 @@
+// SPDX-License-Identifier: Apache-2.0
+// Poisson-like roots on a triangle mesh, in parallel, with one right answer.
+//
+// Candidates are drawn uniformly over each triangle; each has a priority by hash. A candidate is kept when no kept
+// candidate of higher priority lies within the radius r: the result of throwing darts in the order of priority. That rule
+// refers to nothing but candidates nearby, so it can be evaluated in rounds, by any number of threads in any order: a
+// candidate that is the highest undecided one around is kept, one next to a kept higher one is dropped, all else waits.
+//
+// How many candidates to draw for a density d follows from the kinetics of random sequential adsorption of discs: with
+// coverage c = (number a unit area) * pi r^2 / 4 and attempts t in the same unit,
+//     dc/dt = phi(c),   phi(c) = 1 - 4 c + 6 sqrt(3)/pi c^2 + (40/(sqrt(3) pi) - 176/(3 pi^2)) c^3 + O(c^4)
+// (P. Schaaf and J. Talbot, "Surface exclusion effects in adsorption processes", J. Chem. Phys. 91, 1989), which is good to
+// 1 % up to the coverage used here. So a density needs no second pass, and what happens elsewhere on the mesh cannot matter.
+// A count draws some more and keeps the highest priorities, which is the same as stopping the throws at that number.
+//
+// Neighbours: candidates are sorted by cell of a grid as fine as r, rows of cells one behind the other, so the cells next
+// to a moving candidate are nine moving runs of that same array.
+#include "procedural/groom/roots.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_reduce.h>
+#include <tbb/parallel_sort.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+
+namespace marram {
+namespace {
+
+// Coverage at spacing 1: r = 2 sqrt(c / pi) / sqrt(d) = 0.6 / sqrt(d).
+constexpr double full_coverage = 0.09 * pi;
+
+// Attempts for each disc that is kept, up to coverage c: the integral of dc / phi(c), over c.
+double attempts_a_disc(double coverage) {
+    if (coverage <= 0.0) return 1.0;
+    constexpr int steps = 256;
+    constexpr double b2 = 3.30797, b3 = 1.40688;
+    double attempts = 0.0;
+    for (int i = 0; i < steps; ++i) {
+        const double c = coverage * (i + 0.5) / steps;
+        attempts += 1.0 / (1.0 - 4.0 * c + b2 * c * c + b3 * c * c * c);
+    }
+    return attempts / steps;
+}
+
+constexpr uint64_t axis_bits = 21; // of a cell's coordinate in its key
+constexpr double axis_cells = double((1U << axis_bits) - 4);
+constexpr double in_cell_steps = 1023.0; // positions within a cell are kept to r / 1023
+
+struct Candidate {
+    uint32_t cell_high, cell_low; // z, y, x of its cell, 21 bits each
+    Root root;
+    uint32_t in_cell; // 10 bits an axis
+
+    uint64_t cell() const { return (uint64_t(cell_high) << 32) | cell_low; }
+};
+static_assert(sizeof(Candidate) == 20);
+
+bool in_order(const Candidate& a, const Candidate& b) {
+    if (a.cell() != b.cell()) return a.cell() < b.cell();
+    if (a.root.triangle != b.root.triangle) return a.root.triangle < b.root.triangle;
+    return a.root.index < b.root.index;
+}
+
+// Higher priority first; roots differ, so ties end at their identity.
+bool before(uint32_t seed, Root a, Root b) {
+    const uint64_t pa = root_hash(seed, a, Purpose::priority), pb = root_hash(seed, b, Purpose::priority);
+    if (pa != pb) return pa < pb;
+    return a.triangle != b.triangle ? a.triangle < b.triangle : a.index < b.index;
+}
+
+struct Grid {
+    Vec3d origin;
+    double cell = 1.0; // metres, >= radius
+
+    Candidate candidate(Root root, const Vec3d& p) const {
+        uint64_t key = 0;
+        uint32_t in_cell = 0;
+        for (int axis = 2; axis >= 0; --axis) {
+            const double x = (p[axis] - origin[axis]) / cell + 1.0; // 1: a border, so neighbours' keys never wrap
+            const double whole = std::floor(x);
+            key = (key << axis_bits) | uint64_t(whole);
+            in_cell = (in_cell << 10) | uint32_t((x - whole) * in_cell_steps);
+        }
+        return {uint32_t(key >> 32), uint32_t(key), root, in_cell};
+    }
+};
+
+// Squared distance of two candidates whose cells differ by at most 1 along each axis, in cells.
+double squared_distance(const Candidate& a, const Candidate& b) {
+    constexpr uint64_t mask = (1U << axis_bits) - 1;
+    double sum = 0.0;
+    for (int axis = 0; axis < 3; ++axis) {
+        const auto ca = int64_t((a.cell() >> (axis_bits * uint64_t(axis))) & mask);
+        const auto cb = int64_t((b.cell() >> (axis_bits * uint64_t(axis))) & mask);
+        const auto ia = int64_t((a.in_cell >> (10 * axis)) & 1023U), ib = int64_t((b.in_cell >> (10 * axis)) & 1023U);
+        const double d = double(ca - cb) + double(ia - ib) / in_cell_steps;
+        sum += d * d;
+    }
+    return sum;
+}
+
+// Share of the density at a candidate; its hash is below it or not, which keeps it or drops it.
+bool passes_masks(const Groom& groom, const Surface& bind, Root root, const Vec3d& weights, const Vec3d& point) {
+    if (!groom.density_masks.any()) return true;
+    const double share = groom.density_masks(bind.uv(root.triangle, weights), point.y(), plane_normal(bind.corners(root.triangle)));
+    return unit_double(root_hash(groom.seed, root, Purpose::mask)) < share;
+}
+
+// First candidate number of every triangle: area * attempts a square metre, rounded by the triangle's own hash, so that
+// neither a neighbour nor a small change of density renumbers anything.
+std::vector<uint64_t> candidate_offsets(const Groom& groom, const Surface& bind, double attempts) {
+    std::vector<uint64_t> first(size_t(bind.triangle_count) + 1, 0);
+    tbb::parallel_for(tbb::blocked_range<uint32_t>(0, bind.triangle_count, 4096), [&](const auto& range) {
+        for (uint32_t t = range.begin(); t < range.end(); ++t) {
+            const double wanted = bind.area(t) * attempts;
+            const double dither = unit_double(hash(hash(groom.seed, 0x7472'6961), t));
+            first[size_t(t) + 1] = uint64_t(std::floor(wanted + dither));
+        }
+    });
+    for (size_t t = 0; t < bind.triangle_count; ++t) first[t + 1] += first[t];
+    return first;
+}
+
+Grid grid_of(const Surface& bind, double radius) {
+    Vec3d lower = Vec3d::Constant(std::numeric_limits<double>::infinity()), upper = -lower;
+    for (uint32_t t = 0; t < bind.triangle_count; ++t)
+        for (const Vec3d& p : bind.corners(t)) {
+            lower = lower.cwiseMin(p);
+            upper = upper.cwiseMax(p);
+        }
+    const double extent = (upper - lower).maxCoeff();
+    return {lower, std::max({radius, extent / axis_cells, std::numeric_limits<double>::min()})};
+}
+
+// Candidates of all triangles, sorted. Where masks are 0 none are made.
+std::vector<Candidate> draw_candidates(const Groom& groom, const Surface& bind, const Grid& grid, double attempts,
+                                       const std::function<bool()>& cancelled) {
+    const std::vector<uint64_t> first = candidate_offsets(groom, bind, attempts);
+    const bool masked = groom.density_masks.any();
+    std::vector<Candidate> candidates(first.back());
+    tbb::parallel_for(tbb::blocked_range<uint64_t>(0, first.back(), 16384), [&](const auto& range) {
+        if (cancelled()) return;
+        auto t = uint32_t(std::upper_bound(first.begin(), first.end(), range.begin()) - first.begin() - 1);
+        for (uint64_t i = range.begin(); i < range.end(); ++i) {
+            while (i >= first[size_t(t) + 1]) ++t;
+            const Root root{t, uint32_t(i - first[t])};
+            const Vec3d weights = root_weights(groom.seed, root);
+            const Vec3d point = bind.point(t, weights);
+            candidates[i] = grid.candidate(root, point);
+            // Dropped ones go to the far end of the order.
+            if (masked && !passes_masks(groom, bind, root, weights, point)) candidates[i].cell_high = UINT32_MAX;
+        }
+    });
+    if (cancelled()) return {};
+    if (masked) std::erase_if(candidates, [](const Candidate& c) { return c.cell_high == UINT32_MAX; });
+    tbb::parallel_sort(candidates.begin(), candidates.end(), in_order);
+    return candidates;
+}
+
+enum : uint8_t { undecided, kept, dropped };
+
+// The nine runs of candidates in the cells around a candidate, moved along with it.
+class NeighbourRuns {
+  public:
+    NeighbourRuns(const std::vector<Candidate>& all, uint64_t from) : all_(all) {
+        for (int row = 0; row < 9; ++row) {
+            const uint64_t low = all[from].cell() + shift(row) - 1;
+            at_[row] = size_t(std::lower_bound(all.begin(), all.end(), low,
+                                               [](const Candidate& c, uint64_t key) { return c.cell() < key; }) -
+                              all.begin());
+        }
+    }
+    // Calls visit(j) for every candidate in the 27 cells around i until it returns false.
+    template <typename Visit>
+    void visit(size_t i, Visit&& visit) {
+        const uint64_t centre = all_[i].cell();
+        for (int row = 0; row < 9; ++row) {
+            const uint64_t low = centre + shift(row) - 1, high = low + 2;
+            size_t& at = at_[row];
+            while (at < all_.size() && all_[at].cell() < low) ++at;
+            for (size_t j = at; j < all_.size() && all_[j].cell() <= high; ++j)
+                if (j != i && !visit(j)) return;
+        }
+    }
+
+  private:
+    static uint64_t shift(int row) {
+        const int64_t dy = row % 3 - 1, dz = row / 3 - 1;
+        return uint64_t((dz << (2 * axis_bits)) + (dy * (int64_t(1) << axis_bits)));
+    }
+    const std::vector<Candidate>& all_;
+    size_t at_[9];
+};
+
+// One round over a range: decides what can be decided. Other threads' states may be read before or after they change; either
+// way leads to the same end, because a state never changes twice.
+bool decide(const std::vector<Candidate>& all, std::vector<std::atomic<uint8_t>>& state, uint32_t seed,
+            double squared_radius, size_t begin, size_t end) {
+    bool waiting = false;
+    NeighbourRuns runs(all, begin);
+    for (size_t i = begin; i < end; ++i) {
+        if (state[i].load(std::memory_order_relaxed) != undecided) continue;
+        uint8_t verdict = kept;
+        runs.visit(i, [&](size_t j) {
+            const uint8_t other = state[j].load(std::memory_order_relaxed);
+            if (other == dropped || squared_distance(all[i], all[j]) >= squared_radius) return true;
+            if (!before(seed, all[j].root, all[i].root)) return true;
+            verdict = other == kept ? dropped : undecided;
+            return verdict != dropped;
+        });
+        if (verdict == undecided) waiting = true;
+        else state[i].store(verdict, std::memory_order_relaxed);
+    }
+    return waiting;
+}
+
+void keep_spaced(std::vector<Candidate>& candidates, uint32_t seed, double radius_in_cells,
+                 const std::function<bool()>& cancelled) {
+    std::vector<std::atomic<uint8_t>> state(candidates.size());
+    const double squared_radius = radius_in_cells * radius_in_cells;
+    const tbb::blocked_range<size_t> all(0, candidates.size(), 8192);
+    bool waiting = !candidates.empty();
+    while (waiting && !cancelled())
+        waiting = tbb::parallel_reduce(
+            all, false,
+            [&](const auto& range, bool any) {
+                return decide(candidates, state, seed, squared_radius, range.begin(), range.end()) || any;
+            },
+            std::logical_or<>());
+    size_t count = 0;
+    for (size_t i = 0; i < candidates.size(); ++i)
+        if (state[i].load(std::memory_order_relaxed) == kept) candidates[count++] = candidates[i];
+    candidates.resize(count);
+}
+
+// Keeps the `count` candidates of highest priority.
+void keep_first(std::vector<Candidate>& candidates, uint32_t seed, uint64_t count) {
+    std::nth_element(candidates.begin(), candidates.begin() + ptrdiff_t(count), candidates.end(),
+                     [seed](const Candidate& a, const Candidate& b) { return before(seed, a.root, b.root); });
+    candidates.resize(count);
+}
+
+uint64_t spread_bits(uint64_t x) { // 21 bits, two zeros behind each
+    x = (x | (x << 32)) & 0x1f00000000ffffULL;
+    x = (x | (x << 16)) & 0x1f0000ff0000ffULL;
+    x = (x | (x << 8)) & 0x100f00f00f00f00fULL;
+    x = (x | (x << 4)) & 0x10c30c30c30c30c3ULL;
+    return (x | (x << 2)) & 0x1249249249249249ULL;
+}
+
+// Roots along a Z-curve over the grid: neighbours in the list are neighbours in space.
+std::vector<Root> in_space_order(std::vector<Candidate>& candidates) {
+    constexpr uint64_t mask = (1U << axis_bits) - 1;
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, candidates.size(), 16384), [&](const auto& range) {
+        for (size_t i = range.begin(); i < range.end(); ++i) {
+            const uint64_t cell = candidates[i].cell();
+            const uint64_t z_curve = spread_bits(cell & mask) | (spread_bits((cell >> axis_bits) & mask) << 1) |
+                                     (spread_bits(cell >> (2 * axis_bits)) << 2);
+            candidates[i].cell_high = uint32_t(z_curve >> 32);
+            candidates[i].cell_low = uint32_t(z_curve);
+        }
+    });
+    tbb::parallel_sort(candidates.begin(), candidates.end(), in_order);
+    std::vector<Root> roots(candidates.size());
+    for (size_t i = 0; i < roots.size(); ++i) roots[i] = candidates[i].root;
+    return roots;
+}
+
+double surface_area(const Surface& bind) {
+    double area = 0.0; // in order: the same sum at any thread count
+    for (uint32_t t = 0; t < bind.triangle_count; ++t) area += bind.area(t);
+    return area;
+}
+
+std::vector<Candidate> spaced_candidates(const Groom& groom, const Surface& bind, double density, double spare,
+                                         double spacing, const std::function<bool()>& cancelled) {
+    const double coverage = full_coverage * spacing * spacing;
+    const double radius = 2.0 * std::sqrt(coverage / (pi * density));
+    const Grid grid = grid_of(bind, radius);
+    std::vector<Candidate> candidates =
+        draw_candidates(groom, bind, grid, density * attempts_a_disc(coverage) * spare, cancelled);
+    if (radius > 0.0) keep_spaced(candidates, groom.seed, radius / grid.cell, cancelled);
+    return candidates;
+}
+
+} // namespace
+
+std::vector<Root> place_roots(const Groom& groom, const Surface& bind, const std::function<bool()>& cancelled) {
+    const double area = surface_area(bind);
+    if (!(area > 0.0))
+        throw SceneFault(groom.mesh_place, "the mesh '" + groom.mesh + "' has no area: strands need a surface to grow on");
+    if (groom.count == 0) {
+        if (groom.density <= 0.0) return {};
+        if (groom.density * area > 4e8)
+            throw SceneFault(groom.count_place, "density asks for " + std::to_string(groom.density * area) +
+                                                    " strands: more than 4e8 do not fit, ask for fewer a square metre");
+        std::vector<Candidate> candidates = spaced_candidates(groom, bind, groom.density, 1.0, groom.spacing, cancelled);
+        return in_space_order(candidates);
+    }
+    // A count: enough candidates that the wanted number is left, first as the whole area suggests, then by what was found.
+    double density = double(groom.count) / area, spacing = groom.spacing;
+    const double spare = 1.1 + 8.0 / std::sqrt(double(groom.count)); // eight standard deviations of a random count
+    constexpr int tries = 24;
+    for (int i = 0; i < tries; ++i) {
+        std::vector<Candidate> candidates = spaced_candidates(groom, bind, density, spare, spacing, cancelled);
+        if (cancelled()) return {};
+        if (candidates.size() >= groom.count) {
+            keep_first(candidates, groom.seed, groom.count);
+            return in_space_order(candidates);
+        }
+        // Masks leave a share of the area; without masks it is the curvature of thin parts, whose far sides are near.
+        const double share = double(candidates.size() + 1) / double(groom.count);
+        if (groom.density_masks.any() && share < 0.9) density = std::min(density / std::max(share, 0.1), 1e3 * double(groom.count) / area);
+        else spacing = i > 8 ? 0.0 : spacing * 0.85;
+    }
+    throw SceneFault(groom.count_place, "the density masks leave no room for " + std::to_string(groom.count) +
+                                            " strands: raise the masks or lower count");
+}
+
+} // namespace marram

@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+// A strand is laid out in its root's frame: N the surface normal, A the tangent that it leans to, S = N x A. Its centre line
+// leans by an angle that grows along it, theta(u) = lean + arc u, so with s = L/(n-1)
+//
+//     C_k = C_{k-1} + s (sin theta A + cos theta N),    theta at the segment's middle.
+//
+// Curl, clump and frizz displace C_k sideways:
+//
+//     curl    r(u) (cos psi E + sin psi S) - the same at 0,  psi = phase + 2 pi turns u,  E = dC/dtheta direction
+//     clump   (centre - root) amount profile(u), the part along the surface
+//     frizz   amplitude u (noise_x A + noise_y S), gradient noise along the strand
+//
+// and each segment is then laid with length s in the direction of the displaced difference. So curl and frizz shorten a
+// strand's reach, never its length, and all segments are equally long.
+//
+// Clumps are the cells of a jittered lattice at the bind pose (S. Worley, "A Cellular Texture Basis Function", SIGGRAPH
+// 1996): a root belongs to the nearest of the points in the 27 lattice cells around it.
+#include "procedural/groom/strand_shape.h"
+
+#include "procedural/ramp_table.h"
+#include "procedural/wind/noise.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace marram {
+namespace {
+
+// Uniform in [-1, 1].
+double symmetric(uint32_t seed, Root root, Purpose purpose) { return 2.0 * unit_double(root_hash(seed, root, purpose)) - 1.0; }
+
+Vec3d clump_centre(uint32_t seed, double size, const Vec3d& p) {
+    const Vec3d base = (p / size).array().floor();
+    Vec3d best = p;
+    double best_distance = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < 27; ++i) {
+        const Vec3d cell = base + Vec3d(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1);
+        uint64_t h = hash(seed, uint64_t(Purpose::clump));
+        for (int axis = 0; axis < 3; ++axis) h = hash(h, uint64_t(int64_t(cell[axis])));
+        const Vec3d jitter(double(h & 0xffff) * 0x1p-16, double((h >> 16) & 0xffff) * 0x1p-16, double((h >> 32) & 0xffff) * 0x1p-16);
+        const Vec3d point = (cell + jitter) * size;
+        const double distance = (point - p).squaredNorm();
+        if (distance >= best_distance) continue;
+        best_distance = distance;
+        best = point;
+    }
+    return best;
+}
+
+// What one strand needs, side by side for eight.
+struct alignas(64) Roots8 {
+    Wide3d origin, along, side, normal; // root, A, S, N
+    VDouble length, lean, arc, phase, frizz;
+    VDouble clump_along, clump_side; // metres towards the clump's centre, in the root's frame
+};
+
+void set_lane(Wide3d& v, int lane, const Vec3d& value) {
+    v.x[lane] = value.x();
+    v.y[lane] = value.y();
+    v.z[lane] = value.z();
+}
+
+// Angle from the frame's tangent to the direction that the strand leans to.
+double azimuth(const Groom& groom, const Surface& bind, Root root) {
+    const double draw = symmetric(groom.seed, root, Purpose::comb);
+    if (!groom.combed) return pi * draw;
+    const auto p = bind.corners(root.triangle);
+    const Vec3d n = plane_normal(p), t = (p[1] - p[0]).stableNormalized();
+    const double x = groom.comb.dot(t), y = groom.comb.dot(n.cross(t));
+    // Combed straight along the normal: no direction is better than another.
+    const bool defined = std::hypot(x, y) > 1e-6;
+    return (defined ? std::atan2(y, x) + groom.comb_variation * draw : pi * draw);
+}
+
+void set_root(const Groom& groom, const GrowthPoses& poses, Root root, bool anchor_at_bind, int lane, Roots8& roots,
+              Wide3d& anchor) {
+    const uint32_t seed = groom.seed;
+    const Vec3d weights = root_weights(seed, root);
+    const Frame frame = frame_at(poses.now, root.triangle, weights);
+    const Vec3d origin = poses.now.point(root.triangle, weights);
+    const Vec3d bind_origin = poses.bind.point(root.triangle, weights);
+    const double angle = azimuth(groom, poses.bind, root);
+    const Vec3d along = std::cos(angle) * frame.tangent + std::sin(angle) * frame.bitangent;
+    const Vec3d side = frame.normal.cross(along);
+    set_lane(roots.origin, lane, origin);
+    set_lane(roots.along, lane, along);
+    set_lane(roots.side, lane, side);
+    set_lane(roots.normal, lane, frame.normal);
+    set_lane(anchor, lane, anchor_at_bind ? bind_origin : origin);
+
+    double length = groom.length[0] + (groom.length[1] - groom.length[0]) * unit_double(root_hash(seed, root, Purpose::length));
+    if (groom.length_masks.any())
+        length *= groom.length_masks(poses.bind.uv(root.triangle, weights), bind_origin.y(),
+                                     plane_normal(poses.bind.corners(root.triangle)));
+    roots.length[lane] = length;
+    roots.lean[lane] = std::clamp(groom.lean + groom.lean_variation * symmetric(seed, root, Purpose::lean), 0.0, 0.5 * pi);
+    roots.arc[lane] = groom.arc + groom.arc_variation * symmetric(seed, root, Purpose::arc);
+    roots.phase[lane] = pi * symmetric(seed, root, Purpose::curl);
+    roots.frizz[lane] = unit_double(root_hash(seed, root, Purpose::frizz)) * 0x1p20;
+    roots.clump_along[lane] = roots.clump_side[lane] = 0.0;
+    if (groom.clump_size > 0.0 && groom.clump_amount > 0.0) {
+        const Vec3d pull = groom.clump_amount * (clump_centre(seed, groom.clump_size, bind_origin) - bind_origin);
+        // Measured in the bind pose's frame, so that it rides along when the surface turns.
+        const Frame bind = frame_at(poses.bind, root.triangle, weights);
+        const double x = pull.dot(bind.tangent), y = pull.dot(bind.bitangent);
+        roots.clump_along[lane] = x * std::cos(angle) + y * std::sin(angle);
+        roots.clump_side[lane] = y * std::cos(angle) - x * std::sin(angle);
+    }
+}
+
+// Sideways wander of every CV, in the two directions across the strand.
+void frizz_values(const Groom& groom, const Roots8& roots, Strands& strands) {
+    const int cvs = strands.cvs;
+    for (int k = 0; k < cvs; ++k) {
+        const double u = double(k) / double(cvs - 1);
+        strands.points[size_t(k)] = {splat(u * groom.frizz_frequency), roots.frizz, splat(0.5)};
+    }
+    FractalNoise noise;
+    noise.seed = groom.seed ^ 0x66726a7aU;
+    vector_noise(noise, strands.points.data(), cvs, false, 0.0, strands.values.data());
+}
+
+struct ShapeStep { // what is the same for all strands at CV k
+    double u, u_middle, clump, frizz;
+};
+
+MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep* steps, int cvs, const Wide3f* frizz,
+                        Wide3f* rest, Wide3f* normals) {
+    const VDouble step = roots.length / double(cvs - 1);
+    const bool curls = groom.curl_radius > 0.0 && groom.curl_turns > 0.0;
+    Wide3d centre{}, previous{}, position{}; // in the frame (A, S, N), from the root
+    VDouble phase_sine{}, phase_cosine{};
+    if (curls) sincos(roots.phase, phase_sine, phase_cosine);
+    rest[0] = to_float(roots.origin);
+    for (int k = 1; k < cvs; ++k) {
+        VDouble sine, cosine;
+        sincos(roots.lean + roots.arc * steps[k].u_middle, sine, cosine);
+        const Wide3d straight{sine * step, VDouble{}, cosine * step};
+        centre = centre + straight;
+        Wide3d displaced = centre;
+        displaced.x += roots.clump_along * steps[k].clump;
+        displaced.y += roots.clump_side * steps[k].clump;
+        if (curls) {
+            VDouble s, c;
+            sincos(roots.phase + 2.0 * pi * groom.curl_turns * steps[k].u, s, c);
+            const double radius = groom.curl_radius * steps[k].u;
+            const VDouble across = c * radius;
+            displaced = displaced + Wide3d{cosine * across, s * radius, -sine * across};
+        }
+        if (frizz) {
+            displaced.x += to_double(frizz[k].x) * steps[k].frizz;
+            displaced.y += to_double(frizz[k].y) * steps[k].frizz;
+        }
+        Wide3d d = displaced - previous;
+        const VDouble squared = dot(d, d);
+        const VLong usable = squared > 1e-24 * step * step; // else the displacements cancel the step: keep it straight
+        d = select(usable, d * (step / vsqrt(usable ? squared : splat(1.0))), straight);
+        previous = displaced;
+        position = position + d;
+        rest[k] = to_float(roots.origin + roots.along * position.x + roots.side * position.y + roots.normal * position.z);
+        if (normals) { // across the blade: the side vector crossed with the segment
+            const Wide3d tangent = roots.along * d.x + roots.side * d.y + roots.normal * d.z;
+            Wide3d n = cross(roots.side, tangent);
+            const VDouble nn = dot(n, n);
+            const VLong good = nn > 1e-24 * step * step;
+            n = select(good, n * (1.0 / vsqrt(good ? nn : splat(1.0))), roots.along);
+            normals[k] = to_float(n);
+        }
+    }
+    if (normals) normals[0] = normals[1];
+}
+
+} // namespace
+
+void expand(const Groom& groom, const GrowthPoses& poses, std::span<const Root> roots, bool anchor_at_bind,
+            Strands& strands) {
+    const int cvs = strands.cvs;
+    std::vector<ShapeStep> steps(static_cast<size_t>(cvs));
+    for (int k = 0; k < cvs; ++k) {
+        const double u = double(k) / double(cvs - 1);
+        steps[size_t(k)] = {u, (k - 0.5) / double(cvs - 1), groom.clump_profile(u), groom.frizz_amplitude * u};
+    }
+    const bool frizzy = groom.frizz_amplitude > 0.0;
+    for (int block = 0; block < strands.blocks; ++block) {
+        Roots8 eight;
+        for (int lane = 0; lane < lanes; ++lane) {
+            const size_t i = std::min(size_t(block) * lanes + size_t(lane), roots.size() - 1);
+            set_root(groom, poses, roots[i], anchor_at_bind, lane, eight, strands.anchor[size_t(block)]);
+        }
+        if (frizzy) frizz_values(groom, eight, strands);
+        const size_t first = size_t(block) * size_t(cvs);
+        lay_out(groom, eight, steps.data(), cvs, frizzy ? strands.values.data() : nullptr, strands.rest.data() + first,
+                strands.oriented ? strands.rest_normal.data() + first : nullptr);
+    }
+}
+
+double strand_width(const Groom& groom, Root root) {
+    return groom.width * (1.0 - groom.width_variation * unit_double(root_hash(groom.seed, root, Purpose::width)));
+}
+
+double longest_strand(const Groom& groom) { return groom.length[1]; } // masks only shorten
+
+} // namespace marram

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+// The mesh that strands grow on, at its bind pose and at the motion samples of a frame; and roots on it.
+#pragma once
+
+#include "core/math/hash.h"
+#include "core/math/vec.h"
+#include "core/plugin/marram_plugin.h"
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+namespace marram {
+
+// A root is its triangle and its number among that triangle's candidates. All else follows by hashing, so the root is also
+// the strand's identity, and eight bytes.
+struct Root {
+    uint32_t triangle, index;
+};
+
+// What a hash of a root is used for. Each purpose draws its own number.
+enum class Purpose : uint32_t { place, priority, mask, length, comb, lean, arc, curl, frizz, width, id, clump };
+
+inline uint64_t root_hash(uint32_t seed, Root root, Purpose purpose) {
+    const uint64_t identity = (uint64_t(root.triangle) << 32) | root.index;
+    return mix64(identity * 0x9e3779b97f4a7c15ULL ^ mix64((uint64_t(seed) << 32) | uint32_t(purpose)));
+}
+
+// Barycentric weights of a root, uniform over its triangle.
+inline Vec3d root_weights(uint32_t seed, Root root) {
+    const uint64_t h = root_hash(seed, root, Purpose::place);
+    const double s = std::sqrt((double(uint32_t(h)) + 0.5) * 0x1p-32), t = (double(h >> 32) + 0.5) * 0x1p-32;
+    return {1.0 - s, s * (1.0 - t), s * t};
+}
+
+// Positions of one pose of a mesh, with what a root needs of it. Pointers are borrowed.
+struct Surface {
+    const float* positions = nullptr; // xyz packed
+    const float* normals = nullptr;   // or nullptr: facetted
+    const uint32_t* triangles = nullptr;
+    const float* uvs = nullptr;
+    uint32_t triangle_count = 0;
+
+    Vec3d vertex(uint32_t i) const {
+        return {double(positions[3 * size_t(i)]), double(positions[3 * size_t(i) + 1]), double(positions[3 * size_t(i) + 2])};
+    }
+    std::array<Vec3d, 3> corners(uint32_t triangle) const {
+        const uint32_t* t = triangles + 3 * size_t(triangle);
+        return {vertex(t[0]), vertex(t[1]), vertex(t[2])};
+    }
+    Vec3d point(uint32_t triangle, const Vec3d& weights) const {
+        const auto p = corners(triangle);
+        return weights[0] * p[0] + weights[1] * p[1] + weights[2] * p[2];
+    }
+    Vec2d uv(uint32_t triangle, const Vec3d& weights) const {
+        if (!uvs) return Vec2d::Zero();
+        Vec2d sum = Vec2d::Zero();
+        for (int i = 0; i < 3; ++i) {
+            const size_t at = 2 * size_t(triangles[3 * size_t(triangle) + size_t(i)]);
+            sum += weights[i] * Vec2d(double(uvs[at]), double(uvs[at + 1]));
+        }
+        return sum;
+    }
+    double area(uint32_t triangle) const {
+        const auto p = corners(triangle);
+        return 0.5 * (p[1] - p[0]).cross(p[2] - p[0]).norm();
+    }
+};
+
+// An orthonormal frame on the surface that rides with it: normal, and tangent along the triangle's first edge.
+struct Frame {
+    Vec3d tangent, bitangent, normal;
+};
+
+// Unit normal of a triangle's plane. The triangle has an area: roots are placed nowhere else.
+inline Vec3d plane_normal(const std::array<Vec3d, 3>& p) { return (p[1] - p[0]).cross(p[2] - p[0]).stableNormalized(); }
+
+Frame frame_at(const Surface& surface, uint32_t triangle, const Vec3d& weights);
+
+} // namespace marram

@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: Apache-2.0
+// Eight strands side by side. The types are the compiler's vector extension: one source serves SSE2, AVX2 and AVX-512,
+// and because nothing is contracted or reassociated (-ffp-contract=off) all three give the same bits.
+//
+// A hot function is marked MARRAM_HOT: it is compiled once for each instruction set and the loader picks one at start-up.
+// Everything it calls must be MARRAM_INLINE, or it would run in its baseline version.
+//
+// The elementary functions below are polynomials valid on the stated domain only; errors were measured against long
+// double over 10^6 points (tests/unit/procedural/simd_test.cpp).
+#pragma once
+
+#include <tbb/cache_aligned_allocator.h>
+
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+namespace marram {
+
+inline constexpr int lanes = 8;
+
+#define MARRAM_INLINE __attribute__((always_inline)) inline
+#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__clang__)
+// Sanitizers run before the loader has resolved clones, so sanitized builds do without.
+#define MARRAM_HOT __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4"), flatten))
+#else
+#define MARRAM_HOT
+#endif
+
+// Aligned by hand: the baseline aligns wide vectors to 16 bytes only, but the clones expect their full width. A template
+// argument loses the attribute, so memory that clones see is a struct that says alignas, or a WideVector.
+using VFloat = float __attribute__((vector_size(lanes * 4), aligned(lanes * 4)));
+using VInt = int32_t __attribute__((vector_size(lanes * 4), aligned(lanes * 4)));
+using VUint = uint32_t __attribute__((vector_size(lanes * 4), aligned(lanes * 4)));
+using VDouble = double __attribute__((vector_size(lanes * 8), aligned(lanes * 8)));
+using VLong = int64_t __attribute__((vector_size(lanes * 8), aligned(lanes * 8)));
+
+template <typename T>
+using WideVector = std::vector<T, tbb::cache_aligned_allocator<T>>;
+
+MARRAM_INLINE VDouble splat(double x) { return VDouble{} + x; }
+MARRAM_INLINE VFloat splat_float(float x) { return VFloat{} + x; }
+MARRAM_INLINE VDouble to_double(VFloat x) { return __builtin_convertvector(x, VDouble); }
+MARRAM_INLINE VFloat to_float(VDouble x) { return __builtin_convertvector(x, VFloat); }
+
+template <typename To, typename From>
+MARRAM_INLINE To bits_as(From from) {
+    static_assert(sizeof(To) == sizeof(From));
+    To to;
+    std::memcpy(&to, &from, sizeof to);
+    return to;
+}
+
+MARRAM_INLINE VDouble vsqrt(VDouble x) {
+    VDouble r;
+    for (int i = 0; i < lanes; ++i) r[i] = std::sqrt(x[i]);
+    return r;
+}
+MARRAM_INLINE VFloat vsqrt(VFloat x) {
+    VFloat r;
+    for (int i = 0; i < lanes; ++i) r[i] = std::sqrt(x[i]);
+    return r;
+}
+MARRAM_INLINE VDouble vabs(VDouble x) { return bits_as<VDouble>(bits_as<VLong>(x) & INT64_MAX); }
+MARRAM_INLINE VDouble vmin(VDouble a, VDouble b) { return a < b ? a : b; }
+MARRAM_INLINE VDouble vmax(VDouble a, VDouble b) { return a > b ? a : b; }
+MARRAM_INLINE bool any(VLong mask) {
+    int64_t sum = 0;
+    for (int i = 0; i < lanes; ++i) sum |= mask[i];
+    return sum != 0;
+}
+
+// Adding this number rounds a double below 2^51 to the nearest integer and leaves that integer in the low bits.
+inline constexpr double round_magic = 6755399441055744.0; // 1.5 * 2^52
+
+// floor(x) and its low 32 bits, |x| < 2^51.
+MARRAM_INLINE VDouble vfloor(VDouble x, VInt& cell) {
+    const VDouble shifted = x + round_magic;
+    VDouble r = shifted - round_magic;
+    const VLong above = r > x; // -1 where rounding went up
+    r += __builtin_convertvector(above, VDouble);
+    cell = __builtin_convertvector(bits_as<VLong>(shifted) + above, VInt);
+    return r;
+}
+
+// sin and cos of x in [-pi/2, pi/2]: Taylor, error < 1e-13.
+MARRAM_INLINE void sincos_half_pi(VDouble x, VDouble& sine, VDouble& cosine) {
+    const VDouble z = x * x;
+    VDouble s = splat(1.0 / 355687428096000.0); // 1/17!
+    s = s * z - 1.0 / 1307674368000.0;
+    s = s * z + 1.0 / 6227020800.0;
+    s = s * z - 1.0 / 39916800.0;
+    s = s * z + 1.0 / 362880.0;
+    s = s * z - 1.0 / 5040.0;
+    s = s * z + 1.0 / 120.0;
+    s = s * z - 1.0 / 6.0;
+    sine = x + x * z * s;
+    VDouble c = splat(-1.0 / 6402373705728000.0); // -1/18!
+    c = c * z + 1.0 / 20922789888000.0;
+    c = c * z - 1.0 / 87178291200.0;
+    c = c * z + 1.0 / 479001600.0;
+    c = c * z - 1.0 / 3628800.0;
+    c = c * z + 1.0 / 40320.0;
+    c = c * z - 1.0 / 720.0;
+    c = c * z + 1.0 / 24.0;
+    c = c * z - 0.5;
+    cosine = 1.0 + z * c;
+}
+
+// sin and cos of any angle below 2^40 radians: reduced to half turns. Error < 1e-13 + 1e-16 |x|.
+MARRAM_INLINE void sincos(VDouble x, VDouble& sine, VDouble& cosine) {
+    const VDouble turns = x * (1.0 / 3.14159265358979323846) + round_magic;
+    const VLong odd = bits_as<VLong>(turns) & 1;
+    const VDouble n = turns - round_magic;
+    // pi in three parts, the first two with trailing zeros, so that n * part is exact for n < 2^20
+    const VDouble r = ((x - n * 3.141592651605606) - n * 1.9841871583270443e-09) - n * 1.034036596358821e-18;
+    sincos_half_pi(r, sine, cosine);
+    const VLong flip = odd << 63;
+    sine = bits_as<VDouble>(bits_as<VLong>(sine) ^ flip);
+    cosine = bits_as<VDouble>(bits_as<VLong>(cosine) ^ flip);
+}
+
+// The angle in [0, pi] of a right triangle with opposite side s >= 0 and adjacent side c, not both 0. Three halvings of
+// the tangent bring it below tan(pi/16); error < 1e-13 rad at every angle, near 0 and pi too.
+MARRAM_INLINE VDouble angle_of(VDouble s, VDouble c) {
+    const VDouble a = vabs(c);
+    VDouble t = s / (vsqrt(s * s + a * a) + a); // tan of half the acute angle
+    t = t / (1.0 + vsqrt(1.0 + t * t));
+    t = t / (1.0 + vsqrt(1.0 + t * t));
+    const VDouble z = t * t;
+    VDouble p = splat(1.0 / 17.0);
+    p = 1.0 / 15.0 - z * p;
+    p = 1.0 / 13.0 - z * p;
+    p = 1.0 / 11.0 - z * p;
+    p = 1.0 / 9.0 - z * p;
+    p = 1.0 / 7.0 - z * p;
+    p = 1.0 / 5.0 - z * p;
+    p = 1.0 / 3.0 - z * p;
+    const VDouble acute = 8.0 * (t - t * z * p);
+    return c < 0.0 ? 3.14159265358979323846 - acute : acute;
+}
+
+// Natural logarithm of a normal x > 0: exponent and mantissa in [sqrt(1/2), sqrt 2), then the series of atanh.
+// Error < 1e-15 relative to max(|log x|, 1).
+MARRAM_INLINE VDouble vlog(VDouble x) {
+    const VLong bits = bits_as<VLong>(x) - 0x3fe6a09e667f3bcdLL; // minus sqrt(1/2)
+    const VLong exponent = bits >> 52;
+    const VDouble m = bits_as<VDouble>(bits_as<VLong>(x) - (exponent << 52));
+    const VDouble e = bits_as<VDouble>(exponent + 0x4338000000000000LL) - round_magic;
+    const VDouble z = (m - 1.0) / (m + 1.0);
+    const VDouble w = z * z;
+    VDouble p = splat(1.0 / 19.0);
+    p = p * w + 1.0 / 17.0;
+    p = p * w + 1.0 / 15.0;
+    p = p * w + 1.0 / 13.0;
+    p = p * w + 1.0 / 11.0;
+    p = p * w + 1.0 / 9.0;
+    p = p * w + 1.0 / 7.0;
+    p = p * w + 1.0 / 5.0;
+    p = p * w + 1.0 / 3.0;
+    return e * 0.69314718055994530942 + (2.0 * z + 2.0 * z * w * p);
+}
+
+// e^x for x in [-700, 700]. Error < 1e-14 relative.
+MARRAM_INLINE VDouble vexp(VDouble x) {
+    const VDouble shifted = x * 1.4426950408889634074 + round_magic;
+    const VDouble k = shifted - round_magic;
+    const VDouble r = (x - k * 0.693145751953125) - k * 1.42860682030941723212e-6; // ln 2 in two parts
+    VDouble p = splat(1.0 / 479001600.0);
+    p = p * r + 1.0 / 39916800.0;
+    p = p * r + 1.0 / 3628800.0;
+    p = p * r + 1.0 / 362880.0;
+    p = p * r + 1.0 / 40320.0;
+    p = p * r + 1.0 / 5040.0;
+    p = p * r + 1.0 / 720.0;
+    p = p * r + 1.0 / 120.0;
+    p = p * r + 1.0 / 24.0;
+    p = p * r + 1.0 / 6.0;
+    p = p * r + 0.5;
+    p = p * r + 1.0;
+    p = p * r + 1.0;
+    const VLong scale = (bits_as<VLong>(shifted) - 0x4338000000000000LL + 1023) << 52;
+    return p * bits_as<VDouble>(scale);
+}
+
+// Three coordinates of eight strands.
+template <typename V>
+struct alignas(sizeof(V)) Wide3 {
+    V x, y, z;
+};
+using Wide3d = Wide3<VDouble>;
+using Wide3f = Wide3<VFloat>;
+
+template <typename V>
+MARRAM_INLINE Wide3<V> operator+(const Wide3<V>& a, const Wide3<V>& b) {
+    return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+template <typename V>
+MARRAM_INLINE Wide3<V> operator-(const Wide3<V>& a, const Wide3<V>& b) {
+    return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+template <typename V>
+MARRAM_INLINE Wide3<V> operator*(const Wide3<V>& a, V s) {
+    return {a.x * s, a.y * s, a.z * s};
+}
+template <typename V>
+MARRAM_INLINE V dot(const Wide3<V>& a, const Wide3<V>& b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+template <typename V>
+MARRAM_INLINE Wide3<V> cross(const Wide3<V>& a, const Wide3<V>& b) {
+    return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+MARRAM_INLINE Wide3d select(VLong mask, const Wide3d& a, const Wide3d& b) {
+    return {mask ? a.x : b.x, mask ? a.y : b.y, mask ? a.z : b.z};
+}
+MARRAM_INLINE Wide3d splat3(const double* v) { return {splat(v[0]), splat(v[1]), splat(v[2])}; }
+MARRAM_INLINE Wide3d to_double(const Wide3f& a) { return {to_double(a.x), to_double(a.y), to_double(a.z)}; }
+MARRAM_INLINE Wide3f to_float(const Wide3d& a) { return {to_float(a.x), to_float(a.y), to_float(a.z)}; }
+
+} // namespace marram

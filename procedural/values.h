@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// The values that a renderer hands to create(), read by name; and complaints about them.
+#pragma once
+
+#include "core/math/ramp.h"
+#include "core/math/vec.h"
+#include "core/plugin/marram_plugin.h"
+
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+namespace marram {
+
+// A mistake in the scene that only the procedural can see. Caught at the border and sent to the host.
+struct SceneFault : std::runtime_error {
+    SceneFault(std::string where, const std::string& text) : std::runtime_error(text), place(std::move(where)) {}
+    std::string place;
+};
+
+class Values {
+  public:
+    Values(const MarramValue* values, uint32_t count) : values_(values, count) {}
+
+    const MarramValue* find(std::string_view name) const {
+        for (const MarramValue& value : values_)
+            if (name == value.name) return &value;
+        return nullptr;
+    }
+    // A renderer that leaves out a declared value breaks the contract; it is told which.
+    const MarramValue& at(std::string_view name) const {
+        if (const MarramValue* value = find(name)) return *value;
+        throw SceneFault("", "the parameter '" + std::string(name) + "' was not handed over: pass every declared value");
+    }
+    bool has(std::string_view name) const { return find(name) != nullptr; }
+    double number(std::string_view name) const { return at(name).numbers[0]; }
+    int integer(std::string_view name) const { return static_cast<int>(at(name).numbers[0]); }
+    bool boolean(std::string_view name) const { return at(name).numbers[0] != 0.0; }
+    Vec2d range(std::string_view name) const { return Vec2d(at(name).numbers); }
+    Vec3d vec3(std::string_view name) const { return Vec3d(at(name).numbers); }
+    std::string_view text(std::string_view name) const { return at(name).text; }
+    Ramp ramp(std::string_view name) const {
+        const MarramValue& value = at(name);
+        return Ramp(std::span(value.numbers, value.number_count), value.text);
+    }
+
+  private:
+    std::span<const MarramValue> values_;
+};
+
+// A radian value of a parameter in degrees.
+inline double radians(const Values& values, std::string_view name) { return values.number(name) * degree; }
+
+} // namespace marram

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+// Curve wind, after A. Somasundaram, "Enhancing the Realism of Procedural Wind on Curves with Collision, Shielding, and
+// Gusts" (SIGGRAPH 2019 Talks), section 2.
+//
+// From root to tip, at segment k with start P_k, the curve as bent so far:
+//
+//     a = P_tip - P_k          b = w + amplitude * noise(P_root + w s_k waviness, travelling along w)
+//     f = 1 - (1 - clamp(global_rotate ramp(u_k) e_k))^(reference |segment k| / L)
+//     Q = the shortest turn from a onto b, its angle scaled by f; everything behind P_k turns by Q about P_k
+//
+// Turning everything behind P_k at each k is O(n^2). But the turns are all applied to the same rigid rest of the curve, so
+// only their product matters: R_k = Q_k R_{k-1}, segment k of the result is R_k d_k with d_k the rest segment, and
+// a = R_{k-1} (rest tip - rest P_k). One quaternion is carried; it is renormalised by one Newton step a segment, which
+// keeps it unit to 1e-16 for any number of CVs.
+//
+// The angle comes from |a x b| and a . b, which is accurate at 0 and pi alike. Where a and b are opposed to within
+// `opposed` the cross product says nothing of the axis. Then the curve's own bend decides: the axis that turns the segment
+// towards the tip, d_k x a, continues the way the strand already leans. A straight strand leaves that to the noise, a x
+// noise; without noise a fixed rule takes the coordinate axis that a is least along. Each is perpendicular to a.
+#include "procedural/wind/bend.h"
+
+#include "procedural/ramp_table.h"
+
+#include <cmath>
+
+namespace marram {
+namespace {
+
+// sin of the angle to exact opposition below which the axis is taken from elsewhere. The cross product of doubles is good to
+// 1e-16, so the axis is still good to 1e-7 here; stored CVs are floats and resolve no finer bend.
+constexpr double opposed = 1e-9;
+
+struct Turn { // unit quaternions
+    VDouble x, y, z, w;
+};
+
+MARRAM_INLINE Turn operator*(const Turn& a, const Turn& b) {
+    return {a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y, a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
+            a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w, a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z};
+}
+
+MARRAM_INLINE Turn renormalised(const Turn& q) {
+    const VDouble s = 1.5 - 0.5 * (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+    return {q.x * s, q.y * s, q.z * s, q.w * s};
+}
+
+MARRAM_INLINE Wide3d rotate(const Turn& q, const Wide3d& v) {
+    const Wide3d u{q.x, q.y, q.z};
+    const Wide3d t = cross(u, v) * splat(2.0);
+    return v + t * q.w + cross(u, t);
+}
+
+// Where the turn's axis is undefined: the first of three perpendiculars to `a` that is well defined itself.
+MARRAM_INLINE Wide3d axis_of_opposed(const Wide3d& a, const Wide3d& segment, const Wide3d& noise) {
+    const VDouble zero{}, one = splat(1.0);
+    const VLong x_least = (vabs(a.x) <= vabs(a.y)) & (vabs(a.x) <= vabs(a.z));
+    const VLong y_least = ~x_least & (vabs(a.y) <= vabs(a.z));
+    const Wide3d least{x_least ? one : zero, y_least ? one : zero, (x_least | y_least) ? zero : one};
+    Wide3d axis = cross(a, least);
+    const VDouble aa = dot(a, a);
+    const Wide3d by_noise = cross(a, noise);
+    axis = select(dot(by_noise, by_noise) > 1e-12 * aa * dot(noise, noise), by_noise, axis);
+    const Wide3d by_bend = cross(segment, a);
+    return select(dot(by_bend, by_bend) > 1e-12 * aa * dot(segment, segment), by_bend, axis);
+}
+
+// The turn from a onto b, its angle scaled by f in [0, 1]; identity (and turns = false) where it is 0 or has no meaning.
+MARRAM_INLINE Turn scaled_turn(const Wide3d& a, const Wide3d& b, VDouble f, const Wide3d& segment, const Wide3d& noise,
+                               VLong& turns) {
+    const VDouble aa = dot(a, a), bb = dot(b, b), cosine = dot(a, b);
+    turns = (f > 0.0) & (aa > 0.0) & (bb > 0.0);
+    Wide3d axis = cross(a, b);
+    const VDouble sine = vsqrt(dot(axis, axis));
+    const VLong is_opposed = (cosine < 0.0) & (sine <= opposed * vabs(cosine)) & turns;
+    if (any(is_opposed)) axis = select(is_opposed, axis_of_opposed(a, segment, noise), axis);
+    const VDouble axis_length = vsqrt(dot(axis, axis));
+    turns &= axis_length > 0.0;
+    const VDouble angle = angle_of(turns ? sine : VDouble{}, turns ? cosine : splat(1.0));
+    VDouble s, c;
+    sincos_half_pi(angle * f * 0.5, s, c);
+    const VDouble scale = turns ? s / (turns ? axis_length : splat(1.0)) : VDouble{};
+    return {axis.x * scale, axis.y * scale, axis.z * scale, turns ? c : splat(1.0)};
+}
+
+// 1 - (1 - f)^x for f in [0, 1], x >= 0; exactly 0 at f = 0, exactly 1 at f = 1 unless x = 0.
+MARRAM_INLINE VDouble compounded(VDouble f, VDouble x) {
+    const VDouble rest = 1.0 - f;
+    const VLong full = rest < 1e-300;
+    const VDouble exponent = vmax(x * vlog(full ? splat(1.0) : rest), splat(-700.0));
+    const VDouble result = 1.0 - vexp(exponent);
+    return full ? (x > 0.0 ? splat(1.0) : VDouble{}) : vmax(result, VDouble{});
+}
+
+// Distance that the noise has travelled and its place in the fourth dimension, in cells, at a time.
+struct NoiseTime {
+    double travel, w;
+};
+
+NoiseTime noise_time(const Wind& wind, double frame, double fps) {
+    const double seconds = frame / fps;
+    // The lattice repeats after 2^32 cells; taking whole periods off keeps coordinates small at any frame.
+    const double period = wind.noise.frequency > 0.0 ? 0x1p32 / wind.noise.frequency : 0.0;
+    const double travel = wind.speed * seconds;
+    // Octaves of other frequencies share that period only where lacunarity is a whole number, so it is taken off only
+    // where the coordinate would otherwise lose its fraction.
+    const bool far = std::abs(travel) * wind.noise.frequency > 0x1p40;
+    return {far ? std::fmod(travel, period) : travel, std::fmod(wind.evolution * seconds, 0x1p32)};
+}
+
+MARRAM_HOT void sample_points(const Wind& wind, double travel, const Wide3d& anchor, const VDouble* arc, int count,
+                              Wide3d* points) {
+    const Wide3d direction = splat3(wind.direction.data());
+    for (int k = 0; k < count; ++k) points[k] = anchor + direction * (arc[k] * wind.waviness - travel);
+}
+
+void sample_noise(const Wind& wind, NoiseTime time, const Wide3d& anchor, const VDouble* arc, int count, Wide3d* points,
+                  Wide3f* out) {
+    sample_points(wind, time.travel, anchor, arc, count, points);
+    vector_noise(wind.noise, points, count, wind.evolution != 0.0, time.w, out);
+}
+
+// Noise at the segment starts of one block. In a loop the field of one cycle later is faded in, so that the last frame
+// continues in the first; dividing by the weights' norm keeps its strength even on the way (the two are independent).
+void block_noise(const Wind& wind, double frame, double fps, const Wide3d& anchor, const VDouble* arc, int count,
+                 Strands& strands) {
+    Wide3f* out = strands.values.data();
+    if (!wind.loops) {
+        sample_noise(wind, noise_time(wind, frame, fps), anchor, arc, count, strands.points.data(), out);
+        return;
+    }
+    const double length = wind.loop_end - wind.loop_begin;
+    const double phase = (frame - wind.loop_begin) / length;
+    const double blend = phase - std::floor(phase);
+    const double now = wind.loop_begin + blend * length;
+    Wide3f* earlier = out + count;
+    sample_noise(wind, noise_time(wind, now, fps), anchor, arc, count, strands.points.data(), out);
+    sample_noise(wind, noise_time(wind, now - length, fps), anchor, arc, count, strands.points.data(), earlier);
+    const double norm = 1.0 / std::sqrt(blend * blend + (1.0 - blend) * (1.0 - blend));
+    const VFloat a = splat_float(float((1.0 - blend) * norm)), b = splat_float(float(blend * norm));
+    for (int k = 0; k < count; ++k) out[k] = out[k] * a + earlier[k] * b;
+}
+
+// Rest arc length from the root to each CV; [cvs - 1] is the whole length.
+MARRAM_HOT void arc_lengths(const Wide3f* rest, int cvs, VDouble* arc) {
+    arc[0] = VDouble{};
+    for (int k = 0; k + 1 < cvs; ++k) {
+        const Wide3d d = to_double(rest[k + 1]) - to_double(rest[k]);
+        arc[k + 1] = arc[k] + vsqrt(dot(d, d));
+    }
+}
+
+struct BlockView { // one block of a Strands
+    int cvs;
+    const Wide3f *rest, *rest_normal;
+    Wide3f *pose, *pose_normal;
+    const VFloat* envelope;
+    const VDouble* arc;
+    const Wide3f* noise; // nullptr: no noise
+};
+
+MARRAM_HOT void bend_block(const Wind& wind, const BlockView& block) {
+    const int last = block.cvs - 1;
+    const VDouble length = block.arc[last];
+    const VDouble per_length = length > 0.0 ? 1.0 / (length > 0.0 ? length : splat(1.0)) : VDouble{};
+    const double reference = wind.reference_segments > 0 ? wind.reference_segments : last;
+    const Wide3d w = splat3(wind.direction.data());
+    const Wide3d tip = to_double(block.rest[last]);
+    Turn turn{VDouble{}, VDouble{}, VDouble{}, splat(1.0)};
+    VLong turned{};
+    block.pose[0] = block.rest[0];
+    for (int k = 0; k < last; ++k) {
+        const Wide3d start = to_double(block.rest[k]);
+        const Wide3d segment = rotate(turn, to_double(block.rest[k + 1]) - start);
+        const Wide3d a = rotate(turn, tip - start);
+        const Wide3d noise =
+            block.noise ? to_double(block.noise[k]) * splat(wind.noise_amplitude) : Wide3d{};
+        VDouble f = evaluate(wind.ramp_rotate, block.arc[k] * per_length) * to_double(block.envelope[k]);
+        f = vmin(vmax(f * wind.global_rotate, VDouble{}), splat(1.0));
+        f = compounded(f, (block.arc[k + 1] - block.arc[k]) * per_length * reference);
+        VLong turns;
+        const Turn q = scaled_turn(a, w + noise, f, segment, noise, turns);
+        turn = renormalised(q * turn);
+        turned |= turns;
+        const Wide3d d = rotate(turn, to_double(block.rest[k + 1]) - start);
+        // From the stored start: each stored segment is off by one rounding, however long the strand.
+        const Wide3f moved = to_float(to_double(block.pose[k]) + d);
+        const VInt use = __builtin_convertvector(turned, VInt);
+        block.pose[k + 1] = {use ? moved.x : block.rest[k + 1].x, use ? moved.y : block.rest[k + 1].y,
+                             use ? moved.z : block.rest[k + 1].z};
+        if (block.rest_normal) block.pose_normal[k] = to_float(rotate(turn, to_double(block.rest_normal[k])));
+    }
+    if (block.rest_normal) block.pose_normal[last] = to_float(rotate(turn, to_double(block.rest_normal[last])));
+}
+
+} // namespace
+
+void bend(const Wind& wind, double frame, double fps, Strands& strands) {
+    const int cvs = strands.cvs;
+    WideVector<VDouble> arc(static_cast<size_t>(cvs));
+    const bool noisy = wind.noise_amplitude > 0.0;
+    for (int i = 0; i < strands.blocks; ++i) {
+        const size_t first = size_t(i) * size_t(cvs);
+        arc_lengths(strands.rest.data() + first, cvs, arc.data());
+        if (noisy) block_noise(wind, frame, fps, strands.anchor[size_t(i)], arc.data(), cvs - 1, strands);
+        bend_block(wind, {cvs, strands.rest.data() + first, strands.oriented ? strands.rest_normal.data() + first : nullptr,
+                          strands.pose.data() + first, strands.oriented ? strands.pose_normal.data() + first : nullptr,
+                          strands.envelope.data() + first, arc.data(), noisy ? strands.values.data() : nullptr});
+    }
+}
+
+} // namespace marram

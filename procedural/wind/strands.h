@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// The strands of one patch on their way through the chain: structure of arrays, eight strands side by side.
+//
+// Element [block * cvs + k] holds CV k of strands 8 * block ... 8 * block + 7. Positions are the floats that will be stored;
+// stages compute in double from them and round once. The lanes behind the last strand repeat it.
+#pragma once
+
+#include "core/math/vec.h"
+#include "procedural/simd.h"
+
+namespace marram {
+
+struct Strands {
+    int count = 0;  // strands
+    int cvs = 0;    // a strand
+    int blocks = 0; // of eight strands
+    bool oriented = false;
+
+    WideVector<Wide3f> rest, pose;               // [blocks * cvs]
+    WideVector<Wide3f> rest_normal, pose_normal; // [blocks * cvs] where `oriented`, else empty
+    WideVector<VFloat> envelope;                 // [blocks * cvs], 0 ... 1
+    WideVector<Wide3d> anchor;                   // [blocks]: where noise is sampled from
+    WideVector<Wide3d> points;                   // [cvs] scratch
+    WideVector<Wide3f> values;                   // [2 * cvs] scratch
+
+    void resize(int strand_count, int cvs_per_strand, bool with_normals) {
+        count = strand_count;
+        cvs = cvs_per_strand;
+        oriented = with_normals;
+        blocks = (count + lanes - 1) / lanes;
+        const size_t size = size_t(blocks) * size_t(cvs);
+        rest.resize(size);
+        pose.resize(size);
+        rest_normal.resize(with_normals ? size : 0);
+        pose_normal.resize(with_normals ? size : 0);
+        envelope.resize(size);
+        anchor.resize(size_t(blocks));
+        points.resize(size_t(cvs));
+        values.resize(size_t(cvs) * 2);
+    }
+};
+
+} // namespace marram

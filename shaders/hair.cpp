@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: Apache-2.0
+// The fibre scattering function, Chiang et al. 2016 (after Marschner 2003, d'Eon 2011). A fibre's axis is t; a direction w has
+// sin theta = w . t and an azimuth phi about t, counted from wo's. With h = sin gamma_o the offset at which wo meets the
+// unit circle of the cross-section, and p inner segments of path,
+//
+//   f cos = sum_p M_p(theta_o, theta_i) A_p(h, theta_o) N_p(phi_i)
+//
+// A_p: dielectric Fresnel F at the incidence cos theta_o cos gamma_o and absorption T = exp(-2 sigma cos gamma_t / cos theta_t)
+//   along one chord: A_0 = F, A_1 = (1-F)^2 T, A_p+1 = A_p F T; the residual p >= 3 is the rest of the series,
+//   A_2 F T / (1 - F T). With T = 1 they sum to 1: white fibres lose nothing. The chord bends with Bravais' index
+//   eta' = sqrt(eta^2 - sin^2 theta_o) / cos theta_o: sin gamma_t = h / eta'.
+// N_p: a logistic of scale s about Phi_p = 2 gamma_o - 2 p gamma_t + p pi (a mirror turns by 2 gamma_o, each refraction by
+//   gamma_o - gamma_t), cut to one turn; 1 / (2 pi) for the residual.
+// M_p: d'Eon's, exactly normalised over cos theta dtheta. With v the variance,
+//   M = I0(c_i c_o / v) exp(-s_i s_o / v) / (2 v sinh(1/v)) ,     c, s = cos, sin of theta
+//     = I0e(c_i c_o / v) exp(-((c_i - c_o)^2 + (s_i + s_o)^2) / (2 v)) / (v (1 - exp(-2/v))) ,
+//   I0e(x) = exp(-x) I0(x). The second form never overflows and has no difference of near-equal numbers.
+//   Sampling (d'Eon 2013): about the mirror cone, cos a = 1 + v log(u + (1 - u) exp(-2/v)), azimuth 2 pi u'.
+// Scales tilt the cuticle by alpha: theta_o is shifted by -2 alpha for R, +alpha for TT, +4 alpha for TRT.
+//
+// Fits of Chiang et al.: v from roughness, s from azimuthal roughness, sigma from the colour of many fibres. sigma of
+// melanin: d'Eon et al. 2011, for a unit radius. I0: Abramowitz and Stegun 9.8.1 and 9.8.2, error below 2e-7.
+//
+// Sampling is exact: a lobe with probability mean(A_p), then M_p and N_p by inversion; the density is the whole sum.
+#include "shaders/hair.h"
+
+#include <algorithm>
+
+namespace marram {
+
+namespace {
+
+constexpr float pi_f = static_cast<float>(pi);
+constexpr int lobe_count = 4;
+
+float bessel_i0_scaled(float x) {
+    if (x < 3.75F) {
+        const float t = (x / 3.75F) * (x / 3.75F);
+        const float i0 =
+            1.0F + t * (3.5156229F +
+                        t * (3.0899424F + t * (1.2067492F + t * (0.2659732F + t * (0.0360768F + t * 0.0045813F)))));
+        return i0 * std::exp(-x);
+    }
+    const float t = 3.75F / x;
+    const float tail = -0.02057706F + t * (0.02635537F + t * (-0.01647633F + t * 0.00392377F));
+    return (0.39894228F +
+            t * (0.01328592F + t * (0.00225319F + t * (-0.00157565F + t * (0.00916281F + t * tail))))) /
+           std::sqrt(x);
+}
+
+float longitudinal(float cos_i, float sin_i, float cos_o, float sin_o, float variance) {
+    const float c = cos_i - cos_o, s = sin_i + sin_o;
+    return bessel_i0_scaled(cos_i * cos_o / variance) * std::exp(-0.5F * (c * c + s * s) / variance) /
+           (variance * -std::expm1(-2.0F / variance));
+}
+
+float logistic(float x, float scale) {
+    const float e = std::exp(-std::abs(x) / scale);
+    return e / (scale * (1.0F + e) * (1.0F + e));
+}
+
+// Of the logistic cut to [-pi, pi]; norm is its mass there.
+float sample_logistic(float random, float scale, float norm) {
+    const float below = 0.5F * (1.0F - norm);
+    const float u = std::clamp(below + random * norm, 0x1p-24F, 1.0F - 0x1p-24F);
+    return std::clamp(-scale * std::log(1.0F / u - 1.0F), -pi_f, pi_f);
+}
+
+float wrap(float angle) { return angle - 2.0F * pi_f * std::round(angle / (2.0F * pi_f)); }
+
+float exit_azimuth(int p, float gamma_o, float gamma_t) {
+    return 2.0F * gamma_o + static_cast<float>(p) * (pi_f - 2.0F * gamma_t);
+}
+
+// Unpolarised, from outside, cosine >= 0.
+float fresnel(float cosine, float ior) {
+    const float sin2 = std::max(0.0F, 1.0F - cosine * cosine) / (ior * ior);
+    if (sin2 >= 1.0F) return 1.0F;
+    const float inside = std::sqrt(1.0F - sin2);
+    const float parallel = (ior * cosine - inside) / (ior * cosine + inside);
+    const float perpendicular = (cosine - ior * inside) / (cosine + ior * inside);
+    return 0.5F * (parallel * parallel + perpendicular * perpendicular);
+}
+
+Vec3f absorption_of_color(const Vec3f& color, float azimuthal_roughness) {
+    const float b = azimuthal_roughness;
+    const float scale =
+        5.969F + b * (-0.215F + b * (2.532F + b * (-10.73F + b * (5.574F + b * 0.245F))));
+    Vec3f sigma;
+    for (int c = 0; c < 3; ++c) {
+        constexpr float darkest = 1e-4F; // beyond it nothing is seen of a fibre's inside; log needs more than 0
+        const float root = std::log(std::clamp(color[c], darkest, 1.0F)) / scale;
+        sigma[c] = root * root;
+    }
+    return sigma;
+}
+
+Vec3f absorption_of_melanin(float melanin, float redness) {
+    return melanin * ((1.0F - redness) * Vec3f(0.419F, 0.697F, 1.37F) + redness * Vec3f(0.187F, 0.4F, 1.05F));
+}
+
+// What many such fibres look like, the inverse of absorption_of_color.
+Vec3f color_of_absorption(const Vec3f& sigma, float azimuthal_roughness) {
+    const float b = azimuthal_roughness;
+    const float scale =
+        5.969F + b * (-0.215F + b * (2.532F + b * (-10.73F + b * (5.574F + b * 0.245F))));
+    return (-scale * sigma.array().sqrt()).exp();
+}
+
+void set_attenuation(HairBsdf& bsdf, const Vec3f& sigma, float fresnel_reflectance, float chord) {
+    const Vec3f transmitted = (-chord * sigma.array()).exp();
+    const float f = fresnel_reflectance;
+    bsdf.attenuation[0] = Vec3f::Constant(f);
+    bsdf.attenuation[1] = (1.0F - f) * (1.0F - f) * transmitted;
+    bsdf.attenuation[2] = bsdf.attenuation[1].cwiseProduct(f * transmitted);
+    for (int c = 0; c < 3; ++c) { // f = 1 only where nothing has entered: 0 / 0 is 0
+        const float again = f * transmitted[c];
+        bsdf.attenuation[3][c] = again < 1.0F ? bsdf.attenuation[2][c] * again / (1.0F - again) : 0.0F;
+    }
+    float sum = 0.0F;
+    for (int p = 0; p < lobe_count; ++p) sum += bsdf.probability[p] = mean(bsdf.attenuation[p]);
+    for (int p = 0; p < lobe_count; ++p) bsdf.probability[p] /= sum;
+}
+
+void set_lobe_cones(HairBsdf& bsdf, const HairSettings& settings) {
+    const float s = bsdf.sin_theta_o, c = bsdf.cos_theta_o;
+    const auto& st = settings.sin_tilt;
+    const auto& ct = settings.cos_tilt;
+    bsdf.lobe_sin = {s * ct[1] - c * st[1], s * ct[0] + c * st[0], s * ct[2] + c * st[2], s};
+    bsdf.lobe_cos = {c * ct[1] + s * st[1], c * ct[0] - s * st[0], c * ct[2] - s * st[2], c};
+    for (float& cosine : bsdf.lobe_cos) cosine = std::abs(cosine); // tilted past the axis
+}
+
+} // namespace
+
+std::vector<ParamSpec> hair_params() {
+    std::vector<ParamSpec> params = {
+        {"pigment", ParamType::choice, "", "\"color\"", 0.0, 0.0, "color|melanin", "what sets the absorption"},
+        {"color", ParamType::color, "", "[0.6, 0.45, 0.3]", 0.0, 1.0, "",
+         "colour that many such fibres together have"},
+        {"melanin", ParamType::number, "", "1.3", 0.0, 100.0, "",
+         "pigment: 0 white, 0.3 blond, 1.3 brown, 8 black"},
+        {"melanin_redness", ParamType::number, "", "0", 0.0, 1.0, "", "share of the pigment that is red"},
+        {"roughness", ParamType::number, "", "0.3", 0.02, 1.0, "", "along the fibre, 1 = even"},
+        {"azimuthal_roughness", ParamType::number, "", "0.3", 0.02, 1.0, "", "around the fibre, 1 = even"},
+        {"tilt", ParamType::number, "deg", "2", -20.0, 20.0, "", "slope of the cuticle's scales"},
+        {"ior", ParamType::number, "", "1.55", 1.0, 3.0, "", "index of refraction"},
+    };
+    for (ParamSpec& spec : strand_color_params()) params.push_back(std::move(spec));
+    return params;
+}
+
+HairSettings read_hair(const ParamSet& params) {
+    HairSettings settings;
+    settings.color = read_strand_color(params);
+    settings.melanin_pigment = params.text("pigment") == "melanin";
+    settings.melanin = static_cast<float>(params.number("melanin"));
+    settings.redness = static_cast<float>(params.number("melanin_redness"));
+    settings.roughness = static_cast<float>(params.number("roughness"));
+    settings.azimuthal_roughness = static_cast<float>(params.number("azimuthal_roughness"));
+    settings.tilt = static_cast<float>(params.number("tilt") * degree);
+    settings.ior = static_cast<float>(params.number("ior"));
+
+    const double m = settings.roughness, n = settings.azimuthal_roughness;
+    const float v = static_cast<float>(std::pow(0.726 * m + 0.812 * m * m + 3.7 * std::pow(m, 20.0), 2.0));
+    settings.variance = {v, 0.25F * v, 4.0F * v, 4.0F * v};
+    settings.logistic_scale =
+        static_cast<float>(std::sqrt(pi / 8.0) * (0.265 * n + 1.194 * n * n + 5.372 * std::pow(n, 22.0)));
+    for (int k = 0; k < 3; ++k) {
+        settings.sin_tilt[k] = std::sin(static_cast<float>(1 << k) * settings.tilt);
+        settings.cos_tilt[k] = std::cos(static_cast<float>(1 << k) * settings.tilt);
+    }
+    return settings;
+}
+
+HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point) {
+    HairBsdf bsdf;
+    bsdf.axis = point.tangent;
+    bsdf.sin_theta_o = std::clamp(point.wo.dot(point.tangent), -1.0F, 1.0F);
+    bsdf.front = point.wo - bsdf.sin_theta_o * point.tangent;
+    bsdf.cos_theta_o = bsdf.front.norm();
+    if (bsdf.cos_theta_o > 1e-6F) // rounding of a unit vector's components; below it any azimuth is as good
+        bsdf.front /= bsdf.cos_theta_o;
+    else
+        orthonormal_basis(bsdf.axis, bsdf.front, bsdf.side);
+    bsdf.side = bsdf.axis.cross(bsdf.front);
+
+    const float h = std::clamp(point.h, -1.0F, 1.0F), eta = settings.ior;
+    const float sin2_theta = bsdf.sin_theta_o * bsdf.sin_theta_o;
+    const float bravais = std::sqrt(std::max(0.0F, eta * eta - sin2_theta));
+    const float sin_gamma_t = std::clamp(h * bsdf.cos_theta_o / std::max(bravais, 1e-6F), -1.0F, 1.0F);
+    bsdf.gamma_o = std::asin(h);
+    bsdf.gamma_t = std::asin(sin_gamma_t);
+    const float cos_theta_t = std::sqrt(std::max(1e-6F, 1.0F - sin2_theta / (eta * eta))); // 0 only for ior = 1 end on
+    const float chord = 2.0F * std::sqrt(std::max(0.0F, 1.0F - sin_gamma_t * sin_gamma_t)) / cos_theta_t;
+
+    const Vec3f set = color_at(settings.color, point);
+    const Vec3f melanin_color =
+        settings.melanin_pigment
+            ? color_of_absorption(absorption_of_melanin(settings.melanin, settings.redness), settings.azimuthal_roughness)
+            : set;
+    const float tint = std::isfinite(point.tint) ? std::clamp(point.tint, 0.0F, 1.0F) : 0.0F;
+    bsdf.color = settings.melanin_pigment
+                     ? Vec3f(melanin_color + tint * (settings.color.tint_color - melanin_color))
+                     : set;
+    bsdf.color = bsdf.color.cwiseProduct(variation_factor(settings.color, point, bsdf.color));
+    const Vec3f sigma = absorption_of_color(bsdf.color, settings.azimuthal_roughness);
+
+    bsdf.variance = settings.variance;
+    bsdf.logistic_scale = settings.logistic_scale;
+    bsdf.logistic_norm = std::tanh(0.5F * pi_f / settings.logistic_scale);
+    set_attenuation(bsdf, sigma, fresnel(bsdf.cos_theta_o * std::sqrt(std::max(0.0F, 1.0F - h * h)), eta), chord);
+    set_lobe_cones(bsdf, settings);
+    return bsdf;
+}
+
+BsdfValue evaluate(const HairBsdf& bsdf, const Vec3f& wi) {
+    const float sin_i = std::clamp(wi.dot(bsdf.axis), -1.0F, 1.0F);
+    const float across = wi.dot(bsdf.front), aside = wi.dot(bsdf.side);
+    const float cos_i = std::sqrt(across * across + aside * aside);
+    const float phi = std::atan2(aside, across);
+    BsdfValue result;
+    for (int p = 0; p < lobe_count; ++p) {
+        const float m = longitudinal(cos_i, sin_i, bsdf.lobe_cos[p], bsdf.lobe_sin[p], bsdf.variance[p]);
+        const float n = p == lobe_count - 1
+                            ? 0.5F / pi_f
+                            : logistic(wrap(phi - exit_azimuth(p, bsdf.gamma_o, bsdf.gamma_t)), bsdf.logistic_scale) /
+                                  bsdf.logistic_norm;
+        result.value += m * n * bsdf.attenuation[p];
+        result.pdf += m * n * bsdf.probability[p];
+    }
+    return result;
+}
+
+bool sample(const HairBsdf& bsdf, const std::array<float, 4>& random, BsdfSample& result) {
+    int p = 0;
+    float below = 0.0F;
+    while (p < lobe_count - 1 && random[2] >= below + bsdf.probability[p]) below += bsdf.probability[p++];
+
+    // The angle from the lobe's mirror cone, as 1 - cos to keep small ones exact; 1 - u is never 0.
+    const float v = bsdf.variance[p], u = 1.0F - random[0];
+    const float away = std::clamp(-v * std::log(u + (1.0F - u) * std::exp(-2.0F / v)), 0.0F, 2.0F);
+    const float turn = std::sqrt(away * (2.0F - away)) * std::cos(2.0F * pi_f * random[3]);
+    const float sin_i =
+        std::clamp((away - 1.0F) * bsdf.lobe_sin[p] + turn * bsdf.lobe_cos[p], -1.0F, 1.0F);
+    const float cos_i = std::sqrt((1.0F - sin_i) * (1.0F + sin_i));
+    const float phi = p == lobe_count - 1
+                          ? 2.0F * pi_f * random[1]
+                          : exit_azimuth(p, bsdf.gamma_o, bsdf.gamma_t) +
+                                sample_logistic(random[1], bsdf.logistic_scale, bsdf.logistic_norm);
+    result.wi = (sin_i * bsdf.axis + cos_i * (std::cos(phi) * bsdf.front + std::sin(phi) * bsdf.side)).normalized();
+    const BsdfValue at = evaluate(bsdf, result.wi);
+    result.value = at.value;
+    result.pdf = at.pdf;
+    return at.pdf > 0.0F && std::isfinite(at.pdf);
+}
+
+Vec3f albedo(const HairBsdf& bsdf) { return bsdf.color; }
+
+} // namespace marram

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// hair: a rough dielectric fibre that absorbs inside: hair and fur, dry grass. Light reflects off its cuticle (R), passes
+// through (TT), comes back after one inner reflection (TRT: the coloured highlight) and what remains after more.
+//
+//   parameter            unit  default             meaning
+//   pigment              -     "color"             what sets the absorption: "color" or "melanin"
+//   color                1     [0.6, 0.45, 0.3]    colour that many such fibres together have
+//   melanin              1     1.3                 pigment: 0 white, 0.3 blond, 1.3 brown, 8 black
+//   melanin_redness      1     0                   share of it that is red (pheomelanin)
+//   roughness            1     0.3                 along the fibre, 0 sharp ... 1 even
+//   azimuthal_roughness  1     0.3                 around the fibre
+//   tilt                 deg   2                   slope of the cuticle's scales
+//   ior                  1     1.55                index of refraction
+//   root_color, tip_color, variation, tint, tint_color: as in diffuse; of melanin, variation alone applies
+//
+//   [[material]]
+//   name = "fur"
+//   type = "hair"
+//   color = [0.5, 0.33, 0.2]
+//   roughness = 0.25
+//
+// Marschner et al., "Light Scattering from Human Hair Fibers", 2003; d'Eon et al., "An Energy-Conserving Hair
+// Reflectance Model", 2011; Chiang et al., "A Practical and Controllable Hair and Fur Model for Production Path
+// Tracing", 2016. hair.cpp opens with the formulas.
+#pragma once
+
+#include "shaders/shading_point.h"
+
+#include <vector>
+
+namespace marram {
+
+struct HairSettings {
+    StrandColor color;
+    bool melanin_pigment = false;
+    float melanin = 1.3F, redness = 0.0F;
+    float roughness = 0.3F, azimuthal_roughness = 0.3F;
+    float tilt = 0.0F; // radians
+    float ior = 1.55F;
+    // Derived once.
+    std::array<float, 4> variance{}; // longitudinal, of R, TT, TRT, residual
+    float logistic_scale = 0.0F;     // azimuthal
+    std::array<float, 3> sin_tilt{}, cos_tilt{}; // of 2^k tilt
+};
+
+std::vector<ParamSpec> hair_params();
+HairSettings read_hair(const ParamSet& params);
+
+struct HairBsdf {
+    Vec3f axis, front, side; // tangent; wo across it; axis x front. phi counts from front towards side
+    Vec3f color;
+    float sin_theta_o, cos_theta_o;
+    float gamma_o, gamma_t;
+    float logistic_scale, logistic_norm;
+    std::array<Vec3f, 4> attenuation;   // of each lobe
+    std::array<float, 4> probability;   // of sampling each lobe
+    std::array<float, 4> variance;
+    std::array<float, 4> lobe_sin, lobe_cos; // theta_o, tilted, of each lobe
+};
+
+HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point);
+BsdfValue evaluate(const HairBsdf& bsdf, const Vec3f& wi);
+bool sample(const HairBsdf& bsdf, const std::array<float, 4>& random, BsdfSample& result);
+Vec3f albedo(const HairBsdf& bsdf);
+
+} // namespace marram

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a shader is told about a point, and what it answers with.
+#pragma once
+
+#include "core/math/params.h"
+#include "core/math/vec.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+
+namespace marram {
+
+struct ShadingPoint {
+    Vec3f wo = Vec3f::UnitZ();               // unit, towards where the ray came from
+    Vec3f geometric_normal = Vec3f::UnitZ(); // unit, either side
+    Vec3f normal = Vec3f::UnitZ();           // unit, for shading
+    Vec3f tangent = Vec3f::UnitX();          // fibres: unit, root to tip
+    Vec2f uv = Vec2f::Zero();
+    bool fibre = false;       // false: a surface; strand_u, h and strand mean nothing there
+    float h = 0.0F;           // fibres: offset across it, -1 ... 1, along tangent x wo
+    float strand_u = 0.0F;    // fibres: 0 root ... 1 tip
+    uint32_t strand = 0;      // fibres: a hash of which strand it is
+    float tint = 0.0F;        // value of the attribute that Material::tint names, 0 where there is none
+};
+
+struct BsdfValue {
+    Vec3f value = Vec3f::Zero(); // f |cos|, 1/sr
+    float pdf = 0.0F;            // 1/sr
+};
+
+struct BsdfSample {
+    Vec3f wi = Vec3f::UnitZ();
+    Vec3f value = Vec3f::Zero(); // f |cos|; the sample's weight is value / pdf
+    float pdf = 0.0F;
+};
+
+// The colour of a material wherever it depends on the strand: along it, from strand to strand, by an attribute.
+struct StrandColor {
+    Vec3f color = Vec3f::Constant(0.5F);
+    bool has_root = false, has_tip = false; // the gradient replaces `color`; a missing end is `color`
+    Vec3f root = Vec3f::Zero(), tip = Vec3f::Zero();
+    float variation = 0.0F;
+    Vec3f tint_color = Vec3f::Zero();
+};
+
+// The parameters that colour has everywhere: root_color, tip_color, variation, tint, tint_color.
+std::vector<ParamSpec> strand_color_params();
+StrandColor read_strand_color(const ParamSet& params);
+
+// The colour at a point before variation: gradient along the strand, then tint.
+Vec3f color_at(const StrandColor& color, const ShadingPoint& point);
+
+// What variation multiplies this strand's colour by, each channel 1 +- variation, no channel of full * factor above 1;
+// 1 on surfaces. `full` is all that the shader gives back where it has this colour.
+Vec3f variation_factor(const StrandColor& color, const ShadingPoint& point, const Vec3f& full);
+
+// For sampling.
+inline float mean(const Vec3f& color) { return (color.x() + color.y() + color.z()) * (1.0F / 3.0F); }
+
+} // namespace marram

@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: Apache-2.0
+// The path tracer against closed forms: furnaces, form factors, silhouettes, motion.
+#include "tests/unit/render/world_builder.h"
+#include "tests/unit/shaders/default_params.h"
+
+#include "core/render/integrator.h"
+
+#include <gtest/gtest.h>
+#include <tbb/task_arena.h>
+
+#include <cstdio>
+
+namespace marram {
+namespace {
+
+using testing::Cv;
+using testing::Triangles;
+using testing::WorldBuilder;
+
+Material diffuse(const Vec3f& color) {
+    DiffuseSettings settings;
+    settings.color.color = color;
+    Material material;
+    material.settings = settings;
+    return material;
+}
+
+struct Shot {
+    Camera camera;
+    RenderSettings settings;
+    uint32_t width = 32, height = 32;
+    std::vector<Material> materials = {diffuse(Vec3f::Ones())};
+    std::vector<LightDescription> lights = {SkyLight{}};
+    std::vector<std::string> layers = {"beauty", "alpha"};
+    RenderStats stats;
+
+    Film operator()(const World& world) {
+        Film film = make_film(width, height, layers, world);
+        const Lights tables(lights, world);
+        stats = render(world, tables, materials, camera, settings, film);
+        EXPECT_EQ(stats.rays.dropped, 0U);
+        EXPECT_EQ(stats.dropped_samples, 0U);
+        return film;
+    }
+};
+
+Shot shot_from(const Vec3d& from, const Vec3d& to, double fov_degrees) {
+    Shot shot;
+    const Vec3d up = std::abs((to - from).normalized().y()) > 0.99 ? Vec3d::UnitZ() : Vec3d::UnitY();
+    shot.camera.poses = {look_at(from, to, up)};
+    shot.camera.vertical_fov = fov_degrees * degree;
+    shot.settings.filter = {FilterKind::box, 0.5};
+    return shot;
+}
+
+double mean_of(const Film& film, const char* layer) {
+    double sum = 0.0;
+    const std::vector<float>& pixels = find_layer(film, layer)->pixels;
+    for (const float p : pixels) sum += p;
+    return sum / static_cast<double>(pixels.size());
+}
+
+Triangles ball() { return testing::sphere(Vec3d::Zero(), 1.0, 96, 48); }
+
+TEST(Furnace, WhiteSphereInWhiteSkyIsWhite) {
+    WorldBuilder builder;
+    const Triangles mesh = ball();
+    builder.mesh({mesh.positions}, mesh.triangles);
+    Shot shot = shot_from({0.0, 0.5, 4.0}, {0.0, 0.0, 0.0}, 40.0);
+    shot.settings.samples = 64;
+    const Film film = shot(builder.commit());
+    double worst = 0.0;
+    for (const float p : find_layer(film, "beauty")->pixels) worst = std::max(worst, std::abs(p - 1.0));
+    std::printf("[ furnace ] white sphere: worst pixel off by %.1e\n", worst);
+    EXPECT_LT(worst, 1e-3);
+}
+
+// Fibres of white hair: energy leaves through the fibre and after many bounces, all of it.
+TEST(Furnace, WhiteHairInWhiteSkyIsWhite) {
+    for (const MarramShape shape : {MARRAM_ROUND, MARRAM_RIBBON}) {
+        WorldBuilder builder;
+        std::vector<Cv> cvs;
+        for (int c = 0; c < 60; ++c)
+            for (int i = 0; i < 4; ++i)
+                cvs.push_back(Cv(0.02 * (c - 30) + 0.03 * i, 0.3 * (i - 1.5), 0.05 * (c % 7) + 0.02 * i * i, 0.012));
+        builder.curves({cvs}, 4, shape, MARRAM_BSPLINE);
+        Shot shot = shot_from({0.0, 0.0, 3.0}, {0.0, 0.0, 0.0}, 12.0);
+        shot.materials = {testing::material_of("hair", {{"color", "1"}})};
+        shot.settings.samples = 64;
+        shot.settings.max_depth = 500;
+        const Film film = shot(builder.commit());
+        std::printf("[ furnace ] white hair, %s: mean %.5f, alpha %.3f\n", shape == MARRAM_ROUND ? "round" : "ribbon",
+                    mean_of(film, "beauty"), mean_of(film, "alpha"));
+        EXPECT_NEAR(mean_of(film, "beauty"), 1.0, 5e-3);
+        EXPECT_GT(mean_of(film, "alpha"), 0.3);
+    }
+}
+
+// Irradiance at a point straight below the centre of a parallel square of side 2a at height z: F of its four corner
+// rectangles (Howell, "A Catalog of Radiation Heat Transfer", B-3).
+double square_form_factor(double a, double z) {
+    const double x = a / z, s = std::sqrt(1.0 + x * x);
+    return 4.0 / (2.0 * pi) * 2.0 * (x / s * std::atan(x / s));
+}
+
+// Looks at the origin of the plane y = 0 from nearby, through a narrow lens, so that all pixels see the same.
+Shot probe() {
+    Shot shot = shot_from({1.0, 0.4, 0.0}, {0.0, 0.0, 0.0}, 0.05);
+    shot.width = shot.height = 4;
+    shot.materials = {diffuse({0.5F, 0.25F, 0.75F}), diffuse(Vec3f::Zero())};
+    return shot;
+}
+
+void add_floor(WorldBuilder& builder) {
+    const Triangles floor = testing::quad({-1.5, 0.0, 1.5}, {3.0, 0.0, 0.0}, {0.0, 0.0, -3.0});
+    builder.mesh({floor.positions}, floor.triangles);
+}
+
+class Strategies : public ::testing::TestWithParam<Strategy> {};
+INSTANTIATE_TEST_SUITE_P(All, Strategies, ::testing::Values(Strategy::mis, Strategy::lights_only, Strategy::shaders_only));
+
+TEST_P(Strategies, PlaneUnderEmittingSquare) {
+    WorldBuilder builder;
+    add_floor(builder);
+    const Triangles lamp = testing::quad({-0.5, 0.8, -0.5}, {1.0, 0.0, 0.0}, {0.0, 0.0, 1.0});
+    builder.mesh({lamp.positions}, {{0, 2, 1}, {0, 3, 2}}, 1, 0); // upside up: shines upwards
+    builder.mesh({lamp.positions}, lamp.triangles, 1, 0);         // and one that shines down, in the same place
+    for (auto& p : builder.world.meshes[1].positions[0]) p.y() += 1.0F;
+    Shot shot = probe();
+    shot.lights = {MeshLight{Vec3f(4.0F, 4.0F, 4.0F)}};
+    shot.settings.samples = 1024;
+    shot.settings.strategy = GetParam();
+    const Film film = shot(builder.commit());
+    const double expected = 4.0 * square_form_factor(0.5, 0.8) * 0.5;
+    EXPECT_NEAR(mean_of(film, "beauty") / expected, 1.0, GetParam() == Strategy::shaders_only ? 2e-2 : 5e-3);
+}
+
+TEST_P(Strategies, PlaneUnderEmittingSphere) {
+    WorldBuilder builder;
+    add_floor(builder);
+    const double radius = 0.3, height = 1.2;
+    const Triangles lamp = testing::sphere({0.0, height, 0.0}, radius, 128, 64);
+    builder.mesh({lamp.positions}, lamp.triangles, 1, 0);
+    Shot shot = probe();
+    shot.lights = {MeshLight{Vec3f(10.0F, 10.0F, 10.0F)}};
+    shot.settings.samples = 1024;
+    shot.settings.strategy = GetParam();
+    const Film film = shot(builder.commit());
+    const double expected = 10.0 * (radius / height) * (radius / height) * 0.5; // F = sin^2 of the half-angle
+    EXPECT_NEAR(mean_of(film, "beauty") / expected, 1.0, GetParam() == Strategy::shaders_only ? 4e-2 : 1e-2);
+}
+
+TEST_P(Strategies, BigSunOnPlane) {
+    WorldBuilder builder;
+    add_floor(builder);
+    Shot shot = probe();
+    shot.lights = {SunLight{{0.0, 2.0, 1.5}, 30.0 * degree, Vec3f(2.0F, 2.0F, 2.0F)}};
+    shot.settings.samples = 1024;
+    shot.settings.strategy = GetParam();
+    const Film film = shot(builder.commit());
+    EXPECT_NEAR(mean_of(film, "beauty") / (2.0 * 0.8 / pi * 0.5), 1.0, 3e-2);
+}
+
+TEST(Sun, GivesItsIrradianceAtAnyAngle) {
+    WorldBuilder builder;
+    add_floor(builder);
+    builder.commit();
+    for (const double angle : {0.0, 1e-7, 1e-5, 0.533 * degree, 5.0 * degree}) {
+        Shot shot = probe();
+        shot.lights = {SunLight{{0.0, 2.0, 1.5}, angle, Vec3f(2.0F, 2.0F, 2.0F)}};
+        shot.settings.samples = 64;
+        EXPECT_NEAR(mean_of(shot(builder.world), "beauty") / (2.0 * 0.8 / pi * 0.5), 1.0, 2e-3) << angle;
+    }
+}
+
+EnvironmentLight image_of(const SkyLight& sky, uint32_t width) {
+    EnvironmentLight map;
+    map.width = width;
+    map.height = width / 2;
+    for (uint32_t y = 0; y < map.height; ++y)
+        for (uint32_t x = 0; x < map.width; ++x)
+            map.pixels.push_back(
+                sky_radiance(sky, Vec3f(0.0F, static_cast<float>(std::cos(pi * (y + 0.5) / map.height)), 0.0F)));
+    return map;
+}
+
+TEST(Environment, LightsLikeTheSkyItShows) {
+    SkyLight sky;
+    sky.zenith = {0.2F, 0.4F, 0.9F};
+    sky.horizon = {0.9F, 0.8F, 0.7F};
+    sky.ground = {0.2F, 0.15F, 0.1F};
+    WorldBuilder builder;
+    const Triangles mesh = ball();
+    builder.mesh({mesh.positions}, mesh.triangles, 0, -1, {mesh.normals});
+    builder.commit();
+    Shot shot = shot_from({0.0, 0.5, 4.0}, {0.0, 0.0, 0.0}, 20.0);
+    shot.width = shot.height = 8;
+    shot.materials = {diffuse({0.6F, 0.6F, 0.6F})};
+    shot.settings.samples = 256;
+    shot.lights = {sky};
+    const Film by_sky = shot(builder.world);
+    shot.lights = {image_of(sky, 512)};
+    const Film by_image = shot(builder.world);
+    for (size_t i = 0; i < by_sky.layers[0].pixels.size(); ++i)
+        EXPECT_NEAR(by_sky.layers[0].pixels[i], by_image.layers[0].pixels[i], 0.02);
+    EXPECT_NEAR(mean_of(by_sky, "beauty"), mean_of(by_image, "beauty"), 1e-3);
+}
+
+// All strategies and all lights at once, on surfaces and fibres: one mean.
+TEST(Strategy, AllAgree) {
+    WorldBuilder builder;
+    add_floor(builder);
+    const Triangles lamp = testing::sphere({0.5, 0.9, 0.3}, 0.25, 16, 8);
+    builder.mesh({lamp.positions}, lamp.triangles, 0, 1);
+    std::vector<Cv> cvs;
+    for (int c = 0; c < 20; ++c)
+        for (int i = 0; i < 4; ++i) cvs.push_back(Cv(0.02 * (c - 10) + 0.02 * i, 0.15 * i, 0.02 * (c % 5), 0.008));
+    builder.curves({cvs}, 4, MARRAM_ROUND, MARRAM_BSPLINE, 1);
+    builder.commit();
+    Shot shot = shot_from({0.5, 0.5, 1.5}, {0.0, 0.2, 0.0}, 30.0);
+    shot.materials = {diffuse({0.5F, 0.5F, 0.5F}), testing::material_of("hair")};
+    SkyLight sky;
+    sky.ground = {0.1F, 0.1F, 0.1F};
+    sky.zenith = {0.3F, 0.4F, 0.9F};
+    shot.lights = {sky, MeshLight{Vec3f(3.0F, 3.0F, 3.0F)}, SunLight{{0.3, 1.0, 0.5}, 20.0 * degree, Vec3f::Ones()}};
+    shot.settings.samples = 400;
+    std::array<double, 3> means{};
+    for (int i = 0; i < 3; ++i) {
+        shot.settings.strategy = static_cast<Strategy>(i);
+        means[static_cast<size_t>(i)] = mean_of(shot(builder.world), "beauty");
+    }
+    std::printf("[ unbiased ] mis %.5f, lights only %.5f, shaders only %.5f\n", means[0], means[1], means[2]);
+    EXPECT_NEAR(means[1] / means[0], 1.0, 5e-3);
+    EXPECT_NEAR(means[2] / means[0], 1.0, 5e-3);
+}
+
+} // namespace
+} // namespace marram

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rays that leave a surface must not find it again, at any size of the scene and anywhere. Shapes are such that every
+// hit is a self-hit, except that a bent fibre may rightly be met again further on: there only hits within 10 radii count.
+#include "tests/unit/render/world_builder.h"
+
+#include "core/geometry/hit.h"
+#include "core/math/hash.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+namespace marram {
+namespace {
+
+using testing::Cv;
+using testing::Triangles;
+using testing::WorldBuilder;
+
+struct Random { // numbers by hashing a counter
+    uint64_t seed, at = 0;
+    double operator()() { return unit_double(hash(seed, at++)); }
+    Vec3d direction() {
+        const double z = 2.0 * (*this)() - 1.0, phi = 2.0 * pi * (*this)(), r = std::sqrt(1.0 - z * z);
+        return {r * std::cos(phi), r * std::sin(phi), z};
+    }
+};
+
+enum class Side { outside, through };
+
+struct Rate {
+    uint64_t hits = 0, again = 0, dropped = 0;
+    double value() const { return static_cast<double>(again) / static_cast<double>(std::max<uint64_t>(hits, 1)); }
+};
+
+// Rays from a sphere of `radius` about the center towards points near it; from each hit one ray to the given side.
+Rate self_hits(const World& world, const Vec3d& center, double reach, double distance, Side side, uint64_t count,
+               double near = 1e30) {
+    Rate rate;
+    Random random{7};
+    RayCounts counts;
+    for (uint64_t i = 0; i < count; ++i) {
+        const Vec3d from = center + distance * random.direction();
+        const Vec3d to = center + reach * random() * random.direction();
+        Ray ray;
+        ray.origin = from.cast<float>();
+        ray.direction = (to - from).normalized().cast<float>();
+        ray.time = world.times.size() > 1 ? static_cast<float>(random()) : 0.0F;
+        SurfacePoint point;
+        if (!intersect(world, ray, point, false, &counts)) continue;
+        if (point.geometric_normal.dot(ray.direction) > 0.0F) continue; // from inside an open tube
+        Vec3d direction = random.direction();
+        const double cosine = direction.dot(point.geometric_normal.cast<double>());
+        if ((cosine < 0.0) != (side == Side::through)) direction = -direction;
+        SurfacePoint again;
+        ++rate.hits;
+        if (intersect(world, spawn(point, direction.cast<float>(), ray.time), again, false, &counts) &&
+            again.distance < near)
+            ++rate.again;
+    }
+    rate.dropped = counts.dropped;
+    return rate;
+}
+
+struct Setting {
+    double scale, away;
+};
+constexpr Setting settings[] = {{1e-4, 0.0}, {1e-2, 0.0}, {1.0, 0.0}, {1e3, 0.0}, {1e5, 0.0}, {1.0, 1e2}, {1.0, 1e4}};
+
+Vec3d place(const Setting& s) { return s.away * Vec3d(0.6, 0.48, -0.64); }
+
+constexpr uint64_t rays = 40000;
+
+void print_heading() {
+    std::printf("[ self-hit ] rate of rays that meet what they leave%9s", "");
+    for (const Setting& s : settings) std::printf(" %.0e@%.0e", s.scale, s.away);
+    std::printf("\n");
+}
+
+TEST(Spawn, LeavesTriangles) {
+    print_heading();
+    for (const double stretch : {1.0, 0.01}) {
+        std::printf("[ self-hit ] %-50s", stretch == 1.0 ? "sphere" : "ellipsoid 1 : 100");
+        for (const Setting& s : settings) {
+            Triangles ball = testing::sphere(Vec3d::Zero(), 1.0, 64, 32);
+            for (Vec3f& p : ball.positions) { // an ellipsoid of slivers is still convex
+                const Vec3d q = p.cast<double>().cwiseProduct(Vec3d(1.0, stretch, 1.0));
+                p = (place(s) + s.scale * q).cast<float>();
+            }
+            WorldBuilder builder;
+            builder.mesh({ball.positions}, ball.triangles);
+            const Rate rate = self_hits(builder.commit(), place(s), 0.9 * s.scale, 3.0 * s.scale, Side::outside, 3 * rays);
+            std::printf(" %11.1e", rate.value());
+            EXPECT_LT(rate.value(), 1e-5);
+            EXPECT_EQ(rate.dropped, 0U);
+        }
+        std::printf("\n");
+    }
+}
+
+// One straight fibre, thin or thick, along a skew direction.
+WorldBuilder fibre(const Setting& s, double radius, double tip, double bend, MarramShape shape, MarramBasis basis) {
+    const Vec3d along = Vec3d(0.48, 0.6, 0.64), aside = along.cross(Vec3d::UnitX()).normalized();
+    std::vector<Cv> cvs;
+    constexpr uint32_t n = 6;
+    for (uint32_t i = 0; i < n; ++i) {
+        const double t = i / (n - 1.0), angle = bend * (t - 0.5);
+        const Vec3d p = bend == 0.0 ? Vec3d((t - 0.5) * along)
+                                    : Vec3d((std::sin(angle) * along + (1.0 - std::cos(angle)) * aside) / bend);
+        Cv cv;
+        cv << place(s) + s.scale * p, s.scale * (radius + t * (tip - radius));
+        cvs.push_back(cv);
+    }
+    WorldBuilder builder;
+    builder.curves({cvs}, n, shape, basis, 0, aside.cast<float>());
+    builder.commit();
+    return builder;
+}
+
+struct Fibre {
+    const char* name;
+    double radius, tip, bend;
+};
+constexpr Fibre fibres[] = {{"thin", 1e-3, 1e-3, 0.0}, {"thick", 3e-2, 3e-2, 0.0}, {"tapered", 1e-2, 0.0, 0.0},
+                            {"bent", 1e-3, 1e-3, 1.5}};
+
+void fibre_row(MarramShape shape, const Fibre& f, Side side, double bound) {
+    for (const Setting& s : settings) {
+        Rate sum;
+        for (const MarramBasis basis : {MARRAM_BSPLINE, MARRAM_CATMULL_ROM}) {
+            const WorldBuilder builder = fibre(s, f.radius, f.tip, f.bend, shape, basis);
+            const double near = f.bend > 0.0 ? 10.0 * s.scale * f.radius : 1e30;
+            const Rate rate = self_hits(builder.world, place(s), 0.2 * s.scale, 2.0 * s.scale, side, 5 * rays, near);
+            sum.hits += rate.hits;
+            sum.again += rate.again;
+            EXPECT_EQ(rate.dropped, 0U);
+        }
+        std::printf(" %11.1e", sum.value());
+        EXPECT_LE(sum.value(), bound);
+        EXPECT_GT(sum.hits, rays / 40);
+    }
+    std::printf("\n");
+}
+
+void fibre_table(MarramShape shape, const char* shape_name) {
+    print_heading();
+    for (const Fibre& f : fibres)
+        for (const Side side : {Side::outside, Side::through}) {
+            std::printf("[ self-hit ] %-9s %-9s %-30s", shape_name, f.name, side == Side::outside ? "outwards" : "through");
+            fibre_row(shape, f, side, f.bend > 0.0 ? 1e-3 : 1e-5);
+        }
+}
+
+TEST(Spawn, LeavesRoundFibres) { fibre_table(MARRAM_ROUND, "round"); }
+TEST(Spawn, LeavesRibbons) { fibre_table(MARRAM_RIBBON, "ribbon"); }
+TEST(Spawn, LeavesOrientedRibbons) { fibre_table(MARRAM_ORIENTED_RIBBON, "oriented"); }
+
+} // namespace
+} // namespace marram

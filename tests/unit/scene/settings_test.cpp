@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+// --set key=value reaches any key, and its mistakes name the setting.
+#include "scene_test.h"
+
+#include <gtest/gtest.h>
+
+namespace marram {
+namespace {
+
+struct Settings : testing::Test {
+    Schema schema = test_schema();
+    Folder folder;
+    std::string file;
+    Settings() {
+        folder.write("mesh.obj", "");
+        folder.write("other.obj", "");
+        folder.write("sky.exr", "");
+        file = folder.write("scene.toml", full_scene);
+    }
+    // The one mistake that the settings make is this line.
+    void expect(const std::vector<std::string>& settings, const std::string& line) {
+        const auto lines = mistakes(file, settings, schema);
+        ASSERT_EQ(lines.size(), 1u) << (lines.empty() ? "no mistake" : lines.back()) << " / " << line;
+        EXPECT_EQ(lines[0].find(line), 0u) << lines[0] << "\n  expected " << line;
+    }
+};
+
+TEST_F(Settings, ReachEveryKey) {
+    const std::vector<std::string> settings = {"fps=30",
+                                               " film.samples = 4 ",
+                                               "film.filter=box",
+                                               "wind.noise.frequency=7",
+                                               "light.sun.angle=2",
+                                               "material.soil.base=[0.5, 0.25, 0]",
+                                               "mesh.hill.file=other.obj",
+                                               "mesh.hill.transform={ scale = 3 }",
+                                               "mesh.lamp.001.radius=9",
+                                               "procedural.grass.wind.speed=3",
+                                               "procedural.grass.wind.noise.octaves=5",
+                                               "procedural.grass.length=[0.2, 0.3]"};
+    const SceneDescription scene = load_scene(file, settings, schema);
+    EXPECT_EQ(scene.globals.number("fps"), 30);
+    EXPECT_EQ(scene.film.integer("samples"), 4);
+    EXPECT_EQ(scene.film.text("filter"), "box");
+    EXPECT_EQ(scene.wind.number("noise.frequency"), 7);
+    EXPECT_EQ(scene.lights[0].params.number("angle"), 2);
+    EXPECT_EQ(scene.materials[0].params.vec3("base"), Vec3d(0.5, 0.25, 0));
+    EXPECT_EQ(scene.meshes[0].params.text("file"), folder.path() + "/other.obj");
+    EXPECT_EQ(scene.meshes[0].params.at("transform").numbers[7], 3);
+    EXPECT_EQ(scene.meshes[0].params.at("transform").numbers[1], 0); // replaced as a whole
+    EXPECT_EQ(scene.meshes[1].params.number("radius"), 9);
+    const ParamSet& grass = scene.procedurals[0].params;
+    EXPECT_EQ(grass.number("wind.speed"), 3);
+    EXPECT_EQ(grass.integer("wind.noise.octaves"), 5);
+    EXPECT_EQ(grass.vec2("length"), Vec2d(0.2, 0.3));
+    EXPECT_EQ(grass.at("length").place.file, "--set procedural.grass.length=[0.2, 0.3]");
+    EXPECT_EQ(grass.at("length").place.line, 0);
+}
+
+TEST_F(Settings, AddTablesAndTheLastOneCounts) {
+    file = folder.write("small.toml", small_scene);
+    const SceneDescription scene =
+        load_scene(file, {"film.samples=4", "wind.noise.octaves=2", "film.samples=8"}, schema);
+    EXPECT_EQ(scene.film.integer("samples"), 8);
+    EXPECT_EQ(scene.wind.integer("noise.octaves"), 2);
+}
+
+TEST_F(Settings, MendAMistakeOfTheFile) {
+    file = folder.write("small.toml", "fps = \"a\"\n" + small_scene);
+    EXPECT_EQ(mistakes(file, {}, schema).size(), 1u);
+    EXPECT_EQ(load_scene(file, {"fps=30"}, schema).globals.number("fps"), 30);
+}
+
+TEST_F(Settings, ExplainTheirMistakes) {
+    expect({"film.samples"}, "--set film.samples: there is no value: write key=value");
+    expect({"=4"}, "--set =4: \"\" is no key");
+    expect({"film..samples=4"}, "--set film..samples=4: \"film..samples\" is no key");
+    expect({"wind.speed=x"},
+           "--set wind.speed=x: wind.speed is the text \"x\": give a number from 0 to 100 m/s");
+    expect({"wind.speed=nan"}, "--set wind.speed=nan: wind.speed is nan");
+    expect({"wind.speed="}, "--set wind.speed=: wind.speed is the text \"\"");
+    expect({"wind.sped=1"}, "--set wind.sped=1: wind.sped is unknown: did you mean \"speed\"?");
+    expect({"flim.samples=1"}, "--set flim.samples=1: flim is unknown: did you mean \"film\"?");
+    expect({"film.size.x=1"}, "--set film.size.x=1: film.size is no table: set it as a whole");
+    expect({"mesh.hil.file=x.obj"},
+           "--set mesh.hil.file=x.obj: no mesh is named \"hil\": did you mean \"hill\"?");
+    expect({"mesh.hill=3"},
+           "--set mesh.hill=3: \"mesh.hill\" says no name and key: write mesh.NAME.KEY=value");
+    expect({"mesh=3"}, "--set mesh=3: \"mesh\" says no name and key");
+    expect({"mesh.hill.file=x.obj"},
+           "--set mesh.hill.file=x.obj: mesh.hill.file: there is no file \"x.obj\"");
+    expect({"wind.gusts.num_gusts=3"},
+           "--set wind.gusts.num_gusts=3: wind: gusts is not available in this build");
+    expect({"fps=30\nx=1"}, "--set fps=30?x=1: fps is the text");
+    expect({"fps=\xff"}, "--set fps=\xff: the value is no UTF-8");
+    expect({"camera=3"}, "--set camera=3: camera is 3: write a table [camera]");
+}
+
+TEST_F(Settings, OfAThingThatTheSceneLacks) {
+    file = folder.write("small.toml", small_scene);
+    expect({"material.m.base=1"},
+           "--set material.m.base=1: no material is named \"m\": there is no material with a name");
+    file = folder.write("odd.toml", small_scene + "[material]\nname = \"m\"\n");
+    EXPECT_EQ(mistakes(file, {"material.m.base=1"}, schema).size(), 2u);
+}
+
+TEST_F(Settings, ComeAfterTheMistakesOfTheFile) {
+    file = folder.write("small.toml", small_scene + "[film]\nsamples = 0\nsize = 3\n");
+    const auto lines = mistakes(file, {"wind.speed=x", "fps=y"}, schema);
+    ASSERT_EQ(lines.size(), 4u);
+    EXPECT_EQ(lines[0].find(file + ":5:11: film.samples is 0"), 0u) << lines[0];
+    EXPECT_EQ(lines[1].find(file + ":6:8: film.size is 3"), 0u) << lines[1];
+    EXPECT_EQ(lines[2].find("--set "), 0u);
+}
+
+TEST_F(Settings, CannotBeNestedToDeath) {
+    std::string dots = "a";
+    for (int i = 0; i < 50000; ++i) dots += ".a";
+    for (const std::string& setting : {dots + "=1", "fps={" + dots + "=1}", "fps=" + std::string(50000, '[')})
+        EXPECT_EQ(mistakes(file, {setting}, schema).size(), 1u);
+}
+
+} // namespace
+} // namespace marram

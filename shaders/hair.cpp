@@ -88,7 +88,7 @@ Vec3f absorption_of_color(const Vec3f& color, float azimuthal_roughness) {
         5.969F + b * (-0.215F + b * (2.532F + b * (-10.73F + b * (5.574F + b * 0.245F))));
     Vec3f sigma;
     for (int c = 0; c < 3; ++c) {
-        constexpr float darkest = 1e-4F; // beyond it nothing is seen of a fibre's inside; log needs more than 0
+        constexpr float darkest = 1e-8F; // of which less than 1e-6 passes through; log needs more than 0
         const float root = std::log(std::clamp(color[c], darkest, 1.0F)) / scale;
         sigma[c] = root * root;
     }

@@ -11,6 +11,7 @@
 //             sign of (v0 - o) . (e1 x e2), whose rounding is U l |e1| |e2|; over |e1 x e2| that is a distance, hence
 //             q = |e1| |e2| / |e1 x e2|, large for slivers.
 //   curves    c U + 64 l U: Newton's iteration in Embree stops at residuals of a few times 16 U l.
+//   round     besides, 4 l r U / 1 m: its error estimate adds lengths to products of lengths, which shows in huge scenes.
 //   flat      besides, Embree draws a ribbon as 4 quadrilaterals a segment: their depth is off by |C''| (1/4)^2 / 8.
 //
 // The origin moves along the geometric normal by that error, times a margin, to the side of the new direction; a ray that
@@ -42,6 +43,7 @@ namespace {
 constexpr double float_step = 0x1p-23; // U
 constexpr double margin = 2.0;         // measured: tests/unit/render/test_spawn.cpp prints the rates
 constexpr double curve_residual = 64.0; // Newton's tolerance in Embree is 16, and it may stop on both sides of a surface
+constexpr double huge_residual = 4.0;  // 1/m
 constexpr double ribbon_pieces = 4.0;   // Embree's default tessellation rate
 constexpr double least_sine = 1e-4;     // a ray closer to the fibre's direction than that, 1 in 1e8, may meet it again
 
@@ -177,12 +179,14 @@ Vec3d any_across(const Vec3d& tangent) {
     return a;
 }
 
-void set_round(const Vec3d& seen, const CurvePoint& c, const Vec3d& tangent, double slope, SurfacePoint& point) {
+void set_round(const Vec3d& seen, const CurvePoint& c, const Vec3d& tangent, double slope, double extent,
+               SurfacePoint& point) {
     Vec3d out = seen - c.axis();
     out -= out.dot(tangent) * tangent;
     const double length = out.norm();
     out = length > 0.0 ? Vec3d(out / length) : any_across(tangent);
     point.shape = PointShape::round;
+    point.error += float_step * huge_residual * extent * c.value[3];
     point.from_axis = (c.value[3] * out).cast<float>();
     point.position = c.axis() + c.value[3] * out;
     point.geometric_normal = (out - slope * tangent).normalized().cast<float>();
@@ -245,7 +249,7 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     point.curvature = speed > 0.0 ? static_cast<float>(c.second.head<3>().cross(dc).norm() / (speed * speed * speed)) : 0.0F;
     point.radius = static_cast<float>(c.value[3]);
     if (curves.shape == MARRAM_ROUND)
-        set_round(seen, c, tangent, slope, point);
+        set_round(seen, c, tangent, slope, extent, point);
     else if (curves.shape == MARRAM_RIBBON)
         set_ribbon(seen, side, hit.v, c, tangent, point);
     else

@@ -53,7 +53,7 @@ Mesh plane_mesh(Vec2f size, int divisions);
 Mesh box_mesh(Vec3f size);
 
 // 8 divisions² triangles (71: 40,328; 500: 2,000,000): an octahedron whose sides are divided evenly in
-// latitude and longitude, which keeps every triangle within a factor 1.6 of the others in area. u is the
+// latitude and longitude, which keeps every triangle within a factor 2 of the others in area. u is the
 // longitude, anticlockwise from +x seen from above, v the latitude from -y to +y; vertices on the seam and at
 // the poles stand several times. Smooth. The radius in direction d is radius + bump_amplitude * f(d), f the
 // mean of three sines of bump_frequency radians a unit along the axes: about bump_frequency waves around a

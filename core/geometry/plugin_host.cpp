@@ -35,7 +35,7 @@ ParamType type_of(MarramParamType type) {
 ParamSpec spec_of(const MarramParam& param) {
     ParamSpec spec{param.name, type_of(param.type), param.unit, param.initial, param.minimum, param.maximum,
                    param.choices, param.help};
-    if (spec.type == ParamType::reference) spec.choices = "mesh";
+    if (spec.type == ParamType::reference) spec.choices = "mesh|procedural"; // what it makes may be a mesh
     return spec;
 }
 

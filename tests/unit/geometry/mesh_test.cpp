@@ -1,0 +1,410 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/geometry/mesh.h"
+#include "core/math/problem.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <random>
+#include <sstream>
+
+namespace marram {
+namespace {
+
+namespace fs = std::filesystem;
+using Triangle = std::array<uint32_t, 3>;
+using Key = std::array<float, 3>;
+
+// A folder of this test's own that goes away with it.
+struct MeshFiles : testing::Test {
+    fs::path folder = fs::temp_directory_path() / ("marram_mesh_test_" + std::to_string(::getpid()));
+    MeshFiles() { fs::create_directories(folder); }
+    ~MeshFiles() override { fs::remove_all(folder); }
+
+    Mesh load(const std::string& name, const std::string& bytes, bool smooth = false) const {
+        const fs::path path = folder / name;
+        std::ofstream(path, std::ios::binary) << bytes;
+        return load_mesh(path.string(), smooth);
+    }
+};
+
+Key key(const Vec3f& p) { return {p.x() + 0.0f, p.y() + 0.0f, p.z() + 0.0f}; }
+
+Vec3d cross(const Mesh& mesh, const Triangle& t) {
+    const Vec3d a = mesh.positions[t[0]].cast<double>();
+    return (mesh.positions[t[1]].cast<double>() - a).cross(mesh.positions[t[2]].cast<double>() - a);
+}
+double area(const Mesh& mesh) {
+    double sum = 0.0;
+    for (const Triangle& t : mesh.triangles) sum += cross(mesh, t).norm() / 2.0;
+    return sum;
+}
+double volume(const Mesh& mesh) {
+    double sum = 0.0;
+    for (const Triangle& t : mesh.triangles)
+        sum += cross(mesh, t).dot(mesh.positions[t[0]].cast<double>()) / 6.0;
+    return sum;
+}
+// Every directed edge between positions has exactly one partner the other way round.
+bool is_closed(const Mesh& mesh) {
+    std::map<std::pair<Key, Key>, int> edges;
+    for (const Triangle& t : mesh.triangles)
+        for (int k = 0; k < 3; ++k)
+            ++edges[{key(mesh.positions[t[size_t(k)]]), key(mesh.positions[t[size_t((k + 1) % 3)]])}];
+    for (const auto& [edge, count] : edges) {
+        const auto other = edges.find({edge.second, edge.first});
+        if (count != 1 || other == edges.end()) return false;
+    }
+    return true;
+}
+void expect_sound(const Mesh& mesh) {
+    for (const Triangle& t : mesh.triangles) {
+        for (uint32_t v : t) ASSERT_LT(v, mesh.positions.size());
+        ASSERT_GT(cross(mesh, t).norm(), 0.0);
+        if (mesh.normals.empty()) continue;
+        for (uint32_t v : t) ASSERT_GT(cross(mesh, t).normalized().dot(mesh.normals[v].cast<double>()), 0.5);
+    }
+    for (const Vec3f& n : mesh.normals) ASSERT_NEAR(n.norm(), 1.0f, 1e-5f);
+    ASSERT_TRUE(mesh.uvs.empty() || mesh.uvs.size() == mesh.positions.size());
+    for (const Vec2f& uv : mesh.uvs) ASSERT_TRUE(uv.minCoeff() >= 0.0f && uv.maxCoeff() <= 1.0f);
+    ASSERT_GE(mesh.positions.capacity() * sizeof(Vec3f), mesh.positions.size() * sizeof(Vec3f) + 16);
+    ASSERT_GE(mesh.triangles.capacity() * sizeof(Triangle), mesh.triangles.size() * sizeof(Triangle) + 16);
+}
+
+// ---- Built-in meshes
+// --------------------------------------------------------------------------------------------------
+
+TEST(MeshShapes, PlaneFacesUp) {
+    const Mesh mesh = plane_mesh({4.0f, 3.0f}, 5);
+    expect_sound(mesh);
+    EXPECT_EQ(mesh.triangles.size(), 50u);
+    EXPECT_EQ(mesh.positions.size(), 36u);
+    EXPECT_NEAR(area(mesh), 12.0, 1e-5);
+    for (const Triangle& t : mesh.triangles) EXPECT_GT(cross(mesh, t).y(), 0.0);
+}
+
+TEST(MeshShapes, BoxIsClosedAndOutward) {
+    const Mesh mesh = box_mesh({1.0f, 2.0f, 3.0f});
+    expect_sound(mesh);
+    EXPECT_EQ(mesh.positions.size(), 24u);
+    EXPECT_TRUE(mesh.normals.empty());
+    EXPECT_TRUE(is_closed(mesh));
+    EXPECT_NEAR(volume(mesh), 6.0, 1e-6);
+    EXPECT_NEAR(area(mesh), 22.0, 1e-6);
+}
+
+TEST(MeshShapes, SphereIsClosedOutwardAndEven) {
+    for (int divisions : {1, 2, 3, 40}) {
+        const Mesh mesh = sphere_mesh(2.0f, divisions, 0.0f, 0.0f);
+        EXPECT_EQ(mesh.triangles.size(), size_t(8 * divisions * divisions));
+        EXPECT_TRUE(is_closed(mesh));
+        EXPECT_GT(volume(mesh), 0.0);
+        if (divisions < 40) continue;
+        expect_sound(mesh);
+        EXPECT_NEAR(volume(mesh), 4.0 / 3.0 * pi * 8.0, 0.1);
+        EXPECT_NEAR(area(mesh), 16.0 * pi, 0.1);
+        double least = 1e9, most = 0.0;
+        for (const Triangle& t : mesh.triangles) {
+            least = std::min(least, cross(mesh, t).norm());
+            most = std::max(most, cross(mesh, t).norm());
+            double lowest = 1.0, highest = 0.0; // no triangle spans the seam
+            for (uint32_t v : t)
+                lowest = std::min(lowest, double(mesh.uvs[v].x())),
+                highest = std::max(highest, double(mesh.uvs[v].x()));
+            EXPECT_LT(highest - lowest, 0.26);
+        }
+        EXPECT_LT(most / least, 2.0);
+    }
+    EXPECT_EQ(sphere_mesh(1.0f, 71, 0.0f, 0.0f).triangles.size(), 40328u);
+}
+
+TEST(MeshShapes, BumpsHaveTheNormalsOfTheirSurface) {
+    const Mesh mesh = sphere_mesh(1.0f, 120, 0.1f, 9.0f);
+    expect_sound(mesh);
+    EXPECT_TRUE(is_closed(mesh));
+    const std::vector<Vec3f> computed = vertex_normals(mesh.positions, mesh.triangles);
+    double worst = 1.0;
+    for (size_t v = 0; v < computed.size(); ++v)
+        worst = std::min(worst, double(computed[v].dot(mesh.normals[v])));
+    EXPECT_GT(worst, 0.999);
+}
+
+TEST(MeshShapes, HeightfieldStandsOnItsSamples) {
+    std::vector<float> heights(20 * 10);
+    for (size_t i = 0; i < heights.size(); ++i) heights[i] = float(i % 20) * 0.1f;
+    const Mesh mesh = heightfield_mesh(heights, 20, 10, {19.0f, 9.0f}, 2.0f);
+    expect_sound(mesh);
+    EXPECT_EQ(mesh.triangles.size(), 2u * 19 * 9);
+    EXPECT_NEAR(mesh.positions[19].y(), 3.8f, 1e-5f);
+    EXPECT_FLOAT_EQ(mesh.positions[0].z(), -4.5f);
+    EXPECT_FLOAT_EQ(mesh.uvs[0].y(), 1.0f);
+    for (const Vec3f& n : mesh.normals) EXPECT_LT((n - Vec3f(-0.2f, 1.0f, 0.0f).normalized()).norm(), 1e-5f);
+    heights[7] = NAN;
+    EXPECT_THROW(heightfield_mesh(heights, 20, 10, {1.0f, 1.0f}, 1.0f), InputError);
+}
+
+TEST(MeshShapes, RefuseSenselessSizes) {
+    EXPECT_THROW(plane_mesh({0.0f, 1.0f}, 1), InputError);
+    EXPECT_THROW(plane_mesh({1.0f, 1.0f}, 0), InputError);
+    EXPECT_THROW(plane_mesh({1.0f, 1.0f}, 2000000000), InputError);
+    EXPECT_THROW(box_mesh({1.0f, NAN, 1.0f}), InputError);
+    EXPECT_THROW(sphere_mesh(1.0f, 4, 1.5f, 1.0f), InputError);
+}
+
+// ---- Normals
+// ---------------------------------------------------------------------------------------------------------
+
+TEST(VertexNormals, WeighByAngleAndShareByPosition) {
+    Mesh box = box_mesh({2.0f, 2.0f, 2.0f});
+    const std::vector<Vec3f> normals = vertex_normals(box.positions, box.triangles);
+    // However the sides are cut, a cube's corner looks along its diagonal.
+    for (size_t v = 0; v < normals.size(); ++v)
+        EXPECT_LT((normals[v] - box.positions[v].normalized()).norm(), 1e-6f);
+}
+
+TEST(VertexNormals, SurviveDegenerateAndOppositeTriangles) {
+    const std::vector<Vec3f> p = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {2, 0, 0},
+                                  {9, 9, 9}, {0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    const std::vector<Triangle> t = {{0, 1, 2}, {0, 1, 3}, {0, 0, 0}, {5, 7, 6}};
+    const std::vector<Vec3f> n = vertex_normals(p, t);
+    EXPECT_EQ(n[0], Vec3f(0, 0, 1)); // two sheets back to back, each its own
+    EXPECT_EQ(n[5], Vec3f(0, 0, -1));
+    for (const Vec3f& normal : n) EXPECT_NEAR(normal.norm(), 1.0f, 1e-6f);
+}
+
+TEST(VertexNormals, KeepTheirBitsAtAnyScaleOfThreads) {
+    const Mesh mesh = sphere_mesh(1.0f, 60, 0.2f, 7.0f);
+    const std::vector<Vec3f> many = vertex_normals(mesh.positions, mesh.triangles);
+    const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+    const std::vector<Vec3f> single = vertex_normals(mesh.positions, mesh.triangles);
+    EXPECT_EQ(std::memcmp(many.data(), single.data(), many.size() * sizeof(Vec3f)), 0);
+    for (float scale : {1e-30f, 1e15f}) {
+        std::vector<Vec3f> scaled = mesh.positions;
+        for (Vec3f& p : scaled) p *= scale;
+        const std::vector<Vec3f> normals = vertex_normals(scaled, mesh.triangles);
+        for (size_t v = 0; v < many.size(); ++v) ASSERT_LT((normals[v] - many[v]).norm(), 1e-4f);
+    }
+}
+
+// ---- OBJ
+// -------------------------------------------------------------------------------------------------------------
+
+const std::string quad = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+
+TEST_F(MeshFiles, ObjReadsIndicesOfAllForms) {
+    for (const char* face :
+         {"f 1 2 3 4", "f -4 -3 -2 -1", "f 1/ 2/ 3/ 4/", "f\t1 2 3 4 # comment", "f 1 2 \\\n 3 4"}) {
+        const Mesh mesh = load("a.obj", quad + face + "\n");
+        EXPECT_EQ(mesh.triangles.size(), 2u) << face;
+        EXPECT_EQ(mesh.positions.size(), 4u);
+        EXPECT_TRUE(mesh.normals.empty() && mesh.uvs.empty());
+        EXPECT_NEAR(area(mesh), 1.0, 1e-7);
+        EXPECT_GT(cross(mesh, mesh.triangles[0]).z(), 0.0);
+    }
+    EXPECT_EQ(load("late.obj", "f 1 2 3\n" + quad).triangles.size(), 1u); // vertices behind the faces
+    std::string carriage = quad + "f 1 2 3 4";
+    std::replace(carriage.begin(), carriage.end(), '\n', '\r');
+    EXPECT_EQ(load("mac.obj", carriage).triangles.size(), 2u);
+    EXPECT_EQ(load("path.obj", "# from C:\\models\\\n" + quad + "f 1 2 3\n").positions.size(), 4u);
+}
+
+TEST_F(MeshFiles, ObjSplitsVerticesAndSeamsStaySmooth) {
+    const std::string text =
+        "v 0 0 0\nv 1 0 0\nv 1 0 -1\nv 0 0 -1\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvt 0.5 0.5\n"
+        "f 1/1 2/2 3/3\nf 1/4 3/3 4/1\nf 1/2 4/3 5/1\n";
+    const Mesh mesh = load("seam.obj", text, true);
+    EXPECT_EQ(mesh.positions.size(), 8u); // vertex 1 stands three times, vertex 4 twice
+    ASSERT_EQ(mesh.normals.size(), 8u);
+    std::map<Key, Vec3f> seen;
+    for (size_t v = 0; v < mesh.positions.size(); ++v) {
+        const auto [at, fresh] = seen.insert({key(mesh.positions[v]), mesh.normals[v]});
+        EXPECT_EQ(at->second, mesh.normals[v]);
+    }
+    EXPECT_TRUE(load("flat.obj", text, false).normals.empty());
+}
+
+TEST_F(MeshFiles, ObjKeepsNormalsAndFillsMissingOnes) {
+    const Mesh mesh = load("n.obj", quad + "vn 0 0 -5\nvn 0 0 0\nf 1//1 2//1 3//2\nf 1//1 3//2 4\n");
+    ASSERT_EQ(mesh.normals.size(), mesh.positions.size());
+    EXPECT_EQ(mesh.normals[0], Vec3f(0, 0, -1)); // the file's, made unit
+    EXPECT_EQ(mesh.normals[2], Vec3f(0, 0, 1));  // a zero in the file
+    EXPECT_EQ(mesh.normals[3], Vec3f(0, 0, 1));  // none in the file
+}
+
+TEST_F(MeshFiles, PolygonsAreCutWithinThemselves) {
+    const struct {
+        const char *vertices, *face;
+        double area;
+    } cases[] = {
+        {"v 0 0 0\nv 2 0 0\nv 2 2 0\nv 1 0.5 0\n", "f 1 2 3 4", 1.5},        // an arrowhead
+        {"v 0 0 0\nv 1 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\n", "f 1 2 3 4 5", 2}, // one corner on an edge
+        {"v 0 0 0\nv 3 0 0\nv 3 3 0\nv 2 3 0\nv 2 1 0\nv 1 1 0\nv 1 3 0\nv 0 3 0\n", "f 1 2 3 4 5 6 7 8",
+         7}, // a U
+        {"v 0 0 0\nv 0 0 3\nv 3 0 3\nv 3 0 0\nv 1 0 1\nv 2 0 1\nv 2 0 2\nv 1 0 2\n", "f 1 2 3 4 1 5 6 7 8 5",
+         8}, // a square with a hole, by a slit
+    };
+    for (const auto& c : cases) {
+        const Mesh mesh = load("p.obj", std::string(c.vertices) + c.face + "\n");
+        EXPECT_NEAR(area(mesh), c.area, 1e-6) << c.face;
+        Vec3d sum = Vec3d::Zero(); // all wound alike: areas add up with their sign too
+        for (const Triangle& t : mesh.triangles) sum += cross(mesh, t) / 2.0;
+        EXPECT_NEAR(sum.norm(), c.area, 1e-6) << c.face;
+    }
+}
+
+// ---- PLY
+// -------------------------------------------------------------------------------------------------------------
+
+struct PlyBytes {
+    std::string format, bytes;
+    template <typename Value>
+    void add(Value value) {
+        if (format == "ascii") {
+            bytes += std::to_string(value) + " ";
+            return;
+        }
+        char raw[sizeof(Value)];
+        std::memcpy(raw, &value, sizeof(Value));
+        if (format == "binary_big_endian") std::reverse(raw, raw + sizeof(Value));
+        bytes.append(raw, sizeof(Value));
+    }
+    void end_line() {
+        if (format == "ascii") bytes += "\n";
+    }
+};
+
+std::string ply_quad(const std::string& format, const std::string& newline = "\n") {
+    PlyBytes out{format, ""};
+    for (const char* line :
+         {"ply", "format %", "comment made by hand", "element camera 1", "property list short double pose",
+          "element vertex 4", "property double x", "property float y", "property uchar red",
+          "property short z", "property float u", "property double v", "element face 1",
+          "property uchar flags", "property list uint ushort vertex_index", "element tail 1",
+          "property int last", "end_header"}) {
+        const std::string text = line;
+        out.bytes += (text == "format %" ? "format " + format + " 1.0" : text) + newline;
+    }
+    out.add<int16_t>(2), out.add(1.5), out.add(2.5), out.end_line();
+    for (int v = 0; v < 4; ++v) {
+        out.add(double(v == 1 || v == 2)), out.add(float(v >= 2)), out.add<uint8_t>(200),
+            out.add<int16_t>(-3);
+        out.add(0.25f), out.add(0.5), out.end_line();
+    }
+    out.add<uint8_t>(7), out.add<uint32_t>(4);
+    for (uint16_t v = 0; v < 4; ++v) out.add(v);
+    out.end_line(), out.add<int32_t>(1), out.end_line();
+    return out.bytes;
+}
+
+TEST_F(MeshFiles, PlyReadsAllEncodings) {
+    for (const char* format : {"ascii", "binary_little_endian", "binary_big_endian"})
+        for (const char* newline : {"\n", "\r\n", "\r"}) {
+            const Mesh mesh = load("q.ply", ply_quad(format, newline), true);
+            EXPECT_EQ(mesh.triangles.size(), 2u);
+            ASSERT_EQ(mesh.positions.size(), 4u);
+            EXPECT_EQ(mesh.positions[2], Vec3f(1, 1, -3));
+            EXPECT_EQ(mesh.uvs[3], Vec2f(0.25f, 0.5f));
+            EXPECT_EQ(mesh.normals[1], Vec3f(0, 0, 1));
+        }
+}
+
+TEST_F(MeshFiles, PlyKeepsNormalsAndFloats) {
+    const Mesh mesh =
+        load("n.ply", "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+                      "property float z\nproperty float nx\nproperty float ny\nproperty float nz\n"
+                      "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+                      "0.1 0 1e-50 0 0 -1\n+1 0 0 0 2 0\n0 1 0 0 0 0\n\n3 0 1 2\n");
+    EXPECT_EQ(mesh.positions[0], Vec3f(0.1f, 0.0f, 0.0f));
+    EXPECT_EQ(mesh.normals[1], Vec3f(0, 1, 0));
+    EXPECT_EQ(mesh.normals[2], Vec3f(0, 0, 1));
+}
+
+// ---- Faults
+// ----------------------------------------------------------------------------------------------------------
+
+TEST(BrokenMeshes, AreRefusedWithTheirPlace) {
+    const fs::path folder = fs::path(MARRAM_SOURCE_DIR) / "tests/broken/meshes";
+    std::ifstream table(folder / "expected.txt");
+    int count = 0;
+    for (std::string row; std::getline(table, row); ++count) {
+        const std::string name = row.substr(0, row.find('\t')), expected = row.substr(row.find('\t') + 1);
+        ASSERT_TRUE(fs::exists(folder / name)) << name;
+        const auto begin = std::chrono::steady_clock::now();
+        try {
+            load_mesh((folder / name).string(), true);
+            ADD_FAILURE() << name << " was read";
+        } catch (const InputError& error) {
+            EXPECT_NE(std::string(error.what()).find(expected), std::string::npos)
+                << error.what() << "\n  expected " << expected;
+        }
+        EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(1)) << name;
+    }
+    EXPECT_GE(count, 18);
+    EXPECT_THROW(load_mesh("no/such/file.obj", false), InputError);
+    EXPECT_THROW(load_mesh(folder.string(), false), InputError);
+}
+
+TEST_F(MeshFiles, MutationsNeverDoWorseThanAnInputError) {
+    const std::string obj = quad + "vt 0 0\nvt 1 0.5\nvn 0 0 1\nf 1/1/1 2/2/1 3/1/1 4/2/1\nf -1 -2 -3\n";
+    const std::pair<std::string, std::string> seeds[] = {{"m.obj", obj},
+                                                         {"a.ply", ply_quad("ascii")},
+                                                         {"l.ply", ply_quad("binary_little_endian")},
+                                                         {"b.ply", ply_quad("binary_big_endian")}};
+    std::mt19937 random(7);
+    const char spice[] = "0123456789-+.eE/# \n\r\\vtnf\xff";
+    for (const auto& [name, seed] : seeds)
+        for (int round = 0; round < 400; ++round) {
+            std::string bytes = seed;
+            for (unsigned edits = 1 + random() % 4; edits-- > 0 && !bytes.empty();) {
+                const size_t at = random() % bytes.size();
+                if (random() % 4 == 0)
+                    bytes.erase(at, random() % 8);
+                else if (random() % 4 == 0)
+                    bytes.resize(at);
+                else if (random() % 2)
+                    bytes[at] = char(random());
+                else
+                    bytes.insert(at, 1, spice[random() % (sizeof(spice) - 1)]);
+            }
+            try {
+                const Mesh mesh = load(name, bytes, true);
+                for (const Triangle& t : mesh.triangles)
+                    for (uint32_t v : t) ASSERT_LT(v, mesh.positions.size());
+                for (const Vec3f& p : mesh.positions) ASSERT_TRUE(p.allFinite());
+                for (const Vec3f& n : mesh.normals) ASSERT_NEAR(n.norm(), 1.0f, 1e-4f);
+            } catch (const InputError& error) {
+                EXPECT_NE(std::string(error.what()).find(name), std::string::npos);
+            }
+        }
+}
+
+// A face line of many corners and a file of many lines: nothing may take the square of the file's size.
+TEST_F(MeshFiles, LongFilesTakeLinearTime) {
+    std::ostringstream text;
+    for (int i = 0; i < 100000; ++i) text << "v " << i << " " << i % 7 << " 0\n";
+    for (int i = 1; i + 2 < 100000; ++i) text << "f " << i << " " << i + 1 << " " << i + 2 << "\n";
+    const auto begin = std::chrono::steady_clock::now();
+    EXPECT_EQ(load("long.obj", text.str(), true).triangles.size(), 99997u);
+    EXPECT_LT(std::chrono::steady_clock::now() - begin,
+              std::chrono::seconds(20)); // 0.1 s; the square would take minutes
+}
+
+TEST(RealMeshes, Load) {
+    const fs::path data = fs::path(MARRAM_SOURCE_DIR) / ".." / "shared/data";
+    if (!fs::exists(data)) GTEST_SKIP() << "no ../shared/data";
+    EXPECT_EQ(load_mesh((data / "spot.obj").string(), true).triangles.size(), 5856u);
+    EXPECT_GT(volume(load_mesh((data / "spot.obj").string(), true)), 0.0);
+    EXPECT_FALSE(load_mesh((data / "beetle.obj").string(), true).triangles.empty());
+    EXPECT_EQ(load_mesh((data / "Bangs_head.ply").string(), false).triangles.size(), 7694u);
+}
+
+} // namespace
+} // namespace marram

@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/image/atomic_file.h"
+#include "core/image/image.h"
+#include "core/math/problem.h"
+
+#include <gtest/gtest.h>
+
+#include <unistd.h>
+
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <random>
+#include <sstream>
+
+namespace marram {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A folder of this test's own that goes away with it.
+struct ImageFiles : testing::Test {
+    fs::path folder = fs::temp_directory_path() / ("marram_image_test_" + std::to_string(::getpid()));
+    ImageFiles() { fs::create_directories(folder); }
+    ~ImageFiles() override { fs::remove_all(folder); }
+
+    std::string path(const char* name) const { return (folder / name).string(); }
+    void put(const char* name, const std::string& bytes) const {
+        std::ofstream(folder / name, std::ios::binary) << bytes;
+    }
+    std::string get(const char* name) const {
+        std::ostringstream text;
+        text << std::ifstream(folder / name, std::ios::binary).rdbuf();
+        return text.str();
+    }
+    size_t count() const {
+        return size_t(std::distance(fs::directory_iterator(folder), fs::directory_iterator()));
+    }
+};
+
+std::string message_of(const std::string& path) {
+    try {
+        read_image(path);
+    } catch (const InputError& error) {
+        return error.what();
+    }
+    return "";
+}
+
+TEST(Srgb, IsTheStandardCurve) {
+    EXPECT_FLOAT_EQ(srgb_from_linear(0.0f), 0.0f);
+    EXPECT_FLOAT_EQ(srgb_from_linear(1.0f), 1.0f);
+    EXPECT_NEAR(srgb_from_linear(0.5f), 0.735357f, 1e-6f);
+    for (float v = -1.0f; v <= 2.0f; v += 0.01f) EXPECT_NEAR(linear_from_srgb(srgb_from_linear(v)), v, 2e-6f);
+}
+
+TEST_F(ImageFiles, ExrKeepsLayersAndMetadata) {
+    constexpr int width = 37, height = 300; // more than one strip, no multiple of a block
+    std::vector<float> beauty(width * height * 4), depth(width * height), albedo(width * height * 3);
+    std::mt19937 random(3);
+    std::uniform_real_distribution<float> uniform(0.0f, 10.0f);
+    for (float& v : beauty) v = uniform(random);
+    for (float& v : depth) v = uniform(random) * 1234.567f;
+    for (float& v : albedo) v = uniform(random) / 10.0f;
+    beauty[0] = 1e9f; // beyond half
+    const Layer layers[] = {{"", {"R", "G", "B", "A"}, beauty.data(), true},
+                            {"depth", {"Z"}, depth.data(), false},
+                            {"albedo", {"R", "G", "B"}, albedo.data(), true}};
+    const Metadata metadata[] = {
+        {"marram:scene", "dune.toml"}, {"marram:samples", 64}, {"marram:frame", 0.1}};
+    write_exr(path("a.exr"), width, height, layers, metadata);
+    write_exr(path("b.exr"), width, height, layers, metadata);
+    EXPECT_EQ(get("a.exr"), get("b.exr"));
+    EXPECT_EQ(count(), 2u); // no partial file is left
+
+    const Image image = read_image(path("a.exr"));
+    EXPECT_EQ(image.channel_names,
+              (std::vector<std::string>{"R", "G", "B", "A", "albedo.R", "albedo.G", "albedo.B", "depth.Z"}));
+    ASSERT_EQ(image.pixels.size(), size_t(width * height * 8));
+    EXPECT_EQ(image.pixels[0], 65504.0f);
+    for (size_t i = 0; i < size_t(width * height); ++i) {
+        for (size_t c = i == 0 ? 1 : 0; c < 4; ++c)
+            ASSERT_NEAR(image.pixels[i * 8 + c], beauty[i * 4 + c], beauty[i * 4 + c] / 2000.0f);
+        for (size_t c = 0; c < 3; ++c)
+            ASSERT_NEAR(image.pixels[i * 8 + 4 + c], albedo[i * 3 + c], albedo[i * 3 + c] / 2000.0f + 1e-7f);
+        ASSERT_EQ(image.pixels[i * 8 + 7], depth[i]);
+    }
+    EXPECT_EQ(read_metadata(path("a.exr"), "marram:scene"), "dune.toml");
+    EXPECT_EQ(read_metadata(path("a.exr"), "marram:samples"), "64");
+    EXPECT_EQ(read_metadata(path("a.exr"), "marram:frame"), "0.1");
+    EXPECT_EQ(read_metadata(path("a.exr"), "marram:nothing"), std::nullopt);
+}
+
+TEST_F(ImageFiles, MetadataOfPartialFilesIsNotTrusted) {
+    std::vector<float> pixels(64 * 64 * 3, 0.25f);
+    std::mt19937 random(5);
+    for (float& v : pixels) v = float(random() % 1000);
+    const Layer layers[] = {{"", {"R", "G", "B"}, pixels.data(), true}};
+    const Metadata metadata[] = {{"marram:scene", "x"}};
+    write_exr(path("a.exr"), 64, 64, layers, metadata);
+    EXPECT_EQ(read_metadata(path("a.exr"), "marram:scene"), "x");
+    put("cut.exr", get("a.exr").substr(0, get("a.exr").size() - 20));
+    EXPECT_EQ(read_metadata(path("cut.exr"), "marram:scene"), std::nullopt);
+    put("text.exr", "nothing");
+    EXPECT_EQ(read_metadata(path("text.exr"), "marram:scene"), std::nullopt);
+    EXPECT_EQ(read_metadata(path("none.exr"), "marram:scene"), std::nullopt);
+    EXPECT_EQ(read_metadata(folder.string(), "marram:scene"), std::nullopt);
+}
+
+TEST_F(ImageFiles, PngHoldsSrgbOfExposedPixels) {
+    const float pixels[] = {0.0f, 0.5f, 1.0f, -1.0f, 7.0f, 0.0031308f, NAN, INFINITY, 0.25f};
+    write_png(path("a.png"), 3, 1, 3, pixels, 0.0);
+    const Image data = read_image(path("a.png"), ColorSpace::linear_data);
+    const int expected[] = {0, 188, 255, 0, 255, 10, 0, 255, 137};
+    for (size_t i = 0; i < 9; ++i) EXPECT_EQ(std::lround(data.pixels[i] * 255.0f), expected[i]) << i;
+    EXPECT_NEAR(read_image(path("a.png"), ColorSpace::color).pixels[1], 0.5f, 0.005f);
+
+    write_png(path("b.png"), 3, 1, 3, pixels, 1.0);
+    EXPECT_EQ(std::lround(read_image(path("b.png"), ColorSpace::linear_data).pixels[8] * 255.0f), 188);
+
+    const float half_covered[] = {0.25f, 0.0f, 0.5f, 0.5f}; // colour multiplied by alpha, as the film has it
+    write_png(path("c.png"), 1, 1, 4, half_covered, 0.0);
+    const Image apart = read_image(path("c.png"), ColorSpace::linear_data);
+    EXPECT_EQ(std::lround(apart.pixels[0] * 255.0f), 188);
+    EXPECT_EQ(std::lround(apart.pixels[2] * 255.0f), 255);
+    EXPECT_EQ(std::lround(apart.pixels[3] * 255.0f), 128);
+}
+
+TEST_F(ImageFiles, PixelsThatAreNotFiniteAreNamed) {
+    std::vector<float> pixels(8 * 4 * 3, 1.0f);
+    pixels[(2 * 8 + 5) * 3 + 1] = NAN;
+    const Layer layers[] = {{"", {"R", "G", "B"}, pixels.data(), false}};
+    write_exr(path("nan.exr"), 8, 4, layers, {});
+    EXPECT_NE(message_of(path("nan.exr")).find("channel G of pixel (5, 2) is not a number"),
+              std::string::npos);
+}
+
+TEST(BrokenImages, AreRefused) {
+    const fs::path folder = fs::path(MARRAM_SOURCE_DIR) / "tests/broken/images";
+    std::ifstream table(folder / "expected.txt");
+    int count = 0;
+    for (std::string row; std::getline(table, row); ++count) {
+        const std::string name = row.substr(0, row.find('\t')), expected = row.substr(row.find('\t') + 1);
+        ASSERT_TRUE(fs::exists(folder / name)) << name;
+        const std::string message = message_of((folder / name).string());
+        EXPECT_NE(message.find(expected), std::string::npos) << name << ": " << message;
+        EXPECT_EQ(message.find('\n'), std::string::npos);
+    }
+    EXPECT_GE(count, 5);
+    EXPECT_NE(message_of("no/such.png").find("there is no such file"), std::string::npos);
+    EXPECT_NE(message_of(folder.string()).find("not an ordinary file"), std::string::npos);
+}
+
+TEST_F(ImageFiles, MutationsNeverDoWorseThanAnInputError) {
+    std::vector<float> pixels(16 * 16 * 3);
+    std::mt19937 random(11);
+    for (float& v : pixels) v = float(random() % 256) / 255.0f;
+    write_png(path("seed.png"), 16, 16, 3, pixels.data(), 0.0);
+    const std::string seed = get("seed.png");
+    for (int round = 0; round < 300; ++round) {
+        std::string bytes = seed;
+        for (unsigned edits = 1 + random() % 4; edits-- > 0 && !bytes.empty();) {
+            const size_t at = random() % bytes.size();
+            if (random() % 4 == 0)
+                bytes.resize(at);
+            else if (random() % 4 == 0)
+                bytes.erase(at, random() % 8);
+            else
+                bytes[at] = char(random());
+        }
+        put("m.png", bytes);
+        try {
+            const Image image = read_image(path("m.png"));
+            EXPECT_EQ(image.pixels.size(),
+                      size_t(image.width) * size_t(image.height) * size_t(image.channels));
+        } catch (const InputError& error) {
+            EXPECT_NE(std::string(error.what()).find("m.png"), std::string::npos);
+        }
+        (void)read_metadata(path("m.png"), "Software");
+    }
+}
+
+// ---- Whole or not at all
+// ---------------------------------------------------------------------------------------------
+
+TEST_F(ImageFiles, OutputsThatCannotBeWrittenAreRefusedEarly) {
+    put("file", "x");
+    fs::create_directory(folder / "sub");
+    const std::string long_name = path((std::string(250, 'n') + ".png").c_str());
+    for (const std::string& bad :
+         {std::string(), path("none/a.exr"), path("file/a.exr"), path("sub"), path("sub/"),
+          std::string("/dev/null"), std::string("/proc/marram.exr"), long_name})
+        EXPECT_THROW(check_writable(bad), InputError) << bad;
+    EXPECT_NO_THROW(check_writable(path("new.exr")));
+    EXPECT_FALSE(fs::exists(folder / "new.exr"));
+    EXPECT_EQ(count(), 2u);
+    const float pixel[3] = {0, 0, 0};
+    const Layer layers[] = {{"", {"R", "G", "B"}, pixel, true}};
+    EXPECT_THROW(write_exr(path("none/a.exr"), 1, 1, layers, {}), InputError);
+    EXPECT_THROW(write_png("/proc/a.png", 1, 1, 3, pixel, 0.0), InputError);
+}
+
+TEST_F(ImageFiles, ExistingFilesSurviveFailure) {
+    put("old.png", "the old picture");
+    try {
+        AtomicWriter writer(path("old.png"));
+        writer.write("half of a new");
+        EXPECT_EQ(get("old.png"), "the old picture");
+        throw std::runtime_error("interrupted");
+    } catch (const std::runtime_error&) {
+    }
+    EXPECT_EQ(get("old.png"), "the old picture");
+    EXPECT_EQ(count(), 1u);
+    AtomicWriter writer(path("old.png"));
+    writer.write("new");
+    writer.commit();
+    EXPECT_EQ(get("old.png"), "new");
+    EXPECT_EQ(count(), 1u);
+}
+
+TEST_F(ImageFiles, LinksStayLinksAndFullDisksAreReported) {
+    put("real.txt", "old");
+    fs::create_symlink(folder / "real.txt", folder / "link.txt");
+    AtomicWriter writer(path("link.txt"));
+    writer.write("new");
+    writer.commit();
+    EXPECT_TRUE(fs::is_symlink(folder / "link.txt"));
+    EXPECT_EQ(get("real.txt"), "new");
+
+    AtomicFile file(path("name.two.exr"));
+    EXPECT_EQ(fs::path(file.partial()).filename().string(),
+              "name.two.partial-" + std::to_string(::getpid()) + ".exr");
+    EXPECT_THROW(file.commit(), InputError); // nothing was written
+}
+
+} // namespace
+} // namespace marram

@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sample numbers, filters, cameras and the densities of lights.
+#include "tests/unit/render/world_builder.h"
+
+#include "core/render/camera.h"
+#include "core/render/filter.h"
+#include "core/render/lights.h"
+#include "core/render/sampler.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <set>
+
+namespace marram {
+namespace {
+
+TEST(Sampler, FillsEveryElementaryInterval) {
+    for (uint64_t pixel = 0; pixel < 20; ++pixel)
+        for (uint32_t pair = 0; pair < 5; ++pair)
+            for (const int bits : {2, 4, 6, 8})
+                for (int split = 0; split <= bits; ++split) {
+                    std::set<std::pair<int, int>> cells;
+                    for (uint32_t s = 0; s < 1U << bits; ++s) {
+                        Sampler sampler(hash(1, pixel), s);
+                        sampler.seek(pair);
+                        const Vec2f at = sampler.next_pair();
+                        EXPECT_TRUE(at.x() >= 0.0F && at.x() < 1.0F && at.y() >= 0.0F && at.y() < 1.0F);
+                        cells.insert({static_cast<int>(std::ldexp(at.x(), split)),
+                                      static_cast<int>(std::ldexp(at.y(), bits - split))});
+                    }
+                    EXPECT_EQ(cells.size(), size_t{1} << bits);
+                }
+}
+
+// Root mean square error of a smooth and a discontinuous integral over 200 pixels.
+double integration_error(uint32_t samples, bool random, bool smooth) {
+    double sum = 0.0;
+    for (uint64_t pixel = 0; pixel < 200; ++pixel) {
+        double mean = 0.0;
+        for (uint32_t s = 0; s < samples; ++s) {
+            Sampler sampler(hash(2, pixel), s);
+            sampler.seek(3);
+            Vec2f at = sampler.next_pair();
+            if (random) {
+                const uint64_t h = hash(hash(3, pixel), s);
+                at = {unit_float(static_cast<uint32_t>(h)), unit_float(static_cast<uint32_t>(h >> 32))};
+            }
+            mean += (smooth ? std::exp(-static_cast<double>(at.squaredNorm()))
+                            : (at.squaredNorm() < 1.0F ? 1.0 : 0.0)) / samples;
+        }
+        const double error = mean - (smooth ? 0.25 * pi * std::erf(1.0) * std::erf(1.0) : 0.25 * pi);
+        sum += error * error / 200.0;
+    }
+    return std::sqrt(sum);
+}
+
+TEST(Sampler, ConvergesFasterThanRandom) {
+    for (const bool smooth : {true, false}) {
+        const double e16 = integration_error(16, false, smooth), e1024 = integration_error(1024, false, smooth);
+        const double random = integration_error(1024, true, smooth);
+        const double rate = std::log(e16 / e1024) / std::log(64.0);
+        std::printf("[ sampler ] %s: error %.1e at 1024 samples (random %.1e), falls as n^-%.2f\n",
+                    smooth ? "smooth" : "disc", e1024, random, rate);
+        EXPECT_GT(rate, smooth ? 1.3 : 0.65);
+        EXPECT_LT(e1024, random / (smooth ? 100.0 : 3.0));
+    }
+}
+
+TEST(Sampler, PairsAreNotAlike) {
+    double correlation = 0.0;
+    for (uint32_t s = 0; s < 1024; ++s) {
+        Sampler sampler(5, s);
+        const Vec2f a = sampler.next_pair(), b = sampler.next_pair();
+        correlation += 12.0 * (a.x() - 0.5) * (b.x() - 0.5) / 1024.0;
+    }
+    EXPECT_LT(std::abs(correlation), 0.1);
+}
+
+TEST(Filter, DrawsWithItsShapeAsDensity) {
+    for (const FilterKind kind :
+         {FilterKind::box, FilterKind::triangle, FilterKind::gaussian, FilterKind::blackman_harris}) {
+        const double radius = 1.7;
+        const FilterSampler sampler({kind, radius});
+        constexpr int cells = 20, count = 200000;
+        std::vector<double> seen(cells, 0.0), expected(cells, 0.0);
+        double total = 0.0, last = -radius;
+        for (int i = 0; i < count; ++i) {
+            const double x = sampler(static_cast<float>((i + 0.5) / count));
+            EXPECT_GE(x, last);
+            last = x;
+            seen[static_cast<size_t>(std::clamp((x / radius + 1.0) * 0.5 * cells, 0.0, cells - 1.0))] += 1.0 / count;
+        }
+        for (int i = 0; i < cells * 100; ++i) {
+            const double value = filter_value(kind, -1.0 + 2.0 * (i + 0.5) / (cells * 100));
+            expected[static_cast<size_t>(i / 100)] += value;
+            total += value;
+        }
+        for (size_t c = 0; c < cells; ++c) EXPECT_NEAR(seen[c], expected[c] / total, 5e-4) << static_cast<int>(kind);
+        EXPECT_LE(last, radius);
+    }
+}
+
+TEST(Camera, LooksWhereItIsToldAndFocuses) {
+    Camera camera;
+    camera.poses = {look_at({1.0, 2.0, 3.0}, {1.0, 2.0, -7.0}, Vec3d::UnitY())};
+    camera.vertical_fov = 90.0 * degree;
+    const CameraRays pinhole(camera, 200, 100);
+    EXPECT_TRUE(pinhole(0.5, 0.5, {0.5F, 0.5F}, 0.0F).direction.isApprox(Vec3f(0.0F, 0.0F, -1.0F)));
+    EXPECT_TRUE(pinhole(0.5, 0.0, {0.5F, 0.5F}, 0.0F).direction.isApprox(Vec3f(0.0F, 1.0F, -1.0F).normalized()));
+    EXPECT_TRUE(pinhole(1.0, 0.5, {0.5F, 0.5F}, 0.0F).direction.isApprox(Vec3f(2.0F, 0.0F, -1.0F).normalized()));
+    camera.lens_radius = 0.1;
+    camera.focus_distance = 4.0;
+    const CameraRays lens(camera, 200, 100);
+    const Ray middle = pinhole(0.7, 0.2, {0.5F, 0.5F}, 0.0F);
+    const Vec3f focus = middle.origin + middle.direction * (4.0F / -middle.direction.z());
+    for (const Vec2f& at : {Vec2f(0.0F, 0.0F), Vec2f(0.9F, 0.3F), Vec2f(0.2F, 0.99F)}) {
+        const Ray ray = lens(0.7, 0.2, at, 0.0F);
+        EXPECT_LE((ray.origin - middle.origin).norm(), 0.1F * (1.0F + 1e-5F));
+        EXPECT_LT((focus - ray.origin).cross(ray.direction).norm(), 1e-5F);
+    }
+}
+
+// Monte Carlo with the lights' own samples gives their irradiance on all sides; densities agree with what is said of a
+// direction afterwards.
+double check_light(const LightDescription& light) {
+    const World world;
+    const std::vector<LightDescription> all = {light};
+    const Lights lights(all, world);
+    double sum = 0.0;
+    constexpr uint32_t count = 4096;
+    for (uint32_t s = 0; s < count; ++s) {
+        Sampler sampler(4, s);
+        const Vec2f at = sampler.next_pair();
+        const LightSample drawn = lights.sample(Vec3d::Zero(), 0.0F, {0.5F, at.x(), at.y()});
+        if (!(drawn.pdf > 0.0F)) continue;
+        sum += static_cast<double>(drawn.radiance.x() / drawn.pdf) / count;
+        EXPECT_NEAR(drawn.direction.norm(), 1.0F, 1e-6F);
+        if (drawn.delta) continue;
+        float pdf = -1.0F;
+        const Vec3f seen = lights.escaped(drawn.direction, false, [&](float p) {
+            pdf = p;
+            return 1.0F;
+        });
+        if (pdf < 0.0F) continue; // on the disc's rim
+        EXPECT_NEAR(seen.x(), drawn.radiance.x(), 1e-5F * drawn.radiance.x() + 1e-30F);
+        EXPECT_NEAR(pdf / drawn.pdf, 1.0F, 0.9F); // a neighbouring cell at most
+    }
+    return sum;
+}
+
+TEST(Lights, SendWhatTheyAreToldTo) {
+    EXPECT_NEAR(check_light(SkyLight{}), 4.0 * pi, 1e-4);
+    EXPECT_NEAR(check_light(SunLight{{1.0, 1.0, 0.0}, 0.0, Vec3f::Ones()}), 1.0, 1e-6);
+    // Radiance over the disc, E / (pi sin^2 a) . 2 pi (1 - cos a): E to first order.
+    EXPECT_NEAR(check_light(SunLight{{1.0, 1.0, 0.0}, 1e-4, Vec3f::Ones()}), 1.0, 1e-5);
+    EXPECT_NEAR(check_light(SunLight{{1.0, 1.0, 0.0}, 1.0, Vec3f::Ones()}),
+                2.0 * (1.0 - std::cos(0.5)) / std::pow(std::sin(0.5), 2.0), 1e-5);
+    EnvironmentLight map;
+    map.width = 16;
+    map.height = 8;
+    map.rotation = 1.1;
+    map.pixels.assign(16 * 8, Vec3f::Constant(0.5F));
+    EXPECT_NEAR(check_light(map), 2.0 * pi, 1e-4);
+    for (Vec3f& p : map.pixels) p.setZero();
+    map.pixels[3 * 16 + 5] = Vec3f::Constant(1000.0F); // a small lamp: all samples go near it
+    const double lamp = check_light(map);
+    const double angle = 2.0 * pi / 16.0 * (std::cos(3.0 * pi / 8.0) - std::cos(4.0 * pi / 8.0));
+    EXPECT_NEAR(lamp / (1000.0 * angle), 1.0, 0.05);
+}
+
+TEST(Environment, FacesWhereItShould) {
+    EnvironmentLight map;
+    map.width = 64;
+    map.height = 32;
+    map.pixels.assign(64 * 32, Vec3f::Zero());
+    const auto put = [&](uint32_t column, uint32_t row, const Vec3f& color) { // 4 x 4 pixels about a corner
+        for (uint32_t y = row - 2; y < row + 2; ++y)
+            for (uint32_t x = column - 2; x < column + 2; ++x) map.pixels[y * 64 + x] = color;
+    };
+    put(32, 16, Vec3f(1.0F, 0.0F, 0.0F));
+    put(48, 16, Vec3f(0.0F, 1.0F, 0.0F));
+    EXPECT_TRUE(environment_radiance(map, -Vec3f::UnitZ()).isApprox(Vec3f(1.0F, 0.0F, 0.0F)));
+    EXPECT_TRUE(environment_radiance(map, Vec3f::UnitX()).isApprox(Vec3f(0.0F, 1.0F, 0.0F)));
+    map.rotation = 0.5 * pi;
+    EXPECT_TRUE(environment_radiance(map, -Vec3f::UnitX()).isApprox(Vec3f(1.0F, 0.0F, 0.0F)));
+    EXPECT_TRUE(environment_radiance(map, -Vec3f::UnitZ()).isApprox(Vec3f(0.0F, 1.0F, 0.0F)));
+}
+
+TEST(Sky, AlikeColoursAreExact) {
+    for (int i = 0; i < 1000; ++i) {
+        const Vec3f d = Vec3f(0.3F, -1.0F + 0.002F * static_cast<float>(i), 0.7F).normalized();
+        EXPECT_EQ(sky_radiance(SkyLight{}, d), Vec3f::Ones());
+    }
+}
+
+} // namespace
+} // namespace marram

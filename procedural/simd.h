@@ -5,8 +5,8 @@
 // A hot function is marked MARRAM_HOT: it is compiled once for each instruction set and the loader picks one at start-up.
 // Everything it calls must be MARRAM_INLINE, or it would run in its baseline version.
 //
-// The elementary functions below are polynomials valid on the stated domain only; errors were measured against long
-// double over 10^6 points (tests/unit/procedural/simd_test.cpp).
+// The elementary functions below are polynomials valid on the stated domain only; their errors are bounded by
+// tests/unit/procedural/simd_test.cpp over 10^6 points each.
 #pragma once
 
 #include <tbb/cache_aligned_allocator.h>

@@ -122,6 +122,21 @@ void set_attenuation(HairBsdf& bsdf, const Vec3f& sigma, float fresnel_reflectan
     for (int p = 0; p < lobe_count; ++p) bsdf.probability[p] /= sum;
 }
 
+// Melanin becomes the colour it gives, so that tint and variation mean the same for both; it has no gradient.
+void set_pigment(HairSettings& settings, const ParamSet& params) {
+    StrandColor& color = settings.color;
+    if (params.text("pigment") == "melanin") {
+        const Vec3f sigma = absorption_of_melanin(static_cast<float>(params.number("melanin")),
+                                                  static_cast<float>(params.number("melanin_redness")));
+        color.color = color_of_absorption(sigma, settings.azimuthal_roughness);
+        color.has_root = color.has_tip = false;
+    }
+    settings.same_everywhere =
+        !color.has_root && !color.has_tip && color.variation == 0.0F && params.text("tint") == "none";
+    settings.base_color = color.color;
+    settings.base_absorption = absorption_of_color(color.color, settings.azimuthal_roughness);
+}
+
 void set_lobe_cones(HairBsdf& bsdf, const HairSettings& settings) {
     const float s = bsdf.sin_theta_o, c = bsdf.cos_theta_o;
     const auto& st = settings.sin_tilt;
@@ -153,9 +168,6 @@ std::vector<ParamSpec> hair_params() {
 HairSettings read_hair(const ParamSet& params) {
     HairSettings settings;
     settings.color = read_strand_color(params);
-    settings.melanin_pigment = params.text("pigment") == "melanin";
-    settings.melanin = static_cast<float>(params.number("melanin"));
-    settings.redness = static_cast<float>(params.number("melanin_redness"));
     settings.roughness = static_cast<float>(params.number("roughness"));
     settings.azimuthal_roughness = static_cast<float>(params.number("azimuthal_roughness"));
     settings.tilt = static_cast<float>(params.number("tilt") * degree);
@@ -166,6 +178,7 @@ HairSettings read_hair(const ParamSet& params) {
     settings.variance = {v, 0.25F * v, 4.0F * v, 4.0F * v};
     settings.logistic_scale =
         static_cast<float>(std::sqrt(pi / 8.0) * (0.265 * n + 1.194 * n * n + 5.372 * std::pow(n, 22.0)));
+    set_pigment(settings, params);
     for (int k = 0; k < 3; ++k) {
         settings.sin_tilt[k] = std::sin(static_cast<float>(1 << k) * settings.tilt);
         settings.cos_tilt[k] = std::cos(static_cast<float>(1 << k) * settings.tilt);
@@ -194,18 +207,13 @@ HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point) {
     const float cos_theta_t = std::sqrt(std::max(1e-6F, 1.0F - sin2_theta / (eta * eta))); // 0 only for ior = 1 end on
     const float chord = 2.0F * std::sqrt(std::max(0.0F, 1.0F - sin_gamma_t * sin_gamma_t)) / cos_theta_t;
 
-    const Vec3f set = color_at(settings.color, point);
-    const Vec3f melanin_color =
-        settings.melanin_pigment
-            ? color_of_absorption(absorption_of_melanin(settings.melanin, settings.redness), settings.azimuthal_roughness)
-            : set;
-    const float tint = std::isfinite(point.tint) ? std::clamp(point.tint, 0.0F, 1.0F) : 0.0F;
-    bsdf.color = settings.melanin_pigment
-                     ? Vec3f(melanin_color + tint * (settings.color.tint_color - melanin_color))
-                     : set;
-    bsdf.color = bsdf.color.cwiseProduct(variation_factor(settings.color, point, bsdf.color));
-    const Vec3f sigma = absorption_of_color(bsdf.color, settings.azimuthal_roughness);
-
+    Vec3f sigma = settings.base_absorption;
+    bsdf.color = settings.base_color;
+    if (!settings.same_everywhere) {
+        bsdf.color = color_at(settings.color, point);
+        bsdf.color = bsdf.color.cwiseProduct(variation_factor(settings.color, point, bsdf.color));
+        sigma = absorption_of_color(bsdf.color, settings.azimuthal_roughness);
+    }
     bsdf.variance = settings.variance;
     bsdf.logistic_scale = settings.logistic_scale;
     bsdf.logistic_norm = std::tanh(0.5F * pi_f / settings.logistic_scale);

@@ -11,7 +11,7 @@
 //   azimuthal_roughness  1     0.3                 around the fibre
 //   tilt                 deg   2                   slope of the cuticle's scales
 //   ior                  1     1.55                index of refraction
-//   root_color, tip_color, variation, tint, tint_color: as in diffuse; of melanin, variation alone applies
+//   root_color, tip_color, variation, tint, tint_color: as in diffuse; melanin has no gradient
 //
 //   [[material]]
 //   name = "fur"
@@ -32,12 +32,12 @@ namespace marram {
 
 struct HairSettings {
     StrandColor color;
-    bool melanin_pigment = false;
-    float melanin = 1.3F, redness = 0.0F;
     float roughness = 0.3F, azimuthal_roughness = 0.3F;
     float tilt = 0.0F; // radians
     float ior = 1.55F;
     // Derived once.
+    bool same_everywhere = false; // no gradient, variation or tint: this colour and absorption hold at every point
+    Vec3f base_color = Vec3f::Zero(), base_absorption = Vec3f::Zero();
     std::array<float, 4> variance{}; // longitudinal, of R, TT, TRT, residual
     float logistic_scale = 0.0F;     // azimuthal
     std::array<float, 3> sin_tilt{}, cos_tilt{}; // of 2^k tilt

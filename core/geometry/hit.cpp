@@ -241,12 +241,14 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     const double sine = across.norm();
     const Vec3d side = sine > least_sine * least_sine ? Vec3d(across / sine) : any_across(tangent);
 
-    const double extent = (control.topRows<3>().rowwise().maxCoeff() - control.topRows<3>().rowwise().minCoeff()).maxCoeff();
-    point.error = float_step * (control.topRows<3>().cwiseAbs().maxCoeff() + curve_residual * (extent + c.value[3]));
+    const Vec4d lower = control.rowwise().minCoeff(), upper = control.rowwise().maxCoeff();
+    const double extent = (upper - lower).head<3>().maxCoeff();
+    point.error = float_step * (std::max(upper.head<3>().maxCoeff(), -lower.head<3>().minCoeff()) +
+                                curve_residual * (extent + c.value[3]));
     point.tangent = tangent.cast<float>();
     const double slope = speed > 0.0 ? c.first[3] / speed : 0.0;
     point.taper = static_cast<float>(slope);
-    point.curvature = speed > 0.0 ? static_cast<float>(c.second.head<3>().cross(dc).norm() / (speed * speed * speed)) : 0.0F;
+    point.curvature = speed > 0.0 ? static_cast<float>(c.second.head<3>().cwiseAbs().sum() / (speed * speed)) : 0.0F;
     point.radius = static_cast<float>(c.value[3]);
     if (curves.shape == MARRAM_ROUND)
         set_round(seen, c, tangent, slope, extent, point);

@@ -49,7 +49,7 @@ struct SurfacePoint {
     float segment_position = 0.0F; // curves: segment + u, 0 ... cvs_per_curve - 1
     // What spawn needs besides, curves only.
     Vec3f from_axis = Vec3f::Zero(); // position - axis
-    float curvature = 0.0F;          // 1/m
+    float curvature = 0.0F;          // 1/m, a bound
     float taper = 0.0F;              // d radius / d length
 };
 

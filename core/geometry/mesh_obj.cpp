@@ -157,7 +157,8 @@ void Scan::face(size_t begin, size_t end) {
     ++faces_;
 }
 
-// i, i/j, i//k or i/j/k; nothing behind a slash stands for nothing.
+// i, i/j, i//k or i/j/k. Slashes with nothing behind them are taken out: tinyobjloader would read the next
+// corner there.
 void Scan::corner(size_t begin, size_t end) {
     constexpr Kind order[kind_count] = {position, uv, normal};
     size_t at = begin;
@@ -165,7 +166,9 @@ void Scan::corner(size_t begin, size_t end) {
         const size_t slash = at + std::min(token(at, end).find('/'), end - at);
         if (part == 0 || slash > at) index(order[part], at, slash);
         at = slash + 1;
-        if (slash == end) return;
+        if (slash < end) continue;
+        while (bytes_[end - 1] == '/') bytes_[--end] = ' ';
+        return;
     }
     fail(begin, fmt::format("\"{}\" is not a corner of a face", token(begin, end)), "write vertex/uv/normal");
 }
@@ -258,8 +261,13 @@ ObjData parse(const std::string& path, std::string& bytes, const Scan& scan) {
     std::istream stream(&memory);
     std::string warnings, errors;
     const bool parsed = tinyobj::LoadObjWithCallback(stream, callbacks, &data, nullptr, &warnings, &errors);
-    // Two readers of one text must have seen the same: indices are resolved against these counts.
-    if (!parsed || data.positions.size() != scan.count(position) ||
+    // Two readers of one text must have seen the same.
+    bool in_range = true;
+    for (const Corner& corner : data.corners)
+        in_range &= corner.position < data.positions.size() &&
+                    (corner.uv == none || corner.uv < data.uvs.size()) &&
+                    (corner.normal == none || corner.normal < data.normals.size());
+    if (!parsed || !in_range || data.positions.size() != scan.count(position) ||
         data.normals.size() != scan.count(normal) || data.uvs.size() != scan.count(uv) ||
         data.corners.size() != scan.corners() || data.face_sizes.size() != scan.faces())
         throw InputError(Place{path}, "cannot be read as an OBJ file",

@@ -40,6 +40,7 @@ struct Frame {
     std::vector<const CurveAttributeValues*> tints;  // [curve geometry]
     std::vector<const CurveAttributeValues*> layers; // [curve geometry * film layers + layer]
     bool moves;
+    bool wants_albedo = false;
 };
 
 struct FirstHit {
@@ -66,6 +67,7 @@ const Material& material_of(const Frame& frame, int index) {
 }
 
 void find_attributes(Frame& frame, const Film& film) {
+    for (const FilmLayer& layer : film.layers) frame.wants_albedo |= layer.kind == LayerKind::albedo;
     for (const CurveGeometry& curves : frame.world.curves) {
         frame.tints.push_back(attribute_named(curves, material_of(frame, curves.material).tint));
         for (const FilmLayer& layer : film.layers)
@@ -139,13 +141,15 @@ Vec3f trace(const Frame& frame, Ray ray, Sampler& sampler, FirstHit& first, RayC
             const Lights::Seen seen = frame.lights.emitted(point, ray.direction);
             if (seen.pdf >= 0.0F) radiance += found_weight(frame, drawn, seen.pdf) * throughput.cwiseProduct(seen.radiance);
         }
-        const Bsdf bsdf = bsdf_at(material_of(frame, point.material), shading_point(frame, point, -ray.direction));
+        const bool last = depth >= frame.settings.max_depth;
         if (depth == 0) {
             first.hit = true;
-            first.albedo = albedo(bsdf);
             first.normal = point.geometric_normal.dot(ray.direction) > 0.0F ? Vec3f(-point.normal) : point.normal;
         }
-        if (depth >= frame.settings.max_depth) return radiance;
+        if (last && !(depth == 0 && frame.wants_albedo)) return radiance;
+        const Bsdf bsdf = bsdf_at(material_of(frame, point.material), shading_point(frame, point, -ray.direction));
+        if (depth == 0 && frame.wants_albedo) first.albedo = albedo(bsdf);
+        if (last) return radiance;
         sampler.seek(first_vertex_pair + pairs_a_vertex * depth);
         const Vec2f choice = sampler.next_pair();
         if (!frame.lights.empty())

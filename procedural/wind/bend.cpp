@@ -167,6 +167,7 @@ MARRAM_HOT void bend_block(const Wind& wind, const BlockView& block) {
     const Wide3d tip = to_double(block.rest[last]);
     Turn turn{VDouble{}, VDouble{}, VDouble{}, splat(1.0)};
     VLong turned{};
+    Wide3d position = to_double(block.rest[0]);
     block.pose[0] = block.rest[0];
     for (int k = 0; k < last; ++k) {
         const Wide3d start = to_double(block.rest[k]);
@@ -181,12 +182,10 @@ MARRAM_HOT void bend_block(const Wind& wind, const BlockView& block) {
         const Turn q = scaled_turn(a, w + noise, f, segment, noise, turns);
         turn = renormalised(q * turn);
         turned |= turns;
-        const Wide3d d = rotate(turn, to_double(block.rest[k + 1]) - start);
-        // From the stored start: each stored segment is off by one rounding, however long the strand.
-        const Wide3f moved = to_float(to_double(block.pose[k]) + d);
-        const VInt use = __builtin_convertvector(turned, VInt);
-        block.pose[k + 1] = {use ? moved.x : block.rest[k + 1].x, use ? moved.y : block.rest[k + 1].y,
-                             use ? moved.z : block.rest[k + 1].z};
+        // What no turn has reached yet is the rest strand itself, to the last bit.
+        const Wide3d end = to_double(block.rest[k + 1]);
+        position = select(turned, position + rotate(turn, end - start), end);
+        block.pose[k + 1] = to_float(position);
         if (block.rest_normal) block.pose_normal[k] = to_float(rotate(turn, to_double(block.rest_normal[k])));
     }
     if (block.rest_normal) block.pose_normal[last] = to_float(rotate(turn, to_double(block.rest_normal[last])));

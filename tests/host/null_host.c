@@ -1,0 +1,453 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A foreign host: the test of the boundary. Knows the contract and Embree, nothing of the renderer, and traces what the
+ * groom of a procedural library hands over:
+ *
+ *   null_host build/libmarram_procedural.so
+ *
+ * The scene is a square of two triangles that moves within the shutter, with hair in the wind.
+ */
+#include "core/plugin/marram_plugin.h"
+
+#include <dlfcn.h>
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { times = 2, strands = 2000, most_values = 128, most_numbers = 16, spare_floats = 4 };
+
+#define CHECK(condition)                                                                                     \
+    do {                                                                                                     \
+        if (!(condition)) fail(#condition, __LINE__);                                                        \
+    } while (0)
+
+static char last_message[1024];
+static int cancel_asked;
+
+static void fail(const char* condition, int line) {
+    fprintf(stderr, "null_host.c:%d: does not hold: %s\nlast message: %s\n", line, condition, last_message);
+    exit(1);
+}
+
+static void* allocate(size_t bytes) {
+    void* memory = calloc(1, bytes);
+    CHECK(memory != NULL);
+    return memory;
+}
+
+/* ---- What the host lends ---- */
+
+static void on_message(void* user, MarramSeverity severity, const char* place, const char* text) {
+    (void)user;
+    (void)severity;
+    snprintf(last_message, sizeof last_message, "%s: %s", place, text);
+}
+
+static int on_cancelled(void* user) {
+    (void)user;
+    return cancel_asked;
+}
+
+static const MarramHost host = {NULL, on_message, on_cancelled};
+
+static const float corners[12] = {-1, 0, 1, 1, 0, 1, 1, 0, -1, -1, 0, -1};
+static const float corner_uvs[8] = {0, 0, 1, 0, 1, 1, 0, 1};
+static const uint32_t corner_triangles[6] = {0, 1, 2, 0, 2, 3};
+
+/* The square at a frame: it goes along x and up. */
+static MarramStatus pose(void* user, uint32_t mesh, double frame, float* positions) {
+    (void)user;
+    if (mesh != 0) return MARRAM_ERROR;
+    for (int i = 0; i < 4; ++i) {
+        positions[3 * i] = (float)(corners[3 * i] + 0.5 * frame);
+        positions[3 * i + 1] = (float)(corners[3 * i + 1] + 0.25 * frame);
+        positions[3 * i + 2] = corners[3 * i + 2];
+    }
+    return MARRAM_OK;
+}
+
+static RTCGeometry make_square(RTCDevice device, float positions[times][12 + spare_floats]) {
+    RTCGeometry square = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+    rtcSetGeometryTimeStepCount(square, times);
+    for (unsigned t = 0; t < times; ++t)
+        rtcSetSharedGeometryBuffer(square, RTC_BUFFER_TYPE_VERTEX, t, RTC_FORMAT_FLOAT3, positions[t], 0, 12, 4);
+    memcpy(rtcSetNewGeometryBuffer(square, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, 2), corner_triangles,
+           sizeof corner_triangles);
+    rtcCommitGeometry(square);
+    return square;
+}
+
+/* ---- Values: the declared defaults, and what the scene says instead ---- */
+
+typedef struct Given {
+    const char *name, *text;
+} Given;
+
+typedef struct Values {
+    MarramValue list[most_values];
+    double numbers[most_values][most_numbers];
+    uint32_t count;
+} Values;
+
+/* All numbers of a text in their order: enough to read "[[0, 0.2], [1, 1]]". */
+static size_t read_numbers(const char* text, double* numbers) {
+    size_t count = 0;
+    while (*text) {
+        char* end = NULL;
+        const double number = strtod(text, &end);
+        if (end == text) {
+            ++text;
+            continue;
+        }
+        CHECK(count < most_numbers);
+        numbers[count++] = number;
+        text = end;
+    }
+    return count;
+}
+
+static const char* text_for(const MarramParam* param, const Given* given, size_t given_count) {
+    for (size_t i = 0; i < given_count; ++i)
+        if (strcmp(given[i].name, param->name) == 0) return given[i].text;
+    return param->initial;
+}
+
+static void make_values(const MarramProcedural* type, const Given* given, size_t given_count, Values* values) {
+    values->count = 0;
+    for (uint32_t i = 0; i < type->param_count; ++i) {
+        const MarramParam* param = &type->params[i];
+        const char* text = text_for(param, given, given_count);
+        if (strcmp(text, "none") == 0 || param->type == MARRAM_UNAVAILABLE) continue;
+        CHECK(*text != '\0' && values->count < most_values);
+        const int is_text = param->type == MARRAM_CHOICE || param->type == MARRAM_TEXT || param->type == MARRAM_MESH_NAME;
+        MarramValue* value = &values->list[values->count];
+        double* numbers = values->numbers[values->count++];
+        value->name = param->name;
+        value->type = param->type;
+        value->numbers = numbers;
+        value->number_count = is_text ? 0 : read_numbers(text, numbers);
+        value->text = is_text ? text : param->type == MARRAM_RAMP ? "linear" : "";
+        value->image = NULL;
+        value->place = "null_host";
+    }
+}
+
+static const Given good[] = {{"on", "square"},       {"count", "2000"},  {"length", "[0.1, 0.3]"},
+                             {"width", "0.01"},      {"wind.speed", "7"}, {"wind.global_rotate", "1"}};
+enum { good_count = sizeof good / sizeof *good };
+
+/* ---- One run of the groom ---- */
+
+typedef struct Curves {
+    MarramOutput output;
+    MarramPatch* patches;
+    float* vertices[times]; /* 4 floats each, cvs + 2 a curve, all patches behind each other */
+    float *root_uv, *id;    /* 2 and 1 a curve */
+} Curves;
+
+static size_t vertex_count(const MarramOutput* output) { return output->curve_count * (output->cvs_per_curve + 2); }
+
+static uint32_t attribute_index(const MarramProcedural* type, const char* name) {
+    for (uint32_t i = 0; i < type->attribute_count; ++i)
+        if (strcmp(type->attributes[i].name, name) == 0) return i;
+    fail(name, __LINE__);
+    return 0;
+}
+
+static void tessellate(const MarramProcedural* type, MarramInstance* instance, Curves* curves, uint32_t patch) {
+    const uint64_t first = curves->patches[patch].first_curve;
+    const uint32_t attributes[2] = {attribute_index(type, "root_uv"), attribute_index(type, "id")};
+    float* vertices[times];
+    float* values[2];
+    values[0] = curves->root_uv + 2 * first;
+    values[1] = curves->id + first;
+    for (uint32_t t = 0; t < curves->output.time_count; ++t)
+        vertices[t] = curves->vertices[t] + 4 * first * (curves->output.cvs_per_curve + 2);
+    const MarramPatchBuffers buffers = {vertices, NULL, 2, attributes, values};
+    CHECK(type->tessellate(instance, patch, &buffers) == MARRAM_OK);
+}
+
+/* Embree reads up to 16 bytes behind a shared buffer. Patches are made from the last to the first: any order will do. */
+static void make_curves(const MarramProcedural* type, MarramInstance* instance, const MarramFrame* frame, Curves* curves) {
+    MarramOutput* output = &curves->output;
+    CHECK(type->begin(instance, frame, output) == MARRAM_OK);
+    CHECK(output->kind == MARRAM_CURVES && output->curve_count == strands && output->cvs_per_curve >= 2);
+    CHECK(output->time_count == times && output->patch_count > 1);
+    curves->patches = allocate(output->patch_count * sizeof *curves->patches);
+    for (unsigned t = 0; t < times; ++t)
+        curves->vertices[t] = allocate((4 * vertex_count(output) + spare_floats) * sizeof(float));
+    curves->root_uv = allocate(2 * output->curve_count * sizeof(float));
+    curves->id = allocate(output->curve_count * sizeof(float));
+    uint64_t next = 0;
+    for (uint32_t i = 0; i < output->patch_count; ++i) {
+        CHECK(type->patch(instance, i, &curves->patches[i]) == MARRAM_OK);
+        CHECK(curves->patches[i].first_curve == next);
+        next += curves->patches[i].curve_count;
+    }
+    CHECK(next == output->curve_count);
+    for (uint32_t i = output->patch_count; i > 0; --i) tessellate(type, instance, curves, i - 1);
+}
+
+static void free_curves(Curves* curves) {
+    free(curves->patches);
+    for (unsigned t = 0; t < times; ++t) free(curves->vertices[t]);
+    free(curves->root_uv);
+    free(curves->id);
+}
+
+/* ---- What is checked ---- */
+
+static void check_bounds(const Curves* curves) {
+    const uint32_t cvs = curves->output.cvs_per_curve;
+    for (uint32_t i = 0; i < curves->output.patch_count; ++i) {
+        const MarramPatch* patch = &curves->patches[i];
+        for (unsigned t = 0; t < times; ++t)
+            for (uint64_t k = 0; k < (uint64_t)patch->curve_count * (cvs + 2); ++k) {
+                if (k % (cvs + 2) == 0 || k % (cvs + 2) == cvs + 1) continue; /* no CV of the curve */
+                const float* v = curves->vertices[t] + 4 * (patch->first_curve * (cvs + 2) + k);
+                for (int axis = 0; axis < 3; ++axis)
+                    CHECK(v[axis] - v[3] >= patch->lower[axis] && v[axis] + v[3] <= patch->upper[axis]);
+            }
+    }
+}
+
+/* V[0] = 2 P[0] - P[1] and V[n+1] = 2 P[n-1] - P[n-2]. */
+static void check_phantoms(const Curves* curves) {
+    const uint32_t cvs = curves->output.cvs_per_curve;
+    for (unsigned t = 0; t < times; ++t)
+        for (uint64_t c = 0; c < curves->output.curve_count; ++c) {
+            const float* v = curves->vertices[t] + 4 * c * (cvs + 2);
+            const float* tip = v + 4 * (cvs + 1);
+            for (int i = 0; i < 4; ++i) {
+                CHECK(fabsf(v[i] - (2 * v[4 + i] - v[8 + i])) <= 1e-6F);
+                CHECK(fabsf(tip[i] - (2 * tip[i - 4] - tip[i - 8])) <= 1e-6F);
+            }
+        }
+}
+
+static double segment_length(const float* v) {
+    const double x = (double)v[4] - v[0], y = (double)v[5] - v[1], z = (double)v[6] - v[2];
+    return sqrt(x * x + y * y + z * z);
+}
+
+/* Wind turns segments, it does not stretch them: within 1e-5 and two units in the last place of a coordinate. */
+static void check_lengths(const Curves* bent, const Curves* rest) {
+    const uint32_t cvs = bent->output.cvs_per_curve;
+    size_t moved = 0;
+    for (unsigned t = 0; t < times; ++t)
+        for (uint64_t c = 0; c < bent->output.curve_count; ++c)
+            for (uint32_t k = 1; k < cvs; ++k) {
+                const size_t at = 4 * (c * (cvs + 2) + k);
+                const double a = segment_length(bent->vertices[t] + at), b = segment_length(rest->vertices[t] + at);
+                const double ulp = 2.0 * (double)FLT_EPSILON; /* of coordinates up to 2 */
+                CHECK(fabs(a - b) <= 1e-5 * b + 2.0 * ulp);
+                moved += bent->vertices[t][at + 4] != rest->vertices[t][at + 4];
+            }
+    CHECK(moved > strands);
+}
+
+/* The root stands where its uv says on the moving square; uvs of the square run along x and against z. */
+static void check_attributes(const Curves* curves, const MarramFrame* frame) {
+    const uint32_t cvs = curves->output.cvs_per_curve;
+    for (uint64_t c = 0; c < curves->output.curve_count; ++c) {
+        const float *uv = curves->root_uv + 2 * c, *a = curves->vertices[0] + 4 * (c * (cvs + 2) + 1);
+        CHECK(fabs(a[0] - (2.0 * uv[0] - 1.0 + 0.5 * frame->times[0])) < 1e-5);
+        CHECK(fabs(a[2] - (1.0 - 2.0 * uv[1])) < 1e-5);
+        CHECK(curves->id[c] >= 0.0F && curves->id[c] < 16777216.0F && curves->id[c] == floorf(curves->id[c]));
+    }
+}
+
+static RTCScene make_world(RTCDevice device, RTCGeometry square, const Curves* curves) {
+    const uint32_t cvs = curves->output.cvs_per_curve;
+    RTCGeometry hair = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_ROUND_BSPLINE_CURVE);
+    rtcSetGeometryTimeStepCount(hair, times);
+    for (unsigned t = 0; t < times; ++t)
+        rtcSetSharedGeometryBuffer(hair, RTC_BUFFER_TYPE_VERTEX, t, RTC_FORMAT_FLOAT4, curves->vertices[t], 0, 16,
+                                   vertex_count(&curves->output));
+    unsigned* index = rtcSetNewGeometryBuffer(hair, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4,
+                                              curves->output.curve_count * (cvs - 1));
+    for (unsigned c = 0; c < curves->output.curve_count; ++c)
+        for (unsigned k = 0; k + 1 < cvs; ++k) *index++ = c * (cvs + 2) + k;
+    rtcCommitGeometry(hair);
+    RTCScene world = rtcNewScene(device);
+    rtcAttachGeometryByID(world, square, 0);
+    rtcAttachGeometryByID(world, hair, 1);
+    rtcReleaseGeometry(hair);
+    rtcCommitScene(world);
+    return world;
+}
+
+/* From far above to the middle of each strand's second segment, at a time within the shutter: something hairy is hit no
+ * later than there. */
+static void check_hits(RTCScene world, const Curves* curves) {
+    static const float towards[3] = {0.48F, -0.6F, 0.64F};
+    static const float weights[4] = {1 / 48.0F, 23 / 48.0F, 23 / 48.0F, 1 / 48.0F};
+    const float distance = 10.0F;
+    const uint32_t cvs = curves->output.cvs_per_curve;
+    for (uint64_t c = 0; c < curves->output.curve_count; ++c) {
+        const float time = (float)(c % 9) / 8.0F;
+        struct RTCRayHit ray;
+        memset(&ray, 0, sizeof ray);
+        float p[4] = {0, 0, 0, 0};
+        for (uint32_t k = 0; k < 4; ++k)
+            for (int i = 0; i < 4; ++i) {
+                const size_t at = 4 * (c * (cvs + 2) + k + 1) + (size_t)i;
+                p[i] += weights[k] * ((1 - time) * curves->vertices[0][at] + time * curves->vertices[1][at]);
+            }
+        ray.ray.org_x = p[0] - distance * towards[0];
+        ray.ray.org_y = p[1] - distance * towards[1];
+        ray.ray.org_z = p[2] - distance * towards[2];
+        ray.ray.dir_x = towards[0];
+        ray.ray.dir_y = towards[1];
+        ray.ray.dir_z = towards[2];
+        ray.ray.tfar = 100.0F;
+        ray.ray.time = time;
+        ray.ray.mask = ~0U;
+        ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+        ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+        marram_intersect1(world, &ray, 0);
+        CHECK(ray.hit.geomID == 1 && ray.ray.tfar <= distance + 1e-4F);
+        CHECK(ray.hit.primID < curves->output.curve_count * (cvs - 1));
+    }
+}
+
+static void count_key(void* user, const char* key, double value) {
+    int* found = user;
+    CHECK(isfinite(value) && value >= 0.0);
+    if (strncmp(key, "seconds.", 8) == 0 || strncmp(key, "thread_seconds.", 15) == 0) ++found[0];
+    if (strcmp(key, "memory.bytes") == 0) ++found[1];
+}
+
+static void check_report(const MarramProcedural* type, MarramInstance* instance) {
+    int found[2] = {0, 0};
+    type->report(instance, count_key, found);
+    CHECK(found[0] > 0 && found[1] == 1);
+}
+
+static void check_mistakes(const MarramProcedural* type, const MarramFrame* frame) {
+    static Values values;
+    MarramInstance* instance = NULL;
+    Given bad[good_count + 1];
+    memcpy(bad, good, sizeof good);
+    bad[good_count].name = "density";
+    bad[good_count].text = "100";
+    make_values(type, bad, good_count + 1, &values);
+    last_message[0] = '\0';
+    CHECK(type->create(&host, values.list, values.count, &instance) == MARRAM_ERROR);
+    CHECK(strstr(last_message, "null_host: ") == last_message && strstr(last_message, "density and count"));
+
+    bad[0].text = "circle";
+    make_values(type, bad, good_count, &values);
+    last_message[0] = '\0';
+    CHECK(type->create(&host, values.list, values.count, &instance) == MARRAM_OK);
+    MarramOutput output;
+    CHECK(type->begin(instance, frame, &output) == MARRAM_ERROR && strstr(last_message, "circle"));
+    type->destroy(instance);
+}
+
+/* Asked to stop before roots are placed, and between two patches. */
+static void check_cancel(const MarramProcedural* type, const Values* values, const MarramFrame* frame) {
+    MarramInstance* instance = NULL;
+    MarramOutput output;
+    CHECK(type->create(&host, values->list, values->count, &instance) == MARRAM_OK);
+    cancel_asked = 1;
+    CHECK(type->begin(instance, frame, &output) == MARRAM_CANCELLED);
+    cancel_asked = 0;
+    Curves curves;
+    make_curves(type, instance, frame, &curves);
+    cancel_asked = 1;
+    const MarramPatchBuffers buffers = {curves.vertices, NULL, 0, NULL, NULL};
+    CHECK(type->tessellate(instance, 0, &buffers) == MARRAM_CANCELLED);
+    cancel_asked = 0;
+    free_curves(&curves);
+    type->destroy(instance);
+}
+
+static const MarramProcedural* find_groom(void* handle) {
+    MarramLibraryFunction entry = NULL;
+    void* symbol = dlsym(handle, MARRAM_ENTRY_POINT);
+    CHECK(symbol != NULL);
+    memcpy(&entry, &symbol, sizeof entry); /* C has no cast from an object pointer to a function */
+    CHECK(entry(MARRAM_ABI_VERSION + 1) == NULL && entry(0) == NULL);
+    const MarramLibrary* library = entry(MARRAM_ABI_VERSION);
+    CHECK(library != NULL && library->abi == MARRAM_ABI_VERSION);
+    for (uint32_t i = 0; i < library->procedural_count; ++i)
+        if (strcmp(library->procedurals[i].name, "groom") == 0) return &library->procedurals[i];
+    fail("the library has a groom", __LINE__);
+    return NULL;
+}
+
+static void run(const MarramProcedural* type, RTCDevice device, RTCGeometry square, const MarramFrame* frame) {
+    static Values values;
+    make_values(type, good, good_count, &values);
+    MarramInstance* instance = NULL;
+    CHECK(type->create(&host, values.list, values.count, &instance) == MARRAM_OK);
+    Curves bent, again, rest;
+    make_curves(type, instance, frame, &bent);
+    check_report(type, instance);
+    make_curves(type, instance, frame, &again);
+    tessellate(type, instance, &again, 0); /* once more into the same buffers */
+    for (unsigned t = 0; t < times; ++t)
+        CHECK(memcmp(bent.vertices[t], again.vertices[t], 16 * vertex_count(&bent.output)) == 0);
+    CHECK(memcmp(bent.id, again.id, strands * sizeof(float)) == 0);
+    MarramFrame at_rest = *frame;
+    at_rest.stage = MARRAM_REST;
+    make_curves(type, instance, &at_rest, &rest);
+    check_bounds(&bent);
+    check_bounds(&rest);
+    check_phantoms(&bent);
+    check_lengths(&bent, &rest);
+    check_attributes(&bent, frame);
+    RTCScene world = make_world(device, square, &bent);
+    check_hits(world, &bent);
+    rtcReleaseScene(world);
+    type->destroy(instance);
+    free_curves(&bent);
+    free_curves(&again);
+    free_curves(&rest);
+    check_mistakes(type, frame);
+    check_cancel(type, &values, frame);
+}
+
+int main(int argc, char** argv) {
+    void* handle = argc == 2 ? dlopen(argv[1], RTLD_NOW | RTLD_LOCAL) : NULL;
+    if (!handle) {
+        fprintf(stderr, "usage: null_host LIBRARY.so\n%s\n", argc == 2 ? dlerror() : "");
+        return 2;
+    }
+    static const double shutter[times] = {1.0, 1.5};
+    float positions[times][12 + spare_floats];
+    const float* steps[times];
+    for (unsigned t = 0; t < times; ++t) {
+        pose(NULL, 0, shutter[t], positions[t]);
+        steps[t] = positions[t];
+    }
+    RTCDevice device = rtcNewDevice(NULL);
+    RTCGeometry square = make_square(device, positions);
+    RTCScene colliders = rtcNewScene(device);
+    rtcAttachGeometryByID(colliders, square, 0);
+    rtcCommitScene(colliders);
+    const MarramMesh mesh = {"square", 0, 4, 2, times, steps, NULL, corner_triangles, corner_uvs};
+    MarramFrame frame;
+    memset(&frame, 0, sizeof frame);
+    frame.fps = 24.0;
+    frame.frame = frame.bind_frame = 1.0;
+    frame.time_count = times;
+    frame.times = shutter;
+    frame.stage = MARRAM_FINAL;
+    frame.device = device;
+    frame.colliders = colliders;
+    frame.mesh_count = 1;
+    frame.meshes = &mesh;
+    frame.pose = pose;
+    run(find_groom(handle), device, square, &frame);
+    rtcReleaseScene(colliders);
+    rtcReleaseGeometry(square);
+    CHECK(rtcGetDeviceError(device) == RTC_ERROR_NONE);
+    rtcReleaseDevice(device);
+    dlclose(handle);
+    printf("%d strands at %d times, bounded, repeated and hit\n", (int)strands, (int)times);
+    return 0;
+}

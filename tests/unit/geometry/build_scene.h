@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+// Worlds for tests, built by the renderer's own two phases from a few lines of scene file.
+#pragma once
+
+#include "core/geometry/build.h"
+#include "core/scene/description.h"
+
+#include <filesystem>
+#include <fstream>
+#include <map>
+
+#include <unistd.h>
+
+namespace marram::testing {
+
+inline const std::string default_library = MARRAM_BINARY_DIR "/libmarram_procedural.so";
+inline const std::string mesh_library = MARRAM_BINARY_DIR "/libmesh_plugin.so";
+inline const std::string faulty_library = MARRAM_BINARY_DIR "/libfaulty_plugin.so";
+
+inline Mesh builtin_mesh(const Item& item) {
+    const ParamSet& params = item.params;
+    if (item.type == "plane") return plane_mesh(params.vec2("size").cast<float>(), params.integer("divisions"));
+    if (item.type == "box") return box_mesh(params.vec3("size").cast<float>());
+    return sphere_mesh(float(params.number("radius")), params.integer("divisions"), float(params.number("bumps")),
+                       float(params.number("frequency")));
+}
+
+// A scene from its text, without camera: planes, boxes, spheres, and procedurals of the three libraries above.
+class TestScene {
+  public:
+    explicit TestScene(const std::string& text) {
+        schema_ = scene_schema();
+        for (const std::string& path : {default_library, mesh_library, faulty_library}) {
+            const auto library = std::make_shared<PluginLibrary>(path, Place{});
+            for (ItemSchema& item : procedural_schemas(library->table())) {
+                libraries_[item.type] = library;
+                schema_.procedurals.push_back(std::move(item));
+            }
+        }
+        schema_.wind = wind_specs(libraries_.at("groom")->table());
+        description_ = load_scene(write(text), {}, schema_);
+        for (const Item& item : description_.meshes) {
+            const ParamValue& keys = item.params.at("transform");
+            geometry.meshes.push_back({item.name, builtin_mesh(item), KeyedTransform(keys.numbers, keys.text)});
+        }
+        for (const Item& item : description_.procedurals)
+            geometry.procedurals.push_back(
+                std::make_unique<Procedural>(libraries_.at(item.type), item, description_.wind, cancel));
+    }
+
+    World build() { return build_world(geometry, settings, cancel, progress, stats = {}); }
+
+    // All that the build objects to, as the user reads it.
+    std::string objection() {
+        try {
+            build();
+        } catch (const InputError& error) {
+            std::string all;
+            for (const Problem& problem : error.problems) all += to_string(problem) + "\n";
+            return all;
+        }
+        return "";
+    }
+
+    std::atomic<bool> cancel{false};
+    SceneGeometry geometry;
+    BuildSettings settings;
+    BuildProgress progress;
+    BuildStats stats;
+
+  private:
+    static std::string write(const std::string& text) {
+        const std::filesystem::path file =
+            std::filesystem::temp_directory_path() / ("marram_build_" + std::to_string(::getpid()) + ".toml");
+        std::ofstream(file) << text << "\n[camera]\nposition = [0, 1, 5]\ntarget = [0, 0, 0]\n";
+        return file.string();
+    }
+
+    Schema schema_;
+    std::map<std::string, std::shared_ptr<PluginLibrary>> libraries_; // by procedural type
+    SceneDescription description_;
+};
+
+// What a groom needs at the least, and what a test adds.
+inline std::string groom(const std::string& name, const std::string& on, const std::string& more = "") {
+    return "\n[[procedural]]\ntype = \"groom\"\nname = \"" + name + "\"\non = \"" + on +
+           "\"\nlength = [0.1, 0.2]\nwidth = 0.01\n" +
+           (more.find("count") == std::string::npos && more.find("density") == std::string::npos ? "count = 200\n" : "") + more +
+           "\n";
+}
+
+inline std::string mesh(const std::string& name, const std::string& type, const std::string& more = "") {
+    return "\n[[mesh]]\nname = \"" + name + "\"\ntype = \"" + type + "\"\n" + more + "\n";
+}
+
+// CV k of curve c at a motion sample.
+inline Vec3f cv(const CurveGeometry& curves, size_t time, size_t c, uint32_t k) {
+    return Vec3f(curves.vertices[time] + 4 * (c * (curves.cvs_per_curve + 2) + k + 1));
+}
+
+inline const CurveAttributeValues* attribute(const CurveGeometry& curves, const std::string& name) {
+    for (const CurveAttributeValues& values : curves.attributes)
+        if (values.name == name) return &values;
+    return nullptr;
+}
+
+} // namespace marram::testing

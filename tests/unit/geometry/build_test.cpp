@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: Apache-2.0
+// The two-phase build: what moves is where it should be at every motion sample, curves ride along, and the two scenes
+// share their colliders under IDs that the description alone decides.
+#include "build_scene.h"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+namespace marram::testing {
+namespace {
+
+const std::string translating = "transform = { keys = [{ frame = 1, translate = [0, 0, 0] }, "
+                                "{ frame = 3, translate = [4, -2, 8] }] }\n";
+const std::string rotating =
+    "transform = { keys = [{ frame = 1, rotate = [0, 0, 0] }, { frame = 3, rotate = [0, 120, 0] }] }\n";
+
+// Where the transforms above put a point of object space at a frame between 1 and 3.
+Vec3d translated(const Vec3d& p, double frame) { return p + (frame - 1.0) * Vec3d(2, -1, 4); }
+Vec3d rotated(const Vec3d& p, double frame) {
+    const double angle = (frame - 1.0) * 60.0 * degree, c = std::cos(angle), s = std::sin(angle);
+    return {c * p.x() + s * p.z(), p.y(), c * p.z() - s * p.x()};
+}
+using Motion = Vec3d (*)(const Vec3d&, double);
+
+void open_shutter(TestScene& scene, uint32_t keys) {
+    scene.settings.frame = 2.0;
+    scene.settings.shutter_open = -0.25;
+    scene.settings.shutter_close = 0.5;
+    scene.settings.motion_keys = keys;
+}
+
+TEST(MotionTimes, AreEquallySpacedWithExactEnds) {
+    BuildSettings settings;
+    settings.frame = 7.1;
+    EXPECT_EQ(motion_times(settings), std::vector<double>{7.1});
+    settings.shutter_open = -0.3;
+    settings.shutter_close = 0.1;
+    for (const uint32_t keys : {2u, 3u, 7u, 64u}) {
+        settings.motion_keys = keys;
+        const std::vector<double> times = motion_times(settings);
+        ASSERT_EQ(times.size(), keys);
+        EXPECT_EQ(times.front(), 7.1 - 0.3);
+        EXPECT_EQ(times.back(), 7.1 + 0.1);
+        for (size_t i = 1; i < keys; ++i) EXPECT_NEAR(times[i] - times[i - 1], 0.4 / (keys - 1), 1e-14);
+    }
+}
+
+class MotionKeys : public ::testing::TestWithParam<uint32_t> {};
+
+TEST_P(MotionKeys, MeshesAreExactAtShutterTimes) {
+    const auto check = [&](const std::string& transform, Motion motion) {
+        TestScene scene(mesh("ball", "sphere", "divisions = 6\n" + transform));
+        open_shutter(scene, GetParam());
+        const World world = scene.build();
+        const MeshGeometry& ball = world.meshes[0];
+        ASSERT_EQ(ball.positions.size(), GetParam());
+        ASSERT_EQ(ball.normals.size(), GetParam());
+        const Mesh& source = scene.geometry.meshes[0].mesh;
+        for (size_t t = 0; t < world.times.size(); ++t)
+            for (size_t i = 0; i < source.positions.size(); ++i) {
+                const Vec3d exact = motion(source.positions[i].cast<double>(), world.times[t]);
+                const Vec3d turned = motion(source.normals[i].cast<double>(), world.times[t]) - motion(Vec3d::Zero(), world.times[t]);
+                EXPECT_LT((ball.positions[t][i].cast<double>() - exact).norm(), 1e-6) << "key " << t;
+                EXPECT_LT((ball.normals[t][i].cast<double>() - turned).norm(), 1e-6) << "key " << t;
+            }
+    };
+    check(translating, translated);
+    check(rotating, rotated);
+}
+
+// The uv of a plane tells where on it a root is: u runs along x, v against z.
+TEST_P(MotionKeys, CurvesRideOnMeshes) {
+    const auto check = [&](const std::string& transform, Motion motion, const std::string& wind) {
+        TestScene scene(mesh("ground", "plane", "size = [4, 4]\n" + transform) + groom("hair", "ground", wind));
+        open_shutter(scene, GetParam());
+        scene.settings.attributes = {"root_uv", "no_such_attribute"};
+        const World world = scene.build();
+        const CurveGeometry& curves = world.curves[0];
+        ASSERT_EQ(curves.vertices.size(), GetParam());
+        ASSERT_EQ(curves.attributes.size(), 1u);
+        const CurveAttributeValues& uv = *attribute(curves, "root_uv");
+        for (size_t c = 0; c < curves.curve_count; ++c) {
+            const Vec3d root(4.0 * (double(uv.values[2 * c]) - 0.5), 0.0, 4.0 * (0.5 - double(uv.values[2 * c + 1])));
+            for (size_t t = 0; t < world.times.size(); ++t)
+                EXPECT_LT((cv(curves, t, c, 0).cast<double>() - motion(root, world.times[t])).norm(), 3e-6);
+        }
+    };
+    const std::string wind = "wind = { speed = 8, noise = { amplitude = 2 } }\n";
+    check(translating, translated, "");
+    check(translating, translated, wind);
+    check(rotating, rotated, "");
+    check(rotating, rotated, wind);
+}
+INSTANTIATE_TEST_SUITE_P(All, MotionKeys, ::testing::Values(2u, 3u, 7u, 64u));
+
+TEST(Motion, IsLeftOutWhereNothingMoves) {
+    TestScene scene(mesh("still", "plane") + mesh("moving", "plane", translating) + groom("hair", "still"));
+    open_shutter(scene, 5);
+    const World world = scene.build();
+    EXPECT_EQ(world.meshes[0].positions.size(), 1u);
+    EXPECT_EQ(world.meshes[1].positions.size(), 5u);
+    EXPECT_EQ(world.curves[0].vertices.size(), 1u);
+    scene.settings.frame = 20.0; // behind the last key
+    EXPECT_EQ(scene.build().meshes[1].positions.size(), 1u);
+}
+
+const std::string populated = mesh("b", "box") + groom("hair 2", "a") + mesh("a", "plane") + groom("hair 1", "b") +
+                              "[[procedural]]\ntype = \"pyramid\"\nname = \"tomb\"\n" + mesh("c", "sphere", "divisions = 5\n");
+
+TEST(WorldScenes, ShareTheColliders) {
+    TestScene scene(populated);
+    const World world = scene.build();
+    ASSERT_EQ(world.meshes.size(), 4u);
+    for (unsigned i = 0; i < 4; ++i) {
+        ASSERT_NE(rtcGetGeometry(world.colliders.get(), i), nullptr);
+        EXPECT_EQ(rtcGetGeometry(world.colliders.get(), i), rtcGetGeometry(world.scene.get(), i));
+    }
+}
+
+// A ray straight down from above a point; its hit's geometry.
+unsigned first_below(RTCScene scene, const Vec3f& from) {
+    RTCRayHit ray{};
+    ray.ray = {from.x(), from.y(), from.z(), 0.0F, 0.0F, -1.0F, 0.0F, 0.0F, 100.0F, ~0U, 0, 0};
+    ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    marram_intersect1(scene, &ray, 0);
+    return ray.hit.geomID;
+}
+
+TEST(WorldScenes, NumberGeometriesInTheDescriptionsOrder) {
+    TestScene scene(populated);
+    const World world = scene.build();
+    std::vector<std::string> names;
+    for (const MeshGeometry& mesh : world.meshes) names.push_back(mesh.name);
+    for (const CurveGeometry& curves : world.curves) names.push_back(curves.name);
+    EXPECT_EQ(names, (std::vector<std::string>{"b", "a", "c", "tomb", "hair 2", "hair 1"}));
+    // Box, sphere and pyramid end at 0.5, 1 and 1 m over the plane at height 0.
+    EXPECT_EQ(first_below(world.colliders.get(), {4.7F, 2.0F, 4.6F}), 1u);
+    EXPECT_EQ(first_below(world.colliders.get(), {0.45F, 0.6F, 0.3F}), 2u);
+    for (unsigned i = 0; i < 2; ++i) { // from above the middle of a strand
+        const CurveGeometry& curves = world.curves[i];
+        size_t hits = 0;
+        for (size_t c = 0; c < curves.curve_count; ++c) {
+            const Vec3f p = cv(curves, 0, c, 4);
+            hits += first_below(world.scene.get(), p + Vec3f(0, 0.02F, 0)) == 4 + i;
+        }
+        EXPECT_GT(hits, curves.curve_count / 3) << curves.name;
+    }
+    EXPECT_EQ(rtcGetGeometry(world.colliders.get(), 4), nullptr);
+}
+
+TEST(WorldScenes, HoldEverythingWithinTheirBounds) {
+    TestScene scene(populated + "\n[wind]\nspeed = 9\nnoise = { amplitude = 3 }\n");
+    open_shutter(scene, 4);
+    const World world = scene.build();
+    Box3f promised;
+    for (const Box3f& box : scene.stats.patch_bounds) promised.extend(box);
+    for (const CurveGeometry& curves : world.curves)
+        for (size_t t = 0; t < curves.vertices.size(); ++t)
+            for (size_t c = 0; c < curves.curve_count; ++c)
+                for (uint32_t k = 0; k < curves.cvs_per_curve; ++k) EXPECT_TRUE(promised.contains(cv(curves, t, c, k)));
+    for (const MeshGeometry& mesh : world.meshes)
+        for (const Vec3f& p : mesh.positions[0])
+            EXPECT_LT(world.bounds.exteriorDistance(p), 1e-4F);
+}
+
+TEST(WorldScenes, AreTheSameEveryTime) {
+    TestScene scene(populated + "\n[wind]\nspeed = 9\n");
+    open_shutter(scene, 3);
+    const World first = scene.build();
+    scene.settings.frame = 40.0;
+    scene.build();
+    scene.settings.frame = 2.0;
+    const World again = scene.build();
+    for (size_t i = 0; i < first.curves.size(); ++i) {
+        const CurveGeometry &a = first.curves[i], &b = again.curves[i];
+        ASSERT_EQ(a.vertices.size(), b.vertices.size());
+        const size_t bytes = a.curve_count * (a.cvs_per_curve + 2) * 16;
+        for (size_t t = 0; t < a.vertices.size(); ++t) EXPECT_EQ(std::memcmp(a.vertices[t], b.vertices[t], bytes), 0);
+    }
+}
+
+double signed_volume(const MeshGeometry& mesh, size_t time) {
+    double six = 0.0;
+    for (const auto& t : mesh.triangles) {
+        const auto p = [&](size_t i) -> Vec3d { return mesh.positions[time][t[i]].cast<double>(); };
+        six += p(0).dot(p(1).cross(p(2)));
+    }
+    return six / 6.0;
+}
+
+TEST(MirroredTransforms, KeepTheOutsideOut) {
+    for (const char* scale : {"[-1, 1, 1]", "[1, -2, 1]", "[1, 1, -0.5]", "[-1, -1, -1]", "[-1, -1, 1]", "-2"}) {
+        const std::string keys = std::string("transform = { keys = [{ frame = 1, scale = ") + scale +
+                                 " }, { frame = 3, rotate = [90, 0, 30], scale = " + scale + " }] }\n";
+        TestScene scene(mesh("ball", "sphere", "divisions = 8\n" + keys) + mesh("box", "box", keys));
+        open_shutter(scene, 3);
+        const World world = scene.build();
+        for (size_t t = 0; t < 3; ++t) {
+            EXPECT_GT(signed_volume(world.meshes[0], t), 0.0) << scale;
+            EXPECT_GT(signed_volume(world.meshes[1], t), 0.0) << scale;
+            for (size_t i = 0; i < world.meshes[0].positions[t].size(); ++i)
+                EXPECT_GT(world.meshes[0].positions[t][i].dot(world.meshes[0].normals[t][i]), 0.0F) << scale;
+        }
+    }
+}
+
+// Strands of a mirrored ball stand outside of it.
+TEST(MirroredTransforms, GrowHairOutwards) {
+    TestScene scene(mesh("ball", "sphere", "divisions = 16\ntransform = { scale = [-1, 1, 1] }\n") + groom("hair", "ball", "lean = 0\narc = 0\n"));
+    const World world = scene.build();
+    const CurveGeometry& hair = world.curves[0];
+    for (size_t c = 0; c < hair.curve_count; ++c)
+        EXPECT_GT(cv(hair, 0, c, hair.cvs_per_curve - 1).norm(), cv(hair, 0, c, 0).norm() + 0.05F);
+}
+
+TEST(Baking, MakesCurvesWithoutAttachingThem) {
+    TestScene scene(populated);
+    scene.settings.curves_bvh = false;
+    const World world = scene.build();
+    EXPECT_EQ(world.curves.size(), 2u);
+    EXPECT_EQ(rtcGetGeometry(world.scene.get(), 4), nullptr);
+    EXPECT_EQ(scene.stats.curves, 400u);
+    EXPECT_EQ(scene.stats.cvs, 3200u);
+    EXPECT_EQ(scene.stats.segments, 2800u);
+}
+
+TEST(Growth, OnAMeshThatIsNotThereIsRefused) {
+    TestScene scene(mesh("a", "plane") + groom("hair", "hair 2") + groom("hair 2", "a"));
+    const std::string text = scene.objection();
+    EXPECT_NE(text.find("there is no mesh 'hair 2' to grow on"), std::string::npos) << text;
+    EXPECT_NE(text.find(".toml:"), std::string::npos) << text;
+}
+
+} // namespace
+} // namespace marram::testing

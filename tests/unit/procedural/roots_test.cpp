@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/groom/roots.h"
+
+#include "tests/unit/procedural/test_surfaces.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+
+#include <cstdio>
+#include <set>
+
+using namespace marram;
+
+namespace {
+
+const auto never = [] { return false; };
+
+std::vector<Vec3d> places(const Groom& groom, const Surface& surface, const std::vector<Root>& roots) {
+    std::vector<Vec3d> list;
+    for (const Root root : roots) list.push_back(surface.point(root.triangle, root_weights(groom.seed, root)));
+    return list;
+}
+
+std::set<std::pair<uint32_t, uint32_t>> identities(const std::vector<Root>& roots) {
+    std::set<std::pair<uint32_t, uint32_t>> set;
+    for (const Root root : roots) set.emplace(root.triangle, root.index);
+    return set;
+}
+
+double nearest_pair(const std::vector<Vec3d>& points) {
+    double nearest = 1e300;
+    for (size_t i = 0; i < points.size(); ++i)
+        for (size_t j = i + 1; j < points.size(); ++j) nearest = std::min(nearest, (points[i] - points[j]).norm());
+    return nearest;
+}
+
+} // namespace
+
+TEST(Roots, a_count_is_exact_whatever_the_masks) {
+    const TestSurface plane = grid_surface(40, 10.0);
+    for (const uint64_t count : {1U, 7U, 1000U, 20'000U})
+        for (const double spacing : {0.0, 0.5, 1.0})
+            for (const bool masked : {false, true}) {
+                Groom groom;
+                groom.count = count;
+                groom.spacing = spacing;
+                if (masked) groom.density_masks.image = Mask{2, 1, {0.05F, 0.4F}};
+                const std::vector<Root> roots = place_roots(groom, plane.surface(), never);
+                EXPECT_EQ(roots.size(), count) << spacing << masked;
+                EXPECT_EQ(identities(roots).size(), count) << "a root stands twice";
+            }
+}
+
+TEST(Roots, a_density_is_met_within_two_percent) {
+    for (const int divisions : {1, 40, 300}) {
+        const TestSurface plane = grid_surface(divisions, 10.0);
+        for (const double spacing : {0.0, 0.7, 1.0}) {
+            Groom groom;
+            groom.density = 500.0;
+            groom.spacing = spacing;
+            const double found = double(place_roots(groom, plane.surface(), never).size()) / 100.0;
+            std::printf("divisions %3d spacing %.1f: %.1f of 500 a square metre\n", divisions, spacing, found);
+            EXPECT_NEAR(found / 500.0, 1.0, 0.02);
+        }
+    }
+}
+
+TEST(Roots, keep_their_distance) {
+    const TestSurface plane = grid_surface(30, 2.0);
+    for (const double spacing : {0.5, 1.0}) {
+        Groom groom;
+        groom.density = 1000.0;
+        groom.spacing = spacing;
+        const double bound = spacing * 0.6 / std::sqrt(groom.density);
+        const double nearest = nearest_pair(places(groom, plane.surface(), place_roots(groom, plane.surface(), never)));
+        EXPECT_GT(nearest, 0.997 * bound); // positions in the grid are kept to a thousandth of a cell
+        EXPECT_LT(nearest, 1.2 * bound) << "the discs are smaller than they could be";
+    }
+    Groom random;
+    random.density = 1000.0;
+    random.spacing = 0.0;
+    EXPECT_LT(nearest_pair(places(random, plane.surface(), place_roots(random, plane.surface(), never))), 0.2 / std::sqrt(1000.0));
+}
+
+TEST(Roots, are_spread_evenly_over_uneven_triangles) {
+    // Quarter of the area in 2 triangles, the rest in thousands.
+    const TestSurface coarse = grid_surface(1, 10.0), fine = grid_surface(64, 10.0);
+    for (const TestSurface* plane : {&coarse, &fine}) {
+        Groom groom;
+        groom.count = 16'000;
+        int cells[16] = {};
+        for (const Vec3d& p : places(groom, plane->surface(), place_roots(groom, plane->surface(), never)))
+            ++cells[int(p.x() / 2.5) * 4 + int(p.z() / 2.5)];
+        for (const int cell : cells) EXPECT_NEAR(cell, 1000, 40);
+    }
+}
+
+TEST(Roots, do_not_notice_a_change_elsewhere) {
+    const TestSurface plane = grid_surface(20, 10.0);
+    Groom groom;
+    groom.density = 300.0;
+    const auto whole = identities(place_roots(groom, plane.surface(), never));
+    groom.density_masks.image = Mask{2, 1, {1.0F, 0.0F}}; // the right half goes
+    const std::vector<Root> left = place_roots(groom, plane.surface(), never);
+    size_t kept = 0;
+    for (const Root root : left) kept += whole.count({root.triangle, root.index});
+    // Only the seam between the halves, where the mask blends, may differ.
+    EXPECT_GT(left.size(), whole.size() / 3);
+    EXPECT_GT(double(kept) / double(left.size()), 0.97);
+    // More strands: those that were there and are still there have the same identity, so the same place and shape.
+    groom = {};
+    groom.density = 600.0;
+    groom.spacing = 0.0;
+    const auto dense = identities(place_roots(groom, plane.surface(), never));
+    groom.density = 300.0;
+    for (const auto& root : identities(place_roots(groom, plane.surface(), never))) EXPECT_TRUE(dense.contains(root));
+}
+
+TEST(Roots, the_same_at_any_thread_count) {
+    const TestSurface sphere = sphere_surface(60);
+    Groom groom;
+    groom.count = 30'000;
+    std::vector<Root> lists[2];
+    for (const int threads : {1, 2}) {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
+        tbb::task_arena(threads).execute([&] { lists[threads - 1] = place_roots(groom, sphere.surface(), never); });
+    }
+    ASSERT_EQ(lists[0].size(), lists[1].size());
+    for (size_t i = 0; i < lists[0].size(); ++i) {
+        EXPECT_EQ(lists[0][i].triangle, lists[1][i].triangle);
+        EXPECT_EQ(lists[0][i].index, lists[1][i].index);
+    }
+}
+
+TEST(Roots, neighbours_in_the_list_are_neighbours_in_space) {
+    const TestSurface sphere = sphere_surface(60);
+    Groom groom;
+    groom.count = 20'000;
+    const auto points = places(groom, sphere.surface(), place_roots(groom, sphere.surface(), never));
+    double sum = 0.0;
+    for (size_t i = 1; i < points.size(); ++i) sum += (points[i] - points[i - 1]).norm();
+    EXPECT_LT(sum / double(points.size()), 3.0 * std::sqrt(4.0 * pi / 20'000));
+}
+
+TEST(Roots, hard_meshes) {
+    // Degenerate and duplicate triangles, tiny and huge scenes, far from the origin.
+    TestSurface mesh = grid_surface(4, 1.0);
+    mesh.triangles.insert(mesh.triangles.end(), {0, 0, 1, 3, 3, 3, 0, 5, 1, 0, 5, 1});
+    Groom groom;
+    groom.count = 500;
+    for (const Root root : place_roots(groom, mesh.surface(), never)) {
+        EXPECT_GT(mesh.surface().area(root.triangle), 0.0);
+    }
+    for (const double scale : {1e-6, 1e5})
+        for (const float far : {0.0F, 1e4F}) {
+            TestSurface scaled = grid_surface(4, scale);
+            for (float& x : scaled.positions) x += far * float(scale);
+            EXPECT_EQ(place_roots(groom, scaled.surface(), never).size(), 500U) << scale << far;
+        }
+    TestSurface empty = grid_surface(2, 1.0);
+    for (float& x : empty.positions) x = 0.5F;
+    EXPECT_THROW(place_roots(groom, empty.surface(), never), SceneFault);
+    groom.density_masks.by_height = Ramp(std::vector<double>{0.0, 0.0}, "linear");
+    EXPECT_THROW(place_roots(groom, mesh.surface(), never), SceneFault);
+}

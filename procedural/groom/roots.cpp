@@ -58,6 +58,8 @@ struct Candidate {
 };
 static_assert(sizeof(Candidate) == 20);
 
+constexpr uint32_t masked_out = UINT32_MAX; // no cell's: a key has 63 bits
+
 bool in_order(const Candidate& a, const Candidate& b) {
     if (a.cell() != b.cell()) return a.cell() < b.cell();
     if (a.root.triangle != b.root.triangle) return a.root.triangle < b.root.triangle;
@@ -102,22 +104,43 @@ double squared_distance(const Candidate& a, const Candidate& b) {
     return sum;
 }
 
-// Share of the density at a candidate; its hash is below it or not, which keeps it or drops it.
-bool passes_masks(const Groom& groom, const Surface& bind, Root root, const Vec3d& weights, const Vec3d& point) {
-    if (!groom.density_masks.any()) return true;
-    const double share = groom.density_masks(bind.uv(root.triangle, weights), point.y(), plane_normal(bind.corners(root.triangle)));
-    return unit_double(root_hash(groom.seed, root, Purpose::mask)) < share;
+// Share of the density that the masks leave at a root.
+double mask_share(const Groom& groom, const Surface& bind, Root root) {
+    const Vec3d weights = root_weights(groom.seed, root);
+    return groom.density_masks(bind.uv(root.triangle, weights), bind.point(root.triangle, weights).y(),
+                               plane_normal(bind.corners(root.triangle)));
 }
 
-// First candidate number of every triangle: area * attempts a square metre, rounded by the triangle's own hash, so that
-// neither a neighbour nor a small change of density renumbers anything.
-std::vector<uint64_t> candidate_offsets(const Groom& groom, const Surface& bind, double attempts) {
+// A Poisson distributed number of mean m from a triangle's own hashes; it only grows with m, so a change of density
+// renumbers nothing. Small means by inverting the distribution, large ones by its normal limit (error of the
+// probabilities below 1e-2 at m = 64, which nobody sees in a count).
+uint64_t poisson(double mean, uint64_t h) {
+    const double u = (double(h >> 11) + 0.5) * 0x1p-53;
+    if (mean > 64.0) {
+        const double v = unit_double(mix64(h + 1));
+        const double z = std::sqrt(-2.0 * std::log(u)) * std::cos(2.0 * pi * v);
+        return uint64_t(std::max(0.0, std::floor(mean + z * std::sqrt(mean) + 0.5)));
+    }
+    double term = std::exp(-mean), sum = term;
+    uint64_t count = 0;
+    while (u > sum && term > 0.0) {
+        ++count;
+        term *= mean / double(count);
+        sum += term;
+    }
+    return count;
+}
+
+// First candidate number of every triangle. The kinetics want candidates that know nothing of each other, so their number
+// is Poisson distributed on each triangle; random roots (spacing 0) are kept as they are drawn and may as well be spread more
+// evenly: area * attempts, rounded by the triangle's hash.
+std::vector<uint64_t> candidate_offsets(const Groom& groom, const Surface& bind, double attempts, bool spaced) {
     std::vector<uint64_t> first(size_t(bind.triangle_count) + 1, 0);
     tbb::parallel_for(tbb::blocked_range<uint32_t>(0, bind.triangle_count, 4096), [&](const auto& range) {
         for (uint32_t t = range.begin(); t < range.end(); ++t) {
-            const double wanted = bind.area(t) * attempts;
-            const double dither = unit_double(hash(hash(groom.seed, 0x7472'6961), t));
-            first[size_t(t) + 1] = uint64_t(std::floor(wanted + dither));
+            const double mean = bind.area(t) * attempts;
+            const uint64_t h = hash(hash(groom.seed, 0x7472'6961), t);
+            first[size_t(t) + 1] = spaced ? poisson(mean, h) : uint64_t(std::floor(mean + unit_double(h)));
         }
     });
     for (size_t t = 0; t < bind.triangle_count; ++t) first[t + 1] += first[t];
@@ -137,8 +160,8 @@ Grid grid_of(const Surface& bind, double radius) {
 
 // Candidates of all triangles, sorted. Where masks are 0 none are made.
 std::vector<Candidate> draw_candidates(const Groom& groom, const Surface& bind, const Grid& grid, double attempts,
-                                       const std::function<bool()>& cancelled) {
-    const std::vector<uint64_t> first = candidate_offsets(groom, bind, attempts);
+                                       bool spaced, const std::function<bool()>& cancelled) {
+    const std::vector<uint64_t> first = candidate_offsets(groom, bind, attempts, spaced);
     const bool masked = groom.density_masks.any();
     std::vector<Candidate> candidates(first.back());
     tbb::parallel_for(tbb::blocked_range<uint64_t>(0, first.back(), 16384), [&](const auto& range) {
@@ -147,15 +170,12 @@ std::vector<Candidate> draw_candidates(const Groom& groom, const Surface& bind, 
         for (uint64_t i = range.begin(); i < range.end(); ++i) {
             while (i >= first[size_t(t) + 1]) ++t;
             const Root root{t, uint32_t(i - first[t])};
-            const Vec3d weights = root_weights(groom.seed, root);
-            const Vec3d point = bind.point(t, weights);
-            candidates[i] = grid.candidate(root, point);
-            // Dropped ones go to the far end of the order.
-            if (masked && !passes_masks(groom, bind, root, weights, point)) candidates[i].cell_high = UINT32_MAX;
+            candidates[i] = grid.candidate(root, bind.point(t, root_weights(groom.seed, root)));
+            if (masked && !(mask_share(groom, bind, root) > 0.0)) candidates[i].cell_high = masked_out;
         }
     });
     if (cancelled()) return {};
-    if (masked) std::erase_if(candidates, [](const Candidate& c) { return c.cell_high == UINT32_MAX; });
+    if (masked) std::erase_if(candidates, [](const Candidate& c) { return c.cell_high == masked_out; });
     tbb::parallel_sort(candidates.begin(), candidates.end(), in_order);
     return candidates;
 }
@@ -281,8 +301,13 @@ std::vector<Candidate> spaced_candidates(const Groom& groom, const Surface& bind
     const double radius = 2.0 * std::sqrt(coverage / (pi * density));
     const Grid grid = grid_of(bind, radius);
     std::vector<Candidate> candidates =
-        draw_candidates(groom, bind, grid, density * attempts_a_disc(coverage) * spare, cancelled);
+        draw_candidates(groom, bind, grid, density * attempts_a_disc(coverage) * spare, radius > 0.0, cancelled);
     if (radius > 0.0) keep_spaced(candidates, groom.seed, radius / grid.cell, cancelled);
+    // Thinned after spacing: half a mask is half the strands, and a strand does not notice what masks say elsewhere.
+    if (groom.density_masks.any())
+        std::erase_if(candidates, [&](const Candidate& c) {
+            return !(unit_double(root_hash(groom.seed, c.root, Purpose::mask)) < mask_share(groom, bind, c.root));
+        });
     return candidates;
 }
 
@@ -311,9 +336,9 @@ std::vector<Root> place_roots(const Groom& groom, const Surface& bind, const std
             keep_first(candidates, groom.seed, groom.count);
             return in_space_order(candidates);
         }
-        // Masks leave a share of the area; without masks it is the curvature of thin parts, whose far sides are near.
-        const double share = double(candidates.size() + 1) / double(groom.count);
-        if (groom.density_masks.any() && share < 0.9) density = std::min(density / std::max(share, 0.1), 1e3 * double(groom.count) / area);
+        // Masks leave a share of the area; without masks it is thin parts, whose far sides are near, and small numbers.
+        const double share = double(candidates.size()) / double(groom.count);
+        if (groom.density_masks.any()) density = std::min(density * std::clamp(1.1 / share, 1.2, 10.0), 1e3 * double(groom.count) / area);
         else spacing = i > 8 ? 0.0 : spacing * 0.85;
     }
     throw SceneFault(groom.count_place, "the density masks leave no room for " + std::to_string(groom.count) +

@@ -21,7 +21,7 @@ double worst(double low, double high, Function&& function, Error&& error) {
     for (int i = 0; i < points; i += lanes) {
         VDouble x;
         for (int lane = 0; lane < lanes; ++lane)
-            x[lane] = low + (high - low) * unit_double(hash(uint64_t(low * 1e6), uint64_t(i + lane)));
+            x[lane] = low + (high - low) * unit_double(hash(17, uint64_t(i + lane)));
         const VDouble result = function(x);
         for (int lane = 0; lane < lanes; ++lane) greatest = std::max(greatest, error(x[lane], result[lane]));
     }

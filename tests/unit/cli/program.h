@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+// The built program, run as a user runs it: in a folder of its own, on scenes that the tests write.
+#pragma once
+
+#include "core/image/image.h"
+#include "core/math/problem.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <fcntl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+namespace marram::testing {
+
+namespace fs = std::filesystem;
+
+inline const std::string program = MARRAM_BINARY_DIR "/marram";
+
+inline std::string read_file(const fs::path& path) {
+    std::ifstream file(path, std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(file), {});
+}
+
+// A temporary folder, gone when the test ends.
+class Folder {
+  public:
+    Folder() {
+        std::string pattern = (fs::temp_directory_path() / "marram_cli_XXXXXX").string();
+        path_ = ::mkdtemp(pattern.data());
+    }
+    ~Folder() {
+        std::error_code ignored;
+        fs::remove_all(path_, ignored);
+    }
+    Folder(const Folder&) = delete;
+    Folder& operator=(const Folder&) = delete;
+
+    std::string operator/(const std::string& name) const { return (path_ / name).string(); }
+    std::string write(const std::string& name, const std::string& text) const {
+        std::ofstream(path_ / name, std::ios::binary) << text;
+        return *this / name;
+    }
+    // Names and contents of all files.
+    std::map<std::string, std::string> contents() const {
+        std::map<std::string, std::string> all;
+        for (const auto& entry : fs::recursive_directory_iterator(path_))
+            if (entry.is_regular_file()) all[fs::relative(entry.path(), path_).string()] = read_file(entry.path());
+        return all;
+    }
+    std::set<std::string> names() const {
+        std::set<std::string> all;
+        for (const auto& [name, text] : contents()) all.insert(name);
+        return all;
+    }
+
+  private:
+    fs::path path_;
+};
+
+struct Outcome {
+    int code = -1; // 128 + signal where one ended the process
+    std::string out, err;
+};
+
+inline int exit_code(int status) { return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status); }
+
+inline void run_program(const std::vector<std::string>& arguments) {
+    std::vector<char*> argv{const_cast<char*>(program.c_str())};
+    for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
+    argv.push_back(nullptr);
+    ::execv(argv[0], argv.data());
+    ::_exit(127);
+}
+
+inline Outcome marram(const std::vector<std::string>& arguments) {
+    const Folder streams;
+    const std::string out = streams / "out", err = streams / "err";
+    const pid_t child = ::fork();
+    if (child == 0) {
+        ::dup2(::open(out.c_str(), O_WRONLY | O_CREAT, 0600), STDOUT_FILENO);
+        ::dup2(::open(err.c_str(), O_WRONLY | O_CREAT, 0600), STDERR_FILENO);
+        run_program(arguments);
+    }
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    return {exit_code(status), read_file(out), read_file(err)};
+}
+
+inline std::vector<std::string> lines(const std::string& text) {
+    std::vector<std::string> all;
+    for (size_t begin = 0; begin < text.size();) {
+        const size_t end = std::min(text.find('\n', begin), text.size());
+        all.push_back(text.substr(begin, end - begin));
+        begin = end + 1;
+    }
+    return all;
+}
+
+#define EXPECT_CONTAINS(text, part) EXPECT_NE((text).find(part), std::string::npos) << (text)
+#define EXPECT_DONE(outcome)                                                                                 \
+    do {                                                                                                     \
+        const Outcome done = (outcome);                                                                      \
+        EXPECT_EQ(done.code, 0) << done.err;                                                                 \
+        EXPECT_EQ(done.err, "");                                                                             \
+    } while (0)
+
+// ---- Scenes: a square with grass, seen in a picture of 24 x 16 -----------------------------------------------------
+
+struct SceneText {
+    std::string globals = "frames = [1, 10]\n";
+    std::string film = "size = [24, 16]\nsamples = 2\nmax_depth = 3\n";
+    std::string wind = "speed = 6\n";
+    std::string groom = "count = 300\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.02\n";
+    std::string more; // further tables
+
+    operator std::string() const {
+        return globals + "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0.2, 0]\n[film]\n" + film + "[wind]\n" + wind +
+               "[[light]]\ntype = \"sky\"\n[[mesh]]\nname = \"ground\"\ntype = \"plane\"\nsize = [2, 2]\n" +
+               "[[procedural]]\nname = \"grass\"\ntype = \"groom\"\non = \"ground\"\n" + groom + more;
+    }
+};
+
+// Pixels of two pictures, bit for bit.
+inline bool same_picture(const std::string& a, const std::string& b) {
+    const Image x = read_image(a), y = read_image(b);
+    return x.width == y.width && x.height == y.height && x.channel_names == y.channel_names &&
+           std::memcmp(x.pixels.data(), y.pixels.data(), x.pixels.size() * sizeof(float)) == 0;
+}
+
+} // namespace marram::testing

@@ -3,9 +3,9 @@
 //
 //   f |cos| = c / pi (n . wi)  above,  t / pi (-n . wi)  below,
 //
-// sampled by choosing the side with probability mean(c) : mean(t) and then the cosine (Malley's method: a uniform point of
-// the disc, lifted), so that a grey material's samples weigh what it gives back. Where shading and geometric normal
-// disagree about the side, nothing is scattered: light would leak through.
+// sampled by choosing the side with probability mean(c) : mean(t) and then the cosine (Malley's method: a
+// uniform point of the disc, lifted), so that a grey material's samples weigh what it gives back. Where
+// shading and geometric normal disagree about the side, nothing is scattered: light would leak through.
 #include "shaders/diffuse.h"
 
 #include "core/math/problem.h"
@@ -20,8 +20,9 @@ void check_energy(const ParamSet& params, const char* name, const Vec3f& transmi
     const Vec3f sum = params.vec3(name).cast<float>() + transmission;
     constexpr float rounding = 1e-6F; // 0.7 + 0.3 in float may come out above 1
     if (!(sum.maxCoeff() > 1.0F + rounding)) return;
-    throw InputError(params.at(name).place, std::string(name) + " + transmission is more than 1: light would be created",
-                     std::string("lower ") + name + " or transmission until no channel of their sum is above 1");
+    throw InputError(
+        params.at(name).place, std::string(name) + " + transmission is more than 1: light would be created",
+        std::string("lower ") + name + " or transmission until no channel of their sum is above 1");
 }
 
 } // namespace

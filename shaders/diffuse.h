@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// diffuse: a matt surface that reflects evenly from both sides, and if thin lets light through evenly too: ground, stone,
-// skin under fur, leaves, blades of grass. On round curves it shades the round fibre, on ribbons the flat one.
+// diffuse: a matt surface that reflects evenly from both sides, and if thin lets light through evenly too:
+// ground, stone, skin under fur, leaves, blades of grass. On round curves it shades the round fibre, on
+// ribbons the flat one.
 //
 //   parameter      unit  default            meaning
 //   color          1     [0.5, 0.5, 0.5]    share of light reflected
-//   transmission   1     [0, 0, 0]          share of light that comes out on the other side; color + transmission <= 1
-//   root_color     1     none               colour at the root of a strand; with tip_color it replaces color on strands
-//   tip_color      1     none               colour at the tip
-//   variation      1     0                  how much strands differ in brightness and hue, 0 ... 1
-//   tint           -     "none"             curve attribute whose value 0 ... 1 blends towards tint_color
-//   tint_color     1     [0.35, 0.2, 0.08]  what it blends towards
+//   transmission   1     [0, 0, 0]          share of light that comes out on the other side; color +
+//   transmission <= 1 root_color     1     none               colour at the root of a strand; with tip_color
+//   it replaces color on strands tip_color      1     none               colour at the tip variation      1
+//   0                  how much strands differ in brightness and hue, 0 ... 1 tint           -     "none"
+//   curve attribute whose value 0 ... 1 blends towards tint_color tint_color     1     [0.35, 0.2, 0.08] what
+//   it blends towards
 //
 //   [[material]]
 //   name = "blade"
@@ -18,7 +19,8 @@
 //   transmission = [0.08, 0.2, 0.03]
 //   variation = 0.3
 //
-// Lambert, "Photometria", 1760: f = color / pi on the side the light comes from, transmission / pi on the other.
+// Lambert, "Photometria", 1760: f = color / pi on the side the light comes from, transmission / pi on the
+// other.
 #pragma once
 
 #include "shaders/shading_point.h"

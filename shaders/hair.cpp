@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fibre scattering function, Chiang et al. 2016 (after Marschner 2003, d'Eon 2011). A fibre's axis is t; a direction w has
-// sin theta = w . t and an azimuth phi about t, counted from wo's. With h = sin gamma_o the offset at which wo meets the
-// unit circle of the cross-section, and p inner segments of path,
+// The fibre scattering function, Chiang et al. 2016 (after Marschner 2003, d'Eon 2011). A fibre's axis is t;
+// a direction w has sin theta = w . t and an azimuth phi about t, counted from wo's. With h = sin gamma_o the
+// offset at which wo meets the unit circle of the cross-section, and p inner segments of path,
 //
 //   f cos = sum_p M_p(theta_o, theta_i) A_p(h, theta_o) N_p(phi_i)
 //
-// A_p: dielectric Fresnel F at the incidence cos theta_o cos gamma_o and absorption T = exp(-2 sigma cos gamma_t / cos theta_t)
-//   along one chord: A_0 = F, A_1 = (1-F)^2 T, A_p+1 = A_p F T; the residual p >= 3 is the rest of the series,
-//   A_2 F T / (1 - F T). With T = 1 they sum to 1: white fibres lose nothing. The chord bends with Bravais' index
-//   eta' = sqrt(eta^2 - sin^2 theta_o) / cos theta_o: sin gamma_t = h / eta'.
-// N_p: a logistic of scale s about Phi_p = 2 gamma_o - 2 p gamma_t + p pi (a mirror turns by 2 gamma_o, each refraction by
+// A_p: dielectric Fresnel F at the incidence cos theta_o cos gamma_o and absorption T = exp(-2 sigma cos
+// gamma_t / cos theta_t)
+//   along one chord: A_0 = F, A_1 = (1-F)^2 T, A_p+1 = A_p F T; the residual p >= 3 is the rest of the
+//   series, A_2 F T / (1 - F T). With T = 1 they sum to 1: white fibres lose nothing. The chord bends with
+//   Bravais' index eta' = sqrt(eta^2 - sin^2 theta_o) / cos theta_o: sin gamma_t = h / eta'.
+// N_p: a logistic of scale s about Phi_p = 2 gamma_o - 2 p gamma_t + p pi (a mirror turns by 2 gamma_o, each
+// refraction by
 //   gamma_o - gamma_t), cut to one turn; 1 / (2 pi) for the residual.
 // M_p: d'Eon's, exactly normalised over cos theta dtheta. With v the variance,
 //   M = I0(c_i c_o / v) exp(-s_i s_o / v) / (2 v sinh(1/v)) ,     c, s = cos, sin of theta
@@ -18,10 +20,12 @@
 //   Sampling (d'Eon 2013): about the mirror cone, cos a = 1 + v log(u + (1 - u) exp(-2/v)), azimuth 2 pi u'.
 // Scales tilt the cuticle by alpha: theta_o is shifted by -2 alpha for R, +alpha for TT, +4 alpha for TRT.
 //
-// Fits of Chiang et al.: v from roughness, s from azimuthal roughness, sigma from the colour of many fibres. sigma of
-// melanin: d'Eon et al. 2011, for a unit radius. I0: Abramowitz and Stegun 9.8.1 and 9.8.2, error below 2e-7.
+// Fits of Chiang et al.: v from roughness, s from azimuthal roughness, sigma from the colour of many fibres.
+// sigma of melanin: d'Eon et al. 2011, for a unit radius. I0: Abramowitz and Stegun 9.8.1 and 9.8.2, error
+// below 2e-7.
 //
-// Sampling is exact: a lobe with probability mean(A_p), then M_p and N_p by inversion; the density is the whole sum.
+// Sampling is exact: a lobe with probability mean(A_p), then M_p and N_p by inversion; the density is the
+// whole sum.
 #include "shaders/hair.h"
 
 #include <algorithm>
@@ -37,8 +41,9 @@ float bessel_i0_scaled(float x) {
     if (x < 3.75F) {
         const float t = (x / 3.75F) * (x / 3.75F);
         const float i0 =
-            1.0F + t * (3.5156229F +
-                        t * (3.0899424F + t * (1.2067492F + t * (0.2659732F + t * (0.0360768F + t * 0.0045813F)))));
+            1.0F +
+            t * (3.5156229F +
+                 t * (3.0899424F + t * (1.2067492F + t * (0.2659732F + t * (0.0360768F + t * 0.0045813F)))));
         return i0 * std::exp(-x);
     }
     const float t = 3.75F / x;
@@ -48,10 +53,9 @@ float bessel_i0_scaled(float x) {
            std::sqrt(x);
 }
 
-float longitudinal(float cos_i, float sin_i, float cos_o, float sin_o, float variance) {
+float longitudinal(float cos_i, float sin_i, float cos_o, float sin_o, float variance, float scale) {
     const float c = cos_i - cos_o, s = sin_i + sin_o;
-    return bessel_i0_scaled(cos_i * cos_o / variance) * std::exp(-0.5F * (c * c + s * s) / variance) /
-           (variance * -std::expm1(-2.0F / variance));
+    return bessel_i0_scaled(cos_i * cos_o / variance) * std::exp(-0.5F * (c * c + s * s) / variance) * scale;
 }
 
 float logistic(float x, float scale) {
@@ -84,8 +88,7 @@ float fresnel(float cosine, float ior) {
 
 Vec3f absorption_of_color(const Vec3f& color, float azimuthal_roughness) {
     const float b = azimuthal_roughness;
-    const float scale =
-        5.969F + b * (-0.215F + b * (2.532F + b * (-10.73F + b * (5.574F + b * 0.245F))));
+    const float scale = 5.969F + b * (-0.215F + b * (2.532F + b * (-10.73F + b * (5.574F + b * 0.245F))));
     Vec3f sigma;
     for (int c = 0; c < 3; ++c) {
         constexpr float darkest = 1e-8F; // of which less than 1e-6 passes through; log needs more than 0
@@ -102,8 +105,7 @@ Vec3f absorption_of_melanin(float melanin, float redness) {
 // What many such fibres look like, the inverse of absorption_of_color.
 Vec3f color_of_absorption(const Vec3f& sigma, float azimuthal_roughness) {
     const float b = azimuthal_roughness;
-    const float scale =
-        5.969F + b * (-0.215F + b * (2.532F + b * (-10.73F + b * (5.574F + b * 0.245F))));
+    const float scale = 5.969F + b * (-0.215F + b * (2.532F + b * (-10.73F + b * (5.574F + b * 0.245F))));
     return (-scale * sigma.array().sqrt()).exp();
 }
 
@@ -150,7 +152,8 @@ void set_lobe_cones(HairBsdf& bsdf, const HairSettings& settings) {
 
 std::vector<ParamSpec> hair_params() {
     std::vector<ParamSpec> params = {
-        {"pigment", ParamType::choice, "", "\"color\"", 0.0, 0.0, "color|melanin", "what sets the absorption"},
+        {"pigment", ParamType::choice, "", "\"color\"", 0.0, 0.0, "color|melanin",
+         "what sets the absorption"},
         {"color", ParamType::color, "", "[0.6, 0.45, 0.3]", 0.0, 1.0, "",
          "colour that many such fibres together have"},
         {"melanin", ParamType::number, "", "1.3", 0.0, 100.0, "",
@@ -176,6 +179,8 @@ HairSettings read_hair(const ParamSet& params) {
     const double m = settings.roughness, n = settings.azimuthal_roughness;
     const float v = static_cast<float>(std::pow(0.726 * m + 0.812 * m * m + 3.7 * std::pow(m, 20.0), 2.0));
     settings.variance = {v, 0.25F * v, 4.0F * v, 4.0F * v};
+    for (int p = 0; p < lobe_count; ++p)
+        settings.scale[p] = -1.0F / (settings.variance[p] * std::expm1(-2.0F / settings.variance[p]));
     settings.logistic_scale =
         static_cast<float>(std::sqrt(pi / 8.0) * (0.265 * n + 1.194 * n * n + 5.372 * std::pow(n, 22.0)));
     set_pigment(settings, params);
@@ -204,7 +209,8 @@ HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point) {
     const float sin_gamma_t = std::clamp(h * bsdf.cos_theta_o / std::max(bravais, 1e-6F), -1.0F, 1.0F);
     bsdf.gamma_o = std::asin(h);
     bsdf.gamma_t = std::asin(sin_gamma_t);
-    const float cos_theta_t = std::sqrt(std::max(1e-6F, 1.0F - sin2_theta / (eta * eta))); // 0 only for ior = 1 end on
+    const float cos_theta_t =
+        std::sqrt(std::max(1e-6F, 1.0F - sin2_theta / (eta * eta))); // 0 only for ior = 1 end on
     const float chord = 2.0F * std::sqrt(std::max(0.0F, 1.0F - sin_gamma_t * sin_gamma_t)) / cos_theta_t;
 
     Vec3f sigma = settings.base_absorption;
@@ -215,9 +221,11 @@ HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point) {
         sigma = absorption_of_color(bsdf.color, settings.azimuthal_roughness);
     }
     bsdf.variance = settings.variance;
+    bsdf.scale = settings.scale;
     bsdf.logistic_scale = settings.logistic_scale;
     bsdf.logistic_norm = std::tanh(0.5F * pi_f / settings.logistic_scale);
-    set_attenuation(bsdf, sigma, fresnel(bsdf.cos_theta_o * std::sqrt(std::max(0.0F, 1.0F - h * h)), eta), chord);
+    set_attenuation(bsdf, sigma, fresnel(bsdf.cos_theta_o * std::sqrt(std::max(0.0F, 1.0F - h * h)), eta),
+                    chord);
     set_lobe_cones(bsdf, settings);
     return bsdf;
 }
@@ -229,11 +237,13 @@ BsdfValue evaluate(const HairBsdf& bsdf, const Vec3f& wi) {
     const float phi = std::atan2(aside, across);
     BsdfValue result;
     for (int p = 0; p < lobe_count; ++p) {
-        const float m = longitudinal(cos_i, sin_i, bsdf.lobe_cos[p], bsdf.lobe_sin[p], bsdf.variance[p]);
-        const float n = p == lobe_count - 1
-                            ? 0.5F / pi_f
-                            : logistic(wrap(phi - exit_azimuth(p, bsdf.gamma_o, bsdf.gamma_t)), bsdf.logistic_scale) /
-                                  bsdf.logistic_norm;
+        const float m =
+            longitudinal(cos_i, sin_i, bsdf.lobe_cos[p], bsdf.lobe_sin[p], bsdf.variance[p], bsdf.scale[p]);
+        const float n =
+            p == lobe_count - 1
+                ? 0.5F / pi_f
+                : logistic(wrap(phi - exit_azimuth(p, bsdf.gamma_o, bsdf.gamma_t)), bsdf.logistic_scale) /
+                      bsdf.logistic_norm;
         result.value += m * n * bsdf.attenuation[p];
         result.pdf += m * n * bsdf.probability[p];
     }
@@ -249,14 +259,14 @@ bool sample(const HairBsdf& bsdf, const std::array<float, 4>& random, BsdfSample
     const float v = bsdf.variance[p], u = 1.0F - random[0];
     const float away = std::clamp(-v * std::log(u + (1.0F - u) * std::exp(-2.0F / v)), 0.0F, 2.0F);
     const float turn = std::sqrt(away * (2.0F - away)) * std::cos(2.0F * pi_f * random[3]);
-    const float sin_i =
-        std::clamp((away - 1.0F) * bsdf.lobe_sin[p] + turn * bsdf.lobe_cos[p], -1.0F, 1.0F);
+    const float sin_i = std::clamp((away - 1.0F) * bsdf.lobe_sin[p] + turn * bsdf.lobe_cos[p], -1.0F, 1.0F);
     const float cos_i = std::sqrt((1.0F - sin_i) * (1.0F + sin_i));
     const float phi = p == lobe_count - 1
                           ? 2.0F * pi_f * random[1]
                           : exit_azimuth(p, bsdf.gamma_o, bsdf.gamma_t) +
                                 sample_logistic(random[1], bsdf.logistic_scale, bsdf.logistic_norm);
-    result.wi = (sin_i * bsdf.axis + cos_i * (std::cos(phi) * bsdf.front + std::sin(phi) * bsdf.side)).normalized();
+    result.wi =
+        (sin_i * bsdf.axis + cos_i * (std::cos(phi) * bsdf.front + std::sin(phi) * bsdf.side)).normalized();
     const BsdfValue at = evaluate(bsdf, result.wi);
     result.value = at.value;
     result.pdf = at.pdf;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// hair: a rough dielectric fibre that absorbs inside: hair and fur, dry grass. Light reflects off its cuticle (R), passes
-// through (TT), comes back after one inner reflection (TRT: the coloured highlight) and what remains after more.
+// hair: a rough dielectric fibre that absorbs inside: hair and fur, dry grass. Light reflects off its cuticle
+// (R), passes through (TT), comes back after one inner reflection (TRT: the coloured highlight) and what
+// remains after more.
 //
 //   parameter            unit  default             meaning
 //   pigment              -     "color"             what sets the absorption: "color" or "melanin"
@@ -20,8 +21,8 @@
 //   roughness = 0.25
 //
 // Marschner et al., "Light Scattering from Human Hair Fibers", 2003; d'Eon et al., "An Energy-Conserving Hair
-// Reflectance Model", 2011; Chiang et al., "A Practical and Controllable Hair and Fur Model for Production Path
-// Tracing", 2016. hair.cpp opens with the formulas.
+// Reflectance Model", 2011; Chiang et al., "A Practical and Controllable Hair and Fur Model for Production
+// Path Tracing", 2016. hair.cpp opens with the formulas.
 #pragma once
 
 #include "shaders/shading_point.h"
@@ -36,10 +37,12 @@ struct HairSettings {
     float tilt = 0.0F; // radians
     float ior = 1.55F;
     // Derived once.
-    bool same_everywhere = false; // no gradient, variation or tint: this colour and absorption hold at every point
+    bool same_everywhere =
+        false; // no gradient, variation or tint: this colour and absorption hold at every point
     Vec3f base_color = Vec3f::Zero(), base_absorption = Vec3f::Zero();
-    std::array<float, 4> variance{}; // longitudinal, of R, TT, TRT, residual
-    float logistic_scale = 0.0F;     // azimuthal
+    std::array<float, 4> variance{};             // longitudinal, of R, TT, TRT, residual
+    std::array<float, 4> scale{};                // 1 / (v (1 - exp(-2/v)))
+    float logistic_scale = 0.0F;                 // azimuthal
     std::array<float, 3> sin_tilt{}, cos_tilt{}; // of 2^k tilt
 };
 
@@ -52,9 +55,9 @@ struct HairBsdf {
     float sin_theta_o, cos_theta_o;
     float gamma_o, gamma_t;
     float logistic_scale, logistic_norm;
-    std::array<Vec3f, 4> attenuation;   // of each lobe
-    std::array<float, 4> probability;   // of sampling each lobe
-    std::array<float, 4> variance;
+    std::array<Vec3f, 4> attenuation;        // of each lobe
+    std::array<float, 4> probability;        // of sampling each lobe
+    std::array<float, 4> variance, scale;    // as in the settings
     std::array<float, 4> lobe_sin, lobe_cos; // theta_o, tilted, of each lobe
 };
 

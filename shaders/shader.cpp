@@ -24,7 +24,8 @@ Material make_material(std::string_view type, const ParamSet& params) {
 }
 
 Bsdf bsdf_at(const Material& material, const ShadingPoint& point) {
-    if (const HairSettings* hair = std::get_if<HairSettings>(&material.settings)) return hair_at(*hair, point);
+    if (const HairSettings* hair = std::get_if<HairSettings>(&material.settings))
+        return hair_at(*hair, point);
     return diffuse_at(*std::get_if<DiffuseSettings>(&material.settings), point);
 }
 

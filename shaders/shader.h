@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The registry of shaders: what there is, with every parameter, and the three things a path tracer asks of one.
+// The registry of shaders: what there is, with every parameter, and the three things a path tracer asks of
+// one.
 //
-// A shader is a page of its own: <name>.h with what it models and how it is used, <name>.cpp with the derivation.
-// To add one: write its page, add its closure to Bsdf and its settings to Material, and a row to each switch in
-// shader.cpp.
+// A shader is a page of its own: <name>.h with what it models and how it is used, <name>.cpp with the
+// derivation. To add one: write its page, add its closure to Bsdf and its settings to Material, and a row to
+// each switch in shader.cpp.
 #pragma once
 
 #include "shaders/diffuse.h"
@@ -24,8 +25,8 @@ struct ShaderDescription {
 // All shaders, in alphabetical order. Lives as long as the program.
 std::span<const ShaderDescription> shaders();
 
-// A shader with its settings. `tint` names the curve attribute whose value colours, "" where there is none: whoever
-// shades looks its value up and puts it into ShadingPoint::tint.
+// A shader with its settings. `tint` names the curve attribute whose value colours, "" where there is none:
+// whoever shades looks its value up and puts it into ShadingPoint::tint.
 struct Material {
     std::variant<DiffuseSettings, HairSettings> settings;
     std::string tint;
@@ -38,13 +39,15 @@ Material make_material(std::string_view type, const ParamSet& params);
 using Bsdf = std::variant<DiffuseBsdf, HairBsdf>;
 Bsdf bsdf_at(const Material& material, const ShadingPoint& point);
 
-// f(wo, wi) |cos| of the incident direction wi (unit, away from the point), and the solid-angle density of sampling it.
+// f(wo, wi) |cos| of the incident direction wi (unit, away from the point), and the solid-angle density of
+// sampling it.
 BsdfValue evaluate(const Bsdf& bsdf, const Vec3f& wi);
 
 // Draws wi with that density from 4 uniform numbers. False where the point absorbs everything.
 bool sample(const Bsdf& bsdf, const std::array<float, 4>& random, BsdfSample& result);
 
-// The share of light that comes back under uniform light, an estimate for denoisers: colours as the artist set them.
+// The share of light that comes back under uniform light, an estimate for denoisers: colours as the artist
+// set them.
 Vec3f albedo(const Bsdf& bsdf);
 
 } // namespace marram

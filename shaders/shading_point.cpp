@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Colour along strands and from strand to strand.
 //
-// Variation multiplies channel c by 1 + v (0.8 b + 0.2 g_c) with b, g_c uniform in [-1, 1] from the strand's hash: most of
-// what tells natural strands apart is brightness, which all channels share; the rest is a slight drift in hue.
+// Variation multiplies channel c by 1 + v (0.8 b + 0.2 g_c) with b, g_c uniform in [-1, 1] from the strand's
+// hash: most of what tells natural strands apart is brightness, which all channels share; the rest is a
+// slight drift in hue.
 #include "shaders/shading_point.h"
 
 #include "core/math/hash.h"
@@ -19,9 +20,12 @@ float signed_unit(uint32_t h) { return 2.0F * unit_float(h) - 1.0F; }
 
 std::vector<ParamSpec> strand_color_params() {
     return {
-        {"root_color", ParamType::color, "", "none", 0.0, 1.0, "", "colour at a strand's root, instead of color"},
-        {"tip_color", ParamType::color, "", "none", 0.0, 1.0, "", "colour at a strand's tip, instead of color"},
-        {"variation", ParamType::number, "", "0", 0.0, 1.0, "", "how much strands differ in brightness and hue"},
+        {"root_color", ParamType::color, "", "none", 0.0, 1.0, "",
+         "colour at a strand's root, instead of color"},
+        {"tip_color", ParamType::color, "", "none", 0.0, 1.0, "",
+         "colour at a strand's tip, instead of color"},
+        {"variation", ParamType::number, "", "0", 0.0, 1.0, "",
+         "how much strands differ in brightness and hue"},
         {"tint", ParamType::text, "", "\"none\"", 0.0, 0.0, "",
          "curve attribute whose value 0 ... 1 blends towards tint_color, or none"},
         {"tint_color", ParamType::color, "", "[0.35, 0.2, 0.08]", 0.0, 1.0, "", "what tint blends towards"},
@@ -53,7 +57,8 @@ Vec3f variation_factor(const StrandColor& color, const ShadingPoint& point, cons
     const float brightness = brightness_share * signed_unit(mix32(point.strand));
     Vec3f factor;
     for (uint32_t c = 0; c < 3; ++c) {
-        const float hue = (1.0F - brightness_share) * signed_unit(mix32(point.strand + 0x9e3779b9U * (c + 1)));
+        const float hue =
+            (1.0F - brightness_share) * signed_unit(mix32(point.strand + 0x9e3779b9U * (c + 1)));
         factor[c] = 1.0F + color.variation * (brightness + hue);
         if (full[c] * factor[c] > 1.0F) factor[c] = 1.0F / full[c];
     }

@@ -17,11 +17,11 @@ struct ShadingPoint {
     Vec3f normal = Vec3f::UnitZ();           // unit, for shading
     Vec3f tangent = Vec3f::UnitX();          // fibres: unit, root to tip
     Vec2f uv = Vec2f::Zero();
-    bool fibre = false;       // false: a surface; strand_u, h and strand mean nothing there
-    float h = 0.0F;           // fibres: offset across it, -1 ... 1, along tangent x wo
-    float strand_u = 0.0F;    // fibres: 0 root ... 1 tip
-    uint32_t strand = 0;      // fibres: a hash of which strand it is
-    float tint = 0.0F;        // value of the attribute that Material::tint names, 0 where there is none
+    bool fibre = false;    // false: a surface; strand_u, h and strand mean nothing there
+    float h = 0.0F;        // fibres: offset across it, -1 ... 1, along tangent x wo
+    float strand_u = 0.0F; // fibres: 0 root ... 1 tip
+    uint32_t strand = 0;   // fibres: a hash of which strand it is
+    float tint = 0.0F;     // value of the attribute that Material::tint names, 0 where there is none
 };
 
 struct BsdfValue {
@@ -35,7 +35,8 @@ struct BsdfSample {
     float pdf = 0.0F;
 };
 
-// The colour of a material wherever it depends on the strand: along it, from strand to strand, by an attribute.
+// The colour of a material wherever it depends on the strand: along it, from strand to strand, by an
+// attribute.
 struct StrandColor {
     Vec3f color = Vec3f::Constant(0.5F);
     bool has_root = false, has_tip = false; // the gradient replaces `color`; a missing end is `color`
@@ -51,8 +52,8 @@ StrandColor read_strand_color(const ParamSet& params);
 // The colour at a point before variation: gradient along the strand, then tint.
 Vec3f color_at(const StrandColor& color, const ShadingPoint& point);
 
-// What variation multiplies this strand's colour by, each channel 1 +- variation, no channel of full * factor above 1;
-// 1 on surfaces. `full` is all that the shader gives back where it has this colour.
+// What variation multiplies this strand's colour by, each channel 1 +- variation, no channel of full * factor
+// above 1; 1 on surfaces. `full` is all that the shader gives back where it has this colour.
 Vec3f variation_factor(const StrandColor& color, const ShadingPoint& point, const Vec3f& full);
 
 // For sampling.

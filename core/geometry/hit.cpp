@@ -1,35 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where a ray has hit, and from where the next may start.
 //
-// Embree returns t with an error that grows with the distance, so positions are recomputed in double from what it says of
-// the primitive: barycentrics, or the parameter u of the curve C(u) of radius r(u), at the ray's time (vertices are
-// linear between the time steps, as in Embree). What remains is the difference between this point and the surface
-// that Embree's float arithmetic sees; `error` bounds it along the normal. With U = 2^-23, c the greatest coordinate and
-// l the extent of the primitive:
+// Embree returns t with an error that grows with the distance, so positions are recomputed in double from
+// what it says of the primitive: barycentrics, or the parameter u of the curve C(u) of radius r(u), at the
+// ray's time (vertices are linear between the time steps, as in Embree). What remains is the difference
+// between this point and the surface that Embree's float arithmetic sees; `error` bounds it along the normal.
+// With U = 2^-23, c the greatest coordinate and l the extent of the primitive:
 //
-//   triangle  c U (the origin is rounded to float, vertices are interpolated in float) + l U q. Embree decides t > 0 by the
-//             sign of (v0 - o) . (e1 x e2), whose rounding is U l |e1| |e2|; over |e1 x e2| that is a distance, hence
-//             q = |e1| |e2| / |e1 x e2|, large for slivers.
+//   triangle  c U (the origin is rounded to float, vertices are interpolated in float) + l U q. Embree
+//   decides t > 0 by the
+//             sign of (v0 - o) . (e1 x e2), whose rounding is U l |e1| |e2|; over |e1 x e2| that is a
+//             distance, hence q = |e1| |e2| / |e1 x e2|, large for slivers.
 //   curves    c U + 64 l U: Newton's iteration in Embree stops at residuals of a few times 16 U l.
-//   round     besides, 4 l r U / 1 m: its error estimate adds lengths to products of lengths, which shows in huge scenes.
-//   flat      besides, Embree draws a ribbon as 4 quadrilaterals a segment: their depth is off by |C''| (1/4)^2 / 8.
+//   round     besides, 4 l r U / 1 m: its error estimate adds lengths to products of lengths, which shows in
+//   huge scenes. flat      besides, Embree draws a ribbon as 4 quadrilaterals a segment: their depth is off
+//   by |C''| (1/4)^2 / 8.
 //
-// The origin moves along the geometric normal by that error, times a margin, to the side of the new direction; a ray that
-// leaves a plane or a convex surface from there sees it behind it at any angle. Two cases need more. Let T be the tangent,
-// w = position - axis, a = |d - (T.d) T|^2 = sin^2 of the angle between ray and fibre, b = -w.d.
+// The origin moves along the geometric normal by that error, times a margin, to the side of the new
+// direction; a ray that leaves a plane or a convex surface from there sees it behind it at any angle. Two
+// cases need more. Let T be the tangent, w = position - axis, a = |d - (T.d) T|^2 = sin^2 of the angle
+// between ray and fibre, b = -w.d.
 //
 //   Through a round fibre (b > 0), a cone of slope r' = dr / dlength. The ray is e beyond its far side where
-//     |w + s d_perp| = r + e + g s, g = r' (T.d):  s = (B + sqrt(B^2 + A (2 r e + e^2))) / A, A = a - g^2, B = b + g (r + e).
-//   Over the length x = s |T.d| along the axis the fibre bends away by k x^2 / 2 (curvature k), so e starts as the error and
-//   grows by that, three times over. s becomes tnear; the origin stays.
+//     |w + s d_perp| = r + e + g s, g = r' (T.d):  s = (B + sqrt(B^2 + A (2 r e + e^2))) / A, A = a - g^2, B
+//     = b + g (r + e).
+//   Over the length x = s |T.d| along the axis the fibre bends away by k x^2 / 2 (curvature k), so e starts
+//   as the error and grows by that, three times over. s becomes tnear; the origin stays.
 //
-//   Leaving a camera-facing ribbon. It turns towards the new ray, and the point, off the axis by |w| <= r, finds it again
-//   where the ray passes the axis: of the points C + x T, the one that the ray from C + w meets in projection along d
-//   has x a = -(T.d)(w.d), at depth t = x (T.d) - w.d = -(w.d) / a <= r / sin. tnear is that, with the same allowance
-//   for the bend, plus the error over sin. For w.d > 0 it lies behind.
+//   Leaving a camera-facing ribbon. It turns towards the new ray, and the point, off the axis by |w| <= r,
+//   finds it again where the ray passes the axis: of the points C + x T, the one that the ray from C + w
+//   meets in projection along d has x a = -(T.d)(w.d), at depth t = x (T.d) - w.d = -(w.d) / a <= r / sin.
+//   tnear is that, with the same allowance for the bend, plus the error over sin. For w.d > 0 it lies behind.
 //
-// Embree's assertions abort on rays that are not finite or whose tnear or time is out of range: valid() is asked before
-// every call.
+// Embree's assertions abort on rays that are not finite or whose tnear or time is out of range: valid() is
+// asked before every call.
 #include "core/geometry/hit.h"
 
 #include "core/plugin/embree.h"
@@ -42,10 +46,12 @@ namespace {
 
 constexpr double float_step = 0x1p-23; // U
 constexpr double margin = 2.0;         // measured: tests/unit/render/test_spawn.cpp prints the rates
-constexpr double curve_residual = 64.0; // Newton's tolerance in Embree is 16, and it may stop on both sides of a surface
-constexpr double huge_residual = 4.0;  // 1/m
-constexpr double ribbon_pieces = 4.0;   // Embree's default tessellation rate
-constexpr double least_sine = 1e-4;     // a ray closer to the fibre's direction than that, 1 in 1e8, may meet it again
+constexpr double curve_residual =
+    64.0; // Newton's tolerance in Embree is 16, and it may stop on both sides of a surface
+constexpr double huge_residual = 4.0; // 1/m
+constexpr double ribbon_pieces = 4.0; // Embree's default tessellation rate
+constexpr double least_sine =
+    1e-4; // a ray closer to the fibre's direction than that, 1 in 1e8, may meet it again
 
 double greatest(const Vec3d& v) { return v.cwiseAbs().maxCoeff(); }
 
@@ -70,18 +76,20 @@ struct Basis {
 Basis basis_at(MarramBasis kind, double u) {
     const double s = 1.0 - u, u2 = u * u, u3 = u2 * u;
     if (kind == MARRAM_BSPLINE)
-        return {{s * s * s / 6.0, (3.0 * u3 - 6.0 * u2 + 4.0) / 6.0, (-3.0 * u3 + 3.0 * u2 + 3.0 * u + 1.0) / 6.0, u3 / 6.0},
+        return {{s * s * s / 6.0, (3.0 * u3 - 6.0 * u2 + 4.0) / 6.0,
+                 (-3.0 * u3 + 3.0 * u2 + 3.0 * u + 1.0) / 6.0, u3 / 6.0},
                 {-0.5 * s * s, 1.5 * u2 - 2.0 * u, -1.5 * u2 + u + 0.5, 0.5 * u2},
                 {s, 3.0 * u - 2.0, 1.0 - 3.0 * u, u}};
     return {{0.5 * (-u3 + 2.0 * u2 - u), 0.5 * (3.0 * u3 - 5.0 * u2 + 2.0), 0.5 * (-3.0 * u3 + 4.0 * u2 + u),
              0.5 * (u3 - u2)},
-            {0.5 * (-3.0 * u2 + 4.0 * u - 1.0), 0.5 * (9.0 * u2 - 10.0 * u), 0.5 * (-9.0 * u2 + 8.0 * u + 1.0),
-             0.5 * (3.0 * u2 - 2.0 * u)},
+            {0.5 * (-3.0 * u2 + 4.0 * u - 1.0), 0.5 * (9.0 * u2 - 10.0 * u),
+             0.5 * (-9.0 * u2 + 8.0 * u + 1.0), 0.5 * (3.0 * u2 - 2.0 * u)},
             {0.5 * (4.0 - 6.0 * u), 0.5 * (18.0 * u - 10.0), 0.5 * (8.0 - 18.0 * u), 0.5 * (6.0 * u - 2.0)}};
 }
 
 // The vertices of a segment at a time: `Size` floats each.
-template <int Size> using Control = Eigen::Matrix<double, Size, 4>;
+template <int Size>
+using Control = Eigen::Matrix<double, Size, 4>;
 
 template <int Size>
 Control<Size> control_of(const std::vector<const float*>& vertices, size_t first_vertex, float time) {
@@ -129,10 +137,11 @@ Across across_at_end(const Control<4>& control, const Control<3>& normals, Marra
 }
 
 Across across_at(const Control<4>& control, const Control<3>& normals, MarramBasis kind, double u) {
-    const Across a = across_at_end(control, normals, kind, 0.0), b = across_at_end(control, normals, kind, 1.0);
+    const Across a = across_at_end(control, normals, kind, 0.0),
+                 b = across_at_end(control, normals, kind, 1.0);
     const double u2 = u * u, u3 = u2 * u;
-    return {(2.0 * u3 - 3.0 * u2 + 1.0) * a.value + (u3 - 2.0 * u2 + u) * a.first + (3.0 * u2 - 2.0 * u3) * b.value +
-                (u3 - u2) * b.first,
+    return {(2.0 * u3 - 3.0 * u2 + 1.0) * a.value + (u3 - 2.0 * u2 + u) * a.first +
+                (3.0 * u2 - 2.0 * u3) * b.value + (u3 - u2) * b.first,
             (6.0 * u2 - 6.0 * u) * (a.value - b.value) + (3.0 * u2 - 4.0 * u + 1.0) * a.first +
                 (3.0 * u2 - 2.0 * u) * b.first};
 }
@@ -196,7 +205,8 @@ void set_round(const Vec3d& seen, const CurvePoint& c, const Vec3d& tangent, dou
 // The flat ribbon's normal is the direction to the ray's origin, made perpendicular to the tangent.
 void set_ribbon(const Vec3d& seen, const Vec3d& side, double v, const CurvePoint& c, const Vec3d& tangent,
                 SurfacePoint& point) {
-    const Vec3d w = std::copysign(std::min(std::abs(v), 1.0), (seen - c.axis()).dot(side)) * c.value[3] * side;
+    const Vec3d w =
+        std::copysign(std::min(std::abs(v), 1.0), (seen - c.axis()).dot(side)) * c.value[3] * side;
     point.shape = PointShape::ribbon;
     point.from_axis = w.cast<float>();
     point.position = c.axis() + w;
@@ -205,15 +215,16 @@ void set_ribbon(const Vec3d& seen, const Vec3d& side, double v, const CurvePoint
     point.error += c.second.head<3>().norm() / (8.0 * ribbon_pieces * ribbon_pieces);
 }
 
-void set_oriented(const Vec3d& seen, const Control<4>& control, const Control<3>& normals, const CurveGeometry& curves,
-                  double u, const CurvePoint& c, SurfacePoint& point) {
+void set_oriented(const Vec3d& seen, const Control<4>& control, const Control<3>& normals,
+                  const CurveGeometry& curves, double u, const CurvePoint& c, SurfacePoint& point) {
     const Across across = across_at(control, normals, curves.basis, u);
     const double width2 = across.value.squaredNorm();
     const double v = width2 > 0.0 ? std::clamp((seen - c.axis()).dot(across.value) / width2, -1.0, 1.0) : 0.0;
     const Vec3d w = v * across.value;
     Vec3d normal = (c.first.head<3>() + v * across.first).cross(across.value).normalized();
     point.shape = PointShape::oriented_ribbon;
-    if (!w.allFinite() || !normal.allFinite() || normal.isZero()) { // handed normals along the strand: Embree's guess
+    if (!w.allFinite() || !normal.allFinite() ||
+        normal.isZero()) { // handed normals along the strand: Embree's guess
         normal = point.normal.cast<double>();
         point.from_axis = (seen - c.axis()).cast<float>();
         point.position = seen;
@@ -248,7 +259,8 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     point.tangent = tangent.cast<float>();
     const double slope = speed > 0.0 ? c.first[3] / speed : 0.0;
     point.taper = static_cast<float>(slope);
-    point.curvature = speed > 0.0 ? static_cast<float>(c.second.head<3>().cwiseAbs().sum() / (speed * speed)) : 0.0F;
+    point.curvature =
+        speed > 0.0 ? static_cast<float>(c.second.head<3>().cwiseAbs().sum() / (speed * speed)) : 0.0F;
     point.radius = static_cast<float>(c.value[3]);
     if (curves.shape == MARRAM_ROUND)
         set_round(seen, c, tangent, slope, extent, point);
@@ -294,7 +306,8 @@ Vec3d mesh_vertex(const MeshGeometry& mesh, uint32_t vertex, float time) {
     return at + step.within * (mesh.positions[step.first + 1][vertex].cast<double>() - at);
 }
 
-SurfacePoint mesh_point(const World& world, uint32_t mesh, uint32_t triangle, const Vec2f& barycentrics, float time) {
+SurfacePoint mesh_point(const World& world, uint32_t mesh, uint32_t triangle, const Vec2f& barycentrics,
+                        float time) {
     SurfacePoint point;
     point.geometry = mesh;
     point.primitive = triangle;
@@ -305,8 +318,8 @@ SurfacePoint mesh_point(const World& world, uint32_t mesh, uint32_t triangle, co
 bool valid(const Ray& ray) {
     constexpr float limit = 1e18F; // Embree's own is 1.8e18; NaN fails every comparison
     return ray.origin.cwiseAbs().maxCoeff() <= limit && ray.origin.allFinite() && ray.direction.allFinite() &&
-           ray.direction.cwiseAbs().maxCoeff() > 0.0F && ray.tnear >= 0.0F && ray.tnear <= limit && ray.tfar >= 0.0F &&
-           ray.time >= 0.0F && ray.time <= 1.0F;
+           ray.direction.cwiseAbs().maxCoeff() > 0.0F && ray.tnear >= 0.0F && ray.tnear <= limit &&
+           ray.tfar >= 0.0F && ray.time >= 0.0F && ray.time <= 1.0F;
 }
 
 bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coherent, RayCounts* counts) {
@@ -317,8 +330,18 @@ bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coh
     if (counts) ++counts->intersect;
     if (!(ray.tnear < ray.tfar)) return false;
     RTCRayHit query;
-    query.ray = {ray.origin.x(), ray.origin.y(), ray.origin.z(), ray.tnear, ray.direction.x(), ray.direction.y(),
-                 ray.direction.z(), ray.time, ray.tfar, 0xffffffffU, 0, 0};
+    query.ray = {ray.origin.x(),
+                 ray.origin.y(),
+                 ray.origin.z(),
+                 ray.tnear,
+                 ray.direction.x(),
+                 ray.direction.y(),
+                 ray.direction.z(),
+                 ray.time,
+                 ray.tfar,
+                 0xffffffffU,
+                 0,
+                 0};
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     marram_intersect1(world.scene.get(), &query, coherent ? 1 : 0);
@@ -327,7 +350,8 @@ bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coh
     point.primitive = query.hit.primID;
     point.distance = query.ray.tfar;
     if (query.hit.geomID < world.meshes.size()) {
-        set_triangle(world.meshes[query.hit.geomID], query.hit.primID, {query.hit.u, query.hit.v}, ray.time, point);
+        set_triangle(world.meshes[query.hit.geomID], query.hit.primID, {query.hit.u, query.hit.v}, ray.time,
+                     point);
     } else {
         point.normal = Vec3f(query.hit.Ng_x, query.hit.Ng_y, query.hit.Ng_z).normalized();
         set_curve(world.curves[query.hit.geomID - world.meshes.size()], query.ray, query.hit, point);
@@ -342,8 +366,18 @@ bool occluded(const World& world, const Ray& ray, RayCounts* counts) {
     }
     if (!(ray.tnear < ray.tfar)) return false;
     if (counts) ++counts->occluded;
-    RTCRay query = {ray.origin.x(), ray.origin.y(), ray.origin.z(), ray.tnear, ray.direction.x(), ray.direction.y(),
-                    ray.direction.z(), ray.time, ray.tfar, 0xffffffffU, 0, 0};
+    RTCRay query = {ray.origin.x(),
+                    ray.origin.y(),
+                    ray.origin.z(),
+                    ray.tnear,
+                    ray.direction.x(),
+                    ray.direction.y(),
+                    ray.direction.z(),
+                    ray.time,
+                    ray.tfar,
+                    0xffffffffU,
+                    0,
+                    0};
     marram_occluded1(world.scene.get(), &query);
     return query.tfar < 0.0F;
 }
@@ -354,7 +388,8 @@ Ray spawn(const SurfacePoint& point, const Vec3f& direction, float time) {
     ray.time = time;
     const Vec3d d = direction.cast<double>(), n = point.geometric_normal.cast<double>();
     const double error = margin * point.error, outward = n.dot(d);
-    const bool through = point.shape == PointShape::ribbon || (point.shape == PointShape::round && outward < 0.0);
+    const bool through =
+        point.shape == PointShape::ribbon || (point.shape == PointShape::round && outward < 0.0);
     if (through) {
         ray.origin = point.position.cast<float>();
         ray.tnear = static_cast<float>(leave_fibre(point, d, error));
@@ -374,15 +409,17 @@ Ray spawn_towards(const SurfacePoint& point, const Vec3d& target, double target_
     return ray;
 }
 
-const CurveAttributeValues* find_attribute(const World& world, const SurfacePoint& point, std::string_view name) {
+const CurveAttributeValues* find_attribute(const World& world, const SurfacePoint& point,
+                                           std::string_view name) {
     if (point.geometry < world.meshes.size()) return nullptr;
-    for (const CurveAttributeValues& attribute : world.curves[point.geometry - world.meshes.size()].attributes)
+    for (const CurveAttributeValues& attribute :
+         world.curves[point.geometry - world.meshes.size()].attributes)
         if (attribute.name == name) return &attribute;
     return nullptr;
 }
 
-void attribute_at(const CurveGeometry& curves, const CurveAttributeValues& attribute, const SurfacePoint& point,
-                  float* values) {
+void attribute_at(const CurveGeometry& curves, const CurveAttributeValues& attribute,
+                  const SurfacePoint& point, float* values) {
     const size_t components = attribute.components;
     if (!attribute.per_cv) {
         std::copy_n(attribute.values.data() + point.strand * components, components, values);
@@ -390,7 +427,8 @@ void attribute_at(const CurveGeometry& curves, const CurveAttributeValues& attri
     }
     const uint32_t first = std::min(static_cast<uint32_t>(point.segment_position), curves.cvs_per_curve - 2);
     const float within = point.segment_position - static_cast<float>(first);
-    const float* a = attribute.values.data() + (static_cast<size_t>(point.strand) * curves.cvs_per_curve + first) * components;
+    const float* a = attribute.values.data() +
+                     (static_cast<size_t>(point.strand) * curves.cvs_per_curve + first) * components;
     for (size_t i = 0; i < components; ++i) values[i] = a[i] + within * (a[i + components] - a[i]);
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rays against the world of a frame: what they hit, described exactly enough to shade it, and how to leave it again
-// without hitting it a second time. hit.cpp opens with the derivation of every offset.
+// Rays against the world of a frame: what they hit, described exactly enough to shade it, and how to leave it
+// again without hitting it a second time. hit.cpp opens with the derivation of every offset.
 #pragma once
 
 #include "core/geometry/world.h"
@@ -19,7 +19,8 @@ struct Ray {
     float time = 0.0F;
 };
 
-// What was traced. dropped: rays that Embree must never see (NaN, infinity, an empty interval is none of these).
+// What was traced. dropped: rays that Embree must never see (NaN, infinity, an empty interval is none of
+// these).
 struct RayCounts {
     uint64_t intersect = 0;
     uint64_t occluded = 0;
@@ -29,23 +30,27 @@ struct RayCounts {
 enum class PointShape : uint8_t { triangle, round, ribbon, oriented_ribbon };
 
 struct SurfacePoint {
-    Vec3d position = Vec3d::Zero(); // on the surface at the ray's time, from barycentrics or the curve, not from t
-    double error = 0.0;             // bound of |position - the surface as Embree computes it|, along the normal
-    Vec3f geometric_normal = Vec3f::UnitZ(); // mesh: its anticlockwise side; round: away from the axis; ribbon: see hit.cpp
-    Vec3f normal = Vec3f::UnitZ();           // for shading: interpolated vertex normals where the mesh has them
-    Vec3f tangent = Vec3f::UnitX();          // curves: unit, root to tip; meshes: a unit vector in the surface
-    Vec2f uv = Vec2f::Zero();     // mesh: its uvs (barycentrics where it has none); curves: (strand_u, (1 + h) / 2)
-    float strand_u = 0.0F;        // 0 root ... 1 tip of the whole strand; 0 on meshes
-    float h = 0.0F;               // curves: offset across the fibre as seen along the ray, -1 ... 1, towards tangent x (-ray)
-    float radius = 0.0F;          // curves: radius here
-    float area = 0.0F;            // triangles: area at the ray's time
-    float distance = 0.0F;        // along the ray
+    Vec3d position =
+        Vec3d::Zero();  // on the surface at the ray's time, from barycentrics or the curve, not from t
+    double error = 0.0; // bound of |position - the surface as Embree computes it|, along the normal
+    Vec3f geometric_normal =
+        Vec3f::UnitZ(); // mesh: its anticlockwise side; round: away from the axis; ribbon: see hit.cpp
+    Vec3f normal = Vec3f::UnitZ();  // for shading: interpolated vertex normals where the mesh has them
+    Vec3f tangent = Vec3f::UnitX(); // curves: unit, root to tip; meshes: a unit vector in the surface
+    Vec2f uv =
+        Vec2f::Zero();     // mesh: its uvs (barycentrics where it has none); curves: (strand_u, (1 + h) / 2)
+    float strand_u = 0.0F; // 0 root ... 1 tip of the whole strand; 0 on meshes
+    float h =
+        0.0F; // curves: offset across the fibre as seen along the ray, -1 ... 1, towards tangent x (-ray)
+    float radius = 0.0F;   // curves: radius here
+    float area = 0.0F;     // triangles: area at the ray's time
+    float distance = 0.0F; // along the ray
     PointShape shape = PointShape::triangle;
-    int material = -1;            // as in MeshGeometry and CurveGeometry
+    int material = -1; // as in MeshGeometry and CurveGeometry
     int light = -1;
-    uint32_t geometry = 0;        // Embree's geometry ID
+    uint32_t geometry = 0; // Embree's geometry ID
     uint32_t primitive = 0;
-    uint32_t strand = 0;          // curve of its procedural
+    uint32_t strand = 0;           // curve of its procedural
     float segment_position = 0.0F; // curves: segment + u, 0 ... cvs_per_curve - 1
     // What spawn needs besides, curves only.
     Vec3f from_axis = Vec3f::Zero(); // position - axis
@@ -53,8 +58,10 @@ struct SurfacePoint {
     float taper = 0.0F;              // d radius / d length
 };
 
-// False where nothing is hit and where the ray is not valid. coherent: camera rays. Thread-safe, allocates nothing.
-bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coherent, RayCounts* counts = nullptr);
+// False where nothing is hit and where the ray is not valid. coherent: camera rays. Thread-safe, allocates
+// nothing.
+bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coherent,
+               RayCounts* counts = nullptr);
 
 // True where anything lies within the ray's interval; an empty interval and an invalid ray hit nothing.
 bool occluded(const World& world, const Ray& ray, RayCounts* counts = nullptr);
@@ -62,22 +69,26 @@ bool occluded(const World& world, const Ray& ray, RayCounts* counts = nullptr);
 // Whether Embree may see the ray: everything finite (tfar may be infinite), tnear >= 0, time within [0, 1].
 bool valid(const Ray& ray);
 
-// A ray that leaves the surface into `direction` (unit), on whatever side of it. On a round curve a direction into the
-// fibre starts beyond the exit of its chord.
+// A ray that leaves the surface into `direction` (unit), on whatever side of it. On a round curve a direction
+// into the fibre starts beyond the exit of its chord.
 Ray spawn(const SurfacePoint& point, const Vec3f& direction, float time);
 
-// A shadow ray from the point to a target on another surface, which it does not reach: it ends target_error before it.
+// A shadow ray from the point to a target on another surface, which it does not reach: it ends target_error
+// before it.
 Ray spawn_towards(const SurfacePoint& point, const Vec3d& target, double target_error, float time);
 
 // The point of a triangle at barycentrics (of its second and third corner) and a ray's time.
-SurfacePoint mesh_point(const World& world, uint32_t mesh, uint32_t triangle, const Vec2f& barycentrics, float time);
+SurfacePoint mesh_point(const World& world, uint32_t mesh, uint32_t triangle, const Vec2f& barycentrics,
+                        float time);
 
 // A vertex of a mesh at a ray's time, as Embree interpolates it.
 Vec3d mesh_vertex(const MeshGeometry& mesh, uint32_t vertex, float time);
 
-// A curve attribute at a point: components values, per-CV ones linear between the CVs. The point lies on a curve.
-const CurveAttributeValues* find_attribute(const World& world, const SurfacePoint& point, std::string_view name);
-void attribute_at(const CurveGeometry& curves, const CurveAttributeValues& attribute, const SurfacePoint& point,
-                  float* values);
+// A curve attribute at a point: components values, per-CV ones linear between the CVs. The point lies on a
+// curve.
+const CurveAttributeValues* find_attribute(const World& world, const SurfacePoint& point,
+                                           std::string_view name);
+void attribute_at(const CurveGeometry& curves, const CurveAttributeValues& attribute,
+                  const SurfacePoint& point, float* values);
 
 } // namespace marram

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A perspective camera with a thin lens (Potmesil and Chakravarty, "A Lens and Aperture Camera Model", 1981): every ray
-// through a point of the lens meets the ray through its centre on the plane of focus. Looks along its own -z, y up.
+// A perspective camera with a thin lens (Potmesil and Chakravarty, "A Lens and Aperture Camera Model", 1981):
+// every ray through a point of the lens meets the ray through its centre on the plane of focus. Looks along
+// its own -z, y up.
 #pragma once
 
 #include "core/geometry/hit.h"
@@ -25,10 +26,11 @@ inline CameraPose look_at(const Vec3d& position, const Vec3d& target, const Vec3
 }
 
 struct Camera {
-    std::vector<CameraPose> poses = {CameraPose{}}; // one (at rest), or several equally spaced over the shutter
-    double vertical_fov = 40.0 * degree;            // radians, 0 < fov < pi
-    double lens_radius = 0.0;                       // m; 0: a pinhole, everything sharp
-    double focus_distance = 1.0;                    // m along the axis; matters with a lens only
+    std::vector<CameraPose> poses = {
+        CameraPose{}};                   // one (at rest), or several equally spaced over the shutter
+    double vertical_fov = 40.0 * degree; // radians, 0 < fov < pi
+    double lens_radius = 0.0;            // m; 0: a pinhole, everything sharp
+    double focus_distance = 1.0;         // m along the axis; matters with a lens only
 };
 
 // x, y: 0 ... 1 from the image's left and top. lens: 0 ... 1 squared. time: 0 ... 1.
@@ -75,7 +77,8 @@ class CameraRays {
 
     // Concentric map of the square to the disc: Shirley and Chiu, 1997. It keeps strata compact.
     Vec3d on_lens(const Vec2f& lens) const {
-        const double a = 2.0 * static_cast<double>(lens.x()) - 1.0, b = 2.0 * static_cast<double>(lens.y()) - 1.0;
+        const double a = 2.0 * static_cast<double>(lens.x()) - 1.0,
+                     b = 2.0 * static_cast<double>(lens.y()) - 1.0;
         if (a == 0.0 && b == 0.0) return Vec3d::Zero();
         const bool wide = std::abs(a) > std::abs(b);
         const double r = camera_.lens_radius * (wide ? a : b);

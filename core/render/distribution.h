@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Piecewise constant distributions in one and two dimensions, sampled by inverting their cumulative sums (Pharr, Jakob,
-// Humphreys, "Physically Based Rendering", appendix A): monotone, so that stratified numbers stay stratified.
+// Piecewise constant distributions in one and two dimensions, sampled by inverting their cumulative sums
+// (Pharr, Jakob, Humphreys, "Physically Based Rendering", appendix A): monotone, so that stratified numbers
+// stay stratified.
 //
-// Sums are doubles. A cell of weight 0 is never chosen: the search finds the last cell whose sum is <= the number, and the
-// sum of an empty cell equals that of its successor.
+// Sums are doubles. A cell of weight 0 is never chosen: the search finds the last cell whose sum is <= the
+// number, and the sum of an empty cell equals that of its successor.
 #pragma once
 
 #include <algorithm>
@@ -28,7 +29,8 @@ class Distribution1D {
         for (size_t i = 0; i < weights.size(); ++i) sums_[i + 1] = sums_[i] + weights[i];
         total_ = sums_.back();
         for (size_t i = 1; i < sums_.size(); ++i)
-            sums_[i] = total_ > 0.0 ? sums_[i] / total_ : static_cast<double>(i) / static_cast<double>(weights.size());
+            sums_[i] = total_ > 0.0 ? sums_[i] / total_
+                                    : static_cast<double>(i) / static_cast<double>(weights.size());
         if (!weights.empty()) sums_.back() = 1.0;
     }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sums are doubles, added in the order of a pixel's samples by the one thread that has the pixel: the same bits always.
+// Sums are doubles, added in the order of a pixel's samples by the one thread that has the pixel: the same
+// bits always.
 #include "core/render/film.h"
 
 namespace marram {
@@ -72,7 +73,8 @@ void resolve(Film& film) {
             const double* sums = film.sums.data() + pixel * film.stride + layer.first;
             const double count = sums[layer.channels];
             for (uint32_t c = 0; c < layer.channels; ++c)
-                layer.pixels[pixel * layer.channels + c] = count > 0.0 ? static_cast<float>(sums[c] / count) : 0.0F;
+                layer.pixels[pixel * layer.channels + c] =
+                    count > 0.0 ? static_cast<float>(sums[c] / count) : 0.0F;
         }
     }
 }

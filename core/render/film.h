@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// The film: layers by name, each a float image, all filtered alike (see filter.h: samples are placed by the filter and
-// count one each).
+// The film: layers by name, each a float image, all filtered alike (see filter.h: samples are placed by the
+// filter and count one each).
 //
 //   layer      channels  what a pixel holds
 //   beauty     3         mean radiance, premultiplied by alpha where a light at infinity is invisible
 //   alpha      1         share of samples that hit something
 //   albedo     3         mean over all samples of the first hit's albedo (0 where nothing is hit)
-//   normal     3         mean over all samples of the first hit's shading normal, towards the camera, world space
-//   depth      1         mean distance to the first hit over the samples that hit, metres; 0 where none does
-//   strand_u   1         mean position on the strand, 0 root ... 1 tip, over the samples that hit a strand
-//   any name   1 ... 4   that curve attribute, mean over the samples that hit a curve which carries it
+//   normal     3         mean over all samples of the first hit's shading normal, towards the camera, world
+//   space depth      1         mean distance to the first hit over the samples that hit, metres; 0 where none
+//   does strand_u   1         mean position on the strand, 0 root ... 1 tip, over the samples that hit a
+//   strand any name   1 ... 4   that curve attribute, mean over the samples that hit a curve which carries it
 #pragma once
 
 #include "core/geometry/hit.h"
@@ -34,8 +34,8 @@ struct FilmLayer {
 struct Film {
     uint32_t width = 0, height = 0;
     std::vector<FilmLayer> layers;
-    uint32_t stride = 0;        // doubles a pixel: for each layer its channels and the number of samples that count
-    std::vector<double> sums;   // width * height * stride
+    uint32_t stride = 0; // doubles a pixel: for each layer its channels and the number of samples that count
+    std::vector<double> sums; // width * height * stride
 };
 
 // Channels of a layer in this world; 0: there is no such layer.

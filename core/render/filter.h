@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pixel filters, sampled rather than weighted: a sample's place about its pixel's centre is drawn with the filter as its
-// density, so every sample counts one and belongs to one pixel only (Ernst, Stamminger, Greiner, "Filter Importance
-// Sampling", 2006). All four are products of a function of x and one of y, inverted here through its tabulated
-// cumulative sum; the table's midpoint rule on 1024 cells errs by less than 1e-6 of the filter's mass.
+// Pixel filters, sampled rather than weighted: a sample's place about its pixel's centre is drawn with the
+// filter as its density, so every sample counts one and belongs to one pixel only (Ernst, Stamminger,
+// Greiner, "Filter Importance Sampling", 2006). All four are products of a function of x and one of y,
+// inverted here through its tabulated cumulative sum; the table's midpoint rule on 1024 cells errs by less
+// than 1e-6 of the filter's mass.
 //
 // gaussian: sigma = radius / 3, cut off where it has fallen to exp(-4.5) = 1 %.
 // blackman_harris: four-term window, minimum side lobes (Harris, 1978), over the whole diameter.
@@ -24,10 +25,14 @@ struct Filter {
 inline double filter_value(FilterKind kind, double x) {
     if (std::abs(x) > 1.0) return 0.0;
     switch (kind) {
-    case FilterKind::box: return 1.0;
-    case FilterKind::triangle: return 1.0 - std::abs(x);
-    case FilterKind::gaussian: return std::exp(-4.5 * x * x);
-    case FilterKind::blackman_harris: break;
+    case FilterKind::box:
+        return 1.0;
+    case FilterKind::triangle:
+        return 1.0 - std::abs(x);
+    case FilterKind::gaussian:
+        return std::exp(-4.5 * x * x);
+    case FilterKind::blackman_harris:
+        break;
     }
     const double t = pi * (x + 1.0); // 2 pi n / N of the window
     return 0.35875 - 0.48829 * std::cos(t) + 0.14128 * std::cos(2.0 * t) - 0.01168 * std::cos(3.0 * t);

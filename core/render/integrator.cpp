@@ -1,17 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// The estimator. A path x0 (camera), x1, x2, ... carries the throughput beta = prod f cos / p of the directions drawn so far.
-// At each vertex the light that arrives directly is the integral of f cos L over directions, estimated twice and weighted by
-// the power heuristic (Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997):
+// The estimator. A path x0 (camera), x1, x2, ... carries the throughput beta = prod f cos / p of the
+// directions drawn so far. At each vertex the light that arrives directly is the integral of f cos L over
+// directions, estimated twice and weighted by the power heuristic (Veach, "Robust Monte Carlo Methods for
+// Light Transport Simulation", 1997):
 //
-//   once by drawing a direction of a light (density l):  beta f cos L / l . l^2 / (l^2 + p^2), if nothing is in the way;
-//   once by going on along the shader's draw (density p): beta' L . p^2 / (l^2 + p^2), if it meets a light.
+//   once by drawing a direction of a light (density l):  beta f cos L / l . l^2 / (l^2 + p^2), if nothing is
+//   in the way; once by going on along the shader's draw (density p): beta' L . p^2 / (l^2 + p^2), if it
+//   meets a light.
 //
-// What the camera sees directly has nothing to be weighed against and counts whole; so does light that only one of the two can
-// reach. Russian roulette ends a path with probability 1 - max(beta) and divides what goes on by max(beta).
+// What the camera sees directly has nothing to be weighed against and counts whole; so does light that only
+// one of the two can reach. Russian roulette ends a path with probability 1 - max(beta) and divides what goes
+// on by max(beta).
 //
-// Random numbers: pair 0 film, 1 lens, 2 time, then four a vertex; a vertex's place is fixed, whatever it draws. Passes of
-// 1, 3, 12, 16, 16, ... samples over the whole image show something early; a pixel belongs to one task in each, which
-// adds its samples in their order.
+// Random numbers: pair 0 film, 1 lens, 2 time, then four a vertex; a vertex's place is fixed, whatever it
+// draws. Passes of 1, 3, 12, 16, 16, ... samples over the whole image show something early; a pixel belongs
+// to one task in each, which adds its samples in their order.
 #include "core/render/integrator.h"
 
 #include "core/math/hash.h"
@@ -71,7 +74,8 @@ void find_attributes(Frame& frame, const Film& film) {
     for (const CurveGeometry& curves : frame.world.curves) {
         frame.tints.push_back(attribute_named(curves, material_of(frame, curves.material).tint));
         for (const FilmLayer& layer : film.layers)
-            frame.layers.push_back(layer.kind == LayerKind::attribute ? attribute_named(curves, layer.name) : nullptr);
+            frame.layers.push_back(layer.kind == LayerKind::attribute ? attribute_named(curves, layer.name)
+                                                                      : nullptr);
     }
 }
 
@@ -97,8 +101,8 @@ ShadingPoint shading_point(const Frame& frame, const SurfacePoint& at, const Vec
 }
 
 // Light that reaches the point directly, by drawing from the lights.
-Vec3f direct_light(const Frame& frame, const SurfacePoint& point, const Bsdf& bsdf, float time, Sampler& sampler,
-                   const Vec2f& choice, RayCounts& counts) {
+Vec3f direct_light(const Frame& frame, const SurfacePoint& point, const Bsdf& bsdf, float time,
+                   Sampler& sampler, const Vec2f& choice, RayCounts& counts) {
     const Vec2f where = sampler.next_pair();
     const LightSample light = frame.lights.sample(point.position, time, {choice.x(), where.x(), where.y()});
     if (!(light.pdf > 0.0F)) return Vec3f::Zero();
@@ -135,25 +139,30 @@ Vec3f trace(const Frame& frame, Ray ray, Sampler& sampler, FirstHit& first, RayC
         SurfacePoint& point = depth == 0 ? first.point : later;
         if (!intersect(frame.world, ray, point, depth == 0, &counts)) {
             const auto weight = [&](float light_pdf) { return found_weight(frame, drawn, light_pdf); };
-            return radiance + throughput.cwiseProduct(frame.lights.escaped(ray.direction, depth == 0, weight));
+            return radiance +
+                   throughput.cwiseProduct(frame.lights.escaped(ray.direction, depth == 0, weight));
         }
         if (point.light >= 0) {
             const Lights::Seen seen = frame.lights.emitted(point, ray.direction);
-            if (seen.pdf >= 0.0F) radiance += found_weight(frame, drawn, seen.pdf) * throughput.cwiseProduct(seen.radiance);
+            if (seen.pdf >= 0.0F)
+                radiance += found_weight(frame, drawn, seen.pdf) * throughput.cwiseProduct(seen.radiance);
         }
         const bool last = depth >= frame.settings.max_depth;
         if (depth == 0) {
             first.hit = true;
-            first.normal = point.geometric_normal.dot(ray.direction) > 0.0F ? Vec3f(-point.normal) : point.normal;
+            first.normal =
+                point.geometric_normal.dot(ray.direction) > 0.0F ? Vec3f(-point.normal) : point.normal;
         }
         if (last && !(depth == 0 && frame.wants_albedo)) return radiance;
-        const Bsdf bsdf = bsdf_at(material_of(frame, point.material), shading_point(frame, point, -ray.direction));
+        const Bsdf bsdf =
+            bsdf_at(material_of(frame, point.material), shading_point(frame, point, -ray.direction));
         if (depth == 0 && frame.wants_albedo) first.albedo = albedo(bsdf);
         if (last) return radiance;
         sampler.seek(first_vertex_pair + pairs_a_vertex * depth);
         const Vec2f choice = sampler.next_pair();
         if (!frame.lights.empty())
-            radiance += throughput.cwiseProduct(direct_light(frame, point, bsdf, ray.time, sampler, choice, counts));
+            radiance +=
+                throughput.cwiseProduct(direct_light(frame, point, bsdf, ray.time, sampler, choice, counts));
         sampler.seek(first_vertex_pair + pairs_a_vertex * depth + 2);
         const Vec2f a = sampler.next_pair(), b = sampler.next_pair();
         BsdfSample next;
@@ -191,16 +200,25 @@ void add_attribute(const Frame& frame, const FilmLayer& layer, size_t layer_inde
     add(wide.data(), layer.channels, sums);
 }
 
-void add_sample(const Frame& frame, const Vec3f& radiance, const FirstHit& first, const Film& film, double* pixel) {
+void add_sample(const Frame& frame, const Vec3f& radiance, const FirstHit& first, const Film& film,
+                double* pixel) {
     const bool strand = first.hit && first.point.shape != PointShape::triangle;
     for (size_t i = 0; i < film.layers.size(); ++i) {
         const FilmLayer& layer = film.layers[i];
         double* sums = pixel + layer.first;
         switch (layer.kind) {
-        case LayerKind::beauty: add(radiance, sums); break;
-        case LayerKind::alpha: add(first.hit ? 1.0F : 0.0F, sums); break;
-        case LayerKind::albedo: add(first.albedo, sums); break;
-        case LayerKind::normal: add(first.normal, sums); break;
+        case LayerKind::beauty:
+            add(radiance, sums);
+            break;
+        case LayerKind::alpha:
+            add(first.hit ? 1.0F : 0.0F, sums);
+            break;
+        case LayerKind::albedo:
+            add(first.albedo, sums);
+            break;
+        case LayerKind::normal:
+            add(first.normal, sums);
+            break;
         case LayerKind::depth:
             if (first.hit) add(first.point.distance, sums);
             break;
@@ -263,7 +281,8 @@ void add_stats(const RenderStats& more, RenderStats& sum) {
     sum.dropped_samples += more.dropped_samples;
 }
 
-void render_pass(const Frame& frame, const Pass& pass, Film& film, RenderStats& stats, RenderProgress* progress) {
+void render_pass(const Frame& frame, const Pass& pass, Film& film, RenderStats& stats,
+                 RenderProgress* progress) {
     const uint32_t size = std::max(frame.settings.tile, 1U);
     const uint32_t columns = (film.width + size - 1) / size, rows = (film.height + size - 1) / size;
     std::mutex guard;
@@ -271,8 +290,8 @@ void render_pass(const Frame& frame, const Pass& pass, Film& film, RenderStats& 
         for (uint32_t i = range.begin(); i < range.end(); ++i) {
             const uint32_t x = i % columns * size, y = i / columns * size;
             RenderStats mine;
-            render_tile(frame, {x, y, std::min(x + size, film.width), std::min(y + size, film.height)}, pass, film, mine,
-                        progress);
+            render_tile(frame, {x, y, std::min(x + size, film.width), std::min(y + size, film.height)}, pass,
+                        film, mine, progress);
             const std::lock_guard lock(guard);
             add_stats(mine, stats);
         }
@@ -288,10 +307,19 @@ uint32_t pass_end(uint32_t begin) {
 
 } // namespace
 
-RenderStats render(const World& world, const Lights& lights, std::span<const Material> materials, const Camera& camera,
-                   const RenderSettings& settings, Film& film, RenderProgress* progress) {
-    Frame frame{world,    lights, materials, settings, CameraRays(camera, film.width, film.height),
-                FilterSampler(settings.filter), {}, {}, {}, world.times.size() > 1 || camera.poses.size() > 1};
+RenderStats render(const World& world, const Lights& lights, std::span<const Material> materials,
+                   const Camera& camera, const RenderSettings& settings, Film& film,
+                   RenderProgress* progress) {
+    Frame frame{world,
+                lights,
+                materials,
+                settings,
+                CameraRays(camera, film.width, film.height),
+                FilterSampler(settings.filter),
+                {},
+                {},
+                {},
+                world.times.size() > 1 || camera.poses.size() > 1};
     find_attributes(frame, film);
     RenderStats stats;
     for (uint32_t begin = 0; begin < settings.samples && !stats.cancelled;) {

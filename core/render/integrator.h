@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The path tracer: forward paths from the camera, one light sampled at every vertex, multiple importance sampling between
-// that and the shader's own sampling, Russian roulette. integrator.cpp opens with the estimator.
+// The path tracer: forward paths from the camera, one light sampled at every vertex, multiple importance
+// sampling between that and the shader's own sampling, Russian roulette. integrator.cpp opens with the
+// estimator.
 #pragma once
 
 #include "core/render/camera.h"
@@ -17,8 +18,8 @@ namespace marram {
 enum class Strategy { mis, lights_only, shaders_only };
 
 struct RenderSettings {
-    uint32_t samples = 64;      // a pixel
-    uint32_t max_depth = 16;    // surface interactions a path may have; 0: lights seen directly only
+    uint32_t samples = 64;       // a pixel
+    uint32_t max_depth = 16;     // surface interactions a path may have; 0: lights seen directly only
     uint32_t roulette_depth = 4; // interactions before Russian roulette may end a path
     Filter filter;
     uint64_t seed = 0; // change it with the frame
@@ -38,10 +39,11 @@ struct RenderStats {
     bool cancelled = false;
 };
 
-// Renders into the film (make_film) and resolves it. Runs in the caller's TBB arena; the bits of the result depend neither
-// on the number of threads nor on `tile`. materials are indexed by SurfacePoint::material; a hit without a material is
-// shaded as diffuse with its defaults.
-RenderStats render(const World& world, const Lights& lights, std::span<const Material> materials, const Camera& camera,
-                   const RenderSettings& settings, Film& film, RenderProgress* progress = nullptr);
+// Renders into the film (make_film) and resolves it. Runs in the caller's TBB arena; the bits of the result
+// depend neither on the number of threads nor on `tile`. materials are indexed by SurfacePoint::material; a
+// hit without a material is shaded as diffuse with its defaults.
+RenderStats render(const World& world, const Lights& lights, std::span<const Material> materials,
+                   const Camera& camera, const RenderSettings& settings, Film& film,
+                   RenderProgress* progress = nullptr);
 
 } // namespace marram

@@ -1,18 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sampling lights.
 //
-// One light is chosen, half of the probability spread evenly and half by an estimate of the irradiance it causes in the
-// scene, so that none is starved. Densities are per solid angle and contain the choice.
+// One light is chosen, half of the probability spread evenly and half by an estimate of the irradiance it
+// causes in the scene, so that none is starved. Densities are per solid angle and contain the choice.
 //
-// Sun: uniform in the cone of half angle a. 1 - cos a = 2 sin^2(a/2) keeps its digits however small a is; a direction at
-//   1 - cos = w has sin = sqrt(w (2 - w)). Irradiance E perpendicular to it gives radiance E / (pi sin^2 a). A disc so
-//   small that unit vectors in float cannot tell its inside is a delta light.
+// Sun: uniform in the cone of half angle a. 1 - cos a = 2 sin^2(a/2) keeps its digits however small a is; a
+// direction at
+//   1 - cos = w has sin = sqrt(w (2 - w)). Irradiance E perpendicular to it gives radiance E / (pi sin^2 a).
+//   A disc so small that unit vectors in float cannot tell its inside is a delta light.
 // Sky: uniform azimuth, height y from a table: equal steps of y are equal solid angles (Archimedes).
-// Environment: pixels by the mean of their bilinear interpolant times their solid angle dphi (cos t0 - cos t1), uniform in
-//   azimuth and cosine inside a pixel. The mean is (1 6 1)/8 in both directions, so that it is 0 only where the
-//   interpolant is.
-// Emitting meshes: uniform by area over all triangles of the light as they are mid-shutter; a triangle's own area enters the
-//   density at the ray's time: P(triangle) / area(t) . distance^2 / cos. Uniform point: Turk, "Graphics Gems", 1990.
+// Environment: pixels by the mean of their bilinear interpolant times their solid angle dphi (cos t0 - cos
+// t1), uniform in
+//   azimuth and cosine inside a pixel. The mean is (1 6 1)/8 in both directions, so that it is 0 only where
+//   the interpolant is.
+// Emitting meshes: uniform by area over all triangles of the light as they are mid-shutter; a triangle's own
+// area enters the
+//   density at the ray's time: P(triangle) / area(t) . distance^2 / cos. Uniform point: Turk, "Graphics
+//   Gems", 1990.
 #include "core/render/lights.h"
 
 #include <type_traits>
@@ -27,7 +31,9 @@ constexpr float ground_blend = 0.1F;
 
 double mean_of(const Vec3f& color) { return color.cast<double>().sum() / 3.0; }
 
-double azimuth_of(const Vec3f& d) { return std::atan2(static_cast<double>(d.x()), -static_cast<double>(d.z())); }
+double azimuth_of(const Vec3f& d) {
+    return std::atan2(static_cast<double>(d.x()), -static_cast<double>(d.z()));
+}
 
 // Column and row, in pixels from the image's top left corner, of a direction.
 Vec2d pixel_of(const EnvironmentLight& map, const Vec3f& d) {
@@ -70,7 +76,8 @@ Vec3f sky_radiance(const SkyLight& sky, const Vec3f& direction) {
 
 Vec3f environment_radiance(const EnvironmentLight& map, const Vec3f& direction) {
     const Vec2d at = pixel_of(map, direction) - Vec2d(0.5, 0.5);
-    const int64_t column = static_cast<int64_t>(std::floor(at.x())), row = static_cast<int64_t>(std::floor(at.y()));
+    const int64_t column = static_cast<int64_t>(std::floor(at.x())),
+                  row = static_cast<int64_t>(std::floor(at.y()));
     const float x = static_cast<float>(at.x() - static_cast<double>(column));
     const float y = static_cast<float>(at.y() - static_cast<double>(row));
     const Vec3f a = texel(map, column, row), b = texel(map, column + 1, row);
@@ -91,7 +98,9 @@ Lights::Sun Lights::make(const SunLight& light) {
 
 Lights::Sky Lights::make(const SkyLight& light) {
     std::vector<double> weights(sky_cells);
-    const auto at = [&](double y) { return mean_of(sky_radiance(light, Vec3f(0.0F, static_cast<float>(y), 0.0F))); };
+    const auto at = [&](double y) {
+        return mean_of(sky_radiance(light, Vec3f(0.0F, static_cast<float>(y), 0.0F)));
+    };
     for (size_t i = 0; i < sky_cells; ++i) { // Simpson's rule; positive wherever the sky is
         const double y0 = -1.0 + 2.0 * static_cast<double>(i) / sky_cells, step = 2.0 / sky_cells;
         weights[i] = (at(y0) + 4.0 * at(y0 + 0.5 * step) + at(y0 + step)) / 6.0;
@@ -153,15 +162,16 @@ Lights::Lights(std::span<const LightDescription> descriptions, const World& worl
         infinite_.push_back(i);
         if (const SunLight* sun = std::get_if<SunLight>(&light)) tables_.emplace_back(make(*sun));
         if (const SkyLight* sky = std::get_if<SkyLight>(&light)) tables_.emplace_back(make(*sky));
-        if (const EnvironmentLight* map = std::get_if<EnvironmentLight>(&light)) tables_.emplace_back(make(*map));
+        if (const EnvironmentLight* map = std::get_if<EnvironmentLight>(&light))
+            tables_.emplace_back(make(*map));
     }
-    const double size = world.bounds.isEmpty() ? 1.0 : 0.5 * static_cast<double>(world.bounds.diagonal().norm());
+    const double size =
+        world.bounds.isEmpty() ? 1.0 : 0.5 * static_cast<double>(world.bounds.diagonal().norm());
     std::vector<double> powers;
     double total = 0.0;
     for (const Table& table : tables_) total += powers.emplace_back(power(table, size > 0.0 ? size : 1.0));
     if (!(total > 0.0)) return; // nothing shines: nothing to sample
-    for (double& p : powers)
-        p = p > 0.0 ? 0.5 / static_cast<double>(powers.size()) + 0.5 * p / total : 0.0;
+    for (double& p : powers) p = p > 0.0 ? 0.5 / static_cast<double>(powers.size()) + 0.5 * p / total : 0.0;
     choice_ = Distribution1D(powers);
 }
 
@@ -173,8 +183,9 @@ void Lights::sample_sun(const Sun& sun, float a, float b, LightSample& sample) {
     const double sine = std::sqrt(w * (2.0 - w)), phi = 2.0 * pi * b;
     Vec3d x, y;
     orthonormal_basis(sun.direction, x, y);
-    sample.direction =
-        (sine * (std::cos(phi) * x + std::sin(phi) * y) + (1.0 - w) * sun.direction).normalized().cast<float>();
+    sample.direction = (sine * (std::cos(phi) * x + std::sin(phi) * y) + (1.0 - w) * sun.direction)
+                           .normalized()
+                           .cast<float>();
 }
 
 void Lights::sample_sky(const Sky& sky, float a, float b, LightSample& sample) {
@@ -188,13 +199,15 @@ void Lights::sample_sky(const Sky& sky, float a, float b, LightSample& sample) {
 
 void Lights::sample_environment(const Environment& map, float a, float b, LightSample& sample) {
     const Distribution2D::Choice at = map.by_pixel.sample(a, b);
-    const double top = row_cosine(map.image, at.row), y = top + at.y * (row_cosine(map.image, at.row + 1) - top);
+    const double top = row_cosine(map.image, at.row),
+                 y = top + at.y * (row_cosine(map.image, at.row + 1) - top);
     const double sine = std::sqrt(std::max(0.0, 1.0 - y * y));
-    const double azimuth = 2.0 * pi * ((static_cast<double>(at.column) + at.x) / map.image.width - 0.5) -
-                           map.image.rotation;
+    const double azimuth =
+        2.0 * pi * ((static_cast<double>(at.column) + at.x) / map.image.width - 0.5) - map.image.rotation;
     sample.direction = Vec3d(sine * std::sin(azimuth), y, -sine * std::cos(azimuth)).cast<float>();
     sample.radiance = environment_radiance(map.image, sample.direction);
-    sample.pdf = static_cast<float>(map.by_pixel.probability(at.column, at.row) / pixel_angle(map.image, at.row));
+    sample.pdf =
+        static_cast<float>(map.by_pixel.probability(at.column, at.row) / pixel_angle(map.image, at.row));
 }
 
 void Lights::sample_emitter(const Emitter& emitter, const Vec3d& from, float time, float a, float b,
@@ -223,7 +236,8 @@ LightSample Lights::sample(const Vec3d& from, float time, const std::array<float
     if (const Sun* sun = std::get_if<Sun>(&table)) sample_sun(*sun, a, b, sample);
     if (const Sky* sky = std::get_if<Sky>(&table)) sample_sky(*sky, a, b, sample);
     if (const Environment* map = std::get_if<Environment>(&table)) sample_environment(*map, a, b, sample);
-    if (const Emitter* emitter = std::get_if<Emitter>(&table)) sample_emitter(*emitter, from, time, a, b, sample);
+    if (const Emitter* emitter = std::get_if<Emitter>(&table))
+        sample_emitter(*emitter, from, time, a, b, sample);
     sample.pdf *= static_cast<float>(choice_.probability(choice.cell));
     return sample;
 }

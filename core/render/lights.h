@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lights: what a scene says of them, and the tables from which they are sampled.
 //
-// To add a light: a struct and a place in LightDescription, its table in Lights, and its case in each function of
-// lights.cpp.
+// To add a light: a struct and a place in LightDescription, its table in Lights, and its case in each
+// function of lights.cpp.
 #pragma once
 
 #include "core/geometry/hit.h"
@@ -16,25 +16,27 @@
 namespace marram {
 
 struct SunLight {
-    Vec3d direction = Vec3d::UnitY();    // towards the sun, any length
-    double angle = 0.533 * degree;       // angular diameter, radians, 0 ... pi; 0: parallel rays, invisible
-    Vec3f irradiance = Vec3f::Ones();    // W/m2 on a plane that faces it, whatever its angle
-    bool visible = true;                 // to camera rays
+    Vec3d direction = Vec3d::UnitY(); // towards the sun, any length
+    double angle = 0.533 * degree;    // angular diameter, radians, 0 ... pi; 0: parallel rays, invisible
+    Vec3f irradiance = Vec3f::Ones(); // W/m2 on a plane that faces it, whatever its angle
+    bool visible = true;              // to camera rays
 };
 
-// Radiance: zenith to horizon as 1 - (1 - y)^3 of the direction's height y (it changes fastest near the horizon), ground
-// below, which the horizon blends into over the first 0.1 of -y. Alike colours give exactly that colour everywhere.
+// Radiance: zenith to horizon as 1 - (1 - y)^3 of the direction's height y (it changes fastest near the
+// horizon), ground below, which the horizon blends into over the first 0.1 of -y. Alike colours give exactly
+// that colour everywhere.
 struct SkyLight {
     Vec3f zenith = Vec3f::Ones(), horizon = Vec3f::Ones(), ground = Vec3f::Ones();
     float strength = 1.0F;
     bool visible = true;
 };
 
-// A latitude-longitude image: rows from the top (+y), its centre column where -z points, +x to the right of that.
+// A latitude-longitude image: rows from the top (+y), its centre column where -z points, +x to the right of
+// that.
 struct EnvironmentLight {
     uint32_t width = 0, height = 0;
-    std::vector<Vec3f> pixels;   // finite and >= 0
-    double rotation = 0.0;       // radians about y: turns the world's image from -z towards -x
+    std::vector<Vec3f> pixels; // finite and >= 0
+    double rotation = 0.0;     // radians about y: turns the world's image from -z towards -x
     float strength = 1.0F;
     bool visible = true;
 };
@@ -50,9 +52,9 @@ struct LightSample {
     Vec3f radiance = Vec3f::Zero();
     Vec3f direction = Vec3f::UnitY(); // unit, from the point; of lights at infinity
     float pdf = 0.0F;                 // solid angle, choice of the light included; 0: nothing arrives
-    bool delta = false;               // can only be reached this way: no weighting against the shader's sampling
+    bool delta = false; // can only be reached this way: no weighting against the shader's sampling
     bool at_infinity = true;
-    Vec3d target = Vec3d::Zero();     // a point on an emitting mesh, moved off it by its error
+    Vec3d target = Vec3d::Zero(); // a point on an emitting mesh, moved off it by its error
 };
 
 class Lights {
@@ -66,8 +68,8 @@ class Lights {
     // One light and a point of it, seen from `from`: 3 uniform numbers.
     LightSample sample(const Vec3d& from, float time, const std::array<float, 3>& random) const;
 
-    // What a ray that escapes sees of all lights at infinity. `weight(pdf)` is asked for each light with the density with
-    // which sample() would have chosen the direction (0: never). visible_only: camera rays.
+    // What a ray that escapes sees of all lights at infinity. `weight(pdf)` is asked for each light with the
+    // density with which sample() would have chosen the direction (0: never). visible_only: camera rays.
     template <typename Weight>
     Vec3f escaped(const Vec3f& direction, bool visible_only, Weight&& weight) const {
         Vec3f sum = Vec3f::Zero();
@@ -78,7 +80,8 @@ class Lights {
         return sum;
     }
 
-    // What a ray sees of the emitting mesh that it has hit, and the density with which sample() would have chosen it.
+    // What a ray sees of the emitting mesh that it has hit, and the density with which sample() would have
+    // chosen it.
     struct Seen {
         Vec3f radiance = Vec3f::Zero();
         float pdf = -1.0F; // below 0: not seen

@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Well-spread sample numbers: Sobol's (0,2)-sequence, Owen-scrambled by hashing, padded two dimensions at a time.
+// Well-spread sample numbers: Sobol's (0,2)-sequence, Owen-scrambled by hashing, padded two dimensions at a
+// time.
 //
-// Sobol, 1967: two dimensions with generator matrices I and Pascal's triangle modulo 2. Any 2^k points that begin at a
-// multiple of 2^k fall one into each of the 2^k elementary intervals of every shape. By Lucas' theorem C(j, i) is odd where
-// i's bits are among j's, so the second matrix is a sum over supersets of bit positions: five exchanges, no table.
+// Sobol, 1967: two dimensions with generator matrices I and Pascal's triangle modulo 2. Any 2^k points that
+// begin at a multiple of 2^k fall one into each of the 2^k elementary intervals of every shape. By Lucas'
+// theorem C(j, i) is odd where i's bits are among j's, so the second matrix is a sum over supersets of bit
+// positions: five exchanges, no table.
 //
-// Owen, 1995: nested uniform scrambling flips each bit by a random function of the bits above it; strata stay, the
-// error of a smooth integrand falls like n^-1.5 instead of n^-1. Laine and Karras, 2011: on the reversed bits that is a
-// hash in which information travels upwards only. Burley, "Practical Hash-based Owen Scrambling", JCGT 2020: scrambling the
-// index as well (another seed for every pair) decorrelates the pairs. Constants: Vegdahl's, better avalanche than
-// Laine and Karras' own.
+// Owen, 1995: nested uniform scrambling flips each bit by a random function of the bits above it; strata
+// stay, the error of a smooth integrand falls like n^-1.5 instead of n^-1. Laine and Karras, 2011: on the
+// reversed bits that is a hash in which information travels upwards only. Burley, "Practical Hash-based Owen
+// Scrambling", JCGT 2020: scrambling the index as well (another seed for every pair) decorrelates the pairs.
+// Constants: Vegdahl's, better avalanche than Laine and Karras' own.
 #pragma once
 
 #include "core/math/hash.h"
@@ -48,8 +50,8 @@ constexpr uint32_t sobol_second_reversed(uint32_t index) {
     return index;
 }
 
-// The numbers of one sample of one pixel, pair after pair. Two samplers that are alike in seed, pixel and sample give the
-// same numbers.
+// The numbers of one sample of one pixel, pair after pair. Two samplers that are alike in seed, pixel and
+// sample give the same numbers.
 class Sampler {
   public:
     Sampler(uint64_t pixel_seed, uint32_t sample) : seed_(pixel_seed), sample_(sample) {}

@@ -29,8 +29,10 @@
 namespace marram {
 namespace {
 
-// Coverage at spacing 1: r = 2 sqrt(c / pi) / sqrt(d) = 0.6 / sqrt(d).
-constexpr double full_coverage = 0.09 * pi;
+// Distance of neighbours at spacing 1, times the root of the density. More is possible, but costs steeply more attempts a
+// root: 2.1 here, 2.4 at 0.6, 9 at 0.7.
+constexpr double full_distance = 0.56;
+constexpr double full_coverage = full_distance * full_distance * pi / 4.0;
 
 // Attempts for each disc that is kept, up to coverage c: the integral of dc / phi(c), over c.
 double attempts_a_disc(double coverage) {
@@ -47,31 +49,26 @@ double attempts_a_disc(double coverage) {
 
 constexpr uint64_t axis_bits = 21; // of a cell's coordinate in its key
 constexpr double axis_cells = double((1U << axis_bits) - 4);
-constexpr double in_cell_steps = 1023.0; // positions within a cell are kept to r / 1023
+constexpr int in_cell_steps = 1023; // positions within a cell are kept to r / 1023
 
-struct Candidate {
-    uint32_t cell_high, cell_low; // z, y, x of its cell, 21 bits each
+struct [[gnu::packed]] Candidate { // there are millions of them for a moment
+    uint64_t cell;    // z, y, x, 21 bits each
     Root root;
     uint32_t in_cell; // 10 bits an axis
-
-    uint64_t cell() const { return (uint64_t(cell_high) << 32) | cell_low; }
 };
 static_assert(sizeof(Candidate) == 20);
 
-constexpr uint32_t masked_out = UINT32_MAX; // no cell's: a key has 63 bits
+constexpr uint64_t masked_out = UINT64_MAX; // no cell's: a key has 63 bits
 
 bool in_order(const Candidate& a, const Candidate& b) {
-    if (a.cell() != b.cell()) return a.cell() < b.cell();
+    if (a.cell != b.cell) return a.cell < b.cell;
     if (a.root.triangle != b.root.triangle) return a.root.triangle < b.root.triangle;
     return a.root.index < b.root.index;
 }
 
-// Higher priority first; roots differ, so ties end at their identity.
-bool before(uint32_t seed, Root a, Root b) {
-    const uint64_t pa = root_hash(seed, a, Purpose::priority), pb = root_hash(seed, b, Purpose::priority);
-    if (pa != pb) return pa < pb;
-    return a.triangle != b.triangle ? a.triangle < b.triangle : a.index < b.index;
-}
+// The lower the number, the higher the priority. 64 bits of hash: two roots that share it are not worth a thought, and if they
+// did, both would wait for the other to go first, so equal numbers are decided by the order of the list.
+uint64_t priority(uint32_t seed, Root root) { return root_hash(seed, root, Purpose::priority); }
 
 struct Grid {
     Vec3d origin;
@@ -86,23 +83,25 @@ struct Grid {
             key = (key << axis_bits) | uint64_t(whole);
             in_cell = (in_cell << 10) | uint32_t((x - whole) * in_cell_steps);
         }
-        return {uint32_t(key >> 32), uint32_t(key), root, in_cell};
+        return {key, root, in_cell};
     }
 };
 
-// Squared distance of two candidates whose cells differ by at most 1 along each axis, in cells.
-double squared_distance(const Candidate& a, const Candidate& b) {
-    constexpr uint64_t mask = (1U << axis_bits) - 1;
-    double sum = 0.0;
-    for (int axis = 0; axis < 3; ++axis) {
-        const auto ca = int64_t((a.cell() >> (axis_bits * uint64_t(axis))) & mask);
-        const auto cb = int64_t((b.cell() >> (axis_bits * uint64_t(axis))) & mask);
-        const auto ia = int64_t((a.in_cell >> (10 * axis)) & 1023U), ib = int64_t((b.in_cell >> (10 * axis)) & 1023U);
-        const double d = double(ca - cb) + double(ia - ib) / in_cell_steps;
-        sum += d * d;
+// A candidate's place in steps of its cell / 1023: exact in integers.
+struct Place3 {
+    int64_t x, y, z;
+
+    explicit Place3(const Candidate& c)
+        : x(axis(c, 0)), y(axis(c, 1)), z(axis(c, 2)) {}
+    static int64_t axis(const Candidate& c, int i) {
+        constexpr uint64_t mask = (1U << axis_bits) - 1;
+        const auto cell = int64_t((c.cell >> (axis_bits * uint64_t(i))) & mask);
+        return cell * in_cell_steps + int64_t((c.in_cell >> (10 * i)) & 1023U);
     }
-    return sum;
-}
+    int64_t squared_distance(const Place3& b) const {
+        return (x - b.x) * (x - b.x) + (y - b.y) * (y - b.y) + (z - b.z) * (z - b.z);
+    }
+};
 
 // Share of the density that the masks leave at a root.
 double mask_share(const Groom& groom, const Surface& bind, Root root) {
@@ -171,11 +170,11 @@ std::vector<Candidate> draw_candidates(const Groom& groom, const Surface& bind, 
             while (i >= first[size_t(t) + 1]) ++t;
             const Root root{t, uint32_t(i - first[t])};
             candidates[i] = grid.candidate(root, bind.point(t, root_weights(groom.seed, root)));
-            if (masked && !(mask_share(groom, bind, root) > 0.0)) candidates[i].cell_high = masked_out;
+            if (masked && !(mask_share(groom, bind, root) > 0.0)) candidates[i].cell = masked_out;
         }
     });
     if (cancelled()) return {};
-    if (masked) std::erase_if(candidates, [](const Candidate& c) { return c.cell_high == masked_out; });
+    if (masked) std::erase_if(candidates, [](const Candidate& c) { return c.cell == masked_out; });
     tbb::parallel_sort(candidates.begin(), candidates.end(), in_order);
     return candidates;
 }
@@ -187,21 +186,21 @@ class NeighbourRuns {
   public:
     NeighbourRuns(const std::vector<Candidate>& all, uint64_t from) : all_(all) {
         for (int row = 0; row < 9; ++row) {
-            const uint64_t low = all[from].cell() + shift(row) - 1;
+            const uint64_t low = all[from].cell + shift(row) - 1;
             at_[row] = size_t(std::lower_bound(all.begin(), all.end(), low,
-                                               [](const Candidate& c, uint64_t key) { return c.cell() < key; }) -
+                                               [](const Candidate& c, uint64_t key) { return c.cell < key; }) -
                               all.begin());
         }
     }
     // Calls visit(j) for every candidate in the 27 cells around i until it returns false.
     template <typename Visit>
     void visit(size_t i, Visit&& visit) {
-        const uint64_t centre = all_[i].cell();
+        const uint64_t centre = all_[i].cell;
         for (int row = 0; row < 9; ++row) {
             const uint64_t low = centre + shift(row) - 1, high = low + 2;
             size_t& at = at_[row];
-            while (at < all_.size() && all_[at].cell() < low) ++at;
-            for (size_t j = at; j < all_.size() && all_[j].cell() <= high; ++j)
+            while (at < all_.size() && all_[at].cell < low) ++at;
+            for (size_t j = at; j < all_.size() && all_[j].cell <= high; ++j)
                 if (j != i && !visit(j)) return;
         }
     }
@@ -218,16 +217,21 @@ class NeighbourRuns {
 // One round over a range: decides what can be decided. Other threads' states may be read before or after they change; either
 // way leads to the same end, because a state never changes twice.
 bool decide(const std::vector<Candidate>& all, std::vector<std::atomic<uint8_t>>& state, uint32_t seed,
-            double squared_radius, size_t begin, size_t end) {
+            int64_t squared_radius, size_t begin, size_t end) {
     bool waiting = false;
     NeighbourRuns runs(all, begin);
     for (size_t i = begin; i < end; ++i) {
         if (state[i].load(std::memory_order_relaxed) != undecided) continue;
         uint8_t verdict = kept;
+        const Place3 place(all[i]);
+        const uint64_t mine = priority(seed, all[i].root);
         runs.visit(i, [&](size_t j) {
             const uint8_t other = state[j].load(std::memory_order_relaxed);
-            if (other == dropped || squared_distance(all[i], all[j]) >= squared_radius) return true;
-            if (!before(seed, all[j].root, all[i].root)) return true;
+            if (other == dropped || place.squared_distance(Place3(all[j])) >= squared_radius) return true;
+            if (other == undecided) { // one that is kept has gone first
+                const uint64_t theirs = priority(seed, all[j].root);
+                if (theirs > mine || (theirs == mine && j > i)) return true;
+            }
             verdict = other == kept ? dropped : undecided;
             return verdict != dropped;
         });
@@ -240,7 +244,8 @@ bool decide(const std::vector<Candidate>& all, std::vector<std::atomic<uint8_t>>
 void keep_spaced(std::vector<Candidate>& candidates, uint32_t seed, double radius_in_cells,
                  const std::function<bool()>& cancelled) {
     std::vector<std::atomic<uint8_t>> state(candidates.size());
-    const double squared_radius = radius_in_cells * radius_in_cells;
+    const double radius = radius_in_cells * in_cell_steps;
+    const auto squared_radius = int64_t(radius * radius);
     const tbb::blocked_range<size_t> all(0, candidates.size(), 8192);
     bool waiting = !candidates.empty();
     while (waiting && !cancelled())
@@ -256,11 +261,22 @@ void keep_spaced(std::vector<Candidate>& candidates, uint32_t seed, double radiu
     candidates.resize(count);
 }
 
-// Keeps the `count` candidates of highest priority.
+// Keeps the `count` candidates of highest priority, in their order. The hash is uniform, so its top bits tell nearly all
+// apart; only the one bucket that the limit falls into is looked at closely.
 void keep_first(std::vector<Candidate>& candidates, uint32_t seed, uint64_t count) {
-    std::nth_element(candidates.begin(), candidates.begin() + ptrdiff_t(count), candidates.end(),
-                     [seed](const Candidate& a, const Candidate& b) { return before(seed, a.root, b.root); });
-    candidates.resize(count);
+    constexpr int bucket_bits = 16;
+    std::vector<uint64_t> histogram(size_t(1) << bucket_bits, 0);
+    const auto bucket = [&](const Candidate& c) { return priority(seed, c.root) >> (64 - bucket_bits); };
+    for (const Candidate& c : candidates) ++histogram[bucket(c)];
+    uint64_t before = 0, limit = 0;
+    while (before + histogram[limit] < count) before += histogram[limit++];
+    std::vector<uint64_t> at_limit;
+    for (const Candidate& c : candidates)
+        if (bucket(c) == limit) at_limit.push_back(priority(seed, c.root));
+    std::ranges::sort(at_limit);
+    const uint64_t last = at_limit[count - before - 1];
+    std::erase_if(candidates, [&](const Candidate& c) { return priority(seed, c.root) > last; });
+    candidates.resize(std::min<size_t>(candidates.size(), count)); // equal priorities: the list's order decides
 }
 
 uint64_t spread_bits(uint64_t x) { // 21 bits, two zeros behind each
@@ -276,11 +292,9 @@ std::vector<Root> in_space_order(std::vector<Candidate>& candidates) {
     constexpr uint64_t mask = (1U << axis_bits) - 1;
     tbb::parallel_for(tbb::blocked_range<size_t>(0, candidates.size(), 16384), [&](const auto& range) {
         for (size_t i = range.begin(); i < range.end(); ++i) {
-            const uint64_t cell = candidates[i].cell();
-            const uint64_t z_curve = spread_bits(cell & mask) | (spread_bits((cell >> axis_bits) & mask) << 1) |
-                                     (spread_bits(cell >> (2 * axis_bits)) << 2);
-            candidates[i].cell_high = uint32_t(z_curve >> 32);
-            candidates[i].cell_low = uint32_t(z_curve);
+            const uint64_t cell = candidates[i].cell;
+            candidates[i].cell = spread_bits(cell & mask) | (spread_bits((cell >> axis_bits) & mask) << 1) |
+                                 (spread_bits(cell >> (2 * axis_bits)) << 2);
         }
     });
     tbb::parallel_sort(candidates.begin(), candidates.end(), in_order);

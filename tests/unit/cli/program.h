@@ -122,7 +122,7 @@ struct SceneText {
     std::string film = "size = [24, 16]\nsamples = 2\nmax_depth = 3\n";
     std::string wind = "speed = 6\n";
     std::string groom = "count = 300\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.02\n";
-    std::string more; // further tables
+    std::string more = ""; // further tables
 
     operator std::string() const {
         return globals + "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0.2, 0]\n[film]\n" + film + "[wind]\n" + wind +

@@ -52,7 +52,8 @@ TEST(Render, NumbersFrames) {
 TEST(Render, HoldsItsLayers) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{.film = "size = [24, 16]\nsamples = 4\naovs = [\"depth\"]\n"});
-    EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--aov", "albedo,normal,depth,strand_u,envelope,root_uv,id,root_normal"}));
+    EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--aov", "albedo,normal,depth,strand_u,envelope,root_uv,id,root_normal",
+                        "--set", "mesh.ground.transform={ rotate = [20, 0, 10] }"}));
     const Image image = read_image(folder / "a.exr");
     const std::set<std::string> names(image.channel_names.begin(), image.channel_names.end());
     for (const char* name : {"R", "G", "B", "A", "albedo.R", "albedo.G", "albedo.B", "normal.X", "normal.Y", "normal.Z", "depth.Z", "strand_u.Y",

@@ -72,7 +72,7 @@ TEST(Roots, keep_their_distance) {
         Groom groom;
         groom.density = 1000.0;
         groom.spacing = spacing;
-        const double bound = spacing * 0.6 / std::sqrt(groom.density);
+        const double bound = spacing * 0.56 / std::sqrt(groom.density);
         const double nearest = nearest_pair(places(groom, plane.surface(), place_roots(groom, plane.surface(), never)));
         EXPECT_GT(nearest, 0.997 * bound); // positions in the grid are kept to a thousandth of a cell
         EXPECT_LT(nearest, 1.2 * bound) << "the discs are smaller than they could be";

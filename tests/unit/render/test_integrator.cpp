@@ -89,22 +89,24 @@ TEST(Furnace, WhiteHairInWhiteSkyIsWhite) {
         std::vector<Cv> cvs;
         for (int c = 0; c < 60; ++c)
             for (int i = 0; i < 4; ++i)
-                cvs.push_back(Cv(0.02 * (c - 30) + 0.03 * i, 0.3 * (i - 1.5), 0.05 * (c % 7) + 0.02 * i * i, 0.012));
+                cvs.push_back(
+                    Cv(0.02 * (c - 30) + 0.03 * i, 0.3 * (i - 1.5), 0.05 * (c % 7) + 0.02 * i * i, 0.012));
         builder.curves({cvs}, 4, shape, MARRAM_BSPLINE);
         Shot shot = shot_from({0.0, 0.0, 3.0}, {0.0, 0.0, 0.0}, 12.0);
         shot.materials = {testing::material_of("hair", {{"color", "1"}})};
         shot.settings.samples = 64;
         shot.settings.max_depth = 500;
         const Film film = shot(builder.commit());
-        std::printf("[ furnace ] white hair, %s: mean %.5f, alpha %.3f\n", shape == MARRAM_ROUND ? "round" : "ribbon",
-                    mean_of(film, "beauty"), mean_of(film, "alpha"));
+        std::printf("[ furnace ] white hair, %s: mean %.5f, alpha %.3f\n",
+                    shape == MARRAM_ROUND ? "round" : "ribbon", mean_of(film, "beauty"),
+                    mean_of(film, "alpha"));
         EXPECT_NEAR(mean_of(film, "beauty"), 1.0, 5e-3);
         EXPECT_GT(mean_of(film, "alpha"), 0.3);
     }
 }
 
-// Irradiance at a point straight below the centre of a parallel square of side 2a at height z: F of its four corner
-// rectangles (Howell, "A Catalog of Radiation Heat Transfer", B-3).
+// Irradiance at a point straight below the centre of a parallel square of side 2a at height z: F of its four
+// corner rectangles (Howell, "A Catalog of Radiation Heat Transfer", B-3).
 double square_form_factor(double a, double z) {
     const double x = a / z, s = std::sqrt(1.0 + x * x);
     return 4.0 / (2.0 * pi) * 2.0 * (x / s * std::atan(x / s));
@@ -124,12 +126,14 @@ void add_floor(WorldBuilder& builder) {
 }
 
 class Strategies : public ::testing::TestWithParam<Strategy> {};
-INSTANTIATE_TEST_SUITE_P(All, Strategies, ::testing::Values(Strategy::mis, Strategy::lights_only, Strategy::shaders_only));
+INSTANTIATE_TEST_SUITE_P(All, Strategies,
+                         ::testing::Values(Strategy::mis, Strategy::lights_only, Strategy::shaders_only));
 
 TEST_P(Strategies, PlaneUnderEmittingSquare) {
     WorldBuilder builder;
     add_floor(builder);
-    const Triangles lamp = testing::quad({-0.5, 0.8, -0.5}, {1.0, 0.0, 0.0}, {0.0, 0.0, 1.0}); // u x v: downwards
+    const Triangles lamp =
+        testing::quad({-0.5, 0.8, -0.5}, {1.0, 0.0, 0.0}, {0.0, 0.0, 1.0}); // u x v: downwards
     builder.mesh({lamp.positions}, lamp.triangles, 1, 0);
     const Triangles turned = testing::quad({-2.0, 0.5, -0.5}, {0.0, 0.0, 1.0}, {0.5, 0.0, 0.0});
     builder.mesh({turned.positions}, turned.triangles, 1, 0); // shines upwards: nothing of it arrives
@@ -186,8 +190,8 @@ EnvironmentLight image_of(const SkyLight& sky, uint32_t width) {
     map.height = width / 2;
     for (uint32_t y = 0; y < map.height; ++y)
         for (uint32_t x = 0; x < map.width; ++x)
-            map.pixels.push_back(
-                sky_radiance(sky, Vec3f(0.0F, static_cast<float>(std::cos(pi * (y + 0.5) / map.height)), 0.0F)));
+            map.pixels.push_back(sky_radiance(
+                sky, Vec3f(0.0F, static_cast<float>(std::cos(pi * (y + 0.5) / map.height)), 0.0F)));
     return map;
 }
 
@@ -221,7 +225,8 @@ TEST(Strategy, AllAgree) {
     builder.mesh({lamp.positions}, lamp.triangles, 0, 1);
     std::vector<Cv> cvs;
     for (int c = 0; c < 20; ++c)
-        for (int i = 0; i < 4; ++i) cvs.push_back(Cv(0.02 * (c - 10) + 0.02 * i, 0.15 * i, 0.02 * (c % 5), 0.008));
+        for (int i = 0; i < 4; ++i)
+            cvs.push_back(Cv(0.02 * (c - 10) + 0.02 * i, 0.15 * i, 0.02 * (c % 5), 0.008));
     builder.curves({cvs}, 4, MARRAM_ROUND, MARRAM_BSPLINE, 1);
     builder.commit();
     Shot shot = shot_from({0.5, 0.5, 1.5}, {0.0, 0.2, 0.0}, 30.0);
@@ -229,7 +234,8 @@ TEST(Strategy, AllAgree) {
     SkyLight sky;
     sky.ground = {0.1F, 0.1F, 0.1F};
     sky.zenith = {0.3F, 0.4F, 0.9F};
-    shot.lights = {sky, MeshLight{Vec3f(3.0F, 3.0F, 3.0F)}, SunLight{{0.3, 1.0, 0.5}, 20.0 * degree, Vec3f::Ones()}};
+    shot.lights = {sky, MeshLight{Vec3f(3.0F, 3.0F, 3.0F)},
+                   SunLight{{0.3, 1.0, 0.5}, 20.0 * degree, Vec3f::Ones()}};
     shot.settings.samples = 400;
     std::array<double, 3> means{};
     for (int i = 0; i < 3; ++i) {

@@ -35,8 +35,9 @@ RenderSettings plain(uint32_t samples) {
     return settings;
 }
 
-Film take(const World& world, const Camera& camera, const RenderSettings& settings, uint32_t width, uint32_t height,
-          const std::vector<std::string>& layers, const std::vector<LightDescription>& lights = {SkyLight{}}) {
+Film take(const World& world, const Camera& camera, const RenderSettings& settings, uint32_t width,
+          uint32_t height, const std::vector<std::string>& layers,
+          const std::vector<LightDescription>& lights = {SkyLight{}}) {
     Film film = make_film(width, height, layers, world);
     const RenderStats stats = render(world, Lights(lights, world), materials, camera, settings, film);
     EXPECT_EQ(stats.rays.dropped, 0U);
@@ -73,7 +74,8 @@ TEST(Silhouette, IsAsWideAsTheRadiiSay) {
 TEST(Motion, SquareLeavesTheAnalyticTrace) {
     WorldBuilder builder({0.0, 0.25, 0.5});
     std::vector<std::vector<Vec3f>> positions;
-    for (const double x : {-1.0, -0.5, 0.0}) positions.push_back(testing::quad({x, -0.5, 0.0}, Vec3d::UnitX(), Vec3d::UnitY()).positions);
+    for (const double x : {-1.0, -0.5, 0.0})
+        positions.push_back(testing::quad({x, -0.5, 0.0}, Vec3d::UnitX(), Vec3d::UnitY()).positions);
     builder.mesh(positions, {{0, 1, 2}, {0, 2, 3}});
     const Film film = take(builder.commit(), far_camera(2.5), plain(256), 50, 50, {"alpha"});
     for (uint32_t column = 0; column < 50; ++column) {
@@ -83,7 +85,8 @@ TEST(Motion, SquareLeavesTheAnalyticTrace) {
     }
 }
 
-// A fibre that moves up by its own diameter: alpha rises over the first, is full in the middle only for an instant.
+// A fibre that moves up by its own diameter: alpha rises over the first, is full in the middle only for an
+// instant.
 TEST(Motion, FibreLeavesTheAnalyticTrace) {
     WorldBuilder builder({0.0, 1.0});
     std::vector<std::vector<Cv>> cvs(2);
@@ -151,7 +154,8 @@ TEST(Layers, CarryWhatTheyAreNamedAfter) {
         if (u == 0.0F) continue;
         ++strands;
         EXPECT_NEAR(find_layer(film, "position")->pixels[3 * i + 1], 0.6 * u, 1e-4);
-        EXPECT_NEAR(find_layer(film, "position")->pixels[3 * i], 0.03 * (find_layer(film, "id")->pixels[i] - 20.0), 1e-4);
+        EXPECT_NEAR(find_layer(film, "position")->pixels[3 * i],
+                    0.03 * (find_layer(film, "id")->pixels[i] - 20.0), 1e-4);
         const Eigen::Map<const Vec3f> normal(find_layer(film, "normal")->pixels.data() + 3 * i);
         EXPECT_NEAR(normal.norm(), 1.0, 1e-5);
         EXPECT_GT(normal.z(), -0.1);
@@ -182,7 +186,8 @@ TEST(Determinism, SameBitsAtAnyThreadCountAndTileSize) {
             });
         }
     for (const Film& film : films)
-        for (size_t i = 0; i < film.layers.size(); ++i) EXPECT_EQ(film.layers[i].pixels, films[0].layers[i].pixels);
+        for (size_t i = 0; i < film.layers.size(); ++i)
+            EXPECT_EQ(film.layers[i].pixels, films[0].layers[i].pixels);
 }
 
 TEST(Cancel, StopsAtOnceAndLeavesWhatIsThere) {

@@ -47,7 +47,8 @@ double integration_error(uint32_t samples, bool random, bool smooth) {
                 at = {unit_float(static_cast<uint32_t>(h)), unit_float(static_cast<uint32_t>(h >> 32))};
             }
             mean += (smooth ? std::exp(-static_cast<double>(at.squaredNorm()))
-                            : (at.squaredNorm() < 1.0F ? 1.0 : 0.0)) / samples;
+                            : (at.squaredNorm() < 1.0F ? 1.0 : 0.0)) /
+                    samples;
         }
         const double error = mean - (smooth ? 0.25 * pi * std::erf(1.0) * std::erf(1.0) : 0.25 * pi);
         sum += error * error / 200.0;
@@ -57,7 +58,8 @@ double integration_error(uint32_t samples, bool random, bool smooth) {
 
 TEST(Sampler, ConvergesFasterThanRandom) {
     for (const bool smooth : {true, false}) {
-        const double e16 = integration_error(16, false, smooth), e1024 = integration_error(1024, false, smooth);
+        const double e16 = integration_error(16, false, smooth),
+                     e1024 = integration_error(1024, false, smooth);
         const double random = integration_error(1024, true, smooth);
         const double rate = std::log(e16 / e1024) / std::log(64.0);
         std::printf("[ sampler ] %s: error %.1e at 1024 samples (random %.1e), falls as n^-%.2f\n",
@@ -89,14 +91,16 @@ TEST(Filter, DrawsWithItsShapeAsDensity) {
             const double x = sampler(static_cast<float>((i + 0.5) / count));
             EXPECT_GE(x, last);
             last = x;
-            seen[static_cast<size_t>(std::clamp((x / radius + 1.0) * 0.5 * cells, 0.0, cells - 1.0))] += 1.0 / count;
+            seen[static_cast<size_t>(std::clamp((x / radius + 1.0) * 0.5 * cells, 0.0, cells - 1.0))] +=
+                1.0 / count;
         }
         for (int i = 0; i < cells * 100; ++i) {
             const double value = filter_value(kind, -1.0 + 2.0 * (i + 0.5) / (cells * 100));
             expected[static_cast<size_t>(i / 100)] += value;
             total += value;
         }
-        for (size_t c = 0; c < cells; ++c) EXPECT_NEAR(seen[c], expected[c] / total, 5e-4) << static_cast<int>(kind);
+        for (size_t c = 0; c < cells; ++c)
+            EXPECT_NEAR(seen[c], expected[c] / total, 5e-4) << static_cast<int>(kind);
         EXPECT_LE(last, radius);
     }
 }
@@ -107,8 +111,10 @@ TEST(Camera, LooksWhereItIsToldAndFocuses) {
     camera.vertical_fov = 90.0 * degree;
     const CameraRays pinhole(camera, 200, 100);
     EXPECT_TRUE(pinhole(0.5, 0.5, {0.5F, 0.5F}, 0.0F).direction.isApprox(Vec3f(0.0F, 0.0F, -1.0F)));
-    EXPECT_TRUE(pinhole(0.5, 0.0, {0.5F, 0.5F}, 0.0F).direction.isApprox(Vec3f(0.0F, 1.0F, -1.0F).normalized()));
-    EXPECT_TRUE(pinhole(1.0, 0.5, {0.5F, 0.5F}, 0.0F).direction.isApprox(Vec3f(2.0F, 0.0F, -1.0F).normalized()));
+    EXPECT_TRUE(
+        pinhole(0.5, 0.0, {0.5F, 0.5F}, 0.0F).direction.isApprox(Vec3f(0.0F, 1.0F, -1.0F).normalized()));
+    EXPECT_TRUE(
+        pinhole(1.0, 0.5, {0.5F, 0.5F}, 0.0F).direction.isApprox(Vec3f(2.0F, 0.0F, -1.0F).normalized()));
     camera.lens_radius = 0.1;
     camera.focus_distance = 4.0;
     const CameraRays lens(camera, 200, 100);
@@ -121,8 +127,8 @@ TEST(Camera, LooksWhereItIsToldAndFocuses) {
     }
 }
 
-// Monte Carlo with the lights' own samples gives their irradiance on all sides; densities agree with what is said of a
-// direction afterwards.
+// Monte Carlo with the lights' own samples gives their irradiance on all sides; densities agree with what is
+// said of a direction afterwards.
 double check_light(const LightDescription& light) {
     const World world;
     const std::vector<LightDescription> all = {light};

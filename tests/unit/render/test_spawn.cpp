@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rays that leave a surface must not find it again, at any size of the scene and anywhere. Shapes are such that every
-// hit is a self-hit, except that a bent fibre may rightly be met again further on: there only hits within 10 radii count.
+// Rays that leave a surface must not find it again, at any size of the scene and anywhere. Shapes are such
+// that every hit is a self-hit, except that a bent fibre may rightly be met again further on: there only hits
+// within 10 radii count.
 #include "tests/unit/render/world_builder.h"
 
 #include "core/geometry/hit.h"
@@ -30,12 +31,15 @@ enum class Side { outside, through };
 
 struct Rate {
     uint64_t hits = 0, again = 0, dropped = 0;
-    double value() const { return static_cast<double>(again) / static_cast<double>(std::max<uint64_t>(hits, 1)); }
+    double value() const {
+        return static_cast<double>(again) / static_cast<double>(std::max<uint64_t>(hits, 1));
+    }
 };
 
-// Rays from a sphere of `radius` about the center towards points near it; from each hit one ray to the given side.
-Rate self_hits(const World& world, const Vec3d& center, double reach, double distance, Side side, uint64_t count,
-               double near = 1e30) {
+// Rays from a sphere of `radius` about the center towards points near it; from each hit one ray to the given
+// side.
+Rate self_hits(const World& world, const Vec3d& center, double reach, double distance, Side side,
+               uint64_t count, double near = 1e30) {
     Rate rate;
     Random random{7};
     RayCounts counts;
@@ -65,7 +69,8 @@ Rate self_hits(const World& world, const Vec3d& center, double reach, double dis
 struct Setting {
     double scale, away;
 };
-constexpr Setting settings[] = {{1e-4, 0.0}, {1e-2, 0.0}, {1.0, 0.0}, {1e3, 0.0}, {1e5, 0.0}, {1.0, 1e2}, {1.0, 1e4}};
+constexpr Setting settings[] = {{1e-4, 0.0}, {1e-2, 0.0}, {1.0, 0.0}, {1e3, 0.0},
+                                {1e5, 0.0},  {1.0, 1e2},  {1.0, 1e4}};
 
 Vec3d place(const Setting& s) { return s.away * Vec3d(0.6, 0.48, -0.64); }
 
@@ -89,7 +94,8 @@ TEST(Spawn, LeavesTriangles) {
             }
             WorldBuilder builder;
             builder.mesh({ball.positions}, ball.triangles);
-            const Rate rate = self_hits(builder.commit(), place(s), 0.9 * s.scale, 3.0 * s.scale, Side::outside, 3 * rays);
+            const Rate rate =
+                self_hits(builder.commit(), place(s), 0.9 * s.scale, 3.0 * s.scale, Side::outside, 3 * rays);
             std::printf(" %11.1e", rate.value());
             EXPECT_LT(rate.value(), 1e-5);
             EXPECT_EQ(rate.dropped, 0U);
@@ -99,14 +105,16 @@ TEST(Spawn, LeavesTriangles) {
 }
 
 // One straight fibre, thin or thick, along a skew direction.
-WorldBuilder fibre(const Setting& s, double radius, double tip, double bend, MarramShape shape, MarramBasis basis) {
+WorldBuilder fibre(const Setting& s, double radius, double tip, double bend, MarramShape shape,
+                   MarramBasis basis) {
     const Vec3d along = Vec3d(0.48, 0.6, 0.64), aside = along.cross(Vec3d::UnitX()).normalized();
     std::vector<Cv> cvs;
     constexpr uint32_t n = 6;
     for (uint32_t i = 0; i < n; ++i) {
         const double t = i / (n - 1.0), angle = bend * (t - 0.5);
-        const Vec3d p = bend == 0.0 ? Vec3d((t - 0.5) * along)
-                                    : Vec3d((std::sin(angle) * along + (1.0 - std::cos(angle)) * aside) / bend);
+        const Vec3d p = bend == 0.0
+                            ? Vec3d((t - 0.5) * along)
+                            : Vec3d((std::sin(angle) * along + (1.0 - std::cos(angle)) * aside) / bend);
         Cv cv;
         cv << place(s) + s.scale * p, s.scale * (radius + t * (tip - radius));
         cvs.push_back(cv);
@@ -121,7 +129,9 @@ struct Fibre {
     const char* name;
     double radius, tip, bend;
 };
-constexpr Fibre fibres[] = {{"thin", 1e-3, 1e-3, 0.0}, {"thick", 3e-2, 3e-2, 0.0}, {"tapered", 1e-2, 0.0, 0.0},
+constexpr Fibre fibres[] = {{"thin", 1e-3, 1e-3, 0.0},
+                            {"thick", 3e-2, 3e-2, 0.0},
+                            {"tapered", 1e-2, 0.0, 0.0},
                             {"bent", 1e-3, 1e-3, 1.5}};
 
 void fibre_row(MarramShape shape, const Fibre& f, Side side, double bound) {
@@ -130,7 +140,8 @@ void fibre_row(MarramShape shape, const Fibre& f, Side side, double bound) {
         for (const MarramBasis basis : {MARRAM_BSPLINE, MARRAM_CATMULL_ROM}) {
             const WorldBuilder builder = fibre(s, f.radius, f.tip, f.bend, shape, basis);
             const double near = f.bend > 0.0 ? 10.0 * s.scale * f.radius : 1e30;
-            const Rate rate = self_hits(builder.world, place(s), 0.2 * s.scale, 2.0 * s.scale, side, 5 * rays, near);
+            const Rate rate =
+                self_hits(builder.world, place(s), 0.2 * s.scale, 2.0 * s.scale, side, 5 * rays, near);
             sum.hits += rate.hits;
             sum.again += rate.again;
             EXPECT_EQ(rate.dropped, 0U);
@@ -146,7 +157,8 @@ void fibre_table(MarramShape shape, const char* shape_name) {
     print_heading();
     for (const Fibre& f : fibres)
         for (const Side side : {Side::outside, Side::through}) {
-            std::printf("[ self-hit ] %-9s %-9s %-30s", shape_name, f.name, side == Side::outside ? "outwards" : "through");
+            std::printf("[ self-hit ] %-9s %-9s %-30s", shape_name, f.name,
+                        side == Side::outside ? "outwards" : "through");
             fibre_row(shape, f, side, f.bend > 0.0 ? 1e-3 : 1e-5);
         }
 }

@@ -60,7 +60,8 @@ class WorldBuilder {
         for (unsigned t = 0; t < cvs.size(); ++t) {
             float* v = static_cast<float*>(
                 rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, t, RTC_FORMAT_FLOAT4, 16, count));
-            for (size_t c = 0; c < curves.curve_count; ++c) put_curve(cvs[t].data() + c * n, n, v + 4 * c * (n + 2));
+            for (size_t c = 0; c < curves.curve_count; ++c)
+                put_curve(cvs[t].data() + c * n, n, v + 4 * c * (n + 2));
             curves.vertices.push_back(v);
             for (const Cv& cv : cvs[t]) {
                 const Vec3f r = Vec3f::Constant(static_cast<float>(cv[3])), p = cv.head<3>().cast<float>();

@@ -31,17 +31,20 @@ inline ParamSet params_of(std::string_view shader, const std::map<std::string, s
         if (text.front() == '"') {
             value.text = text.substr(1, text.size() - 2);
         } else {
-            std::replace_if(text.begin(), text.end(), [](char c) { return c == '[' || c == ']' || c == ','; }, ' ');
+            std::replace_if(
+                text.begin(), text.end(), [](char c) { return c == '[' || c == ']' || c == ','; }, ' ');
             std::istringstream stream(text);
             for (double number = 0.0; stream >> number;) value.numbers.push_back(number);
-            if (spec.type == ParamType::color && value.numbers.size() == 1) value.numbers.resize(3, value.numbers[0]);
+            if (spec.type == ParamType::color && value.numbers.size() == 1)
+                value.numbers.resize(3, value.numbers[0]);
         }
         params.put(std::move(value));
     }
     return params;
 }
 
-inline Material material_of(std::string_view shader, const std::map<std::string, std::string>& settings = {}) {
+inline Material material_of(std::string_view shader,
+                            const std::map<std::string, std::string>& settings = {}) {
     return make_material(shader, params_of(shader, settings));
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shaders as functions: densities integrate to one, samples follow them, white loses nothing, nothing is created.
+// Shaders as functions: densities integrate to one, samples follow them, white loses nothing, nothing is
+// created.
 #include "tests/unit/shaders/default_params.h"
 
 #include "core/math/hash.h"
@@ -31,14 +32,16 @@ ShadingPoint fibre_point(double theta, float h) {
     point.tangent = Vec3f::UnitY();
     point.wo = unit_vector(std::sin(theta), 0.0);
     const Vec3f side = point.tangent.cross(unit_vector(0.0, 0.0));
-    point.normal = point.geometric_normal = (std::sqrt(1.0F - h * h) * unit_vector(0.0, 0.0) + h * side).normalized();
+    point.normal = point.geometric_normal =
+        (std::sqrt(1.0F - h * h) * unit_vector(0.0, 0.0) + h * side).normalized();
     point.fibre = true;
     point.h = h;
     point.strand = 12345;
     return point;
 }
 
-// Integrals over the sphere of density and value: even steps in both angles, dense where lobes around the axis are narrow.
+// Integrals over the sphere of density and value: even steps in both angles, dense where lobes around the
+// axis are narrow.
 struct Integral {
     double pdf = 0.0;
     Vec3d value = Vec3d::Zero();
@@ -50,7 +53,8 @@ Integral integrate(const Bsdf& bsdf, int rows, int columns) {
         for (int j = 0; j < columns; ++j) {
             const double top = std::cos(pi * i / rows), bottom = std::cos(pi * (i + 1) / rows);
             const double cell = (top - bottom) * 2.0 * pi / columns;
-            const BsdfValue at = evaluate(bsdf, unit_vector(0.5 * (top + bottom), 2.0 * pi * (j + 0.5) / columns));
+            const BsdfValue at =
+                evaluate(bsdf, unit_vector(0.5 * (top + bottom), 2.0 * pi * (j + 0.5) / columns));
             sum.pdf += cell * at.pdf;
             sum.value += cell * at.value.cast<double>();
         }
@@ -64,12 +68,14 @@ TEST(Hair, DensityIntegratesToOneAndWhiteLosesNothing) {
             for (const double theta : {-1.2, 0.0, 0.4, 1.5})
                 for (const float h : {-0.95F, 0.0F, 0.5F}) {
                     const Material hair = material_of(
-                        "hair", {{"color", "1"}, {"roughness", roughness}, {"azimuthal_roughness", azimuthal}});
+                        "hair",
+                        {{"color", "1"}, {"roughness", roughness}, {"azimuthal_roughness", azimuthal}});
                     const Integral sum = integrate(bsdf_at(hair, fibre_point(theta, h)), 360, 180);
                     worst_density = std::max(worst_density, std::abs(sum.pdf - 1.0));
                     worst_white = std::max(worst_white, (sum.value - Vec3d::Ones()).cwiseAbs().maxCoeff());
                 }
-    std::printf("[ furnace ] hair by quadrature: density off by %.1e, white by %.1e\n", worst_density, worst_white);
+    std::printf("[ furnace ] hair by quadrature: density off by %.1e, white by %.1e\n", worst_density,
+                worst_white);
     EXPECT_LT(worst_density, 1e-3);
     EXPECT_LT(worst_white, 1e-3);
 }
@@ -79,8 +85,8 @@ TEST(Hair, WhiteFurnaceBySampling) {
     double worst = 0.0;
     for (const char* roughness : {"0.02", "0.05", "0.2", "0.5", "1"})
         for (const char* azimuthal : {"0.02", "0.05", "0.2", "0.5", "1"}) {
-            const Material hair =
-                material_of("hair", {{"color", "1"}, {"roughness", roughness}, {"azimuthal_roughness", azimuthal}});
+            const Material hair = material_of(
+                "hair", {{"color", "1"}, {"roughness", roughness}, {"azimuthal_roughness", azimuthal}});
             Random random{11};
             double sum = 0.0;
             constexpr int count = 3000;
@@ -95,7 +101,8 @@ TEST(Hair, WhiteFurnaceBySampling) {
     EXPECT_LT(worst, 1e-2);
 }
 
-// Pearson's statistic of samples in cells of the sphere against the density's integral over them, in standard deviations.
+// Pearson's statistic of samples in cells of the sphere against the density's integral over them, in standard
+// deviations.
 double chi_square_excess(const Bsdf& bsdf) {
     constexpr int rows = 16, columns = 16, fine = 24, count = 100000;
     std::vector<double> expected(rows * columns, 0.0), seen(rows * columns, 0.0);
@@ -103,7 +110,8 @@ double chi_square_excess(const Bsdf& bsdf) {
         for (int j = 0; j < columns * fine; ++j)
             expected[static_cast<size_t>(i / fine * columns + j / fine)] +=
                 count * 4.0 * pi / (rows * fine * columns * fine) *
-                evaluate(bsdf, unit_vector(-1.0 + 2.0 * (i + 0.5) / (rows * fine), 2.0 * pi * (j + 0.5) / (columns * fine)))
+                evaluate(bsdf, unit_vector(-1.0 + 2.0 * (i + 0.5) / (rows * fine),
+                                           2.0 * pi * (j + 0.5) / (columns * fine)))
                     .pdf;
     Random random{5};
     for (int k = 0; k < count; ++k) {
@@ -139,13 +147,16 @@ TEST(Hair, SamplesFollowTheDensity) {
     for (const char* roughness : {"0.2", "0.5", "1"})
         for (const double theta : {-0.9, 0.3, 1.3})
             for (const float h : {-0.8F, 0.1F}) {
-                const Material hair = material_of("hair", {{"roughness", roughness}, {"azimuthal_roughness", "0.4"}});
-                EXPECT_LT(chi_square_excess(bsdf_at(hair, fibre_point(theta, h))), 5.0) << roughness << " " << theta << " " << h;
+                const Material hair =
+                    material_of("hair", {{"roughness", roughness}, {"azimuthal_roughness", "0.4"}});
+                EXPECT_LT(chi_square_excess(bsdf_at(hair, fibre_point(theta, h))), 5.0)
+                    << roughness << " " << theta << " " << h;
             }
 }
 
 TEST(Diffuse, SamplesFollowTheDensity) {
-    const Material leaf = material_of("diffuse", {{"color", "[0.3, 0.5, 0.1]"}, {"transmission", "[0.2, 0.3, 0.1]"}});
+    const Material leaf =
+        material_of("diffuse", {{"color", "[0.3, 0.5, 0.1]"}, {"transmission", "[0.2, 0.3, 0.1]"}});
     ShadingPoint point;
     point.normal = point.geometric_normal = unit_vector(0.3, 1.0);
     point.wo = unit_vector(0.5, 0.2);
@@ -184,7 +195,8 @@ TEST(Hair, DarkerPigmentAbsorbsMore) {
 }
 
 TEST(Hair, IsFiniteInEveryDirection) {
-    const Material hair = material_of("hair", {{"roughness", "0.02"}, {"azimuthal_roughness", "0.02"}, {"ior", "1"}});
+    const Material hair =
+        material_of("hair", {{"roughness", "0.02"}, {"azimuthal_roughness", "0.02"}, {"ior", "1"}});
     for (const double theta : {-0.5 * pi, 0.0, 0.5 * pi, 1.5707})
         for (const float h : {-1.0F, 0.0F, 1.0F}) {
             const Bsdf bsdf = bsdf_at(hair, fibre_point(theta, h));
@@ -204,8 +216,10 @@ TEST(Diffuse, RefusesToCreateLight) {
 }
 
 TEST(Color, RunsFromRootToTipAndTakesTheTint) {
-    const Material blade = material_of(
-        "diffuse", {{"root_color", "[1, 0, 0]"}, {"tip_color", "[0, 1, 0]"}, {"tint", "\"shield\""}, {"tint_color", "[0, 0, 1]"}});
+    const Material blade = material_of("diffuse", {{"root_color", "[1, 0, 0]"},
+                                                   {"tip_color", "[0, 1, 0]"},
+                                                   {"tint", "\"shield\""},
+                                                   {"tint_color", "[0, 0, 1]"}});
     EXPECT_EQ(blade.tint, "shield");
     ShadingPoint point = fibre_point(0.0, 0.0F);
     point.strand_u = 0.25F;
@@ -215,7 +229,8 @@ TEST(Color, RunsFromRootToTipAndTakesTheTint) {
 }
 
 TEST(Color, VariesFromStrandToStrandWithoutCreatingLight) {
-    const Material blade = material_of("diffuse", {{"color", "0.7"}, {"transmission", "0.2"}, {"variation", "1"}});
+    const Material blade =
+        material_of("diffuse", {{"color", "0.7"}, {"transmission", "0.2"}, {"variation", "1"}});
     double sum = 0.0, low = 1.0;
     for (uint32_t strand = 0; strand < 1000; ++strand) {
         ShadingPoint point = fibre_point(0.0, 0.0F);
@@ -233,7 +248,8 @@ TEST(Color, VariesFromStrandToStrandWithoutCreatingLight) {
 TEST(Registry, EveryShaderHasHelpAndCanBeMadeFromItsDefaults) {
     for (const ShaderDescription& shader : shaders()) {
         EXPECT_FALSE(shader.help.empty());
-        for (const ParamSpec& spec : shader.params) EXPECT_FALSE(spec.help.empty()) << shader.name << "." << spec.name;
+        for (const ParamSpec& spec : shader.params)
+            EXPECT_FALSE(spec.help.empty()) << shader.name << "." << spec.name;
         EXPECT_EQ(material_of(shader.name).tint, "");
     }
 }

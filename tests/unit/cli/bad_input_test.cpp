@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bad input of every kind through the real program: exit code 2, one line a mistake on stderr, and nothing on the disk
+// is touched.
+#include "program.h"
+
+#include <algorithm>
+#include <regex>
+
+namespace marram::testing {
+namespace {
+
+const fs::path corpus = MARRAM_SOURCE_DIR "/tests/broken";
+
+// "place: what is wrong: what to do", the place being a file with or without line and column.
+bool is_explanation(const std::string& line) {
+    static const std::regex form("\\S.*: \\S.*: \\S.*");
+    return std::regex_match(line, form);
+}
+
+// Runs the program beside an old picture; stderr's lines. The folder stays as it was.
+std::vector<std::string> refused(const Folder& folder, std::vector<std::string> command) {
+    folder.write("old.exr", "an old picture");
+    const auto before = folder.contents();
+    const Outcome outcome = marram(command);
+    EXPECT_EQ(outcome.code, 2) << outcome.err;
+    EXPECT_EQ(outcome.out, "");
+    EXPECT_EQ(folder.contents(), before);
+    const std::vector<std::string> said = lines(outcome.err);
+    EXPECT_FALSE(said.empty());
+    for (const std::string& line : said) EXPECT_TRUE(is_explanation(line)) << line;
+    return said;
+}
+
+std::vector<std::string> refused_scene(const Folder& folder, const std::string& scene, std::vector<std::string> more = {}) {
+    more.insert(more.begin(), {"render", scene, "-o", folder / "old.exr"});
+    return refused(folder, more);
+}
+
+// Exactly one mistake, that says so.
+void expect_refused(const std::string& text, const std::string& message, std::vector<std::string> more = {}) {
+    SCOPED_TRACE(message);
+    const Folder folder;
+    const std::vector<std::string> said = refused_scene(folder, folder.write("a.toml", text), std::move(more));
+    ASSERT_EQ(said.size(), 1u) << fmt::format("{}", fmt::join(said, "\n"));
+    EXPECT_CONTAINS(said[0], message);
+}
+
+std::vector<fs::path> files_in(const fs::path& folder) {
+    std::vector<fs::path> files;
+    std::error_code error;
+    for (const auto& entry : fs::directory_iterator(folder, error)) files.push_back(entry.path());
+    std::sort(files.begin(), files.end());
+    return files;
+}
+
+// Files that begin with "# expect: LINE:COLUMN: part of the message".
+TEST(BadInput, ScenesOfTheCorpus) {
+    const Folder folder;
+    for (const fs::path& scene : files_in(corpus / "scenes")) {
+        SCOPED_TRACE(scene.filename().string());
+        std::vector<std::string> expected;
+        for (const std::string& line : lines(read_file(scene)))
+            if (line.starts_with("# expect: ")) expected.push_back(line.substr(10));
+        const std::vector<std::string> said = refused_scene(folder, scene.string());
+        EXPECT_EQ(said.size(), expected.size()) << fmt::format("{}", fmt::join(said, "\n"));
+        for (size_t i = 0; i < std::min(said.size(), expected.size()); ++i) {
+            const size_t space = expected[i].find(' ');
+            EXPECT_TRUE(said[i].starts_with(scene.string() + ":" + expected[i].substr(0, space + 1))) << said[i] << "\nexpected " << expected[i];
+            EXPECT_CONTAINS(said[i], expected[i].substr(space + 1));
+        }
+    }
+}
+
+// expected.txt: file, a tab, part of the message. `table` is the scene's with the file in the place of {}.
+void refuse_files(const std::string& kind, const std::string& table) {
+    if (!fs::exists(corpus / kind / "expected.txt")) GTEST_SKIP() << "no tests/broken/" << kind;
+    const Folder folder;
+    for (const std::string& line : lines(read_file(corpus / kind / "expected.txt"))) {
+        const size_t tab = line.find('\t');
+        if (line.starts_with('#') || tab == std::string::npos) continue;
+        SCOPED_TRACE(line);
+        const std::string file = (corpus / kind / line.substr(0, tab)).string();
+        const std::string scene = folder.write("a.toml", SceneText{.more = fmt::format(fmt::runtime(table), file)});
+        const std::vector<std::string> said = refused_scene(folder, scene);
+        ASSERT_GE(said.size(), 1u);
+        EXPECT_CONTAINS(said[0], line.substr(line.find_first_not_of('\t', tab)));
+        EXPECT_CONTAINS(said[0], file.substr(file.rfind('/') + 1));
+    }
+}
+
+TEST(BadInput, MeshesOfTheCorpus) { refuse_files("meshes", "[[mesh]]\nname = \"bad\"\ntype = \"file\"\nfile = \"{}\"\n"); }
+TEST(BadInput, HeightfieldsOfTheCorpus) {
+    refuse_files("images", "[[mesh]]\nname = \"bad\"\ntype = \"heightfield\"\nimage = \"{}\"\n");
+}
+TEST(BadInput, EnvironmentsOfTheCorpus) { refuse_files("images", "[[light]]\ntype = \"environment\"\nfile = \"{}\"\n"); }
+TEST(BadInput, MasksOfTheCorpus) {
+    refuse_files("images", "[[procedural]]\nname = \"g\"\ntype = \"groom\"\non = \"ground\"\ncount = 9\nlength = 1\nwidth = 0.1\n"
+                           "density_mask = \"{}\"\n");
+}
+
+const std::string groom = "count = 300\nlength = 0.3\nwidth = 0.02\n";
+
+// What only the procedural knows to be wrong, at the line of the value that is.
+TEST(BadInput, GroomsThatCannotGrow) {
+    const auto with_groom = [](const std::string& text) { return SceneText{.groom = text}; };
+    expect_refused(with_groom(groom + "density = 5\n"), "both density and count are given: keep one of them");
+    expect_refused(with_groom("length = 0.3\nwidth = 0.02\n"), "neither density nor count is given: add density");
+    expect_refused(with_groom(groom + "comb = [0, 0, 0]\n"), "comb is zero: give a direction");
+    expect_refused(with_groom(groom + "width_profile = [[0, 1], [1, -1]]\n"), "width_profile goes below 0");
+    expect_refused(with_groom(groom + "density_by_height = [[0, 0]]\n"), "leave");
+    expect_refused(with_groom(groom + "density_by_slope = [[0, 0], [10, 0]]\n"), "a.toml:");
+    expect_refused(with_groom(groom + "cvs = 1\n"), "cvs is 1");
+    expect_refused(with_groom(groom + "length = 0.2\n"), "length");
+    expect_refused(with_groom("count = 300\nwidth = 0.02\n"), "length");
+}
+
+TEST(BadInput, PlacesOfProceduralMistakesAreTheValues) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText{.wind = "", .groom = groom + "density = 5\n"});
+    const std::vector<std::string> said = refused_scene(folder, scene);
+    const std::vector<std::string> text = lines(read_file(scene));
+    const auto line = std::find(text.begin(), text.end(), "count = 300") - text.begin() + 1;
+    ASSERT_EQ(said.size(), 1u);
+    EXPECT_TRUE(said[0].starts_with(fmt::format("{}:{}:9: both density", scene, line))) << said[0];
+}
+
+TEST(BadInput, WindsThatCannotBlow) {
+    const auto with_wind = [](const std::string& text) { return SceneText{.wind = text}; };
+    expect_refused(with_wind("direction = [0, 0, 0]\n"), "the wind's direction is zero: give a vector");
+    expect_refused(with_wind("response = [[0, 0.5], [10, 1]]\n"), "wind.response is not 0 at speed 0");
+    expect_refused(with_wind("response = [[0, 0], [10, 2]]\n"), "wind.response leaves 0 ... 1");
+    expect_refused(with_wind("noise.type = \"billow\"\n"), "noise.type = \"billow\" is not available in this build");
+    expect_refused(with_wind("noise.type = \"wavelet\"\n"), "noise.type = \"wavelet\" is not available in this build");
+    expect_refused(with_wind("noise.type = \"simplex\"\n"), "simplex");
+    expect_refused(with_wind("noise.loop = [5, 5]\n"), "noise.loop has no length: give two different frames");
+    expect_refused(with_wind("speed = 1e5\n"), "speed");
+    for (const char* stage : {"gusts", "shielding", "jiggle", "collision"})
+        expect_refused(with_wind(fmt::format("[wind.{}]\nstrength = 1\n", stage)), fmt::format("{} is not available in this build", stage));
+    expect_refused(SceneText{.groom = groom + "wind.direction = [0, 0, 0]\n"}, "the wind's direction is zero");
+    expect_refused(SceneText{.groom = groom + "wind.jiggle = { stiffness = 1 }\n"}, "jiggle is not available in this build");
+}
+
+TEST(BadInput, LibrariesThatCannotBeUsed) {
+    const auto with_library = [](const std::string& path, const std::string& type = "groom") {
+        return SceneText{.more = fmt::format("[[procedural]]\nname = \"other\"\ntype = \"{}\"\non = \"ground\"\n{}library = \"{}\"\n", type, groom, path)};
+    };
+    const std::string build = MARRAM_BINARY_DIR;
+    expect_refused(with_library("no_such_library.so"), "there is no file \"no_such_library.so\"");
+    expect_refused(with_library("a.toml"), "cannot load the procedural library");
+    expect_refused(with_library(build), "library");
+    expect_refused(with_library(build + "/libno_entry_plugin.so"), "has no function marram_library");
+    expect_refused(with_library(build + "/libother_abi_plugin.so"), "speaks another version");
+    expect_refused(with_library(build + "/librefusing_plugin.so"), "speaks another version");
+    expect_refused(with_library(build + "/libmesh_plugin.so"), "has no procedural 'groom'");
+    expect_refused(with_library("no_such_library.so", "pyramid"), "there is no file \"no_such_library.so\"");
+}
+
+TEST(BadInput, LibrariesThatFail) {
+    const auto with_fault = [](const std::string& type, const std::string& fault) {
+        return SceneText{.more = fmt::format("[[procedural]]\nname = \"bad\"\ntype = \"{}\"\nfault = \"{}\"\nlibrary = \"{}/libfaulty_plugin.so\"\n",
+                                             type, fault, MARRAM_BINARY_DIR)};
+    };
+    expect_refused(with_fault("faulty_curves", "silent-create"), "'bad' failed without saying why");
+    expect_refused(with_fault("faulty_curves", "nan"), "a CV is not a finite number");
+    expect_refused(with_fault("faulty_curves", "gap"), "its patches do not follow each other");
+    expect_refused(with_fault("faulty_mesh", "index"), "names a vertex that is not there");
+    expect_refused(with_fault("faulty_mesh", "no such fault"), "no such fault");
+}
+
+TEST(BadInput, SettingsThatFitNothing) {
+    const auto with_setting = [](const std::string& setting, const std::string& message) {
+        expect_refused(SceneText{}, message, {"--set", setting});
+    };
+    with_setting("film.samples=0", "film.samples is 0");
+    with_setting("film.sampels=4", "film.sampels is unknown");
+    with_setting("film.samples", "--set film.samples");
+    with_setting("=4", "--set =4");
+    with_setting("wind.speed=fast", "speed");
+    with_setting("procedural.grass.count=-1", "count");
+    with_setting("procedural.moss.count=1", "moss");
+    with_setting("mesh.ground.size=[1, 2, 3]", "size");
+    with_setting("wind.direction=[0, 0, 0]", "direction is zero");
+    with_setting("procedural.grass.library=no_such.so", "no_such.so");
+}
+
+TEST(BadInput, CommandLines) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText{});
+    const auto refuse = [&](const std::vector<std::string>& command, const std::string& message) {
+        SCOPED_TRACE(fmt::format("{}", fmt::join(command, " ")));
+        const auto before = folder.contents();
+        const Outcome outcome = marram(command);
+        EXPECT_EQ(outcome.code, 2);
+        EXPECT_CONTAINS(outcome.err, message);
+        EXPECT_EQ(folder.contents(), before);
+    };
+    refuse({"render", scene, "-o", folder / "a.jpg"}, "cannot be written in the format '.jpg': name it .exr or .png");
+    refuse({"render", scene, "-o", folder / "a"}, "name it .exr or .png");
+    refuse({"render", scene, "-o", folder / "missing/a.exr"}, "does not exist: make it, or choose another output");
+    refuse({"render", scene, "-o", folder / "missing/a.##.exr", "--frames", "1-2"}, "does not exist");
+    refuse({"render", scene, "-o", folder / "a.exr", "--stats", folder / "missing/a.json"}, "does not exist");
+    refuse({"render", scene, "-o", folder / "a.exr", "--frames", "3-1"}, "this is no range of frames");
+    refuse({"render", scene, "-o", folder / "a.exr", "--frames", "1-x"}, "this is no range of frames");
+    refuse({"render", scene, "-o", folder / "a.exr", "--frames", "1-3"}, "all frames would go to one file");
+    refuse({"render", scene, "-o", folder / "a.exr", "--frame", "nan"}, "frame");
+    refuse({"render", scene, "-o", folder / "a.exr", "--frame", "inf"}, "frame");
+    refuse({"render", scene, "-o", folder / "a.exr", "--frame", "1e300"}, "frame");
+    refuse({"render", scene, "-o", folder / "a.exr", "--frame", "x"}, "frame");
+    refuse({"render", scene, "-o", folder / "a.exr", "--size", "10"}, "this is no size");
+    refuse({"render", scene, "-o", folder / "a.exr", "--size", "0x10"}, "film.size");
+    refuse({"render", scene, "-o", folder / "a.exr", "--size", "10x"}, "this is no size");
+    refuse({"render", scene, "-o", folder / "a.exr", "--spp", "0"}, "--spp");
+    refuse({"render", scene, "-o", folder / "a.exr", "--threads", "0"}, "--threads");
+    refuse({"render", scene, "-o", folder / "a.exr", "--no-such-option"}, "--no-such-option");
+    refuse({"render", folder / "none.toml", "-o", folder / "a.exr"}, "none.toml");
+    refuse({"render", "-o", folder / "a.exr"}, "scene");
+    refuse({"bake", scene, "-o", folder / "a.hair", "--frame", "nan"}, "frame");
+    refuse({"compare", "a.exr", "b.exr"}, "not available in this build");
+    refuse({"measure", scene}, "not available in this build");
+    refuse({"no_such_command"}, "no_such_command");
+    refuse({}, "subcommand");
+}
+
+} // namespace
+} // namespace marram::testing

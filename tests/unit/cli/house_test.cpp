@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+// The rules of the house: who may include whom, what lies where, and what the plug-in shows to the world.
+#include "program.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <regex>
+
+namespace marram::testing {
+namespace {
+
+const fs::path source = MARRAM_SOURCE_DIR;
+const std::string plugin = MARRAM_BINARY_DIR "/libmarram_procedural.so";
+
+// Who may include what. A module may always include itself.
+const std::map<std::string, std::set<std::string>> rules = {
+    {"core/math", {}},
+    {"core/plugin", {}},
+    {"core/scene", {"core/math"}},
+    {"core/image", {"core/math"}},
+    {"core/geometry", {"core/math", "core/plugin", "core/scene", "core/image"}},
+    {"core/render", {"core/math", "core/geometry", "shaders"}},
+    {"core/cli", {"core/math", "core/plugin", "core/scene", "core/image", "core/geometry", "core/render", "shaders"}},
+    {"shaders", {"core/math"}},
+    {"procedural", {"core/math", "core/plugin"}},
+};
+
+std::string module_of(const std::string& path) {
+    for (const auto& [module, others] : rules)
+        if (path.starts_with(module + "/")) return module;
+    return "";
+}
+
+bool is_source(const fs::path& path) {
+    const std::string extension = path.extension().string();
+    return extension == ".h" || extension == ".cpp" || extension == ".c";
+}
+
+// Paths relative to the checkout, of all files in these folders.
+std::vector<std::string> files_in(const std::vector<std::string>& folders) {
+    std::vector<std::string> files;
+    for (const std::string& folder : folders)
+        for (const auto& entry : fs::recursive_directory_iterator(source / folder))
+            if (entry.is_regular_file()) files.push_back(fs::relative(entry.path(), source).string());
+    std::sort(files.begin(), files.end());
+    EXPECT_FALSE(files.empty());
+    return files;
+}
+
+TEST(House, IncludesOnlyWhatTheDesignAllows) {
+    static const std::regex include("\\s*#\\s*include\\s*\"([^\"]+)\".*");
+    for (const std::string& file : files_in({"core", "procedural", "shaders"})) {
+        if (!is_source(file)) continue;
+        const std::string from = module_of(file);
+        EXPECT_FALSE(from.empty()) << file << " belongs to no module";
+        for (const std::string& line : lines(read_file(source / file))) {
+            std::smatch match;
+            if (!std::regex_match(line, match, include)) continue;
+            const std::string to = module_of(match[1]);
+            EXPECT_TRUE(!to.empty() && (to == from || rules.at(from).contains(to))) << file << " includes " << match[1];
+            EXPECT_TRUE(fs::exists(source / match[1].str())) << file << " includes " << match[1];
+        }
+    }
+}
+
+TEST(House, NamesEmbreeInOnePlace) {
+    static const std::regex embree("\\s*#\\s*include\\s*[<\"]embree.*");
+    size_t found = 0;
+    for (const std::string& file : files_in({"core", "procedural", "shaders", "tests"})) {
+        if (!is_source(file)) continue;
+        for (const std::string& line : lines(read_file(source / file))) {
+            if (!std::regex_match(line, embree)) continue;
+            EXPECT_EQ(file, "core/plugin/embree.h");
+            ++found;
+        }
+    }
+    EXPECT_EQ(found, 2u);
+}
+
+// In the comment that a file begins with.
+bool has_licence(const std::string& text) {
+    for (const std::string& line : lines(text)) {
+        if (line.find("SPDX-License-Identifier: Apache-2.0") != std::string::npos) return true;
+        if (!line.starts_with("//") && !line.starts_with("#") && !line.starts_with("/*")) return false;
+    }
+    return false;
+}
+
+TEST(House, FilesSayTheirLicence) {
+    for (const std::string& file : files_in({"core", "procedural", "shaders", "scenes", "tests"})) {
+        const fs::path path = source / file;
+        const bool script = (fs::status(path).permissions() & fs::perms::owner_exec) != fs::perms::none;
+        const bool broken = file.starts_with("tests/broken/") && path.extension() != ".toml";
+        if (broken || !(is_source(path) || script || path.extension() == ".toml" || path.filename() == "CMakeLists.txt")) continue;
+        EXPECT_TRUE(has_licence(read_file(path))) << file;
+    }
+    EXPECT_TRUE(has_licence(read_file(source / "CMakeLists.txt")));
+}
+
+TEST(House, TopLevelIsAsDesigned) {
+    const std::set<std::string> known = {"CMakeLists.txt", "README.md", "core", "procedural", "shaders", "scenes", "tests", "build"};
+    for (const auto& entry : fs::directory_iterator(source)) {
+        const std::string name = entry.path().filename().string();
+        EXPECT_TRUE(name.starts_with(".") || known.contains(name)) << name;
+    }
+}
+
+std::string output_of(const std::string& command) {
+    std::FILE* pipe = ::popen(command.c_str(), "r");
+    std::string text;
+    char buffer[4096];
+    for (size_t count = 0; pipe && (count = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;) text.append(buffer, count);
+    EXPECT_TRUE(pipe && ::pclose(pipe) == 0) << command;
+    return text;
+}
+
+TEST(Plugin, ExportsItsEntryPointAlone) {
+    const std::vector<std::string> symbols = lines(output_of("nm -D --defined-only " + plugin));
+    ASSERT_EQ(symbols.size(), 1u) << fmt::format("{}", fmt::join(symbols, "\n"));
+    EXPECT_TRUE(symbols[0].ends_with(" T marram_library")) << symbols[0];
+}
+
+TEST(Plugin, KnowsNothingOfTheRenderer) {
+    const std::string needed = output_of("readelf -d " + plugin + " | grep NEEDED");
+    for (const char* library : {"OpenImageIO", "OpenEXR", "libtinyobjloader", "libtomlplusplus"})
+        EXPECT_EQ(needed.find(library), std::string::npos) << needed;
+    const std::string symbols = output_of("nm -C " + plugin);
+    for (const char* name : {"marram::build_world", "marram::load_scene", "marram::read_image", "marram::load_mesh", "marram::render(",
+                             "marram::make_material", "marram::InputError", "marram::World"})
+        EXPECT_EQ(symbols.find(name), std::string::npos) << name;
+}
+
+} // namespace
+} // namespace marram::testing

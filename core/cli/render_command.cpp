@@ -75,6 +75,23 @@ std::vector<std::string> layer_names(const LoadedScene& scene, const RenderOptio
     return names;
 }
 
+// Every layer must be one that this scene can fill; known before anything is built.
+void check_layers(const LoadedScene& scene, const RenderOptions& options) {
+    std::vector<std::string> known = {"beauty", "alpha", "albedo", "normal", "depth", "strand_u"};
+    for (const auto& procedural : scene.geometry.procedurals)
+        for (uint32_t i = 0; i < procedural->type().attribute_count; ++i) known.emplace_back(procedural->type().attributes[i].name);
+    std::ranges::sort(known);
+    known.erase(std::unique(known.begin(), known.end()), known.end());
+    const auto check = [&](const std::vector<std::string>& names, const Place& place) {
+        for (const std::string& name : names)
+            if (std::ranges::find(known, name) == known.end())
+                throw InputError(place, "this scene has no image layer '" + name + "'", fmt::format("choose among {}", fmt::join(known, ", ")));
+    };
+    const ParamValue& aovs = scene.description.film.at("aovs");
+    check(aovs.texts, aovs.place);
+    for (const std::string& name : options.layers) check({name}, {"--aov " + name});
+}
+
 std::vector<std::string> channel_names(const FilmLayer& layer) {
     if (layer.name == "depth") return {"Z"};
     if (layer.name == "normal") return {"X", "Y", "Z"};
@@ -174,6 +191,7 @@ int render_command(const RenderOptions& options) {
     const double begin = wall_seconds();
     LoadedScene scene = load(options.scene, options.overrides, interrupted());
     const double load_seconds = wall_seconds() - begin;
+    check_layers(scene, options);
     const std::vector<double> frames =
         frames_to_make(options.frames, scene.description.globals.vec2("frames"), options.output);
     for (const double frame : frames) check_writable(numbered(options.output, frame));

@@ -23,6 +23,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include <bit>
 #include <mutex>
 
 namespace marram {
@@ -41,6 +42,7 @@ struct Frame {
     FilterSampler filter;
     Material fallback;
     std::vector<const CurveAttributeValues*> tints;  // [curve geometry]
+    std::vector<const CurveAttributeValues*> ids;    // [curves] or nullptr: each strand's own number
     std::vector<const CurveAttributeValues*> layers; // [curve geometry * film layers + layer]
     bool moves;
     bool wants_albedo = false;
@@ -73,6 +75,8 @@ void find_attributes(Frame& frame, const Film& film) {
     for (const FilmLayer& layer : film.layers) frame.wants_albedo |= layer.kind == LayerKind::albedo;
     for (const CurveGeometry& curves : frame.world.curves) {
         frame.tints.push_back(attribute_named(curves, material_of(frame, curves.material).tint));
+        const CurveAttributeValues* ids = attribute_named(curves, "id");
+        frame.ids.push_back(ids && ids->components == 1 && !ids->per_cv ? ids : nullptr);
         for (const FilmLayer& layer : film.layers)
             frame.layers.push_back(layer.kind == LayerKind::attribute ? attribute_named(curves, layer.name)
                                                                       : nullptr);
@@ -91,7 +95,9 @@ ShadingPoint shading_point(const Frame& frame, const SurfacePoint& at, const Vec
     point.h = at.h;
     point.strand_u = at.strand_u;
     const uint32_t curves = at.geometry - static_cast<uint32_t>(frame.world.meshes.size());
-    point.strand = static_cast<uint32_t>(hash(curves, at.strand));
+    // Strands that carry an id keep their looks when others come and go; an index does not.
+    const CurveAttributeValues* ids = frame.ids[curves];
+    point.strand = static_cast<uint32_t>(hash(curves, ids ? std::bit_cast<uint32_t>(ids->values[at.strand]) : at.strand));
     if (const CurveAttributeValues* tint = frame.tints[curves]) {
         std::array<float, 4> values{};
         attribute_at(frame.world.curves[curves], *tint, at, values.data());
@@ -316,6 +322,7 @@ RenderStats render(const World& world, const Lights& lights, std::span<const Mat
                 settings,
                 CameraRays(camera, film.width, film.height),
                 FilterSampler(settings.filter),
+                {},
                 {},
                 {},
                 {},

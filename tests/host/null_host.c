@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A foreign host: the test of the boundary. Knows the contract and Embree, nothing of the renderer, and traces what the
- * groom of a procedural library hands over:
+ * A foreign host: the test of the boundary. Knows the contract and Embree, nothing of the renderer, and
+ * traces what the groom of a procedural library hands over:
  *
  *   null_host build/libmarram_procedural.so
  *
@@ -72,9 +72,10 @@ static RTCGeometry make_square(RTCDevice device, float positions[times][12 + spa
     RTCGeometry square = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
     rtcSetGeometryTimeStepCount(square, times);
     for (unsigned t = 0; t < times; ++t)
-        rtcSetSharedGeometryBuffer(square, RTC_BUFFER_TYPE_VERTEX, t, RTC_FORMAT_FLOAT3, positions[t], 0, 12, 4);
-    memcpy(rtcSetNewGeometryBuffer(square, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, 2), corner_triangles,
-           sizeof corner_triangles);
+        rtcSetSharedGeometryBuffer(square, RTC_BUFFER_TYPE_VERTEX, t, RTC_FORMAT_FLOAT3, positions[t], 0, 12,
+                                   4);
+    memcpy(rtcSetNewGeometryBuffer(square, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, 2),
+           corner_triangles, sizeof corner_triangles);
     rtcCommitGeometry(square);
     return square;
 }
@@ -114,14 +115,16 @@ static const char* text_for(const MarramParam* param, const Given* given, size_t
     return param->initial;
 }
 
-static void make_values(const MarramProcedural* type, const Given* given, size_t given_count, Values* values) {
+static void make_values(const MarramProcedural* type, const Given* given, size_t given_count,
+                        Values* values) {
     values->count = 0;
     for (uint32_t i = 0; i < type->param_count; ++i) {
         const MarramParam* param = &type->params[i];
         const char* text = text_for(param, given, given_count);
         if (strcmp(text, "none") == 0 || param->type == MARRAM_UNAVAILABLE) continue;
         CHECK(*text != '\0' && values->count < most_values);
-        const int is_text = param->type == MARRAM_CHOICE || param->type == MARRAM_TEXT || param->type == MARRAM_MESH_NAME;
+        const int is_text =
+            param->type == MARRAM_CHOICE || param->type == MARRAM_TEXT || param->type == MARRAM_MESH_NAME;
         MarramValue* value = &values->list[values->count];
         double* numbers = values->numbers[values->count++];
         value->name = param->name;
@@ -134,8 +137,8 @@ static void make_values(const MarramProcedural* type, const Given* given, size_t
     }
 }
 
-static const Given good[] = {{"on", "square"},       {"count", "2000"},  {"length", "[0.1, 0.3]"},
-                             {"width", "0.01"},      {"wind.speed", "7"}, {"wind.global_rotate", "1"}};
+static const Given good[] = {{"on", "square"},  {"count", "2000"},   {"length", "[0.1, 0.3]"},
+                             {"width", "0.01"}, {"wind.speed", "7"}, {"wind.global_rotate", "1"}};
 enum { good_count = sizeof good / sizeof *good };
 
 /* ---- One run of the groom ---- */
@@ -147,7 +150,9 @@ typedef struct Curves {
     float *root_uv, *id;    /* 2 and 1 a curve */
 } Curves;
 
-static size_t vertex_count(const MarramOutput* output) { return output->curve_count * (output->cvs_per_curve + 2); }
+static size_t vertex_count(const MarramOutput* output) {
+    return output->curve_count * (output->cvs_per_curve + 2);
+}
 
 static uint32_t attribute_index(const MarramProcedural* type, const char* name) {
     for (uint32_t i = 0; i < type->attribute_count; ++i)
@@ -156,7 +161,8 @@ static uint32_t attribute_index(const MarramProcedural* type, const char* name) 
     return 0;
 }
 
-static void tessellate(const MarramProcedural* type, MarramInstance* instance, Curves* curves, uint32_t patch) {
+static void tessellate(const MarramProcedural* type, MarramInstance* instance, Curves* curves,
+                       uint32_t patch) {
     const uint64_t first = curves->patches[patch].first_curve;
     const uint32_t attributes[2] = {attribute_index(type, "root_uv"), attribute_index(type, "id")};
     float* vertices[times];
@@ -169,8 +175,10 @@ static void tessellate(const MarramProcedural* type, MarramInstance* instance, C
     CHECK(type->tessellate(instance, patch, &buffers) == MARRAM_OK);
 }
 
-/* Embree reads up to 16 bytes behind a shared buffer. Patches are made from the last to the first: any order will do. */
-static void make_curves(const MarramProcedural* type, MarramInstance* instance, const MarramFrame* frame, Curves* curves) {
+/* Embree reads up to 16 bytes behind a shared buffer. Patches are made from the last to the first: any order
+ * will do. */
+static void make_curves(const MarramProcedural* type, MarramInstance* instance, const MarramFrame* frame,
+                        Curves* curves) {
     MarramOutput* output = &curves->output;
     CHECK(type->begin(instance, frame, output) == MARRAM_OK);
     CHECK(output->kind == MARRAM_CURVES && output->curve_count == strands && output->cvs_per_curve >= 2);
@@ -232,7 +240,8 @@ static double segment_length(const float* v) {
     return sqrt(x * x + y * y + z * z);
 }
 
-/* Wind turns segments, it does not stretch them: within 1e-5 and two units in the last place of a coordinate. */
+/* Wind turns segments, it does not stretch them: within 1e-5 and two units in the last place of a coordinate.
+ */
 static void check_lengths(const Curves* bent, const Curves* rest) {
     const uint32_t cvs = bent->output.cvs_per_curve;
     size_t moved = 0;
@@ -240,7 +249,8 @@ static void check_lengths(const Curves* bent, const Curves* rest) {
         for (uint64_t c = 0; c < bent->output.curve_count; ++c)
             for (uint32_t k = 1; k < cvs; ++k) {
                 const size_t at = 4 * (c * (cvs + 2) + k);
-                const double a = segment_length(bent->vertices[t] + at), b = segment_length(rest->vertices[t] + at);
+                const double a = segment_length(bent->vertices[t] + at),
+                             b = segment_length(rest->vertices[t] + at);
                 const double ulp = 2.0 * (double)FLT_EPSILON; /* of coordinates up to 2 */
                 CHECK(fabs(a - b) <= 1e-5 * b + 2.0 * ulp);
                 moved += bent->vertices[t][at + 4] != rest->vertices[t][at + 4];
@@ -264,8 +274,8 @@ static RTCScene make_world(RTCDevice device, RTCGeometry square, const Curves* c
     RTCGeometry hair = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_ROUND_BSPLINE_CURVE);
     rtcSetGeometryTimeStepCount(hair, times);
     for (unsigned t = 0; t < times; ++t)
-        rtcSetSharedGeometryBuffer(hair, RTC_BUFFER_TYPE_VERTEX, t, RTC_FORMAT_FLOAT4, curves->vertices[t], 0, 16,
-                                   vertex_count(&curves->output));
+        rtcSetSharedGeometryBuffer(hair, RTC_BUFFER_TYPE_VERTEX, t, RTC_FORMAT_FLOAT4, curves->vertices[t], 0,
+                                   16, vertex_count(&curves->output));
     unsigned* index = rtcSetNewGeometryBuffer(hair, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4,
                                               curves->output.curve_count * (cvs - 1));
     for (unsigned c = 0; c < curves->output.curve_count; ++c)
@@ -279,8 +289,8 @@ static RTCScene make_world(RTCDevice device, RTCGeometry square, const Curves* c
     return world;
 }
 
-/* From far above to the middle of each strand's second segment, at a time within the shutter: something hairy is hit no
- * later than there. */
+/* From far above to the middle of each strand's second segment, at a time within the shutter: something hairy
+ * is hit no later than there. */
 static void check_hits(RTCScene world, const Curves* curves) {
     static const float towards[3] = {0.48F, -0.6F, 0.64F};
     static const float weights[4] = {1 / 48.0F, 23 / 48.0F, 23 / 48.0F, 1 / 48.0F};
@@ -379,7 +389,8 @@ static const MarramProcedural* find_groom(void* handle) {
     return NULL;
 }
 
-static void run(const MarramProcedural* type, RTCDevice device, RTCGeometry square, const MarramFrame* frame) {
+static void run(const MarramProcedural* type, RTCDevice device, RTCGeometry square,
+                const MarramFrame* frame) {
     static Values values;
     make_values(type, good, good_count, &values);
     MarramInstance* instance = NULL;

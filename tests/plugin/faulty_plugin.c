@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Procedurals that break the contract, each in the way its parameter `fault` says. Built as it stands, and with one of
- *   NO_ENTRY_POINT   nothing is exported
- *   OTHER_ABI        the table says that it is of another version
- *   REFUSES          the entry point knows no version
+ * Procedurals that break the contract, each in the way its parameter `fault` says. Built as it stands, and
+ * with one of NO_ENTRY_POINT   nothing is exported OTHER_ABI        the table says that it is of another
+ * version REFUSES          the entry point knows no version
  */
 #define _POSIX_C_SOURCE 199309L
 #include "core/plugin/marram_plugin.h"
@@ -20,16 +19,22 @@ struct MarramInstance {
 };
 
 #define CURVE_FAULTS                                                                                         \
-    "none|silent-create|silent-begin|silent-tessellate|nan|infinite|one-cv|shape|times|too-many|too-few|gap|mesh|" \
+    "none|silent-create|silent-begin|silent-tessellate|nan|infinite|one-cv|shape|times|too-many|too-few|"    \
+    "gap|mesh|"                                                                                              \
     "deaf|stuck"
 #define MESH_FAULTS "none|silent-mesh|nan|index|curves|empty"
 
-static const MarramParam curve_params[] = {{"fault", MARRAM_CHOICE, "", "none", 0, 0, CURVE_FAULTS, "what goes wrong"}};
-static const MarramParam mesh_params[] = {{"fault", MARRAM_CHOICE, "", "none", 0, 0, MESH_FAULTS, "what goes wrong"}};
+static const MarramParam curve_params[] = {
+    {"fault", MARRAM_CHOICE, "", "none", 0, 0, CURVE_FAULTS, "what goes wrong"}};
+static const MarramParam mesh_params[] = {
+    {"fault", MARRAM_CHOICE, "", "none", 0, 0, MESH_FAULTS, "what goes wrong"}};
 
-static int is(const MarramInstance* instance, const char* fault) { return strcmp(instance->fault, fault) == 0; }
+static int is(const MarramInstance* instance, const char* fault) {
+    return strcmp(instance->fault, fault) == 0;
+}
 
-static MarramStatus create(const MarramHost* host, const MarramValue* values, uint32_t count, MarramInstance** out) {
+static MarramStatus create(const MarramHost* host, const MarramValue* values, uint32_t count,
+                           MarramInstance** out) {
     (void)host;
     MarramInstance* instance = calloc(1, sizeof *instance);
     if (!instance) return MARRAM_ERROR;
@@ -126,10 +131,10 @@ static void report(MarramInstance* instance, void (*sink)(void*, const char*, do
 static void destroy(MarramInstance* instance) { free(instance); }
 
 static const MarramProcedural procedurals[] = {
-    {"faulty_curves", "curves that break the contract", MARRAM_CURVES, curve_params, 1, NULL, 0, create, begin_curves, patch,
-     tessellate, no_mesh, report, destroy},
-    {"faulty_mesh", "a mesh that breaks the contract", MARRAM_MESH, mesh_params, 1, NULL, 0, create, begin_mesh, patch,
-     tessellate, mesh, report, destroy},
+    {"faulty_curves", "curves that break the contract", MARRAM_CURVES, curve_params, 1, NULL, 0, create,
+     begin_curves, patch, tessellate, no_mesh, report, destroy},
+    {"faulty_mesh", "a mesh that breaks the contract", MARRAM_MESH, mesh_params, 1, NULL, 0, create,
+     begin_mesh, patch, tessellate, mesh, report, destroy},
 };
 
 #if defined(OTHER_ABI)

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A procedural that makes a mesh: a pyramid on a square base, facing outwards, with uvs. As small as the contract allows. */
+/* A procedural that makes a mesh: a pyramid on a square base, facing outwards, with uvs. As small as the
+ * contract allows. */
 #include "core/plugin/marram_plugin.h"
 
 #include <stdlib.h>
@@ -22,7 +23,8 @@ static double number(const MarramValue* values, uint32_t count, const char* name
     return 0.0;
 }
 
-static MarramStatus create(const MarramHost* host, const MarramValue* values, uint32_t count, MarramInstance** out) {
+static MarramStatus create(const MarramHost* host, const MarramValue* values, uint32_t count,
+                           MarramInstance** out) {
     MarramInstance* instance = malloc(sizeof *instance);
     if (!instance) return MARRAM_ERROR;
     instance->host = host;
@@ -53,7 +55,8 @@ static MarramStatus begin(MarramInstance* instance, const MarramFrame* frame, Ma
 }
 
 static MarramStatus mesh(MarramInstance* instance, const MarramMeshBuffers* buffers) {
-    static const float corners[4][2] = {{-0.5F, 0.5F}, {0.5F, 0.5F}, {0.5F, -0.5F}, {-0.5F, -0.5F}}; /* x, z */
+    static const float corners[4][2] = {
+        {-0.5F, 0.5F}, {0.5F, 0.5F}, {0.5F, -0.5F}, {-0.5F, -0.5F}}; /* x, z */
     static const uint32_t triangles[18] = {0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4, 0, 2, 1, 0, 3, 2};
     for (int i = 0; i < 4; ++i) {
         buffers->positions[3 * i] = (float)(instance->base * corners[i][0]);
@@ -92,8 +95,9 @@ static void destroy(MarramInstance* instance) { free(instance); }
 
 const MarramLibrary* marram_library(uint32_t abi);
 const MarramLibrary* marram_library(uint32_t abi) {
-    static const MarramProcedural procedurals[] = {{"pyramid", "a pyramid", MARRAM_MESH, params, 2, NULL, 0, create, begin,
-                                                    no_patch, no_curves, mesh, report, destroy}};
+    static const MarramProcedural procedurals[] = {{"pyramid", "a pyramid", MARRAM_MESH, params, 2, NULL, 0,
+                                                    create, begin, no_patch, no_curves, mesh, report,
+                                                    destroy}};
     static const MarramLibrary library = {MARRAM_ABI_VERSION, "mesh_plugin", "1", NULL, 0, procedurals, 1};
     return abi == MARRAM_ABI_VERSION ? &library : NULL;
 }

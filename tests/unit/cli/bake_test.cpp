@@ -13,7 +13,8 @@ struct Hair {
     std::vector<std::array<float, 3>> points;
 };
 
-// Cem Yuksel's HAIR: a header of 128 bytes, then what its flags say: 1 segments of each strand, 2 points, 4 thickness.
+// Cem Yuksel's HAIR: a header of 128 bytes, then what its flags say: 1 segments of each strand, 2 points, 4
+// thickness.
 Hair read_hair(const std::string& path) {
     const std::string bytes = read_file(path);
     const auto word = [&](size_t at) {
@@ -45,8 +46,8 @@ double length(const std::array<float, 3>& a, const std::array<float, 3>& b) {
     return std::hypot(double(b[0]) - a[0], double(b[1]) - a[1], double(b[2]) - a[2]);
 }
 
-// The worst segment: how far its length is off, as a share of what accuracy.md allows: 1e-5 of the length and two units in
-// the last place of the largest coordinate.
+// The worst segment: how far its length is off, as a share of what accuracy.md allows: 1e-5 of the length and
+// two units in the last place of the largest coordinate.
 double worst_length(const Hair& bent, const Hair& rest) {
     double worst = 0.0;
     size_t first = 0;
@@ -57,7 +58,8 @@ double worst_length(const Hair& bent, const Hair& rest) {
                 for (const size_t k : {i, i + 1})
                     for (const float x : hair->points[k]) largest = std::max(largest, std::abs(x));
             const double ulp = double(std::nextafter(largest, INFINITY)) - double(largest);
-            const double a = length(bent.points[i], bent.points[i + 1]), b = length(rest.points[i], rest.points[i + 1]);
+            const double a = length(bent.points[i], bent.points[i + 1]),
+                         b = length(rest.points[i], rest.points[i + 1]);
             worst = std::max(worst, std::abs(a - b) / (1e-5 * b + 2.0 * ulp));
         }
         first += size;
@@ -72,9 +74,11 @@ void bake(const std::string& scene, const std::string& output, std::vector<std::
 
 TEST(Bake, GivesTheSameBytesOnAnyThreads) {
     const Folder folder;
-    const std::string scene = folder.write("a.toml", SceneText{.groom = "count = 3000\nlength = [0.1, 0.3]\nwidth = 0.01\n"});
+    const std::string scene =
+        folder.write("a.toml", SceneText{.groom = "count = 3000\nlength = [0.1, 0.3]\nwidth = 0.01\n"});
     for (const char* extension : {"hair", "usda", "obj"}) {
-        const std::string one = folder / fmt::format("one.{}", extension), two = folder / fmt::format("two.{}", extension);
+        const std::string one = folder / fmt::format("one.{}", extension),
+                          two = folder / fmt::format("two.{}", extension);
         bake(scene, one, {"--threads", "1", "--frame", "3"});
         bake(scene, two, {"--threads", "2", "--frame", "3"});
         EXPECT_GT(read_file(one).size(), 3000u * 8u * 3u);
@@ -85,7 +89,8 @@ TEST(Bake, GivesTheSameBytesOnAnyThreads) {
 TEST(Bake, StopsAtAStage) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});
-    for (const char* stage : {"rest", "bent", "final"}) bake(scene, folder / (std::string(stage) + ".hair"), {"--stage", stage});
+    for (const char* stage : {"rest", "bent", "final"})
+        bake(scene, folder / (std::string(stage) + ".hair"), {"--stage", stage});
     EXPECT_NE(read_file(folder / "rest.hair"), read_file(folder / "bent.hair"));
     EXPECT_EQ(read_file(folder / "bent.hair"), read_file(folder / "final.hair"));
     bake(scene, folder / "frame.hair", {"--frame", "1"});
@@ -97,7 +102,8 @@ TEST(Bake, StopsAtAStage) {
 
 TEST(Bake, WritesColliders) {
     const Folder folder;
-    const std::string scene = folder.write("a.toml", SceneText{.more = "[[mesh]]\nname = \"rock\"\ntype = \"box\"\n"});
+    const std::string scene =
+        folder.write("a.toml", SceneText{.more = "[[mesh]]\nname = \"rock\"\ntype = \"box\"\n"});
     bake(scene, folder / "a.hair", {"--colliders", folder / "c.obj"});
     const std::string text = read_file(folder / "c.obj");
     size_t vertices = 0, faces = 0;
@@ -121,14 +127,18 @@ TEST_P(StrandSize, KeepsLengthsInAnyWind) {
     const auto [cvs, count] = GetParam();
     const Folder folder;
     const std::string scene = folder.write(
-        "a.toml", SceneText{.wind = "global_rotate = 1\nramp_rotate = [[0, 1], [1, 1]]\nnoise = { amplitude = 1e3, frequency = 3, octaves = 3 }\n",
-                            .groom = fmt::format("count = {}\ncvs = {}\nlength = [0.1, 0.6]\nwidth = 0.01\narc = 90\n", count, cvs)});
+        "a.toml",
+        SceneText{.wind = "global_rotate = 1\nramp_rotate = [[0, 1], [1, 1]]\nnoise = { amplitude = 1e3, "
+                          "frequency = 3, octaves = 3 }\n",
+                  .groom = fmt::format("count = {}\ncvs = {}\nlength = [0.1, 0.6]\nwidth = 0.01\narc = 90\n",
+                                       count, cvs)});
     bake(scene, folder / "rest.hair", {"--stage", "rest"});
     const Hair rest = read_hair(folder / "rest.hair");
     ASSERT_EQ(rest.sizes, std::vector<uint32_t>(size_t(count), uint32_t(cvs)));
     double worst = 0.0;
     for (const char* speed : {"0.5", "10", "1e4"}) {
-        bake(scene, folder / "bent.hair", {"--stage", "bent", "--frame", "5.5", "--set", std::string("wind.speed=") + speed});
+        bake(scene, folder / "bent.hair",
+             {"--stage", "bent", "--frame", "5.5", "--set", std::string("wind.speed=") + speed});
         const Hair bent = read_hair(folder / "bent.hair");
         ASSERT_EQ(bent.sizes, rest.sizes);
         EXPECT_NE(read_file(folder / "bent.hair"), read_file(folder / "rest.hair")) << speed;
@@ -141,15 +151,20 @@ TEST_P(StrandSize, KeepsLengthsInAnyWind) {
     bake(scene, folder / "still.hair", {"--stage", "bent", "--set", "wind.speed=0"});
     EXPECT_TRUE(read_file(folder / "still.hair") == read_file(folder / "rest.hair"));
 }
-INSTANTIATE_TEST_SUITE_P(All, StrandSize, ::testing::Values(Case{2, 2000}, Case{3, 2000}, Case{8, 2000}, Case{1000, 40}));
+INSTANTIATE_TEST_SUITE_P(All, StrandSize,
+                         ::testing::Values(Case{2, 2000}, Case{3, 2000}, Case{8, 2000}, Case{1000, 40}));
 
 TEST(Bake, RefusesWhatItCannotWrite) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});
-    for (const std::vector<std::string>& more : {std::vector<std::string>{"-o", folder / "a.abc"}, {"-o", folder / "a.exr"}, {"-o", folder / "a"},
-                                                 {"-o", folder / "a.hair", "--colliders", folder / "c.ply"}, {"-o", folder / "no/a.hair"},
-                                                 {"-o", folder / "a.hair", "--colliders", folder / "no/c.obj"},
-                                                 {"-o", folder / "a.hair", "--stats", folder / "no/s.json"}}) {
+    for (const std::vector<std::string>& more :
+         {std::vector<std::string>{"-o", folder / "a.abc"},
+          {"-o", folder / "a.exr"},
+          {"-o", folder / "a"},
+          {"-o", folder / "a.hair", "--colliders", folder / "c.ply"},
+          {"-o", folder / "no/a.hair"},
+          {"-o", folder / "a.hair", "--colliders", folder / "no/c.obj"},
+          {"-o", folder / "a.hair", "--stats", folder / "no/s.json"}}) {
         std::vector<std::string> command = {"bake", scene};
         command.insert(command.end(), more.begin(), more.end());
         const Outcome outcome = marram(command);

@@ -20,7 +20,8 @@ const std::map<std::string, std::set<std::string>> rules = {
     {"core/image", {"core/math"}},
     {"core/geometry", {"core/math", "core/plugin", "core/scene", "core/image"}},
     {"core/render", {"core/math", "core/geometry", "shaders"}},
-    {"core/cli", {"core/math", "core/plugin", "core/scene", "core/image", "core/geometry", "core/render", "shaders"}},
+    {"core/cli",
+     {"core/math", "core/plugin", "core/scene", "core/image", "core/geometry", "core/render", "shaders"}},
     {"shaders", {"core/math"}},
     {"procedural", {"core/math", "core/plugin"}},
 };
@@ -57,7 +58,8 @@ TEST(House, IncludesOnlyWhatTheDesignAllows) {
             std::smatch match;
             if (!std::regex_match(line, match, include)) continue;
             const std::string to = module_of(match[1]);
-            EXPECT_TRUE(!to.empty() && (to == from || rules.at(from).contains(to))) << file << " includes " << match[1];
+            EXPECT_TRUE(!to.empty() && (to == from || rules.at(from).contains(to)))
+                << file << " includes " << match[1];
             EXPECT_TRUE(fs::exists(source / match[1].str())) << file << " includes " << match[1];
         }
     }
@@ -91,14 +93,17 @@ TEST(House, FilesSayTheirLicence) {
         const fs::path path = source / file;
         const bool script = (fs::status(path).permissions() & fs::perms::owner_exec) != fs::perms::none;
         const bool broken = file.starts_with("tests/broken/") && path.extension() != ".toml";
-        if (broken || !(is_source(path) || script || path.extension() == ".toml" || path.filename() == "CMakeLists.txt")) continue;
+        if (broken || !(is_source(path) || script || path.extension() == ".toml" ||
+                        path.filename() == "CMakeLists.txt"))
+            continue;
         EXPECT_TRUE(has_licence(read_file(path))) << file;
     }
     EXPECT_TRUE(has_licence(read_file(source / "CMakeLists.txt")));
 }
 
 TEST(House, TopLevelIsAsDesigned) {
-    const std::set<std::string> known = {"CMakeLists.txt", "README.md", "core", "procedural", "shaders", "scenes", "tests", "build"};
+    const std::set<std::string> known = {"CMakeLists.txt", "README.md", "core",  "procedural",
+                                         "shaders",        "scenes",    "tests", "build"};
     for (const auto& entry : fs::directory_iterator(source)) {
         const std::string name = entry.path().filename().string();
         EXPECT_TRUE(name.starts_with(".") || known.contains(name)) << name;
@@ -109,7 +114,8 @@ std::string output_of(const std::string& command) {
     std::FILE* pipe = ::popen(command.c_str(), "r");
     std::string text;
     char buffer[4096];
-    for (size_t count = 0; pipe && (count = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;) text.append(buffer, count);
+    for (size_t count = 0; pipe && (count = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;)
+        text.append(buffer, count);
     EXPECT_TRUE(pipe && ::pclose(pipe) == 0) << command;
     return text;
 }
@@ -125,8 +131,9 @@ TEST(Plugin, KnowsNothingOfTheRenderer) {
     for (const char* library : {"OpenImageIO", "OpenEXR", "libtinyobjloader", "libtomlplusplus"})
         EXPECT_EQ(needed.find(library), std::string::npos) << needed;
     const std::string symbols = output_of("nm -C " + plugin);
-    for (const char* name : {"marram::build_world", "marram::load_scene", "marram::read_image", "marram::load_mesh", "marram::render(",
-                             "marram::make_material", "marram::InputError", "marram::World"})
+    for (const char* name :
+         {"marram::build_world", "marram::load_scene", "marram::read_image", "marram::load_mesh",
+          "marram::render(", "marram::make_material", "marram::InputError", "marram::World"})
         EXPECT_EQ(symbols.find(name), std::string::npos) << name;
 }
 

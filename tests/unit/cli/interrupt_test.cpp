@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ctrl-C in each phase. The program sees a terminal, so that its progress line tells when a phase has begun; no clock is
-// looked at.
+// Ctrl-C in each phase. The program sees a terminal, so that its progress line tells when a phase has begun;
+// no clock is looked at.
 #include "program.h"
 
 #include <csignal>
@@ -10,7 +10,8 @@
 namespace marram::testing {
 namespace {
 
-// Runs the program on a terminal and sends it a signal once `phase` stands in its progress line. Returns its exit code.
+// Runs the program on a terminal and sends it a signal once `phase` stands in its progress line. Returns its
+// exit code.
 int interrupt_in(const std::string& phase, const std::vector<std::string>& arguments, int signal = SIGINT) {
     int terminal = -1;
     const pid_t child = ::forkpty(&terminal, nullptr, nullptr, nullptr);
@@ -60,11 +61,14 @@ TEST_F(Interrupt, InTheBvhLeavesNothing) {
 
 TEST_F(Interrupt, InTheRenderingLeavesAPartialPicture) {
     const std::string scene = folder.write("a.toml", long_picture);
-    EXPECT_EQ(interrupt_in("rendering", {"render", scene, "-o", folder / "a.exr", "--stats", folder / "a.json"}), 130);
+    EXPECT_EQ(
+        interrupt_in("rendering", {"render", scene, "-o", folder / "a.exr", "--stats", folder / "a.json"}),
+        130);
     const std::set<std::string> names = folder.names();
     EXPECT_TRUE(names.contains("a.partial.exr"));
-    expect_untouched(names.contains("a.json") ? std::set<std::string>{"a.exr", "a.json", "a.partial.exr", "a.toml"}
-                                              : std::set<std::string>{"a.exr", "a.partial.exr", "a.toml"});
+    expect_untouched(names.contains("a.json")
+                         ? std::set<std::string>{"a.exr", "a.json", "a.partial.exr", "a.toml"}
+                         : std::set<std::string>{"a.exr", "a.partial.exr", "a.toml"});
     const Image image = read_image(folder / "a.partial.exr");
     EXPECT_EQ(image.width, 256);
     EXPECT_EQ(read_metadata(folder / "a.partial.exr", "marram:digest"), "partial");
@@ -78,7 +82,8 @@ TEST_F(Interrupt, BySigtermIsTheSame) {
 
 TEST_F(Interrupt, OfManyFramesStopsThemAll) {
     const std::string scene = folder.write("a.toml", long_picture);
-    EXPECT_EQ(interrupt_in("rendering", {"render", scene, "-o", folder / "f.####.exr", "--frames", "1-9"}), 130);
+    EXPECT_EQ(interrupt_in("rendering", {"render", scene, "-o", folder / "f.####.exr", "--frames", "1-9"}),
+              130);
     expect_untouched({"a.exr", "a.toml", "f.0001.partial.exr"});
 }
 
@@ -97,8 +102,9 @@ TEST_F(Interrupt, InTheWritingOfABakeLeavesNothing) {
 // A procedural that does not ask whether to go on cannot keep the program.
 TEST_F(Interrupt, OfAStuckLibraryIsCutOff) {
     const std::string scene = folder.write(
-        "a.toml", SceneText{.more = "[[procedural]]\nname = \"stuck\"\ntype = \"faulty_curves\"\nfault = \"stuck\"\nlibrary = \"" +
-                                    std::string(MARRAM_BINARY_DIR "/libfaulty_plugin.so") + "\"\n"});
+        "a.toml", "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0, 0]\n[[procedural]]\nname = \"stuck\"\n"
+                  "type = \"faulty_curves\"\nfault = \"stuck\"\nlibrary = \"" MARRAM_BINARY_DIR
+                  "/libfaulty_plugin.so\"\n");
     EXPECT_EQ(interrupt_in("expanding", {"render", scene, "-o", folder / "a.exr"}), 130);
     expect_untouched({"a.exr", "a.toml"});
 }

@@ -55,7 +55,8 @@ class Folder {
     std::map<std::string, std::string> contents() const {
         std::map<std::string, std::string> all;
         for (const auto& entry : fs::recursive_directory_iterator(path_))
-            if (entry.is_regular_file()) all[fs::relative(entry.path(), path_).string()] = read_file(entry.path());
+            if (entry.is_regular_file())
+                all[fs::relative(entry.path(), path_).string()] = read_file(entry.path());
         return all;
     }
     std::set<std::string> names() const {
@@ -115,7 +116,8 @@ inline std::vector<std::string> lines(const std::string& text) {
         EXPECT_EQ(done.err, "");                                                                             \
     } while (0)
 
-// ---- Scenes: a square with grass, seen in a picture of 24 x 16 -----------------------------------------------------
+// ---- Scenes: a square with grass, seen in a picture of 24 x 16
+// -----------------------------------------------------
 
 struct SceneText {
     std::string globals = "frames = [1, 10]\n";
@@ -125,7 +127,8 @@ struct SceneText {
     std::string more = ""; // further tables
 
     operator std::string() const {
-        return globals + "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0.2, 0]\n[film]\n" + film + "[wind]\n" + wind +
+        return globals + "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0.2, 0]\n[film]\n" + film +
+               "[wind]\n" + wind +
                "[[light]]\ntype = \"sky\"\n[[mesh]]\nname = \"ground\"\ntype = \"plane\"\nsize = [2, 2]\n" +
                "[[procedural]]\nname = \"grass\"\ntype = \"groom\"\non = \"ground\"\n" + groom + more;
     }

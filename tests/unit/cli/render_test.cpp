@@ -11,7 +11,8 @@ namespace {
 
 TEST(Render, GivesTheSamePictureEveryTime) {
     const Folder folder;
-    const std::string scene = folder.write("a.toml", SceneText{.film = "size = [24, 16]\nsamples = 4\nmotion_keys = 3\n"});
+    const std::string scene =
+        folder.write("a.toml", SceneText{.film = "size = [24, 16]\nsamples = 4\nmotion_keys = 3\n"});
     EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--frame", "7"}));
     EXPECT_DONE(marram({"render", scene, "-o", folder / "b.exr", "--frame", "7"}));
     EXPECT_DONE(marram({"render", scene, "-o", folder / "one.exr", "--frame", "7", "--threads", "1"}));
@@ -34,37 +35,43 @@ TEST(Render, ShowsTheWindAndTheShutter) {
 
 TEST(Render, NumbersFrames) {
     const Folder folder;
-    const std::string scene = folder.write("a.toml", SceneText{.globals = "frames = [-1, 2]\n", .film = "size = [4, 4]\nsamples = 1\n"});
+    const std::string scene = folder.write(
+        "a.toml", SceneText{.globals = "frames = [-1, 2]\n", .film = "size = [4, 4]\nsamples = 1\n"});
     const Outcome all = marram({"render", scene, "-o", folder / "f.####.exr"});
     EXPECT_EQ(all.code, 0) << all.err;
-    EXPECT_EQ(lines(all.out), (std::vector<std::string>{folder / "f.-0001.exr", folder / "f.0000.exr", folder / "f.0001.exr",
-                                                        folder / "f.0002.exr"}));
+    EXPECT_EQ(lines(all.out), (std::vector<std::string>{folder / "f.-0001.exr", folder / "f.0000.exr",
+                                                        folder / "f.0001.exr", folder / "f.0002.exr"}));
     EXPECT_DONE(marram({"render", scene, "-o", folder / "g_##_x.exr", "--frames", "8-12"}));
     EXPECT_DONE(marram({"render", scene, "-o", folder / "h.####.exr", "--frame", "7.25"}));
     EXPECT_DONE(marram({"render", scene, "-o", folder / "n.##.exr", "--frames", "-2--1"}));
     EXPECT_DONE(marram({"render", scene, "-o", folder / "single.exr"}));
     EXPECT_EQ(folder.names(),
-              (std::set<std::string>{"a.toml", "f.-0001.exr", "f.0000.exr", "f.0001.exr", "f.0002.exr", "g_08_x.exr", "g_09_x.exr",
-                                     "g_10_x.exr", "g_11_x.exr", "g_12_x.exr", "h.0007.25.exr", "n.-02.exr", "n.-01.exr", "single.exr"}));
+              (std::set<std::string>{"a.toml", "f.-0001.exr", "f.0000.exr", "f.0001.exr", "f.0002.exr",
+                                     "g_08_x.exr", "g_09_x.exr", "g_10_x.exr", "g_11_x.exr", "g_12_x.exr",
+                                     "h.0007.25.exr", "n.-02.exr", "n.-01.exr", "single.exr"}));
     EXPECT_EQ(read_metadata(folder / "single.exr", "marram:frame"), "-1");
 }
 
 TEST(Render, HoldsItsLayers) {
     const Folder folder;
-    const std::string scene = folder.write("a.toml", SceneText{.film = "size = [24, 16]\nsamples = 4\naovs = [\"depth\"]\n"});
-    EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--aov", "albedo,normal,depth,strand_u,envelope,root_uv,id,root_normal",
-                        "--set", "mesh.ground.transform={ rotate = [20, 0, 10] }"}));
+    const std::string scene =
+        folder.write("a.toml", SceneText{.film = "size = [24, 16]\nsamples = 4\naovs = [\"depth\"]\n"});
+    EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--aov",
+                        "albedo,normal,depth,strand_u,envelope,root_uv,id,root_normal", "--set",
+                        "mesh.ground.transform={ rotate = [20, 0, 10] }"}));
     const Image image = read_image(folder / "a.exr");
     const std::set<std::string> names(image.channel_names.begin(), image.channel_names.end());
-    for (const char* name : {"R", "G", "B", "A", "albedo.R", "albedo.G", "albedo.B", "normal.X", "normal.Y", "normal.Z", "depth.Z", "strand_u.Y",
-                             "envelope.Y", "root_uv.U", "root_uv.V", "id.Y", "root_normal.X", "root_normal.Y", "root_normal.Z"})
+    for (const char* name : {"R", "G", "B", "A", "albedo.R", "albedo.G", "albedo.B", "normal.X", "normal.Y",
+                             "normal.Z", "depth.Z", "strand_u.Y", "envelope.Y", "root_uv.U", "root_uv.V",
+                             "id.Y", "root_normal.X", "root_normal.Y", "root_normal.Z"})
         EXPECT_TRUE(names.contains(name)) << name;
     EXPECT_EQ(names.size(), 19u);
     EXPECT_EQ(image.channel_names.size(), 19u);
     // Every layer says something somewhere.
     for (int c = 0; c < image.channels; ++c) {
         double sum = 0.0;
-        for (size_t i = size_t(c); i < image.pixels.size(); i += size_t(image.channels)) sum += std::abs(double(image.pixels[i]));
+        for (size_t i = size_t(c); i < image.pixels.size(); i += size_t(image.channels))
+            sum += std::abs(double(image.pixels[i]));
         EXPECT_GT(sum, 0.0) << image.channel_names[size_t(c)];
     }
 }
@@ -99,7 +106,8 @@ TEST(Render, WritesPng) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});
     EXPECT_DONE(marram({"render", scene, "-o", folder / "a.png", "--size", "30x20", "--spp", "1"}));
-    EXPECT_DONE(marram({"render", scene, "-o", folder / "bright.PNG", "--size", "30x20", "--spp", "1", "--set", "film.exposure=1"}));
+    EXPECT_DONE(marram({"render", scene, "-o", folder / "bright.PNG", "--size", "30x20", "--spp", "1",
+                        "--set", "film.exposure=1"}));
     EXPECT_TRUE(read_file(folder / "a.png").starts_with("\x89PNG"));
     const Image image = read_image(folder / "a.png"), bright = read_image(folder / "bright.PNG");
     EXPECT_EQ(image.width, 30);
@@ -115,7 +123,8 @@ TEST(Render, WritesPng) {
 TEST(Render, TakesSizeAndSamples) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});
-    EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--size", "10x6", "--spp", "5", "--stats", folder / "a.json"}));
+    EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--size", "10x6", "--spp", "5", "--stats",
+                        folder / "a.json"}));
     const Image image = read_image(folder / "a.exr");
     EXPECT_EQ(image.width, 10);
     EXPECT_EQ(image.height, 6);
@@ -127,20 +136,26 @@ TEST(Render, TakesSizeAndSamples) {
 TEST(Render, SaysWhatAFrameCosts) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});
-    EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--stats", folder / "a.json", "--threads", "2", "--frame", "3"}));
+    EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--stats", folder / "a.json", "--threads",
+                        "2", "--frame", "3"}));
     const auto stats = nlohmann::json::parse(read_file(folder / "a.json"));
-    for (const char* key : {"curves", "cvs", "segments", "triangles", "frame", "threads", "rays"}) EXPECT_TRUE(stats[key].is_number()) << key;
-    for (const char* key : {"load", "terrain", "colliders", "expand", "gusts", "shield", "bend", "jiggle", "collide", "curves_bvh", "trace", "total"})
+    for (const char* key : {"curves", "cvs", "segments", "triangles", "frame", "threads", "rays"})
+        EXPECT_TRUE(stats[key].is_number()) << key;
+    for (const char* key : {"load", "terrain", "colliders", "expand", "gusts", "shield", "bend", "jiggle",
+                            "collide", "curves_bvh", "trace", "total"})
         EXPECT_TRUE(stats["seconds"][key].is_number() && stats["seconds"][key] >= 0.0) << key;
-    for (const char* key : {"contacts", "pushed_out", "unresolved"}) EXPECT_TRUE(stats["collision"][key].is_number()) << key;
-    for (const char* key : {"peak_bytes", "curve_bytes"}) EXPECT_GT(stats["memory"][key].get<uint64_t>(), 0u) << key;
+    for (const char* key : {"contacts", "pushed_out", "unresolved"})
+        EXPECT_TRUE(stats["collision"][key].is_number()) << key;
+    for (const char* key : {"peak_bytes", "curve_bytes"})
+        EXPECT_GT(stats["memory"][key].get<uint64_t>(), 0u) << key;
     EXPECT_EQ(stats["curves"], 300);
     EXPECT_EQ(stats["cvs"], 1500);
     EXPECT_EQ(stats["segments"], 1200);
     EXPECT_EQ(stats["triangles"], 2);
     EXPECT_EQ(stats["frame"], 3.0);
     EXPECT_EQ(stats["threads"], 2);
-    EXPECT_DONE(marram({"render", scene, "-o", folder / "a.##.exr", "--stats", folder / "b.json", "--frames", "3-4"}));
+    EXPECT_DONE(marram(
+        {"render", scene, "-o", folder / "a.##.exr", "--stats", folder / "b.json", "--frames", "3-4"}));
     const auto list = nlohmann::json::parse(read_file(folder / "b.json"));
     ASSERT_TRUE(list.is_array());
     ASSERT_EQ(list.size(), 2u);
@@ -151,7 +166,8 @@ TEST(Render, ResumesWhereAFrameIsMissing) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});
     const auto render = [&](std::vector<std::string> more) {
-        more.insert(more.begin(), {"render", scene, "-o", folder / "f.#.exr", "--frames", "1-4", "--resume", "--quiet"});
+        more.insert(more.begin(),
+                    {"render", scene, "-o", folder / "f.#.exr", "--frames", "1-4", "--resume", "--quiet"});
         const Outcome outcome = marram(more);
         EXPECT_EQ(outcome.code, 0) << outcome.err;
         return lines(outcome.out);
@@ -194,13 +210,19 @@ TEST(Render, GrowsOnAForeignMesh) {
     const Folder folder;
     fs::create_directory(folder / "lib");
     fs::copy_file(MARRAM_BINARY_DIR "/libmesh_plugin.so", folder / "lib/libmesh_plugin.so");
-    const std::string pyramid = "[[procedural]]\nname = \"tomb\"\ntype = \"pyramid\"\nheight = 1.5\nlibrary = ";
-    const std::string hair = "[[procedural]]\nname = \"moss\"\ntype = \"groom\"\non = \"tomb\"\ncount = 200\nlength = 0.1\nwidth = 0.01\n";
-    const Outcome bare = marram({"render", folder.write("bare.toml", SceneText{}), "-o", folder / "bare.exr", "--stats", folder / "bare.json"});
+    const std::string pyramid =
+        "[[procedural]]\nname = \"tomb\"\ntype = \"pyramid\"\nheight = 1.5\nlibrary = ";
+    const std::string hair = "[[procedural]]\nname = \"moss\"\ntype = \"groom\"\non = \"tomb\"\ncount = "
+                             "200\nlength = 0.1\nwidth = 0.01\n";
+    const Outcome bare = marram({"render", folder.write("bare.toml", SceneText{}), "-o", folder / "bare.exr",
+                                 "--stats", folder / "bare.json"});
     EXPECT_EQ(bare.code, 0) << bare.err;
     int n = 0;
-    for (const std::string& path : {std::string("lib/libmesh_plugin.so"), std::string("./lib/../lib/libmesh_plugin.so"), folder / "lib/libmesh_plugin.so"}) {
-        const std::string scene = folder.write("a.toml", SceneText{.more = hair + pyramid + "\"" + path + "\"\n"});
+    for (const std::string& path :
+         {std::string("lib/libmesh_plugin.so"), std::string("./lib/../lib/libmesh_plugin.so"),
+          folder / "lib/libmesh_plugin.so"}) {
+        const std::string scene =
+            folder.write("a.toml", SceneText{.more = hair + pyramid + "\"" + path + "\"\n"});
         const std::string picture = folder / fmt::format("{}.exr", n++);
         const Outcome outcome = marram({"render", scene, "-o", picture, "--stats", folder / "a.json"});
         ASSERT_EQ(outcome.code, 0) << path << ": " << outcome.err;
@@ -214,7 +236,8 @@ TEST(Render, GrowsOnAForeignMesh) {
 TEST(Program, SaysWhatThereIs) {
     const Outcome info = marram({"info"});
     EXPECT_EQ(info.code, 0) << info.err;
-    for (const char* word : {"groom", "density", "hair", "sun", "noise.frequency"}) EXPECT_CONTAINS(info.out, word);
+    for (const char* word : {"groom", "density", "hair", "sun", "noise.frequency"})
+        EXPECT_CONTAINS(info.out, word);
     EXPECT_EQ(marram({"--version"}).code, 0);
     EXPECT_EQ(marram({"--help"}).code, 0);
     EXPECT_EQ(marram({"render", "--help"}).code, 0);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Speed as a ratio within one run, so that it holds on any machine: making and bending strands is small beside the BVH
-// over them that every path tracer needs.
+// Speed as a ratio within one run, so that it holds on any machine: making and bending strands is small
+// beside the BVH over them that every path tracer needs.
 #include "program.h"
 
 #include <nlohmann/json.hpp>
@@ -10,12 +10,16 @@ namespace {
 
 TEST(Speed, OfStrandsIsSmallBesideTheBvh) {
     const Folder folder;
-    const std::string scene = folder.write("a.toml", SceneText{.groom = "count = 200000\ncvs = 8\nlength = [0.1, 0.2]\nwidth = 0.002\n"});
-    EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--size", "4x4", "--spp", "1", "--threads", "2", "--stats", folder / "a.json"}));
+    const std::string scene = folder.write(
+        "a.toml", SceneText{.groom = "count = 200000\ncvs = 8\nlength = [0.1, 0.2]\nwidth = 0.002\n"});
+    EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--size", "4x4", "--spp", "1", "--threads",
+                        "2", "--stats", folder / "a.json"}));
     const auto stats = nlohmann::json::parse(read_file(folder / "a.json"));
-    const double expand = stats["seconds"]["expand"], bend = stats["seconds"]["bend"], bvh = stats["seconds"]["curves_bvh"];
+    const double expand = stats["seconds"]["expand"], bend = stats["seconds"]["bend"],
+                 bvh = stats["seconds"]["curves_bvh"];
     const double cvs = stats["cvs"], extra = stats["memory"]["curve_extra_bytes"];
-    fmt::print("expand {:.3f} s + bend {:.3f} s = {:.3f} of the BVH's {:.3f} s; {:.2f} extra bytes a CV\n", expand, bend, (expand + bend) / bvh, bvh, extra / cvs);
+    fmt::print("expand {:.3f} s + bend {:.3f} s = {:.3f} of the BVH's {:.3f} s; {:.2f} extra bytes a CV\n",
+               expand, bend, (expand + bend) / bvh, bvh, extra / cvs);
     EXPECT_EQ(cvs, 1.6e6);
     EXPECT_LT(expand + bend, 0.2 * bvh);
     EXPECT_LT(extra, 8.0 * cvs);

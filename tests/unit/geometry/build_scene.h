@@ -19,13 +19,15 @@ inline const std::string faulty_library = MARRAM_BINARY_DIR "/libfaulty_plugin.s
 
 inline Mesh builtin_mesh(const Item& item) {
     const ParamSet& params = item.params;
-    if (item.type == "plane") return plane_mesh(params.vec2("size").cast<float>(), params.integer("divisions"));
+    if (item.type == "plane")
+        return plane_mesh(params.vec2("size").cast<float>(), params.integer("divisions"));
     if (item.type == "box") return box_mesh(params.vec3("size").cast<float>());
-    return sphere_mesh(float(params.number("radius")), params.integer("divisions"), float(params.number("bumps")),
-                       float(params.number("frequency")));
+    return sphere_mesh(float(params.number("radius")), params.integer("divisions"),
+                       float(params.number("bumps")), float(params.number("frequency")));
 }
 
-// A scene from its text, without camera: planes, boxes, spheres, and procedurals of the three libraries above.
+// A scene from its text, without camera: planes, boxes, spheres, and procedurals of the three libraries
+// above.
 class TestScene {
   public:
     explicit TestScene(const std::string& text) {
@@ -41,7 +43,8 @@ class TestScene {
         description_ = load_scene(write(text), {}, schema_);
         for (const Item& item : description_.meshes) {
             const ParamValue& keys = item.params.at("transform");
-            geometry.meshes.push_back({item.name, builtin_mesh(item), KeyedTransform(keys.numbers, keys.text)});
+            geometry.meshes.push_back(
+                {item.name, builtin_mesh(item), KeyedTransform(keys.numbers, keys.text)});
         }
         for (const Item& item : description_.procedurals)
             geometry.procedurals.push_back(
@@ -85,8 +88,10 @@ class TestScene {
 inline std::string groom(const std::string& name, const std::string& on, const std::string& more = "") {
     return "\n[[procedural]]\ntype = \"groom\"\nname = \"" + name + "\"\non = \"" + on +
            "\"\nlength = [0.1, 0.2]\nwidth = 0.01\n" +
-           (more.find("count") == std::string::npos && more.find("density") == std::string::npos ? "count = 200\n" : "") + more +
-           "\n";
+           (more.find("count") == std::string::npos && more.find("density") == std::string::npos
+                ? "count = 200\n"
+                : "") +
+           more + "\n";
 }
 
 inline std::string mesh(const std::string& name, const std::string& type, const std::string& more = "") {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The two-phase build: what moves is where it should be at every motion sample, curves ride along, and the two scenes
-// share their colliders under IDs that the description alone decides.
+// The two-phase build: what moves is where it should be at every motion sample, curves ride along, and the
+// two scenes share their colliders under IDs that the description alone decides.
 #include "build_scene.h"
 
 #include <gtest/gtest.h>
@@ -60,7 +60,8 @@ TEST_P(MotionKeys, MeshesAreExactAtShutterTimes) {
         for (size_t t = 0; t < world.times.size(); ++t)
             for (size_t i = 0; i < source.positions.size(); ++i) {
                 const Vec3d exact = motion(source.positions[i].cast<double>(), world.times[t]);
-                const Vec3d turned = motion(source.normals[i].cast<double>(), world.times[t]) - motion(Vec3d::Zero(), world.times[t]);
+                const Vec3d turned = motion(source.normals[i].cast<double>(), world.times[t]) -
+                                     motion(Vec3d::Zero(), world.times[t]);
                 EXPECT_LT((ball.positions[t][i].cast<double>() - exact).norm(), 1e-6) << "key " << t;
                 EXPECT_LT((ball.normals[t][i].cast<double>() - turned).norm(), 1e-6) << "key " << t;
             }
@@ -72,7 +73,8 @@ TEST_P(MotionKeys, MeshesAreExactAtShutterTimes) {
 // The uv of a plane tells where on it a root is: u runs along x, v against z.
 TEST_P(MotionKeys, CurvesRideOnMeshes) {
     const auto check = [&](const std::string& transform, Motion motion, const std::string& wind) {
-        TestScene scene(mesh("ground", "plane", "size = [4, 4]\n" + transform) + groom("hair", "ground", wind));
+        TestScene scene(mesh("ground", "plane", "size = [4, 4]\n" + transform) +
+                        groom("hair", "ground", wind));
         open_shutter(scene, GetParam());
         scene.settings.attributes = {"root_uv", "no_such_attribute"};
         const World world = scene.build();
@@ -81,7 +83,8 @@ TEST_P(MotionKeys, CurvesRideOnMeshes) {
         ASSERT_EQ(curves.attributes.size(), 1u);
         const CurveAttributeValues& uv = *attribute(curves, "root_uv");
         for (size_t c = 0; c < curves.curve_count; ++c) {
-            const Vec3d root(4.0 * (double(uv.values[2 * c]) - 0.5), 0.0, 4.0 * (0.5 - double(uv.values[2 * c + 1])));
+            const Vec3d root(4.0 * (double(uv.values[2 * c]) - 0.5), 0.0,
+                             4.0 * (0.5 - double(uv.values[2 * c + 1])));
             for (size_t t = 0; t < world.times.size(); ++t)
                 EXPECT_LT((cv(curves, t, c, 0).cast<double>() - motion(root, world.times[t])).norm(), 3e-6);
         }
@@ -105,8 +108,9 @@ TEST(Motion, IsLeftOutWhereNothingMoves) {
     EXPECT_EQ(scene.build().meshes[1].positions.size(), 1u);
 }
 
-const std::string populated = mesh("b", "box") + groom("hair 2", "a") + mesh("a", "plane") + groom("hair 1", "b") +
-                              "[[procedural]]\ntype = \"pyramid\"\nname = \"tomb\"\n" + mesh("c", "sphere", "divisions = 5\n");
+const std::string populated = mesh("b", "box") + groom("hair 2", "a") + mesh("a", "plane") +
+                              groom("hair 1", "b") + "[[procedural]]\ntype = \"pyramid\"\nname = \"tomb\"\n" +
+                              mesh("c", "sphere", "divisions = 5\n");
 
 TEST(WorldScenes, ShareTheColliders) {
     TestScene scene(populated);
@@ -135,9 +139,11 @@ TEST(WorldScenes, NumberGeometriesInTheDescriptionsOrder) {
     for (const MeshGeometry& mesh : world.meshes) names.push_back(mesh.name);
     for (const CurveGeometry& curves : world.curves) names.push_back(curves.name);
     EXPECT_EQ(names, (std::vector<std::string>{"b", "a", "c", "tomb", "hair 2", "hair 1"}));
-    // Box, sphere and pyramid end at 0.5, 1 and 1 m over the plane at height 0.
+    // Over this point the box ends at 0.5 m, the pyramid at 0.55, the sphere at 0.84.
+    EXPECT_EQ(first_below(world.colliders.get(), {0.45F, 0.52F, 0.3F}), 0u);
     EXPECT_EQ(first_below(world.colliders.get(), {4.7F, 2.0F, 4.6F}), 1u);
-    EXPECT_EQ(first_below(world.colliders.get(), {0.45F, 0.6F, 0.3F}), 2u);
+    EXPECT_EQ(first_below(world.colliders.get(), {0.45F, 2.0F, 0.3F}), 2u);
+    EXPECT_EQ(first_below(world.colliders.get(), {0.45F, 0.7F, 0.3F}), 3u);
     for (unsigned i = 0; i < 2; ++i) { // from above the middle of a strand
         const CurveGeometry& curves = world.curves[i];
         size_t hits = 0;
@@ -159,10 +165,10 @@ TEST(WorldScenes, HoldEverythingWithinTheirBounds) {
     for (const CurveGeometry& curves : world.curves)
         for (size_t t = 0; t < curves.vertices.size(); ++t)
             for (size_t c = 0; c < curves.curve_count; ++c)
-                for (uint32_t k = 0; k < curves.cvs_per_curve; ++k) EXPECT_TRUE(promised.contains(cv(curves, t, c, k)));
+                for (uint32_t k = 0; k < curves.cvs_per_curve; ++k)
+                    EXPECT_TRUE(promised.contains(cv(curves, t, c, k)));
     for (const MeshGeometry& mesh : world.meshes)
-        for (const Vec3f& p : mesh.positions[0])
-            EXPECT_LT(world.bounds.exteriorDistance(p), 1e-4F);
+        for (const Vec3f& p : mesh.positions[0]) EXPECT_LT(world.bounds.exteriorDistance(p), 1e-4F);
 }
 
 TEST(WorldScenes, AreTheSameEveryTime) {
@@ -177,7 +183,8 @@ TEST(WorldScenes, AreTheSameEveryTime) {
         const CurveGeometry &a = first.curves[i], &b = again.curves[i];
         ASSERT_EQ(a.vertices.size(), b.vertices.size());
         const size_t bytes = a.curve_count * (a.cvs_per_curve + 2) * 16;
-        for (size_t t = 0; t < a.vertices.size(); ++t) EXPECT_EQ(std::memcmp(a.vertices[t], b.vertices[t], bytes), 0);
+        for (size_t t = 0; t < a.vertices.size(); ++t)
+            EXPECT_EQ(std::memcmp(a.vertices[t], b.vertices[t], bytes), 0);
     }
 }
 
@@ -191,7 +198,8 @@ double signed_volume(const MeshGeometry& mesh, size_t time) {
 }
 
 TEST(MirroredTransforms, KeepTheOutsideOut) {
-    for (const char* scale : {"[-1, 1, 1]", "[1, -2, 1]", "[1, 1, -0.5]", "[-1, -1, -1]", "[-1, -1, 1]", "-2"}) {
+    for (const char* scale :
+         {"[-1, 1, 1]", "[1, -2, 1]", "[1, 1, -0.5]", "[-1, -1, -1]", "[-1, -1, 1]", "-2"}) {
         const std::string keys = std::string("transform = { keys = [{ frame = 1, scale = ") + scale +
                                  " }, { frame = 3, rotate = [90, 0, 30], scale = " + scale + " }] }\n";
         TestScene scene(mesh("ball", "sphere", "divisions = 8\n" + keys) + mesh("box", "box", keys));
@@ -210,7 +218,8 @@ TEST(MirroredTransforms, KeepTheOutsideOut) {
 
 // Strands of a mirrored ball stand outside of it.
 TEST(MirroredTransforms, GrowHairOutwards) {
-    TestScene scene(mesh("ball", "sphere", "divisions = 16\ntransform = { scale = [-1, 1, 1] }\n") + groom("hair", "ball", "lean = 0\narc = 0\n"));
+    TestScene scene(mesh("ball", "sphere", "divisions = 16\ntransform = { scale = [-1, 1, 1] }\n") +
+                    groom("hair", "ball", "lean = 0\narc = 0\n"));
     const World world = scene.build();
     const CurveGeometry& hair = world.curves[0];
     size_t inward = 0;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Libraries that cannot be loaded and procedurals that break the contract: each is told what is wrong, and nothing of it
-// reaches Embree.
+// Libraries that cannot be loaded and procedurals that break the contract: each is told what is wrong, and
+// nothing of it reaches Embree.
 #include "build_scene.h"
 
 #include <gtest/gtest.h>
@@ -50,7 +50,8 @@ TEST(PluginLibrary, LoadsAndFindsItsTypes) {
     ASSERT_EQ(schemas.size(), 1u);
     EXPECT_EQ(schemas[0].type, "pyramid");
     const auto& params = schemas[0].params;
-    EXPECT_TRUE(std::any_of(params.begin(), params.end(), [](const ParamSpec& p) { return p.name == "height" && p.unit == "m"; }));
+    EXPECT_TRUE(std::any_of(params.begin(), params.end(),
+                            [](const ParamSpec& p) { return p.name == "height" && p.unit == "m"; }));
     EXPECT_TRUE(wind_specs(library.table()).empty());
 }
 
@@ -85,15 +86,18 @@ TEST_P(CurveFault, IsRefused) {
     EXPECT_CONTAINS(text, ".toml:"); // the procedural's place
     EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 1) << text;
 }
-INSTANTIATE_TEST_SUITE_P(
-    All, CurveFault,
-    ::testing::Values(Fault{"silent-begin", "failed without saying why"}, Fault{"silent-tessellate", "failed without saying why"},
-                      Fault{"nan", "a CV is not a finite number"}, Fault{"infinite", "a CV is not a finite number"},
-                      Fault{"one-cv", "fewer than 2 CVs"}, Fault{"shape", "a shape or basis that the contract does not have"},
-                      Fault{"times", "another number of motion samples than asked"},
-                      Fault{"too-many", "its patches do not add up"}, Fault{"too-few", "its patches do not add up"},
-                      Fault{"gap", "its patches do not follow each other"},
-                      Fault{"mesh", "another kind of output than it declares"}));
+INSTANTIATE_TEST_SUITE_P(All, CurveFault,
+                         ::testing::Values(Fault{"silent-begin", "failed without saying why"},
+                                           Fault{"silent-tessellate", "failed without saying why"},
+                                           Fault{"nan", "a CV is not a finite number"},
+                                           Fault{"infinite", "a CV is not a finite number"},
+                                           Fault{"one-cv", "fewer than 2 CVs"},
+                                           Fault{"shape", "a shape or basis that the contract does not have"},
+                                           Fault{"times", "another number of motion samples than asked"},
+                                           Fault{"too-many", "its patches do not add up"},
+                                           Fault{"too-few", "its patches do not add up"},
+                                           Fault{"gap", "its patches do not follow each other"},
+                                           Fault{"mesh", "another kind of output than it declares"}));
 
 class MeshFault : public ::testing::TestWithParam<Fault> {};
 TEST_P(MeshFault, IsRefused) {
@@ -106,21 +110,31 @@ TEST_P(MeshFault, IsRefused) {
 INSTANTIATE_TEST_SUITE_P(All, MeshFault,
                          ::testing::Values(Fault{"silent-mesh", "failed without saying why"},
                                            Fault{"nan", "a vertex of its mesh is not a number"},
-                                           Fault{"index", "a triangle of its mesh names a vertex that is not there"},
-                                           Fault{"curves", "another kind of output than it declares"},
-                                           Fault{"empty", "mesh"}));
+                                           Fault{"index",
+                                                 "a triangle of its mesh names a vertex that is not there"},
+                                           Fault{"curves", "another kind of output than it declares"}));
+
+TEST(FaultyPlugin, MayMakeAnEmptyMesh) {
+    TestScene scene(mesh("ground", "plane") + faulty("faulty_mesh", "empty"));
+    const World world = scene.build();
+    ASSERT_EQ(world.meshes.size(), 2u);
+    EXPECT_TRUE(world.meshes[1].triangles.empty());
+    EXPECT_EQ(scene.stats.triangles, 2u);
+}
 
 TEST(FaultyPlugin, ThatFailsInCreateInSilenceIsNamed) {
     try {
         const TestScene scene(faulty("faulty_curves", "silent-create"));
         ADD_FAILURE() << "create has failed and nothing is said";
     } catch (const InputError& error) {
-        EXPECT_CONTAINS(to_string(error.problems.front()), "the procedural 'broken' failed without saying why");
+        EXPECT_CONTAINS(to_string(error.problems.front()),
+                        "the procedural 'broken' failed without saying why");
     }
 }
 
 TEST(FaultyPlugin, WithoutFaultIsBuilt) {
-    TestScene scene(faulty("faulty_mesh", "none") + "[[procedural]]\ntype = \"faulty_curves\"\nname = \"good\"\n");
+    TestScene scene(faulty("faulty_mesh", "none") +
+                    "[[procedural]]\ntype = \"faulty_curves\"\nname = \"good\"\n");
     const World world = scene.build();
     ASSERT_EQ(world.meshes.size(), 1u);
     ASSERT_EQ(world.curves.size(), 1u);
@@ -143,7 +157,8 @@ TEST(FaultyPlugin, ThatThrowsAwayCancelIsStopped) {
 }
 
 TEST(MeshPlugin, BecomesACollider) {
-    TestScene scene(mesh("ground", "plane") + "[[procedural]]\ntype = \"pyramid\"\nname = \"tomb\"\nheight = 3\n");
+    TestScene scene(mesh("ground", "plane") +
+                    "[[procedural]]\ntype = \"pyramid\"\nname = \"tomb\"\nheight = 3\n");
     const World world = scene.build(); // throws when the lent host is gone
     ASSERT_EQ(world.meshes.size(), 2u);
     const MeshGeometry& tomb = world.meshes[1];

@@ -13,11 +13,11 @@ MARRAM_INLINE VDouble evaluate(const Ramp& ramp, VDouble x) {
     const auto values = ramp.values();
     VDouble result = splat(values[0]);
     for (size_t i = 1; i < positions.size(); ++i) {
-        VDouble t = (x - positions[i - 1]) / (positions[i] - positions[i - 1]);
+        VDouble t = (x - positions[i - 1]) * (1.0 / (positions[i] - positions[i - 1]));
         t = vmin(vmax(t, splat(0.0)), splat(1.0));
-        if (ramp.interpolation() == Ramp::Interpolation::constant) t = t < 1.0 ? splat(0.0) : splat(1.0);
+        if (ramp.interpolation() == Ramp::Interpolation::constant) t = splat(0.0);
         if (ramp.interpolation() == Ramp::Interpolation::smooth) t = t * t * (3.0 - 2.0 * t);
-        result = t < 1.0 ? result + t * (values[i] - values[i - 1]) : splat(values[i]);
+        result = x < positions[i] ? result + t * (values[i] - values[i - 1]) : splat(values[i]);
     }
     return result;
 }

@@ -21,6 +21,7 @@ namespace marram {
 inline constexpr int lanes = 8;
 
 #define MARRAM_INLINE __attribute__((always_inline)) inline
+#define MARRAM_ALWAYS_INLINE __attribute__((always_inline)) // of a lambda
 #if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__clang__)
 // Sanitizers run before the loader has resolved clones, so sanitized builds do without.
 #define MARRAM_HOT __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4"), flatten))
@@ -86,26 +87,15 @@ MARRAM_INLINE VDouble vfloor(VDouble x, VInt& cell) {
 
 // sin and cos of x in [-pi/2, pi/2]: Taylor, error < 1e-13.
 MARRAM_INLINE void sincos_half_pi(VDouble x, VDouble& sine, VDouble& cosine) {
-    const VDouble z = x * x;
-    VDouble s = splat(1.0 / 355687428096000.0); // 1/17!
-    s = s * z - 1.0 / 1307674368000.0;
-    s = s * z + 1.0 / 6227020800.0;
-    s = s * z - 1.0 / 39916800.0;
-    s = s * z + 1.0 / 362880.0;
-    s = s * z - 1.0 / 5040.0;
-    s = s * z + 1.0 / 120.0;
-    s = s * z - 1.0 / 6.0;
-    sine = x + x * z * s;
-    VDouble c = splat(-1.0 / 6402373705728000.0); // -1/18!
-    c = c * z + 1.0 / 20922789888000.0;
-    c = c * z - 1.0 / 87178291200.0;
-    c = c * z + 1.0 / 479001600.0;
-    c = c * z - 1.0 / 3628800.0;
-    c = c * z + 1.0 / 40320.0;
-    c = c * z - 1.0 / 720.0;
-    c = c * z + 1.0 / 24.0;
-    c = c * z - 0.5;
-    cosine = 1.0 + z * c;
+    const VDouble z = x * x, z2 = z * z, z4 = z2 * z2; // in pairs: the chain of dependent operations is half as long
+    const VDouble s0 = -1.0 / 6.0 + z * (1.0 / 120.0), s1 = -1.0 / 5040.0 + z * (1.0 / 362880.0);
+    const VDouble s2 = -1.0 / 39916800.0 + z * (1.0 / 6227020800.0);
+    const VDouble s3 = -1.0 / 1307674368000.0 + z * (1.0 / 355687428096000.0); // 1/15!, 1/17!
+    sine = x + x * z * ((s0 + z2 * s1) + z4 * (s2 + z2 * s3));
+    const VDouble c0 = -0.5 + z * (1.0 / 24.0), c1 = -1.0 / 720.0 + z * (1.0 / 40320.0);
+    const VDouble c2 = -1.0 / 3628800.0 + z * (1.0 / 479001600.0);
+    const VDouble c3 = -1.0 / 87178291200.0 + z * (1.0 / 20922789888000.0 - z * (1.0 / 6402373705728000.0)); // 1/18!
+    cosine = 1.0 + z * ((c0 + z2 * c1) + z4 * (c2 + z2 * c3));
 }
 
 // sin and cos of any angle below 2^40 radians: reduced to half turns. Error < 1e-13 + 1e-16 |x|.
@@ -128,16 +118,10 @@ MARRAM_INLINE VDouble angle_of(VDouble s, VDouble c) {
     VDouble t = s / (vsqrt(s * s + a * a) + a); // tan of half the acute angle
     t = t / (1.0 + vsqrt(1.0 + t * t));
     t = t / (1.0 + vsqrt(1.0 + t * t));
-    const VDouble z = t * t;
-    VDouble p = splat(1.0 / 17.0);
-    p = 1.0 / 15.0 - z * p;
-    p = 1.0 / 13.0 - z * p;
-    p = 1.0 / 11.0 - z * p;
-    p = 1.0 / 9.0 - z * p;
-    p = 1.0 / 7.0 - z * p;
-    p = 1.0 / 5.0 - z * p;
-    p = 1.0 / 3.0 - z * p;
-    const VDouble acute = 8.0 * (t - t * z * p);
+    const VDouble z = t * t, z2 = z * z, z4 = z2 * z2;
+    const VDouble p0 = 1.0 / 3.0 - z * (1.0 / 5.0), p1 = 1.0 / 7.0 - z * (1.0 / 9.0);
+    const VDouble p2 = 1.0 / 11.0 - z * (1.0 / 13.0), p3 = 1.0 / 15.0 - z * (1.0 / 17.0);
+    const VDouble acute = 8.0 * (t - t * z * ((p0 + z2 * p1) + z4 * (p2 + z2 * p3)));
     return c < 0.0 ? 3.14159265358979323846 - acute : acute;
 }
 

@@ -198,7 +198,8 @@ LoadedScene load(const std::string& file, const Overrides& overrides, const std:
     apply(overrides, settings);
     scene.dialect = std::make_unique<Dialect>(default_dialect());
     for (const LibraryName& library : scene_libraries(file, settings))
-        add_library(*scene.dialect, library.path, library.path, library.place);
+        if (fs::exists(library.path)) // else load_scene says so, along with everything else
+            add_library(*scene.dialect, library.path, library.path, library.place);
     scene.description = load_scene(file, settings, scene.dialect->schema);
     const SceneDescription& description = scene.description;
 

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include <charconv>
+#include <cmath>
 #include <functional>
 
 namespace marram {
@@ -27,6 +28,14 @@ std::pair<uint32_t, uint32_t> parse_size(const std::string& text) {
     }
     if (!good) throw InputError({"--size " + text}, "this is no size", "give width and height in pixels, such as 800x450");
     return {width, height};
+}
+
+// Frames that time can be reckoned with: beyond, a frame more would be lost in the number's rounding.
+double checked_frame(double frame) {
+    constexpr double latest = 1e9;
+    if (!(std::abs(frame) <= latest))
+        throw InputError({fmt::format("--frame {}", frame)}, "this is no frame", "give a number between -1e9 and 1e9");
+    return frame;
 }
 
 struct Texts { // options that are checked after parsing
@@ -75,10 +84,11 @@ void add_render(CLI::App& app, Commands& c) {
         ->type_name("NAME,...");
     command->add_flag("--resume", c.render.resume, "leave out frames whose picture is there, whole, and of this scene");
     command->callback([&c, command, frame] {
-        if (frame->count() > 0) c.render.frames.frame = c.texts.frame;
+        const bool one_frame = frame->count() > 0;
         if (command->count("--spp") > 0) c.render.overrides.samples = c.texts.samples;
         c.render.layers = split(c.texts.layers);
-        c.chosen = [&c] {
+        c.chosen = [&c, one_frame] {
+            if (one_frame) c.render.frames.frame = checked_frame(c.texts.frame);
             if (!c.texts.size.empty()) c.render.overrides.size = parse_size(c.texts.size);
             return render_command(c.render);
         };
@@ -92,7 +102,11 @@ void add_bake(CLI::App& app, Commands& c) {
     command->add_option("--frame", c.bake.frame, "frame, also a fraction of one; default: the scene's first");
     command->add_option("--stage", c.bake.stage, "how far through the chain")->check(CLI::IsMember({"rest", "bent", "final"}))->capture_default_str();
     command->add_option("--colliders", c.bake.colliders, "write all meshes as well, .obj")->type_name("FILE");
-    command->callback([&c] { c.chosen = [&c] { return bake_command(c.bake); }; });
+    command->callback([&c] { c.chosen = [&c] {
+            if (c.bake.frame) checked_frame(*c.bake.frame);
+            return bake_command(c.bake);
+        };
+    });
 }
 
 // Known to the design, not to this build: says so.

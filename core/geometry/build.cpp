@@ -19,8 +19,7 @@ struct Placement {
     Eigen::Matrix3d normals;
 
     Placement(const KeyedTransform& keyed, double frame) : transform(keyed.at(frame)) {
-        normals = transform.linear().inverse().transpose();
-        if (transform.linear().determinant() < 0.0) normals = -normals; // triangles are turned around along with it
+        normals = transform.linear().inverse().transpose(); // outward stays outward, mirrored or not
     }
 };
 
@@ -58,6 +57,9 @@ std::vector<Vec3f> normals_at(const SceneMesh& source, double frame) {
     return normals;
 }
 
+// Embree drops vertices beyond 1e18 without a word; NaN fails every comparison.
+bool sound(const Vec3f& p) { return (p.array().abs() < 1e18F).all(); }
+
 MeshGeometry place_mesh(const SceneMesh& source, const std::vector<double>& times, double frame) {
     MeshGeometry mesh{source.name, source.material, source.light, {}, {}, {}, {}};
     mesh.triangles.reserve(source.mesh.triangles.size() + 2);
@@ -71,10 +73,10 @@ MeshGeometry place_mesh(const SceneMesh& source, const std::vector<double>& time
         mesh.positions.push_back(positions_at(source, times[t]));
         if (!source.mesh.normals.empty()) mesh.normals.push_back(normals_at(source, times[t]));
     }
-    // A transform can throw a sound mesh far away; Embree would drop such vertices in silence.
+    // A transform can throw a sound mesh far away.
     for (const auto& positions : mesh.positions)
         for (const Vec3f& p : positions)
-            if (!(p.cwiseAbs().maxCoeff() < 1e18F))
+            if (!sound(p))
                 throw InputError({source.name}, "the mesh's transform moves it beyond 1e18 m", "use smaller translations and scales");
     return mesh;
 }
@@ -222,7 +224,7 @@ class LentMeshes {
 
 void check_mesh(const Procedural& procedural, const MeshGeometry& mesh) {
     for (const Vec3f& p : mesh.positions[0])
-        if (!(p.cwiseAbs().maxCoeff() < 1e18F))
+        if (!sound(p))
             procedural.refuse("a vertex of its mesh is not a number below 1e18", "mend the library");
     for (const auto& triangle : mesh.triangles)
         for (const uint32_t vertex : triangle)
@@ -383,11 +385,11 @@ void add_curves(Build& build, Procedural& procedural, LentMeshes& lent) {
     build.progress.fraction = 0.0;
     build.progress.phase = "expanding";
     item.output = procedural.begin(lent.frame(build.settings, true));
-    for (uint32_t i = 0; i < item.output.patch_count; ++i) {
-        item.patches.push_back(procedural.patch(i));
-        const MarramPatch& p = item.patches.back();
-        build.stats.patch_bounds.emplace_back(Vec3f(p.lower), Vec3f(p.upper));
-    }
+    const double asked = now();
+    item.patches.resize(item.output.patch_count);
+    tbb::parallel_for(uint32_t{0}, item.output.patch_count, [&](uint32_t i) { item.patches[i] = procedural.patch(i); });
+    for (const MarramPatch& p : item.patches) build.stats.patch_bounds.emplace_back(Vec3f(p.lower), Vec3f(p.upper));
+    build.stats.expand += now() - asked;
     check_output(item);
     if (item.output.time_count != 1 && item.output.time_count != build.world.times.size())
         procedural.refuse("it hands over another number of motion samples than asked", "mend the library");

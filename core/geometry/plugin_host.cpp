@@ -146,8 +146,8 @@ Procedural::Procedural(std::shared_ptr<PluginLibrary> library, const Item& item,
     ContractValues values;
     for (uint32_t i = 0; i < type_->param_count; ++i)
         if (const ParamValue* value = value_for(type_->params[i], item, wind)) values.add(type_->params[i], *value);
-    const MarramHost host{this, on_message, on_cancelled};
-    check(type_->create(&host, values.data(), values.size(), &instance_));
+    host_ = {this, on_message, on_cancelled};
+    check(type_->create(&host_, values.data(), values.size(), &instance_));
 }
 
 Procedural::~Procedural() {

@@ -77,6 +77,7 @@ class Procedural {
     Place place_;
     const MarramProcedural* type_ = nullptr;
     const std::atomic<bool>* cancel_;
+    MarramHost host_{}; // lent from create to destroy
     MarramInstance* instance_ = nullptr;
     std::mutex messages_lock_;
     std::vector<Problem> faults_;

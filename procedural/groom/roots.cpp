@@ -13,8 +13,9 @@
 // 1 % up to the coverage used here. So a density needs no second pass, and what happens elsewhere on the mesh cannot matter.
 // A count draws some more and keeps the highest priorities, which is the same as stopping the throws at that number.
 //
-// Neighbours: candidates are sorted by cell of a grid as fine as r, rows of cells one behind the other, so the cells next
-// to a moving candidate are nine moving runs of that same array.
+// Neighbours: candidates are sorted by cell of a grid, rows of cells one behind the other. Cells are r/2 long along a row
+// and 2r across, so a candidate's neighbours lie in its own row and in the three rows on its side, in runs of five cells,
+// and as it moves along the array those runs move along with it.
 #include "procedural/groom/roots.h"
 
 #include <tbb/blocked_range.h>
@@ -47,14 +48,16 @@ double attempts_a_disc(double coverage) {
     return attempts / steps;
 }
 
-constexpr uint64_t axis_bits = 21; // of a cell's coordinate in its key
-constexpr double axis_cells = double((1U << axis_bits) - 4);
-constexpr int in_cell_steps = 1023; // positions within a cell are kept to r / 1023
+// A cell's key: z, y, x from the top. The unit along x is r/2, along y and z 2r.
+constexpr int x_bits = 23, row_bits = 20;
+constexpr double x_unit = 0.5, row_unit = 2.0;
+constexpr double most_rows = double((1U << row_bits) - 4); // along y and z; x has the bits to cover as much
+constexpr int in_cell_steps = 1023;                        // positions within a cell are kept to 10 bits an axis
 
 struct [[gnu::packed]] Candidate { // there are millions of them for a moment
-    uint64_t cell;    // z, y, x, 21 bits each
+    uint64_t cell;
     Root root;
-    uint32_t in_cell; // 10 bits an axis
+    uint32_t in_cell;
 };
 static_assert(sizeof(Candidate) == 20);
 
@@ -72,32 +75,32 @@ uint64_t priority(uint32_t seed, Root root) { return root_hash(seed, root, Purpo
 
 struct Grid {
     Vec3d origin;
-    double cell = 1.0; // metres, >= radius
+    double unit = 1.0; // metres, >= radius
 
     Candidate candidate(Root root, const Vec3d& p) const {
         uint64_t key = 0;
         uint32_t in_cell = 0;
         for (int axis = 2; axis >= 0; --axis) {
-            const double x = (p[axis] - origin[axis]) / cell + 1.0; // 1: a border, so neighbours' keys never wrap
+            // A border of four cells, so that neighbours' keys never wrap.
+            const double x = (p[axis] - origin[axis]) / (unit * (axis == 0 ? x_unit : row_unit)) + 4.0;
             const double whole = std::floor(x);
-            key = (key << axis_bits) | uint64_t(whole);
+            key = (key << (axis == 0 ? x_bits : row_bits)) | uint64_t(whole);
             in_cell = (in_cell << 10) | uint32_t((x - whole) * in_cell_steps);
         }
         return {key, root, in_cell};
     }
 };
 
-// A candidate's place in steps of its cell / 1023: exact in integers.
+// A candidate's place in steps of x_unit / 1023: exact in integers.
 struct Place3 {
     int64_t x, y, z;
+    static constexpr int64_t row_step = int64_t(row_unit / x_unit);
 
     explicit Place3(const Candidate& c)
-        : x(axis(c, 0)), y(axis(c, 1)), z(axis(c, 2)) {}
-    static int64_t axis(const Candidate& c, int i) {
-        constexpr uint64_t mask = (1U << axis_bits) - 1;
-        const auto cell = int64_t((c.cell >> (axis_bits * uint64_t(i))) & mask);
-        return cell * in_cell_steps + int64_t((c.in_cell >> (10 * i)) & 1023U);
-    }
+        : x(axis(c.cell & ((1U << x_bits) - 1), c.in_cell)),
+          y(axis((c.cell >> x_bits) & ((1U << row_bits) - 1), c.in_cell >> 10) * row_step),
+          z(axis(c.cell >> (x_bits + row_bits), c.in_cell >> 20) * row_step) {}
+    static int64_t axis(uint64_t cell, uint32_t in_cell) { return int64_t(cell) * in_cell_steps + int64_t(in_cell & 1023U); }
     int64_t squared_distance(const Place3& b) const {
         return (x - b.x) * (x - b.x) + (y - b.y) * (y - b.y) + (z - b.z) * (z - b.z);
     }
@@ -154,7 +157,7 @@ Grid grid_of(const Surface& bind, double radius) {
             upper = upper.cwiseMax(p);
         }
     const double extent = (upper - lower).maxCoeff();
-    return {lower, std::max({radius, extent / axis_cells, std::numeric_limits<double>::min()})};
+    return {lower, std::max({radius, extent / (row_unit * most_rows), std::numeric_limits<double>::min()})};
 }
 
 // Candidates of all triangles, sorted. Where masks are 0 none are made.
@@ -181,24 +184,28 @@ std::vector<Candidate> draw_candidates(const Groom& groom, const Surface& bind, 
 
 enum : uint8_t { undecided, kept, dropped };
 
-// The nine runs of candidates in the cells around a candidate, moved along with it.
+// The runs of candidates around a candidate, one for each of the nine rows next to its own, moved along with it. A visit
+// needs four of them; the others catch up when they are needed.
 class NeighbourRuns {
   public:
     NeighbourRuns(const std::vector<Candidate>& all, uint64_t from) : all_(all) {
         for (int row = 0; row < 9; ++row) {
-            const uint64_t low = all[from].cell + shift(row) - 1;
+            const uint64_t low = all[from].cell + shift(row % 3 - 1, row / 3 - 1) - reach;
             at_[row] = size_t(std::lower_bound(all.begin(), all.end(), low,
                                                [](const Candidate& c, uint64_t key) { return c.cell < key; }) -
                               all.begin());
         }
     }
-    // Calls visit(j) for every candidate in the 27 cells around i until it returns false.
+    // Calls visit(j) for every candidate that may be within r of i until it returns false.
     template <typename Visit>
     void visit(size_t i, Visit&& visit) {
         const uint64_t centre = all_[i].cell;
-        for (int row = 0; row < 9; ++row) {
-            const uint64_t low = centre + shift(row) - 1, high = low + 2;
-            size_t& at = at_[row];
+        const int side_y = ((all_[i].in_cell >> 10) & 1023U) > in_cell_steps / 2 ? 1 : -1;
+        const int side_z = ((all_[i].in_cell >> 20) & 1023U) > in_cell_steps / 2 ? 1 : -1;
+        for (int corner = 0; corner < 4; ++corner) {
+            const int dy = corner & 1 ? side_y : 0, dz = corner & 2 ? side_z : 0;
+            const uint64_t low = centre + shift(dy, dz) - reach, high = low + 2 * reach;
+            size_t& at = at_[(dy + 1) + 3 * (dz + 1)];
             while (at < all_.size() && all_[at].cell < low) ++at;
             for (size_t j = at; j < all_.size() && all_[j].cell <= high; ++j)
                 if (j != i && !visit(j)) return;
@@ -206,9 +213,9 @@ class NeighbourRuns {
     }
 
   private:
-    static uint64_t shift(int row) {
-        const int64_t dy = row % 3 - 1, dz = row / 3 - 1;
-        return uint64_t((dz << (2 * axis_bits)) + (dy * (int64_t(1) << axis_bits)));
+    static constexpr uint64_t reach = uint64_t(1.0 / x_unit); // cells along the row
+    static uint64_t shift(int64_t dy, int64_t dz) {
+        return uint64_t(dz * (int64_t(1) << (x_bits + row_bits)) + dy * (int64_t(1) << x_bits));
     }
     const std::vector<Candidate>& all_;
     size_t at_[9];
@@ -241,10 +248,10 @@ bool decide(const std::vector<Candidate>& all, std::vector<std::atomic<uint8_t>>
     return waiting;
 }
 
-void keep_spaced(std::vector<Candidate>& candidates, uint32_t seed, double radius_in_cells,
+void keep_spaced(std::vector<Candidate>& candidates, uint32_t seed, double radius_in_units,
                  const std::function<bool()>& cancelled) {
     std::vector<std::atomic<uint8_t>> state(candidates.size());
-    const double radius = radius_in_cells * in_cell_steps;
+    const double radius = radius_in_units * in_cell_steps / x_unit;
     const auto squared_radius = int64_t(radius * radius);
     const tbb::blocked_range<size_t> all(0, candidates.size(), 8192);
     bool waiting = !candidates.empty();
@@ -289,12 +296,11 @@ uint64_t spread_bits(uint64_t x) { // 21 bits, two zeros behind each
 
 // Roots along a Z-curve over the grid: neighbours in the list are neighbours in space.
 std::vector<Root> in_space_order(std::vector<Candidate>& candidates) {
-    constexpr uint64_t mask = (1U << axis_bits) - 1;
     tbb::parallel_for(tbb::blocked_range<size_t>(0, candidates.size(), 16384), [&](const auto& range) {
         for (size_t i = range.begin(); i < range.end(); ++i) {
             const uint64_t cell = candidates[i].cell;
-            candidates[i].cell = spread_bits(cell & mask) | (spread_bits((cell >> axis_bits) & mask) << 1) |
-                                 (spread_bits(cell >> (2 * axis_bits)) << 2);
+            const uint64_t x = (cell & ((1U << x_bits) - 1)) / 4, y = (cell >> x_bits) & ((1U << row_bits) - 1);
+            candidates[i].cell = spread_bits(x) | (spread_bits(y) << 1) | (spread_bits(cell >> (x_bits + row_bits)) << 2);
         }
     });
     tbb::parallel_sort(candidates.begin(), candidates.end(), in_order);
@@ -316,7 +322,7 @@ std::vector<Candidate> spaced_candidates(const Groom& groom, const Surface& bind
     const Grid grid = grid_of(bind, radius);
     std::vector<Candidate> candidates =
         draw_candidates(groom, bind, grid, density * attempts_a_disc(coverage) * spare, radius > 0.0, cancelled);
-    if (radius > 0.0) keep_spaced(candidates, groom.seed, radius / grid.cell, cancelled);
+    if (radius > 0.0) keep_spaced(candidates, groom.seed, radius / grid.unit, cancelled);
     // Thinned after spacing: half a mask is half the strands, and a strand does not notice what masks say elsewhere.
     if (groom.density_masks.any())
         std::erase_if(candidates, [&](const Candidate& c) {

@@ -65,14 +65,17 @@ MARRAM_INLINE Wide3d axis_of_opposed(const Wide3d& a, const Wide3d& segment, con
 }
 
 // The turn from a onto b, its angle scaled by f in [0, 1]; identity (and turns = false) where it is 0 or has no meaning.
-MARRAM_INLINE Turn scaled_turn(const Wide3d& a, const Wide3d& b, VDouble f, const Wide3d& segment, const Wide3d& noise,
+// `segment` is called only where a and b are opposed.
+template <typename Segment>
+MARRAM_INLINE Turn scaled_turn(const Wide3d& a, const Wide3d& b, VDouble f, Segment&& segment, const Wide3d& noise,
                                VLong& turns) {
     const VDouble aa = dot(a, a), bb = dot(b, b), cosine = dot(a, b);
     turns = (f > 0.0) & (aa > 0.0) & (bb > 0.0);
     Wide3d axis = cross(a, b);
     const VDouble sine = vsqrt(dot(axis, axis));
     const VLong is_opposed = (cosine < 0.0) & (sine <= opposed * vabs(cosine)) & turns;
-    if (any(is_opposed)) axis = select(is_opposed, axis_of_opposed(a, segment, noise), axis);
+    if (any(is_opposed)) [[unlikely]]
+        axis = select(is_opposed, axis_of_opposed(a, segment(), noise), axis);
     const VDouble axis_length = vsqrt(dot(axis, axis));
     turns &= axis_length > 0.0;
     const VDouble angle = angle_of(turns ? sine : VDouble{}, turns ? cosine : splat(1.0));
@@ -156,13 +159,25 @@ struct BlockView { // one block of a Strands
     const VFloat* envelope;
     const VDouble* arc;
     const Wide3f* noise; // nullptr: no noise
+    VDouble* factors;    // [cvs - 1]
 };
 
-MARRAM_HOT void bend_block(const Wind& wind, const BlockView& block) {
+// The share of its angle that each segment turns. Nothing here depends on the segment before, so the processor overlaps
+// them; in the loop of bend_block it could not.
+MARRAM_HOT void turn_factors(const Wind& wind, const BlockView& block) {
     const int last = block.cvs - 1;
     const VDouble length = block.arc[last];
     const VDouble per_length = length > 0.0 ? 1.0 / (length > 0.0 ? length : splat(1.0)) : VDouble{};
     const double reference = wind.reference_segments > 0 ? wind.reference_segments : last;
+    for (int k = 0; k < last; ++k) {
+        VDouble f = evaluate(wind.ramp_rotate, block.arc[k] * per_length) * to_double(block.envelope[k]);
+        f = vmin(vmax(f * wind.global_rotate, VDouble{}), splat(1.0));
+        block.factors[k] = compounded(f, (block.arc[k + 1] - block.arc[k]) * per_length * reference);
+    }
+}
+
+MARRAM_HOT void bend_block(const Wind& wind, const BlockView& block) {
+    const int last = block.cvs - 1;
     const Wide3d w = splat3(wind.direction.data());
     const Wide3d tip = to_double(block.rest[last]);
     Turn turn{VDouble{}, VDouble{}, VDouble{}, splat(1.0)};
@@ -171,19 +186,16 @@ MARRAM_HOT void bend_block(const Wind& wind, const BlockView& block) {
     block.pose[0] = block.rest[0];
     for (int k = 0; k < last; ++k) {
         const Wide3d start = to_double(block.rest[k]);
-        const Wide3d segment = rotate(turn, to_double(block.rest[k + 1]) - start);
+        const Wide3d end = to_double(block.rest[k + 1]);
         const Wide3d a = rotate(turn, tip - start);
         const Wide3d noise =
             block.noise ? to_double(block.noise[k]) * splat(wind.noise_amplitude) : Wide3d{};
-        VDouble f = evaluate(wind.ramp_rotate, block.arc[k] * per_length) * to_double(block.envelope[k]);
-        f = vmin(vmax(f * wind.global_rotate, VDouble{}), splat(1.0));
-        f = compounded(f, (block.arc[k + 1] - block.arc[k]) * per_length * reference);
         VLong turns;
-        const Turn q = scaled_turn(a, w + noise, f, segment, noise, turns);
+        const auto segment = [&]() MARRAM_ALWAYS_INLINE { return rotate(turn, end - start); };
+        const Turn q = scaled_turn(a, w + noise, block.factors[k], segment, noise, turns);
         turn = renormalised(q * turn);
         turned |= turns;
         // What no turn has reached yet is the rest strand itself, to the last bit.
-        const Wide3d end = to_double(block.rest[k + 1]);
         position = select(turned, position + rotate(turn, end - start), end);
         block.pose[k + 1] = to_float(position);
         if (block.rest_normal) block.pose_normal[k] = to_float(rotate(turn, to_double(block.rest_normal[k])));
@@ -195,15 +207,23 @@ MARRAM_HOT void bend_block(const Wind& wind, const BlockView& block) {
 
 void bend(const Wind& wind, double frame, double fps, Strands& strands) {
     const int cvs = strands.cvs;
-    WideVector<VDouble> arc(static_cast<size_t>(cvs));
+    WideVector<VDouble> arc(static_cast<size_t>(cvs)), factors(static_cast<size_t>(cvs));
     const bool noisy = wind.noise_amplitude > 0.0;
     for (int i = 0; i < strands.blocks; ++i) {
         const size_t first = size_t(i) * size_t(cvs);
         arc_lengths(strands.rest.data() + first, cvs, arc.data());
         if (noisy) block_noise(wind, frame, fps, strands.anchor[size_t(i)], arc.data(), cvs - 1, strands);
-        bend_block(wind, {cvs, strands.rest.data() + first, strands.oriented ? strands.rest_normal.data() + first : nullptr,
-                          strands.pose.data() + first, strands.oriented ? strands.pose_normal.data() + first : nullptr,
-                          strands.envelope.data() + first, arc.data(), noisy ? strands.values.data() : nullptr});
+        const BlockView block{cvs,
+                              strands.rest.data() + first,
+                              strands.oriented ? strands.rest_normal.data() + first : nullptr,
+                              strands.pose.data() + first,
+                              strands.oriented ? strands.pose_normal.data() + first : nullptr,
+                              strands.envelope.data() + first,
+                              arc.data(),
+                              noisy ? strands.values.data() : nullptr,
+                              factors.data()};
+        turn_factors(wind, block);
+        bend_block(wind, block);
     }
 }
 

@@ -58,7 +58,7 @@ std::vector<fs::path> files_in(const fs::path& folder) {
 
 // The corpus knows a groom that needs no width; this gives the width of one that lacks it.
 std::vector<std::string> with_width(const std::string& scene) {
-    static const std::regex groom("\\[\\[procedural\\]\\]\nname = \"(\\w+)\"\ntype = \"groom\"");
+    static const std::regex groom("\\[\\[procedural\\]\\]\nname = \"(\\w+)\"[^\n]*\ntype = \"groom\"");
     std::smatch match;
     if (!std::regex_search(scene, match, groom) || scene.find("\nwidth") != std::string::npos) return {};
     return {"--set", "procedural." + match[1].str() + ".width=0.01"};

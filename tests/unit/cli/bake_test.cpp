@@ -152,7 +152,8 @@ TEST_P(StrandSize, KeepsLengthsInAnyWind) {
     EXPECT_TRUE(read_file(folder / "still.hair") == read_file(folder / "rest.hair"));
 }
 INSTANTIATE_TEST_SUITE_P(All, StrandSize,
-                         ::testing::Values(Case{2, 2000}, Case{3, 2000}, Case{8, 2000}, Case{1000, 40}));
+                         ::testing::Values(Case{2, 2000}, Case{3, 2000}, Case{8, 2000}, Case{1000, 40}),
+                         [](const auto& info) { return fmt::format("{}_cvs", info.param.cvs); });
 
 TEST(Bake, RefusesWhatItCannotWrite) {
     const Folder folder;

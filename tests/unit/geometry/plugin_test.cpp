@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <thread>
 
 namespace marram::testing {
@@ -77,6 +78,14 @@ struct Fault {
     const char *name, *message;
 };
 
+void PrintTo(const Fault& fault, std::ostream* out) { *out << fault.name; }
+
+std::string name_of(const ::testing::TestParamInfo<Fault>& info) {
+    std::string name = info.param.name;
+    std::replace(name.begin(), name.end(), '-', '_'); // GoogleTest takes no other
+    return name;
+}
+
 class CurveFault : public ::testing::TestWithParam<Fault> {};
 TEST_P(CurveFault, IsRefused) {
     TestScene scene(mesh("ground", "plane") + faulty("faulty_curves", GetParam().name));
@@ -97,7 +106,8 @@ INSTANTIATE_TEST_SUITE_P(All, CurveFault,
                                            Fault{"too-many", "its patches do not add up"},
                                            Fault{"too-few", "its patches do not add up"},
                                            Fault{"gap", "its patches do not follow each other"},
-                                           Fault{"mesh", "another kind of output than it declares"}));
+                                           Fault{"mesh", "another kind of output than it declares"}),
+                         name_of);
 
 class MeshFault : public ::testing::TestWithParam<Fault> {};
 TEST_P(MeshFault, IsRefused) {
@@ -112,7 +122,8 @@ INSTANTIATE_TEST_SUITE_P(All, MeshFault,
                                            Fault{"nan", "a vertex of its mesh is not a number"},
                                            Fault{"index",
                                                  "a triangle of its mesh names a vertex that is not there"},
-                                           Fault{"curves", "another kind of output than it declares"}));
+                                           Fault{"curves", "another kind of output than it declares"}),
+                         name_of);
 
 TEST(FaultyPlugin, MayMakeAnEmptyMesh) {
     TestScene scene(mesh("ground", "plane") + faulty("faulty_mesh", "empty"));
@@ -145,15 +156,15 @@ TEST(FaultyPlugin, WithoutFaultIsBuilt) {
 // A procedural that never asks whether to go on is stopped between its patches all the same.
 TEST(FaultyPlugin, ThatThrowsAwayCancelIsStopped) {
     TestScene scene(faulty("faulty_curves", "deaf"));
+    std::atomic<bool> over{false};
     std::thread impatient([&] {
-        while (scene.progress.fraction.load() <= 0.0) std::this_thread::yield();
+        while (scene.progress.fraction.load() <= 0.0 && !over) std::this_thread::yield();
         scene.cancel = true;
     });
     EXPECT_THROW(scene.build(), Cancelled);
+    over = true;
     impatient.join();
     EXPECT_LT(scene.progress.fraction.load(), 1.0);
-    scene.cancel = false; // and can be built again
-    scene.settings.curves_bvh = false;
 }
 
 TEST(MeshPlugin, BecomesACollider) {

@@ -2,6 +2,7 @@
 #include "core/image/image.h"
 
 #include "core/image/atomic_file.h"
+#include "core/image/png_check.h"
 #include "core/math/problem.h"
 
 #include <OpenImageIO/imageio.h>
@@ -133,6 +134,7 @@ Image read_image(const std::string& path, ColorSpace space) {
     InputFile input = open_image(path);
     const OIIO::ImageSpec spec = input->spec();
     check_spec(path, spec);
+    if (const std::string fault = png_fault(path); !fault.empty()) refuse_truncated(path, fault);
     Image image;
     image.width = spec.width;
     image.height = spec.height;

@@ -192,15 +192,39 @@ Dialect default_dialect() {
     return dialect;
 }
 
+namespace {
+
+// Loads the libraries that the scene names, then reads the scene with all that they declare. Where a library is not there
+// its types are unknown too: that is no second mistake.
+SceneDescription describe(const std::string& file, const std::vector<std::string>& settings, Dialect& dialect) {
+    std::vector<LibraryName> missing;
+    for (const LibraryName& library : scene_libraries(file, settings)) {
+        if (fs::exists(library.path)) add_library(dialect, library.path, library.path, library.place);
+        else missing.push_back(library);
+    }
+    try {
+        return load_scene(file, settings, dialect.schema);
+    } catch (const InputError& error) {
+        std::vector<Problem> problems;
+        for (const LibraryName& library : missing) {
+            const auto said = [&](const Problem& p) { return to_string(p.place) == to_string(library.place); };
+            if (std::ranges::none_of(error.problems, said))
+                problems.push_back({library.place, "there is no file \"" + library.path + "\"", "build the library, or mend its path"});
+        }
+        for (const Problem& problem : error.problems)
+            if (missing.empty() || problem.what.find("is no type of procedural") == std::string::npos) problems.push_back(problem);
+        throw InputError(std::move(problems));
+    }
+}
+
+} // namespace
+
 LoadedScene load(const std::string& file, const Overrides& overrides, const std::atomic<bool>& cancel) {
     LoadedScene scene;
     std::vector<std::string> settings;
     apply(overrides, settings);
     scene.dialect = std::make_unique<Dialect>(default_dialect());
-    for (const LibraryName& library : scene_libraries(file, settings))
-        if (fs::exists(library.path)) // else load_scene says so, along with everything else
-            add_library(*scene.dialect, library.path, library.path, library.place);
-    scene.description = load_scene(file, settings, scene.dialect->schema);
+    scene.description = describe(file, settings, *scene.dialect);
     const SceneDescription& description = scene.description;
 
     Objections objections;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Eight strands side by side. The types are the compiler's vector extension: one source serves SSE2, AVX2 and AVX-512,
-// and because nothing is contracted or reassociated (-ffp-contract=off) all three give the same bits.
+// Eight strands side by side. The types are the compiler's vector extension: one source serves SSE2, AVX2 and
+// AVX-512, and because nothing is contracted or reassociated (-ffp-contract=off) all three give the same
+// bits.
 //
-// A hot function is marked MARRAM_HOT: it is compiled once for each instruction set and the loader picks one at start-up.
-// Everything it calls must be MARRAM_INLINE, or it would run in its baseline version.
+// A hot function is marked MARRAM_HOT: it is compiled once for each instruction set and the loader picks one
+// at start-up. Everything it calls must be MARRAM_INLINE, or it would run in its baseline version.
 //
 // The elementary functions below are polynomials valid on the stated domain only; their errors are bounded by
 // tests/unit/procedural/simd_test.cpp over 10^6 points each.
@@ -29,8 +30,9 @@ inline constexpr int lanes = 8;
 #define MARRAM_HOT
 #endif
 
-// Aligned by hand: the baseline aligns wide vectors to 16 bytes only, but the clones expect their full width. A template
-// argument loses the attribute, so memory that clones see is a struct that says alignas, or a WideVector.
+// Aligned by hand: the baseline aligns wide vectors to 16 bytes only, but the clones expect their full width.
+// A template argument loses the attribute, so memory that clones see is a struct that says alignas, or a
+// WideVector.
 using VFloat = float __attribute__((vector_size(lanes * 4), aligned(lanes * 4)));
 using VInt = int32_t __attribute__((vector_size(lanes * 4), aligned(lanes * 4)));
 using VUint = uint32_t __attribute__((vector_size(lanes * 4), aligned(lanes * 4)));
@@ -72,7 +74,8 @@ MARRAM_INLINE bool any(VLong mask) {
     return sum != 0;
 }
 
-// Adding this number rounds a double below 2^51 to the nearest integer and leaves that integer in the low bits.
+// Adding this number rounds a double below 2^51 to the nearest integer and leaves that integer in the low
+// bits.
 inline constexpr double round_magic = 6755399441055744.0; // 1.5 * 2^52
 
 // floor(x) and its low 32 bits, |x| < 2^51.
@@ -87,14 +90,16 @@ MARRAM_INLINE VDouble vfloor(VDouble x, VInt& cell) {
 
 // sin and cos of x in [-pi/2, pi/2]: Taylor, error < 1e-13.
 MARRAM_INLINE void sincos_half_pi(VDouble x, VDouble& sine, VDouble& cosine) {
-    const VDouble z = x * x, z2 = z * z, z4 = z2 * z2; // in pairs: the chain of dependent operations is half as long
+    const VDouble z = x * x, z2 = z * z,
+                  z4 = z2 * z2; // in pairs: the chain of dependent operations is half as long
     const VDouble s0 = -1.0 / 6.0 + z * (1.0 / 120.0), s1 = -1.0 / 5040.0 + z * (1.0 / 362880.0);
     const VDouble s2 = -1.0 / 39916800.0 + z * (1.0 / 6227020800.0);
     const VDouble s3 = -1.0 / 1307674368000.0 + z * (1.0 / 355687428096000.0); // 1/15!, 1/17!
     sine = x + x * z * ((s0 + z2 * s1) + z4 * (s2 + z2 * s3));
     const VDouble c0 = -0.5 + z * (1.0 / 24.0), c1 = -1.0 / 720.0 + z * (1.0 / 40320.0);
     const VDouble c2 = -1.0 / 3628800.0 + z * (1.0 / 479001600.0);
-    const VDouble c3 = -1.0 / 87178291200.0 + z * (1.0 / 20922789888000.0 - z * (1.0 / 6402373705728000.0)); // 1/18!
+    const VDouble c3 =
+        -1.0 / 87178291200.0 + z * (1.0 / 20922789888000.0 - z * (1.0 / 6402373705728000.0)); // 1/18!
     cosine = 1.0 + z * ((c0 + z2 * c1) + z4 * (c2 + z2 * c3));
 }
 
@@ -111,8 +116,8 @@ MARRAM_INLINE void sincos(VDouble x, VDouble& sine, VDouble& cosine) {
     cosine = bits_as<VDouble>(bits_as<VLong>(cosine) ^ flip);
 }
 
-// The angle in [0, pi] of a right triangle with opposite side s >= 0 and adjacent side c, not both 0. Three halvings of
-// the tangent bring it below tan(pi/16); error < 1e-13 rad at every angle, near 0 and pi too.
+// The angle in [0, pi] of a right triangle with opposite side s >= 0 and adjacent side c, not both 0. Three
+// halvings of the tangent bring it below tan(pi/16); error < 1e-13 rad at every angle, near 0 and pi too.
 MARRAM_INLINE VDouble angle_of(VDouble s, VDouble c) {
     const VDouble a = vabs(c);
     VDouble t = s / (vsqrt(s * s + a * a) + a); // tan of half the acute angle
@@ -125,8 +130,8 @@ MARRAM_INLINE VDouble angle_of(VDouble s, VDouble c) {
     return c < 0.0 ? 3.14159265358979323846 - acute : acute;
 }
 
-// Natural logarithm of a normal x > 0: exponent and mantissa in [sqrt(1/2), sqrt 2), then the series of atanh.
-// Error < 1e-15 relative to max(|log x|, 1).
+// Natural logarithm of a normal x > 0: exponent and mantissa in [sqrt(1/2), sqrt 2), then the series of
+// atanh. Error < 1e-15 relative to max(|log x|, 1).
 MARRAM_INLINE VDouble vlog(VDouble x) {
     const VLong bits = bits_as<VLong>(x) - 0x3fe6a09e667f3bcdLL; // minus sqrt(1/2)
     const VLong exponent = bits >> 52;

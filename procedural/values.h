@@ -15,7 +15,8 @@ namespace marram {
 
 // A mistake in the scene that only the procedural can see. Caught at the border and sent to the host.
 struct SceneFault : std::runtime_error {
-    SceneFault(std::string where, const std::string& text) : std::runtime_error(text), place(std::move(where)) {}
+    SceneFault(std::string where, const std::string& text)
+        : std::runtime_error(text), place(std::move(where)) {}
     std::string place;
 };
 
@@ -31,7 +32,8 @@ class Values {
     // A renderer that leaves out a declared value breaks the contract; it is told which.
     const MarramValue& at(std::string_view name) const {
         if (const MarramValue* value = find(name)) return *value;
-        throw SceneFault("", "the parameter '" + std::string(name) + "' was not handed over: pass every declared value");
+        throw SceneFault("", "the parameter '" + std::string(name) +
+                                 "' was not handed over: pass every declared value");
     }
     bool has(std::string_view name) const { return find(name) != nullptr; }
     double number(std::string_view name) const { return at(name).numbers[0]; }

@@ -18,7 +18,8 @@ void add_library(Dialect& dialect, const std::string& key, const std::string& pa
     auto library = std::make_shared<PluginLibrary>(path, place);
     for (ItemSchema& schema : procedural_schemas(library->table())) {
         const auto same = [&](const ItemSchema& known) { return known.type == schema.type; };
-        if (std::ranges::none_of(dialect.schema.procedurals, same)) dialect.schema.procedurals.push_back(std::move(schema));
+        if (std::ranges::none_of(dialect.schema.procedurals, same))
+            dialect.schema.procedurals.push_back(std::move(schema));
     }
     if (dialect.schema.wind.empty()) dialect.schema.wind = wind_specs(library->table());
     dialect.libraries[key] = std::move(library);
@@ -85,8 +86,8 @@ Mesh load_mesh_item(const Item& item) {
     if (item.type == "plane") return plane_mesh(vec2f(params, "size"), params.integer("divisions"));
     if (item.type == "box") return box_mesh(vec3f(params, "size"));
     if (item.type == "sphere")
-        return sphere_mesh(float(params.number("radius")), params.integer("divisions"), float(params.number("bumps")),
-                           float(params.number("frequency")));
+        return sphere_mesh(float(params.number("radius")), params.integer("divisions"),
+                           float(params.number("bumps")), float(params.number("frequency")));
     return load_heightfield(params);
 }
 
@@ -153,7 +154,8 @@ void apply(const Overrides& overrides, std::vector<std::string>& settings) {
     settings = overrides.settings;
     if (overrides.samples) settings.push_back("film.samples=" + std::to_string(*overrides.samples));
     if (overrides.size)
-        settings.push_back("film.size=[" + std::to_string(overrides.size->first) + ", " + std::to_string(overrides.size->second) + "]");
+        settings.push_back("film.size=[" + std::to_string(overrides.size->first) + ", " +
+                           std::to_string(overrides.size->second) + "]");
 }
 
 void load_meshes(LoadedScene& scene, const std::atomic<bool>& cancel, Objections& objections) {
@@ -165,7 +167,9 @@ void load_meshes(LoadedScene& scene, const std::atomic<bool>& cancel, Objections
         mesh.transform = KeyedTransform(keys.numbers, keys.text);
         objections([&] { mesh.mesh = load_mesh_at(item); });
         for (size_t i = 0; i < description.lights.size(); ++i)
-            if (description.lights[i].type == "mesh" && description.lights[i].params.text("mesh") == item.name) mesh.light = int(i);
+            if (description.lights[i].type == "mesh" &&
+                description.lights[i].params.text("mesh") == item.name)
+                mesh.light = int(i);
         scene.geometry.meshes.push_back(std::move(mesh));
     }
 }
@@ -194,25 +198,32 @@ Dialect default_dialect() {
 
 namespace {
 
-// Loads the libraries that the scene names, then reads the scene with all that they declare. Where a library is not there
-// its types are unknown too: that is no second mistake.
-SceneDescription describe(const std::string& file, const std::vector<std::string>& settings, Dialect& dialect) {
+// Loads the libraries that the scene names, then reads the scene with all that they declare. Where a library
+// is not there its types are unknown too: that is no second mistake.
+SceneDescription describe(const std::string& file, const std::vector<std::string>& settings,
+                          Dialect& dialect) {
     std::vector<LibraryName> missing;
     for (const LibraryName& library : scene_libraries(file, settings)) {
-        if (fs::exists(library.path)) add_library(dialect, library.path, library.path, library.place);
-        else missing.push_back(library);
+        if (fs::exists(library.path))
+            add_library(dialect, library.path, library.path, library.place);
+        else
+            missing.push_back(library);
     }
     try {
         return load_scene(file, settings, dialect.schema);
     } catch (const InputError& error) {
         std::vector<Problem> problems;
         for (const LibraryName& library : missing) {
-            const auto said = [&](const Problem& p) { return to_string(p.place) == to_string(library.place); };
+            const auto said = [&](const Problem& p) {
+                return to_string(p.place) == to_string(library.place);
+            };
             if (std::ranges::none_of(error.problems, said))
-                problems.push_back({library.place, "there is no file \"" + library.path + "\"", "build the library, or mend its path"});
+                problems.push_back({library.place, "there is no file \"" + library.path + "\"",
+                                    "build the library, or mend its path"});
         }
         for (const Problem& problem : error.problems)
-            if (missing.empty() || problem.what.find("is no type of procedural") == std::string::npos) problems.push_back(problem);
+            if (missing.empty() || problem.what.find("is no type of procedural") == std::string::npos)
+                problems.push_back(problem);
         throw InputError(std::move(problems));
     }
 }
@@ -234,7 +245,8 @@ LoadedScene load(const std::string& file, const Overrides& overrides, const std:
     load_meshes(scene, cancel, objections);
     for (const Item& item : description.procedurals)
         objections([&] {
-            auto procedural = std::make_unique<Procedural>(library_for(*scene.dialect, item), item, description.wind, cancel);
+            auto procedural = std::make_unique<Procedural>(library_for(*scene.dialect, item), item,
+                                                           description.wind, cancel);
             procedural->material = material_of(description, item);
             scene.geometry.procedurals.push_back(std::move(procedural));
         });
@@ -259,8 +271,11 @@ BuildSettings build_settings(const LoadedScene& scene, double frame) {
     settings.shutter_close = shutter.y();
     // Two keys draw a straight line, which a quarter of a gust's swing or of a turn is to a pixel.
     constexpr uint32_t default_keys = 2;
-    settings.motion_keys = description.film.has("motion_keys") ? uint32_t(description.film.integer("motion_keys")) : default_keys;
-    settings.bind_frame = globals.has("bind_frame") ? globals.number("bind_frame") : globals.vec2("frames").x();
+    settings.motion_keys = description.film.has("motion_keys")
+                               ? uint32_t(description.film.integer("motion_keys"))
+                               : default_keys;
+    settings.bind_frame =
+        globals.has("bind_frame") ? globals.number("bind_frame") : globals.vec2("frames").x();
     settings.camera_position = scene.camera.poses.front().position;
     settings.pixel_angle = 2.0 * std::tan(0.5 * scene.camera.vertical_fov) / double(film_size(scene).second);
     settings.tolerance = globals.number("tolerance");

@@ -22,10 +22,12 @@ MarramStage stage_of(const std::string& name) {
 void check_formats(const BakeOptions& options) {
     const std::string extension = std::filesystem::path(options.output).extension().string();
     if (extension == ".exr")
-        throw InputError({options.output}, "baking height fields to .exr needs a terrain, which is not available in this build",
+        throw InputError({options.output},
+                         "baking height fields to .exr needs a terrain, which is not available in this build",
                          "bake strands to .hair, .usda or .obj");
     if (extension != ".hair" && extension != ".usda" && extension != ".obj")
-        throw InputError({options.output}, "strands cannot be written in the format '" + extension + "'", "name it .hair, .usda or .obj");
+        throw InputError({options.output}, "strands cannot be written in the format '" + extension + "'",
+                         "name it .hair, .usda or .obj");
     if (!options.colliders.empty() && std::filesystem::path(options.colliders).extension() != ".obj")
         throw InputError({options.colliders}, "colliders are written as .obj only", "name the file .obj");
 }
@@ -55,8 +57,11 @@ int bake_command(const BakeOptions& options) {
     BuildProgress progress;
     World world;
     {
-        const ProgressLine line(options.quiet, [&] { return ProgressState{progress.phase.load(), progress.fraction.load()}; });
-        arena.execute([&] { world = build_world(scene.geometry, settings, interrupted(), progress, stats.build); });
+        const ProgressLine line(options.quiet, [&] {
+            return ProgressState{progress.phase.load(), progress.fraction.load()};
+        });
+        arena.execute(
+            [&] { world = build_world(scene.geometry, settings, interrupted(), progress, stats.build); });
         progress.phase = "writing";
         write_curves(output, world.curves, stats.frame, settings.fps);
         if (!options.colliders.empty()) write_colliders_obj(options.colliders, world.meshes);

@@ -26,7 +26,9 @@ std::pair<uint32_t, uint32_t> parse_size(const std::string& text) {
         const auto b = std::from_chars(a.ptr + 1, end, height);
         good = b.ec == std::errc{} && b.ptr == end;
     }
-    if (!good) throw InputError({"--size " + text}, "this is no size", "give width and height in pixels, such as 800x450");
+    if (!good)
+        throw InputError({"--size " + text}, "this is no size",
+                         "give width and height in pixels, such as 800x450");
     return {width, height};
 }
 
@@ -34,7 +36,8 @@ std::pair<uint32_t, uint32_t> parse_size(const std::string& text) {
 double checked_frame(double frame) {
     constexpr double latest = 1e9;
     if (!(std::abs(frame) <= latest))
-        throw InputError({fmt::format("--frame {}", frame)}, "this is no frame", "give a number between -1e9 and 1e9");
+        throw InputError({fmt::format("--frame {}", frame)}, "this is no frame",
+                         "give a number between -1e9 and 1e9");
     return frame;
 }
 
@@ -46,9 +49,12 @@ struct Texts { // options that are checked after parsing
 
 void add_common(CLI::App& command, CommonOptions& options) {
     command.add_option("scene", options.scene, "scene file (.toml)")->required();
-    command.add_option("--set", options.overrides.settings, "change any key of the scene, such as wind.speed=4")
-        ->type_name("KEY=VALUE")->allow_extra_args(false);
-    command.add_option("--threads", options.threads, "threads to use; default: one a processor")->check(CLI::Range(1, 1024));
+    command
+        .add_option("--set", options.overrides.settings, "change any key of the scene, such as wind.speed=4")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
+    command.add_option("--threads", options.threads, "threads to use; default: one a processor")
+        ->check(CLI::Range(1, 1024));
     command.add_option("--stats", options.stats, "write what it cost to this JSON file")->type_name("FILE");
     command.add_flag("--quiet", options.quiet, "no progress line");
 }
@@ -75,14 +81,21 @@ void add_render(CLI::App& app, Commands& c) {
     CLI::App* command = app.add_subcommand("render", "render a scene to pictures");
     add_common(*command, c.render);
     command->add_option("-o,--output", c.render.output, "picture, .exr or .png; #### stands for the frame")
-        ->type_name("FILE")->capture_default_str();
+        ->type_name("FILE")
+        ->capture_default_str();
     CLI::Option* frame = command->add_option("--frame", c.texts.frame, "frame, also a fraction of one");
-    command->add_option("--frames", c.render.frames.range, "first and last frame")->type_name("A-B")->excludes(frame);
+    command->add_option("--frames", c.render.frames.range, "first and last frame")
+        ->type_name("A-B")
+        ->excludes(frame);
     command->add_option("--spp", c.texts.samples, "samples a pixel")->check(CLI::Range(1, 65536));
     command->add_option("--size", c.texts.size, "size of the picture")->type_name("WxH");
-    command->add_option("--aov", c.texts.layers, "image layers besides the scene's: albedo, normal, depth, strand_u, or a curve attribute")
+    command
+        ->add_option(
+            "--aov", c.texts.layers,
+            "image layers besides the scene's: albedo, normal, depth, strand_u, or a curve attribute")
         ->type_name("NAME,...");
-    command->add_flag("--resume", c.render.resume, "leave out frames whose picture is there, whole, and of this scene");
+    command->add_flag("--resume", c.render.resume,
+                      "leave out frames whose picture is there, whole, and of this scene");
     command->callback([&c, command, frame] {
         const bool one_frame = frame->count() > 0;
         if (command->count("--spp") > 0) c.render.overrides.samples = c.texts.samples;
@@ -98,11 +111,16 @@ void add_render(CLI::App& app, Commands& c) {
 void add_bake(CLI::App& app, Commands& c) {
     CLI::App* command = app.add_subcommand("bake", "write a scene's strands to a file");
     add_common(*command, c.bake);
-    command->add_option("-o,--output", c.bake.output, "strands: .hair, .usda or .obj")->required()->type_name("FILE");
+    command->add_option("-o,--output", c.bake.output, "strands: .hair, .usda or .obj")
+        ->required()
+        ->type_name("FILE");
     command->add_option("--frame", c.bake.frame, "frame, also a fraction of one; default: the scene's first");
-    command->add_option("--stage", c.bake.stage, "how far through the chain")->check(CLI::IsMember({"rest", "bent", "final"}))->capture_default_str();
+    command->add_option("--stage", c.bake.stage, "how far through the chain")
+        ->check(CLI::IsMember({"rest", "bent", "final"}))
+        ->capture_default_str();
     command->add_option("--colliders", c.bake.colliders, "write all meshes as well, .obj")->type_name("FILE");
-    command->callback([&c] { c.chosen = [&c] {
+    command->callback([&c] {
+        c.chosen = [&c] {
             if (c.bake.frame) checked_frame(*c.bake.frame);
             return bake_command(c.bake);
         };
@@ -110,7 +128,8 @@ void add_bake(CLI::App& app, Commands& c) {
 }
 
 // Known to the design, not to this build: says so.
-void add_unavailable(CLI::App& app, Commands& c, const std::string& name, const std::string& help, const std::string& instead) {
+void add_unavailable(CLI::App& app, Commands& c, const std::string& name, const std::string& help,
+                     const std::string& instead) {
     CLI::App* command = app.add_subcommand(name, help);
     command->allow_extras();
     command->callback([&c, name, instead] {
@@ -134,11 +153,15 @@ int run(int argc, char** argv) {
     Commands commands;
     add_render(app, commands);
     add_bake(app, commands);
-    CLI::App* info = app.add_subcommand("info", "what there is: procedurals, shaders, parameters, what a scene holds");
-    info->add_option("subject", commands.subject, "a procedural, shader or table, or a scene file; default: everything");
+    CLI::App* info =
+        app.add_subcommand("info", "what there is: procedurals, shaders, parameters, what a scene holds");
+    info->add_option("subject", commands.subject,
+                     "a procedural, shader or table, or a scene file; default: everything");
     info->callback([&commands] { commands.chosen = [&commands] { return info_command(commands.subject); }; });
-    add_unavailable(app, commands, "compare", "compare two pictures", "use `idiff` of openimageio-tools until it is");
-    add_unavailable(app, commands, "measure", "speed against error", "use `marram render --stats` until it is");
+    add_unavailable(app, commands, "compare", "compare two pictures",
+                    "use `idiff` of openimageio-tools until it is");
+    add_unavailable(app, commands, "measure", "speed against error",
+                    "use `marram render --stats` until it is");
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) {
@@ -152,7 +175,8 @@ int run(int argc, char** argv) {
     } catch (const Cancelled&) {
         return exit_interrupted;
     } catch (const std::bad_alloc&) {
-        return report(InputError({"marram"}, "the scene does not fit into memory", "use fewer strands, CVs, motion keys or pixels"));
+        return report(InputError({"marram"}, "the scene does not fit into memory",
+                                 "use fewer strands, CVs, motion keys or pixels"));
     }
 }
 

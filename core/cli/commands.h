@@ -15,7 +15,7 @@ namespace marram {
 struct CommonOptions {
     std::string scene;
     Overrides overrides;
-    int threads = 0; // 0: as many as there are processors
+    int threads = 0;   // 0: as many as there are processors
     std::string stats; // JSON file, "" for none
     bool quiet = false;
 };

@@ -32,17 +32,20 @@ std::vector<double> whole_frames(long first, long last) {
 
 } // namespace
 
-std::vector<double> frames_to_make(const FrameRequest& request, const Vec2d& scene_range, const std::string& output) {
+std::vector<double> frames_to_make(const FrameRequest& request, const Vec2d& scene_range,
+                                   const std::string& output) {
     const bool has_place = output.find('#') != std::string::npos;
     if (request.frame) return {*request.frame};
     std::pair<long, long> range{std::lround(scene_range.x()), std::lround(scene_range.y())};
     if (request.range) {
         const auto parsed = parse_range(*request.range);
         if (!parsed || parsed->first > parsed->second || parsed->second - parsed->first >= most_frames)
-            throw InputError({"--frames " + *request.range}, "this is no range of frames", "give first and last, such as 1-24");
+            throw InputError({"--frames " + *request.range}, "this is no range of frames",
+                             "give first and last, such as 1-24");
         range = *parsed;
         if (range.first != range.second && !has_place)
-            throw InputError({"--frames " + *request.range}, "all frames would go to one file, '" + output + "'",
+            throw InputError({"--frames " + *request.range},
+                             "all frames would go to one file, '" + output + "'",
                              "put a #### where the frame's number belongs");
     } else if (!has_place) {
         return {scene_range.x()};
@@ -55,7 +58,8 @@ std::string numbered(const std::string& output, double frame) {
     if (first == std::string::npos) return output;
     const size_t end = std::min(output.find_first_not_of('#', first), output.size());
     const double whole = std::floor(std::abs(frame));
-    std::string number = fmt::format("{}{:0{}}", frame < 0.0 ? "-" : "", static_cast<long>(whole), end - first);
+    std::string number =
+        fmt::format("{}{:0{}}", frame < 0.0 ? "-" : "", static_cast<long>(whole), end - first);
     const std::string fraction = fmt::format("{}", std::abs(frame) - whole);
     if (fraction != "0" && fraction.starts_with("0.")) number += fraction.substr(1);
     return output.substr(0, first) + number + output.substr(end);

@@ -10,16 +10,19 @@
 
 namespace marram {
 
-// What --frame and --frames say; neither given: the scene's range where the output has a place for a number, else its first frame.
+// What --frame and --frames say; neither given: the scene's range where the output has a place for a number,
+// else its first frame.
 struct FrameRequest {
     std::optional<double> frame;
     std::optional<std::string> range; // "A-B"
 };
 
 // Throws InputError for a range that is none, and for several frames without a #### in the output's name.
-std::vector<double> frames_to_make(const FrameRequest& request, const Vec2d& scene_range, const std::string& output);
+std::vector<double> frames_to_make(const FrameRequest& request, const Vec2d& scene_range,
+                                   const std::string& output);
 
-// The output's name with its run of # replaced by the frame: "####" at 7 gives "0007", at 7.25 "0007.25", at -3 "-0003".
+// The output's name with its run of # replaced by the frame: "####" at 7 gives "0007", at 7.25 "0007.25", at
+// -3 "-0003".
 std::string numbered(const std::string& output, double frame);
 
 } // namespace marram

@@ -9,8 +9,9 @@
 namespace marram {
 namespace {
 
-constexpr const char* type_names[] = {"boolean", "integer", "number", "[a, b]", "[x, y, z]", "range",     "color", "text",
-                                      "choice",  "ramp",    "file",   "image",  "name of a", "list of text", "transform", "unavailable"};
+constexpr const char* type_names[] = {
+    "boolean", "integer", "number", "[a, b]", "[x, y, z]", "range",        "color",     "text",
+    "choice",  "ramp",    "file",   "image",  "name of a", "list of text", "transform", "unavailable"};
 
 std::string kind_of(const ParamSpec& spec) {
     if (spec.type == ParamType::choice) return spec.choices;
@@ -34,8 +35,8 @@ void print_params(std::span<const ParamSpec> params) {
         unit = std::max(unit, spec.unit.size());
     }
     for (const ParamSpec& spec : params)
-        fmt::print("    {:{}}  {:{}}  {:{}}  {:{}}  {}\n", spec.name, name, kind_of(spec), kind, default_of(spec), initial,
-                   spec.unit, unit, spec.help);
+        fmt::print("    {:{}}  {:{}}  {:{}}  {:{}}  {}\n", spec.name, name, kind_of(spec), kind,
+                   default_of(spec), initial, spec.unit, unit, spec.help);
 }
 
 void print_table(const std::string& title, const std::string& help, std::span<const ParamSpec> params) {
@@ -57,7 +58,8 @@ std::vector<Topic> topics(const Schema& schema) {
                                {"wind", "[wind]", "", schema.wind}};
     const auto add = [&](const std::vector<ItemSchema>& items, const std::string& table) {
         for (const ItemSchema& item : items)
-            list.push_back({item.type, fmt::format("[[{}]] type = \"{}\"", table, item.type), item.help, item.params});
+            list.push_back(
+                {item.type, fmt::format("[[{}]] type = \"{}\"", table, item.type), item.help, item.params});
     };
     add(schema.lights, "light");
     add(schema.materials, "material");
@@ -72,8 +74,9 @@ void print_scene(const std::string& file) {
     uint64_t triangles = 0;
     for (const SceneMesh& mesh : scene.geometry.meshes) {
         triangles += mesh.mesh.triangles.size();
-        fmt::print("mesh {}: {} vertices, {} triangles{}{}\n", mesh.name, mesh.mesh.positions.size(), mesh.mesh.triangles.size(),
-                   mesh.mesh.uvs.empty() ? ", no uvs" : "", mesh.transform.moves() ? ", moves" : "");
+        fmt::print("mesh {}: {} vertices, {} triangles{}{}\n", mesh.name, mesh.mesh.positions.size(),
+                   mesh.mesh.triangles.size(), mesh.mesh.uvs.empty() ? ", no uvs" : "",
+                   mesh.transform.moves() ? ", moves" : "");
     }
     BuildSettings settings = build_settings(scene, scene.description.globals.vec2("frames").x());
     settings.curves_bvh = false;
@@ -82,20 +85,26 @@ void print_scene(const std::string& file) {
     BuildStats stats;
     const World world = build_world(scene.geometry, settings, interrupted(), progress, stats);
     for (const CurveGeometry& curves : world.curves)
-        fmt::print("procedural {}: {} curves of {} CVs\n", curves.name, curves.curve_count, curves.cvs_per_curve);
-    const double keys = scene.description.camera.vec2("shutter").x() < scene.description.camera.vec2("shutter").y()
-                            ? scene.description.film.has("motion_keys") ? scene.description.film.integer("motion_keys") : 2
-                            : 1;
+        fmt::print("procedural {}: {} curves of {} CVs\n", curves.name, curves.curve_count,
+                   curves.cvs_per_curve);
+    const double keys =
+        scene.description.camera.vec2("shutter").x() < scene.description.camera.vec2("shutter").y()
+            ? scene.description.film.has("motion_keys") ? scene.description.film.integer("motion_keys") : 2
+            : 1;
     // Embree's BVH over cubic segments, medium quality: bytes and thread seconds a segment and motion step.
     constexpr double bvh_bytes = 122.0, bvh_seconds = 2e-6;
     const double segments = double(stats.segments);
     const auto [width, height] = film_size(scene);
     fmt::print("triangles: {}\ncurves: {}\nsegments: {}\n", triangles, stats.curves, stats.segments);
     fmt::print("memory: about {:.0f} MB for curves and their BVH at {} motion keys\n",
-               1e-6 * (double(stats.curve_bytes) * keys + double(stats.curve_extra_bytes) + segments * bvh_bytes * keys), keys);
-    fmt::print("build: about {:.1f} s of one processor for the BVH, {:.2f} s of all of them for the strands\n",
-               segments * bvh_seconds * (1.0 + 0.3 * (keys - 1.0)), stats.expand + stats.bend);
-    fmt::print("film: {} x {}, {:.3g} paths\n", width, height, double(width) * height * scene.description.film.integer("samples"));
+               1e-6 * (double(stats.curve_bytes) * keys + double(stats.curve_extra_bytes) +
+                       segments * bvh_bytes * keys),
+               keys);
+    fmt::print(
+        "build: about {:.1f} s of one processor for the BVH, {:.2f} s of all of them for the strands\n",
+        segments * bvh_seconds * (1.0 + 0.3 * (keys - 1.0)), stats.expand + stats.bend);
+    fmt::print("film: {} x {}, {:.3g} paths\n", width, height,
+               double(width) * height * scene.description.film.integer("samples"));
     const Vec3f size = world.bounds.sizes();
     fmt::print("bounds of the meshes: {:.4g} x {:.4g} x {:.4g} m\n", size.x(), size.y(), size.z());
 }
@@ -117,7 +126,8 @@ int info_command(const std::string& subject) {
     if (found) return 0;
     std::string known;
     for (const Topic& topic : topics(dialect.schema)) known += (known.empty() ? "" : ", ") + topic.name;
-    throw InputError({"marram info " + subject}, "there is no such thing", "ask for a scene file (.toml) or one of: " + known);
+    throw InputError({"marram info " + subject}, "there is no such thing",
+                     "ask for a scene file (.toml) or one of: " + known);
 }
 
 } // namespace marram

@@ -26,7 +26,8 @@ constexpr double grace_seconds = 0.7;
 
 void watch(sigset_t signals) {
     int signal = 0;
-    while (sigwait(&signals, &signal) != 0) {}
+    while (sigwait(&signals, &signal) != 0) {
+    }
     stop.store(true);
     const timespec pause{0, 20'000'000};
     for (double waited = 0.0;; waited += 0.02) {

@@ -39,8 +39,8 @@ ProgressLine::ProgressLine(bool quiet, std::function<ProgressState()> ask) : ask
             const double fraction = std::clamp(state.fraction, 0.0, 1.0);
             const int full = int(fraction * bar_width);
             const double elapsed = std::chrono::duration<double>(Clock::now() - begin).count();
-            fmt::print(stderr, "\r\033[K{:<20} [{:#<{}}{:.<{}}] {:3.0f} %  {}", phase, "", full, "", bar_width - full,
-                       100.0 * fraction, time_left(elapsed, fraction));
+            fmt::print(stderr, "\r\033[K{:<20} [{:#<{}}{:.<{}}] {:3.0f} %  {}", phase, "", full, "",
+                       bar_width - full, 100.0 * fraction, time_left(elapsed, fraction));
             std::fflush(stderr);
             std::this_thread::sleep_for(interval);
         }

@@ -26,14 +26,16 @@ constexpr const char* digest_key = "marram:digest";
 
 std::string lower_extension(const std::string& path) {
     std::string extension = fs::path(path).extension().string();
-    std::ranges::transform(extension, extension.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+    std::ranges::transform(extension, extension.begin(),
+                           [](unsigned char c) { return char(std::tolower(c)); });
     return extension;
 }
 
 void check_output(const std::string& output) {
     const std::string extension = lower_extension(output);
     if (extension != ".exr" && extension != ".png")
-        throw InputError({output}, "a picture cannot be written in the format '" + extension + "'", "name it .exr or .png");
+        throw InputError({output}, "a picture cannot be written in the format '" + extension + "'",
+                         "name it .exr or .png");
 }
 
 uint64_t hash_text(uint64_t h, std::string_view text) {
@@ -41,8 +43,8 @@ uint64_t hash_text(uint64_t h, std::string_view text) {
     return hash(h, text.size());
 }
 
-// What a frame depends on: the scene file, what the command line changes, the files that the scene names (by size and
-// time), the version. Two pictures with one digest are the same picture.
+// What a frame depends on: the scene file, what the command line changes, the files that the scene names (by
+// size and time), the version. Two pictures with one digest are the same picture.
 std::string digest(const LoadedScene& scene, const RenderOptions& options, double frame) {
     std::ifstream file(options.scene, std::ios::binary);
     uint64_t h = hash_text(0, std::string(std::istreambuf_iterator<char>(file), {}));
@@ -79,13 +81,15 @@ std::vector<std::string> layer_names(const LoadedScene& scene, const RenderOptio
 void check_layers(const LoadedScene& scene, const RenderOptions& options) {
     std::vector<std::string> known = {"beauty", "alpha", "albedo", "normal", "depth", "strand_u"};
     for (const auto& procedural : scene.geometry.procedurals)
-        for (uint32_t i = 0; i < procedural->type().attribute_count; ++i) known.emplace_back(procedural->type().attributes[i].name);
+        for (uint32_t i = 0; i < procedural->type().attribute_count; ++i)
+            known.emplace_back(procedural->type().attributes[i].name);
     std::ranges::sort(known);
     known.erase(std::unique(known.begin(), known.end()), known.end());
     const auto check = [&](const std::vector<std::string>& names, const Place& place) {
         for (const std::string& name : names)
             if (std::ranges::find(known, name) == known.end())
-                throw InputError(place, "this scene has no image layer '" + name + "'", fmt::format("choose among {}", fmt::join(known, ", ")));
+                throw InputError(place, "this scene has no image layer '" + name + "'",
+                                 fmt::format("choose among {}", fmt::join(known, ", ")));
     };
     const ParamValue& aovs = scene.description.film.at("aovs");
     check(aovs.texts, aovs.place);
@@ -96,10 +100,15 @@ std::vector<std::string> channel_names(const FilmLayer& layer) {
     if (layer.name == "depth") return {"Z"};
     if (layer.name == "normal") return {"X", "Y", "Z"};
     switch (layer.channels) {
-    case 1: return {"Y"};
-    case 2: return {"U", "V"};
-    case 3: return layer.kind == LayerKind::attribute ? std::vector<std::string>{"X", "Y", "Z"} : std::vector<std::string>{"R", "G", "B"};
-    default: return {"R", "G", "B", "A"};
+    case 1:
+        return {"Y"};
+    case 2:
+        return {"U", "V"};
+    case 3:
+        return layer.kind == LayerKind::attribute ? std::vector<std::string>{"X", "Y", "Z"}
+                                                  : std::vector<std::string>{"R", "G", "B"};
+    default:
+        return {"R", "G", "B", "A"};
     }
 }
 
@@ -114,18 +123,21 @@ std::vector<float> rgba_of(const Film& film) {
     return rgba;
 }
 
-void save(const std::string& path, const LoadedScene& scene, const Film& film, const std::vector<Metadata>& metadata) {
+void save(const std::string& path, const LoadedScene& scene, const Film& film,
+          const std::vector<Metadata>& metadata) {
     const Uncut uncut;
     const int width = int(film.width), height = int(film.height);
     if (lower_extension(path) == ".png") {
-        write_png(path, width, height, 3, find_layer(film, "beauty")->pixels.data(), scene.description.film.number("exposure"));
+        write_png(path, width, height, 3, find_layer(film, "beauty")->pixels.data(),
+                  scene.description.film.number("exposure"));
         return;
     }
     const std::vector<float> rgba = rgba_of(film);
     std::vector<Layer> layers = {{"", {"R", "G", "B", "A"}, rgba.data(), true}};
     for (const FilmLayer& layer : film.layers)
         if (layer.kind != LayerKind::beauty && layer.kind != LayerKind::alpha)
-            layers.push_back({layer.name, channel_names(layer), layer.pixels.data(), layer.kind == LayerKind::albedo || layer.kind == LayerKind::normal});
+            layers.push_back({layer.name, channel_names(layer), layer.pixels.data(),
+                              layer.kind == LayerKind::albedo || layer.kind == LayerKind::normal});
     write_exr(path, width, height, layers, metadata);
 }
 
@@ -142,7 +154,8 @@ struct Watched {
 
 ProgressState state_of(const Watched& watched, const std::string& prefix) {
     const uint64_t samples = watched.samples.load();
-    if (samples > 0) return {prefix + "rendering", double(watched.render.samples_done.load()) / double(samples)};
+    if (samples > 0)
+        return {prefix + "rendering", double(watched.render.samples_done.load()) / double(samples)};
     return {prefix + watched.build.phase.load(), watched.build.fraction.load()};
 }
 
@@ -166,7 +179,8 @@ bool render_frame(LoadedScene& scene, const RenderOptions& options, double frame
         const double traced = wall_seconds();
         watched.samples = uint64_t(width) * height * render_with.samples;
         const Lights lights(scene.lights, world);
-        stats.render = render(world, lights, scene.materials, scene.camera, render_with, film, &watched.render);
+        stats.render =
+            render(world, lights, scene.materials, scene.camera, render_with, film, &watched.render);
         stats.trace = wall_seconds() - traced;
     }
     for (const std::string& warning : stats.build.warnings) fmt::print(stderr, "{}\n", warning);

@@ -11,7 +11,9 @@
 namespace marram {
 namespace {
 
-double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+double now() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
 
 // Where meshes stand at a time.
 struct Placement {
@@ -77,7 +79,8 @@ MeshGeometry place_mesh(const SceneMesh& source, const std::vector<double>& time
     for (const auto& positions : mesh.positions)
         for (const Vec3f& p : positions)
             if (!sound(p))
-                throw InputError({source.name}, "the mesh's transform moves it beyond 1e18 m", "use smaller translations and scales");
+                throw InputError({source.name}, "the mesh's transform moves it beyond 1e18 m",
+                                 "use smaller translations and scales");
     return mesh;
 }
 
@@ -100,7 +103,9 @@ std::shared_ptr<RTCDeviceTy> make_device(std::shared_ptr<DeviceErrors>& errors) 
     errors = std::make_shared<DeviceErrors>();
     // Tasks run in whatever arena calls; Embree must not start threads of its own or bind ours to cores.
     RTCDevice device = rtcNewDevice("set_affinity=0,start_threads=0");
-    if (!device) throw InputError({"embree"}, "the ray tracing device cannot be made", "check that the processor has SSE2 and the package embree is whole");
+    if (!device)
+        throw InputError({"embree"}, "the ray tracing device cannot be made",
+                         "check that the processor has SSE2 and the package embree is whole");
     rtcSetDeviceErrorFunction(device, on_device_error, errors.get());
     return {device, [errors](RTCDevice d) { rtcReleaseDevice(d); }};
 }
@@ -121,7 +126,8 @@ struct Build {
         if (errors->code == RTC_ERROR_NONE) return;
         if (errors->code == RTC_ERROR_CANCELLED) throw Cancelled{};
         const bool memory = errors->code == RTC_ERROR_OUT_OF_MEMORY;
-        throw InputError({"embree"}, memory ? "the scene does not fit into memory" : "Embree failed: " + errors->text,
+        throw InputError({"embree"},
+                         memory ? "the scene does not fit into memory" : "Embree failed: " + errors->text,
                          memory ? "use fewer strands, CVs or motion keys" : "report it with the scene");
     }
 };
@@ -152,8 +158,8 @@ std::shared_ptr<RTCSceneTy> new_scene(const Build& build, RTCSceneFlags flags) {
 void attach_mesh(Build& build, MeshGeometry& mesh, unsigned id) {
     RTCGeometry geometry = rtcNewGeometry(build.world.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE);
     rtcSetGeometryTimeStepCount(geometry, unsigned(mesh.positions.size()));
-    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh.triangles.data(), 0, 12,
-                               mesh.triangles.size());
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh.triangles.data(), 0,
+                               12, mesh.triangles.size());
     for (size_t t = 0; t < mesh.positions.size(); ++t)
         rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, unsigned(t), RTC_FORMAT_FLOAT3,
                                    mesh.positions[t].data(), 0, sizeof(Vec3f), mesh.positions[t].size());
@@ -171,12 +177,14 @@ class LentMeshes {
         lists_.resize(world.meshes.size());
         for (size_t i = 0; i < world.meshes.size(); ++i) {
             const MeshGeometry& mesh = world.meshes[i];
-            for (const auto& positions : mesh.positions) lists_[i].positions.push_back(positions.data()->data());
+            for (const auto& positions : mesh.positions)
+                lists_[i].positions.push_back(positions.data()->data());
             for (const auto& normals : mesh.normals) lists_[i].normals.push_back(normals.data()->data());
-            meshes_.push_back({mesh.name.c_str(), uint32_t(i), uint32_t(mesh.positions[0].size()),
-                               uint32_t(mesh.triangles.size()), uint32_t(mesh.positions.size()),
-                               lists_[i].positions.data(), mesh.normals.empty() ? nullptr : lists_[i].normals.data(),
-                               mesh.triangles.data()->data(), mesh.uvs.empty() ? nullptr : mesh.uvs.data()->data()});
+            meshes_.push_back(
+                {mesh.name.c_str(), uint32_t(i), uint32_t(mesh.positions[0].size()),
+                 uint32_t(mesh.triangles.size()), uint32_t(mesh.positions.size()), lists_[i].positions.data(),
+                 mesh.normals.empty() ? nullptr : lists_[i].normals.data(), mesh.triangles.data()->data(),
+                 mesh.uvs.empty() ? nullptr : mesh.uvs.data()->data()});
         }
     }
 
@@ -229,7 +237,8 @@ void check_mesh(const Procedural& procedural, const MeshGeometry& mesh) {
     for (const auto& triangle : mesh.triangles)
         for (const uint32_t vertex : triangle)
             if (vertex >= mesh.positions[0].size())
-                procedural.refuse("a triangle of its mesh names a vertex that is not there", "mend the library");
+                procedural.refuse("a triangle of its mesh names a vertex that is not there",
+                                  "mend the library");
 }
 
 // Phase 1 for one procedural that makes a mesh: it may read the meshes before it.
@@ -251,8 +260,10 @@ void add_procedural_mesh(Build& build, Procedural& procedural) {
 RTCGeometryType curve_type(const MarramOutput& output) {
     const bool bspline = output.basis == MARRAM_BSPLINE;
     switch (output.shape) {
-    case MARRAM_ROUND: return bspline ? RTC_GEOMETRY_TYPE_ROUND_BSPLINE_CURVE : RTC_GEOMETRY_TYPE_ROUND_CATMULL_ROM_CURVE;
-    case MARRAM_RIBBON: return bspline ? RTC_GEOMETRY_TYPE_FLAT_BSPLINE_CURVE : RTC_GEOMETRY_TYPE_FLAT_CATMULL_ROM_CURVE;
+    case MARRAM_ROUND:
+        return bspline ? RTC_GEOMETRY_TYPE_ROUND_BSPLINE_CURVE : RTC_GEOMETRY_TYPE_ROUND_CATMULL_ROM_CURVE;
+    case MARRAM_RIBBON:
+        return bspline ? RTC_GEOMETRY_TYPE_FLAT_BSPLINE_CURVE : RTC_GEOMETRY_TYPE_FLAT_CATMULL_ROM_CURVE;
     default:
         return bspline ? RTC_GEOMETRY_TYPE_NORMAL_ORIENTED_BSPLINE_CURVE
                        : RTC_GEOMETRY_TYPE_NORMAL_ORIENTED_CATMULL_ROM_CURVE;
@@ -279,13 +290,16 @@ void check_output(const CurveBuild& item) {
         procedural.refuse("it asks for a shape or basis that the contract does not have", "mend the library");
     constexpr uint64_t most = std::numeric_limits<uint32_t>::max();
     if (output.curve_count > most / (output.cvs_per_curve + 2))
-        procedural.refuse("its curves need more than 2^32 vertices", "use fewer strands or CVs, or two procedurals");
+        procedural.refuse("its curves need more than 2^32 vertices",
+                          "use fewer strands or CVs, or two procedurals");
     uint64_t next = 0;
     for (const MarramPatch& patch : item.patches) {
-        if (patch.first_curve != next) procedural.refuse("its patches do not follow each other", "mend the library");
+        if (patch.first_curve != next)
+            procedural.refuse("its patches do not follow each other", "mend the library");
         next += patch.curve_count;
     }
-    if (next != output.curve_count) procedural.refuse("its patches do not add up to its curves", "mend the library");
+    if (next != output.curve_count)
+        procedural.refuse("its patches do not add up to its curves", "mend the library");
 }
 
 void allocate(Build& build, CurveBuild& item) {
@@ -302,8 +316,8 @@ void allocate(Build& build, CurveBuild& item) {
         item.vertices.push_back(static_cast<float*>(
             rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, t, RTC_FORMAT_FLOAT4, 16, vertices)));
         if (oriented)
-            item.normals.push_back(static_cast<float*>(
-                rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_NORMAL, t, RTC_FORMAT_FLOAT3, 12, vertices)));
+            item.normals.push_back(static_cast<float*>(rtcSetNewGeometryBuffer(
+                geometry, RTC_BUFFER_TYPE_NORMAL, t, RTC_FORMAT_FLOAT3, 12, vertices)));
     }
     build.check_device();
     CurveGeometry& curves = item.curves;
@@ -321,8 +335,10 @@ void allocate(Build& build, CurveBuild& item) {
             const MarramAttribute& attribute = type.attributes[a];
             if (wanted != attribute.name) continue;
             item.attributes.push_back(a);
-            const size_t values = count * attribute.components * (attribute.per_cv ? output.cvs_per_curve : 1);
-            curves.attributes.push_back({attribute.name, attribute.components, attribute.per_cv != 0, std::vector<float>(values)});
+            const size_t values =
+                count * attribute.components * (attribute.per_cv ? output.cvs_per_curve : 1);
+            curves.attributes.push_back(
+                {attribute.name, attribute.components, attribute.per_cv != 0, std::vector<float>(values)});
             build.stats.curve_extra_bytes += values * sizeof(float);
             break;
         }
@@ -352,16 +368,20 @@ void tessellate_patch(CurveBuild& item, uint32_t index) {
     }
     for (size_t a = 0; a < item.attributes.size(); ++a) {
         CurveAttributeValues& values = item.curves.attributes[a];
-        attributes[a] = values.values.data() + patch.first_curve * values.components * (values.per_cv ? cvs : 1);
+        attributes[a] =
+            values.values.data() + patch.first_curve * values.components * (values.per_cv ? cvs : 1);
     }
-    item.procedural->tessellate(index, {vertices, item.normals.empty() ? nullptr : normals, uint32_t(item.attributes.size()),
-                                        item.attributes.data(), attributes});
+    item.procedural->tessellate(index,
+                                {vertices, item.normals.empty() ? nullptr : normals,
+                                 uint32_t(item.attributes.size()), item.attributes.data(), attributes});
     for (uint32_t t = 0; t < item.output.time_count; ++t)
         if (!finite(vertices[t], size_t(patch.curve_count) * (cvs + 2) * 4))
-            item.procedural->refuse("a CV is not a finite number", "look for huge values in the scene, or mend the library");
+            item.procedural->refuse("a CV is not a finite number",
+                                    "look for huge values in the scene, or mend the library");
     uint32_t* indices = item.indices + patch.first_curve * (cvs - 1);
     for (uint32_t c = 0; c < patch.curve_count; ++c)
-        for (uint32_t k = 0; k + 1 < cvs; ++k) *indices++ = uint32_t(first_vertex + size_t(c) * (cvs + 2) + k);
+        for (uint32_t k = 0; k + 1 < cvs; ++k)
+            *indices++ = uint32_t(first_vertex + size_t(c) * (cvs + 2) + k);
 }
 
 // Wall seconds of the tessellation are shared out by the thread seconds that the procedural reports.
@@ -376,7 +396,8 @@ void account(Build& build, CurveBuild& item, double wall) {
     const double sum = expand + bend;
     build.stats.expand += roots + (sum > 0.0 ? wall * expand / sum : wall);
     build.stats.bend += sum > 0.0 ? wall * bend / sum : 0.0;
-    for (std::string& warning : item.procedural->take_warnings()) build.stats.warnings.push_back(std::move(warning));
+    for (std::string& warning : item.procedural->take_warnings())
+        build.stats.warnings.push_back(std::move(warning));
 }
 
 void add_curves(Build& build, Procedural& procedural, LentMeshes& lent) {
@@ -387,8 +408,10 @@ void add_curves(Build& build, Procedural& procedural, LentMeshes& lent) {
     item.output = procedural.begin(lent.frame(build.settings, true));
     const double asked = now();
     item.patches.resize(item.output.patch_count);
-    tbb::parallel_for(uint32_t{0}, item.output.patch_count, [&](uint32_t i) { item.patches[i] = procedural.patch(i); });
-    for (const MarramPatch& p : item.patches) build.stats.patch_bounds.emplace_back(Vec3f(p.lower), Vec3f(p.upper));
+    tbb::parallel_for(uint32_t{0}, item.output.patch_count,
+                      [&](uint32_t i) { item.patches[i] = procedural.patch(i); });
+    for (const MarramPatch& p : item.patches)
+        build.stats.patch_bounds.emplace_back(Vec3f(p.lower), Vec3f(p.upper));
     build.stats.expand += now() - asked;
     check_output(item);
     if (item.output.time_count != 1 && item.output.time_count != build.world.times.size())
@@ -414,7 +437,8 @@ void add_curves(Build& build, Procedural& procedural, LentMeshes& lent) {
 } // namespace
 
 std::vector<double> motion_times(const BuildSettings& settings) {
-    const double open = settings.frame + settings.shutter_open, close = settings.frame + settings.shutter_close;
+    const double open = settings.frame + settings.shutter_open,
+                 close = settings.frame + settings.shutter_close;
     if (!(open < close)) return {open};
     std::vector<double> times(settings.motion_keys);
     const auto last = double(settings.motion_keys - 1);
@@ -455,7 +479,8 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
     stats.curves_bvh = now() - curves;
     RTCBounds bounds{};
     rtcGetSceneBounds(settings.curves_bvh ? world.scene.get() : world.colliders.get(), &bounds);
-    world.bounds = Box3f(Vec3f(bounds.lower_x, bounds.lower_y, bounds.lower_z), Vec3f(bounds.upper_x, bounds.upper_y, bounds.upper_z));
+    world.bounds = Box3f(Vec3f(bounds.lower_x, bounds.lower_y, bounds.lower_z),
+                         Vec3f(bounds.upper_x, bounds.upper_y, bounds.upper_z));
     world.curve_buffers = std::move(build.curves);
     return std::move(build.world);
 }

@@ -14,27 +14,41 @@ namespace {
 
 ParamType type_of(MarramParamType type) {
     switch (type) {
-    case MARRAM_BOOLEAN: return ParamType::boolean;
-    case MARRAM_INTEGER: return ParamType::integer;
-    case MARRAM_NUMBER: return ParamType::number;
-    case MARRAM_VEC2: return ParamType::vec2;
-    case MARRAM_VEC3: return ParamType::vec3;
-    case MARRAM_RANGE: return ParamType::range;
-    case MARRAM_COLOR: return ParamType::color;
-    case MARRAM_TEXT: return ParamType::text;
-    case MARRAM_CHOICE: return ParamType::choice;
-    case MARRAM_RAMP: return ParamType::ramp;
-    case MARRAM_IMAGE: return ParamType::image;
-    case MARRAM_MESH_NAME: return ParamType::reference;
-    case MARRAM_UNAVAILABLE: return ParamType::unavailable;
-    case MARRAM_PARAM_TYPE_COUNT: break;
+    case MARRAM_BOOLEAN:
+        return ParamType::boolean;
+    case MARRAM_INTEGER:
+        return ParamType::integer;
+    case MARRAM_NUMBER:
+        return ParamType::number;
+    case MARRAM_VEC2:
+        return ParamType::vec2;
+    case MARRAM_VEC3:
+        return ParamType::vec3;
+    case MARRAM_RANGE:
+        return ParamType::range;
+    case MARRAM_COLOR:
+        return ParamType::color;
+    case MARRAM_TEXT:
+        return ParamType::text;
+    case MARRAM_CHOICE:
+        return ParamType::choice;
+    case MARRAM_RAMP:
+        return ParamType::ramp;
+    case MARRAM_IMAGE:
+        return ParamType::image;
+    case MARRAM_MESH_NAME:
+        return ParamType::reference;
+    case MARRAM_UNAVAILABLE:
+        return ParamType::unavailable;
+    case MARRAM_PARAM_TYPE_COUNT:
+        break;
     }
     return ParamType::unavailable;
 }
 
 ParamSpec spec_of(const MarramParam& param) {
-    ParamSpec spec{param.name, type_of(param.type), param.unit, param.initial, param.minimum, param.maximum,
-                   param.choices, param.help};
+    ParamSpec spec{param.name,    type_of(param.type), param.unit,    param.initial,
+                   param.minimum, param.maximum,       param.choices, param.help};
     if (spec.type == ParamType::reference) spec.choices = "mesh|procedural"; // what it makes may be a mesh
     return spec;
 }
@@ -60,8 +74,9 @@ class ContractValues {
   private:
     const MarramImage* image(const ParamValue& value) {
         const Image& pixels = pixels_.emplace_back(read_image(value.text, ColorSpace::linear_data));
-        return &images_.emplace_back(MarramImage{static_cast<uint32_t>(pixels.width), static_cast<uint32_t>(pixels.height),
-                                                 static_cast<uint32_t>(pixels.channels), pixels.pixels.data()});
+        return &images_.emplace_back(
+            MarramImage{static_cast<uint32_t>(pixels.width), static_cast<uint32_t>(pixels.height),
+                        static_cast<uint32_t>(pixels.channels), pixels.pixels.data()});
     }
     std::vector<MarramValue> values_;
     std::deque<std::string> places_;
@@ -90,7 +105,8 @@ PluginLibrary::PluginLibrary(const std::string& path, const Place& place) : path
     const std::string absolute = std::filesystem::absolute(path).string();
     handle_ = dlopen(absolute.c_str(), RTLD_NOW | RTLD_LOCAL);
     if (!handle_)
-        throw InputError(place, "cannot load the procedural library: " + std::string(dlerror()), "build it, or mend its path");
+        throw InputError(place, "cannot load the procedural library: " + std::string(dlerror()),
+                         "build it, or mend its path");
     const auto entry = reinterpret_cast<MarramLibraryFunction>(dlsym(handle_, MARRAM_ENTRY_POINT));
     const std::string fix = "build it against core/plugin/marram_plugin.h of this version";
     if (!entry) {
@@ -101,8 +117,10 @@ PluginLibrary::PluginLibrary(const std::string& path, const Place& place) : path
     if (!table_ || table_->abi != MARRAM_ABI_VERSION) {
         const std::string found = table_ ? " " + std::to_string(table_->abi) : "";
         dlclose(handle_);
-        throw InputError(place, "'" + path + "' speaks another version" + found + " of the contract than " +
-                                    std::to_string(MARRAM_ABI_VERSION), fix);
+        throw InputError(place,
+                         "'" + path + "' speaks another version" + found + " of the contract than " +
+                             std::to_string(MARRAM_ABI_VERSION),
+                         fix);
     }
 }
 
@@ -125,7 +143,8 @@ std::vector<ItemSchema> procedural_schemas(const MarramLibrary& library) {
     for (uint32_t i = 0; i < library.procedural_count; ++i) {
         const MarramProcedural& procedural = library.procedurals[i];
         ItemSchema schema{procedural.name, procedural.help, {}};
-        schema.params.push_back({"material", ParamType::reference, "", "none", {}, {}, "material", "default: a plain grey"});
+        schema.params.push_back(
+            {"material", ParamType::reference, "", "none", {}, {}, "material", "default: a plain grey"});
         for (uint32_t p = 0; p < procedural.param_count; ++p) {
             ParamSpec spec = spec_of(procedural.params[p]);
             if (spec.name.starts_with(wind_prefix)) spec.initial = "none";
@@ -141,11 +160,13 @@ Procedural::Procedural(std::shared_ptr<PluginLibrary> library, const Item& item,
     : library_(std::move(library)), name_(item.name), place_(item.place), type_(library_->find(item.type)),
       cancel_(&cancel) {
     if (!type_)
-        throw InputError(item.place, "the library '" + library_->path() + "' has no procedural '" + item.type + "'",
+        throw InputError(item.place,
+                         "the library '" + library_->path() + "' has no procedural '" + item.type + "'",
                          "see `marram info` for what it has");
     ContractValues values;
     for (uint32_t i = 0; i < type_->param_count; ++i)
-        if (const ParamValue* value = value_for(type_->params[i], item, wind)) values.add(type_->params[i], *value);
+        if (const ParamValue* value = value_for(type_->params[i], item, wind))
+            values.add(type_->params[i], *value);
     host_ = {this, on_message, on_cancelled};
     check(type_->create(&host_, values.data(), values.size(), &instance_));
 }
@@ -158,8 +179,10 @@ void Procedural::on_message(void* user, MarramSeverity severity, const char* pla
     Procedural& procedural = *static_cast<Procedural*>(user);
     const std::lock_guard lock(procedural.messages_lock_);
     const std::string where = *place ? place : to_string(procedural.place_);
-    if (severity == MARRAM_FAULT) procedural.faults_.push_back(problem_of(where, text));
-    else procedural.warnings_.push_back(where + ": " + text);
+    if (severity == MARRAM_FAULT)
+        procedural.faults_.push_back(problem_of(where, text));
+    else
+        procedural.warnings_.push_back(where + ": " + text);
 }
 
 int Procedural::on_cancelled(void* user) {
@@ -171,14 +194,16 @@ void Procedural::check(MarramStatus status) {
     if (status == MARRAM_CANCELLED) throw Cancelled{};
     const std::lock_guard lock(messages_lock_);
     if (faults_.empty())
-        faults_.push_back({place_, "the procedural '" + name_ + "' failed without saying why", "ask its author"});
+        faults_.push_back(
+            {place_, "the procedural '" + name_ + "' failed without saying why", "ask its author"});
     throw InputError(std::exchange(faults_, {}));
 }
 
 MarramOutput Procedural::begin(const MarramFrame& frame) {
     MarramOutput output{};
     check(type_->begin(instance_, &frame, &output));
-    if (output.kind != type_->kind) refuse("it hands over another kind of output than it declares", "mend the library");
+    if (output.kind != type_->kind)
+        refuse("it hands over another kind of output than it declares", "mend the library");
     return output;
 }
 

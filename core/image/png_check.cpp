@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// PNG (ISO 15948), section 5: an 8-byte signature, then chunks of length, type, data and the CRC-32 of type and data.
+// PNG (ISO 15948), section 5: an 8-byte signature, then chunks of length, type, data and the CRC-32 of type
+// and data.
 #include "core/image/png_check.h"
 
 #include <array>
@@ -51,9 +52,11 @@ std::string png_fault(const std::string& path) {
         for (size_t wanted = size_t(bytes) + 8; chunk.size() < wanted;) {
             const size_t have = chunk.size(), more = std::min(step, wanted - have);
             chunk.resize(have + more);
-            if (!file.read(reinterpret_cast<char*>(chunk.data() + have), std::streamsize(more))) return "the file is cut short";
+            if (!file.read(reinterpret_cast<char*>(chunk.data() + have), std::streamsize(more)))
+                return "the file is cut short";
         }
-        if (crc32(chunk.data(), size_t(bytes) + 4) != big_endian(chunk.data() + bytes + 4)) return "a checksum is wrong: the file is damaged";
+        if (crc32(chunk.data(), size_t(bytes) + 4) != big_endian(chunk.data() + bytes + 4))
+            return "a checksum is wrong: the file is damaged";
         if (std::memcmp(chunk.data(), "IEND", 4) == 0) return "";
     }
 }

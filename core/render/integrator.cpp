@@ -97,7 +97,8 @@ ShadingPoint shading_point(const Frame& frame, const SurfacePoint& at, const Vec
     const uint32_t curves = at.geometry - static_cast<uint32_t>(frame.world.meshes.size());
     // Strands that carry an id keep their looks when others come and go; an index does not.
     const CurveAttributeValues* ids = frame.ids[curves];
-    point.strand = static_cast<uint32_t>(hash(curves, ids ? std::bit_cast<uint32_t>(ids->values[at.strand]) : at.strand));
+    point.strand = static_cast<uint32_t>(
+        hash(curves, ids ? std::bit_cast<uint32_t>(ids->values[at.strand]) : at.strand));
     if (const CurveAttributeValues* tint = frame.tints[curves]) {
         std::array<float, 4> values{};
         attribute_at(frame.world.curves[curves], *tint, at, values.data());

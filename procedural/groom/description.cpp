@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // groom: hair, fur or grass that grows on a mesh.
 //
-// What it models. Roots are spread over the rest surface as evenly as asked (roots.h), each strand gets a shape of its own
-// from hashes of its root (strands.h), rides on the surface as it moves, and is blown by the scene's wind
-// (procedural/wind). A strand keeps its id and shape when density changes elsewhere, when the frame moves, and when
-// parameters that do not concern it change.
+// What it models. Roots are spread over the rest surface as evenly as asked (roots.h), each strand gets a
+// shape of its own from hashes of its root (strands.h), rides on the surface as it moves, and is blown by the
+// scene's wind (procedural/wind). A strand keeps its id and shape when density changes elsewhere, when the
+// frame moves, and when parameters that do not concern it change.
 //
 //     [[procedural]]
 //     type = "groom"
@@ -34,18 +34,25 @@ constexpr double big = 1e18; // as large as Embree takes
 
 constexpr std::array params = {
     MarramParam{"on", MARRAM_MESH_NAME, "", "", -big, big, "", "mesh that the strands grow on"},
-    MarramParam{"density", MARRAM_NUMBER, "1/m^2", "none", 0, 1e12, "", "strands a square metre; this or count"},
-    MarramParam{"count", MARRAM_INTEGER, "", "none", 1, 400000000, "", "strands in all, masks included; this or density"},
+    MarramParam{"density", MARRAM_NUMBER, "1/m^2", "none", 0, 1e12, "",
+                "strands a square metre; this or count"},
+    MarramParam{"count", MARRAM_INTEGER, "", "none", 1, 400000000, "",
+                "strands in all, masks included; this or density"},
     MarramParam{"density_mask", MARRAM_IMAGE, "", "none", -big, big, "", "share of the density, by uv"},
     MarramParam{"density_by_height", MARRAM_RAMP, "m", "none", -big, big, "", "share of the density over y"},
-    MarramParam{"density_by_slope", MARRAM_RAMP, "deg", "none", -big, big, "", "share of the density over slope (0 is level)"},
-    MarramParam{"spacing", MARRAM_NUMBER, "", "1", 0, 1, "", "0: random roots, 1: as even as a Poisson disc set"},
+    MarramParam{"density_by_slope", MARRAM_RAMP, "deg", "none", -big, big, "",
+                "share of the density over slope (0 is level)"},
+    MarramParam{"spacing", MARRAM_NUMBER, "", "1", 0, 1, "",
+                "0: random roots, 1: as even as a Poisson disc set"},
     MarramParam{"length", MARRAM_RANGE, "m", "", 0, big, "", "shortest and longest strand"},
     MarramParam{"length_mask", MARRAM_IMAGE, "", "none", -big, big, "", "share of the length, by uv"},
     MarramParam{"length_by_height", MARRAM_RAMP, "m", "none", -big, big, "", "share of the length over y"},
-    MarramParam{"length_by_slope", MARRAM_RAMP, "deg", "none", -big, big, "", "share of the length over slope"},
-    MarramParam{"comb", MARRAM_VEC3, "", "none", -big, big, "", "direction to lean to; absent: each strand its own"},
-    MarramParam{"comb_variation", MARRAM_NUMBER, "deg", "20", 0, 180, "", "strands turn away from comb by up to this"},
+    MarramParam{"length_by_slope", MARRAM_RAMP, "deg", "none", -big, big, "",
+                "share of the length over slope"},
+    MarramParam{"comb", MARRAM_VEC3, "", "none", -big, big, "",
+                "direction to lean to; absent: each strand its own"},
+    MarramParam{"comb_variation", MARRAM_NUMBER, "deg", "20", 0, 180, "",
+                "strands turn away from comb by up to this"},
     MarramParam{"lean", MARRAM_NUMBER, "deg", "10", 0, 90, "", "angle to the surface normal at the root"},
     MarramParam{"lean_variation", MARRAM_NUMBER, "deg", "5", 0, 90, "", "the same, up or down by at most"},
     MarramParam{"arc", MARRAM_NUMBER, "deg", "20", -720, 720, "", "further lean from root to tip"},
@@ -54,17 +61,22 @@ constexpr std::array params = {
     MarramParam{"curl.turns", MARRAM_NUMBER, "", "3", 0, 1000, "", "of the helix over the strand"},
     MarramParam{"clump.size", MARRAM_NUMBER, "m", "0", 0, big, "", "mean distance of clumps; 0: none"},
     MarramParam{"clump.amount", MARRAM_NUMBER, "", "0.5", 0, 1, "", "1: all tips of a clump meet"},
-    MarramParam{"clump.profile", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -big, big, "", "pull to the clump from root to tip"},
+    MarramParam{"clump.profile", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -big, big, "",
+                "pull to the clump from root to tip"},
     MarramParam{"frizz.amplitude", MARRAM_NUMBER, "m", "0", 0, big, "", "sideways wander at the tip"},
     MarramParam{"frizz.frequency", MARRAM_NUMBER, "", "4", 0, 1e4, "", "wanders over the strand"},
     MarramParam{"width", MARRAM_NUMBER, "m", "", 0, big, "", "diameter, or breadth of a ribbon"},
-    MarramParam{"width_profile", MARRAM_RAMP, "", "[[0, 1], [1, 0.1]]", -big, big, "", "share of the width from root to tip"},
-    MarramParam{"width_variation", MARRAM_NUMBER, "", "0.1", 0, 1, "", "share by which strands are thinner than others"},
+    MarramParam{"width_profile", MARRAM_RAMP, "", "[[0, 1], [1, 0.1]]", -big, big, "",
+                "share of the width from root to tip"},
+    MarramParam{"width_variation", MARRAM_NUMBER, "", "0.1", 0, 1, "",
+                "share by which strands are thinner than others"},
     MarramParam{"cvs", MARRAM_INTEGER, "", "8", 2, 1000, "", "control vertices a strand"},
-    MarramParam{"basis", MARRAM_CHOICE, "", "bspline", -big, big, "bspline|catmull-rom", "B-spline is smoother, Catmull-Rom meets its CVs"},
+    MarramParam{"basis", MARRAM_CHOICE, "", "bspline", -big, big, "bspline|catmull-rom",
+                "B-spline is smoother, Catmull-Rom meets its CVs"},
     MarramParam{"shape", MARRAM_CHOICE, "", "round", -big, big, "round|ribbon|oriented-ribbon",
                 "tube, flat facing the camera, or flat facing its own way"},
-    MarramParam{"envelope", MARRAM_RAMP, "", "[[0, 1]]", -big, big, "", "share of the wind taken from root to tip"},
+    MarramParam{"envelope", MARRAM_RAMP, "", "[[0, 1]]", -big, big, "",
+                "share of the wind taken from root to tip"},
     MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "another groom of the same description"},
 };
 
@@ -78,7 +90,8 @@ std::optional<Mask> optional_mask(const Values& values, std::string_view name) {
     if (!value) return {};
     const MarramImage* image = value->image;
     if (!image || !image->pixels || image->width == 0 || image->height == 0 || image->channels == 0)
-        throw SceneFault(value->place, std::string(name) + ": the image was not handed over: read it before create()");
+        throw SceneFault(value->place,
+                         std::string(name) + ": the image was not handed over: read it before create()");
     Mask mask{image->width, image->height, {}};
     const size_t pixels = size_t(image->width) * image->height;
     mask.values.resize(pixels);
@@ -99,7 +112,9 @@ void read_roots(const Values& values, Groom& groom) {
     if (density && count)
         throw SceneFault(count->place, "both density and count are given: keep one of them");
     if (!density && !count)
-        throw SceneFault(values.at("on").place, "neither density nor count is given: add density = strands a square metre, or count");
+        throw SceneFault(
+            values.at("on").place,
+            "neither density nor count is given: add density = strands a square metre, or count");
     if (density) groom.density = density->numbers[0];
     if (count) groom.count = static_cast<uint64_t>(count->numbers[0]);
     groom.count_place = (density ? density : count)->place;
@@ -127,7 +142,8 @@ double Masks::operator()(const Vec2d& uv, double height, const Vec3d& unit_norma
     if (image) share *= std::clamp((*image)(uv.x(), uv.y()), 0.0, 1.0);
     if (by_height) share *= std::clamp((*by_height)(height), 0.0, 1.0);
     if (by_slope) {
-        const double slope = std::atan2(std::hypot(unit_normal.x(), unit_normal.z()), unit_normal.y()) / degree;
+        const double slope =
+            std::atan2(std::hypot(unit_normal.x(), unit_normal.z()), unit_normal.y()) / degree;
         share *= std::clamp((*by_slope)(slope), 0.0, 1.0);
     }
     return share;
@@ -142,7 +158,8 @@ Groom read_groom(const Values& values) {
     groom.combed = values.has("comb");
     if (groom.combed) {
         const Vec3d comb = values.vec3("comb");
-        if (!(comb.stableNorm() > 0.0)) throw SceneFault(values.at("comb").place, "comb is zero: give a direction, or leave it out");
+        if (!(comb.stableNorm() > 0.0))
+            throw SceneFault(values.at("comb").place, "comb is zero: give a direction, or leave it out");
         groom.comb = comb.stableNormalized();
     }
     groom.comb_variation = radians(values, "comb_variation");
@@ -161,7 +178,9 @@ Groom read_groom(const Values& values) {
     groom.width_variation = values.number("width_variation");
     groom.width_profile = values.ramp("width_profile");
     for (const double share : groom.width_profile.values())
-        if (share < 0.0) throw SceneFault(values.at("width_profile").place, "width_profile goes below 0: a width cannot be negative");
+        if (share < 0.0)
+            throw SceneFault(values.at("width_profile").place,
+                             "width_profile goes below 0: a width cannot be negative");
     groom.cvs = values.integer("cvs");
     groom.basis = values.text("basis") == "bspline" ? MARRAM_BSPLINE : MARRAM_CATMULL_ROM;
     groom.shape = values.text("shape") == "round"    ? MARRAM_ROUND

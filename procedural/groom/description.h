@@ -43,8 +43,8 @@ struct Groom {
 
     Vec2d length; // metres
     bool combed = false;
-    Vec3d comb;                             // where strands lean to
-    double comb_variation = 0.0;            // radians
+    Vec3d comb;                              // where strands lean to
+    double comb_variation = 0.0;             // radians
     double lean = 0.0, lean_variation = 0.0; // radians from the surface normal
     double arc = 0.0, arc_variation = 0.0;   // further lean from root to tip
     double curl_radius = 0.0, curl_turns = 0.0;

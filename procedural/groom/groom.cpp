@@ -55,8 +55,8 @@ struct GroomInstance {
 
     GrowthPoses poses(uint32_t time) const {
         const uint32_t t = std::min(time, mesh->time_count - 1);
-        const Surface now{mesh->positions[t], mesh->normals ? mesh->normals[t] : nullptr, mesh->triangles, mesh->uvs,
-                          mesh->triangle_count};
+        const Surface now{mesh->positions[t], mesh->normals ? mesh->normals[t] : nullptr, mesh->triangles,
+                          mesh->uvs, mesh->triangle_count};
         const Surface bind{bind_positions.data(), nullptr, mesh->triangles, mesh->uvs, mesh->triangle_count};
         return {bind, now};
     }
@@ -81,7 +81,8 @@ MarramStatus guarded(const MarramHost& host, Body&& body) {
     } catch (const SceneFault& fault) {
         host.message(host.user, MARRAM_FAULT, fault.place.c_str(), fault.what());
     } catch (const std::bad_alloc&) {
-        host.message(host.user, MARRAM_FAULT, "", "the groom does not fit into memory: lower its density or count");
+        host.message(host.user, MARRAM_FAULT, "",
+                     "the groom does not fit into memory: lower its density or count");
     } catch (const std::exception& error) {
         host.message(host.user, MARRAM_FAULT, "", error.what());
     }
@@ -108,15 +109,17 @@ void find_mesh(GroomInstance& instance) {
     for (uint32_t i = 0; i < instance.frame.mesh_count; ++i)
         if (instance.groom.mesh == instance.frame.meshes[i].name) instance.mesh = &instance.frame.meshes[i];
     if (!instance.mesh)
-        throw SceneFault(instance.groom.mesh_place, "there is no mesh '" + instance.groom.mesh + "' to grow on: name one of the scene's");
+        throw SceneFault(instance.groom.mesh_place, "there is no mesh '" + instance.groom.mesh +
+                                                        "' to grow on: name one of the scene's");
 }
 
 MarramStatus place(GroomInstance& instance) {
-    const double begin = std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+    const double begin =
+        std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
     instance.bind_positions.resize(3 * size_t(instance.mesh->vertex_count));
     const auto index = uint32_t(instance.mesh - instance.frame.meshes);
-    const MarramStatus status = instance.frame.pose(instance.frame.pose_user, index, instance.frame.bind_frame,
-                                                    instance.bind_positions.data());
+    const MarramStatus status = instance.frame.pose(
+        instance.frame.pose_user, index, instance.frame.bind_frame, instance.bind_positions.data());
     if (status != MARRAM_OK) return status;
     const auto cancelled = [&] { return instance.host.cancelled(instance.host.user) != 0; };
     instance.roots = place_roots(instance.groom, instance.poses(0).bind, cancelled);
@@ -138,7 +141,8 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
             const MarramStatus status = place(instance);
             if (status != MARRAM_OK) return status;
         }
-        const bool moves = instance.mesh->time_count > 1 || (frame->stage != MARRAM_REST && wind_moves(instance.wind));
+        const bool moves =
+            instance.mesh->time_count > 1 || (frame->stage != MARRAM_REST && wind_moves(instance.wind));
         instance.time_count = moves ? frame->time_count : 1;
         *out = MarramOutput{};
         out->kind = MARRAM_CURVES;
@@ -167,14 +171,17 @@ MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
             upper = upper.cwiseMax(p);
         }
     }
-    // Whatever bends a strand keeps its length, so it stays in a ball about its root. B-splines stay within the hull of their
-    // CVs (drawn to the tip with the phantom rule too); Catmull-Rom leaves it by less than a third of a segment.
+    // Whatever bends a strand keeps its length, so it stays in a ball about its root. B-splines stay within
+    // the hull of their CVs (drawn to the tip with the phantom rule too); Catmull-Rom leaves it by less than
+    // a third of a segment.
     const double length = longest_strand(instance.groom);
     double widest = 0.0;
     for (const float half : instance.width_profile) widest = std::max(widest, double(half));
-    const double beyond = instance.groom.basis == MARRAM_CATMULL_ROM ? length / (3.0 * (instance.groom.cvs - 1)) : 0.0;
+    const double beyond =
+        instance.groom.basis == MARRAM_CATMULL_ROM ? length / (3.0 * (instance.groom.cvs - 1)) : 0.0;
     const double scale = std::max(lower.cwiseAbs().maxCoeff(), upper.cwiseAbs().maxCoeff()) + length;
-    const double reach = (length + beyond + instance.groom.width * widest) * (1.0 + 1e-5) + 4.0 * scale * 0x1p-23;
+    const double reach =
+        (length + beyond + instance.groom.width * widest) * (1.0 + 1e-5) + 4.0 * scale * 0x1p-23;
     for (int axis = 0; axis < 3; ++axis) {
         out->lower[axis] = float(lower[axis] - reach);
         out->upper[axis] = float(upper[axis] + reach);
@@ -183,7 +190,8 @@ MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
 }
 
 // One motion sample of a patch: CVs with the phantoms at both ends, four floats each.
-void write_vertices(const GroomInstance& instance, std::span<const Root> roots, const Strands& strands, float* out) {
+void write_vertices(const GroomInstance& instance, std::span<const Root> roots, const Strands& strands,
+                    float* out) {
     const int cvs = strands.cvs;
     const std::vector<float>& profile = instance.width_profile;
     for (size_t i = 0; i < roots.size(); ++i) {
@@ -221,8 +229,8 @@ void write_normals(const Strands& strands, size_t count, float* out) {
     }
 }
 
-void write_attribute(const GroomInstance& instance, std::span<const Root> roots, const Strands& strands, uint32_t which,
-                     float* out) {
+void write_attribute(const GroomInstance& instance, std::span<const Root> roots, const Strands& strands,
+                     uint32_t which, float* out) {
     const GrowthPoses poses = instance.poses(0);
     for (size_t i = 0; i < roots.size(); ++i) {
         const Vec3d weights = root_weights(instance.groom.seed, roots[i]);
@@ -237,7 +245,8 @@ void write_attribute(const GroomInstance& instance, std::span<const Root> roots,
             out[i] = float(root_hash(instance.groom.seed, roots[i], Purpose::id) >> 40);
         } else if (which == envelope) {
             const VFloat* e = strands.envelope.data() + (i / lanes) * size_t(strands.cvs);
-            for (int k = 0; k < strands.cvs; ++k) out[i * size_t(strands.cvs) + size_t(k)] = e[k][int(i % lanes)];
+            for (int k = 0; k < strands.cvs; ++k)
+                out[i * size_t(strands.cvs) + size_t(k)] = e[k][int(i % lanes)];
         }
     }
 }
@@ -251,7 +260,8 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
         Strands& strands = worker.strands;
         strands.resize(int(roots.size()), instance.groom.cvs, instance.groom.shape == MARRAM_ORIENTED_RIBBON);
         for (uint32_t time = 0; time < instance.time_count; ++time) {
-            if (time < instance.mesh->time_count) { // later motion samples of a resting mesh share its rest strands
+            if (time <
+                instance.mesh->time_count) { // later motion samples of a resting mesh share its rest strands
                 const StageTimer timer(worker.clock.expand);
                 expand(instance.groom, instance.poses(time), roots, instance.wind.rest_anchored, strands);
             }
@@ -262,7 +272,8 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
             if (strands.oriented) write_normals(strands, roots.size(), buffers->normals[time]);
             if (time > 0) continue;
             for (uint32_t a = 0; a < buffers->attribute_count; ++a)
-                write_attribute(instance, roots, strands, buffers->attributes[a], buffers->attribute_values[a]);
+                write_attribute(instance, roots, strands, buffers->attributes[a],
+                                buffers->attribute_values[a]);
         }
         return MARRAM_OK;
     });
@@ -270,7 +281,8 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
 
 MarramStatus mesh(MarramInstance* opaque, const MarramMeshBuffers*) {
     const GroomInstance& instance = self(opaque);
-    instance.host.message(instance.host.user, MARRAM_FAULT, "", "a groom makes curves: call tessellate, not mesh");
+    instance.host.message(instance.host.user, MARRAM_FAULT, "",
+                          "a groom makes curves: call tessellate, not mesh");
     return MARRAM_ERROR;
 }
 
@@ -281,19 +293,23 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     for (const Worker& worker : instance.workers) {
         sum += worker.clock;
         const Strands& s = worker.strands;
-        scratch += (s.rest.capacity() + s.pose.capacity() + s.rest_normal.capacity() + s.pose_normal.capacity() +
-                    s.values.capacity()) * sizeof(Wide3f) +
-                   s.envelope.capacity() * sizeof(VFloat) + (s.anchor.capacity() + s.points.capacity()) * sizeof(Wide3d);
+        scratch += (s.rest.capacity() + s.pose.capacity() + s.rest_normal.capacity() +
+                    s.pose_normal.capacity() + s.values.capacity()) *
+                       sizeof(Wide3f) +
+                   s.envelope.capacity() * sizeof(VFloat) +
+                   (s.anchor.capacity() + s.points.capacity()) * sizeof(Wide3d);
     }
     sink(user, "seconds.roots", instance.placing_seconds);
     sink(user, "thread_seconds.expand", sum.expand + sum.write);
     sink(user, "thread_seconds.bend", sum.bend);
-    sink(user, "memory.bytes", double(instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 + scratch));
+    sink(user, "memory.bytes",
+         double(instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 + scratch));
 }
 
 void destroy(MarramInstance* opaque) { delete &self(opaque); }
 
-// The groom's own parameters and behind them the wind's as "wind.<name>". Names must live as long as the library.
+// The groom's own parameters and behind them the wind's as "wind.<name>". Names must live as long as the
+// library.
 const std::vector<MarramParam>& all_params() {
     static const std::vector<std::string> names = [] {
         std::vector<std::string> list;

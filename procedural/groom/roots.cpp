@@ -1,21 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // Poisson-like roots on a triangle mesh, in parallel, with one right answer.
 //
-// Candidates are drawn uniformly over each triangle; each has a priority by hash. A candidate is kept when no kept
-// candidate of higher priority lies within the radius r: the result of throwing darts in the order of priority. That rule
-// refers to nothing but candidates nearby, so it can be evaluated in rounds, by any number of threads in any order: a
-// candidate that is the highest undecided one around is kept, one next to a kept higher one is dropped, all else waits.
+// Candidates are drawn uniformly over each triangle; each has a priority by hash. A candidate is kept when no
+// kept candidate of higher priority lies within the radius r: the result of throwing darts in the order of
+// priority. That rule refers to nothing but candidates nearby, so it can be evaluated in rounds, by any
+// number of threads in any order: a candidate that is the highest undecided one around is kept, one next to a
+// kept higher one is dropped, all else waits.
 //
-// How many candidates to draw for a density d follows from the kinetics of random sequential adsorption of discs: with
-// coverage c = (number a unit area) * pi r^2 / 4 and attempts t in the same unit,
+// How many candidates to draw for a density d follows from the kinetics of random sequential adsorption of
+// discs: with coverage c = (number a unit area) * pi r^2 / 4 and attempts t in the same unit,
 //     dc/dt = phi(c),   phi(c) = 1 - 4 c + 6 sqrt(3)/pi c^2 + (40/(sqrt(3) pi) - 176/(3 pi^2)) c^3 + O(c^4)
-// (P. Schaaf and J. Talbot, "Surface exclusion effects in adsorption processes", J. Chem. Phys. 91, 1989), which is good to
-// 1 % up to the coverage used here. So a density needs no second pass, and what happens elsewhere on the mesh cannot matter.
-// A count draws some more and keeps the highest priorities, which is the same as stopping the throws at that number.
+// (P. Schaaf and J. Talbot, "Surface exclusion effects in adsorption processes", J. Chem. Phys. 91, 1989),
+// which is good to 1 % up to the coverage used here. So a density needs no second pass, and what happens
+// elsewhere on the mesh cannot matter. A count draws some more and keeps the highest priorities, which is the
+// same as stopping the throws at that number.
 //
-// Neighbours: candidates are sorted by cell of a grid, rows of cells one behind the other. Cells are r/2 long along a row
-// and 2r across, so a candidate's neighbours lie in its own row and in the three rows on its side, in runs of five cells,
-// and as it moves along the array those runs move along with it.
+// Neighbours: candidates are sorted by cell of a grid, rows of cells one behind the other. Cells are r/2 long
+// along a row and 2r across, so a candidate's neighbours lie in its own row and in the three rows on its
+// side, in runs of five cells, and as it moves along the array those runs move along with it.
 #include "procedural/groom/roots.h"
 
 #include <tbb/blocked_range.h>
@@ -30,8 +32,8 @@
 namespace marram {
 namespace {
 
-// Distance of neighbours at spacing 1, times the root of the density. More is possible, but costs steeply more attempts a
-// root: 2.1 here, 2.4 at 0.6, 9 at 0.7.
+// Distance of neighbours at spacing 1, times the root of the density. More is possible, but costs steeply
+// more attempts a root: 2.1 here, 2.4 at 0.6, 9 at 0.7.
 constexpr double full_distance = 0.56;
 constexpr double full_coverage = full_distance * full_distance * pi / 4.0;
 
@@ -52,7 +54,7 @@ double attempts_a_disc(double coverage) {
 constexpr int x_bits = 23, row_bits = 20;
 constexpr double x_unit = 0.5, row_unit = 2.0;
 constexpr double most_rows = double((1U << row_bits) - 4); // along y and z; x has the bits to cover as much
-constexpr int in_cell_steps = 1023;                        // positions within a cell are kept to 10 bits an axis
+constexpr int in_cell_steps = 1023; // positions within a cell are kept to 10 bits an axis
 
 struct [[gnu::packed]] Candidate { // there are millions of them for a moment
     uint64_t cell;
@@ -69,8 +71,9 @@ bool in_order(const Candidate& a, const Candidate& b) {
     return a.root.index < b.root.index;
 }
 
-// The lower the number, the higher the priority. 64 bits of hash: two roots that share it are not worth a thought, and if they
-// did, both would wait for the other to go first, so equal numbers are decided by the order of the list.
+// The lower the number, the higher the priority. 64 bits of hash: two roots that share it are not worth a
+// thought, and if they did, both would wait for the other to go first, so equal numbers are decided by the
+// order of the list.
 uint64_t priority(uint32_t seed, Root root) { return root_hash(seed, root, Purpose::priority); }
 
 struct Grid {
@@ -100,7 +103,9 @@ struct Place3 {
         : x(axis(c.cell & ((1U << x_bits) - 1), c.in_cell)),
           y(axis((c.cell >> x_bits) & ((1U << row_bits) - 1), c.in_cell >> 10) * row_step),
           z(axis(c.cell >> (x_bits + row_bits), c.in_cell >> 20) * row_step) {}
-    static int64_t axis(uint64_t cell, uint32_t in_cell) { return int64_t(cell) * in_cell_steps + int64_t(in_cell & 1023U); }
+    static int64_t axis(uint64_t cell, uint32_t in_cell) {
+        return int64_t(cell) * in_cell_steps + int64_t(in_cell & 1023U);
+    }
     int64_t squared_distance(const Place3& b) const {
         return (x - b.x) * (x - b.x) + (y - b.y) * (y - b.y) + (z - b.z) * (z - b.z);
     }
@@ -113,9 +118,9 @@ double mask_share(const Groom& groom, const Surface& bind, Root root) {
                                plane_normal(bind.corners(root.triangle)));
 }
 
-// A Poisson distributed number of mean m from a triangle's own hashes; it only grows with m, so a change of density
-// renumbers nothing. Small means by inverting the distribution, large ones by its normal limit (error of the
-// probabilities below 1e-2 at m = 64, which nobody sees in a count).
+// A Poisson distributed number of mean m from a triangle's own hashes; it only grows with m, so a change of
+// density renumbers nothing. Small means by inverting the distribution, large ones by its normal limit (error
+// of the probabilities below 1e-2 at m = 64, which nobody sees in a count).
 uint64_t poisson(double mean, uint64_t h) {
     const double u = (double(h >> 11) + 0.5) * 0x1p-53;
     if (mean > 64.0) {
@@ -133,10 +138,11 @@ uint64_t poisson(double mean, uint64_t h) {
     return count;
 }
 
-// First candidate number of every triangle. The kinetics want candidates that know nothing of each other, so their number
-// is Poisson distributed on each triangle; random roots (spacing 0) are kept as they are drawn and may as well be spread more
-// evenly: area * attempts, rounded by the triangle's hash.
-std::vector<uint64_t> candidate_offsets(const Groom& groom, const Surface& bind, double attempts, bool spaced) {
+// First candidate number of every triangle. The kinetics want candidates that know nothing of each other, so
+// their number is Poisson distributed on each triangle; random roots (spacing 0) are kept as they are drawn
+// and may as well be spread more evenly: area * attempts, rounded by the triangle's hash.
+std::vector<uint64_t> candidate_offsets(const Groom& groom, const Surface& bind, double attempts,
+                                        bool spaced) {
     std::vector<uint64_t> first(size_t(bind.triangle_count) + 1, 0);
     tbb::parallel_for(tbb::blocked_range<uint32_t>(0, bind.triangle_count, 4096), [&](const auto& range) {
         for (uint32_t t = range.begin(); t < range.end(); ++t) {
@@ -161,8 +167,8 @@ Grid grid_of(const Surface& bind, double radius) {
 }
 
 // Candidates of all triangles, sorted. Where masks are 0 none are made.
-std::vector<Candidate> draw_candidates(const Groom& groom, const Surface& bind, const Grid& grid, double attempts,
-                                       bool spaced, const std::function<bool()>& cancelled) {
+std::vector<Candidate> draw_candidates(const Groom& groom, const Surface& bind, const Grid& grid,
+                                       double attempts, bool spaced, const std::function<bool()>& cancelled) {
     const std::vector<uint64_t> first = candidate_offsets(groom, bind, attempts, spaced);
     const bool masked = groom.density_masks.any();
     std::vector<Candidate> candidates(first.back());
@@ -184,16 +190,17 @@ std::vector<Candidate> draw_candidates(const Groom& groom, const Surface& bind, 
 
 enum : uint8_t { undecided, kept, dropped };
 
-// The runs of candidates around a candidate, one for each of the nine rows next to its own, moved along with it. A visit
-// needs four of them; the others catch up when they are needed.
+// The runs of candidates around a candidate, one for each of the nine rows next to its own, moved along with
+// it. A visit needs four of them; the others catch up when they are needed.
 class NeighbourRuns {
   public:
     NeighbourRuns(const std::vector<Candidate>& all, uint64_t from) : all_(all) {
         for (int row = 0; row < 9; ++row) {
             const uint64_t low = all[from].cell + shift(row % 3 - 1, row / 3 - 1) - reach;
-            at_[row] = size_t(std::lower_bound(all.begin(), all.end(), low,
-                                               [](const Candidate& c, uint64_t key) { return c.cell < key; }) -
-                              all.begin());
+            at_[row] =
+                size_t(std::lower_bound(all.begin(), all.end(), low,
+                                        [](const Candidate& c, uint64_t key) { return c.cell < key; }) -
+                       all.begin());
         }
     }
     // Calls visit(j) for every candidate that may be within r of i until it returns false.
@@ -221,8 +228,8 @@ class NeighbourRuns {
     size_t at_[9];
 };
 
-// One round over a range: decides what can be decided. Other threads' states may be read before or after they change; either
-// way leads to the same end, because a state never changes twice.
+// One round over a range: decides what can be decided. Other threads' states may be read before or after they
+// change; either way leads to the same end, because a state never changes twice.
 bool decide(const std::vector<Candidate>& all, std::vector<std::atomic<uint8_t>>& state, uint32_t seed,
             int64_t squared_radius, size_t begin, size_t end) {
     bool waiting = false;
@@ -242,8 +249,10 @@ bool decide(const std::vector<Candidate>& all, std::vector<std::atomic<uint8_t>>
             verdict = other == kept ? dropped : undecided;
             return verdict != dropped;
         });
-        if (verdict == undecided) waiting = true;
-        else state[i].store(verdict, std::memory_order_relaxed);
+        if (verdict == undecided)
+            waiting = true;
+        else
+            state[i].store(verdict, std::memory_order_relaxed);
     }
     return waiting;
 }
@@ -268,8 +277,8 @@ void keep_spaced(std::vector<Candidate>& candidates, uint32_t seed, double radiu
     candidates.resize(count);
 }
 
-// Keeps the `count` candidates of highest priority, in their order. The hash is uniform, so its top bits tell nearly all
-// apart; only the one bucket that the limit falls into is looked at closely.
+// Keeps the `count` candidates of highest priority, in their order. The hash is uniform, so its top bits tell
+// nearly all apart; only the one bucket that the limit falls into is looked at closely.
 void keep_first(std::vector<Candidate>& candidates, uint32_t seed, uint64_t count) {
     constexpr int bucket_bits = 16;
     std::vector<uint64_t> histogram(size_t(1) << bucket_bits, 0);
@@ -283,7 +292,8 @@ void keep_first(std::vector<Candidate>& candidates, uint32_t seed, uint64_t coun
     std::ranges::sort(at_limit);
     const uint64_t last = at_limit[count - before - 1];
     std::erase_if(candidates, [&](const Candidate& c) { return priority(seed, c.root) > last; });
-    candidates.resize(std::min<size_t>(candidates.size(), count)); // equal priorities: the list's order decides
+    candidates.resize(
+        std::min<size_t>(candidates.size(), count)); // equal priorities: the list's order decides
 }
 
 uint64_t spread_bits(uint64_t x) { // 21 bits, two zeros behind each
@@ -299,8 +309,10 @@ std::vector<Root> in_space_order(std::vector<Candidate>& candidates) {
     tbb::parallel_for(tbb::blocked_range<size_t>(0, candidates.size(), 16384), [&](const auto& range) {
         for (size_t i = range.begin(); i < range.end(); ++i) {
             const uint64_t cell = candidates[i].cell;
-            const uint64_t x = (cell & ((1U << x_bits) - 1)) / 4, y = (cell >> x_bits) & ((1U << row_bits) - 1);
-            candidates[i].cell = spread_bits(x) | (spread_bits(y) << 1) | (spread_bits(cell >> (x_bits + row_bits)) << 2);
+            const uint64_t x = (cell & ((1U << x_bits) - 1)) / 4,
+                           y = (cell >> x_bits) & ((1U << row_bits) - 1);
+            candidates[i].cell =
+                spread_bits(x) | (spread_bits(y) << 1) | (spread_bits(cell >> (x_bits + row_bits)) << 2);
         }
     });
     tbb::parallel_sort(candidates.begin(), candidates.end(), in_order);
@@ -315,51 +327,65 @@ double surface_area(const Surface& bind) {
     return area;
 }
 
-std::vector<Candidate> spaced_candidates(const Groom& groom, const Surface& bind, double density, double spare,
-                                         double spacing, const std::function<bool()>& cancelled) {
+std::vector<Candidate> spaced_candidates(const Groom& groom, const Surface& bind, double density,
+                                         double spare, double spacing,
+                                         const std::function<bool()>& cancelled) {
     const double coverage = full_coverage * spacing * spacing;
     const double radius = 2.0 * std::sqrt(coverage / (pi * density));
     const Grid grid = grid_of(bind, radius);
-    std::vector<Candidate> candidates =
-        draw_candidates(groom, bind, grid, density * attempts_a_disc(coverage) * spare, radius > 0.0, cancelled);
+    std::vector<Candidate> candidates = draw_candidates(
+        groom, bind, grid, density * attempts_a_disc(coverage) * spare, radius > 0.0, cancelled);
     if (radius > 0.0) keep_spaced(candidates, groom.seed, radius / grid.unit, cancelled);
-    // Thinned after spacing: half a mask is half the strands, and a strand does not notice what masks say elsewhere.
+    // Thinned after spacing: half a mask is half the strands, and a strand does not notice what masks say
+    // elsewhere.
     if (groom.density_masks.any())
         std::erase_if(candidates, [&](const Candidate& c) {
-            return !(unit_double(root_hash(groom.seed, c.root, Purpose::mask)) < mask_share(groom, bind, c.root));
+            return !(unit_double(root_hash(groom.seed, c.root, Purpose::mask)) <
+                     mask_share(groom, bind, c.root));
         });
     return candidates;
 }
 
 } // namespace
 
-std::vector<Root> place_roots(const Groom& groom, const Surface& bind, const std::function<bool()>& cancelled) {
+std::vector<Root> place_roots(const Groom& groom, const Surface& bind,
+                              const std::function<bool()>& cancelled) {
     const double area = surface_area(bind);
     if (!(area > 0.0))
-        throw SceneFault(groom.mesh_place, "the mesh '" + groom.mesh + "' has no area: strands need a surface to grow on");
+        throw SceneFault(groom.mesh_place,
+                         "the mesh '" + groom.mesh + "' has no area: strands need a surface to grow on");
     if (groom.count == 0) {
         if (groom.density <= 0.0) return {};
         if (groom.density * area > 4e8)
-            throw SceneFault(groom.count_place, "density asks for " + std::to_string(groom.density * area) +
-                                                    " strands: more than 4e8 do not fit, ask for fewer a square metre");
-        std::vector<Candidate> candidates = spaced_candidates(groom, bind, groom.density, 1.0, groom.spacing, cancelled);
+            throw SceneFault(groom.count_place,
+                             "density asks for " + std::to_string(groom.density * area) +
+                                 " strands: more than 4e8 do not fit, ask for fewer a square metre");
+        std::vector<Candidate> candidates =
+            spaced_candidates(groom, bind, groom.density, 1.0, groom.spacing, cancelled);
         return in_space_order(candidates);
     }
-    // A count: enough candidates that the wanted number is left, first as the whole area suggests, then by what was found.
+    // A count: enough candidates that the wanted number is left, first as the whole area suggests, then by
+    // what was found.
     double density = double(groom.count) / area, spacing = groom.spacing;
-    const double spare = 1.1 + 8.0 / std::sqrt(double(groom.count)); // eight standard deviations of a random count
+    const double spare =
+        1.1 + 8.0 / std::sqrt(double(groom.count)); // eight standard deviations of a random count
     constexpr int tries = 24;
     for (int i = 0; i < tries; ++i) {
-        std::vector<Candidate> candidates = spaced_candidates(groom, bind, density, spare, spacing, cancelled);
+        std::vector<Candidate> candidates =
+            spaced_candidates(groom, bind, density, spare, spacing, cancelled);
         if (cancelled()) return {};
         if (candidates.size() >= groom.count) {
             keep_first(candidates, groom.seed, groom.count);
             return in_space_order(candidates);
         }
-        // Masks leave a share of the area; without masks it is thin parts, whose far sides are near, and small numbers.
+        // Masks leave a share of the area; without masks it is thin parts, whose far sides are near, and
+        // small numbers.
         const double share = double(candidates.size()) / double(groom.count);
-        if (groom.density_masks.any()) density = std::min(density * std::clamp(1.1 / share, 1.2, 10.0), 1e3 * double(groom.count) / area);
-        else spacing = i > 8 ? 0.0 : spacing * 0.85;
+        if (groom.density_masks.any())
+            density =
+                std::min(density * std::clamp(1.1 / share, 1.2, 10.0), 1e3 * double(groom.count) / area);
+        else
+            spacing = i > 8 ? 0.0 : spacing * 0.85;
     }
     throw SceneFault(groom.count_place, "the density masks leave no room for " + std::to_string(groom.count) +
                                             " strands: raise the masks or lower count");

@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// A strand is laid out in its root's frame: N the surface normal, A the tangent that it leans to, S = N x A. Its centre line
-// leans by an angle that grows along it, theta(u) = lean + arc u, so with s = L/(n-1)
+// A strand is laid out in its root's frame: N the surface normal, A the tangent that it leans to, S = N x A.
+// Its centre line leans by an angle that grows along it, theta(u) = lean + arc u, so with s = L/(n-1)
 //
 //     C_k = C_{k-1} + s (sin theta A + cos theta N),    theta at the segment's middle.
 //
 // Curl, clump and frizz displace C_k sideways:
 //
-//     curl    r(u) (cos psi E + sin psi S) - the same at 0,  psi = phase + 2 pi turns u,  E = dC/dtheta direction
-//     clump   (centre - root) amount profile(u), the part along the surface
-//     frizz   amplitude u (noise_x A + noise_y S), gradient noise along the strand
+//     curl    r(u) (cos psi E + sin psi S) - the same at 0,  psi = phase + 2 pi turns u,  E = dC/dtheta
+//     direction clump   (centre - root) amount profile(u), the part along the surface frizz   amplitude u
+//     (noise_x A + noise_y S), gradient noise along the strand
 //
-// and each segment is then laid with length s in the direction of the displaced difference. So curl and frizz shorten a
-// strand's reach, never its length, and all segments are equally long.
+// and each segment is then laid with length s in the direction of the displaced difference. So curl and frizz
+// shorten a strand's reach, never its length, and all segments are equally long.
 //
-// Clumps are the cells of a jittered lattice at the bind pose (S. Worley, "A Cellular Texture Basis Function", SIGGRAPH
-// 1996): a root belongs to the nearest of the points in the 27 lattice cells around it.
+// Clumps are the cells of a jittered lattice at the bind pose (S. Worley, "A Cellular Texture Basis
+// Function", SIGGRAPH 1996): a root belongs to the nearest of the points in the 27 lattice cells around it.
 #include "procedural/groom/strand_shape.h"
 
 #include "procedural/ramp_table.h"
@@ -27,7 +27,9 @@ namespace marram {
 namespace {
 
 // Uniform in [-1, 1].
-double symmetric(uint32_t seed, Root root, Purpose purpose) { return 2.0 * unit_double(root_hash(seed, root, purpose)) - 1.0; }
+double symmetric(uint32_t seed, Root root, Purpose purpose) {
+    return 2.0 * unit_double(root_hash(seed, root, purpose)) - 1.0;
+}
 
 Vec3d clump_centre(uint32_t seed, double size, const Vec3d& p) {
     const Vec3d base = (p / size).array().floor();
@@ -37,7 +39,8 @@ Vec3d clump_centre(uint32_t seed, double size, const Vec3d& p) {
         const Vec3d cell = base + Vec3d(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1);
         uint64_t h = hash(seed, uint64_t(Purpose::clump));
         for (int axis = 0; axis < 3; ++axis) h = hash(h, uint64_t(int64_t(cell[axis])));
-        const Vec3d jitter(double(h & 0xffff) * 0x1p-16, double((h >> 16) & 0xffff) * 0x1p-16, double((h >> 32) & 0xffff) * 0x1p-16);
+        const Vec3d jitter(double(h & 0xffff) * 0x1p-16, double((h >> 16) & 0xffff) * 0x1p-16,
+                           double((h >> 32) & 0xffff) * 0x1p-16);
         const Vec3d point = (cell + jitter) * size;
         const double distance = (point - p).squaredNorm();
         if (distance >= best_distance) continue;
@@ -72,8 +75,8 @@ double azimuth(const Groom& groom, const Surface& bind, Root root) {
     return (defined ? std::atan2(y, x) + groom.comb_variation * draw : pi * draw);
 }
 
-void set_root(const Groom& groom, const GrowthPoses& poses, Root root, bool anchor_at_bind, int lane, Roots8& roots,
-              Wide3d& anchor) {
+void set_root(const Groom& groom, const GrowthPoses& poses, Root root, bool anchor_at_bind, int lane,
+              Roots8& roots, Wide3d& anchor) {
     const uint32_t seed = groom.seed;
     const Vec3d weights = root_weights(seed, root);
     const Frame frame = frame_at(poses.now, root.triangle, weights);
@@ -88,18 +91,21 @@ void set_root(const Groom& groom, const GrowthPoses& poses, Root root, bool anch
     set_lane(roots.normal, lane, frame.normal);
     set_lane(anchor, lane, anchor_at_bind ? bind_origin : origin);
 
-    double length = groom.length[0] + (groom.length[1] - groom.length[0]) * unit_double(root_hash(seed, root, Purpose::length));
+    double length = groom.length[0] +
+                    (groom.length[1] - groom.length[0]) * unit_double(root_hash(seed, root, Purpose::length));
     if (groom.length_masks.any())
         length *= groom.length_masks(poses.bind.uv(root.triangle, weights), bind_origin.y(),
                                      plane_normal(poses.bind.corners(root.triangle)));
     roots.length[lane] = length;
-    roots.lean[lane] = std::clamp(groom.lean + groom.lean_variation * symmetric(seed, root, Purpose::lean), 0.0, 0.5 * pi);
+    roots.lean[lane] =
+        std::clamp(groom.lean + groom.lean_variation * symmetric(seed, root, Purpose::lean), 0.0, 0.5 * pi);
     roots.arc[lane] = groom.arc + groom.arc_variation * symmetric(seed, root, Purpose::arc);
     roots.phase[lane] = pi * symmetric(seed, root, Purpose::curl);
     roots.frizz[lane] = unit_double(root_hash(seed, root, Purpose::frizz)) * 0x1p20;
     roots.clump_along[lane] = roots.clump_side[lane] = 0.0;
     if (groom.clump_size > 0.0 && groom.clump_amount > 0.0) {
-        const Vec3d pull = groom.clump_amount * (clump_centre(seed, groom.clump_size, bind_origin) - bind_origin);
+        const Vec3d pull =
+            groom.clump_amount * (clump_centre(seed, groom.clump_size, bind_origin) - bind_origin);
         // Measured in the bind pose's frame, so that it rides along when the surface turns.
         const Frame bind = frame_at(poses.bind, root.triangle, weights);
         const double x = pull.dot(bind.tangent), y = pull.dot(bind.bitangent);
@@ -124,8 +130,8 @@ struct ShapeStep { // what is the same for all strands at CV k
     double u, u_middle, clump, frizz;
 };
 
-MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep* steps, int cvs, const Wide3f* frizz,
-                        Wide3f* rest, Wide3f* normals) {
+MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep* steps, int cvs,
+                        const Wide3f* frizz, Wide3f* rest, Wide3f* normals) {
     const VDouble step = roots.length / double(cvs - 1);
     const bool curls = groom.curl_radius > 0.0 && groom.curl_turns > 0.0;
     Wide3d centre{}, previous{}, position{}; // in the frame (A, S, N), from the root
@@ -153,11 +159,13 @@ MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep
         }
         Wide3d d = displaced - previous;
         const VDouble squared = dot(d, d);
-        const VLong usable = squared > 1e-24 * step * step; // else the displacements cancel the step: keep it straight
+        const VLong usable =
+            squared > 1e-24 * step * step; // else the displacements cancel the step: keep it straight
         d = select(usable, d * (step / vsqrt(usable ? squared : splat(1.0))), straight);
         previous = displaced;
         position = position + d;
-        rest[k] = to_float(roots.origin + roots.along * position.x + roots.side * position.y + roots.normal * position.z);
+        rest[k] = to_float(roots.origin + roots.along * position.x + roots.side * position.y +
+                           roots.normal * position.z);
         if (normals) { // across the blade: the side vector crossed with the segment
             const Wide3d tangent = roots.along * d.x + roots.side * d.y + roots.normal * d.z;
             Wide3d n = cross(roots.side, tangent);
@@ -178,7 +186,8 @@ void expand(const Groom& groom, const GrowthPoses& poses, std::span<const Root> 
     std::vector<ShapeStep> steps(static_cast<size_t>(cvs));
     for (int k = 0; k < cvs; ++k) {
         const double u = double(k) / double(cvs - 1);
-        steps[size_t(k)] = {u, (k - 0.5) / double(cvs - 1), groom.clump_profile(u), groom.frizz_amplitude * u};
+        steps[size_t(k)] = {u, (k - 0.5) / double(cvs - 1), groom.clump_profile(u),
+                            groom.frizz_amplitude * u};
     }
     const bool frizzy = groom.frizz_amplitude > 0.0;
     for (int block = 0; block < strands.blocks; ++block) {
@@ -189,13 +198,14 @@ void expand(const Groom& groom, const GrowthPoses& poses, std::span<const Root> 
         }
         if (frizzy) frizz_values(groom, eight, strands);
         const size_t first = size_t(block) * size_t(cvs);
-        lay_out(groom, eight, steps.data(), cvs, frizzy ? strands.values.data() : nullptr, strands.rest.data() + first,
-                strands.oriented ? strands.rest_normal.data() + first : nullptr);
+        lay_out(groom, eight, steps.data(), cvs, frizzy ? strands.values.data() : nullptr,
+                strands.rest.data() + first, strands.oriented ? strands.rest_normal.data() + first : nullptr);
     }
 }
 
 double strand_width(const Groom& groom, Root root) {
-    return groom.width * (1.0 - groom.width_variation * unit_double(root_hash(groom.seed, root, Purpose::width)));
+    return groom.width *
+           (1.0 - groom.width_variation * unit_double(root_hash(groom.seed, root, Purpose::width)));
 }
 
 double longest_strand(const Groom& groom) { return groom.length[1]; } // masks only shorten

@@ -10,7 +10,8 @@ Frame frame_at(const Surface& surface, uint32_t triangle, const Vec3d& weights) 
     if (surface.normals) {
         Vec3d sum = Vec3d::Zero();
         for (int i = 0; i < 3; ++i) {
-            const float* n = surface.normals + 3 * size_t(surface.triangles[3 * size_t(triangle) + size_t(i)]);
+            const float* n =
+                surface.normals + 3 * size_t(surface.triangles[3 * size_t(triangle) + size_t(i)]);
             sum += weights[i] * Vec3d(double(n[0]), double(n[1]), double(n[2]));
         }
         // Vertex normals that cancel, or that point inwards, say nothing: the plane's own normal does.
@@ -18,8 +19,8 @@ Frame frame_at(const Surface& surface, uint32_t triangle, const Vec3d& weights) 
     }
     Vec3d tangent = p[1] - p[0];
     tangent -= normal * normal.dot(tangent);
-    // The first edge is in the plane, the normal less than a right angle from the plane's: what is left of the edge
-    // vanishes only for a sliver's rounding, where any tangent will do.
+    // The first edge is in the plane, the normal less than a right angle from the plane's: what is left of
+    // the edge vanishes only for a sliver's rounding, where any tangent will do.
     const double left = tangent.norm();
     if (left > 1e-6 * (p[1] - p[0]).norm()) {
         tangent /= left;

@@ -12,14 +12,27 @@
 
 namespace marram {
 
-// A root is its triangle and its number among that triangle's candidates. All else follows by hashing, so the root is also
-// the strand's identity, and eight bytes.
+// A root is its triangle and its number among that triangle's candidates. All else follows by hashing, so the
+// root is also the strand's identity, and eight bytes.
 struct Root {
     uint32_t triangle, index;
 };
 
 // What a hash of a root is used for. Each purpose draws its own number.
-enum class Purpose : uint32_t { place, priority, mask, length, comb, lean, arc, curl, frizz, width, id, clump };
+enum class Purpose : uint32_t {
+    place,
+    priority,
+    mask,
+    length,
+    comb,
+    lean,
+    arc,
+    curl,
+    frizz,
+    width,
+    id,
+    clump
+};
 
 inline uint64_t root_hash(uint32_t seed, Root root, Purpose purpose) {
     const uint64_t identity = (uint64_t(root.triangle) << 32) | root.index;
@@ -42,7 +55,8 @@ struct Surface {
     uint32_t triangle_count = 0;
 
     Vec3d vertex(uint32_t i) const {
-        return {double(positions[3 * size_t(i)]), double(positions[3 * size_t(i) + 1]), double(positions[3 * size_t(i) + 2])};
+        return {double(positions[3 * size_t(i)]), double(positions[3 * size_t(i) + 1]),
+                double(positions[3 * size_t(i) + 2])};
     }
     std::array<Vec3d, 3> corners(uint32_t triangle) const {
         const uint32_t* t = triangles + 3 * size_t(triangle);
@@ -67,13 +81,16 @@ struct Surface {
     }
 };
 
-// An orthonormal frame on the surface that rides with it: normal, and tangent along the triangle's first edge.
+// An orthonormal frame on the surface that rides with it: normal, and tangent along the triangle's first
+// edge.
 struct Frame {
     Vec3d tangent, bitangent, normal;
 };
 
 // Unit normal of a triangle's plane. The triangle has an area: roots are placed nowhere else.
-inline Vec3d plane_normal(const std::array<Vec3d, 3>& p) { return (p[1] - p[0]).cross(p[2] - p[0]).stableNormalized(); }
+inline Vec3d plane_normal(const std::array<Vec3d, 3>& p) {
+    return (p[1] - p[0]).cross(p[2] - p[0]).stableNormalized();
+}
 
 Frame frame_at(const Surface& surface, uint32_t triangle, const Vec3d& weights);
 

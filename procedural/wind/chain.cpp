@@ -16,7 +16,8 @@ void run_chain(const Wind& wind, const Ramp& point_envelope, double frame, doubl
     for (int k = 0; k < strands.cvs; ++k) {
         const double u = double(k) / double(strands.cvs - 1);
         const auto e = float(std::clamp(point_envelope(u), 0.0, 1.0) * strength);
-        for (int i = 0; i < strands.blocks; ++i) strands.envelope[size_t(i) * size_t(strands.cvs) + size_t(k)] = splat_float(e);
+        for (int i = 0; i < strands.blocks; ++i)
+            strands.envelope[size_t(i) * size_t(strands.cvs) + size_t(k)] = splat_float(e);
     }
 
     if (strength > 0.0 && wind.global_rotate > 0.0) {

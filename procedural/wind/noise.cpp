@@ -21,7 +21,8 @@ MARRAM_INLINE VFloat with_sign(VFloat x, VUint sign_bit) {
     return bits_as<VFloat>(bits_as<VUint>(x) ^ (sign_bit << 31));
 }
 
-// gradient . (x, y, z), the gradient being one of (+-1, +-1, 0), (+-1, 0, +-1), (0, +-1, +-1) by four bits of h.
+// gradient . (x, y, z), the gradient being one of (+-1, +-1, 0), (+-1, 0, +-1), (0, +-1, +-1) by four bits of
+// h.
 MARRAM_INLINE VFloat gradient3(VUint h, VFloat x, VFloat y, VFloat z) {
     const VUint low = h & 15U;
     const VFloat u = low < 8U ? x : y;
@@ -70,7 +71,8 @@ MARRAM_INLINE VUint corner_hash(const Cell& cell, int i, int j, int k, uint32_t 
 MARRAM_INLINE VFloat blend3(const Cell& cell, const VFloat v[8]) {
     const VFloat x00 = mix_linear(cell.blend[0], v[0], v[1]), x10 = mix_linear(cell.blend[0], v[2], v[3]);
     const VFloat x01 = mix_linear(cell.blend[0], v[4], v[5]), x11 = mix_linear(cell.blend[0], v[6], v[7]);
-    return mix_linear(cell.blend[2], mix_linear(cell.blend[1], x00, x10), mix_linear(cell.blend[1], x01, x11));
+    return mix_linear(cell.blend[2], mix_linear(cell.blend[1], x00, x10),
+                      mix_linear(cell.blend[1], x01, x11));
 }
 
 MARRAM_INLINE Wide3f perlin3(const Wide3d& p, uint32_t seed) {
@@ -79,8 +81,10 @@ MARRAM_INLINE Wide3f perlin3(const Wide3d& p, uint32_t seed) {
     for (int corner = 0; corner < 8; ++corner) {
         const int i = corner & 1, j = (corner >> 1) & 1, k = corner >> 2;
         const VUint h = corner_hash(cell, i, j, k, seed);
-        const VFloat x = cell.fraction[0] - float(i), y = cell.fraction[1] - float(j), z = cell.fraction[2] - float(k);
-        for (int component = 0; component < 3; ++component) v[component][corner] = gradient3(h >> (8 * component), x, y, z);
+        const VFloat x = cell.fraction[0] - float(i), y = cell.fraction[1] - float(j),
+                     z = cell.fraction[2] - float(k);
+        for (int component = 0; component < 3; ++component)
+            v[component][corner] = gradient3(h >> (8 * component), x, y, z);
     }
     return {blend3(cell, v[0]), blend3(cell, v[1]), blend3(cell, v[2])};
 }

@@ -10,30 +10,42 @@ namespace {
 constexpr double big = 1e9; // beyond any wind; keeps products finite
 
 constexpr std::array params = {
-    MarramParam{"direction", MARRAM_VEC3, "", "[1, 0, 0]", -big, big, "", "where the air goes to; any length but 0"},
-    MarramParam{"speed", MARRAM_NUMBER, "m/s", "0", 0, 1e4, "", "carries the noise along and, through response, bends"},
-    MarramParam{"calm", MARRAM_NUMBER, "", "1", 0, 1, "", "wind between gusts, as a share of the full envelope"},
+    MarramParam{"direction", MARRAM_VEC3, "", "[1, 0, 0]", -big, big, "",
+                "where the air goes to; any length but 0"},
+    MarramParam{"speed", MARRAM_NUMBER, "m/s", "0", 0, 1e4, "",
+                "carries the noise along and, through response, bends"},
+    MarramParam{"calm", MARRAM_NUMBER, "", "1", 0, 1, "",
+                "wind between gusts, as a share of the full envelope"},
     MarramParam{"response", MARRAM_RAMP, "m/s", "[[0, 0], [10, 1]]", -big, big, "",
                 "speed to strength: positions in m/s, values 0 ... 1, response(0) = 0"},
-    MarramParam{"global_rotate", MARRAM_NUMBER, "", "0.6", 0, 1, "", "scale of every segment's turn towards the wind"},
+    MarramParam{"global_rotate", MARRAM_NUMBER, "", "0.6", 0, 1, "",
+                "scale of every segment's turn towards the wind"},
     MarramParam{"ramp_rotate", MARRAM_RAMP, "", "[[0, 0.2], [1, 1]]", -big, big, "",
                 "scale of the turn from root (0) to tip (1)"},
     MarramParam{"waviness", MARRAM_NUMBER, "", "1", -1e6, 1e6, "",
                 "how far the noise's sampling point runs ahead along the strand: ripples"},
     MarramParam{"reference_segments", MARRAM_INTEGER, "", "0", 0, 100000, "",
                 "segments that a turn is meant for; 0: as many as the strand has"},
-    MarramParam{"noise.type", MARRAM_CHOICE, "", "perlin", -big, big, "perlin|billow|wavelet", "kind of noise field"},
-    MarramParam{"noise.amplitude", MARRAM_NUMBER, "", "0.5", 0, 1e6, "", "strength beside the unit wind direction"},
+    MarramParam{"noise.type", MARRAM_CHOICE, "", "perlin", -big, big, "perlin|billow|wavelet",
+                "kind of noise field"},
+    MarramParam{"noise.amplitude", MARRAM_NUMBER, "", "0.5", 0, 1e6, "",
+                "strength beside the unit wind direction"},
     MarramParam{"noise.frequency", MARRAM_NUMBER, "1/m", "1", 0, 1e9, "", "cells a metre"},
     MarramParam{"noise.octaves", MARRAM_INTEGER, "", "1", 1, 16, "", "layers, each finer and weaker"},
-    MarramParam{"noise.lacunarity", MARRAM_NUMBER, "", "2", 1, 16, "", "frequency ratio of one octave to the one before"},
-    MarramParam{"noise.gain", MARRAM_NUMBER, "", "0.5", 0, 1, "", "strength ratio of one octave to the one before"},
-    MarramParam{"noise.evolution", MARRAM_NUMBER, "1/s", "0", -1e6, 1e6, "", "change of the field in place, cells a second"},
-    MarramParam{"noise.anchor", MARRAM_CHOICE, "", "world", -big, big, "world|rest",
-                "rest: sampled where the roots are at bind_frame, so that it does not swim on a moving surface"},
+    MarramParam{"noise.lacunarity", MARRAM_NUMBER, "", "2", 1, 16, "",
+                "frequency ratio of one octave to the one before"},
+    MarramParam{"noise.gain", MARRAM_NUMBER, "", "0.5", 0, 1, "",
+                "strength ratio of one octave to the one before"},
+    MarramParam{"noise.evolution", MARRAM_NUMBER, "1/s", "0", -1e6, 1e6, "",
+                "change of the field in place, cells a second"},
+    MarramParam{
+        "noise.anchor", MARRAM_CHOICE, "", "world", -big, big, "world|rest",
+        "rest: sampled where the roots are at bind_frame, so that it does not swim on a moving surface"},
     MarramParam{"noise.seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "another field of the same kind"},
-    MarramParam{"noise.loop", MARRAM_RANGE, "frames", "none", -1e7, 1e7, "", "first and last frame of a cycle that closes"},
-    MarramParam{"gusts", MARRAM_UNAVAILABLE, "", "none", 0, 0, "", "the wind stays as strong as speed and calm say"},
+    MarramParam{"noise.loop", MARRAM_RANGE, "frames", "none", -1e7, 1e7, "",
+                "first and last frame of a cycle that closes"},
+    MarramParam{"gusts", MARRAM_UNAVAILABLE, "", "none", 0, 0, "",
+                "the wind stays as strong as speed and calm say"},
     MarramParam{"shielding", MARRAM_UNAVAILABLE, "", "none", 0, 0, "", "every strand gets the whole wind"},
     MarramParam{"jiggle", MARRAM_UNAVAILABLE, "", "none", 0, 0, "", "strands follow the wind at once"},
     MarramParam{"collision", MARRAM_UNAVAILABLE, "", "none", 0, 0, "", "strands pass through meshes"},
@@ -48,24 +60,28 @@ Wind read_wind(const Values& values) {
     const Vec3d direction = values.vec3("wind.direction");
     const double length = direction.stableNorm();
     if (!(length > 0.0))
-        throw SceneFault(values.at("wind.direction").place, "the wind's direction is zero: give a vector, such as [1, 0, 0]");
+        throw SceneFault(values.at("wind.direction").place,
+                         "the wind's direction is zero: give a vector, such as [1, 0, 0]");
     wind.direction = direction / length;
     wind.speed = values.number("wind.speed");
     wind.calm = values.number("wind.calm");
     wind.response = values.ramp("wind.response");
     if (wind.response(0.0) != 0.0)
-        throw SceneFault(values.at("wind.response").place,
-                         "wind.response is not 0 at speed 0: begin the ramp with [0, 0], still air bends nothing");
+        throw SceneFault(
+            values.at("wind.response").place,
+            "wind.response is not 0 at speed 0: begin the ramp with [0, 0], still air bends nothing");
     for (const double value : wind.response.values())
         if (value < 0.0 || value > 1.0)
-            throw SceneFault(values.at("wind.response").place, "wind.response leaves 0 ... 1: keep its values inside");
+            throw SceneFault(values.at("wind.response").place,
+                             "wind.response leaves 0 ... 1: keep its values inside");
     wind.global_rotate = values.number("wind.global_rotate");
     wind.ramp_rotate = values.ramp("wind.ramp_rotate");
     wind.waviness = values.number("wind.waviness");
     wind.reference_segments = values.integer("wind.reference_segments");
     if (values.text("wind.noise.type") != "perlin")
-        throw SceneFault(values.at("wind.noise.type").place, "noise.type = \"" + std::string(values.text("wind.noise.type")) +
-                                                                 "\" is not available in this build: use \"perlin\"");
+        throw SceneFault(values.at("wind.noise.type").place,
+                         "noise.type = \"" + std::string(values.text("wind.noise.type")) +
+                             "\" is not available in this build: use \"perlin\"");
     wind.noise_amplitude = values.number("wind.noise.amplitude");
     wind.noise.frequency = values.number("wind.noise.frequency");
     wind.noise.octaves = values.integer("wind.noise.octaves");
@@ -79,7 +95,8 @@ Wind read_wind(const Values& values) {
         wind.loop_begin = values.range("wind.noise.loop").x();
         wind.loop_end = values.range("wind.noise.loop").y();
         if (!(wind.loop_begin < wind.loop_end))
-            throw SceneFault(values.at("wind.noise.loop").place, "noise.loop has no length: give two different frames");
+            throw SceneFault(values.at("wind.noise.loop").place,
+                             "noise.loop has no length: give two different frames");
     }
     return wind;
 }

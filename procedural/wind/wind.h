@@ -18,14 +18,14 @@ struct Wind {
     double calm = 1.0;                // wind between gusts
     Ramp response;                    // speed in m/s -> share of the envelope; response(0) = 0
     double global_rotate = 1.0;
-    Ramp ramp_rotate;            // over u, root to tip
-    double waviness = 1.0;       // noise coordinate advance along w per arc length
-    int reference_segments = 0;  // segments that a rotation factor belongs to; 0: as many as the strand has
+    Ramp ramp_rotate;             // over u, root to tip
+    double waviness = 1.0;        // noise coordinate advance along w per arc length
+    int reference_segments = 0;   // segments that a rotation factor belongs to; 0: as many as the strand has
     double noise_amplitude = 0.0; // relative to the unit wind direction
     FractalNoise noise;
-    double evolution = 0.0;      // lattice cells a second along the fourth dimension
-    bool rest_anchored = false;  // noise is sampled at the root's place at bind_frame
-    bool loops = false;          // the noise of loop_end is that of loop_begin
+    double evolution = 0.0;                  // lattice cells a second along the fourth dimension
+    bool rest_anchored = false;              // noise is sampled at the root's place at bind_frame
+    bool loops = false;                      // the noise of loop_end is that of loop_begin
     double loop_begin = 0.0, loop_end = 0.0; // frames
 };
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curve wind against the talk's own words: every point behind P_k is turned, segment after segment, in O(n^2), in double,
-// by Eigen's quaternions. And what must hold whatever the wind.
+// Curve wind against the talk's own words: every point behind P_k is turned, segment after segment, in
+// O(n^2), in double, by Eigen's quaternions. And what must hold whatever the wind.
 #include "procedural/wind/bend.h"
 #include "procedural/wind/chain.h"
 
@@ -76,7 +76,8 @@ Curve literal_bend(const Wind& wind, const Curve& rest, double envelope, double 
     for (size_t k = 0; k + 1 < n; ++k) {
         const Vec3d to_tip = curve[n - 1] - curve[k];
         const Vec3d to_wind = wind.direction + noise_at(wind, rest[0], arc[k], seconds);
-        double f = std::clamp(wind.global_rotate * wind.ramp_rotate(arc[k] / arc[n - 1]) * envelope, 0.0, 1.0);
+        double f =
+            std::clamp(wind.global_rotate * wind.ramp_rotate(arc[k] / arc[n - 1]) * envelope, 0.0, 1.0);
         f = 1.0 - std::pow(1.0 - f, reference * (arc[k + 1] - arc[k]) / arc[n - 1]);
         const Vec3d axis = to_tip.cross(to_wind);
         const double angle = std::atan2(axis.norm(), to_tip.dot(to_wind));
@@ -138,11 +139,13 @@ TEST(Bend, agrees_with_the_talk_word_by_word) {
             wind.reference_segments = reference;
             std::vector<Curve> curves;
             for (uint64_t i = 0; i < 403; ++i) // not a multiple of eight
-                curves.push_back(random_curve(hash(uint64_t(n), i), n, 0.3, Vec3d(double(i % 20), 0.0, double(i / 20))));
+                curves.push_back(
+                    random_curve(hash(uint64_t(n), i), n, 0.3, Vec3d(double(i % 20), 0.0, double(i / 20))));
             Strands strands = strands_of(curves);
             run(wind, strands);
             for (int i = 0; i < strands.count; ++i) {
-                const Curve rest = curve_of(strands, strands.rest, i), pose = curve_of(strands, strands.pose, i);
+                const Curve rest = curve_of(strands, strands.rest, i),
+                            pose = curve_of(strands, strands.pose, i);
                 const Curve expected = literal_bend(wind, rest, wind_envelope(wind), 10.0 / 24.0);
                 for (size_t k = 0; k < rest.size(); ++k)
                     worst = std::max(worst, (pose[k] - expected[k]).norm() / length_of(rest));
@@ -166,7 +169,8 @@ TEST(Bend, keeps_lengths_at_any_strength_and_place) {
                     wind.noise.frequency /= scale;
                     std::vector<Curve> curves;
                     for (uint64_t i = 0; i < 64; ++i)
-                        curves.push_back(random_curve(i + 77, n, 0.3 * scale, Vec3d(far, -far, 0.5 * far) * scale));
+                        curves.push_back(
+                            random_curve(i + 77, n, 0.3 * scale, Vec3d(far, -far, 0.5 * far) * scale));
                     Strands strands = strands_of(curves);
                     run(wind, strands);
                     for (int i = 0; i < strands.count; ++i) {
@@ -192,7 +196,8 @@ TEST(Bend, no_wind_is_the_rest_pose_bit_for_bit) {
             wind.speed = 0.0;
             run(wind, strands);
         }
-        EXPECT_EQ(0, std::memcmp(strands.rest.data(), strands.pose.data(), strands.rest.size() * sizeof(Wide3f)));
+        EXPECT_EQ(
+            0, std::memcmp(strands.rest.data(), strands.pose.data(), strands.rest.size() * sizeof(Wide3f)));
     }
 }
 
@@ -212,7 +217,8 @@ TEST(Bend, scales_along_with_the_scene) {
         Strands strands = strands_of({scaled});
         run(wind, strands);
         const Curve expected = curve_of(unit, unit.pose, 0), pose = curve_of(strands, strands.pose, 0);
-        for (size_t k = 0; k < pose.size(); ++k) EXPECT_LT((pose[k] / scale - expected[k]).norm(), 1e-5) << scale;
+        for (size_t k = 0; k < pose.size(); ++k)
+            EXPECT_LT((pose[k] / scale - expected[k]).norm(), 1e-5) << scale;
     }
 }
 
@@ -285,7 +291,8 @@ TEST(Bend, more_cvs_show_the_same_pose) {
         before = 0.7 * distance;
     }
     EXPECT_LT(before / 0.7, 0.02);
-    EXPECT_GT((tip(64, 0) - tip(4, 0)).norm(), 0.3) << "without it the poses differ, or this test shows nothing";
+    EXPECT_GT((tip(64, 0) - tip(4, 0)).norm(), 0.3)
+        << "without it the poses differ, or this test shows nothing";
 }
 
 TEST(Bend, noise_travels_with_the_wind_and_loops_close) {

@@ -54,8 +54,8 @@ TEST(PerlinNoise, range_mean_and_independence) {
         }
         for (int axis = 0; axis < 3; ++axis) {
             const double rms = std::sqrt(squares[axis] / count);
-            std::printf("%d-D axis %d: mean %+.4f rms %.4f correlation with next %+.4f greatest %.3f\n", four ? 4 : 3, axis,
-                        sum[axis] / count, rms, products[axis] / squares[axis], greatest);
+            std::printf("%d-D axis %d: mean %+.4f rms %.4f correlation with next %+.4f greatest %.3f\n",
+                        four ? 4 : 3, axis, sum[axis] / count, rms, products[axis] / squares[axis], greatest);
             EXPECT_NEAR(sum[axis] / count, 0.0, 0.01);
             EXPECT_NEAR(rms, 0.28, 0.05);
             EXPECT_NEAR(products[axis] / squares[axis], 0.0, 0.02);
@@ -74,7 +74,8 @@ TEST(PerlinNoise, zero_at_lattice_points_near_and_far) {
 TEST(PerlinNoise, twice_differentiable_across_faces) {
     constexpr double h = 1e-2;
     for (int i = 0; i < 200; ++i) {
-        const double y = unit_double(mix64(uint64_t(i))) * 50.0, z = unit_double(mix64(uint64_t(i) + 999)) * 50.0;
+        const double y = unit_double(mix64(uint64_t(i))) * 50.0,
+                     z = unit_double(mix64(uint64_t(i) + 999)) * 50.0;
         const double x = double(i - 100);
         for (int axis = 0; axis < 3; ++axis) {
             const auto f = [&](double at_x) { return component(at({}, at_x, y, z), axis, 0); };
@@ -84,13 +85,15 @@ TEST(PerlinNoise, twice_differentiable_across_faces) {
     }
 }
 
-// A slab of the field holds in 32-bit hash cells what a shifted slab does not: no short period along any axis.
+// A slab of the field holds in 32-bit hash cells what a shifted slab does not: no short period along any
+// axis.
 TEST(PerlinNoise, does_not_repeat) {
     for (const double period : {256.0, 512.0, 4096.0, 65536.0}) {
         double difference = 0.0;
         for (int i = 0; i < 64; ++i) {
             const double t = 0.37 * i;
-            difference += std::abs(component(at({}, t, 0.4, 0.7), 0, 0) - component(at({}, t + period, 0.4, 0.7), 0, 0));
+            difference += std::abs(component(at({}, t, 0.4, 0.7), 0, 0) -
+                                   component(at({}, t + period, 0.4, 0.7), 0, 0));
         }
         EXPECT_GT(difference / 64, 0.1) << period;
     }
@@ -105,7 +108,8 @@ TEST(PerlinNoise, octaves_keep_their_strength) {
             const Wide3d p = random_points(i, 500.0);
             Wide3f v;
             vector_noise(noise, &p, 1, false, 0.0, &v);
-            for (int lane = 0; lane < lanes; ++lane) rms[octaves - 1] += double(v.x[lane]) * double(v.x[lane]);
+            for (int lane = 0; lane < lanes; ++lane)
+                rms[octaves - 1] += double(v.x[lane]) * double(v.x[lane]);
         }
     }
     for (int i = 1; i < 4; ++i) EXPECT_NEAR(std::sqrt(rms[i] / rms[0]), 1.0, 0.05);

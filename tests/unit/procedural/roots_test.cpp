@@ -18,7 +18,8 @@ const auto never = [] { return false; };
 
 std::vector<Vec3d> places(const Groom& groom, const Surface& surface, const std::vector<Root>& roots) {
     std::vector<Vec3d> list;
-    for (const Root root : roots) list.push_back(surface.point(root.triangle, root_weights(groom.seed, root)));
+    for (const Root root : roots)
+        list.push_back(surface.point(root.triangle, root_weights(groom.seed, root)));
     return list;
 }
 
@@ -31,7 +32,8 @@ std::set<std::pair<uint32_t, uint32_t>> identities(const std::vector<Root>& root
 double nearest_pair(const std::vector<Vec3d>& points) {
     double nearest = 1e300;
     for (size_t i = 0; i < points.size(); ++i)
-        for (size_t j = i + 1; j < points.size(); ++j) nearest = std::min(nearest, (points[i] - points[j]).norm());
+        for (size_t j = i + 1; j < points.size(); ++j)
+            nearest = std::min(nearest, (points[i] - points[j]).norm());
     return nearest;
 }
 
@@ -60,7 +62,8 @@ TEST(Roots, a_density_is_met_within_two_percent) {
             groom.density = 500.0;
             groom.spacing = spacing;
             const double found = double(place_roots(groom, plane.surface(), never).size()) / 100.0;
-            std::printf("divisions %3d spacing %.1f: %.1f of 500 a square metre\n", divisions, spacing, found);
+            std::printf("divisions %3d spacing %.1f: %.1f of 500 a square metre\n", divisions, spacing,
+                        found);
             EXPECT_NEAR(found / 500.0, 1.0, 0.02);
         }
     }
@@ -73,14 +76,16 @@ TEST(Roots, keep_their_distance) {
         groom.density = 1000.0;
         groom.spacing = spacing;
         const double bound = spacing * 0.56 / std::sqrt(groom.density);
-        const double nearest = nearest_pair(places(groom, plane.surface(), place_roots(groom, plane.surface(), never)));
+        const double nearest =
+            nearest_pair(places(groom, plane.surface(), place_roots(groom, plane.surface(), never)));
         EXPECT_GT(nearest, 0.994 * bound); // positions in the grid are kept to a thousandth of a cell of 2 r
         EXPECT_LT(nearest, 1.2 * bound) << "the discs are smaller than they could be";
     }
     Groom random;
     random.density = 1000.0;
     random.spacing = 0.0;
-    EXPECT_LT(nearest_pair(places(random, plane.surface(), place_roots(random, plane.surface(), never))), 0.2 / std::sqrt(1000.0));
+    EXPECT_LT(nearest_pair(places(random, plane.surface(), place_roots(random, plane.surface(), never))),
+              0.2 / std::sqrt(1000.0));
 }
 
 TEST(Roots, are_spread_evenly_over_uneven_triangles) {
@@ -116,13 +121,15 @@ TEST(Roots, do_not_notice_a_change_elsewhere) {
     // Only next to the seam may a strand stand that had been kept away by one that is gone.
     EXPECT_GT(left.size(), whole.size() / 3);
     EXPECT_GT(double(kept) / double(left.size()), 0.97);
-    // More strands: those that were there and are still there have the same identity, so the same place and shape.
+    // More strands: those that were there and are still there have the same identity, so the same place and
+    // shape.
     groom = {};
     groom.density = 600.0;
     groom.spacing = 0.0;
     const auto dense = identities(place_roots(groom, plane.surface(), never));
     groom.density = 300.0;
-    for (const auto& root : identities(place_roots(groom, plane.surface(), never))) EXPECT_TRUE(dense.contains(root));
+    for (const auto& root : identities(place_roots(groom, plane.surface(), never)))
+        EXPECT_TRUE(dense.contains(root));
 }
 
 TEST(Roots, half_a_mask_is_half_the_strands) {
@@ -142,7 +149,8 @@ TEST(Roots, the_same_at_any_thread_count) {
     std::vector<Root> lists[2];
     for (const int threads : {1, 2}) {
         const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
-        tbb::task_arena(threads).execute([&] { lists[threads - 1] = place_roots(groom, sphere.surface(), never); });
+        tbb::task_arena(threads).execute(
+            [&] { lists[threads - 1] = place_roots(groom, sphere.surface(), never); });
     }
     ASSERT_EQ(lists[0].size(), lists[1].size());
     for (size_t i = 0; i < lists[0].size(); ++i) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The polynomials of procedural/simd.h against the C library, which errs by less than an ulp, over their whole stated domains.
+// The polynomials of procedural/simd.h against the C library, which errs by less than an ulp, over their
+// whole stated domains.
 #include "procedural/simd.h"
 
 #include "core/math/hash.h"
@@ -32,11 +33,21 @@ double worst(double low, double high, Function&& function, Error&& error) {
 
 TEST(Simd, sine_and_cosine) {
     for (const double range : {0.5 * 3.14159265358979, 100.0, 1e6}) {
-        const auto sine = [](VDouble x) { VDouble s, c; sincos(x, s, c); return s; };
-        const auto cosine = [](VDouble x) { VDouble s, c; sincos(x, s, c); return c; };
+        const auto sine = [](VDouble x) {
+            VDouble s, c;
+            sincos(x, s, c);
+            return s;
+        };
+        const auto cosine = [](VDouble x) {
+            VDouble s, c;
+            sincos(x, s, c);
+            return c;
+        };
         const double bound = 1e-13 + 1e-16 * range;
-        EXPECT_LT(worst(-range, range, sine, [](double x, double r) { return std::abs(r - std::sin(x)); }), bound);
-        EXPECT_LT(worst(-range, range, cosine, [](double x, double r) { return std::abs(r - std::cos(x)); }), bound);
+        EXPECT_LT(worst(-range, range, sine, [](double x, double r) { return std::abs(r - std::sin(x)); }),
+                  bound);
+        EXPECT_LT(worst(-range, range, cosine, [](double x, double r) { return std::abs(r - std::cos(x)); }),
+                  bound);
     }
 }
 
@@ -55,16 +66,23 @@ TEST(Simd, angle_at_every_angle) {
 }
 
 TEST(Simd, logarithm_and_exponential) {
-    EXPECT_LT(worst(1e-12, 4.0, [](VDouble x) { return vlog(x); },
-                    [](double x, double r) { return std::abs(r - std::log(x)) / std::max(1.0, std::abs(std::log(x))); }), 1e-14);
-    EXPECT_LT(worst(-600.0, 600.0, [](VDouble x) { return vexp(x); },
-                    [](double x, double r) { return std::abs(r / std::exp(x) - 1.0); }), 1e-13);
+    EXPECT_LT(worst(
+                  1e-12, 4.0, [](VDouble x) { return vlog(x); },
+                  [](double x, double r) {
+                      return std::abs(r - std::log(x)) / std::max(1.0, std::abs(std::log(x)));
+                  }),
+              1e-14);
+    EXPECT_LT(worst(
+                  -600.0, 600.0, [](VDouble x) { return vexp(x); },
+                  [](double x, double r) { return std::abs(r / std::exp(x) - 1.0); }),
+              1e-13);
     EXPECT_EQ(vlog(splat(1.0))[0], 0.0);
     EXPECT_EQ(vexp(splat(0.0))[0], 1.0);
 }
 
 TEST(Simd, floor_and_cell) {
-    for (const double x : {0.0, -0.0, 0.5, -0.5, 1.0, -1.0, 2.5, 3.5, -2.5, 1e6 + 0.25, -1e6 - 0.25, 4294967296.0, 1e15 + 0.5}) {
+    for (const double x : {0.0, -0.0, 0.5, -0.5, 1.0, -1.0, 2.5, 3.5, -2.5, 1e6 + 0.25, -1e6 - 0.25,
+                           4294967296.0, 1e15 + 0.5}) {
         VInt cell;
         EXPECT_EQ(vfloor(splat(x), cell)[0], std::floor(x)) << x;
         EXPECT_EQ(cell[0], int32_t(uint32_t(int64_t(std::floor(x))))) << x;
@@ -75,7 +93,9 @@ TEST(Simd, ramps_agree_with_the_scalar_ones) {
     const std::vector<double> knots = {-1.0, 0.3, 0.25, 1.0, 0.25001, 0.2, 3.0, 0.7};
     for (const char* interpolation : {"linear", "smooth", "constant"}) {
         const Ramp ramp(knots, interpolation);
-        for (double x = -2.0; x < 4.0; x += 0.0137) EXPECT_NEAR(evaluate(ramp, splat(x))[3], ramp(x), 1e-12) << interpolation << x;
-        for (size_t i = 0; i < knots.size(); i += 2) EXPECT_EQ(evaluate(ramp, splat(knots[i]))[0], ramp(knots[i]));
+        for (double x = -2.0; x < 4.0; x += 0.0137)
+            EXPECT_NEAR(evaluate(ramp, splat(x))[3], ramp(x), 1e-12) << interpolation << x;
+        for (size_t i = 0; i < knots.size(); i += 2)
+            EXPECT_EQ(evaluate(ramp, splat(knots[i]))[0], ramp(knots[i]));
     }
 }

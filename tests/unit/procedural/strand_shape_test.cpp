@@ -25,7 +25,8 @@ std::vector<Root> roots_on(const Groom& groom, const TestSurface& mesh) {
     return place_roots(groom, mesh.surface(), [] { return false; });
 }
 
-Strands grown(const Groom& groom, const TestSurface& bind, const TestSurface& now, const std::vector<Root>& roots) {
+Strands grown(const Groom& groom, const TestSurface& bind, const TestSurface& now,
+              const std::vector<Root>& roots) {
     Strands strands;
     strands.resize(int(roots.size()), groom.cvs, groom.shape == MARRAM_ORIENTED_RIBBON);
     expand(groom, {bind.surface(), now.surface()}, roots, false, strands);
@@ -63,7 +64,8 @@ TEST(StrandShape, begins_at_its_root_with_equal_segments_of_the_length_asked) {
             const std::vector<Root> roots = roots_on(groom, sphere);
             const Strands strands = grown(groom, sphere, sphere, roots);
             for (int i = 0; i < int(roots.size()); ++i) {
-                const Vec3d root = sphere.surface().point(roots[size_t(i)].triangle, root_weights(groom.seed, roots[size_t(i)]));
+                const Vec3d root = sphere.surface().point(roots[size_t(i)].triangle,
+                                                          root_weights(groom.seed, roots[size_t(i)]));
                 EXPECT_LT((cv(strands, i, 0) - root).norm(), 1e-6);
                 double length = 0.0, shortest = 1.0, longest = 0.0;
                 for (int k = 1; k < cvs; ++k) {
@@ -131,11 +133,14 @@ TEST(StrandShape, clumps_draw_tips_together) {
 
 TEST(StrandShape, rides_rigidly_with_its_surface) {
     const TestSurface sphere = sphere_surface(24);
-    const Eigen::Affine3d motion = Eigen::Translation3d(3.0, -2.0, 0.5) * Eigen::AngleAxisd(1.1, Vec3d(1, 2, 3).normalized());
+    const Eigen::Affine3d motion =
+        Eigen::Translation3d(3.0, -2.0, 0.5) * Eigen::AngleAxisd(1.1, Vec3d(1, 2, 3).normalized());
     TestSurface moved = sphere;
     for (size_t i = 0; i < sphere.positions.size(); i += 3) {
-        const Vec3d p = motion * Vec3d(double(sphere.positions[i]), double(sphere.positions[i + 1]), double(sphere.positions[i + 2]));
-        const Vec3d n = motion.linear() * Vec3d(double(sphere.normals[i]), double(sphere.normals[i + 1]), double(sphere.normals[i + 2]));
+        const Vec3d p = motion * Vec3d(double(sphere.positions[i]), double(sphere.positions[i + 1]),
+                                       double(sphere.positions[i + 2]));
+        const Vec3d n = motion.linear() * Vec3d(double(sphere.normals[i]), double(sphere.normals[i + 1]),
+                                                double(sphere.normals[i + 2]));
         for (size_t axis = 0; axis < 3; ++axis) {
             moved.positions[i + axis] = float(p[int(axis)]);
             moved.normals[i + axis] = float(n[int(axis)]);
@@ -145,7 +150,8 @@ TEST(StrandShape, rides_rigidly_with_its_surface) {
     const std::vector<Root> roots = roots_on(groom, sphere);
     const Strands rest = grown(groom, sphere, sphere, roots), carried = grown(groom, sphere, moved, roots);
     for (int i = 0; i < rest.count; ++i)
-        for (int k = 0; k < groom.cvs; ++k) EXPECT_LT((motion * cv(rest, i, k) - cv(carried, i, k)).norm(), 2e-5);
+        for (int k = 0; k < groom.cvs; ++k)
+            EXPECT_LT((motion * cv(rest, i, k) - cv(carried, i, k)).norm(), 2e-5);
 }
 
 // A parameter changes what it is for and nothing else.
@@ -189,7 +195,11 @@ TEST(StrandShape, length_masks_shorten) {
     const Strands strands = grown(groom, plane, plane, roots);
     for (int i = 0; i < strands.count; ++i) {
         const double x = cv(strands, i, 0).x(), length = (cv(strands, i, 3) - cv(strands, i, 0)).norm();
-        if (std::abs(x - 0.25) < 0.01) { EXPECT_NEAR(length, 0.25, 0.03); }
-        if (std::abs(x - 0.75) < 0.01) { EXPECT_NEAR(length, 0.75, 0.03); }
+        if (std::abs(x - 0.25) < 0.01) {
+            EXPECT_NEAR(length, 0.25, 0.03);
+        }
+        if (std::abs(x - 0.75) < 0.01) {
+            EXPECT_NEAR(length, 0.75, 0.03);
+        }
     }
 }

@@ -13,8 +13,8 @@ struct TestSurface {
     std::vector<uint32_t> triangles;
 
     Surface surface() const {
-        return {positions.data(), normals.empty() ? nullptr : normals.data(), triangles.data(), uvs.empty() ? nullptr : uvs.data(),
-                uint32_t(triangles.size() / 3)};
+        return {positions.data(), normals.empty() ? nullptr : normals.data(), triangles.data(),
+                uvs.empty() ? nullptr : uvs.data(), uint32_t(triangles.size() / 3)};
     }
 };
 
@@ -40,7 +40,8 @@ inline TestSurface sphere_surface(int n) {
     for (int j = 0; j <= n; ++j)
         for (int i = 0; i <= 2 * n; ++i) {
             const double theta = pi * j / n, phi = pi * i / n;
-            const float p[3] = {float(std::sin(theta) * std::cos(phi)), float(std::cos(theta)), float(-std::sin(theta) * std::sin(phi))};
+            const float p[3] = {float(std::sin(theta) * std::cos(phi)), float(std::cos(theta)),
+                                float(-std::sin(theta) * std::sin(phi))};
             mesh.positions.insert(mesh.positions.end(), p, p + 3);
             mesh.normals.insert(mesh.normals.end(), p, p + 3);
             mesh.uvs.insert(mesh.uvs.end(), {float(i) / float(2 * n), 1.0F - float(j) / float(n)});

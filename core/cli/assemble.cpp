@@ -4,6 +4,8 @@
 #include "core/image/image.h"
 #include "core/scene/libraries.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <bit>
 #include <filesystem>
@@ -252,6 +254,10 @@ LoadedScene load(const std::string& file, const Overrides& overrides, const std:
         });
     scene.camera = camera_of(description);
     objections.raise();
+    if (scene.lights.empty()) {
+        fmt::print(stderr, "{}: the scene has no light: it is lit by a plain sky\n", file);
+        scene.lights.push_back(SkyLight{});
+    }
     return scene;
 }
 
@@ -269,11 +275,6 @@ BuildSettings build_settings(const LoadedScene& scene, double frame) {
     const Vec2d shutter = description.camera.vec2("shutter");
     settings.shutter_open = shutter.x();
     settings.shutter_close = shutter.y();
-    // Two keys draw a straight line, which a quarter of a gust's swing or of a turn is to a pixel.
-    constexpr uint32_t default_keys = 2;
-    settings.motion_keys = description.film.has("motion_keys")
-                               ? uint32_t(description.film.integer("motion_keys"))
-                               : default_keys;
     settings.bind_frame =
         globals.has("bind_frame") ? globals.number("bind_frame") : globals.vec2("frames").x();
     settings.camera_position = scene.camera.poses.front().position;
@@ -282,6 +283,9 @@ BuildSettings build_settings(const LoadedScene& scene, double frame) {
     if (globals.has("tolerance_pixels"))
         settings.tolerance = globals.number("tolerance_pixels") * settings.pixel_angle *
                              (description.camera.vec3("target") - settings.camera_position).norm();
+    settings.motion_keys = description.film.has("motion_keys")
+                               ? uint32_t(description.film.integer("motion_keys"))
+                               : motion_keys_for(scene.geometry, settings.tolerance, frame + shutter.x(), frame + shutter.y());
     return settings;
 }
 

@@ -78,19 +78,17 @@ void print_scene(const std::string& file) {
                    mesh.mesh.triangles.size(), mesh.mesh.uvs.empty() ? ", no uvs" : "",
                    mesh.transform.moves() ? ", moves" : "");
     }
-    BuildSettings settings = build_settings(scene, scene.description.globals.vec2("frames").x());
-    settings.curves_bvh = false;
-    settings.shutter_open = settings.shutter_close = 0.0;
+    const BuildSettings settings = build_settings(scene, scene.description.globals.vec2("frames").x());
+    BuildSettings still = settings; // counted without motion
+    still.curves_bvh = false;
+    still.shutter_open = still.shutter_close = 0.0;
     BuildProgress progress;
     BuildStats stats;
-    const World world = build_world(scene.geometry, settings, interrupted(), progress, stats);
+    const World world = build_world(scene.geometry, still, interrupted(), progress, stats);
     for (const CurveGeometry& curves : world.curves)
         fmt::print("procedural {}: {} curves of {} CVs\n", curves.name, curves.curve_count,
                    curves.cvs_per_curve);
-    const double keys =
-        scene.description.camera.vec2("shutter").x() < scene.description.camera.vec2("shutter").y()
-            ? scene.description.film.has("motion_keys") ? scene.description.film.integer("motion_keys") : 2
-            : 1;
+    const double keys = settings.shutter_open < settings.shutter_close ? double(settings.motion_keys) : 1.0;
     // Embree's BVH over cubic segments, medium quality: bytes and thread seconds a segment and motion step.
     constexpr double bvh_bytes = 122.0, bvh_seconds = 2e-6;
     const double segments = double(stats.segments);

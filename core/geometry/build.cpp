@@ -448,6 +448,43 @@ std::vector<double> motion_times(const BuildSettings& settings) {
     return times;
 }
 
+namespace {
+
+// Greatest distance of a mesh from its transform when drawn with so many keys. Both are affine in the point, so the corners
+// of its box show it; between two keys it is looked for at three instants.
+double motion_error(const SceneMesh& mesh, uint32_t keys, double open, double close) {
+    Eigen::AlignedBox3d box;
+    for (const Vec3f& p : mesh.mesh.positions) box.extend(p.cast<double>());
+    if (box.isEmpty()) return 0.0;
+    double worst = 0.0;
+    const double step = (close - open) / double(keys - 1);
+    for (uint32_t key = 0; key + 1 < keys; ++key) {
+        const double begin = open + step * key;
+        const Eigen::Affine3d a = mesh.transform.at(begin), b = mesh.transform.at(begin + step);
+        for (const double t : {0.25, 0.5, 0.75}) {
+            const Eigen::Affine3d exact = mesh.transform.at(begin + t * step);
+            for (int i = 0; i < 8; ++i) {
+                const Vec3d p = box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(i));
+                worst = std::max(worst, (exact * p - ((1.0 - t) * (a * p) + t * (b * p))).norm());
+            }
+        }
+    }
+    return worst;
+}
+
+} // namespace
+
+uint32_t motion_keys_for(const SceneGeometry& geometry, double tolerance, double open, double close) {
+    constexpr uint32_t most = 64;
+    uint32_t keys = 2;
+    if (!(open < close)) return keys;
+    for (const SceneMesh& mesh : geometry.meshes) {
+        if (!mesh.transform.moves_within(open, close)) continue;
+        while (keys < most && motion_error(mesh, keys, open, close) > tolerance) keys = std::min(2 * keys - 1, most);
+    }
+    return keys;
+}
+
 World build_world(SceneGeometry& geometry, const BuildSettings& settings, const std::atomic<bool>& cancel,
                   BuildProgress& progress, BuildStats& stats) {
     Build build{geometry, settings, cancel, progress, stats, {}, {}, {}};

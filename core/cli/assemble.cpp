@@ -283,9 +283,10 @@ BuildSettings build_settings(const LoadedScene& scene, double frame) {
     if (globals.has("tolerance_pixels"))
         settings.tolerance = globals.number("tolerance_pixels") * settings.pixel_angle *
                              (description.camera.vec3("target") - settings.camera_position).norm();
-    settings.motion_keys = description.film.has("motion_keys")
-                               ? uint32_t(description.film.integer("motion_keys"))
-                               : motion_keys_for(scene.geometry, settings.tolerance, frame + shutter.x(), frame + shutter.y());
+    settings.motion_keys =
+        description.film.has("motion_keys")
+            ? uint32_t(description.film.integer("motion_keys"))
+            : motion_keys_for(scene.geometry, settings.tolerance, frame + shutter.x(), frame + shutter.y());
     return settings;
 }
 

@@ -17,7 +17,7 @@ std::atomic<bool> stop{false};
 std::atomic<int> uncut{0};
 
 // A second of patience is promised; sorting roots and the like takes up to this before it looks.
-constexpr double grace_seconds = 0.7;
+constexpr double grace_seconds = 0.4;
 
 [[noreturn]] void cut_off() {
     remove_partial_files();

@@ -450,8 +450,8 @@ std::vector<double> motion_times(const BuildSettings& settings) {
 
 namespace {
 
-// Greatest distance of a mesh from its transform when drawn with so many keys. Both are affine in the point, so the corners
-// of its box show it; between two keys it is looked for at three instants.
+// Greatest distance of a mesh from its transform when drawn with so many keys. Both are affine in the point,
+// so the corners of its box show it; between two keys it is looked for at three instants.
 double motion_error(const SceneMesh& mesh, uint32_t keys, double open, double close) {
     Eigen::AlignedBox3d box;
     for (const Vec3f& p : mesh.mesh.positions) box.extend(p.cast<double>());
@@ -480,7 +480,8 @@ uint32_t motion_keys_for(const SceneGeometry& geometry, double tolerance, double
     if (!(open < close)) return keys;
     for (const SceneMesh& mesh : geometry.meshes) {
         if (!mesh.transform.moves_within(open, close)) continue;
-        while (keys < most && motion_error(mesh, keys, open, close) > tolerance) keys = std::min(2 * keys - 1, most);
+        while (keys < most && motion_error(mesh, keys, open, close) > tolerance)
+            keys = std::min(2 * keys - 1, most);
     }
     return keys;
 }

@@ -64,8 +64,9 @@ struct BuildStats {
 World build_world(SceneGeometry& geometry, const BuildSettings& settings, const std::atomic<bool>& cancel,
                   BuildProgress& progress, BuildStats& stats);
 
-// The smallest number of motion keys, 2 ... 64, at which every mesh, drawn along straight lines between its keys, stays
-// within `tolerance` metres of where its transform puts it at any instant of the shutter (64 where even those do not do).
+// The smallest number of motion keys, 2 ... 64, at which every mesh, drawn along straight lines between its
+// keys, stays within `tolerance` metres of where its transform puts it at any instant of the shutter (64
+// where even those do not do).
 uint32_t motion_keys_for(const SceneGeometry& geometry, double tolerance, double open, double close);
 
 // Motion sample times in frames: equally spaced over the shutter, both ends exact; one where it is closed.

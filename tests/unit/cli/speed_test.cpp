@@ -5,6 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
+
 namespace marram::testing {
 namespace {
 
@@ -12,16 +14,24 @@ TEST(Speed, OfStrandsIsSmallBesideTheBvh) {
     const Folder folder;
     const std::string scene = folder.write(
         "a.toml", SceneText{.groom = "count = 200000\ncvs = 8\nlength = [0.1, 0.2]\nwidth = 0.002\n"});
-    EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--size", "4x4", "--spp", "1", "--threads",
-                        "2", "--stats", folder / "a.json"}));
-    const auto stats = nlohmann::json::parse(read_file(folder / "a.json"));
-    const double expand = stats["seconds"]["expand"], bend = stats["seconds"]["bend"],
-                 bvh = stats["seconds"]["curves_bvh"];
+    // The median of three runs of both, each ratio within one run.
+    std::vector<double> ratios;
+    nlohmann::json stats;
+    for (int run = 0; run < 3; ++run) {
+        EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--size", "4x4", "--spp", "1",
+                            "--threads", "2", "--stats", folder / "a.json"}));
+        stats = nlohmann::json::parse(read_file(folder / "a.json"));
+        const double expand = stats["seconds"]["expand"], bend = stats["seconds"]["bend"],
+                     bvh = stats["seconds"]["curves_bvh"];
+        fmt::print("expand {:.3f} s + bend {:.3f} s = {:.3f} of the BVH's {:.3f} s\n", expand, bend,
+                   (expand + bend) / bvh, bvh);
+        ratios.push_back((expand + bend) / bvh);
+    }
+    std::ranges::sort(ratios);
     const double cvs = stats["cvs"], extra = stats["memory"]["curve_extra_bytes"];
-    fmt::print("expand {:.3f} s + bend {:.3f} s = {:.3f} of the BVH's {:.3f} s; {:.2f} extra bytes a CV\n",
-               expand, bend, (expand + bend) / bvh, bvh, extra / cvs);
+    fmt::print("{:.2f} extra bytes a CV\n", extra / cvs);
     EXPECT_EQ(cvs, 1.6e6);
-    EXPECT_LT(expand + bend, 0.2 * bvh);
+    EXPECT_LT(ratios[1], 0.2);
     EXPECT_LT(extra, 8.0 * cvs);
 }
 

@@ -34,16 +34,22 @@ TEST(MotionKeys, nothing_moves_while_the_shutter_is_closed_or_the_shot_is_over) 
     EXPECT_EQ(motion_keys_for(turning_box(90.0), 1e-6, 5.0, 6.0), 2U);
 }
 
-// A chord of angle a on a circle of radius r sags by r (1 - cos(a/2)): the tolerance is met, and with half as many it was not.
+// A chord of angle a on a circle of radius r sags by r (1 - cos(a/2)): the tolerance is met, and with half as
+// many it was not.
 TEST(MotionKeys, a_turn_stays_within_the_tolerance) {
     const double radius = std::sqrt(2.0);
     for (const double degrees : {10.0, 90.0, 170.0})
         for (const double tolerance : {0.1, 0.01, 0.001}) {
             const uint32_t keys = motion_keys_for(turning_box(degrees), tolerance, 1.0, 2.0);
-            const auto sag = [&](uint32_t n) { return radius * (1.0 - std::cos(0.5 * degrees * degree / (n - 1))); };
-            std::printf("%3.0f degrees within %.3f m: %u keys, off by %.2g m\n", degrees, tolerance, keys, sag(keys));
+            const auto sag = [&](uint32_t n) {
+                return radius * (1.0 - std::cos(0.5 * degrees * degree / (n - 1)));
+            };
+            std::printf("%3.0f degrees within %.3f m: %u keys, off by %.2g m\n", degrees, tolerance, keys,
+                        sag(keys));
             EXPECT_LE(sag(keys), tolerance * 1.001);
-            if (keys > 2) { EXPECT_GT(sag((keys + 1) / 2), tolerance); }
+            if (keys > 2) {
+                EXPECT_GT(sag((keys + 1) / 2), tolerance);
+            }
         }
     EXPECT_EQ(motion_keys_for(turning_box(170.0), 0.0, 1.0, 2.0), 64U);
 }

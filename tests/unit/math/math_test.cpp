@@ -41,7 +41,8 @@ TEST(KeyedTransform, is_exact_at_keys_and_constant_outside) {
         EXPECT_NEAR(std::cbrt(middle.linear().determinant()), 1.5, 1e-12);
     }
     EXPECT_NEAR(KeyedTransform(keys, "linear").at(2.0).translation().x(), 1.0, 1e-12);
-    EXPECT_NEAR(KeyedTransform(keys, "smooth").at(2.0).translation().x(), 4.0 * (3.0 / 16.0 - 2.0 / 64.0), 1e-12);
+    EXPECT_NEAR(KeyedTransform(keys, "smooth").at(2.0).translation().x(), 4.0 * (3.0 / 16.0 - 2.0 / 64.0),
+                1e-12);
 }
 
 TEST(KeyedTransform, euler_angles_turn_about_x_then_y_then_z) {
@@ -52,7 +53,8 @@ TEST(KeyedTransform, euler_angles_turn_about_x_then_y_then_z) {
 
 TEST(KeyedTransform, knows_when_it_moves) {
     EXPECT_FALSE(KeyedTransform().moves());
-    const KeyedTransform keyed(std::vector<double>{1, 0, 0, 0, 0, 0, 0, 1, 1, 1, 5, 4, 8, 0, 0, 90, 0, 2, 2, 2}, "linear");
+    const KeyedTransform keyed(
+        std::vector<double>{1, 0, 0, 0, 0, 0, 0, 1, 1, 1, 5, 4, 8, 0, 0, 90, 0, 2, 2, 2}, "linear");
     EXPECT_TRUE(keyed.moves_within(0.0, 2.0));
     EXPECT_TRUE(keyed.moves_within(4.9, 8.0));
     EXPECT_FALSE(keyed.moves_within(5.0, 8.0));
@@ -84,8 +86,8 @@ TEST(Hash, a_changed_bit_changes_half_of_them) {
 }
 
 TEST(OrthonormalBasis, holds_in_every_direction) {
-    for (const Vec3d& n : {Vec3d(0, 0, 1), Vec3d(0, 0, -1), Vec3d(1, 0, 0), Vec3d(0, -1, 0), Vec3d(1e-9, 0, -1).normalized(),
-                           Vec3d(1, 2, 3).normalized()}) {
+    for (const Vec3d& n : {Vec3d(0, 0, 1), Vec3d(0, 0, -1), Vec3d(1, 0, 0), Vec3d(0, -1, 0),
+                           Vec3d(1e-9, 0, -1).normalized(), Vec3d(1, 2, 3).normalized()}) {
         Vec3d t, b;
         orthonormal_basis<double>(n, t, b);
         EXPECT_NEAR(t.norm(), 1.0, 1e-12);
@@ -95,6 +97,7 @@ TEST(OrthonormalBasis, holds_in_every_direction) {
 }
 
 TEST(Problem, is_one_line) {
-    EXPECT_EQ(to_string(Problem{{"a.toml", 3, 7}, "what\nis wrong", "mend it"}), "a.toml:3:7: what is wrong: mend it");
+    EXPECT_EQ(to_string(Problem{{"a.toml", 3, 7}, "what\nis wrong", "mend it"}),
+              "a.toml:3:7: what is wrong: mend it");
     EXPECT_EQ(to_string(Problem{{"a.ply"}, "w", "f"}), "a.ply: w: f");
 }

@@ -129,7 +129,7 @@ void save(const std::string& path, const LoadedScene& scene, const Film& film,
     const int width = int(film.width), height = int(film.height);
     if (lower_extension(path) == ".png") {
         write_png(path, width, height, 3, find_layer(film, "beauty")->pixels.data(),
-                  scene.description.film.number("exposure"));
+                  scene.description.film.number("exposure"), metadata);
         return;
     }
     const std::vector<float> rgba = rgba_of(film);

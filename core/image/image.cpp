@@ -257,10 +257,12 @@ void write_exr(const std::string& path, int width, int height, std::span<const L
 }
 
 void write_png(const std::string& path, int width, int height, int channels, const float* pixels,
-               double exposure_stops) {
+               double exposure_stops, std::span<const Metadata> metadata) {
     assert(width > 0 && height > 0 && (channels == 3 || channels == 4));
     OIIO::ImageSpec spec(width, height, channels, OIIO::TypeDesc::UINT8);
     spec.attribute("oiio:ColorSpace", "sRGB");
+    for (const auto& [key, value] : metadata) // PNG knows text only
+        spec.attribute(key, std::visit([](const auto& v) { return fmt::format("{}", v); }, value));
     spec.attribute("oiio:UnassociatedAlpha", 1); // the division by alpha is done here, before the rounding
     const std::vector<uint8_t> bytes = to_bytes(width, height, channels, pixels, exposure_stops);
     AtomicFile file(path);
@@ -272,6 +274,7 @@ void write_png(const std::string& path, int width, int height, int channels, con
 std::optional<std::string> read_metadata(const std::string& path, const std::string& key) {
     std::error_code error;
     if (!std::filesystem::is_regular_file(path, error)) return std::nullopt;
+    if (!png_fault(path).empty()) return std::nullopt;
     InputFile input = OIIO::ImageInput::open(path);
     if (!input) {
         (void)OIIO::geterror(); // asked for, so that it is not reported at exit

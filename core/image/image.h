@@ -51,7 +51,7 @@ void write_exr(const std::string& path, int width, int height, std::span<const L
 // 8-bit sRGB of linear `pixels` (3 channels, or 4 with colour multiplied by alpha) times 2^exposure_stops,
 // clamped, without dither. NaN becomes 0.
 void write_png(const std::string& path, int width, int height, int channels, const float* pixels,
-               double exposure_stops);
+               double exposure_stops, std::span<const Metadata> metadata = {});
 
 // The value of a metadata entry of a finished picture, as text (numbers in the fewest digits that give them
 // back); nullopt where the file is missing, unreadable or cut short, or the key is not there. Never throws.

@@ -122,6 +122,11 @@ TEST_F(ImageFiles, PngHoldsSrgbOfExposedPixels) {
     EXPECT_EQ(std::lround(read_image(path("b.png"), ColorSpace::linear_data).pixels[8] * 255.0f), 188);
 
     const float half_covered[] = {0.25f, 0.0f, 0.5f, 0.5f}; // colour multiplied by alpha, as the film has it
+    const Metadata said[] = {{"marram:digest", std::string("abc")}, {"marram:samples", 7}};
+    write_png(path("said.png"), 3, 1, 3, pixels, 0.0, said);
+    EXPECT_EQ(read_metadata(path("said.png"), "marram:digest"), "abc");
+    EXPECT_EQ(read_metadata(path("said.png"), "marram:samples"), "7");
+    EXPECT_EQ(read_metadata(path("said.png"), "marram:other"), std::nullopt);
     write_png(path("c.png"), 1, 1, 4, half_covered, 0.0);
     const Image apart = read_image(path("c.png"), ColorSpace::linear_data);
     EXPECT_EQ(std::lround(apart.pixels[0] * 255.0f), 188);

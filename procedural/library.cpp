@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The entry point, and the one place where a name in a scene file becomes a procedural.
 //
-// To add a procedural: give it a folder, a function that fills a MarramProcedural, and a line in the table
-// below.
+// To add a procedural: give it a folder, a function that fills a MarramProcedural, and a line in the table below.
 #include "procedural/groom/groom.h"
 #include "procedural/wind/wind.h"
 

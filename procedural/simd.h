@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Eight strands side by side. The types are the compiler's vector extension: one source serves SSE2, AVX2 and
-// AVX-512, and because nothing is contracted or reassociated (-ffp-contract=off) all three give the same
-// bits.
+// Eight strands side by side. The types are the compiler's vector extension: one source serves SSE2, AVX2 and AVX-512,
+// and because nothing is contracted or reassociated (-ffp-contract=off) all three give the same bits.
 //
-// A hot function is marked MARRAM_HOT: it is compiled once for each instruction set and the loader picks one
-// at start-up. Everything it calls must be MARRAM_INLINE, or it would run in its baseline version.
+// A hot function is marked MARRAM_HOT: it is compiled once for each instruction set and the loader picks one at start-up.
+// Everything it calls must be MARRAM_INLINE, or it would run in its baseline version.
 //
 // The elementary functions below are polynomials valid on the stated domain only; their errors are bounded by
 // tests/unit/procedural/simd_test.cpp over 10^6 points each.
@@ -30,9 +29,8 @@ inline constexpr int lanes = 8;
 #define MARRAM_HOT
 #endif
 
-// Aligned by hand: the baseline aligns wide vectors to 16 bytes only, but the clones expect their full width.
-// A template argument loses the attribute, so memory that clones see is a struct that says alignas, or a
-// WideVector.
+// Aligned by hand: the baseline aligns wide vectors to 16 bytes only, but the clones expect their full width. A template
+// argument loses the attribute, so memory that clones see is a struct that says alignas, or a WideVector.
 using VFloat = float __attribute__((vector_size(lanes * 4), aligned(lanes * 4)));
 using VInt = int32_t __attribute__((vector_size(lanes * 4), aligned(lanes * 4)));
 using VUint = uint32_t __attribute__((vector_size(lanes * 4), aligned(lanes * 4)));
@@ -74,8 +72,7 @@ MARRAM_INLINE bool any(VLong mask) {
     return sum != 0;
 }
 
-// Adding this number rounds a double below 2^51 to the nearest integer and leaves that integer in the low
-// bits.
+// Adding this number rounds a double below 2^51 to the nearest integer and leaves that integer in the low bits.
 inline constexpr double round_magic = 6755399441055744.0; // 1.5 * 2^52
 
 // floor(x) and its low 32 bits, |x| < 2^51.
@@ -116,8 +113,8 @@ MARRAM_INLINE void sincos(VDouble x, VDouble& sine, VDouble& cosine) {
     cosine = bits_as<VDouble>(bits_as<VLong>(cosine) ^ flip);
 }
 
-// The angle in [0, pi] of a right triangle with opposite side s >= 0 and adjacent side c, not both 0. Three
-// halvings of the tangent bring it below tan(pi/16); error < 1e-13 rad at every angle, near 0 and pi too.
+// The angle in [0, pi] of a right triangle with opposite side s >= 0 and adjacent side c, not both 0. Three halvings of
+// the tangent bring it below tan(pi/16); error < 1e-13 rad at every angle, near 0 and pi too.
 MARRAM_INLINE VDouble angle_of(VDouble s, VDouble c) {
     const VDouble a = vabs(c);
     VDouble t = s / (vsqrt(s * s + a * a) + a); // tan of half the acute angle
@@ -130,8 +127,8 @@ MARRAM_INLINE VDouble angle_of(VDouble s, VDouble c) {
     return c < 0.0 ? 3.14159265358979323846 - acute : acute;
 }
 
-// Natural logarithm of a normal x > 0: exponent and mantissa in [sqrt(1/2), sqrt 2), then the series of
-// atanh. Error < 1e-15 relative to max(|log x|, 1).
+// Natural logarithm of a normal x > 0: exponent and mantissa in [sqrt(1/2), sqrt 2), then the series of atanh.
+// Error < 1e-15 relative to max(|log x|, 1).
 MARRAM_INLINE VDouble vlog(VDouble x) {
     const VLong bits = bits_as<VLong>(x) - 0x3fe6a09e667f3bcdLL; // minus sqrt(1/2)
     const VLong exponent = bits >> 52;

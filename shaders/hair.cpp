@@ -5,14 +5,13 @@
 //
 //   f cos = sum_p M_p(theta_o, theta_i) A_p(h, theta_o) N_p(phi_i)
 //
-// A_p: dielectric Fresnel F at the incidence cos theta_o cos gamma_o and absorption T = exp(-2 sigma cos
-// gamma_t / cos theta_t)
-//   along one chord: A_0 = F, A_1 = (1-F)^2 T, A_p+1 = A_p F T; the residual p >= 3 is the rest of the
-//   series, A_2 F T / (1 - F T). With T = 1 they sum to 1: white fibres lose nothing. The chord bends with
+// A_p: dielectric Fresnel F at the incidence cos theta_o cos gamma_o, and absorption along one chord,
+//   T = exp(-2 sigma cos gamma_t / cos theta_t):
+//   A_0 = F, A_1 = (1-F)^2 T, A_p+1 = A_p F T; the residual p >= 3 is the rest of the series,
+//   A_2 F T / (1 - F T). With T = 1 they sum to 1: white fibres lose nothing. The chord bends with
 //   Bravais' index eta' = sqrt(eta^2 - sin^2 theta_o) / cos theta_o: sin gamma_t = h / eta'.
 // N_p: a logistic of scale s about Phi_p = 2 gamma_o - 2 p gamma_t + p pi (a mirror turns by 2 gamma_o, each
-// refraction by
-//   gamma_o - gamma_t), cut to one turn; 1 / (2 pi) for the residual.
+//   refraction by gamma_o - gamma_t), cut to one turn; 1 / (2 pi) for the residual.
 // M_p: d'Eon's, exactly normalised over cos theta dtheta. With v the variance,
 //   M = I0(c_i c_o / v) exp(-s_i s_o / v) / (2 v sinh(1/v)) ,     c, s = cos, sin of theta
 //     = I0e(c_i c_o / v) exp(-((c_i - c_o)^2 + (s_i + s_o)^2) / (2 v)) / (v (1 - exp(-2/v))) ,

@@ -200,8 +200,8 @@ Dialect default_dialect() {
 
 namespace {
 
-// Loads the libraries that the scene names, then reads the scene with all that they declare. Where a library
-// is not there its types are unknown too: that is no second mistake.
+// Loads the libraries that the scene names, then reads the scene with all that they declare. Where a library is not there
+// its types are unknown too: that is no second mistake.
 SceneDescription describe(const std::string& file, const std::vector<std::string>& settings,
                           Dialect& dialect) {
     std::vector<LibraryName> missing;

@@ -36,6 +36,7 @@ void check_formats(const BakeOptions& options) {
 
 int bake_command(const BakeOptions& options) {
     check_formats(options);
+    check_distinct({options.scene, options.output, options.colliders, options.stats});
     const double begin = wall_seconds();
     LoadedScene scene = load(options.scene, options.overrides, interrupted());
     FrameStats stats;

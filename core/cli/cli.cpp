@@ -82,7 +82,8 @@ void add_render(CLI::App& app, Commands& c) {
     add_common(*command, c.render);
     command->add_option("-o,--output", c.render.output, "picture, .exr or .png; #### stands for the frame")
         ->type_name("FILE")
-        ->capture_default_str();
+        ->capture_default_str()
+        ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
     CLI::Option* frame = command->add_option("--frame", c.texts.frame, "frame, also a fraction of one");
     command->add_option("--frames", c.render.frames.range, "first and last frame")
         ->type_name("A-B")
@@ -165,7 +166,9 @@ int run(int argc, char** argv) {
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) {
-        return app.exit(error) == 0 ? 0 : exit_bad_input;
+        if (error.get_exit_code() == 0) return app.exit(error); // --help, --version
+        return report(
+            InputError({"marram"}, error.what(), "see `marram --help` and `marram COMMAND --help`"));
     }
     watch_interrupts();
     try {

@@ -7,6 +7,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 
 namespace marram {
 namespace {
@@ -31,6 +32,20 @@ std::vector<double> whole_frames(long first, long last) {
 }
 
 } // namespace
+
+void check_distinct(std::initializer_list<std::string> files) {
+    std::vector<std::pair<std::filesystem::path, std::string>> seen;
+    for (const std::string& file : files) {
+        if (file.empty()) continue;
+        std::error_code error;
+        const std::filesystem::path real = std::filesystem::weakly_canonical(file, error);
+        for (const auto& [other, name] : seen)
+            if (real == other)
+                throw InputError({file}, "this would overwrite '" + name + "'",
+                                 "give every file a name of its own");
+        seen.emplace_back(real, file);
+    }
+}
 
 std::vector<double> frames_to_make(const FrameRequest& request, const Vec2d& scene_range,
                                    const std::string& output) {

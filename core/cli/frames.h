@@ -4,25 +4,27 @@
 
 #include "core/math/vec.h"
 
+#include <initializer_list>
 #include <optional>
 #include <string>
 #include <vector>
 
 namespace marram {
 
-// What --frame and --frames say; neither given: the scene's range where the output has a place for a number,
-// else its first frame.
+// What --frame and --frames say; neither given: the scene's range where the output has a place for a number, else its first frame.
 struct FrameRequest {
     std::optional<double> frame;
     std::optional<std::string> range; // "A-B"
 };
 
+// Throws InputError where two of these, empty ones aside, are one file: writing one would destroy the other.
+void check_distinct(std::initializer_list<std::string> files);
+
 // Throws InputError for a range that is none, and for several frames without a #### in the output's name.
 std::vector<double> frames_to_make(const FrameRequest& request, const Vec2d& scene_range,
                                    const std::string& output);
 
-// The output's name with its run of # replaced by the frame: "####" at 7 gives "0007", at 7.25 "0007.25", at
-// -3 "-0003".
+// The output's name with its run of # replaced by the frame: "####" at 7 gives "0007", at 7.25 "0007.25", at -3 "-0003".
 std::string numbered(const std::string& output, double frame);
 
 } // namespace marram

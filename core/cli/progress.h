@@ -13,8 +13,8 @@ struct ProgressState {
     double fraction = 0.0; // of the phase
 };
 
-// Redraws one line on stderr ten times a second with bar, percentage and time left, until destroyed. Does
-// nothing where stderr is no terminal or `quiet`.
+// Redraws one line on stderr ten times a second with bar, percentage and time left, until destroyed. Does nothing where
+// stderr is no terminal or `quiet`.
 class ProgressLine {
   public:
     ProgressLine(bool quiet, std::function<ProgressState()> ask);

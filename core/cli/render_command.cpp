@@ -43,8 +43,8 @@ uint64_t hash_text(uint64_t h, std::string_view text) {
     return hash(h, text.size());
 }
 
-// What a frame depends on: the scene file, what the command line changes, the files that the scene names (by
-// size and time), the version. Two pictures with one digest are the same picture.
+// What a frame depends on: the scene file, what the command line changes, the files that the scene names (by size and
+// time), the version. Two pictures with one digest are the same picture.
 std::string digest(const LoadedScene& scene, const RenderOptions& options, double frame) {
     std::ifstream file(options.scene, std::ios::binary);
     uint64_t h = hash_text(0, std::string(std::istreambuf_iterator<char>(file), {}));
@@ -77,6 +77,25 @@ std::vector<std::string> layer_names(const LoadedScene& scene, const RenderOptio
     return names;
 }
 
+// A material tints by an attribute that the curves it is on carry, of one number.
+void check_tints(const LoadedScene& scene) {
+    for (const auto& procedural : scene.geometry.procedurals) {
+        if (procedural->material < 0) continue;
+        const std::string& tint = scene.materials[size_t(procedural->material)].tint;
+        if (tint.empty()) continue;
+        const Item& material = scene.description.materials[size_t(procedural->material)];
+        const MarramProcedural& type = procedural->type();
+        std::vector<std::string> known;
+        for (uint32_t i = 0; i < type.attribute_count; ++i)
+            if (type.attributes[i].components == 1) known.emplace_back(type.attributes[i].name);
+        if (std::ranges::find(known, tint) == known.end())
+            throw InputError(
+                material.params.at("tint").place,
+                fmt::format("'{}' has no attribute '{}' of one number to tint by", procedural->name(), tint),
+                fmt::format("choose among {}", fmt::join(known, ", ")));
+    }
+}
+
 // Every layer must be one that this scene can fill; known before anything is built.
 void check_layers(const LoadedScene& scene, const RenderOptions& options) {
     std::vector<std::string> known = {"beauty", "alpha", "albedo", "normal", "depth", "strand_u"};
@@ -94,6 +113,10 @@ void check_layers(const LoadedScene& scene, const RenderOptions& options) {
     const ParamValue& aovs = scene.description.film.at("aovs");
     check(aovs.texts, aovs.place);
     for (const std::string& name : options.layers) check({name}, {"--aov " + name});
+    if (!options.layers.empty() && lower_extension(options.output) == ".png")
+        throw InputError({"--aov " + options.layers.front()}, "a PNG holds the picture alone",
+                         "write an .exr");
+    check_tints(scene);
 }
 
 std::vector<std::string> channel_names(const FilmLayer& layer) {
@@ -202,6 +225,7 @@ bool render_frame(LoadedScene& scene, const RenderOptions& options, double frame
 
 int render_command(const RenderOptions& options) {
     check_output(options.output);
+    check_distinct({options.scene, options.output, options.stats});
     const double begin = wall_seconds();
     LoadedScene scene = load(options.scene, options.overrides, interrupted());
     const double load_seconds = wall_seconds() - begin;

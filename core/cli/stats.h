@@ -18,8 +18,7 @@ struct FrameStats {
     RenderStats render;
 };
 
-// Writes one object, or for several frames a list of them. Keys as the design fixes them; stages that did not
-// run are 0.
+// Writes one object, or for several frames a list of them. Keys as the design fixes them; stages that did not run are 0.
 void write_stats(const std::string& path, const std::vector<FrameStats>& frames);
 
 // Seconds on a clock that only goes forward.

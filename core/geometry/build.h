@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The two-phase build of a frame: meshes and what makes meshes become the collider scene; what makes curves
-// reads it, patch by patch, and writes its CVs straight into Embree's buffers; the world scene attaches the
-// same colliders again and the curves.
+// The two-phase build of a frame: meshes and what makes meshes become the collider scene; what makes curves reads it,
+// patch by patch, and writes its CVs straight into Embree's buffers; the world scene attaches the same colliders again
+// and the curves.
 #pragma once
 
 #include "core/geometry/mesh.h"
@@ -59,8 +59,7 @@ struct BuildStats {
     std::vector<Box3f> patch_bounds; // as promised by the procedurals, in curve order
 };
 
-// Throws InputError (bad input, or a procedural that breaks the contract) and Cancelled. Runs in the caller's
-// TBB arena.
+// Throws InputError (bad input, or a procedural that breaks the contract) and Cancelled. Runs in the caller's TBB arena.
 World build_world(SceneGeometry& geometry, const BuildSettings& settings, const std::atomic<bool>& cancel,
                   BuildProgress& progress, BuildStats& stats);
 

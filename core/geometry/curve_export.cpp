@@ -88,7 +88,6 @@ std::string unique_name(const std::string& name, const char* fallback, std::set<
 }
 
 // ---- HAIR
-// ------------------------------------------------------------------------------------------------------------
 
 static_assert(std::endian::native == std::endian::little);
 
@@ -143,7 +142,6 @@ void write_cvs(AtomicWriter& writer, std::span<const CurveGeometry> curves, size
 }
 
 // ---- USD
-// -------------------------------------------------------------------------------------------------------------
 
 // "name = [a, b, ...]", one element from each add().
 class UsdArray {

@@ -7,14 +7,14 @@
 // between this point and the surface that Embree's float arithmetic sees; `error` bounds it along the normal.
 // With U = 2^-23, c the greatest coordinate and l the extent of the primitive:
 //
-//   triangle  c U (the origin is rounded to float, vertices are interpolated in float) + l U q. Embree
-//   decides t > 0 by the
-//             sign of (v0 - o) . (e1 x e2), whose rounding is U l |e1| |e2|; over |e1 x e2| that is a
-//             distance, hence q = |e1| |e2| / |e1 x e2|, large for slivers.
+//   triangle  c U (the origin is rounded to float, vertices are interpolated in float) + l U q. Embree decides
+//             t > 0 by the sign of (v0 - o) . (e1 x e2), whose rounding is U l |e1| |e2|; over |e1 x e2| that
+//             is a distance, hence q = |e1| |e2| / |e1 x e2|, large for slivers.
 //   curves    c U + 64 l U: Newton's iteration in Embree stops at residuals of a few times 16 U l.
 //   round     besides, 4 l r U / 1 m: its error estimate adds lengths to products of lengths, which shows in
-//   huge scenes. flat      besides, Embree draws a ribbon as 4 quadrilaterals a segment: their depth is off
-//   by |C''| (1/4)^2 / 8.
+//             huge scenes.
+//   flat      besides, Embree draws a ribbon as 4 quadrilaterals a segment: their depth is off by
+//             |C''| (1/4)^2 / 8.
 //
 // The origin moves along the geometric normal by that error, times a margin, to the side of the new
 // direction; a ray that leaves a plane or a convex surface from there sees it behind it at any angle. Two
@@ -22,8 +22,8 @@
 // between ray and fibre, b = -w.d.
 //
 //   Through a round fibre (b > 0), a cone of slope r' = dr / dlength. The ray is e beyond its far side where
-//     |w + s d_perp| = r + e + g s, g = r' (T.d):  s = (B + sqrt(B^2 + A (2 r e + e^2))) / A, A = a - g^2, B
-//     = b + g (r + e).
+//     |w + s d_perp| = r + e + g s, g = r' (T.d):
+//     s = (B + sqrt(B^2 + A (2 r e + e^2))) / A,   A = a - g^2,   B = b + g (r + e).
 //   Over the length x = s |T.d| along the axis the fibre bends away by k x^2 / 2 (curvature k), so e starts
 //   as the error and grows by that, three times over. s becomes tnear; the origin stays.
 //

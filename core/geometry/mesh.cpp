@@ -24,7 +24,6 @@ constexpr uint32_t none = ~0u;
 constexpr size_t vertices_a_task = 4096;
 
 // ---- Vertex normals
-// --------------------------------------------------------------------------------------------------
 
 // For each vertex the first one with the same position: an open hash table over the positions' bits.
 std::vector<uint32_t> weld(std::span<const Vec3f> positions) {
@@ -111,7 +110,6 @@ Vec3f normal_at(std::span<const Vec3f> positions, std::span<const Triangle> tria
 }
 
 // ---- Loading
-// ---------------------------------------------------------------------------------------------------------
 
 std::string read_bytes(const std::string& path) {
     std::error_code error;
@@ -192,7 +190,6 @@ Mesh load_mesh(const std::string& path, bool smooth) {
 }
 
 // ---- What readers share
-// ----------------------------------------------------------------------------------------------
 
 Place place_of(const std::string& path, std::string_view bytes, size_t offset) {
     const char newline = bytes.find('\n') == std::string_view::npos ? '\r' : '\n';

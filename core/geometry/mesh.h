@@ -42,8 +42,8 @@ std::vector<Vec3f> vertex_normals(std::span<const Vec3f> positions,
                                   std::span<const std::array<uint32_t, 3>> triangles);
 
 // ---- Built-in meshes
-// -------------------------------------------------------------------------------------------------- Around
-// the origin, with uvs in 0 ... 1. They throw InputError for sizes that are not finite and positive and for
+//
+// Around the origin, with uvs in 0 ... 1. They throw InputError for sizes that are not finite and positive and for
 // counts below 1 or beyond 32 bits.
 
 // size.x() by size.y() metres in the xz plane, facing up; divisions² squares. u runs along x, v against z.

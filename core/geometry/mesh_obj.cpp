@@ -26,7 +26,6 @@ constexpr const char* kind_keywords[kind_count] = {"v", "vt", "vn"};
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
 // ---- The scan
-// --------------------------------------------------------------------------------------------------------
 
 // Brings the text into the shape that both readers agree on, every byte staying at its offset but for lone
 // \r: lines end in \n, lines continued with a backslash are joined. Gives back where newlines were taken out.
@@ -204,7 +203,6 @@ void Scan::check_forward_indices() const {
 }
 
 // ---- tinyobjloader
-// ---------------------------------------------------------------------------------------------------
 
 struct Corner {
     uint32_t position, uv, normal; // none where the file gives none
@@ -276,7 +274,6 @@ ObjData parse(const std::string& path, std::string& bytes, const Scan& scan) {
 }
 
 // ---- Into a mesh
-// -----------------------------------------------------------------------------------------------------
 
 // Gives each different (position, uv, normal) a vertex of its own. Vertices of one position hang on a chain.
 class Splitter {

@@ -137,7 +137,6 @@ void PlyReader::fail(const std::string& what, const std::string& fix) const {
 }
 
 // ---- The header
-// ------------------------------------------------------------------------------------------------------
 
 // The words of the next line. The file's first line tells how its lines end.
 std::vector<std::string_view> PlyReader::header_words() {
@@ -243,7 +242,6 @@ void PlyReader::read_header() {
 }
 
 // ---- The body
-// --------------------------------------------------------------------------------------------------------
 
 // Refuses counts that the rest of the file cannot hold, before anything is made room for.
 void PlyReader::check_room(const Element& element) const {

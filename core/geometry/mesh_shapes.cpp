@@ -69,7 +69,6 @@ void append_squares(Mesh& mesh, uint32_t columns, uint32_t rows) {
 }
 
 // ---- Sphere
-// ----------------------------------------------------------------------------------------------------------
 
 // f(d) = mean over the axes i of sin(frequency d_i + phase_i): smooth on the whole sphere, |f| <= 1. The
 // phases keep it from being symmetric.

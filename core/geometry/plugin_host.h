@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The renderer's end of the contract: loading procedural libraries and talking to what they make. Everything
-// the renderer knows of a procedural it learns here, through core/plugin/marram_plugin.h.
+// The renderer's end of the contract: loading procedural libraries and talking to what they make. Everything the renderer
+// knows of a procedural it learns here, through core/plugin/marram_plugin.h.
 #pragma once
 
 #include "core/math/params.h"
@@ -18,8 +18,7 @@ namespace marram {
 // A loaded procedural library. Everything taken from its tables points into it.
 class PluginLibrary {
   public:
-    // Throws InputError, placed at `place`, for a file that is not a library, has no entry point or speaks
-    // another ABI.
+    // Throws InputError, placed at `place`, for a file that is not a library, has no entry point or speaks another ABI.
     PluginLibrary(const std::string& path, const Place& place);
     ~PluginLibrary();
     PluginLibrary(const PluginLibrary&) = delete;
@@ -35,8 +34,8 @@ class PluginLibrary {
     const MarramLibrary* table_ = nullptr;
 };
 
-// Declarations of a library as the scene checker wants them. In procedurals the wind's parameters stand as
-// optional ones: what a procedural does not say itself is taken from the scene's [wind].
+// Declarations of a library as the scene checker wants them. In procedurals the wind's parameters stand as optional ones: what
+// a procedural does not say itself is taken from the scene's [wind].
 std::vector<ParamSpec> wind_specs(const MarramLibrary& library);
 std::vector<ItemSchema> procedural_schemas(const MarramLibrary& library);
 
@@ -46,8 +45,8 @@ struct Cancelled {};
 // One procedural of a scene, from create to destroy.
 class Procedural {
   public:
-    // Hands over the item's values and, where it has none of its own, the scene's wind. Throws InputError
-    // with what the procedural objects to, and for images that cannot be read.
+    // Hands over the item's values and, where it has none of its own, the scene's wind. Throws InputError with what the
+    // procedural objects to, and for images that cannot be read.
     Procedural(std::shared_ptr<PluginLibrary> library, const Item& item, const ParamSet& wind,
                const std::atomic<bool>& cancel);
     ~Procedural();

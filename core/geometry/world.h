@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The world of one frame as Embree sees it: two scenes that share the collider geometries. Plain data; who
-// builds it is core/geometry/build.h, who reads it is the path tracer.
+// The world of one frame as Embree sees it: two scenes that share the collider geometries. Plain data; who builds it is
+// core/geometry/build.h, who reads it is the path tracer.
 #pragma once
 
 #include "core/geometry/mesh.h"
@@ -34,8 +34,8 @@ struct CurveAttributeValues {
 };
 
 // The curves of one procedural. Its geometry ID is World::meshes.size() + its index in World::curves.
-// Curve c holds vertices [c * (cvs_per_curve + 2), ...): see MarramPatchBuffers. Embree's primitive p is
-// segment p % (cvs_per_curve - 1) of curve p / (cvs_per_curve - 1).
+// Curve c holds vertices [c * (cvs_per_curve + 2), ...): see MarramPatchBuffers. Embree's primitive p is segment
+// p % (cvs_per_curve - 1) of curve p / (cvs_per_curve - 1).
 struct CurveGeometry {
     std::string name;
     int material = -1;
@@ -53,8 +53,8 @@ struct World {
     std::shared_ptr<RTCSceneTy> colliders; // meshes only
     std::shared_ptr<RTCSceneTy> scene;     // the same meshes and the curves: what rays are traced against
     double frame = 0.0;
-    std::vector<double> times; // motion samples in frames, equally spaced; a ray's time 0 ... 1 runs from the
-                               // first to the last
+    std::vector<double>
+        times; // motion samples in frames, equally spaced; a ray's time 0 ... 1 runs from the first to the last
     std::vector<MeshGeometry> meshes;
     std::vector<CurveGeometry> curves;
     Box3f bounds; // of everything at every motion sample

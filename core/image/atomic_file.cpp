@@ -33,7 +33,11 @@ fs::path resolve(const std::string& path) {
     std::error_code error;
     if (!fs::is_symlink(path, error)) return path;
     const fs::path target = fs::weakly_canonical(path, error);
-    return error ? fs::path(path) : target;
+    if (!error && target != fs::absolute(path).lexically_normal()) return target;
+    // A link to what is not there yet: follow it by hand, one step as anybody would make it.
+    const fs::path next = fs::read_symlink(path, error);
+    if (error) return path;
+    return next.is_absolute() ? next : fs::path(path).parent_path() / next;
 }
 
 std::string partial_name(const fs::path& target) {

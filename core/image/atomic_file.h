@@ -16,8 +16,7 @@ namespace marram {
 // file to be sure. For refusing before hours of rendering.
 void check_writable(const std::string& path);
 
-// Removes what unfinished AtomicFiles have written so far: for a process that is about to end without
-// unwinding.
+// Removes what unfinished AtomicFiles have written so far: for a process that is about to end without unwinding.
 void remove_partial_files();
 
 class AtomicFile {

@@ -151,7 +151,6 @@ Image read_image(const std::string& path, ColorSpace space) {
 }
 
 // ---- Writing
-// ---------------------------------------------------------------------------------------------------------
 
 namespace {
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random numbers by hashing (seed, what, purpose). There is no generator with a state anywhere: adding a
-// parameter or a thread cannot reshuffle what was there.
+// Random numbers by hashing (seed, what, purpose). There is no generator with a state anywhere: adding a parameter
+// or a thread cannot reshuffle what was there.
 //
 // mix32 is Wellons' "lowbias32" (bias 0.17), mix64 is Stafford's variant 13 of the MurmurHash3 finaliser.
 #pragma once

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parameters: one declaration serves as default, check, error message and manual page (`marram info` prints
-// it). Cameras, films, lights, shaders, meshes and, through the plug-in contract, procedurals all declare
-// theirs this way.
+// Parameters: one declaration serves as default, check, error message and manual page (`marram info` prints it).
+// Cameras, films, lights, shaders, meshes and, through the plug-in contract, procedurals all declare theirs this way.
 //
 // To add a parameter anywhere: add one ParamSpec to the owner's list and read it by name. Nothing else.
 #pragma once
@@ -40,9 +39,9 @@ enum class ParamType {
 struct ParamSpec {
     std::string name; // dotted where tables nest: "noise.octaves"
     ParamType type = ParamType::number;
-    std::string unit;    // "m", "deg", "m/s", "frames", "1/m"; "" where there is none
-    std::string initial; // default, as it would be written in a scene file; "" = must be given; "none" = may
-                         // be absent
+    std::string unit; // "m", "deg", "m/s", "frames", "1/m"; "" where there is none
+    std::string
+        initial; // default, as it would be written in a scene file; "" = must be given; "none" = may be absent
     double minimum = -std::numeric_limits<double>::infinity(); // of every component, both ends allowed
     double maximum = std::numeric_limits<double>::infinity();
     std::string choices; // "a|b|c" for choice; the kind for reference
@@ -50,12 +49,11 @@ struct ParamSpec {
 };
 
 // A value with its place. Exactly what each type fills in:
-//   boolean, integer, number   numbers[0]            vec2, range   numbers[0..1]       vec3, color
-//   numbers[0..2] text, choice, reference    text                  file, image   text = path as it can be
-//   opened ramp                       numbers = p0 v0 p1 v1 ..., positions ascending; text = interpolation
+//   boolean, integer, number   numbers[0]            vec2, range   numbers[0..1]       vec3, color   numbers[0..2]
+//   text, choice, reference    text                  file, image   text = path as it can be opened
+//   ramp                       numbers = p0 v0 p1 v1 ..., positions ascending; text = interpolation
 //   texts                      texts
-//   keys                       numbers = 10 a key: frame, translate xyz, rotate xyz (degrees), scale xyz;
-//   frames
+//   keys                       numbers = 10 a key: frame, translate xyz, rotate xyz (degrees), scale xyz; frames
 //                              ascending; text = interpolation "linear|smooth"
 struct ParamValue {
     const ParamSpec* spec = nullptr;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is wrong with an input, where, and how to mend it. Mistakes of a user travel as an InputError that
-// carries all of them; mistakes of a programmer are asserts.
+// What is wrong with an input, where, and how to mend it. Mistakes of a user travel as an InputError that carries all
+// of them; mistakes of a programmer are asserts.
 #pragma once
 
 #include <stdexcept>
@@ -25,8 +25,7 @@ struct Problem {
 
 inline std::string to_string(const Place& place) {
     std::string text = place.file;
-    // Appended in two steps: GCC 12 takes the sum of a literal and a string for an overlapping copy (its bug
-    // 105329).
+    // Appended in two steps: GCC 12 takes the sum of a literal and a string for an overlapping copy (its bug 105329).
     if (place.line > 0) text.append(":").append(std::to_string(place.line));
     if (place.line > 0 && place.column > 0) text.append(":").append(std::to_string(place.column));
     return text;

@@ -10,14 +10,13 @@
 
 namespace marram {
 
-// p -> rotation * (scale * p) + translation. Angles of a key are Euler angles in degrees, applied about x,
-// then y, then z; between two keys the rotation takes the shortest arc.
+// p -> rotation * (scale * p) + translation. Angles of a key are Euler angles in degrees, applied about x, then y,
+// then z; between two keys the rotation takes the shortest arc.
 class KeyedTransform {
   public:
     KeyedTransform() = default; // identity at all times
     // numbers = 10 a key: frame, translate xyz, rotate xyz in degrees, scale xyz; frames strictly ascending.
-    // interpolation: "linear", or "smooth" (flat at every key). Constant before the first and after the last
-    // key.
+    // interpolation: "linear", or "smooth" (flat at every key). Constant before the first and after the last key.
     KeyedTransform(std::span<const double> numbers, std::string_view interpolation);
 
     Eigen::Affine3d at(double frame) const;

@@ -1,32 +1,30 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * THE CONTRACT between a renderer and a procedural: plain C99 data, plus the Embree handles that the renderer
- * lends. A procedural library is a shared library with one entry point, marram_library(). The renderer finds
- * it by path, checks the ABI number, and knows nothing else of it.
+ * THE CONTRACT between a renderer and a procedural: plain C99 data, plus the Embree handles that the renderer lends.
+ * A procedural library is a shared library with one entry point, marram_library(). The renderer finds it by path, checks the
+ * ABI number, and knows nothing else of it.
  *
  * One frame, seen from the renderer:
  *
- *   MarramLibrary* lib = marram_library(MARRAM_ABI_VERSION)        once; NULL when the library speaks another
- * version p->create(host, values, n, &instance)                         once for each procedural of the scene
+ *   MarramLibrary* lib = marram_library(MARRAM_ABI_VERSION)        once; NULL when the library speaks another version
+ *   p->create(host, values, n, &instance)                         once for each procedural of the scene
  *   p->begin(instance, frame, &output)                            each frame; says what will be handed over
  *   output.kind == MARRAM_MESH:   p->mesh(instance, &buffers)     phase 1: the mesh joins the colliders
  *   ... the renderer commits the colliders, then calls begin of everything that makes curves ...
  *   output.kind == MARRAM_CURVES: p->patch(instance, i, &patch)   bounds, from any thread
  *                                 p->tessellate(instance, i, &b)  phase 2: from any threads, in any order
- *   p->report(instance, sink, user)                               seconds and counts of what was done since
- * begin p->destroy(instance)
+ *   p->report(instance, sink, user)                               seconds and counts of what was done since begin
+ *   p->destroy(instance)
  *
- * Conventions: right-handed, y up, metres, radians; frames are real numbers; matrices do not occur. Positions
- * are floats. Every call returns MARRAM_OK, or an error after having said why through host->message, or
- * MARRAM_CANCELLED soon after host->cancelled() has turned nonzero. Nothing is thrown across the border.
- * Strings are UTF-8 and live as long as the library (declarations) or the call (arguments).
+ * Conventions: right-handed, y up, metres, radians; frames are real numbers; matrices do not occur. Positions are floats.
+ * Every call returns MARRAM_OK, or an error after having said why through host->message, or MARRAM_CANCELLED soon after
+ * host->cancelled() has turned nonzero. Nothing is thrown across the border. Strings are UTF-8 and live as long as the
+ * library (declarations) or the call (arguments).
  *
- * tessellate() is idempotent: the same frame and patch give the same bits whatever ran before and on whatever
- * thread. patch() is conservative: the box holds all that is drawn of the patch at every motion sample, width
- * included.
+ * tessellate() is idempotent: the same frame and patch give the same bits whatever ran before and on whatever thread.
+ * patch() is conservative: the box holds all that is drawn of the patch at every motion sample, width included.
  *
- * To extend: add fields at the end of a struct and raise MARRAM_ABI_VERSION. Both sides refuse any other
- * version.
+ * To extend: add fields at the end of a struct and raise MARRAM_ABI_VERSION. Both sides refuse any other version.
  */
 #ifndef MARRAM_PLUGIN_H
 #define MARRAM_PLUGIN_H
@@ -45,8 +43,7 @@ extern "C" {
 typedef enum MarramStatus { MARRAM_OK = 0, MARRAM_ERROR = 1, MARRAM_CANCELLED = 2 } MarramStatus;
 typedef enum MarramSeverity { MARRAM_INFO = 0, MARRAM_WARNING = 1, MARRAM_FAULT = 2 } MarramSeverity;
 
-/* ---- Parameters
- * ------------------------------------------------------------------------------------------------- */
+/* ---- Parameters ------------------------------------------------------------------------------------------------- */
 
 typedef enum MarramParamType {
     MARRAM_BOOLEAN,     /* numbers[0] is 0 or 1 */
@@ -91,8 +88,7 @@ typedef struct MarramValue {
     const char* place;        /* "file:line:column" to begin a message with */
 } MarramValue;
 
-/* ---- What the renderer lends
- * ------------------------------------------------------------------------------------- */
+/* ---- What the renderer lends ------------------------------------------------------------------------------------- */
 
 typedef struct MarramHost { /* valid from create to destroy; every function may be called from any thread */
     void* user;
@@ -127,14 +123,12 @@ typedef struct MarramFrame { /* valid from begin until the frame's last call, re
     RTCScene colliders; /* committed; to be traced and queried only. NULL while meshes are being made */
     uint32_t mesh_count;
     const MarramMesh* meshes;
-    /* Positions of a mesh at any time (frames), also outside the shutter: 3 * vertex_count floats; any
-     * thread. */
+    /* Positions of a mesh at any time (frames), also outside the shutter: 3 * vertex_count floats; any thread. */
     MarramStatus (*pose)(void* pose_user, uint32_t mesh, double frame, float* positions);
     void* pose_user;
 } MarramFrame;
 
-/* ---- What a procedural hands over
- * -------------------------------------------------------------------------------- */
+/* ---- What a procedural hands over -------------------------------------------------------------------------------- */
 
 typedef enum MarramOutputKind { MARRAM_CURVES = 0, MARRAM_MESH = 1 } MarramOutputKind;
 typedef enum MarramBasis { MARRAM_BSPLINE = 0, MARRAM_CATMULL_ROM = 1 } MarramBasis;
@@ -145,8 +139,7 @@ typedef enum MarramShape {
     MARRAM_SHAPE_COUNT
 } MarramShape;
 
-/* An attribute that curves can carry for shading and image layers; filled only when the renderer asks for it.
- */
+/* An attribute that curves can carry for shading and image layers; filled only when the renderer asks for it. */
 typedef struct MarramAttribute {
     const char* name;    /* "root_normal", "root_uv", "id", "envelope", ... */
     uint32_t components; /* 1 ... 4 floats */
@@ -174,10 +167,10 @@ typedef struct MarramPatch {
 } MarramPatch;
 
 /*
- * Where a patch goes: straight into the buffers that Embree reads. A curve of n CVs takes n + 2 vertices (x,
- * y, z, radius): one before the root and one behind the tip, so that the drawn cubic starts in the root and
- * ends in the tip: V[0] = 2 P[0] - P[1], V[1..n] = P[0..n-1], V[n+1] = 2 P[n-1] - P[n-2], radii alike.
- * Embree's segment k of the curve starts at vertex k. Pointers are those of the patch's first curve.
+ * Where a patch goes: straight into the buffers that Embree reads. A curve of n CVs takes n + 2 vertices (x, y, z, radius):
+ * one before the root and one behind the tip, so that the drawn cubic starts in the root and ends in the tip:
+ * V[0] = 2 P[0] - P[1], V[1..n] = P[0..n-1], V[n+1] = 2 P[n-1] - P[n-2], radii alike. Embree's segment k of the curve
+ * starts at vertex k. Pointers are those of the patch's first curve.
  */
 typedef struct MarramPatchBuffers {
     float* const* vertices; /* [output.time_count], 4 floats a vertex, 16-byte aligned */
@@ -212,8 +205,7 @@ typedef struct MarramProcedural {
     MarramStatus (*patch)(MarramInstance* instance, uint32_t patch, MarramPatch* out);
     MarramStatus (*tessellate)(MarramInstance* instance, uint32_t patch, const MarramPatchBuffers* buffers);
     MarramStatus (*mesh)(MarramInstance* instance, const MarramMeshBuffers* buffers);
-    /* Sums over threads since begin: "seconds.expand", "seconds.bend", "collision.contacts", "memory.bytes",
-     * ... */
+    /* Sums over threads since begin: "seconds.expand", "seconds.bend", "collision.contacts", "memory.bytes", ... */
     void (*report)(MarramInstance* instance, void (*sink)(void* user, const char* key, double value),
                    void* user);
     void (*destroy)(MarramInstance* instance);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a scene file says, checked: every name known, every type and range right, every file there, every
-// reference resolved. Nothing is loaded yet.
+// What a scene file says, checked: every name known, every type and range right, every file there, every reference
+// resolved. Nothing is loaded yet.
 #pragma once
 
 #include "core/math/params.h"
@@ -30,9 +30,8 @@ struct SceneDescription {
     std::vector<Item> procedurals; // [[procedural]]
 };
 
-// What may stand in a scene file. core/scene declares its own tables; the types of materials come from
-// shaders/, those of procedurals and the wind from the procedural library, handed in by whoever has loaded
-// them.
+// What may stand in a scene file. core/scene declares its own tables; the types of materials come from shaders/, those
+// of procedurals and the wind from the procedural library, handed in by whoever has loaded them.
 struct ItemSchema {
     std::string type;
     std::string help;
@@ -47,10 +46,10 @@ struct Schema {
 // The tables that core/scene itself knows: globals, camera, film, lights, meshes. The rest is empty.
 Schema scene_schema();
 
-// Reads and checks a scene file. `settings` are "key=value" overrides, applied before checking, that reach
-// any key: "film.samples=4", "wind.speed=4", "mesh.hill.file=x.obj", "procedural.grass.length=[0.2, 0.3]"
-// (things are addressed by name). The description keeps pointers into `schema`, which must outlive it. Throws
-// InputError with every mistake found. Cost: milliseconds.
+// Reads and checks a scene file. `settings` are "key=value" overrides, applied before checking, that reach any key:
+// "film.samples=4", "wind.speed=4", "mesh.hill.file=x.obj", "procedural.grass.length=[0.2, 0.3]" (things are addressed by
+// name). The description keeps pointers into `schema`, which must outlive it.
+// Throws InputError with every mistake found. Cost: milliseconds.
 SceneDescription load_scene(const std::string& file, const std::vector<std::string>& settings,
                             const Schema& schema);
 

@@ -20,7 +20,7 @@ std::vector<ParamSpec> global_params() {
         {"bind_frame", number, "frames", "none", -late, late, "",
          "frame at which strands are rooted; default: the first of `frames`"},
         {"tolerance", number, "m", "0.001", 0, far, "",
-         "error that no stage may exceed; 0: as exact as possible"},
+         "what approximations may be off by (today: motion keys of moving meshes); 0: as exact as possible"},
         {"tolerance_pixels", number, "pixels", "none", 1e-4, 1e4, "",
          "the same, in pixels of the film; instead of `tolerance`"},
     };

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // groom: hair, fur or grass that grows on a mesh.
 //
-// What it models. Roots are spread over the rest surface as evenly as asked (roots.h), each strand gets a
-// shape of its own from hashes of its root (strands.h), rides on the surface as it moves, and is blown by the
-// scene's wind (procedural/wind). A strand keeps its id and shape when density changes elsewhere, when the
-// frame moves, and when parameters that do not concern it change.
+// What it models. Roots are spread over the rest surface as evenly as asked (roots.h), each strand gets a shape of its own
+// from hashes of its root (strand_shape.h), rides on the surface as it moves, and is blown by the scene's wind
+// (procedural/wind). A strand keeps its id and shape when density changes elsewhere, when the frame moves, and when
+// parameters that do not concern it change.
 //
 //     [[procedural]]
 //     type = "groom"
@@ -80,9 +80,19 @@ constexpr std::array params = {
     MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "another groom of the same description"},
 };
 
+// A ramp whose values are shares of something.
+Ramp share_ramp(const Values& values, std::string_view name) {
+    Ramp ramp = values.ramp(name);
+    for (const double share : ramp.values())
+        if (share < 0.0 || share > 1.0)
+            throw SceneFault(values.at(name).place,
+                             std::string(name) + " leaves 0 ... 1: keep its values inside");
+    return ramp;
+}
+
 std::optional<Ramp> optional_ramp(const Values& values, std::string_view name) {
     if (!values.has(name)) return {};
-    return values.ramp(name);
+    return share_ramp(values, name);
 }
 
 std::optional<Mask> optional_mask(const Values& values, std::string_view name) {
@@ -92,7 +102,7 @@ std::optional<Mask> optional_mask(const Values& values, std::string_view name) {
     if (!image || !image->pixels || image->width == 0 || image->height == 0 || image->channels == 0)
         throw SceneFault(value->place,
                          std::string(name) + ": the image was not handed over: read it before create()");
-    Mask mask{image->width, image->height, {}};
+    Mask mask{image->width, image->height, {}, value->place};
     const size_t pixels = size_t(image->width) * image->height;
     mask.values.resize(pixels);
     for (size_t i = 0; i < pixels; ++i) mask.values[i] = image->pixels[i * image->channels];
@@ -171,7 +181,7 @@ Groom read_groom(const Values& values) {
     groom.curl_turns = values.number("curl.turns");
     groom.clump_size = values.number("clump.size");
     groom.clump_amount = values.number("clump.amount");
-    groom.clump_profile = values.ramp("clump.profile");
+    groom.clump_profile = share_ramp(values, "clump.profile");
     groom.frizz_amplitude = values.number("frizz.amplitude");
     groom.frizz_frequency = values.number("frizz.frequency");
     groom.width = values.number("width");
@@ -186,7 +196,7 @@ Groom read_groom(const Values& values) {
     groom.shape = values.text("shape") == "round"    ? MARRAM_ROUND
                   : values.text("shape") == "ribbon" ? MARRAM_RIBBON
                                                      : MARRAM_ORIENTED_RIBBON;
-    groom.envelope = values.ramp("envelope");
+    groom.envelope = share_ramp(values, "envelope");
     groom.seed = static_cast<uint32_t>(values.integer("seed"));
     return groom;
 }

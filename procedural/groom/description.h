@@ -19,6 +19,7 @@ namespace marram {
 struct Mask {
     uint32_t width = 0, height = 0;
     std::vector<float> values; // rows from the top
+    std::string place{};       // in the scene file
 
     // Bilinear, repeating; v = 0 is the image's bottom edge.
     double operator()(double u, double v) const;

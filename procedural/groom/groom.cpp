@@ -113,6 +113,14 @@ void find_mesh(GroomInstance& instance) {
                                                         "' to grow on: name one of the scene's");
 }
 
+void check_uvs(const GroomInstance& instance) {
+    for (const Masks* masks : {&instance.groom.density_masks, &instance.groom.length_masks})
+        if (masks->image && !instance.mesh->uvs)
+            throw SceneFault(masks->image->place,
+                             "the mesh '" + instance.groom.mesh +
+                                 "' has no uvs for this image: give it uvs, or use masks by height or slope");
+}
+
 MarramStatus place(GroomInstance& instance) {
     const double begin =
         std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -137,6 +145,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         instance.workers.clear();
         instance.placing_seconds = 0.0;
         find_mesh(instance);
+        check_uvs(instance);
         if (!instance.placed) {
             const MarramStatus status = place(instance);
             if (status != MARRAM_OK) return status;
@@ -171,9 +180,8 @@ MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
             upper = upper.cwiseMax(p);
         }
     }
-    // Whatever bends a strand keeps its length, so it stays in a ball about its root. B-splines stay within
-    // the hull of their CVs (drawn to the tip with the phantom rule too); Catmull-Rom leaves it by less than
-    // a third of a segment.
+    // Whatever bends a strand keeps its length, so it stays in a ball about its root. B-splines stay within the hull of their
+    // CVs (drawn to the tip with the phantom rule too); Catmull-Rom leaves it by less than a third of a segment.
     const double length = longest_strand(instance.groom);
     double widest = 0.0;
     for (const float half : instance.width_profile) widest = std::max(widest, double(half));
@@ -308,8 +316,7 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
 
 void destroy(MarramInstance* opaque) { delete &self(opaque); }
 
-// The groom's own parameters and behind them the wind's as "wind.<name>". Names must live as long as the
-// library.
+// The groom's own parameters and behind them the wind's as "wind.<name>". Names must live as long as the library.
 const std::vector<MarramParam>& all_params() {
     static const std::vector<std::string> names = [] {
         std::vector<std::string> list;

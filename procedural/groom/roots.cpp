@@ -1,23 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // Poisson-like roots on a triangle mesh, in parallel, with one right answer.
 //
-// Candidates are drawn uniformly over each triangle; each has a priority by hash. A candidate is kept when no
-// kept candidate of higher priority lies within the radius r: the result of throwing darts in the order of
-// priority. That rule refers to nothing but candidates nearby, so it can be evaluated in rounds, by any
-// number of threads in any order: a candidate that is the highest undecided one around is kept, one next to a
-// kept higher one is dropped, all else waits.
+// Candidates are drawn uniformly over each triangle; each has a priority by hash. A candidate is kept when no kept
+// candidate of higher priority lies within the radius r: the result of throwing darts in the order of priority. That rule
+// refers to nothing but candidates nearby, so it can be evaluated in rounds, by any number of threads in any order: a
+// candidate that is the highest undecided one around is kept, one next to a kept higher one is dropped, all else waits.
 //
-// How many candidates to draw for a density d follows from the kinetics of random sequential adsorption of
-// discs: with coverage c = (number a unit area) * pi r^2 / 4 and attempts t in the same unit,
+// How many candidates to draw for a density d follows from the kinetics of random sequential adsorption of discs: with
+// coverage c = (number a unit area) * pi r^2 / 4 and attempts t in the same unit,
 //     dc/dt = phi(c),   phi(c) = 1 - 4 c + 6 sqrt(3)/pi c^2 + (40/(sqrt(3) pi) - 176/(3 pi^2)) c^3 + O(c^4)
-// (P. Schaaf and J. Talbot, "Surface exclusion effects in adsorption processes", J. Chem. Phys. 91, 1989),
-// which is good to 1 % up to the coverage used here. So a density needs no second pass, and what happens
-// elsewhere on the mesh cannot matter. A count draws some more and keeps the highest priorities, which is the
-// same as stopping the throws at that number.
+// (P. Schaaf and J. Talbot, "Surface exclusion effects in adsorption processes", J. Chem. Phys. 91, 1989), which is good to
+// 1 % up to the coverage used here. So a density needs no second pass, and what happens elsewhere on the mesh cannot matter.
+// A count draws some more and keeps the highest priorities, which is the same as stopping the throws at that number.
 //
-// Neighbours: candidates are sorted by cell of a grid, rows of cells one behind the other. Cells are r/2 long
-// along a row and 2r across, so a candidate's neighbours lie in its own row and in the three rows on its
-// side, in runs of five cells, and as it moves along the array those runs move along with it.
+// Neighbours: candidates are sorted by cell of a grid, rows of cells one behind the other. Cells are r/2 long along a row
+// and 2r across, so a candidate's neighbours lie in its own row and in the three rows on its side, in runs of five cells,
+// and as it moves along the array those runs move along with it.
 #include "procedural/groom/roots.h"
 
 #include <tbb/blocked_range.h>
@@ -32,8 +30,8 @@
 namespace marram {
 namespace {
 
-// Distance of neighbours at spacing 1, times the root of the density. More is possible, but costs steeply
-// more attempts a root: 2.1 here, 2.4 at 0.6, 9 at 0.7.
+// Distance of neighbours at spacing 1, times the root of the density. More is possible, but costs steeply more attempts a
+// root: 2.1 here, 2.4 at 0.6, 9 at 0.7.
 constexpr double full_distance = 0.56;
 constexpr double full_coverage = full_distance * full_distance * pi / 4.0;
 
@@ -71,9 +69,8 @@ bool in_order(const Candidate& a, const Candidate& b) {
     return a.root.index < b.root.index;
 }
 
-// The lower the number, the higher the priority. 64 bits of hash: two roots that share it are not worth a
-// thought, and if they did, both would wait for the other to go first, so equal numbers are decided by the
-// order of the list.
+// The lower the number, the higher the priority. 64 bits of hash: two roots that share it are not worth a thought, and if they
+// did, both would wait for the other to go first, so equal numbers are decided by the order of the list.
 uint64_t priority(uint32_t seed, Root root) { return root_hash(seed, root, Purpose::priority); }
 
 struct Grid {
@@ -118,9 +115,9 @@ double mask_share(const Groom& groom, const Surface& bind, Root root) {
                                plane_normal(bind.corners(root.triangle)));
 }
 
-// A Poisson distributed number of mean m from a triangle's own hashes; it only grows with m, so a change of
-// density renumbers nothing. Small means by inverting the distribution, large ones by its normal limit (error
-// of the probabilities below 1e-2 at m = 64, which nobody sees in a count).
+// A Poisson distributed number of mean m from a triangle's own hashes; it only grows with m, so a change of density
+// renumbers nothing. Small means by inverting the distribution, large ones by its normal limit (error of the
+// probabilities below 1e-2 at m = 64, which nobody sees in a count).
 uint64_t poisson(double mean, uint64_t h) {
     const double u = (double(h >> 11) + 0.5) * 0x1p-53;
     if (mean > 64.0) {
@@ -138,9 +135,9 @@ uint64_t poisson(double mean, uint64_t h) {
     return count;
 }
 
-// First candidate number of every triangle. The kinetics want candidates that know nothing of each other, so
-// their number is Poisson distributed on each triangle; random roots (spacing 0) are kept as they are drawn
-// and may as well be spread more evenly: area * attempts, rounded by the triangle's hash.
+// First candidate number of every triangle. The kinetics want candidates that know nothing of each other, so their number
+// is Poisson distributed on each triangle; random roots (spacing 0) are kept as they are drawn and may as well be spread more
+// evenly: area * attempts, rounded by the triangle's hash.
 std::vector<uint64_t> candidate_offsets(const Groom& groom, const Surface& bind, double attempts,
                                         bool spaced) {
     std::vector<uint64_t> first(size_t(bind.triangle_count) + 1, 0);
@@ -190,8 +187,8 @@ std::vector<Candidate> draw_candidates(const Groom& groom, const Surface& bind, 
 
 enum : uint8_t { undecided, kept, dropped };
 
-// The runs of candidates around a candidate, one for each of the nine rows next to its own, moved along with
-// it. A visit needs four of them; the others catch up when they are needed.
+// The runs of candidates around a candidate, one for each of the nine rows next to its own, moved along with it. A visit
+// needs four of them; the others catch up when they are needed.
 class NeighbourRuns {
   public:
     NeighbourRuns(const std::vector<Candidate>& all, uint64_t from) : all_(all) {
@@ -228,8 +225,8 @@ class NeighbourRuns {
     size_t at_[9];
 };
 
-// One round over a range: decides what can be decided. Other threads' states may be read before or after they
-// change; either way leads to the same end, because a state never changes twice.
+// One round over a range: decides what can be decided. Other threads' states may be read before or after they change; either
+// way leads to the same end, because a state never changes twice.
 bool decide(const std::vector<Candidate>& all, std::vector<std::atomic<uint8_t>>& state, uint32_t seed,
             int64_t squared_radius, size_t begin, size_t end) {
     bool waiting = false;
@@ -277,8 +274,8 @@ void keep_spaced(std::vector<Candidate>& candidates, uint32_t seed, double radiu
     candidates.resize(count);
 }
 
-// Keeps the `count` candidates of highest priority, in their order. The hash is uniform, so its top bits tell
-// nearly all apart; only the one bucket that the limit falls into is looked at closely.
+// Keeps the `count` candidates of highest priority, in their order. The hash is uniform, so its top bits tell nearly all
+// apart; only the one bucket that the limit falls into is looked at closely.
 void keep_first(std::vector<Candidate>& candidates, uint32_t seed, uint64_t count) {
     constexpr int bucket_bits = 16;
     std::vector<uint64_t> histogram(size_t(1) << bucket_bits, 0);
@@ -336,8 +333,7 @@ std::vector<Candidate> spaced_candidates(const Groom& groom, const Surface& bind
     std::vector<Candidate> candidates = draw_candidates(
         groom, bind, grid, density * attempts_a_disc(coverage) * spare, radius > 0.0, cancelled);
     if (radius > 0.0) keep_spaced(candidates, groom.seed, radius / grid.unit, cancelled);
-    // Thinned after spacing: half a mask is half the strands, and a strand does not notice what masks say
-    // elsewhere.
+    // Thinned after spacing: half a mask is half the strands, and a strand does not notice what masks say elsewhere.
     if (groom.density_masks.any())
         std::erase_if(candidates, [&](const Candidate& c) {
             return !(unit_double(root_hash(groom.seed, c.root, Purpose::mask)) <
@@ -364,8 +360,7 @@ std::vector<Root> place_roots(const Groom& groom, const Surface& bind,
             spaced_candidates(groom, bind, groom.density, 1.0, groom.spacing, cancelled);
         return in_space_order(candidates);
     }
-    // A count: enough candidates that the wanted number is left, first as the whole area suggests, then by
-    // what was found.
+    // A count: enough candidates that the wanted number is left, first as the whole area suggests, then by what was found.
     double density = double(groom.count) / area, spacing = groom.spacing;
     const double spare =
         1.1 + 8.0 / std::sqrt(double(groom.count)); // eight standard deviations of a random count
@@ -378,8 +373,7 @@ std::vector<Root> place_roots(const Groom& groom, const Surface& bind,
             keep_first(candidates, groom.seed, groom.count);
             return in_space_order(candidates);
         }
-        // Masks leave a share of the area; without masks it is thin parts, whose far sides are near, and
-        // small numbers.
+        // Masks leave a share of the area; without masks it is thin parts, whose far sides are near, and small numbers.
         const double share = double(candidates.size()) / double(groom.count);
         if (groom.density_masks.any())
             density =

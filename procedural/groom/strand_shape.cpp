@@ -1,26 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// A strand is laid out in its root's frame: N the surface normal, A the tangent that it leans to, S = N x A.
-// Its centre line leans by an angle that grows along it, theta(u) = lean + arc u, so with s = L/(n-1)
+// A strand is laid out in its root's frame: N the surface normal, A the tangent that it leans to, S = N x A. Its centre line
+// leans by an angle that grows along it, theta(u) = lean + arc u, so with s = L/(n-1)
 //
 //     C_k = C_{k-1} + s (sin theta A + cos theta N),    theta at the segment's middle.
 //
 // Curl, clump and frizz displace C_k sideways:
 //
-//     curl    r(u) (cos psi E + sin psi S) - the same at 0,  psi = phase + 2 pi turns u,  E = dC/dtheta
-//     direction clump   (centre - root) amount profile(u), the part along the surface frizz   amplitude u
-//     (noise_x A + noise_y S), gradient noise along the strand
+//     curl    r(u) (cos psi E + sin psi S) - the same at 0,  psi = phase + 2 pi turns u,  E = dC/dtheta direction
+//     clump   (centre - root) amount profile(u), the part along the surface
+//     frizz   amplitude u (noise_x A + noise_y S), gradient noise along the strand
 //
-// and each segment is then laid with length s in the direction of the displaced difference. So curl and frizz
-// shorten a strand's reach, never its length, and all segments are equally long.
+// and each segment is then laid with length s in the direction of the displaced difference. So curl and frizz shorten a
+// strand's reach, never its length, and all segments are equally long.
 //
-// Clumps are the cells of a jittered lattice at the bind pose (S. Worley, "A Cellular Texture Basis
-// Function", SIGGRAPH 1996): a root belongs to the nearest of the points in the 27 lattice cells around it.
+// Clumps are the cells of a jittered lattice at the bind pose (S. Worley, "A Cellular Texture Basis Function", SIGGRAPH
+// 1996): a root belongs to the nearest of the points in the 27 lattice cells around it.
 #include "procedural/groom/strand_shape.h"
 
 #include "procedural/ramp_table.h"
 #include "procedural/wind/noise.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace marram {
@@ -38,7 +39,8 @@ Vec3d clump_centre(uint32_t seed, double size, const Vec3d& p) {
     for (int i = 0; i < 27; ++i) {
         const Vec3d cell = base + Vec3d(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1);
         uint64_t h = hash(seed, uint64_t(Purpose::clump));
-        for (int axis = 0; axis < 3; ++axis) h = hash(h, uint64_t(int64_t(cell[axis])));
+        for (int axis = 0; axis < 3; ++axis)
+            h = hash(h, std::bit_cast<uint64_t>(cell[axis] + 0.0)); // + 0.0: one zero
         const Vec3d jitter(double(h & 0xffff) * 0x1p-16, double((h >> 16) & 0xffff) * 0x1p-16,
                            double((h >> 32) & 0xffff) * 0x1p-16);
         const Vec3d point = (cell + jitter) * size;

@@ -10,15 +10,14 @@
 
 namespace marram {
 
-// The same mesh twice: at the bind pose, which fixes shape and comb, and at the time asked for, which carries
-// the strands.
+// The same mesh twice: at the bind pose, which fixes shape and comb, and at the time asked for, which carries the strands.
 struct GrowthPoses {
     Surface bind, now;
 };
 
-// Fills strands.rest (and rest_normal) for a patch's roots, and strands.anchor with the roots' places at
-// `bind` or now. strands must have been resized to roots.size(). Segments of a strand are equally long; the
-// whole is as long as asked. Cost: about 0.3 us a root + 15 ns a CV of a plain strand, single thread.
+// Fills strands.rest (and rest_normal) for a patch's roots, and strands.anchor with the roots' places at `bind` or now.
+// strands must have been resized to roots.size(). Segments of a strand are equally long; the whole is as long as asked.
+// Cost: about 0.3 us a root + 15 ns a CV of a plain strand, single thread.
 void expand(const Groom& groom, const GrowthPoses& poses, std::span<const Root> roots, bool anchor_at_bind,
             Strands& strands);
 

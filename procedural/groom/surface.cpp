@@ -19,8 +19,8 @@ Frame frame_at(const Surface& surface, uint32_t triangle, const Vec3d& weights) 
     }
     Vec3d tangent = p[1] - p[0];
     tangent -= normal * normal.dot(tangent);
-    // The first edge is in the plane, the normal less than a right angle from the plane's: what is left of
-    // the edge vanishes only for a sliver's rounding, where any tangent will do.
+    // The first edge is in the plane, the normal less than a right angle from the plane's: what is left of the edge
+    // vanishes only for a sliver's rounding, where any tangent will do.
     const double left = tangent.norm();
     if (left > 1e-6 * (p[1] - p[0]).norm()) {
         tangent /= left;

@@ -12,8 +12,8 @@
 
 namespace marram {
 
-// A root is its triangle and its number among that triangle's candidates. All else follows by hashing, so the
-// root is also the strand's identity, and eight bytes.
+// A root is its triangle and its number among that triangle's candidates. All else follows by hashing, so the root is also
+// the strand's identity, and eight bytes.
 struct Root {
     uint32_t triangle, index;
 };
@@ -81,8 +81,7 @@ struct Surface {
     }
 };
 
-// An orthonormal frame on the surface that rides with it: normal, and tangent along the triangle's first
-// edge.
+// An orthonormal frame on the surface that rides with it: normal, and tangent along the triangle's first edge.
 struct Frame {
     Vec3d tangent, bitangent, normal;
 };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curve wind, after A. Somasundaram, "Enhancing the Realism of Procedural Wind on Curves with Collision,
-// Shielding, and Gusts" (SIGGRAPH 2019 Talks), section 2.
+// Curve wind, after A. Somasundaram, "Enhancing the Realism of Procedural Wind on Curves with Collision, Shielding, and
+// Gusts" (SIGGRAPH 2019 Talks), section 2.
 //
 // From root to tip, at segment k with start P_k, the curve as bent so far:
 //
@@ -8,16 +8,15 @@
 //     f = 1 - (1 - clamp(global_rotate ramp(u_k) e_k))^(reference |segment k| / L)
 //     Q = the shortest turn from a onto b, its angle scaled by f; everything behind P_k turns by Q about P_k
 //
-// Turning everything behind P_k at each k is O(n^2). But the turns are all applied to the same rigid rest of
-// the curve, so only their product matters: R_k = Q_k R_{k-1}, segment k of the result is R_k d_k with d_k
-// the rest segment, and a = R_{k-1} (rest tip - rest P_k). One quaternion is carried; it is renormalised by
-// one Newton step a segment, which keeps it unit to 1e-16 for any number of CVs.
+// Turning everything behind P_k at each k is O(n^2). But the turns are all applied to the same rigid rest of the curve, so
+// only their product matters: R_k = Q_k R_{k-1}, segment k of the result is R_k d_k with d_k the rest segment, and
+// a = R_{k-1} (rest tip - rest P_k). One quaternion is carried; it is renormalised by one Newton step a segment, which
+// keeps it unit to 1e-16 for any number of CVs.
 //
-// The angle comes from |a x b| and a . b, which is accurate at 0 and pi alike. Where a and b are opposed to
-// within `opposed` the cross product says nothing of the axis. Then the curve's own bend decides: the axis
-// that turns the segment towards the tip, d_k x a, continues the way the strand already leans. A straight
-// strand leaves that to the noise, a x noise; without noise a fixed rule takes the coordinate axis that a is
-// least along. Each is perpendicular to a.
+// The angle comes from |a x b| and a . b, which is accurate at 0 and pi alike. Where a and b are opposed to within
+// `opposed` the cross product says nothing of the axis. Then the curve's own bend decides: the axis that turns the segment
+// towards the tip, d_k x a, continues the way the strand already leans. A straight strand leaves that to the noise, a x
+// noise; without noise a fixed rule takes the coordinate axis that a is least along. Each is perpendicular to a.
 #include "procedural/wind/bend.h"
 
 #include "procedural/ramp_table.h"
@@ -27,9 +26,8 @@
 namespace marram {
 namespace {
 
-// sin of the angle to exact opposition below which the axis is taken from elsewhere. The cross product of
-// doubles is good to 1e-16, so the axis is still good to 1e-7 here; stored CVs are floats and resolve no
-// finer bend.
+// sin of the angle to exact opposition below which the axis is taken from elsewhere. The cross product of doubles is good to
+// 1e-16, so the axis is still good to 1e-7 here; stored CVs are floats and resolve no finer bend.
 constexpr double opposed = 1e-9;
 
 struct Turn { // unit quaternions
@@ -66,8 +64,8 @@ MARRAM_INLINE Wide3d axis_of_opposed(const Wide3d& a, const Wide3d& segment, con
     return select(dot(by_bend, by_bend) > 1e-12 * aa * dot(segment, segment), by_bend, axis);
 }
 
-// The turn from a onto b, its angle scaled by f in [0, 1]; identity (and turns = false) where it is 0 or has
-// no meaning. `segment` is called only where a and b are opposed.
+// The turn from a onto b, its angle scaled by f in [0, 1]; identity (and turns = false) where it is 0 or has no meaning.
+// `segment` is called only where a and b are opposed.
 template <typename Segment>
 MARRAM_INLINE Turn scaled_turn(const Wide3d& a, const Wide3d& b, VDouble f, Segment&& segment,
                                const Wide3d& noise, VLong& turns) {
@@ -106,8 +104,8 @@ NoiseTime noise_time(const Wind& wind, double frame, double fps) {
     // The lattice repeats after 2^32 cells; taking whole periods off keeps coordinates small at any frame.
     const double period = wind.noise.frequency > 0.0 ? 0x1p32 / wind.noise.frequency : 0.0;
     const double travel = wind.speed * seconds;
-    // Octaves of other frequencies share that period only where lacunarity is a whole number, so it is taken
-    // off only where the coordinate would otherwise lose its fraction.
+    // Octaves of other frequencies share that period only where lacunarity is a whole number, so it is taken off only
+    // where the coordinate would otherwise lose its fraction.
     const bool far = std::abs(travel) * wind.noise.frequency > 0x1p40;
     return {far ? std::fmod(travel, period) : travel, std::fmod(wind.evolution * seconds, 0x1p32)};
 }
@@ -124,9 +122,8 @@ void sample_noise(const Wind& wind, NoiseTime time, const Wide3d& anchor, const 
     vector_noise(wind.noise, points, count, wind.evolution != 0.0, time.w, out);
 }
 
-// Noise at the segment starts of one block. In a loop the field of one cycle later is faded in, so that the
-// last frame continues in the first; dividing by the weights' norm keeps its strength even on the way (the
-// two are independent).
+// Noise at the segment starts of one block. In a loop the field of one cycle later is faded in, so that the last frame
+// continues in the first; dividing by the weights' norm keeps its strength even on the way (the two are independent).
 void block_noise(const Wind& wind, double frame, double fps, const Wide3d& anchor, const VDouble* arc,
                  int count, Strands& strands) {
     Wide3f* out = strands.values.data();
@@ -166,8 +163,8 @@ struct BlockView { // one block of a Strands
     VDouble* factors;    // [cvs - 1]
 };
 
-// The share of its angle that each segment turns. Nothing here depends on the segment before, so the
-// processor overlaps them; in the loop of bend_block it could not.
+// The share of its angle that each segment turns. Nothing here depends on the segment before, so the processor overlaps
+// them; in the loop of bend_block it could not.
 MARRAM_HOT void turn_factors(const Wind& wind, const BlockView& block) {
     const int last = block.cvs - 1;
     const VDouble length = block.arc[last];

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The chain of stages that a patch of strands runs through, in the talk's order.
 //
-// To add a stage: a function on Strands in a file of its own, its line in run_chain, its clock in StageClock,
-// its parameters in wind.cpp in place of the MARRAM_UNAVAILABLE entry.
+// To add a stage: a function on Strands in a file of its own, its line in run_chain, its clock in StageClock, its parameters in
+// wind.cpp in place of the MARRAM_UNAVAILABLE entry.
 #pragma once
 
 #include "procedural/wind/strands.h"
@@ -39,8 +39,8 @@ class StageTimer {
     std::chrono::steady_clock::time_point begin_;
 };
 
-// strands.rest, rest_normal, anchor -> pose, pose_normal, envelope at `frame`. `point_envelope` is the
-// groom's own, over u. Where the wind has no strength the pose is the rest pose bit for bit.
+// strands.rest, rest_normal, anchor -> pose, pose_normal, envelope at `frame`. `point_envelope` is the groom's own, over u.
+// Where the wind has no strength the pose is the rest pose bit for bit.
 void run_chain(const Wind& wind, const Ramp& point_envelope, double frame, double fps, MarramStage stage,
                Strands& strands, StageClock& clock);
 

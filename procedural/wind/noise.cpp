@@ -21,8 +21,7 @@ MARRAM_INLINE VFloat with_sign(VFloat x, VUint sign_bit) {
     return bits_as<VFloat>(bits_as<VUint>(x) ^ (sign_bit << 31));
 }
 
-// gradient . (x, y, z), the gradient being one of (+-1, +-1, 0), (+-1, 0, +-1), (0, +-1, +-1) by four bits of
-// h.
+// gradient . (x, y, z), the gradient being one of (+-1, +-1, 0), (+-1, 0, +-1), (0, +-1, +-1) by four bits of h.
 MARRAM_INLINE VFloat gradient3(VUint h, VFloat x, VFloat y, VFloat z) {
     const VUint low = h & 15U;
     const VFloat u = low < 8U ? x : y;

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The strands of one patch on their way through the chain: structure of arrays, eight strands side by side.
 //
-// Element [block * cvs + k] holds CV k of strands 8 * block ... 8 * block + 7. Positions are the floats that
-// will be stored; stages compute in double from them and round once. The lanes behind the last strand repeat
-// it.
+// Element [block * cvs + k] holds CV k of strands 8 * block ... 8 * block + 7. Positions are the floats that will be stored;
+// stages compute in double from them and round once. The lanes behind the last strand repeat it.
 #pragma once
 
 #include "core/math/vec.h"

@@ -12,7 +12,7 @@ constexpr double big = 1e9; // beyond any wind; keeps products finite
 constexpr std::array params = {
     MarramParam{"direction", MARRAM_VEC3, "", "[1, 0, 0]", -big, big, "",
                 "where the air goes to; any length but 0"},
-    MarramParam{"speed", MARRAM_NUMBER, "m/s", "0", 0, 1e4, "",
+    MarramParam{"speed", MARRAM_NUMBER, "m/s", "0", 0, big, "",
                 "carries the noise along and, through response, bends"},
     MarramParam{"calm", MARRAM_NUMBER, "", "1", 0, 1, "",
                 "wind between gusts, as a share of the full envelope"},
@@ -76,6 +76,10 @@ Wind read_wind(const Values& values) {
                              "wind.response leaves 0 ... 1: keep its values inside");
     wind.global_rotate = values.number("wind.global_rotate");
     wind.ramp_rotate = values.ramp("wind.ramp_rotate");
+    for (const double share : wind.ramp_rotate.values())
+        if (share < 0.0)
+            throw SceneFault(values.at("wind.ramp_rotate").place,
+                             "wind.ramp_rotate goes below 0: strands do not turn away from the wind");
     wind.waviness = values.number("wind.waviness");
     wind.reference_segments = values.integer("wind.reference_segments");
     if (values.text("wind.noise.type") != "perlin")

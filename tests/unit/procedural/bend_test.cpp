@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curve wind against the talk's own words: every point behind P_k is turned, segment after segment, in
-// O(n^2), in double, by Eigen's quaternions. And what must hold whatever the wind.
+// Curve wind against the talk's own words: every point behind P_k is turned, segment after segment, in O(n^2), in double,
+// by Eigen's quaternions. And what must hold whatever the wind.
 #include "procedural/wind/bend.h"
 #include "procedural/wind/chain.h"
 

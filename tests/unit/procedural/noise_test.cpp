@@ -85,8 +85,7 @@ TEST(PerlinNoise, twice_differentiable_across_faces) {
     }
 }
 
-// A slab of the field holds in 32-bit hash cells what a shifted slab does not: no short period along any
-// axis.
+// A slab of the field holds in 32-bit hash cells what a shifted slab does not: no short period along any axis.
 TEST(PerlinNoise, does_not_repeat) {
     for (const double period : {256.0, 512.0, 4096.0, 65536.0}) {
         double difference = 0.0;

@@ -121,8 +121,7 @@ TEST(Roots, do_not_notice_a_change_elsewhere) {
     // Only next to the seam may a strand stand that had been kept away by one that is gone.
     EXPECT_GT(left.size(), whole.size() / 3);
     EXPECT_GT(double(kept) / double(left.size()), 0.97);
-    // More strands: those that were there and are still there have the same identity, so the same place and
-    // shape.
+    // More strands: those that were there and are still there have the same identity, so the same place and shape.
     groom = {};
     groom.density = 600.0;
     groom.spacing = 0.0;

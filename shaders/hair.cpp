@@ -167,7 +167,27 @@ std::vector<ParamSpec> hair_params() {
     return params;
 }
 
+namespace {
+
+// What the chosen pigment does not read must not be given: it would be ignored without a word.
+void refuse_other_pigment(const ParamSet& params) {
+    const bool melanin = params.text("pigment") == "melanin";
+    const std::vector<std::string_view> unread =
+        melanin ? std::vector<std::string_view>{"color", "root_color", "tip_color"}
+                : std::vector<std::string_view>{"melanin", "melanin_redness"};
+    for (const std::string_view name : unread)
+        if (const ParamValue* value = params.find(name); value && value->given)
+            throw InputError(value->place,
+                             "'" + std::string(name) + "' means nothing with pigment = \"" +
+                                 params.text("pigment") + "\"",
+                             melanin ? "leave it out, or leave out pigment"
+                                     : "add pigment = \"melanin\", or leave it out");
+}
+
+} // namespace
+
 HairSettings read_hair(const ParamSet& params) {
+    refuse_other_pigment(params);
     HairSettings settings;
     settings.color = read_strand_color(params);
     settings.roughness = static_cast<float>(params.number("roughness"));

@@ -45,6 +45,7 @@ struct GroomInstance {
     std::vector<float> bind_positions;
     bool placed = false;
     double placing_seconds = 0.0;
+    size_t placing_bytes = 0;
 
     MarramFrame frame{};
     const MarramMesh* mesh = nullptr;
@@ -130,7 +131,9 @@ MarramStatus place(GroomInstance& instance) {
         instance.frame.pose_user, index, instance.frame.bind_frame, instance.bind_positions.data());
     if (status != MARRAM_OK) return status;
     const auto cancelled = [&] { return instance.host.cancelled(instance.host.user) != 0; };
-    instance.roots = place_roots(instance.groom, instance.poses(0).bind, cancelled);
+    PlacedRoots placed = place_roots(instance.groom, instance.poses(0).bind, cancelled);
+    instance.roots = std::move(placed.roots);
+    instance.placing_bytes = placed.peak_bytes;
     if (cancelled()) return MARRAM_CANCELLED;
     instance.placed = true;
     instance.placing_seconds =
@@ -310,8 +313,10 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     sink(user, "seconds.roots", instance.placing_seconds);
     sink(user, "thread_seconds.expand", sum.expand + sum.write);
     sink(user, "thread_seconds.bend", sum.bend);
-    sink(user, "memory.bytes",
-         double(instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 + scratch));
+    // The most that was there at any time: candidates come and go before there is scratch.
+    const size_t lasting =
+        instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 + scratch;
+    sink(user, "memory.bytes", double(std::max(lasting, instance.placing_bytes)));
 }
 
 void destroy(MarramInstance* opaque) { delete &self(opaque); }

@@ -61,8 +61,6 @@ struct [[gnu::packed]] Candidate { // there are millions of them for a moment
 };
 static_assert(sizeof(Candidate) == 20);
 
-constexpr uint64_t masked_out = UINT64_MAX; // no cell's: a key has 63 bits
-
 bool in_order(const Candidate& a, const Candidate& b) {
     if (a.cell != b.cell) return a.cell < b.cell;
     if (a.root.triangle != b.root.triangle) return a.root.triangle < b.root.triangle;
@@ -108,11 +106,70 @@ struct Place3 {
     }
 };
 
-// Share of the density that the masks leave at a root.
-double mask_share(const Groom& groom, const Surface& bind, Root root) {
-    const Vec3d weights = root_weights(groom.seed, root);
-    return groom.density_masks(bind.uv(root.triangle, weights), bind.point(root.triangle, weights).y(),
-                               plane_normal(bind.corners(root.triangle)));
+// The density masks over a surface, relative to `full`: a count asks for shares of each other only, so that faint masks
+// need no more candidates than strong ones.
+struct DensityShares {
+    const Groom& groom;
+    const Surface& bind;
+    double full = 1.0;
+
+    bool masked() const { return groom.density_masks.any(); }
+    double at(Root root) const {
+        const Vec3d weights = root_weights(groom.seed, root);
+        return at(root.triangle, weights);
+    }
+    double at(uint32_t triangle, const Vec3d& weights) const {
+        const double share =
+            groom.density_masks(bind.uv(triangle, weights), bind.point(triangle, weights).y(),
+                                plane_normal(bind.corners(triangle)));
+        return std::min(share / full, 1.0);
+    }
+    bool keeps(Root root) const { return unit_double(root_hash(groom.seed, root, Purpose::mask)) < at(root); }
+};
+
+// Greatest value of a ramp over an interval: between two knots it is monotone.
+double greatest(const Ramp& ramp, double low, double high) {
+    double most = std::max(ramp(low), ramp(high));
+    for (size_t i = 0; i < ramp.positions().size(); ++i)
+        if (ramp.positions()[i] > low && ramp.positions()[i] < high) most = std::max(most, ramp.values()[i]);
+    return most;
+}
+
+// False where the masks leave nothing of a triangle, so that nothing is drawn there only to be thrown away.
+bool may_grow(const DensityShares& shares, uint32_t triangle) {
+    const Masks& masks = shares.groom.density_masks;
+    const auto p = shares.bind.corners(triangle);
+    if (masks.by_slope) {
+        const Vec3d n = plane_normal(p);
+        if ((*masks.by_slope)(std::atan2(std::hypot(n.x(), n.z()), n.y()) / degree) <= 0.0) return false;
+    }
+    if (masks.by_height) {
+        const double low = std::min({p[0].y(), p[1].y(), p[2].y()}),
+                     high = std::max({p[0].y(), p[1].y(), p[2].y()});
+        if (greatest(*masks.by_height, low, high) <= 0.0) return false;
+    }
+    return true;
+}
+
+// Mean and greatest share over the surface, from as many points as tell a thousandth of the area apart.
+struct ShareStatistics {
+    double mean = 1.0, most = 1.0;
+};
+
+ShareStatistics share_statistics(const DensityShares& shares, double area) {
+    if (!shares.masked()) return {};
+    constexpr uint32_t points = 1U << 18;
+    double sum = 0.0, most = 0.0, passed = 0.0;
+    uint32_t drawn = 0; // one point every area / points along the triangles
+    for (uint32_t t = 0; t < shares.bind.triangle_count; ++t) {
+        passed += shares.bind.area(t);
+        for (uint32_t i = 0; drawn < points && (drawn + 0.5) * area < passed * points; ++drawn, ++i) {
+            const double share = shares.at(t, root_weights(~shares.groom.seed, {t, i}));
+            sum += share;
+            most = std::max(most, share);
+        }
+    }
+    return {sum / points, most};
 }
 
 // A Poisson distributed number of mean m from a triangle's own hashes; it only grows with m, so a change of density
@@ -138,13 +195,13 @@ uint64_t poisson(double mean, uint64_t h) {
 // First candidate number of every triangle. The kinetics want candidates that know nothing of each other, so their number
 // is Poisson distributed on each triangle; random roots (spacing 0) are kept as they are drawn and may as well be spread more
 // evenly: area * attempts, rounded by the triangle's hash.
-std::vector<uint64_t> candidate_offsets(const Groom& groom, const Surface& bind, double attempts,
-                                        bool spaced) {
+std::vector<uint64_t> candidate_offsets(const DensityShares& shares, double attempts, bool spaced) {
+    const Surface& bind = shares.bind;
     std::vector<uint64_t> first(size_t(bind.triangle_count) + 1, 0);
     tbb::parallel_for(tbb::blocked_range<uint32_t>(0, bind.triangle_count, 4096), [&](const auto& range) {
         for (uint32_t t = range.begin(); t < range.end(); ++t) {
-            const double mean = bind.area(t) * attempts;
-            const uint64_t h = hash(hash(groom.seed, 0x7472'6961), t);
+            const double mean = shares.masked() && !may_grow(shares, t) ? 0.0 : bind.area(t) * attempts;
+            const uint64_t h = hash(hash(shares.groom.seed, 0x7472'6961), t);
             first[size_t(t) + 1] = spaced ? poisson(mean, h) : uint64_t(std::floor(mean + unit_double(h)));
         }
     });
@@ -163,24 +220,45 @@ Grid grid_of(const Surface& bind, double radius) {
     return {lower, std::max({radius, extent / (row_unit * most_rows), std::numeric_limits<double>::min()})};
 }
 
-// Candidates of all triangles, sorted. Where masks are 0 none are made.
-std::vector<Candidate> draw_candidates(const Groom& groom, const Surface& bind, const Grid& grid,
-                                       double attempts, bool spaced, const std::function<bool()>& cancelled) {
-    const std::vector<uint64_t> first = candidate_offsets(groom, bind, attempts, spaced);
-    const bool masked = groom.density_masks.any();
-    std::vector<Candidate> candidates(first.back());
-    tbb::parallel_for(tbb::blocked_range<uint64_t>(0, first.back(), 16384), [&](const auto& range) {
-        if (cancelled()) return;
-        auto t = uint32_t(std::upper_bound(first.begin(), first.end(), range.begin()) - first.begin() - 1);
-        for (uint64_t i = range.begin(); i < range.end(); ++i) {
+// Candidates of all triangles, sorted. Where masks are 0 none are kept: blocks are counted first and filled then, so that
+// memory goes to candidates, not to masked-out ones.
+std::vector<Candidate> draw_candidates(const DensityShares& shares, const Grid& grid, double attempts,
+                                       bool spaced, const std::function<bool()>& cancelled) {
+    const std::vector<uint64_t> first = candidate_offsets(shares, attempts, spaced);
+    constexpr uint64_t block_size = 16384;
+    const uint64_t blocks = (first.back() + block_size - 1) / block_size;
+    // Calls body(root) for every candidate of a block that the masks do not exclude.
+    const auto visit = [&](uint64_t block, auto&& body) {
+        const uint64_t begin = block * block_size, end = std::min(begin + block_size, first.back());
+        auto t = uint32_t(std::upper_bound(first.begin(), first.end(), begin) - first.begin() - 1);
+        for (uint64_t i = begin; i < end; ++i) {
             while (i >= first[size_t(t) + 1]) ++t;
             const Root root{t, uint32_t(i - first[t])};
-            candidates[i] = grid.candidate(root, bind.point(t, root_weights(groom.seed, root)));
-            if (masked && !(mask_share(groom, bind, root) > 0.0)) candidates[i].cell = masked_out;
+            if (!shares.masked() || shares.at(root) > 0.0) body(root);
         }
+    };
+    std::vector<uint64_t> start(blocks + 1, 0);
+    tbb::parallel_for(uint64_t{0}, blocks, [&](uint64_t block) {
+        if (cancelled()) return;
+        uint64_t count = std::min(block_size, first.back() - block * block_size);
+        if (shares.masked()) {
+            count = 0;
+            visit(block, [&](Root) { ++count; });
+        }
+        start[block + 1] = count;
+    });
+    for (uint64_t block = 0; block < blocks; ++block) start[block + 1] += start[block];
+    if (cancelled()) return {};
+    std::vector<Candidate> candidates(start.back());
+    tbb::parallel_for(uint64_t{0}, blocks, [&](uint64_t block) {
+        if (cancelled()) return;
+        uint64_t at = start[block];
+        visit(block, [&](Root root) {
+            candidates[at++] =
+                grid.candidate(root, shares.bind.point(root.triangle, root_weights(shares.groom.seed, root)));
+        });
     });
     if (cancelled()) return {};
-    if (masked) std::erase_if(candidates, [](const Candidate& c) { return c.cell == masked_out; });
     tbb::parallel_sort(candidates.begin(), candidates.end(), in_order);
     return candidates;
 }
@@ -324,65 +402,73 @@ double surface_area(const Surface& bind) {
     return area;
 }
 
-std::vector<Candidate> spaced_candidates(const Groom& groom, const Surface& bind, double density,
-                                         double spare, double spacing,
-                                         const std::function<bool()>& cancelled) {
+std::vector<Candidate> spaced_candidates(const DensityShares& shares, double density, double spare,
+                                         double spacing, const std::function<bool()>& cancelled,
+                                         PlacedRoots& placed) {
     const double coverage = full_coverage * spacing * spacing;
     const double radius = 2.0 * std::sqrt(coverage / (pi * density));
-    const Grid grid = grid_of(bind, radius);
-    std::vector<Candidate> candidates = draw_candidates(
-        groom, bind, grid, density * attempts_a_disc(coverage) * spare, radius > 0.0, cancelled);
-    if (radius > 0.0) keep_spaced(candidates, groom.seed, radius / grid.unit, cancelled);
+    const Grid grid = grid_of(shares.bind, radius);
+    std::vector<Candidate> candidates =
+        draw_candidates(shares, grid, density * attempts_a_disc(coverage) * spare, radius > 0.0, cancelled);
+    placed.peak_bytes = std::max(placed.peak_bytes, candidates.capacity() * (sizeof(Candidate) + 1));
+    if (radius > 0.0) keep_spaced(candidates, shares.groom.seed, radius / grid.unit, cancelled);
     // Thinned after spacing: half a mask is half the strands, and a strand does not notice what masks say elsewhere.
-    if (groom.density_masks.any())
-        std::erase_if(candidates, [&](const Candidate& c) {
-            return !(unit_double(root_hash(groom.seed, c.root, Purpose::mask)) <
-                     mask_share(groom, bind, c.root));
-        });
+    if (shares.masked()) std::erase_if(candidates, [&](const Candidate& c) { return !shares.keeps(c.root); });
     return candidates;
+}
+
+// A count: enough candidates that the wanted number is left, first as the masks' mean suggests, then by what was found.
+std::vector<Candidate> counted_candidates(DensityShares shares, double area,
+                                          const std::function<bool()>& cancelled, PlacedRoots& placed) {
+    const Groom& groom = shares.groom;
+    const ShareStatistics statistics = share_statistics(shares, area);
+    if (statistics.most > 0.0) shares.full = statistics.most;
+    const double mean = statistics.mean > 0.0 ? statistics.mean / shares.full : 1e-3;
+    const double first = double(groom.count) / (area * mean);
+    double density = first, spacing = groom.spacing;
+    const double spare =
+        1.1 + 8.0 / std::sqrt(double(groom.count)); // eight standard deviations of a random count
+    constexpr int tries = 24;
+    for (int i = 0; i < tries && !cancelled(); ++i) {
+        std::vector<Candidate> candidates =
+            spaced_candidates(shares, density, spare, spacing, cancelled, placed);
+        if (candidates.size() >= groom.count) {
+            keep_first(candidates, groom.seed, groom.count);
+            return candidates;
+        }
+        // Masks leave less than the mean said; without masks it is thin parts, whose far sides are near, and small numbers.
+        const double share = double(candidates.size()) / double(groom.count);
+        if (shares.masked())
+            density = std::min(density * std::clamp(1.1 / share, 1.2, 10.0), 1e3 * first);
+        else
+            spacing = i > 8 ? 0.0 : spacing * 0.85;
+    }
+    if (cancelled()) return {};
+    throw SceneFault(groom.count_place, "the density masks leave no room for " + std::to_string(groom.count) +
+                                            " strands: raise the masks or lower count");
 }
 
 } // namespace
 
-std::vector<Root> place_roots(const Groom& groom, const Surface& bind,
-                              const std::function<bool()>& cancelled) {
+PlacedRoots place_roots(const Groom& groom, const Surface& bind, const std::function<bool()>& cancelled) {
     const double area = surface_area(bind);
     if (!(area > 0.0))
         throw SceneFault(groom.mesh_place,
                          "the mesh '" + groom.mesh + "' has no area: strands need a surface to grow on");
-    if (groom.count == 0) {
-        if (groom.density <= 0.0) return {};
+    PlacedRoots placed;
+    std::vector<Candidate> candidates;
+    const DensityShares shares{groom, bind};
+    if (groom.count > 0) {
+        candidates = counted_candidates(shares, area, cancelled, placed);
+    } else if (groom.density > 0.0) {
         if (groom.density * area > 4e8)
             throw SceneFault(groom.count_place,
                              "density asks for " + std::to_string(groom.density * area) +
                                  " strands: more than 4e8 do not fit, ask for fewer a square metre");
-        std::vector<Candidate> candidates =
-            spaced_candidates(groom, bind, groom.density, 1.0, groom.spacing, cancelled);
-        return in_space_order(candidates);
+        candidates = spaced_candidates(shares, groom.density, 1.0, groom.spacing, cancelled, placed);
     }
-    // A count: enough candidates that the wanted number is left, first as the whole area suggests, then by what was found.
-    double density = double(groom.count) / area, spacing = groom.spacing;
-    const double spare =
-        1.1 + 8.0 / std::sqrt(double(groom.count)); // eight standard deviations of a random count
-    constexpr int tries = 24;
-    for (int i = 0; i < tries; ++i) {
-        std::vector<Candidate> candidates =
-            spaced_candidates(groom, bind, density, spare, spacing, cancelled);
-        if (cancelled()) return {};
-        if (candidates.size() >= groom.count) {
-            keep_first(candidates, groom.seed, groom.count);
-            return in_space_order(candidates);
-        }
-        // Masks leave a share of the area; without masks it is thin parts, whose far sides are near, and small numbers.
-        const double share = double(candidates.size()) / double(groom.count);
-        if (groom.density_masks.any())
-            density =
-                std::min(density * std::clamp(1.1 / share, 1.2, 10.0), 1e3 * double(groom.count) / area);
-        else
-            spacing = i > 8 ? 0.0 : spacing * 0.85;
-    }
-    throw SceneFault(groom.count_place, "the density masks leave no room for " + std::to_string(groom.count) +
-                                            " strands: raise the masks or lower count");
+    placed.roots = in_space_order(candidates);
+    return placed;
 }
 
 } // namespace marram

@@ -17,7 +17,11 @@ namespace marram {
 // absent. The set is a function of the description and the mesh alone: any thread count gives the same bits.
 // Cost: about 0.4 us a root on 2 threads and 50 bytes of passing memory; 8 bytes a root stay.
 // Throws SceneFault where masks leave too little room for the count; returns early, incomplete, once cancelled() is true.
-std::vector<Root> place_roots(const Groom& groom, const Surface& bind,
-                              const std::function<bool()>& cancelled);
+struct PlacedRoots {
+    std::vector<Root> roots;
+    size_t peak_bytes = 0; // of candidates, while they were there
+};
+
+PlacedRoots place_roots(const Groom& groom, const Surface& bind, const std::function<bool()>& cancelled);
 
 } // namespace marram

@@ -48,7 +48,7 @@ TEST(Roots, a_count_is_exact_whatever_the_masks) {
                 groom.count = count;
                 groom.spacing = spacing;
                 if (masked) groom.density_masks.image = Mask{2, 1, {0.05F, 0.4F}};
-                const std::vector<Root> roots = place_roots(groom, plane.surface(), never);
+                const std::vector<Root> roots = place_roots(groom, plane.surface(), never).roots;
                 EXPECT_EQ(roots.size(), count) << spacing << masked;
                 EXPECT_EQ(identities(roots).size(), count) << "a root stands twice";
             }
@@ -61,7 +61,7 @@ TEST(Roots, a_density_is_met_within_two_percent) {
             Groom groom;
             groom.density = 500.0;
             groom.spacing = spacing;
-            const double found = double(place_roots(groom, plane.surface(), never).size()) / 100.0;
+            const double found = double(place_roots(groom, plane.surface(), never).roots.size()) / 100.0;
             std::printf("divisions %3d spacing %.1f: %.1f of 500 a square metre\n", divisions, spacing,
                         found);
             EXPECT_NEAR(found / 500.0, 1.0, 0.02);
@@ -77,15 +77,16 @@ TEST(Roots, keep_their_distance) {
         groom.spacing = spacing;
         const double bound = spacing * 0.56 / std::sqrt(groom.density);
         const double nearest =
-            nearest_pair(places(groom, plane.surface(), place_roots(groom, plane.surface(), never)));
+            nearest_pair(places(groom, plane.surface(), place_roots(groom, plane.surface(), never).roots));
         EXPECT_GT(nearest, 0.994 * bound); // positions in the grid are kept to a thousandth of a cell of 2 r
         EXPECT_LT(nearest, 1.2 * bound) << "the discs are smaller than they could be";
     }
     Groom random;
     random.density = 1000.0;
     random.spacing = 0.0;
-    EXPECT_LT(nearest_pair(places(random, plane.surface(), place_roots(random, plane.surface(), never))),
-              0.2 / std::sqrt(1000.0));
+    EXPECT_LT(
+        nearest_pair(places(random, plane.surface(), place_roots(random, plane.surface(), never).roots)),
+        0.2 / std::sqrt(1000.0));
 }
 
 TEST(Roots, are_spread_evenly_over_uneven_triangles) {
@@ -95,7 +96,8 @@ TEST(Roots, are_spread_evenly_over_uneven_triangles) {
         Groom groom;
         groom.count = 16'000;
         int cells[16] = {};
-        for (const Vec3d& p : places(groom, plane->surface(), place_roots(groom, plane->surface(), never)))
+        for (const Vec3d& p :
+             places(groom, plane->surface(), place_roots(groom, plane->surface(), never).roots))
             ++cells[int(p.x() / 2.5) * 4 + int(p.z() / 2.5)];
         double variance = 0.0;
         for (const int cell : cells) {
@@ -111,11 +113,11 @@ TEST(Roots, do_not_notice_a_change_elsewhere) {
     const TestSurface plane = grid_surface(20, 10.0);
     Groom groom;
     groom.density = 300.0;
-    const auto whole = identities(place_roots(groom, plane.surface(), never));
+    const auto whole = identities(place_roots(groom, plane.surface(), never).roots);
     Mask half{64, 1, std::vector<float>(64, 0.0F)}; // the right half goes
     std::fill_n(half.values.begin(), 32, 1.0F);
     groom.density_masks.image = half;
-    const std::vector<Root> left = place_roots(groom, plane.surface(), never);
+    const std::vector<Root> left = place_roots(groom, plane.surface(), never).roots;
     size_t kept = 0;
     for (const Root root : left) kept += whole.count({root.triangle, root.index});
     // Only next to the seam may a strand stand that had been kept away by one that is gone.
@@ -125,9 +127,9 @@ TEST(Roots, do_not_notice_a_change_elsewhere) {
     groom = {};
     groom.density = 600.0;
     groom.spacing = 0.0;
-    const auto dense = identities(place_roots(groom, plane.surface(), never));
+    const auto dense = identities(place_roots(groom, plane.surface(), never).roots);
     groom.density = 300.0;
-    for (const auto& root : identities(place_roots(groom, plane.surface(), never)))
+    for (const auto& root : identities(place_roots(groom, plane.surface(), never).roots))
         EXPECT_TRUE(dense.contains(root));
 }
 
@@ -137,7 +139,8 @@ TEST(Roots, half_a_mask_is_half_the_strands) {
         Groom groom;
         groom.density = 300.0;
         groom.density_masks.image = Mask{1, 1, {share}};
-        EXPECT_NEAR(double(place_roots(groom, plane.surface(), never).size()) / 30'000, double(share), 0.02);
+        EXPECT_NEAR(double(place_roots(groom, plane.surface(), never).roots.size()) / 30'000, double(share),
+                    0.02);
     }
 }
 
@@ -149,7 +152,7 @@ TEST(Roots, the_same_at_any_thread_count) {
     for (const int threads : {1, 2}) {
         const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
         tbb::task_arena(threads).execute(
-            [&] { lists[threads - 1] = place_roots(groom, sphere.surface(), never); });
+            [&] { lists[threads - 1] = place_roots(groom, sphere.surface(), never).roots; });
     }
     ASSERT_EQ(lists[0].size(), lists[1].size());
     for (size_t i = 0; i < lists[0].size(); ++i) {
@@ -162,7 +165,7 @@ TEST(Roots, neighbours_in_the_list_are_neighbours_in_space) {
     const TestSurface sphere = sphere_surface(60);
     Groom groom;
     groom.count = 20'000;
-    const auto points = places(groom, sphere.surface(), place_roots(groom, sphere.surface(), never));
+    const auto points = places(groom, sphere.surface(), place_roots(groom, sphere.surface(), never).roots);
     double sum = 0.0;
     for (size_t i = 1; i < points.size(); ++i) sum += (points[i] - points[i - 1]).norm();
     EXPECT_LT(sum / double(points.size()), 3.0 * std::sqrt(4.0 * pi / 20'000));
@@ -174,14 +177,14 @@ TEST(Roots, hard_meshes) {
     mesh.triangles.insert(mesh.triangles.end(), {0, 0, 1, 3, 3, 3, 0, 5, 1, 0, 5, 1});
     Groom groom;
     groom.count = 500;
-    for (const Root root : place_roots(groom, mesh.surface(), never)) {
+    for (const Root root : place_roots(groom, mesh.surface(), never).roots) {
         EXPECT_GT(mesh.surface().area(root.triangle), 0.0);
     }
     for (const double scale : {1e-6, 1e5})
         for (const float far : {0.0F, 1e4F}) {
             TestSurface scaled = grid_surface(4, scale);
             for (float& x : scaled.positions) x += far * float(scale);
-            EXPECT_EQ(place_roots(groom, scaled.surface(), never).size(), 500U) << scale << far;
+            EXPECT_EQ(place_roots(groom, scaled.surface(), never).roots.size(), 500U) << scale << far;
         }
     TestSurface empty = grid_surface(2, 1.0);
     for (float& x : empty.positions) x = 0.5F;

@@ -22,7 +22,7 @@ Groom plain_groom(int cvs) {
 }
 
 std::vector<Root> roots_on(const Groom& groom, const TestSurface& mesh) {
-    return place_roots(groom, mesh.surface(), [] { return false; });
+    return place_roots(groom, mesh.surface(), [] { return false; }).roots;
 }
 
 Strands grown(const Groom& groom, const TestSurface& bind, const TestSurface& now,

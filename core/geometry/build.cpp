@@ -337,8 +337,8 @@ void allocate(Build& build, CurveBuild& item) {
             item.attributes.push_back(a);
             const size_t values =
                 count * attribute.components * (attribute.per_cv ? output.cvs_per_curve : 1);
-            curves.attributes.push_back(
-                {attribute.name, attribute.components, attribute.per_cv != 0, std::vector<float>(values)});
+            curves.attributes.push_back({attribute.name, attribute.components, attribute.per_cv != 0,
+                                         std::vector<float>(values), attribute.discrete != 0});
             build.stats.curve_extra_bytes += values * sizeof(float);
             break;
         }

@@ -31,6 +31,7 @@ struct CurveAttributeValues {
     uint32_t components = 1;
     bool per_cv = false;
     std::vector<float> values; // curve_count * components, or curve_count * cvs_per_curve * components
+    bool discrete = false;     // a name rather than a quantity: never averaged
 };
 
 // The curves of one procedural. Its geometry ID is World::meshes.size() + its index in World::curves.

@@ -144,6 +144,7 @@ typedef struct MarramAttribute {
     const char* name;    /* "root_normal", "root_uv", "id", "envelope", ... */
     uint32_t components; /* 1 ... 4 floats */
     uint32_t per_cv;     /* 0: one a curve; 1: one for each of its CVs */
+    uint32_t discrete;   /* 1: a name rather than a quantity, such as an id: never averaged or interpolated */
     const char* help;
 } MarramAttribute;
 

@@ -6,10 +6,12 @@
 //   beauty     3         mean radiance, premultiplied by alpha where a light at infinity is invisible
 //   alpha      1         share of samples that hit something
 //   albedo     3         mean over all samples of the first hit's albedo (0 where nothing is hit)
-//   normal     3         mean over all samples of the first hit's shading normal, towards the camera, world
-//   space depth      1         mean distance to the first hit over the samples that hit, metres; 0 where none
-//   does strand_u   1         mean position on the strand, 0 root ... 1 tip, over the samples that hit a
-//   strand any name   1 ... 4   that curve attribute, mean over the samples that hit a curve which carries it
+//   normal     3         mean over all samples of the first hit's shading normal, towards the camera, world space
+//   depth      1         mean distance along the ray to the first hit over the samples that hit, metres; 0 where
+//                        none does
+//   strand_u   1         mean position on the strand, 0 root ... 1 tip, over the samples that hit a strand
+//   any name   1 ... 4   that curve attribute, mean over the samples that hit a curve which carries it; of one that
+//                        is a name (discrete: an id) the value of the first such sample
 #pragma once
 
 #include "core/geometry/hit.h"

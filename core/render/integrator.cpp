@@ -4,9 +4,10 @@
 // directions, estimated twice and weighted by the power heuristic (Veach, "Robust Monte Carlo Methods for
 // Light Transport Simulation", 1997):
 //
-//   once by drawing a direction of a light (density l):  beta f cos L / l . l^2 / (l^2 + p^2), if nothing is
-//   in the way; once by going on along the shader's draw (density p): beta' L . p^2 / (l^2 + p^2), if it
-//   meets a light.
+//   once by drawing a direction of a light (density l):
+//     beta f cos L / l . l^2 / (l^2 + p^2), if nothing is in the way;
+//   once by going on along the shader's draw (density p):
+//     beta' L . p^2 / (l^2 + p^2), if it meets a light.
 //
 // What the camera sees directly has nothing to be weighed against and counts whole; so does light that only
 // one of the two can reach. Russian roulette ends a path with probability 1 - max(beta) and divides what goes
@@ -201,6 +202,8 @@ void add_attribute(const Frame& frame, const FilmLayer& layer, size_t layer_inde
     const size_t curves = point.geometry - frame.world.meshes.size();
     const CurveAttributeValues* attribute = frame.layers[curves * layer_count + layer_index];
     if (!attribute) return;
+    // Of names a pixel keeps the first that it meets: a mean of two would be a third.
+    if (attribute->discrete && sums[layer.channels] > 0.0) return;
     std::array<float, 4> values{};
     attribute_at(frame.world.curves[curves], *attribute, point, values.data());
     const std::array<double, 4> wide = {values[0], values[1], values[2], values[3]};

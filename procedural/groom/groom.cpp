@@ -19,10 +19,11 @@ namespace marram {
 namespace {
 
 constexpr std::array attributes = {
-    MarramAttribute{"root_normal", 3, 0, "surface normal at the root"},
-    MarramAttribute{"root_uv", 2, 0, "surface uv at the root"},
-    MarramAttribute{"id", 1, 0, "a number below 2^24 that stays with the strand, whatever grows elsewhere"},
-    MarramAttribute{"envelope", 1, 1, "share of the wind that reaches a CV"},
+    MarramAttribute{"root_normal", 3, 0, 0, "surface normal at the root"},
+    MarramAttribute{"root_uv", 2, 0, 0, "surface uv at the root"},
+    MarramAttribute{"id", 1, 0, 1,
+                    "a number below 2^24 that stays with the strand, whatever grows elsewhere"},
+    MarramAttribute{"envelope", 1, 1, 0, "share of the wind that reaches a CV"},
 };
 enum AttributeIndex : uint32_t { root_normal, root_uv, id, envelope };
 

@@ -156,7 +156,8 @@ TEST(BadInput, WindsThatCannotBlow) {
                    "noise.type = \"wavelet\" is not available in this build");
     expect_refused(with_wind("noise.type = \"simplex\"\n"), "simplex");
     expect_refused(with_wind("noise.loop = [5, 5]\n"), "noise.loop has no length: give two different frames");
-    expect_refused(with_wind("speed = 1e5\n"), "speed");
+    expect_refused(with_wind("speed = 1e12\n"), "speed");
+    expect_refused(with_wind("ramp_rotate = [[0, -1], [1, 1]]\n"), "wind.ramp_rotate goes below 0");
     for (const char* stage : {"gusts", "shielding", "jiggle", "collision"})
         expect_refused(with_wind(fmt::format("[wind.{}]\nstrength = 1\n", stage)),
                        fmt::format("{} is not available in this build", stage));
@@ -164,6 +165,53 @@ TEST(BadInput, WindsThatCannotBlow) {
                    "the wind's direction is zero");
     expect_refused(SceneText{.groom = groom + "wind.jiggle = { stiffness = 1 }\n"},
                    "jiggle is not available in this build");
+}
+
+// Nothing that a scene says is passed over in silence.
+TEST(BadInput, WhatWouldBeIgnored) {
+    const std::string fibre = "material = \"m\"\n[[material]]\nname = \"m\"\ntype = \"hair\"\n";
+    const auto with_material = [&](const std::string& text) {
+        return SceneText{.groom = groom + fibre + text};
+    };
+    expect_refused(with_material("tint = \"envelop\"\n"),
+                   "'grass' has no attribute 'envelop' of one number to tint by");
+    expect_refused(with_material("tint = \"root_normal\"\n"), "of one number to tint by");
+    expect_refused(with_material("melanin = 8\n"), "'melanin' means nothing with pigment = \"color\"");
+    expect_refused(with_material("pigment = \"melanin\"\nroot_color = [1, 0, 0]\n"),
+                   "'root_color' means nothing with pigment = \"melanin\"");
+    expect_refused(SceneText{.groom = groom + "envelope = [[0, 0], [1, 7]]\n"}, "envelope leaves 0 ... 1");
+    expect_refused(SceneText{.groom = groom + "density_by_slope = [[0, -5], [1, 1]]\n"},
+                   "density_by_slope leaves 0 ... 1");
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText{});
+    const auto only_line = [&](const std::vector<std::string>& arguments) {
+        const std::vector<std::string> said = refused(folder, arguments);
+        return said.size() == 1 ? said[0] : "";
+    };
+    EXPECT_CONTAINS(only_line({"render", scene, "-o", folder / "a.png", "--aov", "depth"}),
+                    "a PNG holds the picture alone");
+    EXPECT_CONTAINS(only_line({"render", scene, "-o", folder / "a.png", "--stats", folder / "a.png"}),
+                    "this would overwrite");
+    EXPECT_CONTAINS(only_line({"bake", scene, "-o", folder / "a.obj", "--colliders", folder / "a.obj"}),
+                    "this would overwrite");
+    EXPECT_CONTAINS(only_line({"render", scene, "--threads", "0"}), "--threads");
+}
+
+TEST(BadInput, ImageMasksWithoutUvs) {
+    const Folder folder;
+    folder.write("triangle.obj", "v 0 0 0\nv 1 0 0\nv 0 0 -1\nf 1 2 3\n");
+    const float white[] = {1.0F, 1.0F, 1.0F};
+    write_png(folder / "mask.png", 1, 1, 3, white, 0.0);
+    const std::string bare = "[[mesh]]\nname = \"bare\"\ntype = \"file\"\nfile = \"triangle.obj\"\n"
+                             "[[procedural]]\nname = \"fur\"\ntype = \"groom\"\non = \"bare\"\n" +
+                             groom;
+    for (const char* mask : {"density_mask", "length_mask"}) {
+        const std::string scene =
+            folder.write("a.toml", SceneText{.more = bare + mask + " = \"mask.png\"\n"});
+        const std::vector<std::string> said = refused(folder, {"render", scene, "-o", folder / "old.exr"});
+        ASSERT_EQ(said.size(), 1u);
+        EXPECT_CONTAINS(said[0], "the mesh 'bare' has no uvs for this image");
+    }
 }
 
 TEST(BadInput, LibrariesThatCannotBeUsed) {

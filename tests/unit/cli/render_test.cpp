@@ -248,5 +248,21 @@ TEST(Program, SaysWhatThereIs) {
     EXPECT_EQ(marram({"info", "no_such_thing"}).code, 2);
 }
 
+// An id is a name: the mean of two strands' would be a third's.
+TEST(Render, IdsAreNotAveraged) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText{});
+    EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--aov", "id", "--spp", "8"}));
+    const Image image = read_image(folder / "a.exr");
+    const auto channel = std::ranges::find(image.channel_names, "id.Y") - image.channel_names.begin();
+    ASSERT_LT(size_t(channel), image.channel_names.size());
+    int named = 0;
+    for (size_t i = size_t(channel); i < image.pixels.size(); i += size_t(image.channels)) {
+        EXPECT_EQ(image.pixels[i], std::floor(image.pixels[i]));
+        named += image.pixels[i] > 0.0F;
+    }
+    EXPECT_GT(named, 10);
+}
+
 } // namespace
 } // namespace marram::testing

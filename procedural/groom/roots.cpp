@@ -31,8 +31,8 @@ namespace marram {
 namespace {
 
 // Distance of neighbours at spacing 1, times the root of the density. More is possible, but costs steeply more attempts a
-// root: 2.1 here, 2.4 at 0.6, 9 at 0.7.
-constexpr double full_distance = 0.56;
+// root: 1.7 here, 2.4 at 0.6, 9 at 0.7.
+constexpr double full_distance = 0.5;
 constexpr double full_coverage = full_distance * full_distance * pi / 4.0;
 
 // Attempts for each disc that is kept, up to coverage c: the integral of dc / phi(c), over c.

@@ -322,6 +322,26 @@ bool valid(const Ray& ray) {
            ray.tfar >= 0.0F && ray.time >= 0.0F && ray.time <= 1.0F;
 }
 
+namespace {
+
+RTCRay to_embree(const Ray& ray) {
+    constexpr unsigned everything = ~0U; // mask
+    return {ray.origin.x(),
+            ray.origin.y(),
+            ray.origin.z(),
+            ray.tnear,
+            ray.direction.x(),
+            ray.direction.y(),
+            ray.direction.z(),
+            ray.time,
+            ray.tfar,
+            everything,
+            0,
+            0};
+}
+
+} // namespace
+
 bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coherent, RayCounts* counts) {
     if (!valid(ray)) {
         if (counts) ++counts->dropped;
@@ -330,18 +350,7 @@ bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coh
     if (counts) ++counts->intersect;
     if (!(ray.tnear < ray.tfar)) return false;
     RTCRayHit query;
-    query.ray = {ray.origin.x(),
-                 ray.origin.y(),
-                 ray.origin.z(),
-                 ray.tnear,
-                 ray.direction.x(),
-                 ray.direction.y(),
-                 ray.direction.z(),
-                 ray.time,
-                 ray.tfar,
-                 0xffffffffU,
-                 0,
-                 0};
+    query.ray = to_embree(ray);
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     marram_intersect1(world.scene.get(), &query, coherent ? 1 : 0);
@@ -366,18 +375,7 @@ bool occluded(const World& world, const Ray& ray, RayCounts* counts) {
     }
     if (!(ray.tnear < ray.tfar)) return false;
     if (counts) ++counts->occluded;
-    RTCRay query = {ray.origin.x(),
-                    ray.origin.y(),
-                    ray.origin.z(),
-                    ray.tnear,
-                    ray.direction.x(),
-                    ray.direction.y(),
-                    ray.direction.z(),
-                    ray.time,
-                    ray.tfar,
-                    0xffffffffU,
-                    0,
-                    0};
+    RTCRay query = to_embree(ray);
     marram_occluded1(world.scene.get(), &query);
     return query.tfar < 0.0F;
 }

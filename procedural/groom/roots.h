@@ -15,7 +15,7 @@ namespace marram {
 // Density: roots a square metre times the masks, within 2 % where masks are 1 and triangles are flat beside the spacing.
 // Count: exactly that many. Two roots are never nearer than `spacing` * 0.5 / sqrt(density) where density masks are 1 or
 // absent. The set is a function of the description and the mesh alone: any thread count gives the same bits.
-// Cost: about 0.4 us a root on 2 threads and 50 bytes of passing memory; 8 bytes a root stay.
+// Cost: about 0.4 us a root on 2 threads and 40 bytes of passing memory; 8 bytes a root stay.
 // Throws SceneFault where masks leave too little room for the count; returns early, incomplete, once cancelled() is true.
 struct PlacedRoots {
     std::vector<Root> roots;

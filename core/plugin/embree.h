@@ -41,4 +41,33 @@ static inline void marram_occluded1(RTCScene scene, struct RTCRay* ray) {
 #endif
 }
 
+/* Sixteen rays at once; valid[i] is -1 for a ray that counts and 0 for one that does not. */
+static inline void marram_occluded16(RTCScene scene, const int* valid, struct RTCRay16* rays) {
+#if MARRAM_EMBREE_MAJOR == 4
+    struct RTCOccludedArguments args;
+    rtcInitOccludedArguments(&args);
+    args.flags = RTC_RAY_QUERY_FLAG_COHERENT;
+    rtcOccluded16(valid, scene, rays, &args);
+#else
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    rtcOccluded16(valid, scene, &context, rays);
+#endif
+}
+
+static inline void marram_intersect16(RTCScene scene, const int* valid, struct RTCRayHit16* rayhits) {
+#if MARRAM_EMBREE_MAJOR == 4
+    struct RTCIntersectArguments args;
+    rtcInitIntersectArguments(&args);
+    args.flags = RTC_RAY_QUERY_FLAG_COHERENT;
+    rtcIntersect16(valid, scene, rayhits, &args);
+#else
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    rtcIntersect16(valid, scene, &context, rayhits);
+#endif
+}
+
 #endif

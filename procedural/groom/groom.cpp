@@ -24,8 +24,9 @@ constexpr std::array attributes = {
     MarramAttribute{"id", 1, 0, 1,
                     "a number below 2^24 that stays with the strand, whatever grows elsewhere"},
     MarramAttribute{"envelope", 1, 1, 0, "share of the wind that reaches a CV"},
+    MarramAttribute{"shield", 1, 1, 0, "sheltered share of a CV, or of its strand (see wind.shielding)"},
 };
-enum AttributeIndex : uint32_t { root_normal, root_uv, id, envelope };
+enum AttributeIndex : uint32_t { root_normal, root_uv, id, envelope, sheltered };
 
 // CVs that one patch aims at: enough to hide the cost of a task, few enough to stay in a core's cache.
 constexpr int patch_cvs = 4096;
@@ -34,7 +35,7 @@ int strands_a_patch(int cvs) { return std::clamp((patch_cvs / cvs + lanes - 1) /
 
 struct Worker { // what a thread keeps from patch to patch
     Strands strands;
-    StageClock clock;
+    ChainScratch chain;
 };
 
 struct GroomInstance {
@@ -51,6 +52,7 @@ struct GroomInstance {
     MarramFrame frame{};
     const MarramMesh* mesh = nullptr;
     uint32_t time_count = 1;
+    ChainFrame chain;
     std::vector<float> width_profile; // [cvs], half of it: radius of a strand 1 wide
 
     tbb::enumerable_thread_specific<Worker> workers;
@@ -142,6 +144,14 @@ MarramStatus place(GroomInstance& instance) {
     return MARRAM_OK;
 }
 
+// Colliders that move make strands move which touch them or stand behind them.
+bool meets_moving_meshes(const GroomInstance& instance) {
+    if (!instance.wind.collision && !instance.wind.shielding) return false;
+    for (uint32_t i = 0; i < instance.frame.mesh_count; ++i)
+        if (instance.frame.meshes[i].time_count > 1) return true;
+    return false;
+}
+
 MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
     GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
@@ -154,9 +164,12 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
             const MarramStatus status = place(instance);
             if (status != MARRAM_OK) return status;
         }
-        const bool moves =
-            instance.mesh->time_count > 1 || (frame->stage != MARRAM_REST && wind_moves(instance.wind));
+        const bool moves = instance.mesh->time_count > 1 ||
+                           (frame->stage != MARRAM_REST && wind_moves(instance.wind)) ||
+                           (frame->stage != MARRAM_REST && meets_moving_meshes(instance));
         instance.time_count = moves ? frame->time_count : 1;
+        instance.chain = make_chain_frame(instance.wind, instance.groom.envelope, instance.frame,
+                                          *instance.mesh, instance.width_profile, instance.groom.basis);
         *out = MarramOutput{};
         out->kind = MARRAM_CURVES;
         out->curve_count = instance.roots.size();
@@ -191,9 +204,13 @@ MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
     for (const float half : instance.width_profile) widest = std::max(widest, double(half));
     const double beyond =
         instance.groom.basis == MARRAM_CATMULL_ROM ? length / (3.0 * (instance.groom.cvs - 1)) : 0.0;
-    const double scale = std::max(lower.cwiseAbs().maxCoeff(), upper.cwiseAbs().maxCoeff()) + length;
+    const double lift =
+        instance.wind.collision
+            ? root_offset(*instance.wind.collision, length, instance.groom.width * instance.width_profile[0])
+            : 0.0;
+    const double scale = std::max(lower.cwiseAbs().maxCoeff(), upper.cwiseAbs().maxCoeff()) + length + lift;
     const double reach =
-        (length + beyond + instance.groom.width * widest) * (1.0 + 1e-5) + 4.0 * scale * 0x1p-23;
+        (length + beyond + instance.groom.width * widest + lift) * (1.0 + 1e-5) + 4.0 * scale * 0x1p-23;
     for (int axis = 0; axis < 3; ++axis) {
         out->lower[axis] = float(lower[axis] - reach);
         out->upper[axis] = float(upper[axis] + reach);
@@ -255,8 +272,9 @@ void write_attribute(const GroomInstance& instance, std::span<const Root> roots,
             out[2 * i + 1] = float(uv.y());
         } else if (which == id) {
             out[i] = float(root_hash(instance.groom.seed, roots[i], Purpose::id) >> 40);
-        } else if (which == envelope) {
-            const VFloat* e = strands.envelope.data() + (i / lanes) * size_t(strands.cvs);
+        } else if (which == envelope || which == sheltered) {
+            const VFloat* e = (which == envelope ? strands.envelope : strands.shield).data() +
+                              (i / lanes) * size_t(strands.cvs);
             for (int k = 0; k < strands.cvs; ++k)
                 out[i * size_t(strands.cvs) + size_t(k)] = e[k][int(i % lanes)];
         }
@@ -274,12 +292,11 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
         for (uint32_t time = 0; time < instance.time_count; ++time) {
             if (time <
                 instance.mesh->time_count) { // later motion samples of a resting mesh share its rest strands
-                const StageTimer timer(worker.clock.expand);
-                expand(instance.groom, instance.poses(time), roots, instance.wind.rest_anchored, strands);
+                const StageTimer timer(worker.chain.clock.expand);
+                expand(instance.groom, instance.wind, instance.poses(time), roots, strands);
             }
-            run_chain(instance.wind, instance.groom.envelope, instance.frame.times[time], instance.frame.fps,
-                      instance.frame.stage, strands, worker.clock);
-            const StageTimer timer(worker.clock.write);
+            run_chain(instance.chain, time, strands, worker.chain);
+            const StageTimer timer(worker.chain.clock.write);
             write_vertices(instance, roots, strands, buffers->vertices[time]);
             if (strands.oriented) write_normals(strands, roots.size(), buffers->normals[time]);
             if (time > 0) continue;
@@ -301,19 +318,31 @@ MarramStatus mesh(MarramInstance* opaque, const MarramMeshBuffers*) {
 void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
     GroomInstance& instance = self(opaque);
     StageClock sum;
+    CollisionCounts counts;
     size_t scratch = 0;
     for (const Worker& worker : instance.workers) {
-        sum += worker.clock;
+        sum += worker.chain.clock;
+        counts += worker.chain.counts;
         const Strands& s = worker.strands;
         scratch += (s.rest.capacity() + s.pose.capacity() + s.rest_normal.capacity() +
                     s.pose_normal.capacity() + s.values.capacity()) *
                        sizeof(Wide3f) +
-                   s.envelope.capacity() * sizeof(VFloat) +
-                   (s.anchor.capacity() + s.points.capacity()) * sizeof(Wide3d);
+                   (s.envelope.capacity() + s.shield.capacity()) * sizeof(VFloat) +
+                   s.width.capacity() * sizeof(VDouble) +
+                   (s.anchor.capacity() + s.root_normal.capacity() + s.points.capacity()) * sizeof(Wide3d);
     }
     sink(user, "seconds.roots", instance.placing_seconds);
     sink(user, "thread_seconds.expand", sum.expand + sum.write);
+    sink(user, "thread_seconds.shield", sum.shield);
     sink(user, "thread_seconds.bend", sum.bend);
+    sink(user, "thread_seconds.collide", sum.collide);
+    sink(user, "collision.contacts", double(counts.contacts));
+    sink(user, "collision.pushed_out", double(counts.pushed_out));
+    sink(user, "collision.unresolved", double(counts.unresolved));
+    sink(user, "collision.skipped_pushes", double(counts.skipped_pushes));
+    sink(user, "collision.dips", double(counts.dips));
+    sink(user, "collision.goal_angle", counts.goal_angle);
+    sink(user, "collision.turned_angle", counts.turned_angle);
     // The most that was there at any time: candidates come and go before there is scratch.
     const size_t lasting =
         instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 + scratch;

@@ -77,8 +77,8 @@ double azimuth(const Groom& groom, const Surface& bind, Root root) {
     return (defined ? std::atan2(y, x) + groom.comb_variation * draw : pi * draw);
 }
 
-void set_root(const Groom& groom, const GrowthPoses& poses, Root root, bool anchor_at_bind, int lane,
-              Roots8& roots, Wide3d& anchor) {
+void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Root root, int lane,
+              Roots8& roots, Strands& strands, size_t block) {
     const uint32_t seed = groom.seed;
     const Vec3d weights = root_weights(seed, root);
     const Frame frame = frame_at(poses.now, root.triangle, weights);
@@ -87,11 +87,13 @@ void set_root(const Groom& groom, const GrowthPoses& poses, Root root, bool anch
     const double angle = azimuth(groom, poses.bind, root);
     const Vec3d along = std::cos(angle) * frame.tangent + std::sin(angle) * frame.bitangent;
     const Vec3d side = frame.normal.cross(along);
-    set_lane(roots.origin, lane, origin);
     set_lane(roots.along, lane, along);
     set_lane(roots.side, lane, side);
     set_lane(roots.normal, lane, frame.normal);
-    set_lane(anchor, lane, anchor_at_bind ? bind_origin : origin);
+    set_lane(strands.anchor[block], lane, wind.rest_anchored ? bind_origin : origin);
+    set_lane(strands.root_normal[block], lane, frame.normal);
+    const double width = strand_width(groom, root);
+    strands.width[block][lane] = width;
 
     double length = groom.length[0] +
                     (groom.length[1] - groom.length[0]) * unit_double(root_hash(seed, root, Purpose::length));
@@ -99,6 +101,9 @@ void set_root(const Groom& groom, const GrowthPoses& poses, Root root, bool anch
         length *= groom.length_masks(poses.bind.uv(root.triangle, weights), bind_origin.y(),
                                      plane_normal(poses.bind.corners(root.triangle)));
     roots.length[lane] = length;
+    const double lift =
+        wind.collision ? root_offset(*wind.collision, length, 0.5 * width * groom.width_profile(0.0)) : 0.0;
+    set_lane(roots.origin, lane, origin + lift * frame.normal);
     roots.lean[lane] =
         std::clamp(groom.lean + groom.lean_variation * symmetric(seed, root, Purpose::lean), 0.0, 0.5 * pi);
     roots.arc[lane] = groom.arc + groom.arc_variation * symmetric(seed, root, Purpose::arc);
@@ -182,7 +187,7 @@ MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep
 
 } // namespace
 
-void expand(const Groom& groom, const GrowthPoses& poses, std::span<const Root> roots, bool anchor_at_bind,
+void expand(const Groom& groom, const Wind& wind, const GrowthPoses& poses, std::span<const Root> roots,
             Strands& strands) {
     const int cvs = strands.cvs;
     std::vector<ShapeStep> steps(static_cast<size_t>(cvs));
@@ -196,7 +201,7 @@ void expand(const Groom& groom, const GrowthPoses& poses, std::span<const Root> 
         Roots8 eight;
         for (int lane = 0; lane < lanes; ++lane) {
             const size_t i = std::min(size_t(block) * lanes + size_t(lane), roots.size() - 1);
-            set_root(groom, poses, roots[i], anchor_at_bind, lane, eight, strands.anchor[size_t(block)]);
+            set_root(groom, wind, poses, roots[i], lane, eight, strands, size_t(block));
         }
         if (frizzy) frizz_values(groom, eight, strands);
         const size_t first = size_t(block) * size_t(cvs);

@@ -5,6 +5,7 @@
 #include "procedural/groom/description.h"
 #include "procedural/groom/surface.h"
 #include "procedural/wind/strands.h"
+#include "procedural/wind/wind.h"
 
 #include <span>
 
@@ -15,10 +16,11 @@ struct GrowthPoses {
     Surface bind, now;
 };
 
-// Fills strands.rest (and rest_normal) for a patch's roots, and strands.anchor with the roots' places at `bind` or now.
+// Fills strands.rest (and rest_normal) for a patch's roots, strands.anchor with the roots' places at `bind` or now, as the wind
+// says, root_normal and width. Where strands collide their roots stand above the skin by root_offset().
 // strands must have been resized to roots.size(). Segments of a strand are equally long; the whole is as long as asked.
 // Cost: about 0.3 us a root + 15 ns a CV of a plain strand, single thread.
-void expand(const Groom& groom, const GrowthPoses& poses, std::span<const Root> roots, bool anchor_at_bind,
+void expand(const Groom& groom, const Wind& wind, const GrowthPoses& poses, std::span<const Root> roots,
             Strands& strands);
 
 // Radius at CV k is strand_width * profile[k] / 2.

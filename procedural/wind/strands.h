@@ -19,7 +19,10 @@ struct Strands {
     WideVector<Wide3f> rest, pose;               // [blocks * cvs]
     WideVector<Wide3f> rest_normal, pose_normal; // [blocks * cvs] where `oriented`, else empty
     WideVector<VFloat> envelope;                 // [blocks * cvs], 0 ... 1
+    WideVector<VFloat> shield;                   // [blocks * cvs], 0 ... 1: sheltered share
     WideVector<Wide3d> anchor;                   // [blocks]: where noise is sampled from
+    WideVector<Wide3d> root_normal;              // [blocks]: of the skin, unit
+    WideVector<VDouble> width;                   // [blocks]: of a strand, metres; its profile scales it
     WideVector<Wide3d> points;                   // [cvs] scratch
     WideVector<Wide3f> values;                   // [2 * cvs] scratch
 
@@ -34,7 +37,10 @@ struct Strands {
         rest_normal.resize(with_normals ? size : 0);
         pose_normal.resize(with_normals ? size : 0);
         envelope.resize(size);
+        shield.resize(size);
         anchor.resize(size_t(blocks));
+        root_normal.resize(size_t(blocks));
+        width.resize(size_t(blocks));
         points.resize(size_t(cvs));
         values.resize(size_t(cvs) * 2);
     }

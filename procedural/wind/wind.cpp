@@ -3,13 +3,14 @@
 
 #include <algorithm>
 #include <array>
+#include <vector>
 
 namespace marram {
 namespace {
 
 constexpr double big = 1e9; // beyond any wind; keeps products finite
 
-constexpr std::array params = {
+constexpr std::array own_params = {
     MarramParam{"direction", MARRAM_VEC3, "", "[1, 0, 0]", -big, big, "",
                 "where the air goes to; any length but 0"},
     MarramParam{"speed", MARRAM_NUMBER, "m/s", "0", 0, big, "",
@@ -46,14 +47,20 @@ constexpr std::array params = {
                 "first and last frame of a cycle that closes"},
     MarramParam{"gusts", MARRAM_UNAVAILABLE, "", "none", 0, 0, "",
                 "the wind stays as strong as speed and calm say"},
-    MarramParam{"shielding", MARRAM_UNAVAILABLE, "", "none", 0, 0, "", "every strand gets the whole wind"},
     MarramParam{"jiggle", MARRAM_UNAVAILABLE, "", "none", 0, 0, "", "strands follow the wind at once"},
-    MarramParam{"collision", MARRAM_UNAVAILABLE, "", "none", 0, 0, "", "strands pass through meshes"},
 };
 
 } // namespace
 
-std::span<const MarramParam> wind_params() { return params; }
+std::span<const MarramParam> wind_params() {
+    static const std::vector<MarramParam> all = [] {
+        std::vector<MarramParam> list(own_params.begin(), own_params.end());
+        for (const auto stage : {shielding_params(), collision_params()})
+            list.insert(list.end(), stage.begin(), stage.end());
+        return list;
+    }();
+    return all;
+}
 
 Wind read_wind(const Values& values) {
     Wind wind;
@@ -102,6 +109,8 @@ Wind read_wind(const Values& values) {
             throw SceneFault(values.at("wind.noise.loop").place,
                              "noise.loop has no length: give two different frames");
     }
+    wind.shielding = read_shielding(values);
+    wind.collision = read_collision(values);
     return wind;
 }
 

@@ -6,8 +6,11 @@
 #include "core/math/vec.h"
 #include "core/plugin/marram_plugin.h"
 #include "procedural/values.h"
+#include "procedural/wind/collide.h"
 #include "procedural/wind/noise.h"
+#include "procedural/wind/shield.h"
 
+#include <optional>
 #include <span>
 
 namespace marram {
@@ -27,6 +30,9 @@ struct Wind {
     bool rest_anchored = false;              // noise is sampled at the root's place at bind_frame
     bool loops = false;                      // the noise of loop_end is that of loop_begin
     double loop_begin = 0.0, loop_end = 0.0; // frames
+    // Each stage is there when the scene asks for it.
+    std::optional<Shielding> shielding;
+    std::optional<Collision> collision;
 };
 
 // Parameters of [wind], which every procedural receives as "wind.<name>".

@@ -124,8 +124,15 @@ Wind strong_wind() {
 }
 
 void run(const Wind& wind, Strands& strands, double frame = 10.0) {
-    StageClock clock;
-    run_chain(wind, Ramp(), frame, 24.0, MARRAM_FINAL, strands, clock);
+    MarramFrame instant{};
+    instant.fps = 24.0;
+    instant.time_count = 1;
+    instant.times = &frame;
+    instant.stage = MARRAM_FINAL;
+    const Ramp whole;
+    const MarramMesh no_skin{};
+    ChainScratch scratch;
+    run_chain(make_chain_frame(wind, whole, instant, no_skin, {}, MARRAM_BSPLINE), 0, strands, scratch);
 }
 
 } // namespace

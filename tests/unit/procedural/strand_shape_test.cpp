@@ -29,7 +29,7 @@ Strands grown(const Groom& groom, const TestSurface& bind, const TestSurface& no
               const std::vector<Root>& roots) {
     Strands strands;
     strands.resize(int(roots.size()), groom.cvs, groom.shape == MARRAM_ORIENTED_RIBBON);
-    expand(groom, {bind.surface(), now.surface()}, roots, false, strands);
+    expand(groom, Wind{}, {bind.surface(), now.surface()}, roots, strands);
     return strands;
 }
 

@@ -1,0 +1,384 @@
+// SPDX-License-Identifier: Apache-2.0
+// From root to tip: a segment starts where the rest strand is, carried along by the turns made nearer the root, and turns by
+// the shortest arc towards the end of the bent strand's segment, until it arrives or touches; all that follows turns with
+// it. Its start is free because the segment before it was resolved (the root stands above the skin).
+//
+// Clearance. c_0 is less than the root's distance from every collider. Each stored CV is rounded to floats, which moves a
+// segment by at most one unit in the last place of its largest coordinate; so the next start is free by c minus that, and
+// c_{k+1} = c_k minus that bound. A start is never in doubt. Where the budget is used up (a thousand CVs far from
+// the origin) the distance is measured anew.
+//
+// The drawn curve. With D_k = P_{k-1} - 2 P_k + P_{k+1} (0 at both ends, by the phantom CVs) a curve's segment k is
+//
+//     uniform cubic B-spline  P_k + t (P_{k+1} - P_k) + ((1-t)^3 D_k + t^3 D_{k+1}) / 6
+//     Catmull-Rom             P_k + t (P_{k+1} - P_k) - (t (1-t)^2 D_k + t^2 (1-t) D_{k+1}) / 2
+//
+// so its gap to the polygon is at most max |D| / 6 or / 8. Where gap + radius <= clearance + tolerance nothing can dip in
+// too far. Elsewhere it is looked at: sixteen points a segment, each on its own side of the colliders unless the
+// straight line from the polygon meets a triangle. A strand that dips in is solved again with a smaller turn at the corner
+// at fault, halved until it does not.
+#include "procedural/wind/collide.h"
+
+#include "procedural/wind/skin.h"
+
+#include <algorithm>
+#include <array>
+#include <string>
+
+namespace marram {
+namespace {
+
+constexpr double big = 1e9;
+
+constexpr std::array params = {
+    MarramParam{"collision.solver", MARRAM_CHOICE, "", "none", -big, big, "exact|steps",
+                "exact: turn until the first contact; steps: the talk's fixed steps. Absent: strands pass "
+                "through meshes"},
+    MarramParam{"collision.rotation_steps", MARRAM_INTEGER, "", "none", 1, 1e6, "",
+                "of solver steps; default 16"},
+    MarramParam{"collision.offset_root", MARRAM_NUMBER, "m", "none", 0, big, "",
+                "height of roots above the skin; default: 1 % of the strand's length, at least 1.2 radii"},
+    MarramParam{
+        "collision.offset_scale", MARRAM_NUMBER, "", "none", 0, 10, "",
+        "bent CVs aim at no less than this share of their height at rest; default: anywhere, even inside"},
+    MarramParam{"collision.clearance", MARRAM_NUMBER, "m", "none", 0, big, "",
+                "distance that strands keep from colliders; default: their radius"},
+};
+
+} // namespace
+
+std::span<const MarramParam> collision_params() { return params; }
+
+std::optional<Collision> read_collision(const Values& values) {
+    if (!values.has("wind.collision.solver")) {
+        for (const MarramParam& param : params) {
+            const std::string name = std::string("wind.") + param.name;
+            if (values.has(name))
+                throw SceneFault(values.at(name).place,
+                                 name + " is given but no solver: add wind.collision.solver = \"exact\"");
+        }
+        return std::nullopt;
+    }
+    Collision collision;
+    collision.solver = values.text("wind.collision.solver") == "steps" ? Solver::steps : Solver::exact;
+    if (values.has("wind.collision.rotation_steps")) {
+        if (collision.solver != Solver::steps)
+            throw SceneFault(
+                values.at("wind.collision.rotation_steps").place,
+                "rotation_steps belongs to solver = \"steps\": remove it, exact contact has no steps");
+        collision.rotation_steps = values.integer("wind.collision.rotation_steps");
+    }
+    const auto take = [&](const char* name, std::optional<double>& out) {
+        if (values.has(name)) out = values.number(name);
+    };
+    take("wind.collision.offset_root", collision.offset_root);
+    take("wind.collision.offset_scale", collision.offset_scale);
+    take("wind.collision.clearance", collision.clearance);
+    return collision;
+}
+
+double root_offset(const Collision& collision, double length, double root_radius) {
+    return collision.offset_root.value_or(std::max(0.01 * length, 1.2 * root_radius));
+}
+
+CollisionCounts& CollisionCounts::operator+=(const CollisionCounts& other) {
+    contacts += other.contacts;
+    pushed_out += other.pushed_out;
+    unresolved += other.unresolved;
+    skipped_pushes += other.skipped_pushes;
+    dips += other.dips;
+    goal_angle += other.goal_angle;
+    turned_angle += other.turned_angle;
+    return *this;
+}
+
+namespace {
+
+Vec3d lane_of(const Wide3f& v, int lane) { return {double(v.x[lane]), double(v.y[lane]), double(v.z[lane])}; }
+
+struct StrandJob {
+    size_t strand;
+    double root_radius; // of the strand; its profile scales it
+    double offset;      // of the root above the skin
+    double rounding;    // distance that storing a CV may move it
+    double tolerance;
+};
+
+double radius_at(const CollideJob& job, const StrandJob& strand, size_t k) {
+    const double first = double(job.radius_profile[0]);
+    return first > 0.0 ? strand.root_radius * double(job.radius_profile[k]) / first
+                       : strand.root_radius * double(job.radius_profile[k]);
+}
+
+// The distance to keep at CV k, before what is left of the budget limits it.
+double wanted_clearance(const CollideJob& job, const StrandJob& strand, size_t k) {
+    const double asked = job.settings->clearance.value_or(radius_at(job, strand, k));
+    return std::max(asked, 0.125 * strand.offset);
+}
+
+// What a start is free by: at most `wanted`, and less than its distance from every triangle.
+double measured_clearance(const Colliders& colliders, const Vec3d& start, double wanted) {
+    const NearestTriangle nearest = nearest_triangle(colliders, start, wanted * 1.25);
+    return nearest.mesh ? std::min(wanted, 0.8 * nearest.distance) : wanted;
+}
+
+// The solution so far: where the next segment starts and how the rest strand is carried there.
+struct Progress {
+    Vec3d start;
+    Eigen::Quaterniond carried = Eigen::Quaterniond::Identity();
+    double clearance = 0.0;
+    bool turned = false; // any segment yet
+};
+
+// The next segment; false where it has no length and so nothing to turn.
+bool next_segment(const CollideScratch& scratch, const Progress& progress, size_t k, Segment& segment) {
+    const std::vector<Vec3d>& rest = scratch.rest;
+    const Vec3d d = rest[k + 1] - rest[k];
+    const double length = d.norm();
+    if (!(length > 0.0)) return false;
+    const Vec3d from = progress.turned ? Vec3d(progress.carried * (d / length)) : Vec3d(d / length);
+    const Vec3d way = scratch.target[k + 1] - progress.start;
+    const Vec3d goal = way.squaredNorm() > 1e-24 * length * length ? Vec3d(way.normalized()) : from;
+    const Vec3d lean = progress.carried * (rest.back() - rest[k]);
+    segment = {progress.start, from, goal, lean, length, progress.clearance};
+    if (scratch.limit[k] < 1.0) {
+        const Arc arc = arc_of(segment);
+        const double angle = arc.angle * scratch.limit[k];
+        segment.goal = arc.turning.direction(std::cos(angle), std::sin(angle)).normalized();
+    }
+    return true;
+}
+
+// Stores the end of segment k and goes there. Where nothing has turned yet the CVs are those of the rest strand, and where a
+// strand arrives all along they are those of its target, to the bit.
+void advance(CollideScratch& scratch, Progress& progress, size_t k, const Segment& segment,
+             const Vec3d& direction) {
+    const bool still = !progress.turned && direction == segment.from;
+    Vec3d end = progress.start + direction * segment.length;
+    const double slack = 1e-5 * segment.length + 0x1p-22 * end.cwiseAbs().maxCoeff();
+    if (still)
+        end = scratch.rest[k + 1];
+    else if (direction == segment.goal && (scratch.target[k + 1] - end).norm() <= slack &&
+             (scratch.target[k] == progress.start || k == 0))
+        end = scratch.target[k + 1];
+    if (!still) {
+        progress.carried =
+            (Eigen::Quaterniond::FromTwoVectors(segment.from, direction) * progress.carried).normalized();
+        progress.turned = true;
+    }
+    scratch.solved[k + 1] = end.cast<float>();
+    scratch.clearance[k + 1] = std::max(progress.clearance, 0.0);
+    progress.start = scratch.solved[k + 1].cast<double>();
+}
+
+// Looks ahead: if every segment from k on arrived, would the strand stay in a ball that holds no triangle? Then it does, and
+// is done. One question in place of many; most strands' upper parts are in open air.
+bool arrives_in_open_air(const CollideJob& job, const Progress& so_far, size_t k, CollideScratch& scratch,
+                         CollisionCounts& counts) {
+    Progress progress = so_far;
+    Eigen::AlignedBox3d box(progress.start);
+    double bulge = 0.0, goal_angle = 0.0;
+    for (size_t i = k; i + 1 < scratch.rest.size(); ++i) {
+        Segment segment;
+        if (!next_segment(scratch, progress, i, segment)) {
+            scratch.solved[i + 1] = scratch.solved[i];
+            continue;
+        }
+        const double cosine = std::clamp(segment.from.dot(segment.goal), -1.0, 1.0);
+        box.extend(progress.start + segment.from * segment.length);
+        box.extend(progress.start + segment.goal * segment.length);
+        bulge = std::max(bulge, segment.length * (1.0 - std::sqrt(0.5 * (1.0 + cosine))));
+        goal_angle += std::acos(cosine);
+        advance(scratch, progress, i, segment, segment.goal);
+    }
+    const double radius = 0.5 * box.diagonal().norm() + bulge + so_far.clearance;
+    ++scratch.turn.queries;
+    if (anything_near(*job.colliders, box.center(), radius * (1.0 + 1e-9))) return false;
+    counts.goal_angle += goal_angle;
+    counts.turned_angle += goal_angle;
+    return true;
+}
+
+// Solves one strand into scratch.solved. False: its root is not free.
+bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch,
+                  CollisionCounts& counts) {
+    const size_t n = scratch.rest.size();
+    const bool exact = job.settings->solver == Solver::exact;
+    const double enough = 4.0 * strand.rounding;
+    Progress progress;
+    progress.start = scratch.rest[0];
+    progress.clearance =
+        exact ? wanted_clearance(job, strand, 0) : 0.0; // unless something is nearer, see below
+    scratch.solved[0] = progress.start.cast<float>();
+    scratch.clearance[0] = progress.clearance;
+    bool look_ahead = true;
+    for (size_t k = 0; k + 1 < n; ++k) {
+        if (exact && k > 0 && look_ahead && !job.trace &&
+            arrives_in_open_air(job, progress, k, scratch, counts))
+            return true;
+        Segment segment;
+        if (!next_segment(scratch, progress, k, segment)) {
+            scratch.solved[k + 1] = scratch.solved[k];
+            scratch.clearance[k + 1] = progress.clearance;
+            continue;
+        }
+        Turned turned;
+        if (exact) {
+            const double wanted = wanted_clearance(job, strand, k);
+            segment.clearance = std::min(progress.clearance, wanted);
+            if (segment.clearance < std::max(enough, 1e-6 * segment.length))
+                segment.clearance = measured_clearance(*job.colliders, segment.pivot, wanted);
+            segment.doubted = progress.start == scratch.rest[0];
+            turned = segment.clearance > enough ? turn_exactly(*job.colliders, segment, scratch.turn)
+                                                : Turned{segment.from, Outcome::unresolved, false, 0.0};
+            if (turned.outcome == Outcome::not_clear) {
+                segment.clearance = measured_clearance(*job.colliders, segment.pivot, segment.clearance);
+                if (!(segment.clearance > enough)) return false;
+                segment.doubted = false;
+                turned = turn_exactly(*job.colliders, segment, scratch.turn);
+            }
+            progress.clearance = turned.clearance - strand.rounding;
+        } else {
+            turned = turn_by_steps(*job.colliders, segment, job.settings->rotation_steps);
+        }
+        look_ahead = turned.outcome == Outcome::arrived;
+        counts.contacts += turned.outcome == Outcome::contact;
+        counts.pushed_out += turned.pushed_out && turned.outcome != Outcome::unresolved;
+        counts.unresolved += turned.outcome == Outcome::unresolved;
+        counts.goal_angle += turned.goal_angle;
+        counts.turned_angle += turned.turned_angle;
+        if (job.trace) job.trace->push_back({strand.strand, int(k), segment, turned, strand.rounding});
+        advance(scratch, progress, k, segment, turned.direction);
+    }
+    return true;
+}
+
+// The corner at which the drawn curve dips in by more than the tolerance; -1: nowhere.
+int dipping_corner(const CollideJob& job, const StrandJob& strand, const CollideScratch& scratch) {
+    const std::vector<Vec3f>& p = scratch.solved;
+    const auto n = int(p.size());
+    const auto at = [&](int k) { return Vec3d(p[size_t(k)].cast<double>()); };
+    const auto bow = [&](int k) {
+        return k <= 0 || k >= n - 1 ? Vec3d(Vec3d::Zero()) : Vec3d(at(k - 1) - 2.0 * at(k) + at(k + 1));
+    };
+    const bool bspline = job.basis == MARRAM_BSPLINE;
+    for (int k = 0; k + 1 < n; ++k) {
+        const Vec3d d0 = bow(k), d1 = bow(k + 1);
+        const double widest =
+            std::max(radius_at(job, strand, size_t(k)), radius_at(job, strand, size_t(k) + 1));
+        const double gap = std::max(d0.norm(), d1.norm()) / (bspline ? 6.0 : 8.0);
+        const double room = strand.tolerance + scratch.clearance[size_t(k) + 1];
+        if (gap + widest <= room) continue;
+        constexpr int points = 16;
+        for (int i = 0; i <= points; ++i) {
+            const double t = double(i) / points, s = 1.0 - t;
+            const Vec3d dev = bspline ? Vec3d((s * s * s * d0 + t * t * t * d1) / 6.0)
+                                      : Vec3d(-0.5 * (t * s * s * d0 + t * t * s * d1));
+            const double away = dev.norm();
+            const double radius =
+                s * radius_at(job, strand, size_t(k)) + t * radius_at(job, strand, size_t(k) + 1);
+            if (away + radius <= room) continue;
+            const Vec3d on_polygon = s * at(k) + t * at(k + 1), drawn = on_polygon + dev;
+            const bool inside = away > 0.0 && ray_meets(*job.colliders, on_polygon, dev / away, away);
+            // Inside by more than the tolerance less the radius, or outside but nearer than the radius less the tolerance.
+            const double margin = inside ? strand.tolerance - radius : radius - strand.tolerance;
+            const bool near = margin > 0.0 && nearest_triangle(*job.colliders, drawn, margin).mesh != nullptr;
+            if (inside ? !near : near) return d0.squaredNorm() >= d1.squaredNorm() ? std::max(k, 0) : k + 1;
+        }
+    }
+    return -1;
+}
+
+// Solves again with smaller turns until the drawn curve stays out.
+void straighten(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch,
+                CollisionCounts& counts) {
+    constexpr int tries = 24, halvings = 5;
+    for (int i = 0; i < tries; ++i) {
+        const int corner = dipping_corner(job, strand, scratch);
+        if (corner < 0) return;
+        if (size_t(corner) >= scratch.limit.size()) break;
+        double& limit = scratch.limit[size_t(corner)];
+        if (limit == 0.0) break; // its kink is not of its own will
+        limit = limit > std::exp2(-halvings) ? 0.5 * limit : 0.0;
+        CollideJob quiet = job;
+        quiet.trace = nullptr;
+        CollisionCounts ignored;
+        solve_strand(quiet, strand, scratch, ignored);
+    }
+    ++counts.dips;
+}
+
+void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideScratch& scratch,
+                    CollisionCounts& counts) {
+    const auto cvs = size_t(strands.cvs);
+    const size_t block = i / lanes;
+    const int lane = int(i % lanes);
+    const Wide3f* rest = strands.rest.data() + block * cvs;
+    Wide3f* pose = strands.pose.data() + block * cvs;
+    double scale = 0.0, whole = 0.0;
+    for (size_t k = 0; k < cvs; ++k) {
+        scratch.rest[k] = lane_of(rest[k], lane);
+        scratch.target[k] = lane_of(pose[k], lane);
+        scratch.limit[k] = 1.0;
+        if (k > 0) whole += (scratch.rest[k] - scratch.rest[k - 1]).norm();
+        scale = std::max(scale, scratch.rest[k].cwiseAbs().maxCoeff());
+    }
+    if (!(whole > 0.0)) return;
+    StrandJob strand{};
+    strand.strand = i;
+    strand.root_radius = strands.width[block][lane] * double(job.radius_profile[0]);
+    strand.offset = root_offset(*job.settings, whole, strand.root_radius);
+    strand.rounding = 0x1p-23 * (scale + whole) + 1e-9 * whole / double(cvs - 1);
+    strand.tolerance = job.tolerance > 0.0 ? job.tolerance : 1e-3 * whole;
+    if (job.settings->offset_scale && job.skin) {
+        const Vec3d facing(strands.root_normal[block].x[lane], strands.root_normal[block].y[lane],
+                           strands.root_normal[block].z[lane]);
+        double along = strand.offset;
+        for (size_t k = 1; k < cvs; ++k) {
+            along += (scratch.rest[k] - scratch.rest[k - 1]).norm();
+            counts.skipped_pushes +=
+                !push_out(*job.colliders, *job.skin, scratch.rest[k], facing, along * (1.0 + 1e-6),
+                          *job.settings->offset_scale, scratch.target[k]);
+        }
+    }
+    if (!solve_strand(job, strand, scratch, counts)) {
+        // There is no side of the collider to be on: the groom's own shape is the least bad.
+        ++counts.unresolved;
+        for (size_t k = 0; k < cvs; ++k) scratch.solved[k] = scratch.rest[k].cast<float>();
+    } else if (job.settings->solver == Solver::exact) {
+        straighten(job, strand, scratch, counts);
+    }
+    if (strands.oriented) { // normals follow from the bent pose's segments to the solved ones
+        Wide3f* normal = strands.pose_normal.data() + block * cvs;
+        for (size_t k = 0; k < cvs; ++k) {
+            const size_t a = std::min(k, cvs - 2);
+            const Vec3d bent = lane_of(pose[a + 1], lane) - lane_of(pose[a], lane);
+            const Vec3d now = (scratch.solved[a + 1] - scratch.solved[a]).cast<double>();
+            if (!(bent.squaredNorm() > 0.0 && now.squaredNorm() > 0.0)) continue;
+            const Vec3d turned = Eigen::Quaterniond::FromTwoVectors(bent, now) * lane_of(normal[k], lane);
+            normal[k].x[lane] = float(turned.x());
+            normal[k].y[lane] = float(turned.y());
+            normal[k].z[lane] = float(turned.z());
+        }
+    }
+    for (size_t k = 0; k < cvs; ++k) {
+        pose[k].x[lane] = scratch.solved[k].x();
+        pose[k].y[lane] = scratch.solved[k].y();
+        pose[k].z[lane] = scratch.solved[k].z();
+    }
+}
+
+} // namespace
+
+void collide(const CollideJob& job, Strands& strands, CollideScratch& scratch, CollisionCounts& counts) {
+    if (!job.colliders->any()) return;
+    const auto cvs = size_t(strands.cvs);
+    scratch.rest.resize(cvs);
+    scratch.target.resize(cvs);
+    scratch.solved.resize(cvs);
+    scratch.limit.resize(cvs);
+    scratch.clearance.resize(cvs);
+    for (size_t i = 0; i < size_t(strands.count); ++i) collide_strand(job, strands, i, scratch, counts);
+}
+
+} // namespace marram

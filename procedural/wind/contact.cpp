@@ -1,0 +1,418 @@
+// SPDX-License-Identifier: Apache-2.0
+// A segment of length l turns about its start, the origin, in the plane of a and b: u(t) = a cos t + b sin t. It touches a
+// triangle when their distance is the clearance c. The triangle inflated by c is convex, and so is its part in the plane of
+// the turn; seen from outside it spans less than half a turn. So each triangle blocks one interval of turns, and the ends
+// of that interval are among the turns at which the capsule touches one of the triangle's features. Every such touch solves
+//
+//     A cos t + B sin t = C    with R^2 = A^2 + B^2,  cos t = (A C -+ B w) / R^2,  sin t = (B C +- A w) / R^2,
+//     w^2 = R^2 - C^2, or a quadratic in tan t: no trigonometric function is needed.
+//
+// Face, touched by the end of the segment:      N . l u = N . v +- c                       end above the triangle
+// Vertex v, q = v^2 - c^2:  touched sideways    v . u = sqrt q                             where q <= l^2
+//                           by the end          v . u = (l^2 + q) / 2 l                    where q > l^2
+// Edge v + x e, touched sideways, g = e x v:    (g . u)^2 = c^2 (1 - (e . u)^2)            0 <= s <= l, 0 <= x <= |edge|
+//     a homogeneous quadratic form in (cos, sin); its discriminant is c^2 (g_a^2 + g_b^2 - D^2 - c^2 (1 - e_a^2 - e_b^2))
+//     with D = g_a e_b - g_b e_a, which loses nothing however small c is.
+// Edge, touched by the end:                     |e x (l u - v)|^2 = c^2                    a quartic
+//     Rare: the edge must pass within c of the circle of the end. f(t), the left side minus the right, has |f''| <= M with
+//     M = 2 l |e x v| + 2 l^2. f(t + d) >= f + f' d - M d^2 / 2, so stepping to that parabola's root never passes a root of f
+//     and converges quadratically; it is done from both sides of each interval of turns at which the end is beside the edge.
+//
+// A parallel edge is touched at its vertices or by the end, a triangle without area has no face but three edges, an edge
+// without length is a vertex: each case is left to the others, which then hold the same contact.
+//
+// Where a touch lies on the border of two features, rounding must not lose it from both: the ranges of s and x, and the
+// face, are widened by the rounding error of their computation. A touch found twice does no harm, and one a rounding error
+// outside of the feature is nearer than c + 1e-10 l all the same.
+#include "procedural/wind/contact.h"
+
+#include <algorithm>
+
+namespace marram {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double rounding = 1e-14; // relative error of what is computed here, with room
+
+struct alignas(64) Touches { // extreme turns found so far
+    VDouble positive_first, positive_last, negative_first, negative_last;
+};
+
+MARRAM_INLINE void take(Touches& touches, VDouble cosine, VDouble sine, VLong valid) {
+    const VDouble ac = vabs(cosine), as = vabs(sine);
+    const VDouble sum = ac + as;
+    const VDouble across = as / (sum > 0.0 ? sum : splat(1.0));
+    const VDouble p = cosine < 0.0 ? 2.0 - across : across;
+    const VLong positive = valid & (sine >= 0.0), negative = valid & (sine < 0.0);
+    touches.positive_first = vmin(touches.positive_first, positive ? p : splat(infinity));
+    touches.positive_last = vmax(touches.positive_last, positive ? p : splat(-infinity));
+    touches.negative_first = vmax(touches.negative_first, negative ? -p : splat(-infinity));
+    touches.negative_last = vmin(touches.negative_last, negative ? -p : splat(infinity));
+}
+
+struct alignas(64) Plane8 { // the turning, for eight lanes
+    Wide3d from, across;
+    VDouble length, clearance;
+};
+
+// Both solutions of A cos + B sin = C, filtered by `accept(cos, sin)`.
+template <typename Accept>
+MARRAM_INLINE void solve(VDouble a, VDouble b, VDouble c, VLong valid, Touches& touches, Accept&& accept) {
+    const VDouble rr = a * a + b * b;
+    const VDouble ww = rr - c * c;
+    valid &= (ww >= 0.0) & (rr > 0.0);
+    const VDouble w = vsqrt(vmax(ww, VDouble{}));
+    const VDouble inverse = 1.0 / (rr > 0.0 ? rr : splat(1.0));
+    const VDouble c1 = (a * c - b * w) * inverse, s1 = (b * c + a * w) * inverse;
+    const VDouble c2 = (a * c + b * w) * inverse, s2 = (b * c - a * w) * inverse;
+    take(touches, c1, s1, valid & accept(c1, s1));
+    take(touches, c2, s2, valid & accept(c2, s2));
+}
+
+MARRAM_INLINE void vertex_touches(const Plane8& plane, const Wide3d& v, Touches& touches) {
+    const VDouble q = dot(v, v) - plane.clearance * plane.clearance;
+    const VDouble l = plane.length;
+    const VDouble reach = q <= l * l ? vsqrt(vmax(q, VDouble{})) : (l * l + q) / (2.0 * l);
+    const auto all = [](VDouble, VDouble) MARRAM_ALWAYS_INLINE { return VLong{} - 1; };
+    solve(dot(v, plane.from), dot(v, plane.across), reach, VLong{} - 1, touches, all);
+}
+
+MARRAM_INLINE void face_touches(const Plane8& plane, const Triangles8& t, Touches& touches) {
+    const Wide3d &v0 = t.corner[0], &v1 = t.corner[1], &v2 = t.corner[2];
+    const Wide3d e[3] = {v1 - v0, v2 - v1, v0 - v2};
+    Wide3d n = cross(e[0], e[1]);
+    const VDouble nn = dot(n, n), e0 = dot(e[0], e[0]), e1 = dot(e[1], e[1]), e2 = dot(e[2], e[2]);
+    const VDouble longest = vmax(e0, vmax(e1, e2));
+    const VLong has_area = nn > rounding * rounding * longest * longest;
+    n = n * (1.0 / vsqrt(has_area ? nn : splat(1.0)));
+    const VDouble l = plane.length, height = dot(n, v0);
+    const VDouble a = dot(n, plane.from) * l, b = dot(n, plane.across) * l;
+    const Wide3d inward[3] = {cross(n, e[0]), cross(n, e[1]), cross(n, e[2])};
+    const auto above = [&](VDouble cosine, VDouble sine) MARRAM_ALWAYS_INLINE {
+        const Wide3d end = (plane.from * cosine + plane.across * sine) * l;
+        VLong inside = VLong{} - 1;
+        for (int i = 0; i < 3; ++i) {
+            const Wide3d from_corner = end - t.corner[i];
+            const VDouble slack =
+                rounding * vsqrt(dot(inward[i], inward[i])) * (l + vsqrt(dot(t.corner[i], t.corner[i])));
+            inside &= dot(inward[i], from_corner) >= -slack;
+        }
+        return inside;
+    };
+    solve(a, b, height + plane.clearance, has_area, touches, above);
+    solve(a, b, height - plane.clearance, has_area, touches, above);
+}
+
+MARRAM_INLINE void edge_touches(const Plane8& plane, const Wide3d& v, const Wide3d& end, Touches& touches) {
+    Wide3d e = end - v;
+    const VDouble ee = dot(e, e);
+    const VLong has_length = ee > 0.0;
+    const VDouble size = vsqrt(ee);
+    e = e * (1.0 / (has_length ? size : splat(1.0)));
+    const Wide3d g = cross(e, v);
+    const VDouble c = plane.clearance, cc = c * c;
+    const VDouble ga = dot(g, plane.from), gb = dot(g, plane.across);
+    const VDouble ea = dot(e, plane.from), eb = dot(e, plane.across);
+    const VDouble d = ga * eb - gb * ea;
+    const VDouble inner = ga * ga + gb * gb - d * d - cc * vmax(1.0 - ea * ea - eb * eb, VDouble{});
+    const VLong meets = has_length & (inner >= 0.0);
+    const VDouble root = c * vsqrt(vmax(inner, VDouble{}));
+    const VDouble qa = ga * ga + cc * (ea * ea - 1.0), qb = gb * gb + cc * (eb * eb - 1.0);
+    const VDouble qc = ga * gb + cc * ea * eb;
+    const VDouble z = qc < 0.0 ? root - qc : -qc - root;
+    const VDouble ve = dot(v, e), va = dot(v, plane.from), vb = dot(v, plane.across);
+    const VDouble reach = vsqrt(dot(v, v)) + size + plane.length;
+    for (int i = 0; i < 2; ++i) {
+        VDouble cosine = i == 0 ? qb : z, sine = i == 0 ? z : qa;
+        const VDouble norm = vsqrt(cosine * cosine + sine * sine);
+        VLong valid = meets & (norm > 0.0);
+        const VDouble inverse = 1.0 / (norm > 0.0 ? norm : splat(1.0));
+        cosine = cosine * inverse;
+        sine = sine * inverse;
+        const VDouble ue = ea * cosine + eb * sine, slant = 1.0 - ue * ue;
+        valid &= slant > rounding;
+        const VDouble per_slant = 1.0 / (slant > rounding ? slant : splat(1.0));
+        VDouble s = (va * cosine + vb * sine - ve * ue) * per_slant;
+        const VDouble x = s * ue - ve; // both change sign with u: x does not
+        const VLong behind = s < 0.0;
+        s = vabs(s);
+        cosine = behind ? -cosine : cosine;
+        sine = behind ? -sine : sine;
+        const VDouble slack = rounding * reach * per_slant;
+        valid &= (s <= plane.length + slack) & (x >= -slack) & (x <= size + slack);
+        take(touches, cosine, sine, valid);
+    }
+}
+
+// Whether the edge comes within the clearance of the circle that the segment's end runs along: seldom true.
+MARRAM_INLINE VLong end_may_touch(const Plane8& plane, const Wide3d& normal, const Wide3d& v,
+                                  const Wide3d& end) {
+    const VDouble c = plane.clearance * (1.0 + rounding) + plane.length * rounding;
+    // The part of the edge within c of the plane ...
+    const VDouble h0 = dot(v, normal), h1 = dot(end, normal), rise = h1 - h0;
+    const VLong level = vabs(rise) <= rounding * (vabs(h0) + vabs(h1));
+    const VDouble per_rise = 1.0 / (level ? splat(1.0) : rise);
+    const VDouble x0 = (-c - h0) * per_rise, x1 = (c - h0) * per_rise;
+    const VDouble low = level ? VDouble{} : vmax(vmin(x0, x1), VDouble{});
+    const VDouble high = level ? splat(1.0) : vmin(vmax(x0, x1), splat(1.0));
+    const VLong near_plane = (low <= high) & (level ? vabs(h0) <= c * 2.0 : splat(1.0) > 0.0);
+    // ... and its least and greatest distance from the pivot.
+    const Wide3d e = end - v;
+    const VDouble ee = dot(e, e), ve = dot(v, e), vv = dot(v, v);
+    const auto squared = [&](VDouble x) MARRAM_ALWAYS_INLINE { return vv + x * (2.0 * ve + x * ee); };
+    const VDouble nearest = vmin(vmax(-ve / (ee > 0.0 ? ee : splat(1.0)), low), high);
+    const VDouble most = vmax(squared(low), squared(high)), least = squared(nearest);
+    const VDouble outer = plane.length + c, inner = vmax(plane.length - c, VDouble{});
+    const double wide = 1.0 + 16.0 * rounding;
+    return near_plane & (least <= outer * outer * wide) & (most * wide >= inner * inner);
+}
+
+// ---- the end against an edge: one lane at a time ------------------------------------------------------------------
+
+struct EndOnEdge { // f(t) = k + p cos t + q sin t - (ea cos t + eb sin t)^2 l^2
+    double k, p, q, ea, eb, curvature;
+
+    double value(double t) const {
+        const double c = std::cos(t), s = std::sin(t), along = ea * c + eb * s;
+        return k + p * c + q * s - along * along;
+    }
+    double slope(double t) const {
+        const double c = std::cos(t), s = std::sin(t);
+        return q * c - p * s - 2.0 * (ea * c + eb * s) * (eb * c - ea * s);
+    }
+};
+
+// The first root at or after `begin` in direction `sense` before `end`; infinity where there is none.
+double first_root(const EndOnEdge& f, double begin, double end, double sense, double enough) {
+    double t = begin;
+    for (int i = 0; i < 200; ++i) {
+        const double value = f.value(t);
+        if (value <= enough) return t;
+        const double slope = f.slope(t) * sense;
+        t += sense * (slope + std::sqrt(slope * slope + 2.0 * f.curvature * value)) / f.curvature;
+        if ((end - t) * sense < 0.0) return infinity;
+    }
+    return t; // converging so slowly is grazing: stop short of it
+}
+
+// Turns at which the projection of the end on the edge's line lies within the edge.
+int turns_beside(double a, double b, double offset, double size, double out[3][2]) {
+    const double r = std::hypot(a, b), middle = std::atan2(b, a);
+    const double low = offset, high = size + offset; // low <= r cos(t - middle) <= high
+    if (low > r || high < -r || r == 0.0) {
+        if (r == 0.0 && low <= 0.0 && high >= 0.0) {
+            out[0][0] = -pi;
+            out[0][1] = pi;
+            return 1;
+        }
+        return 0;
+    }
+    const double wide = std::acos(std::clamp(low / r, -1.0, 1.0)),
+                 narrow = std::acos(std::clamp(high / r, -1.0, 1.0));
+    if (narrow <= 0.0) {
+        out[0][0] = middle - wide;
+        out[0][1] = middle + wide;
+        return 1;
+    }
+    out[0][0] = middle + narrow;
+    out[0][1] = middle + wide;
+    out[1][0] = middle - wide;
+    out[1][1] = middle - narrow;
+    return 2;
+}
+
+void take_one(Touches& touches, int lane, double t) {
+    const double p = diamond(std::cos(t), std::sin(t));
+    if (p >= 0.0) {
+        touches.positive_first[lane] = std::min(touches.positive_first[lane], p);
+        touches.positive_last[lane] = std::max(touches.positive_last[lane], p);
+    } else {
+        touches.negative_first[lane] = std::max(touches.negative_first[lane], p);
+        touches.negative_last[lane] = std::min(touches.negative_last[lane], p);
+    }
+}
+
+void end_touches(const Turning& turning, const Vec3d& v, const Vec3d& other, Touches& touches, int lane) {
+    const double size = (other - v).norm();
+    if (!(size > 0.0)) return;
+    const Vec3d e = (other - v) / size;
+    const double l = turning.length, c = turning.clearance;
+    const Vec3d across = v - e * v.dot(e); // from the pivot to the line, perpendicular to it
+    EndOnEdge f{};
+    f.ea = e.dot(turning.from) * l;
+    f.eb = e.dot(turning.across) * l;
+    f.p = -2.0 * l * across.dot(turning.from);
+    f.q = -2.0 * l * across.dot(turning.across);
+    f.k = across.squaredNorm() + l * l - c * c;
+    f.curvature = std::hypot(f.p, f.q) + 2.0 * (f.ea * f.ea + f.eb * f.eb);
+    if (!(f.curvature > 0.0)) return;
+    const double enough = rounding * (across.squaredNorm() + l * l);
+    double windows[3][2];
+    const int count = turns_beside(f.ea, f.eb, v.dot(e), size, windows);
+    for (int i = 0; i < count; ++i) {
+        const double begin = windows[i][0], end = windows[i][1];
+        const double first = first_root(f, begin, end, 1.0, enough);
+        if (first == infinity) continue;
+        take_one(touches, lane, first);
+        take_one(touches, lane, first_root(f, end, begin, -1.0, enough));
+    }
+}
+
+Vec3d lane_of(const Wide3d& v, int lane) { return {v.x[lane], v.y[lane], v.z[lane]}; }
+
+MARRAM_HOT void touches_of(const Turning& turning, const Triangles8& triangles, Touches& touches,
+                           VLong& end_edges) {
+    const Plane8 plane{splat3(turning.from.data()), splat3(turning.across.data()), splat(turning.length),
+                       splat(turning.clearance)};
+    const Wide3d normal = splat3(turning.normal.data());
+    touches = {splat(infinity), splat(-infinity), splat(-infinity), splat(infinity)};
+    face_touches(plane, triangles, touches);
+    end_edges = VLong{};
+    for (int i = 0; i < 3; ++i) {
+        const Wide3d &v = triangles.corner[i], &next = triangles.corner[(i + 1) % 3];
+        vertex_touches(plane, v, touches);
+        edge_touches(plane, v, next, touches);
+        end_edges |= end_may_touch(plane, normal, v, next) & (1 << i);
+    }
+}
+
+// The part of the turn that is asked for, and half-spaces that hold it. Unit vectors; where the part is wider than half a
+// turn they are 0 and exclude nothing.
+struct Wedge {
+    Vec3d begin, end;     // directions at its two ends
+    Vec3d behind, beyond; // perpendicular to those, outwards
+    Vec3d back;           // away from its middle
+    bool narrow;          // at most half a turn wide
+};
+
+Wedge wedge_of(const Turning& turning, double begin, double end) {
+    const Vec2d b = undiamond(begin), e = undiamond(end);
+    Wedge wedge{turning.direction(b.x(), b.y()),
+                turning.direction(e.x(), e.y()),
+                Vec3d::Zero(),
+                Vec3d::Zero(),
+                Vec3d::Zero(),
+                end - begin <= 2.0};
+    if (!wedge.narrow) return wedge;
+    wedge.behind = turning.from * b.y() - turning.across * b.x();
+    wedge.beyond = turning.across * e.x() - turning.from * e.y();
+    const Vec3d middle = wedge.begin + wedge.end;
+    if (middle.squaredNorm() > 1e-6)
+        wedge.back = -middle.normalized(); // else the half turn has no room behind it
+    return wedge;
+}
+
+// Which of eight triangles may be touched within the wedge: not those wholly on the far side of one of its half-spaces or of the
+// turn's plane, and not those whose own plane keeps the sector on one side, farther away than the clearance.
+MARRAM_HOT void may_touch(const Turning& turning, const Wedge& wedge, const Triangles8& triangles,
+                          VLong& may) {
+    const double slack = turning.clearance * (1.0 + rounding) + turning.length * rounding;
+    const VDouble c = splat(slack);
+    const Wide3d normal = splat3(turning.normal.data()), behind = splat3(wedge.behind.data());
+    const Wide3d beyond = splat3(wedge.beyond.data()), back = splat3(wedge.back.data());
+    VLong above = VLong{} - 1, below = above, before = above, after = above, backwards = above;
+    for (const Wide3d& v : triangles.corner) {
+        const VDouble h = dot(v, normal);
+        above &= h > c;
+        below &= h < -c;
+        before &= dot(v, behind) > c;
+        after &= dot(v, beyond) > c;
+        backwards &= dot(v, back) > c;
+    }
+    const Wide3d &v0 = triangles.corner[0], e0 = triangles.corner[1] - v0, e1 = triangles.corner[2] - v0;
+    const Wide3d n = cross(e0, e1);
+    const VDouble size = vsqrt(dot(n, n)), height = dot(n, v0), l = splat(turning.length);
+    const VDouble side = height < 0.0 ? splat(-1.0) : splat(1.0); // n away from the pivot
+    const VDouble begin = dot(n, splat3(wedge.begin.data())) * side,
+                  end = dot(n, splat3(wedge.end.data())) * side;
+    // The sector's reach along n: at the pivot, at one of its ends, or where n itself points into it.
+    const VDouble peak_begin = dot(n, behind) * side, peak_end = dot(n, beyond) * side;
+    const VLong peaks = wedge.narrow ? (peak_begin <= 0.0) & (peak_end <= 0.0) : VLong{} - 1;
+    VDouble reach = vmax(vmax(begin, end), VDouble{});
+    if (any(peaks)) {
+        const VDouble a = dot(n, splat3(turning.from.data())), b = dot(n, splat3(turning.across.data()));
+        reach = peaks ? vsqrt(a * a + b * b) : reach;
+    }
+    const VLong apart = (height * side - reach * l > size * c) & (size > 0.0);
+    may = ~(above | below | before | after | backwards | apart);
+}
+
+// One interval from the extreme touches of a triangle.
+bool interval_of(const Touches& touches, int lane, Blocked& out) {
+    const double pf = touches.positive_first[lane], pl = touches.positive_last[lane];
+    const double nf = touches.negative_first[lane], nl = touches.negative_last[lane];
+    const bool positive = pf <= pl, negative = nl <= nf;
+    if (!positive && !negative) return false;
+    if (!negative)
+        out = {pf, pl};
+    else if (!positive)
+        out = {4.0 + nl, 4.0 + nf};
+    else if (pf - nf > 2.0) // across the turn of pi
+        out = {pf, 4.0 + nf};
+    else
+        out = {nl, pl};
+    return true;
+}
+
+} // namespace
+
+MARRAM_HOT bool clear_of_pivot(std::span<Triangles8> triangles, double clearance) {
+    const VDouble c = splat(clearance);
+    VLong near{};
+    for (const Triangles8& t : triangles) {
+        const Wide3d &v0 = t.corner[0], &v1 = t.corner[1], &v2 = t.corner[2];
+        const Wide3d n = cross(v1 - v0, v2 - v0);
+        const VDouble h = dot(n, v0);
+        const auto aside = [&](VDouble a, VDouble b, VDouble d) MARRAM_ALWAYS_INLINE {
+            return (vmin(a, vmin(b, d)) > c) | (vmax(a, vmax(b, d)) < -c);
+        };
+        const VLong away = aside(v0.x, v1.x, v2.x) | aside(v0.y, v1.y, v2.y) | aside(v0.z, v1.z, v2.z);
+        near |= (h * h <= dot(n, n) * (c * c)) & ~away;
+    }
+    return !any(near);
+}
+
+void blocked_turns(const Turning& turning, double begin, double end, std::span<Triangles8> triangles,
+                   size_t count, std::vector<Blocked>& out) {
+    const Wedge wedge = wedge_of(turning, begin, end);
+    static thread_local Triangles8 dense;
+    int filled = 0;
+    const auto flush = [&] {
+        if (filled == 0) return;
+        for (int lane = filled; lane < lanes; ++lane)
+            for (Wide3d& p : dense.corner) {
+                p.x[lane] = p.x[0];
+                p.y[lane] = p.y[0];
+                p.z[lane] = p.z[0];
+            }
+        Touches touches;
+        VLong end_edges;
+        touches_of(turning, dense, touches, end_edges);
+        for (int lane = 0; lane < filled; ++lane) {
+            for (int i = 0; i < 3; ++i)
+                if (end_edges[lane] & (1 << i)) [[unlikely]]
+                    end_touches(turning, lane_of(dense.corner[i], lane),
+                                lane_of(dense.corner[(i + 1) % 3], lane), touches, lane);
+            Blocked blocked{};
+            if (interval_of(touches, lane, blocked)) out.push_back(blocked);
+        }
+        filled = 0;
+    };
+    for (size_t i = 0; i < triangles.size(); ++i) {
+        VLong may;
+        may_touch(turning, wedge, triangles[i], may);
+        const int used = int(std::min<size_t>(count - i * lanes, lanes));
+        for (int lane = 0; lane < used; ++lane) {
+            if (!may[lane]) continue;
+            for (int k = 0; k < 3; ++k) {
+                dense.corner[k].x[filled] = triangles[i].corner[k].x[lane];
+                dense.corner[k].y[filled] = triangles[i].corner[k].y[lane];
+                dense.corner[k].z[filled] = triangles[i].corner[k].z[lane];
+            }
+            if (++filled == lanes) flush();
+        }
+    }
+    flush();
+}
+
+} // namespace marram

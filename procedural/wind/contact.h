@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+// Exact contact of a turning segment with triangles. See contact.cpp for the derivation.
+#pragma once
+
+#include "core/math/vec.h"
+#include "procedural/simd.h"
+
+#include <span>
+#include <vector>
+
+namespace marram {
+
+// A capsule of radius `clearance` about a segment that turns about the origin in a plane: at angle t the segment runs from 0
+// to length * (from cos t + across sin t). `from`, `across` and `normal` = from x across are orthonormal.
+struct Turning {
+    Vec3d from, across, normal;
+    double length, clearance; // > 0
+
+    Vec3d direction(double cosine, double sine) const { return from * cosine + across * sine; }
+};
+
+// Angles are ordered by a number that needs no trigonometry: the length of the way along the diamond |c| + |s| = 1, 0 at
+// angle 0, 1 at a right angle, 2 at pi, negative for negative angles; p(angle + pi) = p(angle) + 2 exactly.
+inline double diamond(double cosine, double sine) {
+    const double across = std::abs(sine) / (std::abs(cosine) + std::abs(sine));
+    const double p = cosine < 0.0 ? 2.0 - across : across;
+    return sine < 0.0 ? -p : p;
+}
+// Back to the unit vector (cosine, sine).
+inline Vec2d undiamond(double p) {
+    const double r = std::remainder(p, 4.0), a = std::abs(r);
+    const Vec2d v =
+        a <= 1.0 ? Vec2d(1.0 - a, std::copysign(a, r)) : Vec2d(1.0 - a, std::copysign(2.0 - a, r));
+    return v.normalized();
+}
+inline double diamond_of_angle(double angle) { return diamond(std::cos(angle), std::sin(angle)); }
+
+// Eight triangles relative to the pivot. Lanes may repeat.
+struct alignas(64) Triangles8 {
+    Wide3d corner[3];
+};
+
+// Triangles side by side, appended one by one.
+class TriangleList {
+  public:
+    void clear() { count_ = 0; }
+    size_t size() const { return count_; }
+    void push(const Vec3d& a, const Vec3d& b, const Vec3d& c) {
+        if (count_ == blocks_.size() * lanes) blocks_.emplace_back();
+        Triangles8& block = blocks_[count_ / lanes];
+        const size_t lane = count_++ % lanes;
+        for (size_t i = 0; i < 3; ++i) {
+            const Vec3d& p = i == 0 ? a : i == 1 ? b : c;
+            block.corner[i].x[lane] = p.x();
+            block.corner[i].y[lane] = p.y();
+            block.corner[i].z[lane] = p.z();
+        }
+    }
+    // The blocks in use; spare lanes of the last repeat its first.
+    std::span<Triangles8> blocks() {
+        const size_t used = (count_ + lanes - 1) / lanes;
+        for (size_t lane = count_ % lanes; lane > 0 && lane < lanes; ++lane)
+            for (Wide3d& p : blocks_[used - 1].corner) {
+                p.x[lane] = p.x[0];
+                p.y[lane] = p.y[0];
+                p.z[lane] = p.z[0];
+            }
+        return {blocks_.data(), used};
+    }
+
+  private:
+    WideVector<Triangles8> blocks_;
+    size_t count_ = 0;
+};
+
+// The turns at which a triangle is nearer than the clearance: one interval, shorter than half a turn, in diamond units with
+// -4 < low <= high < 4, high - low < 2; it is around 0 when low < 0 < high, else low >= 0.
+struct Blocked {
+    double low, high;
+};
+
+// Appends the interval of every triangle that blocks any turn between `begin` and `end` (diamond units, begin <= 0 <= end,
+// each at most 2 from 0), and perhaps those of some that block other turns only. Triangles are judged exactly: the ends are
+// good to 1e-12 + 1e-15 * distance / clearance away from grazing contact; at a graze the distance is good to 1e-10 lengths.
+// The pivot must be clear of every triangle. Cost: about 5 ns for a triangle that is nowhere near, 60 ns for one that is.
+void blocked_turns(const Turning& turning, double begin, double end, std::span<Triangles8> triangles,
+                   size_t count, std::vector<Blocked>& out);
+
+// True: the pivot is farther than `clearance` from every triangle. False: it may be nearer (planes and boxes are looked at).
+bool clear_of_pivot(std::span<Triangles8> triangles, double clearance);
+
+} // namespace marram

@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+// After the talk, section 4: from each CV P of the rest strand the air's way is followed upwind, from P to P - w offset. A
+// triangle on the way shelters P. The share alpha of sheltered CVs scales the envelope by 1 - shield alpha.
+//
+// The strand's own skin counts like any other mesh. A root stands on it: so that a root on the windward side is free and
+// one on the lee side is not, its ray starts off the skin, along the normal, by a distance that is the rounding error of a
+// position: 2^-20 of the largest coordinate, eight units in the last place. Other CVs need no such care.
+//
+// wake: an obstacle at distance d shelters by 1 - d / wake, not at all beyond. spread: the mean over directions that fill
+// the cone evenly (a Fibonacci lattice on the cap), the same for all CVs, so that shadows have soft edges and no noise.
+#include "procedural/wind/shield.h"
+
+#include <algorithm>
+#include <array>
+#include <string>
+
+namespace marram {
+namespace {
+
+constexpr double big = 1e9;
+
+constexpr std::array params = {
+    MarramParam{"shielding.shield", MARRAM_NUMBER, "", "none", 0, 1, "",
+                "share of the wind that a wholly sheltered strand loses. Absent: no strand is sheltered"},
+    MarramParam{"shielding.offset", MARRAM_NUMBER, "m", "none", 1e-9, big, "",
+                "how far upwind meshes shelter; default: 10 m"},
+    MarramParam{"shielding.shield_per", MARRAM_CHOICE, "", "none", -big, big, "curve|cv",
+                "curve (default): a strand's sheltered share slows all of it; cv: each CV for itself"},
+    MarramParam{"shielding.wake", MARRAM_NUMBER, "m", "none", 1e-9, big, "",
+                "shelter fades to nothing this far behind a mesh; default: it does not fade"},
+    MarramParam{"shielding.wake_heights", MARRAM_NUMBER, "", "none", 1e-9, big, "",
+                "the same in heights of the mesh (its extent in y)"},
+    MarramParam{"shielding.spread", MARRAM_NUMBER, "deg", "none", 0, 89, "",
+                "half angle of a cone that wind comes from: soft edges; default: 0, one direction"},
+    MarramParam{"shielding.rays", MARRAM_INTEGER, "", "none", 1, 1024, "",
+                "directions in that cone; default 8"},
+};
+
+} // namespace
+
+std::span<const MarramParam> shielding_params() { return params; }
+
+std::optional<Shielding> read_shielding(const Values& values) {
+    const auto given = [&](const char* name) { return values.has(name); };
+    if (!given("wind.shielding.shield")) {
+        for (const MarramParam& param : params) {
+            const std::string name = std::string("wind.") + param.name;
+            if (values.has(name))
+                throw SceneFault(values.at(name).place,
+                                 name + " is given but no strength: add wind.shielding.shield = 1");
+        }
+        return std::nullopt;
+    }
+    Shielding shielding;
+    shielding.shield = values.number("wind.shielding.shield");
+    shielding.offset = given("wind.shielding.offset") ? values.number("wind.shielding.offset") : 10.0;
+    shielding.per_cv = given("wind.shielding.shield_per") && values.text("wind.shielding.shield_per") == "cv";
+    if (given("wind.shielding.wake")) shielding.wake = values.number("wind.shielding.wake");
+    if (given("wind.shielding.wake_heights")) {
+        if (shielding.wake)
+            throw SceneFault(values.at("wind.shielding.wake_heights").place,
+                             "shielding has both wake and wake_heights: keep one of them");
+        shielding.wake_heights = values.number("wind.shielding.wake_heights");
+    }
+    if (given("wind.shielding.spread")) shielding.spread = radians(values, "wind.shielding.spread");
+    if (given("wind.shielding.rays")) {
+        if (!(shielding.spread > 0.0))
+            throw SceneFault(values.at("wind.shielding.rays").place,
+                             "shielding.rays needs a cone: add shielding.spread = 10, or remove rays");
+        shielding.rays = values.integer("wind.shielding.rays");
+    }
+    if (shielding.shield == 0.0) return std::nullopt;
+    return shielding;
+}
+
+std::vector<double> obstacle_heights(const Colliders& colliders) {
+    std::vector<double> heights(colliders.meshes.size(), 0.0);
+    for (size_t i = 0; i < heights.size(); ++i) {
+        const MarramMesh* mesh = colliders.meshes[i];
+        if (!mesh || mesh->vertex_count == 0) continue;
+        const float* positions = mesh->positions[mesh->time_count > 1 ? colliders.time_index : 0];
+        float low = positions[1], high = low;
+        for (size_t v = 0; v < mesh->vertex_count; ++v) {
+            low = std::min(low, positions[3 * v + 1]);
+            high = std::max(high, positions[3 * v + 1]);
+        }
+        heights[i] = double(high) - double(low);
+    }
+    return heights;
+}
+
+namespace {
+
+// Directions upwind that fill the cone: equal shares of its solid angle, turned by the golden angle.
+std::vector<Vec3f> upwind_directions(const Shielding& shielding, const Vec3d& wind) {
+    if (!(shielding.spread > 0.0)) return {Vec3d(-wind).cast<float>()};
+    Vec3d tangent, bitangent;
+    const Vec3d axis = -wind;
+    orthonormal_basis(axis, tangent, bitangent);
+    const double golden = pi * (3.0 - std::sqrt(5.0)), cap = 1.0 - std::cos(shielding.spread);
+    std::vector<Vec3f> directions;
+    for (int i = 0; i < shielding.rays; ++i) {
+        const double z = 1.0 - cap * (i + 0.5) / shielding.rays, r = std::sqrt(std::max(1.0 - z * z, 0.0));
+        const Vec3d d = axis * z + (tangent * std::cos(golden * i) + bitangent * std::sin(golden * i)) * r;
+        directions.push_back(d.cast<float>());
+    }
+    return directions;
+}
+
+struct Packet { // sixteen rays, and where their answers go
+    RTCRayHit16 hits;
+    float* out[16];
+    int count = 0;
+};
+
+class Tracer {
+  public:
+    Tracer(const Shielding& shielding, const Colliders& colliders, std::span<const double> heights,
+           float share)
+        : shielding_(shielding), colliders_(colliders), heights_(heights), share_(share) {}
+
+    void add(float x, float y, float z, const Vec3f& d, float* out) {
+        RTCRay16& ray = packet_.hits.ray;
+        const int i = packet_.count;
+        ray.org_x[i] = x;
+        ray.org_y[i] = y;
+        ray.org_z[i] = z;
+        ray.dir_x[i] = d.x();
+        ray.dir_y[i] = d.y();
+        ray.dir_z[i] = d.z();
+        ray.tnear[i] = 0.0F;
+        ray.tfar[i] = float(shielding_.offset);
+        ray.time[i] = colliders_.time;
+        ray.mask[i] = ~0U;
+        ray.id[i] = 0;
+        ray.flags[i] = 0;
+        packet_.hits.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+        packet_.hits.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+        packet_.out[i] = out;
+        if (++packet_.count == 16) flush();
+    }
+
+    void flush() {
+        if (packet_.count == 0) return;
+        alignas(64) int valid[16];
+        for (int i = 0; i < 16; ++i) valid[i] = i < packet_.count ? -1 : 0;
+        const bool fades = shielding_.wake || shielding_.wake_heights;
+        if (fades)
+            marram_intersect16(colliders_.scene, valid, &packet_.hits);
+        else
+            marram_occluded16(colliders_.scene, valid, &packet_.hits.ray);
+        for (int i = 0; i < packet_.count; ++i) {
+            const bool hit = fades ? packet_.hits.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID
+                                   : packet_.hits.ray.tfar[i] < 0.0F;
+            if (hit) *packet_.out[i] += share_ * (fades ? shelter(i) : 1.0F);
+        }
+        packet_.count = 0;
+    }
+
+  private:
+    float shelter(int i) const {
+        const unsigned id = packet_.hits.hit.geomID[i];
+        const double wake = shielding_.wake        ? *shielding_.wake
+                            : id < heights_.size() ? *shielding_.wake_heights * heights_[id]
+                                                   : 0.0;
+        const double d = double(packet_.hits.ray.tfar[i]);
+        return wake > 0.0 ? float(std::clamp(1.0 - d / wake, 0.0, 1.0)) : 0.0F;
+    }
+
+    const Shielding& shielding_;
+    const Colliders& colliders_;
+    std::span<const double> heights_;
+    float share_;
+    Packet packet_;
+};
+
+} // namespace
+
+void shield(const Shielding& shielding, const Vec3d& wind, const Colliders& colliders,
+            std::span<const double> heights, Strands& strands) {
+    std::fill(strands.shield.begin(), strands.shield.end(), VFloat{});
+    if (!colliders.any()) return;
+    const std::vector<Vec3f> directions = upwind_directions(shielding, wind);
+    Tracer tracer(shielding, colliders, heights, 1.0F / float(directions.size()));
+    const auto cvs = size_t(strands.cvs);
+    for (size_t i = 0; i < size_t(strands.count); ++i) {
+        const size_t first = i / lanes * cvs;
+        const auto lane = int(i % lanes);
+        for (size_t k = 0; k < cvs; ++k) {
+            const Wide3f& p = strands.rest[first + k];
+            Vec3f origin(p.x[lane], p.y[lane], p.z[lane]);
+            if (k == 0) {
+                const Wide3d& n = strands.root_normal[i / lanes];
+                constexpr float rounding = 0x1p-20F;
+                origin += rounding * origin.cwiseAbs().maxCoeff() *
+                          Vec3f(float(n.x[lane]), float(n.y[lane]), float(n.z[lane]));
+            }
+            float* out = reinterpret_cast<float*>(&strands.shield[first + k]) + lane;
+            for (const Vec3f& d : directions) tracer.add(origin.x(), origin.y(), origin.z(), d, out);
+        }
+    }
+    tracer.flush();
+    if (shielding.per_cv) return;
+    for (int block = 0; block < strands.blocks; ++block) {
+        VFloat* alpha = strands.shield.data() + size_t(block) * cvs;
+        VFloat sum{};
+        for (size_t k = 0; k < cvs; ++k) sum += alpha[k];
+        for (size_t k = 0; k < cvs; ++k) alpha[k] = sum * (1.0F / float(cvs));
+    }
+}
+
+} // namespace marram

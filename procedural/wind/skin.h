@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// Heights above the skin that a strand grows on, and the push that keeps a share of them.
+#pragma once
+
+#include "procedural/wind/colliders.h"
+
+namespace marram {
+
+// A place above (or, with a negative height, below) the skin.
+struct Foot {
+    Vec3d point, normal; // the nearest point of the skin, and its triangle's normal
+    double height;       // signed by the normal
+};
+
+// The foot of p: the nearest point among triangles of `skin` that face the same way as `facing` (their normals' product is
+// positive), within `reach`. A strand that stands in an ear would else measure from the ear's other side. False: none there.
+bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p, const Vec3d& facing,
+             double reach, Foot& foot);
+
+// Moves p out along the skin's normal until it stands at least `scale` times as high as `rest`, whose foot gives the side
+// of the skin. `facing`: the normal at the root. False: there is no consistent side; p stays.
+bool push_out(const Colliders& colliders, const MarramMesh& skin, const Vec3d& rest, const Vec3d& facing,
+              double reach, double scale, Vec3d& p);
+
+} // namespace marram

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// Meshes in an Embree scene of their own and strands that grow on one of them: what a renderer lends to the chain, made by
+// hand, so that a stage can be run alone.
+#pragma once
+
+#include "core/geometry/mesh.h"
+#include "procedural/groom/description.h"
+#include "procedural/groom/roots.h"
+#include "procedural/groom/strand_shape.h"
+#include "procedural/wind/chain.h"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace marram {
+
+// Patches of a groom with everything that collide() wants.
+class FurredWorld {
+  public:
+    explicit FurredWorld(std::vector<Mesh> meshes);
+    ~FurredWorld();
+    FurredWorld(const FurredWorld&) = delete;
+    FurredWorld& operator=(const FurredWorld&) = delete;
+
+    const MarramFrame& frame() const { return frame_; }
+    const MarramMesh& mesh(size_t i) const { return lent_[i]; }
+    Surface surface(size_t i) const;
+    Colliders colliders() const { return colliders_at(frame_, 0); }
+
+  private:
+    std::vector<Mesh> meshes_;
+    std::vector<const float*> pointers_;
+    std::vector<MarramMesh> lent_;
+    std::vector<std::string> names_;
+    MarramFrame frame_{};
+    double time_ = 0.0;
+};
+
+// A plain coat: `count` strands of `cvs` CVs on mesh 0, lengths in a range, leaning and curved a little.
+Groom plain_coat(uint64_t count, int cvs, double shortest, double longest, double width);
+
+// All strands of the groom in patches of at most 512, at rest.
+std::vector<Strands> grow(const Groom& groom, const Wind& wind, const Surface& surface,
+                          size_t most = SIZE_MAX);
+
+// A steady wind along `direction` with two octaves of noise.
+Wind plain_wind(const Vec3d& direction, double global_rotate);
+
+} // namespace marram

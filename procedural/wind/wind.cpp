@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <vector>
 
 namespace marram {
 namespace {
@@ -47,13 +48,19 @@ constexpr std::array params = {
     MarramParam{"gusts", MARRAM_UNAVAILABLE, "", "none", 0, 0, "",
                 "the wind stays as strong as speed and calm say"},
     MarramParam{"shielding", MARRAM_UNAVAILABLE, "", "none", 0, 0, "", "every strand gets the whole wind"},
-    MarramParam{"jiggle", MARRAM_UNAVAILABLE, "", "none", 0, 0, "", "strands follow the wind at once"},
     MarramParam{"collision", MARRAM_UNAVAILABLE, "", "none", 0, 0, "", "strands pass through meshes"},
 };
 
 } // namespace
 
-std::span<const MarramParam> wind_params() { return params; }
+std::span<const MarramParam> wind_params() {
+    static const std::vector<MarramParam> all = [] {
+        std::vector<MarramParam> list(params.begin(), params.end());
+        list.insert(list.end(), jiggle_params().begin(), jiggle_params().end());
+        return list;
+    }();
+    return all;
+}
 
 Wind read_wind(const Values& values) {
     Wind wind;
@@ -102,6 +109,7 @@ Wind read_wind(const Values& values) {
             throw SceneFault(values.at("wind.noise.loop").place,
                              "noise.loop has no length: give two different frames");
     }
+    wind.jiggle = read_jiggle(values);
     return wind;
 }
 

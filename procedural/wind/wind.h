@@ -6,8 +6,10 @@
 #include "core/math/vec.h"
 #include "core/plugin/marram_plugin.h"
 #include "procedural/values.h"
+#include "procedural/wind/jiggle.h"
 #include "procedural/wind/noise.h"
 
+#include <optional>
 #include <span>
 
 namespace marram {
@@ -27,6 +29,7 @@ struct Wind {
     bool rest_anchored = false;              // noise is sampled at the root's place at bind_frame
     bool loops = false;                      // the noise of loop_end is that of loop_begin
     double loop_begin = 0.0, loop_end = 0.0; // frames
+    std::optional<Jiggle> jiggle;            // strands swing into their pose; nothing: they are there at once
 };
 
 // Parameters of [wind], which every procedural receives as "wind.<name>".

@@ -47,7 +47,6 @@ constexpr std::array own_params = {
                 "first and last frame of a cycle that closes"},
     MarramParam{"gusts", MARRAM_UNAVAILABLE, "", "none", 0, 0, "",
                 "the wind stays as strong as speed and calm say"},
-    MarramParam{"jiggle", MARRAM_UNAVAILABLE, "", "none", 0, 0, "", "strands follow the wind at once"},
 };
 
 } // namespace
@@ -55,7 +54,7 @@ constexpr std::array own_params = {
 std::span<const MarramParam> wind_params() {
     static const std::vector<MarramParam> all = [] {
         std::vector<MarramParam> list(own_params.begin(), own_params.end());
-        for (const auto stage : {shielding_params(), collision_params()})
+        for (const auto stage : {shielding_params(), jiggle_params(), collision_params()})
             list.insert(list.end(), stage.begin(), stage.end());
         return list;
     }();
@@ -110,6 +109,7 @@ Wind read_wind(const Values& values) {
                              "noise.loop has no length: give two different frames");
     }
     wind.shielding = read_shielding(values);
+    wind.jiggle = read_jiggle(values);
     wind.collision = read_collision(values);
     return wind;
 }

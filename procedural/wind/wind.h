@@ -7,6 +7,7 @@
 #include "core/plugin/marram_plugin.h"
 #include "procedural/values.h"
 #include "procedural/wind/collide.h"
+#include "procedural/wind/jiggle.h"
 #include "procedural/wind/noise.h"
 #include "procedural/wind/shield.h"
 
@@ -32,6 +33,7 @@ struct Wind {
     double loop_begin = 0.0, loop_end = 0.0; // frames
     // Each stage is there when the scene asks for it.
     std::optional<Shielding> shielding;
+    std::optional<Jiggle> jiggle; // strands swing into their pose
     std::optional<Collision> collision;
 };
 

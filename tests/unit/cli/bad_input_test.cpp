@@ -158,13 +158,26 @@ TEST(BadInput, WindsThatCannotBlow) {
     expect_refused(with_wind("noise.loop = [5, 5]\n"), "noise.loop has no length: give two different frames");
     expect_refused(with_wind("speed = 1e12\n"), "speed");
     expect_refused(with_wind("ramp_rotate = [[0, -1], [1, 1]]\n"), "wind.ramp_rotate goes below 0");
-    for (const char* stage : {"gusts", "shielding", "jiggle", "collision"})
+    for (const char* stage : {"gusts"})
         expect_refused(with_wind(fmt::format("[wind.{}]\nstrength = 1\n", stage)),
                        fmt::format("{} is not available in this build", stage));
     expect_refused(SceneText{.groom = groom + "wind.direction = [0, 0, 0]\n"},
                    "the wind's direction is zero");
-    expect_refused(SceneText{.groom = groom + "wind.jiggle = { stiffness = 1 }\n"},
-                   "jiggle is not available in this build");
+    expect_refused(SceneText{.groom = groom + "wind.jiggle = { damping = 1 }\n"},
+                   "jiggle.damping is given but no jiggle.frequency");
+    expect_refused(with_wind("[wind.shielding]\noffset = 3\n"),
+                   "wind.shielding.offset is given but no strength: add wind.shielding.shield = 1");
+    expect_refused(with_wind("[wind.shielding]\nshield = 1\nwake = 2\nwake_heights = 2\n"),
+                   "both wake and wake_heights");
+    expect_refused(with_wind("[wind.shielding]\nshield = 1\nrays = 4\n"), "shielding.rays needs a cone");
+    expect_refused(with_wind("[wind.collision]\noffset_root = 0.1\n"),
+                   "wind.collision.offset_root is given but no solver: add wind.collision.solver = \"exact\"");
+    expect_refused(with_wind("[wind.collision]\nsolver = \"exact\"\nrotation_steps = 4\n"),
+                   "rotation_steps belongs to solver");
+    expect_refused(with_wind("[wind.jiggle]\nfrequency = 0\n"), "jiggle.frequency is not above 0");
+    expect_refused(with_wind("[wind.jiggle]\nfrequency = 2\ndamping = 0\n"), "give jiggle.start_frame");
+    expect_refused(with_wind("[wind.jiggle]\nfrequency = 2\nstiffness = [[0, 4], [1, 0]]\n"),
+                   "jiggle.stiffness is not above 0 everywhere");
 }
 
 // Nothing that a scene says is passed over in silence.

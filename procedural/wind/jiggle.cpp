@@ -1,0 +1,393 @@
+// SPDX-License-Identifier: Apache-2.0
+// A CV's target g(s) is where the bend puts it at time s, in world space: its offset from the root and the root's own motion
+// together. CV k of n follows it as a damped oscillator does, in x, y and z alike,
+//
+//     x'' + 2 zeta omega x' + omega^2 x = omega^2 g(s),       omega = 2 pi frequency stiffness(k / (n - 1))
+//
+// with g piecewise linear between knots at absolute multiples of a step. For such a g the answer is exact.
+//
+// In the angle tau = omega s, let w = dx/dtau and e = x - g, the lag. While g moves by D over a step of tau radians,
+//
+//     de/dtau = w - D / tau          dw/dtau = -e - 2 zeta w
+//
+// Both e and w are continuous at knots, so they are all the state there is; a target that rests has D = 0, and e = w = 0 stays
+// exactly so. Let S be the homogeneous solution that starts with S(0) = 0, S'(0) = 1, and C = S' + 2 zeta S (C(0) = 1, C' = -S).
+//
+//     e1 = C e0 + S w0 - F D         w1 = -S e0 + S' w0 + G D
+//     F = mean of C over the step = (S + 2 zeta (1 - C)) / tau      G = mean of S over the step = (1 - C) / tau
+//
+// S in closed form, p = sqrt(1 - zeta^2), q = sqrt(zeta^2 - 1), poles a = 1 / (zeta + q) <= 1 <= b = zeta + q:
+//
+//     zeta < 1    S = e^(-zeta tau) sin(p tau) / p                  S' = e^(-zeta tau) cos(p tau) - zeta S
+//     zeta >= 1   S = e^(-a tau) (1 - e^(-2 q tau)) / (2 q)         S' = e^(-b tau) - a S
+//
+// where sin(x) / x and (1 - e^-x) / x are smooth at 0, so both hold up to zeta = 1 and meet there. For zeta >= 1 also
+// C = e^(-a tau) + a S, F = (1 - e^(-a tau)) / (a tau) + a G and G = a ((1 - e^(-a tau)) / (a tau) - S / tau): nothing is large
+// that would have to cancel. Steps with b tau <= 1 are summed from the power series instead: G keeps its digits.
+//
+// What a window forgets. x(t) is the integral of omega S(omega sigma) g(t - sigma) over sigma > 0. Taking the target as steady
+// before the window's first knot, T ago, changes g by at most `reach` there, and x by at most reach * tail(omega T), where
+//
+//     tail(X) = integral of |S| from X to infinity
+//             = C(X)                                                                       zeta >= 1, exactly: S > 0
+//             <= e^(-zeta X) min(1 / (zeta p), (1 + zeta X) / zeta^2)                      zeta < 1
+//
+// from |sin| <= 1 and from |sin x| <= x: the first is chain.md's, the second does not blow up at zeta = 1, where it meets
+// (1 + X) e^-X from the other side. The bound falls with omega: the softest CV decides.
+//
+// The pose at t: offsets from the root x_k = linear offset at t + lag; they hang on the root at t, and from there to the tip each
+// segment takes its direction from x_k+1 - x_k and its length from the rest strand at t.
+//
+// Step. A sinusoid of frequency f, linear between knots h apart, keeps the share (sin(pi f h) / (pi f h))^2 of its
+// amplitude. Half a frame at 24 fps loses 1 % at 2.6 Hz, whole frames lose it at 1.3 Hz; and half frames are where the usual
+// shutter opens, stands and closes.
+#include "procedural/wind/jiggle.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+
+namespace marram {
+namespace {
+
+constexpr double initial_damping = 0.3;
+constexpr double initial_step = 0.5;   // frames, see above
+constexpr double default_share = 1e-6; // of the reach, where no tolerance is given
+constexpr double most_knots = 1e5; // each costs a bend of every strand: beyond this a frame would take hours
+
+// A direction from two filtered points is good to about 1e-14 of the strand, 1e-11 of one of 1000 segments; below this
+// share of its own length it has no two digits.
+constexpr double least_direction = 1e-9;
+
+// Lags that no float can hold (the smallest is 1e-45 m) are taken as 0 before they decay into slow subnormal numbers.
+constexpr double least_lag = 1e-60;
+
+constexpr std::array params = {
+    MarramParam{"jiggle.frequency", MARRAM_NUMBER, "Hz", "none", 0, 1e9, "",
+                "strands swing into their bent pose, this often a second where stiffness is 1"},
+    MarramParam{"jiggle.damping", MARRAM_NUMBER, "", "none", 0, 1e3, "",
+                "damping ratio: below 1 strands overshoot, 0 never comes to rest; default: 0.3"},
+    MarramParam{"jiggle.stiffness", MARRAM_RAMP, "", "none", 0, 1e9, "",
+                "scale of the frequency from root (0) to tip (1); default: [[0, 4], [1, 1]]"},
+    MarramParam{"jiggle.step", MARRAM_NUMBER, "frames", "none", 1e-3, 1e3, "",
+                "time between samples of the past, linear between them; default: 0.5"},
+    MarramParam{"jiggle.start_frame", MARRAM_NUMBER, "frames", "none", -1e7, 1e7, "",
+                "strands are at rest in their bent pose up to here; needed where damping is 0"},
+};
+
+[[noreturn]] void refuse(const Values& values, const char* name, const std::string& text) {
+    throw SceneFault(values.at(name).place, text);
+}
+
+void refuse_without_frequency(const Values& values) {
+    for (const MarramParam& param : params) {
+        const std::string name = std::string("wind.") + param.name;
+        if (values.has(name))
+            refuse(values, name.c_str(),
+                   std::string(param.name) +
+                       " is given but no jiggle.frequency: add it in Hz, such as jiggle.frequency = 2");
+    }
+}
+
+// (1 - e^-x) / x
+double decay_mean(double x) { return x > 0.0 ? -std::expm1(-x) / x : 1.0; }
+
+// The power series of S = sum s_n tau^n / n!, s_n+2 = -2 zeta s_n+1 - s_n, and its integrals. For b tau <= 1 term n is below
+// 1 / n!.
+JiggleStep series_step(double damping, double tau) {
+    constexpr int terms = 20;               // 1 / 20! = 4e-19
+    double s0 = 0.0, s1 = 1.0, power = 1.0; // s_n, s_n+1, tau^n / n!
+    double s = 0.0, d = 0.0, g = 0.0;
+    for (int n = 0; n < terms; ++n) {
+        s += s0 * power;
+        d += s1 * power;
+        g += s0 * power / double(n + 1);
+        const double s2 = -2.0 * damping * s1 - s0;
+        s0 = s1;
+        s1 = s2;
+        power *= tau / double(n + 1);
+    }
+    const double mean_d = tau > 0.0 ? s / tau : 1.0;
+    return {1.0 - tau * g, s, d, mean_d + 2.0 * damping * g, g};
+}
+
+JiggleStep swinging_step(double damping, double tau) { // zeta < 1
+    const double p = std::sqrt((1.0 - damping) * (1.0 + damping));
+    const double decay = std::exp(-damping * tau), angle = p * tau;
+    const double s = decay * tau * (angle > 0.0 ? std::sin(angle) / angle : 1.0);
+    const double d = decay * std::cos(angle) - damping * s;
+    const double c = d + 2.0 * damping * s;
+    const double g = (1.0 - c) / tau;
+    return {c, s, d, s / tau + 2.0 * damping * g, g};
+}
+
+JiggleStep creeping_step(double damping, double tau) { // zeta >= 1
+    const double q = std::sqrt((damping - 1.0) * (damping + 1.0)), b = damping + q, a = 1.0 / b;
+    const double slow = std::exp(-a * tau), mean_s = slow * decay_mean(2.0 * q * tau);
+    const double s = tau * mean_s, mean_slow = decay_mean(a * tau);
+    const double g = a * (mean_slow - mean_s);
+    return {slow + a * s, s, std::exp(-b * tau) - a * s, mean_slow + a * g, g};
+}
+
+double least_stiffness(const Ramp& stiffness) { // anywhere on a strand
+    double least = std::min(stiffness(0.0), stiffness(1.0));
+    for (size_t i = 0; i < stiffness.positions().size(); ++i)
+        if (stiffness.positions()[i] > 0.0 && stiffness.positions()[i] < 1.0)
+            least = std::min(least, stiffness.values()[i]);
+    return least;
+}
+
+// The smallest angle whose tail is below `share`, to a thousandth; the side taken is the safe one.
+double memory_radians(double damping, double share) {
+    if (!(jiggle_tail(damping, 0.0) > share)) return 0.0;
+    double low = 0.0, high = 1.0;
+    while (jiggle_tail(damping, high) > share && high < 1e300) {
+        low = high;
+        high *= 2.0;
+    }
+    while (high - low > 1e-3 * high) {
+        const double middle = 0.5 * (low + high);
+        (jiggle_tail(damping, middle) > share ? low : high) = middle;
+    }
+    return high;
+}
+
+MARRAM_INLINE Wide3d without_subnormals(const Wide3d& a, const Wide3d& b) {
+    const VDouble zero{};
+    return {vabs(a.x) + vabs(b.x) < least_lag ? zero : a.x, vabs(a.y) + vabs(b.y) < least_lag ? zero : a.y,
+            vabs(a.z) + vabs(b.z) < least_lag ? zero : a.z};
+}
+
+// Takes the state of a block from one knot to the next.
+MARRAM_HOT void advance_block(const JiggleStep* steps, int cvs, const Wide3f* from, const Wide3f* to,
+                              Wide3d* lag, Wide3d* velocity) {
+    for (int k = 1; k < cvs; ++k) {
+        const JiggleStep step = steps[k];
+        const Wide3d moved = to_double(to[k]) - to_double(from[k]);
+        const Wide3d e = lag[k], w = velocity[k];
+        const Wide3d e1 = e * splat(step.c) + w * splat(step.s) - moved * splat(step.f);
+        const Wide3d w1 = w * splat(step.d) - e * splat(step.s) + moved * splat(step.g);
+        lag[k] = without_subnormals(e1, w1);
+        velocity[k] = without_subnormals(w1, e1);
+    }
+}
+
+struct EmitView { // one block
+    int cvs;
+    const JiggleStep* steps; // from the knot before to the time of the pose
+    double share;            // of the way from that knot to the next
+    const Wide3f *from, *to, *rest;
+    const Wide3d *lag, *velocity;
+    Wide3f* pose;
+};
+
+MARRAM_INLINE VLong differ(const Wide3d& a, const Wide3d& b) {
+    return (a.x != b.x) | (a.y != b.y) | (a.z != b.z);
+}
+
+// v scaled to `length`, where v says anything of its direction, as known by `scale`; else `instead`.
+MARRAM_INLINE Wide3d scaled_to(const Wide3d& v, VDouble length, const Wide3d& instead) {
+    const VDouble norm = vsqrt(dot(v, v));
+    const VLong good = norm > least_direction * length;
+    return select(good, v * (length / (good ? norm : splat(1.0))), instead);
+}
+
+MARRAM_HOT void emit_block(const EmitView& block) {
+    const Wide3d from_root = to_double(block.from[0]), to_root = to_double(block.to[0]);
+    Wide3d position = to_double(block.rest[0]), rest = position;
+    Wide3d filtered{}, target{}; // offsets of CV k from the root
+    VLong moves = differ(from_root, to_root) | differ(from_root, position);
+    block.pose[0] = block.rest[0];
+    for (int k = 1; k < block.cvs; ++k) {
+        const JiggleStep step = block.steps[k];
+        const Wide3d from = to_double(block.from[k]), to = to_double(block.to[k]);
+        const Wide3d moved = (to - from) * splat(block.share);
+        const Wide3d lag =
+            block.lag[k] * splat(step.c) + block.velocity[k] * splat(step.s) - moved * splat(step.f);
+        moves |= differ(from, to) | differ(lag, Wide3d{});
+
+        const Wide3d from_offset = from - from_root;
+        const Wide3d next_target = from_offset + ((to - to_root) - from_offset) * splat(block.share);
+        const Wide3d next_filtered = next_target + lag, next_rest = to_double(block.rest[k]);
+        const Wide3d segment = next_rest - rest;
+        const VDouble length = vsqrt(dot(segment, segment));
+        const Wide3d unlagged = scaled_to(next_target - target, length, segment);
+        position = position + scaled_to(next_filtered - filtered, length, unlagged);
+        block.pose[k] = to_float(position);
+        filtered = next_filtered;
+        target = next_target;
+        rest = next_rest;
+    }
+    if (!any(~moves)) return;
+    // What has never moved is its target to the last bit.
+    const VInt still = __builtin_convertvector(~moves, VInt);
+    for (int k = 1; k < block.cvs; ++k) {
+        const Wide3f &to = block.to[k], &pose = block.pose[k];
+        block.pose[k] = {still ? to.x : pose.x, still ? to.y : pose.y, still ? to.z : pose.z};
+    }
+}
+
+// n, turned by the shortest arc from unit a onto unit b. Opposed to within 1e-12 (the axis is then good to 1e-4 and
+// worsening) it is turned about itself.
+MARRAM_INLINE Wide3d turned(const Wide3d& n, const Wide3d& a, const Wide3d& b) {
+    const Wide3d axis = cross(a, b);
+    const VDouble c = 1.0 + dot(a, b);
+    const VLong opposed = c < 1e-12;
+    const VDouble along = dot(axis, n) / (opposed ? splat(1.0) : c);
+    return select(opposed, n, n * (c - 1.0) + cross(axis, n) + axis * along);
+}
+
+MARRAM_HOT void normals_block(int cvs, const Wide3f* bent, const Wide3f* bent_normal, const Wide3f* pose,
+                              Wide3f* normal) {
+    for (int k = 0; k < cvs; ++k) {
+        const int start = std::min(k, cvs - 2); // the tip shares the last segment's
+        const Wide3d a = to_double(bent[start + 1]) - to_double(bent[start]);
+        const Wide3d b = to_double(pose[start + 1]) - to_double(pose[start]);
+        const VDouble aa = dot(a, a), bb = dot(b, b);
+        const VLong turns = differ(a, b) & (aa > 0.0) & (bb > 0.0);
+        const Wide3d unit_a = a * (1.0 / vsqrt(turns ? aa : splat(1.0)));
+        const Wide3d unit_b = b * (1.0 / vsqrt(turns ? bb : splat(1.0)));
+        const Wide3d n = to_double(bent_normal[k]);
+        normal[k] = to_float(select(turns, turned(n, unit_a, unit_b), n));
+    }
+}
+
+} // namespace
+
+std::span<const MarramParam> jiggle_params() { return params; }
+
+std::optional<Jiggle> read_jiggle(const Values& values) {
+    if (!values.has("wind.jiggle.frequency")) {
+        refuse_without_frequency(values);
+        return std::nullopt;
+    }
+    Jiggle jiggle;
+    jiggle.place = values.at("wind.jiggle.frequency").place;
+    jiggle.frequency = values.number("wind.jiggle.frequency");
+    if (!(jiggle.frequency > 0.0))
+        refuse(values, "wind.jiggle.frequency",
+               "jiggle.frequency is not above 0: give how often a second strands swing, such as 2");
+    const auto number_or = [&](const char* name, double initial) {
+        return values.has(name) ? values.number(name) : initial;
+    };
+    jiggle.damping = number_or("wind.jiggle.damping", initial_damping);
+    jiggle.step = number_or("wind.jiggle.step", initial_step);
+    constexpr std::array initial_stiffness = {0.0, 4.0, 1.0, 1.0};
+    jiggle.stiffness = values.has("wind.jiggle.stiffness") ? values.ramp("wind.jiggle.stiffness")
+                                                           : Ramp(initial_stiffness, "linear");
+    for (const double value : jiggle.stiffness.values())
+        if (!(value > 0.0))
+            refuse(values, "wind.jiggle.stiffness",
+                   "jiggle.stiffness is not above 0 everywhere: it scales the frequency, keep it positive");
+    if (values.has("wind.jiggle.start_frame")) jiggle.start_frame = values.number("wind.jiggle.start_frame");
+    if (jiggle.damping == 0.0 && !jiggle.start_frame)
+        refuse(values, "wind.jiggle.damping",
+               "jiggle.damping = 0 never forgets how it began: give jiggle.start_frame, or some damping");
+    return jiggle;
+}
+
+JiggleStep jiggle_step(double damping, double radians) {
+    const double fastest = damping > 1.0 ? 2.0 * damping : 1.0; // pole, b < 2 zeta
+    if (radians * fastest <= 1.0) return series_step(damping, radians);
+    return damping < 1.0 ? swinging_step(damping, radians) : creeping_step(damping, radians);
+}
+
+double jiggle_tail(double damping, double radians) {
+    if (damping >= 1.0) return jiggle_step(damping, radians).c;
+    const double p = std::sqrt((1.0 - damping) * (1.0 + damping)), x = damping * radians;
+    return std::exp(-x) * std::min(1.0 / p, (1.0 + x) / damping) / damping;
+}
+
+JiggleWindow jiggle_window(const Jiggle& jiggle, std::span<const double> times, double fps, double reach,
+                           double tolerance) {
+    const double share = tolerance > 0.0 ? tolerance / reach : default_share;
+    const double omega = 2.0 * pi * jiggle.frequency * least_stiffness(jiggle.stiffness);
+    const double memory = reach > 0.0 ? memory_radians(jiggle.damping, share) / omega * fps : 0.0; // frames
+    const double first_time = times.front() - memory, last_time = times.back();
+
+    double first = std::floor(first_time / jiggle.step), last = std::ceil(last_time / jiggle.step);
+    if (first * jiggle.step > first_time) first -= 1.0; // where the division was rounded across a knot
+    if (last * jiggle.step < last_time) last += 1.0;
+    if (jiggle.start_frame) {
+        const double start = std::floor(*jiggle.start_frame / jiggle.step);
+        if (last_time < start * jiggle.step) return {};
+        first = std::max(first, start);
+    }
+    if (!(last - first < most_knots))
+        throw SceneFault(
+            jiggle.place,
+            "jiggle remembers more than " + std::to_string(int(most_knots)) +
+                " samples of the past here: give more jiggle.damping, a higher frequency, a longer "
+                "jiggle.step, or a jiggle.start_frame not so far back");
+    return {int64_t(first), int64_t(last)};
+}
+
+void JiggleFilter::begin(const Jiggle& jiggle, double fps, int cvs, int blocks) {
+    jiggle_ = jiggle;
+    fps_ = fps;
+    cvs_ = cvs;
+    blocks_ = blocks;
+    fed_ = 0;
+    const size_t size = size_t(blocks) * size_t(cvs);
+    lag_.assign(size, Wide3d{});
+    velocity_.assign(size, Wide3d{});
+    from_.resize(size);
+    to_.resize(size);
+    part_.resize(size_t(cvs));
+    fill_steps(jiggle.step, whole_);
+}
+
+void JiggleFilter::fill_steps(double frames, std::vector<JiggleStep>& steps) const {
+    steps.resize(size_t(cvs_));
+    for (int k = 1; k < cvs_; ++k) {
+        const double omega = 2.0 * pi * jiggle_.frequency * jiggle_.stiffness(double(k) / double(cvs_ - 1));
+        steps[size_t(k)] = jiggle_step(jiggle_.damping, omega * (frames / fps_));
+    }
+}
+
+void JiggleFilter::feed(int64_t knot, const Strands& bent) {
+    assert(bent.cvs == cvs_ && bent.blocks == blocks_ && (fed_ == 0 || knot == knot_ + 1));
+    if (fed_ == 2) {
+        for (int i = 0; i < blocks_; ++i) {
+            const size_t first = size_t(i) * size_t(cvs_);
+            advance_block(whole_.data(), cvs_, &from_[first], &to_[first], &lag_[first], &velocity_[first]);
+        }
+    }
+    std::swap(from_, to_);
+    std::copy(bent.pose.begin(), bent.pose.end(), to_.begin());
+    if (fed_ == 0) {
+        std::copy(bent.pose.begin(), bent.pose.end(), from_.begin());
+        first_ = knot;
+    }
+    knot_ = knot;
+    fed_ = std::min(fed_ + 1, 2);
+}
+
+void JiggleFilter::emit(double frame, const Strands& now, WideVector<Wide3f>& pose) {
+    assert(now.cvs == cvs_ && now.blocks == blocks_);
+    pose.resize(now.pose.size());
+    const double begin = jiggle_.frame_of(knot_ - 1), end = jiggle_.frame_of(knot_);
+    if (fed_ == 0 || frame < jiggle_.frame_of(first_)) {
+        std::copy(now.pose.begin(), now.pose.end(), pose.begin());
+        return;
+    }
+    // A single knot stands at the end of a step in which nothing has moved.
+    const double share = std::clamp((frame - begin) / (end - begin), 0.0, 1.0);
+    fill_steps(share * jiggle_.step, part_);
+    for (int i = 0; i < blocks_; ++i) {
+        const size_t first = size_t(i) * size_t(cvs_);
+        emit_block({cvs_, part_.data(), share, &from_[first], &to_[first], &now.rest[first], &lag_[first],
+                    &velocity_[first], &pose[first]});
+    }
+}
+
+void jiggle_normals(const Strands& now, const WideVector<Wide3f>& pose, WideVector<Wide3f>& normals) {
+    normals.resize(now.pose_normal.size());
+    for (int i = 0; i < now.blocks; ++i) {
+        const size_t first = size_t(i) * size_t(now.cvs);
+        normals_block(now.cvs, &now.pose[first], &now.pose_normal[first], &pose[first], &normals[first]);
+    }
+}
+
+} // namespace marram

@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/oracle/collide.h"
+#include "tests/oracle/promise.h"
+#include "tests/oracle/test_shapes.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+namespace marram::oracle {
+namespace {
+
+const Vec3d x = Vec3d::UnitX(), y = Vec3d::UnitY(), z = Vec3d::UnitZ();
+
+std::vector<Vec3d> straight(const Vec3d& root, const Vec3d& step, int count) {
+    std::vector<Vec3d> cvs;
+    for (int k = 0; k < count; ++k) cvs.push_back(root + k * step);
+    return cvs;
+}
+
+void expect_lengths(const std::vector<Vec3d>& cvs, const std::vector<Vec3d>& rest) {
+    for (size_t k = 0; k + 1 < rest.size(); ++k) {
+        const double length = (rest[k + 1] - rest[k]).norm();
+        EXPECT_NEAR((cvs[k + 1] - cvs[k]).norm(), length, 1e-14 * (1.0 + length));
+    }
+}
+
+TEST(OracleCollide, without_colliders_every_target_is_reached) {
+    Draw draw(61);
+    const std::vector<Vec3d> rest = straight({0, 0, 0}, 0.1 * y, 9);
+    std::vector<Vec3d> targets{rest[0]};
+    for (int k = 0; k < 8; ++k) targets.push_back(targets.back() + 0.1 * draw.direction());
+    const StrandTurn turn = collide_strand(rest, targets, std::vector<double>(8, 0.01), TriangleSet{});
+    for (size_t k = 0; k < 9; ++k) EXPECT_LT((turn.cvs[k] - targets[k]).norm(), 1e-14);
+    EXPECT_NEAR(turn.turned / turn.goal, 1.0, 1e-12);
+    EXPECT_EQ(turn.unresolved, 0);
+    const StrandTurn at_rest = collide_strand(rest, rest, std::vector<double>(8, 0.01), TriangleSet{});
+    for (size_t k = 0; k < 9; ++k) EXPECT_LT((at_rest.cvs[k] - rest[k]).norm(), 1e-15);
+    EXPECT_EQ(at_rest.goal, 0.0);
+}
+
+TEST(OracleCollide, a_strand_pressed_to_the_floor_comes_to_lie_on_it) {
+    // Root at height h, targets straight down under the floor: the first tip stops at height c_0, the rest follow as far.
+    const TriangleSet ground(floor_mesh(0.0, 10.0));
+    const double h = 0.1, l = 0.2;
+    const std::vector<Vec3d> rest = straight({0, h, 0}, l * y, 6);
+    std::vector<Vec3d> targets{rest[0]};
+    for (int k = 1; k < 6; ++k) targets.push_back({0.2 * k, -0.1 * k, 0});
+    const std::vector<double> c{0.05, 0.04, 0.03, 0.02, 0.01};
+    const StrandTurn turn = collide_strand(rest, targets, c, ground, 1e-9);
+    expect_lengths(turn.cvs, rest);
+    for (size_t k = 0; k < 5; ++k) {
+        EXPECT_NEAR(turn.cvs[k + 1].y(), c[k], 1e-9) << k;
+        EXPECT_TRUE(turn.segments[k].contact.touches);
+        EXPECT_FALSE(turn.segments[k].contact.grazes(1e-6));
+        EXPECT_NEAR(turn.cvs[k + 1].z(), 0.0, 1e-15);
+    }
+    EXPECT_NEAR(turn.segments[0].angle, pi / 2 + std::asin((h - c[0]) / l), 1e-9);
+    EXPECT_EQ(crossed_segments(turn.cvs, ground).segments, 0);
+    EXPECT_LT(turn.turned / turn.goal, 1.0);
+    EXPECT_GT(turn.turned / turn.goal, 0.25) << "segments carried under the floor turn away from their goals";
+}
+
+TEST(OracleCollide, a_segment_carried_in_is_turned_out_by_the_smaller_turn) {
+    const TriangleSet ground(floor_mesh(0.0, 10.0));
+    const double h = 0.6, free = std::acos(h);
+    const Vec3d start(std::sin(0.2), -std::cos(0.2), 0);
+    // The goal lies ahead (x) and free: out by the shorter turn, then on to the goal.
+    SegmentTurn turn = turn_segment({0, h, 0}, start, x, start, 1.0, 0.0, ground);
+    EXPECT_FALSE(turn.start_free);
+    EXPECT_NEAR(turn.out_angle, free - 0.2, 1e-9);
+    EXPECT_NEAR(turn.remaining, 0.0, 1e-9);
+    EXPECT_FALSE(turn.contact.touches);
+    // The goal lies behind, but out is shorter ahead: it comes out there, touches at once and stays.
+    const Vec3d goal(-std::sin(1.4), -std::cos(1.4), 0);
+    turn = turn_segment({0, h, 0}, start, goal, start, 1.0, 0.0, ground);
+    EXPECT_NEAR(turn.out_angle, free - 0.2, 1e-9);
+    EXPECT_TRUE(turn.contact.touches);
+    EXPECT_NEAR(turn.contact.angle, 0.0, 1e-9);
+    EXPECT_NEAR(turn.remaining, 1.4 + free, 1e-9);
+    EXPECT_NEAR(turn.angle, free - 0.2, 1e-9);
+    // The goal itself is under the floor, ahead of the way out: it comes out beyond the goal and stays.
+    const Vec3d under(std::sin(0.5), -std::cos(0.5), 0);
+    turn = turn_segment({0, h, 0}, start, under, start, 1.0, 0.0, ground);
+    EXPECT_NEAR(turn.out_angle, free - 0.2, 1e-9);
+    EXPECT_NEAR(turn.remaining, free - 0.5, 1e-9);
+}
+
+TEST(OracleCollide, where_one_plane_is_shut_another_is_tried_and_a_closed_box_is_unresolved) {
+    std::vector<Triangle> box = box_mesh({-1, -1, -1}, {1, 1, 1});
+    const Vec3d start = Vec3d(0.3, 0.9, 0.1).normalized();
+    const SegmentTurn shut = turn_segment(Vec3d::Zero(), start, x, start, 3.0, 0.0, TriangleSet(box));
+    EXPECT_TRUE(shut.unresolved);
+    EXPECT_EQ((shut.direction - start).norm(), 0.0);
+    std::erase_if(box, [](const Triangle& t) { return area_normal(t).z() > 0.0; });
+    // Without its lid at z = 1; the plane of start and goal never comes near the opening.
+    const Vec3d up = Vec3d(0.3, 0.9, 0).normalized();
+    const SegmentTurn open = turn_segment(Vec3d::Zero(), up, x, up, 3.0, 0.0, TriangleSet(box));
+    EXPECT_FALSE(open.unresolved);
+    EXPECT_FALSE(TriangleSet(box).any_crossing(Vec3d::Zero(), 3.0 * open.direction));
+    EXPECT_GT(open.direction.z(), 0.5);
+}
+
+TEST(OracleCollide, a_sheet_thinner_than_any_step_is_not_jumped_over) {
+    const TriangleSet sheet({{Vec3d(0.2, 0.5, -1), Vec3d(0.2, 0.5, 1), Vec3d(0.9, 0.5, 0)}});
+    const std::vector<Vec3d> rest = straight({0, 0, 0}, y, 2), targets{{0, 0, 0}, {1, 0, 0}};
+    const StrandTurn turn = collide_strand(rest, targets, {0.0}, sheet);
+    EXPECT_TRUE(turn.segments[0].contact.touches);
+    EXPECT_NEAR(turn.segments[0].angle, std::atan2(0.2, 0.5), 1e-9);
+}
+
+TEST(OracleCollide, segments_of_no_length_and_opposed_goals_are_finite) {
+    const TriangleSet ground(floor_mesh(-3.0, 10.0));
+    const std::vector<Vec3d> rest{{0, 0, 0}, {0, 0, 0}, {0, 1, 0}, {0, 1, 0}};
+    const std::vector<Vec3d> targets{{0, 0, 0}, {0, 0, 0}, {0, -1, 0}, {0, -1, 0}};
+    const StrandTurn turn = collide_strand(rest, targets, {0.0, 0.0, 0.0}, ground);
+    expect_lengths(turn.cvs, rest);
+    EXPECT_NEAR((turn.cvs[2] - Vec3d(0, -1, 0)).norm(), 0.0, 1e-12);
+    EXPECT_NEAR(turn.segments[1].angle, pi, 1e-12);
+}
+
+TEST(OracleCollide, fur_on_a_bumpy_sphere_crosses_nothing_and_is_the_same_at_any_scale) {
+    auto bumpy = [](const Vec3d& u) {
+        return 1.0 + 0.05 * std::sin(7.0 * u.x()) * std::cos(9.0 * u.y()) * std::sin(8.0 * u.z() + 1.0);
+    };
+    const std::vector<Triangle> mesh = sphere_mesh(60, bumpy);
+    for (double scale : {1.0, 1e-4, 1e5}) {
+        const TriangleSet set(moved(mesh, scale, Vec3d::Zero()));
+        Draw draw(71);
+        int crossed = 0, unresolved = 0, outs = 0;
+        double turned = 0.0, goal = 0.0, polygon = 0.0;
+        for (int i = 0; i < 60; ++i) {
+            const Triangle& t = mesh[size_t(draw.below(int(mesh.size())))];
+            const Vec3d normal = area_normal(t).normalized(), wind = (x + 0.1 * draw.in_cube()).normalized();
+            const Vec3d root = scale * ((t.a + t.b + t.c) / 3.0 + 2e-3 * normal);
+            const std::vector<Vec3d> rest = straight(root, scale * 0.05 * normal, 6);
+            const std::vector<Vec3d> targets = straight(root, scale * 0.05 * wind, 6);
+            std::vector<double> c;
+            for (int k = 0; k < 5; ++k) c.push_back(scale * (1e-3 - 1e-9 * k));
+            const StrandTurn turn = collide_strand(rest, targets, c, set);
+            const Crossed result = crossed_segments(turn.cvs, set);
+            crossed += result.segments;
+            unresolved += turn.unresolved;
+            for (const SegmentTurn& segment : turn.segments) outs += segment.start_free ? 0 : 1;
+            turned += turn.turned, goal += turn.goal;
+            for (size_t k = 0; k < 5; ++k)
+                polygon =
+                    std::max(polygon, c[k] - set.nearest(turn.cvs[k], turn.cvs[k + 1]).closest.distance);
+        }
+        std::printf(
+            "  scale %g: %d segments turned out, %d unresolved, %d crossed, deepest %.1e, share %.6f\n",
+            scale, outs, unresolved, crossed, polygon / scale, turned / goal);
+        EXPECT_EQ(crossed, 0);
+        EXPECT_EQ(unresolved, 0);
+        EXPECT_LT(polygon / scale, 1e-12);
+        EXPECT_NEAR(turned / goal, 0.55, 0.45);
+    }
+}
+
+} // namespace
+} // namespace marram::oracle

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/oracle/offset_scale.h"
+
+namespace marram::oracle {
+
+Foot foot_on_skin(const Vec3d& p, const Vec3d& facing, const TriangleSet& skin) {
+    auto normal_of = [&](int i) {
+        return Vec3d(area_normal(skin.triangles()[size_t(i)]).stableNormalized());
+    };
+    const Nearest nearest =
+        skin.nearest(p, p, TriangleSet::no_limit, [&](int i) { return normal_of(i).dot(facing) > 0.0; });
+    Foot foot;
+    if (nearest.triangle < 0) return foot;
+    foot.found = true;
+    foot.point = nearest.closest.on_triangle;
+    foot.normal = normal_of(nearest.triangle);
+    // Equally near: to some thousands of roundings of the distance and a few of the coordinates that it comes from.
+    const double rounding = 1e-12 * nearest.closest.distance +
+                            4.0 * std::numeric_limits<double>::epsilon() * p.cwiseAbs().maxCoeff();
+    double most = -1.0;
+    int sharing = 0;
+    for (int i : skin.within(p, p, nearest.closest.distance + rounding)) {
+        const Vec3d normal = normal_of(i);
+        if (!(normal.dot(facing) > 0.0)) continue;
+        ++sharing;
+        const double height = std::abs(normal.dot(p - foot.point));
+        if (height > most) most = height, foot.normal = normal;
+    }
+    foot.on_edge = sharing > 1;
+    foot.height = std::copysign(nearest.closest.distance, foot.normal.dot(p - foot.point));
+    return foot;
+}
+
+Pushed push_targets(const std::vector<Vec3d>& rest, const std::vector<Vec3d>& bent, const Vec3d& root_normal,
+                    double offset_scale, const TriangleSet& skin) {
+    Pushed result;
+    result.cvs = bent;
+    result.push.assign(bent.size(), 0.0);
+    result.on_edge.assign(bent.size(), false);
+    for (size_t k = 1; k < bent.size(); ++k) {
+        const Foot below_rest = foot_on_skin(rest[k], root_normal, skin);
+        const Foot below_bent = below_rest.found ? foot_on_skin(bent[k], below_rest.normal, skin) : Foot{};
+        if (!below_bent.found) {
+            ++result.skipped;
+            continue;
+        }
+        result.on_edge[k] = below_rest.on_edge || below_bent.on_edge;
+        result.push[k] = std::max(0.0, offset_scale * below_rest.height - below_bent.height);
+        result.cvs[k] += result.push[k] * below_bent.normal;
+    }
+    return result;
+}
+
+} // namespace marram::oracle

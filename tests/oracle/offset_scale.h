@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Offset scale: targets pushed out along the skin until they stand at offset_scale times their rest height.
+//
+// The foot of a rest CV is the nearest point of the skin among triangles that face as the root does (n . n_root > 0), the
+// foot of a bent CV the nearest among those that face as the rest foot's triangle does. Height is the distance from the foot,
+// negative below it: the sign is that of (P - foot) . n. Where several triangles are equally near (the foot lies on an edge or
+// corner) the one that n . (P - foot) is greatest in size for is the foot's triangle: the only choice whose sign is right on a
+// closed mesh for any corner. P' = P + n_foot max(0, offset_scale h_rest - h_bent). No such foot: skipped.
+#pragma once
+
+#include "tests/oracle/triangle_set.h"
+
+namespace marram::oracle {
+
+struct Foot {
+    bool found = false;
+    bool on_edge =
+        false; // several triangles are equally near: which normal is taken is a matter of convention
+    Vec3d point = Vec3d::Zero(), normal = Vec3d::Zero();
+    double height = 0.0;
+};
+Foot foot_on_skin(const Vec3d& p, const Vec3d& facing, const TriangleSet& skin);
+
+struct Pushed {
+    std::vector<Vec3d> cvs;
+    std::vector<double> push;  // of each CV, metres
+    std::vector<bool> on_edge; // either foot lies on an edge
+    int skipped = 0;
+};
+// The root, CV 0, stays: the strand is held there.
+Pushed push_targets(const std::vector<Vec3d>& rest, const std::vector<Vec3d>& bent, const Vec3d& root_normal,
+                    double offset_scale, const TriangleSet& skin);
+
+} // namespace marram::oracle

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/oracle/promise.h"
+
+#include <algorithm>
+
+namespace marram::oracle {
+
+Crossed crossed_segments(const std::vector<Vec3d>& cvs, const TriangleSet& set) {
+    Crossed result;
+    for (size_t k = 0; k + 1 < cvs.size(); ++k) {
+        const std::vector<Hit> hits = set.crossings(cvs[k], cvs[k + 1]);
+        double margin = hits.empty() ? set.nearest(cvs[k], cvs[k + 1]).closest.distance : 0.0;
+        for (const Hit& hit : hits) margin = std::max(margin, hit.crossing.margin); // the last to let go
+        result.margin = std::min(result.margin, margin);
+        result.segments += hits.empty() ? 0 : 1;
+    }
+    return result;
+}
+
+Vec3d drawn_point(const std::vector<Vec3d>& cvs, Spline spline, size_t segment, double t) {
+    const size_t last = cvs.size() - 1;
+    const Vec3d& b = cvs[segment];
+    const Vec3d& c = cvs[segment + 1];
+    const Vec3d a = segment == 0 ? Vec3d(2.0 * b - c) : cvs[segment - 1];
+    const Vec3d d = segment + 1 == last ? Vec3d(2.0 * c - b) : cvs[segment + 2];
+    const double t2 = t * t, t3 = t2 * t, s = 1.0 - t;
+    if (spline == Spline::b_spline)
+        return (s * s * s * a + (3.0 * t3 - 6.0 * t2 + 4.0) * b + (-3.0 * t3 + 3.0 * t2 + 3.0 * t + 1.0) * c +
+                t3 * d) /
+               6.0;
+    return ((-t3 + 2.0 * t2 - t) * a + (3.0 * t3 - 5.0 * t2 + 2.0) * b + (-3.0 * t3 + 4.0 * t2 + t) * c +
+            (t3 - t2) * d) /
+           2.0;
+}
+
+std::vector<double> deepest_dips(const std::vector<Vec3d>& cvs, const std::vector<double>& radius,
+                                 Spline spline, int samples, double reach, const TriangleSet& set) {
+    std::vector<double> dips(cvs.size() - 1, -reach);
+    for (size_t k = 0; k + 1 < cvs.size(); ++k)
+        for (int i = 0; i <= samples; ++i) {
+            const double t = double(i) / samples;
+            const Vec3d point = drawn_point(cvs, spline, k, t), polygon = cvs[k] + t * (cvs[k + 1] - cvs[k]);
+            const double r = radius[k] + t * (radius[k + 1] - radius[k]);
+            const bool inside = set.any_crossing(polygon, point);
+            const double limit = inside ? TriangleSet::no_limit : r + reach;
+            const double distance = set.nearest(point, point, limit).closest.distance;
+            dips[k] = std::max(dips[k], r - (inside ? -distance : distance));
+        }
+    return dips;
+}
+
+} // namespace marram::oracle

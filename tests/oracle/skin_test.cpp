@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+// What looks at the skin around a strand: offset scale, the promise, shielding.
+#include "tests/oracle/offset_scale.h"
+#include "tests/oracle/promise.h"
+#include "tests/oracle/shield.h"
+#include "tests/oracle/test_shapes.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+namespace marram::oracle {
+namespace {
+
+const Vec3d x = Vec3d::UnitX(), y = Vec3d::UnitY();
+
+TEST(OracleOffset, over_a_plane_heights_are_heights) {
+    const TriangleSet ground(floor_mesh(0.0, 10.0));
+    const std::vector<Vec3d> rest{{1, 0, 0.5}, {1, 1, 0.5}, {1, 2, 0.5}, {1, 3, 0.5}};
+    const std::vector<Vec3d> bent{{1, 0, 0.5}, {2, 0.2, 0.5}, {3, -1, 0.5}, {2, 2.9, 0.5}};
+    const Pushed half = push_targets(rest, bent, y, 0.5, ground);
+    EXPECT_EQ(half.skipped, 0);
+    EXPECT_NEAR(half.cvs[1].y(), 0.5, 1e-15);
+    EXPECT_NEAR(half.cvs[2].y(), 1.0, 1e-15) << "from below the skin";
+    EXPECT_NEAR(half.push[2], 2.0, 1e-15);
+    EXPECT_EQ((half.cvs[3] - bent[3]).norm(), 0.0) << "high enough";
+    EXPECT_EQ((half.cvs[0] - bent[0]).norm(), 0.0);
+    const Pushed whole = push_targets(rest, bent, y, 1.0, ground);
+    for (size_t k = 1; k < 4; ++k) EXPECT_NEAR(whole.cvs[k].y(), rest[k].y(), 1e-15);
+}
+
+TEST(OracleOffset, on_a_thin_ear_the_side_that_the_strand_grows_on_counts) {
+    const TriangleSet ear(box_mesh({-5, -0.01, -5}, {5, 0.01, 5}));
+    const std::vector<Vec3d> rest{{0, 0.01, 0.3}, {0, 1.01, 0.3}}, bent{{0, 0.01, 0.3}, {0.6, -0.5, 0.3}};
+    const Pushed pushed = push_targets(rest, bent, y, 1.0, ear);
+    EXPECT_NEAR((pushed.cvs[1] - Vec3d(0.6, 1.01, 0.3)).norm(), 0.0, 1e-14);
+    EXPECT_EQ(push_targets(rest, bent, y, 1.0, TriangleSet(floor_mesh(0.0, 1.0))).skipped, 0);
+    EXPECT_EQ(push_targets(rest, bent, -y, 1.0, TriangleSet(floor_mesh(0.0, 1.0))).skipped, 1) << "no side";
+}
+
+TEST(OracleOffset, signs_are_right_around_edges_and_corners_of_a_closed_mesh) {
+    const TriangleSet box(box_mesh({-1, -1, -1}, {1, 1, 1}));
+    Draw draw(81);
+    int on_edge = 0;
+    for (int i = 0; i < 500; ++i) {
+        const Vec3d p = 2.0 * draw.in_cube(), facing = p.normalized();
+        const Foot foot = foot_on_skin(p, facing, box);
+        ASSERT_TRUE(foot.found);
+        const Vec3d beyond = (p.cwiseAbs() - Vec3d::Ones()).cwiseMax(0.0);
+        if (p.cwiseAbs().maxCoeff() > 1.0)
+            EXPECT_NEAR(foot.height, beyond.norm(), 1e-14);
+        else
+            EXPECT_NEAR(foot.height, p.cwiseAbs().maxCoeff() - 1.0, 1e-14);
+        on_edge += foot.on_edge ? 1 : 0;
+    }
+    std::printf("  %d of 500 feet on edges\n", on_edge);
+    EXPECT_GT(on_edge, 50);
+}
+
+TEST(OracleOffset, around_a_sphere_heights_are_radii) {
+    const TriangleSet sphere(sphere_mesh(100, [](const Vec3d&) { return 1.0; }));
+    Draw draw(82);
+    double worst = 0.0;
+    for (int i = 0; i < 200; ++i) {
+        const Vec3d u = draw.direction(), v = (u + 0.4 * draw.in_cube()).normalized();
+        const std::vector<Vec3d> rest{u, 1.3 * u}, bent{u, (0.7 + 0.5 * draw.unit()) * v};
+        const Pushed pushed = push_targets(rest, bent, u, 0.8, sphere);
+        EXPECT_EQ(pushed.skipped, 0);
+        worst = std::max(worst, std::abs(pushed.cvs[1].norm() - std::max(1.24, bent[1].norm())));
+    }
+    // The facets stand 1.6 degrees off the sphere's normal at most, over a push of 0.54: 2e-4; heights 5e-4.
+    std::printf("  radius off by %.1e\n", worst);
+    EXPECT_LT(worst, 1e-3);
+}
+
+TEST(OraclePromise, crossed_segments_are_counted_with_their_margin) {
+    const TriangleSet ground(floor_mesh(0.0, 10.0));
+    EXPECT_EQ(crossed_segments({{0, 1, 0.5}, {1, 0.5, 0.5}, {2, -0.5, 0.5}, {3, 0.5, 0.5}}, ground).segments,
+              2);
+    const Crossed above = crossed_segments({{0, 1, 0.5}, {1, 0.25, 0.5}}, ground);
+    EXPECT_EQ(above.segments, 0);
+    EXPECT_DOUBLE_EQ(above.margin, 0.25);
+}
+
+TEST(OraclePromise, splines_meet_their_closed_forms) {
+    const std::vector<Vec3d> cvs{{0, 0, 0}, {1, 2, 0}, {3, 1, 1}, {4, 4, 2}};
+    for (size_t k = 0; k < 3; ++k) {
+        EXPECT_NEAR((drawn_point(cvs, Spline::catmull_rom, k, 0.0) - cvs[k]).norm(), 0.0, 1e-15);
+        EXPECT_NEAR((drawn_point(cvs, Spline::catmull_rom, k, 1.0) - cvs[k + 1]).norm(), 0.0, 1e-15);
+    }
+    for (size_t k = 1; k < 3; ++k)
+        EXPECT_NEAR(
+            (drawn_point(cvs, Spline::b_spline, k, 0.0) - (cvs[k - 1] + 4.0 * cvs[k] + cvs[k + 1]) / 6.0)
+                .norm(),
+            0.0, 1e-15);
+    EXPECT_NEAR((drawn_point(cvs, Spline::b_spline, 0, 0.0) - cvs[0]).norm(), 0.0, 1e-15)
+        << "by the phantom CV";
+    EXPECT_NEAR((drawn_point(cvs, Spline::b_spline, 2, 1.0) - cvs[3]).norm(), 0.0, 1e-15);
+    EXPECT_NEAR((drawn_point({{0, 0, 0}, {2, 0, 0}}, Spline::b_spline, 0, 0.5) - x).norm(), 0.0, 1e-15);
+}
+
+TEST(OraclePromise, a_curve_that_cuts_the_corner_dips_by_what_it_cuts) {
+    // The polygon goes over a narrow plate at height 0.8, the B-spline passes under it at 2/3.
+    const TriangleSet plate({{Vec3d(-0.01, 0.8, -9), Vec3d(-0.01, 0.8, 9), Vec3d(0.01, 0.8, 9)},
+                             {Vec3d(-0.01, 0.8, -9), Vec3d(0.01, 0.8, 9), Vec3d(0.01, 0.8, -9)}});
+    const std::vector<Vec3d> cvs{{-1, 0, 0.5}, {0, 1, 0.5}, {1, 0, 0.5}};
+    const double r = 0.01;
+    const std::vector<double> dips = deepest_dips(cvs, {r, r, r}, Spline::b_spline, 64, 1.0, plate);
+    EXPECT_NEAR(dips[0], r + 0.8 - 2.0 / 3.0, 1e-12);
+    EXPECT_NEAR(dips[1], r + 0.8 - 2.0 / 3.0, 1e-12);
+    const std::vector<double> above =
+        deepest_dips({{0, 0.3, 0}, {1, 0.3, 0}, {2, 0.3, 0}}, {0.1, 0.1, 0.2}, Spline::catmull_rom, 16, 1.0,
+                     TriangleSet(floor_mesh(0.0, 10.0)));
+    EXPECT_NEAR(above[0], 0.1 - 0.3, 1e-15);
+    EXPECT_NEAR(above[1], 0.2 - 0.3, 1e-15);
+}
+
+TEST(OracleShield, a_wall_upwind_shields_what_is_lower_than_it) {
+    const TriangleSet wall({{Vec3d(-1, -1, -5), Vec3d(-1, -1, 5), Vec3d(-1, 0.5, 5)},
+                            {Vec3d(-1, -1, -5), Vec3d(-1, 0.5, 5), Vec3d(-1, 0.5, -5)}});
+    std::vector<Vec3d> cvs;
+    for (int k = 0; k < 10; ++k) cvs.push_back({0, 0.1 * k + 0.05, 0.2});
+    const Shielding behind = shield_curve(cvs, x, 3.0, 1e-3, wall);
+    for (size_t k = 0; k < 10; ++k) EXPECT_EQ(behind.hit[k], k < 5) << k;
+    EXPECT_DOUBLE_EQ(behind.alpha, 0.5);
+    EXPECT_EQ(shield_curve(cvs, x, 0.9, 1e-3, wall).alpha, 0.0) << "the ray begins behind the wall";
+    EXPECT_EQ(shield_curve(cvs, -x, 3.0, 1e-3, wall).alpha, 0.0) << "the lee is on the other side";
+    const Shielding edge =
+        shield_curve({{0, 0.5 + 2e-6, 0.2}, {0, 0.5 - 2e-6, 0.2}, {0, 0.5 - 4e-6, 0.2}}, x, 3.0, 1e-3, wall);
+    EXPECT_TRUE(edge.grazing[0] && edge.grazing[1] && !edge.hit[0] && edge.hit[1]);
+    EXPECT_FALSE(edge.grazing[2]);
+    EXPECT_TRUE(shield_curve({{2, 0.2, 0.3}}, x, 3.0, 1e-3, wall).grazing[0]) << "the ray begins on the wall";
+    EXPECT_DOUBLE_EQ(shield_envelope(0.5, 0.5), 0.75);
+    EXPECT_EQ(shield_envelope(2.0, 1.0), 0.0);
+}
+
+TEST(OracleShield, on_a_sphere_windward_roots_are_open_and_lee_roots_shielded_at_any_scale) {
+    for (double scale : {1e-4, 1.0, 1e5}) {
+        const std::vector<Triangle> mesh =
+            moved(sphere_mesh(24, [](const Vec3d&) { return 1.0; }), scale, Vec3d::Zero());
+        const TriangleSet set(mesh);
+        int wrong = 0, looked_at = 0;
+        for (const Triangle& t : mesh) {
+            const Vec3d root = (t.a + t.b + t.c) / 3.0, normal = area_normal(t).normalized();
+            if (std::abs(normal.dot(x)) < 0.05) continue;
+            const Shielding s = shield_curve({root}, x, 10.0 * scale, 1e-4, set);
+            wrong += s.hit[0] != (normal.dot(x) > 0.0) ? 1 : 0;
+            ++looked_at;
+        }
+        std::printf("  scale %g: %d roots\n", scale, looked_at);
+        EXPECT_EQ(wrong, 0);
+    }
+}
+
+} // namespace
+} // namespace marram::oracle

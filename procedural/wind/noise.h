@@ -43,7 +43,7 @@
 //              is 2 A^2 B and 3 A^3 B, with A = 0.783549784, B = 0.059385059.
 //
 // Billow: the Perlin noise of each octave folded at 0: rounded heaps between creases. The folded octaves are the
-// "turbulence" of K. Perlin, "An Image Synthesizer" (SIGGRAPH 1985), section "Marble"; F. K. Musgrave in D. Ebert et al.,
+// "turbulence" of K. Perlin, "An Image Synthesizer" (SIGGRAPH 1985); F. K. Musgrave in D. Ebert et al.,
 // "Texturing and Modeling" builds billowy clouds and ridges of them.
 //
 //     (|perlin| - mean) rms / sqrt(rms^2 - mean^2)

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/wind/noise.h"
 
+#include "procedural/wind/wavelet_noise.h"
+
 #include <cmath>
 
 namespace marram {
@@ -89,33 +91,64 @@ MARRAM_INLINE Wide3f perlin3(const Wide3d& p, uint32_t seed) {
 }
 
 // The fourth coordinate is the same for all points of a call: its cell and blend are scalars.
+struct Layers {
+    uint32_t index; // of the layer before
+    float fraction; // towards the next
+    float blend;
+};
+
+MARRAM_INLINE Layers layers_at(double w) {
+    const double base = std::floor(w);
+    const float t = float(w - base);
+    return {static_cast<uint32_t>(static_cast<int64_t>(base)), t,
+            t * t * t * (t * (t * 6.0F - 15.0F) + 10.0F)};
+}
+
+MARRAM_INLINE uint32_t layer_seed(uint32_t seed, uint32_t layer) { return seed ^ (layer * 0x27d4eb2fU); }
+
 MARRAM_INLINE Wide3f perlin4(const Wide3d& p, double w, uint32_t seed) {
     const Cell cell = cell_of(p);
-    const double base = std::floor(w);
-    const float fraction = float(w - base);
-    const float t = fraction * fraction * fraction * (fraction * (fraction * 6.0F - 15.0F) + 10.0F);
-    const auto index = static_cast<uint32_t>(static_cast<int64_t>(base));
+    const Layers layers = layers_at(w);
     Wide3f side[2];
     for (int l = 0; l < 2; ++l) {
-        const uint32_t layer_seed = seed ^ ((index + uint32_t(l)) * 0x27d4eb2fU);
         VFloat v[3][8];
         for (int corner = 0; corner < 8; ++corner) {
             const int i = corner & 1, j = (corner >> 1) & 1, k = corner >> 2;
-            const VUint h = corner_hash(cell, i, j, k, layer_seed);
+            const VUint h = corner_hash(cell, i, j, k, layer_seed(seed, layers.index + uint32_t(l)));
             const VFloat x = cell.fraction[0] - float(i), y = cell.fraction[1] - float(j);
-            const VFloat z = cell.fraction[2] - float(k), u = splat_float(fraction - float(l));
+            const VFloat z = cell.fraction[2] - float(k), u = splat_float(layers.fraction - float(l));
             for (int component = 0; component < 3; ++component)
                 v[component][corner] = gradient4(h >> (8 * component), x, y, z, u);
         }
         side[l] = {blend3(cell, v[0]), blend3(cell, v[1]), blend3(cell, v[2])};
     }
-    return side[0] + (side[1] - side[0]) * splat_float(t);
+    return side[0] + (side[1] - side[0]) * splat_float(layers.blend);
 }
 
-} // namespace
+struct Fold { // (|noise| - mean) scale has mean 0 and Perlin's rms
+    float mean, scale;
+};
 
-MARRAM_HOT void vector_noise(const FractalNoise& noise, const Wide3d* points, int count, bool four, double w,
-                             Wide3f* out) {
+Fold fold_of(bool four) {
+    const double rms = four ? perlin_rms_4d : perlin_rms_3d;
+    const double mean = four ? perlin_fold_mean_4d : perlin_fold_mean_3d;
+    return {float(mean), float(rms / std::sqrt(rms * rms - mean * mean))};
+}
+
+MARRAM_INLINE VFloat folded(VFloat noise, Fold fold) {
+    return (bits_as<VFloat>(bits_as<VUint>(noise) & 0x7fffffffU) - fold.mean) *
+           fold.scale; // without the sign bit
+}
+
+// A coordinate that a double still resolves to a quarter of a cell, else 0 (infinities too): never an index past its type.
+constexpr double farthest = 0x1p50;
+MARRAM_INLINE VDouble in_reach(VDouble x) { return vabs(x) <= farthest ? x : VDouble{}; }
+MARRAM_INLINE Wide3d in_reach(const Wide3d& p) { return {in_reach(p.x), in_reach(p.y), in_reach(p.z)}; }
+
+// The sum over octaves of octave(point in cells, index of the octave), its strength kept.
+template <typename Octave>
+MARRAM_INLINE void sum_octaves(const FractalNoise& noise, const Wide3d* points, int count, Wide3f* out,
+                               Octave&& octave_at) {
     double squares = 0.0, weight = 1.0;
     for (int octave = 0; octave < noise.octaves; ++octave, weight *= noise.gain) squares += weight * weight;
     const double scale = 1.0 / std::sqrt(squares);
@@ -123,14 +156,64 @@ MARRAM_HOT void vector_noise(const FractalNoise& noise, const Wide3d* points, in
         Wide3f sum{};
         double frequency = noise.frequency, amplitude = scale;
         for (int octave = 0; octave < noise.octaves; ++octave) {
-            const uint32_t seed = noise.seed + uint32_t(octave) * 0x6d2b79f5U;
-            const Wide3d p = points[i] * splat(frequency);
-            const Wide3f value = four ? perlin4(p, w, seed) : perlin3(p, seed);
+            const Wide3f value = octave_at(in_reach(points[i] * splat(frequency)), octave);
             sum = sum + value * splat_float(float(amplitude));
             frequency *= noise.lacunarity;
             amplitude *= noise.gain;
         }
         out[i] = sum;
+    }
+}
+
+MARRAM_INLINE uint32_t octave_seed(const FractalNoise& noise, int octave) {
+    return noise.seed + uint32_t(octave) * 0x6d2b79f5U;
+}
+
+MARRAM_HOT void perlin_noise(const FractalNoise& noise, const Wide3d* points, int count, bool four, double w,
+                             Wide3f* out) {
+    sum_octaves(noise, points, count, out, [&](const Wide3d& p, int octave) MARRAM_ALWAYS_INLINE {
+        const uint32_t seed = octave_seed(noise, octave);
+        return four ? perlin4(p, w, seed) : perlin3(p, seed);
+    });
+}
+
+MARRAM_HOT void billow_noise(const FractalNoise& noise, const Wide3d* points, int count, bool four, double w,
+                             Wide3f* out) {
+    const Fold fold = fold_of(four);
+    sum_octaves(noise, points, count, out, [&](const Wide3d& p, int octave) MARRAM_ALWAYS_INLINE {
+        const uint32_t seed = octave_seed(noise, octave);
+        const Wide3f value = four ? perlin4(p, w, seed) : perlin3(p, seed);
+        return Wide3f{folded(value.x, fold), folded(value.y, fold), folded(value.z, fold)};
+    });
+}
+
+MARRAM_HOT void wavelet_noise(const FractalNoise& noise, const Quad* tile, const Wide3d* points, int count,
+                              bool four, double w, Wide3f* out) {
+    const Layers layers = layers_at(four ? w : 0.0);
+    const float u = layers.blend, norm = 1.0F / std::sqrt(u * u + (1.0F - u) * (1.0F - u));
+    const VFloat share = splat_float((1.0F - u) * norm), next_share = splat_float(u * norm);
+    sum_octaves(noise, points, count, out, [&](const Wide3d& p, int octave) MARRAM_ALWAYS_INLINE {
+        const uint32_t seed = octave_seed(noise, octave);
+        const Wide3d q = wavelet_turn(p);
+        const Wide3f value = wavelet_at(tile, q + wavelet_offset(layer_seed(seed, layers.index)));
+        if (!four) return value;
+        const Wide3f next = wavelet_at(tile, q + wavelet_offset(layer_seed(seed, layers.index + 1U)));
+        return value * share + next * next_share;
+    });
+}
+
+} // namespace
+
+void vector_noise(const FractalNoise& noise, const Wide3d* points, int count, bool four, double w,
+                  Wide3f* out) {
+    const double place = std::abs(w) <= farthest ? w : 0.0;
+    switch (noise.type) {
+    case NoiseType::perlin:
+        return perlin_noise(noise, points, count, four, place, out);
+    case NoiseType::billow:
+        return billow_noise(noise, points, count, four, place, out);
+    case NoiseType::wavelet:
+        return wavelet_noise(noise, wavelet_tile(), points, count, four, place, out);
     }
 }
 

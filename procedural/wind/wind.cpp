@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/wind/wind.h"
 
+#include "procedural/wind/wavelet_noise.h"
+
 #include <algorithm>
 #include <array>
+#include <string_view>
 #include <vector>
 
 namespace marram {
@@ -49,6 +52,10 @@ constexpr std::array own_params = {
                 "the wind stays as strong as speed and calm say"},
 };
 
+NoiseType noise_type(std::string_view name) {
+    return name == "billow" ? NoiseType::billow : name == "wavelet" ? NoiseType::wavelet : NoiseType::perlin;
+}
+
 } // namespace
 
 std::span<const MarramParam> wind_params() {
@@ -88,10 +95,8 @@ Wind read_wind(const Values& values) {
                              "wind.ramp_rotate goes below 0: strands do not turn away from the wind");
     wind.waviness = values.number("wind.waviness");
     wind.reference_segments = values.integer("wind.reference_segments");
-    if (values.text("wind.noise.type") != "perlin")
-        throw SceneFault(values.at("wind.noise.type").place,
-                         "noise.type = \"" + std::string(values.text("wind.noise.type")) +
-                             "\" is not available in this build: use \"perlin\"");
+    wind.noise.type = noise_type(values.text("wind.noise.type"));
+    if (wind.noise.type == NoiseType::wavelet) wavelet_tile(); // built here, not in the first patch's time
     wind.noise_amplitude = values.number("wind.noise.amplitude");
     wind.noise.frequency = values.number("wind.noise.frequency");
     wind.noise.octaves = values.integer("wind.noise.octaves");

@@ -150,10 +150,6 @@ TEST(BadInput, WindsThatCannotBlow) {
     expect_refused(with_wind("direction = [0, 0, 0]\n"), "the wind's direction is zero: give a vector");
     expect_refused(with_wind("response = [[0, 0.5], [10, 1]]\n"), "wind.response is not 0 at speed 0");
     expect_refused(with_wind("response = [[0, 0], [10, 2]]\n"), "wind.response leaves 0 ... 1");
-    expect_refused(with_wind("noise.type = \"billow\"\n"),
-                   "noise.type = \"billow\" is not available in this build");
-    expect_refused(with_wind("noise.type = \"wavelet\"\n"),
-                   "noise.type = \"wavelet\" is not available in this build");
     expect_refused(with_wind("noise.type = \"simplex\"\n"), "simplex");
     expect_refused(with_wind("noise.loop = [5, 5]\n"), "noise.loop has no length: give two different frames");
     expect_refused(with_wind("speed = 1e12\n"), "speed");

@@ -144,7 +144,7 @@ TEST(Render, SaysWhatAFrameCosts) {
     for (const char* key : {"load", "terrain", "colliders", "expand", "gusts", "shield", "bend", "jiggle",
                             "collide", "curves_bvh", "trace", "total"})
         EXPECT_TRUE(stats["seconds"][key].is_number() && stats["seconds"][key] >= 0.0) << key;
-    for (const char* key : {"contacts", "pushed_out", "unresolved"})
+    for (const char* key : {"contacts", "pushed_out", "unresolved", "skipped_pushes", "dips", "reached"})
         EXPECT_TRUE(stats["collision"][key].is_number()) << key;
     for (const char* key : {"peak_bytes", "curve_bytes"})
         EXPECT_GT(stats["memory"][key].get<uint64_t>(), 0u) << key;

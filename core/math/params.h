@@ -37,8 +37,7 @@ enum class ParamType {
 };
 
 struct ParamSpec {
-    std::string
-        name; // dotted where tables nest: "noise.octaves"; in a list of tables "gusts.control[].shape"
+    std::string name; // dotted where tables nest, "noise.octaves"; in lists of them "gusts.control[].shape"
     ParamType type = ParamType::number;
     std::string unit; // "m", "deg", "m/s", "frames", "1/m"; "" where there is none
     std::string

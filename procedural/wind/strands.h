@@ -18,6 +18,7 @@ struct Strands {
 
     WideVector<Wide3f> rest, pose;               // [blocks * cvs]
     WideVector<Wide3f> rest_normal, pose_normal; // [blocks * cvs] where `oriented`, else empty
+    WideVector<VFloat> gust;                     // [blocks * cvs], sum of the gusts' influence, not clamped
     WideVector<VFloat> envelope;                 // [blocks * cvs], 0 ... 1
     WideVector<Wide3d> anchor;                   // [blocks]: where noise is sampled from
     WideVector<Wide3d> points;                   // [cvs] scratch
@@ -33,6 +34,7 @@ struct Strands {
         pose.resize(size);
         rest_normal.resize(with_normals ? size : 0);
         pose_normal.resize(with_normals ? size : 0);
+        gust.resize(size);
         envelope.resize(size);
         anchor.resize(size_t(blocks));
         points.resize(size_t(cvs));

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <vector>
 
 namespace marram {
 namespace {
@@ -14,8 +15,8 @@ constexpr std::array params = {
                 "where the air goes to; any length but 0"},
     MarramParam{"speed", MARRAM_NUMBER, "m/s", "0", 0, big, "",
                 "carries the noise along and, through response, bends"},
-    MarramParam{"calm", MARRAM_NUMBER, "", "1", 0, 1, "",
-                "wind between gusts, as a share of the full envelope"},
+    MarramParam{"calm", MARRAM_NUMBER, "", "none", 0, 1, "",
+                "wind between gusts, as a share of the full envelope; default: 1 without gusts, 0 with"},
     MarramParam{"response", MARRAM_RAMP, "m/s", "[[0, 0], [10, 1]]", -big, big, "",
                 "speed to strength: positions in m/s, values 0 ... 1, response(0) = 0"},
     MarramParam{"global_rotate", MARRAM_NUMBER, "", "0.6", 0, 1, "",
@@ -44,8 +45,6 @@ constexpr std::array params = {
     MarramParam{"noise.seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "another field of the same kind"},
     MarramParam{"noise.loop", MARRAM_RANGE, "frames", "none", -1e7, 1e7, "",
                 "first and last frame of a cycle that closes"},
-    MarramParam{"gusts", MARRAM_UNAVAILABLE, "", "none", 0, 0, "",
-                "the wind stays as strong as speed and calm say"},
     MarramParam{"shielding", MARRAM_UNAVAILABLE, "", "none", 0, 0, "", "every strand gets the whole wind"},
     MarramParam{"jiggle", MARRAM_UNAVAILABLE, "", "none", 0, 0, "", "strands follow the wind at once"},
     MarramParam{"collision", MARRAM_UNAVAILABLE, "", "none", 0, 0, "", "strands pass through meshes"},
@@ -53,7 +52,14 @@ constexpr std::array params = {
 
 } // namespace
 
-std::span<const MarramParam> wind_params() { return params; }
+std::span<const MarramParam> wind_params() {
+    static const std::vector<MarramParam> all = [] {
+        std::vector<MarramParam> list(params.begin(), params.end());
+        for (const auto stage : {gust_params()}) list.insert(list.end(), stage.begin(), stage.end());
+        return list;
+    }();
+    return all;
+}
 
 Wind read_wind(const Values& values) {
     Wind wind;
@@ -64,7 +70,8 @@ Wind read_wind(const Values& values) {
                          "the wind's direction is zero: give a vector, such as [1, 0, 0]");
     wind.direction = direction / length;
     wind.speed = values.number("wind.speed");
-    wind.calm = values.number("wind.calm");
+    wind.gusts = read_gusts(values);
+    wind.calm = values.has("wind.calm") ? values.number("wind.calm") : wind.gusts ? 0.0 : 1.0;
     wind.response = values.ramp("wind.response");
     if (wind.response(0.0) != 0.0)
         throw SceneFault(

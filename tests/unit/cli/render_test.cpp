@@ -236,7 +236,9 @@ TEST(Render, GrowsOnAForeignMesh) {
 TEST(Program, SaysWhatThereIs) {
     const Outcome info = marram({"info"});
     EXPECT_EQ(info.code, 0) << info.err;
-    for (const char* word : {"groom", "density", "hair", "sun", "noise.frequency"})
+    for (const char* word :
+         {"groom", "density", "hair", "sun", "noise.frequency", "gusts.control[].shape",
+          "gusts.control[] belongs to every table of a list: gusts.control = [{ ... }, ...]"})
         EXPECT_CONTAINS(info.out, word);
     EXPECT_EQ(marram({"--version"}).code, 0);
     EXPECT_EQ(marram({"--help"}).code, 0);

@@ -37,6 +37,13 @@ void print_params(std::span<const ParamSpec> params) {
     for (const ParamSpec& spec : params)
         fmt::print("    {:{}}  {:{}}  {:{}}  {:{}}  {}\n", spec.name, name, kind_of(spec), kind,
                    default_of(spec), initial, spec.unit, unit, spec.help);
+    std::string_view last; // lists whose tables these parameters belong to
+    for (const ParamSpec& spec : params) {
+        const std::string_view list = list_of(spec.name);
+        if (list.empty() || list == last) continue;
+        fmt::print("    {0}[] belongs to every table of a list: {0} = [{{ ... }}, ...]\n", list);
+        last = list;
+    }
 }
 
 void print_table(const std::string& title, const std::string& help, std::span<const ParamSpec> params) {
@@ -100,7 +107,8 @@ void print_scene(const std::string& file) {
                keys);
     fmt::print(
         "build: about {:.1f} s of one processor for the BVH, {:.2f} s of all of them for the strands\n",
-        segments * bvh_seconds * (1.0 + 0.3 * (keys - 1.0)), stats.expand + stats.bend);
+        segments * bvh_seconds * (1.0 + 0.3 * (keys - 1.0)),
+        stats.expand + stats.gusts + stats.shield + stats.bend + stats.jiggle + stats.collide);
     fmt::print("film: {} x {}, {:.3g} paths\n", width, height,
                double(width) * height * scene.description.film.integer("samples"));
     const Vec3f size = world.bounds.sizes();

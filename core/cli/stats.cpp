@@ -23,19 +23,18 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
     json["cvs"] = build.cvs;
     json["segments"] = build.segments;
     json["triangles"] = build.triangles;
-    json["seconds"] = {{"load", stats.load},
-                       {"terrain", 0.0},
-                       {"colliders", build.colliders},
-                       {"expand", build.expand},
-                       {"gusts", 0.0},
-                       {"shield", 0.0},
-                       {"bend", build.bend},
-                       {"jiggle", 0.0},
-                       {"collide", 0.0},
-                       {"curves_bvh", build.curves_bvh},
-                       {"trace", stats.trace},
-                       {"total", stats.total}};
-    json["collision"] = {{"contacts", 0}, {"pushed_out", 0}, {"unresolved", 0}};
+    json["seconds"] = {{"load", stats.load},           {"terrain", 0.0},
+                       {"colliders", build.colliders}, {"expand", build.expand},
+                       {"gusts", build.gusts},         {"shield", build.shield},
+                       {"bend", build.bend},           {"jiggle", build.jiggle},
+                       {"collide", build.collide},     {"curves_bvh", build.curves_bvh},
+                       {"trace", stats.trace},         {"total", stats.total}};
+    json["collision"] = {{"contacts", build.contacts},
+                         {"pushed_out", build.pushed_out},
+                         {"unresolved", build.unresolved},
+                         {"skipped_pushes", build.skipped_pushes},
+                         {"dips", build.dips},
+                         {"reached", build.collision_reached}};
     json["memory"] = {{"peak_bytes", uint64_t(usage.ru_maxrss) * 1024}, // of the process so far
                       {"curve_bytes", build.curve_bytes},
                       {"curve_extra_bytes", build.curve_extra_bytes}};

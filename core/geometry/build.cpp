@@ -6,6 +6,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 namespace marram {
@@ -213,14 +214,23 @@ class LentMeshes {
         std::vector<const float*> positions, normals;
     };
 
-    static MarramStatus pose(void* user, uint32_t index, double frame, float* out) {
+    static void copy(const std::vector<Vec3f>& from, float* to) {
+        std::memcpy(to, from.data(), from.size() * sizeof(Vec3f));
+    }
+
+    static MarramStatus pose(void* user, uint32_t index, double frame, float* positions, float* normals) {
         const LentMeshes& lent = *static_cast<LentMeshes*>(user);
         if (index >= lent.meshes_.size() || !std::isfinite(frame)) return MARRAM_ERROR;
-        // Meshes that a procedural has made have one pose.
-        const std::vector<Vec3f> positions = index < lent.geometry_.meshes.size()
-                                                 ? positions_at(lent.geometry_.meshes[index], frame)
-                                                 : lent.world_.meshes[index].positions[0];
-        std::copy_n(positions.data()->data(), 3 * positions.size(), out);
+        const MeshGeometry& placed = lent.world_.meshes[index];
+        const bool wants_normals = normals && !placed.normals.empty();
+        if (index < lent.geometry_.meshes.size()) {
+            const SceneMesh& mesh = lent.geometry_.meshes[index];
+            copy(positions_at(mesh, frame), positions);
+            if (wants_normals) copy(normals_at(mesh, frame), normals);
+        } else { // made by a procedural: it has one pose
+            copy(placed.positions[0], positions);
+            if (wants_normals) copy(placed.normals[0], normals);
+        }
         return MARRAM_OK;
     }
 
@@ -384,20 +394,47 @@ void tessellate_patch(CurveBuild& item, uint32_t index) {
             *indices++ = uint32_t(first_vertex + size_t(c) * (cvs + 2) + k);
 }
 
+// What a procedural reports, and where it is kept.
+struct ReportedStage {
+    std::string_view key;
+    double BuildStats::*seconds;
+};
+constexpr ReportedStage reported_stages[] = {
+    {"thread_seconds.expand", &BuildStats::expand}, {"thread_seconds.gusts", &BuildStats::gusts},
+    {"thread_seconds.shield", &BuildStats::shield}, {"thread_seconds.bend", &BuildStats::bend},
+    {"thread_seconds.jiggle", &BuildStats::jiggle}, {"thread_seconds.collide", &BuildStats::collide}};
+
+struct ReportedCount {
+    std::string_view key;
+    uint64_t BuildStats::*count;
+};
+constexpr ReportedCount reported_counts[] = {{"collision.contacts", &BuildStats::contacts},
+                                             {"collision.pushed_out", &BuildStats::pushed_out},
+                                             {"collision.unresolved", &BuildStats::unresolved},
+                                             {"collision.skipped_pushes", &BuildStats::skipped_pushes},
+                                             {"collision.dips", &BuildStats::dips},
+                                             {"memory.bytes", &BuildStats::curve_extra_bytes}};
+
 // Wall seconds of the tessellation are shared out by the thread seconds that the procedural reports.
 void account(Build& build, CurveBuild& item, double wall) {
-    double roots = 0.0, expand = 0.0, bend = 0.0;
-    for (const auto& [key, value] : item.procedural->report()) {
-        if (key == "seconds.roots") roots = value;
-        if (key == "thread_seconds.expand") expand = value;
-        if (key == "thread_seconds.bend") bend = value;
-        if (key == "memory.bytes") build.stats.curve_extra_bytes += uint64_t(value);
+    BuildStats& stats = build.stats;
+    const auto report = item.procedural->report();
+    double sum = 0.0;
+    for (const auto& [key, value] : report)
+        for (const ReportedStage& stage : reported_stages) sum += key == stage.key ? value : 0.0;
+    if (!(sum > 0.0)) stats.expand += wall;
+    for (const auto& [key, value] : report) {
+        for (const ReportedStage& stage : reported_stages)
+            if (key == stage.key && sum > 0.0) stats.*stage.seconds += wall * value / sum;
+        for (const ReportedCount& entry : reported_counts)
+            if (key == entry.key) stats.*entry.count += uint64_t(value);
+        if (key == "seconds.roots") stats.expand += value;
+        if (key == "collision.goal_angle") stats.goal_angle += value;
+        if (key == "collision.turned_angle") stats.turned_angle += value;
     }
-    const double sum = expand + bend;
-    build.stats.expand += roots + (sum > 0.0 ? wall * expand / sum : wall);
-    build.stats.bend += sum > 0.0 ? wall * bend / sum : 0.0;
+    stats.collision_reached = stats.goal_angle > 0.0 ? stats.turned_angle / stats.goal_angle : 1.0;
     for (std::string& warning : item.procedural->take_warnings())
-        build.stats.warnings.push_back(std::move(warning));
+        stats.warnings.push_back(std::move(warning));
 }
 
 void add_curves(Build& build, Procedural& procedural, LentMeshes& lent) {

@@ -51,7 +51,12 @@ struct BuildProgress {
 };
 
 struct BuildStats {
-    double colliders = 0.0, expand = 0.0, bend = 0.0, curves_bvh = 0.0; // wall seconds
+    double colliders = 0.0, curves_bvh = 0.0; // wall seconds
+    // The tessellation's wall seconds, shared out among the stages of all procedurals.
+    double expand = 0.0, gusts = 0.0, shield = 0.0, bend = 0.0, jiggle = 0.0, collide = 0.0;
+    uint64_t contacts = 0, pushed_out = 0, unresolved = 0, skipped_pushes = 0, dips = 0; // of collision
+    double goal_angle = 0.0, turned_angle = 0.0; // radians that segments were to turn, and did
+    double collision_reached = 1.0;              // turned / goal: share of the way to the goal
     uint64_t curves = 0, cvs = 0, segments = 0, triangles = 0;
     uint64_t curve_bytes = 0;       // buffers that Embree reads: vertices, normals, indices
     uint64_t curve_extra_bytes = 0; // ours besides: roots, scratch, attributes

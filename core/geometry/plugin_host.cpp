@@ -38,6 +38,8 @@ ParamType type_of(MarramParamType type) {
         return ParamType::image;
     case MARRAM_MESH_NAME:
         return ParamType::reference;
+    case MARRAM_KEYS:
+        return ParamType::keys;
     case MARRAM_UNAVAILABLE:
         return ParamType::unavailable;
     case MARRAM_PARAM_TYPE_COUNT:
@@ -58,9 +60,9 @@ constexpr std::string_view wind_prefix = "wind.";
 // Values in the contract's form, with the storage that they point into.
 class ContractValues {
   public:
-    void add(const MarramParam& param, const ParamValue& value) {
+    void add(const MarramParam& param, std::string name, const ParamValue& value) {
         MarramValue& out = values_.emplace_back();
-        out.name = param.name;
+        out.name = names_.emplace_back(std::move(name)).c_str();
         out.type = param.type;
         out.numbers = value.numbers.data();
         out.number_count = value.numbers.size();
@@ -79,16 +81,24 @@ class ContractValues {
                         static_cast<uint32_t>(pixels.channels), pixels.pixels.data()});
     }
     std::vector<MarramValue> values_;
-    std::deque<std::string> places_;
+    std::deque<std::string> names_, places_;
     std::deque<Image> pixels_;
     std::deque<MarramImage> images_;
 };
 
-const ParamValue* value_for(const MarramParam& param, const Item& item, const ParamSet& wind) {
-    if (const ParamValue* own = item.params.find(param.name)) return own;
-    const std::string_view name = param.name;
-    if (!name.starts_with(wind_prefix)) return nullptr;
-    return wind.find(name.substr(wind_prefix.size()));
+// Where a parameter's values come from: the item's own, or else, for one of the wind's, what the scene says.
+void add_values(const MarramParam& param, const Item& item, const ParamSet& wind, ContractValues& out) {
+    const std::string_view name = param.name, list = list_of(name);
+    const auto add_from = [&](const ParamSet& params, std::string_view prefix) {
+        for (const ParamValue& value : params.all())
+            if (value.spec->name == name.substr(prefix.size()))
+                out.add(param, std::string(prefix) + value.name, value);
+    };
+    const bool own = list.empty() ? item.params.has(name) : item.params.find_list(list) != nullptr;
+    if (own)
+        add_from(item.params, "");
+    else if (name.starts_with(wind_prefix))
+        add_from(wind, wind_prefix);
 }
 
 // "what: what to do" in two.
@@ -147,7 +157,8 @@ std::vector<ItemSchema> procedural_schemas(const MarramLibrary& library) {
             {"material", ParamType::reference, "", "none", {}, {}, "material", "default: a plain grey"});
         for (uint32_t p = 0; p < procedural.param_count; ++p) {
             ParamSpec spec = spec_of(procedural.params[p]);
-            if (spec.name.starts_with(wind_prefix)) spec.initial = "none";
+            // A list is its elements, so their defaults stay.
+            if (spec.name.starts_with(wind_prefix) && list_of(spec.name).empty()) spec.initial = "none";
             schema.params.push_back(std::move(spec));
         }
         schemas.push_back(std::move(schema));
@@ -164,9 +175,7 @@ Procedural::Procedural(std::shared_ptr<PluginLibrary> library, const Item& item,
                          "the library '" + library_->path() + "' has no procedural '" + item.type + "'",
                          "see `marram info` for what it has");
     ContractValues values;
-    for (uint32_t i = 0; i < type_->param_count; ++i)
-        if (const ParamValue* value = value_for(type_->params[i], item, wind))
-            values.add(type_->params[i], *value);
+    for (uint32_t i = 0; i < type_->param_count; ++i) add_values(type_->params[i], item, wind, values);
     host_ = {this, on_message, on_cancelled};
     check(type_->create(&host_, values.data(), values.size(), &instance_));
 }

@@ -35,7 +35,7 @@ class PluginLibrary {
 };
 
 // Declarations of a library as the scene checker wants them. In procedurals the wind's parameters stand as optional ones: what
-// a procedural does not say itself is taken from the scene's [wind].
+// a procedural does not say itself is taken from the scene's [wind]; a list of tables of its own replaces the scene's.
 std::vector<ParamSpec> wind_specs(const MarramLibrary& library);
 std::vector<ItemSchema> procedural_schemas(const MarramLibrary& library);
 

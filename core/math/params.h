@@ -37,7 +37,7 @@ enum class ParamType {
 };
 
 struct ParamSpec {
-    std::string name; // dotted where tables nest: "noise.octaves"
+    std::string name; // dotted where tables nest, "noise.octaves"; in lists of them "gusts.control[].shape"
     ParamType type = ParamType::number;
     std::string unit; // "m", "deg", "m/s", "frames", "1/m"; "" where there is none
     std::string
@@ -57,6 +57,7 @@ struct ParamSpec {
 //                              ascending; text = interpolation "linear|smooth"
 struct ParamValue {
     const ParamSpec* spec = nullptr;
+    std::string name; // the declared one, numbered in a list: "gusts.control[1].shape"
     std::vector<double> numbers;
     std::string text;
     std::vector<std::string> texts;
@@ -64,14 +65,41 @@ struct ParamValue {
     bool given = false; // false: default
 };
 
-// The checked values of one table; every declared parameter is present except the absent "none" ones.
+// A list of tables that the file gives, maybe without elements.
+struct ParamList {
+    std::string name; // "gusts.control"
+    size_t size = 0;
+};
+
+// In names of parameters, between the name of a list and what its tables hold.
+inline constexpr std::string_view list_mark = "[].";
+
+// "gusts.control" of "gusts.control[].shape", nothing for a parameter that is in no list.
+inline std::string_view list_of(std::string_view name) {
+    const size_t mark = name.find(list_mark);
+    return mark == std::string_view::npos ? std::string_view() : name.substr(0, mark);
+}
+
+// The checked values of one table; every declared parameter is present except the absent "none" ones. Those of a list are
+// present once for each of its elements.
 class ParamSet {
   public:
-    void put(ParamValue value) { values_.push_back(std::move(value)); }
+    void put(ParamValue value) {
+        if (value.name.empty()) value.name = value.spec->name;
+        values_.push_back(std::move(value));
+    }
+    void put_list(ParamList list) { lists_.push_back(std::move(list)); }
+
+    // nullptr where the file does not give the list.
+    const ParamList* find_list(std::string_view name) const {
+        for (const ParamList& list : lists_)
+            if (list.name == name) return &list;
+        return nullptr;
+    }
 
     const ParamValue* find(std::string_view name) const {
         for (const ParamValue& value : values_)
-            if (value.spec->name == name) return &value;
+            if (value.name == name) return &value;
         return nullptr;
     }
     bool has(std::string_view name) const { return find(name) != nullptr; }
@@ -90,6 +118,7 @@ class ParamSet {
 
   private:
     std::vector<ParamValue> values_;
+    std::vector<ParamList> lists_;
 };
 
 } // namespace marram

@@ -38,7 +38,7 @@
 extern "C" {
 #endif
 
-#define MARRAM_ABI_VERSION 1u
+#define MARRAM_ABI_VERSION 2u
 
 typedef enum MarramStatus { MARRAM_OK = 0, MARRAM_ERROR = 1, MARRAM_CANCELLED = 2 } MarramStatus;
 typedef enum MarramSeverity { MARRAM_INFO = 0, MARRAM_WARNING = 1, MARRAM_FAULT = 2 } MarramSeverity;
@@ -46,24 +46,32 @@ typedef enum MarramSeverity { MARRAM_INFO = 0, MARRAM_WARNING = 1, MARRAM_FAULT 
 /* ---- Parameters ------------------------------------------------------------------------------------------------- */
 
 typedef enum MarramParamType {
-    MARRAM_BOOLEAN,     /* numbers[0] is 0 or 1 */
-    MARRAM_INTEGER,     /* numbers[0] */
-    MARRAM_NUMBER,      /* numbers[0] */
-    MARRAM_VEC2,        /* numbers[0..1] */
-    MARRAM_VEC3,        /* numbers[0..2] */
-    MARRAM_RANGE,       /* numbers[0..1], low <= high */
-    MARRAM_COLOR,       /* numbers[0..2], linear */
-    MARRAM_TEXT,        /* text */
-    MARRAM_CHOICE,      /* text, one of choices "a|b|c" */
-    MARRAM_RAMP,        /* numbers = p0 v0 p1 v1 ..., text = "linear" | "smooth" | "constant" */
-    MARRAM_IMAGE,       /* image: the renderer has read the file; text = its path */
-    MARRAM_MESH_NAME,   /* text = name of a mesh of the scene, given in MarramFrame.meshes */
+    MARRAM_BOOLEAN,   /* numbers[0] is 0 or 1 */
+    MARRAM_INTEGER,   /* numbers[0] */
+    MARRAM_NUMBER,    /* numbers[0] */
+    MARRAM_VEC2,      /* numbers[0..1] */
+    MARRAM_VEC3,      /* numbers[0..2] */
+    MARRAM_RANGE,     /* numbers[0..1], low <= high */
+    MARRAM_COLOR,     /* numbers[0..2], linear */
+    MARRAM_TEXT,      /* text */
+    MARRAM_CHOICE,    /* text, one of choices "a|b|c" */
+    MARRAM_RAMP,      /* numbers = p0 v0 p1 v1 ..., text = "linear" | "smooth" | "constant" */
+    MARRAM_IMAGE,     /* image: the renderer has read the file; text = its path */
+    MARRAM_MESH_NAME, /* text = name of a mesh of the scene, given in MarramFrame.meshes */
+    MARRAM_KEYS, /* keyed transform: numbers = 10 a key: frame, translate xyz, rotate xyz in degrees, scale xyz,
+                           frames ascending; text = "linear" | "smooth". Scale, then rotate about x, y, z, then translate */
     MARRAM_UNAVAILABLE, /* declared so that a scene that asks for it is told; never handed over */
     MARRAM_PARAM_TYPE_COUNT
 } MarramParamType;
 
+/*
+ * A name is dotted where tables nest: "noise.octaves". One table of a name may be followed by []: a list of tables, whose
+ * every element has the parameter: "gusts.control[].shape" stands in a scene as [[wind.gusts.control]] shape = "box". Its
+ * values come as "gusts.control[0].shape", "gusts.control[1].shape", ..., numbered without gaps, defaults filled in for
+ * each element; a list that is absent or empty has no values.
+ */
 typedef struct MarramParam {
-    const char* name; /* dotted where tables nest: "noise.octaves" */
+    const char* name;
     MarramParamType type;
     const char* unit; /* "m", "deg", "m/s", "1/m", "frames"; "" where there is none */
     const char*
@@ -123,8 +131,12 @@ typedef struct MarramFrame { /* valid from begin until the frame's last call, re
     RTCScene colliders; /* committed; to be traced and queried only. NULL while meshes are being made */
     uint32_t mesh_count;
     const MarramMesh* meshes;
-    /* Positions of a mesh at any time (frames), also outside the shutter: 3 * vertex_count floats; any thread. */
-    MarramStatus (*pose)(void* pose_user, uint32_t mesh, double frame, float* positions);
+    /*
+     * A mesh at any time (frames), also outside the shutter; any thread. positions: 3 * vertex_count floats. normals: as
+     * many, filled with the unit vertex normals at that time where the mesh has normals (MarramMesh.normals), else left
+     * as they are; NULL where they are not wanted.
+     */
+    MarramStatus (*pose)(void* pose_user, uint32_t mesh, double frame, float* positions, float* normals);
     void* pose_user;
 } MarramFrame;
 
@@ -199,14 +211,20 @@ typedef struct MarramProcedural {
     uint32_t param_count;
     const MarramAttribute* attributes;
     uint32_t attribute_count;
-    /* values: all declared parameters, wind ones as "wind.<name>"; absent "none" ones are left out. */
+    /* values: all declared parameters, wind ones as "wind.<name>"; absent "none" ones are left out. What a procedural does
+     * not say of the wind itself is the scene's; its own list of tables replaces the scene's list as a whole. */
     MarramStatus (*create)(const MarramHost* host, const MarramValue* values, uint32_t value_count,
                            MarramInstance** out);
     MarramStatus (*begin)(MarramInstance* instance, const MarramFrame* frame, MarramOutput* out);
     MarramStatus (*patch)(MarramInstance* instance, uint32_t patch, MarramPatch* out);
     MarramStatus (*tessellate)(MarramInstance* instance, uint32_t patch, const MarramPatchBuffers* buffers);
     MarramStatus (*mesh)(MarramInstance* instance, const MarramMeshBuffers* buffers);
-    /* Sums over threads since begin: "seconds.expand", "seconds.bend", "collision.contacts", "memory.bytes", ... */
+    /*
+     * What was done since begin; what is not reported counts as 0. "seconds.roots": wall seconds within begin.
+     * "thread_seconds.expand", ".gusts", ".shield", ".bend", ".jiggle", ".collide": of tessellate, summed over threads.
+     * "collision.contacts", ".pushed_out", ".unresolved", ".skipped_pushes", ".dips": counts. "collision.goal_angle",
+     * ".turned_angle": radians, sums over segments. "memory.bytes": the most held at any time.
+     */
     void (*report)(MarramInstance* instance, void (*sink)(void* user, const char* key, double value),
                    void* user);
     void (*destroy)(MarramInstance* instance);

@@ -87,11 +87,10 @@ void check_references(const ParamSet& params, const std::string& address, const 
                 known.insert(known.end(), entry->second.begin(), entry->second.end());
         if (std::find(known.begin(), known.end(), value.text) != known.end()) continue;
         const std::string kinds = listed(split(value.spec->choices, '|'));
-        reading.report(value.place,
-                       fmt::format("{}: there is no {} {}", join(address, value.spec->name), kinds,
-                                   in_quotes(value.text)),
-                       known.empty() ? fmt::format("add a [[{}]] of this name", kinds)
-                                     : hint(value.text, known, kinds));
+        reading.report(
+            value.place,
+            fmt::format("{}: there is no {} {}", join(address, value.name), kinds, in_quotes(value.text)),
+            known.empty() ? fmt::format("add a [[{}]] of this name", kinds) : hint(value.text, known, kinds));
     }
 }
 

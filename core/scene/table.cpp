@@ -10,7 +10,26 @@
 namespace marram {
 namespace {
 
-using Given = std::unordered_map<const ParamSpec*, std::optional<ParamValue>>; // empty: given and wrong
+// What the file gives of a table's own parameters (empty: given and wrong), and of its lists.
+struct Given {
+    std::unordered_map<const ParamSpec*, std::optional<ParamValue>> values;
+    ParamSet elements;
+};
+
+// Of the table itself: of no list, or in an element's table of no list within.
+bool is_own(const ParamSpec& spec, const TableToRead& job) {
+    return spec.name.starts_with(job.declared_prefix) &&
+           spec.name.find(list_mark, job.declared_prefix.size()) == std::string::npos;
+}
+
+// "gusts.control[].shape" -> "gusts.control[1].shape"
+std::string value_name(const std::string& declared, const TableToRead& job) {
+    return job.prefix + declared.substr(job.declared_prefix.size());
+}
+
+std::string label_of(const std::string& declared, const TableToRead& job) {
+    return join(job.address, value_name(declared, job));
+}
 
 void add_once(std::vector<std::string>& words, std::string word) {
     if (std::find(words.begin(), words.end(), word) == words.end()) words.push_back(std::move(word));
@@ -39,14 +58,15 @@ void report_unknown(const toml::key& key, const std::string& prefix, const Table
     for (const ParamSpec* spec : job.specs) {
         if (!spec->name.starts_with(prefix)) continue;
         const std::string rest = spec->name.substr(prefix.size());
-        add_once(all, rest.substr(0, rest.find('.')));
-        add_once(all, rest);
-        if (spec->type != ParamType::unavailable) add_once(here, rest.substr(0, rest.find('.')));
+        const std::string first = rest.substr(0, rest.find_first_of(".["));
+        add_once(all, first);
+        if (is_own(*spec, job)) add_once(all, rest);
+        if (spec->type != ParamType::unavailable) add_once(here, first);
         // "frequency" where "noise.frequency" is meant
         if (const size_t dot = rest.rfind('.');
             dot != std::string::npos && rest.substr(dot + 1) == key.str()) {
             reading.report(place_of(key.source(), reading),
-                           fmt::format("{} is unknown", clean(join(job.address, name))),
+                           fmt::format("{} is unknown", clean(label_of(name, job))),
                            fmt::format("did you mean {}?", in_quotes(rest)));
             return;
         }
@@ -59,8 +79,8 @@ void report_unknown(const toml::key& key, const std::string& prefix, const Table
     if (fix.empty())
         fix = nearest(key.str(), all).empty() ? hint("", here, "key to be given here")
                                               : hint(key.str(), all, "");
-    reading.report(place_of(key.source(), reading),
-                   fmt::format("{} is unknown", clean(join(job.address, name))), fix);
+    reading.report(place_of(key.source(), reading), fmt::format("{} is unknown", clean(label_of(name, job))),
+                   fix);
 }
 
 void report_unavailable(const toml::key& key, const ParamSpec& spec, const TableToRead& job,
@@ -74,13 +94,43 @@ void report_unavailable(const toml::key& key, const ParamSpec& spec, const Table
 void take(const toml::key& key, const toml::node& node, const ParamSpec& spec, const TableToRead& job,
           Given& given, Reading& reading) {
     if (spec.type == ParamType::unavailable) return report_unavailable(key, spec, job, reading);
-    const std::string label = join(job.address, spec.name);
-    const auto [entry, is_new] = given.try_emplace(&spec);
+    const std::string label = label_of(spec.name, job);
+    const auto [entry, is_new] = given.values.try_emplace(&spec);
     if (is_new)
         entry->second = read_value(node, spec, label, reading);
     else // "noise.frequency" in quotes, and noise.frequency
         reading.report(place_of(key.source(), reading), fmt::format("{} is given twice", label),
                        "remove one of them");
+}
+
+// The tables of a list, each read like a table of its own.
+void take_list(const toml::key& key, const toml::node& node, const std::string& name, const TableToRead& job,
+               Given& given, Reading& reading) {
+    const std::string label = label_of(name, job);
+    if (given.elements.find_list(name))
+        return reading.report(place_of(key.source(), reading), fmt::format("{} is given twice", label),
+                              "remove one of them");
+    const toml::array* list = node.as_array();
+    if (!list)
+        return reading.report(
+            place_of(node, reading), fmt::format("{} is {}", label, found(node)),
+            fmt::format("give a list of tables, {} = [{{ ... }}, ...] or in double brackets", key.str()));
+    for (size_t i = 0; i < list->size(); ++i) {
+        TableToRead element = job;
+        element.table = list->get(i)->as_table();
+        element.place = place_of(*list->get(i), reading);
+        element.declared_prefix = name + std::string(list_mark);
+        element.prefix = fmt::format("{}[{}].", value_name(name, job), i);
+        element.others.clear();
+        if (!element.table) {
+            reading.report(element.place, fmt::format("{}[{}] is {}", label, i, found(*list->get(i))),
+                           "give a table, { ... }");
+            continue;
+        }
+        const ParamSet params = read_table(element, reading);
+        for (const ParamValue& value : params.all()) given.elements.put(value);
+    }
+    given.elements.put_list({name, list->size()});
 }
 
 // Nested tables make dotted names: the walk goes down as long as a declared name goes on.
@@ -90,45 +140,54 @@ void walk(const toml::table& table, const std::string& prefix, const TableToRead
         const std::string name = prefix + std::string(key.str());
         if (prefix.empty() && std::find(job.others.begin(), job.others.end(), name) != job.others.end())
             continue;
-        const std::string inner = name + ".";
+        const std::string inner = name + ".", element = name + std::string(list_mark);
         const ParamSpec* exact = nullptr;
-        bool nests = false;
+        bool nests = false, lists = false;
         for (const ParamSpec* spec : job.specs) {
-            if (spec->name == name) exact = spec;
-            nests = nests || spec->name.starts_with(inner);
+            if (spec->name == name && is_own(*spec, job)) exact = spec;
+            nests = nests || (spec->name.starts_with(inner) && !name.ends_with("[]"));
+            lists = lists || spec->name.starts_with(element);
         }
+        const std::string label = label_of(name, job);
         if (exact && !(nests && node.is_table()))
             take(key, node, *exact, job, given, reading);
+        else if (lists)
+            take_list(key, node, name, job, given, reading);
         else if (nests && node.is_table())
             walk(*node.as_table(), inner, job, given, reading);
         else if (nests)
-            reading.report(
-                place_of(node, reading), fmt::format("{} is {}", join(job.address, name), found(node)),
-                fmt::format("give a table, [{}] or {} = {{ ... }}", join(job.address, name), key.str()));
+            reading.report(place_of(node, reading), fmt::format("{} is {}", label, found(node)),
+                           fmt::format("give a table, [{}] or {} = {{ ... }}", label, key.str()));
         else
             report_unknown(key, prefix, job, reading);
     }
+}
+
+// What the file does not give: the default, or the mistake of leaving it out.
+std::optional<ParamValue> not_given(const ParamSpec& spec, const TableToRead& job, Reading& reading) {
+    if (spec.type == ParamType::unavailable || spec.initial == "none") return {};
+    const std::string label = label_of(spec.name, job);
+    if (!spec.initial.empty()) return default_value(spec, label, job.place, reading);
+    reading.report(job.place, fmt::format("{} is missing", label),
+                   fmt::format("add {} = ... ({}; {})", spec.name.substr(job.declared_prefix.size()),
+                               spec.help, wanted(spec)));
+    return {};
 }
 
 } // namespace
 
 ParamSet read_table(const TableToRead& job, Reading& reading) {
     Given given;
-    if (job.table) walk(*job.table, "", job, given, reading);
-    ParamSet params;
+    if (job.table) walk(*job.table, job.declared_prefix, job, given, reading);
+    ParamSet params = std::move(given.elements);
     for (const ParamSpec* spec : job.specs) {
-        if (const auto entry = given.find(spec); entry != given.end()) {
-            if (entry->second) params.put(std::move(*entry->second));
-            continue;
-        }
-        if (spec->type == ParamType::unavailable || spec->initial == "none") continue;
-        const std::string label = join(job.address, spec->name);
-        if (spec->initial.empty()) {
-            reading.report(job.place, fmt::format("{} is missing", label),
-                           fmt::format("add {} = ... ({}; {})", spec->name, spec->help, wanted(*spec)));
-        } else if (auto value = default_value(*spec, label, job.place, reading)) {
-            params.put(std::move(*value));
-        }
+        if (!is_own(*spec, job)) continue;
+        const auto entry = given.values.find(spec);
+        std::optional<ParamValue> value =
+            entry != given.values.end() ? std::move(entry->second) : not_given(*spec, job, reading);
+        if (!value) continue;
+        value->name = value_name(spec->name, job);
+        params.put(std::move(*value));
     }
     return params;
 }

@@ -11,11 +11,14 @@ struct TableToRead {
     Place place;                        // of the table
     std::string address;                // as --set has it: "" for globals, "film", "mesh.hill"
     std::vector<const ParamSpec*> specs;
+    // Where the table is an element of a list: how declared names begin, "gusts.control[].", and what stands for that in
+    // names of values, "gusts.control[1]."
+    std::string declared_prefix, prefix;
     std::vector<std::string>
         others; // keys that are no parameters and somebody else's to check: name, type, film, ...
 };
 
-// Every declared parameter, given or default; what is wrong is reported and left out.
+// Every declared parameter, given or default, for lists those of every element; what is wrong is reported and left out.
 ParamSet read_table(const TableToRead& job, Reading& reading);
 
 inline std::vector<const ParamSpec*> pointers(std::span<const ParamSpec> specs) {

@@ -131,7 +131,7 @@ MarramStatus place(GroomInstance& instance) {
     instance.bind_positions.resize(3 * size_t(instance.mesh->vertex_count));
     const auto index = uint32_t(instance.mesh - instance.frame.meshes);
     const MarramStatus status = instance.frame.pose(
-        instance.frame.pose_user, index, instance.frame.bind_frame, instance.bind_positions.data());
+        instance.frame.pose_user, index, instance.frame.bind_frame, instance.bind_positions.data(), nullptr);
     if (status != MARRAM_OK) return status;
     const auto cancelled = [&] { return instance.host.cancelled(instance.host.user) != 0; };
     PlacedRoots placed = place_roots(instance.groom, instance.poses(0).bind, cancelled);

@@ -18,6 +18,7 @@ struct Strands {
 
     WideVector<Wide3f> rest, pose;               // [blocks * cvs]
     WideVector<Wide3f> rest_normal, pose_normal; // [blocks * cvs] where `oriented`, else empty
+    WideVector<VFloat> gust;                     // [blocks * cvs], sum of the gusts' influence, not clamped
     WideVector<VFloat> envelope;                 // [blocks * cvs], 0 ... 1
     WideVector<VFloat> shield;                   // [blocks * cvs], 0 ... 1: sheltered share
     WideVector<Wide3d> anchor;                   // [blocks]: where noise is sampled from
@@ -36,6 +37,7 @@ struct Strands {
         pose.resize(size);
         rest_normal.resize(with_normals ? size : 0);
         pose_normal.resize(with_normals ? size : 0);
+        gust.resize(size);
         envelope.resize(size);
         shield.resize(size);
         anchor.resize(size_t(blocks));

@@ -18,8 +18,8 @@ constexpr std::array own_params = {
                 "where the air goes to; any length but 0"},
     MarramParam{"speed", MARRAM_NUMBER, "m/s", "0", 0, big, "",
                 "carries the noise along and, through response, bends"},
-    MarramParam{"calm", MARRAM_NUMBER, "", "1", 0, 1, "",
-                "wind between gusts, as a share of the full envelope"},
+    MarramParam{"calm", MARRAM_NUMBER, "", "none", 0, 1, "",
+                "wind between gusts, as a share of the full envelope; default: 1 without gusts, 0 with"},
     MarramParam{"response", MARRAM_RAMP, "m/s", "[[0, 0], [10, 1]]", -big, big, "",
                 "speed to strength: positions in m/s, values 0 ... 1, response(0) = 0"},
     MarramParam{"global_rotate", MARRAM_NUMBER, "", "0.6", 0, 1, "",
@@ -48,8 +48,6 @@ constexpr std::array own_params = {
     MarramParam{"noise.seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "another field of the same kind"},
     MarramParam{"noise.loop", MARRAM_RANGE, "frames", "none", -1e7, 1e7, "",
                 "first and last frame of a cycle that closes"},
-    MarramParam{"gusts", MARRAM_UNAVAILABLE, "", "none", 0, 0, "",
-                "the wind stays as strong as speed and calm say"},
 };
 
 NoiseType noise_type(std::string_view name) {
@@ -61,7 +59,7 @@ NoiseType noise_type(std::string_view name) {
 std::span<const MarramParam> wind_params() {
     static const std::vector<MarramParam> all = [] {
         std::vector<MarramParam> list(own_params.begin(), own_params.end());
-        for (const auto stage : {shielding_params(), jiggle_params(), collision_params()})
+        for (const auto stage : {gust_params(), shielding_params(), jiggle_params(), collision_params()})
             list.insert(list.end(), stage.begin(), stage.end());
         return list;
     }();
@@ -77,7 +75,8 @@ Wind read_wind(const Values& values) {
                          "the wind's direction is zero: give a vector, such as [1, 0, 0]");
     wind.direction = direction / length;
     wind.speed = values.number("wind.speed");
-    wind.calm = values.number("wind.calm");
+    wind.gusts = read_gusts(values);
+    wind.calm = values.has("wind.calm") ? values.number("wind.calm") : wind.gusts ? 0.0 : 1.0;
     wind.response = values.ramp("wind.response");
     if (wind.response(0.0) != 0.0)
         throw SceneFault(

@@ -7,6 +7,7 @@
 #include "core/plugin/marram_plugin.h"
 #include "procedural/values.h"
 #include "procedural/wind/collide.h"
+#include "procedural/wind/gusts.h"
 #include "procedural/wind/jiggle.h"
 #include "procedural/wind/noise.h"
 #include "procedural/wind/shield.h"
@@ -20,7 +21,8 @@ struct Wind {
     Vec3d direction = Vec3d::UnitX(); // where the air goes to, unit
     double speed = 0.0;               // m/s
     double calm = 1.0;                // wind between gusts
-    Ramp response;                    // speed in m/s -> share of the envelope; response(0) = 0
+    std::optional<Gusts> gusts;
+    Ramp response; // speed in m/s -> share of the envelope; response(0) = 0
     double global_rotate = 1.0;
     Ramp ramp_rotate;             // over u, root to tip
     double waviness = 1.0;        // noise coordinate advance along w per arc length

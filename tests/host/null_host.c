@@ -57,8 +57,9 @@ static const float corner_uvs[8] = {0, 0, 1, 0, 1, 1, 0, 1};
 static const uint32_t corner_triangles[6] = {0, 1, 2, 0, 2, 3};
 
 /* The square at a frame: it goes along x and up. */
-static MarramStatus pose(void* user, uint32_t mesh, double frame, float* positions) {
+static MarramStatus pose(void* user, uint32_t mesh, double frame, float* positions, float* normals) {
     (void)user;
+    (void)normals; /* it has none */
     if (mesh != 0) return MARRAM_ERROR;
     for (int i = 0; i < 4; ++i) {
         positions[3 * i] = (float)(corners[3 * i] + 0.5 * frame);
@@ -121,7 +122,8 @@ static void make_values(const MarramProcedural* type, const Given* given, size_t
     for (uint32_t i = 0; i < type->param_count; ++i) {
         const MarramParam* param = &type->params[i];
         const char* text = text_for(param, given, given_count);
-        if (strcmp(text, "none") == 0 || param->type == MARRAM_UNAVAILABLE) continue;
+        const int in_list = strstr(param->name, "[].") != NULL; /* lists stay absent */
+        if (strcmp(text, "none") == 0 || param->type == MARRAM_UNAVAILABLE || in_list) continue;
         CHECK(*text != '\0' && values->count < most_values);
         const int is_text =
             param->type == MARRAM_CHOICE || param->type == MARRAM_TEXT || param->type == MARRAM_MESH_NAME;
@@ -432,7 +434,7 @@ int main(int argc, char** argv) {
     float positions[times][12 + spare_floats];
     const float* steps[times];
     for (unsigned t = 0; t < times; ++t) {
-        pose(NULL, 0, shutter[t], positions[t]);
+        pose(NULL, 0, shutter[t], positions[t], NULL);
         steps[t] = positions[t];
     }
     RTCDevice device = rtcNewDevice(NULL);

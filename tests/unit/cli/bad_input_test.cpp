@@ -154,9 +154,11 @@ TEST(BadInput, WindsThatCannotBlow) {
     expect_refused(with_wind("noise.loop = [5, 5]\n"), "noise.loop has no length: give two different frames");
     expect_refused(with_wind("speed = 1e12\n"), "speed");
     expect_refused(with_wind("ramp_rotate = [[0, -1], [1, 1]]\n"), "wind.ramp_rotate goes below 0");
-    for (const char* stage : {"gusts"})
-        expect_refused(with_wind(fmt::format("[wind.{}]\nstrength = 1\n", stage)),
-                       fmt::format("{} is not available in this build", stage));
+    expect_refused(with_wind("[wind.gusts]\nnum_gusts = 5\nramp = [[0, 1]]\n"),
+                   "wind.gusts.ramp is not 0 at 1");
+    expect_refused(with_wind("[wind.gusts]\nnum_gusts = 5\nperiod = 0\n"), "nothing says when gusts start");
+    expect_refused(with_wind("gusts.control = [{}, { inner = [1, 1, 1] }]\n"),
+                   "wind.gusts.control[1].inner means nothing for a sphere");
     expect_refused(SceneText{.groom = groom + "wind.direction = [0, 0, 0]\n"},
                    "the wind's direction is zero");
     expect_refused(SceneText{.groom = groom + "wind.jiggle = { damping = 1 }\n"},

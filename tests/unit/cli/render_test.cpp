@@ -144,7 +144,7 @@ TEST(Render, SaysWhatAFrameCosts) {
     for (const char* key : {"load", "terrain", "colliders", "expand", "gusts", "shield", "bend", "jiggle",
                             "collide", "curves_bvh", "trace", "total"})
         EXPECT_TRUE(stats["seconds"][key].is_number() && stats["seconds"][key] >= 0.0) << key;
-    for (const char* key : {"contacts", "pushed_out", "unresolved"})
+    for (const char* key : {"contacts", "pushed_out", "unresolved", "skipped_pushes", "dips", "reached"})
         EXPECT_TRUE(stats["collision"][key].is_number()) << key;
     for (const char* key : {"peak_bytes", "curve_bytes"})
         EXPECT_GT(stats["memory"][key].get<uint64_t>(), 0u) << key;
@@ -236,7 +236,9 @@ TEST(Render, GrowsOnAForeignMesh) {
 TEST(Program, SaysWhatThereIs) {
     const Outcome info = marram({"info"});
     EXPECT_EQ(info.code, 0) << info.err;
-    for (const char* word : {"groom", "density", "hair", "sun", "noise.frequency"})
+    for (const char* word :
+         {"groom", "density", "hair", "sun", "noise.frequency", "gusts.control[].shape",
+          "gusts.control[] belongs to every table of a list: gusts.control = [{ ... }, ...]"})
         EXPECT_CONTAINS(info.out, word);
     EXPECT_EQ(marram({"--version"}).code, 0);
     EXPECT_EQ(marram({"--help"}).code, 0);

@@ -26,6 +26,14 @@ inline Mesh builtin_mesh(const Item& item) {
                        float(params.number("bumps")), float(params.number("frequency")));
 }
 
+// The file of a scene from its text, which lacks a camera.
+inline std::string write_scene(const std::string& text) {
+    const std::filesystem::path file =
+        std::filesystem::temp_directory_path() / ("marram_build_" + std::to_string(::getpid()) + ".toml");
+    std::ofstream(file) << text << "\n[camera]\nposition = [0, 1, 5]\ntarget = [0, 0, 0]\n";
+    return file.string();
+}
+
 // A scene from its text, without camera: planes, boxes, spheres, and procedurals of the three libraries
 // above.
 class TestScene {
@@ -40,7 +48,7 @@ class TestScene {
             }
         }
         schema_.wind = wind_specs(libraries_.at("groom")->table());
-        description_ = load_scene(write(text), {}, schema_);
+        description_ = load_scene(write_scene(text), {}, schema_);
         for (const Item& item : description_.meshes) {
             const ParamValue& keys = item.params.at("transform");
             geometry.meshes.push_back(
@@ -72,13 +80,6 @@ class TestScene {
     BuildStats stats;
 
   private:
-    static std::string write(const std::string& text) {
-        const std::filesystem::path file =
-            std::filesystem::temp_directory_path() / ("marram_build_" + std::to_string(::getpid()) + ".toml");
-        std::ofstream(file) << text << "\n[camera]\nposition = [0, 1, 5]\ntarget = [0, 0, 0]\n";
-        return file.string();
-    }
-
     Schema schema_;
     std::map<std::string, std::shared_ptr<PluginLibrary>> libraries_; // by procedural type
     SceneDescription description_;

@@ -53,7 +53,7 @@ TEST(LoadScene, ReadsNestedTablesAndRamps) {
     EXPECT_FALSE(wind.at("noise.octaves").given);
     EXPECT_EQ(wind.at("ramp_rotate").numbers, (Numbers{0, 0, 0.5, 0.2, 1, 1}));
     EXPECT_EQ(wind.text("ramp_rotate"), "smooth");
-    EXPECT_FALSE(wind.has("gusts"));
+    EXPECT_FALSE(wind.has("shielding"));
     const ParamSet& grass = full.scene.procedurals.at(0).params;
     EXPECT_EQ(grass.number("wind.speed"), 7);
     EXPECT_EQ(grass.integer("wind.noise.octaves"), 2);
@@ -75,6 +75,73 @@ TEST(LoadScene, AcceptsEveryWayToWriteANestedTable) {
     const auto lines = mistakes(folder.write("b.toml", twice), {}, schema);
     ASSERT_EQ(lines.size(), 1u);
     EXPECT_NE(lines[0].find("wind.noise.frequency is given twice"), std::string::npos);
+}
+
+TEST(LoadScene, ReadsListsOfTables) {
+    const Schema schema = test_schema();
+    const Folder folder;
+    const std::string plain = small_scene + "[wind]\nspeed = 2\n";
+    const std::string nested = "[wind.gusts]\nnum_gusts = 2\n[[wind.gusts.control]]\nshape = \"box\"\n"
+                               "inner = [0, 0.5, 1]\n[[wind.gusts.control]]\n[wind.gusts.control.transform]\n"
+                               "scale = 3\n";
+    const std::string inlined =
+        "gusts = { num_gusts = 2, control = [{ shape = \"box\", inner = [0, 0.5, 1] },\n"
+        "{ transform = { scale = 3 } }] }\n";
+    for (const std::string& text : {nested, inlined}) {
+        const ParamSet wind = load_scene(folder.write("a.toml", plain + text), {}, schema).wind;
+        ASSERT_NE(wind.find_list("gusts.control"), nullptr) << text;
+        EXPECT_EQ(wind.find_list("gusts.control")->size, 2u);
+        EXPECT_EQ(wind.integer("gusts.num_gusts"), 2);
+        EXPECT_EQ(wind.text("gusts.control[0].shape"), "box");
+        EXPECT_EQ(wind.vec3("gusts.control[0].inner"), Vec3d(0, 0.5, 1));
+        EXPECT_FALSE(wind.at("gusts.control[0].strength").given);
+        EXPECT_EQ(wind.number("gusts.control[0].strength"), 1);
+        EXPECT_EQ(wind.text("gusts.control[1].shape"), "sphere");
+        EXPECT_FALSE(wind.has("gusts.control[1].inner"));
+        EXPECT_EQ(wind.at("gusts.control[1].transform").numbers, (Numbers{0, 0, 0, 0, 0, 0, 0, 3, 3, 3}));
+        EXPECT_FALSE(wind.has("gusts.control[2].shape"));
+        EXPECT_FALSE(wind.has("gusts.control[].shape"));
+        EXPECT_EQ(wind.at("gusts.control[0].shape").place.line, text == nested ? 9 : 6);
+        // What an element leaves out stands where the element stands.
+        EXPECT_EQ(wind.at("gusts.control[1].strength").place.line, text == nested ? 11 : 7);
+    }
+    const ParamSet absent = load_scene(folder.write("b.toml", plain), {}, schema).wind;
+    EXPECT_EQ(absent.find_list("gusts.control"), nullptr);
+    EXPECT_FALSE(absent.has("gusts.control[0].shape"));
+    const ParamSet empty =
+        load_scene(folder.write("c.toml", plain + "gusts.control = []\n"), {}, schema).wind;
+    ASSERT_NE(empty.find_list("gusts.control"), nullptr);
+    EXPECT_EQ(empty.find_list("gusts.control")->size, 0u);
+}
+
+TEST(LoadScene, ReportsMistakesInListsOfTables) {
+    Schema schema = test_schema();
+    constexpr double any = std::numeric_limits<double>::infinity();
+    schema.wind = {{"a.list[].needed", ParamType::number, "m", "", 0, 1, "", "how much"},
+                   {"a.list[].deep.mesh", ParamType::reference, "", "none", -any, any, "mesh", "which"}};
+    const Folder folder;
+    auto expect = [&](const std::string& text, const std::string& place, const std::string& words) {
+        const std::string file = folder.write("a.toml", small_scene + "[wind]\n" + text);
+        const auto lines = mistakes(file, {}, schema);
+        ASSERT_EQ(lines.size(), 1u) << text;
+        EXPECT_EQ(lines[0].find(file + place + ": " + words), 0u) << lines[0] << "\n  expected " << words;
+    };
+    expect("a.list = [{ needed = 1 }, {}]\n", ":5:27",
+           "wind.a.list[1].needed is missing: add needed = ... (how much; a number from 0 to 1 m)");
+    expect("[[wind.a.list]]\nneeded = 0\n[[wind.a.list]]\n", ":7:1", "wind.a.list[1].needed is missing");
+    expect("a.list = [{ needed = 0.5, deep.mesh = \"x\" }]\n", ":5:39",
+           "wind.a.list[0].deep.mesh: there is no mesh \"x\"");
+    expect("a.list = [{ needed = 0.5, deep.mash = 1 }]\n", ":5:32",
+           "wind.a.list[0].deep.mash is unknown: did you mean \"mesh\"?");
+    expect("a.list = [{ needed = 0.5, mesh = 1 }]\n", ":5:27",
+           "wind.a.list[0].mesh is unknown: did you mean \"deep.mesh\"?");
+    expect("a.needed = 1\n", ":5:3", "wind.a.needed is unknown: did you mean \"list[].needed\"?");
+    expect("a.lisst = []\n", ":5:3", "wind.a.lisst is unknown: did you mean \"list\"?");
+    expect("a.\"list[]\" = {}\n", ":5:3", "wind.a.list[] is unknown: did you mean \"list\"?");
+    expect("\"a.list[].needed\" = 1\n", ":5:1", "wind.a.list[].needed is unknown");
+    expect("a.list = [[]]\n", ":5:11", "wind.a.list[0] is an empty list: give a table, { ... }");
+    expect("a.list = []\n\"a.list\" = []\n", ":6:1", "wind.a.list is given twice: remove one of them");
+    expect("a = [{}]\n", ":5:5", "wind.a is a list of 1: give a table");
 }
 
 TEST(LoadScene, ReadsThingsInOrder) {

@@ -22,7 +22,17 @@ inline std::vector<ParamSpec> test_wind() {
         {"noise.octaves", ParamType::integer, "", "3", 1, 16, "", "octaves of the noise"},
         {"ramp_rotate", ParamType::ramp, "", "[[0, 0], [1, 1]]", 0, 1, "", "turn along the strand"},
     };
-    for (const char* name : {"gusts", "shielding", "jiggle", "collision"})
+    for (const ParamSpec& spec : std::vector<ParamSpec>{
+             {"num_gusts", ParamType::integer, "", "0", 0, 1e6, "", "spheres"},
+             {"radius_range", ParamType::range, "m", "[2, 4]", 0, 1e8, "", "of a sphere"},
+             {"control[].shape", ParamType::choice, "", "sphere", -any, any, "sphere|box", "what it is"},
+             {"control[].transform", ParamType::keys, "", "{}", -any, any, "", "where it is"},
+             {"control[].inner", ParamType::vec3, "", "none", 0, 1, "", "of a box"},
+             {"control[].strength", ParamType::number, "", "1", -10, 10, "", "factor"}}) {
+        specs.push_back(spec);
+        specs.back().name = "gusts." + spec.name;
+    }
+    for (const char* name : {"shielding", "jiggle", "collision"})
         specs.push_back({name, ParamType::unavailable, "", "none", -any, any, "", "comes later"});
     return specs;
 }
@@ -44,7 +54,7 @@ inline Schema test_schema() {
                          {"label", ParamType::text, "", "a 'bare' word", -any, any, "", "any text"}}};
     for (ParamSpec spec : test_wind()) {
         spec.name = "wind." + spec.name;
-        spec.initial = "none";
+        if (list_of(spec.name).empty()) spec.initial = "none";
         groom.params.push_back(spec);
     }
     schema.procedurals = {groom};

@@ -57,6 +57,19 @@ TEST_F(Settings, ReachEveryKey) {
     EXPECT_EQ(grass.at("length").place.line, 0);
 }
 
+TEST_F(Settings, ReplaceAListOfTables) {
+    const SceneDescription scene = load_scene(file,
+                                              {"wind.gusts.control=[{ strength = 3 }, { shape = \"box\" }]",
+                                               "procedural.grass.wind.gusts.control=[]"},
+                                              schema);
+    EXPECT_EQ(scene.wind.find_list("gusts.control")->size, 2u);
+    EXPECT_EQ(scene.wind.number("gusts.control[0].strength"), 3);
+    EXPECT_EQ(scene.wind.text("gusts.control[1].shape"), "box");
+    const ParamSet& grass = scene.procedurals[0].params;
+    ASSERT_NE(grass.find_list("wind.gusts.control"), nullptr);
+    EXPECT_EQ(grass.find_list("wind.gusts.control")->size, 0u);
+}
+
 TEST_F(Settings, AddTablesAndTheLastOneCounts) {
     file = folder.write("small.toml", small_scene);
     const SceneDescription scene =
@@ -89,8 +102,17 @@ TEST_F(Settings, ExplainTheirMistakes) {
     expect({"mesh=3"}, "--set mesh=3: \"mesh\" says no name and key");
     expect({"mesh.hill.file=x.obj"},
            "--set mesh.hill.file=x.obj: mesh.hill.file: there is no file \"x.obj\"");
-    expect({"wind.gusts.num_gusts=3"},
-           "--set wind.gusts.num_gusts=3: wind: gusts is not available in this build");
+    expect({"wind.shielding.shield=1"},
+           "--set wind.shielding.shield=1: wind: shielding is not available in this build");
+    expect(
+        {"wind.gusts.control=[{ strength = 99 }]"},
+        "--set wind.gusts.control=[{ strength = 99 }]: wind.gusts.control[0].strength is 99: give a number "
+        "from -10 to 10");
+    expect({"wind.gusts.control=[{ strenght = 1 }]"},
+           "--set wind.gusts.control=[{ strenght = 1 }]: wind.gusts.control[0].strenght is unknown: did you "
+           "mean \"strength\"?");
+    expect({"wind.gusts.control=[]", "wind.gusts.control.strength=1"},
+           "--set wind.gusts.control.strength=1: wind.gusts.control is no table: set it as a whole");
     expect({"fps=30\nx=1"}, "--set fps=30?x=1: fps is the text");
     expect({"fps=\xff"}, "--set fps=\xff: the value is no UTF-8");
     expect({"camera=3"}, "--set camera=3: camera is 3: write a table [camera]");

@@ -1,0 +1,484 @@
+// SPDX-License-Identifier: Apache-2.0
+// Definitions, draws and costs are those of gusts.h. What is derived here are the bounds and the culling.
+//
+// Bounds. An influence is felt where |x_a| <= 1 for x = M (P - C), and within |x| < 1 for spheres. With the columns
+// s_a r_a of M^-1 (a rotation r times scales s), P - C = sum over a of x_a s_a r_a, so along the world's axis j a box reaches
+// sum over a of |s_a r_aj| and a sphere the root of the sum of squares of the same. M's rows follow without inverting a
+// matrix that may be flat to 1e-12: row a is r_a / s_a, and r_a is column a over its length.
+//
+// Rounding. x is evaluated with errors of a few 1e-16 of |M| |P - C|; widening the bounds by 1e-12 of their own size and of
+// their place makes them conservative with three digits to spare, so culling changes no bit.
+#include "procedural/wind/gusts.h"
+
+#include "core/math/hash.h"
+#include "procedural/ramp_table.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+
+namespace marram {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double big = 1e9;            // metres or metres a second, beyond any wind; keeps products finite
+constexpr double longest = 1e6;        // frames
+constexpr double most_lumps = 0.9;     // see gusts.h
+constexpr double lumps_a_radius = 1.5; // cells of value noise: about as many bulges on a side
+constexpr double shortest_fade = 1.0;  // frames
+constexpr double bounds_slack = 1e-12; // see above
+constexpr double latest_frame = 1e12;  // beyond it repetitions cannot be told apart
+constexpr double most_draws = 4e6;     // gusts times repetitions to be looked at for one time: about a second
+constexpr double upright_limit =
+    0.999;                          // a wind steeper than this has no level direction across worth the name
+constexpr uint32_t noise_bits = 24; // of a lattice value: exact in a float and a double
+
+constexpr const char* smooth_fall = "{ knots = [[0, 1], [1, 0]], interpolation = \"smooth\" }";
+
+constexpr std::array params = {
+    MarramParam{"gusts.num_gusts", MARRAM_INTEGER, "", "0", 0, 1000000, "",
+                "spheres of influence that travel with the wind, in each period"},
+    MarramParam{"gusts.radius_range", MARRAM_RANGE, "m", "[2, 4]", 0, big, "",
+                "of a gust, from its centre to where it ends"},
+    MarramParam{"gusts.radius_noise_range", MARRAM_RANGE, "", "[0, 0.3]", 0, most_lumps, "",
+                "share of the radius by which its surface dents in; 0: a ball"},
+    MarramParam{"gusts.speed_range", MARRAM_RANGE, "m/s", "none", 0, big, "",
+                "of a gust; default: the wind's speed"},
+    MarramParam{"gusts.start_frame_range", MARRAM_RANGE, "frames", "none", -longest, longest, "",
+                "when a gust leaves the plane upwind; default: any time of the period"},
+    MarramParam{"gusts.life_range", MARRAM_RANGE, "frames", "[120, 240]", 0, longest, "",
+                "from its start to its end"},
+    MarramParam{"gusts.decay_range", MARRAM_RANGE, "frames", "[24, 48]", 0, longest, "",
+                "of that, how long it takes to fade out, at least one frame"},
+    MarramParam{"gusts.period", MARRAM_NUMBER, "frames", "240", 0, longest, "",
+                "the set of gusts repeats after this, before and after for ever; 0: it comes once"},
+    MarramParam{"gusts.redraw", MARRAM_BOOLEAN, "", "false", -big, big, "",
+                "true: every repetition has gusts of its own; false: the same ones, so that cycles close"},
+    MarramParam{"gusts.center", MARRAM_VEC3, "m", "none", -big, big, "",
+                "that the gusts pass; default: the middle of the strands at bind_frame"},
+    MarramParam{"gusts.extent", MARRAM_VEC2, "m", "none", 0, big, "",
+                "of the plane that they start from, level and upright; default: that of the strands"},
+    MarramParam{"gusts.distance", MARRAM_NUMBER, "m", "none", -big, big, "",
+                "of that plane from the centre, upwind; default: just outside the strands"},
+    MarramParam{"gusts.ramp", MARRAM_RAMP, "", smooth_fall, 0, 1, "",
+                "influence from a gust's centre (0) to its end (1), where it is 0"},
+    MarramParam{"gusts.strength", MARRAM_NUMBER, "", "1", 0, 10, "",
+                "factor on the influence of these gusts"},
+    MarramParam{"gusts.seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "other gusts of the same kind"},
+    MarramParam{
+        "gusts.control[].shape", MARRAM_CHOICE, "", "sphere", -big, big, "sphere|box",
+        "a gust placed by hand: a ball of radius 1 m or a box of half side 1 m, before the transform"},
+    MarramParam{"gusts.control[].transform", MARRAM_KEYS, "", "{}", -big, big, "",
+                "where and how large it is, keyed"},
+    MarramParam{"gusts.control[].inner", MARRAM_VEC3, "", "none", 0, 1, "",
+                "half sides of a box's inner box, where the influence is full, as shares of the outer's; "
+                "default: 0.5"},
+    MarramParam{"gusts.control[].ramp", MARRAM_RAMP, "", smooth_fall, 0, 1, "",
+                "influence from the centre or inner box (0) to the end (1), where it is 0"},
+    MarramParam{"gusts.control[].strength", MARRAM_NUMBER, "", "1", -10, 10, "",
+                "factor on its influence; below 0 it takes wind away"},
+};
+
+// ---- Reading ----
+
+Ramp read_ramp(const Values& values, const std::string& name) {
+    const Ramp ramp = values.ramp(name);
+    if (ramp.interpolation() == Ramp::Interpolation::constant)
+        throw SceneFault(values.at(name).place,
+                         name + " is constant between knots, strands would jump: use linear or smooth");
+    if (ramp(1.0) != 0.0)
+        throw SceneFault(values.at(name).place,
+                         name + " is not 0 at 1: end it with [1, 0], where a gust ends");
+    return ramp;
+}
+
+GustControl read_control(const Values& values, const std::string& prefix) {
+    GustControl control;
+    control.box = values.text(prefix + "shape") == "box";
+    const MarramValue& keys = values.at(prefix + "transform");
+    control.transform = KeyedTransform(std::span(keys.numbers, keys.number_count), keys.text);
+    const std::string inner = prefix + "inner";
+    if (values.has(inner) && !control.box)
+        throw SceneFault(values.at(inner).place,
+                         inner + " means nothing for a sphere: remove it, or make it a box");
+    control.inner = values.has(inner) ? values.vec3(inner) : Vec3d::Constant(0.5);
+    control.ramp = read_ramp(values, prefix + "ramp");
+    control.strength = values.number(prefix + "strength");
+    return control;
+}
+
+double longest_fade(const Gusts& gusts) {
+    return std::min(std::max(gusts.decay.y(), shortest_fade), gusts.life.y());
+}
+
+void check_period(const Gusts& gusts, const Values& values) {
+    const std::string place = values.at("wind.gusts.period").place;
+    if (gusts.period == 0.0) return;
+    if (gusts.period < 1.0)
+        throw SceneFault(
+            place,
+            "wind.gusts.period is shorter than a frame: give 1 or more, or 0 for gusts that come once");
+    const double window =
+        gusts.start_frame.y() - gusts.start_frame.x() + gusts.life.y() + longest_fade(gusts);
+    if (gusts.num_gusts * (window / gusts.period + 1.0) > most_draws)
+        throw SceneFault(
+            place,
+            "wind.gusts has more than 4000000 gusts at a time: use fewer, shorter lives or a longer period");
+}
+
+void read_procedural(const Values& values, Gusts& gusts) {
+    gusts.radius = values.range("wind.gusts.radius_range");
+    gusts.radius_noise = values.range("wind.gusts.radius_noise_range");
+    gusts.speed = values.has("wind.gusts.speed_range") ? values.range("wind.gusts.speed_range")
+                                                       : Vec2d::Constant(values.number("wind.speed"));
+    gusts.life = values.range("wind.gusts.life_range");
+    gusts.decay = values.range("wind.gusts.decay_range");
+    gusts.period = values.number("wind.gusts.period");
+    if (values.has("wind.gusts.start_frame_range"))
+        gusts.start_frame = values.range("wind.gusts.start_frame_range");
+    else if (gusts.period > 0.0)
+        gusts.start_frame = Vec2d(0.0, gusts.period);
+    else
+        throw SceneFault(
+            values.at("wind.gusts.period").place,
+            "wind.gusts.period is 0 and nothing says when gusts start: give a start_frame_range or a period");
+    check_period(gusts, values);
+    gusts.redraw = values.boolean("wind.gusts.redraw");
+    gusts.strength = values.number("wind.gusts.strength");
+    gusts.ramp = read_ramp(values, "wind.gusts.ramp");
+    gusts.seed = static_cast<uint32_t>(values.integer("wind.gusts.seed"));
+    if (values.has("wind.gusts.center")) gusts.center = values.vec3("wind.gusts.center");
+    if (values.has("wind.gusts.extent")) gusts.extent = values.range("wind.gusts.extent");
+    if (values.has("wind.gusts.distance")) gusts.distance = values.number("wind.gusts.distance");
+}
+
+// ---- Influences of a time ----
+
+struct Across { // the two directions across the wind
+    Vec3d level, upright;
+};
+
+Across across(const Vec3d& w) {
+    const Vec3d up = std::abs(w.y()) > upright_limit ? Vec3d::UnitX() : Vec3d::UnitY();
+    const Vec3d level = up.cross(w).normalized();
+    return {level, w.cross(level)};
+}
+
+enum class Draw : uint64_t { across, up, radius, radius_noise, speed, start_frame, life, decay, lump_seed };
+
+double draw(uint64_t key, Draw what) { return unit_double(hash(key, uint64_t(what))); }
+double draw(uint64_t key, Draw what, const Vec2d& range) {
+    return range.x() + (range.y() - range.x()) * draw(key, what);
+}
+
+double smooth_step(double y) { return y * y * (3.0 - 2.0 * y); }
+
+// Widened as derived above.
+void set_bounds(Influence& influence, const Vec3d& half) {
+    const Vec3d reach = half + bounds_slack * (half + influence.center.cwiseAbs());
+    influence.lower = influence.center - reach;
+    influence.upper = influence.center + reach;
+}
+
+struct Passage { // what all gusts of a time share
+    const Gusts& gusts;
+    Vec3d origin; // middle of the plane that they start from
+    Vec3d wind;
+    Across sides;
+    double frame, fps;
+};
+
+void add_gust(const Passage& passage, int64_t repetition, uint64_t index, std::vector<Influence>& out) {
+    const Gusts& gusts = passage.gusts;
+    const uint64_t set = gusts.redraw ? static_cast<uint64_t>(repetition) : 0;
+    const uint64_t key = hash(hash(gusts.seed, set), index);
+    const double start = draw(key, Draw::start_frame, gusts.start_frame);
+    const double age = passage.frame - start - double(repetition) * gusts.period;
+    const double life = draw(key, Draw::life, gusts.life);
+    const double fade = std::min(std::max(draw(key, Draw::decay, gusts.decay), shortest_fade), life);
+    const double radius = draw(key, Draw::radius, gusts.radius);
+    if (!(life > 0.0 && -fade < age && age < life && std::isfinite(1.0 / radius))) return;
+    const double swell = smooth_step(std::min(1.0, (age + fade) / fade));
+    const double decay = smooth_step(std::min(1.0, (life - age) / fade));
+    const Vec3d place = passage.sides.level * ((draw(key, Draw::across) - 0.5) * gusts.extent->x()) +
+                        passage.sides.upright * ((draw(key, Draw::up) - 0.5) * gusts.extent->y());
+    const double travelled = draw(key, Draw::speed, gusts.speed) * age / passage.fps;
+    Influence& influence = out.emplace_back();
+    influence.center = passage.origin + place + passage.wind * travelled;
+    influence.to_unit = Eigen::Matrix3d::Identity() * (1.0 / radius);
+    influence.lumps = draw(key, Draw::radius_noise, gusts.radius_noise);
+    influence.lump_seed = static_cast<uint32_t>(hash(key, uint64_t(Draw::lump_seed)) >> 32);
+    influence.weight = gusts.strength * swell * decay;
+    influence.ramp = &gusts.ramp;
+    set_bounds(influence, Vec3d::Constant(radius));
+}
+
+void add_procedural(const Gusts& gusts, const Vec3d& wind, double frame, double fps,
+                    std::vector<Influence>& out) {
+    if (gusts.num_gusts == 0 || gusts.strength == 0.0) return;
+    const Passage passage{gusts, *gusts.center - *gusts.distance * wind, wind, across(wind), frame, fps};
+    int64_t first = 0, last = 0; // repetitions that may be alive
+    if (gusts.period > 0.0) {
+        first = int64_t(std::ceil((frame - gusts.start_frame.y() - gusts.life.y()) / gusts.period));
+        last = int64_t(std::floor((frame - gusts.start_frame.x() + longest_fade(gusts)) / gusts.period));
+    }
+    for (int64_t repetition = first; repetition <= last; ++repetition)
+        for (uint32_t i = 0; i < gusts.num_gusts; ++i) add_gust(passage, repetition, i, out);
+}
+
+void add_control(const GustControl& control, double frame, std::vector<Influence>& out) {
+    const Eigen::Affine3d transform = control.transform.at(frame);
+    Influence influence;
+    influence.center = transform.translation();
+    for (int axis = 0; axis < 3; ++axis) {
+        const Vec3d column = transform.linear().col(axis);
+        const double length = column.stableNorm();
+        influence.to_unit.row(axis) = column / length / length;
+    }
+    if (!influence.to_unit.allFinite() || control.strength == 0.0) return; // no volume, or no effect
+    influence.box = control.box;
+    influence.inner = control.inner;
+    influence.weight = control.strength;
+    influence.ramp = &control.ramp;
+    const Eigen::Matrix3d sides = transform.linear().cwiseAbs();
+    Vec3d half;
+    for (int axis = 0; axis < 3; ++axis)
+        half[axis] = control.box ? sides.row(axis).sum() : sides.row(axis).stableNorm();
+    set_bounds(influence, half);
+    out.push_back(influence);
+}
+
+// ---- The tree ----
+
+// Place along a Morton curve through the box of all centres: neighbours in space become neighbours in the tree.
+uint64_t curve_key(const Vec3d& center, const Vec3d& lower, const Vec3d& upper) {
+    constexpr int bits = 16;
+    uint64_t key = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+        const double size = upper[axis] - lower[axis];
+        const double share = size > 0.0 ? (center[axis] - lower[axis]) / size : 0.0;
+        const auto cell = static_cast<uint64_t>(share * ((1 << bits) - 1));
+        for (int bit = 0; bit < bits; ++bit) key |= (cell >> bit & 1) << (3 * bit + axis);
+    }
+    return key;
+}
+
+void sort_along_curve(std::vector<Influence>& influences) {
+    Vec3d lower = Vec3d::Constant(infinity), upper = -lower;
+    for (const Influence& influence : influences) {
+        lower = lower.cwiseMin(influence.center);
+        upper = upper.cwiseMax(influence.center);
+    }
+    std::vector<std::pair<uint64_t, size_t>> order;
+    for (const Influence& influence : influences)
+        order.emplace_back(curve_key(influence.center, lower, upper), order.size());
+    std::sort(order.begin(), order.end());
+    std::vector<Influence> sorted;
+    sorted.reserve(influences.size());
+    for (const auto& [key, index] : order) sorted.push_back(influences[index]);
+    influences = std::move(sorted);
+}
+
+void put_box(EightBoxes& boxes, size_t lane, const Vec3d& lower, const Vec3d& upper) {
+    const auto i = int(lane);
+    boxes.lower.x[i] = lower.x(), boxes.lower.y[i] = lower.y(), boxes.lower.z[i] = lower.z();
+    boxes.upper.x[i] = upper.x(), boxes.upper.y[i] = upper.y(), boxes.upper.z[i] = upper.z();
+}
+
+WideVector<EightBoxes> empty_nodes(size_t children) {
+    const VDouble above = splat(infinity), below = splat(-infinity);
+    return WideVector<EightBoxes>((children + lanes - 1) / lanes,
+                                  {{above, above, above}, {below, below, below}});
+}
+
+double least(VDouble v) {
+    double result = v[0];
+    for (int i = 1; i < lanes; ++i) result = std::min(result, v[i]);
+    return result;
+}
+
+void build_tree(GustField& field) {
+    const std::vector<Influence>& influences = field.influences;
+    if (influences.empty()) return;
+    field.levels.push_back(empty_nodes(influences.size()));
+    for (size_t i = 0; i < influences.size(); ++i)
+        put_box(field.levels[0][i / lanes], i % lanes, influences[i].lower, influences[i].upper);
+    while (field.levels.back().size() > 1) {
+        const WideVector<EightBoxes>& below = field.levels.back();
+        WideVector<EightBoxes> nodes = empty_nodes(below.size());
+        for (size_t i = 0; i < below.size(); ++i) {
+            const EightBoxes& b = below[i];
+            put_box(nodes[i / lanes], i % lanes, {least(b.lower.x), least(b.lower.y), least(b.lower.z)},
+                    {-least(-b.upper.x), -least(-b.upper.y), -least(-b.upper.z)});
+        }
+        field.levels.push_back(std::move(nodes));
+    }
+}
+
+// The influences below a node that touch a box, in the tree's order.
+void collect(const GustField& field, size_t level, size_t node, const Vec3d& lower, const Vec3d& upper,
+             std::vector<const Influence*>& out) {
+    const EightBoxes& b = field.levels[level][node];
+    const VLong touches = (b.lower.x <= upper.x()) & (b.upper.x >= lower.x()) & (b.lower.y <= upper.y()) &
+                          (b.upper.y >= lower.y()) & (b.lower.z <= upper.z()) & (b.upper.z >= lower.z());
+    if (!any(touches)) return;
+    for (int lane = 0; lane < lanes; ++lane) {
+        if (!touches[lane]) continue;
+        const size_t child = node * lanes + size_t(lane);
+        if (level == 0)
+            out.push_back(&field.influences[child]);
+        else
+            collect(field, level - 1, child, lower, upper, out);
+    }
+}
+
+// ---- Evaluation ----
+
+MARRAM_INLINE VUint mix(VUint h) { // mix32 of core/math/hash.h, eight at once
+    h ^= h >> 16;
+    h *= 0x7feb352dU;
+    h ^= h >> 15;
+    h *= 0x846ca68bU;
+    return h ^ (h >> 16);
+}
+
+MARRAM_INLINE VDouble blend(VDouble t, VDouble a, VDouble b) { return a + t * (b - a); }
+
+// nu of gusts.h at |x| below 2^51.
+MARRAM_INLINE VDouble value_noise(const Wide3d& x, uint32_t seed) {
+    const VDouble coordinate[3] = {x.x, x.y, x.z};
+    VInt cell[3];
+    VDouble weight[3];
+    for (int axis = 0; axis < 3; ++axis) {
+        const VDouble f = coordinate[axis] - vfloor(coordinate[axis], cell[axis]);
+        weight[axis] = f * f * f * (f * (f * 6.0 - 15.0) + 10.0);
+    }
+    VDouble along_z[2];
+    for (uint32_t k = 0; k < 2; ++k) {
+        VDouble along_y[2];
+        for (uint32_t j = 0; j < 2; ++j) {
+            VDouble along_x[2];
+            for (uint32_t i = 0; i < 2; ++i) {
+                VUint h = mix(bits_as<VUint>(cell[0]) + (seed + i));
+                h = mix(h + bits_as<VUint>(cell[1]) + j);
+                h = mix(h + bits_as<VUint>(cell[2]) + k);
+                along_x[i] =
+                    __builtin_convertvector(h >> (32 - noise_bits), VDouble) * (1.0 / (1U << noise_bits));
+            }
+            along_y[j] = blend(weight[0], along_x[0], along_x[1]);
+        }
+        along_z[k] = blend(weight[1], along_y[0], along_y[1]);
+    }
+    return blend(weight[2], along_z[0], along_z[1]);
+}
+
+MARRAM_INLINE VDouble box_distance(const Influence& influence, const Wide3d& x) {
+    const VDouble size[3] = {vabs(x.x), vabs(x.y), vabs(x.z)};
+    VDouble t{};
+    for (int axis = 0; axis < 3; ++axis) {
+        const double inner = influence.inner[axis];
+        const VDouble beyond = vmin((size[axis] - inner) / (1.0 - inner), splat(1.0));
+        t = vmax(size[axis] <= inner ? VDouble{} : beyond, t);
+    }
+    return t;
+}
+
+// I(P) of gusts.h. Whatever is no number (places too far for a double) is outside.
+MARRAM_INLINE VDouble influence_at(const Influence& influence, const Wide3d& p) {
+    const Wide3d d = p - splat3(influence.center.data());
+    const Eigen::Matrix3d& m = influence.to_unit;
+    const Wide3d x{d.x * m(0, 0) + d.y * m(0, 1) + d.z * m(0, 2),
+                   d.x * m(1, 0) + d.y * m(1, 1) + d.z * m(1, 2),
+                   d.x * m(2, 0) + d.y * m(2, 1) + d.z * m(2, 2)};
+    VDouble t = influence.box ? box_distance(influence, x) : vsqrt(dot(x, x));
+    if (!any(t < 1.0)) return VDouble{};
+    if (influence.lumps > 0.0)
+        t /= 1.0 - influence.lumps * value_noise(x * splat(lumps_a_radius), influence.lump_seed);
+    return t < 1.0 ? evaluate(*influence.ramp, t) * influence.weight : VDouble{};
+}
+
+MARRAM_HOT void add_influences(std::span<const Influence* const> influences, std::span<const Wide3f> rest,
+                               VFloat* gust) {
+    for (size_t k = 0; k < rest.size(); ++k) {
+        const Wide3d p = to_double(rest[k]);
+        VDouble sum{};
+        for (const Influence* influence : influences) sum += influence_at(*influence, p);
+        gust[k] += to_float(sum);
+    }
+}
+
+MARRAM_HOT void bounds_of(std::span<const Wide3f> points, Wide3f& lower, Wide3f& upper) {
+    lower = upper = points[0];
+    for (const Wide3f& p : points) {
+        lower.x = p.x < lower.x ? p.x : lower.x;
+        lower.y = p.y < lower.y ? p.y : lower.y;
+        lower.z = p.z < lower.z ? p.z : lower.z;
+        upper.x = p.x > upper.x ? p.x : upper.x;
+        upper.y = p.y > upper.y ? p.y : upper.y;
+        upper.z = p.z > upper.z ? p.z : upper.z;
+    }
+}
+
+} // namespace
+
+std::span<const MarramParam> gust_params() { return params; }
+
+std::optional<Gusts> read_gusts(const Values& values) {
+    Gusts gusts;
+    gusts.num_gusts = static_cast<uint32_t>(values.integer("wind.gusts.num_gusts"));
+    if (gusts.num_gusts > 0) read_procedural(values, gusts);
+    for (;;) {
+        const std::string prefix = "wind.gusts.control[" + std::to_string(gusts.controls.size()) + "].";
+        if (!values.has(prefix + "shape")) break;
+        gusts.controls.push_back(read_control(values, prefix));
+    }
+    if (gusts.num_gusts == 0 && gusts.controls.empty()) return {};
+    return gusts;
+}
+
+void fix_gusts(Gusts& gusts, const Vec3d& lower, const Vec3d& upper, const Vec3d& wind_direction) {
+    Vec3d middle = 0.5 * lower + 0.5 * upper, half = 0.5 * upper - 0.5 * lower;
+    if (!middle.allFinite() || !half.allFinite() || half.minCoeff() < 0.0) middle = half = Vec3d::Zero();
+    const Across sides = across(wind_direction);
+    if (!gusts.center) gusts.center = middle;
+    if (!gusts.extent)
+        gusts.extent = 2.0 * Vec2d(sides.level.cwiseAbs().dot(half), sides.upright.cwiseAbs().dot(half));
+    if (!gusts.distance)
+        gusts.distance = (*gusts.center - middle).dot(wind_direction) + wind_direction.cwiseAbs().dot(half) +
+                         gusts.radius.y();
+}
+
+bool gusts_move(const Gusts& gusts) {
+    const bool sends =
+        gusts.num_gusts > 0 && gusts.strength != 0.0 && gusts.radius.y() > 0.0 && gusts.life.y() > 0.0;
+    const auto keyed = [](const GustControl& control) {
+        return control.transform.moves() && control.strength != 0.0;
+    };
+    return sends || std::ranges::any_of(gusts.controls, keyed);
+}
+
+GustField gusts_at(const Gusts& gusts, const Vec3d& wind_direction, double frame, double fps) {
+    const double when = std::clamp(frame, -latest_frame, latest_frame);
+    GustField field;
+    add_procedural(gusts, wind_direction, when, fps, field.influences);
+    for (const GustControl& control : gusts.controls) add_control(control, when, field.influences);
+    sort_along_curve(field.influences);
+    build_tree(field);
+    return field;
+}
+
+size_t add_gusts(const GustField& field, Strands& strands) {
+    if (field.levels.empty() || strands.rest.empty()) return 0;
+    Wide3f lower, upper;
+    bounds_of(strands.rest, lower, upper);
+    const auto low = [](VFloat v) { return least(to_double(v)); };
+    const auto high = [](VFloat v) { return -least(-to_double(v)); };
+    std::vector<const Influence*> touching;
+    collect(field, field.levels.size() - 1, 0, {low(lower.x), low(lower.y), low(lower.z)},
+            {high(upper.x), high(upper.y), high(upper.z)}, touching);
+    if (!touching.empty()) add_influences(touching, strands.rest, strands.gust.data());
+    return touching.size();
+}
+
+} // namespace marram

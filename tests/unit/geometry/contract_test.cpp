@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a procedural gets to see of the scene and what becomes of its report, by a library that says what it is given.
+#include "build_scene.h"
+
+#include <gtest/gtest.h>
+
+namespace marram::testing {
+namespace {
+
+// Wind of the probe's own: no library but its is asked for.
+struct ProbeScene {
+    std::shared_ptr<PluginLibrary> library =
+        std::make_shared<PluginLibrary>(MARRAM_BINARY_DIR "/libprobe_plugin.so", Place{});
+    Schema schema = scene_schema();
+    SceneDescription description;
+    std::atomic<bool> cancel{false};
+    SceneGeometry geometry;
+    BuildSettings settings;
+    BuildProgress progress;
+    BuildStats stats;
+
+    explicit ProbeScene(const std::string& text) {
+        schema.wind = wind_specs(library->table());
+        schema.procedurals = procedural_schemas(library->table());
+        description = load_scene(write_scene(text), {}, schema);
+        for (const Item& item : description.meshes) {
+            const ParamValue& keys = item.params.at("transform");
+            geometry.meshes.push_back(
+                {item.name, builtin_mesh(item), KeyedTransform(keys.numbers, keys.text)});
+        }
+        for (const Item& item : description.procedurals)
+            geometry.procedurals.push_back(
+                std::make_unique<Procedural>(library, item, description.wind, cancel));
+    }
+    World build() { return build_world(geometry, settings, cancel, progress, stats = {}); }
+
+    // The report of one probe without its made-up entries.
+    std::map<std::string, double> report(size_t index = 0) {
+        std::map<std::string, double> entries;
+        for (const auto& [key, value] : geometry.procedurals[index]->report()) entries[key] = value;
+        return entries;
+    }
+    // The values of a probe by name.
+    std::map<std::string, double> values(size_t index = 0) {
+        std::map<std::string, double> found;
+        for (const auto& [key, value] : report(index))
+            if (key.starts_with("value.")) found[key.substr(6)] = value;
+        return found;
+    }
+};
+
+std::string probe(const std::string& name, const std::string& more = "") {
+    return "\n[[procedural]]\ntype = \"probe\"\nname = \"" + name + "\"\n" + more + "\n";
+}
+
+using Values = std::map<std::string, double>;
+
+TEST(Lists, AreHandedOverElementByElement) {
+    ProbeScene scene("[wind]\nplain = 5\n[[wind.balls]]\nsize = 7\nmaybe = 9\n[[wind.balls]]\n"
+                     "keys = { keys = [{ frame = 4 }, { frame = 6 }], interpolation = \"smooth\" }\n" +
+                     probe("p", "own = [{}, { number = 8 }]"));
+    EXPECT_EQ(scene.values(), (Values{{"pose_at", 0},
+                                      {"report", 1},
+                                      {"own[0].number", 3},
+                                      {"own[1].number", 8},
+                                      {"wind.plain", 5},
+                                      {"wind.balls[0].size", 7},
+                                      {"wind.balls[0].keys", 0},
+                                      {"wind.balls[0].maybe", 9},
+                                      {"wind.balls[1].size", 2},
+                                      {"wind.balls[1].keys", 4}}));
+    const auto report = scene.report();
+    EXPECT_EQ(report.at("numbers.wind.balls[0].keys"), 10);
+    EXPECT_EQ(report.at("letters.wind.balls[0].keys"), 6); // "linear", too
+    EXPECT_EQ(report.at("numbers.wind.balls[1].keys"), 20);
+}
+
+TEST(Lists, OfAProceduralReplaceThoseOfTheScene) {
+    const std::string wind = "[wind]\nballs = [{ size = 7, maybe = 9 }, {}]\n";
+    ProbeScene scene(wind + probe("own", "wind.balls = [{ size = 1 }]") + probe("none", "wind.balls = []") +
+                     probe("scene's", "wind.plain = 4"));
+    const Values common = {{"pose_at", 0}, {"report", 1}, {"wind.plain", 1}};
+    Values own = common;
+    own["wind.balls[0].size"] = 1;
+    own["wind.balls[0].keys"] = 0;
+    EXPECT_EQ(scene.values(0), own);
+    EXPECT_EQ(scene.values(1), common);
+    Values shared = {{"pose_at", 0},
+                     {"report", 1},
+                     {"wind.plain", 4},
+                     {"wind.balls[0].size", 7},
+                     {"wind.balls[0].keys", 0},
+                     {"wind.balls[0].maybe", 9},
+                     {"wind.balls[1].size", 2},
+                     {"wind.balls[1].keys", 0}};
+    EXPECT_EQ(scene.values(2), shared);
+    ProbeScene without(probe("p"));
+    EXPECT_EQ(without.values(), common);
+}
+
+// A quarter turn about z between two keys and a move: a vertex and its normal at any time.
+TEST(Poses, HaveNormalsAtAnyTime) {
+    for (const double frame : {-3.0, 1.0, 2.0, 7.0}) {
+        ProbeScene scene(
+            mesh("b", "sphere",
+                 "transform = { keys = [{ frame = 1, scale = [1, 2, 4] }, { frame = 3, rotate = [0, 0, "
+                 "90], scale = [1, 2, 4], translate = [4, 0, 0] }] }") +
+            probe("p", "pose_at = " + std::to_string(frame)));
+        scene.build();
+        const SceneMesh& source = scene.geometry.meshes[0];
+        const Eigen::Affine3d at = source.transform.at(frame);
+        const Vec3d position = at * source.mesh.positions[0].cast<double>();
+        const Vec3d normal =
+            (at.linear().inverse().transpose() * source.mesh.normals[0].cast<double>()).normalized();
+        const auto report = scene.report();
+        const Vec3d p(report.at("position.x"), report.at("position.y"), report.at("position.z"));
+        const Vec3d n(report.at("normal.x"), report.at("normal.y"), report.at("normal.z"));
+        EXPECT_LT((p - position).norm(), 1e-6) << frame;
+        EXPECT_LT((n - normal).norm(), 1e-6) << frame;
+    }
+}
+
+TEST(Poses, OfFacettedMeshesLeaveNormalsAlone) {
+    ProbeScene scene(mesh("b", "sphere") + probe("p"));
+    scene.geometry.meshes[0].mesh.normals.clear(); // the probe's buffer stays zero
+    scene.build();
+    const auto report = scene.report();
+    EXPECT_NE(report.at("position.y"), 0.0); // a pole
+    for (const char* key : {"normal.x", "normal.y", "normal.z"}) EXPECT_EQ(report.at(key), 0.0);
+}
+
+TEST(Report, SharesSecondsAndAddsCounts) {
+    ProbeScene scene(probe("p", "report = 1") + probe("q", "report = 10"));
+    scene.build();
+    const BuildStats& stats = scene.stats;
+    ASSERT_GT(stats.collide, 0.0);
+    const double unit = stats.collide / 6.0; // the probe reports 1 ... 6 seconds, in the chain's order
+    EXPECT_NEAR(stats.jiggle, 5.0 * unit, 1e-12);
+    EXPECT_NEAR(stats.bend, 4.0 * unit, 1e-12);
+    EXPECT_NEAR(stats.shield, 3.0 * unit, 1e-12);
+    EXPECT_NEAR(stats.gusts, 2.0 * unit, 1e-12);
+    EXPECT_GE(stats.expand, unit - 1e-12); // and the time that bounds take
+    EXPECT_EQ(stats.contacts, 22u);
+    EXPECT_EQ(stats.pushed_out, 33u);
+    EXPECT_EQ(stats.unresolved, 44u);
+    EXPECT_EQ(stats.skipped_pushes, 55u);
+    EXPECT_EQ(stats.dips, 66u);
+    EXPECT_DOUBLE_EQ(stats.collision_reached, 7.0 / 8.0);
+}
+
+TEST(Report, WithoutEntriesCountsNothing) {
+    ProbeScene scene(probe("p", "report = 0"));
+    scene.build();
+    const BuildStats& stats = scene.stats;
+    EXPECT_GT(stats.expand, 0.0);
+    EXPECT_EQ(stats.gusts + stats.shield + stats.bend + stats.jiggle + stats.collide, 0.0);
+    EXPECT_EQ(stats.contacts + stats.pushed_out + stats.unresolved + stats.skipped_pushes + stats.dips, 0u);
+    EXPECT_EQ(stats.collision_reached, 1.0);
+}
+
+} // namespace
+} // namespace marram::testing

@@ -33,7 +33,7 @@
 //
 //     C = center - distance * w + place + w * speed * age / fps,    M = 1 / radius,
 //     weight = strength * s(min(1, (age + d) / d)) * s(min(1, (life - age) / d)),   d = min(max(decay, 1), life)
-//     s(y) = y^2 (3 - 2 y)                                          alive: -d < age < life and life > 0 and radius > 0.
+//     s(y) = y^2 (3 - 2 y)                                          alive: -d < age < life and life > 0 and 1 / radius is finite.
 //
 // It stands in the plane upwind, in full strength, at its start frame and fades out over the last d frames of its life:
 // over all of it where decay is longer, over one frame where decay is shorter, for nothing may pop. For the same reason it
@@ -133,7 +133,7 @@ struct GustField {
 // Center, extent and distance must be there if num_gusts > 0 (fix_gusts). `wind_direction` is unit.
 GustField gusts_at(const Gusts& gusts, const Vec3d& wind_direction, double frame, double fps);
 
-// strands.gust += the sum of influences at each CV of strands.rest. Returns how many influences were evaluated: those whose
+// strands.gust += the sum of influences at each CV of strands.rest; the caller sets it to 0 before. Returns how many influences were evaluated: those whose
 // bounds touch those of the strands. Any thread.
 size_t add_gusts(const GustField& field, Strands& strands);
 

@@ -2,6 +2,7 @@
 #include "procedural/groom/groom.h"
 
 #include "procedural/groom/description.h"
+#include "procedural/groom/past.h"
 #include "procedural/groom/roots.h"
 #include "procedural/groom/strand_shape.h"
 #include "procedural/wind/chain.h"
@@ -24,9 +25,10 @@ constexpr std::array attributes = {
     MarramAttribute{"id", 1, 0, 1,
                     "a number below 2^24 that stays with the strand, whatever grows elsewhere"},
     MarramAttribute{"envelope", 1, 1, 0, "share of the wind that reaches a CV"},
+    MarramAttribute{"gust", 1, 1, 0, "sum of the gusts at a CV; 1 is a whole one"},
     MarramAttribute{"shield", 1, 1, 0, "sheltered share of a CV, or of its strand (see wind.shielding)"},
 };
-enum AttributeIndex : uint32_t { root_normal, root_uv, id, envelope, sheltered };
+enum AttributeIndex : uint32_t { root_normal, root_uv, id, envelope, gust, sheltered };
 
 // CVs that one patch aims at: enough to hide the cost of a task, few enough to stay in a core's cache.
 constexpr int patch_cvs = 4096;
@@ -53,6 +55,8 @@ struct GroomInstance {
     const MarramMesh* mesh = nullptr;
     uint32_t time_count = 1;
     ChainFrame chain;
+    PastSkin past;
+    bool gusts_fixed = false;
     std::vector<float> width_profile; // [cvs], half of it: radius of a strand 1 wide
 
     tbb::enumerable_thread_specific<Worker> workers;
@@ -144,6 +148,27 @@ MarramStatus place(GroomInstance& instance) {
     return MARRAM_OK;
 }
 
+// Gusts start across the scene's bounds at the shot's first frame, where the scene does not say where.
+MarramStatus fix_gusts_once(GroomInstance& instance) {
+    if (!instance.wind.gusts || instance.gusts_fixed) return MARRAM_OK;
+    Vec3d lower = Vec3d::Constant(std::numeric_limits<double>::infinity()), upper = -lower;
+    std::vector<float> positions;
+    for (uint32_t i = 0; i < instance.frame.mesh_count; ++i) {
+        positions.resize(3 * size_t(instance.frame.meshes[i].vertex_count));
+        const MarramStatus status = instance.frame.pose(instance.frame.pose_user, i,
+                                                        instance.frame.bind_frame, positions.data(), nullptr);
+        if (status != MARRAM_OK) return status;
+        for (size_t v = 0; v + 2 < positions.size(); v += 3) {
+            const Vec3d p(double(positions[v]), double(positions[v + 1]), double(positions[v + 2]));
+            lower = lower.cwiseMin(p);
+            upper = upper.cwiseMax(p);
+        }
+    }
+    fix_gusts(*instance.wind.gusts, lower, upper, instance.wind.direction);
+    instance.gusts_fixed = true;
+    return MARRAM_OK;
+}
+
 // Colliders that move make strands move which touch them or stand behind them.
 bool meets_moving_meshes(const GroomInstance& instance) {
     if (!instance.wind.collision && !instance.wind.shielding) return false;
@@ -164,12 +189,27 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
             const MarramStatus status = place(instance);
             if (status != MARRAM_OK) return status;
         }
-        const bool moves = instance.mesh->time_count > 1 ||
-                           (frame->stage != MARRAM_REST && wind_moves(instance.wind)) ||
-                           (frame->stage != MARRAM_REST && meets_moving_meshes(instance));
+        if (const MarramStatus status = fix_gusts_once(instance); status != MARRAM_OK) return status;
+        const bool blown = frame->stage != MARRAM_REST;
+        bool moves = instance.mesh->time_count > 1 ||
+                     (blown && (wind_moves(instance.wind) || meets_moving_meshes(instance)));
+        instance.past = {};
+        if (instance.wind.jiggle && frame->stage == MARRAM_FINAL) {
+            const MarramStatus status =
+                read_past(instance.frame, uint32_t(instance.mesh - instance.frame.meshes),
+                          *instance.wind.jiggle, longest_strand(instance.groom), instance.past);
+            if (status != MARRAM_OK) return status;
+            // Where nothing has moved nothing swings.
+            if (instance.past.moves() || wind_moves(instance.wind))
+                moves = true;
+            else
+                instance.past = {};
+        }
         instance.time_count = moves ? frame->time_count : 1;
-        instance.chain = make_chain_frame(instance.wind, instance.groom.envelope, instance.frame,
-                                          *instance.mesh, instance.width_profile, instance.groom.basis);
+        instance.frame.time_count = instance.time_count; // what the chain works at
+        instance.chain =
+            make_chain_frame({instance.wind, instance.groom.envelope, instance.frame, *instance.mesh,
+                              instance.width_profile, instance.groom.basis, instance.past.window});
         *out = MarramOutput{};
         out->kind = MARRAM_CURVES;
         out->curve_count = instance.roots.size();
@@ -272,13 +312,26 @@ void write_attribute(const GroomInstance& instance, std::span<const Root> roots,
             out[2 * i + 1] = float(uv.y());
         } else if (which == id) {
             out[i] = float(root_hash(instance.groom.seed, roots[i], Purpose::id) >> 40);
-        } else if (which == envelope || which == sheltered) {
-            const VFloat* e = (which == envelope ? strands.envelope : strands.shield).data() +
-                              (i / lanes) * size_t(strands.cvs);
+        } else if (which == envelope || which == gust || which == sheltered) {
+            const WideVector<VFloat>& values = which == envelope ? strands.envelope
+                                               : which == gust   ? strands.gust
+                                                                 : strands.shield;
+            const VFloat* e = values.data() + (i / lanes) * size_t(strands.cvs);
             for (int k = 0; k < strands.cvs; ++k)
                 out[i * size_t(strands.cvs) + size_t(k)] = e[k][int(i % lanes)];
         }
     }
+}
+
+Expand expand_of(const GroomInstance& instance, std::span<const Root> roots, StageClock& clock) {
+    return {[&instance, roots, &clock](uint32_t time, Strands& strands) {
+                const StageTimer timer(clock.expand);
+                expand(instance.groom, instance.wind, instance.poses(time), roots, strands);
+            },
+            [&instance, roots](int64_t knot, Strands& strands) { // on the jiggle's clock
+                const GrowthPoses then{instance.poses(0).bind, instance.past.at(knot, *instance.mesh)};
+                expand(instance.groom, instance.wind, then, roots, strands);
+            }};
 }
 
 MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatchBuffers* buffers) {
@@ -289,12 +342,11 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
         const std::span<const Root> roots = instance.patch_roots(index);
         Strands& strands = worker.strands;
         strands.resize(int(roots.size()), instance.groom.cvs, instance.groom.shape == MARRAM_ORIENTED_RIBBON);
+        const Expand lay_out = expand_of(instance, roots, worker.chain.clock);
+        if (instance.past.window.count() > 0) jiggle_patch(instance.chain, lay_out, strands, worker.chain);
         for (uint32_t time = 0; time < instance.time_count; ++time) {
-            if (time <
-                instance.mesh->time_count) { // later motion samples of a resting mesh share its rest strands
-                const StageTimer timer(worker.chain.clock.expand);
-                expand(instance.groom, instance.wind, instance.poses(time), roots, strands);
-            }
+            // Later motion samples of a resting mesh share its rest strands.
+            if (time < instance.mesh->time_count) lay_out.at_time(time, strands);
             run_chain(instance.chain, time, strands, worker.chain);
             const StageTimer timer(worker.chain.clock.write);
             write_vertices(instance, roots, strands, buffers->vertices[time]);
@@ -323,17 +375,14 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     for (const Worker& worker : instance.workers) {
         sum += worker.chain.clock;
         counts += worker.chain.counts;
-        const Strands& s = worker.strands;
-        scratch += (s.rest.capacity() + s.pose.capacity() + s.rest_normal.capacity() +
-                    s.pose_normal.capacity() + s.values.capacity()) *
-                       sizeof(Wide3f) +
-                   (s.envelope.capacity() + s.shield.capacity()) * sizeof(VFloat) +
-                   s.width.capacity() * sizeof(VDouble) +
-                   (s.anchor.capacity() + s.root_normal.capacity() + s.points.capacity()) * sizeof(Wide3d);
+        scratch += worker.strands.bytes() + worker.chain.past.bytes();
+        for (const auto& pose : worker.chain.jiggled) scratch += pose.capacity() * sizeof(Wide3f);
     }
     sink(user, "seconds.roots", instance.placing_seconds);
     sink(user, "thread_seconds.expand", sum.expand + sum.write);
+    sink(user, "thread_seconds.gusts", sum.gusts);
     sink(user, "thread_seconds.shield", sum.shield);
+    sink(user, "thread_seconds.jiggle", sum.jiggle);
     sink(user, "thread_seconds.bend", sum.bend);
     sink(user, "thread_seconds.collide", sum.collide);
     sink(user, "collision.contacts", double(counts.contacts));
@@ -344,8 +393,8 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     sink(user, "collision.goal_angle", counts.goal_angle);
     sink(user, "collision.turned_angle", counts.turned_angle);
     // The most that was there at any time: candidates come and go before there is scratch.
-    const size_t lasting =
-        instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 + scratch;
+    const size_t lasting = instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 +
+                           instance.past.bytes() + scratch;
     sink(user, "memory.bytes", double(std::max(lasting, instance.placing_bytes)));
 }
 

@@ -6,68 +6,138 @@
 #include <algorithm>
 
 namespace marram {
-namespace {
 
-// e = clamp(calm + gusts) * the groom's own * (1 - shield * sheltered share) * response(speed)
-void set_envelope(const ChainFrame& chain, double strength, Strands& strands) {
-    const Wind& wind = *chain.wind;
-    const float loss = wind.shielding ? float(wind.shielding->shield) : 0.0F;
-    for (int k = 0; k < strands.cvs; ++k) {
-        const double u = double(k) / double(strands.cvs - 1);
-        const auto own = float(std::clamp((*chain.point_envelope)(u), 0.0, 1.0) * strength);
-        for (int i = 0; i < strands.blocks; ++i) {
-            const size_t at = size_t(i) * size_t(strands.cvs) + size_t(k);
-            VFloat e = splat_float(own);
-            if (loss > 0.0F) {
-                const VFloat left = 1.0F - loss * strands.shield[at];
-                e *= left > 0.0F ? left : VFloat{};
-            }
-            strands.envelope[at] = e;
-        }
-    }
+StageClock& StageClock::operator+=(const StageClock& other) {
+    expand += other.expand;
+    gusts += other.gusts;
+    shield += other.shield;
+    bend += other.bend;
+    jiggle += other.jiggle;
+    collide += other.collide;
+    write += other.write;
+    return *this;
 }
 
-} // namespace
-
-ChainFrame make_chain_frame(const Wind& wind, const Ramp& point_envelope, const MarramFrame& frame,
-                            const MarramMesh& skin, std::span<const float> radius_profile,
-                            MarramBasis basis) {
-    ChainFrame chain{&wind, &point_envelope, frame, &skin, radius_profile, basis, {}};
+ChainFrame make_chain_frame(const ChainInput& input) {
+    const Wind& wind = input.wind;
+    const MarramFrame& frame = input.frame;
+    ChainFrame chain{&wind, &input.point_envelope, frame, &input.skin, input.radius_profile, input.basis,
+                     {},    input.window,          {}};
+    const bool bends = frame.stage != MARRAM_REST && wind_bends(wind);
     chain.instants.resize(frame.time_count);
     for (uint32_t t = 0; t < frame.time_count; ++t) {
         ChainFrame::Instant& instant = chain.instants[t];
         if (wind.shielding || wind.collision) instant.colliders = colliders_at(frame, t);
         if (wind.shielding && wind.shielding->wake_heights)
             instant.obstacle_heights = obstacle_heights(instant.colliders);
+        if (wind.gusts && bends)
+            instant.gusts = gusts_at(*wind.gusts, wind.direction, frame.times[t], frame.fps);
     }
+    for (int64_t knot = chain.window.first; knot <= chain.window.last && wind.gusts && bends; ++knot)
+        chain.past_gusts.push_back(
+            gusts_at(*wind.gusts, wind.direction, wind.jiggle->frame_of(knot), frame.fps));
     return chain;
+}
+
+namespace {
+
+// e = clamp(calm + gusts) * the groom's own * (1 - shield * sheltered share) * response(speed)
+MARRAM_HOT void set_envelope(const Wind& wind, const float* own, Strands& strands) {
+    const VFloat calm = splat_float(float(wind.calm)), one = splat_float(1.0F), zero{};
+    const VFloat loss = splat_float(wind.shielding ? float(wind.shielding->shield) : 0.0F);
+    for (int i = 0; i < strands.blocks; ++i)
+        for (int k = 0; k < strands.cvs; ++k) {
+            const size_t at = size_t(i) * size_t(strands.cvs) + size_t(k);
+            VFloat e = calm + strands.gust[at];
+            e = e < zero ? zero : e > one ? one : e;
+            const VFloat left = one - loss * strands.shield[at];
+            strands.envelope[at] = e * (left > zero ? left : zero) * own[k];
+        }
+}
+
+// strands.rest -> pose, from the gusts and the noise at `frame` and the shelter that strands.shield holds.
+void bend_at(const ChainFrame& chain, const GustField* gusts, double frame, Strands& strands,
+             StageClock& clock) {
+    const Wind& wind = *chain.wind;
+    {
+        const StageTimer timer(clock.gusts);
+        std::fill(strands.gust.begin(), strands.gust.end(), VFloat{});
+        if (gusts) add_gusts(*gusts, strands);
+    }
+    const StageTimer timer(clock.bend);
+    const double response = chain.frame.stage == MARRAM_REST ? 0.0 : wind_response(wind);
+    std::vector<float> own(size_t(strands.cvs));
+    for (int k = 0; k < strands.cvs; ++k) {
+        const double u = double(k) / double(strands.cvs - 1);
+        own[size_t(k)] = float(std::clamp((*chain.point_envelope)(u), 0.0, 1.0) * response);
+    }
+    set_envelope(wind, own.data(), strands);
+    if (response > 0.0 && wind_bends(wind)) {
+        bend(wind, frame, chain.frame.fps, strands);
+    } else {
+        std::copy(strands.rest.begin(), strands.rest.end(), strands.pose.begin());
+        std::copy(strands.rest_normal.begin(), strands.rest_normal.end(), strands.pose_normal.begin());
+    }
+}
+
+void shelter(const ChainFrame& chain, uint32_t time, Strands& strands, StageClock& clock) {
+    const Wind& wind = *chain.wind;
+    const ChainFrame::Instant& instant = chain.instants[time];
+    const StageTimer timer(clock.shield);
+    if (wind.shielding && chain.frame.stage != MARRAM_REST && wind_bends(wind))
+        shield(*wind.shielding, wind.direction, instant.colliders, instant.obstacle_heights, strands);
+    else
+        std::fill(strands.shield.begin(), strands.shield.end(), VFloat{});
+}
+
+} // namespace
+
+void jiggle_patch(const ChainFrame& chain, const Expand& expand, Strands& strands, ChainScratch& scratch) {
+    const std::span times(chain.frame.times, chain.frame.time_count);
+    const Wind& wind = *chain.wind;
+    scratch.jiggled.resize(times.size());
+    expand.at_time(0, strands);
+    shelter(chain, 0, strands, scratch.clock);
+    Strands& past = scratch.past;
+    past.resize(strands.count, strands.cvs, strands.oriented);
+    std::copy(strands.shield.begin(), strands.shield.end(), past.shield.begin());
+    scratch.filter.begin(*wind.jiggle, chain.frame.fps, strands.cvs, strands.blocks);
+    StageClock inner; // the bends of the past are the jiggle's cost
+    const StageTimer timer(scratch.clock.jiggle);
+    uint32_t next = 0;
+    for (int64_t knot = chain.window.first; knot <= chain.window.last; ++knot) {
+        expand.at_knot(knot, past);
+        const auto at = size_t(knot - chain.window.first);
+        bend_at(chain, at < chain.past_gusts.size() ? &chain.past_gusts[at] : nullptr,
+                wind.jiggle->frame_of(knot), past, inner);
+        scratch.filter.feed(knot, past);
+        for (; next < times.size() && times[next] <= wind.jiggle->frame_of(knot); ++next) {
+            expand.at_time(next, strands);
+            if (times[next] < wind.jiggle->frame_of(chain.window.first))
+                scratch.jiggled[next].clear(); // before jiggle.start_frame
+            else
+                scratch.filter.emit(times[next], strands, scratch.jiggled[next]);
+        }
+    }
 }
 
 void run_chain(const ChainFrame& chain, uint32_t time, Strands& strands, ChainScratch& scratch) {
     const Wind& wind = *chain.wind;
     const ChainFrame::Instant& instant = chain.instants[time];
-    const double strength = chain.frame.stage == MARRAM_REST ? 0.0 : wind_envelope(wind);
-    const bool bends = strength > 0.0 && wind.global_rotate > 0.0;
-    if (wind.shielding && bends) {
-        const StageTimer timer(scratch.clock.shield);
-        shield(*wind.shielding, wind.direction, instant.colliders, instant.obstacle_heights, strands);
-    } else {
-        std::fill(strands.shield.begin(), strands.shield.end(), VFloat{});
+    shelter(chain, time, strands, scratch.clock);
+    bend_at(chain, instant.gusts.levels.empty() ? nullptr : &instant.gusts, chain.frame.times[time], strands,
+            scratch.clock);
+    if (chain.frame.stage != MARRAM_FINAL) return;
+    if (chain.window.count() > 0 && !scratch.jiggled[time].empty()) {
+        const StageTimer timer(scratch.clock.jiggle);
+        const WideVector<Wide3f>& jiggled = scratch.jiggled[time];
+        if (strands.oriented) jiggle_normals(strands, jiggled, strands.pose_normal);
+        std::copy(jiggled.begin(), jiggled.end(), strands.pose.begin());
     }
-    {
-        const StageTimer timer(scratch.clock.bend);
-        set_envelope(chain, strength, strands);
-        if (bends) {
-            bend(wind, chain.frame.times[time], chain.frame.fps, strands);
-        } else {
-            std::copy(strands.rest.begin(), strands.rest.end(), strands.pose.begin());
-            std::copy(strands.rest_normal.begin(), strands.rest_normal.end(), strands.pose_normal.begin());
-        }
-    }
-    if (wind.collision && chain.frame.stage == MARRAM_FINAL) {
+    if (wind.collision) {
         const StageTimer timer(scratch.clock.collide);
-        const CollideJob job{&*wind.collision, &instant.colliders,    chain.skin, chain.radius_profile,
-                             chain.basis,      chain.frame.tolerance, nullptr};
+        const CollideJob job{&*wind.collision,     &instant.colliders, chain.skin,
+                             chain.radius_profile, chain.basis,        chain.frame.tolerance};
         collide(job, strands, scratch.collide, scratch.counts);
     }
 }

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The chain of stages that a patch of strands runs through, in the talk's order.
+// The chain of stages that a patch of strands runs through, in the talk's order:
+//
+//     gusts, shielding (both set the envelope) -> bend -> jiggle -> collision
 //
 // To add a stage: a function on Strands in a file of its own, its line in run_chain, its clock in StageClock, its parameters in
 // a list of its own that wind_params() joins to the others.
@@ -9,21 +11,15 @@
 #include "procedural/wind/wind.h"
 
 #include <chrono>
+#include <functional>
 
 namespace marram {
 
 // Thread seconds spent in each stage.
 struct StageClock {
-    double expand = 0.0, shield = 0.0, bend = 0.0, collide = 0.0, write = 0.0;
+    double expand = 0.0, gusts = 0.0, shield = 0.0, bend = 0.0, jiggle = 0.0, collide = 0.0, write = 0.0;
 
-    StageClock& operator+=(const StageClock& other) {
-        expand += other.expand;
-        shield += other.shield;
-        bend += other.bend;
-        collide += other.collide;
-        write += other.write;
-        return *this;
-    }
+    StageClock& operator+=(const StageClock& other);
 };
 
 // Adds the time between construction and destruction to a counter.
@@ -41,7 +37,7 @@ class StageTimer {
     std::chrono::steady_clock::time_point begin_;
 };
 
-// What all patches of a frame share; made once a frame.
+// What all patches of a frame share; made once a frame. Borrows what it points to.
 struct ChainFrame {
     const Wind* wind = nullptr;
     const Ramp* point_envelope = nullptr; // the groom's own, over u
@@ -52,22 +48,47 @@ struct ChainFrame {
     struct Instant {
         Colliders colliders;
         std::vector<double> obstacle_heights; // where shielding asks for them
+        GustField gusts;
     };
-    std::vector<Instant> instants; // [motion sample]
+    std::vector<Instant> instants;     // [motion sample]
+    JiggleWindow window;               // empty: strands do not jiggle
+    std::vector<GustField> past_gusts; // [knot of the window]
 };
 
-ChainFrame make_chain_frame(const Wind& wind, const Ramp& point_envelope, const MarramFrame& frame,
-                            const MarramMesh& skin, std::span<const float> radius_profile, MarramBasis basis);
+struct ChainInput {
+    const Wind& wind;
+    const Ramp& point_envelope;
+    const MarramFrame& frame;
+    const MarramMesh& skin;
+    std::span<const float> radius_profile;
+    MarramBasis basis;
+    JiggleWindow window{};
+};
+ChainFrame make_chain_frame(const ChainInput& input);
 
 // What a thread keeps from patch to patch.
 struct ChainScratch {
     CollideScratch collide;
+    JiggleFilter filter;
+    Strands past;
+    std::vector<WideVector<Wide3f>> jiggled; // [motion sample]
     CollisionCounts counts;
     StageClock clock;
 };
 
-// strands.rest, rest_normal, anchor, root_normal, width -> pose, pose_normal, envelope, shield at motion sample `time`.
-// Where the wind has no strength the pose is the rest pose bit for bit, collision aside.
+// Fills the rest strands (rest, rest_normal, anchor, root_normal, width) of the patch at a motion sample, or at a knot of the
+// jiggle's window.
+struct Expand {
+    std::function<void(uint32_t time, Strands&)> at_time;
+    std::function<void(int64_t knot, Strands&)> at_knot;
+};
+
+// Where the chain jiggles: the patch's poses at all motion samples, from the bends of the past, into scratch.jiggled. What
+// shelters a strand is taken as it is at the first motion sample. Then run_chain() is called for each sample.
+void jiggle_patch(const ChainFrame& chain, const Expand& expand, Strands& strands, ChainScratch& scratch);
+
+// strands as expanded at motion sample `time` -> pose, pose_normal, envelope, gust, shield. Where the wind has no strength the
+// pose is the rest pose bit for bit, collision aside.
 void run_chain(const ChainFrame& chain, uint32_t time, Strands& strands, ChainScratch& scratch);
 
 } // namespace marram

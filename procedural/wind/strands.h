@@ -27,6 +27,15 @@ struct Strands {
     WideVector<Wide3d> points;                   // [cvs] scratch
     WideVector<Wide3f> values;                   // [2 * cvs] scratch
 
+    size_t bytes() const {
+        return (rest.capacity() + pose.capacity() + rest_normal.capacity() + pose_normal.capacity() +
+                values.capacity()) *
+                   sizeof(Wide3f) +
+               (envelope.capacity() + shield.capacity() + gust.capacity()) * sizeof(VFloat) +
+               (anchor.capacity() + root_normal.capacity() + points.capacity()) * sizeof(Wide3d) +
+               width.capacity() * sizeof(VDouble);
+    }
+
     void resize(int strand_count, int cvs_per_strand, bool with_normals) {
         count = strand_count;
         cvs = cvs_per_strand;

@@ -118,12 +118,16 @@ Wind read_wind(const Values& values) {
     return wind;
 }
 
-double wind_envelope(const Wind& wind) { return std::clamp(wind.response(wind.speed) * wind.calm, 0.0, 1.0); }
+double wind_response(const Wind& wind) { return std::clamp(wind.response(wind.speed), 0.0, 1.0); }
+
+bool wind_bends(const Wind& wind) {
+    return wind_response(wind) > 0.0 && wind.global_rotate > 0.0 && (wind.calm > 0.0 || wind.gusts);
+}
 
 bool wind_moves(const Wind& wind) {
-    const bool bends = wind_envelope(wind) > 0.0 && wind.global_rotate > 0.0;
     const bool travels = wind.speed > 0.0 && wind.noise.frequency > 0.0;
-    return bends && wind.noise_amplitude > 0.0 && (travels || wind.evolution != 0.0);
+    const bool ripples = wind.noise_amplitude > 0.0 && (travels || wind.evolution != 0.0);
+    return wind_bends(wind) && (ripples || (wind.gusts && gusts_move(*wind.gusts)));
 }
 
 } // namespace marram

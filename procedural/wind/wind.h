@@ -45,8 +45,11 @@ std::span<const MarramParam> wind_params();
 // Throws SceneFault for what cannot be checked value by value.
 Wind read_wind(const Values& values);
 
-// Share of the envelope that this wind leaves: response(speed), times calm, in [0, 1].
-double wind_envelope(const Wind& wind);
+// response(speed), in [0, 1]: what the wind's speed leaves of the envelope.
+double wind_response(const Wind& wind);
+
+// False: no strand bends in this wind, whatever its gusts.
+bool wind_bends(const Wind& wind);
 
 // False: a strand in this wind stands still in time (it may still be bent).
 bool wind_moves(const Wind& wind);

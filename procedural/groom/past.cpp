@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/groom/past.h"
+
+#include <algorithm>
+#include <span>
+
+namespace marram {
+
+size_t PastSkin::bytes() const {
+    size_t sum = of_knot.capacity() * sizeof(uint32_t);
+    for (const Pose& pose : poses)
+        sum += (pose.positions.capacity() + pose.normals.capacity()) * sizeof(float);
+    return sum;
+}
+
+Surface PastSkin::at(int64_t knot, const MarramMesh& mesh) const {
+    const Pose& pose = poses[of_knot[size_t(knot - window.first)]];
+    return {pose.positions.data(), pose.normals.empty() ? nullptr : pose.normals.data(), mesh.triangles,
+            mesh.uvs, mesh.triangle_count};
+}
+
+namespace {
+
+MarramStatus pose_at(const MarramFrame& frame, uint32_t mesh, double time, PastSkin::Pose& pose) {
+    const size_t size = 3 * size_t(frame.meshes[mesh].vertex_count);
+    const bool smooth = frame.meshes[mesh].normals != nullptr;
+    pose.positions.resize(size);
+    pose.normals.resize(smooth ? size : 0);
+    return frame.pose(frame.pose_user, mesh, time, pose.positions.data(),
+                      smooth ? pose.normals.data() : nullptr);
+}
+
+double farthest(const std::vector<float>& a, const std::vector<float>& b) {
+    double most = 0.0;
+    for (size_t i = 0; i + 2 < a.size(); i += 3) {
+        const double x = double(a[i]) - double(b[i]), y = double(a[i + 1]) - double(b[i + 1]),
+                     z = double(a[i + 2]) - double(b[i + 2]);
+        most = std::max(most, x * x + y * y + z * z);
+    }
+    return std::sqrt(most);
+}
+
+} // namespace
+
+MarramStatus read_past(const MarramFrame& frame, uint32_t mesh, const Jiggle& jiggle, double length,
+                       PastSkin& past) {
+    past = {};
+    const std::span times(frame.times, frame.time_count);
+    // How far the skin travels lengthens the window by the logarithm of it, so a rough idea will do.
+    PastSkin::Pose now, then;
+    if (const MarramStatus status = pose_at(frame, mesh, times.front(), now); status != MARRAM_OK)
+        return status;
+    double travel = 0.0;
+    for (const double back : {1.0, 4.0, 16.0, 64.0, 256.0}) {
+        if (const MarramStatus status = pose_at(frame, mesh, times.front() - back, then); status != MARRAM_OK)
+            return status;
+        travel = std::max(travel, farthest(now.positions, then.positions));
+    }
+    past.window = jiggle_window(jiggle, times, frame.fps, 2.0 * length + travel, frame.tolerance);
+    for (int64_t knot = past.window.first; knot <= past.window.last; ++knot) {
+        if (const MarramStatus status = pose_at(frame, mesh, jiggle.frame_of(knot), then);
+            status != MARRAM_OK)
+            return status;
+        if (past.poses.empty() || past.poses.back().positions != then.positions ||
+            past.poses.back().normals != then.normals)
+            past.poses.push_back(then);
+        past.of_knot.push_back(uint32_t(past.poses.size() - 1));
+    }
+    return MARRAM_OK;
+}
+
+} // namespace marram

@@ -40,7 +40,8 @@ TEST(OracleCollide, without_colliders_every_target_is_reached) {
 }
 
 TEST(OracleCollide, a_strand_pressed_to_the_floor_comes_to_lie_on_it) {
-    // Root at height h, targets straight down under the floor: the first tip stops at height c_0, the rest follow as far.
+    // Root at height h, targets straight down under the floor: the first tip stops at height c_0, the rest
+    // follow as far.
     const TriangleSet ground(floor_mesh(0.0, 10.0));
     const double h = 0.1, l = 0.2;
     const std::vector<Vec3d> rest = straight({0, h, 0}, l * y, 6);

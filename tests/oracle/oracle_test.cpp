@@ -136,7 +136,8 @@ TEST(OracleJiggle, a_target_that_starts_to_move_is_followed_by_the_closed_form) 
                 double expected = t > 0.25 ? ramp_answer(t - 0.25, omega, zeta) : 0.0;
                 if (t > 1.25) expected -= ramp_answer(t - 1.25, omega, zeta);
                 const Vec3d found = filtered_pose(history, {omega}, zeta, t)[0];
-                // sinh and cosh of the closed form cancel against each other where zeta > 1: some digits go there.
+                // sinh and cosh of the closed form cancel against each other where zeta > 1: some digits go
+                // there.
                 worst = std::max(worst, (found - slope * expected).norm());
             }
         }

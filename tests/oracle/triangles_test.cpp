@@ -69,7 +69,8 @@ void expect_nearest(const Vec3d& p, const Vec3d& q, const Triangle& t, double& w
     for (const Vec3d& z : {t.a, t.b, t.c}) excess = std::max(excess, n.dot(z - c.on_triangle));
     for (const Vec3d& z : {p, q}) excess = std::max(excess, n.dot(c.on_segment - z));
     const double size = std::max({(t.b - t.a).norm(), (t.c - t.a).norm(), (q - p).norm(), c.distance});
-    // How much nearer they could be, relative to the sizes at hand; 1e-9 where the gap is so small that n is rounding.
+    // How much nearer they could be, relative to the sizes at hand; 1e-9 where the gap is so small that n is
+    // rounding.
     worst = std::max(worst, excess / size * std::min(1.0, c.distance / size / 1e-7));
 }
 

@@ -165,6 +165,34 @@ TEST(OracleTriangleSet, grid_and_brute_force_give_the_same_answers) {
         compare_searches(c, seed++);
 }
 
+TEST(OracleTriangleSet, queries_right_on_the_borders_of_cells_lose_nothing) {
+    for (double at : {0.0, 1e3, -1e6}) {
+        const double step = 0.1;
+        const int count = 10;
+        auto place = [&](int i) { return at + step * i; };
+        std::vector<Triangle> mesh;
+        for (int i = 0; i < count; ++i)
+            for (int j = 0; j < count; ++j)
+                for (int k = 0; k < count; ++k) // a facet across each axis in turn
+                    mesh.push_back({{place(i), place(j), place(k)},
+                                    {place(i + 1), place(j + (k + 1) % 2), place(k)},
+                                    {place(i), place(j + k % 2), place(k + 1)}});
+        const TriangleSet grid(mesh), plain(mesh, TriangleSet::Search::one_by_one);
+        Draw draw(91);
+        for (int n = 0; n < 300; ++n) {
+            Vec3d p, q;
+            for (int axis = 0; axis < 3; ++axis) p[axis] = place(draw.below(count + 3) - 1);
+            q = p;
+            const int along = draw.below(3);
+            q[along] = place(draw.below(count + 3) - 1);
+            const double reach = std::abs(place(draw.below(3)) - place(0));
+            EXPECT_EQ(grid.within(p, q, reach), plain.within(p, q, reach));
+            EXPECT_EQ(grid.any_crossing(p, q), plain.any_crossing(p, q));
+            EXPECT_EQ(grid.nearest(p, q).triangle, plain.nearest(p, q).triangle);
+        }
+    }
+}
+
 TEST(OracleTriangleSet, flat_single_and_empty_sets_are_searched_too) {
     const TriangleSet none{std::vector<Triangle>{}};
     EXPECT_EQ(none.nearest({0, 0, 0}, {1, 0, 0}).triangle, -1);

@@ -192,8 +192,8 @@ TEST(OracleNoise, it_vanishes_on_the_lattice_and_has_an_edge_of_the_cube_as_its_
 }
 
 TEST(OracleNoise, gradients_are_the_edges_of_a_cube_four_of_them_twice) {
-    // Perlin 2002 repeats (1,1,0), (-1,1,0), (0,-1,1), (0,-1,-1). Three components drawn 4000 times: 750 each,
-    // 1500 of those.
+    // Perlin 2002 repeats (1,1,0), (-1,1,0), (0,-1,1), (0,-1,-1). Three components drawn 4000 times: 750
+    // each, 1500 of those.
     int seen[3][3][3] = {};
     const double h = 1e-4;
     for (int i = 0; i < 4000; ++i) {

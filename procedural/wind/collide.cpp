@@ -3,10 +3,9 @@
 // the shortest arc towards the end of the bent strand's segment, until it arrives or touches; all that follows turns with
 // it. Its start is free because the segment before it was resolved (the root stands above the skin).
 //
-// Clearance. c_0 is less than the root's distance from every collider. Each stored CV is rounded to floats, which moves a
-// segment by at most one unit in the last place of its largest coordinate; so the next start is free by c minus that, and
-// c_{k+1} = c_k minus that bound. A start is never in doubt. Where the budget is used up (a thousand CVs far from
-// the origin) the distance is measured anew.
+// Clearance. c_0 is less than the root's distance from every collider. Storing a CV rounds it to floats, which moves its
+// segment by no more than the CV itself; so the next start is free by c minus that, and c_{k+1} = c_k minus that. A start
+// is never in doubt. Where the budget is used up (a thousand CVs far from the origin) the distance is measured anew.
 //
 // The drawn curve. With D_k = P_{k-1} - 2 P_k + P_{k+1} (0 at both ends, by the phantom CVs) a curve's segment k is
 //
@@ -14,9 +13,8 @@
 //     Catmull-Rom             P_k + t (P_{k+1} - P_k) - (t (1-t)^2 D_k + t^2 (1-t) D_{k+1}) / 2
 //
 // so its gap to the polygon is at most max |D| / 6 or / 8. Where gap + radius <= clearance + tolerance nothing can dip in
-// too far. Elsewhere it is looked at: sixteen points a segment, each on its own side of the colliders unless the
-// straight line from the polygon meets a triangle. A strand that dips in is solved again with a smaller turn at the corner
-// at fault, halved until it does not.
+// too far. Elsewhere it is looked at: 33 points a segment, each on its own side of the colliders unless the
+// straight line from the polygon meets a triangle. A strand that dips in is solved again with smaller turns.
 #include "procedural/wind/collide.h"
 
 #include "procedural/wind/skin.h"
@@ -167,8 +165,12 @@ void advance(CollideScratch& scratch, Progress& progress, size_t k, const Segmen
         progress.turned = true;
     }
     scratch.solved[k + 1] = end.cast<float>();
+    // What rounding has moved it by, and the error of computing it, is no longer clear.
+    const Vec3d stored = scratch.solved[k + 1].cast<double>();
+    const double moved = (stored - (progress.start + direction * segment.length)).norm();
+    progress.clearance -= moved + 1e-10 * segment.length + 0x1p-50 * stored.cwiseAbs().maxCoeff();
     scratch.clearance[k + 1] = std::max(progress.clearance, 0.0);
-    progress.start = scratch.solved[k + 1].cast<double>();
+    progress.start = stored;
 }
 
 // Looks ahead: if every segment from k on arrived, would the strand stay in a ball that holds no triangle? Then it does, and
@@ -204,7 +206,7 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
                   CollisionCounts& counts) {
     const size_t n = scratch.rest.size();
     const bool exact = job.settings->solver == Solver::exact;
-    const double enough = 4.0 * strand.rounding;
+    const double enough = 2.0 * strand.rounding; // a CV may be stored elsewhere by this much
     Progress progress;
     progress.start = scratch.rest[0];
     progress.clearance =
@@ -217,6 +219,7 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
             arrives_in_open_air(job, progress, k, scratch, counts))
             return true;
         Segment segment;
+        scratch.forced[k] = false;
         if (!next_segment(scratch, progress, k, segment)) {
             scratch.solved[k + 1] = scratch.solved[k];
             scratch.clearance[k + 1] = progress.clearance;
@@ -237,11 +240,12 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
                 segment.doubted = false;
                 turned = turn_exactly(*job.colliders, segment, scratch.turn);
             }
-            progress.clearance = turned.clearance - strand.rounding;
+            progress.clearance = turned.clearance;
         } else {
             turned = turn_by_steps(*job.colliders, segment, job.settings->rotation_steps);
         }
         look_ahead = turned.outcome == Outcome::arrived;
+        scratch.forced[k] = turned.pushed_out;
         counts.contacts += turned.outcome == Outcome::contact;
         counts.pushed_out += turned.pushed_out && turned.outcome != Outcome::unresolved;
         counts.unresolved += turned.outcome == Outcome::unresolved;
@@ -262,14 +266,15 @@ int dipping_corner(const CollideJob& job, const StrandJob& strand, const Collide
         return k <= 0 || k >= n - 1 ? Vec3d(Vec3d::Zero()) : Vec3d(at(k - 1) - 2.0 * at(k) + at(k + 1));
     };
     const bool bspline = job.basis == MARRAM_BSPLINE;
+    const double tolerance = 0.95 * strand.tolerance; // the rest is for what lies between the points
     for (int k = 0; k + 1 < n; ++k) {
         const Vec3d d0 = bow(k), d1 = bow(k + 1);
         const double widest =
             std::max(radius_at(job, strand, size_t(k)), radius_at(job, strand, size_t(k) + 1));
         const double gap = std::max(d0.norm(), d1.norm()) / (bspline ? 6.0 : 8.0);
-        const double room = strand.tolerance + scratch.clearance[size_t(k) + 1];
+        const double room = tolerance + scratch.clearance[size_t(k) + 1];
         if (gap + widest <= room) continue;
-        constexpr int points = 16;
+        constexpr int points = 32;
         for (int i = 0; i <= points; ++i) {
             const double t = double(i) / points, s = 1.0 - t;
             const Vec3d dev = bspline ? Vec3d((s * s * s * d0 + t * t * t * d1) / 6.0)
@@ -281,7 +286,7 @@ int dipping_corner(const CollideJob& job, const StrandJob& strand, const Collide
             const Vec3d on_polygon = s * at(k) + t * at(k + 1), drawn = on_polygon + dev;
             const bool inside = away > 0.0 && ray_meets(*job.colliders, on_polygon, dev / away, away);
             // Inside by more than the tolerance less the radius, or outside but nearer than the radius less the tolerance.
-            const double margin = inside ? strand.tolerance - radius : radius - strand.tolerance;
+            const double margin = inside ? tolerance - radius : radius - tolerance;
             const bool near = margin > 0.0 && nearest_triangle(*job.colliders, drawn, margin).mesh != nullptr;
             if (inside ? !near : near) return d0.squaredNorm() >= d1.squaredNorm() ? std::max(k, 0) : k + 1;
         }
@@ -289,19 +294,22 @@ int dipping_corner(const CollideJob& job, const StrandJob& strand, const Collide
     return -1;
 }
 
-// Solves again with smaller turns until the drawn curve stays out.
+// Solves again with smaller turns until the drawn curve stays out: a kink is made smaller by turning less where it is, or,
+// where the segment had to be turned out, by turning less before it. Turning nowhere is the rest strand.
 void straighten(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch,
                 CollisionCounts& counts) {
-    constexpr int tries = 24, halvings = 5;
+    constexpr int tries = 64;
+    constexpr double smallest = 1.0 / 32.0;
+    CollideJob quiet = job;
+    quiet.trace = nullptr;
     for (int i = 0; i < tries; ++i) {
-        const int corner = dipping_corner(job, strand, scratch);
+        int corner = dipping_corner(job, strand, scratch);
         if (corner < 0) return;
-        if (size_t(corner) >= scratch.limit.size()) break;
+        while (corner >= 0 && (scratch.limit[size_t(corner)] == 0.0 || scratch.forced[size_t(corner)]))
+            --corner;
+        if (corner < 0) break; // the groom's own shape dips in
         double& limit = scratch.limit[size_t(corner)];
-        if (limit == 0.0) break; // its kink is not of its own will
-        limit = limit > std::exp2(-halvings) ? 0.5 * limit : 0.0;
-        CollideJob quiet = job;
-        quiet.trace = nullptr;
+        limit = limit > smallest ? 0.5 * limit : 0.0;
         CollisionCounts ignored;
         solve_strand(quiet, strand, scratch, ignored);
     }
@@ -328,7 +336,7 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
     strand.strand = i;
     strand.root_radius = strands.width[block][lane] * double(job.radius_profile[0]);
     strand.offset = root_offset(*job.settings, whole, strand.root_radius);
-    strand.rounding = 0x1p-23 * (scale + whole) + 1e-9 * whole / double(cvs - 1);
+    strand.rounding = 0x1p-24 * (scale + whole);
     strand.tolerance = job.tolerance > 0.0 ? job.tolerance : 1e-3 * whole;
     if (job.settings->offset_scale && job.skin) {
         const Vec3d facing(strands.root_normal[block].x[lane], strands.root_normal[block].y[lane],
@@ -377,6 +385,7 @@ void collide(const CollideJob& job, Strands& strands, CollideScratch& scratch, C
     scratch.target.resize(cvs);
     scratch.solved.resize(cvs);
     scratch.limit.resize(cvs);
+    scratch.forced.assign(cvs, false);
     scratch.clearance.resize(cvs);
     for (size_t i = 0; i < size_t(strands.count); ++i) collide_strand(job, strands, i, scratch, counts);
 }

@@ -63,7 +63,9 @@ struct CollideScratch {
     TurnScratch turn;
     std::vector<Vec3d> rest, target, normal_turn;
     std::vector<Vec3f> solved;
-    std::vector<double> limit, clearance;
+    std::vector<double> limit; // share of its turn that a segment is allowed
+    std::vector<char> forced;  // a segment was turned out
+    std::vector<double> clearance;
 };
 
 // strands.rest, pose (bent) -> pose. strands.width and, for offset_scale, root_normal are read. Segments keep their rest

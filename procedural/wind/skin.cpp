@@ -6,23 +6,29 @@ namespace marram {
 bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p, const Vec3d& facing,
              double reach, Foot& foot) {
     bool found = false;
-    double best = reach;
+    double best = reach, most_along = 0.0;
     uint32_t best_triangle = 0;
     near_triangles(colliders, p, reach, [&](const MarramMesh& mesh, uint32_t triangle, double limit) {
         if (&mesh != &skin) return limit;
         const auto corners = colliders.corners(mesh, triangle);
         const Vec3d n = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         if (!(n.dot(facing) > 0.0)) return limit;
-        const Vec3d point = nearest_point(corners, p);
-        const double distance = (p - point).norm();
-        if (distance > best || (found && distance == best && triangle > best_triangle)) return limit;
-        const Vec3d normal = n.normalized();
-        // Above an edge or a vertex both neighbours are equally near; which is taken does not matter for the height.
-        foot = {point, normal, std::copysign(distance, (p - point).dot(normal))};
+        const Vec3d point = nearest_point(corners, p), normal = n.normalized();
+        const double distance = (p - point).norm(), along = (p - point).dot(normal);
+        // Above an edge or a corner several triangles are equally near, to rounding; the one that sees p most from its front
+        // or back knows the side: beside a ridge the other's plane may pass on the wrong side of p.
+        const double tie = 1e-12 * (distance + point.cwiseAbs().maxCoeff() * 1e-3);
+        if (distance > best + tie) return limit;
+        const bool nearer = distance < best - tie;
+        if (found && !nearer &&
+            std::pair(std::abs(along), -double(triangle)) <= std::pair(most_along, -double(best_triangle)))
+            return limit;
+        foot = {point, normal, std::copysign(distance, along)};
         found = true;
-        best = distance;
+        best = std::min(best, distance);
+        most_along = std::abs(along);
         best_triangle = triangle;
-        return best;
+        return best + tie;
     });
     return found;
 }

@@ -260,7 +260,9 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
     Segment segment = given;
     Arc arc = arc_of(segment);
     Sweep found = sweep(colliders, segment, arc, scratch);
-    if (found.not_clear) return {segment.from, Outcome::not_clear, false, 0.0};
+    // A start that is blocked ends the sweep before all that is near the pivot has been seen.
+    if (found.not_clear || (found.blocked_at_start && segment.doubted))
+        return {segment.from, Outcome::not_clear, false, 0.0};
     const double goal_angle = arc.angle;
     const bool pushed_out = found.blocked_at_start;
     if (pushed_out) {
@@ -277,7 +279,6 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
             return {least_bad(colliders, segment, arc), Outcome::unresolved, true, 0.0, goal_angle, 0.0};
         // From there towards the goal. It stands at its clearance exactly, so it goes on with a little less.
         segment.from = out.normalized();
-        segment.doubted = false;
         segment.clearance *= 1.0 - 1e-6;
         arc = arc_of(segment);
         found = sweep(colliders, segment, arc, scratch);

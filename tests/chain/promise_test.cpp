@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+// The promise of wind collision: no segment of a strand with a free root crosses a triangle, the drawn curve dips in by
+// less than the tolerance, and strands come as far towards their goal as the oracle's.
+#include "tests/chain/furred_collision.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <filesystem>
+
+namespace marram {
+namespace {
+
+struct Kept {
+    size_t strands = 0, crossed = 0, dipping = 0;
+    double deepest = 0.0, share = 1.0, oracle_share = 1.0;
+};
+
+Kept examine(const Fur& fur, const oracle::TriangleSet& set, MarramBasis basis, double tolerance) {
+    Kept kept;
+    kept.strands = fur.count();
+    for (size_t i = 0; i < kept.strands; ++i) {
+        const std::vector<Vec3d> cvs = fur.strand(i);
+        if (oracle::crossed_segments(cvs, set).segments > 0) {
+            ++kept.crossed;
+            for (size_t k = 0; k + 1 < cvs.size(); ++k)
+                for (const auto& hit : set.crossings(cvs[k], cvs[k + 1]))
+                    std::printf("    strand %zu segment %zu crosses triangle %d, margin %.3g\n", i, k, hit.triangle,
+                                hit.crossing.margin);
+        }
+        const auto spline = basis == MARRAM_BSPLINE ? oracle::Spline::b_spline : oracle::Spline::catmull_rom;
+        double deepest = 0.0;
+        for (const double dip : oracle::deepest_dips(cvs, fur.radii(i), spline, 24, tolerance, set))
+            deepest = std::max(deepest, dip);
+        kept.dipping += deepest > tolerance;
+        kept.deepest = std::max(kept.deepest, deepest);
+    }
+    return kept;
+}
+
+// The oracle solves the same strands, with the clearances that the chain had.
+double oracle_share(const Fur& bent, const Fur& solved, const oracle::TriangleSet& set, size_t stride) {
+    double turned = 0.0, goal = 0.0;
+    std::vector<std::vector<double>> clearances(solved.count());
+    for (const SegmentTrace& trace : solved.trace)
+        clearances[trace.strand].push_back(trace.segment.clearance);
+    for (size_t i = 0; i < solved.count(); i += stride) {
+        const Strands& s = bent.patches[i / 512];
+        if (clearances[i].size() + 1 != size_t(s.cvs)) continue; // its root is not free
+        std::vector<Vec3d> rest;
+        for (int k = 0; k < s.cvs; ++k) {
+            const Wide3f& p = s.rest[i % 512 / lanes * size_t(s.cvs) + size_t(k)];
+            const auto lane = int(i % lanes);
+            rest.emplace_back(double(p.x[lane]), double(p.y[lane]), double(p.z[lane]));
+        }
+        const oracle::StrandTurn turn = oracle::collide_strand(rest, bent.strand(i), clearances[i], set);
+        turned += turn.turned;
+        goal += turn.goal;
+    }
+    return goal > 0.0 ? turned / goal : 1.0;
+}
+
+double traced_share(const Fur& fur, size_t stride) {
+    double turned = 0.0, goal = 0.0;
+    for (const SegmentTrace& trace : fur.trace) {
+        if (trace.strand % stride != 0) continue;
+        turned += std::max(trace.turned.turned_angle, 0.0);
+        goal += trace.turned.goal_angle;
+    }
+    return goal > 0.0 ? turned / goal : 1.0;
+}
+
+constexpr std::array<std::array<double, 3>, 6> winds = {
+    {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}};
+
+// Wind from six directions at full strength. Tolerance: 0.5 % of the shortest strand.
+void keeps_the_promise(const char* name, std::vector<Mesh> meshes, FurOptions options, size_t share_stride) {
+    const oracle::TriangleSet set = triangle_set(meshes);
+    const FurredWorld world(std::move(meshes));
+    options.tolerance = 0.005 * options.length[0];
+    options.global_rotate = 1.0;
+    for (const auto& wind : winds) {
+        options.wind = Vec3d(wind.data());
+        const Fur fur = blow(world, options, false);
+        const Kept kept = examine(fur, set, options.basis, options.tolerance);
+        std::printf(
+            "  %-14s wind %2.0f %2.0f %2.0f: %zu strands, %zu crossing, %zu dipping (deepest %.2g of %.2g); "
+            "contacts %zu, turned out %zu, unresolved %zu, dips %zu, reached %.4f\n",
+            name, wind[0], wind[1], wind[2], kept.strands, kept.crossed, kept.dipping, kept.deepest,
+            options.tolerance, size_t(fur.counts.contacts), size_t(fur.counts.pushed_out),
+            size_t(fur.counts.unresolved), size_t(fur.counts.dips),
+            fur.counts.turned_angle / fur.counts.goal_angle);
+        EXPECT_EQ(kept.crossed, 0U);
+        EXPECT_EQ(kept.dipping, 0U);
+        EXPECT_EQ(fur.counts.unresolved, 0U);
+        if (&wind != &winds.front() && &wind != &winds[3]) continue;
+        const Fur traced = blow(world, options, true);
+        Fur bent = blow(world, options, false);
+        {
+            // The targets: bent, not collided.
+            const Ramp whole;
+            ChainFrame chain = make_chain_frame(
+                {bent.wind, whole, world.frame(), world.mesh(0), bent.profile, options.basis});
+            chain.frame.stage = MARRAM_BENT;
+            ChainScratch scratch;
+            for (Strands& strands : bent.patches) run_chain(chain, 0, strands, scratch);
+        }
+        const double mine = traced_share(traced, share_stride),
+                     theirs = oracle_share(bent, traced, set, share_stride);
+        std::printf("  %-14s share of the way %.4f, oracle %.4f\n", name, mine, theirs);
+        EXPECT_NEAR(mine, theirs, 0.01);
+    }
+}
+
+// A cloth-like sheet with sharp folds that hang over.
+Mesh folded_sheet(int n) {
+    Mesh mesh;
+    for (int j = 0; j <= n; ++j)
+        for (int i = 0; i <= n; ++i) {
+            const double u = 2.0 * i / n - 1.0, v = 2.0 * j / n - 1.0;
+            const double fold = 6.0 * u;
+            const double x = u + 0.12 * std::sin(2.0 * fold),
+                         y = 0.12 * (1.0 - std::cos(fold)) + 0.05 * std::sin(3.0 * v);
+            mesh.positions.emplace_back(float(x), float(y), float(v));
+        }
+    const auto at = [&](int i, int j) { return uint32_t(j * (n + 1) + i); };
+    for (int j = 0; j < n; ++j)
+        for (int i = 0; i < n; ++i) {
+            mesh.triangles.push_back({at(i, j), at(i, j + 1), at(i + 1, j)});
+            mesh.triangles.push_back({at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)});
+        }
+    return mesh;
+}
+
+std::string shared_mesh(const char* name) {
+    const std::string path = std::string(MARRAM_SOURCE_DIR) + "/../shared/data/" + name;
+    return std::filesystem::exists(path) ? path : "";
+}
+
+} // namespace
+
+TEST(Promise, is_kept_on_a_bumpy_sphere) {
+    keeps_the_promise("sphere 40k", {sphere_mesh(1.0F, 71, 0.03F, 9.0F)}, {.count = 4000}, 4);
+}
+
+TEST(Promise, is_kept_on_a_dense_sphere) {
+    keeps_the_promise("sphere 2M", {sphere_mesh(1.0F, 500, 0.03F, 9.0F)}, {.count = 2000}, 40);
+}
+
+TEST(Promise, is_kept_on_a_folded_sheet) {
+    keeps_the_promise("folded sheet", {folded_sheet(60)},
+                      {.count = 2000, .length = {0.1, 0.2}, .width = 0.002}, 2);
+}
+
+TEST(Promise, is_kept_by_catmull_rom_strands) {
+    keeps_the_promise("catmull-rom", {sphere_mesh(1.0F, 40, 0.1F, 12.0F)},
+                      {.count = 2000, .basis = MARRAM_CATMULL_ROM}, 4);
+}
+
+TEST(Promise, is_kept_on_a_creature) {
+    keeps_the_promise("creature",
+                      {load_mesh(std::string(MARRAM_SOURCE_DIR) + "/scenes/meshes/creature.ply", true)},
+                      {.count = 4000, .length = {0.05, 0.08}, .width = 0.0015}, 4);
+}
+
+TEST(Promise, is_kept_on_a_cow) {
+    const std::string path = shared_mesh("spot.obj");
+    if (path.empty()) GTEST_SKIP() << "there is no shared data";
+    keeps_the_promise("spot", {load_mesh(path, true)},
+                      {.count = 4000, .length = {0.08, 0.12}, .width = 0.002}, 4);
+}
+
+TEST(Promise, is_kept_on_a_car_body) {
+    const std::string path = shared_mesh("beetle.obj");
+    if (path.empty()) GTEST_SKIP() << "there is no shared data";
+    keeps_the_promise("beetle", {load_mesh(path, true)},
+                      {.count = 4000, .length = {0.04, 0.06}, .width = 0.001}, 4);
+}
+
+} // namespace marram

@@ -17,6 +17,7 @@
 // straight line from the polygon meets a triangle. A strand that dips in is solved again with smaller turns.
 #include "procedural/wind/collide.h"
 
+#include "procedural/wind/near.h"
 #include "procedural/wind/skin.h"
 
 #include <algorithm>
@@ -186,6 +187,14 @@ struct Bow {
         return bspline ? Vec3d((s * s * s * d0 + t * t * t * d1) / 6.0)
                        : Vec3d(-0.5 * (t * s * s * d0 + t * t * s * d1));
     }
+    // away(t) is a mix of bulge(d0), bulge(d1) and 0: (1-t)^3 + t^3 <= 1, t (1-t) <= 1/4.
+    Vec3d bulge(const Vec3d& d) const { return bspline ? Vec3d(d / 6.0) : Vec3d(-d / 8.0); }
+    // No less than |away| anywhere between t and the nearer end of the segment's middle: each bulge falls from its own end.
+    double away_limit(double t) const {
+        if (!bspline) return gap();
+        const double s = 1.0 - t;
+        return (s * s * s * d0.norm() + t * t * t * d1.norm()) / 6.0;
+    }
     double gap() const { return std::max(d0.norm(), d1.norm()) / (bspline ? 6.0 : 8.0); }
 };
 
@@ -296,48 +305,76 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
     return true;
 }
 
-// Whether the drawn curve of a segment, whose polygon is free by `clearance`, dips in by more than the tolerance. A dip
-// changes no faster than the place: points a fifth of the tolerance apart, held to nine tenths of it, miss nothing.
-bool dips_in(const Colliders& colliders, const Bow& bow, double clearance, double tolerance) {
-    const double allowed = 0.9 * tolerance, room = allowed + clearance;
-    const double widest = std::max(bow.r0, bow.r1);
-    if (bow.gap() + widest <= room) return false;
-    // The part that leaves the polygon by more than there is room, and whether anything is near it.
-    constexpr int coarse = 8, finest = 4096;
-    double begin = 1.0, end = 0.0;
-    for (int i = 0; i <= coarse; ++i) {
-        const double t = double(i) / coarse;
-        if (bow.away(t).norm() + bow.radius(t) <= room) continue;
-        begin = std::min(begin, t - 1.0 / coarse);
-        end = std::max(end, t + 1.0 / coarse);
-    }
-    begin = std::max(begin, 0.0);
-    end = std::min(end, 1.0);
-    if (begin >= end) return false;
-    const double length = (bow.end - bow.start).norm() * (end - begin);
-    if (!anything_near(colliders, bow.on_polygon(0.5 * (begin + end)), 0.5 * length + bow.gap() + widest))
-        return false;
-    const int points =
-        int(std::clamp(std::ceil(5.0 * (length + bow.gap()) / tolerance), 16.0, double(finest)));
-    for (int i = 0; i <= points; ++i) {
-        const double t = begin + (end - begin) * i / points;
-        const Vec3d away = bow.away(t), from = bow.on_polygon(t);
+struct DipCheck {
+    const Colliders& colliders;
+    const Bow& bow;
+    double allowed, room; // distance to the polygon plus radius that need no look
+    double tolerance;
+    TurnScratch& scratch;
+};
+
+// Follows the curve from t = begin to end past the triangles in scratch.kept, which lie relative to `centre`: a place that is
+// farther than it must be from all of them by d lets it go on by d unseen, and never by less than a fifth of the tolerance,
+// since it is held to nine tenths of that.
+bool follow(const DipCheck& check, double begin, double end, const Vec3d& centre) {
+    const Bow& bow = check.bow;
+    const std::span<const Triangles8> triangles = check.scratch.kept.blocks();
+    // No faster than this for t from 0 to 1: the segment, and away(t), whose slope is at most |D| / 2.
+    const double speed = (bow.end - bow.start).norm() + 4.0 * bow.gap() + std::abs(bow.r1 - bow.r0);
+    const double shortest = std::max(0.2 * check.tolerance / speed, 1.0 / 4096.0);
+    for (double t = begin;; t = std::min(t, end)) {
+        const Vec3d away = bow.away(t), from = bow.on_polygon(t) - centre;
         const double distance = away.norm(), radius = bow.radius(t);
-        if (distance + radius <= room) continue;
-        // Inside by more than the tolerance less the radius, or outside but nearer than the radius less the tolerance.
-        const bool inside = distance > 0.0 && ray_meets(colliders, from, away / distance, distance);
-        const double margin = inside ? allowed - radius : radius - allowed;
-        const bool near = margin > 0.0 && anything_near(colliders, from + away, margin);
-        if (inside ? !near : near) return true;
+        double open = check.room - distance - radius;
+        if (open < 0.0) {
+            const bool inside = crosses_any(triangles, from, from + away);
+            const double nearest = nearest_distance(triangles, from + away);
+            // Inside by more than the tolerance less the radius, or outside but nearer than the radius less the tolerance.
+            const double must = radius - check.allowed;
+            if (inside ? nearest > -must : nearest < must) return true;
+            open = inside ? 0.0 : nearest - std::max(must, 0.0);
+        }
+        if (t >= end) return false;
+        t += std::max(shortest, open / speed);
     }
-    return false;
+}
+
+// Part of a curve: nothing near, or only triangles on the side that it does not bow to, or it is followed. A part with many
+// triangles around it is cut in two.
+bool part_dips_in(const DipCheck& check, double begin, double end, int cuts) {
+    const Bow& bow = check.bow;
+    const double middle = 0.5 * (begin + end);
+    const double away = std::max(bow.away_limit(begin), bow.away_limit(end)),
+                 widest = std::max(bow.r0, bow.r1);
+    if (away + widest <= check.room) return false;
+    const Vec3d centre = bow.on_polygon(middle);
+    const double radius = 0.5 * (end - begin) * (bow.end - bow.start).norm() + away + widest;
+    constexpr size_t many = 128;
+    constexpr int most_cuts = 6;
+    if (!triangles_near(check.colliders, centre, radius, cuts < most_cuts ? many : SIZE_MAX, check.scratch))
+        return part_dips_in(check, begin, middle, cuts + 1) || part_dips_in(check, middle, end, cuts + 1);
+    if (check.scratch.triangles.size() == 0) return false;
+    const std::span<Triangles8> all = check.scratch.triangles.blocks();
+    keep_near_bulge(all, check.scratch.triangles.size(), bow.on_polygon(begin) - centre,
+                    bow.on_polygon(end) - centre, bow.bulge(bow.d0), bow.bulge(bow.d1),
+                    std::max(widest - check.allowed, 0.0), check.scratch.kept);
+    return check.scratch.kept.size() > 0 && follow(check, begin, end, centre);
+}
+
+// Whether the drawn curve of a segment, whose polygon is free by `clearance`, dips in by more than the tolerance.
+bool dips_in(const Colliders& colliders, const Bow& bow, double clearance, double tolerance,
+             TurnScratch& scratch) {
+    const double allowed = 0.9 * tolerance, room = allowed + clearance;
+    if (bow.gap() + std::max(bow.r0, bow.r1) <= room) return false;
+    const DipCheck check{colliders, bow, allowed, room, tolerance, scratch};
+    return part_dips_in(check, 0.0, 0.5, 0) || part_dips_in(check, 0.5, 1.0, 0);
 }
 
 // The corner at which the drawn curve dips in by more than the tolerance; -1: nowhere.
-int dipping_corner(const CollideJob& job, const StrandJob& strand, const CollideScratch& scratch) {
+int dipping_corner(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch) {
     for (size_t k = 0; k < std::min(scratch.open_from, scratch.solved.size() - 1); ++k) {
         const Bow bow = bow_of(job, strand, scratch, k);
-        if (dips_in(*job.colliders, bow, scratch.clearance[k + 1], strand.tolerance))
+        if (dips_in(*job.colliders, bow, scratch.clearance[k + 1], strand.tolerance, scratch.turn))
             return int(bow.d0.squaredNorm() >= bow.d1.squaredNorm() ? k : k + 1);
     }
     return -1;

@@ -22,11 +22,14 @@ struct Colliders {
     const MarramMesh* mesh_of(unsigned geometry) const {
         return geometry < meshes.size() ? meshes[geometry] : nullptr;
     }
-    std::array<Vec3d, 3> corners(const MarramMesh& mesh, unsigned triangle) const {
+    const float* corner(const MarramMesh& mesh, unsigned triangle, size_t i) const {
         const float* positions = mesh.positions[mesh.time_count > 1 ? time_index : 0];
+        return positions + 3 * size_t(mesh.triangles[3 * size_t(triangle) + i]);
+    }
+    std::array<Vec3d, 3> corners(const MarramMesh& mesh, unsigned triangle) const {
         std::array<Vec3d, 3> p;
         for (size_t i = 0; i < 3; ++i) {
-            const float* v = positions + 3 * size_t(mesh.triangles[3 * size_t(triangle) + i]);
+            const float* v = corner(mesh, triangle, i);
             p[i] = {double(v[0]), double(v[1]), double(v[2])};
         }
         return p;

@@ -56,6 +56,12 @@ class TriangleList {
             block.corner[i].z[lane] = p.z();
         }
     }
+    void push(const Triangles8& from, int lane) {
+        const auto corner = [&](size_t i) {
+            return Vec3d(from.corner[i].x[lane], from.corner[i].y[lane], from.corner[i].z[lane]);
+        };
+        push(corner(0), corner(1), corner(2));
+    }
     // The blocks in use; spare lanes of the last repeat its first.
     std::span<Triangles8> blocks() {
         const size_t used = (count_ + lanes - 1) / lanes;

@@ -11,9 +11,11 @@
 namespace marram {
 namespace {
 
-constexpr int few = 96;       // triangles a cell may hold before it is cut
-constexpr int deepest = 40;   // cuts of cells
-constexpr int out_steps = 64; // of half a turn, at which a free direction is looked for
+constexpr int root_halvings = 2;   // of a root's segment, where the skin is dense
+constexpr int crowded_memory = 16; // root segments for which a dense skin is remembered
+constexpr size_t few = 96;         // triangles a cell may hold before it is cut
+constexpr int deepest = 40;        // cuts of cells
+constexpr int out_steps = 64;      // of half a turn, at which a free direction is looked for
 constexpr double opposed =
     1e-9; // sine to exact opposition below which the arc's plane is taken from elsewhere
 
@@ -45,41 +47,59 @@ void bounding_sphere(const Cell& cell, const Turning& turning, Vec3d& centre, do
     centre = turning.direction(std::cos(middle), std::sin(middle)) * x;
 }
 
+// The numbers of the triangles near a ball; false: there are more than `most`. Their corners come later: on a large mesh they
+// are far apart in memory, and so all are on their way before the first is needed.
+bool find_near(const Colliders& colliders, const Vec3d& centre, double radius, size_t most,
+               TurnScratch& scratch) {
+    scratch.triangles.clear();
+    scratch.found.clear();
+    bool whole = true;
+    ++scratch.queries;
+    near_triangles(colliders, centre, radius, [&](const MarramMesh& mesh, uint32_t triangle, double limit) {
+        if (scratch.found.size() >= most) {
+            whole = false;
+            return -1.0;
+        }
+        __builtin_prefetch(mesh.triangles + 3 * size_t(triangle));
+        scratch.found.push_back({&mesh, triangle});
+        return limit;
+    });
+    scratch.visited += scratch.found.size();
+    if (!whole) return false;
+    for (const FoundTriangle& found : scratch.found)
+        for (size_t i = 0; i < 3; ++i) __builtin_prefetch(colliders.corner(*found.mesh, found.triangle, i));
+    return true;
+}
+
 // Triangles near a cell that reach the plane of the turn; false: there are too many.
 bool gather(const Colliders& colliders, const Vec3d& pivot, const Turning& turning, const Vec3d& centre,
             double radius, bool all, TurnScratch& scratch) {
-    scratch.triangles.clear();
-    int visited = 0;
-    bool whole = true;
-    ++scratch.queries;
     const double c = turning.clearance * (1.0 + 1e-12) + turning.length * 1e-12;
-    near_triangles(
-        colliders, pivot + centre, radius + c, [&](const MarramMesh& mesh, uint32_t triangle, double limit) {
-            if (++visited > few && !all) {
-                whole = false;
-                return -1.0;
-            }
-            auto p = colliders.corners(mesh, triangle);
-            double h[3];
-            for (size_t i = 0; i < 3; ++i) {
-                p[i] -= pivot;
-                h[i] = p[i].dot(turning.normal);
-            }
-            const double highest = std::max({h[0], h[1], h[2]}), lowest = std::min({h[0], h[1], h[2]});
-            if (lowest <= c && highest >= -c) scratch.triangles.push(p[0], p[1], p[2]);
-            return limit;
-        });
-    scratch.visited += uint64_t(visited);
-    return whole;
+    if (!find_near(colliders, pivot + centre, radius + c, all ? SIZE_MAX : few, scratch)) return false;
+    for (const FoundTriangle& found : scratch.found) {
+        auto p = colliders.corners(*found.mesh, found.triangle);
+        double h[3];
+        for (size_t i = 0; i < 3; ++i) {
+            p[i] -= pivot;
+            h[i] = p[i].dot(turning.normal);
+        }
+        const double highest = std::max({h[0], h[1], h[2]}), lowest = std::min({h[0], h[1], h[2]});
+        if (lowest <= c && highest >= -c) scratch.triangles.push(p[0], p[1], p[2]);
+    }
+    return true;
 }
 
 // Visits all triangles that matter between two turns, in angles; `visit` returns the angle up to which it still matters.
 template <typename Visit>
 void sweep_cells(const Colliders& colliders, const Vec3d& pivot, const Turning& turning, double begin,
-                 double end, TurnScratch& scratch, Visit&& visit) {
-    Cell stack[deepest + 2];
+                 double end, int halvings, TurnScratch& scratch, Visit&& visit) {
+    Cell stack[deepest + root_halvings + 2];
     int top = 0;
-    stack[top++] = {0.0, turning.length, begin, end, 0};
+    // A root stands on the skin, and its segment leaves it: cells that halve towards it keep clear of the skin where one ball
+    // around all would not.
+    double far = turning.length;
+    for (int i = 0; i < halvings; ++i, far *= 0.5) stack[top++] = {0.5 * far, far, begin, end, 0};
+    stack[top++] = {0.0, far, begin, end, 0};
     double limit = end;
     while (top > 0) {
         Cell cell = stack[--top];
@@ -93,6 +113,7 @@ void sweep_cells(const Colliders& colliders, const Vec3d& pivot, const Turning& 
             if (scratch.triangles.size() > 0) limit = std::min(limit, visit(cell));
             continue;
         }
+        if (cell.depth == 0) scratch.crowded = crowded_memory;
         Cell other = cell;
         ++cell.depth;
         ++other.depth;
@@ -112,74 +133,34 @@ struct Sweep {
 };
 
 Sweep sweep(const Colliders& colliders, const Segment& segment, const Arc& arc, TurnScratch& scratch) {
+    if (segment.doubted && scratch.crowded > 0) --scratch.crowded;
     Sweep result{false, false, std::numeric_limits<double>::infinity(), Vec2d::Zero()};
     double end = diamond_of_angle(arc.angle);
-    sweep_cells(colliders, segment.pivot, arc.turning, 0.0, arc.angle, scratch, [&](const Cell& cell) {
-        // Whatever is nearer to the pivot than the clearance is near the cells that begin there.
-        if (segment.doubted && cell.near == 0.0 &&
-            !clear_of_pivot(scratch.triangles.blocks(), segment.clearance * 1.1)) {
-            result.not_clear = true;
-            return -1.0;
-        }
-        scratch.blocked.clear();
-        blocked_turns(arc.turning, 0.0, end, scratch.triangles.blocks(), scratch.triangles.size(),
-                      scratch.blocked);
-        double limit = arc.angle;
-        for (const Blocked& blocked : scratch.blocked) {
-            if (blocked.low < 0.0) {
-                result.blocked_at_start = true;
-                return -1.0;
-            }
-            if (blocked.low > end) continue;
-            end = blocked.low;
-            result.at = undiamond(end);
-            result.first = limit = std::max(std::atan2(result.at.y(), result.at.x()), 0.0);
-        }
-        return std::min(limit, result.first);
-    });
+    sweep_cells(colliders, segment.pivot, arc.turning, 0.0, arc.angle,
+                segment.doubted && scratch.crowded > 0 ? root_halvings : 0, scratch, [&](const Cell& cell) {
+                    // Whatever is nearer to the pivot than the clearance is near the cells that begin there.
+                    if (segment.doubted && cell.near == 0.0 &&
+                        !clear_of_pivot(scratch.triangles.blocks(), segment.clearance * 1.1)) {
+                        result.not_clear = true;
+                        return -1.0;
+                    }
+                    scratch.blocked.clear();
+                    blocked_turns(arc.turning, 0.0, end, scratch.triangles.blocks(), scratch.triangles.size(),
+                                  scratch.blocked);
+                    double limit = arc.angle;
+                    for (const Blocked& blocked : scratch.blocked) {
+                        if (blocked.low < 0.0) {
+                            result.blocked_at_start = true;
+                            return -1.0;
+                        }
+                        if (blocked.low > end) continue;
+                        end = blocked.low;
+                        result.at = undiamond(end);
+                        result.first = limit = std::max(std::atan2(result.at.y(), result.at.x()), 0.0);
+                    }
+                    return std::min(limit, result.first);
+                });
     return result;
-}
-
-// Out of a collider within one plane: equal steps to both sides are tried until one is free, first by a ray, then by its
-// whole capsule; from there it turns back, at most that one step, to the contact.
-bool turn_out_in_plane(const Colliders& colliders, const Segment& segment, const Turning& turning,
-                       TurnScratch& scratch, Vec3d& direction) {
-    constexpr double step = pi / out_steps;
-    for (int i = 1; i <= out_steps; ++i) {
-        double least = std::numeric_limits<double>::infinity();
-        for (const double side : {1.0, -1.0}) {
-            const double angle = side * step * i;
-            Segment back = segment;
-            back.from = turning.direction(std::cos(angle), std::sin(angle)).normalized();
-            if (ray_meets(colliders, back.pivot, back.from, back.length)) continue;
-            const double before = side * step * (i - 1);
-            back.goal = turning.direction(std::cos(before), std::sin(before)).normalized();
-            const Arc arc = arc_of(back);
-            const Sweep found = sweep(colliders, back, arc, scratch);
-            if (found.blocked_at_start) continue;
-            const double turned = step * i - std::min(found.first, step);
-            if (turned >= least) continue;
-            least = turned;
-            direction =
-                found.first > arc.angle ? back.goal : arc.turning.direction(found.at.x(), found.at.y());
-        }
-        if (least <= pi) return true;
-    }
-    return false;
-}
-
-// Planes turned about `from` away from the arc's, the nearest first.
-bool turn_out(const Colliders& colliders, const Segment& segment, const Arc& arc, int planes,
-              TurnScratch& scratch, Vec3d& direction) {
-    for (int i = 0; i < planes; ++i) {
-        const double turn = pi / double(planes) * double(i % 2 == 0 ? -(i / 2) : (i + 1) / 2);
-        Turning turning = arc.turning;
-        turning.clearance = segment.clearance;
-        turning.across = arc.turning.across * std::cos(turn) + arc.turning.normal * std::sin(turn);
-        turning.normal = turning.from.cross(turning.across);
-        if (turn_out_in_plane(colliders, segment, turning, scratch, direction)) return true;
-    }
-    return false;
 }
 
 void set_ray(RTCRay& ray, const Colliders& colliders, const Vec3d& from, const Vec3d& direction,
@@ -198,13 +179,85 @@ void set_ray(RTCRay& ray, const Colliders& colliders, const Vec3d& from, const V
     ray.flags = 0;
 }
 
-double free_length(const Colliders& colliders, const Segment& segment, const Vec3d& direction) {
+RTCRayHit trace(const Colliders& colliders, const Segment& segment, const Vec3d& direction) {
     RTCRayHit hit;
     set_ray(hit.ray, colliders, segment.pivot, direction, segment.length);
     hit.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     hit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     marram_intersect1(colliders.scene, &hit, 0);
-    return double(hit.ray.tfar);
+    return hit;
+}
+
+// The turn at which a blocked ray leaves the triangle that blocks it, in `side`'s sense; at least one step farther.
+double beyond_triangle(const Colliders& colliders, const Segment& segment, const Turning& turning,
+                       const RTCHit& hit, double angle, double side, double step, TurnScratch& scratch) {
+    const MarramMesh* mesh = colliders.mesh_of(hit.geomID);
+    if (!mesh) return angle + step;
+    auto p = colliders.corners(*mesh, hit.primID);
+    scratch.triangles.clear();
+    scratch.triangles.push(p[0] - segment.pivot, p[1] - segment.pivot, p[2] - segment.pivot);
+    Turning here = turning;
+    here.from = turning.direction(std::cos(side * angle), std::sin(side * angle));
+    here.across = turning.normal.cross(here.from) * side;
+    here.normal = here.from.cross(here.across);
+    scratch.blocked.clear();
+    blocked_turns(here, -2.0, 2.0, scratch.triangles.blocks(), 1, scratch.blocked);
+    if (scratch.blocked.empty() || scratch.blocked[0].low >= 0.0) return angle + step;
+    const Vec2d exit = undiamond(scratch.blocked[0].high);
+    return angle + std::max(step, std::atan2(exit.y(), exit.x()));
+}
+
+// Out of a collider within one plane: to either side, steps are tried, the nearer first. Where a ray is blocked the next try
+// is behind the triangle that blocks it; where a ray is free the whole capsule is looked at, and if that is free too it
+// turns back to the contact, or to where it was last seen blocked.
+bool turn_out_in_plane(const Colliders& colliders, const Segment& segment, const Turning& turning,
+                       TurnScratch& scratch, Vec3d& direction) {
+    constexpr double step = pi / out_steps;
+    double tried[2] = {0.0, 0.0}, next[2] = {step, step}, least = pi;
+    bool found_any = false;
+    while (std::min(next[0], next[1]) <= least) {
+        const int i = next[0] <= next[1] ? 0 : 1;
+        const double side = i == 0 ? 1.0 : -1.0, angle = next[i];
+        Segment back = segment;
+        back.from = turning.direction(std::cos(angle), side * std::sin(angle)).normalized();
+        const RTCRayHit hit = trace(colliders, back, back.from);
+        if (hit.hit.geomID != RTC_INVALID_GEOMETRY_ID) {
+            tried[i] = angle;
+            next[i] = beyond_triangle(colliders, segment, turning, hit.hit, angle, side, step, scratch);
+            continue;
+        }
+        back.goal = turning.direction(std::cos(tried[i]), side * std::sin(tried[i])).normalized();
+        const Arc arc = arc_of(back);
+        const Sweep found = sweep(colliders, back, arc, scratch);
+        tried[i] = angle;
+        next[i] = angle + step;
+        if (found.blocked_at_start) continue;
+        const double turned = angle - std::min(found.first, arc.angle);
+        next[i] = 2.0 * pi; // this side is done
+        if (turned >= least) continue;
+        least = turned;
+        found_any = true;
+        direction = found.first > arc.angle ? back.goal : arc.turning.direction(found.at.x(), found.at.y());
+    }
+    return found_any;
+}
+
+// Planes turned about `from` away from the arc's, the nearest first.
+bool turn_out(const Colliders& colliders, const Segment& segment, const Arc& arc, int planes,
+              TurnScratch& scratch, Vec3d& direction) {
+    for (int i = 0; i < planes; ++i) {
+        const double turn = pi / double(planes) * double(i % 2 == 0 ? -(i / 2) : (i + 1) / 2);
+        Turning turning = arc.turning;
+        turning.clearance = segment.clearance;
+        turning.across = arc.turning.across * std::cos(turn) + arc.turning.normal * std::sin(turn);
+        turning.normal = turning.from.cross(turning.across);
+        if (turn_out_in_plane(colliders, segment, turning, scratch, direction)) return true;
+    }
+    return false;
+}
+
+double free_length(const Colliders& colliders, const Segment& segment, const Vec3d& direction) {
+    return double(trace(colliders, segment, direction).ray.tfar);
 }
 
 // Nothing is free: the direction that runs the longest before it meets a triangle.
@@ -230,10 +283,29 @@ Vec3d least_bad(const Colliders& colliders, const Segment& segment, const Arc& a
 bool anything_near(const Colliders& colliders, const Vec3d& centre, double radius) {
     bool any = false;
     near_triangles(colliders, centre, radius, [&](const MarramMesh& mesh, uint32_t triangle, double) {
-        any = any || (nearest_point(colliders.corners(mesh, triangle), centre) - centre).norm() <= radius;
+        const auto p = colliders.corners(mesh, triangle);
+        const Eigen::Array3d low = p[0].cwiseMin(p[1]).cwiseMin(p[2]),
+                             high = p[0].cwiseMax(p[1]).cwiseMax(p[2]);
+        const Eigen::Array3d out = (low - centre.array()).max(centre.array() - high).max(0.0);
+        if (out.matrix().squaredNorm() > radius * radius) return radius; // by its box: most are
+        any = any || (nearest_point(p, centre) - centre).squaredNorm() <= radius * radius;
         return any ? -1.0 : radius;
     });
     return any;
+}
+
+bool triangles_near(const Colliders& colliders, const Vec3d& centre, double radius, size_t most,
+                    TurnScratch& scratch) {
+    if (!find_near(colliders, centre, radius, most, scratch)) return false;
+    for (const FoundTriangle& found : scratch.found) {
+        auto p = colliders.corners(*found.mesh, found.triangle);
+        for (Vec3d& corner : p) corner -= centre;
+        const Eigen::Array3d low = p[0].cwiseMin(p[1]).cwiseMin(p[2]),
+                             high = p[0].cwiseMax(p[1]).cwiseMax(p[2]);
+        if (low.max(-high).max(0.0).matrix().squaredNorm() <= radius * radius)
+            scratch.triangles.push(p[0], p[1], p[2]);
+    }
+    return true;
 }
 
 Arc arc_of(const Segment& segment) {

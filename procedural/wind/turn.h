@@ -40,10 +40,17 @@ struct Arc {
 };
 Arc arc_of(const Segment& segment);
 
+struct FoundTriangle {
+    const MarramMesh* mesh;
+    uint32_t triangle;
+};
+
 // What a thread keeps from segment to segment.
 struct TurnScratch {
-    TriangleList triangles;
+    TriangleList triangles, kept;
+    std::vector<FoundTriangle> found;
     std::vector<Blocked> blocked;
+    int crowded = 0; // > 0: lately a root's segment had too many triangles around it for one question
     uint64_t queries = 0, visited = 0;
 };
 
@@ -61,6 +68,11 @@ Turned turn_by_steps(const Colliders& colliders, const Segment& segment, int ste
 
 // Whether a triangle is nearer to the centre than the radius.
 bool anything_near(const Colliders& colliders, const Vec3d& centre, double radius);
+
+// Fills scratch.triangles with those whose boxes come within `radius` of `centre`, relative to it. False: they may be more
+// than `most`, and are not filled in.
+bool triangles_near(const Colliders& colliders, const Vec3d& centre, double radius, size_t most,
+                    TurnScratch& scratch);
 
 // Whether a ray of that length from the pivot meets a triangle.
 bool ray_meets(const Colliders& colliders, const Vec3d& from, const Vec3d& direction, double length);

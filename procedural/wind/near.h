@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// Distances and crossings of a handful of triangles, eight at a time.
+#pragma once
+
+#include "procedural/wind/contact.h"
+
+namespace marram {
+
+// Distance of the point from the nearest of the triangles, in their coordinates; infinite where there are none. Error: 1e-15
+// of the distances from the origin; a triangle without area counts as its edges.
+double nearest_distance(std::span<const Triangles8> triangles, const Vec3d& p);
+
+// Whether the segment from p to q passes through a triangle. In double, not exact: within rounding of an edge either answer
+// may come.
+bool crosses_any(std::span<const Triangles8> triangles, const Vec3d& p, const Vec3d& q);
+
+// The line from p to q is drawn as a curve that leaves it by no more than a mix of `bulge0` and `bulge1` and 0. Keeps of the
+// triangles those that it may come nearer to than `distance`; `kept` is cleared first. A triangle and the segment are parted by
+// the plane across their shortest connection n, so the curve is no nearer than that less n . bulge.
+void keep_near_bulge(std::span<const Triangles8> triangles, size_t count, const Vec3d& p, const Vec3d& q,
+                     const Vec3d& bulge0, const Vec3d& bulge1, double distance, TriangleList& kept);
+
+} // namespace marram

@@ -189,7 +189,7 @@ struct Bow {
     }
     // away(t) is a mix of bulge(d0), bulge(d1) and 0: (1-t)^3 + t^3 <= 1, t (1-t) <= 1/4.
     Vec3d bulge(const Vec3d& d) const { return bspline ? Vec3d(d / 6.0) : Vec3d(-d / 8.0); }
-    // No less than |away| anywhere between t and the nearer end of the segment's middle: each bulge falls from its own end.
+    // |away| at t or more; convex in t, so that its greatest on a part is at one of the part's ends.
     double away_limit(double t) const {
         if (!bspline) return gap();
         const double s = 1.0 - t;
@@ -340,7 +340,7 @@ bool follow(const DipCheck& check, double begin, double end, const Vec3d& centre
 }
 
 // Part of a curve: nothing near, or only triangles on the side that it does not bow to, or it is followed. A part with many
-// triangles around it is cut in two.
+// triangles around it is cut in four.
 bool part_dips_in(const DipCheck& check, double begin, double end, int cuts) {
     const Bow& bow = check.bow;
     const double middle = 0.5 * (begin + end);
@@ -349,10 +349,15 @@ bool part_dips_in(const DipCheck& check, double begin, double end, int cuts) {
     if (away + widest <= check.room) return false;
     const Vec3d centre = bow.on_polygon(middle);
     const double radius = 0.5 * (end - begin) * (bow.end - bow.start).norm() + away + widest;
-    constexpr size_t many = 128;
-    constexpr int most_cuts = 6;
-    if (!triangles_near(check.colliders, centre, radius, cuts < most_cuts ? many : SIZE_MAX, check.scratch))
-        return part_dips_in(check, begin, middle, cuts + 1) || part_dips_in(check, middle, end, cuts + 1);
+    constexpr size_t many = 96;
+    constexpr int most_cuts = 4, pieces = 4;
+    if (!triangles_near(check.colliders, centre, radius, cuts < most_cuts ? many : SIZE_MAX, check.scratch)) {
+        for (int i = 0; i < pieces; ++i)
+            if (part_dips_in(check, begin + (end - begin) * i / pieces,
+                             begin + (end - begin) * (i + 1) / pieces, cuts + 1))
+                return true;
+        return false;
+    }
     if (check.scratch.triangles.size() == 0) return false;
     const std::span<Triangles8> all = check.scratch.triangles.blocks();
     keep_near_bulge(all, check.scratch.triangles.size(), bow.on_polygon(begin) - centre,

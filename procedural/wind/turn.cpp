@@ -12,10 +12,11 @@ namespace marram {
 namespace {
 
 constexpr int root_halvings = 2;   // of a root's segment, where the skin is dense
-constexpr int crowded_memory = 16; // root segments for which a dense skin is remembered
+constexpr int crowded_memory = 16; // sweeps for which a dense skin is remembered
+constexpr int pieces = 4;          // that a thin wedge is cut into
 constexpr size_t few = 96;         // triangles a cell may hold before it is cut
 constexpr int deepest = 40;        // cuts of cells
-constexpr int out_steps = 64;      // of half a turn, at which a free direction is looked for
+constexpr int out_steps = 32;      // of half a turn, at which a free direction is looked for
 constexpr double opposed =
     1e-9; // sine to exact opposition below which the arc's plane is taken from elsewhere
 
@@ -92,14 +93,22 @@ bool gather(const Colliders& colliders, const Vec3d& pivot, const Turning& turni
 // Visits all triangles that matter between two turns, in angles; `visit` returns the angle up to which it still matters.
 template <typename Visit>
 void sweep_cells(const Colliders& colliders, const Vec3d& pivot, const Turning& turning, double begin,
-                 double end, int halvings, TurnScratch& scratch, Visit&& visit) {
-    Cell stack[deepest + root_halvings + 2];
+                 double end, bool from_root, TurnScratch& scratch, Visit&& visit) {
+    Cell stack[3 * deepest + 8];
     int top = 0;
-    // A root stands on the skin, and its segment leaves it: cells that halve towards it keep clear of the skin where one ball
-    // around all would not.
+    const bool narrow = end - begin <= 0.25, crowded = scratch.crowded > 0;
+    if (crowded) --scratch.crowded;
     double far = turning.length;
-    for (int i = 0; i < halvings; ++i, far *= 0.5) stack[top++] = {0.5 * far, far, begin, end, 0};
-    stack[top++] = {0.0, far, begin, end, 0};
+    if (crowded && narrow) { // along the skin: pieces side by side
+        for (int i = pieces; i-- > 0;)
+            stack[top++] = {far * i / pieces, far * (i + 1) / pieces, begin, end, 0};
+    } else {
+        // A root stands on the skin, and its segment leaves it: cells that halve towards it keep clear of the skin where one
+        // ball around all would not.
+        for (int i = 0; crowded && from_root && i < root_halvings; ++i, far *= 0.5)
+            stack[top++] = {0.5 * far, far, begin, end, 0};
+        stack[top++] = {0.0, far, begin, end, 0};
+    }
     double limit = end;
     while (top > 0) {
         Cell cell = stack[--top];
@@ -114,15 +123,24 @@ void sweep_cells(const Colliders& colliders, const Vec3d& pivot, const Turning& 
             continue;
         }
         if (cell.depth == 0) scratch.crowded = crowded_memory;
-        Cell other = cell;
+        const double along = cell.far - cell.near, across = cell.far * (cell.end - cell.begin);
         ++cell.depth;
-        ++other.depth;
-        if (cell.far * (cell.end - cell.begin) > cell.far - cell.near)
-            cell.end = other.begin = 0.5 * (cell.begin + cell.end);
-        else
-            cell.far = other.near = 0.5 * (cell.near + cell.far);
-        stack[top++] = other;
-        stack[top++] = cell;
+        const Cell whole = cell;
+        if (across > along) {
+            const double middle = 0.5 * (cell.begin + cell.end);
+            cell.begin = middle;
+            stack[top++] = cell;
+            cell = whole;
+            cell.end = middle;
+            stack[top++] = cell;
+        } else {
+            const int parts = across < 0.25 * along ? pieces : 2;
+            for (int i = parts; i-- > 0;) {
+                cell.near = whole.near + along * i / parts;
+                cell.far = whole.near + along * (i + 1) / parts;
+                stack[top++] = cell;
+            }
+        }
     }
 }
 
@@ -133,11 +151,10 @@ struct Sweep {
 };
 
 Sweep sweep(const Colliders& colliders, const Segment& segment, const Arc& arc, TurnScratch& scratch) {
-    if (segment.doubted && scratch.crowded > 0) --scratch.crowded;
     Sweep result{false, false, std::numeric_limits<double>::infinity(), Vec2d::Zero()};
     double end = diamond_of_angle(arc.angle);
-    sweep_cells(colliders, segment.pivot, arc.turning, 0.0, arc.angle,
-                segment.doubted && scratch.crowded > 0 ? root_halvings : 0, scratch, [&](const Cell& cell) {
+    sweep_cells(colliders, segment.pivot, arc.turning, 0.0, arc.angle, segment.doubted, scratch,
+                [&](const Cell& cell) {
                     // Whatever is nearer to the pivot than the clearance is near the cells that begin there.
                     if (segment.doubted && cell.near == 0.0 &&
                         !clear_of_pivot(scratch.triangles.blocks(), segment.clearance * 1.1)) {
@@ -188,58 +205,31 @@ RTCRayHit trace(const Colliders& colliders, const Segment& segment, const Vec3d&
     return hit;
 }
 
-// The turn at which a blocked ray leaves the triangle that blocks it, in `side`'s sense; at least one step farther.
-double beyond_triangle(const Colliders& colliders, const Segment& segment, const Turning& turning,
-                       const RTCHit& hit, double angle, double side, double step, TurnScratch& scratch) {
-    const MarramMesh* mesh = colliders.mesh_of(hit.geomID);
-    if (!mesh) return angle + step;
-    auto p = colliders.corners(*mesh, hit.primID);
-    scratch.triangles.clear();
-    scratch.triangles.push(p[0] - segment.pivot, p[1] - segment.pivot, p[2] - segment.pivot);
-    Turning here = turning;
-    here.from = turning.direction(std::cos(side * angle), std::sin(side * angle));
-    here.across = turning.normal.cross(here.from) * side;
-    here.normal = here.from.cross(here.across);
-    scratch.blocked.clear();
-    blocked_turns(here, -2.0, 2.0, scratch.triangles.blocks(), 1, scratch.blocked);
-    if (scratch.blocked.empty() || scratch.blocked[0].low >= 0.0) return angle + step;
-    const Vec2d exit = undiamond(scratch.blocked[0].high);
-    return angle + std::max(step, std::atan2(exit.y(), exit.x()));
-}
-
-// Out of a collider within one plane: to either side, steps are tried, the nearer first. Where a ray is blocked the next try
-// is behind the triangle that blocks it; where a ray is free the whole capsule is looked at, and if that is free too it
-// turns back to the contact, or to where it was last seen blocked.
+// Out of a collider within one plane: equal steps to both sides are tried until one is free, first by a ray, then by its
+// whole capsule; from there it turns back, at most that one step, to the contact.
 bool turn_out_in_plane(const Colliders& colliders, const Segment& segment, const Turning& turning,
                        TurnScratch& scratch, Vec3d& direction) {
     constexpr double step = pi / out_steps;
-    double tried[2] = {0.0, 0.0}, next[2] = {step, step}, least = pi;
-    bool found_any = false;
-    while (std::min(next[0], next[1]) <= least) {
-        const int i = next[0] <= next[1] ? 0 : 1;
-        const double side = i == 0 ? 1.0 : -1.0, angle = next[i];
-        Segment back = segment;
-        back.from = turning.direction(std::cos(angle), side * std::sin(angle)).normalized();
-        const RTCRayHit hit = trace(colliders, back, back.from);
-        if (hit.hit.geomID != RTC_INVALID_GEOMETRY_ID) {
-            tried[i] = angle;
-            next[i] = beyond_triangle(colliders, segment, turning, hit.hit, angle, side, step, scratch);
-            continue;
+    for (int i = 1; i <= out_steps; ++i) {
+        double least = std::numeric_limits<double>::infinity();
+        for (const double side : {1.0, -1.0}) {
+            const double angle = side * step * i, before = side * step * (i - 1);
+            Segment back = segment;
+            back.from = turning.direction(std::cos(angle), std::sin(angle)).normalized();
+            if (ray_meets(colliders, back.pivot, back.from, back.length)) continue;
+            back.goal = turning.direction(std::cos(before), std::sin(before)).normalized();
+            const Arc arc = arc_of(back);
+            const Sweep found = sweep(colliders, back, arc, scratch);
+            if (found.blocked_at_start) continue;
+            const double turned = step * i - std::min(found.first, step);
+            if (turned >= least) continue;
+            least = turned;
+            direction =
+                found.first > arc.angle ? back.goal : arc.turning.direction(found.at.x(), found.at.y());
         }
-        back.goal = turning.direction(std::cos(tried[i]), side * std::sin(tried[i])).normalized();
-        const Arc arc = arc_of(back);
-        const Sweep found = sweep(colliders, back, arc, scratch);
-        tried[i] = angle;
-        next[i] = angle + step;
-        if (found.blocked_at_start) continue;
-        const double turned = angle - std::min(found.first, arc.angle);
-        next[i] = 2.0 * pi; // this side is done
-        if (turned >= least) continue;
-        least = turned;
-        found_any = true;
-        direction = found.first > arc.angle ? back.goal : arc.turning.direction(found.at.x(), found.at.y());
+        if (least <= pi) return true;
     }
-    return found_any;
+    return false;
 }
 
 // Planes turned about `from` away from the arc's, the nearest first.
@@ -352,8 +342,14 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
         // From there towards the goal. It stands at its clearance exactly, so it goes on with a little less.
         segment.from = out.normalized();
         segment.clearance *= 1.0 - 1e-6;
+        // Mostly it stands against the collider that the goal is behind, and touches at once.
         arc = arc_of(segment);
-        found = sweep(colliders, segment, arc, scratch);
+        constexpr double at_once = 0.05;
+        Arc near = arc;
+        near.angle = std::min(arc.angle, at_once);
+        found = sweep(colliders, segment, near, scratch);
+        if (!found.blocked_at_start && found.first > near.angle && near.angle < arc.angle)
+            found = sweep(colliders, segment, arc, scratch);
         if (found.blocked_at_start)
             return {segment.from,      Outcome::contact, true,
                     segment.clearance, goal_angle,       goal_angle - arc.angle};

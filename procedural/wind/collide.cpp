@@ -14,7 +14,7 @@
 //
 // so its gap to the polygon is at most max |D| / 6 or / 8. Where gap + radius <= clearance + tolerance nothing can dip in
 // too far. Elsewhere it is looked at, point by point, each on its own side of the colliders unless the
-// straight line from the polygon meets a triangle. A strand that dips in is solved again with smaller turns.
+// straight line from the polygon meets a triangle. A strand that dips in is solved again with smaller turns, and where that does not help it is laid straight.
 #include "procedural/wind/collide.h"
 
 #include "procedural/wind/near.h"
@@ -385,6 +385,28 @@ int dipping_corner(const CollideJob& job, const StrandJob& strand, CollideScratc
     return -1;
 }
 
+// The last resort: the strand as one straight segment, turned out from its mean direction. It has no kinks to bow.
+bool lay_straight(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch) {
+    const std::vector<Vec3d>& rest = scratch.rest;
+    double length = 0.0;
+    for (size_t k = 1; k < rest.size(); ++k) length += (rest[k] - rest[k - 1]).norm();
+    const Vec3d reach = rest.back() - rest.front();
+    if (!(reach.squaredNorm() > 1e-12 * length * length)) return false;
+    const double clearance = measured_clearance(*job.colliders, rest[0], wanted_clearance(job, strand, 0));
+    const Vec3d from = reach.normalized();
+    const Turned turned =
+        turn_exactly(*job.colliders, {rest[0], from, from, Vec3d::Zero(), length, clearance}, scratch.turn);
+    if (turned.outcome == Outcome::unresolved) return false;
+    double along = 0.0;
+    for (size_t k = 0; k < rest.size(); ++k) {
+        if (k > 0) along += (rest[k] - rest[k - 1]).norm();
+        scratch.solved[k] = (rest[0] + turned.direction * along).cast<float>();
+        scratch.clearance[k] = turned.clearance - 2.0 * strand.rounding;
+    }
+    scratch.open_from = rest.size();
+    return dipping_corner(job, strand, scratch) < 0;
+}
+
 // Solves again with smaller turns until the drawn curve stays out: a kink is made smaller by turning less where it is, or,
 // where the segment had to be turned out, by turning less before it. Turning nowhere is the rest strand.
 void straighten(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch,
@@ -404,6 +426,9 @@ void straighten(const CollideJob& job, const StrandJob& strand, CollideScratch& 
         CollisionCounts ignored;
         solve_strand(quiet, strand, scratch, ignored);
     }
+    const std::vector<Vec3f> bowed = scratch.solved;
+    if (lay_straight(job, strand, scratch)) return;
+    scratch.solved = bowed;
     ++counts.dips;
 }
 

@@ -380,11 +380,10 @@ Turned turn_by_steps(const Colliders& colliders, const Segment& segment, int ste
     if (blocked(segment.from)) {
         for (int i = 1; i <= steps; ++i)
             for (const double side : {1.0, -1.0}) {
-                const Vec3d direction = at(side * pi * i / steps);
-                if (!blocked(direction))
-                    return {direction, Outcome::contact,
-                            true,      0.0,
-                            arc.angle, arc.angle - std::abs(arc.angle - side * pi * i / steps)};
+                const double turn = side * arc.angle * i / steps;
+                if (!blocked(at(turn)))
+                    return {at(turn), Outcome::contact, true,
+                            0.0,      arc.angle,        arc.angle - std::abs(arc.angle - turn)};
             }
         return {segment.from, Outcome::unresolved, true, 0.0, arc.angle, 0.0};
     }

@@ -63,7 +63,7 @@ struct TurnScratch {
 Turned turn_exactly(const Colliders& colliders, const Segment& segment, TurnScratch& scratch);
 
 // The talk's way: `steps` equal turns, each tested by a ray along the segment; the last free one is kept. A segment that is
-// not free at the start is turned out by equal steps of half a turn, to either side.
+// not free at the start is turned out by such steps, to either side, as many as there are.
 Turned turn_by_steps(const Colliders& colliders, const Segment& segment, int steps);
 
 // Whether a triangle is nearer to the centre than the radius.

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curve wind as the talk words it: at every segment's start, from the root on, all points beyond are turned, one by one.
+// Curve wind as the talk words it: at every segment's start, from the root on, all points beyond are turned,
+// one by one.
 //
-// At P_k, with the curve as bent so far: Q turns P_tip - P_k onto w + noise_k; its angle is scaled by f_k. O(n^2).
-// f_k = clamp(global_rotate * ramp_rotate(u_k) * e_k, 0, 1), u_k = s_k / L of the rest curve; with reference_segments
-// given, 1 - (1 - f_k)^(reference_segments |segment k| / L) in its place.
+// At P_k, with the curve as bent so far: Q turns P_tip - P_k onto w + noise_k; its angle is scaled by f_k.
+// O(n^2). f_k = clamp(global_rotate * ramp_rotate(u_k) * e_k, 0, 1), u_k = s_k / L of the rest curve; with
+// reference_segments given, 1 - (1 - f_k)^(reference_segments |segment k| / L) in its place.
 #pragma once
 
 #include "core/math/ramp.h"

@@ -39,8 +39,18 @@ TEST(OracleCollide, without_colliders_every_target_is_reached) {
     EXPECT_EQ(at_rest.goal, 0.0);
 }
 
+TEST(OracleCollide, segments_start_where_the_turns_nearer_the_root_have_carried_them) {
+    // Blown flat as a whole, a straight strand turns at its root only.
+    const std::vector<Vec3d> rest = straight({0, 0, 0}, 0.1 * y, 6),
+                             targets = straight({0, 0, 0}, 0.1 * x, 6);
+    const StrandTurn turn = collide_strand(rest, targets, std::vector<double>(5, 0.0), TriangleSet{});
+    EXPECT_NEAR(turn.segments[0].goal_angle, pi / 2, 1e-15);
+    EXPECT_NEAR(turn.goal, pi / 2, 1e-14);
+}
+
 TEST(OracleCollide, a_strand_pressed_to_the_floor_comes_to_lie_on_it) {
-    // Root at height h, targets straight down under the floor: the first tip stops at height c_0, the rest follow as far.
+    // Root at height h, targets straight down under the floor: the first tip stops at height c_0, the rest
+    // follow as far.
     const TriangleSet ground(floor_mesh(0.0, 10.0));
     const double h = 0.1, l = 0.2;
     const std::vector<Vec3d> rest = straight({0, h, 0}, l * y, 6);

@@ -5,6 +5,7 @@
 #include "tests/oracle/sweep.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 namespace marram::oracle {
 namespace {
@@ -27,14 +28,26 @@ Reached not_proven_free(const Sweep& sweep, double begin, double end, const Reac
     return kept;
 }
 
-std::optional<double> contact_between(const Sweep& sweep, double begin, double end,
-                                      const Reached& triangles) {
+// Intervals looked at so far in one search.
+struct Effort {
+    int intervals = 0;
+
+    void spend() {
+        constexpr int most = 1000000;
+        if (++intervals > most)
+            throw std::runtime_error("oracle: a turn is not decided after a million intervals");
+    }
+};
+
+std::optional<double> contact_between(const Sweep& sweep, double begin, double end, const Reached& triangles,
+                                      Effort& effort) {
+    effort.spend();
     const Reached kept = not_proven_free(sweep, begin, end, triangles);
     if (kept.empty()) return std::nullopt;
     if (end - begin <= angle_tolerance) return begin;
     const double middle = 0.5 * (begin + end);
-    const auto before = contact_between(sweep, begin, middle, kept);
-    return before ? before : contact_between(sweep, middle, end, kept);
+    const auto before = contact_between(sweep, begin, middle, kept, effort);
+    return before ? before : contact_between(sweep, middle, end, kept, effort);
 }
 
 bool blocked(const Sweep& sweep, double begin, double end, const Reached& triangles) {
@@ -43,13 +56,15 @@ bool blocked(const Sweep& sweep, double begin, double end, const Reached& triang
     });
 }
 
-std::optional<double> free_between(const Sweep& sweep, double begin, double end, const Reached& triangles) {
+std::optional<double> free_between(const Sweep& sweep, double begin, double end, const Reached& triangles,
+                                   Effort& effort) {
+    effort.spend();
     const Reached kept = not_proven_free(sweep, begin, end, triangles);
     if (kept.empty()) return begin;
     if (end - begin <= angle_tolerance || blocked(sweep, begin, end, kept)) return std::nullopt;
     const double middle = 0.5 * (begin + end);
-    const auto before = free_between(sweep, begin, middle, kept);
-    return before ? before : free_between(sweep, middle, end, kept);
+    const auto before = free_between(sweep, begin, middle, kept, effort);
+    return before ? before : free_between(sweep, middle, end, kept, effort);
 }
 
 // Runs `search` over [0, whole] in parts of at most a quarter turn, which the bounds of sweep.h ask for.
@@ -65,31 +80,43 @@ std::optional<double> contact_angle(Sweep sweep, double clearance, double whole,
     sweep.clearance = clearance;
     for (const Triangle& t : triangles)
         if (!is_free(sweep, 0.0, t)) return 0.0;
-    return in_parts(whole,
-                    [&](double begin, double end) { return contact_between(sweep, begin, end, triangles); });
+    Effort effort;
+    return in_parts(whole, [&](double begin, double end) {
+        return contact_between(sweep, begin, end, triangles, effort);
+    });
 }
 
-// Length of the segment up to its first hit.
-double way_before_hit(const Vec3d& pivot, const Vec3d& u, double length, const TriangleSet& set) {
-    const std::vector<Hit> hits = set.crossings(pivot, pivot + length * u);
-    return hits.empty() ? TriangleSet::no_limit : hits.front().crossing.parameter * length;
+// How near a direction is to being free; 0 or more: it is. Below -1 it crosses, and the share of the way that
+// lies before the first crossing ranks it; from -1 on it does not, and the share of the clearance that it
+// keeps does.
+double freedom(const Vec3d& pivot, const Vec3d& u, double length, double c, const TriangleSet& set) {
+    const Vec3d end = pivot + length * u;
+    const std::vector<Hit> hits = set.crossings(pivot, end);
+    if (!hits.empty()) return hits.front().crossing.parameter - 2.0;
+    const double distance = c > 0.0 ? set.nearest(pivot, end, c).closest.distance : 0.0;
+    return distance >= c ? 0.0 : distance / c - 1.0;
 }
 
-// Directions drawn around `best` in ever narrower caps, going to whichever comes further.
-std::optional<Vec3d> refined(const Vec3d& pivot, Vec3d best, double way, double length, double cap,
+struct Ranked {
+    double freedom;
+    Vec3d u;
+};
+
+// Directions drawn around the best so far in ever narrower caps.
+std::optional<Vec3d> refined(const Vec3d& pivot, Ranked best, double length, double c, double cap,
                              const TriangleSet& set, uint64_t seed) {
     constexpr int rounds = 12, tries = 24; // the cap narrows to 1/4096 of the spacing
     for (int round = 0; round < rounds; ++round, cap *= 0.5) {
         Vec3d x, y;
-        orthonormal_basis(best, x, y);
-        const Vec3d centre = best;
+        orthonormal_basis(best.u, x, y);
+        const Vec3d centre = best.u;
         for (int i = 0; i < tries; ++i) {
             const uint64_t h = hash(seed, uint64_t(round * tries + i));
             const double angle = 2.0 * pi * unit_double(h), radius = cap * std::sqrt(unit_double(hash(h, 1)));
             const Vec3d u = (centre + radius * (x * std::cos(angle) + y * std::sin(angle))).normalized();
-            const double found = way_before_hit(pivot, u, length, set);
-            if (found == TriangleSet::no_limit) return u;
-            if (found > way) way = found, best = u;
+            const double found = freedom(pivot, u, length, c, set);
+            if (found >= 0.0) return u;
+            if (found > best.freedom) best = {found, u};
         }
     }
     return std::nullopt;
@@ -123,28 +150,29 @@ std::optional<double> first_free(const Vec3d& pivot, const Vec3d& u, const Vec3d
                                  double c, const TriangleSet& set) {
     const Sweep sweep{u, axis.cross(u), length, c};
     const Reached triangles = in_reach(pivot, length + c, set);
-    return in_parts(2.0 * pi,
-                    [&](double begin, double end) { return free_between(sweep, begin, end, triangles); });
+    Effort effort;
+    return in_parts(2.0 * pi, [&](double begin, double end) {
+        return free_between(sweep, begin, end, triangles, effort);
+    });
 }
 
-std::optional<Vec3d> any_free_direction(const Vec3d& pivot, double length, const TriangleSet& set,
+std::optional<Vec3d> any_free_direction(const Vec3d& pivot, double length, double c, const TriangleSet& set,
                                         int samples) {
-    std::vector<std::pair<double, Vec3d>> ways;
+    if (!is_free(pivot, Vec3d::UnitX(), 0.0, c, set)) return std::nullopt;
+    std::vector<Ranked> ranked;
     const double golden_angle = pi * (3.0 - std::sqrt(5.0));
     for (int i = 0; i < samples; ++i) { // a Fibonacci spiral over the sphere
         const double z = 1.0 - (2.0 * i + 1.0) / samples, r = std::sqrt(1.0 - z * z);
         const Vec3d u(r * std::cos(golden_angle * i), r * std::sin(golden_angle * i), z);
-        const double way = way_before_hit(pivot, u, length, set);
-        if (way == TriangleSet::no_limit) return u;
-        ways.emplace_back(way, u);
+        ranked.push_back({freedom(pivot, u, length, c, set), u});
+        if (ranked.back().freedom >= 0.0) return u;
     }
-    const size_t promising = std::min<size_t>(64, ways.size());
-    std::partial_sort(ways.begin(), ways.begin() + std::ptrdiff_t(promising), ways.end(),
-                      [](const auto& a, const auto& b) { return a.first > b.first; });
+    const size_t promising = std::min<size_t>(64, ranked.size());
+    std::partial_sort(ranked.begin(), ranked.begin() + std::ptrdiff_t(promising), ranked.end(),
+                      [](const Ranked& a, const Ranked& b) { return a.freedom > b.freedom; });
     const double spacing = 2.0 / std::sqrt(samples / pi);
     for (size_t i = 0; i < promising; ++i)
-        if (const auto found = refined(pivot, ways[i].second, ways[i].first, length, spacing, set, i))
-            return found;
+        if (const auto found = refined(pivot, ranked[i], length, c, spacing, set, i)) return found;
     return std::nullopt;
 }
 

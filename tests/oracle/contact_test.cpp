@@ -69,7 +69,8 @@ TEST(OracleContact, a_corner_in_the_way_without_clearance_is_hit_dead_on) {
 }
 
 TEST(OracleContact, a_graze_is_told_by_the_margin) {
-    // A corner that stands beside the sweep's plane dips below the clearance by a tenth of the margin, and just not.
+    // A corner that stands beside the sweep's plane dips below the clearance by a tenth of the margin, and
+    // just not.
     const double c = 0.1, margin = 1e-6;
     for (double by : {-0.1, 0.1}) {
         const TriangleSet spike({{Vec3d(0.3, 0.3, c - by * margin), Vec3d(0.3, 0.4, 2), Vec3d(0.4, 0.3, 2)}});
@@ -157,16 +158,45 @@ TEST(OracleContact, random_ways_out_agree_with_a_scan) {
 TEST(OracleContact, a_closed_box_has_no_free_direction_and_a_small_hole_in_it_is_found) {
     std::vector<Triangle> box = box_mesh({-1, -1, -1}, {1, 1, 1});
     const Vec3d pivot(0.1, 0.2, -0.1);
-    EXPECT_FALSE(any_free_direction(pivot, 2.5, TriangleSet(box), 20000));
-    EXPECT_TRUE(any_free_direction(pivot, 0.5, TriangleSet(box), 20000)) << "shorter than the box";
+    EXPECT_FALSE(any_free_direction(pivot, 2.5, 0.0, TriangleSet(box), 20000));
+    EXPECT_TRUE(any_free_direction(pivot, 0.5, 0.0, TriangleSet(box), 20000)) << "shorter than the box";
     box.back() = {box.back().a, box.back().b, box.back().a + 0.99 * (box.back().c - box.back().a)};
-    const auto found = any_free_direction(pivot, 2.5, TriangleSet(box), 20000);
+    const auto found = any_free_direction(pivot, 2.5, 0.0, TriangleSet(box), 20000);
     ASSERT_TRUE(found);
     EXPECT_FALSE(TriangleSet(box).any_crossing(pivot, pivot + 2.5 * *found));
     // Only just too long for one corner: no sample reaches it, the search around the best does.
     const double diagonal = (Vec3d(-1, -1, 1) - pivot).norm();
-    EXPECT_TRUE(
-        any_free_direction(pivot, diagonal - 1e-4, TriangleSet(box_mesh({-1, -1, -1}, {1, 1, 1})), 20000));
+    EXPECT_TRUE(any_free_direction(pivot, diagonal - 1e-4, 0.0,
+                                   TriangleSet(box_mesh({-1, -1, -1}, {1, 1, 1})), 20000));
+}
+
+TEST(OracleContact, a_slit_is_free_for_what_is_thinner_than_it) {
+    // Two sheets with a slit of 0.02 between them; the segment reaches through it.
+    std::vector<Triangle> box = box_mesh({-1, -1, -1}, {1, 1, 1});
+    std::erase_if(box, [](const Triangle& t) { return area_normal(t).y() > 0.0; });
+    for (double side : {-1.0, 1.0}) {
+        const Vec3d a(0.01 * side, 1, -1), b(0.01 * side, 1, 1), c(side, 1, 1), d(side, 1, -1);
+        box.push_back({a, b, c});
+        box.push_back({a, c, d});
+    }
+    const TriangleSet set(box);
+    EXPECT_TRUE(any_free_direction(Vec3d::Zero(), 2.5, 0.0, set, 20000));
+    const auto thin = any_free_direction(Vec3d::Zero(), 2.5, 0.0099, set, 20000);
+    ASSERT_TRUE(thin);
+    EXPECT_TRUE(is_free(Vec3d::Zero(), *thin, 2.5, 0.0099, set));
+    EXPECT_FALSE(any_free_direction(Vec3d::Zero(), 2.5, 0.0101, set, 20000));
+}
+
+TEST(OracleContact, sliding_along_an_edge_within_rounding_of_it_is_decided) {
+    // Directions to the points of one edge: the segment ends beyond it and keeps to it over the whole turn.
+    const TriangleSet wall({{Vec3d(-1, 1, 0), Vec3d(1, 1, 0), Vec3d(0, 1, -3)}});
+    for (double above : {0.0, 1e-15, 1e-13, 1e-11, 1e-9})
+        for (double c : {0.0, 1e-12, 1e-6, 1e-2}) {
+            const Vec3d a = Vec3d(-0.5, 1, c + above).normalized(), b = Vec3d(0.5, 1, c + above).normalized();
+            const Turn turn = shortest_turn(a, b, a, a, a);
+            const Contact contact = first_contact(Vec3d::Zero(), a, turn.axis, turn.angle, 2.0, c, wall);
+            EXPECT_TRUE(contact.angle >= 0.0 && contact.angle <= turn.angle);
+        }
 }
 
 } // namespace

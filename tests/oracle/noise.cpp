@@ -11,8 +11,8 @@ constexpr int cube_edges[16][3] = {{1, 1, 0},  {-1, 1, 0},  {1, -1, 0}, {-1, -1,
                                    {1, 0, -1}, {-1, 0, -1}, {0, 1, 1},  {0, -1, 1},  {0, 1, -1}, {0, -1, -1},
                                    {1, 1, 0},  {0, -1, 1},  {-1, 1, 0}, {0, -1, -1}};
 
-// Edge directions of a hypercube by five bits: the top two say which axis is absent (0: x, 1: y, 2: z, 3: w, counted from
-// the top of the range downwards), the low three are the signs of the others in order.
+// Edge directions of a hypercube by five bits: the top two say which axis is absent (0: x, 1: y, 2: z, 3: w,
+// counted from the top of the range downwards), the low three are the signs of the others in order.
 Eigen::Vector4d hypercube_edge(uint32_t bits) {
     const int absent = 3 - int((bits >> 3) & 3U); // 24 to 31: x is absent, ..., 0 to 7: w is
     Eigen::Vector4d edge = Eigen::Vector4d::Zero();
@@ -32,7 +32,8 @@ uint32_t corner_hash(uint32_t x, uint32_t y, uint32_t z, uint32_t seed) {
     return mix32((plane ^ (plane >> 15)) * 0x2c1b3c6dU + z * 0xc2b2ae3dU);
 }
 
-// Sum over the corners of the cell around `cells`; contribution(hash, offset from the corner) for one component.
+// Sum over the corners of the cell around `cells`; contribution(hash, offset from the corner) for one
+// component.
 template <typename Contribution>
 Vec3d blended(const Vec3d& cells, uint32_t seed, Contribution&& contribution) {
     const Vec3d base = cells.array().floor(), fraction = cells - base;

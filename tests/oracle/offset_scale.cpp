@@ -14,7 +14,8 @@ Foot foot_on_skin(const Vec3d& p, const Vec3d& facing, const TriangleSet& skin) 
     foot.found = true;
     foot.point = nearest.closest.on_triangle;
     foot.normal = normal_of(nearest.triangle);
-    // Equally near: to some thousands of roundings of the distance and a few of the coordinates that it comes from.
+    // Equally near: to some thousands of roundings of the distance and a few of the coordinates that it comes
+    // from.
     const double rounding = 1e-12 * nearest.closest.distance +
                             4.0 * std::numeric_limits<double>::epsilon() * p.cwiseAbs().maxCoeff();
     double most = -1.0;

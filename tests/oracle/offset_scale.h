@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Offset scale: targets pushed out along the skin until they stand at offset_scale times their rest height.
 //
-// The foot of a rest CV is the nearest point of the skin among triangles that face as the root does (n . n_root > 0), the
-// foot of a bent CV the nearest among those that face as the rest foot's triangle does. Height is the distance from the foot,
-// negative below it: the sign is that of (P - foot) . n. Where several triangles are equally near (the foot lies on an edge or
-// corner) the one that n . (P - foot) is greatest in size for is the foot's triangle: the only choice whose sign is right on a
-// closed mesh for any corner. P' = P + n_foot max(0, offset_scale h_rest - h_bent). No such foot: skipped.
+// The foot of a rest CV is the nearest point of the skin among triangles that face as the root does (n .
+// n_root > 0), the foot of a bent CV the nearest among those that face as the rest foot's triangle does.
+// Height is the distance from the foot, negative below it: the sign is that of (P - foot) . n. Where several
+// triangles are equally near (the foot lies on an edge or corner) the one that n . (P - foot) is greatest in
+// size for is the foot's triangle: the only choice whose sign is right on a closed mesh for any corner. P' =
+// P + n_foot max(0, offset_scale h_rest - h_bent). No such foot: skipped.
 #pragma once
 
 #include "tests/oracle/triangle_set.h"

@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdio>
 
 namespace marram::oracle {
@@ -24,13 +25,14 @@ std::vector<Vec3d> upright(int segments, double length) {
 TEST(OracleBend, a_straight_strand_turns_by_what_is_left_at_every_segment) {
     // The part beyond P_k is straight and at angle a_k from the wind; turning it by f a_k leaves (1 - f) a_k.
     for (int segments : {1, 4, 64}) {
-        const double f = 0.3, length = 2.0;
+        const double length = 2.0, knots[] = {0.0, 0.1, 1.0, 0.6};
         Bend bend;
-        bend.global_rotate = f;
+        bend.ramp_rotate = Ramp(knots, "linear");
         const std::vector<Vec3d> bent = bend_curve(upright(segments, length), bend);
         Vec3d expected = Vec3d::Zero();
+        double from_wind = 0.5 * pi;
         for (int k = 0; k < segments; ++k) {
-            const double from_wind = 0.5 * pi * std::pow(1.0 - f, k + 1);
+            from_wind *= 1.0 - (0.1 + 0.5 * k / segments);
             expected += length / segments * Vec3d(std::cos(from_wind), std::sin(from_wind), 0);
             EXPECT_NEAR((bent[size_t(k) + 1] - expected).norm(), 0.0, 1e-13);
         }
@@ -136,7 +138,8 @@ TEST(OracleJiggle, a_target_that_starts_to_move_is_followed_by_the_closed_form) 
                 double expected = t > 0.25 ? ramp_answer(t - 0.25, omega, zeta) : 0.0;
                 if (t > 1.25) expected -= ramp_answer(t - 1.25, omega, zeta);
                 const Vec3d found = filtered_pose(history, {omega}, zeta, t)[0];
-                // sinh and cosh of the closed form cancel against each other where zeta > 1: some digits go there.
+                // sinh and cosh of the closed form cancel against each other where zeta > 1: some digits go
+                // there.
                 worst = std::max(worst, (found - slope * expected).norm());
             }
         }
@@ -186,6 +189,32 @@ TEST(OracleNoise, it_vanishes_on_the_lattice_and_has_an_edge_of_the_cube_as_its_
             EXPECT_NEAR(slope.row(component).cwiseAbs().maxCoeff(), 1.0, 1e-6);
         }
     }
+}
+
+TEST(OracleNoise, gradients_are_the_edges_of_a_cube_four_of_them_twice) {
+    // Perlin 2002 repeats (1,1,0), (-1,1,0), (0,-1,1), (0,-1,-1). Three components drawn 4000 times: 750
+    // each, 1500 of those.
+    int seen[3][3][3] = {};
+    const double h = 1e-4;
+    for (int i = 0; i < 4000; ++i) {
+        const Vec3d corner(i % 20, (i / 20) % 20, i / 400);
+        Eigen::Matrix3d slope;
+        for (int axis = 0; axis < 3; ++axis) slope.col(axis) = perlin(corner + h * Vec3d::Unit(axis), 5) / h;
+        for (int component = 0; component < 3; ++component) {
+            const Vec3d edge = slope.row(component).transpose().array().round();
+            ++seen[int(edge.x()) + 1][int(edge.y()) + 1][int(edge.z()) + 1];
+        }
+    }
+    const Vec3d twice[4] = {{1, 1, 0}, {-1, 1, 0}, {0, -1, 1}, {0, -1, -1}};
+    for (int i = -1; i <= 1; ++i)
+        for (int j = -1; j <= 1; ++j)
+            for (int k = -1; k <= 1; ++k) {
+                const Vec3d edge(i, j, k);
+                double expected = edge.squaredNorm() == 2.0 ? 750.0 : 0.0;
+                if (std::find(twice, twice + 4, edge) != twice + 4) expected = 1500.0;
+                EXPECT_NEAR(seen[i + 1][j + 1][k + 1], expected, 5.0 * std::sqrt(expected))
+                    << edge.transpose();
+            }
 }
 
 TEST(OracleNoise, along_a_lattice_line_two_slopes_are_blended_by_the_quintic) {

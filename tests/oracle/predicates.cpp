@@ -6,7 +6,8 @@
 namespace marram::oracle {
 namespace {
 
-// A number held exactly as a sum of doubles that do not overlap, the smallest first (Shewchuk 1997, GROW-EXPANSION).
+// A number held exactly as a sum of doubles that do not overlap, the smallest first (Shewchuk 1997,
+// GROW-EXPANSION).
 using Expansion = std::vector<double>;
 
 void add(Expansion& sum, double x) {

@@ -57,6 +57,33 @@ TEST(OracleOffset, signs_are_right_around_edges_and_corners_of_a_closed_mesh) {
     EXPECT_GT(on_edge, 50);
 }
 
+TEST(OracleOffset, at_a_sharp_ridge_the_sign_and_the_side_are_those_of_the_right_face) {
+    // A wedge of 20 degrees, its ridge along z at the origin: normals (+-cos 10, sin 10).
+    const double c = std::cos(10.0 * degree), s = std::sin(10.0 * degree), deep = 20.0;
+    std::vector<Triangle> faces;
+    for (double side : {1.0, -1.0}) {
+        const Vec3d front(0, 0, 9), back(0, 0, -9), foot(side * s * deep, -c * deep, 0);
+        faces.push_back(side > 0.0 ? Triangle{front, foot, back} : Triangle{back, foot, front});
+    }
+    const Vec3d normal(c, s, 0), other(-c, s, 0);
+    for (int order = 0; order < 2; ++order, std::swap(faces[0], faces[1])) {
+        const TriangleSet wedge(faces);
+        for (double angle :
+             {15.0, 90.0, 165.0}) { // nearest is the ridge; one face's plane runs above the outer two
+            const Vec3d p(0.1 * std::cos(angle * degree), 0.1 * std::sin(angle * degree), 0.2);
+            const Foot foot = foot_on_skin(p, y, wedge);
+            EXPECT_TRUE(foot.on_edge);
+            EXPECT_NEAR(foot.height, 0.1, 1e-15) << angle;
+        }
+        // Bent over the ridge and down beside the other face, it still belongs to the face that it grows on.
+        const Vec3d rest = Vec3d(s, -c, 0) + 0.3 * normal, bent = Vec3d(-s, -c, 0) + 0.1 * other;
+        const Pushed pushed = push_targets({rest, rest}, {rest, bent}, y, 1.0, wedge);
+        EXPECT_EQ(pushed.skipped, 0);
+        EXPECT_NEAR(pushed.push[1], 0.3 - normal.dot(bent), 1e-14);
+        EXPECT_NEAR((pushed.cvs[1] - bent - pushed.push[1] * normal).norm(), 0.0, 1e-14);
+    }
+}
+
 TEST(OracleOffset, around_a_sphere_heights_are_radii) {
     const TriangleSet sphere(sphere_mesh(100, [](const Vec3d&) { return 1.0; }));
     Draw draw(82);

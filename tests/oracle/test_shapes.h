@@ -72,7 +72,8 @@ std::vector<Triangle> sphere_mesh(int rows, Radius&& radius) {
     return mesh;
 }
 
-// Random triangles in a cube of half-width 1; one in eight is degenerate, one in eight repeats an earlier one.
+// Random triangles in a cube of half-width 1; one in eight is degenerate, one in eight repeats an earlier
+// one.
 inline std::vector<Triangle> soup(Draw& draw, int count, double size) {
     std::vector<Triangle> mesh;
     for (int i = 0; i < count; ++i) {

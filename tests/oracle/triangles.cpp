@@ -24,8 +24,9 @@ void take_if_nearer(Closest& best, const Vec3d& on_segment, const Vec3d& on_tria
     if (distance < best.distance) best = {distance, on_segment, on_triangle};
 }
 
-// The nearest points inside both segments, if there are such; ends are looked at by other candidates. The lines' own
-// solution is noisy where they are nearly parallel, so it is put right by projecting back and forth once.
+// The nearest points inside both segments, if there are such; ends are looked at by other candidates. The
+// lines' own solution is noisy where they are nearly parallel, so it is put right by projecting back and
+// forth once.
 void take_inner_pair(Closest& best, const Vec3d& p, const Vec3d& q, const Vec3d& a, const Vec3d& b) {
     const double length_p = (q - p).stableNorm(), length_a = (b - a).stableNorm();
     if (!(length_p > 0.0) || !(length_a > 0.0)) return;

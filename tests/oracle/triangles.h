@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// One triangle against points and segments: nearest points, distances, crossings. Degenerate triangles (needles, doubled
-// vertices, single points) and segments of no length are allowed everywhere.
+// One triangle against points and segments: nearest points, distances, crossings. Degenerate triangles
+// (needles, doubled vertices, single points) and segments of no length are allowed everywhere.
 //
-// Nearest points are the least of a handful of candidates, each of which lies in the triangle and on the segment by its
-// construction, so that rounding and degeneracy can only ever make a distance too great, and only by rounding: two
-// convex sets of that kind are nearest at a vertex and something, at two edges, or in the interior of a face.
+// Nearest points are the least of a handful of candidates, each of which lies in the triangle and on the
+// segment by its construction, so that rounding and degeneracy can only ever make a distance too great, and
+// only by rounding: two convex sets of that kind are nearest at a vertex and something, at two edges, or in
+// the interior of a face.
 #pragma once
 
 #include "core/math/vec.h"
@@ -28,16 +29,16 @@ struct Closest {
 // Nearest points of the segment pq and the triangle; distance 0 exactly when they cross (by `crosses` below).
 Closest closest(const Vec3d& p, const Vec3d& q, const Triangle& t);
 
-// Whether the closed segment pq and the closed triangle have a point in common, decided exactly (predicates.h). A
-// degenerate triangle has no surface to cross: false.
+// Whether the closed segment pq and the closed triangle have a point in common, decided exactly
+// (predicates.h). A degenerate triangle has no surface to cross: false.
 bool crosses(const Vec3d& p, const Vec3d& q, const Triangle& t);
 
 struct Crossing {
     bool crosses = false;
     double parameter =
         0.0; // where along pq, 0 to 1; for a segment in the triangle's plane only some place near it
-    // Length by which something would have to move before `crosses` changes: for a crossing the least of the ends'
-    // heights over the plane and of the line's distances from the three edges; otherwise the distance.
+    // Length by which something would have to move before `crosses` changes: for a crossing the least of the
+    // ends' heights over the plane and of the line's distances from the three edges; otherwise the distance.
     double margin = 0.0;
 };
 Crossing crossing(const Vec3d& p, const Vec3d& q, const Triangle& t);

@@ -69,7 +69,8 @@ void expect_nearest(const Vec3d& p, const Vec3d& q, const Triangle& t, double& w
     for (const Vec3d& z : {t.a, t.b, t.c}) excess = std::max(excess, n.dot(z - c.on_triangle));
     for (const Vec3d& z : {p, q}) excess = std::max(excess, n.dot(c.on_segment - z));
     const double size = std::max({(t.b - t.a).norm(), (t.c - t.a).norm(), (q - p).norm(), c.distance});
-    // How much nearer they could be, relative to the sizes at hand; 1e-9 where the gap is so small that n is rounding.
+    // How much nearer they could be, relative to the sizes at hand; 1e-9 where the gap is so small that n is
+    // rounding.
     worst = std::max(worst, excess / size * std::min(1.0, c.distance / size / 1e-7));
 }
 
@@ -162,6 +163,34 @@ TEST(OracleTriangleSet, grid_and_brute_force_give_the_same_answers) {
                           Case{0.1, 1.0, Vec3d(1e7, -1e7, 3e6)}, Case{0.1, 1e-30, Vec3d::Zero()},
                           Case{0.1, 1e30, Vec3d::Zero()}, Case{0.1, 1e-4, Vec3d(1, 2, 3)}})
         compare_searches(c, seed++);
+}
+
+TEST(OracleTriangleSet, queries_right_on_the_borders_of_cells_lose_nothing) {
+    for (double at : {0.0, 1e3, -1e6}) {
+        const double step = 0.1;
+        const int count = 10;
+        auto place = [&](int i) { return at + step * i; };
+        std::vector<Triangle> mesh;
+        for (int i = 0; i < count; ++i)
+            for (int j = 0; j < count; ++j)
+                for (int k = 0; k < count; ++k) // a facet across each axis in turn
+                    mesh.push_back({{place(i), place(j), place(k)},
+                                    {place(i + 1), place(j + (k + 1) % 2), place(k)},
+                                    {place(i), place(j + k % 2), place(k + 1)}});
+        const TriangleSet grid(mesh), plain(mesh, TriangleSet::Search::one_by_one);
+        Draw draw(91);
+        for (int n = 0; n < 300; ++n) {
+            Vec3d p, q;
+            for (int axis = 0; axis < 3; ++axis) p[axis] = place(draw.below(count + 3) - 1);
+            q = p;
+            const int along = draw.below(3);
+            q[along] = place(draw.below(count + 3) - 1);
+            const double reach = std::abs(place(draw.below(3)) - place(0));
+            EXPECT_EQ(grid.within(p, q, reach), plain.within(p, q, reach));
+            EXPECT_EQ(grid.any_crossing(p, q), plain.any_crossing(p, q));
+            EXPECT_EQ(grid.nearest(p, q).triangle, plain.nearest(p, q).triangle);
+        }
+    }
 }
 
 TEST(OracleTriangleSet, flat_single_and_empty_sets_are_searched_too) {

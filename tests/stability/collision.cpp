@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: Apache-2.0
+// Strands against awkward geometry: the collision stage as a whole, judged by the oracle on the floats that are stored.
+#include "tests/oracle/contact.h"
+#include "tests/stability/scene.h"
+#include "tests/stability/table.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+namespace marram::stability {
+namespace {
+
+using oracle::Triangle;
+
+const Vec3d x = Vec3d::UnitX(), y = Vec3d::UnitY(), z = Vec3d::UnitZ();
+
+Triangle flipped(const Triangle& t) { return {t.a, t.c, t.b}; }
+
+// Strands a metre long that grow around `root` and are blown along `wind`, straight ones and kinked ones.
+Strands blown(const Vec3d& root, const Vec3d& up, const Vec3d& wind, int strands, int cvs, uint64_t seed,
+              double spread = 0.2, double length = 1.0, double width = 0.004) {
+    Draw draw(seed);
+    std::vector<Curve> rest, pose;
+    for (int i = 0; i < strands; ++i) {
+        const Vec3d at = root + spread * (draw.in_cube() - up * up.dot(draw.in_cube()));
+        const Vec3d on = at + up * (up.dot(root - at));
+        const double kinks = i % 3 == 0 ? 0.0 : i % 3 == 1 ? 0.3 : 1.0;
+        rest.push_back(wandering(draw, on, up, length, cvs, kinks));
+        const double step = length / (cvs - 1);
+        pose.push_back(straight(on, step * (wind + 0.3 * draw.in_cube()).normalized(), cvs));
+    }
+    Strands result = strands_of(rest, width, up);
+    set_pose(result, pose);
+    return result;
+}
+
+// Six winds, three seeds.
+Verdict in_all_winds(const Scene& scene, const Vec3d& root, const Vec3d& up, int cvs = 7,
+                     const Collision& settings = {}, double spread = 0.2) {
+    Verdict all;
+    uint64_t seed = 41;
+    for (const Vec3d& wind : {x, Vec3d(-x), y, Vec3d(-y), z, Vec3d(-z)}) {
+        Strands strands = blown(root, up, wind, 12, cvs, seed++, spread);
+        all += solve(scene, strands, settings);
+    }
+    return all;
+}
+
+TEST(Collision, one_triangle) {
+    const Scene scene({body_of({{Vec3d(-0.5, 0.3, -0.4), Vec3d(0.5, 0.35, -0.4), Vec3d(0, 0.3, 0.6)}})});
+    report("one triangle", in_all_winds(scene, Vec3d::Zero(), y));
+}
+
+TEST(Collision, a_thin_shell_thinner_than_any_step) {
+    std::vector<Triangle> shell = oracle::floor_mesh(-0.011, 2.0);
+    for (const Triangle& t : oracle::floor_mesh(-0.011 - 1e-6, 2.0)) shell.push_back(flipped(t));
+    for (const Triangle& t : oracle::floor_mesh(0.4, 0.35)) shell.push_back(t);
+    for (const Triangle& t : oracle::floor_mesh(0.4 - 1e-6, 0.35)) shell.push_back(flipped(t));
+    const Scene scene({body_of(shell)});
+    report("thin shell (1e-6 m)", in_all_winds(scene, Vec3d::Zero(), y));
+}
+
+TEST(Collision, a_concave_wedge) {
+    for (const double opening : {2.0, 0.3, 0.05}) { // radians
+        const double c = std::cos(0.5 * opening), s = std::sin(0.5 * opening);
+        const Vec3d left(-s, c, 0), right(s, c, 0), deep = 2.0 * z;
+        const auto wall = [&](const Vec3d& d) {
+            return std::vector<Triangle>{{-deep, deep, 3.0 * d + deep}, {-deep, 3.0 * d + deep, 3.0 * d - deep}};
+        };
+        std::vector<Triangle> wedge = wall(left);
+        for (const Triangle& t : wall(right)) wedge.push_back(flipped(t));
+        const Scene scene({body_of(wedge)});
+        char name[64];
+        std::snprintf(name, sizeof name, "concave wedge, %g rad", opening);
+        // The root stands as deep as there is 2 cm of room on either side.
+        report(name, in_all_winds(scene, y * (0.02 / s), y, 7, {}, 0.0));
+    }
+}
+
+TEST(Collision, a_cone_tip) {
+    std::vector<Triangle> cone;
+    constexpr int sides = 24;
+    for (int i = 0; i < sides; ++i) {
+        const auto rim = [&](int j) {
+            const double a = 2.0 * pi * j / sides;
+            return Vec3d(0.2 * std::cos(a), -1.0, -0.2 * std::sin(a));
+        };
+        cone.push_back({Vec3d::Zero(), rim(i), rim(i + 1)});
+    }
+    const Scene scene({body_of(cone)});
+    report("cone tip, root above it", in_all_winds(scene, y * 0.012, y, 7, {}, 0.0));
+    report("cone tip, roots around it", in_all_winds(scene, y * 0.012, y, 7, {}, 0.1));
+    // Strands beside the cone, blown onto its point.
+    report("cone tip, blown onto it", in_all_winds(scene, Vec3d(-0.6, -0.4, 0.0), y));
+}
+
+TEST(Collision, vertices_and_edges_hit_dead_on) {
+    // A straight strand up y, blown to x: its segments turn in the plane z = 0, in which lie the vertex and the edges.
+    const Triangle vertex{Vec3d(0.5, 0.2, 0), Vec3d(1.5, -0.5, 1), Vec3d(1.5, -0.5, -1)},
+        in_plane{Vec3d(0.4, 0.3, 0), Vec3d(1.4, -0.7, 0), Vec3d(1.0, -2.0, 1.0)},
+        across{Vec3d(0.6, 0.2, 1), Vec3d(0.6, 0.2, -1), Vec3d(1.5, -1, 0)},
+        of_the_end{Vec3d(0.6, 0.8, 1), Vec3d(0.6, 0.8, -1), Vec3d(1.5, 2, 0)};
+    const std::pair<const char*, Triangle> cases[] = {{"vertex dead on", vertex},
+                                                      {"edge in the plane of the turn", in_plane},
+                                                      {"edge dead on", across},
+                                                      {"edge at the end's very reach", of_the_end}};
+    for (const auto& [name, triangle] : cases) {
+        const Scene scene({body_of({triangle})});
+        Verdict all;
+        for (const int cvs : {2, 3, 5, 9})
+            for (const double width : {0.0, 0.002, 0.2}) {
+                Strands strands = strands_of({straight(Vec3d::Zero(), y / (cvs - 1), cvs)}, width);
+                set_pose(strands, {straight(Vec3d::Zero(), x / (cvs - 1), cvs)});
+                all += solve(scene, strands);
+            }
+        report(name, all);
+    }
+}
+
+TEST(Collision, grazing_contact) {
+    // A straight strand turns past a vertex, an edge and a face that lie a hair within or beyond its reach.
+    Verdict all;
+    for (const double hair : {-1e-6, -1e-9, 0.0, 1e-9, 1e-6, 1e-4})
+        for (const double width : {0.0, 0.01})
+            for (int feature = 0; feature < 3; ++feature) {
+                const double c = std::max(0.5 * width, 0.125 * 0.012);
+                const double reach = 1.0 + c + hair;
+                const Vec3d at = Vec3d(reach * std::sqrt(0.5), reach * std::sqrt(0.5), 0), out = Vec3d(1, 1, 0),
+                            side = Vec3d(1, -1, 0);
+                const Triangle t = feature == 0   ? Triangle{at, at + out + 0.1 * z, at + out - 0.1 * z}
+                                   : feature == 1 ? Triangle{at + z, at - z, at + out}
+                                                  : Triangle{at + 3 * side, at - 3 * side - z, at - 3 * side + z};
+                const Scene scene({body_of({t})});
+                Strands strands = strands_of({straight(Vec3d::Zero(), y, 2)}, width);
+                set_pose(strands, {straight(Vec3d::Zero(), x, 2)});
+                Collision settings;
+                settings.offset_root = 0.012;
+                all += solve(scene, strands, settings);
+            }
+    report("grazing contact", all);
+}
+
+TEST(Collision, open_and_non_manifold_meshes) {
+    // A fan of sheets about one edge, with gaps, and a book that stands open.
+    std::vector<Triangle> fan;
+    for (int i = 0; i < 9; ++i) {
+        const double a = 0.35 * i - 1.4;
+        const Vec3d d(std::sin(a), -std::abs(std::cos(a)) - 0.05, 0);
+        fan.push_back({-z, z, 2.0 * d + z});
+        if (i % 2 == 0) fan.push_back({-z, 2.0 * d + z, 2.0 * d - z});
+    }
+    const Scene scene({body_of(fan)});
+    report("non-manifold edge of nine sheets", in_all_winds(scene, 0.02 * y, y, 7, {}, 0.0));
+    std::vector<Triangle> sheets = oracle::floor_mesh(-0.012, 0.5);
+    for (int i = 0; i < 5; ++i) {
+        const double at = -0.5 + 0.25 * i + 0.06;
+        sheets.push_back({Vec3d(at, -0.5, -0.6), Vec3d(at, -0.5, 0.6), Vec3d(at, 0.6, 0)});
+    }
+    const Scene open({body_of(sheets)});
+    report("open sheets that pass through each other", in_all_winds(open, Vec3d::Zero(), y));
+}
+
+TEST(Collision, degenerate_and_duplicate_triangles) {
+    std::vector<Triangle> mesh = oracle::floor_mesh(-0.012, 2.0);
+    const std::vector<Triangle> box = oracle::box_mesh({0.1, 0.2, -0.5}, {0.5, 0.6, 0.5});
+    for (int i = 0; i < 3; ++i) mesh.insert(mesh.end(), box.begin(), box.end());
+    for (const Triangle& t : box) mesh.push_back(flipped(t));
+    for (const Vec3d& p : {Vec3d(-0.3, 0.4, 0.0), Vec3d(0.0, 0.5, 0.2)}) {
+        mesh.push_back({p, p, p});
+        mesh.push_back({p, p + 0.5 * x, p});
+        mesh.push_back({p, p + 0.25 * z, p + 0.5 * z});
+        mesh.push_back({p, p + 0.25 * z, p + 0.5 * z + 1e-8 * x});
+    }
+    const Scene scene({body_of(mesh)});
+    report("degenerate and duplicate triangles", in_all_winds(scene, Vec3d::Zero(), y));
+}
+
+TEST(Collision, two_coincident_sheets_and_inconsistent_winding) {
+    std::vector<Triangle> sheets = oracle::floor_mesh(-0.012, 2.0), up = oracle::floor_mesh(0.35, 0.6);
+    for (const Triangle& t : oracle::floor_mesh(-0.012, 2.0)) sheets.push_back(flipped(t));
+    for (const Triangle& t : up) {
+        sheets.push_back(t);
+        sheets.push_back(flipped(t));
+    }
+    const Scene scene({body_of(sheets)});
+    report("two coincident sheets", in_all_winds(scene, Vec3d::Zero(), y));
+    std::vector<Triangle> bumpy = oracle::sphere_mesh(
+        24, [](const Vec3d& u) { return 1.0 + 0.05 * std::sin(7.0 * u.x()) * std::cos(9.0 * u.y() + 1.0); });
+    Draw draw(51);
+    for (Triangle& t : bumpy)
+        if (draw.below(2) == 0) t = flipped(t);
+    const Scene sphere({body_of(bumpy)});
+    Collision settings;
+    settings.offset_scale = 0.5;
+    report("inconsistent winding, with offset scale",
+           in_all_winds(sphere, y * (1.0 + 0.05 * std::cos(10.0) * std::sin(0.0) + 0.012), y, 7, settings, 0.0));
+}
+
+TEST(Collision, roots_in_and_on_a_collider) {
+    const Scene scene({body_of(oracle::box_mesh({-0.5, -1.0, -0.5}, {0.5, 0.0, 0.5}))});
+    const std::pair<const char*, Vec3d> cases[] = {{"root inside a collider", Vec3d(0.1, -0.5, 0.1)},
+                                                   {"root exactly on a triangle", Vec3d(0.25, 0.0, 0.125)},
+                                                   {"root exactly on an edge", Vec3d(0.5, 0.0, 0.125)},
+                                                   {"root exactly on a vertex", Vec3d(0.5, 0.0, 0.5)},
+                                                   {"root 1e-9 above a triangle", Vec3d(0.25, 1e-9, 0.125)},
+                                                   {"root 1e-5 above a triangle", Vec3d(0.25, 1e-5, 0.125)}};
+    for (const auto& [name, root] : cases) report(name, in_all_winds(scene, root, y, 7, {}, 0.0));
+}
+
+TEST(Collision, a_collider_that_moves_through_the_strands_within_the_shutter) {
+    Body plate = body_of(oracle::box_mesh({-0.02, -0.5, -1.0}, {0.0, 1.5, 1.0}));
+    constexpr int samples = 9;
+    plate = moved(plate, 1.0, Vec3d(-0.5, 0, 0));
+    for (int t = 1; t < samples; ++t)
+        plate.later.push_back(moved(plate, 1.0, Vec3d(double(t) / (samples - 1), 0, 0)).positions);
+    const Scene scene({body_of(oracle::floor_mesh(-0.012, 2.0)), plate});
+    Verdict all;
+    double jump = 0.0;
+    Curve before;
+    for (uint32_t t = 0; t < samples; ++t) {
+        Strands strands = blown(Vec3d::Zero(), y, x, 16, 7, 61);
+        all += solve(scene, strands, {}, true, t);
+        const Curve now = pose_of(strands, 0);
+        if (!before.empty()) jump = std::max(jump, (now.back() - before.back()).norm());
+        before = now;
+    }
+    report("collider moving through in the shutter", all);
+    figure("collider moving through: a tip's jump between keys", jump, "of the length");
+}
+
+TEST(Collision, a_million_triangles) {
+    const auto bumpy = [](const Vec3d& u) {
+        return 1.0 + 0.02 * std::sin(31.0 * u.x()) * std::cos(29.0 * u.y()) * std::sin(33.0 * u.z() + 1.0);
+    };
+    const std::vector<Triangle> mesh = oracle::sphere_mesh(500, bumpy); // 998,000
+    const Scene scene({body_of(mesh)});
+    Verdict all;
+    Draw draw(71);
+    for (const Vec3d& wind : {x, Vec3d(-x), z}) {
+        std::vector<Curve> rest, pose;
+        for (int i = 0; i < 16; ++i) {
+            const Triangle& t = mesh[size_t(draw.below(int(mesh.size())))];
+            const Vec3d n = oracle::area_normal(t).normalized(), root = (t.a + t.b + t.c) / 3.0 + 0.001 * n;
+            rest.push_back(wandering(draw, root, n, 0.1, 8, 0.1));
+            pose.push_back(straight(root, 0.1 / 7 * wind, 8));
+        }
+        Strands strands = strands_of(rest, 1e-4);
+        set_pose(strands, pose);
+        all += solve(scene, strands);
+    }
+    report("a collider of a million triangles", all);
+}
+
+// Triangles of every kind around strands of every kind. Roots are free by construction.
+Verdict soup_of_strands(uint64_t seed, int scenes, int cvs, double kinks, double clearance_share, double size,
+                        bool judge_contacts) {
+    Verdict all;
+    for (int i = 0; i < scenes; ++i) {
+        Draw draw(hash(seed, uint64_t(i)));
+        const std::vector<Triangle> mesh = oracle::soup(draw, 30, size);
+        const Scene scene({body_of(mesh)});
+        std::vector<Curve> rest, pose;
+        const double length = 1.5, clearance = clearance_share * length / (cvs - 1);
+        for (int tries = 0; tries < 200 && rest.size() < 8; ++tries) {
+            const Vec3d root = draw.in_cube().cast<float>().cast<double>();
+            if (scene.triangles().nearest(root, root, 1.5 * clearance).triangle >= 0) continue;
+            rest.push_back(wandering(draw, root, draw.direction(), length, cvs, kinks));
+            pose.push_back(wandering(draw, root, draw.direction(), length, cvs, 0.3 * kinks));
+        }
+        if (rest.empty()) continue;
+        Strands strands = strands_of(rest, 2.0 * clearance);
+        set_pose(strands, pose);
+        Collision settings;
+        settings.clearance = clearance;
+        all += solve(scene, strands, settings, judge_contacts);
+    }
+    return all;
+}
+
+TEST(Collision, random_soup) {
+    report("soup, n = 2", soup_of_strands(81, 30, 2, 0.5, 0.01, 0.5, true));
+    report("soup, n = 8", soup_of_strands(82, 30, 8, 0.5, 0.01, 0.3, true));
+    report("soup, n = 8, kinked", soup_of_strands(83, 30, 8, 3.0, 0.05, 0.3, true));
+    report("soup, n = 40, spiky triangles", soup_of_strands(84, 6, 40, 0.5, 0.05, 1.5, true));
+    report("soup, clearance of a segment", soup_of_strands(85, 20, 8, 0.5, 1.0, 0.3, true));
+    report("soup, clearance of three segments", soup_of_strands(86, 20, 16, 0.5, 3.0, 0.2, true));
+    report("soup, clearance 1e-6 segments", soup_of_strands(87, 20, 8, 0.5, 1e-6, 0.3, true));
+    report("soup, n = 1000", soup_of_strands(88, 3, 1000, 0.1, 0.1, 0.3, false));
+}
+
+} // namespace
+} // namespace marram::stability

@@ -289,6 +289,21 @@ Verdict solve(const Scene& scene, Strands& strands, const Collision& settings, b
         if (!solved[size_t(i)]) continue; // the root is not free, or the strand has no length
         const int crossed = oracle::crossed_segments(pose, set).segments;
         verdict.crossed_all += crossed;
+        if (crossed > 0 && !unresolved[size_t(i)] && std::getenv("MARRAM_SHOW")) {
+            const Curve other = pose_of(traced, i);
+            std::printf("strand %d crosses; without the look-ahead %d\n", i,
+                        oracle::crossed_segments(other, set).segments);
+            for (const SegmentTrace& t : trace) {
+                if (t.strand != size_t(i)) continue;
+                const Vec3d a = pose[size_t(t.index)], b = pose[size_t(t.index) + 1];
+                std::printf("  %d: length %.6g, clearance %.6g, rounding %.3g, outcome %d, out %d, kept %.6g; distance "
+                            "%.6g (traced %.6g), pivot %.6g, crosses %d\n", t.index, t.segment.length, t.segment.clearance,
+                            t.rounding, int(t.turned.outcome), int(t.turned.pushed_out), t.turned.clearance,
+                            set.nearest(a, b).closest.distance,
+                            set.nearest(other[size_t(t.index)], other[size_t(t.index) + 1]).closest.distance,
+                            set.nearest(a, a).closest.distance, int(set.any_crossing(a, b)));
+            }
+        }
         verdict.crossed += unresolved[size_t(i)] ? 0 : crossed;
     }
     return verdict;

@@ -84,10 +84,12 @@ Problem draw_problem(Draw& draw, Kind kind) {
     s.clearance = scale * log_uniform(draw, 1e-6, 2.0);
     s.pivot = scale * 2.0 * draw.in_cube();
     s.from = draw.direction();
-    const int ends = draw.below(8);
+    const int ends = draw.below(10);
     s.goal = ends == 0   ? Vec3d(-s.from)
              : ends == 1 ? Vec3d(s.from + 1e-3 * draw.in_cube()).normalized()
              : ends == 2 ? Vec3d(-s.from + 1e-5 * draw.in_cube()).normalized()
+             : ends == 3 ? Vec3d(s.from + log_uniform(draw, 1e-18, 1e-6) * draw.in_cube()).normalized()
+             : ends == 4 ? s.from
                          : draw.direction();
     s.lean = scale * draw.direction();
     s.doubted = draw.below(2) == 0;

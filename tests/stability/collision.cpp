@@ -253,40 +253,83 @@ TEST(Collision, a_million_triangles) {
 }
 
 // Triangles of every kind around strands of every kind. Roots are free by construction.
-Verdict soup_of_strands(uint64_t seed, int scenes, int cvs, double kinks, double clearance_share, double size,
-                        bool judge_contacts) {
+struct Soup {
+    const char* name;
+    int scenes, cvs;
+    double kinks;
+    double clearance; // segments
+    int triangles;
+    double size;
+    bool spikes = false; // one corner of three drawn out
+    double distance = 0.0, scale = 1.0;
+    std::optional<double> offset_scale{};
+    bool judge_contacts = true;
+};
+
+Verdict soup_of_strands(const Soup& soup, uint64_t seed) {
+    const char* many = std::getenv("MARRAM_FUZZ"); // by hand: more of it
+    const int scenes = many ? soup.scenes * std::max(1, std::atoi(many) / 500) : soup.scenes;
     Verdict all;
     for (int i = 0; i < scenes; ++i) {
         Draw draw(hash(seed, uint64_t(i)));
-        const std::vector<Triangle> mesh = oracle::soup(draw, 30, size);
-        const Scene scene({body_of(mesh)});
+        std::vector<Triangle> mesh = oracle::soup(draw, soup.triangles, soup.size);
+        for (size_t k = 0; k < mesh.size() && soup.spikes; ++k)
+            mesh[k] = {mesh[k].a, mesh[k].b * 0.01 + mesh[k].c * 0.99, mesh[k].c + 3.0 * draw.direction()};
+        const Vec3d by = soup.distance * draw.direction();
+        const Scene scene({moved(body_of(mesh), soup.scale, by)});
         std::vector<Curve> rest, pose;
-        const double length = 1.5, clearance = clearance_share * length / (cvs - 1);
-        for (int tries = 0; tries < 200 && rest.size() < 8; ++tries) {
-            const Vec3d root = draw.in_cube().cast<float>().cast<double>();
+        const double length = 1.5 * soup.scale, clearance = soup.clearance * length / (soup.cvs - 1);
+        for (int tries = 0; tries < 300 && rest.size() < 8; ++tries) {
+            const Vec3d root = (soup.scale * draw.in_cube() + by).cast<float>().cast<double>();
             if (scene.triangles().nearest(root, root, 1.5 * clearance).triangle >= 0) continue;
-            rest.push_back(wandering(draw, root, draw.direction(), length, cvs, kinks));
-            pose.push_back(wandering(draw, root, draw.direction(), length, cvs, 0.3 * kinks));
+            rest.push_back(wandering(draw, root, draw.direction(), length, soup.cvs, soup.kinks));
+            pose.push_back(wandering(draw, root, draw.direction(), length, soup.cvs, 0.3 * soup.kinks));
         }
         if (rest.empty()) continue;
         Strands strands = strands_of(rest, 2.0 * clearance);
         set_pose(strands, pose);
         Collision settings;
         settings.clearance = clearance;
-        all += solve(scene, strands, settings, judge_contacts);
+        settings.offset_scale = soup.offset_scale;
+        const Verdict verdict = solve(scene, strands, settings, soup.judge_contacts);
+        if (verdict.crossed > 0 || verdict.missed_open > 0 || verdict.not_free > 0)
+            std::printf("  %s: seed %d, scene %d\n", soup.name, int(seed), i);
+        all += verdict;
     }
     return all;
 }
 
 TEST(Collision, random_soup) {
-    report("soup, n = 2", soup_of_strands(81, 30, 2, 0.5, 0.01, 0.5, true));
-    report("soup, n = 8", soup_of_strands(82, 30, 8, 0.5, 0.01, 0.3, true));
-    report("soup, n = 8, kinked", soup_of_strands(83, 30, 8, 3.0, 0.05, 0.3, true));
-    report("soup, n = 40, spiky triangles", soup_of_strands(84, 6, 40, 0.5, 0.05, 1.5, true));
-    report("soup, clearance of a segment", soup_of_strands(85, 20, 8, 0.5, 1.0, 0.3, true));
-    report("soup, clearance of three segments", soup_of_strands(86, 20, 16, 0.5, 3.0, 0.2, true));
-    report("soup, clearance 1e-6 segments", soup_of_strands(87, 20, 8, 0.5, 1e-6, 0.3, true));
-    report("soup, n = 1000", soup_of_strands(88, 3, 1000, 0.1, 0.1, 0.3, false));
+    const Soup soups[] = {
+        {"soup, n = 2", 20, 2, 0.5, 0.01, 30, 0.5},
+        {"soup, n = 8", 20, 8, 0.5, 0.01, 150, 0.2},
+        {"soup, n = 8, kinked", 20, 8, 3.0, 0.05, 150, 0.2},
+        {"soup, n = 8, dense", 10, 8, 1.0, 0.02, 600, 0.15},
+        {"soup, n = 8, pockets", 10, 8, 1.0, 0.02, 200, 0.6},
+        {"soup, n = 40, spikes", 4, 40, 0.5, 0.05, 60, 0.5, true},
+        {"soup, n = 8, spikes", 10, 8, 0.5, 0.01, 150, 0.5, true},
+        {"soup, clearance of a segment", 10, 8, 0.5, 1.0, 60, 0.1},
+        {"soup, clearance of three segments", 10, 16, 0.5, 3.0, 60, 0.05},
+        {"soup, clearance 1e-6 segments", 20, 8, 0.5, 1e-6, 150, 0.2},
+        {"soup, offset scale", 20, 8, 0.5, 0.01, 150, 0.2, false, 0.0, 1.0, 1.0},
+        {"soup, n = 1000", 1, 1000, 0.1, 0.1, 150, 0.2, false, 0.0, 1.0, {}, false},
+    };
+    uint64_t seed = 81;
+    for (const Soup& soup : soups) report(soup.name, soup_of_strands(soup, seed++));
+}
+
+TEST(Collision, random_soup_far_away_and_of_any_size) {
+    const Soup soups[] = {
+        {"soup 1e3 from the origin", 10, 8, 0.5, 0.02, 150, 0.2, false, 1e3},
+        {"soup 1e5 from the origin", 10, 8, 0.5, 0.1, 150, 0.2, false, 1e5},
+        {"soup 1e6 from the origin", 10, 8, 0.5, 0.5, 60, 0.1, false, 1e6},
+        {"soup 1e7 from the origin", 10, 8, 0.5, 0.5, 60, 0.1, false, 1e7},
+        {"soup of 1e-4 the size", 10, 8, 0.5, 0.02, 150, 0.2, false, 0.0, 1e-4},
+        {"soup of 1e5 the size", 10, 8, 0.5, 0.02, 150, 0.2, false, 0.0, 1e5},
+        {"soup of 1e-4 the size at 10", 10, 8, 0.5, 0.02, 150, 0.2, false, 10.0, 1e-4},
+    };
+    uint64_t seed = 101;
+    for (const Soup& soup : soups) report(soup.name, soup_of_strands(soup, seed++));
 }
 
 } // namespace

@@ -141,17 +141,16 @@ TEST(Input, not_a_number_elsewhere) {
     for (const std::string bad : bad_numbers) {
         passed += unnoticed(scene_of("frames = [1, 10]\n[camera]\n",
                                      {{"position", "position = [0, " + bad + ", 4]"}, {"target", "target = [" + bad + ", 0, 0]"},
-                                      {"field_of_view", "field_of_view = " + bad}, {"focus_distance", "focus_distance = " + bad}},
+                                      {"fov", "fov = " + bad}, {"focus", "focus = " + bad}},
                                      "[film]\nsize = [24, 16]\n" + groom_head + groom_rest +
                                          "[[mesh]]\nname = \"ground\"\ntype = \"plane\"\nsize = [2, 2]\n"),
                             "camera, " + bad);
-        passed += unnoticed(scene_of(head + "[[mesh]]\nname = \"box\"\ntype = \"box\"\n",
-                                     {{"size", "size = [1, 1, " + bad + "]"},
-                                      {"translate", "translate = [0, " + bad + ", 0]"},
-                                      {"rotate", "rotate = [" + bad + ", 0, 0]"},
-                                      {"scale", "scale = " + bad}},
-                                     ""),
-                            "mesh, " + bad);
+        for (const Line& line : {Line{"size", "size = [1, 1, " + bad + "]"},
+                                 Line{"translate", "transform = { translate = [0, " + bad + ", 0] }"},
+                                 Line{"rotate", "transform = { rotate = [" + bad + ", 0, 0] }"},
+                                 Line{"scale", "transform = { scale = [1, 1, " + bad + "] }"},
+                                 Line{"frame", "transform = { keys = [{ frame = " + bad + " }] }"}})
+            passed += unnoticed(scene_of(head + "[[mesh]]\nname = \"box\"\ntype = \"box\"\n", {line}, ""), "mesh, " + bad);
     }
     none("NaN and infinity in camera and meshes: not refused", passed, "values");
 }

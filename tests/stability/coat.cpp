@@ -45,7 +45,7 @@ Wind wind_of(const CoatSpec& spec) {
     wind.noise.frequency = 1.5 / spec.size;
     if (spec.gusts) {
         wind.gusts = gusts_of(spec.size, spec.place);
-        wind.calm = 0.6;
+        wind.calm = 0.8;
     }
     if (spec.shielding) {
         wind.shielding.emplace();
@@ -57,10 +57,7 @@ Wind wind_of(const CoatSpec& spec) {
         wind.jiggle->frequency = 3.0;
         wind.jiggle->damping = 0.3;
     }
-    if (spec.collision) {
-        wind.collision.emplace();
-        wind.collision->offset_scale = 0.4;
-    }
+    if (spec.collision) wind.collision.emplace(); // targets may lie inside: contacts by the thousand
     return wind;
 }
 

@@ -20,7 +20,8 @@ Wind wind_along(const Vec3d& direction, double global_rotate = 1.0) {
 }
 
 // Bent curves; the rest curves become what the floats say.
-std::vector<Curve> bent(const Wind& wind, std::vector<Curve>& rest, float envelope = 1.0F, double frame = 1.0) {
+std::vector<Curve> bent(const Wind& wind, std::vector<Curve>& rest, float envelope = 1.0F,
+                        double frame = 1.0) {
     Strands strands = strands_of(rest);
     std::fill(strands.envelope.begin(), strands.envelope.end(), splat_float(envelope));
     bend(wind, frame, 24.0, strands);
@@ -61,7 +62,8 @@ double against_oracle(const Wind& wind, const Curve& rest, const Curve& pose, do
     const double allowed =
         1e-5 * length_of(rest) + 0x1p-22 * std::max(largest(rest), largest(pose)) + 1e-45; // least float
     double worst = 0.0;
-    for (size_t k = 0; k < rest.size(); ++k) worst = std::max(worst, (pose[k] - right[k]).stableNorm() / allowed);
+    for (size_t k = 0; k < rest.size(); ++k)
+        worst = std::max(worst, (pose[k] - right[k]).stableNorm() / allowed);
     return worst;
 }
 

@@ -57,7 +57,7 @@ Wind wind_of(const CoatSpec& spec) {
         wind.jiggle->frequency = 3.0;
         wind.jiggle->damping = 0.3;
     }
-    if (spec.collision) wind.collision.emplace(); // targets may lie inside: contacts by the thousand
+    if (spec.collision) wind.collision.emplace().offset_scale = spec.offset_scale;
     return wind;
 }
 
@@ -77,7 +77,8 @@ Coat::Coat(const CoatSpec& spec) : spec_(spec) {
     world_ = std::make_unique<FurredWorld>(std::move(here));
     groom_ = groom_of(spec.size, spec.hair);
     wind_ = wind_of(spec);
-    for (int k = 0; k < cvs; ++k) profile_.push_back(float(0.5 * groom_.width_profile(double(k) / (cvs - 1))));
+    for (int k = 0; k < cvs; ++k)
+        profile_.push_back(float(0.5 * groom_.width_profile(double(k) / (cvs - 1))));
     times_ = spec.times.empty() ? std::vector<double>{spec.frame} : spec.times;
     frame_ = world_->frame();
     frame_.frame = spec.frame;
@@ -85,8 +86,8 @@ Coat::Coat(const CoatSpec& spec) : spec_(spec) {
     frame_.times = times_.data();
     const JiggleWindow window =
         spec.jiggle ? jiggle_window(*wind_.jiggle, times_, frame_.fps, 2.0 * longest(), 0.0) : JiggleWindow{};
-    chain_ = make_chain_frame(
-        {wind_, groom_.envelope, frame_, world_->mesh(0), profile_, groom_.basis, window});
+    chain_ =
+        make_chain_frame({wind_, groom_.envelope, frame_, world_->mesh(0), profile_, groom_.basis, window});
 }
 
 Expand Coat::expand_of(std::span<const Root> roots) const {
@@ -98,7 +99,8 @@ Expand Coat::expand_of(std::span<const Root> roots) const {
             [lay_out](int64_t, Strands& patch) { lay_out(patch); }};
 }
 
-std::vector<std::vector<Curve>> Coat::poses(std::span<const Root> roots, size_t batch, ChainScratch& scratch) const {
+std::vector<std::vector<Curve>> Coat::poses(std::span<const Root> roots, size_t batch,
+                                            ChainScratch& scratch) const {
     std::vector<std::vector<Curve>> result(times_.size());
     Strands patch;
     for (size_t first = 0; first < roots.size(); first += batch) {

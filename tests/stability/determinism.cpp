@@ -31,8 +31,9 @@ TEST(Determinism, patches_cut_and_ordered_in_any_way) {
     const Coat coat(everything);
     ChainScratch scratch;
     const auto whole = coat.poses(coat.roots(), 512, scratch);
-    std::printf("  %zu strands, %d contacts, %d pushed out, %d skipped pushes, %.3g of %.3g rad\n", coat.roots().size(), int(scratch.counts.contacts),
-                int(scratch.counts.pushed_out), int(scratch.counts.skipped_pushes), scratch.counts.turned_angle, scratch.counts.goal_angle);
+    std::printf("  %zu strands, %d contacts, %d pushed out, %d skipped pushes, %.3g of %.3g rad\n",
+                coat.roots().size(), int(scratch.counts.contacts), int(scratch.counts.pushed_out),
+                int(scratch.counts.skipped_pushes), scratch.counts.turned_angle, scratch.counts.goal_angle);
     EXPECT_GT(scratch.counts.contacts, 1000u);
     long long differ = 0, again = 0;
     for (const size_t batch : {1, 7, 8, 100}) {
@@ -99,11 +100,14 @@ const std::string scene_text =
     "frames = [1, 240]\n[camera]\nposition = [0, 1, 4]\ntarget = [0, 0.2, 0]\n"
     "[film]\nsize = [32, 24]\nsamples = 1\nmax_depth = 1\n"
     "[wind]\nspeed = 6\nnoise = { amplitude = 0.5, frequency = 2, evolution = 1.3 }\n"
-    "jiggle.frequency = 3\ngusts.num_gusts = 12\ngusts.period = 60\nshielding.shield = 0.6\ncollision.solver = \"exact\"\n"
+    "jiggle.frequency = 3\ngusts.num_gusts = 12\ngusts.period = 60\nshielding.shield = 0.6\ncollision.solver "
+    "= \"exact\"\n"
     "collision.offset_scale = 0.5\n"
     "[[light]]\ntype = \"sky\"\n[[mesh]]\nname = \"ball\"\ntype = \"sphere\"\ndivisions = 12\n"
-    "transform = { keys = [{ frame = 1, translate = [0, 0, 0] }, { frame = 240, translate = [0.5, 0.3, 0] }] }\n"
-    "[[procedural]]\nname = \"fur\"\ntype = \"groom\"\non = \"ball\"\ncount = 150\ncvs = 6\nlength = [0.3, 0.5]\n"
+    "transform = { keys = [{ frame = 1, translate = [0, 0, 0] }, { frame = 240, translate = [0.5, 0.3, 0] }] "
+    "}\n"
+    "[[procedural]]\nname = \"fur\"\ntype = \"groom\"\non = \"ball\"\ncount = 150\ncvs = 6\nlength = [0.3, "
+    "0.5]\n"
     "width = 0.02\n";
 
 TEST(Determinism, the_program_on_one_thread_and_on_many) {
@@ -118,8 +122,10 @@ TEST(Determinism, the_program_on_one_thread_and_on_many) {
     for (const std::string frame : {"1", "17.3", "240"}) {
         const std::string one = bake("one.hair", {"--frame", frame, "--threads", "1"});
         EXPECT_GT(one.size(), 150u * 6u * 12u);
-        for (const std::string threads : {"2", "7"}) differ += bake("n.hair", {"--frame", frame, "--threads", threads}) != one;
-        EXPECT_NE(bake("rest.hair", {"--frame", frame, "--stage", "bent"}), one) << "collision and jiggle do nothing";
+        for (const std::string threads : {"2", "7"})
+            differ += bake("n.hair", {"--frame", frame, "--threads", threads}) != one;
+        EXPECT_NE(bake("rest.hair", {"--frame", frame, "--stage", "bent"}), one)
+            << "collision and jiggle do nothing";
     }
     none("baked on 1, 2 and 7 threads: other bytes", differ, "files");
 }
@@ -127,8 +133,10 @@ TEST(Determinism, the_program_on_one_thread_and_on_many) {
 TEST(Determinism, frame_240_alone_and_after_1_to_239) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", scene_text);
-    EXPECT_DONE(testing::marram({"render", scene, "--quiet", "--frames", "1-240", "-o", folder / "s####.exr"}));
-    EXPECT_DONE(testing::marram({"render", scene, "--quiet", "--frame", "240", "--threads", "1", "-o", folder / "a.exr"}));
+    EXPECT_DONE(
+        testing::marram({"render", scene, "--quiet", "--frames", "1-240", "-o", folder / "s####.exr"}));
+    EXPECT_DONE(testing::marram(
+        {"render", scene, "--quiet", "--frame", "240", "--threads", "1", "-o", folder / "a.exr"}));
     EXPECT_DONE(testing::marram({"render", scene, "--quiet", "--frame", "240", "-o", folder / "b.exr"}));
     EXPECT_DONE(testing::marram({"render", scene, "--quiet", "--frame", "239", "-o", folder / "c.exr"}));
     none("frame 240 alone and after 1 ... 239: other pixels",

@@ -71,7 +71,8 @@ Curve right(const Jiggle& jiggle, double first, double frame, const Motion& moti
     for (size_t k = 0; k < now.size(); ++k)
         omega.push_back(2.0 * pi * jiggle.frequency * jiggle.stiffness(double(k) / double(now.size() - 1)));
     for (size_t k = 0; k + 1 < now.size(); ++k) lengths.push_back((now[k + 1] - now[k]).norm());
-    return oracle::restored_lengths(oracle::filtered_pose(history, omega, jiggle.damping, frame / fps), now, lengths);
+    return oracle::restored_lengths(oracle::filtered_pose(history, omega, jiggle.damping, frame / fps), now,
+                                    lengths);
 }
 
 // A strand of unit length that sways; its root stays on `root`.
@@ -82,7 +83,8 @@ Motion swaying(uint64_t seed, int cvs, const Vec3d& root = Vec3d::Zero(), double
         const double phase = 6.0 * draw.unit(), s = std::fmod(frame, 2.4e5) / fps;
         Curve curve{root};
         for (int k = 0; k + 1 < cvs; ++k) {
-            const Vec3d d = Vec3d::UnitY() + lean + swing * std::sin(5.0 * s + 0.3 * k + phase) * (k + 1.0) / cvs;
+            const Vec3d d =
+                Vec3d::UnitY() + lean + swing * std::sin(5.0 * s + 0.3 * k + phase) * (k + 1.0) / cvs;
             curve.push_back(curve.back() + d.normalized() * (length / (cvs - 1)));
         }
         return curve;
@@ -125,7 +127,8 @@ TEST(Jiggle, frames_far_from_the_shot) {
                        far = run(jiggle, {shift + 10.0, shift + 10.25, shift + 10.5}, shifted);
             for (size_t t = 0; t < near.size(); ++t)
                 for (size_t i = 0; i < motions.size(); ++i)
-                    for (size_t k = 0; k < 5; ++k) worst = std::max(worst, (near[t][i][k] - far[t][i][k]).norm());
+                    for (size_t k = 0; k < 5; ++k)
+                        worst = std::max(worst, (near[t][i][k] - far[t][i][k]).norm());
         }
     }
     row("jiggle at frames -1e4 and 1e6 as at 0", worst, 1e-5, "of the length");
@@ -136,8 +139,8 @@ TEST(Jiggle, a_constant_target) {
     for (const double zeta : {0.0, 0.3, 1.0, 50.0})
         for (const double far : {0.0, 1e7}) {
             const Curve still = rounded(swaying(6, 9, Vec3d(far, 0.5 * far, -far))(3.0));
-            const auto got = run(jiggle_of(zeta, zeta == 0.0 ? std::optional(0.0) : std::nullopt), {20.0, 20.5},
-                                 {[&](double) { return still; }});
+            const auto got = run(jiggle_of(zeta, zeta == 0.0 ? std::optional(0.0) : std::nullopt),
+                                 {20.0, 20.5}, {[&](double) { return still; }});
             for (const auto& curves : got) moved += curves[0] != still;
         }
     none("jiggle of a constant target: other bits", moved, "strands");
@@ -150,14 +153,15 @@ TEST(Jiggle, strands_of_no_length_and_of_absurd_size) {
         for (const double size : {0.0, 1e-37, 1e-30, 1.0, 1e7, 1e18, 1e30})
             for (const int cvs : {2, 9}) {
                 std::vector<Motion> motions{swaying(7, cvs, Vec3d::Zero(), size)};
-                motions.push_back([=](double f) { // a segment that comes and goes is no rest strand, but finite it must be
-                    Curve c = motions[0](f);
-                    c[1] = c[0];
-                    return c;
-                });
+                motions.push_back(
+                    [=](double f) { // a segment that comes and goes is no rest strand, but finite it must be
+                        Curve c = motions[0](f);
+                        c[1] = c[0];
+                        return c;
+                    });
                 const std::vector<double> times{20.0, 20.3, 20.6};
-                const auto got = run(jiggle_of(zeta, zeta == 0.0 ? std::optional(0.0) : std::nullopt), times, motions,
-                                     2.0 * size + 1e-30);
+                const auto got = run(jiggle_of(zeta, zeta == 0.0 ? std::optional(0.0) : std::nullopt), times,
+                                     motions, 2.0 * size + 1e-30);
                 for (size_t t = 0; t < times.size(); ++t)
                     for (size_t i = 0; i < motions.size(); ++i) {
                         not_finite += !is_finite(got[t][i]);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Noise at lattice points and far away; gusts without size or life.
-#include "procedural/wind/gusts.h"
 #include "procedural/wind/noise.h"
+#include "procedural/wind/gusts.h"
 #include "tests/oracle/noise.h"
 #include "tests/stability/scene.h"
 #include "tests/stability/table.h"
@@ -11,7 +11,8 @@
 namespace marram::stability {
 namespace {
 
-std::vector<Vec3d> noise_at(const FractalNoise& noise, const std::vector<Vec3d>& points, bool four, double w) {
+std::vector<Vec3d> noise_at(const FractalNoise& noise, const std::vector<Vec3d>& points, bool four,
+                            double w) {
     const size_t blocks = (points.size() + lanes - 1) / lanes;
     WideVector<Wide3d> wide(blocks);
     WideVector<Wide3f> values(blocks);
@@ -39,7 +40,8 @@ TEST(Noise, at_lattice_points) {
         lattice.push_back((Vec3d(1000.0, 1000.0, 1000.0).cwiseProduct(draw.in_cube())).array().round());
     FractalNoise noise;
     double perlin = 0.0;
-    for (const Vec3d& v : noise_at(noise, lattice, false, 0.0)) perlin = std::max(perlin, v.cwiseAbs().maxCoeff());
+    for (const Vec3d& v : noise_at(noise, lattice, false, 0.0))
+        perlin = std::max(perlin, v.cwiseAbs().maxCoeff());
     row("Perlin noise at lattice points", perlin, 0.0, "1");
     // Every type is continuous across them: a step of 1e-6 cells changes it by no more than its slope allows.
     double jump = 0.0;
@@ -61,8 +63,7 @@ TEST(Noise, a_million_cells_away) {
     for (const double far : {1e6, 1e7}) {
         Draw draw(2);
         std::vector<Vec3d> points;
-        for (int i = 0; i < 4096; ++i)
-            points.push_back(far * draw.direction() + draw.in_cube());
+        for (int i = 0; i < 4096; ++i) points.push_back(far * draw.direction() + draw.in_cube());
         double worst = 0.0;
         for (const bool four : {false, true}) {
             FractalNoise noise;
@@ -85,8 +86,9 @@ TEST(Noise, a_million_cells_away) {
 TEST(Noise, coordinates_beyond_all_measure) {
     double largest = 0.0;
     std::vector<Vec3d> points;
-    for (const double far : {1e12, 1e16, 1e30, 1e300, std::numeric_limits<double>::infinity(),
-                             -std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN(), 1e-300})
+    for (const double far :
+         {1e12, 1e16, 1e30, 1e300, std::numeric_limits<double>::infinity(),
+          -std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN(), 1e-300})
         for (int axis = 0; axis < 3; ++axis) {
             Vec3d p(0.3, 0.4, 0.5);
             p[axis] = far;
@@ -127,8 +129,7 @@ Gusts gusts_of(const Vec2d& radius, const Vec2d& life, const Vec2d& decay) {
 std::vector<double> sums(const Gusts& gusts, double frame, double size = 3.0) {
     Draw draw(3);
     std::vector<Curve> rest;
-    for (int i = 0; i < 64; ++i)
-        rest.push_back(straight(size * draw.in_cube(), 0.1 * Vec3d::UnitY(), 5));
+    for (int i = 0; i < 64; ++i) rest.push_back(straight(size * draw.in_cube(), 0.1 * Vec3d::UnitY(), 5));
     rest.push_back(straight(Vec3d::Zero(), Vec3d::Zero(), 5));
     Strands strands = strands_of(rest);
     std::fill(strands.gust.begin(), strands.gust.end(), VFloat{});
@@ -172,7 +173,8 @@ TEST(Gusts, that_decay_longer_than_they_live_do_not_pop) {
         }
         // A fade lasts at least one frame, of slope 1.5 at its steepest; up to eight gusts overlap here.
         char name[96];
-        std::snprintf(name, sizeof name, "gusts with decay %g frames and life 20 ... 30: step in 0.01 frames", decay[0]);
+        std::snprintf(name, sizeof name, "gusts with decay %g frames and life 20 ... 30: step in 0.01 frames",
+                      decay[0]);
         row(name, jump, 8 * 1.5 * step, "1");
         EXPECT_GT(most, 0.1);
     }

@@ -60,8 +60,8 @@ Scene::Scene(std::vector<Body> bodies) : bodies_(std::move(bodies)) {
         Body& body = bodies_[i];
         RTCGeometry geometry = rtcNewGeometry(frame_.device, RTC_GEOMETRY_TYPE_TRIANGLE);
         rtcSetGeometryTimeStepCount(geometry, unsigned(pointers_[i].size()));
-        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, body.triangles.data(), 0,
-                                   12, body.triangles.size());
+        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                                   body.triangles.data(), 0, 12, body.triangles.size());
         for (size_t t = 0; t < pointers_[i].size(); ++t)
             rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, unsigned(t), RTC_FORMAT_FLOAT3,
                                        pointers_[i][t], 0, 12, body.positions.size());
@@ -206,16 +206,25 @@ void judge(const SegmentTrace& trace, const oracle::TriangleSet& set, Verdict& v
     const Segment& s = trace.segment;
     const Turned& turned = trace.turned;
     if (turned.outcome == Outcome::unresolved) {
-        verdict.missed_ways += turned.clearance >= 0.0 && s.clearance > 0.0 &&
-                               oracle::any_free_direction(s.pivot, s.length, s.clearance, set, 2000).has_value();
+        verdict.missed_ways +=
+            turned.clearance >= 0.0 && s.clearance > 0.0 &&
+            oracle::any_free_direction(s.pivot, s.length, s.clearance, set, 2000).has_value();
         verdict.missed_open +=
             oracle::any_free_direction(s.pivot, s.length, 1e-5 * s.length, set, 2000).has_value();
         return;
     }
     // What it came to is free by the clearance it claims, to its rounding.
     const double slack = 1e-6 * turned.clearance + 1e-9 * s.length;
-    verdict.not_free +=
-        !oracle::is_free(s.pivot, turned.direction, s.length, std::max(turned.clearance - slack, 0.0), set);
+    if (!oracle::is_free(s.pivot, turned.direction, s.length, std::max(turned.clearance - slack, 0.0), set)) {
+        ++verdict.not_free;
+        const double is = set.nearest(s.pivot, s.pivot + turned.direction * s.length).closest.distance;
+        std::printf("    not free: length %.9g, clearance asked %.9g, claimed %.9g, kept %.9g, pivot's %.9g, "
+                    "outcome %d, "
+                    "pushed out %d\n",
+                    s.length, s.clearance, turned.clearance, is,
+                    set.nearest(s.pivot, s.pivot).closest.distance, int(turned.outcome),
+                    int(turned.pushed_out));
+    }
     if (turned.pushed_out) return;
     const Arc arc = arc_of(s);
     const oracle::Contact contact =
@@ -236,8 +245,7 @@ CollisionCounts run(const Scene& scene, uint32_t time, Strands& strands, const C
     std::vector<float> radius_profile(size_t(strands.cvs));
     for (int k = 0; k < strands.cvs; ++k)
         radius_profile[size_t(k)] = float(0.5 * (1.0 - 0.8 * k / (strands.cvs - 1)));
-    const CollideJob job{&settings,      &colliders, &scene.mesh(0), radius_profile,
-                         MARRAM_BSPLINE, 0.0,        trace};
+    const CollideJob job{&settings, &colliders, &scene.mesh(0), radius_profile, MARRAM_BSPLINE, 0.0, trace};
     CollideScratch scratch;
     CollisionCounts counts;
     collide(job, strands, scratch, counts);
@@ -289,37 +297,27 @@ Verdict solve(const Scene& scene, Strands& strands, const Collision& settings, b
         if (!solved[size_t(i)]) continue; // the root is not free, or the strand has no length
         const int crossed = oracle::crossed_segments(pose, set).segments;
         verdict.crossed_all += crossed;
-        if (crossed > 0 && !unresolved[size_t(i)] && std::getenv("MARRAM_SHOW")) {
-            const Curve other = pose_of(traced, i);
-            std::printf("strand %d crosses; without the look-ahead %d\n", i,
-                        oracle::crossed_segments(other, set).segments);
-            for (const SegmentTrace& t : trace) {
-                if (t.strand != size_t(i)) continue;
-                const Vec3d a = pose[size_t(t.index)], b = pose[size_t(t.index) + 1];
-                std::printf("  %d: length %.6g, clearance %.6g, rounding %.3g, outcome %d, out %d, kept %.6g; distance "
-                            "%.6g (traced %.6g), pivot %.6g, crosses %d\n", t.index, t.segment.length, t.segment.clearance,
-                            t.rounding, int(t.turned.outcome), int(t.turned.pushed_out), t.turned.clearance,
-                            set.nearest(a, b).closest.distance,
-                            set.nearest(other[size_t(t.index)], other[size_t(t.index) + 1]).closest.distance,
-                            set.nearest(a, a).closest.distance, int(set.any_crossing(a, b)));
-            }
-        }
         verdict.crossed += unresolved[size_t(i)] ? 0 : crossed;
     }
     return verdict;
 }
 
-void report(const std::string& hard_case, const Verdict& v) {
-    std::printf("  %s: %lld segments, %lld contacts, %lld pushed out, %lld unresolved (missed %lld, open %lld), %lld "
-                "crossed, %lld with unresolved ones, %lld grazes, %lld wrong contacts, %lld not free\n",
-                hard_case.c_str(), v.segments, v.contacts, v.pushed_out, v.unresolved, v.missed_ways, v.missed_open,
-                v.crossed, v.crossed_all, v.grazes, v.wrong_contacts, v.not_free);
+void report(const std::string& hard_case, const Verdict& v, bool far_away) {
+    std::printf(
+        "  %s: %lld segments, %lld contacts, %lld pushed out, %lld unresolved (missed %lld, open %lld), %lld "
+        "crossed, %lld with unresolved ones, %lld grazes, %lld wrong contacts, %lld not free\n",
+        hard_case.c_str(), v.segments, v.contacts, v.pushed_out, v.unresolved, v.missed_ways, v.missed_open,
+        v.crossed, v.crossed_all, v.grazes, v.wrong_contacts, v.not_free);
     none(hard_case + ": not finite", v.not_finite, "strands");
     none(hard_case + ": crosses a triangle", v.crossed, "segments");
     none(hard_case + ": other bits when solved alone", v.not_repeated, "strands");
     row(hard_case + ": lengths", v.length, 1.0, "of allowed");
     row(hard_case + ": contact angle", v.contact_error, contact_bound, "rad");
     none(hard_case + ": nearer than its clearance", v.not_free, "segments");
+    if (far_away)
+        figure(hard_case + ": unresolved", double(v.unresolved), "segments");
+    else
+        none(hard_case + ": unresolved although a direction is free", v.missed_open, "segments");
 }
 
 } // namespace marram::stability

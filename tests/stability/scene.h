@@ -48,8 +48,7 @@ class Scene {
 };
 
 // Strands from curves of equally many CVs, at rest; the pose is what the rest is. Lanes behind the last repeat it.
-Strands strands_of(const std::vector<Curve>& rest, double width = 0.0,
-                   const Vec3d& normal = Vec3d::UnitY());
+Strands strands_of(const std::vector<Curve>& rest, double width = 0.0, const Vec3d& normal = Vec3d::UnitY());
 void set_pose(Strands& strands, const std::vector<Curve>& pose);
 Curve curve_of(const Strands& strands, const WideVector<Wide3f>& cvs, int i);
 Curve pose_of(const Strands& strands, int i);
@@ -69,12 +68,13 @@ double worst_length(const Curve& pose, const Curve& rest);
 struct Verdict {
     long long segments = 0, contacts = 0, pushed_out = 0, unresolved = 0; // as counted by collide()
     long long not_finite = 0;
-    long long crossed = 0;     // segments that cross a triangle, of strands in which nothing is unresolved
-    long long crossed_all = 0; // the same of all strands with a free root
+    long long crossed = 0;      // segments that cross a triangle, of strands in which nothing is unresolved
+    long long crossed_all = 0;  // the same of all strands with a free root
     long long not_repeated = 0; // strands whose bits differ when solved again, alone
     long long grazes = 0, wrong_contacts = 0, not_free = 0;
-    long long missed_ways = 0; // unresolved segments for which the oracle has a free direction, keeping the clearance
-    long long missed_open = 0; // ... for which it has one that crosses nothing
+    long long missed_ways =
+        0; // unresolved segments for which the oracle has a free direction, keeping the clearance
+    long long missed_open = 0;  // ... for which it has one that crosses nothing
     double contact_error = 0.0; // radians, worst away from grazes
     double length = 0.0;        // worst, as a share of what is allowed
 
@@ -83,10 +83,10 @@ struct Verdict {
 
 // Runs collide() on strands (rest and pose set) at the motion sample and judges the result. The strands' pose is
 // what it made. `judge_contacts`: every segment's contact against the oracle's (slow: about 1 ms a segment).
-Verdict solve(const Scene& scene, Strands& strands, const Collision& settings = {}, bool judge_contacts = true,
-              uint32_t time = 0);
+Verdict solve(const Scene& scene, Strands& strands, const Collision& settings = {},
+              bool judge_contacts = true, uint32_t time = 0);
 
-// Rows for a case.
-void report(const std::string& hard_case, const Verdict& verdict);
+// Rows for a case. far_away: where floats do not resolve the clearance, what is unresolved is a figure without a bound.
+void report(const std::string& hard_case, const Verdict& verdict, bool far_away = false);
 
 } // namespace marram::stability

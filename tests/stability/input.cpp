@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+// NaN and infinity anywhere in the input: the program says where, exits with 2, and writes nothing. Which parameters there
+// are is asked of the procedural itself, so that a new one is covered the day it is declared.
+#include "procedural/groom/description.h"
+#include "procedural/wind/wind.h"
+#include "tests/stability/table.h"
+#include "tests/unit/cli/program.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <atomic>
+
+namespace marram::stability {
+namespace {
+
+using testing::Folder;
+using testing::Outcome;
+
+const char* const bad_numbers[] = {"nan", "inf", "-inf"};
+
+// The value of a parameter with every number bad; "" where the type has none.
+std::string bad_value(MarramParamType type, const std::string& bad) {
+    switch (type) {
+    case MARRAM_INTEGER:
+    case MARRAM_NUMBER:
+        return bad;
+    case MARRAM_VEC2:
+        return "[1, " + bad + "]";
+    case MARRAM_RANGE:
+        return "[0, " + bad + "]";
+    case MARRAM_VEC3:
+    case MARRAM_COLOR:
+        return "[0, " + bad + ", 1]";
+    case MARRAM_RAMP:
+        return "[[0, 0], [0.5, " + bad + "], [1, 1]]";
+    case MARRAM_KEYS:
+        return "[{frame = 1, translate = [0, " + bad + ", 0]}]";
+    default:
+        return "";
+    }
+}
+
+struct Line {
+    std::string key, text;
+};
+
+// The scene with these lines, one parameter each, in [wind], the groom, or a gust control.
+struct Bad {
+    std::string text;
+    std::vector<std::pair<int, std::string>> lines; // number, key
+};
+Bad scene_of(const std::string& head, const std::vector<Line>& lines, const std::string& tail) {
+    Bad bad{head, {}};
+    int number = 1 + int(std::count(head.begin(), head.end(), '\n'));
+    for (const Line& line : lines) {
+        bad.text += line.text + "\n";
+        bad.lines.emplace_back(number++, line.key);
+    }
+    bad.text += tail;
+    return bad;
+}
+
+// How many of the bad lines the program does not complain of, by line and with exit code 2; or writes something.
+int unnoticed(const Bad& bad, const std::string& what) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", bad.text);
+    folder.write("old.exr", "an old picture");
+    const auto before = folder.contents();
+    const Outcome outcome = testing::marram({"render", scene, "-o", folder / "old.exr"});
+    int count = 0;
+    if (outcome.code != 2 || folder.contents() != before || !outcome.out.empty()) {
+        ADD_FAILURE() << what << ": exit code " << outcome.code << "\n" << outcome.err;
+        ++count;
+    }
+    for (const auto& [line, key] : bad.lines)
+        if (outcome.err.find("a.toml:" + std::to_string(line) + ":") == std::string::npos) {
+            std::printf("  %s: line %d is passed over: %s\n", what.c_str(), line, key.c_str());
+            ++count;
+        }
+    return count;
+}
+
+const std::string head =
+    "frames = [1, 10]\n[camera]\nposition = [0, 1, 4]\ntarget = [0, 0.2, 0]\n[film]\n"
+    "size = [24, 16]\nsamples = 2\n[[light]]\ntype = \"sky\"\n[[mesh]]\nname = \"ground\"\n"
+    "type = \"plane\"\nsize = [2, 2]\n";
+const std::string groom_head = "[[procedural]]\nname = \"grass\"\ntype = \"groom\"\non = \"ground\"\n";
+const std::string groom_rest = "count = 300\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.02\n";
+const std::string plain_wind = "[wind]\nspeed = 6\n";
+
+TEST(Input, not_a_number_in_any_parameter_of_the_wind) {
+    int tried = 0, passed = 0;
+    for (const std::string bad : bad_numbers) {
+        std::vector<Line> lines, control;
+        for (const MarramParam& param : wind_params()) {
+            const std::string value = bad_value(param.type, bad), name = param.name;
+            if (value.empty()) continue;
+            const size_t list = name.find("[].");
+            if (list == std::string::npos)
+                lines.push_back({name, name + " = " + value});
+            else
+                control.push_back({name, name.substr(list + 3) + " = " + value});
+        }
+        tried += int(lines.size() + control.size());
+        passed += unnoticed(scene_of(head + "[wind]\n", lines, groom_head + groom_rest), "wind, " + bad);
+        passed += unnoticed(
+            scene_of(head + plain_wind + "[[wind.gusts.control]]\n", control, groom_head + groom_rest),
+            "gust control, " + bad);
+    }
+    std::printf("  %d values in the wind\n", tried);
+    EXPECT_GT(tried, 100);
+    none("NaN and infinity in the wind: not refused", passed, "values");
+}
+
+TEST(Input, not_a_number_in_any_parameter_of_a_groom) {
+    int tried = 0, passed = 0;
+    for (const std::string bad : bad_numbers) {
+        std::vector<Line> lines;
+        for (const MarramParam& param : groom_params()) {
+            const std::string value = bad_value(param.type, bad), name = param.name;
+            if (!value.empty()) lines.push_back({name, name + " = " + value});
+        }
+        tried += int(lines.size());
+        passed += unnoticed(scene_of(head + plain_wind + groom_head, lines, ""), "groom, " + bad);
+    }
+    std::printf("  %d values in the groom\n", tried);
+    EXPECT_GT(tried, 60);
+    none("NaN and infinity in a groom: not refused", passed, "values");
+}
+
+// What a parameter needs beside it to be looked at at all.
+std::string companion(const std::string& name) {
+    if (name.starts_with("collision.") && name != "collision.solver") return "collision.solver = \"exact\"\n";
+    if (name.starts_with("shielding.") && name != "shielding.shield") return "shielding.shield = 1\n";
+    if (name.starts_with("jiggle.") && name != "jiggle.frequency") return "jiggle.frequency = 2\n";
+    if (name.starts_with("gusts.") && name != "gusts.num_gusts") return "gusts.num_gusts = 3\n";
+    return "";
+}
+
+TEST(Input, one_bad_number_alone_is_refused) {
+    // Above, one complaint could hide that another is only made because of it.
+    std::vector<Bad> scenes;
+    for (const MarramParam& param : wind_params()) {
+        const std::string value = bad_value(param.type, "nan"), name = param.name;
+        if (!value.empty() && name.find("[].") == std::string::npos)
+            scenes.push_back(scene_of(head + "[wind]\n" + companion(name), {{name, name + " = " + value}},
+                                      groom_head + groom_rest));
+    }
+    EXPECT_GT(scenes.size(), 30u);
+    std::atomic<int> passed = 0;
+    tbb::parallel_for(size_t(0), scenes.size(), [&](size_t i) { passed += unnoticed(scenes[i], "alone"); });
+    none("one NaN alone in the wind: not refused", passed, "values");
+}
+
+TEST(Input, not_a_number_elsewhere) {
+    int passed = 0;
+    for (const std::string bad : bad_numbers) {
+        passed += unnoticed(scene_of("frames = [1, 10]\n[camera]\n",
+                                     {{"position", "position = [0, " + bad + ", 4]"},
+                                      {"target", "target = [" + bad + ", 0, 0]"},
+                                      {"fov", "fov = " + bad},
+                                      {"focus", "focus = " + bad}},
+                                     "[film]\nsize = [24, 16]\n" + groom_head + groom_rest +
+                                         "[[mesh]]\nname = \"ground\"\ntype = \"plane\"\nsize = [2, 2]\n"),
+                            "camera, " + bad);
+        for (const Line& line : {Line{"size", "size = [1, 1, " + bad + "]"},
+                                 Line{"translate", "transform = { translate = [0, " + bad + ", 0] }"},
+                                 Line{"rotate", "transform = { rotate = [" + bad + ", 0, 0] }"},
+                                 Line{"scale", "transform = { scale = [1, 1, " + bad + "] }"},
+                                 Line{"frame", "transform = { keys = [{ frame = " + bad + " }] }"}})
+            passed += unnoticed(scene_of(head + "[[mesh]]\nname = \"box\"\ntype = \"box\"\n", {line}, ""),
+                                "mesh, " + bad);
+    }
+    none("NaN and infinity in camera and meshes: not refused", passed, "values");
+}
+
+TEST(Input, not_a_number_in_the_corners_of_a_mesh) {
+    int passed = 0;
+    for (const std::string bad : {"nan", "inf", "-inf", "1e39"}) {
+        const Folder folder;
+        folder.write("m.obj", "v 0 0 0\nv 1 0 0\nv 0 " + bad + " 1\nf 1 2 3\n");
+        folder.write(
+            "m.ply",
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+            "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 " +
+                bad + " 1\n3 0 1 2\n");
+        for (const std::string file : {"m.obj", "m.ply"}) {
+            const std::string scene = folder.write(
+                "a.toml", head + "[[mesh]]\nname = \"bad\"\ntype = \"file\"\nfile = \"" + file + "\"\n");
+            const auto before = folder.contents();
+            const Outcome outcome = testing::marram({"render", scene, "-o", folder / "new.exr"});
+            const bool refused = outcome.code == 2 && folder.contents() == before &&
+                                 outcome.err.find(file + ":") != std::string::npos;
+            if (!refused)
+                std::printf("  %s with %s: exit code %d, %s\n", file.c_str(), bad.c_str(), outcome.code,
+                            outcome.err.c_str());
+            passed += !refused;
+        }
+    }
+    none("NaN and infinity in a mesh file: not refused", passed, "files");
+}
+
+} // namespace
+} // namespace marram::stability

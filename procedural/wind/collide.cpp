@@ -112,7 +112,9 @@ double radius_at(const CollideJob& job, const StrandJob& strand, size_t k) {
 // The distance to keep at CV k, before what is left of the budget limits it.
 double wanted_clearance(const CollideJob& job, const StrandJob& strand, size_t k) {
     const double asked = job.settings->clearance.value_or(radius_at(job, strand, k));
-    return std::max(asked, 0.125 * strand.offset);
+    // As far from the origin as there are few floats, at least what many CVs lose by being stored.
+    const double lost = std::min(16.0 * strand.rounding, 0.5 * strand.offset);
+    return std::max({asked, 0.125 * strand.offset, lost});
 }
 
 // What a start is free by: at most `wanted`, and less than its distance from every triangle.
@@ -154,12 +156,13 @@ void advance(CollideScratch& scratch, Progress& progress, size_t k, const Segmen
              const Vec3d& direction) {
     const bool still = !progress.turned && direction == segment.from;
     Vec3d end = progress.start + direction * segment.length;
-    const double slack = 1e-5 * segment.length + 0x1p-22 * end.cwiseAbs().maxCoeff();
+    const Vec3d target = scratch.target[k + 1].cast<float>().cast<double>(); // as it will be stored
+    const double slack = 1e-5 * segment.length + 0x1p-23 * end.cwiseAbs().maxCoeff();
     if (still)
         end = scratch.rest[k + 1];
-    else if (direction == segment.goal && (scratch.target[k + 1] - end).norm() <= slack &&
+    else if (direction == segment.goal && (target - end).norm() <= slack &&
              (scratch.target[k] == progress.start || k == 0))
-        end = scratch.target[k + 1];
+        end = target;
     if (!still) {
         progress.carried =
             (Eigen::Quaterniond::FromTwoVectors(segment.from, direction) * progress.carried).normalized();
@@ -263,9 +266,9 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
     scratch.open_from = n;
     bool look_ahead = true;
     for (size_t k = 0; k + 1 < n; ++k) {
-        if (exact && k > 0 && look_ahead && !job.trace &&
-            arrives_in_open_air(job, strand, progress, k, scratch, counts))
-            return true;
+        // A root that is too near to be sure of may still stand in open air, far from the origin.
+        const bool ahead = k > 0 ? look_ahead && !job.trace : progress.clearance <= enough;
+        if (exact && ahead && arrives_in_open_air(job, strand, progress, k, scratch, counts)) return true;
         Segment segment;
         scratch.forced[k] = false;
         if (!next_segment(scratch, progress, k, segment)) {
@@ -423,8 +426,11 @@ void straighten(const CollideJob& job, const StrandJob& strand, CollideScratch& 
         if (corner < 0) break; // the groom's own shape dips in
         double& limit = scratch.limit[size_t(corner)];
         limit = limit > smallest ? 0.5 * limit : 0.0;
-        CollisionCounts ignored;
-        solve_strand(quiet, strand, scratch, ignored);
+        const std::vector<Vec3f> before = scratch.solved;
+        CollisionCounts again;
+        if (solve_strand(quiet, strand, scratch, again) && again.unresolved == 0) continue;
+        scratch.solved = before; // it came to where nothing is free
+        break;
     }
     const std::vector<Vec3f> bowed = scratch.solved;
     if (lay_straight(job, strand, scratch)) return;

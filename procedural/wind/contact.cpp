@@ -182,10 +182,13 @@ struct EndOnEdge { // f(t) = k + p cos t + q sin t - (ea cos t + eb sin t)^2 l^2
     }
 };
 
+// Where an edge runs along the end's circle the parabola is nearly all there is, and steps are short.
+constexpr int most_steps = 20000;
+
 // The first root at or after `begin` in direction `sense` before `end`; infinity where there is none.
 double first_root(const EndOnEdge& f, double begin, double end, double sense, double enough) {
     double t = begin;
-    for (int i = 0; i < 200; ++i) {
+    for (int i = 0; i < most_steps; ++i) {
         const double value = f.value(t);
         if (value <= enough) return t;
         const double slope = f.slope(t) * sense;
@@ -249,12 +252,25 @@ void end_touches(const Turning& turning, const Vec3d& v, const Vec3d& other, Tou
     const double enough = rounding * (across.squaredNorm() + l * l);
     double windows[3][2];
     const int count = turns_beside(f.ea, f.eb, v.dot(e), size, windows);
-    for (int i = 0; i < count; ++i) {
-        const double begin = windows[i][0], end = windows[i][1];
+    // Blocked turns may reach into a window from both of its ends. In between lies the turn at which the end is farthest from
+    // the line, which is free because the pivot is: windows are cut there.
+    const double farthest = std::atan2(f.q, f.p);
+    const auto search = [&](double begin, double end) {
         const double first = first_root(f, begin, end, 1.0, enough);
-        if (first == infinity) continue;
+        if (first == infinity) return;
         take_one(touches, lane, first);
         take_one(touches, lane, first_root(f, end, begin, -1.0, enough));
+    };
+    for (int i = 0; i < count; ++i) {
+        const double begin = windows[i][0], end = windows[i][1];
+        const double cut =
+            begin + std::remainder(farthest - begin - pi, 2.0 * pi) + pi; // begin ... begin + 2 pi
+        if (cut > begin && cut < end) {
+            search(begin, cut);
+            search(cut, end);
+        } else {
+            search(begin, end);
+        }
     }
 }
 

@@ -109,6 +109,7 @@ void sweep_cells(const Colliders& colliders, const Vec3d& pivot, const Turning& 
             stack[top++] = {0.5 * far, far, begin, end, 0};
         stack[top++] = {0.0, far, begin, end, 0};
     }
+    const double grain = 0x1p-20 * pivot.cwiseAbs().maxCoeff();
     double limit = end;
     while (top > 0) {
         Cell cell = stack[--top];
@@ -117,7 +118,8 @@ void sweep_cells(const Colliders& colliders, const Vec3d& pivot, const Turning& 
         Vec3d centre;
         double radius;
         bounding_sphere(cell, turning, centre, radius);
-        const bool last = cell.depth >= deepest || radius <= turning.clearance;
+        // No question is finer than the clearance, nor than the floats that Embree's boxes are made of.
+        const bool last = cell.depth >= deepest || radius <= std::max(turning.clearance, grain);
         if (gather(colliders, pivot, turning, centre, radius, last, scratch)) {
             if (scratch.triangles.size() > 0) limit = std::min(limit, visit(cell));
             continue;
@@ -313,8 +315,9 @@ Arc arc_of(const Segment& segment) {
         }
         sine = 0.0;
     }
-    const Vec3d normal = axis.normalized();
-    const Vec3d across = normal.cross(a).normalized();
+    // Of nearly equal directions the cross product is good to 1e-16 / sine only: made perpendicular once more.
+    const Vec3d across = axis.normalized().cross(a).normalized();
+    const Vec3d normal = a.cross(across).normalized();
     return {{a, across, normal, segment.length, segment.clearance}, std::atan2(sine, cosine)};
 }
 
@@ -322,9 +325,14 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
     Segment segment = given;
     Arc arc = arc_of(segment);
     Sweep found = sweep(colliders, segment, arc, scratch);
-    // A start that is blocked ends the sweep before all that is near the pivot has been seen.
-    if (found.not_clear || (found.blocked_at_start && segment.doubted))
-        return {segment.from, Outcome::not_clear, false, 0.0};
+    // Planes and boxes have raised the doubt, or a start that is blocked has ended the sweep before all that is near the pivot
+    // was seen: now it is measured.
+    if (found.not_clear || (found.blocked_at_start && segment.doubted)) {
+        if (anything_near(colliders, segment.pivot, segment.clearance * 1.1))
+            return {segment.from, Outcome::not_clear, false, 0.0};
+        segment.doubted = false;
+        found = sweep(colliders, segment, arc, scratch);
+    }
     const double goal_angle = arc.angle;
     const bool pushed_out = found.blocked_at_start;
     if (pushed_out) {

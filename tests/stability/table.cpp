@@ -58,6 +58,4 @@ void figure(const std::string& hard_case, double value, const std::string& unit)
     rows().push_back({hard_case, text(value), "", unit, true});
 }
 
-void waiting(const std::string& hard_case) { rows().push_back({hard_case, "", "", "NOT MENDED YET", true}); }
-
 } // namespace marram::stability

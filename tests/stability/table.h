@@ -2,7 +2,6 @@
 // The stability run's report: a row for every hard case of accuracy.md, printed as one table when all tests are done.
 #pragma once
 
-#include <cstdlib>
 #include <string>
 
 namespace marram::stability {
@@ -15,14 +14,5 @@ void none(const std::string& hard_case, long long count, const std::string& what
 
 // A figure that is reported and bounded by nothing.
 void figure(const std::string& hard_case, double value, const std::string& unit);
-
-// The rest of the running test waits for a fault to be mended: a row says so with the figures of today. Take the line out to
-// see it fail, or to keep it mended.
-#define MARRAM_UNTIL_MENDED(hard_case, figures)                                                              \
-    do {                                                                                                     \
-        ::marram::stability::waiting(hard_case);                                                             \
-        if (std::getenv("MARRAM_MENDED") == nullptr) GTEST_SKIP() << (figures);                              \
-    } while (0)
-void waiting(const std::string& hard_case);
 
 } // namespace marram::stability

@@ -209,10 +209,11 @@ RTCRayHit trace(const Colliders& colliders, const Segment& segment, const Vec3d&
 
 // Out of a collider within one plane: equal steps to both sides are tried until one is free, first by a ray, then by its
 // whole capsule; from there it turns back, at most that one step, to the contact.
-bool turn_out_in_plane(const Colliders& colliders, const Segment& segment, const Turning& turning,
-                       TurnScratch& scratch, Vec3d& direction) {
+// Returns how far it has turned; more than pi: the plane has no free direction within `most`.
+double turn_out_in_plane(const Colliders& colliders, const Segment& segment, const Turning& turning,
+                         double most, TurnScratch& scratch, Vec3d& direction) {
     constexpr double step = pi / out_steps;
-    for (int i = 1; i <= out_steps; ++i) {
+    for (int i = 1; i <= out_steps && step * (i - 1) < most; ++i) {
         double least = std::numeric_limits<double>::infinity();
         for (const double side : {1.0, -1.0}) {
             const double angle = side * step * i, before = side * step * (i - 1);
@@ -229,9 +230,23 @@ bool turn_out_in_plane(const Colliders& colliders, const Segment& segment, const
             direction =
                 found.first > arc.angle ? back.goal : arc.turning.direction(found.at.x(), found.at.y());
         }
-        if (least <= pi) return true;
+        if (least <= pi) return least;
     }
-    return false;
+    return 2.0 * pi;
+}
+
+// The plane of `from` and the way from the nearest triangle to the pivot, which has come from outside: straight out. Where
+// the goal is close to `from` the arc's plane is as good as arbitrary: turning out in it alone makes strands curl sideways,
+// and jump from one frame to the next.
+bool plane_straight_out(const Colliders& colliders, const Segment& segment, Turning& turning) {
+    const NearestTriangle nearest = nearest_triangle(colliders, segment.pivot, segment.length);
+    if (!nearest.mesh) return false;
+    const Vec3d away = segment.pivot - nearest.point;
+    const Vec3d across = away - segment.from * away.dot(segment.from);
+    if (!(across.squaredNorm() > 1e-12 * away.squaredNorm())) return false;
+    turning.across = across.normalized();
+    turning.normal = turning.from.cross(turning.across).normalized();
+    return true;
 }
 
 // Planes turned about `from` away from the arc's, the nearest first.
@@ -243,7 +258,18 @@ bool turn_out(const Colliders& colliders, const Segment& segment, const Arc& arc
         turning.clearance = segment.clearance;
         turning.across = arc.turning.across * std::cos(turn) + arc.turning.normal * std::sin(turn);
         turning.normal = turning.from.cross(turning.across);
-        if (turn_out_in_plane(colliders, segment, turning, scratch, direction)) return true;
+        double least = 2.0 * pi;
+        if (i == 0) {
+            Turning straight = turning;
+            if (plane_straight_out(colliders, segment, straight))
+                least = turn_out_in_plane(colliders, segment, straight, pi, scratch, direction);
+        }
+        Vec3d other;
+        if (turn_out_in_plane(colliders, segment, turning, std::min(least, pi), scratch, other) < least)
+            direction = other;
+        else if (least > pi)
+            continue;
+        return true;
     }
     return false;
 }

@@ -19,18 +19,37 @@ std::optional<double> nearer_free(const Vec3d& pivot, const Vec3d& start, const 
     return back && *back < *forward ? -*back : *forward;
 }
 
+// The axis of the turn straight out: from the start towards the pivot's way from the nearest triangle. 0 where they are one.
+Vec3d straight_axis(const Vec3d& pivot, const Vec3d& start, double reach, const TriangleSet& set) {
+    const Nearest nearest = set.nearest(pivot, pivot, reach);
+    if (nearest.triangle < 0) return Vec3d::Zero();
+    const Vec3d away = pivot - nearest_point_on_triangle(pivot, set.triangles()[size_t(nearest.triangle)]);
+    const Vec3d axis = start.cross(away);
+    return axis.norm() > 1e-6 * away.norm() ? Vec3d(axis.normalized()) : Vec3d(Vec3d::Zero());
+}
+
 // Turns out of the colliders; false if no plane has a free direction.
 bool turn_out(SegmentTurn& turn, const Vec3d& pivot, const Vec3d& start, const Vec3d& axis, double length,
-              double c, const TriangleSet& set) {
+              double c, const TriangleSet& set, bool straight_out) {
     if (!is_free(pivot, start, 0.0, c, set))
         return false; // the pivot itself is too near: so is every direction
     constexpr int planes = 8;
     for (int j = 0; j < planes; ++j) {
         const Vec3d across = turned(axis, start, j * pi / planes);
-        const auto out = nearer_free(pivot, start, across, length, c, set);
+        auto out = nearer_free(pivot, start, across, length, c, set);
+        Vec3d about = across;
+        if (j == 0 && straight_out) {
+            const Vec3d straight = straight_axis(pivot, start, length, set);
+            const auto other =
+                straight.isZero(0.0) ? std::nullopt : nearer_free(pivot, start, straight, length, c, set);
+            if (other && (!out || std::abs(*other) < std::abs(*out))) {
+                out = other;
+                about = straight;
+            }
+        }
         if (!out) continue;
         turn.out_angle = std::abs(*out);
-        turn.direction = turned(start, across, *out).normalized();
+        turn.direction = turned(start, about, *out).normalized();
         return true;
     }
     return false;
@@ -39,7 +58,8 @@ bool turn_out(SegmentTurn& turn, const Vec3d& pivot, const Vec3d& start, const V
 } // namespace
 
 SegmentTurn turn_segment(const Vec3d& pivot, const Vec3d& start, const Vec3d& goal, const Vec3d& tip,
-                         double length, double clearance, const TriangleSet& set, double margin) {
+                         double length, double clearance, const TriangleSet& set, double margin,
+                         bool straight_out) {
     SegmentTurn result;
     const Vec3d none = Vec3d::Zero();
     const Turn whole = shortest_turn(start, goal, start, tip, none);
@@ -47,7 +67,8 @@ SegmentTurn turn_segment(const Vec3d& pivot, const Vec3d& start, const Vec3d& go
     result.goal_angle = result.remaining = whole.angle;
     result.axis = whole.axis;
     result.start_free = is_free(pivot, start, length, clearance, set);
-    if (!result.start_free && !turn_out(result, pivot, start, whole.axis, length, clearance, set)) {
+    if (!result.start_free &&
+        !turn_out(result, pivot, start, whole.axis, length, clearance, set, straight_out)) {
         result.unresolved = true;
         return result;
     }
@@ -63,7 +84,8 @@ SegmentTurn turn_segment(const Vec3d& pivot, const Vec3d& start, const Vec3d& go
 }
 
 StrandTurn collide_strand(const std::vector<Vec3d>& rest, const std::vector<Vec3d>& targets,
-                          const std::vector<double>& clearances, const TriangleSet& set, double margin) {
+                          const std::vector<double>& clearances, const TriangleSet& set, double margin,
+                          bool straight_out) {
     StrandTurn result;
     result.cvs.push_back(rest.front());
     Eigen::Quaterniond carried = Eigen::Quaterniond::Identity();
@@ -75,7 +97,7 @@ StrandTurn collide_strand(const std::vector<Vec3d>& rest, const std::vector<Vec3
             const Vec3d start = (carried * along.stableNormalized()).normalized();
             const Vec3d goal = way.isZero(0.0) ? start : way.stableNormalized();
             turn = turn_segment(pivot, start, goal, carried * (rest.back() - rest[k]), length, clearances[k],
-                                set, margin);
+                                set, margin, straight_out);
             carried = (Eigen::Quaterniond(Eigen::AngleAxisd(turn.angle, turn.axis)) * carried).normalized();
         }
         result.cvs.push_back(pivot + length * turn.direction);

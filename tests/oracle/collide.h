@@ -4,8 +4,9 @@
 //
 // Segment k starts as the rest segment carried along by the turns made nearer the root, composed into one
 // rotation R. Its goal is the direction from C_k to target k + 1. If the start is free it turns towards the
-// goal until it arrives or touches. If not, it is first turned to the nearer of the two first free directions
-// in the plane of its arc (one for each sense of turning), then from there by the shortest arc towards the
+// goal until it arrives or touches. If not, it is first turned to the nearest of the first free directions
+// in the plane of its arc (one for each sense of turning) and, where `straight_out`, in the plane that holds the way
+// from the nearest triangle to the pivot, then from there by the shortest arc towards the
 // goal until it touches; on the far side that is at once. If the plane has none, planes through the start
 // direction are tried that stand j pi / 8 off the first one, j = 1 to 7, and the first with a free direction
 // is taken. If none has, the segment stays where it starts and counts as unresolved. Where the segment starts
@@ -31,7 +32,8 @@ struct SegmentTurn {
 // One segment from a given state. `start`, `goal`: unit; `tip`: from the pivot to the tip, for the plane's
 // rule.
 SegmentTurn turn_segment(const Vec3d& pivot, const Vec3d& start, const Vec3d& goal, const Vec3d& tip,
-                         double length, double clearance, const TriangleSet& set, double margin = 0.0);
+                         double length, double clearance, const TriangleSet& set, double margin = 0.0,
+                         bool straight_out = true);
 
 struct StrandTurn {
     std::vector<Vec3d> cvs;
@@ -44,6 +46,7 @@ struct StrandTurn {
 
 // clearances: c_k of every segment. Lengths are those of the rest strand.
 StrandTurn collide_strand(const std::vector<Vec3d>& rest, const std::vector<Vec3d>& targets,
-                          const std::vector<double>& clearances, const TriangleSet& set, double margin = 0.0);
+                          const std::vector<double>& clearances, const TriangleSet& set, double margin = 0.0,
+                          bool straight_out = true);
 
 } // namespace marram::oracle

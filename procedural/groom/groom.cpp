@@ -367,6 +367,22 @@ MarramStatus mesh(MarramInstance* opaque, const MarramMeshBuffers*) {
     return MARRAM_ERROR;
 }
 
+// What collision could not do is never hidden.
+void tell_of_collisions(const GroomInstance& instance, const CollisionCounts& counts) {
+    const auto warn = [&](uint64_t count, const std::string& text) {
+        if (count > 0)
+            instance.host.message(instance.host.user, MARRAM_WARNING, instance.groom.mesh_place.c_str(),
+                                  (std::to_string(count) + text).c_str());
+    };
+    const std::string of = instance.time_count > 1 ? " (all motion samples together)" : "";
+    warn(counts.unresolved,
+         " segments or roots have no free direction" + of +
+             " and keep the least bad: raise wind.collision.offset_root, or let less stand around them");
+    warn(counts.dips,
+         " drawn strands dip into a mesh by more than the tolerance" + of +
+             ": their roots stand nearer to it than they are thick, or it is too narrow for them");
+}
+
 void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
     GroomInstance& instance = self(opaque);
     StageClock sum;
@@ -378,6 +394,7 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
         scratch += worker.strands.bytes() + worker.chain.past.bytes();
         for (const auto& pose : worker.chain.jiggled) scratch += pose.capacity() * sizeof(Wide3f);
     }
+    tell_of_collisions(instance, counts);
     sink(user, "seconds.roots", instance.placing_seconds);
     sink(user, "thread_seconds.expand", sum.expand + sum.write);
     sink(user, "thread_seconds.gusts", sum.gusts);

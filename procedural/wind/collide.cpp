@@ -30,9 +30,10 @@ namespace {
 constexpr double big = 1e9;
 
 constexpr std::array params = {
-    MarramParam{"collision.solver", MARRAM_CHOICE, "", "none", -big, big, "exact|steps",
-                "exact: turn until the first contact; steps: the talk's fixed steps. Absent: strands pass "
-                "through meshes"},
+    MarramParam{
+        "collision.solver", MARRAM_CHOICE, "", "none", -big, big, "exact|steps|none",
+        "exact: turn until the first contact; steps: the talk's fixed steps; none or absent: strands pass "
+        "through meshes"},
     MarramParam{"collision.rotation_steps", MARRAM_INTEGER, "", "none", 1, 1e6, "",
                 "of solver steps; default 16"},
     MarramParam{"collision.offset_root", MARRAM_NUMBER, "m", "none", 0, big, "",
@@ -58,6 +59,7 @@ std::optional<Collision> read_collision(const Values& values) {
         }
         return std::nullopt;
     }
+    if (values.text("wind.collision.solver") == "none") return std::nullopt; // switched off by a groom, say
     Collision collision;
     collision.solver = values.text("wind.collision.solver") == "steps" ? Solver::steps : Solver::exact;
     if (values.has("wind.collision.rotation_steps")) {

@@ -46,7 +46,9 @@ constexpr std::array params = {
     MarramParam{"gusts.speed_range", MARRAM_RANGE, "m/s", "none", 0, big, "",
                 "of a gust; default: the wind's speed"},
     MarramParam{"gusts.start_frame_range", MARRAM_RANGE, "frames", "none", -longest, longest, "",
-                "when a gust leaves the plane upwind; default: any time of the period"},
+                "when a gust is in the plane upwind, at its full strength: it swells as long before as it "
+                "decays; default: "
+                "any time of the period"},
     MarramParam{"gusts.life_range", MARRAM_RANGE, "frames", "[120, 240]", 0, longest, "",
                 "from its start to its end"},
     MarramParam{"gusts.decay_range", MARRAM_RANGE, "frames", "[24, 48]", 0, longest, "",

@@ -65,7 +65,8 @@ constexpr double least_lag = 1e-60;
 
 constexpr std::array params = {
     MarramParam{"jiggle.frequency", MARRAM_NUMBER, "Hz", "none", 0, 1e9, "",
-                "strands swing into their bent pose, this often a second where stiffness is 1"},
+                "strands swing into their bent pose, this often a second where stiffness is 1; 0 or absent: "
+                "they follow at once"},
     MarramParam{"jiggle.damping", MARRAM_NUMBER, "", "none", 0, 1e3, "",
                 "damping ratio: below 1 strands overshoot, 0 never comes to rest; default: 0.3"},
     MarramParam{"jiggle.stiffness", MARRAM_RAMP, "", "none", 0, 1e9, "",
@@ -262,12 +263,10 @@ std::optional<Jiggle> read_jiggle(const Values& values) {
         refuse_without_frequency(values);
         return std::nullopt;
     }
+    if (values.number("wind.jiggle.frequency") == 0.0) return std::nullopt; // switched off by a groom, say
     Jiggle jiggle;
     jiggle.place = values.at("wind.jiggle.frequency").place;
     jiggle.frequency = values.number("wind.jiggle.frequency");
-    if (!(jiggle.frequency > 0.0))
-        refuse(values, "wind.jiggle.frequency",
-               "jiggle.frequency is not above 0: give how often a second strands swing, such as 2");
     const auto number_or = [&](const char* name, double initial) {
         return values.has(name) ? values.number(name) : initial;
     };

@@ -7,7 +7,9 @@
 // position: 2^-20 of the largest coordinate, eight units in the last place. Other CVs need no such care.
 //
 // wake: an obstacle at distance d shelters by 1 - d / wake, not at all beyond. spread: the mean over directions that fill
-// the cone evenly (a Fibonacci lattice on the cap), the same for all CVs, so that shadows have soft edges and no noise.
+// the cone evenly (a Fibonacci lattice on the cap), the same for all CVs, so that shadows have soft edges and no noise. Air
+// does not come out of the ground: directions from below a strand's own skin count only where the wind itself comes
+// from lower still.
 #include "procedural/wind/shield.h"
 
 #include <algorithm>
@@ -110,16 +112,16 @@ std::vector<Vec3f> upwind_directions(const Shielding& shielding, const Vec3d& wi
 struct Packet { // sixteen rays, and where their answers go
     RTCRayHit16 hits;
     float* out[16];
+    float share[16]; // of the answer, for this ray
     int count = 0;
 };
 
 class Tracer {
   public:
-    Tracer(const Shielding& shielding, const Colliders& colliders, std::span<const double> heights,
-           float share)
-        : shielding_(shielding), colliders_(colliders), heights_(heights), share_(share) {}
+    Tracer(const Shielding& shielding, const Colliders& colliders, std::span<const double> heights)
+        : shielding_(shielding), colliders_(colliders), heights_(heights) {}
 
-    void add(float x, float y, float z, const Vec3f& d, float* out) {
+    void add(float x, float y, float z, const Vec3f& d, float share, float* out) {
         RTCRay16& ray = packet_.hits.ray;
         const int i = packet_.count;
         ray.org_x[i] = x;
@@ -137,6 +139,7 @@ class Tracer {
         packet_.hits.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
         packet_.hits.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
         packet_.out[i] = out;
+        packet_.share[i] = share;
         if (++packet_.count == 16) flush();
     }
 
@@ -152,7 +155,7 @@ class Tracer {
         for (int i = 0; i < packet_.count; ++i) {
             const bool hit = fades ? packet_.hits.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID
                                    : packet_.hits.ray.tfar[i] < 0.0F;
-            if (hit) *packet_.out[i] += share_ * (fades ? shelter(i) : 1.0F);
+            if (hit) *packet_.out[i] += packet_.share[i] * (fades ? shelter(i) : 1.0F);
         }
         packet_.count = 0;
     }
@@ -170,7 +173,6 @@ class Tracer {
     const Shielding& shielding_;
     const Colliders& colliders_;
     std::span<const double> heights_;
-    float share_;
     Packet packet_;
 };
 
@@ -181,22 +183,29 @@ void shield(const Shielding& shielding, const Vec3d& wind, const Colliders& coll
     std::fill(strands.shield.begin(), strands.shield.end(), VFloat{});
     if (!colliders.any()) return;
     const std::vector<Vec3f> directions = upwind_directions(shielding, wind);
-    Tracer tracer(shielding, colliders, heights, 1.0F / float(directions.size()));
+    Tracer tracer(shielding, colliders, heights);
+    std::vector<Vec3f> open;
     const auto cvs = size_t(strands.cvs);
     for (size_t i = 0; i < size_t(strands.count); ++i) {
         const size_t first = i / lanes * cvs;
         const auto lane = int(i % lanes);
+        const Wide3d& up = strands.root_normal[i / lanes];
+        const Vec3f normal(float(up.x[lane]), float(up.y[lane]), float(up.z[lane]));
+        const float lowest = std::min(-float(wind.cast<float>().dot(normal)), 0.0F);
+        open.clear();
+        for (const Vec3f& d : directions)
+            if (directions.size() == 1 || d.dot(normal) >= lowest) open.push_back(d);
+        if (open.empty()) open.push_back(Vec3d(-wind).cast<float>());
+        const float share = 1.0F / float(open.size());
         for (size_t k = 0; k < cvs; ++k) {
             const Wide3f& p = strands.rest[first + k];
             Vec3f origin(p.x[lane], p.y[lane], p.z[lane]);
             if (k == 0) {
-                const Wide3d& n = strands.root_normal[i / lanes];
                 constexpr float rounding = 0x1p-20F;
-                origin += rounding * origin.cwiseAbs().maxCoeff() *
-                          Vec3f(float(n.x[lane]), float(n.y[lane]), float(n.z[lane]));
+                origin += rounding * origin.cwiseAbs().maxCoeff() * normal;
             }
             float* out = reinterpret_cast<float*>(&strands.shield[first + k]) + lane;
-            for (const Vec3f& d : directions) tracer.add(origin.x(), origin.y(), origin.z(), d, out);
+            for (const Vec3f& d : open) tracer.add(origin.x(), origin.y(), origin.z(), d, share, out);
         }
     }
     tracer.flush();

@@ -132,6 +132,26 @@ TEST(Stages, shielding_agrees_with_the_oracle) {
     EXPECT_EQ(wrong_roots, 0U);
 }
 
+// Wind from a cone of directions: the ground that strands grow on takes none of it.
+TEST(Stages, a_cone_of_wind_is_whole_over_open_ground) {
+    const FurredWorld world({plane_mesh(Vec2f(8.0F, 8.0F), 4)});
+    const Groom groom = plain_coat(500, 5, 0.1, 0.3, 0.004);
+    const Wind wind = plain_wind(Vec3d::UnitX(), 0.6);
+    Shielding shielding;
+    shielding.offset = 20.0;
+    shielding.spread = 15 * degree;
+    shielding.rays = 64;
+    const Colliders colliders = world.colliders();
+    float most = 0.0F;
+    for (Strands& s : grow(groom, wind, world.surface(0))) {
+        shield(shielding, wind.direction, colliders, {}, s);
+        for (const VFloat& alpha : s.shield)
+            for (int lane = 0; lane < lanes; ++lane) most = std::max(most, alpha[lane]);
+    }
+    std::printf("cone over open ground: greatest sheltered share %.3f\n", double(most));
+    EXPECT_EQ(most, 0.0F);
+}
+
 TEST(Stages, jiggle_agrees_with_the_oracle) {
     double worst = 0.0;
     size_t strands = 0;

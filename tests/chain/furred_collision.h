@@ -39,7 +39,6 @@ struct Fur {
     std::vector<Strands> patches;
     CollisionCounts counts;
     std::vector<SegmentTrace> trace; // strands are numbered through
-    std::vector<double> clearance;
 
     std::vector<Vec3d> strand(size_t i) const {
         const Strands& s = patches[i / 512];

@@ -13,7 +13,7 @@ namespace {
 
 struct Kept {
     size_t strands = 0, crossed = 0, dipping = 0, rooted_within = 0;
-    double deepest = 0.0, share = 1.0, oracle_share = 1.0;
+    double deepest = 0.0;
 };
 
 Kept examine(const Fur& fur, const oracle::TriangleSet& set, MarramBasis basis, double tolerance) {

@@ -429,6 +429,7 @@ void account(Build& build, CurveBuild& item, double wall) {
         for (const ReportedCount& entry : reported_counts)
             if (key == entry.key) stats.*entry.count += uint64_t(value);
         if (key == "seconds.roots") stats.expand += value;
+        if (key == "seconds.chain") stats.collide += value;
         if (key == "collision.goal_angle") stats.goal_angle += value;
         if (key == "collision.turned_angle") stats.turned_angle += value;
     }

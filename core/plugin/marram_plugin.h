@@ -220,7 +220,8 @@ typedef struct MarramProcedural {
     MarramStatus (*tessellate)(MarramInstance* instance, uint32_t patch, const MarramPatchBuffers* buffers);
     MarramStatus (*mesh)(MarramInstance* instance, const MarramMeshBuffers* buffers);
     /*
-     * What was done since begin; what is not reported counts as 0. "seconds.roots": wall seconds within begin.
+     * What was done since begin; what is not reported counts as 0. "seconds.roots", "seconds.chain": wall seconds within
+     * begin, of placing roots and of preparing collision.
      * "thread_seconds.expand", ".gusts", ".shield", ".bend", ".jiggle", ".collide": of tessellate, summed over threads.
      * "collision.contacts", ".pushed_out", ".unresolved", ".skipped_pushes", ".dips": counts. "collision.goal_angle",
      * ".turned_angle": radians, sums over segments. "memory.bytes": the most held at any time.

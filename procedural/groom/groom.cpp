@@ -48,7 +48,7 @@ struct GroomInstance {
     std::vector<Root> roots;
     std::vector<float> bind_positions;
     bool placed = false;
-    double placing_seconds = 0.0;
+    double placing_seconds = 0.0, chain_seconds = 0.0; // wall time within begin
     size_t placing_bytes = 0;
 
     MarramFrame frame{};
@@ -129,9 +129,12 @@ void check_uvs(const GroomInstance& instance) {
                                  "' has no uvs for this image: give it uvs, or use masks by height or slope");
 }
 
+double now_in_seconds() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
 MarramStatus place(GroomInstance& instance) {
-    const double begin =
-        std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+    const double begin = now_in_seconds();
     instance.bind_positions.resize(3 * size_t(instance.mesh->vertex_count));
     const auto index = uint32_t(instance.mesh - instance.frame.meshes);
     const MarramStatus status = instance.frame.pose(
@@ -143,8 +146,7 @@ MarramStatus place(GroomInstance& instance) {
     instance.placing_bytes = placed.peak_bytes;
     if (cancelled()) return MARRAM_CANCELLED;
     instance.placed = true;
-    instance.placing_seconds =
-        std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count() - begin;
+    instance.placing_seconds = now_in_seconds() - begin;
     return MARRAM_OK;
 }
 
@@ -177,6 +179,36 @@ bool meets_moving_meshes(const GroomInstance& instance) {
     return false;
 }
 
+// How far anything of a strand, its width and its clearance included, may be from its root. `scale`: the greatest coordinate.
+// Whatever bends a strand keeps its length, so it stays in a ball about its root. B-splines stay within the hull of their
+// CVs (drawn to the tip with the phantom rule too); Catmull-Rom leaves it by less than a third of a segment.
+double reach_from_root(const GroomInstance& instance, double scale) {
+    const Groom& groom = instance.groom;
+    const double length = longest_strand(groom);
+    double widest = 0.0;
+    for (const float half : instance.width_profile) widest = std::max(widest, double(half));
+    const double beyond = groom.basis == MARRAM_CATMULL_ROM ? length / (3.0 * (groom.cvs - 1)) : 0.0;
+    double lift = 0.0, clearance = 0.0;
+    if (const auto& collision = instance.wind.collision) {
+        lift = root_offset(*collision, length, groom.width * instance.width_profile[0]);
+        clearance = std::max(collision->clearance.value_or(0.0), lift);
+    }
+    return (length + beyond + groom.width * widest + lift + clearance) * (1.0 + 1e-5) +
+           4.0 * (scale + length + lift) * 0x1p-23;
+}
+
+// A box around every strand at every motion sample, whatever the wind does.
+Eigen::AlignedBox3d reach_of_strands(const GroomInstance& instance) {
+    Eigen::AlignedBox3d box;
+    const MarramMesh& mesh = *instance.mesh;
+    for (uint32_t time = 0; time < mesh.time_count; ++time)
+        for (size_t v = 0; v < mesh.vertex_count; ++v)
+            box.extend(Eigen::Map<const Vec3f>(mesh.positions[time] + 3 * v).cast<double>());
+    const double reach =
+        reach_from_root(instance, std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff()));
+    return {box.min().array() - reach, box.max().array() + reach};
+}
+
 MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
     GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
@@ -207,9 +239,12 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         }
         instance.time_count = moves ? frame->time_count : 1;
         instance.frame.time_count = instance.time_count; // what the chain works at
+        const double before = now_in_seconds();
         instance.chain =
             make_chain_frame({instance.wind, instance.groom.envelope, instance.frame, *instance.mesh,
-                              instance.width_profile, instance.groom.basis, instance.past.window});
+                              instance.width_profile, instance.groom.basis, instance.past.window,
+                              instance.wind.collision ? reach_of_strands(instance) : everywhere()});
+        instance.chain_seconds = instance.wind.collision ? now_in_seconds() - before : 0.0;
         *out = MarramOutput{};
         out->kind = MARRAM_CURVES;
         out->curve_count = instance.roots.size();
@@ -237,20 +272,8 @@ MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
             upper = upper.cwiseMax(p);
         }
     }
-    // Whatever bends a strand keeps its length, so it stays in a ball about its root. B-splines stay within the hull of their
-    // CVs (drawn to the tip with the phantom rule too); Catmull-Rom leaves it by less than a third of a segment.
-    const double length = longest_strand(instance.groom);
-    double widest = 0.0;
-    for (const float half : instance.width_profile) widest = std::max(widest, double(half));
-    const double beyond =
-        instance.groom.basis == MARRAM_CATMULL_ROM ? length / (3.0 * (instance.groom.cvs - 1)) : 0.0;
-    const double lift =
-        instance.wind.collision
-            ? root_offset(*instance.wind.collision, length, instance.groom.width * instance.width_profile[0])
-            : 0.0;
-    const double scale = std::max(lower.cwiseAbs().maxCoeff(), upper.cwiseAbs().maxCoeff()) + length + lift;
     const double reach =
-        (length + beyond + instance.groom.width * widest + lift) * (1.0 + 1e-5) + 4.0 * scale * 0x1p-23;
+        reach_from_root(instance, std::max(lower.cwiseAbs().maxCoeff(), upper.cwiseAbs().maxCoeff()));
     for (int axis = 0; axis < 3; ++axis) {
         out->lower[axis] = float(lower[axis] - reach);
         out->upper[axis] = float(upper[axis] + reach);
@@ -396,6 +419,7 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     }
     tell_of_collisions(instance, counts);
     sink(user, "seconds.roots", instance.placing_seconds);
+    sink(user, "seconds.chain", instance.chain_seconds);
     sink(user, "thread_seconds.expand", sum.expand + sum.write);
     sink(user, "thread_seconds.gusts", sum.gusts);
     sink(user, "thread_seconds.shield", sum.shield);
@@ -411,7 +435,7 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     sink(user, "collision.turned_angle", counts.turned_angle);
     // The most that was there at any time: candidates come and go before there is scratch.
     const size_t lasting = instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 +
-                           instance.past.bytes() + scratch;
+                           instance.past.bytes() + instance.chain.tree_bytes() + scratch;
     sink(user, "memory.bytes", double(std::max(lasting, instance.placing_bytes)));
 }
 

@@ -33,10 +33,26 @@ ChainFrame make_chain_frame(const ChainInput& input) {
         if (wind.gusts && bends)
             instant.gusts = gusts_at(*wind.gusts, wind.direction, frame.times[t], frame.fps);
     }
+    if (wind.collision && wind.collision->solver == Solver::exact && frame.stage == MARRAM_FINAL) {
+        std::vector<Colliders*> colliders;
+        for (ChainFrame::Instant& instant : chain.instants) colliders.push_back(&instant.colliders);
+        make_trees(frame, input.reach, colliders);
+    }
     for (int64_t knot = chain.window.first; knot <= chain.window.last && wind.gusts && bends; ++knot)
         chain.past_gusts.push_back(
             gusts_at(*wind.gusts, wind.direction, wind.jiggle->frame_of(knot), frame.fps));
     return chain;
+}
+
+size_t ChainFrame::tree_bytes() const {
+    size_t sum = 0;
+    const ColliderTree* last = nullptr;
+    for (const Instant& instant : instants) {
+        const ColliderTree* tree = instant.colliders.tree.get();
+        if (tree && tree != last) sum += tree->bytes() + (last ? 0 : tree->shared_bytes());
+        last = tree;
+    }
+    return sum;
 }
 
 namespace {

@@ -53,6 +53,8 @@ struct ChainFrame {
     std::vector<Instant> instants;     // [motion sample]
     JiggleWindow window;               // empty: strands do not jiggle
     std::vector<GustField> past_gusts; // [knot of the window]
+
+    size_t tree_bytes() const; // of the colliders' trees
 };
 
 struct ChainInput {
@@ -63,6 +65,8 @@ struct ChainInput {
     std::span<const float> radius_profile;
     MarramBasis basis;
     JiggleWindow window{};
+    Eigen::AlignedBox3d reach =
+        everywhere(); // holds every strand at every motion sample, whatever the wind does
 };
 ChainFrame make_chain_frame(const ChainInput& input);
 

@@ -219,12 +219,13 @@ Bow bow_of(const CollideJob& job, const StrandJob& strand, const CollideScratch&
             job.basis == MARRAM_BSPLINE};
 }
 
-// Looks ahead: if every segment from k on arrived, would the strand, as drawn, stay in a ball that holds no triangle? Then it does, and
-// is done. One question in place of many; most strands' upper parts are in open air.
+// Looks ahead: if every segment from k on arrived, would the strand, as drawn, keep clear of everything? Then it does, and is
+// done. One question in place of many; most strands' upper parts are in open air.
 bool arrives_in_open_air(const CollideJob& job, const StrandJob& strand, const Progress& so_far, size_t k,
                          CollideScratch& scratch, CollisionCounts& counts) {
     Progress progress = so_far;
-    Eigen::AlignedBox3d box(progress.start);
+    scratch.swept.clear();
+    scratch.swept.push_back(progress.start);
     double bulge = 0.0, goal_angle = 0.0;
     for (size_t i = k; i + 1 < scratch.rest.size(); ++i) {
         Segment segment;
@@ -233,9 +234,15 @@ bool arrives_in_open_air(const CollideJob& job, const StrandJob& strand, const P
             continue;
         }
         const double cosine = std::clamp(segment.from.dot(segment.goal), -1.0, 1.0);
-        box.extend(progress.start + segment.from * segment.length);
-        box.extend(progress.start + segment.goal * segment.length);
-        bulge = std::max(bulge, segment.length * (1.0 - std::sqrt(0.5 * (1.0 + cosine))));
+        scratch.swept.push_back(progress.start + segment.from * segment.length);
+        scratch.swept.push_back(progress.start + segment.goal * segment.length);
+        // The arc between stays within its tangents' corner, unless that is too far out.
+        constexpr double wide = -0.5;
+        if (cosine > wide)
+            scratch.swept.push_back(progress.start +
+                                    (segment.from + segment.goal) * (segment.length / (1.0 + cosine)));
+        else
+            bulge = std::max(bulge, segment.length);
         goal_angle += std::acos(cosine);
         advance(scratch, progress, i, segment, segment.goal);
     }
@@ -244,9 +251,15 @@ bool arrives_in_open_air(const CollideJob& job, const StrandJob& strand, const P
         const Bow bow = bow_of(job, strand, scratch, i);
         gap = std::max(gap, bow.gap() + std::max(bow.r0, bow.r1));
     }
-    const double radius = 0.5 * box.diagonal().norm() + std::max(bulge + so_far.clearance, gap);
-    ++scratch.turn.queries;
-    if (anything_near(*job.colliders, box.center(), radius * (1.0 + 1e-9))) return false;
+    Region region(std::max(bulge + so_far.clearance, gap) * (1.0 + 1e-9));
+    if (scratch.swept.size() <= Region::most_points) {
+        for (const Vec3d& p : scratch.swept) region.add(p);
+    } else {
+        Eigen::AlignedBox3d box;
+        for (const Vec3d& p : scratch.swept) box.extend(p);
+        for (int i = 0; i < 8; ++i) region.add(box.corner(Eigen::AlignedBox3d::CornerType(i)));
+    }
+    if (!surely_clear(*job.colliders, region, scratch.turn)) return false;
     counts.goal_angle += goal_angle;
     counts.turned_angle += goal_angle;
     scratch.open_from = k;
@@ -348,15 +361,16 @@ bool follow(const DipCheck& check, double begin, double end, const Vec3d& centre
 // triangles around it is cut in four.
 bool part_dips_in(const DipCheck& check, double begin, double end, int cuts) {
     const Bow& bow = check.bow;
-    const double middle = 0.5 * (begin + end);
     const double away = std::max(bow.away_limit(begin), bow.away_limit(end)),
                  widest = std::max(bow.r0, bow.r1);
     if (away + widest <= check.room) return false;
-    const Vec3d centre = bow.on_polygon(middle);
-    const double radius = 0.5 * (end - begin) * (bow.end - bow.start).norm() + away + widest;
-    constexpr size_t many = 96;
+    const Vec3d centre = bow.on_polygon(0.5 * (begin + end));
+    Region region(away + widest);
+    region.add(bow.on_polygon(begin));
+    region.add(bow.on_polygon(end));
+    constexpr size_t many = 16; // clusters
     constexpr int most_cuts = 4, pieces = 4;
-    if (!triangles_near(check.colliders, centre, radius, cuts < most_cuts ? many : SIZE_MAX, check.scratch)) {
+    if (!triangles_near(check.colliders, region, centre, cuts < most_cuts ? many : SIZE_MAX, check.scratch)) {
         for (int i = 0; i < pieces; ++i)
             if (part_dips_in(check, begin + (end - begin) * i / pieces,
                              begin + (end - begin) * (i + 1) / pieces, cuts + 1))

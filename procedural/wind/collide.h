@@ -61,7 +61,7 @@ struct CollideJob {
 
 struct CollideScratch {
     TurnScratch turn;
-    std::vector<Vec3d> rest, target;
+    std::vector<Vec3d> rest, target, swept;
     std::vector<Vec3f> solved;
     std::vector<double> limit;     // share of its turn that a segment is allowed
     std::vector<char> forced;      // a segment was turned out

@@ -20,6 +20,21 @@ Colliders colliders_at(const MarramFrame& frame, uint32_t time_index) {
     return colliders;
 }
 
+void make_trees(const MarramFrame& frame, const Eigen::AlignedBox3d& reach,
+                std::span<Colliders* const> colliders) {
+    const bool moving = std::any_of(frame.meshes, frame.meshes + frame.mesh_count,
+                                    [](const MarramMesh& mesh) { return mesh.time_count > 1; });
+    const ColliderTree* first = nullptr;
+    for (Colliders* one : colliders) {
+        if (!one->any()) continue;
+        if (first && !moving)
+            one->tree = colliders.front()->tree;
+        else
+            one->tree = std::make_shared<ColliderTree>(frame, reach, one->time_index, first);
+        first = colliders.front()->tree.get();
+    }
+}
+
 namespace {
 
 Vec3d nearest_on_edge(const Vec3d& a, const Vec3d& b, const Vec3d& q) {

@@ -5,8 +5,10 @@
 
 #include "core/math/vec.h"
 #include "core/plugin/marram_plugin.h"
+#include "procedural/wind/collider_tree.h"
 
 #include <array>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -14,9 +16,10 @@ namespace marram {
 
 struct Colliders {
     RTCScene scene = nullptr;
-    std::vector<const MarramMesh*> meshes; // [geometry ID]; nullptr: not lent
-    uint32_t time_index = 0;               // motion sample
-    float time = 0.0F;                     // the same in [0, 1], as Embree counts it
+    std::vector<const MarramMesh*> meshes;    // [geometry ID]; nullptr: not lent
+    uint32_t time_index = 0;                  // motion sample
+    float time = 0.0F;                        // the same in [0, 1], as Embree counts it
+    std::shared_ptr<const ColliderTree> tree; // for exact collision
 
     bool any() const { return scene != nullptr && !meshes.empty(); }
     const MarramMesh* mesh_of(unsigned geometry) const {
@@ -36,8 +39,18 @@ struct Colliders {
     }
 };
 
-// The colliders of a frame at its motion sample `time_index`; empty where the frame lends none.
+// The colliders of a frame at its motion sample `time_index`; empty where the frame lends none. Without a tree.
 Colliders colliders_at(const MarramFrame& frame, uint32_t time_index);
+
+inline Eigen::AlignedBox3d everywhere() {
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    return {Vec3d::Constant(-infinity), Vec3d::Constant(infinity)};
+}
+
+// Gives the colliders of a frame's motion samples their trees, over the triangles that touch `reach`; all samples share one
+// where no mesh moves. Strands outside of the reach are not to be collided.
+void make_trees(const MarramFrame& frame, const Eigen::AlignedBox3d& reach,
+                std::span<Colliders* const> colliders);
 
 // Calls visit(mesh, triangle, limit) for every triangle that may come within `radius` of `centre`, and more. visit returns the
 // radius to go on with: the same, smaller (what is farther away is then left out), or negative to stop.

@@ -172,13 +172,10 @@ MARRAM_INLINE VLong end_may_touch(const Plane8& plane, const Wide3d& normal, con
 struct EndOnEdge { // f(t) = k + p cos t + q sin t - (ea cos t + eb sin t)^2 l^2
     double k, p, q, ea, eb, curvature;
 
-    double value(double t) const {
+    double value(double t, double& slope) const {
         const double c = std::cos(t), s = std::sin(t), along = ea * c + eb * s;
+        slope = q * c - p * s - 2.0 * along * (eb * c - ea * s);
         return k + p * c + q * s - along * along;
-    }
-    double slope(double t) const {
-        const double c = std::cos(t), s = std::sin(t);
-        return q * c - p * s - 2.0 * (ea * c + eb * s) * (eb * c - ea * s);
     }
 };
 
@@ -189,9 +186,10 @@ constexpr int most_steps = 20000;
 double first_root(const EndOnEdge& f, double begin, double end, double sense, double enough) {
     double t = begin;
     for (int i = 0; i < most_steps; ++i) {
-        const double value = f.value(t);
+        double slope;
+        const double value = f.value(t, slope);
         if (value <= enough) return t;
-        const double slope = f.slope(t) * sense;
+        slope *= sense;
         t += sense * (slope + std::sqrt(slope * slope + 2.0 * f.curvature * value)) / f.curvature;
         if ((end - t) * sense < 0.0) return infinity;
     }
@@ -388,13 +386,50 @@ MARRAM_HOT bool clear_of_pivot(std::span<Triangles8> triangles, double clearance
     return !any(near);
 }
 
-void blocked_turns(const Turning& turning, double begin, double end, std::span<Triangles8> triangles,
-                   size_t count, std::vector<Blocked>& out) {
-    const Wedge wedge = wedge_of(turning, begin, end);
-    static thread_local Triangles8 dense;
+namespace {
+
+// Where edges cross the plane of the turn within the segment's length.
+MARRAM_HOT void first_crossing(const Turning& turning, const Triangles8& t, VDouble& first) {
+    const Wide3d normal = splat3(turning.normal.data());
+    const Wide3d from = splat3(turning.from.data()), across = splat3(turning.across.data());
+    const VDouble ll = splat(turning.length * turning.length);
+    VDouble h[3], a[3], b[3];
+    for (int i = 0; i < 3; ++i) {
+        h[i] = dot(t.corner[i], normal);
+        a[i] = dot(t.corner[i], from);
+        b[i] = dot(t.corner[i], across);
+    }
+    for (int i = 0; i < 3; ++i) {
+        const int j = (i + 1) % 3;
+        const VLong crosses = ((h[i] < 0.0) & (h[j] >= 0.0)) | ((h[i] >= 0.0) & (h[j] < 0.0));
+        const VDouble s = h[i] / (crosses ? h[i] - h[j] : splat(1.0));
+        const VDouble x = a[i] + (a[j] - a[i]) * s, y = b[i] + (b[j] - b[i]) * s;
+        const VDouble size = vabs(x) + vabs(y);
+        const VDouble p = y / (size > 0.0 ? size : splat(1.0));
+        const VLong valid = crosses & (y >= 0.0) & (size > 0.0) & (x * x + y * y <= ll);
+        const VDouble turn = x < 0.0 ? 2.0 - p : p;
+        first = valid & (turn < first) ? turn : first;
+    }
+}
+
+double certain_contact(const Turning& turning, double end, std::span<Triangles8> triangles) {
+    VDouble first = splat(end);
+    for (const Triangles8& t : triangles) first_crossing(turning, t, first);
+    double least = end;
+    for (int i = 0; i < lanes; ++i) least = std::min(least, double(first[i]));
+    return least;
+}
+
+// Hands the interval of every triangle that blocks a turn between `begin` and `end` to `take`, which may bring the end
+// nearer and so spare the triangles still to come, or return false to stop.
+template <typename Take>
+void each_blocked(const Turning& turning, double begin, double end, std::span<Triangles8> triangles,
+                  size_t count, Take&& take) {
+    Wedge wedge = wedge_of(turning, begin, end);
+    Triangles8 dense;
     int filled = 0;
     const auto flush = [&] {
-        if (filled == 0) return;
+        if (filled == 0) return true;
         for (int lane = filled; lane < lanes; ++lane)
             for (Wide3d& p : dense.corner) {
                 p.x[lane] = p.x[0];
@@ -404,19 +439,23 @@ void blocked_turns(const Turning& turning, double begin, double end, std::span<T
         Touches touches;
         VLong end_edges;
         touches_of(turning, dense, touches, end_edges);
+        const double before = end;
         for (int lane = 0; lane < filled; ++lane) {
             for (int i = 0; i < 3; ++i)
                 if (end_edges[lane] & (1 << i)) [[unlikely]]
                     end_touches(turning, lane_of(dense.corner[i], lane),
                                 lane_of(dense.corner[(i + 1) % 3], lane), touches, lane);
             Blocked blocked{};
-            if (interval_of(touches, lane, blocked)) out.push_back(blocked);
+            if (interval_of(touches, lane, blocked) && !take(blocked, end)) return false;
         }
         filled = 0;
+        if (end < before) wedge = wedge_of(turning, begin, end);
+        return true;
     };
     for (size_t i = 0; i < triangles.size(); ++i) {
         VLong may;
         may_touch(turning, wedge, triangles[i], may);
+        if (!any(may)) continue;
         const int used = int(std::min<size_t>(count - i * lanes, lanes));
         for (int lane = 0; lane < used; ++lane) {
             if (!may[lane]) continue;
@@ -425,10 +464,47 @@ void blocked_turns(const Turning& turning, double begin, double end, std::span<T
                 dense.corner[k].y[filled] = triangles[i].corner[k].y[lane];
                 dense.corner[k].z[filled] = triangles[i].corner[k].z[lane];
             }
-            if (++filled == lanes) flush();
+            if (++filled == lanes && !flush()) return;
         }
     }
     flush();
+}
+
+} // namespace
+
+void blocked_turns(const Turning& turning, double begin, double end, std::span<Triangles8> triangles,
+                   size_t count, std::vector<Blocked>& out) {
+    each_blocked(turning, begin, end, triangles, count, [&](const Blocked& blocked, double&) {
+        out.push_back(blocked);
+        return true;
+    });
+}
+
+bool first_blocked(const Turning& turning, double end, TriangleList& triangles, TriangleList& near,
+                   double& first) {
+    first = infinity;
+    near.clear();
+    const Wedge wedge = wedge_of(turning, 0.0, end);
+    const std::span<Triangles8> all = triangles.blocks();
+    for (size_t i = 0; i < all.size(); ++i) {
+        VLong may;
+        may_touch(turning, wedge, all[i], may);
+        if (!any(may)) continue;
+        for (size_t lane = 0; lane < lanes && i * lanes + lane < triangles.size(); ++lane)
+            if (may[lane]) near.push(all[i], int(lane));
+    }
+    if (near.size() == 0) return false;
+    // What crosses the plane of the turn blocks for certain there: nothing behind it matters.
+    double certain = end;
+    if (near.size() > lanes) certain = certain_contact(turning, end, near.blocks());
+    each_blocked(turning, 0.0, certain, near.blocks(), near.size(),
+                 [&](const Blocked& blocked, double& nearer) {
+                     first = std::min(first, blocked.low);
+                     nearer = std::max(std::min(nearer, first), 0.0);
+                     return first >= 0.0;
+                 });
+    if (first > certain && certain < end) first = certain; // only where rounding hides its contact
+    return first <= end;
 }
 
 } // namespace marram

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sector that a segment sweeps is covered by cells, pieces between two radii and two turns. A cell asks for the triangles
-// in its bounding sphere; where there are more than `few` it is cut in two, across its longer side, so that open air is
-// cleared by one query and only what is close to a surface is looked at closely. A contact that has been found shortens the
-// turn, and cells beyond it are never asked. Triangles that stay on one side of the plane of the turn are left out at
-// once; the rest go to blocked_turns(). The result is a minimum over triangles, so it does not depend on the cells.
+// The sector that a segment sweeps is a region of which the colliders' tree is asked what may come near; where that is much, the
+// first half of the sector is looked at first, and what lies behind a contact never. Triangles that stay on one side of the
+// plane of the turn are left out at once; the rest go to blocked_turns(). The result is a minimum over triangles, so it does
+// not depend on how the sector was cut.
 #include "procedural/wind/turn.h"
 
 #include <algorithm>
@@ -11,140 +10,61 @@
 namespace marram {
 namespace {
 
-constexpr int root_halvings = 2;   // of a root's segment, where the skin is dense
-constexpr int crowded_memory = 16; // sweeps for which a dense skin is remembered
-constexpr int pieces = 4;          // that a thin wedge is cut into
-constexpr size_t few = 96;         // triangles a cell may hold before it is cut
-constexpr int deepest = 40;        // cuts of cells
-constexpr int out_steps = 32;      // of half a turn, at which a free direction is looked for
+constexpr size_t many = 64;   // clusters, for which a sector is cut in two
+constexpr int most_cuts = 12; // of a sector
+constexpr int out_steps = 32; // of half a turn, at which a free direction is looked for
 constexpr double opposed =
     1e-9; // sine to exact opposition below which the arc's plane is taken from elsewhere
 
-double sqr(double x) { return x * x; }
-
-struct Cell {
-    double near, far, begin, end; // radii, angles
-    int depth;
+struct Part { // of a sector, in angles
+    double begin, end;
+    int cuts;
 };
 
-// The smallest sphere, nearly, around a cell: its centre lies on the bisector. c, s: of half the cell's angle, below half a
-// turn; the centre's distance from the pivot is returned.
-double bounding_sphere(const Cell& cell, double c, double s, double& radius) {
-    const double x = std::min(0.5 * (cell.near + cell.far) / c, cell.far * c);
-    const double corner2 = sqr(cell.far * c - x) + sqr(cell.far * s),
-                 inner2 = sqr(cell.near * c - x) + sqr(cell.near * s);
-    radius = std::max({std::sqrt(std::max(corner2, inner2)), cell.far - x, x - cell.near});
-    return x;
+// The corners of polygons around pieces of arc, each at most a sixth of a turn.
+Region sector(const Vec3d& pivot, const Turning& turning, const Part& part, double radius) {
+    Region region(radius);
+    region.add(pivot);
+    region.flatten(turning.normal);
+    const int pieces = std::max(int(std::ceil((part.end - part.begin) * (3.0 / pi))), 1);
+    const double half = 0.5 * (part.end - part.begin) / pieces, beyond = turning.length / std::cos(half);
+    const auto add = [&](double angle, double distance) {
+        region.add(pivot + turning.direction(std::cos(angle), std::sin(angle)) * distance);
+    };
+    add(part.begin, turning.length);
+    for (int i = 0; i < pieces; ++i) add(part.begin + (2 * i + 1) * half, beyond);
+    add(part.end, turning.length);
+    return region;
 }
 
-void bounding_sphere(const Cell& cell, const Turning& turning, Vec3d& centre, double& radius) {
-    const double half = 0.5 * (cell.end - cell.begin), middle = 0.5 * (cell.begin + cell.end);
-    if (half >= 0.499 * pi) {
-        centre = Vec3d::Zero();
-        radius = cell.far;
-        return;
-    }
-    const double x = bounding_sphere(cell, std::cos(half), std::sin(half), radius);
-    centre = turning.direction(std::cos(middle), std::sin(middle)) * x;
-}
-
-// The numbers of the triangles near a ball; false: there are more than `most`. Their corners come later: on a large mesh they
-// are far apart in memory, and so all are on their way before the first is needed.
-bool find_near(const Colliders& colliders, const Vec3d& centre, double radius, size_t most,
-               TurnScratch& scratch) {
+// Triangles of the region's clusters, relative to the pivot, but for those that stay on one side of the region's plane. False:
+// there are more than `most` clusters.
+bool gather(const Colliders& colliders, const Region& region, size_t most, TurnScratch& scratch) {
     scratch.triangles.clear();
-    scratch.found.clear();
-    bool whole = true;
     ++scratch.queries;
-    near_triangles(colliders, centre, radius, [&](const MarramMesh& mesh, uint32_t triangle, double limit) {
-        if (scratch.found.size() >= most) {
-            whole = false;
-            return -1.0;
-        }
-        __builtin_prefetch(mesh.triangles + 3 * size_t(triangle));
-        scratch.found.push_back({&mesh, triangle});
-        return limit;
-    });
-    scratch.visited += scratch.found.size();
-    if (!whole) return false;
-    for (const FoundTriangle& found : scratch.found)
-        for (size_t i = 0; i < 3; ++i) __builtin_prefetch(colliders.corner(*found.mesh, found.triangle, i));
-    return true;
-}
-
-// Triangles near a cell that reach the plane of the turn; false: there are too many.
-bool gather(const Colliders& colliders, const Vec3d& pivot, const Turning& turning, const Vec3d& centre,
-            double radius, bool all, TurnScratch& scratch) {
-    const double c = turning.clearance * (1.0 + 1e-12) + turning.length * 1e-12;
-    if (!find_near(colliders, pivot + centre, radius + c, all ? SIZE_MAX : few, scratch)) return false;
-    for (const FoundTriangle& found : scratch.found) {
-        auto p = colliders.corners(*found.mesh, found.triangle);
-        double h[3];
-        for (size_t i = 0; i < 3; ++i) {
-            p[i] -= pivot;
-            h[i] = p[i].dot(turning.normal);
-        }
-        const double highest = std::max({h[0], h[1], h[2]}), lowest = std::min({h[0], h[1], h[2]});
-        if (lowest <= c && highest >= -c) scratch.triangles.push(p[0], p[1], p[2]);
-    }
-    return true;
-}
-
-// Visits all triangles that matter between two turns, in angles; `visit` returns the angle up to which it still matters.
-template <typename Visit>
-void sweep_cells(const Colliders& colliders, const Vec3d& pivot, const Turning& turning, double begin,
-                 double end, bool from_root, TurnScratch& scratch, Visit&& visit) {
-    Cell stack[3 * deepest + 8];
-    int top = 0;
-    const bool narrow = end - begin <= 0.25, crowded = scratch.crowded > 0;
-    if (crowded) --scratch.crowded;
-    double far = turning.length;
-    if (crowded && narrow) { // along the skin: pieces side by side
-        for (int i = pieces; i-- > 0;)
-            stack[top++] = {far * i / pieces, far * (i + 1) / pieces, begin, end, 0};
-    } else {
-        // A root stands on the skin, and its segment leaves it: cells that halve towards it keep clear of the skin where one
-        // ball around all would not.
-        for (int i = 0; crowded && from_root && i < root_halvings; ++i, far *= 0.5)
-            stack[top++] = {0.5 * far, far, begin, end, 0};
-        stack[top++] = {0.0, far, begin, end, 0};
-    }
-    const double grain = 0x1p-20 * pivot.cwiseAbs().maxCoeff();
-    double limit = end;
-    while (top > 0) {
-        Cell cell = stack[--top];
-        if (cell.begin > limit) continue;
-        cell.end = std::min(cell.end, limit);
-        Vec3d centre;
-        double radius;
-        bounding_sphere(cell, turning, centre, radius);
-        // No question is finer than the clearance, nor than the floats that Embree's boxes are made of.
-        const bool last = cell.depth >= deepest || radius <= std::max(turning.clearance, grain);
-        if (gather(colliders, pivot, turning, centre, radius, last, scratch)) {
-            if (scratch.triangles.size() > 0) limit = std::min(limit, visit(cell));
-            continue;
-        }
-        if (cell.depth == 0) scratch.crowded = crowded_memory;
-        const double along = cell.far - cell.near, across = cell.far * (cell.end - cell.begin);
-        ++cell.depth;
-        const Cell whole = cell;
-        if (across > along) {
-            const double middle = 0.5 * (cell.begin + cell.end);
-            cell.begin = middle;
-            stack[top++] = cell;
-            cell = whole;
-            cell.end = middle;
-            stack[top++] = cell;
-        } else {
-            const int parts = across < 0.25 * along ? pieces : 2;
-            for (int i = parts; i-- > 0;) {
-                cell.near = whole.near + along * i / parts;
-                cell.far = whole.near + along * (i + 1) / parts;
-                stack[top++] = cell;
+    const ColliderTree& tree = *colliders.tree;
+    if (!tree.find(region, most, scratch.clusters)) return false;
+    const Vec3d& pivot = region.points()[0];
+    const double c = region.radius();
+    for (const uint32_t i : scratch.clusters) {
+        const ColliderTree::Cluster& cluster = tree.cluster(i);
+        for (const uint32_t triangle : tree.triangles(cluster)) {
+            auto p = colliders.corners(*cluster.mesh, triangle);
+            double h[3];
+            for (size_t k = 0; k < 3; ++k) {
+                p[k] -= pivot;
+                h[k] = p[k].dot(region.normal());
             }
+            ++scratch.visited;
+            if (std::min({h[0], h[1], h[2]}) <= c && std::max({h[0], h[1], h[2]}) >= -c)
+                scratch.triangles.push(p[0], p[1], p[2]);
         }
     }
+    return true;
 }
+
+// What is nearer than the clearance, and room for rounding.
+double reach_of(double clearance, double length) { return clearance * (1.0 + 1e-12) + length * 1e-12; }
 
 struct Sweep {
     bool blocked_at_start, not_clear;
@@ -152,33 +72,42 @@ struct Sweep {
     Vec2d at;     // its cosine and sine
 };
 
+constexpr double doubt = 1.1; // clearances within which a doubted pivot must be alone
+
 Sweep sweep(const Colliders& colliders, const Segment& segment, const Arc& arc, TurnScratch& scratch) {
     Sweep result{false, false, std::numeric_limits<double>::infinity(), Vec2d::Zero()};
+    const double reach = reach_of(arc.turning.clearance, segment.length);
     double end = diamond_of_angle(arc.angle);
-    sweep_cells(colliders, segment.pivot, arc.turning, 0.0, arc.angle, segment.doubted, scratch,
-                [&](const Cell& cell) {
-                    // Whatever is nearer to the pivot than the clearance is near the cells that begin there.
-                    if (segment.doubted && cell.near == 0.0 &&
-                        !clear_of_pivot(scratch.triangles.blocks(), segment.clearance * 1.1)) {
-                        result.not_clear = true;
-                        return -1.0;
-                    }
-                    scratch.blocked.clear();
-                    blocked_turns(arc.turning, 0.0, end, scratch.triangles.blocks(), scratch.triangles.size(),
-                                  scratch.blocked);
-                    double limit = arc.angle;
-                    for (const Blocked& blocked : scratch.blocked) {
-                        if (blocked.low < 0.0) {
-                            result.blocked_at_start = true;
-                            return -1.0;
-                        }
-                        if (blocked.low > end) continue;
-                        end = blocked.low;
-                        result.at = undiamond(end);
-                        result.first = limit = std::max(std::atan2(result.at.y(), result.at.x()), 0.0);
-                    }
-                    return std::min(limit, result.first);
-                });
+    Part parts[most_cuts + 1];
+    int top = 0;
+    parts[top++] = {0.0, arc.angle, 0};
+    while (top > 0) {
+        const Part part = parts[--top];
+        if (part.begin > result.first) break;
+        const bool doubted = segment.doubted && part.begin == 0.0;
+        const Region region = sector(segment.pivot, arc.turning, part, doubted ? doubt * reach : reach);
+        if (!gather(colliders, region, part.cuts < most_cuts ? many : SIZE_MAX, scratch)) {
+            const double middle = 0.5 * (part.begin + part.end);
+            parts[top++] = {middle, part.end, part.cuts + 1};
+            parts[top++] = {part.begin, middle, part.cuts + 1};
+            continue;
+        }
+        if (scratch.triangles.size() == 0) continue;
+        if (doubted && !clear_of_pivot(scratch.triangles.blocks(), segment.clearance * doubt)) {
+            result.not_clear = true;
+            return result;
+        }
+        double first;
+        if (first_blocked(arc.turning, end, scratch.triangles, scratch.kept, first)) {
+            end = first;
+            if (end < 0.0) {
+                result.blocked_at_start = true;
+                return result;
+            }
+            result.at = undiamond(end);
+            result.first = std::max(std::atan2(result.at.y(), result.at.x()), 0.0);
+        }
+    }
     return result;
 }
 
@@ -207,32 +136,68 @@ RTCRayHit trace(const Colliders& colliders, const Segment& segment, const Vec3d&
     return hit;
 }
 
-// Out of a collider within one plane: equal steps to both sides are tried until one is free, first by a ray, then by its
-// whole capsule; from there it turns back, at most that one step, to the contact.
+// Turn 0 is blocked: the turn at which what blocks it ends, exactly, if it does before `end`; else infinity.
+double end_of_blocked(const Colliders& colliders, const Vec3d& pivot, const Turning& turning, double end,
+                      TurnScratch& scratch) {
+    gather(colliders, sector(pivot, turning, {0.0, end, 0}, reach_of(turning.clearance, turning.length)),
+           SIZE_MAX, scratch);
+    const double last = diamond_of_angle(end);
+    std::vector<Blocked>& blocked = scratch.blocked;
+    blocked.clear();
+    blocked_turns(turning, 0.0, last, scratch.triangles.blocks(), scratch.triangles.size(), blocked);
+    std::sort(blocked.begin(), blocked.end(),
+              [](const Blocked& a, const Blocked& b) { return a.low < b.low; });
+    double up = 0.0;
+    for (const Blocked& b : blocked) {
+        if (b.low > up) break;
+        up = std::max(up, b.high);
+    }
+    if (up >= last) return std::numeric_limits<double>::infinity();
+    const Vec2d at = undiamond(up);
+    return std::atan2(at.y(), at.x());
+}
+
+// Out of a collider within one plane, to whichever side is nearer. Rays at equal steps say how far it is blocked without
+// clearance; from the last of these the end of what is blocked is computed.
 // Returns how far it has turned; more than pi: the plane has no free direction within `most`.
 double turn_out_in_plane(const Colliders& colliders, const Segment& segment, const Turning& turning,
                          double most, TurnScratch& scratch, Vec3d& direction) {
     constexpr double step = pi / out_steps;
-    for (int i = 1; i <= out_steps && step * (i - 1) < most; ++i) {
-        double least = std::numeric_limits<double>::infinity();
-        for (const double side : {1.0, -1.0}) {
-            const double angle = side * step * i, before = side * step * (i - 1);
-            Segment back = segment;
-            back.from = turning.direction(std::cos(angle), std::sin(angle)).normalized();
-            if (ray_meets(colliders, back.pivot, back.from, back.length)) continue;
-            back.goal = turning.direction(std::cos(before), std::sin(before)).normalized();
-            const Arc arc = arc_of(back);
-            const Sweep found = sweep(colliders, back, arc, scratch);
-            if (found.blocked_at_start) continue;
-            const double turned = step * i - std::min(found.first, step);
-            if (turned >= least) continue;
-            least = turned;
-            direction =
-                found.first > arc.angle ? back.goal : arc.turning.direction(found.at.x(), found.at.y());
+    constexpr double none = 2.0 * pi;
+    double blocked[2] = {0.0, 0.0}, least = none;
+    for (;;) {
+        const int side = blocked[0] <= blocked[1] ? 0 : 1;
+        const double sign = side == 0 ? 1.0 : -1.0, from = blocked[side];
+        if (from >= std::min({least, most, pi})) return least;
+        const auto at = [&](double turn) { return turning.direction(std::cos(turn), sign * std::sin(turn)); };
+        if (ray_meets(colliders, segment.pivot, at(from + step), segment.length)) {
+            blocked[side] += step;
+            continue;
         }
-        if (least <= pi) return least;
+        // Mostly two steps on it is free, and the way back from there short: contact needs far fewer triangles than the end of
+        // what is blocked.
+        const double free = from + 2.0 * step;
+        Arc back{turning, free - from};
+        back.turning.from = at(free).normalized();
+        back.turning.normal = turning.normal * -sign;
+        back.turning.across = back.turning.normal.cross(back.turning.from);
+        const Sweep found = sweep(colliders, segment, back, scratch);
+        double turned = free - found.first;
+        if (found.blocked_at_start) {
+            Turning rest = turning;
+            rest.from = at(from).normalized();
+            rest.normal = turning.normal * sign;
+            rest.across = rest.normal.cross(rest.from);
+            turned = from + end_of_blocked(colliders, segment.pivot, rest, free - from, scratch);
+        } else if (found.first > back.angle) {
+            turned = from; // rounding: that was blocked
+        }
+        if (turned < least) {
+            least = turned;
+            direction = at(turned);
+        }
+        blocked[side] = turned <= pi ? none : free;
     }
-    return 2.0 * pi;
 }
 
 // The plane of `from` and the way from the nearest triangle to the pivot, which has come from outside: straight out. Where
@@ -265,7 +230,9 @@ bool turn_out(const Colliders& colliders, const Segment& segment, const Arc& arc
                 least = turn_out_in_plane(colliders, segment, straight, pi, scratch, direction);
         }
         Vec3d other;
-        if (turn_out_in_plane(colliders, segment, turning, std::min(least, pi), scratch, other) < least)
+        const double turned =
+            turn_out_in_plane(colliders, segment, turning, std::min(least, pi), scratch, other);
+        if (turned < least)
             direction = other;
         else if (least > pi)
             continue;
@@ -298,32 +265,64 @@ Vec3d least_bad(const Colliders& colliders, const Segment& segment, const Arc& a
 
 } // namespace
 
-bool anything_near(const Colliders& colliders, const Vec3d& centre, double radius) {
-    bool any = false;
-    near_triangles(colliders, centre, radius, [&](const MarramMesh& mesh, uint32_t triangle, double) {
-        const auto p = colliders.corners(mesh, triangle);
-        const Eigen::Array3d low = p[0].cwiseMin(p[1]).cwiseMin(p[2]),
-                             high = p[0].cwiseMax(p[1]).cwiseMax(p[2]);
-        const Eigen::Array3d out = (low - centre.array()).max(centre.array() - high).max(0.0);
-        if (out.matrix().squaredNorm() > radius * radius) return radius; // by its box: most are
-        any = any || (nearest_point(p, centre) - centre).squaredNorm() <= radius * radius;
-        return any ? -1.0 : radius;
-    });
-    return any;
+namespace {
+
+// Whether a plane or a box parts the triangle from the region.
+bool apart(const Region& region, const std::array<Vec3d, 3>& p) {
+    const double r = region.radius();
+    const Vec3d n = (p[1] - p[0]).cross(p[2] - p[0]);
+    const Vec3d low = p[0].cwiseMin(p[1]).cwiseMin(p[2]), high = p[0].cwiseMax(p[1]).cwiseMax(p[2]);
+    Vec3d least = Vec3d::Constant(std::numeric_limits<double>::infinity()), most = -least;
+    double below = least.x(), above = -below;
+    for (const Vec3d& q : region.points()) {
+        least = least.cwiseMin(q);
+        most = most.cwiseMax(q);
+        const double h = n.dot(q - p[0]);
+        below = std::min(below, h);
+        above = std::max(above, h);
+    }
+    const double away = (low - most).cwiseMax(least - high).maxCoeff();
+    return away > r || std::max(below, -above) > r * n.norm();
 }
 
-bool triangles_near(const Colliders& colliders, const Vec3d& centre, double radius, size_t most,
-                    TurnScratch& scratch) {
-    if (!find_near(colliders, centre, radius, most, scratch)) return false;
-    for (const FoundTriangle& found : scratch.found) {
-        auto p = colliders.corners(*found.mesh, found.triangle);
-        for (Vec3d& corner : p) corner -= centre;
-        const Eigen::Array3d low = p[0].cwiseMin(p[1]).cwiseMin(p[2]),
-                             high = p[0].cwiseMax(p[1]).cwiseMax(p[2]);
-        if (low.max(-high).max(0.0).matrix().squaredNorm() <= radius * radius)
-            scratch.triangles.push(p[0], p[1], p[2]);
-    }
+} // namespace
+
+bool surely_clear(const Colliders& colliders, const Region& region, TurnScratch& scratch) {
+    const ColliderTree& tree = *colliders.tree;
+    ++scratch.queries;
+    if (!tree.find(region, many, scratch.clusters)) return false;
+    for (const uint32_t i : scratch.clusters)
+        for (const uint32_t triangle : tree.triangles(tree.cluster(i)))
+            if (!apart(region, colliders.corners(*tree.cluster(i).mesh, triangle))) return false;
     return true;
+}
+
+bool triangles_near(const Colliders& colliders, const Region& region, const Vec3d& origin, size_t most,
+                    TurnScratch& scratch) {
+    const ColliderTree& tree = *colliders.tree;
+    ++scratch.queries;
+    scratch.triangles.clear();
+    if (!tree.find(region, most, scratch.clusters)) return false;
+    for (const uint32_t i : scratch.clusters)
+        for (const uint32_t triangle : tree.triangles(tree.cluster(i))) {
+            const auto p = colliders.corners(*tree.cluster(i).mesh, triangle);
+            if (!apart(region, p)) scratch.triangles.push(p[0] - origin, p[1] - origin, p[2] - origin);
+        }
+    return true;
+}
+
+bool anything_near(const Colliders& colliders, const Vec3d& centre, double radius, TurnScratch& scratch) {
+    const ColliderTree& tree = *colliders.tree;
+    Region ball(radius);
+    ball.add(centre);
+    tree.find(ball, SIZE_MAX, scratch.clusters);
+    for (const uint32_t i : scratch.clusters)
+        for (const uint32_t triangle : tree.triangles(tree.cluster(i))) {
+            const auto p = colliders.corners(*tree.cluster(i).mesh, triangle);
+            if (!apart(ball, p) && (nearest_point(p, centre) - centre).squaredNorm() <= radius * radius)
+                return true;
+        }
+    return false;
 }
 
 Arc arc_of(const Segment& segment) {
@@ -354,7 +353,7 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
     // Planes and boxes have raised the doubt, or a start that is blocked has ended the sweep before all that is near the pivot
     // was seen: now it is measured.
     if (found.not_clear || (found.blocked_at_start && segment.doubted)) {
-        if (anything_near(colliders, segment.pivot, segment.clearance * 1.1))
+        if (anything_near(colliders, segment.pivot, segment.clearance * doubt, scratch))
             return {segment.from, Outcome::not_clear, false, 0.0};
         segment.doubted = false;
         found = sweep(colliders, segment, arc, scratch);

@@ -40,24 +40,18 @@ struct Arc {
 };
 Arc arc_of(const Segment& segment);
 
-struct FoundTriangle {
-    const MarramMesh* mesh;
-    uint32_t triangle;
-};
-
 // What a thread keeps from segment to segment.
 struct TurnScratch {
     TriangleList triangles, kept;
-    std::vector<FoundTriangle> found;
+    std::vector<uint32_t> clusters;
     std::vector<Blocked> blocked;
-    int crowded = 0; // > 0: lately a root's segment had too many triangles around it for one question
     uint64_t queries = 0, visited = 0;
 };
 
 // Exact: from `from` by the shortest arc to `goal`, up to the first turn at which the segment is nearer than its clearance
 // to a triangle. Where `from` is not free it is first turned out: in the plane of its arc or, if that is a smaller turn,
-// straight out, in the plane of `from` and the way from the nearest triangle to the pivot (free ranges
-// narrower than 1/32 of a half turn may be missed); if that plane has no free direction, in planes turned about `from` by 1/16
+// straight out, in the plane of `from` and the way from the nearest triangle to the pivot; if that plane has no free
+// direction, in planes turned about `from` by 1/16
 // of a half turn and its multiples, nearest first; if none has one, again with a quarter of the clearance, down to 1e-6
 // lengths. Then it is unresolved: of the directions tried the one that runs free the longest.
 // Contact angles are good to 1e-9 rad away from grazing contact.
@@ -68,11 +62,14 @@ Turned turn_exactly(const Colliders& colliders, const Segment& segment, TurnScra
 Turned turn_by_steps(const Colliders& colliders, const Segment& segment, int steps);
 
 // Whether a triangle is nearer to the centre than the radius.
-bool anything_near(const Colliders& colliders, const Vec3d& centre, double radius);
+bool anything_near(const Colliders& colliders, const Vec3d& centre, double radius, TurnScratch& scratch);
 
-// Fills scratch.triangles with those whose boxes come within `radius` of `centre`, relative to it. False: they may be more
-// than `most`, and are not filled in.
-bool triangles_near(const Colliders& colliders, const Vec3d& centre, double radius, size_t most,
+// True: no triangle comes near the region. False: one may.
+bool surely_clear(const Colliders& colliders, const Region& region, TurnScratch& scratch);
+
+// Fills scratch.triangles with those that may come near the region, relative to `origin`. False: they are in more than `most`
+// clusters, and not filled in.
+bool triangles_near(const Colliders& colliders, const Region& region, const Vec3d& origin, size_t most,
                     TurnScratch& scratch);
 
 // Whether a ray of that length from the pivot meets a triangle.

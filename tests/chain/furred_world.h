@@ -26,7 +26,11 @@ class FurredWorld {
     const MarramFrame& frame() const { return frame_; }
     const MarramMesh& mesh(size_t i) const { return lent_[i]; }
     Surface surface(size_t i) const;
-    Colliders colliders() const { return colliders_at(frame_, 0); }
+    Colliders colliders() const {
+        Colliders colliders = colliders_at(frame_, 0);
+        make_trees(frame_, everywhere(), std::array{&colliders});
+        return colliders;
+    }
 
   private:
     std::vector<Mesh> meshes_;

@@ -33,7 +33,11 @@ class Scene {
 
     const MarramFrame& frame() const { return frame_; }
     const MarramMesh& mesh(size_t i) const { return lent_[i]; }
-    Colliders colliders(uint32_t time = 0) const { return colliders_at(frame_, time); }
+    Colliders colliders(uint32_t time = 0) const {
+        Colliders colliders = colliders_at(frame_, time);
+        make_trees(frame_, everywhere(), std::array{&colliders});
+        return colliders;
+    }
     // The same triangles, as the floats say, for the oracle.
     const oracle::TriangleSet& triangles(uint32_t time = 0) const { return sets_[time]; }
 

@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+// The tree may name too many triangles, but never too few: regions are made around points of known triangles.
+#include "procedural/wind/collider_tree.h"
+
+#include "core/geometry/mesh.h"
+#include "core/math/hash.h"
+#include "procedural/wind/colliders.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+namespace marram {
+namespace {
+
+struct Lent { // meshes at some motion samples, without Embree
+    std::vector<Mesh> meshes;
+    std::vector<std::vector<std::vector<Vec3f>>> poses; // [mesh][sample]
+    std::vector<std::vector<const float*>> pointers;
+    std::vector<MarramMesh> lent;
+    MarramFrame frame{};
+
+    void finish(uint32_t samples) {
+        for (size_t i = 0; i < meshes.size(); ++i) {
+            if (poses.size() <= i) poses.push_back({meshes[i].positions});
+            pointers.emplace_back();
+            for (const auto& pose : poses[i]) pointers.back().push_back(pose.data()->data());
+        }
+        for (size_t i = 0; i < meshes.size(); ++i)
+            lent.push_back({"mesh", uint32_t(i), uint32_t(meshes[i].positions.size()),
+                            uint32_t(meshes[i].triangles.size()), uint32_t(poses[i].size()),
+                            pointers[i].data(), nullptr, meshes[i].triangles.data()->data(), nullptr});
+        frame.time_count = samples;
+        frame.mesh_count = uint32_t(lent.size());
+        frame.meshes = lent.data();
+    }
+};
+
+struct Random {
+    std::mt19937_64 bits{7};
+    double operator()(double low, double high) {
+        return std::uniform_real_distribution<double>(low, high)(bits);
+    }
+    Vec3d in_ball() {
+        for (;;) {
+            const Vec3d v((*this)(-1, 1), (*this)(-1, 1), (*this)(-1, 1));
+            if (v.squaredNorm() <= 1.0) return v;
+        }
+    }
+    size_t below(size_t n) { return size_t(bits() % n); }
+};
+
+bool names(const ColliderTree& tree, const std::vector<uint32_t>& found, const MarramMesh* mesh,
+           uint32_t triangle) {
+    return std::any_of(found.begin(), found.end(), [&](uint32_t i) {
+        const ColliderTree::Cluster& cluster = tree.cluster(i);
+        const auto all = tree.triangles(cluster);
+        return cluster.mesh == mesh && std::find(all.begin(), all.end(), triangle) != all.end();
+    });
+}
+
+// How many triangles the answers name, in the mean.
+double check(const Lent& lent, const ColliderTree& tree, uint32_t time, double size, int count) {
+    Random random;
+    std::vector<uint32_t> found;
+    double named = 0.0;
+    for (int i = 0; i < count; ++i) {
+        const MarramMesh& mesh = lent.lent[random.below(lent.lent.size())];
+        const auto triangle = uint32_t(random.below(mesh.triangle_count));
+        const float* positions = mesh.positions[mesh.time_count > 1 ? time : 0];
+        double a = random(0, 1), b = random(0, 1);
+        if (a + b > 1.0) a = 1.0 - a, b = 1.0 - b;
+        Vec3d p[3];
+        for (size_t k = 0; k < 3; ++k)
+            p[k] = Eigen::Map<const Vec3f>(positions + 3 * size_t(mesh.triangles[3 * size_t(triangle) + k]))
+                       .cast<double>();
+        const Vec3d on_it = p[0] * (1.0 - a - b) + p[1] * a + p[2] * b;
+        const double radius = size * std::pow(10.0, random(-6, -1)),
+                     spread = size * std::pow(10.0, random(-3, 0));
+        const Vec3d inside = on_it + random.in_ball() * radius * 0.999;
+        const bool flat = random.below(2) == 0;
+        const Vec3d normal = random.in_ball().normalized();
+        // Points whose mean is `inside`.
+        std::vector<Vec3d> points(1 + random.below(6));
+        Vec3d mean = Vec3d::Zero();
+        for (Vec3d& point : points) {
+            point = random.in_ball() * spread;
+            if (flat) point -= normal * normal.dot(point);
+            mean += point / double(points.size());
+        }
+        Region region(radius);
+        for (const Vec3d& point : points) region.add(point - mean + inside);
+        if (flat) region.flatten(normal);
+        EXPECT_TRUE(tree.find(region, SIZE_MAX, found));
+        EXPECT_TRUE(names(tree, found, &mesh, triangle)) << "triangle " << triangle << ", question " << i;
+        for (const uint32_t cluster : found)
+            named += double(tree.triangles(tree.cluster(cluster)).size()) / count;
+    }
+    return named;
+}
+
+Mesh soup(size_t count, double size, const Vec3d& where) { // triangles of all sizes, some without area
+    Random random;
+    Mesh mesh;
+    for (size_t i = 0; i < count; ++i) {
+        const Vec3d centre = random.in_ball() * size + where;
+        const double extent = size * std::pow(10.0, random(-5, 0));
+        for (int k = 0; k < 3; ++k)
+            mesh.positions.push_back((centre + random.in_ball() * extent).cast<float>());
+        const auto first = uint32_t(3 * i);
+        mesh.triangles.push_back({first, first + (i % 10 != 0), first + 2 * (i % 20 != 0)});
+    }
+    return mesh;
+}
+
+} // namespace
+
+TEST(ColliderTree, names_every_triangle_that_is_near) {
+    for (const double size : {1e-25, 1e-4, 1.0, 1e5}) {
+        for (const double far : {0.0, 1e3}) {
+            Lent lent;
+            lent.meshes = {soup(3000, size, Vec3d(far, -far, far) * size),
+                           soup(7, size, Vec3d(far + 1, -far, far) * size)};
+            lent.finish(1);
+            const ColliderTree tree(lent.frame, everywhere(), 0);
+            check(lent, tree, 0, size, 4000);
+        }
+    }
+}
+
+TEST(ColliderTree, follows_meshes_that_move) {
+    Lent lent;
+    lent.meshes = {sphere_mesh(1.0F, 30, 0.03F, 9.0F), soup(500, 1.0, Vec3d(2, 0, 0))};
+    lent.poses = {{lent.meshes[0].positions, lent.meshes[0].positions}};
+    for (Vec3f& p : lent.poses[0][1]) p = 3.0F * p + Vec3f(10, 0, 0);
+    lent.finish(2);
+    const ColliderTree first(lent.frame, everywhere(), 0), second(lent.frame, everywhere(), 1, &first);
+    check(lent, first, 0, 1.0, 2000);
+    check(lent, second, 1, 1.0, 2000);
+}
+
+TEST(ColliderTree, leaves_out_what_is_out_of_reach_or_not_finite) {
+    Lent lent;
+    lent.meshes = {sphere_mesh(1.0F, 30, 0.0F, 0.0F)};
+    lent.meshes[0].positions[5].x() = std::numeric_limits<float>::quiet_NaN();
+    lent.finish(1);
+    const Eigen::AlignedBox3d reach(Vec3d(-2, 0.5, -2), Vec3d(2, 2, 2));
+    const ColliderTree tree(lent.frame, reach, 0);
+    Region all(10.0);
+    all.add(Vec3d::Zero());
+    std::vector<uint32_t> found;
+    ASSERT_TRUE(tree.find(all, SIZE_MAX, found));
+    std::vector<char> named(lent.lent[0].triangle_count, 0);
+    for (const uint32_t i : found)
+        for (const uint32_t t : tree.triangles(tree.cluster(i))) ++named[t];
+    for (uint32_t t = 0; t < lent.lent[0].triangle_count; ++t) {
+        float highest = -1.0F;
+        bool finite = true;
+        for (const uint32_t v : lent.meshes[0].triangles[t]) {
+            highest = std::max(highest, lent.meshes[0].positions[v].y());
+            finite = finite && lent.meshes[0].positions[v].allFinite();
+        }
+        EXPECT_EQ(named[t], finite && highest >= 0.5F ? 1 : 0) << t;
+    }
+    EXPECT_FALSE(tree.find(all, 3, found));
+    EXPECT_LE(found.size(), 3U);
+}
+
+TEST(ColliderTree, is_empty_where_there_is_nothing) {
+    Lent lent;
+    lent.finish(1);
+    const ColliderTree tree(lent.frame, everywhere(), 0);
+    EXPECT_TRUE(tree.empty());
+    Region all(10.0);
+    all.add(Vec3d::Zero());
+    std::vector<uint32_t> found = {1};
+    EXPECT_TRUE(tree.find(all, SIZE_MAX, found));
+    EXPECT_TRUE(found.empty());
+}
+
+// A sector that leaves a skin: the tree leaves nearly everything out, whether its triangles are large or small.
+TEST(ColliderTree, parts_a_strand_from_the_skin_below_it) {
+    for (const int divisions : {40, 200}) {
+        Lent lent;
+        lent.meshes = {sphere_mesh(1.0F, divisions, 0.0F, 0.0F)};
+        lent.finish(1);
+        const ColliderTree tree(lent.frame, everywhere(), 0);
+        Random random;
+        std::vector<uint32_t> found;
+        size_t named = 0, in_ball = 0;
+        for (int i = 0; i < 1000; ++i) {
+            const Vec3d up = random.in_ball().normalized(), side = up.unitOrthogonal();
+            const Vec3d root = up * 1.01;
+            Region sweep(0.004);
+            sweep.add(root);
+            sweep.add(root + 0.1 * up);
+            sweep.add(root + 0.1 * (up + side));
+            sweep.add(root + 0.1 * side);
+            tree.find(sweep, SIZE_MAX, found);
+            for (const uint32_t cluster : found) named += tree.triangles(tree.cluster(cluster)).size();
+            Region ball(0.1);
+            ball.add(root);
+            tree.find(ball, SIZE_MAX, found);
+            for (const uint32_t cluster : found) in_ball += tree.triangles(tree.cluster(cluster)).size();
+        }
+        std::printf("%6zu triangles: %.1f named of %.1f in the ball around\n",
+                    lent.meshes[0].triangles.size(), double(named) / 1000, double(in_ball) / 1000);
+        EXPECT_LT(double(named), 0.1 * double(in_ball));
+    }
+}
+
+} // namespace marram

@@ -33,7 +33,7 @@ ChainFrame make_chain_frame(const ChainInput& input) {
         if (wind.gusts && bends)
             instant.gusts = gusts_at(*wind.gusts, wind.direction, frame.times[t], frame.fps);
     }
-    if (wind.collision && wind.collision->solver == Solver::exact && frame.stage == MARRAM_FINAL) {
+    if (wind.collision && frame.stage == MARRAM_FINAL) {
         std::vector<Colliders*> colliders;
         for (ChainFrame::Instant& instant : chain.instants) colliders.push_back(&instant.colliders);
         make_trees(frame, input.reach, colliders);

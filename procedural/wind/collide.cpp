@@ -480,11 +480,18 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
         const Vec3d facing(strands.root_normal[block].x[lane], strands.root_normal[block].y[lane],
                            strands.root_normal[block].z[lane]);
         double along = strand.offset;
+        uint32_t hint = no_triangle;
         for (size_t k = 1; k < cvs; ++k) {
             along += (scratch.rest[k] - scratch.rest[k - 1]).norm();
+            // No CV rests higher than it is away from the skin at its root: where nothing comes as near as that asks for to the
+            // way from rest to target, the target is high enough. Mostly it is.
+            Region way(*job.settings->offset_scale * along * (1.0 + 1e-6));
+            way.add(scratch.rest[k]);
+            way.add(scratch.target[k]);
+            if (surely_clear(*job.colliders, way, scratch.turn)) continue;
             counts.skipped_pushes +=
                 !push_out(*job.colliders, *job.skin, scratch.rest[k], facing, along * (1.0 + 1e-6),
-                          *job.settings->offset_scale, scratch.target[k]);
+                          *job.settings->offset_scale, hint, scratch.target[k]);
         }
     }
     if (!solve_strand(job, strand, scratch, counts)) {

@@ -56,7 +56,7 @@ std::shared_ptr<const ColliderTree::Shape> ColliderTree::make_shape(const Marram
                        [](uint64_t entry) { return uint32_t(entry); });
         for (size_t begin = 0; begin < order.size();) {
             const size_t end = run_end(begin, order.size(), cluster_most, code);
-            shape->clusters.push_back({uint32_t(base + begin), uint32_t(base + end), &mesh});
+            shape->clusters.push_back({&mesh, uint32_t(base + begin), uint32_t(end - begin)});
             keys.push_back(uint64_t(m) << 32 | code(begin));
             begin = end;
         }
@@ -191,9 +191,8 @@ ColliderTree::ColliderTree(const MarramFrame& frame, const Eigen::AlignedBox3d& 
         Eigen::AlignedBox3f all;
         for (const Cluster& cluster : shape_->clusters) {
             const MarramMesh& mesh = *cluster.mesh;
-            all.extend(Eigen::Map<const Vec3f>(
-                mesh.positions[0] +
-                3 * size_t(mesh.triangles[3 * size_t(shape_->triangles[cluster.begin])])));
+            all.extend(Eigen::Map<const Vec3f>(mesh.positions[0] +
+                                               3 * size_t(mesh.triangles[3 * size_t(triangle(cluster, 0))])));
         }
         origin_ = 0.5F * all.min() + 0.5F * all.max();
     }
@@ -209,23 +208,21 @@ ColliderTree::ColliderTree(const MarramFrame& frame, const Eigen::AlignedBox3d& 
                           });
 }
 
-// On a large mesh a cluster's triangles are far apart in memory. Those of the next nodes are sent for.
+// On a large mesh clusters that are neighbours may be far apart in memory. Those of the next nodes are sent for.
 void ColliderTree::prefetch(size_t n, uint32_t time) const {
     const auto each = [&](size_t node, auto&& visit) {
         if (node >= shape_->levels[1]) return;
         const Run run = shape_->nodes[node];
-        const MarramMesh& mesh = *shape_->clusters[run.first].mesh; // of the last cluster most likely, too
-        const uint32_t begin = shape_->clusters[run.first].begin,
-                       end = shape_->clusters[run.first + run.count - 1].end;
-        for (uint32_t t = begin; t < end; ++t)
-            visit(mesh, std::min(shape_->triangles[t], mesh.triangle_count - 1));
+        for (uint32_t i = run.first; i < run.first + run.count; ++i) {
+            const Cluster& cluster = shape_->clusters[i];
+            for (uint32_t k = 0; k < cluster.count; ++k)
+                visit(*cluster.mesh, 3 * size_t(triangle(cluster, k)));
+        }
     };
-    each(n + 2,
-         [](const MarramMesh& mesh, uint32_t t) { __builtin_prefetch(mesh.triangles + 3 * size_t(t)); });
-    each(n + 1, [&](const MarramMesh& mesh, uint32_t t) {
+    each(n + 2, [](const MarramMesh& mesh, size_t at) { __builtin_prefetch(mesh.triangles + at); });
+    each(n + 1, [&](const MarramMesh& mesh, size_t at) {
         const float* positions = mesh.positions[mesh.time_count > 1 ? time : 0];
-        for (size_t k = 0; k < 3; ++k)
-            __builtin_prefetch(positions + 3 * size_t(mesh.triangles[3 * size_t(t) + k]));
+        for (size_t k = 0; k < 3; ++k) __builtin_prefetch(positions + 3 * size_t(mesh.triangles[at + k]));
     });
 }
 
@@ -238,9 +235,9 @@ void ColliderTree::bound_child(size_t n, uint32_t i, bool is_cluster, uint32_t t
         const float* positions = mesh.positions[mesh.time_count > 1 ? time : 0];
         Corners8 corners;
         for (uint32_t lane = 0; lane < lanes; ++lane) {
-            const uint32_t triangle = shape_->triangles[std::min(cluster.begin + lane, cluster.end - 1)];
+            const size_t at = 3 * size_t(triangle(cluster, std::min(lane, cluster.count - 1)));
             for (size_t k = 0; k < 3; ++k) {
-                const float* p = positions + 3 * size_t(mesh.triangles[3 * size_t(triangle) + k]);
+                const float* p = positions + 3 * size_t(mesh.triangles[at + k]);
                 corners.corner[k].x[lane] = p[0] - origin_.x();
                 corners.corner[k].y[lane] = p[1] - origin_.y();
                 corners.corner[k].z[lane] = p[2] - origin_.z();
@@ -312,6 +309,24 @@ MARRAM_INLINE uint32_t touched(const Node& node, const Question& q) {
 
 } // namespace
 
+// The square of what a box, or a slab and the ball around the box, say of the distance, at least. Across the slab it is the gap
+// to it; along it, the way to the ball's shadow: together they tell clusters apart that lie side by side below p.
+MARRAM_HOT void ColliderTree::distances_to(const Node& node, const float* p, Distances8& out) {
+    const VFloat zero{}, half = splat_float(0.5F);
+    const auto outside = [&](VFloat below, VFloat above)
+                             MARRAM_ALWAYS_INLINE { return greater(greater(below, above), zero); };
+    const Wide3f place{splat_float(p[0]), splat_float(p[1]), splat_float(p[2])};
+    const Wide3f under = node.low - place, over = place - node.high;
+    const VFloat x = outside(under.x, over.x), y = outside(under.y, over.y), z = outside(under.z, over.z);
+    const VFloat h = dot(node.normal, place);
+    const VFloat gap = outside(node.bottom - h, h - node.top);
+    const Wide3f from = place - (node.low + node.high) * half, extent = (node.high - node.low) * half;
+    const VFloat across = dot(from, node.normal), whole = dot(from, from);
+    const VFloat along = vsqrt(greater(whole * (1.0F - 0x1p-20F) - across * across, zero));
+    const VFloat beyond = greater(along - vsqrt(dot(extent, extent)) * (1.0F + 0x1p-20F), zero);
+    out.squared = greater(x * x + y * y + z * z, gap * gap + beyond * beyond);
+}
+
 // The tree from the root down; false: more than `most` clusters.
 MARRAM_HOT void ColliderTree::walk(const Question& q, size_t most, std::vector<uint32_t>& found,
                                    bool& whole) const {
@@ -354,7 +369,7 @@ bool ColliderTree::find(const Region& region, size_t most, std::vector<uint32_t>
         greatest = std::max(greatest, p.cwiseAbs().maxCoeff());
         for (int axis = 0; axis < 3; ++axis) q.points[i][axis] = float(p[axis]);
     }
-    const double radius = region.radius() + 16.0 * 0x1p-24 * (greatest + region.radius()) + 0x1p-120;
+    const double radius = region.radius() + rounding_of(greatest + region.radius());
     for (int axis = 0; axis < 3; ++axis) {
         q.low[axis] = float(low[axis] - radius);
         q.high[axis] = float(high[axis] + radius);

@@ -115,6 +115,14 @@ MARRAM_HOT void near_bulge(const Triangles8& t, const Bulge& bulge, VLong& near)
 
 } // namespace
 
+MARRAM_HOT void facing_distances(const Triangles8& triangles, const Vec3d& facing, Squared8& out) {
+    const Wide3d n =
+        cross(triangles.corner[1] - triangles.corner[0], triangles.corner[2] - triangles.corner[0]);
+    const VDouble squared = squared_distance(triangles, Wide3d{});
+    out.squared =
+        dot(n, splat3(facing.data())) > 0.0 ? squared : splat(std::numeric_limits<double>::infinity());
+}
+
 void keep_near_bulge(std::span<const Triangles8> triangles, size_t count, const Vec3d& p, const Vec3d& q,
                      const Vec3d& bulge0, const Vec3d& bulge1, double distance, TriangleList& kept) {
     kept.clear();

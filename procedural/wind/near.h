@@ -10,6 +10,12 @@ namespace marram {
 // of the distances from the origin; a triangle without area counts as its edges.
 double nearest_distance(std::span<const Triangles8> triangles, const Vec3d& p);
 
+// The squares of the distances of eight triangles from the origin; infinite for those that face away from `facing`.
+struct alignas(64) Squared8 {
+    VDouble squared;
+};
+void facing_distances(const Triangles8& triangles, const Vec3d& facing, Squared8& out);
+
 // Whether the segment from p to q passes through a triangle. In double, not exact: within rounding of an edge either answer
 // may come.
 bool crosses_any(std::span<const Triangles8> triangles, const Vec3d& p, const Vec3d& q);

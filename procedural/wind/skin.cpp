@@ -1,43 +1,72 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/wind/skin.h"
 
+#include "procedural/wind/near.h"
+
 namespace marram {
 
 bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p, const Vec3d& facing,
-             double reach, Foot& foot) {
+             double reach, uint32_t hint, Foot& foot) {
     bool found = false;
-    double best = reach, most_along = 0.0;
-    uint32_t best_triangle = 0;
-    near_triangles(colliders, p, reach, [&](const MarramMesh& mesh, uint32_t triangle, double limit) {
-        if (&mesh != &skin) return limit;
-        const auto corners = colliders.corners(mesh, triangle);
+    double best = reach, most_along = 0.0, tie = 0.0;
+    const auto consider = [&](uint32_t triangle) {
+        const auto corners = colliders.corners(skin, triangle);
         const Vec3d n = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-        if (!(n.dot(facing) > 0.0)) return limit;
+        if (!(n.dot(facing) > 0.0)) return;
         const Vec3d point = nearest_point(corners, p), normal = n.normalized();
         const double distance = (p - point).norm(), along = (p - point).dot(normal);
         // Above an edge or a corner several triangles are equally near, to rounding; the one that sees p most from its front
         // or back knows the side: beside a ridge the other's plane may pass on the wrong side of p.
-        const double tie = 1e-12 * (distance + point.cwiseAbs().maxCoeff() * 1e-3);
-        if (distance > best + tie) return limit;
+        tie = 1e-12 * (distance + point.cwiseAbs().maxCoeff() * 1e-3);
+        if (distance > best + tie) return;
         const bool nearer = distance < best - tie;
         if (found && !nearer &&
-            std::pair(std::abs(along), -double(triangle)) <= std::pair(most_along, -double(best_triangle)))
-            return limit;
-        foot = {point, normal, std::copysign(distance, along)};
+            std::pair(std::abs(along), -double(triangle)) <= std::pair(most_along, -double(foot.triangle)))
+            return;
+        foot = {point, normal, std::copysign(distance, along), triangle};
         found = true;
         best = std::min(best, distance);
         most_along = std::abs(along);
-        best_triangle = triangle;
+    };
+    if (hint != no_triangle) consider(hint);
+    colliders.tree->nearest(p, best + tie, [&](const ColliderTree::Cluster& cluster) {
+        if (cluster.mesh != &skin) return best + tie;
+        const auto triangle = [&](size_t i) { return colliders.tree->triangle(cluster, uint32_t(i)); };
+        const size_t count = cluster.count;
+        Triangles8 eight;
+        for (size_t lane = 0; lane < lanes; ++lane) {
+            const auto corners = colliders.corners(skin, triangle(std::min(lane, count - 1)));
+            for (size_t k = 0; k < 3; ++k) {
+                eight.corner[k].x[lane] = corners[k].x() - p.x();
+                eight.corner[k].y[lane] = corners[k].y() - p.y();
+                eight.corner[k].z[lane] = corners[k].z() - p.z();
+            }
+        }
+        Squared8 distances;
+        facing_distances(eight, facing, distances);
+        // The nearest of them first: the rest can then only be as near.
+        size_t first = 0;
+        for (size_t lane = 1; lane < count; ++lane)
+            if (distances.squared[lane] < distances.squared[first]) first = lane;
+        const auto near = [&](size_t lane) {
+            const double limit = (best + tie) * (1.0 + 1e-9) + 1e-9 * tie;
+            return distances.squared[lane] <= limit * limit;
+        };
+        if (!near(first)) return best + tie;
+        consider(triangle(first));
+        for (size_t lane = 0; lane < count; ++lane)
+            if (lane != first && near(lane)) consider(triangle(lane));
         return best + tie;
     });
     return found;
 }
 
 bool push_out(const Colliders& colliders, const MarramMesh& skin, const Vec3d& rest, const Vec3d& facing,
-              double reach, double scale, Vec3d& p) {
+              double reach, double scale, uint32_t& hint, Vec3d& p) {
     Foot at_rest, now;
-    if (!foot_of(colliders, skin, rest, facing, reach, at_rest)) return false;
-    if (!foot_of(colliders, skin, p, at_rest.normal, reach, now)) return false;
+    if (!foot_of(colliders, skin, rest, facing, reach, hint, at_rest)) return false;
+    hint = at_rest.triangle;
+    if (!foot_of(colliders, skin, p, at_rest.normal, reach, hint, now)) return false;
     const double wanted = scale * at_rest.height;
     if (now.height < wanted) p += now.normal * (wanted - now.height);
     return true;

@@ -10,16 +10,20 @@ namespace marram {
 struct Foot {
     Vec3d point, normal; // the nearest point of the skin, and its triangle's normal
     double height;       // signed by the normal
+    uint32_t triangle;
 };
 
+inline constexpr uint32_t no_triangle = ~0U;
+
 // The foot of p: the nearest point among triangles of `skin` that face the same way as `facing` (their normals' product is
-// positive), within `reach`. A strand that stands in an ear would else measure from the ear's other side. False: none there.
+// positive), within `reach`. `hint`: a triangle that is probably near; the result does not depend on it. A strand that stands in an ear would else measure from the ear's other side. False: none there.
 bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p, const Vec3d& facing,
-             double reach, Foot& foot);
+             double reach, uint32_t hint, Foot& foot);
 
 // Moves p out along the skin's normal until it stands at least `scale` times as high as `rest`, whose foot gives the side
-// of the skin. `facing`: the normal at the root. False: there is no consistent side; p stays.
+// of the skin. `facing`: the normal at the root. `hint`: see foot_of(); it becomes the triangle below `rest`. False: there is no
+// consistent side; p stays.
 bool push_out(const Colliders& colliders, const MarramMesh& skin, const Vec3d& rest, const Vec3d& facing,
-              double reach, double scale, Vec3d& p);
+              double reach, double scale, uint32_t& hint, Vec3d& p);
 
 } // namespace marram

@@ -48,8 +48,8 @@ bool gather(const Colliders& colliders, const Region& region, size_t most, TurnS
     const double c = region.radius();
     for (const uint32_t i : scratch.clusters) {
         const ColliderTree::Cluster& cluster = tree.cluster(i);
-        for (const uint32_t triangle : tree.triangles(cluster)) {
-            auto p = colliders.corners(*cluster.mesh, triangle);
+        for (uint32_t t = 0; t < cluster.count; ++t) {
+            auto p = colliders.corners(*cluster.mesh, tree.triangle(cluster, t));
             double h[3];
             for (size_t k = 0; k < 3; ++k) {
                 p[k] -= pivot;
@@ -291,9 +291,11 @@ bool surely_clear(const Colliders& colliders, const Region& region, TurnScratch&
     const ColliderTree& tree = *colliders.tree;
     ++scratch.queries;
     if (!tree.find(region, many, scratch.clusters)) return false;
-    for (const uint32_t i : scratch.clusters)
-        for (const uint32_t triangle : tree.triangles(tree.cluster(i)))
-            if (!apart(region, colliders.corners(*tree.cluster(i).mesh, triangle))) return false;
+    for (const uint32_t i : scratch.clusters) {
+        const ColliderTree::Cluster& cluster = tree.cluster(i);
+        for (uint32_t t = 0; t < cluster.count; ++t)
+            if (!apart(region, colliders.corners(*cluster.mesh, tree.triangle(cluster, t)))) return false;
+    }
     return true;
 }
 
@@ -303,11 +305,13 @@ bool triangles_near(const Colliders& colliders, const Region& region, const Vec3
     ++scratch.queries;
     scratch.triangles.clear();
     if (!tree.find(region, most, scratch.clusters)) return false;
-    for (const uint32_t i : scratch.clusters)
-        for (const uint32_t triangle : tree.triangles(tree.cluster(i))) {
-            const auto p = colliders.corners(*tree.cluster(i).mesh, triangle);
+    for (const uint32_t i : scratch.clusters) {
+        const ColliderTree::Cluster& cluster = tree.cluster(i);
+        for (uint32_t t = 0; t < cluster.count; ++t) {
+            const auto p = colliders.corners(*cluster.mesh, tree.triangle(cluster, t));
             if (!apart(region, p)) scratch.triangles.push(p[0] - origin, p[1] - origin, p[2] - origin);
         }
+    }
     return true;
 }
 
@@ -316,12 +320,14 @@ bool anything_near(const Colliders& colliders, const Vec3d& centre, double radiu
     Region ball(radius);
     ball.add(centre);
     tree.find(ball, SIZE_MAX, scratch.clusters);
-    for (const uint32_t i : scratch.clusters)
-        for (const uint32_t triangle : tree.triangles(tree.cluster(i))) {
-            const auto p = colliders.corners(*tree.cluster(i).mesh, triangle);
+    for (const uint32_t i : scratch.clusters) {
+        const ColliderTree::Cluster& cluster = tree.cluster(i);
+        for (uint32_t t = 0; t < cluster.count; ++t) {
+            const auto p = colliders.corners(*cluster.mesh, tree.triangle(cluster, t));
             if (!apart(ball, p) && (nearest_point(p, centre) - centre).squaredNorm() <= radius * radius)
                 return true;
         }
+    }
     return false;
 }
 

@@ -55,8 +55,9 @@ bool names(const ColliderTree& tree, const std::vector<uint32_t>& found, const M
            uint32_t triangle) {
     return std::any_of(found.begin(), found.end(), [&](uint32_t i) {
         const ColliderTree::Cluster& cluster = tree.cluster(i);
-        const auto all = tree.triangles(cluster);
-        return cluster.mesh == mesh && std::find(all.begin(), all.end(), triangle) != all.end();
+        for (uint32_t t = 0; t < cluster.count && cluster.mesh == mesh; ++t)
+            if (tree.triangle(cluster, t) == triangle) return true;
+        return false;
     });
 }
 
@@ -94,8 +95,7 @@ double check(const Lent& lent, const ColliderTree& tree, uint32_t time, double s
         if (flat) region.flatten(normal);
         EXPECT_TRUE(tree.find(region, SIZE_MAX, found));
         EXPECT_TRUE(names(tree, found, &mesh, triangle)) << "triangle " << triangle << ", question " << i;
-        for (const uint32_t cluster : found)
-            named += double(tree.triangles(tree.cluster(cluster)).size()) / count;
+        for (const uint32_t cluster : found) named += double(tree.cluster(cluster).count) / count;
     }
     return named;
 }
@@ -153,7 +153,7 @@ TEST(ColliderTree, leaves_out_what_is_out_of_reach_or_not_finite) {
     ASSERT_TRUE(tree.find(all, SIZE_MAX, found));
     std::vector<char> named(lent.lent[0].triangle_count, 0);
     for (const uint32_t i : found)
-        for (const uint32_t t : tree.triangles(tree.cluster(i))) ++named[t];
+        for (uint32_t t = 0; t < tree.cluster(i).count; ++t) ++named[tree.triangle(tree.cluster(i), t)];
     for (uint32_t t = 0; t < lent.lent[0].triangle_count; ++t) {
         float highest = -1.0F;
         bool finite = true;
@@ -198,11 +198,11 @@ TEST(ColliderTree, parts_a_strand_from_the_skin_below_it) {
             sweep.add(root + 0.1 * (up + side));
             sweep.add(root + 0.1 * side);
             tree.find(sweep, SIZE_MAX, found);
-            for (const uint32_t cluster : found) named += tree.triangles(tree.cluster(cluster)).size();
+            for (const uint32_t cluster : found) named += tree.cluster(cluster).count;
             Region ball(0.1);
             ball.add(root);
             tree.find(ball, SIZE_MAX, found);
-            for (const uint32_t cluster : found) in_ball += tree.triangles(tree.cluster(cluster)).size();
+            for (const uint32_t cluster : found) in_ball += tree.cluster(cluster).count;
         }
         std::printf("%6zu triangles: %.1f named of %.1f in the ball around\n",
                     lent.meshes[0].triangles.size(), double(named) / 1000, double(in_ball) / 1000);

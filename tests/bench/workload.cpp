@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/bench/workload.h"
+
+#include "core/plugin/embree.h"
+#include "procedural/wind/shield.h"
+
+#include <tbb/parallel_for.h>
+
+#include <atomic>
+#include <chrono>
+
+namespace marram::bench {
+namespace {
+
+template <typename Work>
+double seconds_of(Work&& work) {
+    const auto begin = std::chrono::steady_clock::now();
+    work();
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+Wind gusty_wind() {
+    Wind wind = plain_wind(Vec3d::UnitX(), 0.6);
+    wind.calm = 0.6;
+    Gusts gusts;
+    gusts.num_gusts = 50;
+    gusts.radius = {0.3, 0.6};
+    gusts.speed = {2.0, 4.0};
+    gusts.start_frame = {-24.0, 24.0};
+    gusts.life = {40.0, 60.0};
+    gusts.decay = {8.0, 8.0};
+    gusts.ramp = Ramp(std::vector<double>{0, 1, 1, 0}, "smooth");
+    fix_gusts(gusts, Vec3d::Constant(-1.3), Vec3d::Constant(1.3), wind.direction);
+    wind.gusts = gusts;
+    Shielding shielding;
+    shielding.shield = 0.7;
+    shielding.offset = 0.8;
+    shielding.per_cv = true;
+    wind.shielding = shielding;
+    wind.collision = Collision{};
+    wind.collision->offset_scale = 0.3;
+    return wind;
+}
+
+Vec3f lane_of(const Wide3f& v, int lane) { return {v.x[lane], v.y[lane], v.z[lane]}; }
+
+template <typename Visit>
+void each_cv(const std::vector<Strands>& patches, Visit&& visit) { // visit(patch, strand, k)
+    for (const Strands& patch : patches)
+        for (int i = 0; i < patch.count; ++i)
+            for (int k = 0; k < patch.cvs; ++k) visit(patch, i, k);
+}
+
+size_t at(const Strands& patch, int strand, int k) {
+    return size_t(strand / lanes) * size_t(patch.cvs) + size_t(k);
+}
+
+} // namespace
+
+Workload::Workload(const Size& size)
+    : wind_(gusty_wind()), groom_(plain_coat(size.strands, size.cvs, 0.18, 0.26, 0.009)),
+      world_({sphere_mesh(1.0F, size.divisions, 0.03F, 9.0F)}) {
+    for (int k = 0; k < size.cvs; ++k)
+        profile_.push_back(float(0.5 * groom_.width_profile(double(k) / (size.cvs - 1))));
+    chain_ = make_chain_frame({wind_, whole_, world_.frame(), world_.mesh(0), profile_, MARRAM_BSPLINE});
+    rest_ = grow(groom_, wind_, world_.surface(0));
+    bent_ = rest_;
+    literal_.cvs = size.cvs;
+    each_cv(rest_, [&](const Strands& patch, int i, int k) {
+        literal_.rest.push_back(lane_of(patch.rest[at(patch, i, k)], i % lanes));
+    });
+    ChainScratch scratch;
+    for (Strands& patch : bent_) marram::run_chain(chain_, 0, patch, scratch);
+}
+
+double Workload::run_chain() {
+    return seconds_of([&] {
+        tbb::parallel_for(size_t(0), rest_.size(), [&](size_t i) {
+            Thread& thread = threads_.local();
+            thread.work = rest_[i];
+            marram::run_chain(chain_, 0, thread.work, thread.chain);
+        });
+    });
+}
+
+double Workload::run_literally() {
+    return seconds_of(
+        [&] { blow_literally(wind_, chain_.instants[0].gusts, chain_.instants[0].colliders, literal_); });
+}
+
+double Workload::run_floor() {
+    const Colliders& colliders = chain_.instants[0].colliders;
+    std::atomic<size_t> seen{0}; // so that nothing is left out
+    return seconds_of([&] {
+        tbb::parallel_for(size_t(0), rest_.size(), [&](size_t p) {
+            Thread& thread = threads_.local();
+            thread.work = rest_[p];
+            shield(*wind_.shielding, wind_.direction, colliders, {}, thread.work);
+            size_t found = 0;
+            const auto ask = [&](const Vec3f& where, double radius, bool nearest) {
+                near_triangles(colliders, where.cast<double>(), radius,
+                               [&](const MarramMesh& mesh, uint32_t triangle, double limit) {
+                                   ++found;
+                                   if (!nearest) return limit;
+                                   const Vec3d q = where.cast<double>();
+                                   return std::min(
+                                       limit,
+                                       (nearest_point(colliders.corners(mesh, triangle), q) - q).norm());
+                               });
+            };
+            const Strands &rest = rest_[p], &bent = bent_[p];
+            for (int i = 0; i < rest.count; ++i)
+                for (int k = 1; k < rest.cvs; ++k) {
+                    const int lane = i % lanes;
+                    const Vec3f from = lane_of(rest.rest[at(rest, i, k - 1)], lane),
+                                end = lane_of(rest.rest[at(rest, i, k)], lane),
+                                turned = lane_of(bent.pose[at(bent, i, k)], lane);
+                    const auto reach = double((end - from).norm());
+                    ask(end, reach, true);
+                    ask(turned, reach, true);
+                    ask(from, reach, false);
+                }
+            seen += found;
+        });
+    });
+}
+
+double Workload::make_tree() {
+    return seconds_of([&] { world_.colliders(); });
+}
+
+StageClock Workload::clock() const {
+    StageClock sum;
+    for (const Thread& thread : threads_) sum += thread.chain.clock;
+    return sum;
+}
+
+const CollisionCounts Workload::counts() const {
+    CollisionCounts sum;
+    for (const Thread& thread : threads_) sum += thread.chain.counts;
+    return sum;
+}
+
+} // namespace marram::bench

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is measured: strands on a bumpy sphere in a gusty wind, and the chain over all of them on all threads.
+#pragma once
+
+#include "tests/bench/literal.h"
+#include "tests/chain/furred_world.h"
+
+#include <tbb/enumerable_thread_specific.h>
+
+namespace marram::bench {
+
+struct Size {
+    const char* name;
+    uint64_t strands;
+    int cvs;
+    int divisions; // of the sphere: 8 times the square of it triangles
+};
+
+inline constexpr Size T{"T", 10000, 5, 71};    // the talk's
+inline constexpr Size T2{"T2", 10000, 5, 500}; // the same on 2,000,000 triangles
+
+class Workload {
+  public:
+    explicit Workload(const Size& size);
+
+    // The whole chain, jiggle off: gusts, shielding of each CV, bend with two octaves, offset scale, collision. Returns seconds.
+    double run_chain();
+    double run_literally();
+    // The bare Embree queries that a straightforward exact chain makes: a shield ray a CV, in packets of 16; for each segment
+    // the heights of its end at rest and bent and the triangles near it, each one point query within a segment's reach.
+    double run_floor();
+    // Of exact collision: the tree over the colliders.
+    double make_tree();
+
+    StageClock clock() const; // thread seconds of run_chain() since it was made
+    const CollisionCounts counts() const;
+
+  private:
+    struct Thread {
+        ChainScratch chain;
+        Strands work;
+    };
+    Wind wind_;
+    Groom groom_;
+    Ramp whole_;
+    std::vector<float> profile_;
+    FurredWorld world_;
+    ChainFrame chain_;
+    std::vector<Strands> rest_, bent_;
+    LiteralStrands literal_;
+    tbb::enumerable_thread_specific<Thread> threads_;
+};
+
+} // namespace marram::bench

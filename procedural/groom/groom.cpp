@@ -240,6 +240,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         instance.time_count = moves ? frame->time_count : 1;
         instance.frame.time_count = instance.time_count; // what the chain works at
         const double before = now_in_seconds();
+        instance.chain = {}; // the last frame's trees go first
         instance.chain =
             make_chain_frame({instance.wind, instance.groom.envelope, instance.frame, *instance.mesh,
                               instance.width_profile, instance.groom.basis, instance.past.window,

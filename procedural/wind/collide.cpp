@@ -283,7 +283,10 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
     for (size_t k = 0; k + 1 < n; ++k) {
         // A root that is too near to be sure of may still stand in open air, far from the origin.
         const bool ahead = k > 0 ? look_ahead && !job.trace : progress.clearance <= enough;
-        if (exact && ahead && arrives_in_open_air(job, strand, progress, k, scratch, counts)) return true;
+        if (exact && ahead && arrives_in_open_air(job, strand, progress, k, scratch, counts)) {
+            std::fill(scratch.forced.begin() + long(k), scratch.forced.end(), char(false));
+            return true;
+        }
         Segment segment;
         scratch.forced[k] = false;
         if (!next_segment(scratch, progress, k, segment)) {
@@ -483,8 +486,9 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
         uint32_t hint = no_triangle;
         for (size_t k = 1; k < cvs; ++k) {
             along += (scratch.rest[k] - scratch.rest[k - 1]).norm();
-            // No CV rests higher than it is away from the skin at its root: where nothing comes as near as that asks for to the
-            // way from rest to target, the target is high enough. Mostly it is.
+            // No CV rests higher than it is away from the skin at its root. Where nothing comes as near as that asks for to the
+            // way from rest to target, the target is high enough: mostly so. That holds around a rim, too, where a target may
+            // hang in the open below the skin's plane.
             Region way(*job.settings->offset_scale * along * (1.0 + 1e-6));
             way.add(scratch.rest[k]);
             way.add(scratch.target[k]);

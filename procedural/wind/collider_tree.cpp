@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rounding. Boxes and slabs are floats rounded outwards, normals are floats taken as they are. A question's points are
 // rounded to floats and multiplied in floats: it is off by less than 16 ulp of its greatest coordinate, and is thickened by
-// that much. What is not a number compares false and so is never left out.
+// that much.
 #include "procedural/wind/collider_tree.h"
 
 #include "procedural/wind/morton_order.h"
@@ -20,6 +20,7 @@ constexpr uint32_t cluster_most = lanes; // triangles
 constexpr uint32_t node_most = lanes;    // clusters or nodes
 
 constexpr float nowhere = std::numeric_limits<float>::infinity();
+constexpr double far_away = 1e18; // beyond what meshes may have
 
 float round_down(double x) {
     const auto f = float(x);
@@ -184,15 +185,17 @@ ColliderTree::ColliderTree(const MarramFrame& frame, const Eigen::AlignedBox3d& 
                            const ColliderTree* like)
     : shape_(like ? like->shape_ : make_shape(frame, reach)), origin_(Vec3f::Zero()),
       nodes_(shape_->nodes.size()) {
-    // The middle of what there is at the first sample: the same for all.
+    // The middle of what there is within reach at the first sample: the same for all. A ground that goes on for miles
+    // must not take it far away, and with it the digits.
     if (like) {
         origin_ = like->origin_;
     } else if (!shape_->clusters.empty()) {
         Eigen::AlignedBox3f all;
         for (const Cluster& cluster : shape_->clusters) {
             const MarramMesh& mesh = *cluster.mesh;
-            all.extend(Eigen::Map<const Vec3f>(mesh.positions[0] +
-                                               3 * size_t(mesh.triangles[3 * size_t(triangle(cluster, 0))])));
+            const Eigen::Map<const Vec3f> p(mesh.positions[0] +
+                                            3 * size_t(mesh.triangles[3 * size_t(triangle(cluster, 0))]));
+            all.extend(p.cast<double>().cwiseMax(reach.min()).cwiseMin(reach.max()).cast<float>().eval());
         }
         origin_ = 0.5F * all.min() + 0.5F * all.max();
     }
@@ -339,7 +342,8 @@ MARRAM_HOT void ColliderTree::walk(const Question& q, size_t most, std::vector<u
     while (top > 0) {
         const uint32_t n = stack[--top];
         const uint32_t first = runs[n].first;
-        for (uint32_t bits = touched(nodes[n], q); bits != 0; bits &= bits - 1) {
+        const uint32_t there = (1U << runs[n].count) - 1U;
+        for (uint32_t bits = touched(nodes[n], q) & there; bits != 0; bits &= bits - 1) {
             const uint32_t child = first + uint32_t(std::countr_zero(bits));
             if (n >= above_clusters) {
                 stack[top++] = child;
@@ -366,10 +370,12 @@ bool ColliderTree::find(const Region& region, size_t most, std::vector<uint32_t>
         const Vec3d p = region.points()[i] - origin;
         low = low.cwiseMin(p);
         high = high.cwiseMax(p);
+        if (!p.allFinite()) return true;
         greatest = std::max(greatest, p.cwiseAbs().maxCoeff());
         for (int axis = 0; axis < 3; ++axis) q.points[i][axis] = float(p[axis]);
     }
     const double radius = region.radius() + rounding_of(greatest + region.radius());
+    if (!(radius < far_away)) return true;
     for (int axis = 0; axis < 3; ++axis) {
         q.low[axis] = float(low[axis] - radius);
         q.high[axis] = float(high[axis] + radius);

@@ -66,7 +66,7 @@ class ColliderTree {
     size_t bytes() const;        // its own
     size_t shared_bytes() const; // together with the trees of other motion samples
 
-    // The clusters that may hold a triangle within the region; false: there are more than `most` (found holds some of them).
+    // The clusters that may hold a triangle within the region (none where it is not finite or beyond 1e18); false: there are more than `most` (found holds some of them).
     bool find(const Region& region, size_t most, std::vector<uint32_t>& found) const;
 
     // Calls visit(cluster) for those that may hold a triangle within `radius` of p, roughly the nearest first. visit returns the

@@ -120,11 +120,15 @@ std::vector<uint64_t> morton_order(const MarramMesh& mesh, const Eigen::AlignedB
         near.low[axis] = std::nextafter(float(reach.min()[axis]), -nowhere);
         near.high[axis] = std::nextafter(float(reach.max()[axis]), nowhere);
     }
-    const float* positions = mesh.positions[0];
+    // Around what is finite, at all samples: what flies in later lies elsewhere at the first.
     Box all = tbb::parallel_reduce(
         tbb::blocked_range<size_t>(0, mesh.vertex_count, chunk), no_box,
         [&](const auto& range, Box box) {
-            for (size_t v = range.begin(); v < range.end(); ++v) extend(box, positions + 3 * v);
+            for (uint32_t time = 0; time < mesh.time_count; ++time)
+                for (size_t v = range.begin(); v < range.end(); ++v) {
+                    const float* p = mesh.positions[time] + 3 * v;
+                    if (0.0F * (p[0] + p[1] + p[2]) == 0.0F) extend(box, p);
+                }
             return box;
         },
         [](Box a, const Box& b) {

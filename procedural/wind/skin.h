@@ -20,7 +20,7 @@ inline constexpr uint32_t no_triangle = ~0U;
 bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p, const Vec3d& facing,
              double reach, uint32_t hint, Foot& foot);
 
-// Moves p out along the skin's normal until it stands at least `scale` times as high as `rest`, whose foot gives the side
+// To be asked where something is near the way from `rest` to p. Moves p out along the skin's normal until it stands at least `scale` times as high as `rest`, whose foot gives the side
 // of the skin. `facing`: the normal at the root. `hint`: see foot_of(); it becomes the triangle below `rest`. False: there is no
 // consistent side; p stays.
 bool push_out(const Colliders& colliders, const MarramMesh& skin, const Vec3d& rest, const Vec3d& facing,

@@ -140,6 +140,65 @@ TEST(ColliderTree, follows_meshes_that_move) {
     check(lent, second, 1, 1.0, 2000);
 }
 
+TEST(ColliderTree, knows_what_flies_into_reach_after_the_first_sample) {
+    Lent lent;
+    lent.meshes = {sphere_mesh(1.0F, 10, 0.0F, 0.0F)};
+    lent.poses = {{lent.meshes[0].positions, lent.meshes[0].positions}};
+    for (Vec3f& p : lent.poses[0][0]) p.x() += 50.0F;
+    lent.finish(2);
+    const Eigen::AlignedBox3d reach(Vec3d::Constant(-2), Vec3d::Constant(2));
+    const ColliderTree first(lent.frame, reach, 0), second(lent.frame, reach, 1, &first);
+    check(lent, second, 1, 1.0, 1000);
+    Region all(2.0);
+    all.add(Vec3d::Zero());
+    std::vector<uint32_t> found;
+    first.find(all, SIZE_MAX, found);
+    EXPECT_TRUE(found.empty());
+}
+
+TEST(ColliderTree, finds_nothing_at_infinity_and_where_there_is_no_number) {
+    Lent lent;
+    lent.meshes = {soup(5, 1.0, Vec3d::Zero())};
+    lent.finish(1);
+    const ColliderTree tree(lent.frame, everywhere(), 0);
+    constexpr double infinity = std::numeric_limits<double>::infinity(),
+                     nan = std::numeric_limits<double>::quiet_NaN();
+    std::vector<uint32_t> found;
+    for (const double x : {infinity, -infinity, nan, 0.0})
+        for (const double radius : {infinity, nan, 1.0}) {
+            if (x == 0.0 && radius == 1.0) continue;
+            Region region(radius);
+            region.add(Vec3d(x, 0, 0));
+            region.add(Vec3d(0, 0, 0));
+            EXPECT_TRUE(tree.find(region, SIZE_MAX, found));
+            EXPECT_TRUE(found.empty());
+        }
+}
+
+// A ground that goes on for miles must not blunt the tree for what grows on it.
+TEST(ColliderTree, stays_sharp_beside_a_wide_ground) {
+    Lent lent;
+    lent.meshes = {sphere_mesh(1.0F, 100, 0.0F, 0.0F), plane_mesh(Vec2f(1e5F, 1e5F), 1)};
+    for (Vec3f& p : lent.meshes[1].positions) p += Vec3f(4e4F, -2.0F, 4e4F);
+    lent.finish(1);
+    const ColliderTree tree(lent.frame, {Vec3d::Constant(-1.5), Vec3d::Constant(1.5)}, 0);
+    const ColliderTree with_ground(lent.frame, {Vec3d::Constant(-3.0), Vec3d::Constant(3.0)}, 0);
+    Random random;
+    std::vector<uint32_t> found;
+    size_t named[2] = {0, 0};
+    for (int i = 0; i < 1000; ++i) {
+        const Vec3d up = random.in_ball().normalized();
+        Region sweep(1e-4);
+        sweep.add(up * 1.001);
+        sweep.add(up * 1.02);
+        tree.find(sweep, SIZE_MAX, found);
+        named[0] += found.size();
+        with_ground.find(sweep, SIZE_MAX, found);
+        named[1] += found.size();
+    }
+    EXPECT_LE(named[1], named[0] + 100);
+}
+
 TEST(ColliderTree, leaves_out_what_is_out_of_reach_or_not_finite) {
     Lent lent;
     lent.meshes = {sphere_mesh(1.0F, 30, 0.0F, 0.0F)};

@@ -75,7 +75,7 @@ void density(benchmark::State& state) {
         state, 2.0, [&] { return fine.run_chain(); }, [&] { return coarse.run_chain(); });
 }
 
-// Where the chain's time goes, as shares of it, and what the tree costs that is made once for a pose of the colliders.
+// Where the chain's time goes, as shares of it, and what the tree costs that is made at the start of a frame.
 void stages(benchmark::State& state, const Size& size) {
     Workload& work = workload(size);
     const StageClock before = work.clock();

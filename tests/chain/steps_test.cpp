@@ -51,7 +51,7 @@ double median(std::vector<double> values) {
 // Seconds of collide() alone over the same bent strands, one solver after the other, several times.
 struct Costs {
     double exact, steps;
-    double tree; // that exact asks, made once for a pose of the colliders
+    double tree; // that exact asks, made at the start of a frame
 };
 
 Costs costs(const FurredWorld& world, double global_rotate) {

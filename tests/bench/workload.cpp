@@ -135,10 +135,4 @@ StageClock Workload::clock() const {
     return sum;
 }
 
-const CollisionCounts Workload::counts() const {
-    CollisionCounts sum;
-    for (const Thread& thread : threads_) sum += thread.chain.counts;
-    return sum;
-}
-
 } // namespace marram::bench

@@ -33,7 +33,6 @@ class Workload {
     double make_tree();
 
     StageClock clock() const; // thread seconds of run_chain() since it was made
-    const CollisionCounts counts() const;
 
   private:
     struct Thread {

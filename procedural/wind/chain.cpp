@@ -33,7 +33,9 @@ ChainFrame make_chain_frame(const ChainInput& input) {
         if (wind.gusts && bends)
             instant.gusts = gusts_at(*wind.gusts, wind.direction, frame.times[t], frame.fps);
     }
-    if (wind.collision && frame.stage == MARRAM_FINAL) {
+    const bool asks_tree =
+        wind.collision && (wind.collision->solver == Solver::exact || wind.collision->offset_scale);
+    if (asks_tree && frame.stage == MARRAM_FINAL) {
         std::vector<Colliders*> colliders;
         for (ChainFrame::Instant& instant : chain.instants) colliders.push_back(&instant.colliders);
         make_trees(frame, input.reach, colliders);

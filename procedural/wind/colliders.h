@@ -19,7 +19,7 @@ struct Colliders {
     std::vector<const MarramMesh*> meshes;    // [geometry ID]; nullptr: not lent
     uint32_t time_index = 0;                  // motion sample
     float time = 0.0F;                        // the same in [0, 1], as Embree counts it
-    std::shared_ptr<const ColliderTree> tree; // for exact collision
+    std::shared_ptr<const ColliderTree> tree; // for exact collision and offset scale
 
     bool any() const { return scene != nullptr && !meshes.empty(); }
     const MarramMesh* mesh_of(unsigned geometry) const {

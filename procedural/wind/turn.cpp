@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The sector that a segment sweeps is a region of which the colliders' tree is asked what may come near; where that is much, the
 // first half of the sector is looked at first, and what lies behind a contact never. Triangles that stay on one side of the
-// plane of the turn are left out at once; the rest go to blocked_turns(). The result is a minimum over triangles, so it does
+// plane of the turn are left out at once; the rest go to first_blocked(). The result is a minimum over triangles, so it does
 // not depend on how the sector was cut.
 #include "procedural/wind/turn.h"
 
@@ -41,7 +41,6 @@ Region sector(const Vec3d& pivot, const Turning& turning, const Part& part, doub
 // there are more than `most` clusters.
 bool gather(const Colliders& colliders, const Region& region, size_t most, TurnScratch& scratch) {
     scratch.triangles.clear();
-    ++scratch.queries;
     const ColliderTree& tree = *colliders.tree;
     if (!tree.find(region, most, scratch.clusters)) return false;
     const Vec3d& pivot = region.points()[0];
@@ -55,7 +54,6 @@ bool gather(const Colliders& colliders, const Region& region, size_t most, TurnS
                 p[k] -= pivot;
                 h[k] = p[k].dot(region.normal());
             }
-            ++scratch.visited;
             if (std::min({h[0], h[1], h[2]}) <= c && std::max({h[0], h[1], h[2]}) >= -c)
                 scratch.triangles.push(p[0], p[1], p[2]);
         }
@@ -158,7 +156,7 @@ double end_of_blocked(const Colliders& colliders, const Vec3d& pivot, const Turn
 }
 
 // Out of a collider within one plane, to whichever side is nearer. Rays at equal steps say how far it is blocked without
-// clearance; from the last of these the end of what is blocked is computed.
+// clearance; from two steps past the last of these it turns back to the contact.
 // Returns how far it has turned; more than pi: the plane has no free direction within `most`.
 double turn_out_in_plane(const Colliders& colliders, const Segment& segment, const Turning& turning,
                          double most, TurnScratch& scratch, Vec3d& direction) {
@@ -289,7 +287,6 @@ bool apart(const Region& region, const std::array<Vec3d, 3>& p) {
 
 bool surely_clear(const Colliders& colliders, const Region& region, TurnScratch& scratch) {
     const ColliderTree& tree = *colliders.tree;
-    ++scratch.queries;
     if (!tree.find(region, many, scratch.clusters)) return false;
     for (const uint32_t i : scratch.clusters) {
         const ColliderTree::Cluster& cluster = tree.cluster(i);
@@ -302,7 +299,6 @@ bool surely_clear(const Colliders& colliders, const Region& region, TurnScratch&
 bool triangles_near(const Colliders& colliders, const Region& region, const Vec3d& origin, size_t most,
                     TurnScratch& scratch) {
     const ColliderTree& tree = *colliders.tree;
-    ++scratch.queries;
     scratch.triangles.clear();
     if (!tree.find(region, most, scratch.clusters)) return false;
     for (const uint32_t i : scratch.clusters) {

@@ -45,13 +45,12 @@ struct TurnScratch {
     TriangleList triangles, kept;
     std::vector<uint32_t> clusters;
     std::vector<Blocked> blocked;
-    uint64_t queries = 0, visited = 0;
 };
 
 // Exact: from `from` by the shortest arc to `goal`, up to the first turn at which the segment is nearer than its clearance
 // to a triangle. Where `from` is not free it is first turned out: in the plane of its arc or, if that is a smaller turn,
-// straight out, in the plane of `from` and the way from the nearest triangle to the pivot; if that plane has no free
-// direction, in planes turned about `from` by 1/16
+// straight out, in the plane of `from` and the way from the nearest triangle to the pivot (free ranges narrower than
+// 1/16 of a half turn may be missed); if that plane has no free direction, in planes turned about `from` by 1/16
 // of a half turn and its multiples, nearest first; if none has one, again with a quarter of the clearance, down to 1e-6
 // lengths. Then it is unresolved: of the directions tried the one that runs free the longest.
 // Contact angles are good to 1e-9 rad away from grazing contact.

@@ -192,13 +192,13 @@ struct Bow {
         return bspline ? Vec3d((s * s * s * d0 + t * t * t * d1) / 6.0)
                        : Vec3d(-0.5 * (t * s * s * d0 + t * t * s * d1));
     }
-    // away(t) is a mix of bulge(d0), bulge(d1) and 0: (1-t)^3 + t^3 <= 1, t (1-t) <= 1/4.
-    Vec3d bulge(const Vec3d& d) const { return bspline ? Vec3d(d / 6.0) : Vec3d(-d / 8.0); }
-    // |away| at t or more; convex in t, so that its greatest on a part is at one of the part's ends.
-    double away_limit(double t) const {
-        if (!bspline) return gap();
-        const double s = 1.0 - t;
-        return (s * s * s * d0.norm() + t * t * t * d1.norm()) / 6.0;
+    // away(t) between `begin` and `end` is x d0 + y d1 with x and y between 0 and these.
+    Vec2d most(double begin, double end) const {
+        const double s = 1.0 - begin;
+        if (bspline) return {s * s * s / 6.0, end * end * end / 6.0};
+        // t (1-t)^2 is greatest at 1/3, t^2 (1-t) at 2/3.
+        const double t = std::clamp(1.0 / 3.0, begin, end), u = std::clamp(2.0 / 3.0, begin, end);
+        return {-0.5 * t * (1.0 - t) * (1.0 - t), -0.5 * u * u * (1.0 - u)};
     }
     double gap() const { return std::max(d0.norm(), d1.norm()) / (bspline ? 6.0 : 8.0); }
 };
@@ -301,6 +301,7 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
             if (segment.clearance < std::max(enough, 1e-6 * segment.length))
                 segment.clearance = measured_clearance(*job.colliders, segment.pivot, wanted);
             segment.doubted = progress.start == scratch.rest[0];
+            segment.carried = k > 0;
             turned = segment.clearance > enough ? turn_exactly(*job.colliders, segment, scratch.turn)
                                                 : Turned{segment.from, Outcome::unresolved, false, 0.0};
             if (turned.outcome == Outcome::not_clear) {
@@ -364,13 +365,17 @@ bool follow(const DipCheck& check, double begin, double end, const Vec3d& centre
 // triangles around it is cut in four.
 bool part_dips_in(const DipCheck& check, double begin, double end, int cuts) {
     const Bow& bow = check.bow;
-    const double away = std::max(bow.away_limit(begin), bow.away_limit(end)),
-                 widest = std::max(bow.r0, bow.r1);
-    if (away + widest <= check.room) return false;
+    const Vec2d most = bow.most(begin, end);
+    const Vec3d b0 = bow.d0 * most[0], b1 = bow.d1 * most[1];
+    const double widest = std::max(bow.r0, bow.r1);
+    if (b0.norm() + b1.norm() + widest <= check.room) return false;
     const Vec3d centre = bow.on_polygon(0.5 * (begin + end));
-    Region region(away + widest);
-    region.add(bow.on_polygon(begin));
-    region.add(bow.on_polygon(end));
+    const double distance = std::max(widest - check.allowed, 0.0);
+    Region region(distance);
+    for (const double t : {begin, end}) {
+        const Vec3d p = bow.on_polygon(t);
+        for (const Vec3d& away : {Vec3d(Vec3d::Zero()), b0, b1, Vec3d(b0 + b1)}) region.add(p + away);
+    }
     constexpr size_t many = 16; // clusters
     constexpr int most_cuts = 4, pieces = 4;
     if (!triangles_near(check.colliders, region, centre, cuts < most_cuts ? many : SIZE_MAX, check.scratch)) {
@@ -383,8 +388,7 @@ bool part_dips_in(const DipCheck& check, double begin, double end, int cuts) {
     if (check.scratch.triangles.size() == 0) return false;
     const std::span<Triangles8> all = check.scratch.triangles.blocks();
     keep_near_bulge(all, check.scratch.triangles.size(), bow.on_polygon(begin) - centre,
-                    bow.on_polygon(end) - centre, bow.bulge(bow.d0), bow.bulge(bow.d1),
-                    std::max(widest - check.allowed, 0.0), check.scratch.kept);
+                    bow.on_polygon(end) - centre, b0, b1, distance, check.scratch.kept);
     return check.scratch.kept.size() > 0 && follow(check, begin, end, centre);
 }
 

@@ -347,6 +347,8 @@ MARRAM_HOT void ColliderTree::walk(const Question& q, size_t most, std::vector<u
             const uint32_t child = first + uint32_t(std::countr_zero(bits));
             if (n >= above_clusters) {
                 stack[top++] = child;
+                for (size_t line = 0; line < sizeof(Node); line += 64)
+                    __builtin_prefetch(reinterpret_cast<const char*>(nodes + child) + line);
                 continue;
             }
             if (found.size() >= most) {

@@ -67,20 +67,4 @@ Vec3d nearest_point(const std::array<Vec3d, 3>& p, const Vec3d& q) {
     return best;
 }
 
-NearestTriangle nearest_triangle(const Colliders& colliders, const Vec3d& q, double radius) {
-    NearestTriangle nearest;
-    near_triangles(colliders, q, radius, [&](const MarramMesh& mesh, uint32_t triangle, double limit) {
-        const Vec3d point = nearest_point(colliders.corners(mesh, triangle), q);
-        const double distance = (point - q).norm();
-        // Of equally near triangles the first by number, whatever order they come in.
-        const bool tie =
-            nearest.mesh && distance == nearest.distance &&
-            std::pair(mesh.geometry_id, triangle) < std::pair(nearest.mesh->geometry_id, nearest.triangle);
-        if (distance > limit || (nearest.mesh && distance >= nearest.distance && !tie)) return limit;
-        nearest = {&mesh, triangle, distance, point};
-        return distance;
-    });
-    return nearest;
-}
-
 } // namespace marram

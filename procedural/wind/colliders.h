@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The renderer's colliders at one instant, asked for the triangles near a place: Embree's point query finds the leaves, the
-// mesh tables of the contract hold the corners.
+// The renderer's colliders at one instant: its Embree scene for rays, the mesh tables of the contract for exact corners, and a
+// tree over these for the triangles near a place.
 #pragma once
 
 #include "core/math/vec.h"
@@ -52,56 +52,8 @@ inline Eigen::AlignedBox3d everywhere() {
 void make_trees(const MarramFrame& frame, const Eigen::AlignedBox3d& reach,
                 std::span<Colliders* const> colliders);
 
-// Calls visit(mesh, triangle, limit) for every triangle that may come within `radius` of `centre`, and more. visit returns the
-// radius to go on with: the same, smaller (what is farther away is then left out), or negative to stop.
-// Nothing is called where centre or radius is not finite. Cost: about 0.1 us where there is nothing, 10 ns a triangle.
-template <typename Visit>
-void near_triangles(const Colliders& colliders, const Vec3d& centre, double radius, Visit&& visit) {
-    // Embree's nodes are boxes of floats: what rounding may lose is added.
-    const double spare = 4.0 * 0x1p-24 * (centre.cwiseAbs().maxCoeff() + radius);
-    const double limit = radius + spare;
-    if (!(limit < 1e18) || !(centre.cwiseAbs().maxCoeff() < 1e18)) return;
-    struct Call {
-        const Colliders& colliders;
-        std::remove_reference_t<Visit>& visit;
-        double radius, spare;
-        bool stopped;
-    } call{colliders, visit, radius, spare, false};
-    RTCPointQuery query;
-    query.x = float(centre.x());
-    query.y = float(centre.y());
-    query.z = float(centre.z());
-    query.time = colliders.time;
-    query.radius = float(limit * (1.0 + 0x1p-22));
-    RTCPointQueryContext context;
-    rtcInitPointQueryContext(&context);
-    rtcPointQuery(
-        colliders.scene, &query, &context,
-        [](RTCPointQueryFunctionArguments* args) {
-            Call& c = *static_cast<Call*>(args->userPtr);
-            const MarramMesh* mesh = c.colliders.mesh_of(args->geomID);
-            if (c.stopped || !mesh) return false;
-            const double wanted = c.visit(*mesh, args->primID, c.radius);
-            if (wanted >= c.radius) return false;
-            c.stopped = wanted < 0.0;
-            c.radius = wanted;
-            args->query->radius = c.stopped ? 0.0F : float((wanted + c.spare) * (1.0 + 0x1p-22));
-            return true;
-        },
-        &call);
-}
-
-struct NearestTriangle {
-    const MarramMesh* mesh = nullptr; // nullptr: none within the radius
-    uint32_t triangle = 0;
-    double distance = 0.0;
-    Vec3d point = Vec3d::Zero(); // on it
-};
-
 // The point of triangle p nearest to q: C. Ericson, "Real-Time Collision Detection", 5.1.5, by the Voronoi regions; a triangle
 // without area is the longest of its edges.
 Vec3d nearest_point(const std::array<Vec3d, 3>& p, const Vec3d& q);
-
-NearestTriangle nearest_triangle(const Colliders& colliders, const Vec3d& q, double radius);
 
 } // namespace marram

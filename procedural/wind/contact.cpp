@@ -26,6 +26,8 @@
 // outside of the feature is nearer than c + 1e-10 l all the same.
 #include "procedural/wind/contact.h"
 
+#include "procedural/wind/shortest.h"
+
 #include <algorithm>
 
 namespace marram {
@@ -316,39 +318,65 @@ Wedge wedge_of(const Turning& turning, double begin, double end) {
     return wedge;
 }
 
+// The wedge, for eight lanes.
+struct alignas(64) Wedge8 {
+    Wide3d begin, end, behind, beyond, from, across;
+    VDouble length, clearance; // with room for rounding
+    bool narrow;
+
+    MARRAM_INLINE Wedge8(const Turning& turning, const Wedge& wedge)
+        : begin(splat3(wedge.begin.data())), end(splat3(wedge.end.data())),
+          behind(splat3(wedge.behind.data())), beyond(splat3(wedge.beyond.data())),
+          from(splat3(turning.from.data())), across(splat3(turning.across.data())),
+          length(splat(turning.length)),
+          clearance(splat(turning.clearance * (1.0 + rounding) + turning.length * rounding)),
+          narrow(wedge.narrow) {}
+
+    // How far the sector reaches along n: at the pivot, at one of its ends, or where n itself points into it.
+    MARRAM_INLINE VDouble reach(const Wide3d& n) const {
+        VDouble most = vmax(vmax(dot(n, begin), dot(n, end)), VDouble{});
+        const VLong peaks = narrow ? (dot(n, behind) <= 0.0) & (dot(n, beyond) <= 0.0) : VLong{} - 1;
+        if (any(peaks)) {
+            const VDouble a = dot(n, from), b = dot(n, across);
+            most = peaks ? vsqrt(a * a + b * b) : most;
+        }
+        return most * length;
+    }
+};
+
 // Which of eight triangles may be touched within the wedge: not those wholly on the far side of one of its half-spaces or of the
 // turn's plane, and not those whose own plane keeps the sector on one side, farther away than the clearance.
 MARRAM_HOT void may_touch(const Turning& turning, const Wedge& wedge, const Triangles8& triangles,
                           VLong& may) {
-    const double slack = turning.clearance * (1.0 + rounding) + turning.length * rounding;
-    const VDouble c = splat(slack);
-    const Wide3d normal = splat3(turning.normal.data()), behind = splat3(wedge.behind.data());
-    const Wide3d beyond = splat3(wedge.beyond.data()), back = splat3(wedge.back.data());
+    const Wedge8 wide(turning, wedge);
+    const VDouble c = wide.clearance;
+    const Wide3d normal = splat3(turning.normal.data()), back = splat3(wedge.back.data());
     VLong above = VLong{} - 1, below = above, before = above, after = above, backwards = above;
     for (const Wide3d& v : triangles.corner) {
         const VDouble h = dot(v, normal);
         above &= h > c;
         below &= h < -c;
-        before &= dot(v, behind) > c;
-        after &= dot(v, beyond) > c;
+        before &= dot(v, wide.behind) > c;
+        after &= dot(v, wide.beyond) > c;
         backwards &= dot(v, back) > c;
     }
     const Wide3d &v0 = triangles.corner[0], e0 = triangles.corner[1] - v0, e1 = triangles.corner[2] - v0;
-    const Wide3d n = cross(e0, e1);
-    const VDouble size = vsqrt(dot(n, n)), height = dot(n, v0), l = splat(turning.length);
-    const VDouble side = height < 0.0 ? splat(-1.0) : splat(1.0); // n away from the pivot
-    const VDouble begin = dot(n, splat3(wedge.begin.data())) * side,
-                  end = dot(n, splat3(wedge.end.data())) * side;
-    // The sector's reach along n: at the pivot, at one of its ends, or where n itself points into it.
-    const VDouble peak_begin = dot(n, behind) * side, peak_end = dot(n, beyond) * side;
-    const VLong peaks = wedge.narrow ? (peak_begin <= 0.0) & (peak_end <= 0.0) : VLong{} - 1;
-    VDouble reach = vmax(vmax(begin, end), VDouble{});
-    if (any(peaks)) {
-        const VDouble a = dot(n, splat3(turning.from.data())), b = dot(n, splat3(turning.across.data()));
-        reach = peaks ? vsqrt(a * a + b * b) : reach;
-    }
-    const VLong apart = (height * side - reach * l > size * c) & (size > 0.0);
+    Wide3d n = cross(e0, e1);
+    const VDouble size = vsqrt(dot(n, n)), height = dot(n, v0);
+    n = n * (height < 0.0 ? splat(-1.0) : splat(1.0)); // away from the pivot
+    const VLong apart = (vabs(height) - wide.reach(n) > size * c) & (size > 0.0);
     may = ~(above | below | before | after | backwards | apart);
+}
+
+// The same by the plane across the shortest way from the segment at the wedge's end: it parts triangles that lie beside
+// the place of contact.
+MARRAM_HOT void may_touch_late(const Turning& turning, const Wedge& wedge, const Triangles8& triangles,
+                               VLong& may) {
+    const Wedge8 wide(turning, wedge);
+    const Wide3d n = shortest_way(Wide3d{}, wide.end * wide.length, triangles).v;
+    const VDouble nearest =
+        vmin(dot(n, triangles.corner[0]), vmin(dot(n, triangles.corner[1]), dot(n, triangles.corner[2])));
+    may &= ~(nearest - wide.reach(n) > vsqrt(dot(n, n)) * wide.clearance);
 }
 
 // One interval from the extreme touches of a triangle.
@@ -412,21 +440,48 @@ MARRAM_HOT void first_crossing(const Turning& turning, const Triangles8& t, VDou
     }
 }
 
+// Where vertices first touch. A vertex v blocks the turns t with v . u(t) > reach, see above: those around its own direction.
+MARRAM_HOT void first_vertex(const Turning& turning, const Triangles8& triangles, VDouble& first) {
+    const Wide3d from = splat3(turning.from.data()), across = splat3(turning.across.data());
+    const VDouble l = splat(turning.length), ll = l * l, cc = splat(turning.clearance * turning.clearance);
+    const VDouble zero{}, one = splat(1.0);
+    for (const Wide3d& v : triangles.corner) {
+        const VDouble q = dot(v, v) - cc;
+        const VDouble reach = q <= ll ? vsqrt(vmax(q, zero)) : (ll + q) / (2.0 * l);
+        const VDouble a = dot(v, from), b = dot(v, across);
+        const VDouble ww = a * a + b * b - reach * reach;
+        const VLong touches = ww > 0.0;
+        const VDouble w = vsqrt(touches ? ww : zero);
+        // Where it begins, times a^2 + b^2.
+        const VDouble c1 = a * reach + b * w, s1 = b * reach - a * w;
+        const VDouble size = vabs(c1) + vabs(s1);
+        const VDouble p = vabs(s1) / (size > 0.0 ? size : one);
+        const VDouble turn = s1 < 0.0 ? zero : (c1 < 0.0 ? 2.0 - p : p);
+        // It begins before turn 0: then it blocks that, or only turns before.
+        const VLong valid = touches & ((s1 >= 0.0) | (a > reach));
+        first = valid & (turn < first) ? turn : first;
+    }
+}
+
+// No earlier than the first contact with any of them: where a vertex touches or, on coarse meshes, where the middle of the
+// segment meets an edge; `end` where neither does.
 double certain_contact(const Turning& turning, double end, std::span<Triangles8> triangles) {
-    VDouble first = splat(end);
-    for (const Triangles8& t : triangles) first_crossing(turning, t, first);
-    double least = end;
-    for (int i = 0; i < lanes; ++i) least = std::min(least, double(first[i]));
-    return least;
+    for (const auto bound : {first_vertex, first_crossing}) {
+        VDouble first = splat(end);
+        for (const Triangles8& t : triangles) bound(turning, t, first);
+        double least = end;
+        for (int i = 0; i < lanes; ++i) least = std::min(least, double(first[i]));
+        if (least < end) return least;
+    }
+    return end;
 }
 
 // Hands the interval of every triangle that blocks a turn between `begin` and `end` to `take`, which may bring the end
-// nearer and so spare the triangles still to come, or return false to stop.
+// nearer and so spare the triangles still to come, or return false to stop. The triangle lies in a lane of `dense` then.
 template <typename Take>
 void each_blocked(const Turning& turning, double begin, double end, std::span<Triangles8> triangles,
-                  size_t count, Take&& take) {
+                  size_t count, bool late, Triangles8& dense, Take&& take) {
     Wedge wedge = wedge_of(turning, begin, end);
-    Triangles8 dense;
     int filled = 0;
     const auto flush = [&] {
         if (filled == 0) return true;
@@ -440,13 +495,24 @@ void each_blocked(const Turning& turning, double begin, double end, std::span<Tr
         VLong end_edges;
         touches_of(turning, dense, touches, end_edges);
         const double before = end;
+        Blocked blocked{};
+        if (late) {
+            // Every touch is a contact: what closed forms know spares most searches for the end on an edge.
+            for (int lane = 0; lane < filled; ++lane)
+                if (interval_of(touches, lane, blocked) && !take(blocked, lane, end)) return false;
+            if (any(end_edges)) {
+                VLong may = VLong{} - 1;
+                may_touch_late(turning, wedge_of(turning, begin, end), dense, may);
+                end_edges &= may;
+            }
+        }
         for (int lane = 0; lane < filled; ++lane) {
+            if (late && end_edges[lane] == 0) continue;
             for (int i = 0; i < 3; ++i)
                 if (end_edges[lane] & (1 << i)) [[unlikely]]
                     end_touches(turning, lane_of(dense.corner[i], lane),
                                 lane_of(dense.corner[(i + 1) % 3], lane), touches, lane);
-            Blocked blocked{};
-            if (interval_of(touches, lane, blocked) && !take(blocked, end)) return false;
+            if (interval_of(touches, lane, blocked) && !take(blocked, lane, end)) return false;
         }
         filled = 0;
         if (end < before) wedge = wedge_of(turning, begin, end);
@@ -455,6 +521,7 @@ void each_blocked(const Turning& turning, double begin, double end, std::span<Tr
     for (size_t i = 0; i < triangles.size(); ++i) {
         VLong may;
         may_touch(turning, wedge, triangles[i], may);
+        if (late && any(may)) may_touch_late(turning, wedge, triangles[i], may);
         if (!any(may)) continue;
         const int used = int(std::min<size_t>(count - i * lanes, lanes));
         for (int lane = 0; lane < used; ++lane) {
@@ -474,15 +541,18 @@ void each_blocked(const Turning& turning, double begin, double end, std::span<Tr
 
 void blocked_turns(const Turning& turning, double begin, double end, std::span<Triangles8> triangles,
                    size_t count, std::vector<Blocked>& out) {
-    each_blocked(turning, begin, end, triangles, count, [&](const Blocked& blocked, double&) {
-        out.push_back(blocked);
-        return true;
-    });
+    Triangles8 dense;
+    each_blocked(turning, begin, end, triangles, count, false, dense,
+                 [&](const Blocked& blocked, int, double&) {
+                     out.push_back(blocked);
+                     return true;
+                 });
 }
 
-bool first_blocked(const Turning& turning, double end, TriangleList& triangles, TriangleList& near,
-                   double& first) {
+bool first_blocked(const Turning& turning, double end, TriangleList& triangles, FirstBlocked& found) {
+    double& first = found.turn;
     first = infinity;
+    TriangleList& near = found.near;
     near.clear();
     const Wedge wedge = wedge_of(turning, 0.0, end);
     const std::span<Triangles8> all = triangles.blocks();
@@ -494,12 +564,16 @@ bool first_blocked(const Turning& turning, double end, TriangleList& triangles, 
             if (may[lane]) near.push(all[i], int(lane));
     }
     if (near.size() == 0) return false;
-    // What crosses the plane of the turn blocks for certain there: nothing behind it matters.
+    for (Vec3d& corner : found.corner) corner.setConstant(std::numeric_limits<double>::quiet_NaN());
     double certain = end;
-    if (near.size() > lanes) certain = certain_contact(turning, end, near.blocks());
-    each_blocked(turning, 0.0, certain, near.blocks(), near.size(),
-                 [&](const Blocked& blocked, double& nearer) {
-                     first = std::min(first, blocked.low);
+    if (near.size() > 1) certain = certain_contact(turning, end, near.blocks());
+    Triangles8 dense;
+    each_blocked(turning, 0.0, certain, near.blocks(), near.size(), certain < end, dense,
+                 [&](const Blocked& blocked, int lane, double& nearer) {
+                     if (blocked.low < first) {
+                         first = blocked.low;
+                         for (int k = 0; k < 3; ++k) found.corner[k] = lane_of(dense.corner[k], lane);
+                     }
                      nearer = std::max(std::min(nearer, first), 0.0);
                      return first >= 0.0;
                  });

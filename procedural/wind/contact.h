@@ -92,10 +92,14 @@ struct Blocked {
 void blocked_turns(const Turning& turning, double begin, double end, std::span<Triangles8> triangles,
                    size_t count, std::vector<Blocked>& out);
 
-// The first turn in [0, end] that a triangle blocks; negative: turn 0 is blocked. False: none is. `near` is filled with those
-// triangles that were looked at closely.
-bool first_blocked(const Turning& turning, double end, TriangleList& triangles, TriangleList& near,
-                   double& first);
+struct FirstBlocked {
+    double turn;       // negative: turn 0 is blocked
+    Vec3d corner[3];   // of a triangle that blocks it; not a number where only rounding tells
+    TriangleList near; // to work with
+};
+
+// The first turn in [0, end] that a triangle blocks. False: none is.
+bool first_blocked(const Turning& turning, double end, TriangleList& triangles, FirstBlocked& found);
 
 // True: the pivot is farther than `clearance` from every triangle. False: it may be nearer (planes and boxes are looked at).
 bool clear_of_pivot(std::span<Triangles8> triangles, double clearance);

@@ -3,6 +3,11 @@
 // those of the cross products with the edges), or on one of the three edges, each a clamped projection.
 #include "procedural/wind/near.h"
 
+#include "procedural/wind/shortest.h"
+
+#include <algorithm>
+#include <limits>
+
 namespace marram {
 namespace {
 
@@ -46,81 +51,67 @@ MARRAM_HOT void crossed(std::span<const Triangles8> triangles, const Vec3d& p, c
     }
 }
 
-// The shortest of some vectors, kept as they come.
-struct alignas(64) Shortest {
-    Wide3d v{};
-    VDouble squared = splat(std::numeric_limits<double>::infinity());
-    MARRAM_INLINE void take(const Wide3d& r) {
-        const VDouble rr = dot(r, r);
-        const VLong shorter = rr < squared;
-        v = select(shorter, r, v);
-        squared = shorter ? rr : squared;
-    }
-};
-
-MARRAM_INLINE Wide3d to_edge(const Wide3d& a, const Wide3d& b, const Wide3d& p) {
-    const Wide3d e = b - a, d = p - a;
-    const VDouble ee = dot(e, e);
-    const VDouble t = vmin(vmax(dot(d, e) / (ee > 0.0 ? ee : splat(1.0)), VDouble{}), splat(1.0));
-    return e * t - d;
-}
-
-// From a point to the inside of a triangle, along its normal; far away where the foot is outside.
-MARRAM_INLINE Wide3d to_face(const Triangles8& t, const Wide3d& p) {
-    const Wide3d ab = t.corner[1] - t.corner[0], ac = t.corner[2] - t.corner[0], ap = p - t.corner[0];
-    const Wide3d n = cross(ab, ac);
-    const VDouble nn = dot(n, n), v = dot(cross(ap, ac), n), w = dot(cross(ab, ap), n);
-    const VLong inside = (v >= 0.0) & (w >= 0.0) & (v + w <= nn) & (nn > 0.0);
-    const VDouble far = splat(1e300) / vmax(dot(ap, ap), splat(1.0));
-    const VDouble s = -dot(ap, n) / (nn > 0.0 ? nn : splat(1.0));
-    return select(inside, n * s, Wide3d{far, far, far} * splat(1e-200));
-}
-
-// Between two segments, from the first to the second (Ericson, 5.1.9): clamped on one, then on the other.
-MARRAM_INLINE Wide3d between(const Wide3d& p, const Wide3d& d, const Wide3d& a, const Wide3d& b) {
-    const Wide3d e = b - a, r = p - a;
-    const VDouble dd = dot(d, d), ee = dot(e, e), de = dot(d, e), dr = dot(d, r), er = dot(e, r);
-    const VDouble zero{}, one = splat(1.0), slant = dd * ee - de * de;
-    const VLong skew = slant > 1e-14 * dd * ee;
-    VDouble s = skew ? (de * er - dr * ee) / (skew ? slant : one) : zero;
-    s = vmin(vmax(s, zero), one);
-    VDouble t = (de * s + er) / (ee > 0.0 ? ee : one);
-    t = vmin(vmax(t, zero), one);
-    s = (de * t - dr) / (dd > 0.0 ? dd : one);
-    s = vmin(vmax(s, zero), one);
-    return (e * t - r) - d * s;
-}
-
 struct Bulge {
     const Vec3d &p, &q, &b0, &b1;
     double distance;
 };
 
 MARRAM_HOT void near_bulge(const Triangles8& t, const Bulge& bulge, VLong& near) {
-    const Wide3d p = splat3(bulge.p.data()), q = splat3(bulge.q.data()), d = q - p;
-    Shortest shortest;
-    shortest.take(to_face(t, p));
-    shortest.take(to_face(t, q));
-    for (int i = 0; i < 3; ++i) {
-        const Wide3d &a = t.corner[i], &b = t.corner[(i + 1) % 3];
-        shortest.take(between(p, d, a, b));
-        shortest.take(to_edge(a, b, p)); // where the segments are parallel
-        shortest.take(to_edge(a, b, q));
-    }
+    const Shortest shortest = shortest_way(splat3(bulge.p.data()), splat3(bulge.q.data()), t);
     const VDouble length = vsqrt(shortest.squared);
-    const VDouble push = vmax(
-        vmax(dot(shortest.v, splat3(bulge.b0.data())), dot(shortest.v, splat3(bulge.b1.data()))), VDouble{});
+    const VDouble zero{};
+    const VDouble push = vmax(dot(shortest.v, splat3(bulge.b0.data())), zero) +
+                         vmax(dot(shortest.v, splat3(bulge.b1.data())), zero);
     near = length * length - push < length * (bulge.distance * (1.0 + 1e-12));
 }
 
 } // namespace
 
-MARRAM_HOT void facing_distances(const Triangles8& triangles, const Vec3d& facing, Squared8& out) {
+void load(const Colliders& colliders, const ColliderTree::Cluster& cluster, const Vec3d& origin,
+          Triangles8& out) {
+    for (uint32_t lane = 0; lane < uint32_t(lanes); ++lane) {
+        const uint32_t triangle = colliders.tree->triangle(cluster, std::min(lane, cluster.count - 1));
+        const auto p = colliders.corners(*cluster.mesh, triangle);
+        for (size_t k = 0; k < 3; ++k) {
+            out.corner[k].x[lane] = p[k].x() - origin.x();
+            out.corner[k].y[lane] = p[k].y() - origin.y();
+            out.corner[k].z[lane] = p[k].z() - origin.z();
+        }
+    }
+}
+
+MARRAM_HOT void squared_distances(const Triangles8& triangles, const Vec3d& facing, Squared8& out) {
     const Wide3d n =
         cross(triangles.corner[1] - triangles.corner[0], triangles.corner[2] - triangles.corner[0]);
     const VDouble squared = squared_distance(triangles, Wide3d{});
-    out.squared =
-        dot(n, splat3(facing.data())) > 0.0 ? squared : splat(std::numeric_limits<double>::infinity());
+    const VLong seen = (dot(n, splat3(facing.data())) > 0.0) | (VLong{} - long(facing.isZero(0.0)));
+    out.squared = seen ? squared : splat(std::numeric_limits<double>::infinity());
+}
+
+NearestTriangle nearest_triangle(const Colliders& colliders, const Vec3d& q, double radius) {
+    NearestTriangle nearest;
+    double limit = radius;
+    colliders.tree->nearest(q, radius, [&](const ColliderTree::Cluster& cluster) {
+        Triangles8 eight;
+        load(colliders, cluster, q, eight);
+        Squared8 distances;
+        squared_distances(eight, Vec3d::Zero(), distances);
+        for (uint32_t lane = 0; lane < cluster.count; ++lane) {
+            const double wide = limit * (1.0 + 1e-9);
+            if (!(distances.squared[int(lane)] <= wide * wide)) continue;
+            const uint32_t triangle = colliders.tree->triangle(cluster, lane);
+            const Vec3d point = nearest_point(colliders.corners(*cluster.mesh, triangle), q);
+            const double distance = (point - q).norm();
+            const bool tie = nearest.mesh && distance == nearest.distance &&
+                             std::pair(cluster.mesh->geometry_id, triangle) <
+                                 std::pair(nearest.mesh->geometry_id, nearest.triangle);
+            if (distance > limit || (nearest.mesh && distance >= nearest.distance && !tie)) continue;
+            nearest = {cluster.mesh, triangle, distance, point};
+            limit = distance;
+        }
+        return limit;
+    });
+    return nearest;
 }
 
 void keep_near_bulge(std::span<const Triangles8> triangles, size_t count, const Vec3d& p, const Vec3d& q,

@@ -34,16 +34,9 @@ bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p,
         const auto triangle = [&](size_t i) { return colliders.tree->triangle(cluster, uint32_t(i)); };
         const size_t count = cluster.count;
         Triangles8 eight;
-        for (size_t lane = 0; lane < lanes; ++lane) {
-            const auto corners = colliders.corners(skin, triangle(std::min(lane, count - 1)));
-            for (size_t k = 0; k < 3; ++k) {
-                eight.corner[k].x[lane] = corners[k].x() - p.x();
-                eight.corner[k].y[lane] = corners[k].y() - p.y();
-                eight.corner[k].z[lane] = corners[k].z() - p.z();
-            }
-        }
+        load(colliders, cluster, p, eight);
         Squared8 distances;
-        facing_distances(eight, facing, distances);
+        squared_distances(eight, facing, distances);
         // The nearest of them first: the rest can then only be as near.
         size_t first = 0;
         for (size_t lane = 1; lane < count; ++lane)

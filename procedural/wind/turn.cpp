@@ -5,7 +5,10 @@
 // not depend on how the sector was cut.
 #include "procedural/wind/turn.h"
 
+#include "procedural/wind/near.h"
+
 #include <algorithm>
+#include <array>
 
 namespace marram {
 namespace {
@@ -37,12 +40,28 @@ Region sector(const Vec3d& pivot, const Turning& turning, const Part& part, doub
     return region;
 }
 
+// What is next to each other in space may be far apart in a large mesh's tables: all of it is sent for at once.
+void prefetch(const Colliders& colliders, const std::vector<uint32_t>& clusters) {
+    const ColliderTree& tree = *colliders.tree;
+    const auto each = [&](auto&& visit) {
+        for (const uint32_t i : clusters) {
+            const ColliderTree::Cluster& cluster = tree.cluster(i);
+            for (uint32_t t = 0; t < cluster.count; ++t) visit(*cluster.mesh, tree.triangle(cluster, t));
+        }
+    };
+    each([](const MarramMesh& mesh, uint32_t t) { __builtin_prefetch(mesh.triangles + 3 * size_t(t)); });
+    each([&](const MarramMesh& mesh, uint32_t t) {
+        for (size_t i = 0; i < 3; ++i) __builtin_prefetch(colliders.corner(mesh, t, i));
+    });
+}
+
 // Triangles of the region's clusters, relative to the pivot, but for those that stay on one side of the region's plane. False:
 // there are more than `most` clusters.
 bool gather(const Colliders& colliders, const Region& region, size_t most, TurnScratch& scratch) {
     scratch.triangles.clear();
     const ColliderTree& tree = *colliders.tree;
     if (!tree.find(region, most, scratch.clusters)) return false;
+    prefetch(colliders, scratch.clusters);
     const Vec3d& pivot = region.points()[0];
     const double c = region.radius();
     for (const uint32_t i : scratch.clusters) {
@@ -95,9 +114,8 @@ Sweep sweep(const Colliders& colliders, const Segment& segment, const Arc& arc, 
             result.not_clear = true;
             return result;
         }
-        double first;
-        if (first_blocked(arc.turning, end, scratch.triangles, scratch.kept, first)) {
-            end = first;
+        if (first_blocked(arc.turning, end, scratch.triangles, scratch.first)) {
+            end = scratch.first.turn;
             if (end < 0.0) {
                 result.blocked_at_start = true;
                 return result;
@@ -134,6 +152,20 @@ RTCRayHit trace(const Colliders& colliders, const Segment& segment, const Vec3d&
     return hit;
 }
 
+// True: a ray finds a triangle that crosses the segment.
+bool surely_blocked(const Colliders& colliders, const Segment& segment, TurnScratch& scratch) {
+    constexpr double beyond = 1e18; // no mesh reaches as far, and Embree takes no such ray
+    if (!(segment.pivot.cwiseAbs().maxCoeff() < beyond)) return false;
+    const RTCRayHit found = trace(colliders, segment, segment.from);
+    const MarramMesh* mesh =
+        found.hit.geomID == RTC_INVALID_GEOMETRY_ID ? nullptr : colliders.mesh_of(found.hit.geomID);
+    if (!mesh) return false;
+    const auto p = colliders.corners(*mesh, found.hit.primID);
+    scratch.triangles.clear();
+    scratch.triangles.push(p[0] - segment.pivot, p[1] - segment.pivot, p[2] - segment.pivot);
+    return crosses_any(scratch.triangles.blocks(), Vec3d::Zero(), segment.from * segment.length);
+}
+
 // Turn 0 is blocked: the turn at which what blocks it ends, exactly, if it does before `end`; else infinity.
 double end_of_blocked(const Colliders& colliders, const Vec3d& pivot, const Turning& turning, double end,
                       TurnScratch& scratch) {
@@ -155,33 +187,102 @@ double end_of_blocked(const Colliders& colliders, const Vec3d& pivot, const Turn
     return std::atan2(at.y(), at.x());
 }
 
+// Rays from the pivot within a plane, at equal steps to both sides of `from`, eight steps in a packet.
+class RaysAround {
+  public:
+    RaysAround(const Colliders& colliders, const Segment& segment, const Turning& turning)
+        : colliders_(colliders), segment_(segment), turning_(turning) {}
+
+    static Vec2d step(int i) { // its cosine and sine
+        static const auto table = [] {
+            std::array<Vec2d, 2 * out_steps + 1> t;
+            for (size_t k = 0; k < t.size(); ++k)
+                t[k] = {std::cos(pi / out_steps * double(k)), std::sin(pi / out_steps * double(k))};
+            return t;
+        }();
+        return table[size_t(i)];
+    }
+    Vec3d at(int side, int i) const {
+        const Vec2d u = step(i);
+        return turning_.direction(u.x(), side == 0 ? u.y() : -u.y());
+    }
+    // Whether the ray at step i >= 1 meets a triangle.
+    bool meets(int side, int i) {
+        while (i > known_) trace_more();
+        return blocked_[side] >> i & 1;
+    }
+
+  private:
+    static constexpr int packet = 8;
+
+    void trace_more() {
+        alignas(64) RTCRay16 rays;
+        alignas(64) int valid[16];
+        for (int r = 0; r < 16; ++r) {
+            const Vec3d d = at(r / packet, known_ + 1 + r % packet);
+            valid[r] = -1;
+            rays.org_x[r] = float(segment_.pivot.x());
+            rays.org_y[r] = float(segment_.pivot.y());
+            rays.org_z[r] = float(segment_.pivot.z());
+            rays.dir_x[r] = float(d.x());
+            rays.dir_y[r] = float(d.y());
+            rays.dir_z[r] = float(d.z());
+            rays.tnear[r] = 0.0F;
+            rays.tfar[r] = float(segment_.length);
+            rays.time[r] = colliders_.time;
+            rays.mask[r] = ~0U;
+            rays.id[r] = 0;
+            rays.flags[r] = 0;
+        }
+        marram_occluded16(colliders_.scene, valid, &rays);
+        for (int r = 0; r < 16; ++r)
+            blocked_[r / packet] |= uint64_t(rays.tfar[r] < 0.0F) << (known_ + 1 + r % packet);
+        known_ += packet;
+    }
+
+    const Colliders& colliders_;
+    const Segment& segment_;
+    const Turning& turning_;
+    uint64_t blocked_[2] = {};
+    int known_ = 0;
+};
+
 // Out of a collider within one plane, to whichever side is nearer. Rays at equal steps say how far it is blocked without
-// clearance; from two steps past the last of these it turns back to the contact.
+// clearance; from two steps past the last of these, or from `most`, it turns back to the contact.
 // Returns how far it has turned; more than pi: the plane has no free direction within `most`.
 double turn_out_in_plane(const Colliders& colliders, const Segment& segment, const Turning& turning,
                          double most, TurnScratch& scratch, Vec3d& direction) {
     constexpr double step = pi / out_steps;
     constexpr double none = 2.0 * pi;
-    double blocked[2] = {0.0, 0.0}, least = none;
+    RaysAround rays(colliders, segment, turning);
+    int blocked[2] = {0, 0};
+    double least = none;
     for (;;) {
         const int side = blocked[0] <= blocked[1] ? 0 : 1;
-        const double sign = side == 0 ? 1.0 : -1.0, from = blocked[side];
+        const double sign = side == 0 ? 1.0 : -1.0, from = blocked[side] * step;
         if (from >= std::min({least, most, pi})) return least;
-        const auto at = [&](double turn) { return turning.direction(std::cos(turn), sign * std::sin(turn)); };
-        if (ray_meets(colliders, segment.pivot, at(from + step), segment.length)) {
-            blocked[side] += step;
+        if (rays.meets(side, blocked[side] + 1)) {
+            ++blocked[side];
             continue;
         }
         // Mostly two steps on it is free, and the way back from there short: contact needs far fewer triangles than the end of
         // what is blocked.
-        const double free = from + 2.0 * step;
+        const auto at = [&](double turn) { return turning.direction(std::cos(turn), sign * std::sin(turn)); };
+        const double free = std::min(from + 2.0 * step, most);
+        const bool last = free == most; // it must be free itself, or what is free is no nearer
+        if (last && ray_meets(colliders, segment.pivot, at(free), segment.length)) {
+            blocked[side] = 2 * out_steps;
+            continue;
+        }
         Arc back{turning, free - from};
         back.turning.from = at(free).normalized();
         back.turning.normal = turning.normal * -sign;
         back.turning.across = back.turning.normal.cross(back.turning.from);
         const Sweep found = sweep(colliders, segment, back, scratch);
         double turned = free - found.first;
-        if (found.blocked_at_start) {
+        if (found.blocked_at_start && last) {
+            turned = none;
+        } else if (found.blocked_at_start) {
             Turning rest = turning;
             rest.from = at(from).normalized();
             rest.normal = turning.normal * sign;
@@ -193,8 +294,13 @@ double turn_out_in_plane(const Colliders& colliders, const Segment& segment, con
         if (turned < least) {
             least = turned;
             direction = at(turned);
+            scratch.against.clear();
+            if (!found.blocked_at_start) {
+                const auto& p = scratch.first.corner;
+                scratch.against.push(p[0], p[1], p[2]);
+            }
         }
-        blocked[side] = turned <= pi ? none : free;
+        blocked[side] = turned <= pi || last ? 2 * out_steps : blocked[side] + 2;
     }
 }
 
@@ -351,7 +457,9 @@ Arc arc_of(const Segment& segment) {
 Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratch& scratch) {
     Segment segment = given;
     Arc arc = arc_of(segment);
-    Sweep found = sweep(colliders, segment, arc, scratch);
+    Sweep found{true, false, 0.0, Vec2d::Zero()};
+    if (!segment.carried || !surely_blocked(colliders, segment, scratch))
+        found = sweep(colliders, segment, arc, scratch);
     // Planes and boxes have raised the doubt, or a start that is blocked has ended the sweep before all that is near the pivot
     // was seen: now it is measured.
     if (found.not_clear || (found.blocked_at_start && segment.doubted)) {
@@ -377,14 +485,22 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
         // From there towards the goal. It stands at its clearance exactly, so it goes on with a little less.
         segment.from = out.normalized();
         segment.clearance *= 1.0 - 1e-6;
-        // Mostly it stands against the collider that the goal is behind, and touches at once.
+        // Mostly it stands against the collider that the goal is behind, and touches at once: where the triangle that stopped it
+        // does so within 1e-6 it stays.
         arc = arc_of(segment);
-        constexpr double at_once = 0.05;
-        Arc near = arc;
-        near.angle = std::min(arc.angle, at_once);
-        found = sweep(colliders, segment, near, scratch);
-        if (!found.blocked_at_start && found.first > near.angle && near.angle < arc.angle)
-            found = sweep(colliders, segment, arc, scratch);
+        constexpr double at_once = 0.05, stays = 1e-6;
+        found = {false, false, std::numeric_limits<double>::infinity(), Vec2d::Zero()};
+        double most = std::min(arc.angle, at_once);
+        if (scratch.against.size() > 0 &&
+            first_blocked(arc.turning, diamond_of_angle(most), scratch.against, scratch.first))
+            found.blocked_at_start = scratch.first.turn < stays;
+        if (!found.blocked_at_start) {
+            Arc near = arc;
+            near.angle = most;
+            found = sweep(colliders, segment, near, scratch);
+            if (!found.blocked_at_start && found.first > near.angle && near.angle < arc.angle)
+                found = sweep(colliders, segment, arc, scratch);
+        }
         if (found.blocked_at_start)
             return {segment.from,      Outcome::contact, true,
                     segment.clearance, goal_angle,       goal_angle - arc.angle};

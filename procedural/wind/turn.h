@@ -15,6 +15,7 @@ struct Segment {
     Vec3d lean; // of the strand behind it: decides the way where from and goal are opposed; may be 0
     double length, clearance;
     bool doubted = false; // the pivot's clearance is to be checked
+    bool carried = false; // by turns nearer the root, perhaps into a collider: a ray is asked first
 };
 
 enum class Outcome {
@@ -43,6 +44,8 @@ Arc arc_of(const Segment& segment);
 // What a thread keeps from segment to segment.
 struct TurnScratch {
     TriangleList triangles, kept;
+    TriangleList against; // what a segment that was turned out stands against
+    FirstBlocked first;
     std::vector<uint32_t> clusters;
     std::vector<Blocked> blocked;
 };
@@ -52,7 +55,8 @@ struct TurnScratch {
 // straight out, in the plane of `from` and the way from the nearest triangle to the pivot (free ranges narrower than
 // 1/16 of a half turn may be missed); if that plane has no free direction, in planes turned about `from` by 1/16
 // of a half turn and its multiples, nearest first; if none has one, again with a quarter of the clearance, down to 1e-6
-// lengths. Then it is unresolved: of the directions tried the one that runs free the longest.
+// lengths. Then it is unresolved: of the directions tried the one that runs free the longest. One that was turned out and would
+// touch again within 1e-6 rad on its way to the goal stays.
 // Contact angles are good to 1e-9 rad away from grazing contact.
 Turned turn_exactly(const Colliders& colliders, const Segment& segment, TurnScratch& scratch);
 

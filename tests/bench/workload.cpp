@@ -19,6 +19,45 @@ double seconds_of(Work&& work) {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
+// Calls visit(mesh, triangle, limit) for every triangle that may come within `radius` of `centre`, and more. visit returns the
+// radius to go on with: the same, smaller (what is farther away is then left out), or negative to stop.
+// Nothing is called where centre or radius is not finite. Cost: about 0.1 us where there is nothing, 10 ns a triangle.
+template <typename Visit>
+void near_triangles(const Colliders& colliders, const Vec3d& centre, double radius, Visit&& visit) {
+    // Embree's nodes are boxes of floats: what rounding may lose is added.
+    const double spare = 4.0 * 0x1p-24 * (centre.cwiseAbs().maxCoeff() + radius);
+    const double limit = radius + spare;
+    if (!(limit < 1e18) || !(centre.cwiseAbs().maxCoeff() < 1e18)) return;
+    struct Call {
+        const Colliders& colliders;
+        std::remove_reference_t<Visit>& visit;
+        double radius, spare;
+        bool stopped;
+    } call{colliders, visit, radius, spare, false};
+    RTCPointQuery query;
+    query.x = float(centre.x());
+    query.y = float(centre.y());
+    query.z = float(centre.z());
+    query.time = colliders.time;
+    query.radius = float(limit * (1.0 + 0x1p-22));
+    RTCPointQueryContext context;
+    rtcInitPointQueryContext(&context);
+    rtcPointQuery(
+        colliders.scene, &query, &context,
+        [](RTCPointQueryFunctionArguments* args) {
+            Call& c = *static_cast<Call*>(args->userPtr);
+            const MarramMesh* mesh = c.colliders.mesh_of(args->geomID);
+            if (c.stopped || !mesh) return false;
+            const double wanted = c.visit(*mesh, args->primID, c.radius);
+            if (wanted >= c.radius) return false;
+            c.stopped = wanted < 0.0;
+            c.radius = wanted;
+            args->query->radius = c.stopped ? 0.0F : float((wanted + c.spare) * (1.0 + 0x1p-22));
+            return true;
+        },
+        &call);
+}
+
 Wind gusty_wind() {
     Wind wind = plain_wind(Vec3d::UnitX(), 0.6);
     wind.calm = 0.6;

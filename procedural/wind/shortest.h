@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// The shortest way from a segment to a triangle, eight triangles at a time: from one of its ends to the inside of the triangle,
+// or from the segment to an edge. Where they cross it is one of those all the same.
+#pragma once
+
+#include "procedural/wind/contact.h"
+
+#include <limits>
+
+namespace marram {
+
+// The shortest of some vectors, kept as they come.
+struct alignas(64) Shortest {
+    Wide3d v{};
+    VDouble squared = splat(std::numeric_limits<double>::infinity());
+    MARRAM_INLINE void take(const Wide3d& r) {
+        const VDouble rr = dot(r, r);
+        const VLong shorter = rr < squared;
+        v = select(shorter, r, v);
+        squared = shorter ? rr : squared;
+    }
+};
+
+MARRAM_INLINE Wide3d to_edge(const Wide3d& a, const Wide3d& b, const Wide3d& p) {
+    const Wide3d e = b - a, d = p - a;
+    const VDouble ee = dot(e, e);
+    const VDouble t = vmin(vmax(dot(d, e) / (ee > 0.0 ? ee : splat(1.0)), VDouble{}), splat(1.0));
+    return e * t - d;
+}
+
+// From a point to the inside of a triangle, along its normal; far away where the foot is outside.
+MARRAM_INLINE Wide3d to_face(const Triangles8& t, const Wide3d& p) {
+    const Wide3d ab = t.corner[1] - t.corner[0], ac = t.corner[2] - t.corner[0], ap = p - t.corner[0];
+    const Wide3d n = cross(ab, ac);
+    const VDouble nn = dot(n, n), v = dot(cross(ap, ac), n), w = dot(cross(ab, ap), n);
+    const VLong inside = (v >= 0.0) & (w >= 0.0) & (v + w <= nn) & (nn > 0.0);
+    const VDouble far = splat(1e300) / vmax(dot(ap, ap), splat(1.0));
+    const VDouble s = -dot(ap, n) / (nn > 0.0 ? nn : splat(1.0));
+    return select(inside, n * s, Wide3d{far, far, far} * splat(1e-200));
+}
+
+// Between two segments, from the first to the second (Ericson, 5.1.9): clamped on one, then on the other.
+MARRAM_INLINE Wide3d between(const Wide3d& p, const Wide3d& d, const Wide3d& a, const Wide3d& b) {
+    const Wide3d e = b - a, r = p - a;
+    const VDouble dd = dot(d, d), ee = dot(e, e), de = dot(d, e), dr = dot(d, r), er = dot(e, r);
+    const VDouble zero{}, one = splat(1.0), slant = dd * ee - de * de;
+    const VLong skew = slant > 1e-14 * dd * ee;
+    VDouble s = skew ? (de * er - dr * ee) / (skew ? slant : one) : zero;
+    s = vmin(vmax(s, zero), one);
+    VDouble t = (de * s + er) / (ee > 0.0 ? ee : one);
+    t = vmin(vmax(t, zero), one);
+    s = (de * t - dr) / (dd > 0.0 ? dd : one);
+    s = vmin(vmax(s, zero), one);
+    return (e * t - r) - d * s;
+}
+
+// From the segment p q to the triangle.
+MARRAM_INLINE Shortest shortest_way(const Wide3d& p, const Wide3d& q, const Triangles8& t) {
+    const Wide3d d = q - p;
+    Shortest shortest;
+    shortest.take(to_face(t, p));
+    shortest.take(to_face(t, q));
+    for (int i = 0; i < 3; ++i) {
+        const Wide3d &a = t.corner[i], &b = t.corner[(i + 1) % 3];
+        shortest.take(between(p, d, a, b));
+        shortest.take(to_edge(a, b, p)); // where the segments are parallel
+        shortest.take(to_edge(a, b, q));
+    }
+    return shortest;
+}
+
+} // namespace marram

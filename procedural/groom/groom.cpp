@@ -55,6 +55,7 @@ struct GroomInstance {
     const MarramMesh* mesh = nullptr;
     uint32_t time_count = 1;
     ChainFrame chain;
+    ColliderTrees trees;
     PastSkin past;
     bool gusts_fixed = false;
     std::vector<float> width_profile; // [cvs], half of it: radius of a strand 1 wide
@@ -240,11 +241,11 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         instance.time_count = moves ? frame->time_count : 1;
         instance.frame.time_count = instance.time_count; // what the chain works at
         const double before = now_in_seconds();
-        instance.chain = {}; // the last frame's trees go first
-        instance.chain =
-            make_chain_frame({instance.wind, instance.groom.envelope, instance.frame, *instance.mesh,
-                              instance.width_profile, instance.groom.basis, instance.past.window,
-                              instance.wind.collision ? reach_of_strands(instance) : everywhere()});
+        instance.chain = {}; // it holds the last frame's trees, which may have to go first
+        instance.chain = make_chain_frame(
+            {instance.wind, instance.groom.envelope, instance.frame, *instance.mesh, instance.width_profile,
+             instance.groom.basis, instance.past.window,
+             instance.wind.collision ? reach_of_strands(instance) : everywhere(), &instance.trees});
         instance.chain_seconds = instance.wind.collision ? now_in_seconds() - before : 0.0;
         *out = MarramOutput{};
         out->kind = MARRAM_CURVES;
@@ -436,7 +437,7 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     sink(user, "collision.turned_angle", counts.turned_angle);
     // The most that was there at any time: candidates come and go before there is scratch.
     const size_t lasting = instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 +
-                           instance.past.bytes() + instance.chain.tree_bytes() + scratch;
+                           instance.past.bytes() + instance.trees.bytes() + scratch;
     sink(user, "memory.bytes", double(std::max(lasting, instance.placing_bytes)));
 }
 

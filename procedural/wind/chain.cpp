@@ -38,23 +38,13 @@ ChainFrame make_chain_frame(const ChainInput& input) {
     if (asks_tree && frame.stage == MARRAM_FINAL) {
         std::vector<Colliders*> colliders;
         for (ChainFrame::Instant& instant : chain.instants) colliders.push_back(&instant.colliders);
-        make_trees(frame, input.reach, colliders);
+        ColliderTrees fresh;
+        (input.trees ? *input.trees : fresh).give(frame, input.reach, colliders);
     }
     for (int64_t knot = chain.window.first; knot <= chain.window.last && wind.gusts && bends; ++knot)
         chain.past_gusts.push_back(
             gusts_at(*wind.gusts, wind.direction, wind.jiggle->frame_of(knot), frame.fps));
     return chain;
-}
-
-size_t ChainFrame::tree_bytes() const {
-    size_t sum = 0;
-    const ColliderTree* last = nullptr;
-    for (const Instant& instant : instants) {
-        const ColliderTree* tree = instant.colliders.tree.get();
-        if (tree && tree != last) sum += tree->bytes() + (last ? 0 : tree->shared_bytes());
-        last = tree;
-    }
-    return sum;
 }
 
 namespace {

@@ -53,8 +53,6 @@ struct ChainFrame {
     std::vector<Instant> instants;     // [motion sample]
     JiggleWindow window;               // empty: strands do not jiggle
     std::vector<GustField> past_gusts; // [knot of the window]
-
-    size_t tree_bytes() const; // of the colliders' trees
 };
 
 struct ChainInput {
@@ -66,7 +64,8 @@ struct ChainInput {
     MarramBasis basis;
     JiggleWindow window{};
     Eigen::AlignedBox3d reach =
-        everywhere(); // holds every strand at every motion sample, whatever the wind does
+        everywhere();               // holds every strand at every motion sample, whatever the wind does
+    ColliderTrees* trees = nullptr; // of the frame before, to go on with where colliders rest
 };
 ChainFrame make_chain_frame(const ChainInput& input);
 

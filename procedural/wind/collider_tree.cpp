@@ -57,7 +57,7 @@ std::shared_ptr<const ColliderTree::Shape> ColliderTree::make_shape(const Marram
                        [](uint64_t entry) { return uint32_t(entry); });
         for (size_t begin = 0; begin < order.size();) {
             const size_t end = run_end(begin, order.size(), cluster_most, code);
-            shape->clusters.push_back({&mesh, uint32_t(base + begin), uint32_t(end - begin)});
+            shape->clusters.push_back({m, uint32_t(base + begin), uint32_t(end - begin)});
             keys.push_back(uint64_t(m) << 32 | code(begin));
             begin = end;
         }
@@ -192,7 +192,7 @@ ColliderTree::ColliderTree(const MarramFrame& frame, const Eigen::AlignedBox3d& 
     } else if (!shape_->clusters.empty()) {
         Eigen::AlignedBox3f all;
         for (const Cluster& cluster : shape_->clusters) {
-            const MarramMesh& mesh = *cluster.mesh;
+            const MarramMesh& mesh = frame.meshes[cluster.mesh];
             const Eigen::Map<const Vec3f> p(mesh.positions[0] +
                                             3 * size_t(mesh.triangles[3 * size_t(triangle(cluster, 0))]));
             all.extend(p.cast<double>().cwiseMax(reach.min()).cwiseMin(reach.max()).cast<float>().eval());
@@ -204,22 +204,22 @@ ColliderTree::ColliderTree(const MarramFrame& frame, const Eigen::AlignedBox3d& 
         tbb::parallel_for(tbb::blocked_range<size_t>(levels[level], levels[level + 1], 64),
                           [&](const auto& range) {
                               for (size_t n = range.begin(); n < range.end(); ++n) {
-                                  if (level == 0) prefetch(n, time);
+                                  if (level == 0) prefetch(frame.meshes, n, time);
                                   for (uint32_t i = 0; i < node_most; ++i)
-                                      bound_child(n, i, level == 0, time);
+                                      bound_child(frame.meshes, n, i, level == 0, time);
                               }
                           });
 }
 
 // On a large mesh clusters that are neighbours may be far apart in memory. Those of the next nodes are sent for.
-void ColliderTree::prefetch(size_t n, uint32_t time) const {
+void ColliderTree::prefetch(const MarramMesh* meshes, size_t n, uint32_t time) const {
     const auto each = [&](size_t node, auto&& visit) {
         if (node >= shape_->levels[1]) return;
         const Run run = shape_->nodes[node];
         for (uint32_t i = run.first; i < run.first + run.count; ++i) {
             const Cluster& cluster = shape_->clusters[i];
             for (uint32_t k = 0; k < cluster.count; ++k)
-                visit(*cluster.mesh, 3 * size_t(triangle(cluster, k)));
+                visit(meshes[cluster.mesh], 3 * size_t(triangle(cluster, k)));
         }
     };
     each(n + 2, [](const MarramMesh& mesh, size_t at) { __builtin_prefetch(mesh.triangles + at); });
@@ -229,12 +229,13 @@ void ColliderTree::prefetch(size_t n, uint32_t time) const {
     });
 }
 
-void ColliderTree::bound_child(size_t n, uint32_t i, bool is_cluster, uint32_t time) {
+void ColliderTree::bound_child(const MarramMesh* meshes, size_t n, uint32_t i, bool is_cluster,
+                               uint32_t time) {
     const Run run = shape_->nodes[n];
     Bounds bounds = no_bounds;
     if (i < run.count && is_cluster) {
         const Cluster& cluster = shape_->clusters[run.first + i];
-        const MarramMesh& mesh = *cluster.mesh;
+        const MarramMesh& mesh = meshes[cluster.mesh];
         const float* positions = mesh.positions[mesh.time_count > 1 ? time : 0];
         Corners8 corners;
         for (uint32_t lane = 0; lane < lanes; ++lane) {

@@ -9,6 +9,8 @@
 // of clusters are nodes (8 at most), runs of nodes the nodes above (T. Karras, "Maximizing Parallelism in the Construction of
 // BVHs, Octrees, and k-d Trees", 2012: cells are common prefixes).
 //
+// It holds no pointer into the frame, and serves later frames in which the meshes are the same.
+//
 // Cost: 25 bytes and 35 ns a triangle to make on two threads, where Embree takes 280 ns for its own; a question 0.1 to 0.3 us.
 #pragma once
 
@@ -49,7 +51,7 @@ class Region {
 class ColliderTree {
   public:
     struct Cluster {
-        const MarramMesh* mesh;
+        uint32_t mesh;         // of the frame
         uint32_t begin, count; // in the list of triangles
     };
 
@@ -134,8 +136,8 @@ class ColliderTree {
     static void distances_to(const Node& node, const float* p, Distances8& out);
     static std::shared_ptr<const Shape> make_shape(const MarramFrame& frame,
                                                    const Eigen::AlignedBox3d& reach);
-    void prefetch(size_t node, uint32_t time) const;
-    void bound_child(size_t node, uint32_t i, bool is_cluster, uint32_t time);
+    void prefetch(const MarramMesh* meshes, size_t node, uint32_t time) const;
+    void bound_child(const MarramMesh* meshes, size_t node, uint32_t i, bool is_cluster, uint32_t time);
     void walk(const Question& question, size_t most, std::vector<uint32_t>& found, bool& whole) const;
 
     std::shared_ptr<const Shape> shape_;

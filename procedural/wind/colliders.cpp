@@ -1,7 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/wind/colliders.h"
 
+#include <tbb/parallel_for.h>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
 #include <algorithm>
+#include <bit>
 
 namespace marram {
 
@@ -9,6 +15,7 @@ Colliders colliders_at(const MarramFrame& frame, uint32_t time_index) {
     Colliders colliders;
     if (!frame.colliders || frame.mesh_count == 0) return colliders;
     colliders.scene = frame.colliders;
+    colliders.lent = frame.meshes;
     colliders.time_index = time_index;
     colliders.time = frame.time_count > 1 ? float(time_index) / float(frame.time_count - 1) : 0.0F;
     for (uint32_t i = 0; i < frame.mesh_count; ++i) {
@@ -20,19 +27,73 @@ Colliders colliders_at(const MarramFrame& frame, uint32_t time_index) {
     return colliders;
 }
 
-void make_trees(const MarramFrame& frame, const Eigen::AlignedBox3d& reach,
-                std::span<Colliders* const> colliders) {
-    const bool moving = std::any_of(frame.meshes, frame.meshes + frame.mesh_count,
-                                    [](const MarramMesh& mesh) { return mesh.time_count > 1; });
-    const ColliderTree* first = nullptr;
-    for (Colliders* one : colliders) {
-        if (!one->any()) continue;
-        if (first && !moving)
-            one->tree = colliders.front()->tree;
-        else
-            one->tree = std::make_shared<ColliderTree>(frame, reach, one->time_index, first);
-        first = colliders.front()->tree.get();
+namespace {
+
+// Of bytes, in chunks side by side.
+void add_hash(const void* bytes, size_t count, std::vector<uint64_t>& key) {
+    constexpr size_t chunk = size_t(1) << 20;
+    const size_t chunks = (count + chunk - 1) / chunk, first = key.size();
+    key.resize(first + 2 * chunks);
+    tbb::parallel_for(size_t(0), chunks, [&](size_t i) {
+        const size_t begin = i * chunk, end = std::min(count, begin + chunk);
+        const XXH128_hash_t hash = XXH3_128bits(static_cast<const char*>(bytes) + begin, end - begin);
+        key[first + 2 * i] = hash.low64;
+        key[first + 2 * i + 1] = hash.high64;
+    });
+}
+
+// Whatever the trees depend on.
+std::vector<uint64_t> key_of(const MarramFrame& frame, const Eigen::AlignedBox3d& reach,
+                             std::span<Colliders* const> colliders) {
+    std::vector<uint64_t> key;
+    for (const Vec3d& corner : {reach.min(), reach.max()})
+        for (int axis = 0; axis < 3; ++axis) key.push_back(std::bit_cast<uint64_t>(corner[axis]));
+    for (const Colliders* one : colliders) key.push_back(one->any() ? one->time_index : ~uint64_t(0));
+    for (uint32_t i = 0; i < frame.mesh_count; ++i) {
+        const MarramMesh& mesh = frame.meshes[i];
+        key.insert(key.end(), {mesh.vertex_count, mesh.triangle_count, mesh.time_count});
+        add_hash(mesh.triangles, 3 * sizeof(uint32_t) * mesh.triangle_count, key);
+        for (uint32_t t = 0; t < mesh.time_count; ++t)
+            add_hash(mesh.positions[t], 3 * sizeof(float) * mesh.vertex_count, key);
     }
+    return key;
+}
+
+} // namespace
+
+bool ColliderTrees::give(const MarramFrame& frame, const Eigen::AlignedBox3d& reach,
+                         std::span<Colliders* const> colliders) {
+    std::vector<uint64_t> key = key_of(frame, reach, colliders);
+    const bool changed = key != key_;
+    if (changed) {
+        key_.clear();
+        trees_.clear(); // the old go first
+        trees_.resize(colliders.size());
+        const bool moving = std::any_of(frame.meshes, frame.meshes + frame.mesh_count,
+                                        [](const MarramMesh& mesh) { return mesh.time_count > 1; });
+        std::shared_ptr<const ColliderTree> first;
+        for (size_t i = 0; i < colliders.size(); ++i) {
+            if (!colliders[i]->any()) continue;
+            trees_[i] =
+                first && !moving
+                    ? first
+                    : std::make_shared<ColliderTree>(frame, reach, colliders[i]->time_index, first.get());
+            if (!first) first = trees_[i];
+        }
+        key_ = std::move(key);
+    }
+    for (size_t i = 0; i < colliders.size(); ++i) colliders[i]->tree = trees_[i];
+    return changed;
+}
+
+size_t ColliderTrees::bytes() const {
+    size_t sum = 0;
+    const ColliderTree* last = nullptr;
+    for (const auto& tree : trees_) {
+        if (tree && tree.get() != last) sum += tree->bytes() + (last ? 0 : tree->shared_bytes());
+        if (tree) last = tree.get();
+    }
+    return sum;
 }
 
 namespace {

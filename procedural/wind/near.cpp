@@ -71,7 +71,7 @@ void load(const Colliders& colliders, const ColliderTree::Cluster& cluster, cons
           Triangles8& out) {
     for (uint32_t lane = 0; lane < uint32_t(lanes); ++lane) {
         const uint32_t triangle = colliders.tree->triangle(cluster, std::min(lane, cluster.count - 1));
-        const auto p = colliders.corners(*cluster.mesh, triangle);
+        const auto p = colliders.corners(colliders.lent[cluster.mesh], triangle);
         for (size_t k = 0; k < 3; ++k) {
             out.corner[k].x[lane] = p[k].x() - origin.x();
             out.corner[k].y[lane] = p[k].y() - origin.y();
@@ -92,6 +92,7 @@ NearestTriangle nearest_triangle(const Colliders& colliders, const Vec3d& q, dou
     NearestTriangle nearest;
     double limit = radius;
     colliders.tree->nearest(q, radius, [&](const ColliderTree::Cluster& cluster) {
+        const MarramMesh& mesh = colliders.lent[cluster.mesh];
         Triangles8 eight;
         load(colliders, cluster, q, eight);
         Squared8 distances;
@@ -100,13 +101,13 @@ NearestTriangle nearest_triangle(const Colliders& colliders, const Vec3d& q, dou
             const double wide = limit * (1.0 + 1e-9);
             if (!(distances.squared[int(lane)] <= wide * wide)) continue;
             const uint32_t triangle = colliders.tree->triangle(cluster, lane);
-            const Vec3d point = nearest_point(colliders.corners(*cluster.mesh, triangle), q);
+            const Vec3d point = nearest_point(colliders.corners(mesh, triangle), q);
             const double distance = (point - q).norm();
             const bool tie = nearest.mesh && distance == nearest.distance &&
-                             std::pair(cluster.mesh->geometry_id, triangle) <
+                             std::pair(mesh.geometry_id, triangle) <
                                  std::pair(nearest.mesh->geometry_id, nearest.triangle);
             if (distance > limit || (nearest.mesh && distance >= nearest.distance && !tie)) continue;
-            nearest = {cluster.mesh, triangle, distance, point};
+            nearest = {&mesh, triangle, distance, point};
             limit = distance;
         }
         return limit;

@@ -30,7 +30,7 @@ bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p,
     };
     if (hint != no_triangle) consider(hint);
     colliders.tree->nearest(p, best + tie, [&](const ColliderTree::Cluster& cluster) {
-        if (cluster.mesh != &skin) return best + tie;
+        if (&colliders.lent[cluster.mesh] != &skin) return best + tie;
         const auto triangle = [&](size_t i) { return colliders.tree->triangle(cluster, uint32_t(i)); };
         const size_t count = cluster.count;
         Triangles8 eight;

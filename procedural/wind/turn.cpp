@@ -46,7 +46,8 @@ void prefetch(const Colliders& colliders, const std::vector<uint32_t>& clusters)
     const auto each = [&](auto&& visit) {
         for (const uint32_t i : clusters) {
             const ColliderTree::Cluster& cluster = tree.cluster(i);
-            for (uint32_t t = 0; t < cluster.count; ++t) visit(*cluster.mesh, tree.triangle(cluster, t));
+            for (uint32_t t = 0; t < cluster.count; ++t)
+                visit(colliders.lent[cluster.mesh], tree.triangle(cluster, t));
         }
     };
     each([](const MarramMesh& mesh, uint32_t t) { __builtin_prefetch(mesh.triangles + 3 * size_t(t)); });
@@ -67,7 +68,7 @@ bool gather(const Colliders& colliders, const Region& region, size_t most, TurnS
     for (const uint32_t i : scratch.clusters) {
         const ColliderTree::Cluster& cluster = tree.cluster(i);
         for (uint32_t t = 0; t < cluster.count; ++t) {
-            auto p = colliders.corners(*cluster.mesh, tree.triangle(cluster, t));
+            auto p = colliders.corners(colliders.lent[cluster.mesh], tree.triangle(cluster, t));
             double h[3];
             for (size_t k = 0; k < 3; ++k) {
                 p[k] -= pivot;
@@ -397,7 +398,8 @@ bool surely_clear(const Colliders& colliders, const Region& region, TurnScratch&
     for (const uint32_t i : scratch.clusters) {
         const ColliderTree::Cluster& cluster = tree.cluster(i);
         for (uint32_t t = 0; t < cluster.count; ++t)
-            if (!apart(region, colliders.corners(*cluster.mesh, tree.triangle(cluster, t)))) return false;
+            if (!apart(region, colliders.corners(colliders.lent[cluster.mesh], tree.triangle(cluster, t))))
+                return false;
     }
     return true;
 }
@@ -410,7 +412,7 @@ bool triangles_near(const Colliders& colliders, const Region& region, const Vec3
     for (const uint32_t i : scratch.clusters) {
         const ColliderTree::Cluster& cluster = tree.cluster(i);
         for (uint32_t t = 0; t < cluster.count; ++t) {
-            const auto p = colliders.corners(*cluster.mesh, tree.triangle(cluster, t));
+            const auto p = colliders.corners(colliders.lent[cluster.mesh], tree.triangle(cluster, t));
             if (!apart(region, p)) scratch.triangles.push(p[0] - origin, p[1] - origin, p[2] - origin);
         }
     }
@@ -425,7 +427,7 @@ bool anything_near(const Colliders& colliders, const Vec3d& centre, double radiu
     for (const uint32_t i : scratch.clusters) {
         const ColliderTree::Cluster& cluster = tree.cluster(i);
         for (uint32_t t = 0; t < cluster.count; ++t) {
-            const auto p = colliders.corners(*cluster.mesh, tree.triangle(cluster, t));
+            const auto p = colliders.corners(colliders.lent[cluster.mesh], tree.triangle(cluster, t));
             if (!apart(ball, p) && (nearest_point(p, centre) - centre).squaredNorm() <= radius * radius)
                 return true;
         }

@@ -55,7 +55,7 @@ bool names(const ColliderTree& tree, const std::vector<uint32_t>& found, const M
            uint32_t triangle) {
     return std::any_of(found.begin(), found.end(), [&](uint32_t i) {
         const ColliderTree::Cluster& cluster = tree.cluster(i);
-        for (uint32_t t = 0; t < cluster.count && cluster.mesh == mesh; ++t)
+        for (uint32_t t = 0; t < cluster.count && cluster.mesh == mesh->geometry_id; ++t)
             if (tree.triangle(cluster, t) == triangle) return true;
         return false;
     });
@@ -176,6 +176,45 @@ TEST(ColliderTree, finds_nothing_at_infinity_and_where_there_is_no_number) {
 }
 
 // A ground that goes on for miles must not blunt the tree for what grows on it.
+TEST(ColliderTree, serves_the_next_frames_until_something_changes) {
+    Lent lent;
+    lent.meshes = {sphere_mesh(1.0F, 10, 0.0F, 0.0F), soup(50, 1.0, Vec3d(2, 0, 0))};
+    lent.poses = {{lent.meshes[0].positions}, {lent.meshes[1].positions, lent.meshes[1].positions}};
+    lent.finish(2);
+    // Only that there is one is looked at.
+    lent.frame.colliders = reinterpret_cast<RTCScene>(&lent); // NOLINT
+    Eigen::AlignedBox3d reach(Vec3d::Constant(-3.0), Vec3d::Constant(3.0));
+    ColliderTrees trees;
+    const auto given = [&] {
+        Colliders at[2] = {colliders_at(lent.frame, 0), colliders_at(lent.frame, 1)};
+        const bool made = trees.give(lent.frame, reach, std::array{&at[0], &at[1]});
+        EXPECT_TRUE(at[0].tree && at[1].tree);
+        EXPECT_EQ(at[0].tree == at[1].tree, lent.frame.mesh_count == 1); // the other mesh moves
+        return made;
+    };
+    EXPECT_TRUE(given());
+    EXPECT_FALSE(given());
+    const std::vector<MarramMesh> elsewhere = lent.lent; // a renderer's tables may move
+    lent.frame.meshes = elsewhere.data();
+    EXPECT_FALSE(given());
+    lent.frame.meshes = lent.lent.data();
+    const auto change = [&](auto& value, auto other) {
+        std::swap(value, other);
+        EXPECT_TRUE(given());
+        EXPECT_FALSE(given());
+        std::swap(value, other);
+        EXPECT_TRUE(given());
+    };
+    float& x = lent.poses[1][1][7].x();
+    change(x, std::nextafter(x, 10.0F));
+    float& y = lent.poses[0][0][0].y();
+    change(y, std::nextafter(y, 10.0F));
+    auto& corners = lent.meshes[0].triangles[3];
+    change(corners[0], corners[1]);
+    change(reach, Eigen::AlignedBox3d(Vec3d::Constant(-2.0), Vec3d::Constant(3.0)));
+    change(lent.frame.mesh_count, 1U);
+}
+
 TEST(ColliderTree, stays_sharp_beside_a_wide_ground) {
     Lent lent;
     lent.meshes = {sphere_mesh(1.0F, 100, 0.0F, 0.0F), plane_mesh(Vec2f(1e5F, 1e5F), 1)};

@@ -28,7 +28,7 @@ class FurredWorld {
     Surface surface(size_t i) const;
     Colliders colliders() const {
         Colliders colliders = colliders_at(frame_, 0);
-        make_trees(frame_, everywhere(), std::array{&colliders});
+        ColliderTrees().give(frame_, everywhere(), std::array{&colliders});
         return colliders;
     }
 

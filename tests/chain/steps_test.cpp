@@ -51,7 +51,8 @@ double median(std::vector<double> values) {
 // Seconds of collide() alone over the same bent strands, one solver after the other, several times.
 struct Costs {
     double exact, steps;
-    double tree; // that exact asks, made at the start of a frame
+    double tree,
+        tree_again; // that exact asks: in the first frame, and in the next, the colliders being at rest
 };
 
 Costs costs(const FurredWorld& world, double global_rotate) {
@@ -66,9 +67,14 @@ Costs costs(const FurredWorld& world, double global_rotate) {
     ChainScratch scratch;
     std::vector<Strands> bent = grow(groom, wind, world.surface(0));
     for (Strands& strands : bent) run_chain(chain, 0, strands, scratch);
-    const auto before_tree = std::chrono::steady_clock::now();
-    const Colliders colliders = world.colliders();
-    const double tree = std::chrono::duration<double>(std::chrono::steady_clock::now() - before_tree).count();
+    Colliders colliders = colliders_at(world.frame(), 0);
+    ColliderTrees trees;
+    double tree[2];
+    for (double& seconds : tree) {
+        const auto begin = std::chrono::steady_clock::now();
+        trees.give(world.frame(), everywhere(), std::array{&colliders});
+        seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    }
     std::vector<double> seconds[2];
     for (int round = 0; round < 7; ++round)
         for (int solver = 0; solver < 2; ++solver) {
@@ -82,7 +88,7 @@ Costs costs(const FurredWorld& world, double global_rotate) {
             seconds[solver].push_back(
                 std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
         }
-    return {median(seconds[0]), median(seconds[1]), tree};
+    return {median(seconds[0]), median(seconds[1]), tree[0], tree[1]};
 }
 
 } // namespace
@@ -125,12 +131,13 @@ TEST(Speed, exact_collision_costs_less_than_sixteen_steps) {
             const Costs c = costs(world, global_rotate);
             std::printf(
                 "%7d triangles, global_rotate %.1f: exact %.2f of 16 steps (%.1f and %.1f ms, one thread); "
-                "before that the tree, %.1f ms, beside the mesh and Embree's own, %.0f ms\n",
-                8 * divisions * divisions, global_rotate, c.exact / c.steps, 1e3 * c.exact, 1e3 * c.steps,
-                1e3 * c.tree, 1e3 * built);
-            // The stronger wind, with five times the contacts, is reported; see the README.
-            if (global_rotate < 1.0) {
-                EXPECT_LT(c.exact, c.steps);
+                "its tree: %.1f ms in the first frame, %.1f in the next; the mesh and Embree's own: %.0f "
+                "ms\n",
+                8 * divisions * divisions, global_rotate, (c.exact + c.tree_again) / c.steps,
+                1e3 * (c.exact + c.tree_again), 1e3 * c.steps, 1e3 * c.tree, 1e3 * c.tree_again, 1e3 * built);
+            // The stronger wind, with five times the contacts, is reported on the fine skin; see the README.
+            if (global_rotate < 1.0 || divisions < 100) {
+                EXPECT_LT(c.exact + c.tree_again, c.steps);
             }
         }
     }

@@ -35,7 +35,7 @@ class Scene {
     const MarramMesh& mesh(size_t i) const { return lent_[i]; }
     Colliders colliders(uint32_t time = 0) const {
         Colliders colliders = colliders_at(frame_, time);
-        make_trees(frame_, everywhere(), std::array{&colliders});
+        ColliderTrees().give(frame_, everywhere(), std::array{&colliders});
         return colliders;
     }
     // The same triangles, as the floats say, for the oracle.

@@ -318,6 +318,87 @@ void fuzz_interval(Kind kind) {
     none(name + ": free turns called blocked", invented, "triangles");
 }
 
+// Many triangles, large ones and small pieces of them: the first contact that is found by leaving out most of them early
+// is the least of those of each alone.
+void fuzz_first(Kind kind) {
+    const char* many = std::getenv("MARRAM_FUZZ");
+    const int problems = many ? std::atoi(many) : 2000;
+    int tried = 0, contacts = 0, at_start = 0, grazes = 0, wrong = 0;
+    double worst = 0.0;
+    FirstBlocked found;
+    for (int i = 0; i < problems; ++i) {
+        Draw draw(hash(hash(31, uint64_t(kind)), uint64_t(i)));
+        const Problem problem = draw_problem(draw, kind);
+        const Segment& s = problem.segment;
+        const Turning turning = arc_of(s).turning;
+        TriangleList list;
+        std::vector<Triangle> alone;
+        const auto add = [&](const Vec3d& a, const Vec3d& b, const Vec3d& c) {
+            list.push(a, b, c);
+            alone.push_back({a, b, c});
+        };
+        for (const Triangle& t : problem.triangles) {
+            if (draw.below(2) == 0) add(t.a - s.pivot, t.b - s.pivot, t.c - s.pivot);
+            const double size = log_uniform(draw, 1e-3, 0.5);
+            for (int piece = int(draw.below(20)); piece > 0; --piece) {
+                const double u = draw.unit(), v = (1.0 - u) * draw.unit();
+                const Vec3d at = t.a + (t.b - t.a) * u + (t.c - t.a) * v;
+                const auto near = [&](const Vec3d& p) { return Vec3d(at + (p - at) * size - s.pivot); };
+                add(near(t.a), near(t.b), near(t.c));
+            }
+        }
+        if (list.size() == 0) continue;
+        ++tried;
+        std::vector<Blocked> blocked;
+        blocked_turns(turning, 0.0, 2.0, list.blocks(), list.size(), blocked);
+        const double infinity = std::numeric_limits<double>::infinity();
+        double least = infinity, rounding = 1e-9;
+        bool started = false, grazes_start = false;
+        for (const Blocked& b : blocked) {
+            started |= b.low < -rounding && b.high > rounding;
+            grazes_start |= std::abs(b.low) <= rounding || (b.low < 0.0 && b.high <= rounding);
+            if (b.low >= 0.0) least = std::min(least, b.low);
+        }
+        if (grazes_start && !started) continue;
+        const double end = draw.below(2) == 0 ? 2.0 : 2.0 * draw.unit();
+        const bool is = first_blocked(turning, end, list, found);
+        if (std::abs(least - end) <= rounding && !started) continue;
+        at_start += started;
+        contacts += !started && least <= end;
+        const double off = started        ? (is && found.turn < 0.0 ? 0.0 : infinity)
+                           : least <= end ? (is ? std::abs(found.turn - least) : infinity)
+                                          : (is ? infinity : 0.0);
+        // At a graze turns are ill-conditioned: there the distance counts.
+        if (off > 1e-10 && off < infinity) {
+            const Vec2d cs = undiamond(found.turn);
+            const Vec3d tip = s.length * turning.direction(cs.x(), cs.y());
+            double room = infinity;
+            for (const Triangle& t : alone)
+                room = std::min(room, oracle::closest(Vec3d::Zero(), tip, t).distance - s.clearance);
+            ++grazes;
+            room /= s.length;
+            if (found.turn > least ? room >= -1e-10 : room <= 1e-9) continue;
+        }
+        if (off < infinity) worst = std::max(worst, off);
+        if (off > 1e-10 && wrong++ < 3)
+            std::printf("  problem %d: %zu triangles, %s, found %d at %.12g, least %.12g of %.12g\n", i,
+                        list.size(), started ? "blocked at once" : "free at first", int(is), found.turn,
+                        least, end);
+    }
+    std::printf("  first, %s: %d problems, %d contacts, %d blocked at once, %d grazes\n",
+                kind_names[int(kind)], tried, contacts, at_start, grazes);
+    row(std::string("first contact, ") + kind_names[int(kind)] + ": against each triangle alone", worst,
+        1e-10, "turn");
+    none(std::string("first contact, ") + kind_names[int(kind)] + ": wrong ones", wrong, "problems");
+}
+
+TEST(FirstBlocked, soup) { fuzz_first(Kind::soup); }
+TEST(FirstBlocked, spikes) { fuzz_first(Kind::spikes); }
+TEST(FirstBlocked, slivers) { fuzz_first(Kind::slivers); }
+TEST(FirstBlocked, fans) { fuzz_first(Kind::fan); }
+TEST(FirstBlocked, sheets_in_the_plane_of_the_turn) { fuzz_first(Kind::sheets); }
+TEST(FirstBlocked, features_dead_on_the_circle_of_the_end) { fuzz_first(Kind::dead_on); }
+
 TEST(BlockedTurns, soup) { fuzz_interval(Kind::soup); }
 TEST(BlockedTurns, spikes) { fuzz_interval(Kind::spikes); }
 TEST(BlockedTurns, slivers) { fuzz_interval(Kind::slivers); }

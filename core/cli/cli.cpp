@@ -47,7 +47,7 @@ struct Texts { // options that are checked after parsing
     double frame = 0.0;
 };
 
-void add_common(CLI::App& command, CommonOptions& options) {
+void add_scene(CLI::App& command, CommonOptions& options) {
     command.add_option("scene", options.scene, "scene file (.toml)")->required();
     command
         .add_option("--set", options.overrides.settings, "change any key of the scene, such as wind.speed=4")
@@ -55,8 +55,11 @@ void add_common(CLI::App& command, CommonOptions& options) {
         ->allow_extra_args(false);
     command.add_option("--threads", options.threads, "threads to use; default: one a processor")
         ->check(CLI::Range(1, 1024));
-    command.add_option("--stats", options.stats, "write what it cost to this JSON file")->type_name("FILE");
     command.add_flag("--quiet", options.quiet, "no progress line");
+}
+
+void add_stats(CLI::App& command, CommonOptions& options) {
+    command.add_option("--stats", options.stats, "write what it cost to this JSON file")->type_name("FILE");
 }
 
 std::vector<std::string> split(const std::string& text) {
@@ -72,6 +75,7 @@ std::vector<std::string> split(const std::string& text) {
 struct Commands {
     RenderOptions render;
     BakeOptions bake;
+    MeasureOptions measure;
     std::string subject;
     Texts texts;
     std::function<int()> chosen;
@@ -79,7 +83,8 @@ struct Commands {
 
 void add_render(CLI::App& app, Commands& c) {
     CLI::App* command = app.add_subcommand("render", "render a scene to pictures");
-    add_common(*command, c.render);
+    add_scene(*command, c.render);
+    add_stats(*command, c.render);
     command->add_option("-o,--output", c.render.output, "picture, .exr or .png; #### stands for the frame")
         ->type_name("FILE")
         ->capture_default_str()
@@ -111,7 +116,8 @@ void add_render(CLI::App& app, Commands& c) {
 
 void add_bake(CLI::App& app, Commands& c) {
     CLI::App* command = app.add_subcommand("bake", "write a scene's strands to a file");
-    add_common(*command, c.bake);
+    add_scene(*command, c.bake);
+    add_stats(*command, c.bake);
     command->add_option("-o,--output", c.bake.output, "strands: .hair, .usda or .obj")
         ->required()
         ->type_name("FILE");
@@ -124,6 +130,28 @@ void add_bake(CLI::App& app, Commands& c) {
         c.chosen = [&c] {
             if (c.bake.frame) checked_frame(*c.bake.frame);
             return bake_command(c.bake);
+        };
+    });
+}
+
+void add_measure(CLI::App& app, Commands& c) {
+    CLI::App* command =
+        app.add_subcommand("measure", "speed against error: each dial of a scene through its settings");
+    add_scene(*command, c.measure);
+    command
+        ->add_option("--out", c.measure.out,
+                     "folder for the report: measure.html, measure.csv, a plot a dial")
+        ->type_name("DIR")
+        ->capture_default_str();
+    command->add_option("--frame", c.measure.frame,
+                        "frame, also a fraction of one; default: the scene's first");
+    command->add_option("--seconds", c.measure.seconds, "about how long it may take; more is more exact")
+        ->check(CLI::Range(1.0, 1e6))
+        ->capture_default_str();
+    command->callback([&c] {
+        c.chosen = [&c] {
+            if (c.measure.frame) checked_frame(*c.measure.frame);
+            return measure_command(c.measure);
         };
     });
 }
@@ -161,8 +189,7 @@ int run(int argc, char** argv) {
     info->callback([&commands] { commands.chosen = [&commands] { return info_command(commands.subject); }; });
     add_unavailable(app, commands, "compare", "compare two pictures",
                     "use `idiff` of openimageio-tools until it is");
-    add_unavailable(app, commands, "measure", "speed against error",
-                    "use `marram render --stats` until it is");
+    add_measure(app, commands);
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) {

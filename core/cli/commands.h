@@ -34,8 +34,15 @@ struct BakeOptions : CommonOptions {
     std::string colliders; // "" for none
 };
 
+struct MeasureOptions : CommonOptions {
+    std::string out = "measure"; // folder
+    std::optional<double> frame;
+    double seconds = 110.0; // that it may take
+};
+
 int render_command(const RenderOptions& options);
 int bake_command(const BakeOptions& options);
+int measure_command(const MeasureOptions& options);
 int info_command(const std::string& subject); // "" for everything
 
 } // namespace marram

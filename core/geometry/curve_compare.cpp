@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/geometry/curve_compare.h"
+
+#include "core/plugin/embree.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_reduce.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <stdexcept>
+
+namespace marram {
+namespace {
+
+// CV k of a curve at a motion sample; the phantom vertices at both ends are skipped.
+Vec3d cv(const CurveGeometry& curves, size_t time, uint64_t curve, uint32_t k) {
+    const float* p = curves.vertices[time] + 4 * (curve * (curves.cvs_per_curve + 2) + 1 + k);
+    return {double(p[0]), double(p[1]), double(p[2])};
+}
+
+double length_of(const CurveGeometry& curves, uint64_t curve) {
+    double length = 0.0;
+    for (uint32_t k = 1; k < curves.cvs_per_curve; ++k)
+        length += (cv(curves, 0, curve, k) - cv(curves, 0, curve, k - 1)).norm();
+    return length;
+}
+
+// At share u of the CVs, along the polygon.
+Vec3d on_polygon(const CurveGeometry& curves, uint64_t curve, double u) {
+    const double at = u * double(curves.cvs_per_curve - 1);
+    const uint32_t k = std::min(uint32_t(at), curves.cvs_per_curve - 2);
+    const double t = at - double(k);
+    return (1.0 - t) * cv(curves, 0, curve, k) + t * cv(curves, 0, curve, k + 1);
+}
+
+// At share s of the shutter, along straight lines between the samples.
+Vec3d in_motion(const CurveGeometry& curves, double s, uint64_t curve, uint32_t k) {
+    const size_t samples = curves.vertices.size();
+    if (samples == 1) return cv(curves, 0, curve, k);
+    const double at = s * double(samples - 1);
+    const size_t i = std::min(size_t(at), samples - 2);
+    const double t = at - double(i);
+    return (1.0 - t) * cv(curves, i, curve, k) + t * cv(curves, i + 1, curve, k);
+}
+
+struct Sum {
+    double squares = 0.0, worst = 0.0;
+    uint64_t count = 0;
+};
+
+// The largest distance of each strand, by distance(mine, reference, curve).
+template <typename Distance>
+CurveGap gap(const World& mine, const World& reference, Distance&& distance) {
+    Sum all;
+    if (mine.curves.size() != reference.curves.size())
+        throw std::invalid_argument("not the same curves are compared");
+    for (size_t g = 0; g < mine.curves.size(); ++g) {
+        const CurveGeometry &a = mine.curves[g], &b = reference.curves[g];
+        if (a.curve_count != b.curve_count) throw std::invalid_argument("not the same strands are compared");
+        const Sum sum = tbb::parallel_deterministic_reduce(
+            tbb::blocked_range<uint64_t>(0, a.curve_count, 1024), Sum{},
+            [&](const auto& range, Sum part) {
+                for (uint64_t c = range.begin(); c < range.end(); ++c) {
+                    const double d = distance(a, b, c);
+                    part.squares += d * d;
+                    part.worst = std::max(part.worst, d);
+                }
+                part.count += range.size();
+                return part;
+            },
+            [](const Sum& x, const Sum& y) {
+                return Sum{x.squares + y.squares, std::max(x.worst, y.worst), x.count + y.count};
+            });
+        all = {all.squares + sum.squares, std::max(all.worst, sum.worst), all.count + sum.count};
+    }
+    return {std::sqrt(all.squares / double(std::max<uint64_t>(all.count, 1))), all.worst, all.count};
+}
+
+bool crossed(const World& world, const Vec3d& from, const Vec3d& to, double skipped) {
+    const Vec3d way = to - from;
+    if (!(way.squaredNorm() > 0.0)) return false;
+    RTCRay ray;
+    ray.org_x = float(from.x());
+    ray.org_y = float(from.y());
+    ray.org_z = float(from.z());
+    ray.dir_x = float(way.x());
+    ray.dir_y = float(way.y());
+    ray.dir_z = float(way.z());
+    ray.tnear = float(skipped);
+    ray.tfar = 1.0F;
+    ray.time = 0.0F;
+    ray.mask = ~0U;
+    ray.id = 0;
+    ray.flags = 0;
+    marram_occluded1(world.colliders.get(), &ray);
+    return ray.tfar < 0.0F;
+}
+
+} // namespace
+
+CurveGap gap_at_rest(const World& mine, const World& reference) {
+    return gap(mine, reference, [](const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
+        const double length = length_of(b, c);
+        if (!(length > 0.0)) return 0.0;
+        double largest = 0.0;
+        for (uint32_t k = 0; k < a.cvs_per_curve; ++k) {
+            const Vec3d there = a.cvs_per_curve == b.cvs_per_curve
+                                    ? cv(b, 0, c, k)
+                                    : on_polygon(b, c, double(k) / double(a.cvs_per_curve - 1));
+            largest = std::max(largest, (cv(a, 0, c, k) - there).norm());
+        }
+        return largest / length;
+    });
+}
+
+CurveGap gap_in_motion(const World& mine, const World& reference) {
+    return gap(mine, reference, [](const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
+        double largest = 0.0;
+        for (size_t time = 0; time < b.vertices.size(); ++time) {
+            const double s = b.vertices.size() > 1 ? double(time) / double(b.vertices.size() - 1) : 0.0;
+            for (uint32_t k = 0; k < a.cvs_per_curve; ++k)
+                largest = std::max(largest, (in_motion(a, s, c, k) - cv(b, time, c, k)).norm());
+        }
+        return largest;
+    });
+}
+
+uint64_t strands_in_meshes(const World& world) {
+    if (world.meshes.empty()) return 0;
+    uint64_t count = 0;
+    for (const CurveGeometry& curves : world.curves)
+        count += tbb::parallel_deterministic_reduce(
+            tbb::blocked_range<uint64_t>(0, curves.curve_count, 256), uint64_t(0),
+            [&](const auto& range, uint64_t part) {
+                for (uint64_t c = range.begin(); c < range.end(); ++c)
+                    for (uint32_t k = 0; k + 1 < curves.cvs_per_curve; ++k)
+                        if (crossed(world, cv(curves, 0, c, k), cv(curves, 0, c, k + 1),
+                                    k == 0 ? 1e-3 : 0.0)) {
+                            ++part;
+                            break;
+                        }
+                return part;
+            },
+            std::plus<>());
+    return count;
+}
+
+} // namespace marram

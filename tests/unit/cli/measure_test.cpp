@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+// `marram measure`: every dial that a scene has, its errors against the finest setting, and reports that say what was left out.
+#include "core/cli/measure_report.h"
+#include "program.h"
+
+#include <algorithm>
+
+namespace marram::testing {
+namespace {
+
+using Row = std::map<std::string, std::string>;
+
+std::vector<std::string> fields(const std::string& line) {
+    std::vector<std::string> all{""};
+    bool quoted = false;
+    for (size_t i = 0; i < line.size(); ++i) {
+        if (line[i] == '"')
+            quoted = !quoted;
+        else if (line[i] == ',' && !quoted)
+            all.emplace_back();
+        else
+            all.back() += line[i];
+    }
+    return all;
+}
+
+std::map<std::string, std::vector<Row>> rows_by_dial(const std::string& csv) {
+    std::map<std::string, std::vector<Row>> dials;
+    const std::vector<std::string> all = lines(csv), header = fields(all.at(0));
+    for (size_t i = 1; i < all.size(); ++i) {
+        const std::vector<std::string> values = fields(all[i]);
+        EXPECT_EQ(values.size(), header.size()) << all[i];
+        Row row;
+        for (size_t k = 0; k < header.size(); ++k) row[header[k]] = values.at(k);
+        dials[row["dial"]].push_back(row);
+    }
+    return dials;
+}
+
+double number(const Row& row, const std::string& name) { return std::stod(row.at(name)); }
+
+const SceneText windy = {
+    .film = "size = [24, 16]\nsamples = 16\nmax_depth = 3\n",
+    .wind = "speed = 6\nglobal_rotate = 1\nnoise = { amplitude = 0.5, frequency = 2, octaves = 3 }\n"
+            "shielding = { shield = 0.7, offset = 1, spread = 20 }\n"
+            "jiggle = { frequency = 2, damping = 0.3 }\n"
+            "collision = { solver = \"exact\" }\n",
+    .groom = "count = 100\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.02\n",
+    .more = "[[mesh]]\nname = \"stone\"\ntype = \"sphere\"\nradius = 0.4\ndivisions = 8\n"};
+
+TEST(Measure, turns_every_dial_of_a_scene) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", windy);
+    const Outcome done = marram({"measure", scene, "--out", folder / "report", "--seconds", "100", "--set",
+                                 "camera.shutter=[-0.5, 0.5]", "--set", "film.motion_keys=5"});
+    EXPECT_EQ(done.code, 0) << done.err;
+    EXPECT_EQ(done.err, "");
+    const auto dials = rows_by_dial(read_file(folder / "report/measure.csv"));
+    std::set<std::string> files = {"a.toml", "report/measure.csv", "report/measure.html"};
+    for (const std::string name : {"contact", "shield_per", "shield_rays", "jiggle_step", "tolerance",
+                                   "motion_keys", "cvs", "octaves", "samples"}) {
+        SCOPED_TRACE(name);
+        EXPECT_CONTAINS(done.out, "\n" + name + ":");
+        files.insert("report/" + name + ".svg");
+        ASSERT_TRUE(dials.contains(name));
+        int own = 0, references = 0, front = 0;
+        for (const Row& row : dials.at(name)) {
+            EXPECT_EQ(row.at("refused"), "") << row.at("setting");
+            EXPECT_GE(number(row, "worst"), number(row, "error"));
+            own += row.at("own") == "1";
+            front += row.at("front") == "1";
+            references += row.at("reference") == "1";
+            if (row.at("reference") == "1") {
+                EXPECT_EQ(number(row, "error"), 0.0);
+            }
+        }
+        EXPECT_EQ(references, 1);
+        EXPECT_GE(front, 1);
+        EXPECT_EQ(own, name == "shield_rays" || name == "jiggle_step" ? own : 1);
+    }
+    EXPECT_EQ(folder.names(), files);
+    // Finer is better, where the answer is known to be so.
+    for (const std::string name : {"cvs", "samples", "octaves"}) {
+        const std::vector<Row>& rows = dials.at(name);
+        for (size_t i = 1; i < rows.size(); ++i)
+            EXPECT_LT(number(rows[i], "error"), number(rows[i - 1], "error")) << name << " " << i;
+    }
+    const std::vector<Row>& contact = dials.at("contact");
+    EXPECT_EQ(contact[0].at("setting"), "exact");
+    EXPECT_EQ(contact[0].at("crossed"), "0");
+    EXPECT_GT(number(contact[1], "crossed"), 0.0) << "without collision the wind blows grass into the ground";
+    const std::string page = read_file(folder / "report/measure.html");
+    EXPECT_CONTAINS(page, "<svg");
+    EXPECT_EQ(page.find("http"), page.find("http://www.w3.org/2000/svg")) << "nothing is fetched";
+}
+
+TEST(Measure, says_what_it_leaves_out) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText{});
+    const Outcome done = marram({"measure", scene, "--out", folder / "report", "--seconds", "2"});
+    EXPECT_EQ(done.code, 0) << done.err;
+    for (const std::string why :
+         {"nothing jiggles", "nothing is shielded", "the shutter does not open", "has one octave"})
+        EXPECT_CONTAINS(done.out, why);
+    const Outcome bare = marram({"measure", scene, "--out", folder / "report", "--seconds", "2", "--set",
+                                 "procedural.grass.count=1", "--set",
+                                 "wind.collision={ solver = \"steps\", "
+                                 "rotation_steps = 5 }"});
+    EXPECT_EQ(bare.code, 0) << bare.err;
+    EXPECT_CONTAINS(bare.out, "5 steps");
+    EXPECT_CONTAINS(bare.out, "refused: rotation_steps belongs to solver");
+}
+
+TEST(Measure, damages_nothing_where_it_cannot_write) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText{});
+    folder.write("taken", "mine");
+    const Outcome done = marram({"measure", scene, "--out", folder / "taken"});
+    EXPECT_EQ(done.code, 2);
+    EXPECT_CONTAINS(done.err, "the folder for the report cannot be made");
+    EXPECT_EQ(read_file(folder / "taken"), "mine");
+    EXPECT_EQ(marram({"measure", folder / "none.toml", "--out", folder / "report"}).code, 2);
+    EXPECT_EQ(folder.names(), (std::set<std::string>{"a.toml", "taken"}));
+}
+
+DialResult three_settings() {
+    DialResult result;
+    result.dial.name = "a dial";
+    result.dial.time = "bend";
+    result.dial.settings = {
+        {"fast", {}, true, 0}, {"a, \"b\"", {}, false, 0}, {"<best>", {}, false, 0}, {"no", {}, false, 0}};
+    result.dial.reference = 2;
+    result.settings.resize(4);
+    const double ratios[] = {1.0, 3.0, 2.0}, errors[] = {0.1, 0.05, 0.0};
+    for (size_t i = 0; i < 3; ++i) {
+        result.settings[i].ratio = result.settings[i].seconds = ratios[i];
+        result.settings[i].error = result.settings[i].worst = errors[i];
+    }
+    result.settings[3].refused = "refused: a, b & c";
+    mark_front(result);
+    return result;
+}
+
+TEST(MeasureReport, the_front_is_what_nothing_beats_in_both) {
+    const DialResult result = three_settings();
+    EXPECT_TRUE(result.settings[0].front);
+    EXPECT_FALSE(result.settings[1].front) << "slower and less exact than the third";
+    EXPECT_TRUE(result.settings[2].front);
+    EXPECT_FALSE(result.settings[3].front);
+}
+
+TEST(MeasureReport, names_with_marks_of_the_format_stay_whole) {
+    Measurement measurement;
+    measurement.scene = "a & b.toml";
+    measurement.dials.push_back(three_settings());
+    const auto dials = rows_by_dial(to_csv(measurement));
+    ASSERT_EQ(dials.at("a dial").size(), 4U);
+    EXPECT_EQ(dials.at("a dial")[1].at("setting"), "a, b") << "doubled quotes, dropped by this reader";
+    EXPECT_EQ(dials.at("a dial")[3].at("refused"), "refused: a, b & c");
+    const std::string page = to_html(measurement);
+    EXPECT_CONTAINS(page, "&lt;best&gt;");
+    EXPECT_CONTAINS(page, "a &amp; b.toml");
+    EXPECT_EQ(page.find("<best>"), std::string::npos);
+    EXPECT_CONTAINS(to_table(measurement), "refused: a, b & c");
+}
+
+} // namespace
+} // namespace marram::testing

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/geometry/curve_compare.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace marram {
+namespace {
+
+// Straight strands along x, a metre apart along z, at a height for each motion sample.
+struct Strands {
+    std::vector<std::vector<float>> samples;
+    World world;
+
+    Strands(uint64_t count, uint32_t cvs, const std::vector<double>& heights, double length) {
+        for (const double height : heights) {
+            std::vector<float>& all = samples.emplace_back();
+            for (uint64_t c = 0; c < count; ++c)
+                for (uint32_t k = 0; k < cvs + 2; ++k) {
+                    const double u = (double(k) - 1.0) / (cvs - 1);
+                    for (const double x : {length * u, height, double(c), 0.01}) all.push_back(float(x));
+                }
+        }
+        CurveGeometry curves;
+        curves.curve_count = count;
+        curves.cvs_per_curve = cvs;
+        for (const auto& sample : samples) curves.vertices.push_back(sample.data());
+        world.curves.push_back(curves);
+    }
+};
+
+TEST(CurveCompare, poses_are_compared_by_the_strands_length) {
+    const Strands a(100, 5, {0.25}, 2.0), b(100, 5, {0.0}, 2.0), fine(100, 33, {0.0}, 2.0);
+    const CurveGap gap = gap_at_rest(a.world, b.world);
+    EXPECT_NEAR(gap.rms, 0.125, 1e-12);
+    EXPECT_NEAR(gap.worst, 0.125, 1e-12);
+    EXPECT_EQ(gap.strands, 100U);
+    EXPECT_NEAR(gap_at_rest(a.world, fine.world).worst, 0.125, 1e-7);
+    EXPECT_NEAR(gap_at_rest(b.world, fine.world).worst, 0.0, 1e-7);
+    EXPECT_EQ(gap_at_rest(b.world, b.world).rms, 0.0);
+}
+
+TEST(CurveCompare, motion_is_compared_at_every_time_of_the_reference) {
+    // Along a parabola with samples at its ends only, and with one in the middle.
+    const Strands two(10, 4, {0.0, 1.0}, 1.0), three(10, 4, {0.0, 0.25, 1.0}, 1.0);
+    EXPECT_NEAR(gap_in_motion(two.world, three.world).worst, 0.25, 1e-7);
+    EXPECT_NEAR(gap_in_motion(two.world, three.world).rms, 0.25, 1e-7);
+    EXPECT_EQ(gap_in_motion(three.world, two.world).worst, 0.0) << "it is there at both ends";
+    const Strands still(10, 4, {0.5}, 1.0);
+    EXPECT_NEAR(gap_in_motion(still.world, two.world).worst, 0.5, 1e-7);
+}
+
+TEST(CurveCompare, other_strands_are_refused) {
+    const Strands a(10, 4, {0.0}, 1.0), b(11, 4, {0.0}, 1.0);
+    EXPECT_THROW(gap_at_rest(a.world, b.world), std::invalid_argument);
+    EXPECT_THROW(gap_at_rest(a.world, World{}), std::invalid_argument);
+}
+
+} // namespace
+} // namespace marram

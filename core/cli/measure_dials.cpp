@@ -68,15 +68,9 @@ std::vector<DialSetting> without_numbers(std::vector<std::pair<double, DialSetti
 
 Dial contact(const LoadedScene& scene) {
     Dial dial{
-        "contact",
-        "How far a segment turns before it touches: by steps of a fixed number, or exactly. Error against "
-        "exact contact, which the tests hold against an independent oracle to 1e-10 rad; steps keep no "
-        "clearance, "
-        "so their error has a floor.",
-        "collide",
-        DialError::pose,
-        true,
-        {},
+        "contact", "How far a segment turns before it touches: by steps of a fixed number, or exactly. ",
+        "collide", DialError::pose,
+        true,      {},
         0};
     const std::string solver = [&] {
         for (const Item& groom : scene.description.procedurals)
@@ -101,6 +95,15 @@ Dial contact(const LoadedScene& scene) {
     if (solver == "steps") add_own(steps, own, fmt::format("{} steps", own));
     for (DialSetting& setting : without_numbers(std::move(steps)))
         dial.settings.push_back(std::move(setting));
+    if (any_groom(scene, "collision.rotation_steps")) { // which exact contact refuses
+        dial.reference = dial.settings.size() - 1;
+        dial.explain +=
+            "Error against the most steps: remove rotation_steps to measure against exact contact.";
+    } else {
+        dial.explain +=
+            "Error against exact contact, which the tests hold against an independent oracle to 1e-10 rad; "
+            "steps keep no clearance, so their error has a floor.";
+    }
     dial.weight = 3.0;
     return dial;
 }
@@ -140,15 +143,15 @@ Dial numbered(const LoadedScene& scene, Dial dial, const std::string& key, const
 }
 
 Dial cvs(const LoadedScene& scene) {
-    Dial dial{
-        "cvs",
-        "Control vertices a strand. Error against 65: the largest distance of a CV from the polygon of the "
-        "finest.",
-        "strands and BVH",
-        DialError::pose,
-        false,
-        {},
-        0};
+    Dial dial{"cvs",
+              "Control vertices a strand. Error against the most: the largest distance of a CV from the "
+              "polygon of the "
+              "finest.",
+              "strands and BVH",
+              DialError::pose,
+              false,
+              {},
+              0};
     int own = 0; // of the first groom; the others get as many
     for (const Item& groom : scene.description.procedurals)
         if (own == 0 && declares(scene, groom, "cvs")) own = groom.params.integer("cvs");

@@ -109,6 +109,9 @@ TEST(Measure, says_what_it_leaves_out) {
     EXPECT_EQ(bare.code, 0) << bare.err;
     EXPECT_CONTAINS(bare.out, "5 steps");
     EXPECT_CONTAINS(bare.out, "refused: rotation_steps belongs to solver");
+    const auto contact = rows_by_dial(read_file(folder / "report/measure.csv")).at("contact");
+    EXPECT_EQ(contact.back().at("setting"), "256 steps");
+    EXPECT_EQ(contact.back().at("reference"), "1") << "exact contact is refused there";
 }
 
 TEST(Measure, damages_nothing_where_it_cannot_write) {

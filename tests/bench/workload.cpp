@@ -97,11 +97,13 @@ size_t at(const Strands& patch, int strand, int k) {
 } // namespace
 
 Workload::Workload(const Size& size)
-    : wind_(gusty_wind()), groom_(plain_coat(size.strands, size.cvs, 0.18, 0.26, 0.009)),
+    : wind_(gusty_wind()), groom_(plain_coat(size.strands, size.cvs, 0.18, 0.26, size.width)),
       world_({sphere_mesh(1.0F, size.divisions, 0.03F, 9.0F)}) {
     for (int k = 0; k < size.cvs; ++k)
         profile_.push_back(float(0.5 * groom_.width_profile(double(k) / (size.cvs - 1))));
     chain_ = make_chain_frame({wind_, whole_, world_.frame(), world_.mesh(0), profile_, MARRAM_BSPLINE});
+    roots_ = place_roots(groom_, world_.surface(0), [] { return false; }).roots;
+    if (size.strands >= F.strands) return; // what it would be compared with takes too much memory
     rest_ = grow(groom_, wind_, world_.surface(0));
     bent_ = rest_;
     literal_.cvs = size.cvs;
@@ -162,6 +164,55 @@ double Workload::run_floor() {
             seen += found;
         });
     });
+}
+
+double Workload::run_from_roots() {
+    constexpr size_t patch = 512;
+    const auto cvs = size_t(groom_.cvs), stride = cvs + 2;
+    vertices_.resize(roots_.size() * stride * 4);
+    const Surface surface = world_.surface(0);
+    return seconds_of([&] {
+        tbb::parallel_for(size_t(0), (roots_.size() + patch - 1) / patch, [&](size_t p) {
+            const size_t first = p * patch, count = std::min(patch, roots_.size() - first);
+            Thread& thread = threads_.local();
+            Strands& strands = thread.work;
+            strands.resize(int(count), groom_.cvs, false);
+            expand(groom_, wind_, {surface, surface}, std::span(roots_).subspan(first, count), strands);
+            marram::run_chain(chain_, 0, strands, thread.chain);
+            for (size_t i = 0; i < count; ++i) {
+                float* out = vertices_.data() + (first + i) * stride * 4;
+                const auto put = [&](size_t slot, const Vec3f& at, size_t k) {
+                    std::copy_n(at.data(), 3, out + 4 * slot);
+                    out[4 * slot + 3] = float(strands.width[i / lanes][i % lanes]) * profile_[k];
+                };
+                const auto cv = [&](size_t k) {
+                    return lane_of(strands.pose[i / lanes * cvs + k], int(i % lanes));
+                };
+                for (size_t k = 0; k < cvs; ++k) put(k + 1, cv(k), k);
+                put(0, 2.0F * cv(0) - cv(1), 0);
+                put(cvs + 1, 2.0F * cv(cvs - 1) - cv(cvs - 2), cvs - 1);
+            }
+        });
+    });
+}
+
+double Workload::build_bvh() {
+    const auto cvs = size_t(groom_.cvs), stride = cvs + 2;
+    RTCDevice device = world_.frame().device;
+    RTCScene scene = rtcNewScene(device);
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_ROUND_BSPLINE_CURVE);
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, vertices_.data(), 0,
+                               16, vertices_.size() / 4);
+    auto* indices = static_cast<unsigned*>(rtcSetNewGeometryBuffer(
+        geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4, roots_.size() * (cvs - 1)));
+    for (size_t i = 0; i < roots_.size(); ++i)
+        for (size_t k = 0; k + 1 < cvs; ++k) *indices++ = unsigned(i * stride + k);
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometry(scene, geometry);
+    rtcReleaseGeometry(geometry);
+    const double seconds = seconds_of([&] { rtcCommitScene(scene); });
+    rtcReleaseScene(scene);
+    return seconds;
 }
 
 double Workload::make_tree() {

@@ -14,10 +14,12 @@ struct Size {
     uint64_t strands;
     int cvs;
     int divisions; // of the sphere: 8 times the square of it triangles
+    double width;  // of a strand
 };
 
-inline constexpr Size T{"T", 10000, 5, 71};    // the talk's
-inline constexpr Size T2{"T2", 10000, 5, 500}; // the same on 2,000,000 triangles
+inline constexpr Size T{"T", 10000, 5, 71, 0.009};    // the talk's
+inline constexpr Size T2{"T2", 10000, 5, 500, 0.009}; // the same on 2,000,000 triangles
+inline constexpr Size F{"F", 1000000, 8, 71, 0.0009}; // a fine coat
 
 class Workload {
   public:
@@ -26,6 +28,10 @@ class Workload {
     // The whole chain, jiggle off: gusts, shielding of each CV, bend with two octaves, offset scale, collision. Returns seconds.
     double run_chain();
     double run_literally();
+    // From the roots to the CVs as Embree reads them: strands laid out, the whole chain, x, y, z and radius written.
+    double run_from_roots();
+    // Embree's own BVH over what run_from_roots() has written.
+    double build_bvh();
     // The bare Embree queries that a straightforward exact chain makes: a shield ray a CV, in packets of 16; for each segment
     // the heights of its end at rest and bent and the triangles near it, each one point query within a segment's reach.
     double run_floor();
@@ -45,7 +51,9 @@ class Workload {
     std::vector<float> profile_;
     FurredWorld world_;
     ChainFrame chain_;
+    std::vector<Root> roots_;
     std::vector<Strands> rest_, bent_;
+    std::vector<float> vertices_; // x, y, z, radius of each CV, a phantom before and behind each strand's
     LiteralStrands literal_;
     tbb::enumerable_thread_specific<Thread> threads_;
 };

@@ -7,16 +7,11 @@
 // segment by no more than the CV itself; so the next start is free by c minus that, and c_{k+1} = c_k minus that. A start
 // is never in doubt. Where the budget is used up (a thousand CVs far from the origin) the distance is measured anew.
 //
-// The drawn curve. With D_k = P_{k-1} - 2 P_k + P_{k+1} (0 at both ends, by the phantom CVs) a curve's segment k is
-//
-//     uniform cubic B-spline  P_k + t (P_{k+1} - P_k) + ((1-t)^3 D_k + t^3 D_{k+1}) / 6
-//     Catmull-Rom             P_k + t (P_{k+1} - P_k) - (t (1-t)^2 D_k + t^2 (1-t) D_{k+1}) / 2
-//
-// so its gap to the polygon is at most max |D| / 6 or / 8. Where gap + radius <= clearance + tolerance nothing can dip in
-// too far. Elsewhere it is looked at, point by point, each on its own side of the colliders unless the
-// straight line from the polygon meets a triangle. A strand that dips in is solved again with smaller turns, and where that does not help it is laid straight.
+// The drawn curve leaves the polygon (bow.h). A strand whose curve dips in too far is solved again with smaller turns, and where
+// that does not help it is laid straight.
 #include "procedural/wind/collide.h"
 
+#include "procedural/wind/bow.h"
 #include "procedural/wind/near.h"
 #include "procedural/wind/skin.h"
 
@@ -179,30 +174,6 @@ void advance(CollideScratch& scratch, Progress& progress, size_t k, const Segmen
     progress.start = stored;
 }
 
-// How the drawn curve of one segment leaves the polygon.
-struct Bow {
-    Vec3d start, end, d0, d1; // the segment, and D at its two ends
-    double r0, r1;            // radii there
-    bool bspline;
-
-    Vec3d on_polygon(double t) const { return (1.0 - t) * start + t * end; }
-    double radius(double t) const { return (1.0 - t) * r0 + t * r1; }
-    Vec3d away(double t) const {
-        const double s = 1.0 - t;
-        return bspline ? Vec3d((s * s * s * d0 + t * t * t * d1) / 6.0)
-                       : Vec3d(-0.5 * (t * s * s * d0 + t * t * s * d1));
-    }
-    // away(t) between `begin` and `end` is x d0 + y d1 with x and y between 0 and these.
-    Vec2d most(double begin, double end) const {
-        const double s = 1.0 - begin;
-        if (bspline) return {s * s * s / 6.0, end * end * end / 6.0};
-        // t (1-t)^2 is greatest at 1/3, t^2 (1-t) at 2/3.
-        const double t = std::clamp(1.0 / 3.0, begin, end), u = std::clamp(2.0 / 3.0, begin, end);
-        return {-0.5 * t * (1.0 - t) * (1.0 - t), -0.5 * u * u * (1.0 - u)};
-    }
-    double gap() const { return std::max(d0.norm(), d1.norm()) / (bspline ? 6.0 : 8.0); }
-};
-
 Bow bow_of(const CollideJob& job, const StrandJob& strand, const CollideScratch& scratch, size_t k) {
     const std::vector<Vec3f>& p = scratch.solved;
     const auto at = [&](size_t i) { return Vec3d(p[i].cast<double>()); };
@@ -325,80 +296,6 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
         advance(scratch, progress, k, segment, turned.direction);
     }
     return true;
-}
-
-struct DipCheck {
-    const Colliders& colliders;
-    const Bow& bow;
-    double allowed, room; // distance to the polygon plus radius that need no look
-    double tolerance;
-    TurnScratch& scratch;
-};
-
-// Follows the curve from t = begin to end past the triangles in scratch.kept, which lie relative to `centre`: a place that is
-// farther than it must be from all of them by d lets it go on by d unseen, and never by less than a fifth of the tolerance,
-// since it is held to nine tenths of that.
-bool follow(const DipCheck& check, double begin, double end, const Vec3d& centre) {
-    const Bow& bow = check.bow;
-    const std::span<const Triangles8> triangles = check.scratch.kept.blocks();
-    // No faster than this for t from 0 to 1: the segment, and away(t), whose slope is at most |D| / 2.
-    const double speed = (bow.end - bow.start).norm() + 4.0 * bow.gap() + std::abs(bow.r1 - bow.r0);
-    const double shortest = std::max(0.2 * check.tolerance / speed, 1.0 / 4096.0);
-    for (double t = begin;; t = std::min(t, end)) {
-        const Vec3d away = bow.away(t), from = bow.on_polygon(t) - centre;
-        const double distance = away.norm(), radius = bow.radius(t);
-        double open = check.room - distance - radius;
-        if (open < 0.0) {
-            const bool inside = crosses_any(triangles, from, from + away);
-            const double nearest = nearest_distance(triangles, from + away);
-            // Inside by more than the tolerance less the radius, or outside but nearer than the radius less the tolerance.
-            const double must = radius - check.allowed;
-            if (inside ? nearest > -must : nearest < must) return true;
-            open = inside ? 0.0 : nearest - std::max(must, 0.0);
-        }
-        if (t >= end) return false;
-        t += std::max(shortest, open / speed);
-    }
-}
-
-// Part of a curve: nothing near, or only triangles on the side that it does not bow to, or it is followed. A part with many
-// triangles around it is cut in four.
-bool part_dips_in(const DipCheck& check, double begin, double end, int cuts) {
-    const Bow& bow = check.bow;
-    const Vec2d most = bow.most(begin, end);
-    const Vec3d b0 = bow.d0 * most[0], b1 = bow.d1 * most[1];
-    const double widest = std::max(bow.r0, bow.r1);
-    if (b0.norm() + b1.norm() + widest <= check.room) return false;
-    const Vec3d centre = bow.on_polygon(0.5 * (begin + end));
-    const double distance = std::max(widest - check.allowed, 0.0);
-    Region region(distance);
-    for (const double t : {begin, end}) {
-        const Vec3d p = bow.on_polygon(t);
-        for (const Vec3d& away : {Vec3d(Vec3d::Zero()), b0, b1, Vec3d(b0 + b1)}) region.add(p + away);
-    }
-    constexpr size_t many = 16; // clusters
-    constexpr int most_cuts = 4, pieces = 4;
-    if (!triangles_near(check.colliders, region, centre, cuts < most_cuts ? many : SIZE_MAX, check.scratch)) {
-        for (int i = 0; i < pieces; ++i)
-            if (part_dips_in(check, begin + (end - begin) * i / pieces,
-                             begin + (end - begin) * (i + 1) / pieces, cuts + 1))
-                return true;
-        return false;
-    }
-    if (check.scratch.triangles.size() == 0) return false;
-    const std::span<Triangles8> all = check.scratch.triangles.blocks();
-    keep_near_bulge(all, check.scratch.triangles.size(), bow.on_polygon(begin) - centre,
-                    bow.on_polygon(end) - centre, b0, b1, distance, check.scratch.kept);
-    return check.scratch.kept.size() > 0 && follow(check, begin, end, centre);
-}
-
-// Whether the drawn curve of a segment, whose polygon is free by `clearance`, dips in by more than the tolerance.
-bool dips_in(const Colliders& colliders, const Bow& bow, double clearance, double tolerance,
-             TurnScratch& scratch) {
-    const double allowed = 0.9 * tolerance, room = allowed + clearance;
-    if (bow.gap() + std::max(bow.r0, bow.r1) <= room) return false;
-    const DipCheck check{colliders, bow, allowed, room, tolerance, scratch};
-    return part_dips_in(check, 0.0, 0.5, 0) || part_dips_in(check, 0.5, 1.0, 0);
 }
 
 // The corner at which the drawn curve dips in by more than the tolerance; -1: nowhere.

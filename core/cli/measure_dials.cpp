@@ -128,17 +128,21 @@ Dial shield_per(const LoadedScene& scene) {
     return dial;
 }
 
-// A dial over whole numbers or sizes, the last of which is the finest.
+// A dial over numbers, the finest of which stands first or last. Where the scene leaves the number to the procedural, or its
+// grooms differ, what they have is one more setting.
 Dial numbered(const LoadedScene& scene, Dial dial, const std::string& key, const std::vector<double>& values,
-              const std::string& parameter, const std::string& only_with) {
+              const std::string& parameter, const std::string& only_with, bool finest_first) {
     std::vector<std::pair<double, DialSetting>> settings;
     for (const double value : values)
         settings.emplace_back(
             value, DialSetting{fmt::format("{}", value),
                                in_all_grooms(scene, key, fmt::format("{}", value), only_with), false, 0});
     double own = 0.0;
-    if (agreed(scene, parameter, own)) add_own(settings, own, fmt::format("{}", own));
+    const bool one = agreed(scene, parameter, own);
+    if (one) add_own(settings, own, fmt::format("{}", own));
     dial.settings = without_numbers(std::move(settings));
+    dial.reference = finest_first ? 0 : dial.settings.size() - 1;
+    if (!one) dial.settings.push_back({"as it is", {}, true, 0});
     return dial;
 }
 
@@ -278,15 +282,14 @@ DialList dials_of(const LoadedScene& scene) {
         list.dials.push_back(shield_per(scene));
         if (any_groom(scene, "shielding.spread")) {
             Dial dial{"shield_rays",
-                      "Rays a CV in the cone that wind comes from. Error against 256.",
+                      "Rays a CV in the cone that wind comes from. Error against the most.",
                       "shield",
                       DialError::pose,
                       false,
                       {},
                       0};
             dial = numbered(scene, std::move(dial), "wind.shielding.rays", {1, 4, 16, 64, 256},
-                            "shielding.rays", "shielding.spread");
-            dial.reference = dial.settings.size() - 1;
+                            "shielding.rays", "shielding.spread", false);
             dial.weight = 3.0;
             list.dials.push_back(std::move(dial));
         } else {
@@ -296,16 +299,15 @@ DialList dials_of(const LoadedScene& scene) {
         leave_out("shield_per, shield_rays: nothing is shielded (wind.shielding)");
     }
     if (strands && any_groom(scene, "jiggle.frequency")) {
-        Dial dial{
-            "jiggle_step",
-            "Frames between the samples of the past that jiggle follows. Error against an eighth of a frame.",
-            "jiggle",
-            DialError::pose,
-            false,
-            {},
-            0};
+        Dial dial{"jiggle_step",
+                  "Frames between the samples of the past that jiggle follows. Error against the shortest.",
+                  "jiggle",
+                  DialError::pose,
+                  false,
+                  {},
+                  0};
         dial = numbered(scene, std::move(dial), "wind.jiggle.step", {0.125, 0.25, 0.5, 1.0, 2.0},
-                        "jiggle.step", "jiggle.frequency");
+                        "jiggle.step", "jiggle.frequency", true);
         list.dials.push_back(std::move(dial));
     } else if (strands) {
         leave_out("jiggle_step: nothing jiggles (wind.jiggle)");

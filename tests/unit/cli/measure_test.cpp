@@ -76,7 +76,7 @@ TEST(Measure, turns_every_dial_of_a_scene) {
         }
         EXPECT_EQ(references, 1);
         EXPECT_GE(front, 1);
-        EXPECT_EQ(own, name == "shield_rays" || name == "jiggle_step" ? own : 1);
+        EXPECT_EQ(own, 1);
     }
     EXPECT_EQ(folder.names(), files);
     // Finer is better, where the answer is known to be so.

@@ -4,20 +4,19 @@
 // that much.
 #include "procedural/wind/collider_tree.h"
 
-#include "procedural/wind/morton_order.h"
-
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <bit>
+#include <cstring>
 #include <limits>
+#include <new>
 #include <stdexcept>
 
 namespace marram {
 namespace {
 
-constexpr uint32_t cluster_most = lanes; // triangles
-constexpr uint32_t node_most = lanes;    // clusters or nodes
+constexpr uint32_t node_most = lanes; // blocks or nodes
 
 constexpr float nowhere = std::numeric_limits<float>::infinity();
 constexpr double far_away = 1e18; // beyond what meshes may have
@@ -29,14 +28,13 @@ float round_down(double x) {
 float round_up(double x) { return -round_down(-x); }
 
 // The end of the longest run from `begin` on that is a whole cell and holds at most `most`; the last run need not be a cell.
-template <typename Key>
-size_t run_end(size_t begin, size_t count, size_t most, Key&& key) {
-    if (begin + most >= count) return count;
-    const uint64_t differs = key(begin) ^ key(begin + most);
+size_t run_end(size_t begin, size_t most, const std::vector<uint64_t>& keys) {
+    if (begin + most >= keys.size()) return keys.size();
+    const uint64_t differs = keys[begin] ^ keys[begin + most];
     if (differs == 0) return begin + most;
     const int above = 63 - std::countl_zero(differs);
     size_t end = begin + 1;
-    while (key(end) >> above == key(begin) >> above) ++end;
+    while (keys[end] >> above == keys[begin] >> above) ++end;
     return end;
 }
 
@@ -46,30 +44,27 @@ size_t run_end(size_t begin, size_t count, size_t most, Key&& key) {
 std::shared_ptr<const ColliderTree::Shape> ColliderTree::make_shape(const MarramFrame& frame,
                                                                     const Eigen::AlignedBox3d& reach) {
     auto shape = std::make_shared<Shape>();
-    std::vector<uint64_t> keys; // of clusters, then of each level of nodes
+    std::vector<uint64_t> keys; // of blocks, then of each level of nodes
+    Eigen::AlignedBox3f box;
     for (uint32_t m = 0; m < frame.mesh_count; ++m) {
-        const MarramMesh& mesh = frame.meshes[m];
-        const std::vector<uint64_t> order = morton_order(mesh, reach);
-        const auto code = [&](size_t i) { return order[i] >> 32; };
-        const size_t base = shape->triangles.size();
-        shape->triangles.resize(base + order.size());
-        std::transform(order.begin(), order.end(), shape->triangles.begin() + long(base),
-                       [](uint64_t entry) { return uint32_t(entry); });
-        for (size_t begin = 0; begin < order.size();) {
-            const size_t end = run_end(begin, order.size(), cluster_most, code);
-            shape->clusters.push_back({m, uint32_t(base + begin), uint32_t(end - begin)});
-            keys.push_back(uint64_t(m) << 32 | code(begin));
-            begin = end;
+        const TriangleBlocks part = triangle_blocks(frame.meshes[m], reach);
+        const auto base = uint32_t(shape->runs.size());
+        shape->runs.insert(shape->runs.end(), part.runs.begin(), part.runs.end());
+        for (const TriangleBlock& block : part.blocks) {
+            shape->blocks.push_back({m, base + block.first, base + block.end});
+            keys.push_back(uint64_t(m) << 32 | block.code);
         }
+        if (!part.blocks.empty()) box.extend(part.box);
     }
-    shape->clusters.shrink_to_fit();
+    // The middle of what there is within reach. A ground that goes on for miles must not take it far away, and with it the digits.
+    if (!keys.empty()) shape->origin = 0.5F * box.min() + 0.5F * box.max();
     // Levels of nodes, until one is left.
     size_t below = 0; // where the level below begins in its own table
     while (!keys.empty()) {
         shape->levels.push_back(uint32_t(shape->nodes.size()));
         std::vector<uint64_t> above;
         for (size_t begin = 0; begin < keys.size();) {
-            const size_t end = run_end(begin, keys.size(), node_most, [&](size_t i) { return keys[i]; });
+            const size_t end = run_end(begin, node_most, keys);
             shape->nodes.push_back({uint32_t(below + begin), uint32_t(end - begin)});
             above.push_back(keys[begin]);
             begin = end;
@@ -79,7 +74,8 @@ std::shared_ptr<const ColliderTree::Shape> ColliderTree::make_shape(const Marram
         keys = std::move(above);
     }
     shape->levels.push_back(uint32_t(shape->nodes.size()));
-    if (lanes * shape->levels.size() > stack_size) throw std::length_error("the colliders' tree is too deep");
+    if (lanes * (shape->levels.size() + 2) > stack_size)
+        throw std::length_error("the colliders' tree is too deep");
     return shape;
 }
 
@@ -93,7 +89,23 @@ struct Bounds {
 constexpr Bounds no_bounds{
     {nowhere, nowhere, nowhere}, {-nowhere, -nowhere, -nowhere}, {0, 0, 0}, nowhere, -nowhere};
 
-struct alignas(64) Corners8 { // of triangles, relative to the tree's origin; spare lanes repeat the last
+template <typename Node>
+void set_lane(Node& node, uint32_t i, const Bounds& bounds) {
+    const auto lane = int(i);
+    node.low.x[lane] = bounds.low[0];
+    node.low.y[lane] = bounds.low[1];
+    node.low.z[lane] = bounds.low[2];
+    node.high.x[lane] = bounds.high[0];
+    node.high.y[lane] = bounds.high[1];
+    node.high.z[lane] = bounds.high[2];
+    node.normal.x[lane] = bounds.normal[0];
+    node.normal.y[lane] = bounds.normal[1];
+    node.normal.z[lane] = bounds.normal[2];
+    node.bottom[lane] = bounds.bottom;
+    node.top[lane] = bounds.top;
+}
+
+struct alignas(64) Corners8 { // of triangles; spare lanes repeat the last
     Wide3f corner[3];
 };
 
@@ -110,33 +122,53 @@ MARRAM_INLINE float sum_of(VFloat v) {
     return v[0] + v[1];
 }
 
-// In floats: subtracting the origin has cost half an ulp, a product with the normal costs less than 4 ulp of the greatest
-// coordinate times the square root of 3. That is added.
-MARRAM_HOT void bound(const Corners8& t, Bounds& out) {
-    const Wide3f &a = t.corner[0], &b = t.corner[1], &c = t.corner[2];
-    out.low[0] = least_of(smaller(a.x, smaller(b.x, c.x)));
-    out.low[1] = least_of(smaller(a.y, smaller(b.y, c.y)));
-    out.low[2] = least_of(smaller(a.z, smaller(b.z, c.z)));
-    out.high[0] = -least_of(-greater(a.x, greater(b.x, c.x)));
-    out.high[1] = -least_of(-greater(a.y, greater(b.y, c.y)));
-    out.high[2] = -least_of(-greater(a.z, greater(b.z, c.z)));
+MARRAM_INLINE Wide3f lower(const Wide3f& a, const Wide3f& b) {
+    return {smaller(a.x, b.x), smaller(a.y, b.y), smaller(a.z, b.z)};
+}
+MARRAM_INLINE Wide3f upper(const Wide3f& a, const Wide3f& b) {
+    return {greater(a.x, b.x), greater(a.y, b.y), greater(a.z, b.z)};
+}
+
+// Around `groups` times eight triangles, relative to the origin. In floats: subtracting it costs half an ulp, a product with the
+// normal less than 4 ulp of the greatest coordinate times the square root of 3. That is added.
+MARRAM_HOT void bound(const Corners8* triangles, size_t groups, const float* origin, Bounds& out) {
+    const Wide3f o{splat_float(origin[0]), splat_float(origin[1]), splat_float(origin[2])};
+    Wide3f low{splat_float(nowhere), splat_float(nowhere), splat_float(nowhere)};
+    Wide3f high = Wide3f{} - low, n{};
+    for (size_t i = 0; i < groups; ++i) {
+        const Wide3f &a = triangles[i].corner[0], &b = triangles[i].corner[1], &c = triangles[i].corner[2];
+        low = lower(low, lower(a, lower(b, c)));
+        high = upper(high, upper(a, upper(b, c)));
+        n = n + cross(b - a, c - a);
+    }
+    low = low - o;
+    high = high - o;
+    out.low[0] = least_of(low.x);
+    out.low[1] = least_of(low.y);
+    out.low[2] = least_of(low.z);
+    out.high[0] = -least_of(-high.x);
+    out.high[1] = -least_of(-high.y);
+    out.high[2] = -least_of(-high.z);
     float greatest = 0.0F;
     for (int axis = 0; axis < 3; ++axis) greatest = std::max({greatest, -out.low[axis], out.high[axis]});
     for (int axis = 0; axis < 3; ++axis) {
         out.low[axis] -= 0x1p-23F * greatest;
         out.high[axis] += 0x1p-23F * greatest;
     }
-    const Wide3f n = cross(b - a, c - a);
     const double sum[3] = {double(sum_of(n.x)), double(sum_of(n.y)), double(sum_of(n.z))};
     const double size = std::sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]);
-    const double inverse = size > 0.0 && size < 1e300 ? 1.0 / size : 0.0;
-    for (int axis = 0; axis < 3; ++axis) out.normal[axis] = float(sum[axis] * inverse);
-    const auto height = [&](const Wide3f& p) MARRAM_ALWAYS_INLINE {
-        return p.x * out.normal[0] + p.y * out.normal[1] + p.z * out.normal[2];
-    };
-    const VFloat ha = height(a), hb = height(b), hc = height(c);
-    out.bottom = least_of(smaller(ha, smaller(hb, hc))) - 0x1p-20F * greatest;
-    out.top = -least_of(-greater(ha, greater(hb, hc))) + 0x1p-20F * greatest;
+    const bool flat = size > 0.0 && size < 1e300;
+    for (int axis = 0; axis < 3; ++axis) out.normal[axis] = flat ? float(sum[axis] / size) : 0.0F;
+    VFloat bottom = splat_float(nowhere), top = -bottom;
+    for (size_t i = 0; i < groups; ++i)
+        for (const Wide3f& p : triangles[i].corner) {
+            const VFloat h =
+                (p.x - o.x) * out.normal[0] + (p.y - o.y) * out.normal[1] + (p.z - o.z) * out.normal[2];
+            bottom = smaller(bottom, h);
+            top = greater(top, h);
+        }
+    out.bottom = least_of(bottom) - 0x1p-20F * greatest;
+    out.top = -least_of(-top) + 0x1p-20F * greatest;
 }
 
 // Around all that a node holds. Along n, something within the slab [bottom, top] across m reaches as far as the slab and its box
@@ -181,94 +213,177 @@ Bounds around(const Node& node) {
 
 } // namespace
 
+struct ColliderTree::BlockCorners {
+    uint32_t count = 0;
+    uint32_t triangles[block_most];
+    Corners8 corners[block_most / lanes];
+};
+
+// What is next to each other in space may be far apart in a large mesh's tables: indices first, then corners.
+void ColliderTree::load(const MarramMesh* meshes, const Block& block, BlockCorners& out) const {
+    const MarramMesh& mesh = meshes[block.mesh];
+    const float* positions = mesh.positions[mesh.time_count > 1 ? time_ : 0];
+    uint32_t vertices[block_most][3];
+    out.count = 0;
+    for (uint32_t r = block.first; r < block.end; ++r) {
+        const TriangleRun run = shape_->runs[r];
+        const uint32_t* from = mesh.triangles + 3 * size_t(run.first);
+        std::memcpy(vertices[out.count], from, 3 * sizeof(uint32_t) * run.count);
+        for (uint32_t i = 0; i < run.count; ++i) out.triangles[out.count++] = run.first + i;
+    }
+    const uint32_t groups = (out.count + lanes - 1) / lanes;
+    for (uint32_t i = 0; i < groups * lanes; ++i) {
+        const uint32_t* vertex = vertices[std::min(i, out.count - 1)];
+        Corners8& group = out.corners[i / lanes];
+        const auto lane = int(i % lanes);
+        for (size_t k = 0; k < 3; ++k) {
+            const float* p = positions + 3 * size_t(vertex[k]);
+            group.corner[k].x[lane] = p[0];
+            group.corner[k].y[lane] = p[1];
+            group.corner[k].z[lane] = p[2];
+        }
+    }
+}
+
+// While one block is bounded the indices of the second next are sent for, and the corners of the next.
+void ColliderTree::prefetch(const MarramMesh* meshes, uint32_t number) const {
+    const auto each = [&](uint32_t ahead, auto&& visit) {
+        if (number + ahead >= shape_->blocks.size()) return;
+        const Block& block = shape_->blocks[number + ahead];
+        for (uint32_t r = block.first; r < block.end; ++r) visit(meshes[block.mesh], shape_->runs[r]);
+    };
+    each(3, [](const MarramMesh& mesh, const TriangleRun& run) {
+        __builtin_prefetch(mesh.triangles + 3 * size_t(run.first));
+        __builtin_prefetch(mesh.triangles + 3 * size_t(run.first + run.count - 1));
+    });
+    each(1, [&](const MarramMesh& mesh, const TriangleRun& run) {
+        const float* positions = mesh.positions[mesh.time_count > 1 ? time_ : 0];
+        for (const uint32_t t : {run.first, run.first + run.count - 1})
+            for (size_t k = 0; k < 3; ++k)
+                __builtin_prefetch(positions + 3 * size_t(mesh.triangles[3 * size_t(t) + k]));
+    });
+}
+
 ColliderTree::ColliderTree(const MarramFrame& frame, const Eigen::AlignedBox3d& reach, uint32_t time,
                            const ColliderTree* like)
-    : shape_(like ? like->shape_ : make_shape(frame, reach)), origin_(Vec3f::Zero()),
-      nodes_(shape_->nodes.size()) {
-    // The middle of what there is within reach at the first sample: the same for all. A ground that goes on for miles
-    // must not take it far away, and with it the digits.
-    if (like) {
-        origin_ = like->origin_;
-    } else if (!shape_->clusters.empty()) {
-        Eigen::AlignedBox3f all;
-        for (const Cluster& cluster : shape_->clusters) {
-            const MarramMesh& mesh = frame.meshes[cluster.mesh];
-            const Eigen::Map<const Vec3f> p(mesh.positions[0] +
-                                            3 * size_t(mesh.triangles[3 * size_t(triangle(cluster, 0))]));
-            all.extend(p.cast<double>().cwiseMax(reach.min()).cwiseMin(reach.max()).cast<float>().eval());
-        }
-        origin_ = 0.5F * all.min() + 0.5F * all.max();
-    }
+    : shape_(like ? like->shape_ : make_shape(frame, reach)), time_(time), origin_(shape_->origin),
+      nodes_(shape_->nodes.size()), opened_(shape_->blocks.size()) {
     const std::vector<uint32_t>& levels = shape_->levels;
     for (size_t level = 0; level + 1 < levels.size(); ++level)
         tbb::parallel_for(tbb::blocked_range<size_t>(levels[level], levels[level + 1], 64),
                           [&](const auto& range) {
+                              BlockCorners corners;
                               for (size_t n = range.begin(); n < range.end(); ++n) {
-                                  if (level == 0) prefetch(frame.meshes, n, time);
-                                  for (uint32_t i = 0; i < node_most; ++i)
-                                      bound_child(frame.meshes, n, i, level == 0, time);
+                                  const Run run = shape_->nodes[n];
+                                  for (uint32_t i = 0; i < node_most; ++i) {
+                                      Bounds bounds = no_bounds;
+                                      if (i < run.count && level > 0) {
+                                          bounds = around(nodes_[run.first + i]);
+                                      } else if (i < run.count) {
+                                          prefetch(frame.meshes, run.first + i);
+                                          load(frame.meshes, shape_->blocks[run.first + i], corners);
+                                          bound(corners.corners, (corners.count + lanes - 1) / lanes,
+                                                origin_.data(), bounds);
+                                      }
+                                      set_lane(nodes_[n], i, bounds);
+                                  }
                               }
                           });
 }
 
-// On a large mesh clusters that are neighbours may be far apart in memory. Those of the next nodes are sent for.
-void ColliderTree::prefetch(const MarramMesh* meshes, size_t n, uint32_t time) const {
-    const auto each = [&](size_t node, auto&& visit) {
-        if (node >= shape_->levels[1]) return;
-        const Run run = shape_->nodes[node];
-        for (uint32_t i = run.first; i < run.first + run.count; ++i) {
-            const Cluster& cluster = shape_->clusters[i];
-            for (uint32_t k = 0; k < cluster.count; ++k)
-                visit(meshes[cluster.mesh], 3 * size_t(triangle(cluster, k)));
-        }
-    };
-    each(n + 2, [](const MarramMesh& mesh, size_t at) { __builtin_prefetch(mesh.triangles + at); });
-    each(n + 1, [&](const MarramMesh& mesh, size_t at) {
-        const float* positions = mesh.positions[mesh.time_count > 1 ? time : 0];
-        for (size_t k = 0; k < 3; ++k) __builtin_prefetch(positions + 3 * size_t(mesh.triangles[at + k]));
-    });
+ColliderTree::~ColliderTree() {
+    for (const auto& block : opened_)
+        ::operator delete(const_cast<Opened*>(block.load()), std::align_val_t(64));
 }
 
-void ColliderTree::bound_child(const MarramMesh* meshes, size_t n, uint32_t i, bool is_cluster,
-                               uint32_t time) {
-    const Run run = shape_->nodes[n];
-    Bounds bounds = no_bounds;
-    if (i < run.count && is_cluster) {
-        const Cluster& cluster = shape_->clusters[run.first + i];
-        const MarramMesh& mesh = meshes[cluster.mesh];
-        const float* positions = mesh.positions[mesh.time_count > 1 ? time : 0];
-        Corners8 corners;
-        for (uint32_t lane = 0; lane < lanes; ++lane) {
-            const size_t at = 3 * size_t(triangle(cluster, std::min(lane, cluster.count - 1)));
-            for (size_t k = 0; k < 3; ++k) {
-                const float* p = positions + 3 * size_t(mesh.triangles[at + k]);
-                corners.corner[k].x[lane] = p[0] - origin_.x();
-                corners.corner[k].y[lane] = p[1] - origin_.y();
-                corners.corner[k].z[lane] = p[2] - origin_.z();
-            }
-        }
-        bound(corners, bounds);
-    } else if (i < run.count) {
-        bounds = around(nodes_[run.first + i]);
+namespace {
+
+// Parts `order` into `parts` of equal size, give or take one, across the longest extent of the places, and each part again.
+// Calls each(begin, end) for those that are not parted any more.
+template <typename Each>
+void part(const float (*places)[block_most], uint8_t* order, uint32_t begin, uint32_t end, uint32_t parts,
+          Each&& each) {
+    if (parts == 1) {
+        each(begin, end);
+        return;
     }
-    Node& node = nodes_[n];
-    node.low.x[i] = bounds.low[0];
-    node.low.y[i] = bounds.low[1];
-    node.low.z[i] = bounds.low[2];
-    node.high.x[i] = bounds.high[0];
-    node.high.y[i] = bounds.high[1];
-    node.high.z[i] = bounds.high[2];
-    node.normal.x[i] = bounds.normal[0];
-    node.normal.y[i] = bounds.normal[1];
-    node.normal.z[i] = bounds.normal[2];
-    node.bottom[i] = bounds.bottom;
-    node.top[i] = bounds.top;
+    int longest = 0;
+    float most = -1.0F;
+    for (int axis = 0; axis < 3; ++axis) {
+        float low = nowhere, high = -nowhere;
+        for (uint32_t i = begin; i < end; ++i) {
+            low = std::min(low, places[axis][order[i]]);
+            high = std::max(high, places[axis][order[i]]);
+        }
+        if (high - low > most) most = high - low, longest = axis;
+    }
+    const uint32_t middle = begin + (end - begin) * (parts / 2) / parts;
+    const float* along = places[longest];
+    std::nth_element(order + begin, order + middle, order + end, [along](uint8_t a, uint8_t b) {
+        return std::pair(along[a], a) < std::pair(along[b], b);
+    });
+    part(places, order, begin, middle, parts / 2, each);
+    part(places, order, middle, end, parts - parts / 2, each);
 }
 
-size_t ColliderTree::bytes() const { return nodes_.capacity() * sizeof(Node); }
+} // namespace
+
+// Several threads may come here for the same block: the first to be done is kept.
+const ColliderTree::Opened* ColliderTree::open(const MarramMesh* meshes, uint32_t number) const {
+    BlockCorners all;
+    load(meshes, shape_->blocks[number], all);
+    float places[3][block_most];
+    uint8_t order[block_most];
+    for (uint32_t i = 0; i < all.count; ++i) {
+        const Corners8& group = all.corners[i / lanes];
+        const auto lane = int(i % lanes);
+        order[i] = uint8_t(i);
+        places[0][i] = group.corner[0].x[lane] + group.corner[1].x[lane] + group.corner[2].x[lane];
+        places[1][i] = group.corner[0].y[lane] + group.corner[1].y[lane] + group.corner[2].y[lane];
+        places[2][i] = group.corner[0].z[lane] + group.corner[1].z[lane] + group.corner[2].z[lane];
+    }
+    const uint32_t clusters = (all.count + lanes - 1) / lanes;
+    void* memory = ::operator new(sizeof(Opened) + clusters * sizeof(TriangleCluster), std::align_val_t(64));
+    auto* made = new (memory) Opened;
+    auto* into = new (made + 1) TriangleCluster[clusters];
+    made->clusters = 0;
+    part(places, order, 0, all.count, clusters, [&](uint32_t begin, uint32_t end) {
+        TriangleCluster& cluster = into[made->clusters];
+        Corners8 corners;
+        for (uint32_t i = 0; i < lanes; ++i) {
+            const uint32_t from = order[std::min(begin + i, end - 1)];
+            const Corners8& group = all.corners[from / lanes];
+            const auto lane = int(i), source = int(from % lanes);
+            for (int k = 0; k < 3; ++k) {
+                corners.corner[k].x[lane] = group.corner[k].x[source];
+                corners.corner[k].y[lane] = group.corner[k].y[source];
+                corners.corner[k].z[lane] = group.corner[k].z[source];
+            }
+            cluster.triangle[i] = all.triangles[from];
+        }
+        std::copy(corners.corner, corners.corner + 3, cluster.corner);
+        Bounds bounds;
+        bound(&corners, 1, origin_.data(), bounds);
+        set_lane(made->node, made->clusters, bounds);
+        made->triangles[made->clusters++] = end - begin;
+    });
+    for (uint32_t i = clusters; i < node_most; ++i) set_lane(made->node, i, no_bounds);
+    const Opened* there = nullptr;
+    if (opened_[number].compare_exchange_strong(there, made, std::memory_order_acq_rel)) return made;
+    ::operator delete(memory, std::align_val_t(64));
+    return there;
+}
+
+size_t ColliderTree::bytes() const {
+    size_t sum = nodes_.capacity() * sizeof(Node) + opened_.capacity() * sizeof(opened_[0]);
+    for (const auto& block : opened_)
+        if (const Opened* there = block.load(std::memory_order_acquire))
+            sum += sizeof(Opened) + there->clusters * sizeof(TriangleCluster);
+    return sum;
+}
 
 size_t ColliderTree::shared_bytes() const {
-    return shape_->triangles.capacity() * sizeof(uint32_t) + shape_->clusters.capacity() * sizeof(Cluster) +
+    return shape_->runs.capacity() * sizeof(TriangleRun) + shape_->blocks.capacity() * sizeof(Block) +
            shape_->nodes.capacity() * sizeof(Run);
 }
 
@@ -311,6 +426,12 @@ MARRAM_INLINE uint32_t touched(const Node& node, const Question& q) {
     return uint32_t(all | all >> 32) & 0xffU;
 }
 
+template <typename Node>
+MARRAM_INLINE void prefetch_node(const Node* node) {
+    for (size_t line = 0; line < sizeof(Node); line += 64)
+        __builtin_prefetch(reinterpret_cast<const char*>(node) + line);
+}
+
 } // namespace
 
 // The square of what a box, or a slab and the ball around the box, say of the distance, at least. Across the slab it is the gap
@@ -332,11 +453,11 @@ MARRAM_HOT void ColliderTree::distances_to(const Node& node, const float* p, Dis
 }
 
 // The tree from the root down; false: more than `most` clusters.
-MARRAM_HOT void ColliderTree::walk(const Question& q, size_t most, std::vector<uint32_t>& found,
-                                   bool& whole) const {
+MARRAM_HOT void ColliderTree::walk(const MarramMesh* meshes, const Question& q, size_t most,
+                                   std::vector<NearCluster>& found, bool& whole) const {
     const Node* const nodes = nodes_.data();
     const Run* const runs = shape_->nodes.data();
-    const uint32_t above_clusters = shape_->levels[1]; // nodes from here on hold nodes
+    const uint32_t above_blocks = shape_->levels[1]; // nodes from here on hold nodes
     uint32_t stack[stack_size];
     size_t top = 0;
     stack[top++] = uint32_t(nodes_.size() - 1);
@@ -344,24 +465,37 @@ MARRAM_HOT void ColliderTree::walk(const Question& q, size_t most, std::vector<u
         const uint32_t n = stack[--top];
         const uint32_t first = runs[n].first;
         const uint32_t there = (1U << runs[n].count) - 1U;
-        for (uint32_t bits = touched(nodes[n], q) & there; bits != 0; bits &= bits - 1) {
-            const uint32_t child = first + uint32_t(std::countr_zero(bits));
-            if (n >= above_clusters) {
+        uint32_t bits = touched(nodes[n], q) & there;
+        if (n >= above_blocks) {
+            for (; bits != 0; bits &= bits - 1) {
+                const uint32_t child = first + uint32_t(std::countr_zero(bits));
                 stack[top++] = child;
-                for (size_t line = 0; line < sizeof(Node); line += 64)
-                    __builtin_prefetch(reinterpret_cast<const char*>(nodes + child) + line);
-                continue;
+                prefetch_node(nodes + child);
             }
-            if (found.size() >= most) {
-                whole = false;
-                return;
+            continue;
+        }
+        for (uint32_t later = bits; later != 0; later &= later - 1)
+            if (const Opened* next =
+                    opened_[first + uint32_t(std::countr_zero(later))].load(std::memory_order_acquire))
+                prefetch_node(&next->node);
+        for (; bits != 0; bits &= bits - 1) {
+            const uint32_t number = first + uint32_t(std::countr_zero(bits));
+            const Opened& block = opened(meshes, number);
+            const uint32_t clusters = (1U << block.clusters) - 1U;
+            for (uint32_t in = touched(block.node, q) & clusters; in != 0; in &= in - 1) {
+                if (found.size() >= most) {
+                    whole = false;
+                    return;
+                }
+                const auto i = uint32_t(std::countr_zero(in));
+                found.push_back({&block.cluster(i), shape_->blocks[number].mesh, block.triangles[i]});
             }
-            found.push_back(child);
         }
     }
 }
 
-bool ColliderTree::find(const Region& region, size_t most, std::vector<uint32_t>& found) const {
+bool ColliderTree::find(const MarramMesh* meshes, const Region& region, size_t most,
+                        std::vector<NearCluster>& found) const {
     found.clear();
     if (nodes_.empty()) return true;
     Question q;
@@ -391,7 +525,7 @@ bool ColliderTree::find(const Region& region, size_t most, std::vector<uint32_t>
                      splat_float(std::abs(n.z()))};
     q.height = q.flat ? float(region.normal().dot(region.points()[0] - origin)) : 0.0F;
     bool whole = true;
-    walk(q, most, found, whole);
+    walk(meshes, q, most, found, whole);
     return whole;
 }
 

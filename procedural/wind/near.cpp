@@ -67,19 +67,6 @@ MARRAM_HOT void near_bulge(const Triangles8& t, const Bulge& bulge, VLong& near)
 
 } // namespace
 
-void load(const Colliders& colliders, const ColliderTree::Cluster& cluster, const Vec3d& origin,
-          Triangles8& out) {
-    for (uint32_t lane = 0; lane < uint32_t(lanes); ++lane) {
-        const uint32_t triangle = colliders.tree->triangle(cluster, std::min(lane, cluster.count - 1));
-        const auto p = colliders.corners(colliders.lent[cluster.mesh], triangle);
-        for (size_t k = 0; k < 3; ++k) {
-            out.corner[k].x[lane] = p[k].x() - origin.x();
-            out.corner[k].y[lane] = p[k].y() - origin.y();
-            out.corner[k].z[lane] = p[k].z() - origin.z();
-        }
-    }
-}
-
 MARRAM_HOT void squared_distances(const Triangles8& triangles, const Vec3d& facing, Squared8& out) {
     const Wide3d n =
         cross(triangles.corner[1] - triangles.corner[0], triangles.corner[2] - triangles.corner[0]);
@@ -91,16 +78,16 @@ MARRAM_HOT void squared_distances(const Triangles8& triangles, const Vec3d& faci
 NearestTriangle nearest_triangle(const Colliders& colliders, const Vec3d& q, double radius) {
     NearestTriangle nearest;
     double limit = radius;
-    colliders.tree->nearest(q, radius, [&](const ColliderTree::Cluster& cluster) {
-        const MarramMesh& mesh = colliders.lent[cluster.mesh];
+    colliders.tree->nearest(colliders.lent, q, radius, [&](const NearCluster& near) {
+        const MarramMesh& mesh = colliders.lent[near.mesh];
         Triangles8 eight;
-        load(colliders, cluster, q, eight);
+        load(*near.cluster, q, eight);
         Squared8 distances;
         squared_distances(eight, Vec3d::Zero(), distances);
-        for (uint32_t lane = 0; lane < cluster.count; ++lane) {
+        for (uint32_t lane = 0; lane < near.count; ++lane) {
             const double wide = limit * (1.0 + 1e-9);
             if (!(distances.squared[int(lane)] <= wide * wide)) continue;
-            const uint32_t triangle = colliders.tree->triangle(cluster, lane);
+            const uint32_t triangle = near.cluster->triangle[lane];
             const Vec3d point = nearest_point(colliders.corners(mesh, triangle), q);
             const double distance = (point - q).norm();
             const bool tie = nearest.mesh && distance == nearest.distance &&

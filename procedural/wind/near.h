@@ -12,8 +12,10 @@ namespace marram {
 double nearest_distance(std::span<const Triangles8> triangles, const Vec3d& p);
 
 // The triangles of a cluster relative to `origin`; spare lanes repeat the last.
-void load(const Colliders& colliders, const ColliderTree::Cluster& cluster, const Vec3d& origin,
-          Triangles8& out);
+MARRAM_INLINE void load(const TriangleCluster& cluster, const Vec3d& origin, Triangles8& out) {
+    const Wide3d o = splat3(origin.data());
+    for (int k = 0; k < 3; ++k) out.corner[k] = to_double(cluster.corner[k]) - o;
+}
 
 // The squares of the distances of eight triangles from the origin; infinite for those that face away from `facing`, unless
 // that is 0.

@@ -29,12 +29,12 @@ bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p,
         most_along = std::abs(along);
     };
     if (hint != no_triangle) consider(hint);
-    colliders.tree->nearest(p, best + tie, [&](const ColliderTree::Cluster& cluster) {
-        if (&colliders.lent[cluster.mesh] != &skin) return best + tie;
-        const auto triangle = [&](size_t i) { return colliders.tree->triangle(cluster, uint32_t(i)); };
-        const size_t count = cluster.count;
+    colliders.tree->nearest(colliders.lent, p, best + tie, [&](const NearCluster& found_near) {
+        if (&colliders.lent[found_near.mesh] != &skin) return best + tie;
+        const uint32_t* triangle = found_near.cluster->triangle;
+        const size_t count = found_near.count;
         Triangles8 eight;
-        load(colliders, cluster, p, eight);
+        load(*found_near.cluster, p, eight);
         Squared8 distances;
         squared_distances(eight, facing, distances);
         // The nearest of them first: the rest can then only be as near.
@@ -46,9 +46,9 @@ bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p,
             return distances.squared[lane] <= limit * limit;
         };
         if (!near(first)) return best + tie;
-        consider(triangle(first));
+        consider(triangle[first]);
         for (size_t lane = 0; lane < count; ++lane)
-            if (lane != first && near(lane)) consider(triangle(lane));
+            if (lane != first && near(lane)) consider(triangle[lane]);
         return best + tie;
     });
     return found;

@@ -40,43 +40,26 @@ Region sector(const Vec3d& pivot, const Turning& turning, const Part& part, doub
     return region;
 }
 
-// What is next to each other in space may be far apart in a large mesh's tables: all of it is sent for at once.
-void prefetch(const Colliders& colliders, const std::vector<uint32_t>& clusters) {
-    const ColliderTree& tree = *colliders.tree;
-    const auto each = [&](auto&& visit) {
-        for (const uint32_t i : clusters) {
-            const ColliderTree::Cluster& cluster = tree.cluster(i);
-            for (uint32_t t = 0; t < cluster.count; ++t)
-                visit(colliders.lent[cluster.mesh], tree.triangle(cluster, t));
-        }
-    };
-    each([](const MarramMesh& mesh, uint32_t t) { __builtin_prefetch(mesh.triangles + 3 * size_t(t)); });
-    each([&](const MarramMesh& mesh, uint32_t t) {
-        for (size_t i = 0; i < 3; ++i) __builtin_prefetch(colliders.corner(mesh, t, i));
-    });
+// Which of eight triangles do not stay on one side of the plane through the origin.
+MARRAM_HOT void meets_plane(const Triangles8& triangles, const Vec3d& normal, double radius, VLong& meets) {
+    const Wide3d n = splat3(normal.data());
+    const VDouble a = dot(triangles.corner[0], n), b = dot(triangles.corner[1], n),
+                  c = dot(triangles.corner[2], n);
+    meets = (vmin(a, vmin(b, c)) <= radius) & (vmax(a, vmax(b, c)) >= -radius);
 }
 
 // Triangles of the region's clusters, relative to the pivot, but for those that stay on one side of the region's plane. False:
 // there are more than `most` clusters.
 bool gather(const Colliders& colliders, const Region& region, size_t most, TurnScratch& scratch) {
     scratch.triangles.clear();
-    const ColliderTree& tree = *colliders.tree;
-    if (!tree.find(region, most, scratch.clusters)) return false;
-    prefetch(colliders, scratch.clusters);
-    const Vec3d& pivot = region.points()[0];
-    const double c = region.radius();
-    for (const uint32_t i : scratch.clusters) {
-        const ColliderTree::Cluster& cluster = tree.cluster(i);
-        for (uint32_t t = 0; t < cluster.count; ++t) {
-            auto p = colliders.corners(colliders.lent[cluster.mesh], tree.triangle(cluster, t));
-            double h[3];
-            for (size_t k = 0; k < 3; ++k) {
-                p[k] -= pivot;
-                h[k] = p[k].dot(region.normal());
-            }
-            if (std::min({h[0], h[1], h[2]}) <= c && std::max({h[0], h[1], h[2]}) >= -c)
-                scratch.triangles.push(p[0], p[1], p[2]);
-        }
+    if (!colliders.tree->find(colliders.lent, region, most, scratch.clusters)) return false;
+    for (const NearCluster& near : scratch.clusters) {
+        Triangles8 eight;
+        load(*near.cluster, region.points()[0], eight);
+        VLong meets;
+        meets_plane(eight, region.normal(), region.radius(), meets);
+        for (uint32_t lane = 0; lane < near.count; ++lane)
+            if (meets[int(lane)]) scratch.triangles.push(eight, int(lane));
     }
     return true;
 }
@@ -188,65 +171,15 @@ double end_of_blocked(const Colliders& colliders, const Vec3d& pivot, const Turn
     return std::atan2(at.y(), at.x());
 }
 
-// Rays from the pivot within a plane, at equal steps to both sides of `from`, eight steps in a packet.
-class RaysAround {
-  public:
-    RaysAround(const Colliders& colliders, const Segment& segment, const Turning& turning)
-        : colliders_(colliders), segment_(segment), turning_(turning) {}
-
-    static Vec2d step(int i) { // its cosine and sine
-        static const auto table = [] {
-            std::array<Vec2d, 2 * out_steps + 1> t;
-            for (size_t k = 0; k < t.size(); ++k)
-                t[k] = {std::cos(pi / out_steps * double(k)), std::sin(pi / out_steps * double(k))};
-            return t;
-        }();
-        return table[size_t(i)];
-    }
-    Vec3d at(int side, int i) const {
-        const Vec2d u = step(i);
-        return turning_.direction(u.x(), side == 0 ? u.y() : -u.y());
-    }
-    // Whether the ray at step i >= 1 meets a triangle.
-    bool meets(int side, int i) {
-        while (i > known_) trace_more();
-        return blocked_[side] >> i & 1;
-    }
-
-  private:
-    static constexpr int packet = 8;
-
-    void trace_more() {
-        alignas(64) RTCRay16 rays;
-        alignas(64) int valid[16];
-        for (int r = 0; r < 16; ++r) {
-            const Vec3d d = at(r / packet, known_ + 1 + r % packet);
-            valid[r] = -1;
-            rays.org_x[r] = float(segment_.pivot.x());
-            rays.org_y[r] = float(segment_.pivot.y());
-            rays.org_z[r] = float(segment_.pivot.z());
-            rays.dir_x[r] = float(d.x());
-            rays.dir_y[r] = float(d.y());
-            rays.dir_z[r] = float(d.z());
-            rays.tnear[r] = 0.0F;
-            rays.tfar[r] = float(segment_.length);
-            rays.time[r] = colliders_.time;
-            rays.mask[r] = ~0U;
-            rays.id[r] = 0;
-            rays.flags[r] = 0;
-        }
-        marram_occluded16(colliders_.scene, valid, &rays);
-        for (int r = 0; r < 16; ++r)
-            blocked_[r / packet] |= uint64_t(rays.tfar[r] < 0.0F) << (known_ + 1 + r % packet);
-        known_ += packet;
-    }
-
-    const Colliders& colliders_;
-    const Segment& segment_;
-    const Turning& turning_;
-    uint64_t blocked_[2] = {};
-    int known_ = 0;
-};
+Vec2d out_step(int i) { // its cosine and sine
+    static const auto table = [] {
+        std::array<Vec2d, 2 * out_steps + 1> t;
+        for (size_t k = 0; k < t.size(); ++k)
+            t[k] = {std::cos(pi / out_steps * double(k)), std::sin(pi / out_steps * double(k))};
+        return t;
+    }();
+    return table[size_t(i)];
+}
 
 // Out of a collider within one plane, to whichever side is nearer. Rays at equal steps say how far it is blocked without
 // clearance; from two steps past the last of these, or from `most`, it turns back to the contact.
@@ -255,14 +188,15 @@ double turn_out_in_plane(const Colliders& colliders, const Segment& segment, con
                          double most, TurnScratch& scratch, Vec3d& direction) {
     constexpr double step = pi / out_steps;
     constexpr double none = 2.0 * pi;
-    RaysAround rays(colliders, segment, turning);
     int blocked[2] = {0, 0};
     double least = none;
     for (;;) {
         const int side = blocked[0] <= blocked[1] ? 0 : 1;
         const double sign = side == 0 ? 1.0 : -1.0, from = blocked[side] * step;
         if (from >= std::min({least, most, pi})) return least;
-        if (rays.meets(side, blocked[side] + 1)) {
+        const Vec2d next = out_step(blocked[side] + 1);
+        if (ray_meets(colliders, segment.pivot, turning.direction(next.x(), sign * next.y()),
+                      segment.length)) {
             ++blocked[side];
             continue;
         }
@@ -368,71 +302,78 @@ Vec3d least_bad(const Colliders& colliders, const Segment& segment, const Arc& a
     return best;
 }
 
-} // namespace
-
-namespace {
-
-// Whether a plane or a box parts the triangle from the region.
-bool apart(const Region& region, const std::array<Vec3d, 3>& p) {
-    const double r = region.radius();
-    const Vec3d n = (p[1] - p[0]).cross(p[2] - p[0]);
-    const Vec3d low = p[0].cwiseMin(p[1]).cwiseMin(p[2]), high = p[0].cwiseMax(p[1]).cwiseMax(p[2]);
-    Vec3d least = Vec3d::Constant(std::numeric_limits<double>::infinity()), most = -least;
-    double below = least.x(), above = -below;
+// Which of eight triangles neither their own plane nor a box parts from the region.
+MARRAM_HOT void may_be_near(const Region& region, const Triangles8& triangles, VLong& near) {
+    const Wide3d &a = triangles.corner[0], &b = triangles.corner[1], &c = triangles.corner[2];
+    const Wide3d n = cross(b - a, c - a);
+    const VDouble r = splat(region.radius()), height = dot(n, a), far = r * vsqrt(dot(n, n));
+    VDouble below = splat(std::numeric_limits<double>::infinity()), above = -below;
+    Vec3d least = Vec3d::Constant(below[0]), most = -least;
     for (const Vec3d& q : region.points()) {
         least = least.cwiseMin(q);
         most = most.cwiseMax(q);
-        const double h = n.dot(q - p[0]);
-        below = std::min(below, h);
-        above = std::max(above, h);
+        const VDouble h = dot(n, splat3(q.data())) - height;
+        below = vmin(below, h);
+        above = vmax(above, h);
     }
-    const double away = (low - most).cwiseMax(least - high).maxCoeff();
-    return away > r || std::max(below, -above) > r * n.norm();
+    const auto aside = [&](VDouble p, VDouble q, VDouble s, double low, double high) MARRAM_ALWAYS_INLINE {
+        return (vmin(p, vmin(q, s)) - high > r) | (low - vmax(p, vmax(q, s)) > r);
+    };
+    near = ~((vmax(below, -above) > far) | aside(a.x, b.x, c.x, least.x(), most.x()) |
+             aside(a.y, b.y, c.y, least.y(), most.y()) | aside(a.z, b.z, c.z, least.z(), most.z()));
+}
+
+// Calls visit(eight, lane) for the triangles that may be near the region, relative to its first point, until it returns false.
+template <typename Visit>
+void each_near(const Region& region, const std::vector<NearCluster>& clusters, const Vec3d& origin,
+               Visit&& visit) {
+    Region moved(region.radius());
+    for (const Vec3d& q : region.points()) moved.add(q - origin);
+    for (const NearCluster& cluster : clusters) {
+        Triangles8 eight;
+        load(*cluster.cluster, origin, eight);
+        VLong near;
+        may_be_near(moved, eight, near);
+        for (uint32_t lane = 0; lane < cluster.count; ++lane)
+            if (near[int(lane)] && !visit(eight, int(lane))) return;
+    }
 }
 
 } // namespace
 
 bool surely_clear(const Colliders& colliders, const Region& region, TurnScratch& scratch) {
-    const ColliderTree& tree = *colliders.tree;
-    if (!tree.find(region, many, scratch.clusters)) return false;
-    for (const uint32_t i : scratch.clusters) {
-        const ColliderTree::Cluster& cluster = tree.cluster(i);
-        for (uint32_t t = 0; t < cluster.count; ++t)
-            if (!apart(region, colliders.corners(colliders.lent[cluster.mesh], tree.triangle(cluster, t))))
-                return false;
-    }
-    return true;
+    if (!colliders.tree->find(colliders.lent, region, many, scratch.clusters)) return false;
+    bool clear = true;
+    each_near(region, scratch.clusters, region.points()[0],
+              [&](const Triangles8&, int) { return clear = false; });
+    return clear;
 }
 
 bool triangles_near(const Colliders& colliders, const Region& region, const Vec3d& origin, size_t most,
                     TurnScratch& scratch) {
-    const ColliderTree& tree = *colliders.tree;
     scratch.triangles.clear();
-    if (!tree.find(region, most, scratch.clusters)) return false;
-    for (const uint32_t i : scratch.clusters) {
-        const ColliderTree::Cluster& cluster = tree.cluster(i);
-        for (uint32_t t = 0; t < cluster.count; ++t) {
-            const auto p = colliders.corners(colliders.lent[cluster.mesh], tree.triangle(cluster, t));
-            if (!apart(region, p)) scratch.triangles.push(p[0] - origin, p[1] - origin, p[2] - origin);
-        }
-    }
+    if (!colliders.tree->find(colliders.lent, region, most, scratch.clusters)) return false;
+    each_near(region, scratch.clusters, origin, [&](const Triangles8& eight, int lane) {
+        scratch.triangles.push(eight, lane);
+        return true;
+    });
     return true;
 }
 
 bool anything_near(const Colliders& colliders, const Vec3d& centre, double radius, TurnScratch& scratch) {
-    const ColliderTree& tree = *colliders.tree;
     Region ball(radius);
     ball.add(centre);
-    tree.find(ball, SIZE_MAX, scratch.clusters);
-    for (const uint32_t i : scratch.clusters) {
-        const ColliderTree::Cluster& cluster = tree.cluster(i);
-        for (uint32_t t = 0; t < cluster.count; ++t) {
-            const auto p = colliders.corners(colliders.lent[cluster.mesh], tree.triangle(cluster, t));
-            if (!apart(ball, p) && (nearest_point(p, centre) - centre).squaredNorm() <= radius * radius)
-                return true;
-        }
-    }
-    return false;
+    colliders.tree->find(colliders.lent, ball, SIZE_MAX, scratch.clusters);
+    bool found = false;
+    each_near(ball, scratch.clusters, centre, [&](const Triangles8& eight, int lane) {
+        const auto corner = [&](size_t k) {
+            return Vec3d(eight.corner[k].x[lane], eight.corner[k].y[lane], eight.corner[k].z[lane]);
+        };
+        found =
+            nearest_point({corner(0), corner(1), corner(2)}, Vec3d::Zero()).squaredNorm() <= radius * radius;
+        return !found;
+    });
+    return found;
 }
 
 Arc arc_of(const Segment& segment) {

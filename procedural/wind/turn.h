@@ -46,7 +46,7 @@ struct TurnScratch {
     TriangleList triangles, kept;
     TriangleList against; // what a segment that was turned out stands against
     FirstBlocked first;
-    std::vector<uint32_t> clusters;
+    std::vector<NearCluster> clusters;
     std::vector<Blocked> blocked;
 };
 

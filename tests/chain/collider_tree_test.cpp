@@ -9,7 +9,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <random>
+#include <thread>
 
 namespace marram {
 namespace {
@@ -51,20 +53,18 @@ struct Random {
     size_t below(size_t n) { return size_t(bits() % n); }
 };
 
-bool names(const ColliderTree& tree, const std::vector<uint32_t>& found, const MarramMesh* mesh,
-           uint32_t triangle) {
-    return std::any_of(found.begin(), found.end(), [&](uint32_t i) {
-        const ColliderTree::Cluster& cluster = tree.cluster(i);
-        for (uint32_t t = 0; t < cluster.count && cluster.mesh == mesh->geometry_id; ++t)
-            if (tree.triangle(cluster, t) == triangle) return true;
-        return false;
+bool names(const std::vector<NearCluster>& found, const MarramMesh* mesh, uint32_t triangle) {
+    return std::any_of(found.begin(), found.end(), [&](const NearCluster& near) {
+        const uint32_t* first = near.cluster->triangle;
+        return near.mesh == mesh->geometry_id &&
+               std::find(first, first + near.count, triangle) != first + near.count;
     });
 }
 
 // How many triangles the answers name, in the mean.
 double check(const Lent& lent, const ColliderTree& tree, uint32_t time, double size, int count) {
     Random random;
-    std::vector<uint32_t> found;
+    std::vector<NearCluster> found;
     double named = 0.0;
     for (int i = 0; i < count; ++i) {
         const MarramMesh& mesh = lent.lent[random.below(lent.lent.size())];
@@ -93,9 +93,9 @@ double check(const Lent& lent, const ColliderTree& tree, uint32_t time, double s
         Region region(radius);
         for (const Vec3d& point : points) region.add(point - mean + inside);
         if (flat) region.flatten(normal);
-        EXPECT_TRUE(tree.find(region, SIZE_MAX, found));
-        EXPECT_TRUE(names(tree, found, &mesh, triangle)) << "triangle " << triangle << ", question " << i;
-        for (const uint32_t cluster : found) named += double(tree.cluster(cluster).count) / count;
+        EXPECT_TRUE(tree.find(lent.frame.meshes, region, SIZE_MAX, found));
+        EXPECT_TRUE(names(found, &mesh, triangle)) << "triangle " << triangle << ", question " << i;
+        for (const NearCluster& near : found) named += double(near.count) / count;
     }
     return named;
 }
@@ -129,6 +129,16 @@ TEST(ColliderTree, names_every_triangle_that_is_near) {
     }
 }
 
+TEST(ColliderTree, holds_the_smallest_meshes) {
+    for (size_t count = 1; count < 20; ++count) {
+        Lent lent;
+        lent.meshes = {soup(count, 1.0, Vec3d::Zero())};
+        lent.finish(1);
+        const ColliderTree tree(lent.frame, everywhere(), 0);
+        check(lent, tree, 0, 1.0, 200);
+    }
+}
+
 TEST(ColliderTree, follows_meshes_that_move) {
     Lent lent;
     lent.meshes = {sphere_mesh(1.0F, 30, 0.03F, 9.0F), soup(500, 1.0, Vec3d(2, 0, 0))};
@@ -151,9 +161,53 @@ TEST(ColliderTree, knows_what_flies_into_reach_after_the_first_sample) {
     check(lent, second, 1, 1.0, 1000);
     Region all(2.0);
     all.add(Vec3d::Zero());
-    std::vector<uint32_t> found;
-    first.find(all, SIZE_MAX, found);
+    std::vector<NearCluster> found;
+    first.find(lent.frame.meshes, all, SIZE_MAX, found);
     EXPECT_TRUE(found.empty());
+}
+
+// What is in a block is made when it is first asked for, by whoever asks first.
+TEST(ColliderTree, answers_many_threads_as_it_answers_one) {
+    Lent lent;
+    lent.meshes = {sphere_mesh(1.0F, 60, 0.03F, 9.0F), soup(3000, 1.0, Vec3d(1, 0, 0))};
+    // Neighbours far apart in the table: as many runs as triangles.
+    std::shuffle(lent.meshes[0].triangles.begin(), lent.meshes[0].triangles.end(), std::mt19937(3));
+    lent.finish(1);
+    constexpr size_t questions = 4000;
+    const auto ask = [&](const ColliderTree& tree, size_t i) {
+        Random random;
+        random.bits.seed(i);
+        Region region(std::pow(10.0, random(-4, -1)));
+        for (int k = 0; k < 4; ++k) region.add(1.1 * random.in_ball());
+        std::vector<NearCluster> found;
+        tree.find(lent.frame.meshes, region, 64, found);
+        std::vector<uint32_t> named;
+        for (const NearCluster& near : found) {
+            named.push_back(near.mesh);
+            named.insert(named.end(), near.cluster->triangle, near.cluster->triangle + near.count);
+        }
+        return named;
+    };
+    const ColliderTree alone(lent.frame, everywhere(), 0);
+    check(lent, alone, 0, 1.0, 2000);
+    std::vector<std::vector<uint32_t>> expected(questions);
+    for (size_t i = 0; i < questions; ++i) expected[i] = ask(alone, i);
+    const size_t whole = alone.bytes();
+    for (int round = 0; round < 5; ++round) {
+        const ColliderTree tree(lent.frame, everywhere(), 0);
+        const size_t closed = tree.bytes();
+        EXPECT_LT(closed, whole);
+        std::atomic<size_t> different = 0;
+        std::vector<std::thread> threads;
+        for (size_t t = 0; t < 8; ++t)
+            threads.emplace_back([&] {
+                for (size_t i = 0; i < questions; ++i) different += ask(tree, i) != expected[i];
+            });
+        for (std::thread& thread : threads) thread.join();
+        EXPECT_EQ(different, 0U);
+        EXPECT_GT(tree.bytes(), closed);
+        EXPECT_LE(tree.bytes(), whole);
+    }
 }
 
 TEST(ColliderTree, finds_nothing_at_infinity_and_where_there_is_no_number) {
@@ -163,14 +217,14 @@ TEST(ColliderTree, finds_nothing_at_infinity_and_where_there_is_no_number) {
     const ColliderTree tree(lent.frame, everywhere(), 0);
     constexpr double infinity = std::numeric_limits<double>::infinity(),
                      nan = std::numeric_limits<double>::quiet_NaN();
-    std::vector<uint32_t> found;
+    std::vector<NearCluster> found;
     for (const double x : {infinity, -infinity, nan, 0.0})
         for (const double radius : {infinity, nan, 1.0}) {
             if (x == 0.0 && radius == 1.0) continue;
             Region region(radius);
             region.add(Vec3d(x, 0, 0));
             region.add(Vec3d(0, 0, 0));
-            EXPECT_TRUE(tree.find(region, SIZE_MAX, found));
+            EXPECT_TRUE(tree.find(lent.frame.meshes, region, SIZE_MAX, found));
             EXPECT_TRUE(found.empty());
         }
 }
@@ -223,16 +277,16 @@ TEST(ColliderTree, stays_sharp_beside_a_wide_ground) {
     const ColliderTree tree(lent.frame, {Vec3d::Constant(-1.5), Vec3d::Constant(1.5)}, 0);
     const ColliderTree with_ground(lent.frame, {Vec3d::Constant(-3.0), Vec3d::Constant(3.0)}, 0);
     Random random;
-    std::vector<uint32_t> found;
+    std::vector<NearCluster> found;
     size_t named[2] = {0, 0};
     for (int i = 0; i < 1000; ++i) {
         const Vec3d up = random.in_ball().normalized();
         Region sweep(1e-4);
         sweep.add(up * 1.001);
         sweep.add(up * 1.02);
-        tree.find(sweep, SIZE_MAX, found);
+        tree.find(lent.frame.meshes, sweep, SIZE_MAX, found);
         named[0] += found.size();
-        with_ground.find(sweep, SIZE_MAX, found);
+        with_ground.find(lent.frame.meshes, sweep, SIZE_MAX, found);
         named[1] += found.size();
     }
     EXPECT_LE(named[1], named[0] + 100);
@@ -247,11 +301,11 @@ TEST(ColliderTree, leaves_out_what_is_out_of_reach_or_not_finite) {
     const ColliderTree tree(lent.frame, reach, 0);
     Region all(10.0);
     all.add(Vec3d::Zero());
-    std::vector<uint32_t> found;
-    ASSERT_TRUE(tree.find(all, SIZE_MAX, found));
+    std::vector<NearCluster> found;
+    ASSERT_TRUE(tree.find(lent.frame.meshes, all, SIZE_MAX, found));
     std::vector<char> named(lent.lent[0].triangle_count, 0);
-    for (const uint32_t i : found)
-        for (uint32_t t = 0; t < tree.cluster(i).count; ++t) ++named[tree.triangle(tree.cluster(i), t)];
+    for (const NearCluster& near : found)
+        for (uint32_t t = 0; t < near.count; ++t) ++named[near.cluster->triangle[t]];
     for (uint32_t t = 0; t < lent.lent[0].triangle_count; ++t) {
         float highest = -1.0F;
         bool finite = true;
@@ -261,7 +315,7 @@ TEST(ColliderTree, leaves_out_what_is_out_of_reach_or_not_finite) {
         }
         EXPECT_EQ(named[t], finite && highest >= 0.5F ? 1 : 0) << t;
     }
-    EXPECT_FALSE(tree.find(all, 3, found));
+    EXPECT_FALSE(tree.find(lent.frame.meshes, all, 3, found));
     EXPECT_LE(found.size(), 3U);
 }
 
@@ -272,8 +326,8 @@ TEST(ColliderTree, is_empty_where_there_is_nothing) {
     EXPECT_TRUE(tree.empty());
     Region all(10.0);
     all.add(Vec3d::Zero());
-    std::vector<uint32_t> found = {1};
-    EXPECT_TRUE(tree.find(all, SIZE_MAX, found));
+    std::vector<NearCluster> found(1);
+    EXPECT_TRUE(tree.find(lent.frame.meshes, all, SIZE_MAX, found));
     EXPECT_TRUE(found.empty());
 }
 
@@ -285,7 +339,7 @@ TEST(ColliderTree, parts_a_strand_from_the_skin_below_it) {
         lent.finish(1);
         const ColliderTree tree(lent.frame, everywhere(), 0);
         Random random;
-        std::vector<uint32_t> found;
+        std::vector<NearCluster> found;
         size_t named = 0, in_ball = 0;
         for (int i = 0; i < 1000; ++i) {
             const Vec3d up = random.in_ball().normalized(), side = up.unitOrthogonal();
@@ -295,12 +349,12 @@ TEST(ColliderTree, parts_a_strand_from_the_skin_below_it) {
             sweep.add(root + 0.1 * up);
             sweep.add(root + 0.1 * (up + side));
             sweep.add(root + 0.1 * side);
-            tree.find(sweep, SIZE_MAX, found);
-            for (const uint32_t cluster : found) named += tree.cluster(cluster).count;
+            tree.find(lent.frame.meshes, sweep, SIZE_MAX, found);
+            for (const NearCluster& near : found) named += near.count;
             Region ball(0.1);
             ball.add(root);
-            tree.find(ball, SIZE_MAX, found);
-            for (const uint32_t cluster : found) in_ball += tree.cluster(cluster).count;
+            tree.find(lent.frame.meshes, ball, SIZE_MAX, found);
+            for (const NearCluster& near : found) in_ball += near.count;
         }
         std::printf("%6zu triangles: %.1f named of %.1f in the ball around\n",
                     lent.meshes[0].triangles.size(), double(named) / 1000, double(in_ball) / 1000);

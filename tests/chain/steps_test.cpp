@@ -50,9 +50,9 @@ double median(std::vector<double> values) {
 
 // Seconds of collide() alone over the same bent strands, one solver after the other, several times.
 struct Costs {
-    double exact, steps;
-    double tree,
-        tree_again; // that exact asks: in the first frame, and in the next, the colliders being at rest
+    double exact, steps; // in a frame, the colliders being at rest
+    double first; // exact in the first frame: the tree is made, and what is asked of it for the first time
+    double tree, tree_again; // of these
 };
 
 Costs costs(const FurredWorld& world, double global_rotate) {
@@ -88,7 +88,8 @@ Costs costs(const FurredWorld& world, double global_rotate) {
             seconds[solver].push_back(
                 std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
         }
-    return {median(seconds[0]), median(seconds[1]), tree[0], tree[1]};
+    const double first = tree[0] + seconds[0][0];
+    return {median(seconds[0]) + tree[1], median(seconds[1]), first, tree[0], tree[1]};
 }
 
 } // namespace
@@ -130,14 +131,15 @@ TEST(Speed, exact_collision_costs_less_than_sixteen_steps) {
         for (const double global_rotate : {0.6, 1.0}) {
             const Costs c = costs(world, global_rotate);
             std::printf(
-                "%7d triangles, global_rotate %.1f: exact %.2f of 16 steps (%.1f and %.1f ms, one thread); "
-                "its tree: %.1f ms in the first frame, %.1f in the next; the mesh and Embree's own: %.0f "
-                "ms\n",
-                8 * divisions * divisions, global_rotate, (c.exact + c.tree_again) / c.steps,
-                1e3 * (c.exact + c.tree_again), 1e3 * c.steps, 1e3 * c.tree, 1e3 * c.tree_again, 1e3 * built);
+                "%7d triangles, global_rotate %.1f: exact %.2f of 16 steps (%.1f and %.1f ms, one thread), "
+                "in "
+                "the first frame %.2f (%.1f ms); its tree: %.1f ms in the first frame, %.1f in the next; "
+                "the mesh and Embree's own: %.0f ms\n",
+                8 * divisions * divisions, global_rotate, c.exact / c.steps, 1e3 * c.exact, 1e3 * c.steps,
+                c.first / c.steps, 1e3 * c.first, 1e3 * c.tree, 1e3 * c.tree_again, 1e3 * built);
             // The stronger wind, with five times the contacts, is reported on the fine skin; see the README.
             if (global_rotate < 1.0 || divisions < 100) {
-                EXPECT_LT(c.exact + c.tree_again, c.steps);
+                EXPECT_LT(c.exact, c.steps);
             }
         }
     }

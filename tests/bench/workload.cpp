@@ -90,6 +90,17 @@ void each_cv(const std::vector<Strands>& patches, Visit&& visit) { // visit(patc
             for (int k = 0; k < patch.cvs; ++k) visit(patch, i, k);
 }
 
+// Positions at the motion samples from the second on: the sphere swells and leans.
+std::vector<std::vector<FurredWorld::Positions>> deformed(const Mesh& mesh, uint32_t keys) {
+    std::vector<FurredWorld::Positions> later(keys - 1, mesh.positions);
+    for (uint32_t t = 1; t < keys; ++t)
+        for (Vec3f& p : later[t - 1]) {
+            const float much = 0.04F * float(t) / float(keys - 1);
+            p += much * Vec3f(p.y(), std::sin(4.0F * p.x()), p.z());
+        }
+    return {later};
+}
+
 size_t at(const Strands& patch, int strand, int k) {
     return size_t(strand / lanes) * size_t(patch.cvs) + size_t(k);
 }
@@ -98,44 +109,59 @@ size_t at(const Strands& patch, int strand, int k) {
 
 Workload::Workload(const Size& size)
     : wind_(gusty_wind()), groom_(plain_coat(size.strands, size.cvs, 0.18, 0.26, size.width)),
-      world_({sphere_mesh(1.0F, size.divisions, 0.03F, 9.0F)}) {
+      world_({sphere_mesh(1.0F, size.divisions, 0.03F, 9.0F)},
+             deformed(sphere_mesh(1.0F, size.divisions, 0.03F, 9.0F), size.keys)),
+      keys_(size.keys) {
     for (int k = 0; k < size.cvs; ++k)
         profile_.push_back(float(0.5 * groom_.width_profile(double(k) / (size.cvs - 1))));
-    chain_ = make_chain_frame({wind_, whole_, world_.frame(), world_.mesh(0), profile_, MARRAM_BSPLINE});
+    chain_ = frame_chain();
     roots_ = place_roots(groom_, world_.surface(0), [] { return false; }).roots;
     if (size.strands >= F.strands) return; // what it would be compared with takes too much memory
-    rest_ = grow(groom_, wind_, world_.surface(0));
-    bent_ = rest_;
-    literal_.cvs = size.cvs;
-    each_cv(rest_, [&](const Strands& patch, int i, int k) {
-        literal_.rest.push_back(lane_of(patch.rest[at(patch, i, k)], i % lanes));
-    });
+    for (uint32_t t = 0; t < keys_; ++t) {
+        std::vector<Strands>& rest =
+            rest_.emplace_back(grow(groom_, wind_, GrowthPoses{world_.surface(0), world_.surface(0, t)}));
+        LiteralStrands& literal = literal_.emplace_back();
+        literal.cvs = size.cvs;
+        each_cv(rest, [&](const Strands& patch, int i, int k) {
+            literal.rest.push_back(lane_of(patch.rest[at(patch, i, k)], i % lanes));
+        });
+    }
+    bent_ = rest_[0];
     ChainScratch scratch;
     for (Strands& patch : bent_) marram::run_chain(chain_, 0, patch, scratch);
 }
 
+ChainFrame Workload::frame_chain() {
+    return make_chain_frame({wind_, whole_, world_.frame(), world_.mesh(0), profile_, MARRAM_BSPLINE});
+}
+
 double Workload::run_chain() {
     return seconds_of([&] {
-        tbb::parallel_for(size_t(0), rest_.size(), [&](size_t i) {
+        if (keys_ > 1) chain_ = frame_chain();
+        tbb::parallel_for(size_t(0), rest_[0].size(), [&](size_t i) {
             Thread& thread = threads_.local();
-            thread.work = rest_[i];
-            marram::run_chain(chain_, 0, thread.work, thread.chain);
+            for (uint32_t t = 0; t < keys_; ++t) {
+                thread.work = rest_[t][i];
+                marram::run_chain(chain_, t, thread.work, thread.chain);
+            }
         });
     });
 }
 
 double Workload::run_literally() {
-    return seconds_of(
-        [&] { blow_literally(wind_, chain_.instants[0].gusts, chain_.instants[0].colliders, literal_); });
+    return seconds_of([&] {
+        for (uint32_t t = 0; t < keys_; ++t)
+            blow_literally(wind_, chain_.instants[t].gusts, chain_.instants[t].colliders, literal_[t]);
+    });
 }
 
 double Workload::run_floor() {
     const Colliders& colliders = chain_.instants[0].colliders;
     std::atomic<size_t> seen{0}; // so that nothing is left out
     return seconds_of([&] {
-        tbb::parallel_for(size_t(0), rest_.size(), [&](size_t p) {
+        tbb::parallel_for(size_t(0), bent_.size(), [&](size_t p) {
             Thread& thread = threads_.local();
-            thread.work = rest_[p];
+            thread.work = rest_[0][p];
             shield(*wind_.shielding, wind_.direction, colliders, {}, thread.work);
             size_t found = 0;
             const auto ask = [&](const Vec3f& where, double radius, bool nearest) {
@@ -149,7 +175,7 @@ double Workload::run_floor() {
                                        (nearest_point(colliders.corners(mesh, triangle), q) - q).norm());
                                });
             };
-            const Strands &rest = rest_[p], &bent = bent_[p];
+            const Strands &rest = rest_[0][p], &bent = bent_[p];
             for (int i = 0; i < rest.count; ++i)
                 for (int k = 1; k < rest.cvs; ++k) {
                     const int lane = i % lanes;

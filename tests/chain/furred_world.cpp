@@ -3,36 +3,50 @@
 
 namespace marram {
 
-FurredWorld::FurredWorld(std::vector<Mesh> meshes) : meshes_(std::move(meshes)) {
+FurredWorld::FurredWorld(std::vector<Mesh> meshes, std::vector<std::vector<Positions>> later)
+    : meshes_(std::move(meshes)), later_(std::move(later)) {
+    later_.resize(meshes_.size());
     frame_.device = rtcNewDevice("start_threads=0,set_affinity=0");
     RTCScene scene = rtcNewScene(frame_.device);
+    size_t samples = 1;
     for (size_t i = 0; i < meshes_.size(); ++i) {
         Mesh& mesh = meshes_[i];
-        mesh.positions.reserve(mesh.positions.size() + 2); // Embree reads 16 bytes past the end
-        mesh.triangles.reserve(mesh.triangles.size() + 2);
+        mesh.triangles.reserve(mesh.triangles.size() + 2); // Embree reads 16 bytes past the end
         names_.push_back("mesh" + std::to_string(i));
-        pointers_.push_back(mesh.positions.data()->data());
+        std::vector<const float*>& pointers = pointers_.emplace_back();
+        const auto lend = [&](Positions& positions) {
+            positions.reserve(positions.size() + 2);
+            pointers.push_back(positions.data()->data());
+        };
+        lend(mesh.positions);
+        for (Positions& positions : later_[i]) lend(positions);
+        samples = std::max(samples, pointers.size());
     }
     for (size_t i = 0; i < meshes_.size(); ++i) {
         Mesh& mesh = meshes_[i];
+        const std::vector<const float*>& pointers = pointers_[i];
         RTCGeometry geometry = rtcNewGeometry(frame_.device, RTC_GEOMETRY_TYPE_TRIANGLE);
+        rtcSetGeometryTimeStepCount(geometry, unsigned(pointers.size()));
         rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                    mesh.triangles.data(), 0, 12, mesh.triangles.size());
-        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                                   mesh.positions.data(), 0, 12, mesh.positions.size());
+        for (unsigned t = 0; t < pointers.size(); ++t)
+            rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, t, RTC_FORMAT_FLOAT3, pointers[t], 0,
+                                       12, mesh.positions.size());
         rtcCommitGeometry(geometry);
         rtcAttachGeometryByID(scene, geometry, unsigned(i));
         rtcReleaseGeometry(geometry);
         lent_.push_back({names_[i].c_str(), uint32_t(i), uint32_t(mesh.positions.size()),
-                         uint32_t(mesh.triangles.size()), 1, &pointers_[i], nullptr,
+                         uint32_t(mesh.triangles.size()), uint32_t(pointers.size()), pointers.data(), nullptr,
                          mesh.triangles.data()->data(), nullptr});
     }
+    for (size_t t = 0; t < samples; ++t)
+        times_.push_back(samples > 1 ? 0.5 * double(t) / double(samples - 1) : 0.0);
     rtcCommitScene(scene);
     frame_.colliders = scene;
     frame_.fps = 24.0;
     frame_.frame = frame_.bind_frame = 1.0;
-    frame_.time_count = 1;
-    frame_.times = &time_;
+    frame_.time_count = uint32_t(times_.size());
+    frame_.times = times_.data();
     frame_.stage = MARRAM_FINAL;
     frame_.mesh_count = uint32_t(lent_.size());
     frame_.meshes = lent_.data();
@@ -43,9 +57,9 @@ FurredWorld::~FurredWorld() {
     rtcReleaseDevice(frame_.device);
 }
 
-Surface FurredWorld::surface(size_t i) const {
+Surface FurredWorld::surface(size_t i, uint32_t time) const {
     const MarramMesh& m = lent_[i];
-    return {m.positions[0], nullptr, m.triangles, nullptr, m.triangle_count};
+    return {m.positions[m.time_count > 1 ? time : 0], nullptr, m.triangles, nullptr, m.triangle_count};
 }
 
 Groom plain_coat(uint64_t count, int cvs, double shortest, double longest, double width) {
@@ -62,8 +76,8 @@ Groom plain_coat(uint64_t count, int cvs, double shortest, double longest, doubl
     return groom;
 }
 
-std::vector<Strands> grow(const Groom& groom, const Wind& wind, const Surface& surface, size_t most) {
-    std::vector<Root> roots = place_roots(groom, surface, [] { return false; }).roots;
+std::vector<Strands> grow(const Groom& groom, const Wind& wind, const GrowthPoses& poses, size_t most) {
+    std::vector<Root> roots = place_roots(groom, poses.bind, [] { return false; }).roots;
     roots.resize(std::min(roots.size(), most));
     std::vector<Strands> patches;
     constexpr size_t patch = 512;
@@ -71,7 +85,7 @@ std::vector<Strands> grow(const Groom& groom, const Wind& wind, const Surface& s
         const size_t count = std::min(patch, roots.size() - first);
         Strands& strands = patches.emplace_back();
         strands.resize(int(count), groom.cvs, groom.shape == MARRAM_ORIENTED_RIBBON);
-        expand(groom, wind, {surface, surface}, std::span(roots).subspan(first, count), strands);
+        expand(groom, wind, poses, std::span(roots).subspan(first, count), strands);
     }
     return patches;
 }

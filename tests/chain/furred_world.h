@@ -18,14 +18,16 @@ namespace marram {
 // Patches of a groom with everything that collide() wants.
 class FurredWorld {
   public:
-    explicit FurredWorld(std::vector<Mesh> meshes);
+    using Positions = std::vector<Vec3f>;
+    // later: [mesh][motion sample from the second on], for meshes that deform; all have as many, or none.
+    explicit FurredWorld(std::vector<Mesh> meshes, std::vector<std::vector<Positions>> later = {});
     ~FurredWorld();
     FurredWorld(const FurredWorld&) = delete;
     FurredWorld& operator=(const FurredWorld&) = delete;
 
     const MarramFrame& frame() const { return frame_; }
     const MarramMesh& mesh(size_t i) const { return lent_[i]; }
-    Surface surface(size_t i) const;
+    Surface surface(size_t i, uint32_t time = 0) const;
     Colliders colliders() const {
         Colliders colliders = colliders_at(frame_, 0);
         ColliderTrees().give(frame_, everywhere(), std::array{&colliders});
@@ -34,19 +36,24 @@ class FurredWorld {
 
   private:
     std::vector<Mesh> meshes_;
-    std::vector<const float*> pointers_;
+    std::vector<std::vector<Positions>> later_;
+    std::vector<std::vector<const float*>> pointers_; // [mesh][motion sample]
     std::vector<MarramMesh> lent_;
     std::vector<std::string> names_;
     MarramFrame frame_{};
-    double time_ = 0.0;
+    std::vector<double> times_;
 };
 
 // A plain coat: `count` strands of `cvs` CVs on mesh 0, lengths in a range, leaning and curved a little.
 Groom plain_coat(uint64_t count, int cvs, double shortest, double longest, double width);
 
-// All strands of the groom in patches of at most 512, at rest.
-std::vector<Strands> grow(const Groom& groom, const Wind& wind, const Surface& surface,
+// All strands of the groom in patches of at most 512, at rest on the surface; on a deformed one: those of `bind`.
+std::vector<Strands> grow(const Groom& groom, const Wind& wind, const GrowthPoses& poses,
                           size_t most = SIZE_MAX);
+inline std::vector<Strands> grow(const Groom& groom, const Wind& wind, const Surface& surface,
+                                 size_t most = SIZE_MAX) {
+    return grow(groom, wind, GrowthPoses{surface, surface}, most);
+}
 
 // A steady wind along `direction` with two octaves of noise.
 Wind plain_wind(const Vec3d& direction, double global_rotate);

@@ -41,32 +41,27 @@ static inline void marram_occluded1(RTCScene scene, struct RTCRay* ray) {
 #endif
 }
 
-/* Sixteen rays at once; valid[i] is -1 for a ray that counts and 0 for one that does not. */
-static inline void marram_occluded16(RTCScene scene, const int* valid, struct RTCRay16* rays) {
+/* Many rays, `stride` bytes apart. On a skin neighbours go apart soon: that they are said to be incoherent, in a stream, takes 40 % of
+   the time of coherent packets of sixteen. Embree 4 has no streams. */
+static inline void marram_occluded_many(RTCScene scene, struct RTCRay* rays, unsigned count, size_t stride) {
 #if MARRAM_EMBREE_MAJOR == 4
-    struct RTCOccludedArguments args;
-    rtcInitOccludedArguments(&args);
-    args.flags = RTC_RAY_QUERY_FLAG_COHERENT;
-    rtcOccluded16(valid, scene, rays, &args);
+    for (unsigned i = 0; i < count; ++i) marram_occluded1(scene, (struct RTCRay*)((char*)rays + i * stride));
 #else
     struct RTCIntersectContext context;
     rtcInitIntersectContext(&context);
-    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-    rtcOccluded16(valid, scene, &context, rays);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+    rtcOccluded1M(scene, &context, rays, count, stride);
 #endif
 }
 
-static inline void marram_intersect16(RTCScene scene, const int* valid, struct RTCRayHit16* rayhits) {
+static inline void marram_intersect_many(RTCScene scene, struct RTCRayHit* rays, unsigned count) {
 #if MARRAM_EMBREE_MAJOR == 4
-    struct RTCIntersectArguments args;
-    rtcInitIntersectArguments(&args);
-    args.flags = RTC_RAY_QUERY_FLAG_COHERENT;
-    rtcIntersect16(valid, scene, rayhits, &args);
+    for (unsigned i = 0; i < count; ++i) marram_intersect1(scene, rays + i, 0);
 #else
     struct RTCIntersectContext context;
     rtcInitIntersectContext(&context);
-    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-    rtcIntersect16(valid, scene, &context, rayhits);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+    rtcIntersect1M(scene, &context, rays, count, sizeof(struct RTCRayHit));
 #endif
 }
 

@@ -67,7 +67,10 @@ MARRAM_HOT void near_bulge(const Triangles8& t, const Bulge& bulge, VLong& near)
 
 } // namespace
 
-MARRAM_HOT void squared_distances(const Triangles8& triangles, const Vec3d& facing, Squared8& out) {
+MARRAM_HOT void squared_distances(const TriangleCluster& cluster, const Vec3d& from, const Vec3d& facing,
+                                  Squared8& out) {
+    Triangles8 triangles;
+    load(cluster, from, triangles);
     const Wide3d n =
         cross(triangles.corner[1] - triangles.corner[0], triangles.corner[2] - triangles.corner[0]);
     const VDouble squared = squared_distance(triangles, Wide3d{});
@@ -80,10 +83,8 @@ NearestTriangle nearest_triangle(const Colliders& colliders, const Vec3d& q, dou
     double limit = radius;
     colliders.tree->nearest(colliders.lent, q, radius, [&](const NearCluster& near) {
         const MarramMesh& mesh = colliders.lent[near.mesh];
-        Triangles8 eight;
-        load(*near.cluster, q, eight);
         Squared8 distances;
-        squared_distances(eight, Vec3d::Zero(), distances);
+        squared_distances(*near.cluster, q, Vec3d::Zero(), distances);
         for (uint32_t lane = 0; lane < near.count; ++lane) {
             const double wide = limit * (1.0 + 1e-9);
             if (!(distances.squared[int(lane)] <= wide * wide)) continue;

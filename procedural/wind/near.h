@@ -11,18 +11,20 @@ namespace marram {
 // of the distances from the origin; a triangle without area counts as its edges.
 double nearest_distance(std::span<const Triangles8> triangles, const Vec3d& p);
 
-// The triangles of a cluster relative to `origin`; spare lanes repeat the last.
+// The triangles of a cluster relative to `origin`; spare lanes repeat the last. To be called from hot functions only: what it does
+// takes many times as long in baseline code.
 MARRAM_INLINE void load(const TriangleCluster& cluster, const Vec3d& origin, Triangles8& out) {
     const Wide3d o = splat3(origin.data());
     for (int k = 0; k < 3; ++k) out.corner[k] = to_double(cluster.corner[k]) - o;
 }
 
-// The squares of the distances of eight triangles from the origin; infinite for those that face away from `facing`, unless
+// The squares of the distances of a cluster's triangles from `from`; infinite for those that face away from `facing`, unless
 // that is 0.
 struct alignas(64) Squared8 {
     VDouble squared;
 };
-void squared_distances(const Triangles8& triangles, const Vec3d& facing, Squared8& out);
+void squared_distances(const TriangleCluster& triangles, const Vec3d& from, const Vec3d& facing,
+                       Squared8& out);
 
 struct NearestTriangle {
     const MarramMesh* mesh = nullptr; // nullptr: none within the radius

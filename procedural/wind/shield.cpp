@@ -109,71 +109,57 @@ std::vector<Vec3f> upwind_directions(const Shielding& shielding, const Vec3d& wi
     return directions;
 }
 
-struct Packet { // sixteen rays, and where their answers go
-    RTCRayHit16 hits;
-    float* out[16];
-    float share[16]; // of the answer, for this ray
-    int count = 0;
-};
-
+// Rays are gathered and traced many at a time.
 class Tracer {
   public:
     Tracer(const Shielding& shielding, const Colliders& colliders, std::span<const double> heights)
         : shielding_(shielding), colliders_(colliders), heights_(heights) {}
 
+    // `share` of what shelters the place is added to `out`.
     void add(float x, float y, float z, const Vec3f& d, float share, float* out) {
-        RTCRay16& ray = packet_.hits.ray;
-        const int i = packet_.count;
-        ray.org_x[i] = x;
-        ray.org_y[i] = y;
-        ray.org_z[i] = z;
-        ray.dir_x[i] = d.x();
-        ray.dir_y[i] = d.y();
-        ray.dir_z[i] = d.z();
-        ray.tnear[i] = 0.0F;
-        ray.tfar[i] = float(shielding_.offset);
-        ray.time[i] = colliders_.time;
-        ray.mask[i] = ~0U;
-        ray.id[i] = 0;
-        ray.flags[i] = 0;
-        packet_.hits.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
-        packet_.hits.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
-        packet_.out[i] = out;
-        packet_.share[i] = share;
-        if (++packet_.count == 16) flush();
+        RTCRayHit& next = rays_[count_];
+        next.ray = {x, y, z, 0.0F, d.x(), d.y(), d.z(), colliders_.time, float(shielding_.offset), ~0U, 0, 0};
+        next.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+        next.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+        out_[count_] = out;
+        share_[count_] = share;
+        if (++count_ == most) flush();
     }
 
     void flush() {
-        if (packet_.count == 0) return;
-        alignas(64) int valid[16];
-        for (int i = 0; i < 16; ++i) valid[i] = i < packet_.count ? -1 : 0;
+        if (count_ == 0) return;
         const bool fades = shielding_.wake || shielding_.wake_heights;
         if (fades)
-            marram_intersect16(colliders_.scene, valid, &packet_.hits);
+            marram_intersect_many(colliders_.scene, rays_, count_);
         else
-            marram_occluded16(colliders_.scene, valid, &packet_.hits.ray);
-        for (int i = 0; i < packet_.count; ++i) {
-            const bool hit = fades ? packet_.hits.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID
-                                   : packet_.hits.ray.tfar[i] < 0.0F;
-            if (hit) *packet_.out[i] += packet_.share[i] * (fades ? shelter(i) : 1.0F);
+            marram_occluded_many(colliders_.scene, &rays_[0].ray, count_, sizeof(RTCRayHit));
+        for (unsigned i = 0; i < count_; ++i) {
+            const bool hit =
+                fades ? rays_[i].hit.geomID != RTC_INVALID_GEOMETRY_ID : rays_[i].ray.tfar < 0.0F;
+            if (hit) *out_[i] += share_[i] * (fades ? shelter(rays_[i]) : 1.0F);
         }
-        packet_.count = 0;
+        count_ = 0;
     }
 
   private:
-    float shelter(int i) const {
-        const unsigned id = packet_.hits.hit.geomID[i];
+    static constexpr unsigned most = 256;
+
+    float shelter(const RTCRayHit& found) const {
+        const unsigned id = found.hit.geomID;
         const double wake = shielding_.wake        ? *shielding_.wake
                             : id < heights_.size() ? *shielding_.wake_heights * heights_[id]
                                                    : 0.0;
-        const double d = double(packet_.hits.ray.tfar[i]);
+        const auto d = double(found.ray.tfar);
         return wake > 0.0 ? float(std::clamp(1.0 - d / wake, 0.0, 1.0)) : 0.0F;
     }
 
     const Shielding& shielding_;
     const Colliders& colliders_;
     std::span<const double> heights_;
-    Packet packet_;
+    alignas(16) RTCRayHit rays_[most];
+    float* out_[most];
+    float share_[most];
+    unsigned count_ = 0;
 };
 
 } // namespace

@@ -33,10 +33,8 @@ bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p,
         if (&colliders.lent[found_near.mesh] != &skin) return best + tie;
         const uint32_t* triangle = found_near.cluster->triangle;
         const size_t count = found_near.count;
-        Triangles8 eight;
-        load(*found_near.cluster, p, eight);
         Squared8 distances;
-        squared_distances(eight, facing, distances);
+        squared_distances(*found_near.cluster, p, facing, distances);
         // The nearest of them first: the rest can then only be as near.
         size_t first = 0;
         for (size_t lane = 1; lane < count; ++lane)

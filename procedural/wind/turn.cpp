@@ -40,8 +40,10 @@ Region sector(const Vec3d& pivot, const Turning& turning, const Part& part, doub
     return region;
 }
 
-// Which of eight triangles do not stay on one side of the plane through the origin.
-MARRAM_HOT void meets_plane(const Triangles8& triangles, const Vec3d& normal, double radius, VLong& meets) {
+// A cluster relative to the origin, and which of its triangles do not stay on one side of the plane through that.
+MARRAM_HOT void load_at_plane(const TriangleCluster& cluster, const Vec3d& origin, const Vec3d& normal,
+                              double radius, Triangles8& triangles, VLong& meets) {
+    load(cluster, origin, triangles);
     const Wide3d n = splat3(normal.data());
     const VDouble a = dot(triangles.corner[0], n), b = dot(triangles.corner[1], n),
                   c = dot(triangles.corner[2], n);
@@ -55,9 +57,8 @@ bool gather(const Colliders& colliders, const Region& region, size_t most, TurnS
     if (!colliders.tree->find(colliders.lent, region, most, scratch.clusters)) return false;
     for (const NearCluster& near : scratch.clusters) {
         Triangles8 eight;
-        load(*near.cluster, region.points()[0], eight);
         VLong meets;
-        meets_plane(eight, region.normal(), region.radius(), meets);
+        load_at_plane(*near.cluster, region.points()[0], region.normal(), region.radius(), eight, meets);
         for (uint32_t lane = 0; lane < near.count; ++lane)
             if (meets[int(lane)]) scratch.triangles.push(eight, int(lane));
     }
@@ -302,8 +303,10 @@ Vec3d least_bad(const Colliders& colliders, const Segment& segment, const Arc& a
     return best;
 }
 
-// Which of eight triangles neither their own plane nor a box parts from the region.
-MARRAM_HOT void may_be_near(const Region& region, const Triangles8& triangles, VLong& near) {
+// A cluster relative to the origin, and which of its triangles neither their own plane nor a box parts from the region.
+MARRAM_HOT void load_near(const TriangleCluster& cluster, const Vec3d& origin, const Region& region,
+                          Triangles8& triangles, VLong& near) {
+    load(cluster, origin, triangles);
     const Wide3d &a = triangles.corner[0], &b = triangles.corner[1], &c = triangles.corner[2];
     const Wide3d n = cross(b - a, c - a);
     const VDouble r = splat(region.radius()), height = dot(n, a), far = r * vsqrt(dot(n, n));
@@ -331,9 +334,8 @@ void each_near(const Region& region, const std::vector<NearCluster>& clusters, c
     for (const Vec3d& q : region.points()) moved.add(q - origin);
     for (const NearCluster& cluster : clusters) {
         Triangles8 eight;
-        load(*cluster.cluster, origin, eight);
         VLong near;
-        may_be_near(moved, eight, near);
+        load_near(*cluster.cluster, origin, moved, eight, near);
         for (uint32_t lane = 0; lane < cluster.count; ++lane)
             if (near[int(lane)] && !visit(eight, int(lane))) return;
     }

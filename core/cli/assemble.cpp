@@ -284,9 +284,7 @@ BuildSettings build_settings(const LoadedScene& scene, double frame) {
         settings.tolerance = globals.number("tolerance_pixels") * settings.pixel_angle *
                              (description.camera.vec3("target") - settings.camera_position).norm();
     settings.motion_keys =
-        description.film.has("motion_keys")
-            ? uint32_t(description.film.integer("motion_keys"))
-            : motion_keys_for(scene.geometry, settings.tolerance, frame + shutter.x(), frame + shutter.y());
+        description.film.has("motion_keys") ? uint32_t(description.film.integer("motion_keys")) : 0;
     return settings;
 }
 

@@ -95,7 +95,7 @@ void print_scene(const std::string& file) {
     for (const CurveGeometry& curves : world.curves)
         fmt::print("procedural {}: {} curves of {} CVs\n", curves.name, curves.curve_count,
                    curves.cvs_per_curve);
-    const double keys = settings.shutter_open < settings.shutter_close ? double(settings.motion_keys) : 1.0;
+    const double keys = chosen_motion_keys(scene.geometry, settings, interrupted(), progress);
     // Embree's BVH over cubic segments, medium quality: bytes and thread seconds a segment and motion step.
     constexpr double bvh_bytes = 122.0, bvh_seconds = 2e-6;
     const double segments = double(stats.segments);

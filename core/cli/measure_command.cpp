@@ -132,7 +132,7 @@ void compare_strands(const Dial& dial, const LoadedScene& scene, const World& wo
         unit = settings.pixel_angle *
                (scene.description.camera.vec3("target") - settings.camera_position).norm();
     }
-    result.error = gap.rms / unit;
+    result.error = motion ? gap.most / unit : gap.rms;
     result.worst = gap.worst / unit;
     if (dial.counts_crossing) result.crossing = strands_in_meshes(world);
 }

@@ -55,7 +55,7 @@ std::string error_name(const Dial& dial) {
     case DialError::pose:
         return "error, share of a strand's length (rms)";
     case DialError::motion:
-        return "error, pixels (rms)";
+        return "error, pixels (99 strands in 100 stay below)";
     default:
         return "error, relative to the mean (rms)";
     }

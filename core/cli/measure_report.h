@@ -14,7 +14,7 @@ struct SettingResult {
     std::string refused;   // why it could not be measured; "" where it was
     double seconds = 0.0;  // median over the rounds
     double ratio = 0.0;    // to the base's: median of the rounds' ratios
-    double error = 0.0;    // root mean square
+    double error = 0.0;    // root mean square; of motion: what 99 strands in 100 stay below
     double worst = 0.0;    // of a strand, or pixel
     uint64_t crossing = 0; // strands that a mesh crosses
     int rounds = 0;

@@ -35,6 +35,9 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
                          {"skipped_pushes", build.skipped_pushes},
                          {"dips", build.dips},
                          {"reached", build.collision_reached}};
+    json["motion"] = {{"keys", build.motion_keys}, // error: metres, foreseen where the keys were chosen
+                      {"error", build.motion_error},
+                      {"jumps", build.motion_jumps}};
     json["memory"] = {{"peak_bytes", uint64_t(usage.ru_maxrss) * 1024}, // of the process so far
                       {"curve_bytes", build.curve_bytes},
                       {"curve_extra_bytes", build.curve_extra_bytes}};

@@ -474,54 +474,115 @@ void add_curves(Build& build, Procedural& procedural, LentMeshes& lent) {
 
 } // namespace
 
-std::vector<double> motion_times(const BuildSettings& settings) {
-    const double open = settings.frame + settings.shutter_open,
-                 close = settings.frame + settings.shutter_close;
-    if (!(open < close)) return {open};
-    std::vector<double> times(settings.motion_keys);
-    const auto last = double(settings.motion_keys - 1);
-    for (uint32_t i = 0; i < settings.motion_keys; ++i) times[i] = (open * (last - i) + close * i) / last;
-    times.front() = open;
-    times.back() = close;
-    return times;
-}
+// ---- how many motion keys ---------------------------------------------------------------------------------------
 
 namespace {
 
-// Greatest distance of a mesh from its transform when drawn with so many keys. Both are affine in the point,
-// so the corners of its box show it; between two keys it is looked for at three instants.
-double motion_error(const SceneMesh& mesh, uint32_t keys, double open, double close) {
-    Eigen::AlignedBox3d box;
-    for (const Vec3f& p : mesh.mesh.positions) box.extend(p.cast<double>());
-    if (box.isEmpty()) return 0.0;
-    double worst = 0.0;
-    const double step = (close - open) / double(keys - 1);
-    for (uint32_t key = 0; key + 1 < keys; ++key) {
-        const double begin = open + step * key;
-        const Eigen::Affine3d a = mesh.transform.at(begin), b = mesh.transform.at(begin + step);
-        for (const double t : {0.25, 0.5, 0.75}) {
-            const Eigen::Affine3d exact = mesh.transform.at(begin + t * step);
-            for (int i = 0; i < 8; ++i) {
-                const Vec3d p = box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(i));
-                worst = std::max(worst, (exact * p - ((1.0 - t) * (a * p) + t * (b * p))).norm());
-            }
+constexpr uint32_t pilot_keys = 5;
+
+// Looks at some patches of one procedural, unless it stands still, at the times that the world has now.
+void look_at_motion(Build& build, Procedural& procedural, LentMeshes& lent, StrandMotion& motion) {
+    build.progress.phase = "looking at motion";
+    const MarramOutput output = procedural.begin(lent.frame(build.settings, true));
+    if (output.time_count != pilot_keys || output.patch_count == 0 || output.cvs_per_curve < 2) return;
+    // A few percent of the work, but no fewer than four: what moves most may be anywhere.
+    const uint32_t count = std::min(output.patch_count, std::clamp(output.patch_count / 16, 4U, 64U));
+    std::vector<StrandMotion> found(count);
+    tbb::parallel_for(uint32_t{0}, count, [&](uint32_t i) {
+        if (build.cancel.load(std::memory_order_relaxed)) throw Cancelled{};
+        const auto index = uint32_t(uint64_t(i) * (output.patch_count - 1) / std::max(count - 1, 1U));
+        const MarramPatch patch = procedural.patch(index);
+        const size_t stride = output.cvs_per_curve + 2, vertices = patch.curve_count * stride;
+        std::vector<float> positions[pilot_keys], directions[pilot_keys];
+        float *at[pilot_keys], *normals[pilot_keys];
+        const bool oriented = output.shape == MARRAM_ORIENTED_RIBBON;
+        for (uint32_t t = 0; t < pilot_keys; ++t) {
+            positions[t].resize(4 * vertices);
+            if (oriented) directions[t].resize(3 * vertices);
+            at[t] = positions[t].data();
+            normals[t] = directions[t].data();
+        }
+        procedural.tessellate(index, {at, oriented ? normals : nullptr, 0, nullptr, nullptr});
+        for (uint32_t strand = 0; strand < patch.curve_count; ++strand) {
+            const float* samples[pilot_keys];
+            for (uint32_t t = 0; t < pilot_keys; ++t) samples[t] = at[t] + 4 * (strand * stride + 1);
+            found[i].add(samples, output.cvs_per_curve);
+        }
+    });
+    for (const StrandMotion& one : found) motion.add(one);
+}
+
+bool any_mesh_moves(const World& world) {
+    return std::any_of(world.meshes.begin(), world.meshes.end(),
+                       [](const MeshGeometry& mesh) { return mesh.positions.size() > 1; });
+}
+
+// Phase 1 at the world's times. Again at others: what stands still is kept.
+void build_colliders(Build& build) {
+    World& world = build.world;
+    const double begin = now();
+    build.progress.phase = "placing meshes";
+    world.colliders = new_scene(build, RTC_SCENE_FLAG_NONE);
+    world.scene = new_scene(build, RTC_SCENE_FLAG_NONE);
+    build.stats.triangles = 0;
+    const std::vector<SceneMesh>& sources = build.geometry.meshes;
+    const bool again = !world.meshes.empty();
+    for (size_t i = 0; i < sources.size(); ++i) {
+        if (build.cancel.load()) throw Cancelled{};
+        if (!again)
+            world.meshes.push_back(place_mesh(sources[i], world.times, build.settings.frame));
+        else if (world.meshes[i].positions.size() > 1)
+            world.meshes[i] = place_mesh(sources[i], world.times, build.settings.frame);
+    }
+    for (const auto& procedural : build.geometry.procedurals)
+        if (!again && procedural->type().kind == MARRAM_MESH) add_procedural_mesh(build, *procedural);
+    for (size_t i = 0; i < world.meshes.size(); ++i) attach_mesh(build, world.meshes[i], unsigned(i));
+    commit(build, world.colliders.get(), "building colliders");
+    build.stats.colliders += now() - begin;
+}
+
+// Colliders at the times that the world is to have. Where these are to be found out, strands are looked at at five instants
+// first, against colliders that know these.
+void build_phase_one(Build& build) {
+    World& world = build.world;
+    const BuildSettings& settings = build.settings;
+    const double open = settings.frame + settings.shutter_open,
+                 close = settings.frame + settings.shutter_close;
+    const bool asked = settings.motion_keys == 0 && open < close;
+    const auto grows = [](const auto& procedural) { return procedural->type().kind == MARRAM_CURVES; };
+    const auto& procedurals = build.geometry.procedurals;
+    const bool looks = asked && std::any_of(procedurals.begin(), procedurals.end(), grows);
+    uint32_t keys = asked ? motion_keys_for(build.geometry, settings.tolerance, open, close)
+                          : std::max(settings.motion_keys, 2U);
+    world.times = motion_times(settings, looks ? pilot_keys : keys);
+    build_colliders(build);
+    if (looks) {
+        const double begin = now();
+        LentMeshes lent(world, build.geometry);
+        StrandMotion motion;
+        for (const auto& procedural : procedurals)
+            if (grows(procedural)) look_at_motion(build, *procedural, lent, motion);
+        keys = std::max(keys, motion.keys_for(settings.tolerance));
+        build.stats.motion_error = motion.left(keys, settings.tolerance);
+        build.stats.motion_jumps = motion.jumps(settings.tolerance);
+        build.stats.expand += now() - begin;
+        if (keys != pilot_keys) {
+            world.times = motion_times(settings, keys);
+            if (any_mesh_moves(world)) build_colliders(build);
         }
     }
-    return worst;
+    build.stats.motion_keys = uint32_t(world.times.size());
 }
 
 } // namespace
 
-uint32_t motion_keys_for(const SceneGeometry& geometry, double tolerance, double open, double close) {
-    constexpr uint32_t most = 64;
-    uint32_t keys = 2;
-    if (!(open < close)) return keys;
-    for (const SceneMesh& mesh : geometry.meshes) {
-        if (!mesh.transform.moves_within(open, close)) continue;
-        while (keys < most && motion_error(mesh, keys, open, close) > tolerance)
-            keys = std::min(2 * keys - 1, most);
-    }
-    return keys;
+uint32_t chosen_motion_keys(SceneGeometry& geometry, const BuildSettings& settings,
+                            const std::atomic<bool>& cancel, BuildProgress& progress) {
+    BuildStats stats;
+    Build build{geometry, settings, cancel, progress, stats, {}, {}, {}};
+    build.world.device = make_device(build.errors);
+    build_phase_one(build);
+    return stats.motion_keys;
 }
 
 World build_world(SceneGeometry& geometry, const BuildSettings& settings, const std::atomic<bool>& cancel,
@@ -529,22 +590,8 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
     Build build{geometry, settings, cancel, progress, stats, {}, {}, {}};
     World& world = build.world;
     world.frame = settings.frame;
-    world.times = motion_times(settings);
     world.device = make_device(build.errors);
-    world.colliders = new_scene(build, RTC_SCENE_FLAG_NONE);
-    world.scene = new_scene(build, RTC_SCENE_FLAG_NONE);
-
-    const double begin = now();
-    progress.phase = "placing meshes";
-    for (const SceneMesh& mesh : geometry.meshes) {
-        if (cancel.load()) throw Cancelled{};
-        world.meshes.push_back(place_mesh(mesh, world.times, settings.frame));
-    }
-    for (const auto& procedural : geometry.procedurals)
-        if (procedural->type().kind == MARRAM_MESH) add_procedural_mesh(build, *procedural);
-    for (size_t i = 0; i < world.meshes.size(); ++i) attach_mesh(build, world.meshes[i], unsigned(i));
-    commit(build, world.colliders.get(), "building colliders");
-    stats.colliders = now() - begin;
+    build_phase_one(build);
 
     LentMeshes lent(world, geometry);
     for (const auto& procedural : geometry.procedurals)

@@ -4,6 +4,7 @@
 #include "core/plugin/embree.h"
 
 #include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
 #include <tbb/parallel_reduce.h>
 
 #include <algorithm>
@@ -45,37 +46,33 @@ Vec3d in_motion(const CurveGeometry& curves, double s, uint64_t curve, uint32_t 
     return (1.0 - t) * cv(curves, i, curve, k) + t * cv(curves, i + 1, curve, k);
 }
 
-struct Sum {
-    double squares = 0.0, worst = 0.0;
-    uint64_t count = 0;
-};
-
 // The largest distance of each strand, by distance(mine, reference, curve).
 template <typename Distance>
-CurveGap gap(const World& mine, const World& reference, Distance&& distance) {
-    Sum all;
+CurveGap gap(const World& mine, const World& reference, double limit, Distance&& distance) {
     if (mine.curves.size() != reference.curves.size())
         throw std::invalid_argument("not the same curves are compared");
+    std::vector<double> largest;
     for (size_t g = 0; g < mine.curves.size(); ++g) {
         const CurveGeometry &a = mine.curves[g], &b = reference.curves[g];
         if (a.curve_count != b.curve_count) throw std::invalid_argument("not the same strands are compared");
-        const Sum sum = tbb::parallel_deterministic_reduce(
-            tbb::blocked_range<uint64_t>(0, a.curve_count, 1024), Sum{},
-            [&](const auto& range, Sum part) {
-                for (uint64_t c = range.begin(); c < range.end(); ++c) {
-                    const double d = distance(a, b, c);
-                    part.squares += d * d;
-                    part.worst = std::max(part.worst, d);
-                }
-                part.count += range.size();
-                return part;
-            },
-            [](const Sum& x, const Sum& y) {
-                return Sum{x.squares + y.squares, std::max(x.worst, y.worst), x.count + y.count};
-            });
-        all = {all.squares + sum.squares, std::max(all.worst, sum.worst), all.count + sum.count};
+        const size_t first = largest.size();
+        largest.resize(first + a.curve_count);
+        tbb::parallel_for(uint64_t(0), a.curve_count,
+                          [&](uint64_t c) { largest[first + c] = distance(a, b, c); });
     }
-    return {std::sqrt(all.squares / double(std::max<uint64_t>(all.count, 1))), all.worst, all.count};
+    if (largest.empty()) return {};
+    CurveGap gap;
+    gap.strands = largest.size();
+    double squares = 0.0;
+    for (const double d : largest) squares += d * d;
+    gap.beyond = double(std::count_if(largest.begin(), largest.end(), [&](double d) { return d > limit; })) /
+                 double(largest.size());
+    gap.rms = std::sqrt(squares / double(largest.size()));
+    const auto most = largest.begin() + long(0.99 * double(largest.size() - 1));
+    std::nth_element(largest.begin(), most, largest.end());
+    gap.most = *most;
+    gap.worst = *std::max_element(most, largest.end());
+    return gap;
 }
 
 bool crossed(const World& world, const Vec3d& from, const Vec3d& to, double skipped) {
@@ -101,22 +98,23 @@ bool crossed(const World& world, const Vec3d& from, const Vec3d& to, double skip
 } // namespace
 
 CurveGap gap_at_rest(const World& mine, const World& reference) {
-    return gap(mine, reference, [](const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
-        const double length = length_of(b, c);
-        if (!(length > 0.0)) return 0.0;
-        double largest = 0.0;
-        for (uint32_t k = 0; k < a.cvs_per_curve; ++k) {
-            const Vec3d there = a.cvs_per_curve == b.cvs_per_curve
-                                    ? cv(b, 0, c, k)
-                                    : on_polygon(b, c, double(k) / double(a.cvs_per_curve - 1));
-            largest = std::max(largest, (cv(a, 0, c, k) - there).norm());
-        }
-        return largest / length;
-    });
+    return gap(mine, reference, std::numeric_limits<double>::infinity(),
+               [](const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
+                   const double length = length_of(b, c);
+                   if (!(length > 0.0)) return 0.0;
+                   double largest = 0.0;
+                   for (uint32_t k = 0; k < a.cvs_per_curve; ++k) {
+                       const Vec3d there = a.cvs_per_curve == b.cvs_per_curve
+                                               ? cv(b, 0, c, k)
+                                               : on_polygon(b, c, double(k) / double(a.cvs_per_curve - 1));
+                       largest = std::max(largest, (cv(a, 0, c, k) - there).norm());
+                   }
+                   return largest / length;
+               });
 }
 
-CurveGap gap_in_motion(const World& mine, const World& reference) {
-    return gap(mine, reference, [](const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
+CurveGap gap_in_motion(const World& mine, const World& reference, double limit) {
+    return gap(mine, reference, limit, [](const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
         double largest = 0.0;
         for (size_t time = 0; time < b.vertices.size(); ++time) {
             const double s = b.vertices.size() > 1 ? double(time) / double(b.vertices.size() - 1) : 0.0;

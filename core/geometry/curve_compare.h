@@ -4,11 +4,15 @@
 
 #include "core/geometry/world.h"
 
+#include <limits>
+
 namespace marram {
 
 struct CurveGap {
-    double rms = 0.0, worst = 0.0; // over strands, of each strand's largest distance
-    uint64_t strands = 0;          // that were compared
+    // Over strands, of each strand's largest distance; most: what 99 in 100 stay below.
+    double rms = 0.0, most = 0.0, worst = 0.0;
+    uint64_t strands = 0; // that were compared
+    double beyond = 0.0;  // share of the strands that are farther apart than a limit
 };
 
 // CVs at the first motion sample, as shares of the strand's length. Where the numbers of CVs differ, each CV of `mine` against
@@ -17,7 +21,8 @@ struct CurveGap {
 CurveGap gap_at_rest(const World& mine, const World& reference);
 
 // CVs as they move along straight lines between motion samples, in metres, at every sample of the reference.
-CurveGap gap_in_motion(const World& mine, const World& reference);
+CurveGap gap_in_motion(const World& mine, const World& reference,
+                       double limit = std::numeric_limits<double>::infinity());
 
 // Strands that have a segment which a mesh crosses, at the first motion sample, by a ray along each segment of the
 // polygon; of the first segment the thousandth next to the root is left out. Cost: 0.2 us a segment and processor.

@@ -54,7 +54,8 @@ std::vector<ParamSpec> film_params() {
          "bounces of a path; 0: light sources only, 1: direct light"},
         {"aovs", texts, "", "[]", -any, any, "", "image layers besides the colour"},
         {"motion_keys", integer, "", "none", 2, 64, "",
-         "motion samples over the shutter; default: as many as moving meshes need to stay within the tolerance"},
+         "motion samples over the shutter; default: as many as meshes and strands need to stay within the "
+         "tolerance"},
     };
 }
 

@@ -42,13 +42,20 @@ void add_hash(const void* bytes, size_t count, std::vector<uint64_t>& key) {
     });
 }
 
+bool any_moves(const MarramFrame& frame) {
+    return std::any_of(frame.meshes, frame.meshes + frame.mesh_count,
+                       [](const MarramMesh& mesh) { return mesh.time_count > 1; });
+}
+
 // Whatever the trees depend on.
 std::vector<uint64_t> key_of(const MarramFrame& frame, const Eigen::AlignedBox3d& reach,
                              std::span<Colliders* const> colliders) {
     std::vector<uint64_t> key;
     for (const Vec3d& corner : {reach.min(), reach.max()})
         for (int axis = 0; axis < 3; ++axis) key.push_back(std::bit_cast<uint64_t>(corner[axis]));
-    for (const Colliders* one : colliders) key.push_back(one->any() ? one->time_index : ~uint64_t(0));
+    // Where nothing moves one tree serves however many samples.
+    for (const Colliders* one : colliders)
+        if (any_moves(frame)) key.push_back(one->any() ? one->time_index : ~uint64_t(0));
     for (uint32_t i = 0; i < frame.mesh_count; ++i) {
         const MarramMesh& mesh = frame.meshes[i];
         key.insert(key.end(), {mesh.vertex_count, mesh.triangle_count, mesh.time_count});
@@ -68,21 +75,16 @@ bool ColliderTrees::give(const MarramFrame& frame, const Eigen::AlignedBox3d& re
     if (changed) {
         key_.clear();
         trees_.clear(); // the old go first
-        trees_.resize(colliders.size());
-        const bool moving = std::any_of(frame.meshes, frame.meshes + frame.mesh_count,
-                                        [](const MarramMesh& mesh) { return mesh.time_count > 1; });
-        std::shared_ptr<const ColliderTree> first;
-        for (size_t i = 0; i < colliders.size(); ++i) {
-            if (!colliders[i]->any()) continue;
-            trees_[i] =
-                first && !moving
-                    ? first
-                    : std::make_shared<ColliderTree>(frame, reach, colliders[i]->time_index, first.get());
-            if (!first) first = trees_[i];
-        }
+        const size_t count = any_moves(frame) ? colliders.size() : 1;
+        for (size_t i = 0; i < count; ++i)
+            trees_.push_back(colliders[i]->any()
+                                 ? std::make_shared<ColliderTree>(frame, reach, colliders[i]->time_index,
+                                                                  i > 0 ? trees_[0].get() : nullptr)
+                                 : nullptr);
         key_ = std::move(key);
     }
-    for (size_t i = 0; i < colliders.size(); ++i) colliders[i]->tree = trees_[i];
+    for (size_t i = 0; i < colliders.size(); ++i)
+        if (colliders[i]->any()) colliders[i]->tree = trees_[std::min(i, trees_.size() - 1)];
     return changed;
 }
 

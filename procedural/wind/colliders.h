@@ -61,7 +61,7 @@ class ColliderTrees {
 
   private:
     std::vector<uint64_t> key_;                              // of what the trees were made from
-    std::vector<std::shared_ptr<const ColliderTree>> trees_; // [colliders]
+    std::vector<std::shared_ptr<const ColliderTree>> trees_; // [colliders], or one where no mesh moves
 };
 
 // The point of triangle p nearest to q: C. Ericson, "Real-Time Collision Detection", 5.1.5, by the Voronoi regions; a triangle

@@ -33,12 +33,11 @@ void open_shutter(TestScene& scene, uint32_t keys) {
 TEST(MotionTimes, AreEquallySpacedWithExactEnds) {
     BuildSettings settings;
     settings.frame = 7.1;
-    EXPECT_EQ(motion_times(settings), std::vector<double>{7.1});
+    EXPECT_EQ(motion_times(settings, 2), std::vector<double>{7.1});
     settings.shutter_open = -0.3;
     settings.shutter_close = 0.1;
     for (const uint32_t keys : {2u, 3u, 7u, 64u}) {
-        settings.motion_keys = keys;
-        const std::vector<double> times = motion_times(settings);
+        const std::vector<double> times = motion_times(settings, keys);
         ASSERT_EQ(times.size(), keys);
         EXPECT_EQ(times.front(), 7.1 - 0.3);
         EXPECT_EQ(times.back(), 7.1 + 0.1);
@@ -106,6 +105,54 @@ TEST(Motion, IsLeftOutWhereNothingMoves) {
     EXPECT_EQ(world.curves[0].vertices.size(), 1u);
     scene.settings.frame = 20.0; // behind the last key
     EXPECT_EQ(scene.build().meshes[1].positions.size(), 1u);
+}
+
+// Chosen by the tolerance: for meshes by their transform, for strands by looking at some of them.
+TEST(Motion, KeysAreChosenByTheTolerance) {
+    const std::string windy = "wind = { speed = 20, noise = { amplitude = 3, frequency = 4 } }\n";
+    const auto keys = [&](const std::string& items, double tolerance, size_t* samples = nullptr) {
+        TestScene scene(items);
+        open_shutter(scene, 0);
+        scene.settings.tolerance = tolerance;
+        const World world = scene.build();
+        EXPECT_EQ(scene.stats.motion_keys, world.times.size());
+        for (const MeshGeometry& mesh : world.meshes)
+            EXPECT_TRUE(mesh.positions.size() == 1 || mesh.positions.size() == world.times.size());
+        if (samples) *samples = world.curves[0].vertices.size();
+        return world.times.size();
+    };
+    const std::string ground = mesh("ground", "plane", "size = [4, 4]\n");
+    const std::string turning = mesh("wheel", "box", rotating), gliding = mesh("wheel", "box", translating);
+    size_t samples = 0;
+    EXPECT_EQ(keys(ground + groom("hair", "ground"), 1e-6, &samples), 2u);
+    EXPECT_EQ(samples, 1u) << "nothing blows";
+    EXPECT_EQ(keys(ground + groom("hair", "ground", windy), 10.0, &samples), 2u);
+    EXPECT_EQ(samples, 2u);
+    const size_t blown = keys(ground + groom("hair", "ground", windy), 1e-4, &samples);
+    EXPECT_GT(blown, 3u);
+    EXPECT_EQ(samples, blown);
+    EXPECT_GT(keys(ground + groom("hair", "ground", windy), 1e-6), blown);
+    EXPECT_EQ(keys(gliding + ground + groom("hair", "ground"), 1e-4), 2u);
+    const size_t turned = keys(turning + ground + groom("hair", "ground"), 1e-4);
+    EXPECT_GT(turned, 5u);
+    EXPECT_EQ(keys(turning + ground + groom("hair", "ground", windy), 1e-4), std::max(turned, blown));
+    EXPECT_EQ(keys(gliding + ground + groom("hair", "ground", windy), 1e-4), blown);
+
+    // The same bits as with that many keys asked for: what was looked at leaves nothing behind.
+    TestScene chosen(gliding + ground + groom("hair", "ground", windy)),
+        asked(gliding + ground + groom("hair", "ground", windy));
+    open_shutter(chosen, 0);
+    chosen.settings.tolerance = 1e-4;
+    open_shutter(asked, uint32_t(blown));
+    asked.settings.tolerance = 1e-4;
+    const World a = chosen.build(), b = asked.build();
+    EXPECT_EQ(a.times, b.times);
+    EXPECT_EQ(a.meshes[0].positions, b.meshes[0].positions);
+    EXPECT_EQ(chosen.stats.triangles, asked.stats.triangles);
+    for (size_t t = 0; t < b.times.size(); ++t)
+        EXPECT_EQ(std::memcmp(a.curves[0].vertices[t], b.curves[0].vertices[t],
+                              b.curves[0].curve_count * (b.curves[0].cvs_per_curve + 2) * 16),
+                  0);
 }
 
 const std::string populated = mesh("b", "box") + groom("hair 2", "a") + mesh("a", "plane") +

@@ -51,6 +51,19 @@ TEST(CurveCompare, motion_is_compared_at_every_time_of_the_reference) {
     EXPECT_NEAR(gap_in_motion(still.world, two.world).worst, 0.5, 1e-7);
 }
 
+TEST(CurveCompare, ninety_nine_in_a_hundred_stay_below) {
+    Strands a(1000, 4, {0.0}, 1.0);
+    const Strands b(1000, 4, {0.0}, 1.0);
+    for (size_t c = 0; c < 20; ++c) // one strand in fifty, the farther the higher its number
+        for (size_t k = 0; k < 6; ++k) a.samples[0][(c * 6 + k) * 4 + 1] = float(c + 1);
+    const CurveGap gap = gap_in_motion(a.world, b.world, 15.0);
+    EXPECT_EQ(gap.worst, 20.0);
+    EXPECT_EQ(gap.beyond, 0.005);
+    EXPECT_EQ(gap.most, 10.0);
+    EXPECT_NEAR(gap.rms, std::sqrt(2870.0 / 1000.0), 1e-6);
+    EXPECT_EQ(gap_in_motion(World{}, World{}).strands, 0U);
+}
+
 TEST(CurveCompare, other_strands_are_refused) {
     const Strands a(10, 4, {0.0}, 1.0), b(11, 4, {0.0}, 1.0);
     EXPECT_THROW(gap_at_rest(a.world, b.world), std::invalid_argument);

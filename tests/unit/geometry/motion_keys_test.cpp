@@ -53,3 +53,72 @@ TEST(MotionKeys, a_turn_stays_within_the_tolerance) {
         }
     EXPECT_EQ(motion_keys_for(turning_box(170.0), 0.0, 1.0, 2.0), 64U);
 }
+
+namespace {
+
+// One CV at five instants of a unit of time.
+template <typename Path>
+void add(StrandMotion& motion, Path&& path) {
+    float at[5][4];
+    const float* samples[5];
+    for (int i = 0; i < 5; ++i) {
+        const Vec3d p = path(0.25 * i);
+        for (int axis = 0; axis < 3; ++axis) at[i][axis] = float(p[axis]);
+        at[i][3] = 0.1F;
+        samples[i] = at[i];
+    }
+    motion.add(samples, 1);
+}
+
+// What straight lines between so many keys leave of a path, looked for at many instants.
+template <typename Path>
+double sag(Path&& path, uint32_t keys) {
+    double worst = 0.0;
+    const int fine = 1000;
+    for (int i = 0; i <= fine; ++i) {
+        const double t = double(i) / fine, last = double(keys - 1);
+        const double key = std::min(std::floor(t * last), last - 1.0), s = t * last - key;
+        const Vec3d line = (1.0 - s) * path(key / last) + s * path((key + 1.0) / last);
+        worst = std::max(worst, (path(t) - line).norm());
+    }
+    return worst;
+}
+
+} // namespace
+
+TEST(StrandMotion, keys_hold_a_strand_to_the_tolerance) {
+    for (const double turn : {0.0, 0.3, 1.5, 3.0})
+        for (const double tolerance : {0.03, 0.003, 0.0003}) {
+            const auto path = [turn](double t) {
+                return Vec3d(2.0 * t + 0.4 * std::sin(turn * t), 0.4 * std::cos(turn * t), 0.05 * t * t);
+            };
+            StrandMotion motion;
+            for (int i = 0; i < 100; ++i) add(motion, path);
+            const uint32_t keys = motion.keys_for(tolerance);
+            EXPECT_LE(sag(path, keys), tolerance) << turn << " in " << tolerance << ": " << keys << " keys";
+            if (keys > 2) {
+                // No more than the margin asks for: with three quarters of them it does not hold.
+                EXPECT_GT(sag(path, std::max(2U, keys * 3 / 4)), 0.9 * tolerance) << turn << ", " << keys;
+            }
+            EXPECT_EQ(motion.jumps(tolerance), 0.0);
+        }
+    EXPECT_EQ(StrandMotion{}.keys_for(0.0), 2U);
+}
+
+TEST(StrandMotion, what_jumps_and_what_is_rare_asks_for_nothing) {
+    const auto still = [](double) { return Vec3d(1.0, 2.0, 3.0); };
+    const auto jump = [](double t) { return Vec3d(t < 0.6 ? 0.0 : 0.1, 0.0, 0.0); };
+    const auto whip = [](double t) { return Vec3d(std::cos(2.0 * t), std::sin(2.0 * t), 0.0); };
+    StrandMotion motion;
+    for (int i = 0; i < 50; ++i) add(motion, still);
+    for (int i = 0; i < 50; ++i) add(motion, jump);
+    EXPECT_EQ(motion.keys_for(0.001), 2U);
+    EXPECT_EQ(motion.jumps(0.001), 0.5);
+    EXPECT_EQ(motion.jumps(1.0), 0.0) << "too small to matter";
+    StrandMotion more;
+    for (int i = 0; i < 1000; ++i) add(more, still);
+    for (int i = 0; i < 5; ++i) add(more, whip);
+    EXPECT_EQ(more.keys_for(0.001), 2U) << "one in two hundred";
+    for (int i = 0; i < 10; ++i) add(more, whip);
+    EXPECT_GT(more.keys_for(0.001), 10U) << "one in seventy";
+}

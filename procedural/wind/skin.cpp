@@ -58,8 +58,15 @@ bool push_out(const Colliders& colliders, const MarramMesh& skin, const Vec3d& r
     if (!foot_of(colliders, skin, rest, facing, reach, hint, at_rest)) return false;
     hint = at_rest.triangle;
     if (!foot_of(colliders, skin, p, at_rest.normal, reach, hint, now)) return false;
+    // Along the normal at rest, which does not change from frame to frame: by the normal below p the target would jump where p
+    // comes from one triangle's side to the next's. A step gains its length where the two normals agree, less where they do not.
+    constexpr int steps = 4;
+    constexpr double enough = 0.98;
     const double wanted = scale * at_rest.height;
-    if (now.height < wanted) p += now.normal * (wanted - now.height);
+    for (int i = 0; i < steps && now.height < (i > 0 ? enough * wanted : wanted); ++i) {
+        p += at_rest.normal * (wanted - now.height);
+        if (i + 1 < steps && !foot_of(colliders, skin, p, at_rest.normal, reach, now.triangle, now)) break;
+    }
     return true;
 }
 

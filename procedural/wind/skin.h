@@ -20,9 +20,11 @@ inline constexpr uint32_t no_triangle = ~0U;
 bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p, const Vec3d& facing,
              double reach, uint32_t hint, Foot& foot);
 
-// To be asked where something is near the way from `rest` to p. Moves p out along the skin's normal until it stands at least `scale` times as high as `rest`, whose foot gives the side
-// of the skin. `facing`: the normal at the root. `hint`: see foot_of(); it becomes the triangle below `rest`. False: there is no
-// consistent side; p stays.
+// To be asked where something is near the way from `rest` to p. Moves p out along the skin's normal below `rest` until it stands at
+// least 0.98 x `scale` times as high as `rest` (four steps; where normals below the two differ by more than a right angle, lower),
+// whose foot gives the side of the skin. Moves on smoothly where p does and the nearest point of that side does not jump.
+// `facing`: the normal at the root. `hint`: see foot_of(); it becomes the triangle below `rest`. False: there is no consistent
+// side; p stays.
 bool push_out(const Colliders& colliders, const MarramMesh& skin, const Vec3d& rest, const Vec3d& facing,
               double reach, double scale, uint32_t& hint, Vec3d& p);
 

@@ -46,8 +46,16 @@ Pushed push_targets(const std::vector<Vec3d>& rest, const std::vector<Vec3d>& be
             continue;
         }
         result.on_edge[k] = below_rest.on_edge || below_bent.on_edge;
-        result.push[k] = std::max(0.0, offset_scale * below_rest.height - below_bent.height);
-        result.cvs[k] += result.push[k] * below_bent.normal;
+        const double wanted = offset_scale * below_rest.height;
+        double height = below_bent.height;
+        for (int step = 0; step < 4 && height < wanted * (step == 0 ? 1.0 : 0.98); ++step) {
+            result.push[k] += wanted - height;
+            result.cvs[k] = bent[k] + result.push[k] * below_rest.normal;
+            const Foot below = foot_on_skin(result.cvs[k], below_rest.normal, skin);
+            if (!below.found) break;
+            result.on_edge[k] = result.on_edge[k] || below.on_edge;
+            height = below.height;
+        }
     }
     return result;
 }

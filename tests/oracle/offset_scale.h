@@ -5,8 +5,9 @@
 // n_root > 0), the foot of a bent CV the nearest among those that face as the rest foot's triangle does.
 // Height is the distance from the foot, negative below it: the sign is that of (P - foot) . n. Where several
 // triangles are equally near (the foot lies on an edge or corner) the one that n . (P - foot) is greatest in
-// size for is the foot's triangle: the only choice whose sign is right on a closed mesh for any corner. P' =
-// P + n_foot max(0, offset_scale h_rest - h_bent). No such foot: skipped.
+// size for is the foot's triangle: the only choice whose sign is right on a closed mesh for any corner. While
+// it stands lower than offset_scale h_rest (from the second time on: than 0.98 of that), P moves by what is missing along
+// the normal of the rest foot, four times at most. No such foot: skipped.
 #pragma once
 
 #include "tests/oracle/triangle_set.h"

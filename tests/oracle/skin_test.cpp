@@ -87,17 +87,20 @@ TEST(OracleOffset, at_a_sharp_ridge_the_sign_and_the_side_are_those_of_the_right
 TEST(OracleOffset, around_a_sphere_heights_are_radii) {
     const TriangleSet sphere(sphere_mesh(100, [](const Vec3d&) { return 1.0; }));
     Draw draw(82);
-    double worst = 0.0;
+    double worst = 0.0, aside = 0.0;
     for (int i = 0; i < 200; ++i) {
         const Vec3d u = draw.direction(), v = (u + 0.4 * draw.in_cube()).normalized();
         const std::vector<Vec3d> rest{u, 1.3 * u}, bent{u, (0.7 + 0.5 * draw.unit()) * v};
         const Pushed pushed = push_targets(rest, bent, u, 0.8, sphere);
         EXPECT_EQ(pushed.skipped, 0);
         worst = std::max(worst, std::abs(pushed.cvs[1].norm() - std::max(1.24, bent[1].norm())));
+        aside = std::max(aside, (pushed.cvs[1] - bent[1]).cross(u).norm());
     }
-    // The facets stand 1.6 degrees off the sphere's normal at most, over a push of 0.54: 2e-4; heights 5e-4.
-    std::printf("  radius off by %.1e\n", worst);
-    EXPECT_LT(worst, 1e-3);
+    // It may stop at 0.98 of a height of 0.24. The facets stand 1.6 degrees off the sphere's normal at most, over a push of 0.56:
+    // heights 5e-4, the way 0.016.
+    std::printf("  radius off by %.1e, the way by %.1e\n", worst, aside);
+    EXPECT_LT(worst, 0.02 * 0.24 + 1e-3);
+    EXPECT_LT(aside, 0.016);
 }
 
 TEST(OraclePromise, crossed_segments_are_counted_with_their_margin) {

@@ -122,23 +122,57 @@ std::vector<size_t> order_of(const Dial& dial, size_t base) {
     return order;
 }
 
+// Metres a pixel, at the distance of the camera's target.
+double pixel_of(const LoadedScene& scene, const Session& session) {
+    const BuildSettings settings = build_settings(scene, session.frame);
+    return settings.pixel_angle * (scene.description.camera.vec3("target") - settings.camera_position).norm();
+}
+
 void compare_strands(const Dial& dial, const LoadedScene& scene, const World& world, const World& reference,
                      const Session& session, SettingResult& result) {
     const bool motion = dial.error == DialError::motion;
     const CurveGap gap = motion ? gap_in_motion(world, reference) : gap_at_rest(world, reference);
-    double unit = 1.0; // metres a pixel, at the distance of the camera's target
-    if (motion) {
-        const BuildSettings settings = build_settings(scene, session.frame);
-        unit = settings.pixel_angle *
-               (scene.description.camera.vec3("target") - settings.camera_position).norm();
-    }
+    const double unit = motion ? pixel_of(scene, session) : 1.0;
     result.error = motion ? gap.most / unit : gap.rms;
     result.worst = gap.worst / unit;
     if (dial.counts_crossing) result.crossing = strands_in_meshes(world);
 }
 
+// The rule that chooses motion keys beside what was measured: its law over the settings, and what it foresaw for the scene.
+std::string motion_rule(const DialResult& result, const LoadedScene& scene, const Session& session,
+                        const BuildStats& own) {
+    std::string rule = "Rule: the error falls with the square of the keys less one";
+    double three = 0.0, low = 1.0, high = 1.0;
+    for (size_t i = 0; i < result.settings.size(); ++i) {
+        if (!result.settings[i].refused.empty() || i == result.dial.reference) continue;
+        const int keys = std::atoi(result.dial.settings[i].label.c_str());
+        const double error = result.settings[i].error;
+        if (keys == 3) three = error;
+        if (keys <= 3 || three <= 0.0) continue;
+        const double miss = error * (keys - 1.0) * (keys - 1.0) / (4.0 * three);
+        low = std::min(low, miss);
+        high = std::max(high, miss);
+    }
+    rule += three > 0.0
+                ? fmt::format("; from 3 keys on, measured errors are {:.2f} to {:.2f} of that.", low, high)
+                : std::string(".");
+    if (own.motion_error > 0.0) {
+        const BuildSettings settings = build_settings(scene, session.frame);
+        const double unit = pixel_of(scene, session);
+        double measured = 0.0;
+        for (size_t i = 0; i < result.settings.size(); ++i)
+            if (result.dial.settings[i].own) measured = result.settings[i].error;
+        rule += fmt::format(
+            " The tolerance, {:.3g} pixels, chose {} keys: {:.3g} foreseen, {:.3g} measured; {:.2g} % of "
+            "the strands looked at jump, which no number of keys follows.",
+            settings.tolerance / unit, own.motion_keys, own.motion_error / unit, measured,
+            100.0 * own.motion_jumps);
+    }
+    return rule;
+}
+
 DialResult measure_strands(const Dial& dial, const Session& session, double budget) {
-    DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0};
+    DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0, {}};
     const double end = wall_seconds() + budget;
     std::vector<LoadedScene> scenes(dial.settings.size());
     for (size_t i = 0; i < dial.settings.size(); ++i) {
@@ -153,6 +187,7 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
     const size_t base = base_of(dial, result.settings);
     Rounds rounds(dial.settings.size(), base);
     World reference;
+    BuildStats own;
     const double begin = wall_seconds();
     for (const size_t i : order_of(dial, base)) {
         SettingResult& setting = result.settings[i];
@@ -173,6 +208,7 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
             continue;
         }
         rounds.add(i, seconds_of(dial, stats));
+        if (dial.settings[i].own) own = stats.build;
         if (i == dial.reference) reference = std::move(world);
         compare_strands(dial, scenes[i], i == dial.reference ? reference : world, reference, session,
                         setting);
@@ -191,6 +227,8 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
     rounds.set_base(result.base);
     rounds.finish(result.settings);
     mark_front(result);
+    if (dial.error == DialError::motion && result.settings[base].refused.empty())
+        result.rule = motion_rule(result, scenes[base], session, own);
     return result;
 }
 
@@ -236,7 +274,7 @@ DialResult measure_pictures(Dial dial, const Session& session, double budget) {
         finest.samples = affordable;
         finest.label = std::to_string(affordable);
     }
-    DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0};
+    DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0, {}};
     for (size_t i = 0; i < dial.settings.size(); ++i)
         if (i != dial.reference && dial.settings[i].samples > finest.samples / 2)
             result.settings[i].refused = no_time;

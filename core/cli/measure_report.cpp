@@ -272,6 +272,7 @@ std::string to_table(const Measurement& m) {
             if (dial.counts_crossing) out += fmt::format(" {:>8}", s.crossing);
             out += fmt::format(" {:>7}  {}\n", s.rounds, marks(result, i));
         }
+        if (!result.rule.empty()) out += "  " + result.rule + "\n";
     }
     out += "\nLeft out:\n";
     for (const std::string& why : m.left_out) out += "  " + why + "\n";
@@ -339,6 +340,7 @@ std::string to_html(const Measurement& m) {
             out += fmt::format("<td>{}</td><td>{}</td></tr>\n", s.rounds, marks(result, i));
         }
         out += "</table>\n";
+        if (!result.rule.empty()) out += fmt::format("<p>{}</p>\n", escaped(result.rule));
     }
     out += "<h2>Left out</h2>\n<ul>\n";
     for (const std::string& why : m.left_out) out += fmt::format("<li>{}</li>\n", escaped(why));

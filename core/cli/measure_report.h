@@ -25,6 +25,7 @@ struct DialResult {
     Dial dial;
     std::vector<SettingResult> settings; // as those of the dial
     size_t base = 0;                     // the one that the ratios are against
+    std::string rule; // by which the tolerance turns this dial, how well it fits here; "": it does not
 };
 
 struct Measurement {

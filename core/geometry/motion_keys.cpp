@@ -4,7 +4,8 @@
 // computed; of strands it is measured at five instants of the shutter and carried on by that law.
 //
 // A strand that a collider lets go jumps: no number of keys follows it, and it must not ask for any. It is one whose distance with
-// three keys is more than half of that with two; a smooth one's is a quarter. And a few strands that whip past must not make all
+// three keys is more than half of that with two; a smooth one's is a quarter. (So is, by mistake, one that swings to and fro within
+// one shutter: five instants do not tell.) And a few strands that whip past must not make all
 // others dear: the rule holds 99 in 100.
 #include "core/geometry/build.h"
 

@@ -94,6 +94,25 @@ TEST(Measure, turns_every_dial_of_a_scene) {
     EXPECT_EQ(page.find("http"), page.find("http://www.w3.org/2000/svg")) << "nothing is fetched";
 }
 
+TEST(Measure, says_what_the_tolerance_chose_and_how_well_it_holds) {
+    const Folder folder;
+    SceneText blown = windy;
+    blown.wind = "speed = 6\nglobal_rotate = 1\nnoise = { amplitude = 2, frequency = 1 }\n";
+    const std::string scene = folder.write("a.toml", blown);
+    const Outcome done = marram({"measure", scene, "--out", folder / "report", "--seconds", "20", "--set",
+                                 "camera.shutter=[-0.5, 0.5]", "--set", "tolerance_pixels=0.5"});
+    EXPECT_EQ(done.code, 0) << done.err;
+    const auto rows = rows_by_dial(read_file(folder / "report/measure.csv")).at("motion_keys");
+    const auto own =
+        std::find_if(rows.begin(), rows.end(), [](const Row& row) { return row.at("own") == "1"; });
+    ASSERT_NE(own, rows.end());
+    EXPECT_EQ(own->at("setting"), "by the tolerance");
+    EXPECT_LE(number(*own, "error"), 0.5);
+    EXPECT_CONTAINS(done.out, "Rule: the error falls with the square of the keys less one; from 3 keys on");
+    EXPECT_CONTAINS(done.out, "The tolerance, 0.5 pixels, chose");
+    EXPECT_CONTAINS(read_file(folder / "report/measure.html"), "The tolerance, 0.5 pixels, chose");
+}
+
 TEST(Measure, says_what_it_leaves_out) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});

@@ -399,6 +399,15 @@ struct alignas(64) ColliderTree::Question {
 
 namespace {
 
+// A mask as bits.
+MARRAM_INLINE uint32_t bits_of(VInt mask) {
+    const VInt bits = mask & VInt{1, 2, 4, 8, 16, 32, 64, 128};
+    uint64_t pairs[4];
+    std::memcpy(pairs, &bits, sizeof pairs);
+    const uint64_t all = pairs[0] | pairs[1] | pairs[2] | pairs[3];
+    return uint32_t(all | all >> 32) & 0xffU;
+}
+
 // The children that are not apart from the region, as bits.
 template <typename Node, typename Question>
 MARRAM_INLINE uint32_t touched(const Node& node, const Question& q) {
@@ -419,11 +428,7 @@ MARRAM_INLINE uint32_t touched(const Node& node, const Question& q) {
         const VFloat reach = dot(extent, q.normal_size) * wider + q.radius;
         apart |= (h > reach) | (h < -reach);
     }
-    const VInt bits = ~apart & VInt{1, 2, 4, 8, 16, 32, 64, 128};
-    uint64_t pairs[4];
-    std::memcpy(pairs, &bits, sizeof pairs);
-    const uint64_t all = pairs[0] | pairs[1] | pairs[2] | pairs[3];
-    return uint32_t(all | all >> 32) & 0xffU;
+    return bits_of(~apart);
 }
 
 template <typename Node>
@@ -436,7 +441,7 @@ MARRAM_INLINE void prefetch_node(const Node* node) {
 
 // The square of what a box, or a slab and the ball around the box, say of the distance, at least. Across the slab it is the gap
 // to it; along it, the way to the ball's shadow: together they tell clusters apart that lie side by side below p.
-MARRAM_HOT void ColliderTree::distances_to(const Node& node, const float* p, Distances8& out) {
+MARRAM_HOT void ColliderTree::distances_to(const Node& node, const float* p, float limit, Distances8& out) {
     const VFloat zero{}, half = splat_float(0.5F);
     const auto outside = [&](VFloat below, VFloat above)
                              MARRAM_ALWAYS_INLINE { return greater(greater(below, above), zero); };
@@ -450,6 +455,7 @@ MARRAM_HOT void ColliderTree::distances_to(const Node& node, const float* p, Dis
     const VFloat along = vsqrt(greater(whole * (1.0F - 0x1p-20F) - across * across, zero));
     const VFloat beyond = greater(along - vsqrt(dot(extent, extent)) * (1.0F + 0x1p-20F), zero);
     out.squared = greater(x * x + y * y + z * z, gap * gap + beyond * beyond);
+    out.within = bits_of(out.squared <= limit);
 }
 
 // The tree from the root down; false: more than `most` clusters.

@@ -23,6 +23,7 @@
 #include <Eigen/Geometry>
 
 #include <atomic>
+#include <bit>
 #include <memory>
 #include <span>
 #include <vector>
@@ -113,14 +114,14 @@ class ColliderTree {
             const bool leaf = next.kind == Waiting::block;
             const Run run = leaf ? Run{0, opened(meshes, next.child).clusters} : shape_->nodes[next.child];
             Distances8 distances;
-            distances_to(leaf ? opened(meshes, next.child).node : nodes_[next.child], place.data(),
+            distances_to(leaf ? opened(meshes, next.child).node : nodes_[next.child], place.data(), limit,
                          distances);
             const auto kind =
                 leaf ? Waiting::cluster : (next.child < shape_->levels[1] ? Waiting::block : Waiting::node);
             const size_t first = top;
-            for (uint32_t i = 0; i < run.count; ++i) {
-                const float squared = distances.squared[i];
-                if (!(squared <= limit)) continue;
+            for (uint32_t bits = distances.within & ((1U << run.count) - 1U); bits != 0; bits &= bits - 1) {
+                const auto i = uint32_t(std::countr_zero(bits));
+                const float squared = distances.squared[int(i)];
                 size_t at = top++;
                 for (; at > first && stack[at - 1].squared < squared; --at) stack[at] = stack[at - 1];
                 stack[at] = {squared, run.first + i, kind, next.child};
@@ -162,9 +163,10 @@ class ColliderTree {
 
     struct alignas(64) Distances8 {
         VFloat squared;
+        uint32_t within; // which are no more than a limit, as bits
     };
     static double rounding_of(double greatest) { return 16.0 * 0x1p-24 * greatest + 0x1p-120; }
-    static void distances_to(const Node& node, const float* p, Distances8& out);
+    static void distances_to(const Node& node, const float* p, float limit, Distances8& out);
     static std::shared_ptr<const Shape> make_shape(const MarramFrame& frame,
                                                    const Eigen::AlignedBox3d& reach);
     void prefetch(const MarramMesh* meshes, uint32_t block) const;

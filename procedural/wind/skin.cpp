@@ -3,6 +3,8 @@
 
 #include "procedural/wind/near.h"
 
+#include <algorithm>
+
 namespace marram {
 
 bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p, const Vec3d& facing,
@@ -29,26 +31,45 @@ bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p,
         most_along = std::abs(along);
     };
     if (hint != no_triangle) consider(hint);
-    colliders.tree->nearest(colliders.lent, p, best + tie, [&](const NearCluster& found_near) {
-        if (&colliders.lent[found_near.mesh] != &skin) return best + tie;
-        const uint32_t* triangle = found_near.cluster->triangle;
-        const size_t count = found_near.count;
+    // Eight distances at a time say how near it gets; only what is as near in the end is looked at closely.
+    struct Candidate {
+        uint32_t triangle;
+        double squared;
+    } candidates[64];
+    size_t count = 0;
+    double bound = best;
+    const double spare = 1e-12 * (reach + (p.cwiseAbs().maxCoeff() + reach) * 1e-3);
+    const auto limit = [&] {
+        const double far = (bound + spare) * (1.0 + 1e-9);
+        return far * far;
+    };
+    const auto drop_far = [&] {
+        const auto* end = std::remove_if(candidates, candidates + count,
+                                         [&](const Candidate& c) { return c.squared > limit(); });
+        count = size_t(end - candidates);
+    };
+    colliders.tree->nearest(colliders.lent, p, bound + spare, [&](const NearCluster& near) {
+        if (&colliders.lent[near.mesh] != &skin) return bound + spare;
         Squared8 distances;
-        squared_distances(*found_near.cluster, p, facing, distances);
-        // The nearest of them first: the rest can then only be as near.
-        size_t first = 0;
-        for (size_t lane = 1; lane < count; ++lane)
-            if (distances.squared[lane] < distances.squared[first]) first = lane;
-        const auto near = [&](size_t lane) {
-            const double limit = (best + tie) * (1.0 + 1e-9) + 1e-9 * tie;
-            return distances.squared[lane] <= limit * limit;
-        };
-        if (!near(first)) return best + tie;
-        consider(triangle[first]);
-        for (size_t lane = 0; lane < count; ++lane)
-            if (lane != first && near(lane)) consider(triangle[lane]);
-        return best + tie;
+        squared_distances(*near.cluster, p, facing, distances);
+        double least = bound * bound;
+        for (uint32_t lane = 0; lane < near.count; ++lane)
+            least = std::min(least, double(distances.squared[int(lane)]));
+        bound = std::min(bound, std::sqrt(least));
+        for (uint32_t lane = 0; lane < near.count; ++lane) {
+            const double squared = distances.squared[int(lane)];
+            if (squared > limit()) continue;
+            if (count == std::size(candidates)) drop_far();
+            if (count == std::size(candidates)) { // that many at the same distance: as good as any
+                consider(near.cluster->triangle[lane]);
+                continue;
+            }
+            candidates[count++] = {near.cluster->triangle[lane], squared};
+        }
+        return bound + spare;
     });
+    drop_far();
+    for (size_t i = 0; i < count; ++i) consider(candidates[i].triangle);
     return found;
 }
 

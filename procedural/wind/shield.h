@@ -28,7 +28,7 @@ std::optional<Shielding> read_shielding(const Values& values); // nothing where 
 std::vector<double> obstacle_heights(const Colliders& colliders);
 
 // strands.rest -> strands.shield: the sheltered share of each CV, the same for all CVs of a strand unless per_cv.
-// `heights` is read only where wake_heights is given. Cost: one ray a CV (times `rays` with spread), traced 16 at a time.
+// `heights` is read only where wake_heights is given. Cost: one ray a CV (times `rays` with spread), traced 256 at a time.
 void shield(const Shielding& shielding, const Vec3d& wind, const Colliders& colliders,
             std::span<const double> heights, Strands& strands);
 

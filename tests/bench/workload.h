@@ -36,7 +36,7 @@ class Workload {
     double run_from_roots();
     // Embree's own BVH over what run_from_roots() has written.
     double build_bvh();
-    // The bare Embree queries that a straightforward exact chain makes: a shield ray a CV, in packets of 16; for each segment
+    // The bare Embree queries that a straightforward exact chain makes: a shield ray a CV, in streams; for each segment
     // the heights of its end at rest and bent and the triangles near it, each one point query within a segment's reach.
     double run_floor();
     // Of exact collision: the tree over the colliders.

@@ -292,16 +292,19 @@ struct CurveBuild {
     std::vector<float*> vertices, normals; // [time]
 };
 
-void check_output(const CurveBuild& item) {
-    const MarramOutput& output = item.output;
-    const Procedural& procedural = *item.procedural;
+void check_output(const Procedural& procedural, const MarramOutput& output) {
     if (output.cvs_per_curve < 2) procedural.refuse("its curves have fewer than 2 CVs", "mend the library");
     if (output.shape >= MARRAM_SHAPE_COUNT || output.basis > MARRAM_CATMULL_ROM)
         procedural.refuse("it asks for a shape or basis that the contract does not have", "mend the library");
     constexpr uint64_t most = std::numeric_limits<uint32_t>::max();
-    if (output.curve_count > most / (output.cvs_per_curve + 2))
+    if (output.curve_count > most / (uint64_t(output.cvs_per_curve) + 2))
         procedural.refuse("its curves need more than 2^32 vertices",
                           "use fewer strands or CVs, or two procedurals");
+}
+
+void check_patches(const CurveBuild& item) {
+    const MarramOutput& output = item.output;
+    const Procedural& procedural = *item.procedural;
     uint64_t next = 0;
     for (const MarramPatch& patch : item.patches) {
         if (patch.first_curve != next)
@@ -451,7 +454,8 @@ void add_curves(Build& build, Procedural& procedural, LentMeshes& lent) {
     for (const MarramPatch& p : item.patches)
         build.stats.patch_bounds.emplace_back(Vec3f(p.lower), Vec3f(p.upper));
     build.stats.expand += now() - asked;
-    check_output(item);
+    check_output(procedural, item.output);
+    check_patches(item);
     if (item.output.time_count != 1 && item.output.time_count != build.world.times.size())
         procedural.refuse("it hands over another number of motion samples than asked", "mend the library");
     allocate(build, item);
@@ -484,7 +488,8 @@ constexpr uint32_t pilot_keys = 5;
 void look_at_motion(Build& build, Procedural& procedural, LentMeshes& lent, StrandMotion& motion) {
     build.progress.phase = "looking at motion";
     const MarramOutput output = procedural.begin(lent.frame(build.settings, true));
-    if (output.time_count != pilot_keys || output.patch_count == 0 || output.cvs_per_curve < 2) return;
+    check_output(procedural, output);
+    if (output.time_count != pilot_keys || output.patch_count == 0) return;
     // A few percent of the work, but no fewer than four: what moves most may be anywhere.
     const uint32_t count = std::min(output.patch_count, std::clamp(output.patch_count / 16, 4U, 64U));
     std::vector<StrandMotion> found(count);
@@ -510,6 +515,7 @@ void look_at_motion(Build& build, Procedural& procedural, LentMeshes& lent, Stra
         }
     });
     for (const StrandMotion& one : found) motion.add(one);
+    procedural.take_warnings(); // they come again
 }
 
 bool any_mesh_moves(const World& world) {
@@ -559,12 +565,16 @@ void build_phase_one(Build& build) {
     if (looks) {
         const double begin = now();
         LentMeshes lent(world, build.geometry);
-        StrandMotion motion;
+        std::vector<StrandMotion>
+            motions; // each procedural for itself: many slow strands must not hide a few fast ones
         for (const auto& procedural : procedurals)
-            if (grows(procedural)) look_at_motion(build, *procedural, lent, motion);
-        keys = std::max(keys, motion.keys_for(settings.tolerance));
-        build.stats.motion_error = motion.left(keys, settings.tolerance);
-        build.stats.motion_jumps = motion.jumps(settings.tolerance);
+            if (grows(procedural)) look_at_motion(build, *procedural, lent, motions.emplace_back());
+        for (const StrandMotion& motion : motions) keys = std::max(keys, motion.keys_for(settings.tolerance));
+        for (const StrandMotion& motion : motions) {
+            build.stats.motion_error =
+                std::max(build.stats.motion_error, motion.left(keys, settings.tolerance));
+            build.stats.motion_jumps = std::max(build.stats.motion_jumps, motion.jumps(settings.tolerance));
+        }
         build.stats.expand += now() - begin;
         if (keys != pilot_keys) {
             world.times = motion_times(settings, keys);
@@ -578,6 +588,8 @@ void build_phase_one(Build& build) {
 
 uint32_t chosen_motion_keys(SceneGeometry& geometry, const BuildSettings& settings,
                             const std::atomic<bool>& cancel, BuildProgress& progress) {
+    if (!(settings.shutter_open < settings.shutter_close)) return 1;
+    if (settings.motion_keys != 0) return settings.motion_keys;
     BuildStats stats;
     Build build{geometry, settings, cancel, progress, stats, {}, {}, {}};
     build.world.device = make_device(build.errors);

@@ -58,10 +58,9 @@ struct BuildStats {
     double goal_angle = 0.0, turned_angle = 0.0; // radians that segments were to turn, and did
     double collision_reached = 1.0;              // turned / goal: share of the way to the goal
     uint32_t motion_keys = 1;                    // that the world has
-    double motion_error =
-        0.0; // m: what was foreseen of meshes and strands between keys, where the keys were chosen
-    double motion_jumps =
-        0.0; // share of the strands looked at that jump within the shutter: no number of keys follows these
+    // Where the keys were chosen, of strands: what 99 in 100 are to stay below between keys, m, and the share that jumps within the
+    // shutter, which no number of keys follows; of the procedural where it is most.
+    double motion_error = 0.0, motion_jumps = 0.0;
     uint64_t curves = 0, cvs = 0, segments = 0, triangles = 0;
     uint64_t curve_bytes = 0;       // buffers that Embree reads: vertices, normals, indices
     uint64_t curve_extra_bytes = 0; // ours besides: roots, scratch, attributes

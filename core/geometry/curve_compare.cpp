@@ -68,7 +68,7 @@ CurveGap gap(const World& mine, const World& reference, double limit, Distance&&
     gap.beyond = double(std::count_if(largest.begin(), largest.end(), [&](double d) { return d > limit; })) /
                  double(largest.size());
     gap.rms = std::sqrt(squares / double(largest.size()));
-    const auto most = largest.begin() + long(0.99 * double(largest.size() - 1));
+    const auto most = largest.end() - 1 - long(largest.size() / 100); // of fewer than a hundred the worst
     std::nth_element(largest.begin(), most, largest.end());
     gap.most = *most;
     gap.worst = *std::max_element(most, largest.end());

@@ -96,7 +96,7 @@ double StrandMotion::left(uint32_t keys, double tolerance) const {
     for (const Gap& gap : gaps_)
         if (!jumps(gap, tolerance)) gaps.push_back(keys <= 2 ? gap.two : gap.three);
     if (gaps.empty()) return 0.0;
-    const auto most = gaps.begin() + long(0.99 * double(gaps.size() - 1));
+    const auto most = gaps.end() - 1 - long(gaps.size() / 100);
     std::nth_element(gaps.begin(), most, gaps.end());
     return double(*most) * (keys <= 2 ? 1.0 : 4.0 / (double(keys - 1) * double(keys - 1)));
 }

@@ -54,8 +54,9 @@ std::vector<uint64_t> key_of(const MarramFrame& frame, const Eigen::AlignedBox3d
     for (const Vec3d& corner : {reach.min(), reach.max()})
         for (int axis = 0; axis < 3; ++axis) key.push_back(std::bit_cast<uint64_t>(corner[axis]));
     // Where nothing moves one tree serves however many samples.
-    for (const Colliders* one : colliders)
-        if (any_moves(frame)) key.push_back(one->any() ? one->time_index : ~uint64_t(0));
+    const bool moves = any_moves(frame);
+    for (size_t i = 0; i < (moves ? colliders.size() : std::min<size_t>(colliders.size(), 1)); ++i)
+        key.push_back(!colliders[i]->any() ? ~uint64_t(0) : moves ? colliders[i]->time_index : 0);
     for (uint32_t i = 0; i < frame.mesh_count; ++i) {
         const MarramMesh& mesh = frame.meshes[i];
         key.insert(key.end(), {mesh.vertex_count, mesh.triangle_count, mesh.time_count});
@@ -75,7 +76,7 @@ bool ColliderTrees::give(const MarramFrame& frame, const Eigen::AlignedBox3d& re
     if (changed) {
         key_.clear();
         trees_.clear(); // the old go first
-        const size_t count = any_moves(frame) ? colliders.size() : 1;
+        const size_t count = any_moves(frame) ? colliders.size() : std::min<size_t>(colliders.size(), 1);
         for (size_t i = 0; i < count; ++i)
             trees_.push_back(colliders[i]->any()
                                  ? std::make_shared<ColliderTree>(frame, reach, colliders[i]->time_index,
@@ -83,8 +84,7 @@ bool ColliderTrees::give(const MarramFrame& frame, const Eigen::AlignedBox3d& re
                                  : nullptr);
         key_ = std::move(key);
     }
-    for (size_t i = 0; i < colliders.size(); ++i)
-        if (colliders[i]->any()) colliders[i]->tree = trees_[std::min(i, trees_.size() - 1)];
+    for (size_t i = 0; i < colliders.size(); ++i) colliders[i]->tree = trees_[std::min(i, trees_.size() - 1)];
     return changed;
 }
 

@@ -71,11 +71,16 @@ MARRAM_HOT void squared_distances(const TriangleCluster& cluster, const Vec3d& f
                                   Squared8& out) {
     Triangles8 triangles;
     load(cluster, from, triangles);
-    const Wide3d n =
-        cross(triangles.corner[1] - triangles.corner[0], triangles.corner[2] - triangles.corner[0]);
+    // The normal from the corners as they are: their differences are exact.
+    const Wide3d a = to_double(cluster.corner[0]), e0 = to_double(cluster.corner[1]) - a,
+                 e1 = to_double(cluster.corner[2]) - a;
+    const VDouble towards = dot(cross(e0, e1), splat3(facing.data()));
+    const VDouble rounding = 1e-14 * vsqrt(dot(e0, e0) * dot(e1, e1));
+    const VLong any_side = VLong{} - long(facing.isZero(0.0));
     const VDouble squared = squared_distance(triangles, Wide3d{});
-    const VLong seen = (dot(n, splat3(facing.data())) > 0.0) | (VLong{} - long(facing.isZero(0.0)));
-    out.squared = seen ? squared : splat(std::numeric_limits<double>::infinity());
+    out.squared =
+        ((towards >= -rounding) | any_side) ? squared : splat(std::numeric_limits<double>::infinity());
+    out.sure = (towards > rounding) | any_side;
 }
 
 NearestTriangle nearest_triangle(const Colliders& colliders, const Vec3d& q, double radius) {

@@ -19,9 +19,10 @@ MARRAM_INLINE void load(const TriangleCluster& cluster, const Vec3d& origin, Tri
 }
 
 // The squares of the distances of a cluster's triangles from `from`; infinite for those that face away from `facing`, unless
-// that is 0.
+// that is 0. `sure`: not those that face to the side, within rounding: they have a distance, and the caller decides.
 struct alignas(64) Squared8 {
     VDouble squared;
+    VLong sure;
 };
 void squared_distances(const TriangleCluster& triangles, const Vec3d& from, const Vec3d& facing,
                        Squared8& out);

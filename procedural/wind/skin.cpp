@@ -54,7 +54,7 @@ bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p,
         squared_distances(*near.cluster, p, facing, distances);
         double least = bound * bound;
         for (uint32_t lane = 0; lane < near.count; ++lane)
-            least = std::min(least, double(distances.squared[int(lane)]));
+            if (distances.sure[int(lane)]) least = std::min(least, double(distances.squared[int(lane)]));
         bound = std::min(bound, std::sqrt(least));
         for (uint32_t lane = 0; lane < near.count; ++lane) {
             const double squared = distances.squared[int(lane)];

@@ -231,7 +231,7 @@ double turn_out_in_plane(const Colliders& colliders, const Segment& segment, con
             least = turned;
             direction = at(turned);
             scratch.against.clear();
-            if (!found.blocked_at_start) {
+            if (!found.blocked_at_start && found.first <= back.angle) {
                 const auto& p = scratch.first.corner;
                 scratch.against.push(p[0], p[1], p[2]);
             }

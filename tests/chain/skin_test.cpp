@@ -41,6 +41,38 @@ TEST(Skin, pushes_targets_where_the_oracle_does) {
     EXPECT_LT(worst, 1e-9);
 }
 
+// Faces that stand just across the direction asked for: whether they face it is a matter of rounding, but whoever is not let in
+// must not hide those behind.
+TEST(Skin, finds_a_foot_where_faces_stand_across_the_direction_asked_for) {
+    Mesh prism; // a square on its corner
+    for (const float z : {-1.0F, 1.0F})
+        for (const Vec2f& at : {Vec2f(1, 0), Vec2f(0, 1), Vec2f(-1, 0), Vec2f(0, -1)})
+            prism.positions.emplace_back(at.x(), at.y(), z);
+    for (uint32_t i = 0; i < 4; ++i) {
+        const uint32_t j = (i + 1) % 4;
+        prism.triangles.push_back({i, j, j + 4});
+        prism.triangles.push_back({i, j + 4, i + 4});
+    }
+    std::vector<Mesh> meshes = {prism};
+    const oracle::TriangleSet set = triangle_set(meshes);
+    const FurredWorld world(std::move(meshes));
+    const Colliders colliders = world.colliders();
+    const Vec3d facing = Vec3d(1, 1, 0) / std::sqrt(2.0);
+    oracle::Draw draw(3);
+    double worst = 0.0;
+    for (int i = 0; i < 5000; ++i) {
+        const Vec3d p = 0.6 * draw.in_cube();
+        Foot foot;
+        ASSERT_TRUE(foot_of(colliders, world.mesh(0), p, facing, 3.0, no_triangle, foot)) << p.transpose();
+        worst = std::max(
+            worst, std::abs(std::abs(foot.height) - std::abs(oracle::foot_on_skin(p, facing, set).height)));
+        Foot hinted;
+        ASSERT_TRUE(foot_of(colliders, world.mesh(0), p, facing, 3.0, 0, hinted));
+        EXPECT_EQ(hinted.height, foot.height);
+    }
+    EXPECT_LT(worst, 1e-12);
+}
+
 TEST(Skin, pushed_targets_stand_high_enough_and_follow_without_jumps) {
     // Coarse, so that a facet's normal tells nothing of its neighbour's: ten degrees and more apart.
     const FurredWorld world({sphere_mesh(1.0F, 10, 0.05F, 7.0F)});

@@ -62,6 +62,10 @@ TEST(CurveCompare, ninety_nine_in_a_hundred_stay_below) {
     EXPECT_EQ(gap.most, 10.0);
     EXPECT_NEAR(gap.rms, std::sqrt(2870.0 / 1000.0), 1e-6);
     EXPECT_EQ(gap_in_motion(World{}, World{}).strands, 0U);
+    const Strands c(2, 4, {0.0}, 1.0);
+    Strands d(2, 4, {0.0}, 1.0);
+    for (size_t k = 0; k < 6; ++k) d.samples[0][k * 4 + 1] = 3.0F;
+    EXPECT_EQ(gap_in_motion(d.world, c.world).most, 3.0) << "of two the worst";
 }
 
 TEST(CurveCompare, other_strands_are_refused) {

@@ -115,6 +115,12 @@ TEST(StrandMotion, what_jumps_and_what_is_rare_asks_for_nothing) {
     EXPECT_EQ(motion.keys_for(0.001), 2U);
     EXPECT_EQ(motion.jumps(0.001), 0.5);
     EXPECT_EQ(motion.jumps(1.0), 0.0) << "too small to matter";
+    for (const int n : {2, 3, 50, 99}) { // of a few every one counts
+        StrandMotion few;
+        for (int i = 0; i + 1 < n; ++i) add(few, still);
+        add(few, whip);
+        EXPECT_GT(few.keys_for(0.001), 10U) << n;
+    }
     StrandMotion more;
     for (int i = 0; i < 1000; ++i) add(more, still);
     for (int i = 0; i < 5; ++i) add(more, whip);

@@ -565,8 +565,8 @@ void build_phase_one(Build& build) {
     if (looks) {
         const double begin = now();
         LentMeshes lent(world, build.geometry);
-        std::vector<StrandMotion>
-            motions; // each procedural for itself: many slow strands must not hide a few fast ones
+        // Each procedural for itself: many slow strands must not hide a few fast ones.
+        std::vector<StrandMotion> motions;
         for (const auto& procedural : procedurals)
             if (grows(procedural)) look_at_motion(build, *procedural, lent, motions.emplace_back());
         for (const StrandMotion& motion : motions) keys = std::max(keys, motion.keys_for(settings.tolerance));

@@ -8,7 +8,9 @@
  *
  *   MarramLibrary* lib = marram_library(MARRAM_ABI_VERSION)        once; NULL when the library speaks another version
  *   p->create(host, values, n, &instance)                         once for each procedural of the scene
- *   p->begin(instance, frame, &output)                            each frame; says what will be handed over
+ *   p->begin(instance, frame, &output)                            each frame; says what will be handed over. Perhaps once more
+ *                                                                 before, at other motion samples, and a few patches after it:
+ *                                                                 so a renderer learns how many samples the motion needs
  *   output.kind == MARRAM_MESH:   p->mesh(instance, &buffers)     phase 1: the mesh joins the colliders
  *   ... the renderer commits the colliders, then calls begin of everything that makes curves ...
  *   output.kind == MARRAM_CURVES: p->patch(instance, i, &patch)   bounds, from any thread

@@ -245,7 +245,7 @@ void ColliderTree::load(const MarramMesh* meshes, const Block& block, BlockCorne
     }
 }
 
-// While one block is bounded the indices of the second next are sent for, and the corners of the next.
+// While one block is bounded the corners of the next are sent for, and the indices of the third next.
 void ColliderTree::prefetch(const MarramMesh* meshes, uint32_t number) const {
     const auto each = [&](uint32_t ahead, auto&& visit) {
         if (number + ahead >= shape_->blocks.size()) return;

@@ -80,7 +80,8 @@ class ColliderTree {
 
     // `meshes` below: those it was made from, or their equals.
 
-    // The clusters that may hold a triangle within the region (none where it is not finite or beyond 1e18); false: there are more than `most` (found holds some of them).
+    // The clusters that may hold a triangle within the region (none where it is not finite or beyond 1e18); false: there are
+    // more than `most` (found holds some of them).
     bool find(const MarramMesh* meshes, const Region& region, size_t most,
               std::vector<NearCluster>& found) const;
 

@@ -16,7 +16,8 @@ struct Foot {
 inline constexpr uint32_t no_triangle = ~0U;
 
 // The foot of p: the nearest point among triangles of `skin` that face the same way as `facing` (their normals' product is
-// positive), within `reach`. `hint`: a triangle that is probably near; the result does not depend on it. A strand that stands in an ear would else measure from the ear's other side. False: none there.
+// positive), within `reach`; a strand that stands in an ear would else measure from the ear's other side. `hint`: a triangle
+// that is probably near; the result does not depend on it. False: none there.
 bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p, const Vec3d& facing,
              double reach, uint32_t hint, Foot& foot);
 

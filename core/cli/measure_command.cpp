@@ -135,6 +135,7 @@ void compare_strands(const Dial& dial, const LoadedScene& scene, const World& wo
     const double unit = motion ? pixel_of(scene, session) : 1.0;
     result.error = motion ? gap.most / unit : gap.rms;
     result.worst = gap.worst / unit;
+    if (!motion) result.most = gap_in_space(world, reference).most;
     if (dial.counts_crossing) result.crossing = strands_in_meshes(world);
 }
 
@@ -171,6 +172,40 @@ std::string motion_rule(const DialResult& result, const LoadedScene& scene, cons
     return rule;
 }
 
+// The same of a dial over numbers: its law through the finest setting beside the reference, and what the tolerance chose.
+std::string dial_rule(const DialResult& result, double tolerance, const BuildStats* chosen) {
+    const Dial& dial = result.dial;
+    const auto number = [&](size_t i) { return std::strtod(dial.settings[i].label.c_str(), nullptr); };
+    const double reference = dial.law(number(dial.reference)); // it is off, too
+    double least = 0.0, factor = 0.0, low = 1.0, high = 1.0, measured = 0.0;
+    const auto each = [&](auto&& visit) {
+        for (size_t i = 0; i < result.settings.size(); ++i)
+            if (result.settings[i].refused.empty() && i != dial.reference && number(i) > 0.0)
+                visit(dial.law(number(i)) - reference, result.settings[i].most);
+    };
+    each([&](double law, double most) {
+        if (law <= 0.0 || most <= 0.0 || (least > 0.0 && law >= least)) return;
+        least = law;
+        factor = most / law;
+    });
+    each([&](double law, double most) {
+        if (law <= 0.0 || factor <= 0.0) return;
+        low = std::min(low, most / (factor * law));
+        high = std::max(high, most / (factor * law));
+    });
+    std::string rule = fmt::format("Rule: the error {}; measured errors are {:.2f} to {:.2f} of that, the "
+                                   "finest setting itself is off by about {:.2g} m.",
+                                   dial.law_words, low, high, factor * reference);
+    for (size_t i = 0; i < result.settings.size(); ++i)
+        if (dial.settings[i].label == "by the tolerance") measured = result.settings[i].most;
+    if (!chosen) return rule;
+    for (const auto& [name, value] : chosen->chosen)
+        if (name.ends_with("." + dial.name))
+            rule += fmt::format(" The tolerance chose {} = {:.6g}.", name, value);
+    return rule + fmt::format(" Of {:.3g} m allowed, 99 strands in 100 are off by less than {:.3g}.",
+                              tolerance, measured);
+}
+
 DialResult measure_strands(const Dial& dial, const Session& session, double budget) {
     DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0, {}};
     const double end = wall_seconds() + budget;
@@ -187,7 +222,8 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
     const size_t base = base_of(dial, result.settings);
     Rounds rounds(dial.settings.size(), base);
     World reference;
-    BuildStats own;
+    BuildStats own, by_tolerance;
+    bool chosen = false;
     const double begin = wall_seconds();
     for (const size_t i : order_of(dial, base)) {
         SettingResult& setting = result.settings[i];
@@ -209,6 +245,7 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
         }
         rounds.add(i, seconds_of(dial, stats));
         if (dial.settings[i].own) own = stats.build;
+        if (dial.settings[i].label == "by the tolerance") by_tolerance = stats.build, chosen = true;
         if (i == dial.reference) reference = std::move(world);
         compare_strands(dial, scenes[i], i == dial.reference ? reference : world, reference, session,
                         setting);
@@ -229,6 +266,9 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
     mark_front(result);
     if (dial.error == DialError::motion && result.settings[base].refused.empty())
         result.rule = motion_rule(result, scenes[base], session, own);
+    if (dial.law)
+        result.rule = dial_rule(result, build_settings(scenes[base], session.frame).tolerance,
+                                chosen ? &by_tolerance : nullptr);
     return result;
 }
 

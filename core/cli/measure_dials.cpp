@@ -60,6 +60,12 @@ void add_own(std::vector<std::pair<double, DialSetting>>& settings, double own, 
         settings.insert(at, {own, {label, {}, true, 0}});
 }
 
+// Where the tolerance puts the dial.
+DialSetting by_tolerance(bool own, std::vector<std::string> changes) {
+    if (own) changes.clear();
+    return {"by the tolerance", std::move(changes), own, 0};
+}
+
 std::vector<DialSetting> without_numbers(std::vector<std::pair<double, DialSetting>> numbered) {
     std::vector<DialSetting> settings;
     for (auto& [number, setting] : numbered) settings.push_back(std::move(setting));
@@ -128,7 +134,7 @@ Dial shield_per(const LoadedScene& scene) {
     return dial;
 }
 
-// A dial over numbers, the finest of which stands first or last. Where the scene leaves the number to the procedural, or its
+// A dial over numbers, the finest of which stands first or last. Where the scene leaves the number to the tolerance, or its
 // grooms differ, what they have is one more setting.
 Dial numbered(const LoadedScene& scene, Dial dial, const std::string& key, const std::vector<double>& values,
               const std::string& parameter, const std::string& only_with, bool finest_first) {
@@ -142,7 +148,10 @@ Dial numbered(const LoadedScene& scene, Dial dial, const std::string& key, const
     if (one) add_own(settings, own, fmt::format("{}", own));
     dial.settings = without_numbers(std::move(settings));
     dial.reference = finest_first ? 0 : dial.settings.size() - 1;
-    if (!one) dial.settings.push_back({"as it is", {}, true, 0});
+    if (!one) {
+        dial.settings.push_back(by_tolerance(true, {}));
+        if (any_groom(scene, parameter)) dial.settings.back().label = "as it is";
+    }
     return dial;
 }
 
@@ -156,13 +165,14 @@ Dial cvs(const LoadedScene& scene) {
               false,
               {},
               0};
-    int own = 0; // of the first groom; the others get as many
+    std::vector<int> each;
     for (const Item& groom : scene.description.procedurals)
-        if (own == 0 && declares(scene, groom, "cvs")) own = groom.params.integer("cvs");
+        if (declares(scene, groom, "cvs")) each.push_back(groom.params.integer("cvs"));
+    const int own = each.front(); // the other grooms get as many
     // A strand bends as it is authored; more CVs draw the same pose better.
     std::vector<std::string> authored;
     double segments = 0.0;
-    if (!agreed(scene, "reference_segments", segments) || segments == 0.0)
+    if (own > 0 && (!agreed(scene, "reference_segments", segments) || segments == 0.0))
         authored = in_all_grooms(scene, "wind.reference_segments", std::to_string(own - 1));
     std::vector<std::pair<double, DialSetting>> settings;
     for (const int n : {5, 9, 17, 33, 65}) {
@@ -170,9 +180,13 @@ Dial cvs(const LoadedScene& scene) {
         changes.insert(changes.end(), authored.begin(), authored.end());
         settings.emplace_back(n, DialSetting{std::to_string(n), changes, false, 0});
     }
-    add_own(settings, own, std::to_string(own));
+    if (own > 0) add_own(settings, own, std::to_string(own));
     dial.settings = without_numbers(std::move(settings));
     dial.reference = dial.settings.size() - 1;
+    dial.law = [](double n) { return 1.0 / (n - 1.0); };
+    dial.law_words = "falls with the number of segments";
+    dial.settings.push_back(by_tolerance(own == 0, in_all_grooms(scene, "cvs", "0")));
+    dial.settings.back().changes.insert(dial.settings.back().changes.end(), authored.begin(), authored.end());
     dial.weight = 4.0;
     return dial;
 }
@@ -194,7 +208,7 @@ Dial motion_keys(uint32_t own) { // 0: chosen by the tolerance
     if (own > 0) add_own(settings, own, std::to_string(own));
     dial.settings = without_numbers(std::move(settings));
     dial.reference = dial.settings.size() - 1;
-    if (own == 0) dial.settings.push_back({"by the tolerance", {}, true, 0});
+    if (own == 0) dial.settings.push_back(by_tolerance(true, {}));
     dial.weight = 4.0;
     return dial;
 }
@@ -292,6 +306,8 @@ DialList dials_of(const LoadedScene& scene) {
             dial = numbered(scene, std::move(dial), "wind.shielding.rays", {1, 4, 16, 64, 256},
                             "shielding.rays", "shielding.spread", false);
             dial.weight = 3.0;
+            dial.law = [](double rays) { return std::pow(rays, -0.8); };
+            dial.law_words = "falls with the number of rays to the power 0.8";
             list.dials.push_back(std::move(dial));
         } else {
             leave_out("shield_rays: without shielding.spread each CV asks one ray");
@@ -309,6 +325,8 @@ DialList dials_of(const LoadedScene& scene) {
                   0};
         dial = numbered(scene, std::move(dial), "wind.jiggle.step", {0.125, 0.25, 0.5, 1.0, 2.0},
                         "jiggle.step", "jiggle.frequency", true);
+        dial.law = [](double step) { return step * step; };
+        dial.law_words = "grows with the square of the step";
         list.dials.push_back(std::move(dial));
     } else if (strands) {
         leave_out("jiggle_step: nothing jiggles (wind.jiggle)");

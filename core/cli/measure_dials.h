@@ -36,6 +36,9 @@ struct Dial {
     std::vector<DialSetting> settings;
     size_t reference = 0;
     double weight = 1.0; // share of the time that it gets
+    // Where the tolerance can turn it: how the error goes with the setting's number, and in words. Null: it cannot.
+    double (*law)(double) = nullptr;
+    std::string law_words{};
 };
 
 double seconds_of(const Dial& dial, const FrameStats& stats);

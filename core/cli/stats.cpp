@@ -38,6 +38,7 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
     json["motion"] = {{"keys", build.motion_keys}, // error: metres, foreseen where the keys were chosen
                       {"error", build.motion_error},
                       {"jumps", build.motion_jumps}};
+    json["chosen"] = build.chosen;                                      // by the tolerance
     json["memory"] = {{"peak_bytes", uint64_t(usage.ru_maxrss) * 1024}, // of the process so far
                       {"curve_bytes", build.curve_bytes},
                       {"curve_extra_bytes", build.curve_extra_bytes}};

@@ -431,6 +431,9 @@ void account(Build& build, CurveBuild& item, double wall) {
             if (key == stage.key && sum > 0.0) stats.*stage.seconds += wall * value / sum;
         for (const ReportedCount& entry : reported_counts)
             if (key == entry.key) stats.*entry.count += uint64_t(value);
+        constexpr std::string_view chosen = "chosen.";
+        if (key.starts_with(chosen))
+            stats.chosen[item.procedural->name() + "." + key.substr(chosen.size())] = value;
         if (key == "seconds.roots") stats.expand += value;
         if (key == "seconds.chain") stats.collide += value;
         if (key == "collision.goal_angle") stats.goal_angle += value;

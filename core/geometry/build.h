@@ -10,6 +10,7 @@
 #include "core/math/transform.h"
 
 #include <atomic>
+#include <map>
 #include <memory>
 #include <span>
 #include <string>
@@ -61,6 +62,8 @@ struct BuildStats {
     // Where the keys were chosen, of strands: what 99 in 100 are to stay below between keys, m, and the share that jumps within the
     // shutter, which no number of keys follows; of the procedural where it is most.
     double motion_error = 0.0, motion_jumps = 0.0;
+    // Where the tolerance has put dials that the scene leaves to it: "fur.cvs", by procedural and dial.
+    std::map<std::string, double> chosen;
     uint64_t curves = 0, cvs = 0, segments = 0, triangles = 0;
     uint64_t curve_bytes = 0;       // buffers that Embree reads: vertices, normals, indices
     uint64_t curve_extra_bytes = 0; // ours besides: roots, scratch, attributes

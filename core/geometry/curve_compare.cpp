@@ -46,6 +46,18 @@ Vec3d in_motion(const CurveGeometry& curves, double s, uint64_t curve, uint32_t 
     return (1.0 - t) * cv(curves, i, curve, k) + t * cv(curves, i + 1, curve, k);
 }
 
+// At the first motion sample.
+double farthest_cv(const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
+    double largest = 0.0;
+    for (uint32_t k = 0; k < a.cvs_per_curve; ++k) {
+        const Vec3d there = a.cvs_per_curve == b.cvs_per_curve
+                                ? cv(b, 0, c, k)
+                                : on_polygon(b, c, double(k) / double(a.cvs_per_curve - 1));
+        largest = std::max(largest, (cv(a, 0, c, k) - there).norm());
+    }
+    return largest;
+}
+
 // The largest distance of each strand, by distance(mine, reference, curve).
 template <typename Distance>
 CurveGap gap(const World& mine, const World& reference, double limit, Distance&& distance) {
@@ -101,16 +113,12 @@ CurveGap gap_at_rest(const World& mine, const World& reference) {
     return gap(mine, reference, std::numeric_limits<double>::infinity(),
                [](const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
                    const double length = length_of(b, c);
-                   if (!(length > 0.0)) return 0.0;
-                   double largest = 0.0;
-                   for (uint32_t k = 0; k < a.cvs_per_curve; ++k) {
-                       const Vec3d there = a.cvs_per_curve == b.cvs_per_curve
-                                               ? cv(b, 0, c, k)
-                                               : on_polygon(b, c, double(k) / double(a.cvs_per_curve - 1));
-                       largest = std::max(largest, (cv(a, 0, c, k) - there).norm());
-                   }
-                   return largest / length;
+                   return length > 0.0 ? farthest_cv(a, b, c) / length : 0.0;
                });
+}
+
+CurveGap gap_in_space(const World& mine, const World& reference) {
+    return gap(mine, reference, std::numeric_limits<double>::infinity(), farthest_cv);
 }
 
 CurveGap gap_in_motion(const World& mine, const World& reference, double limit) {

@@ -20,6 +20,9 @@ struct CurveGap {
 // in number. Cost: 5 ns a CV and processor.
 CurveGap gap_at_rest(const World& mine, const World& reference);
 
+// The same in metres.
+CurveGap gap_in_space(const World& mine, const World& reference);
+
 // CVs as they move along straight lines between motion samples, in metres, at every sample of the reference.
 CurveGap gap_in_motion(const World& mine, const World& reference,
                        double limit = std::numeric_limits<double>::infinity());

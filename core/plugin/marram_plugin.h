@@ -223,10 +223,11 @@ typedef struct MarramProcedural {
     MarramStatus (*mesh)(MarramInstance* instance, const MarramMeshBuffers* buffers);
     /*
      * What was done since begin; what is not reported counts as 0. "seconds.roots", "seconds.chain": wall seconds within
-     * begin, of placing roots and of preparing collision.
+     * begin, of placing roots and finding out dials, and of preparing collision.
      * "thread_seconds.expand", ".gusts", ".shield", ".bend", ".jiggle", ".collide": of tessellate, summed over threads.
      * "collision.contacts", ".pushed_out", ".unresolved", ".skipped_pushes", ".dips": counts. "collision.goal_angle",
-     * ".turned_angle": radians, sums over segments. "memory.bytes": the most held at any time.
+     * ".turned_angle": radians, sums over segments. "memory.bytes": the most held at any time. "chosen.<dial>": where the
+     * tolerance has put a dial that the scene left to it.
      */
     void (*report)(MarramInstance* instance, void (*sink)(void* user, const char* key, double value),
                    void* user);

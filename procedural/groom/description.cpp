@@ -70,7 +70,8 @@ constexpr std::array params = {
                 "share of the width from root to tip"},
     MarramParam{"width_variation", MARRAM_NUMBER, "", "0.1", 0, 1, "",
                 "share by which strands are thinner than others"},
-    MarramParam{"cvs", MARRAM_INTEGER, "", "8", 2, 1000, "", "control vertices a strand"},
+    MarramParam{"cvs", MARRAM_INTEGER, "", "8", 0, 1000, "",
+                "control vertices a strand; 0: as many as the tolerance asks for"},
     MarramParam{"basis", MARRAM_CHOICE, "", "bspline", -big, big, "bspline|catmull-rom",
                 "B-spline is smoother, Catmull-Rom meets its CVs"},
     MarramParam{"shape", MARRAM_CHOICE, "", "round", -big, big, "round|ribbon|oriented-ribbon",
@@ -192,6 +193,9 @@ Groom read_groom(const Values& values) {
             throw SceneFault(values.at("width_profile").place,
                              "width_profile goes below 0: a width cannot be negative");
     groom.cvs = values.integer("cvs");
+    if (groom.cvs == 1)
+        throw SceneFault(values.at("cvs").place,
+                         "cvs is 1: a strand needs 2, and 0 takes as many as the tolerance asks for");
     groom.basis = values.text("basis") == "bspline" ? MARRAM_BSPLINE : MARRAM_CATMULL_ROM;
     groom.shape = values.text("shape") == "round"    ? MARRAM_ROUND
                   : values.text("shape") == "ribbon" ? MARRAM_RIBBON

@@ -55,7 +55,7 @@ struct Groom {
 
     double width = 0.0, width_variation = 0.0; // metres; 1
     Ramp width_profile;
-    int cvs = 0;
+    int cvs = 0; // 0: as many as the tolerance asks for
     MarramBasis basis = MARRAM_BSPLINE;
     MarramShape shape = MARRAM_ROUND;
     Ramp envelope;

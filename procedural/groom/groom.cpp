@@ -3,6 +3,7 @@
 
 #include "procedural/groom/description.h"
 #include "procedural/groom/past.h"
+#include "procedural/groom/pilot.h"
 #include "procedural/groom/roots.h"
 #include "procedural/groom/strand_shape.h"
 #include "procedural/wind/chain.h"
@@ -43,7 +44,10 @@ struct Worker { // what a thread keeps from patch to patch
 struct GroomInstance {
     MarramHost host{};
     Groom groom;
-    Wind wind;
+    Wind wind; // both with what the tolerance has chosen for the frame
+    struct {
+        bool cvs = false, rays = false, step = false;
+    } left_open; // to the tolerance
 
     std::vector<Root> roots;
     std::vector<float> bind_positions;
@@ -105,9 +109,14 @@ MarramStatus create(const MarramHost* host, const MarramValue* values, uint32_t 
         const Values given(values, count);
         instance->groom = read_groom(given);
         instance->wind = read_wind(given);
-        for (int k = 0; k < instance->groom.cvs; ++k)
-            instance->width_profile.push_back(
-                float(0.5 * instance->groom.width_profile(double(k) / double(instance->groom.cvs - 1))));
+        instance->left_open.cvs = instance->groom.cvs == 0;
+        instance->left_open.rays = instance->wind.shielding && instance->wind.shielding->spread > 0.0 &&
+                                   instance->wind.shielding->rays == 0;
+        instance->left_open.step = instance->wind.jiggle && instance->wind.jiggle->step == 0.0;
+        // A turn belongs to a segment of the strand as it is authored: where that is not said, of one of eight CVs.
+        constexpr int segments = 7;
+        if (instance->left_open.cvs && instance->wind.reference_segments == 0)
+            instance->wind.reference_segments = segments;
         *out = reinterpret_cast<MarramInstance*>(instance.release());
         return MARRAM_OK;
     });
@@ -210,6 +219,37 @@ Eigen::AlignedBox3d reach_of_strands(const GroomInstance& instance) {
     return {box.min().array() - reach, box.max().array() + reach};
 }
 
+// Sets the dials that the scene leaves to the tolerance, from the description and this frame alone.
+MarramStatus turn_dials(GroomInstance& instance) {
+    Groom& groom = instance.groom;
+    Wind& wind = instance.wind;
+    const double length = longest_strand(groom), tolerance = instance.frame.tolerance;
+    wind.noise.left_out = octaves_too_fine(wind, length, tolerance);
+    if (instance.left_open.rays)
+        wind.shielding->rays = cone_rays(*wind.shielding, length, wind.global_rotate, tolerance);
+    const auto mesh = uint32_t(instance.mesh - instance.frame.meshes);
+    const PilotGroom pilot{groom, wind, instance.frame, mesh, instance.roots, instance.poses(0).bind};
+    if (instance.left_open.cvs) {
+        bool enough = true;
+        groom.cvs = cvs_for(pilot, enough);
+        if (!enough)
+            instance.host.message(
+                instance.host.user, MARRAM_WARNING, instance.groom.mesh_place.c_str(),
+                ("strands of " + std::to_string(groom.cvs) +
+                 " CVs are not as exact as the tolerance asks for: set cvs, or a larger tolerance")
+                    .c_str());
+    }
+    instance.width_profile.clear();
+    for (int k = 0; k < groom.cvs; ++k)
+        instance.width_profile.push_back(float(0.5 * groom.width_profile(double(k) / double(groom.cvs - 1))));
+    if (instance.left_open.step && instance.frame.stage == MARRAM_FINAL) {
+        if (const MarramStatus status = jiggle_step_for(pilot, wind.jiggle->step); status != MARRAM_OK)
+            return status;
+        if (wind.jiggle->step == 0.0) wind.jiggle->step = 1.0; // nothing swings
+    }
+    return MARRAM_OK;
+}
+
 MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
     GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
@@ -223,6 +263,9 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
             if (status != MARRAM_OK) return status;
         }
         if (const MarramStatus status = fix_gusts_once(instance); status != MARRAM_OK) return status;
+        const double open = now_in_seconds();
+        if (const MarramStatus status = turn_dials(instance); status != MARRAM_OK) return status;
+        instance.placing_seconds += now_in_seconds() - open;
         const bool blown = frame->stage != MARRAM_REST;
         bool moves = instance.mesh->time_count > 1 ||
                      (blown && (wind_moves(instance.wind) || meets_moving_meshes(instance)));
@@ -420,6 +463,12 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
         for (const auto& pose : worker.chain.jiggled) scratch += pose.capacity() * sizeof(Wide3f);
     }
     tell_of_collisions(instance, counts);
+    const Wind& wind = instance.wind;
+    if (instance.left_open.cvs) sink(user, "chosen.cvs", instance.groom.cvs);
+    if (instance.left_open.rays) sink(user, "chosen.shield_rays", wind.shielding->rays);
+    if (instance.left_open.step && instance.past.window.count() > 0)
+        sink(user, "chosen.jiggle_step", wind.jiggle->step);
+    if (wind.noise.left_out > 0) sink(user, "chosen.octaves", wind.noise.octaves - wind.noise.left_out);
     sink(user, "seconds.roots", instance.placing_seconds);
     sink(user, "seconds.chain", instance.chain_seconds);
     sink(user, "thread_seconds.expand", sum.expand + sum.write);

@@ -39,8 +39,8 @@
 // segment takes its direction from x_k+1 - x_k and its length from the rest strand at t.
 //
 // Step. A sinusoid of frequency f, linear between knots h apart, keeps the share (sin(pi f h) / (pi f h))^2 of its
-// amplitude. Half a frame at 24 fps loses 1 % at 2.6 Hz, whole frames lose it at 1.3 Hz; and half frames are where the usual
-// shutter opens, stands and closes.
+// amplitude: what is lost falls with the square of the step. Half a frame at 24 fps loses 1 % at 2.6 Hz, whole frames lose it at
+// 1.3 Hz. A groom looks at a few of its strands to find the step that its tolerance allows (procedural/groom/pilot.h).
 #include "procedural/wind/jiggle.h"
 
 #include <algorithm>
@@ -52,7 +52,6 @@ namespace marram {
 namespace {
 
 constexpr double initial_damping = 0.3;
-constexpr double initial_step = 0.5;   // frames, see above
 constexpr double default_share = 1e-6; // of the reach, where no tolerance is given
 constexpr double most_knots = 1e5; // each costs a bend of every strand: beyond this a frame would take hours
 
@@ -71,8 +70,9 @@ constexpr std::array params = {
                 "damping ratio: below 1 strands overshoot, 0 never comes to rest; default: 0.3"},
     MarramParam{"jiggle.stiffness", MARRAM_RAMP, "", "none", 0, 1e9, "",
                 "scale of the frequency from root (0) to tip (1); default: [[0, 4], [1, 1]]"},
-    MarramParam{"jiggle.step", MARRAM_NUMBER, "frames", "none", 1e-3, 1e3, "",
-                "time between samples of the past, linear between them; default: 0.5"},
+    MarramParam{
+        "jiggle.step", MARRAM_NUMBER, "frames", "none", 1e-3, 1e3, "",
+        "time between samples of the past, linear between them; default: as long as the tolerance allows"},
     MarramParam{"jiggle.start_frame", MARRAM_NUMBER, "frames", "none", -1e7, 1e7, "",
                 "strands are at rest in their bent pose up to here; needed where damping is 0"},
 };
@@ -271,7 +271,7 @@ std::optional<Jiggle> read_jiggle(const Values& values) {
         return values.has(name) ? values.number(name) : initial;
     };
     jiggle.damping = number_or("wind.jiggle.damping", initial_damping);
-    jiggle.step = number_or("wind.jiggle.step", initial_step);
+    jiggle.step = number_or("wind.jiggle.step", 0.0);
     constexpr std::array initial_stiffness = {0.0, 4.0, 1.0, 1.0};
     jiggle.stiffness = values.has("wind.jiggle.stiffness") ? values.ramp("wind.jiggle.stiffness")
                                                            : Ramp(initial_stiffness, "linear");

@@ -30,7 +30,7 @@ struct Jiggle {
     double frequency = 2.0; // Hz, of a CV whose stiffness is 1
     double damping = 0.3;   // ratio to critical damping
     Ramp stiffness;         // over u, root to tip: scales the frequency, > 0
-    double step = 0.5;      // frames from one knot to the next
+    double step = 0.5;      // frames from one knot to the next; 0: to be found from the tolerance
     std::optional<double> start_frame;
     std::string place; // of jiggle.frequency in the scene, for complaints
 

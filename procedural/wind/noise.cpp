@@ -155,7 +155,7 @@ MARRAM_INLINE void sum_octaves(const FractalNoise& noise, const Wide3d* points, 
     for (int i = 0; i < count; ++i) {
         Wide3f sum{};
         double frequency = noise.frequency, amplitude = scale;
-        for (int octave = 0; octave < noise.octaves; ++octave) {
+        for (int octave = 0; octave < noise.octaves - noise.left_out; ++octave) {
             const Wide3f value = octave_at(in_reach(points[i] * splat(frequency)), octave);
             sum = sum + value * splat_float(float(amplitude));
             frequency *= noise.lacunarity;

@@ -85,6 +85,7 @@ struct FractalNoise {
     double lacunarity = 2.0;
     double gain = 0.5;
     uint32_t seed = 0;
+    int left_out = 0; // of the finest octaves, not evaluated; the others are as strong as beside them
     // The sum is divided by the root of the sum of squared octave weights: octaves change the look, not the strength.
 };
 

@@ -7,7 +7,8 @@
 // position: 2^-20 of the largest coordinate, eight units in the last place. Other CVs need no such care.
 //
 // wake: an obstacle at distance d shelters by 1 - d / wake, not at all beyond. spread: the mean over directions that fill
-// the cone evenly (a Fibonacci lattice on the cap), the same for all CVs, so that shadows have soft edges and no noise. Air
+// the cone evenly (a Fibonacci lattice on the cap), so that shadows have soft edges and no noise. Each CV turns and shifts the
+// lattice by its number, the same for all strands: a strand's CVs together see more of the cone, which halves the rays. Air
 // does not come out of the ground: directions from below a strand's own skin count only where the wind itself comes
 // from lower still.
 #include "procedural/wind/shield.h"
@@ -35,7 +36,7 @@ constexpr std::array params = {
     MarramParam{"shielding.spread", MARRAM_NUMBER, "deg", "none", 0, 89, "",
                 "half angle of a cone that wind comes from: soft edges; default: 0, one direction"},
     MarramParam{"shielding.rays", MARRAM_INTEGER, "", "none", 1, 1024, "",
-                "directions in that cone; default 8"},
+                "directions in that cone, for each CV; default: as many as the tolerance asks for"},
 };
 
 } // namespace
@@ -65,6 +66,7 @@ std::optional<Shielding> read_shielding(const Values& values) {
         shielding.wake_heights = values.number("wind.shielding.wake_heights");
     }
     if (given("wind.shielding.spread")) shielding.spread = radians(values, "wind.shielding.spread");
+    shielding.rays = 0;
     if (given("wind.shielding.rays")) {
         if (!(shielding.spread > 0.0))
             throw SceneFault(values.at("wind.shielding.rays").place,
@@ -73,6 +75,14 @@ std::optional<Shielding> read_shielding(const Values& values) {
     }
     if (shielding.shield == 0.0) return std::nullopt;
     return shielding;
+}
+
+int cone_rays(const Shielding& shielding, double length, double global_rotate, double tolerance) {
+    constexpr int most = 1024;
+    if (!(shielding.spread > 0.0)) return 1;
+    if (!(tolerance > 0.0)) return most;
+    const double share = 0.75 * length * shielding.shield * std::min(global_rotate, 1.0) / tolerance;
+    return int(std::clamp(std::ceil(std::pow(share, 1.0 / 0.8)), 1.0, double(most)));
 }
 
 std::vector<double> obstacle_heights(const Colliders& colliders) {
@@ -93,19 +103,26 @@ std::vector<double> obstacle_heights(const Colliders& colliders) {
 
 namespace {
 
-// Directions upwind that fill the cone: equal shares of its solid angle, turned by the golden angle.
-std::vector<Vec3f> upwind_directions(const Shielding& shielding, const Vec3d& wind) {
+// Directions upwind that fill the cone: equal shares of its solid angle, turned by the golden angle. [ray * cvs + CV]: the CVs'
+// lattices are shifted against each other by the sequence of M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences"
+// (2018), multiples of 1 / p and 1 / p^2 with p^3 = p + 1.
+std::vector<Vec3f> upwind_directions(const Shielding& shielding, const Vec3d& wind, int cvs) {
     if (!(shielding.spread > 0.0)) return {Vec3d(-wind).cast<float>()};
     Vec3d tangent, bitangent;
     const Vec3d axis = -wind;
     orthonormal_basis(axis, tangent, bitangent);
+    constexpr double plastic = 1.32471795724474602596;
     const double golden = pi * (3.0 - std::sqrt(5.0)), cap = 1.0 - std::cos(shielding.spread);
     std::vector<Vec3f> directions;
-    for (int i = 0; i < shielding.rays; ++i) {
-        const double z = 1.0 - cap * (i + 0.5) / shielding.rays, r = std::sqrt(std::max(1.0 - z * z, 0.0));
-        const Vec3d d = axis * z + (tangent * std::cos(golden * i) + bitangent * std::sin(golden * i)) * r;
-        directions.push_back(d.cast<float>());
-    }
+    for (int i = 0; i < shielding.rays; ++i)
+        for (int k = 0; k < cvs; ++k) {
+            const double shift = std::fmod((k + 0.5) / plastic, 1.0);
+            const double turn = golden * i + 2.0 * pi * std::fmod(k / (plastic * plastic), 1.0);
+            const double z = 1.0 - cap * (i + shift) / shielding.rays;
+            const double r = std::sqrt(std::max(1.0 - z * z, 0.0));
+            const Vec3d d = axis * z + (tangent * std::cos(turn) + bitangent * std::sin(turn)) * r;
+            directions.push_back(d.cast<float>());
+        }
     return directions;
 }
 
@@ -115,10 +132,11 @@ class Tracer {
     Tracer(const Shielding& shielding, const Colliders& colliders, std::span<const double> heights)
         : shielding_(shielding), colliders_(colliders), heights_(heights) {}
 
-    // `share` of what shelters the place is added to `out`.
-    void add(float x, float y, float z, const Vec3f& d, float share, float* out) {
+    // `share` of what shelters the place from there is added to `out`.
+    void add(const Vec3f& p, const Vec3f& d, float share, float* out) {
         RTCRayHit& next = rays_[count_];
-        next.ray = {x, y, z, 0.0F, d.x(), d.y(), d.z(), colliders_.time, float(shielding_.offset), ~0U, 0, 0};
+        next.ray = {p.x(), p.y(), p.z(), 0.0F, d.x(), d.y(), d.z(), colliders_.time, float(shielding_.offset),
+                    ~0U,   0,     0};
         next.hit.geomID = RTC_INVALID_GEOMETRY_ID;
         next.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
         out_[count_] = out;
@@ -168,31 +186,31 @@ void shield(const Shielding& shielding, const Vec3d& wind, const Colliders& coll
             std::span<const double> heights, Strands& strands) {
     std::fill(strands.shield.begin(), strands.shield.end(), VFloat{});
     if (!colliders.any()) return;
-    const std::vector<Vec3f> directions = upwind_directions(shielding, wind);
+    const auto cvs = size_t(strands.cvs), all = size_t(strands.count) * cvs;
+    const std::vector<Vec3f> directions = upwind_directions(shielding, wind, strands.cvs);
+    const size_t sets = directions.size() == 1 ? 1 : cvs;
+    const Vec3f upwind = -wind.cast<float>();
     Tracer tracer(shielding, colliders, heights);
     std::vector<Vec3f> open;
-    const auto cvs = size_t(strands.cvs);
-    for (size_t i = 0; i < size_t(strands.count); ++i) {
-        const size_t first = i / lanes * cvs;
+    for (size_t cv = 0; cv < all; ++cv) {
+        const size_t i = cv / cvs, k = cv % cvs;
         const auto lane = int(i % lanes);
         const Wide3d& up = strands.root_normal[i / lanes];
         const Vec3f normal(float(up.x[lane]), float(up.y[lane]), float(up.z[lane]));
-        const float lowest = std::min(-float(wind.cast<float>().dot(normal)), 0.0F);
-        open.clear();
-        for (const Vec3f& d : directions)
-            if (directions.size() == 1 || d.dot(normal) >= lowest) open.push_back(d);
-        if (open.empty()) open.push_back(Vec3d(-wind).cast<float>());
-        const float share = 1.0F / float(open.size());
-        for (size_t k = 0; k < cvs; ++k) {
-            const Wide3f& p = strands.rest[first + k];
-            Vec3f origin(p.x[lane], p.y[lane], p.z[lane]);
-            if (k == 0) {
-                constexpr float rounding = 0x1p-20F;
-                origin += rounding * origin.cwiseAbs().maxCoeff() * normal;
-            }
-            float* out = reinterpret_cast<float*>(&strands.shield[first + k]) + lane;
-            for (const Vec3f& d : open) tracer.add(origin.x(), origin.y(), origin.z(), d, share, out);
+        const float lowest = std::min(upwind.dot(normal), 0.0F);
+        const Wide3f& p = strands.rest[i / lanes * cvs + k];
+        Vec3f origin(p.x[lane], p.y[lane], p.z[lane]);
+        if (k == 0) {
+            constexpr float rounding = 0x1p-20F;
+            origin += rounding * origin.cwiseAbs().maxCoeff() * normal;
         }
+        open.clear();
+        for (size_t j = k % sets; j < directions.size(); j += sets)
+            if (sets == 1 || directions[j].dot(normal) >= lowest) open.push_back(directions[j]);
+        if (open.empty()) open.push_back(upwind);
+        const float share = 1.0F / float(open.size());
+        float* out = reinterpret_cast<float*>(&strands.shield[i / lanes * cvs + k]) + lane;
+        for (const Vec3f& d : open) tracer.add(origin, d, share, out);
     }
     tracer.flush();
     if (shielding.per_cv) return;

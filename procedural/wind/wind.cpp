@@ -120,6 +120,22 @@ Wind read_wind(const Values& values) {
 
 double wind_response(const Wind& wind) { return std::clamp(wind.response(wind.speed), 0.0, 1.0); }
 
+int octaves_too_fine(const Wind& wind, double length, double tolerance) {
+    const FractalNoise& noise = wind.noise;
+    double squares = 0.0, weight = 1.0;
+    for (int i = 0; i < noise.octaves; ++i, weight *= noise.gain) squares += weight * weight;
+    const double strength = 0.9 * wind.noise_amplitude * length / std::sqrt(squares);
+    double left_out = 0.0;
+    int count = 0;
+    while (count + 1 < noise.octaves) {
+        weight /= noise.gain; // of the finest that is still there
+        left_out += strength * weight;
+        if (!(left_out <= tolerance)) break;
+        ++count;
+    }
+    return count;
+}
+
 bool wind_bends(const Wind& wind) {
     return wind_response(wind) > 0.0 && wind.global_rotate > 0.0 && (wind.calm > 0.0 || wind.gusts);
 }

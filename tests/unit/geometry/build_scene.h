@@ -26,10 +26,17 @@ inline Mesh builtin_mesh(const Item& item) {
                        float(params.number("bumps")), float(params.number("frequency")));
 }
 
-// The file of a scene from its text, which lacks a camera.
+// The file of a scene from its text, which lacks a camera; it goes when the test ends.
 inline std::string write_scene(const std::string& text) {
     const std::filesystem::path file =
         std::filesystem::temp_directory_path() / ("marram_build_" + std::to_string(::getpid()) + ".toml");
+    static const struct Gone {
+        std::filesystem::path file;
+        ~Gone() {
+            std::error_code ignored;
+            std::filesystem::remove(file, ignored);
+        }
+    } gone{file};
     std::ofstream(file) << text << "\n[camera]\nposition = [0, 1, 5]\ntarget = [0, 0, 0]\n";
     return file.string();
 }

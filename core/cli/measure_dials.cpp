@@ -172,8 +172,9 @@ Dial cvs(const LoadedScene& scene) {
     // A strand bends as it is authored; more CVs draw the same pose better.
     std::vector<std::string> authored;
     double segments = 0.0;
-    if (own > 0 && (!agreed(scene, "reference_segments", segments) || segments == 0.0))
-        authored = in_all_grooms(scene, "wind.reference_segments", std::to_string(own - 1));
+    if (!agreed(scene, "reference_segments", segments) || segments == 0.0)
+        authored = in_all_grooms(scene, "wind.reference_segments",
+                                 std::to_string(own > 0 ? own - 1 : 7)); // 7: as the groom takes it
     std::vector<std::pair<double, DialSetting>> settings;
     for (const int n : {5, 9, 17, 33, 65}) {
         std::vector<std::string> changes = in_all_grooms(scene, "cvs", std::to_string(n));
@@ -214,15 +215,17 @@ Dial motion_keys(uint32_t own) { // 0: chosen by the tolerance
 }
 
 Dial tolerance(const LoadedScene& scene) {
-    Dial dial{"tolerance",
-              "What the scene allows approximations to be off by: the window of jiggle, how far drawn curves "
-              "may dip "
-              "into meshes. Error against a sixty-fourth of it.",
-              "strands",
-              DialError::pose,
-              false,
-              {},
-              0};
+    Dial dial{
+        "tolerance",
+        "What the scene allows approximations to be off by: jiggle's window and step, octaves, rays and CVs "
+        "that are left to it, how far drawn curves "
+        "may dip "
+        "into meshes. Error against a sixty-fourth of it.",
+        "strands",
+        DialError::pose,
+        false,
+        {},
+        0};
     const bool pixels = scene.description.globals.has("tolerance_pixels");
     const std::string key = pixels ? "tolerance_pixels" : "tolerance";
     const double own = scene.description.globals.number(key);

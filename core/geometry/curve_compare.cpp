@@ -48,12 +48,13 @@ Vec3d in_motion(const CurveGeometry& curves, double s, uint64_t curve, uint32_t 
 
 // At the first motion sample.
 double farthest_cv(const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
+    const CurveGeometry &fine = a.cvs_per_curve > b.cvs_per_curve ? a : b, &coarse = &fine == &a ? b : a;
     double largest = 0.0;
-    for (uint32_t k = 0; k < a.cvs_per_curve; ++k) {
-        const Vec3d there = a.cvs_per_curve == b.cvs_per_curve
-                                ? cv(b, 0, c, k)
-                                : on_polygon(b, c, double(k) / double(a.cvs_per_curve - 1));
-        largest = std::max(largest, (cv(a, 0, c, k) - there).norm());
+    for (uint32_t k = 0; k < fine.cvs_per_curve; ++k) {
+        const Vec3d there = fine.cvs_per_curve == coarse.cvs_per_curve
+                                ? cv(coarse, 0, c, k)
+                                : on_polygon(coarse, c, double(k) / double(fine.cvs_per_curve - 1));
+        largest = std::max(largest, (cv(fine, 0, c, k) - there).norm());
     }
     return largest;
 }

@@ -15,8 +15,8 @@ struct CurveGap {
     double beyond = 0.0;  // share of the strands that are farther apart than a limit
 };
 
-// CVs at the first motion sample, as shares of the strand's length. Where the numbers of CVs differ, each CV of `mine` against
-// the point of the reference's polygon at the same share of its CVs. Throws std::invalid_argument where the strands are not the same
+// CVs at the first motion sample, as shares of the strand's length. Where the numbers of CVs differ, each CV of the strand that has
+// more against the point of the other's polygon at the same share of its CVs. Throws std::invalid_argument where the strands are not the same
 // in number. Cost: 5 ns a CV and processor.
 CurveGap gap_at_rest(const World& mine, const World& reference);
 

@@ -126,7 +126,7 @@ typedef struct MarramFrame { /* valid from begin until the frame's last call, re
     uint32_t time_count; /* motion samples, 1 ... 64 */
     const double* times; /* in frames, ascending; equally spaced over the shutter */
     MarramStage stage;   /* stop after this one */
-    double tolerance;    /* metres; 0: as exact as possible */
+    double tolerance;    /* metres; 0: a thousandth of a strand's length, or less where less is cheap */
     double camera_position[3];
     double pixel_angle; /* radians a pixel spans at the image's centre */
     RTCDevice device;

@@ -70,8 +70,10 @@ constexpr std::array params = {
                 "share of the width from root to tip"},
     MarramParam{"width_variation", MARRAM_NUMBER, "", "0.1", 0, 1, "",
                 "share by which strands are thinner than others"},
-    MarramParam{"cvs", MARRAM_INTEGER, "", "8", 0, 1000, "",
-                "control vertices a strand; 0: as many as the tolerance asks for"},
+    MarramParam{
+        "cvs", MARRAM_INTEGER, "", "8", 0, 1000, "",
+        "control vertices a strand; 0: as many as the tolerance asks for, bent like strands of 8 unless "
+        "wind.reference_segments says otherwise"},
     MarramParam{"basis", MARRAM_CHOICE, "", "bspline", -big, big, "bspline|catmull-rom",
                 "B-spline is smoother, Catmull-Rom meets its CVs"},
     MarramParam{"shape", MARRAM_CHOICE, "", "round", -big, big, "round|ribbon|oriented-ribbon",

@@ -15,6 +15,7 @@
 #include <cmath>
 #include <memory>
 #include <new>
+#include <optional>
 #include <string>
 
 namespace marram {
@@ -41,6 +42,13 @@ struct Worker { // what a thread keeps from patch to patch
     ChainScratch chain;
 };
 
+// What the tolerance's choices depend on, beside the description.
+struct TurnedFor {
+    double frame, first, last, tolerance;
+    MarramStage stage;
+    bool operator==(const TurnedFor&) const = default;
+};
+
 struct GroomInstance {
     MarramHost host{};
     Groom groom;
@@ -48,6 +56,8 @@ struct GroomInstance {
     struct {
         bool cvs = false, rays = false, step = false;
     } left_open; // to the tolerance
+    std::optional<TurnedFor> turned_for;
+    std::vector<std::string> out_of_reach; // warnings about dials
 
     std::vector<Root> roots;
     std::vector<float> bind_positions;
@@ -219,34 +229,75 @@ Eigen::AlignedBox3d reach_of_strands(const GroomInstance& instance) {
     return {box.min().array() - reach, box.max().array() + reach};
 }
 
-// Sets the dials that the scene leaves to the tolerance, from the description and this frame alone.
+// Whether the skin has moved within the window that jiggle looks back to, at the usual step.
+MarramStatus skin_has_moved(GroomInstance& instance, bool& moved) {
+    moved = instance.mesh->time_count > 1;
+    if (moved) return MARRAM_OK;
+    Jiggle jiggle = *instance.wind.jiggle;
+    jiggle.step = usual_jiggle_step;
+    PastSkin past;
+    const MarramStatus status = read_past(instance.frame, uint32_t(instance.mesh - instance.frame.meshes),
+                                          jiggle, longest_strand(instance.groom), past);
+    moved = past.moves();
+    return status;
+}
+
+void warn_out_of_reach(GroomInstance& instance, const std::string& what) {
+    instance.out_of_reach.push_back(
+        what + " is not as exact as the tolerance asks for: set it by hand, or a larger tolerance");
+}
+
+// Sets the dials that the scene leaves to the tolerance, from the description and this frame alone. A renderer may begin a frame twice,
+// at other motion samples between the same ends: what was found serves again.
 MarramStatus turn_dials(GroomInstance& instance) {
     Groom& groom = instance.groom;
     Wind& wind = instance.wind;
-    const double length = longest_strand(groom), tolerance = instance.frame.tolerance;
+    const auto& open = instance.left_open;
+    const MarramFrame& frame = instance.frame;
+    const double length = longest_strand(groom);
+    const double tolerance = frame.tolerance > 0.0 ? frame.tolerance : 1e-3 * length;
+    const TurnedFor now{frame.frame, frame.times[0], frame.times[frame.time_count - 1], tolerance,
+                        frame.stage};
+    const auto warn = [&] {
+        for (const std::string& text : instance.out_of_reach)
+            instance.host.message(instance.host.user, MARRAM_WARNING, groom.mesh_place.c_str(), text.c_str());
+    };
+    if (instance.turned_for == now) {
+        warn();
+        return MARRAM_OK;
+    }
+    instance.out_of_reach.clear();
     wind.noise.left_out = octaves_too_fine(wind, length, tolerance);
-    if (instance.left_open.rays)
-        wind.shielding->rays = cone_rays(*wind.shielding, length, wind.global_rotate, tolerance);
-    const auto mesh = uint32_t(instance.mesh - instance.frame.meshes);
-    const PilotGroom pilot{groom, wind, instance.frame, mesh, instance.roots, instance.poses(0).bind};
-    if (instance.left_open.cvs) {
+    const PilotGroom pilot{groom, wind, frame, *instance.mesh, instance.roots, instance.poses(0).bind};
+    if (open.cvs) {
+        const Choice choice = cvs_for(pilot);
+        groom.cvs = int(choice.value);
+        if (!choice.enough) warn_out_of_reach(instance, "cvs = " + std::to_string(groom.cvs));
+    }
+    if (open.rays) {
         bool enough = true;
-        groom.cvs = cvs_for(pilot, enough);
+        wind.shielding->rays = cone_rays(*wind.shielding, length, most_turn(wind),
+                                         wind.reference_segments > 2 * groom.cvs, tolerance, enough);
         if (!enough)
-            instance.host.message(
-                instance.host.user, MARRAM_WARNING, instance.groom.mesh_place.c_str(),
-                ("strands of " + std::to_string(groom.cvs) +
-                 " CVs are not as exact as the tolerance asks for: set cvs, or a larger tolerance")
-                    .c_str());
+            warn_out_of_reach(instance, "wind.shielding.rays = " + std::to_string(wind.shielding->rays));
     }
     instance.width_profile.clear();
     for (int k = 0; k < groom.cvs; ++k)
         instance.width_profile.push_back(float(0.5 * groom.width_profile(double(k) / double(groom.cvs - 1))));
-    if (instance.left_open.step && instance.frame.stage == MARRAM_FINAL) {
-        if (const MarramStatus status = jiggle_step_for(pilot, wind.jiggle->step); status != MARRAM_OK)
-            return status;
-        if (wind.jiggle->step == 0.0) wind.jiggle->step = 1.0; // nothing swings
+    if (open.step) {
+        wind.jiggle->step = usual_jiggle_step;
+        if (frame.stage == MARRAM_FINAL) {
+            bool moved = false;
+            if (const MarramStatus status = skin_has_moved(instance, moved); status != MARRAM_OK)
+                return status;
+            const Choice choice = jiggle_step_for(pilot, moved);
+            wind.jiggle->step = choice.value;
+            if (!choice.enough)
+                warn_out_of_reach(instance, "wind.jiggle.step = " + std::to_string(choice.value));
+        }
     }
+    instance.turned_for = now;
+    warn();
     return MARRAM_OK;
 }
 

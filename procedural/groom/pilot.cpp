@@ -4,7 +4,6 @@
 #include "procedural/wind/bend.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <vector>
 
@@ -39,22 +38,26 @@ double distance(const Wide3f& a, const Wide3f& b, int lane) {
     return std::sqrt(x * x + y * y + z * z);
 }
 
-// For each strand the greatest distance of a CV from that of `fine`, which has `every` times as many segments.
-double gap(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, size_t strands, size_t cvs,
+// For each strand the greatest distance of a CV of `fine`, which has `every` times as many segments, from the polygon of `coarse`.
+double gap(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, size_t strands, size_t segments,
            size_t every) {
-    const size_t fine_cvs = (cvs - 1) * every + 1;
+    const size_t cvs = segments + 1, fine_cvs = segments * every + 1;
     std::vector<double> distances;
     for (size_t i = 0; i < strands; ++i) {
+        const Wide3f* a = coarse.data() + i / lanes * cvs;
+        const Wide3f* b = fine.data() + i / lanes * fine_cvs;
         double most = 0.0;
-        for (size_t k = 0; k < cvs; ++k)
-            most = std::max(most, distance(coarse[i / lanes * cvs + k],
-                                           fine[i / lanes * fine_cvs + k * every], int(i % lanes)));
+        for (size_t k = 0; k < fine_cvs; ++k) {
+            const size_t s = std::min(k / every, segments - 1);
+            const VFloat share = splat_float(float(k - s * every) / float(every));
+            most = std::max(most, distance(a[s] + (a[s + 1] - a[s]) * share, b[k], int(i % lanes)));
+        }
         distances.push_back(most);
     }
     return most_of(distances);
 }
 
-void blow(const PilotGroom& pilot, std::span<const Root> roots, int cvs, Strands& strands) {
+void blow(const PilotGroom& pilot, std::span<const Root> roots, double frame, int cvs, Strands& strands) {
     strands.resize(int(roots.size()), cvs, false);
     expand(pilot.groom, pilot.wind, {pilot.bind, pilot.bind}, roots, strands);
     const double response = wind_response(pilot.wind);
@@ -63,87 +66,135 @@ void blow(const PilotGroom& pilot, std::span<const Root> roots, int cvs, Strands
         strands.envelope[i] = splat_float(float(std::clamp(pilot.groom.envelope(u), 0.0, 1.0) * response));
     }
     if (response > 0.0 && wind_bends(pilot.wind))
-        bend(pilot.wind, pilot.frame.bind_frame, pilot.frame.fps, strands);
+        bend(pilot.wind, frame, pilot.frame.fps, strands);
     else
         std::copy(strands.rest.begin(), strands.rest.end(), strands.pose.begin());
 }
 
-// Where strands have swung to at the frame's first motion sample. Nothing where nothing has moved.
-MarramStatus jiggled(const PilotGroom& pilot, std::span<const Root> roots, double step, Strands& strands,
-                     WideVector<Wide3f>& pose) {
-    pose.clear();
+// Where strands on a skin that rests have swung to at the frame's last motion sample.
+WideVector<Wide3f> jiggled(const PilotGroom& pilot, std::span<const Root> roots, double step,
+                           const JiggleWindow& window, Strands& strands) {
     Wind wind = pilot.wind;
     wind.collision.reset();
     wind.jiggle->step = step;
     MarramFrame frame = pilot.frame;
+    frame.times += frame.time_count - 1;
     frame.time_count = 1;
-    PastSkin past;
-    const MarramStatus status = read_past(frame, pilot.mesh, *wind.jiggle, longest_strand(pilot.groom), past);
-    if (status != MARRAM_OK) return status;
-    if (past.window.count() == 0 || !(past.moves() || wind_moves(wind))) return MARRAM_OK;
-    const MarramMesh& mesh = frame.meshes[pilot.mesh];
     const ChainFrame chain =
-        make_chain_frame({wind, pilot.groom.envelope, frame, mesh, {}, pilot.groom.basis, past.window});
+        make_chain_frame({wind, pilot.groom.envelope, frame, pilot.skin, {}, pilot.groom.basis, window});
+    const MarramMesh& mesh = pilot.skin;
     const Surface now{mesh.positions[0], mesh.normals ? mesh.normals[0] : nullptr, mesh.triangles, mesh.uvs,
                       mesh.triangle_count};
-    const Expand lay_out{[&](uint32_t, Strands& out) {
-                             expand(pilot.groom, wind, {pilot.bind, now}, roots, out);
-                         },
-                         [&](int64_t knot, Strands& out) {
-                             expand(pilot.groom, wind, {pilot.bind, past.at(knot, mesh)}, roots, out);
-                         }};
+    const auto lay_out = [&](auto, Strands& out) {
+        expand(pilot.groom, wind, {pilot.bind, now}, roots, out);
+    };
     ChainScratch scratch;
-    jiggle_patch(chain, lay_out, strands, scratch);
-    pose = std::move(scratch.jiggled[0]);
-    return MARRAM_OK;
+    jiggle_patch(chain, {lay_out, lay_out}, strands, scratch);
+    return std::move(scratch.jiggled[0]);
+}
+
+// Of the widths that are drawn with so many segments, from the profile.
+double width_gap(const Groom& groom, int segments) {
+    constexpr int samples = 1024;
+    double most = 0.0;
+    for (int i = 0; i <= samples; ++i) {
+        const double u = double(i) / samples, at = u * segments;
+        const int k = std::min(int(at), segments - 1);
+        const double a = groom.width_profile(double(k) / segments),
+                     b = groom.width_profile(double(k + 1) / segments);
+        most = std::max(most, std::abs(a + (b - a) * (at - k) - groom.width_profile(u)));
+    }
+    return 0.5 * groom.width * most;
+}
+
+// Segments below which a curl or a wander of frizz falls between the CVs.
+int segments_of_shape(const Groom& groom) {
+    double turns = 0.0;
+    if (groom.curl_radius > 0.0) turns = std::max(turns, groom.curl_turns);
+    if (groom.frizz_amplitude > 0.0) turns = std::max(turns, groom.frizz_frequency);
+    return int(std::clamp(std::ceil(6.0 * turns), 2.0, 999.0));
 }
 
 } // namespace
 
-int cvs_for(const PilotGroom& pilot, bool& enough) {
-    constexpr std::array counts = {3, 5, 9, 17, 33};
-    constexpr int finest = 65, most = 513;
-    const std::vector<Root> roots = some_of(pilot.roots, 512);
+Choice cvs_for(const PilotGroom& pilot) {
+    constexpr int most_segments = 999;
+    constexpr double moments[] = {0.0, 97.0, 1009.0}; // frames after the first: another place in the noise
+    const int least = segments_of_shape(pilot.groom);
+    const double tolerance = tolerance_of(pilot);
+    int levels = 5; // the finest has 2^levels as many segments as the fewest
+    while (levels > 1 && least << levels > 1024) --levels;
+    const int finest = least << levels;
+    const std::vector<Root> roots = some_of(pilot.roots, 171);
+    std::vector<double> times_segments(
+        static_cast<size_t>(levels)); // the law's factor, as seen from each number
     Strands strands;
-    blow(pilot, roots, finest, strands);
-    const WideVector<Wide3f> fine = strands.pose;
-    std::array<double, counts.size()> times_segments{}; // the law's factor, as seen from each number
-    for (size_t i = 0; i < counts.size(); ++i) {
-        blow(pilot, roots, counts[i], strands);
-        const int segments = counts[i] - 1, every = (finest - 1) / segments;
-        const double apart = gap(strands.pose, fine, roots.size(), size_t(counts[i]), size_t(every));
-        times_segments[i] = apart / (1.0 / segments - 1.0 / (finest - 1)); // the finest is off, too
+    for (const double moment : moments) {
+        const double frame = pilot.frame.bind_frame + moment;
+        blow(pilot, roots, frame, finest + 1, strands);
+        const WideVector<Wide3f> fine = strands.pose;
+        for (int level = 0; level < levels; ++level) {
+            const int segments = least << level;
+            blow(pilot, roots, frame, segments + 1, strands);
+            const double apart =
+                gap(strands.pose, fine, roots.size(), size_t(segments), size_t(finest / segments));
+            double& seen = times_segments[size_t(level)];
+            seen = std::max(seen, apart / (1.0 / segments - 1.0 / finest)); // the finest is off, too
+        }
     }
-    enough = true;
-    size_t nearest = 0;
-    for (int n = counts[0]; n <= most; ++n) {
-        while (nearest + 1 < counts.size() && counts[nearest + 1] <= n) ++nearest;
-        if (spare * times_segments[nearest] <= tolerance_of(pilot) * (n - 1)) return n;
+    for (int segments = least; segments <= most_segments; ++segments) {
+        size_t level = 0;
+        while (level + 1 < times_segments.size() && least << (level + 1) <= segments) ++level;
+        if (spare * times_segments[level] <= tolerance * segments &&
+            width_gap(pilot.groom, segments) <= tolerance)
+            return {double(segments + 1), true};
     }
-    enough = false;
-    return most;
+    return {double(most_segments + 1), false};
 }
 
-MarramStatus jiggle_step_for(const PilotGroom& pilot, double& step) {
-    constexpr double longest = 2.0, shortest = 1.0 / 64.0, looked_at = 1.0;
-    step = 0.0;
-    const std::vector<Root> roots = some_of(pilot.roots, 128);
-    if (roots.empty()) return MARRAM_OK;
+Choice jiggle_step_for(const PilotGroom& pilot, bool skin_moves) {
+    constexpr double shortest = 1.0 / 64.0, looked_at = 0.25;
+    constexpr int64_t most_knots = 2048;
+    const double tolerance = tolerance_of(pilot);
+    const Jiggle& jiggle = *pilot.wind.jiggle;
+    const auto window_of = [&](double step) {
+        Jiggle other = jiggle;
+        other.step = step;
+        return jiggle_window(other, {pilot.frame.times + pilot.frame.time_count - 1, 1}, pilot.frame.fps,
+                             2.0 * longest_strand(pilot.groom), pilot.frame.tolerance);
+    };
+    const Choice usual{usual_jiggle_step, true};
+    const std::vector<Root> roots = some_of(pilot.roots, 96);
+    if (skin_moves || roots.empty() || !wind_moves(pilot.wind)) return usual;
+    const JiggleWindow half = window_of(usual_jiggle_step);
+    if (half.count() == 0) return usual;
+    if (half.count() * 2 > most_knots) return {usual_jiggle_step, false};
     Strands strands;
     const int cvs = pilot.groom.cvs;
     strands.resize(int(roots.size()), cvs, false);
-    WideVector<Wide3f> coarse, fine;
-    if (const MarramStatus status = jiggled(pilot, roots, looked_at, strands, coarse); status != MARRAM_OK)
-        return status;
-    if (const MarramStatus status = jiggled(pilot, roots, 0.5 * looked_at, strands, fine);
-        status != MARRAM_OK)
-        return status;
-    if (coarse.empty() || fine.empty()) return MARRAM_OK;
-    // With half the step a quarter of the distance is left: three quarters are seen.
-    const double apart = gap(coarse, fine, roots.size(), size_t(cvs), 1) / 0.75;
-    for (step = longest; step > shortest; step *= 0.5)
-        if (spare * apart * step * step <= tolerance_of(pilot) * looked_at * looked_at) break;
-    return MARRAM_OK;
+    const WideVector<Wide3f> fine = jiggled(pilot, roots, looked_at, window_of(looked_at), strands);
+    // What a step is off by: a step twice as fine is off by a quarter of it.
+    const auto off_by = [&](double step) {
+        const WideVector<Wide3f> coarse = jiggled(pilot, roots, step, window_of(step), strands);
+        const double part = looked_at / step;
+        return gap(coarse, fine, roots.size(), size_t(cvs - 1), 1) / (1.0 - part * part);
+    };
+    double step = usual_jiggle_step, off = off_by(step);
+    if (fine.empty()) return usual; // before jiggle.start_frame
+    while (!jiggle.start_frame && step < 2.0 && spare * off <= tolerance) {
+        const double longer = off_by(2.0 * step);
+        if (spare * longer > tolerance) break;
+        step *= 2.0;
+        off = longer;
+    }
+    int64_t knots = half.count();
+    while (spare * off > tolerance) {
+        if (step <= shortest || knots * 2 > most_knots) return {step, false};
+        step *= 0.5;
+        off *= 0.25;
+        knots *= 2;
+    }
+    return {step, true};
 }
 
 } // namespace marram

@@ -4,12 +4,10 @@
 #pragma once
 
 #include "procedural/groom/description.h"
-#include "procedural/groom/past.h"
 #include "procedural/groom/roots.h"
 #include "procedural/groom/strand_shape.h"
 #include "procedural/wind/chain.h"
 
-#include <functional>
 #include <span>
 
 namespace marram {
@@ -18,20 +16,28 @@ struct PilotGroom {
     const Groom& groom;
     const Wind& wind;
     const MarramFrame& frame;
-    uint32_t mesh; // of the frame: the skin
+    const MarramMesh& skin;
     std::span<const Root> roots;
     Surface bind;
 };
 
-// The fewest CVs, 3 ... 513, with which strands in the whole of the wind, without gusts or shelter, at the bind frame, end within the
-// tolerance of where they would with CVs beyond number. From 3, 5, 9, 17 and 33 CVs against 65: the distance falls with the
-// number of segments. Depends on the description and the tolerance, not on the frame. `enough`: whether they are.
-// Cost: 512 strands of 132 CVs.
-int cvs_for(const PilotGroom& pilot, bool& enough);
+struct Choice {
+    double value;
+    bool enough; // false: the tolerance asks for more than there is
+};
 
-// The longest time between samples of the past, a power of two from 1/64 to 2 frames, that moves strands at the frame's first motion
-// sample by no more than the tolerance. From steps of 1 and 1/2: the distance falls with the square of the step. 0 where nothing
-// moves, so that nothing swings. Cost: 128 strands, jiggled twice.
-MarramStatus jiggle_step_for(const PilotGroom& pilot, double& step);
+// The fewest CVs, 3 ... 1000, with which the polygons of strands in the whole of the wind, without gusts or shelter, end within the
+// tolerance of those with CVs beyond number, and widths too. From 2, 4, 8, 16 and 32 segments against 64: the distance falls with
+// their number. Curls and frizz get at least six segments a turn, and are looked at from there on. At three moments fixed for the
+// shot: depends on the description and the tolerance, not on the frame. Cost: 512 strands of 132 CVs.
+Choice cvs_for(const PilotGroom& pilot);
+
+// Frames between samples of the past, 1/64, 1/32, ... 2. Steps of 2, 1 and 1/2 are compared with 1/4; finer ones follow from the
+// last, with the square of the step. No more than 1/2 where jiggle has a start_frame, which is rounded down to a whole number of
+// steps, and no finer than a window of 2048 samples allows. On a skin that moves: 1/2, since its motion, which is keyed at
+// whole frames as a rule, would have to be asked for time and again. Cost: 96 strands over some 8 samples a frame.
+Choice jiggle_step_for(const PilotGroom& pilot, bool skin_moves);
+
+inline constexpr double usual_jiggle_step = 0.5;
 
 } // namespace marram

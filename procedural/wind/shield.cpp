@@ -77,12 +77,15 @@ std::optional<Shielding> read_shielding(const Values& values) {
     return shielding;
 }
 
-int cone_rays(const Shielding& shielding, double length, double global_rotate, double tolerance) {
-    constexpr int most = 1024;
-    if (!(shielding.spread > 0.0)) return 1;
-    if (!(tolerance > 0.0)) return most;
-    const double share = 0.75 * length * shielding.shield * std::min(global_rotate, 1.0) / tolerance;
-    return int(std::clamp(std::ceil(std::pow(share, 1.0 / 0.8)), 1.0, double(most)));
+int cone_rays(const Shielding& shielding, double length, double turn, bool many_turns, double tolerance,
+              bool& enough) {
+    constexpr double most = 1024.0, wide = 2.5 * pi / 180.0;
+    const double cone = 0.75 * -std::expm1(-shielding.spread / wide);
+    const double factor = (shielding.per_cv ? 1.6 : 1.0) * (many_turns ? 2.0 : 1.0);
+    const double share = cone * factor * length * shielding.shield * std::min(turn, 1.0) / tolerance;
+    const double rays = std::max(1.0, std::ceil(std::pow(share, 1.0 / 0.8)));
+    enough = rays <= most;
+    return int(std::min(rays, most));
 }
 
 std::vector<double> obstacle_heights(const Colliders& colliders) {

@@ -24,12 +24,15 @@ struct Shielding {
 std::span<const MarramParam> shielding_params();
 std::optional<Shielding> read_shielding(const Values& values); // nothing where the scene asks for none
 
-// How many rays a CV the cone needs for 99 in 100 of strands no longer than `length`, bent by no more than `global_rotate`, to stand
-// within `tolerance` metres of where they would with rays beyond number; 1 ... 1024. Fitted: their greatest distance falls as
-//     0.75 length shield global_rotate / rays^0.8
-// which was 1.0 to 2.5 times what was seen (two grooms, cones of 4, 15 and 45 degrees, 8 to 256 rays); `marram measure` shows
+// How many rays a CV the cone needs for 99 in 100 of strands no longer than `length` to stand within `tolerance` metres (> 0) of where
+// they would with rays beyond number; 1 ... 1024, `enough`: whether that does. `turn`: no segment turns by more of its angle.
+// Fitted: their greatest distance falls as
+//     0.75 (1 - e^(-spread / 2.5 degrees)) length shield turn / rays^0.8
+// which was 1.0 to 2.5 times what was seen (two grooms, cones of 4, 15 and 45 degrees, 8 to 256 rays). Shelter of each CV for itself
+// is worth 1.6 of that, and turns made for many more segments than strands have (`reference_segments`) 2. `marram measure` shows
 // the fit on a scene.
-int cone_rays(const Shielding& shielding, double length, double global_rotate, double tolerance);
+int cone_rays(const Shielding& shielding, double length, double turn, bool many_turns, double tolerance,
+              bool& enough);
 
 // Vertical extent of each mesh at the colliders' instant, [geometry ID]; what wake_heights counts in.
 std::vector<double> obstacle_heights(const Colliders& colliders);

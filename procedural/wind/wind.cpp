@@ -29,7 +29,7 @@ constexpr std::array own_params = {
     MarramParam{"waviness", MARRAM_NUMBER, "", "1", -1e6, 1e6, "",
                 "how far the noise's sampling point runs ahead along the strand: ripples"},
     MarramParam{"reference_segments", MARRAM_INTEGER, "", "0", 0, 100000, "",
-                "segments that a turn is meant for; 0: as many as the strand has"},
+                "segments that a turn is meant for; 0: as many as the strand has (7 where cvs = 0)"},
     MarramParam{"noise.type", MARRAM_CHOICE, "", "perlin", -big, big, "perlin|billow|wavelet",
                 "kind of noise field"},
     MarramParam{"noise.amplitude", MARRAM_NUMBER, "", "0.5", 0, 1e6, "",
@@ -120,11 +120,21 @@ Wind read_wind(const Values& values) {
 
 double wind_response(const Wind& wind) { return std::clamp(wind.response(wind.speed), 0.0, 1.0); }
 
+double most_turn(const Wind& wind) {
+    double most = 0.0;
+    for (const double share : wind.ramp_rotate.values()) most = std::max(most, share);
+    return std::min(1.0, wind.global_rotate * most);
+}
+
 int octaves_too_fine(const Wind& wind, double length, double tolerance) {
     const FractalNoise& noise = wind.noise;
     double squares = 0.0, weight = 1.0;
     for (int i = 0; i < noise.octaves; ++i, weight *= noise.gain) squares += weight * weight;
-    const double strength = 0.9 * wind.noise_amplitude * length / std::sqrt(squares);
+    double resonance = 1.0; // 1 / (2 zeta sqrt(1 - zeta^2)), of an oscillator driven at its worst
+    if (wind.jiggle && wind.jiggle->damping < std::sqrt(0.5))
+        resonance =
+            1.0 / (2.0 * wind.jiggle->damping * std::sqrt(1.0 - wind.jiggle->damping * wind.jiggle->damping));
+    const double strength = 0.9 * wind.noise_amplitude * length * resonance / std::sqrt(squares);
     double left_out = 0.0;
     int count = 0;
     while (count + 1 < noise.octaves) {

@@ -48,9 +48,12 @@ Wind read_wind(const Values& values);
 // response(speed), in [0, 1]: what the wind's speed leaves of the envelope.
 double wind_response(const Wind& wind);
 
+// The greatest share of its angle to the wind that a segment turns by, 0 ... 1.
+double most_turn(const Wind& wind);
+
 // How many of the finest octaves no more than move 99 in 100 of strands no longer than `length` by `tolerance` metres together:
 // a segment's direction is off by no more than the noise that it turns towards, relative to the wind's 1, and the noise is weaker
-// than 0.9 at 99 points in 100 (rms 0.27 a component).
+// than 0.9 at 99 points in 100 (rms 0.27 a component). Jiggle may swing strands farther, by its resonance.
 int octaves_too_fine(const Wind& wind, double length, double tolerance);
 
 // False: no strand bends in this wind, whatever its gusts.

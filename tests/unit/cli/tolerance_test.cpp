@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <string>
 
 namespace marram::testing {
 namespace {
@@ -170,6 +171,46 @@ TEST(Tolerance, leaves_out_octaves_too_fine_to_see) {
     };
     dial.by_tolerance = true;
     expect_within_tolerance(dial);
+}
+
+namespace {
+
+double chosen_in(const std::string& file, const std::vector<std::string>& changes, double frame,
+                 const std::string& name) {
+    LoadedScene scene = loaded(MARRAM_SOURCE_DIR "/scenes/" + file, changes);
+    BuildStats stats;
+    built(scene, build_settings(scene, frame), stats);
+    EXPECT_TRUE(stats.chosen.contains(name)) << name;
+    return stats.chosen[name];
+}
+
+} // namespace
+
+// A curl of 64 turns looks straight to 3, 5, 9 ... 65 CVs alike.
+TEST(Tolerance, gives_curls_and_frizz_their_cvs) {
+    const std::vector<std::string> still = {"procedural.strand.cvs=0", "wind.speed=0"};
+    const auto with = [&](const std::string& change) {
+        std::vector<std::string> changes = still;
+        changes.push_back("procedural.strand." + change);
+        return chosen_in("strand.toml", changes, 1.0, "strand.cvs");
+    };
+    EXPECT_GE(with("curl={radius=0.02, turns=64}"), 385.0);
+    EXPECT_GE(with("frizz={amplitude=0.01, frequency=40}"), 241.0);
+    // A seed head near the tip is wider than what is drawn without a CV there.
+    EXPECT_GE(with("width_profile=[[0, 1], [0.85, 1], [0.9, 6], [0.95, 1], [1, 1]]"), 20.0);
+}
+
+// A skin that is keyed at whole frames stands alike at steps of 1 and 1/2, whatever it does between frames that a step of 2 sees.
+TEST(Tolerance, looks_at_every_frame_of_a_skin_that_moves) {
+    std::string keys;
+    for (int frame = 1; frame <= 20; ++frame)
+        keys += (frame > 1 ? ", " : "") + ("{frame=" + std::to_string(frame)) +
+                (frame % 2 == 0 ? ", translate=[0.05, 0, 0]}" : ", translate=[0, 0, 0]}");
+    EXPECT_EQ(chosen_in("golden/fur.toml",
+                        {"wind.speed=0", "wind.jiggle={frequency=2}", "procedural.fur.count=500",
+                         "mesh.body.transform={keys=[" + keys + "]}"},
+                        20.0, "fur.jiggle_step"),
+              0.5);
 }
 
 } // namespace marram::testing

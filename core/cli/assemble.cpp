@@ -2,6 +2,7 @@
 #include "core/cli/assemble.h"
 
 #include "core/image/image.h"
+#include "core/math/hash.h"
 #include "core/scene/libraries.h"
 
 #include <fmt/format.h>
@@ -300,6 +301,7 @@ RenderSettings render_settings(const LoadedScene& scene, double frame) {
                                                   : FilterKind::blackman_harris;
     settings.filter.radius = film.number("filter_radius");
     settings.seed = std::bit_cast<uint64_t>(frame); // another pattern of noise each frame
+    if (const int seed = film.integer("seed"); seed != 0) settings.seed = hash(settings.seed, uint64_t(seed));
     return settings;
 }
 

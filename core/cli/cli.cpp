@@ -76,6 +76,7 @@ struct Commands {
     RenderOptions render;
     BakeOptions bake;
     MeasureOptions measure;
+    CompareOptions compare;
     std::string subject;
     Texts texts;
     std::function<int()> chosen;
@@ -156,16 +157,19 @@ void add_measure(CLI::App& app, Commands& c) {
     });
 }
 
-// Known to the design, not to this build: says so.
-void add_unavailable(CLI::App& app, Commands& c, const std::string& name, const std::string& help,
-                     const std::string& instead) {
-    CLI::App* command = app.add_subcommand(name, help);
-    command->allow_extras();
-    command->callback([&c, name, instead] {
-        c.chosen = [name, instead]() -> int {
-            throw InputError({"marram " + name}, "this command is not available in this build", instead);
-        };
-    });
+void add_compare(CLI::App& app, Commands& c) {
+    CLI::App* command = app.add_subcommand(
+        "compare",
+        "whether two pictures are alike: exit code 0 alike, 1 different, 2 they cannot be compared");
+    command->add_option("test", c.compare.test, "picture to judge")->required()->type_name("A");
+    command->add_option("reference", c.compare.reference, "what it is compared with")
+        ->required()
+        ->type_name("B");
+    command
+        ->add_option("--report", c.compare.report,
+                     "folder for a page with both, their differences and the verdict")
+        ->type_name("DIR");
+    command->callback([&c] { c.chosen = [&c] { return compare_command(c.compare); }; });
 }
 
 int report(const InputError& error) {
@@ -187,8 +191,7 @@ int run(int argc, char** argv) {
     info->add_option("subject", commands.subject,
                      "a procedural, shader or table, or a scene file; default: everything");
     info->callback([&commands] { commands.chosen = [&commands] { return info_command(commands.subject); }; });
-    add_unavailable(app, commands, "compare", "compare two pictures",
-                    "use `idiff` of openimageio-tools until it is");
+    add_compare(app, commands);
     add_measure(app, commands);
     try {
         app.parse(argc, argv);

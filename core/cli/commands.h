@@ -40,9 +40,15 @@ struct MeasureOptions : CommonOptions {
     double seconds = 110.0; // that it may take
 };
 
+struct CompareOptions {
+    std::string test, reference;
+    std::string report; // folder, "" for none
+};
+
 int render_command(const RenderOptions& options);
 int bake_command(const BakeOptions& options);
 int measure_command(const MeasureOptions& options);
+int compare_command(const CompareOptions& options); // 0 alike, 1 different
 int info_command(const std::string& subject); // "" for everything
 
 } // namespace marram

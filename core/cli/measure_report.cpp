@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/measure_report.h"
 
+#include "core/cli/html.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,29 +10,6 @@
 
 namespace marram {
 namespace {
-
-std::string escaped(const std::string& text) {
-    std::string out;
-    for (const char c : text) {
-        switch (c) {
-        case '&':
-            out += "&amp;";
-            break;
-        case '<':
-            out += "&lt;";
-            break;
-        case '>':
-            out += "&gt;";
-            break;
-        case '"':
-            out += "&quot;";
-            break;
-        default:
-            out += c;
-        }
-    }
-    return out;
-}
 
 // A field of a CSV file, RFC 4180.
 std::string field(const std::string& text) {

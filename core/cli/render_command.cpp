@@ -98,7 +98,7 @@ void check_tints(const LoadedScene& scene) {
 
 // Every layer must be one that this scene can fill; known before anything is built.
 void check_layers(const LoadedScene& scene, const RenderOptions& options) {
-    std::vector<std::string> known = {"beauty", "alpha", "albedo", "normal", "depth", "strand_u"};
+    std::vector<std::string> known = {"beauty", "variance", "alpha", "albedo", "normal", "depth", "strand_u"};
     for (const auto& procedural : scene.geometry.procedurals)
         for (uint32_t i = 0; i < procedural->type().attribute_count; ++i)
             known.emplace_back(procedural->type().attributes[i].name);

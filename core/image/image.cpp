@@ -5,6 +5,7 @@
 #include "core/image/png_check.h"
 #include "core/math/problem.h"
 
+#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 #include <fmt/format.h>
 
@@ -255,19 +256,52 @@ void write_exr(const std::string& path, int width, int height, std::span<const L
     file.commit();
 }
 
-void write_png(const std::string& path, int width, int height, int channels, const float* pixels,
-               double exposure_stops, std::span<const Metadata> metadata) {
+namespace {
+
+OIIO::ImageSpec png_spec(int width, int height, int channels, std::span<const Metadata> metadata) {
     assert(width > 0 && height > 0 && (channels == 3 || channels == 4));
     OIIO::ImageSpec spec(width, height, channels, OIIO::TypeDesc::UINT8);
     spec.attribute("oiio:ColorSpace", "sRGB");
     for (const auto& [key, value] : metadata) // PNG knows text only
         spec.attribute(key, std::visit([](const auto& v) { return fmt::format("{}", v); }, value));
     spec.attribute("oiio:UnassociatedAlpha", 1); // the division by alpha is done here, before the rounding
+    return spec;
+}
+
+} // namespace
+
+std::vector<unsigned char> png_bytes(int width, int height, int channels, const float* pixels,
+                                     double exposure_stops) {
+    std::vector<unsigned char> file;
+    OIIO::Filesystem::IOVecOutput memory(file);
+    OIIO::ImageSpec spec = png_spec(width, height, channels, {});
+    OIIO::Filesystem::IOProxy* proxy = &memory;
+    spec.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
+    const std::vector<uint8_t> bytes = to_bytes(width, height, channels, pixels, exposure_stops);
+    const std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create("png");
+    const bool written = output && output->open("memory.png", spec) &&
+                         output->write_image(OIIO::TypeDesc::UINT8, bytes.data()) && output->close();
+    if (!written) refuse("memory.png", "could not be made", "check OpenImageIO's PNG support");
+    return file;
+}
+
+void write_png(const std::string& path, int width, int height, int channels, const float* pixels,
+               double exposure_stops, std::span<const Metadata> metadata) {
+    const OIIO::ImageSpec spec = png_spec(width, height, channels, metadata);
     const std::vector<uint8_t> bytes = to_bytes(width, height, channels, pixels, exposure_stops);
     AtomicFile file(path);
     auto output = open_output(path, file, spec, "png");
     close_output(path, *output, output->write_image(OIIO::TypeDesc::UINT8, bytes.data()));
     file.commit();
+}
+
+std::vector<std::pair<std::string, std::string>> read_all_metadata(const std::string& path) {
+    const InputFile input = open_image(path);
+    std::vector<std::pair<std::string, std::string>> all;
+    for (const OIIO::ParamValue& value : input->spec().extra_attribs)
+        all.emplace_back(value.name().string(), value.get_string());
+    std::ranges::sort(all);
+    return all;
 }
 
 std::optional<std::string> read_metadata(const std::string& path, const std::string& key) {

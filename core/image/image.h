@@ -48,10 +48,17 @@ using Metadata = std::pair<std::string, std::variant<std::string, int, double>>;
 void write_exr(const std::string& path, int width, int height, std::span<const Layer> layers,
                std::span<const Metadata> metadata);
 
+// The file that write_png would write, in memory.
+std::vector<unsigned char> png_bytes(int width, int height, int channels, const float* pixels,
+                                     double exposure_stops);
+
 // 8-bit sRGB of linear `pixels` (3 channels, or 4 with colour multiplied by alpha) times 2^exposure_stops,
 // clamped, without dither. NaN becomes 0.
 void write_png(const std::string& path, int width, int height, int channels, const float* pixels,
                double exposure_stops, std::span<const Metadata> metadata = {});
+
+// Every metadata entry of an image, as text, by name. Throws InputError where it cannot be opened.
+std::vector<std::pair<std::string, std::string>> read_all_metadata(const std::string& path);
 
 // The value of a metadata entry of a finished picture, as text (numbers in the fewest digits that give them
 // back); nullopt where the file is missing, unreadable or cut short, or the key is not there. Never throws.

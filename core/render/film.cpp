@@ -14,8 +14,10 @@ struct BuiltIn {
 };
 
 constexpr BuiltIn built_in[] = {
-    {"beauty", LayerKind::beauty, 3}, {"alpha", LayerKind::alpha, 1}, {"albedo", LayerKind::albedo, 3},
-    {"normal", LayerKind::normal, 3}, {"depth", LayerKind::depth, 1}, {"strand_u", LayerKind::strand_u, 1},
+    {"beauty", LayerKind::beauty, 3},     {"variance", LayerKind::variance, 3},
+    {"alpha", LayerKind::alpha, 1},       {"albedo", LayerKind::albedo, 3},
+    {"normal", LayerKind::normal, 3},     {"depth", LayerKind::depth, 1},
+    {"strand_u", LayerKind::strand_u, 1},
 };
 
 // Layer with that name, no pixels yet; channels 0 where there is none.
@@ -34,6 +36,10 @@ FilmLayer describe(std::string_view name, const World& world) {
         for (const CurveAttributeValues& attribute : curves.attributes)
             if (attribute.name == name) layer.channels = std::max(layer.channels, attribute.components);
     return layer;
+}
+
+double variance_of_mean(double sum, double squares, double count) {
+    return count > 1.0 ? std::max(0.0, squares - sum * sum / count) / (count * (count - 1.0)) : 0.0;
 }
 
 std::string known_names(const World& world) {
@@ -58,7 +64,9 @@ Film make_film(uint32_t width, uint32_t height, std::span<const std::string> nam
         if (layer.channels == 0)
             throw InputError(Place{}, "there is no layer \"" + name + "\"", "one of " + known_names(world));
         layer.first = film.stride;
-        film.stride += layer.channels + 1;
+        // Of the variance: colours and their squares.
+        layer.sums = layer.kind == LayerKind::variance ? 2 * layer.channels : layer.channels;
+        film.stride += layer.sums + 1;
         film.layers.push_back(std::move(layer));
     }
     film.sums.assign(static_cast<size_t>(width) * height * film.stride, 0.0);
@@ -71,10 +79,13 @@ void resolve(Film& film) {
         layer.pixels.resize(pixels * layer.channels);
         for (size_t pixel = 0; pixel < pixels; ++pixel) {
             const double* sums = film.sums.data() + pixel * film.stride + layer.first;
-            const double count = sums[layer.channels];
+            const double count = sums[layer.sums];
             for (uint32_t c = 0; c < layer.channels; ++c)
                 layer.pixels[pixel * layer.channels + c] =
-                    count > 0.0 ? static_cast<float>(sums[c] / count) : 0.0F;
+                    static_cast<float>(layer.kind == LayerKind::variance
+                                           ? variance_of_mean(sums[c], sums[c + layer.channels], count)
+                                       : count > 0.0 ? sums[c] / count
+                                                     : 0.0);
         }
     }
 }

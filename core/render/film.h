@@ -4,6 +4,8 @@
 //
 //   layer      channels  what a pixel holds
 //   beauty     3         mean radiance, premultiplied by alpha where a light at infinity is invisible
+//   variance   3         variance of beauty's mean, as its samples tell: too much rather than too little, since samples are
+//                        stratified and each counts as drawn by itself; 0 for a single sample
 //   alpha      1         share of samples that hit something
 //   albedo     3         mean over all samples of the first hit's albedo (0 where nothing is hit)
 //   normal     3         mean over all samples of the first hit's shading normal, towards the camera, world space
@@ -23,20 +25,21 @@
 
 namespace marram {
 
-enum class LayerKind : uint8_t { beauty, alpha, albedo, normal, depth, strand_u, attribute };
+enum class LayerKind : uint8_t { beauty, variance, alpha, albedo, normal, depth, strand_u, attribute };
 
 struct FilmLayer {
     std::string name;
     LayerKind kind = LayerKind::beauty;
     uint32_t channels = 3;
     uint32_t first = 0;        // of its values in a pixel's sums
+    uint32_t sums = 3;         // of which so many, and the number of samples that count
     std::vector<float> pixels; // filled by resolve: rows from the top, channels interleaved
 };
 
 struct Film {
     uint32_t width = 0, height = 0;
     std::vector<FilmLayer> layers;
-    uint32_t stride = 0; // doubles a pixel: for each layer its channels and the number of samples that count
+    uint32_t stride = 0;      // doubles a pixel: for each layer its sums and the number of samples that count
     std::vector<double> sums; // width * height * stride
 };
 

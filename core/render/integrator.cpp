@@ -220,6 +220,14 @@ void add_sample(const Frame& frame, const Vec3f& radiance, const FirstHit& first
         case LayerKind::beauty:
             add(radiance, sums);
             break;
+        case LayerKind::variance:
+            for (int c = 0; c < 3; ++c) {
+                const auto value = static_cast<double>(radiance[c]);
+                sums[c] += value;
+                sums[c + 3] += value * value;
+            }
+            sums[6] += 1.0;
+            break;
         case LayerKind::alpha:
             add(first.hit ? 1.0F : 0.0F, sums);
             break;

@@ -20,7 +20,7 @@ std::vector<ParamSpec> global_params() {
         {"bind_frame", number, "frames", "none", -late, late, "",
          "frame at which strands are rooted; default: the first of `frames`"},
         {"tolerance", number, "m", "0.001", 0, far, "",
-         "what approximations may be off by (today: motion keys of moving meshes); 0: as exact as possible"},
+         "what approximations may be off by; 0: a thousandth of each strand's length, or less"},
         {"tolerance_pixels", number, "pixels", "none", 1e-4, 1e4, "",
          "the same, in pixels of the film; instead of `tolerance`"},
     };
@@ -53,6 +53,8 @@ std::vector<ParamSpec> film_params() {
         {"max_depth", integer, "", "12", 0, 1024, "",
          "bounces of a path; 0: light sources only, 1: direct light"},
         {"aovs", texts, "", "[]", -any, any, "", "image layers besides the colour"},
+        {"seed", integer, "", "0", 0, 2147483647, "",
+         "another pattern of noise in the picture; strands stay"},
         {"motion_keys", integer, "", "none", 2, 64, "",
          "motion samples over the shutter; default: as many as meshes and strands need to stay within the "
          "tolerance"},

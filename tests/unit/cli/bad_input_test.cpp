@@ -306,7 +306,7 @@ TEST(BadInput, CommandLines) {
     refuse({"render", folder / "none.toml", "-o", folder / "a.exr"}, "none.toml");
     refuse({"render", "-o", folder / "a.exr"}, "scene");
     refuse({"bake", scene, "-o", folder / "a.hair", "--frame", "nan"}, "frame");
-    refuse({"compare", "a.exr", "b.exr"}, "not available in this build");
+    refuse({"compare", "a.exr", "b.exr"}, "a.exr: there is no such file");
     refuse({"measure", scene, "--out", scene}, "the folder for the report cannot be made");
     refuse({"no_such_command"}, "subcommand");
     refuse({}, "subcommand");

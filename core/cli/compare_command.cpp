@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/cli/commands.h"
+#include "core/cli/compare_report.h"
+#include "core/image/atomic_file.h"
+#include "core/math/problem.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+
+namespace marram {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string folder_for(const std::string& folder) {
+    std::error_code error;
+    fs::create_directories(folder, error);
+    if (!fs::is_directory(folder))
+        throw InputError({folder}, "the folder for the report cannot be made",
+                         "name another with --report, or make it");
+    return (fs::path(folder) / "compare.html").string();
+}
+
+void print(const Comparison& c) {
+    for (const LayerResult& layer : c.layers)
+        fmt::print("{:<12} RMSE {:.4g}, relative MSE {:.4g}, PSNR {:.2f} dB, at most {:.4g}\n",
+                   layer.name.empty() ? "picture" : layer.name, layer.rmse, layer.relative_mse, layer.psnr,
+                   layer.most);
+    fmt::print("{:<12} mean {:.4g}, 99th percentile {:.4g}\n", "FLIP", c.flip_mean, c.flip_99);
+    fmt::print("{:<12} {:.5g}\n", "SSIM", c.ssim);
+    if (!c.scales.empty()) {
+        fmt::print("{:<12} standard deviations (limit) by size:", "noise");
+        for (const ScaleResult& s : c.scales)
+            fmt::print(" {} {:.3g} ({:.3g})", s.size == 0 ? std::string("whole") : fmt::format("{}", s.size),
+                       s.worst, s.limit);
+        fmt::print("\n");
+    } else {
+        fmt::print("{:<12} not known: neither picture has a layer \"variance\" (--aov variance)\n", "noise");
+    }
+    for (const std::string& fault : c.faults) fmt::print("{}\n", fault);
+    fmt::print("{}\n", !c.alike() ? "different" : c.equal ? "alike: every number is the same" : "alike");
+}
+
+} // namespace
+
+int compare_command(const CompareOptions& options) {
+    const std::string page = options.report.empty() ? "" : folder_for(options.report);
+    if (!page.empty()) check_writable(page);
+    ComparedFile test{options.test, read_picture(options.test)},
+        reference{options.reference, read_picture(options.reference)};
+    const Comparison comparison =
+        compare_pictures(test.picture, reference.picture, options.test, options.reference);
+    print(comparison);
+    if (!page.empty()) {
+        AtomicWriter writer(page);
+        writer.write(compare_page(test, reference, comparison));
+        writer.commit();
+        fmt::print("{}\n", page);
+    }
+    return comparison.alike() ? 0 : 1;
+}
+
+} // namespace marram

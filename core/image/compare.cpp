@@ -1,0 +1,389 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/image/compare.h"
+
+#include "core/image/flip.h"
+#include "core/math/problem.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <set>
+#include <sstream>
+
+namespace marram {
+namespace {
+
+// Where no variance says what noise is: measured between renders of this project's scenes at 64 samples and 1024, which look the same to
+// most, and between pictures with a strand shifted by half a pixel, which do not.
+constexpr double plain_flip_mean = 0.03, plain_flip_99 = 0.25, plain_ssim = 0.9;
+constexpr double layer_share = 0.03; // of a layer's range, mean difference: their edges are noisy
+constexpr double level = 1e-3;       // chance of a false alarm in all squares of all sizes together
+
+const Picture::Layer& picture_proper(const Picture& picture, const std::string& name) {
+    const Picture::Layer* layer = picture.find("");
+    if (!layer || layer->channels.size() < 3)
+        throw InputError({name}, "has no channels R, G and B", "compare pictures in colour, or grey ones");
+    return *layer;
+}
+
+std::vector<float> colours_of(const Picture::Layer& layer) {
+    const size_t channels = layer.channels.size(), pixels = layer.pixels.size() / channels;
+    std::vector<float> rgb(3 * pixels);
+    for (size_t i = 0; i < pixels; ++i)
+        std::copy_n(layer.pixels.data() + channels * i, 3, rgb.data() + 3 * i);
+    return rgb;
+}
+
+// ---- noise ----------------------------------------------------------------------------------------------------------
+
+// A variance no less than its neighbours' mean.
+std::vector<double> guarded(const std::vector<float>& variance, int width, int height) {
+    std::vector<double> out(variance.size());
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x)
+            for (int c = 0; c < 3; ++c) {
+                double sum = 0.0;
+                int count = 0;
+                for (int j = std::max(y - 1, 0); j <= std::min(y + 1, height - 1); ++j)
+                    for (int i = std::max(x - 1, 0); i <= std::min(x + 1, width - 1); ++i) {
+                        if (i == x && j == y) continue;
+                        sum += double(variance[3 * (size_t(j) * size_t(width) + size_t(i)) + size_t(c)]);
+                        ++count;
+                    }
+                const size_t at = 3 * (size_t(y) * size_t(width) + size_t(x)) + size_t(c);
+                out[at] = std::max(double(variance[at]), count > 0 ? sum / count : 0.0);
+            }
+    return out;
+}
+
+// Of a colour stored as a half float, relative; and the smallest half, below which a stored variance is 0.
+constexpr double rounding = 0x1p-12, least_variance = 0x1p-24;
+
+ScaleResult worst_of(const std::vector<float>& test, const std::vector<float>& reference,
+                     const std::vector<double>& variance, int width, int height, int size) {
+    ScaleResult worst;
+    worst.size = size;
+    const int w = size > 0 ? size : width, h = size > 0 ? size : height;
+    for (int y = 0; y < height; y += h)
+        for (int x = 0; x < width; x += w)
+            for (int c = 0; c < 3; ++c) {
+                double difference = 0.0, squares = 0.0;
+                for (int j = y; j < std::min(y + h, height); ++j)
+                    for (int i = x; i < std::min(x + w, width); ++i) {
+                        const size_t at = 3 * (size_t(j) * size_t(width) + size_t(i)) + size_t(c);
+                        difference += double(test[at]) - double(reference[at]);
+                        const double rounded = rounding * double(reference[at]);
+                        squares += variance[at] + rounded * rounded + least_variance;
+                    }
+                const double off = std::abs(difference) / std::sqrt(squares);
+                if (off > worst.worst) {
+                    worst.worst = off;
+                    worst.x = x;
+                    worst.y = y;
+                    worst.channel = c;
+                }
+            }
+    return worst;
+}
+
+void judge_noise(const Picture& test, const Picture& reference, const std::vector<float>& a,
+                 const std::vector<float>& b, const std::optional<Limits>& limits, Comparison& result) {
+    const Picture::Layer *va = test.find("variance"), *vb = reference.find("variance");
+    if (!va && !vb) return;
+    result.knows_noise = true;
+    std::vector<float> variance(a.size());
+    for (size_t i = 0; i < variance.size(); ++i) {
+        // A golden frame's is that of the difference. One that does not know its own is taken to be as noisy as the other.
+        const float mine = va ? va->pixels[i] : vb->pixels[i], theirs = vb ? vb->pixels[i] : va->pixels[i];
+        variance[i] = limits && vb ? theirs : mine + theirs;
+    }
+    result.scales = deviations(a, b, variance, result.width, result.height);
+    double tests = 0.0;
+    for (const ScaleResult& scale : result.scales) {
+        const int w = scale.size > 0 ? scale.size : result.width,
+                  h = scale.size > 0 ? scale.size : result.height;
+        tests += 3.0 * std::ceil(double(result.width) / w) * std::ceil(double(result.height) / h);
+    }
+    const int samples = std::max(2, std::max(test.samples, reference.samples));
+    for (ScaleResult& scale : result.scales) {
+        // Paths are not normally distributed: a sample counts as an eighth of a degree of freedom. A pixel's variance is guarded by
+        // its neighbours'.
+        const double pixels =
+            scale.size > 0 ? double(scale.size) * scale.size : double(result.width) * result.height;
+        scale.limit = student_limit(level / tests, std::max(16.0, samples / 8.0 * std::max(pixels, 9.0)));
+        if (limits)
+            for (const auto& [size, limit] : limits->deviations)
+                if (size == scale.size) scale.limit = limit;
+    }
+    const ScaleResult* worst = result.worst_scale();
+    const auto failing = std::ranges::count_if(result.scales, &ScaleResult::fails);
+    if (failing > 0)
+        result.faults.push_back(fmt::format(
+            "noise cannot explain it: {} off by {:.3g} standard deviations, {:.3g} are allowed{}",
+            worst->size == 1 ? fmt::format("pixel ({}, {}) is", worst->x, worst->y)
+            : worst->size == 0
+                ? std::string("the whole picture is")
+                : fmt::format("{0} x {0} pixels at ({1}, {2}) are", worst->size, worst->x, worst->y),
+            worst->worst, worst->limit,
+            failing > 1 ? fmt::format(" ({} of {} sizes of squares fail)", failing, result.scales.size())
+                        : ""));
+}
+
+// ---- layers ---------------------------------------------------------------------------------------------------------
+
+LayerResult compare_layer(const Picture::Layer& a, const Picture::Layer& b) {
+    LayerResult result;
+    result.name = b.name;
+    result.channels = int(b.channels.size());
+    double squares = 0.0, sum = 0.0, mean = 0.0, low = 0.0, high = b.name.empty() ? 1.0 : 0.0;
+    for (const float v : b.pixels) {
+        low = std::min(low, double(v));
+        high = std::max(high, double(v));
+        mean += std::abs(double(v)) / double(b.pixels.size());
+    }
+    const double least = 0.01 * mean * mean + 1e-30; // so that black pixels do not count without bound
+    double relative = 0.0;
+    for (size_t i = 0; i < b.pixels.size(); ++i) {
+        const double d = double(a.pixels[i]) - double(b.pixels[i]);
+        squares += d * d;
+        sum += std::abs(d);
+        relative += d * d / (double(b.pixels[i]) * double(b.pixels[i]) + least);
+        result.most = std::max(result.most, std::abs(d));
+    }
+    const auto count = double(b.pixels.size());
+    result.range = high - low;
+    result.rmse = std::sqrt(squares / count);
+    result.relative_mse = relative / count;
+    result.mean = sum / count;
+    result.psnr = result.rmse > 0.0 ? 20.0 * std::log10(result.range / result.rmse)
+                                    : std::numeric_limits<double>::infinity();
+    result.fails = !b.name.empty() && !(result.mean <= layer_share * result.range);
+    return result;
+}
+
+std::string list_of(const Picture& picture) {
+    std::string text;
+    for (const Picture::Layer& layer : picture.layers)
+        for (const std::string& channel : layer.channels)
+            text += (text.empty() ? "" : ", ") + (layer.name.empty() ? channel : layer.name + "." + channel);
+    return text;
+}
+
+void check_comparable(const Picture& a, const Picture& b, const std::string& a_name,
+                      const std::string& b_name) {
+    if (a.width != b.width || a.height != b.height)
+        throw InputError(
+            {a_name},
+            fmt::format("is {} x {} pixels, {} is {} x {}", a.width, a.height, b_name, b.width, b.height),
+            "compare pictures of one size");
+    const auto names = [](const Picture& picture) {
+        std::set<std::string> all;
+        for (const Picture::Layer& layer : picture.layers)
+            for (const std::string& channel : layer.channels)
+                if (layer.name != "variance") all.insert(layer.name + "." + channel);
+        return all;
+    };
+    if (names(a) != names(b))
+        throw InputError({a_name}, fmt::format("has channels {}; {} has {}", list_of(a), b_name, list_of(b)),
+                         "write both with the same layers and format");
+    for (const Picture* picture : {&a, &b})
+        if (const Picture::Layer* variance = picture->find("variance"))
+            if (variance->channels.size() != 3)
+                throw InputError({picture == &a ? a_name : b_name}, "its variance has not three channels",
+                                 "write the layer with `--aov variance`");
+}
+
+// Channels of a layer in the order of the reference's.
+std::vector<float> in_order(const Picture::Layer& layer, const std::vector<std::string>& channels) {
+    if (layer.channels == channels) return layer.pixels;
+    std::vector<size_t> from;
+    for (const std::string& channel : channels)
+        from.push_back(size_t(std::ranges::find(layer.channels, channel) - layer.channels.begin()));
+    std::vector<float> out(layer.pixels.size());
+    for (size_t i = 0; i < out.size(); ++i)
+        out[i] = layer.pixels[i / from.size() * from.size() + from[i % from.size()]];
+    return out;
+}
+
+} // namespace
+
+double student_limit(double p, double degrees) {
+    // The normal distribution's: Newton from a bound on erfc.
+    double z = std::sqrt(-2.0 * std::log(p));
+    for (int i = 0; i < 50; ++i) {
+        const double tail = std::erfc(z / std::sqrt(2.0)),
+                     slope = std::sqrt(2.0 / 3.14159265358979323846) * std::exp(-0.5 * z * z);
+        z += (tail - p) / slope;
+    }
+    const double g = (degrees - 1.5) / ((degrees - 1.0) * (degrees - 1.0));
+    return std::sqrt(degrees * std::expm1(g * z * z));
+}
+
+const ScaleResult* Comparison::worst_scale() const {
+    const auto share = [](const ScaleResult& scale) { return scale.worst / scale.limit; };
+    const auto at = std::ranges::max_element(scales, {}, share);
+    return at == scales.end() ? nullptr : &*at;
+}
+
+const Picture::Layer* Picture::find(const std::string& name) const {
+    for (const Layer& layer : layers)
+        if (layer.name == name) return &layer;
+    return nullptr;
+}
+
+Picture read_picture(const std::string& path) {
+    const Image image = read_image(path);
+    Picture picture;
+    picture.width = image.width;
+    picture.height = image.height;
+    picture.samples = std::atoi(read_metadata(path, "marram:samples").value_or("0").c_str());
+    picture.limits = read_metadata(path, "marram:limits").value_or("");
+    const size_t pixels = size_t(image.width) * size_t(image.height), stride = size_t(image.channels);
+    std::vector<std::vector<size_t>> from; // [layer][channel] -> channel of the file
+    for (size_t c = 0; c < stride; ++c) {
+        const std::string& whole = image.channel_names[c];
+        const size_t dot = whole.rfind('.');
+        const std::string name = dot == std::string::npos ? "" : whole.substr(0, dot);
+        const std::string channel = dot == std::string::npos ? whole : whole.substr(dot + 1);
+        size_t at = 0;
+        while (at < picture.layers.size() && picture.layers[at].name != name) ++at;
+        if (at == picture.layers.size()) {
+            picture.layers.push_back({name, {}, {}});
+            from.emplace_back();
+        }
+        picture.layers[at].channels.push_back(channel);
+        from[at].push_back(c);
+    }
+    for (size_t l = 0; l < from.size(); ++l) {
+        Picture::Layer& layer = picture.layers[l];
+        if (layer.name.empty() && layer.channels.size() <= 2) { // grey, perhaps with alpha
+            from[l].insert(from[l].begin(), 2, from[l].front());
+            const bool alpha = layer.channels.size() == 2;
+            layer.channels = {"R", "G", "B"};
+            if (alpha) layer.channels.emplace_back("A");
+        }
+        for (size_t i = 0; i < pixels; ++i)
+            for (const size_t c : from[l]) layer.pixels.push_back(image.pixels[i * stride + c]);
+        // Colours first, whatever the order in the file (EXR sorts by name).
+        if (layer.name.empty() || layer.name == "variance") {
+            std::vector<std::string> order = layer.channels;
+            const auto rank = [](const std::string& c) {
+                return c == "R" ? 0 : c == "G" ? 1 : c == "B" ? 2 : 3;
+            };
+            std::ranges::stable_sort(order, {}, rank);
+            layer.pixels = in_order(layer, order);
+            layer.channels = order;
+        }
+    }
+    return picture;
+}
+
+std::string to_text(const Limits& limits) {
+    std::string text;
+    for (const auto& [size, limit] : limits.deviations) text += fmt::format("{}:{:.4g} ", size, limit);
+    return text +
+           fmt::format("flip {:.4g} {:.4g} ssim {:.5g}", limits.flip_mean, limits.flip_99, limits.ssim);
+}
+
+std::optional<Limits> limits_from(const std::string& text) {
+    Limits limits;
+    std::istringstream in(text);
+    std::string word;
+    while (in >> word && word != "flip") {
+        int size = 0;
+        double limit = 0.0;
+        if (std::sscanf(word.c_str(), "%d:%lf", &size, &limit) != 2) return std::nullopt;
+        limits.deviations.emplace_back(size, limit);
+    }
+    if (!(in >> limits.flip_mean >> limits.flip_99 >> word >> limits.ssim) || word != "ssim")
+        return std::nullopt;
+    return limits;
+}
+
+std::vector<ScaleResult> deviations(const std::vector<float>& test, const std::vector<float>& reference,
+                                    const std::vector<float>& variance, int width, int height) {
+    const std::vector<double> sure = guarded(variance, width, height);
+    std::vector<ScaleResult> scales;
+    for (int size = 1; size < std::max(width, height); size *= 2)
+        scales.push_back(worst_of(test, reference, sure, width, height, size));
+    scales.push_back(worst_of(test, reference, sure, width, height, 0));
+    return scales;
+}
+
+double mean_ssim(const std::vector<float>& test, const std::vector<float>& reference, int width, int height) {
+    const auto luminance = [&](const std::vector<float>& rgb, int x, int y) {
+        const float* p = rgb.data() + 3 * (size_t(y) * size_t(width) + size_t(x));
+        const float l = 0.2126F * p[0] + 0.7152F * p[1] + 0.0722F * p[2];
+        return double(std::clamp(srgb_from_linear(l), 0.0F, 1.0F));
+    };
+    constexpr int window = 8, step = 4;
+    constexpr double c1 = 0.01 * 0.01, c2 = 0.03 * 0.03;
+    double sum = 0.0, count = 0.0;
+    for (int y = 0; y == 0 || y + window <= height; y += step)
+        for (int x = 0; x == 0 || x + window <= width; x += step) {
+            double a = 0, b = 0, aa = 0, bb = 0, ab = 0, n = 0;
+            for (int j = y; j < std::min(y + window, height); ++j)
+                for (int i = x; i < std::min(x + window, width); ++i) {
+                    const double p = luminance(test, i, j), q = luminance(reference, i, j);
+                    a += p, b += q, aa += p * p, bb += q * q, ab += p * q, n += 1.0;
+                }
+            a /= n, b /= n;
+            const double va = aa / n - a * a, vb = bb / n - b * b, cov = ab / n - a * b;
+            sum += (2.0 * a * b + c1) * (2.0 * cov + c2) / ((a * a + b * b + c1) * (va + vb + c2));
+            count += 1.0;
+        }
+    return sum / count;
+}
+
+Comparison compare_pictures(const Picture& test, const Picture& reference, const std::string& test_name,
+                            const std::string& reference_name) {
+    check_comparable(test, reference, test_name, reference_name);
+    Comparison result;
+    result.width = reference.width;
+    result.height = reference.height;
+    result.equal = true;
+    for (const Picture::Layer& layer : reference.layers) {
+        if (layer.name == "variance") continue;
+        const Picture::Layer mine{layer.name, layer.channels,
+                                  in_order(*test.find(layer.name), layer.channels)};
+        result.equal &=
+            std::memcmp(mine.pixels.data(), layer.pixels.data(), layer.pixels.size() * sizeof(float)) == 0;
+        result.layers.push_back(compare_layer(mine, layer));
+        if (const LayerResult& one = result.layers.back(); one.fails)
+            result.faults.push_back(fmt::format("layer {} differs by {:.3g} in the mean, {:.3g} is allowed "
+                                                "(three hundredths of its range)",
+                                                one.name, one.mean, layer_share * one.range));
+    }
+    const std::vector<float> a = colours_of(picture_proper(test, test_name)),
+                             b = colours_of(picture_proper(reference, reference_name));
+    const std::optional<Limits> limits = limits_from(reference.limits);
+    result.golden = limits.has_value();
+    judge_noise(test, reference, a, b, limits, result);
+    result.flip = flip_map(a, b, result.width, result.height);
+    std::vector<float> sorted = result.flip;
+    std::ranges::sort(sorted);
+    for (const float f : sorted) result.flip_mean += double(f) / double(sorted.size());
+    result.flip_99 = double(sorted[std::min(sorted.size() - 1, sorted.size() * 99 / 100)]);
+    result.ssim = mean_ssim(a, b, result.width, result.height);
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    const bool judged = limits || !result.knows_noise;
+    result.flip_mean_limit = limits ? limits->flip_mean : judged ? plain_flip_mean : infinity;
+    result.flip_99_limit = limits ? limits->flip_99 : judged ? plain_flip_99 : infinity;
+    result.ssim_limit = limits ? limits->ssim : judged ? plain_ssim : -1.0;
+    const auto see = [&](bool fine, const char* what, double value, double limit, const char* bound) {
+        if (!fine)
+            result.faults.push_back(fmt::format("it looks different: {} is {:.3g}, {} {:.3g} is allowed",
+                                                what, value, bound, limit));
+    };
+    see(result.flip_mean <= result.flip_mean_limit, "mean FLIP", result.flip_mean, result.flip_mean_limit,
+        "at most");
+    see(result.flip_99 <= result.flip_99_limit, "the 99th percentile of FLIP", result.flip_99,
+        result.flip_99_limit, "at most");
+    see(result.ssim >= result.ssim_limit, "SSIM", result.ssim, result.ssim_limit, "at least");
+    return result;
+}
+
+} // namespace marram

@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every feature's picture against its golden frame; a mere change of seed passes, and planted faults do not.
+#include "tests/golden/goldens.h"
+
+#include "core/cli/compare_report.h"
+#include "core/image/atomic_file.h"
+#include "core/math/hash.h"
+#include "core/plugin/embree.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <functional>
+#include <set>
+
+namespace marram::golden {
+namespace {
+
+namespace fs = std::filesystem;
+
+Picture golden_frame(const Golden& golden) { return read_picture(path_of(golden)); }
+
+Comparison against_golden(const Picture& picture, const Golden& golden) {
+    return compare_pictures(picture, golden_frame(golden), golden.name, path_of(golden));
+}
+
+std::string text(const Comparison& comparison) {
+    std::string all;
+    for (const std::string& fault : comparison.faults) all += "\n  " + fault;
+    return all;
+}
+
+// What failed, beside its golden, for a browser.
+std::string page_of(const Picture& picture, const Golden& golden, const Comparison& comparison) {
+    fs::create_directories("golden_failures");
+    const std::string path = "golden_failures/" + golden.name;
+    Picture alone = picture;
+    alone.layers.push_back(*golden_frame(golden).find("variance"));
+    write(alone, path + ".exr", golden);
+    AtomicWriter writer(path + ".html");
+    writer.write(compare_page({path + ".exr", picture}, {path_of(golden), golden_frame(golden)}, comparison));
+    writer.commit();
+    return fs::absolute(path + ".html").string();
+}
+
+class Frame : public ::testing::TestWithParam<Golden> {};
+
+TEST_P(Frame, is_as_it_was) {
+    const Golden& golden = GetParam();
+    const Picture picture = Stage(golden).render(1);
+    const Comparison comparison = against_golden(picture, golden);
+    EXPECT_TRUE(comparison.golden) << path_of(golden)
+                                   << " carries no limits: make it with tests/golden/update";
+    EXPECT_TRUE(comparison.alike()) << golden.name << " (" << golden.shows
+                                    << ") is not as it was:" << text(comparison) << "\nlook at "
+                                    << page_of(picture, golden, comparison)
+                                    << "\nif it is meant to be: tests/golden/update " << golden.name
+                                    << " --write";
+}
+
+INSTANTIATE_TEST_SUITE_P(Golden, Frame, ::testing::ValuesIn(goldens().begin(), goldens().end()),
+                         [](const auto& info) { return info.param.name; });
+
+TEST(Golden, frames_take_no_more_than_five_mebibytes_and_all_are_known) {
+    size_t bytes = 0;
+    for (const auto& entry : fs::directory_iterator(MARRAM_SOURCE_DIR "/scenes/golden")) {
+        if (entry.path().extension() != ".exr") continue;
+        EXPECT_NO_THROW(golden_named(entry.path().stem().string())) << entry.path();
+        bytes += entry.file_size();
+    }
+    EXPECT_LE(bytes, size_t(5) << 20);
+}
+
+// A hundred renders that differ in the seed alone, spread over all goldens.
+TEST(Golden, a_change_of_seed_is_no_fault) {
+    constexpr size_t renders = 100;
+    const size_t count = goldens().size();
+    size_t alarms = 0;
+    for (size_t g = 0; g < count; ++g) {
+        const Golden& golden = goldens()[g];
+        const Stage stage(golden);
+        for (size_t i = g; i < renders; i += count) {
+            const Comparison comparison = against_golden(stage.render(hash(uint64_t(0x5eed), i)), golden);
+            EXPECT_TRUE(comparison.alike()) << golden.name << ", render " << i << text(comparison);
+            alarms += !comparison.alike();
+        }
+    }
+    std::printf("%zu false alarms in %zu renders\n", alarms, renders);
+}
+
+// ---- faults ---------------------------------------------------------------------------------------------------------
+
+// Caught, with whatever seed.
+void expect_caught(
+    const char* what, const Stage& stage, const Golden& golden,
+    const std::function<void(Picture&)>& spoil = [](Picture&) {}) {
+    for (const uint64_t seed : {11, 12, 13}) {
+        Picture picture = stage.render(seed);
+        spoil(picture);
+        const Comparison comparison = against_golden(picture, golden);
+        EXPECT_FALSE(comparison.alike()) << what << " passes";
+        const ScaleResult* worst = comparison.worst_scale();
+        std::printf(
+            "%-34s %-10s %8.1f deviations (%.1f) of %2d pixels a side, FLIP %.3f (%.3f), SSIM %.3f (%.3f)\n",
+            what, golden.name.c_str(), worst->worst, worst->limit, worst->size, comparison.flip_mean,
+            comparison.flip_mean_limit, comparison.ssim, comparison.ssim_limit);
+    }
+}
+
+void expect_caught(const char* what, const std::string& name, const std::vector<std::string>& faults) {
+    const Golden& golden = golden_named(name);
+    expect_caught(what, Stage(golden, faults), golden);
+}
+
+// Moves CVs in the buffers that Embree reads, and builds its tree again.
+void edit_curves(World& world, const std::function<void(uint64_t curve, float* vertex)>& edit) {
+    for (size_t g = 0; g < world.curves.size(); ++g) {
+        const CurveGeometry& curves = world.curves[g];
+        RTCGeometry geometry = world.curve_buffers[g].get();
+        for (unsigned time = 0; time < curves.vertices.size(); ++time) {
+            auto* vertices =
+                static_cast<float*>(rtcGetGeometryBufferData(geometry, RTC_BUFFER_TYPE_VERTEX, time));
+            for (uint64_t v = 0; v < curves.curve_count * (curves.cvs_per_curve + 2); ++v)
+                edit(v / (curves.cvs_per_curve + 2), vertices + 4 * v);
+            rtcUpdateGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, time);
+        }
+        rtcCommitGeometry(geometry);
+    }
+    rtcCommitScene(world.scene.get());
+}
+
+} // namespace
+
+TEST(GoldenFault, strands_off_by_half_a_pixel) {
+    const Golden& golden = golden_named("still");
+    Stage stage(golden);
+    // At 3.4 m, 34 degrees over 72 pixels.
+    const float half = 0.5F * 3.4F * 2.0F * std::tan(17.0F * 3.14159265F / 180.0F) / 72.0F;
+    edit_curves(stage.world(), [&](uint64_t, float* vertex) { vertex[0] += half; });
+    expect_caught("strands off by half a pixel", stage, golden);
+}
+
+TEST(GoldenFault, a_gust_is_missing) {
+    expect_caught("the gust placed by hand is missing", "control",
+                  {"wind.gusts.control=[{shape=\"sphere\", strength=0, transform={translate=[-0.3, 0.3, "
+                   "0.4], scale=0.45}}]"});
+    expect_caught("one of eight gusts is missing", "gusts",
+                  {"wind.gusts={num_gusts=7, radius_range=[0.4, 0.6], speed_range=[1.5, 2.5], "
+                   "start_frame_range=[6, 18], life_range=[40, 60], decay_range=[8, 8], period=0, center=[0, "
+                   "0, 0], extent=[1, 1], distance=0.8, seed=2}"});
+}
+
+TEST(GoldenFault, jiggle_is_off) { expect_caught("jiggle is off", "jiggle", {"wind.jiggle={frequency=0}"}); }
+
+TEST(GoldenFault, collision_is_off_for_one_strand_in_a_hundred) {
+    const Golden& golden = golden_named("collision");
+    Stage stage(golden), without(golden, {"wind.collision={solver=\"none\"}"});
+    // One in a hundred of all strands, of those that collision holds off the skin by a pixel or more: of the others nothing is seen.
+    const CurveGeometry &with = stage.world().curves[0], &other = without.world().curves[0];
+    const size_t stride = with.cvs_per_curve + 2, strands = with.curve_count;
+    const float pixel = 2.0F * 3.4F * std::tan(17.0F * 3.14159265F / 180.0F) / 72.0F;
+    std::vector<uint64_t> held;
+    for (uint64_t c = 0; c < strands; ++c) {
+        const float *a = with.vertices[0] + 4 * (stride * c + stride - 2),
+                    *b = other.vertices[0] + 4 * (stride * c + stride - 2);
+        if (std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]) > pixel) held.push_back(c);
+    }
+    ASSERT_GT(held.size(), strands / 20);
+    std::set<uint64_t> chosen;
+    for (size_t i = 0; i < strands / 100; ++i) chosen.insert(held[i * held.size() / (strands / 100)]);
+    size_t at = 0;
+    edit_curves(stage.world(), [&](uint64_t curve, float* vertex) {
+        const float* theirs = other.vertices[0] + 4 * at++;
+        if (chosen.contains(curve)) std::memcpy(vertex, theirs, 4 * sizeof(float));
+    });
+    std::printf("%zu of %zu strands are held off by more than a pixel; %zu of them are let go\n", held.size(),
+                size_t(strands), chosen.size());
+    expect_caught("collision off, one strand in 100", stage, golden);
+}
+
+TEST(GoldenFault, a_sun_brighter_by_a_hundredth) {
+    expect_caught("a sun brighter by 1 %", "sun", {"light.sun.irradiance=[3.232, 3.03, 2.727]"});
+}
+
+TEST(GoldenFault, channels_are_swapped) {
+    const Golden& golden = golden_named("room");
+    expect_caught("red and green swapped", Stage(golden), golden, [](Picture& picture) {
+        std::vector<float>& p = picture.layers[0].pixels;
+        for (size_t i = 0; i < p.size(); i += 3) std::swap(p[i], p[i + 1]);
+    });
+}
+
+TEST(GoldenFault, one_firefly) {
+    for (const char* name : {"room", "bend"}) {
+        const Golden& golden = golden_named(name);
+        expect_caught("one firefly", Stage(golden), golden, [](Picture& picture) {
+            for (size_t c = 0; c < 3; ++c) picture.layers[0].pixels[3 * (40 * 96 + 48) + c] += 60.0F;
+        });
+    }
+}
+
+} // namespace marram::golden

@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/golden/goldens.h"
+
+#include "core/image/flip.h"
+#include "core/math/hash.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <stdexcept>
+
+namespace marram::golden {
+namespace {
+
+const std::string size = "film.size=[96, 72]";
+const std::vector<std::string> small = {size, "film.samples=32"};
+
+Golden room(const std::string& name, const std::string& shows, std::vector<std::string> changes) {
+    return {name, shows, "golden/room.toml", 8, std::move(changes)};
+}
+
+Golden fur(const std::string& name, const std::string& shows, std::vector<std::string> changes) {
+    return {name, shows, "golden/fur.toml", 20, std::move(changes)};
+}
+
+// A scene of the gallery, smaller and with fewer strands.
+Golden figure(const std::string& name, double frame, std::vector<std::string> changes) {
+    changes.insert(changes.end(), small.begin(), small.end());
+    return {name, "the scene of that name, small", name + ".toml", frame, std::move(changes)};
+}
+
+const std::string exact = "wind.collision={solver=\"exact\", offset_scale=0.3}";
+const std::string no_sun = "light.sun.irradiance=[0, 0, 0]", no_sky = "light.sky.strength=0";
+
+} // namespace
+
+std::span<const Golden> goldens() {
+    static const std::vector<Golden> all = {
+        // The renderer.
+        room("room", "meshes, ribbons, a wide sun and a gradient sky, transmission through blades", {}),
+        room("sun", "the sun alone: shadows and one bounce", {no_sky, "film.max_depth=2"}),
+        room("sky", "the sky alone, six bounces", {no_sun}),
+        room("lamp", "a shining mesh alone", {no_sun, no_sky, "light.lamp.radiance=[12, 10, 7]"}),
+        room("lens", "a lens focused on the ball", {"camera.lens_radius=0.12", "camera.focus=3.9"}),
+        room("moving", "a ball that rolls, blurred over half a frame",
+             {"camera.shutter=[-0.5, 0.5]", "mesh.ball.transform={keys=[{frame=1, translate=[-1, 0.45, "
+                                            "0.6]}, {frame=10, translate=[1.6, 0.45, 0.6]}]}"}),
+        room("filter", "the box filter, a pixel wide", {"film.filter=\"box\"", "film.filter_radius=0.5"}),
+        room("round", "round strands of Catmull-Rom curves, with clumps, curl and frizz",
+             {"procedural.grass.shape=\"round\"", "procedural.grass.basis=\"catmull-rom\"",
+              "procedural.grass.cvs=12", "procedural.grass.clump={size=0.3, amount=0.5}",
+              "procedural.grass.curl={radius=0.02, turns=2}",
+              "procedural.grass.frizz={amplitude=0.02, frequency=3}"}),
+        room("oriented", "ribbons that face their own way", {"procedural.grass.shape=\"oriented-ribbon\""}),
+        // The chain.
+        fur("still", "strands at rest", {"wind.speed=0"}),
+        fur("hair", "hair fibres by colour",
+            {"wind.speed=0", "film.max_depth=8", "procedural.fur.material=\"hair\""}),
+        fur("melanin", "hair fibres by melanin",
+            {"wind.speed=0", "film.max_depth=8", "procedural.fur.material=\"melanin\""}),
+        fur("bend", "bent by a steady wind", {}),
+        fur("perlin", "Perlin noise of two octaves", {"wind.noise={amplitude=0.9, frequency=2, octaves=2}"}),
+        fur("billow", "billow noise, evolving",
+            {"wind.noise={type=\"billow\", amplitude=0.9, frequency=2, evolution=1}"}),
+        fur("wavelet", "wavelet noise", {"wind.noise={type=\"wavelet\", amplitude=0.9, frequency=2}"}),
+        fur("gusts", "gusts that pass, tinted by what they bring",
+            {"wind.gusts={num_gusts=8, radius_range=[0.4, 0.6], speed_range=[1.5, 2.5], "
+             "start_frame_range=[6, 18], life_range=[40, 60], decay_range=[8, 8], period=0, center=[0, 0, "
+             "0], extent=[1, 1], distance=0.8, seed=2}",
+             "material.fur.tint=\"gust\"", "material.fur.tint_color=[0.9, 0.2, 0.05]"}),
+        fur("control", "one gust placed by hand",
+            {"wind.gusts.control=[{shape=\"sphere\", transform={translate=[-0.3, 0.3, 0.4], scale=0.45}}]"}),
+        fur("shield", "shelter by the body, soft-edged, tinted",
+            {"wind.shielding={shield=1, spread=10, rays=16}", "material.fur.tint=\"shield\""}),
+        fur("shield_cv", "shelter of each CV, fading in its wake",
+            {"wind.shielding={shield=1, shield_per=\"cv\", wake=0.5}", "material.fur.tint=\"shield\""}),
+        fur("jiggle", "strands that swing behind a ball that moves",
+            {"wind.speed=0", "wind.jiggle={frequency=2, damping=0.2}",
+             "mesh.body.transform={keys=[{frame=1, translate=[0.6, 0, 0]}, {frame=20, translate=[0, 0, "
+             "0]}]}"}),
+        fur("collision", "exact collision with the skin, few strands in a strong wind from the camera",
+            {exact, "film.samples=256", "wind.direction=[0.3, -0.1, -1]", "wind.global_rotate=1",
+             "procedural.fur.count=900", "procedural.fur.width=0.03"}),
+        fur("steps", "the talk's sixteen steps", {"wind.collision={solver=\"steps\"}"}),
+        fur("blur", "a moving ball's fur, blurred",
+            {exact, "camera.shutter=[-0.5, 0.5]",
+             "mesh.body.transform={keys=[{frame=1, translate=[0.9, 0, 0]}, {frame=20, translate=[0, 0, "
+             "0]}]}"}),
+        // The gallery.
+        figure("default", 1, {"procedural.grass.density=300", "procedural.stalks.density=20"}),
+        figure("strand", 1, {}),
+        figure("talk", 1, {}),
+        figure("figure1a", 1, {"procedural.fur.count=20000", "procedural.fur.width=0.005"}),
+        figure("figure1b", 1, {"procedural.fur.count=20000", "procedural.fur.width=0.005"}),
+        figure("figure1c", 1, {"procedural.fur.count=20000", "procedural.fur.width=0.005"}),
+        figure("figure2", 30, {}),
+        figure("gust_field", 24, {"procedural.near.density=30", "procedural.far.density=7"}),
+    };
+    return all;
+}
+
+const Golden& golden_named(const std::string& name) {
+    for (const Golden& golden : goldens())
+        if (golden.name == name) return golden;
+    throw std::invalid_argument("there is no golden " + name);
+}
+
+std::string path_of(const Golden& golden) {
+    return MARRAM_SOURCE_DIR "/scenes/golden/" + golden.name + ".exr";
+}
+
+Stage::Stage(const Golden& golden, const std::vector<std::string>& faults) : frame_(golden.frame) {
+    static const std::atomic<bool> never{false};
+    Overrides overrides;
+    overrides.settings = golden.changes;
+    overrides.settings.insert(overrides.settings.end(), faults.begin(), faults.end());
+    scene_ = load(MARRAM_SOURCE_DIR "/scenes/" + golden.scene, overrides, never);
+    BuildSettings settings = build_settings(scene_, frame_);
+    settings.attributes = wanted_attributes(scene_, {});
+    BuildProgress progress;
+    BuildStats stats;
+    world_ = build_world(scene_.geometry, settings, never, progress, stats);
+    lights_ = std::make_unique<Lights>(scene_.lights, world_);
+}
+
+Picture Stage::render(uint64_t seed) const {
+    const auto [width, height] = film_size(scene_);
+    const std::vector<std::string> layers = {"beauty"};
+    Film film = make_film(width, height, layers, world_);
+    RenderSettings settings = render_settings(scene_, frame_);
+    settings.seed = seed;
+    marram::render(world_, *lights_, scene_.materials, scene_.camera, settings, film);
+    Picture picture;
+    picture.width = int(width);
+    picture.height = int(height);
+    picture.samples = int(settings.samples);
+    picture.layers.push_back({"", {"R", "G", "B"}, find_layer(film, "beauty")->pixels});
+    return picture;
+}
+
+namespace {
+
+// Means, and the largest of many squares, fall off like a normal distribution; single pixels and their next neighbours do so more
+// slowly, since few paths bring much of the light.
+constexpr double spread = 7.0, spread_of_pixels = 10.0; // standard deviations
+
+double limit_of(const std::vector<double>& values, double deviations) {
+    double mean = 0.0, squares = 0.0;
+    for (const double v : values) mean += v / double(values.size());
+    for (const double v : values) squares += (v - mean) * (v - mean) / double(values.size() - 1);
+    return mean + deviations * std::sqrt(squares);
+}
+
+using Values = std::vector<float>;
+
+// Of all renders but one: their mean, and the variance of one more render's difference from it.
+void statistics(const std::vector<Values>& renders, size_t without, Values& mean, Values& variance) {
+    const auto count = double(renders.size() - (without < renders.size() ? 1 : 0));
+    mean.resize(renders[0].size());
+    variance.resize(renders[0].size());
+    for (size_t p = 0; p < mean.size(); ++p) {
+        double sum = 0.0, squares = 0.0;
+        for (size_t i = 0; i < renders.size(); ++i)
+            if (i != without) sum += double(renders[i][p]);
+        sum /= count;
+        for (size_t i = 0; i < renders.size(); ++i)
+            if (i != without) squares += (double(renders[i][p]) - sum) * (double(renders[i][p]) - sum);
+        mean[p] = float(sum);
+        variance[p] = float(squares / (count - 1.0) * (1.0 + 1.0 / count));
+    }
+}
+
+} // namespace
+
+Picture made(const Golden& golden) {
+    const Stage stage(golden);
+    std::vector<Values> renders;
+    Picture picture;
+    for (int i = 0; i < seeds; ++i) {
+        picture = stage.render(hash(uint64_t(0x601d), uint64_t(i)));
+        renders.push_back(picture.layers[0].pixels);
+    }
+    const int w = picture.width, h = picture.height;
+    std::vector<std::vector<double>> worst; // [scale][render]
+    Limits limits;
+    std::vector<double> flip_means, flip_99s, ssims;
+    Values mean, variance;
+    for (size_t i = 0; i < renders.size(); ++i) {
+        statistics(renders, i, mean, variance);
+        const std::vector<ScaleResult> scales = deviations(renders[i], mean, variance, w, h);
+        worst.resize(scales.size());
+        limits.deviations.resize(scales.size());
+        for (size_t s = 0; s < scales.size(); ++s) {
+            worst[s].push_back(scales[s].worst);
+            limits.deviations[s].first = scales[s].size;
+        }
+        Values flip = flip_map(renders[i], mean, w, h);
+        std::ranges::sort(flip);
+        double sum = 0.0;
+        for (const float f : flip) sum += double(f);
+        flip_means.push_back(sum / double(flip.size()));
+        flip_99s.push_back(double(flip[flip.size() * 99 / 100]));
+        ssims.push_back(mean_ssim(renders[i], mean, w, h));
+    }
+    for (size_t s = 0; s < worst.size(); ++s)
+        limits.deviations[s].second = limit_of(
+            worst[s],
+            limits.deviations[s].first == 1 || limits.deviations[s].first == 2 ? spread_of_pixels : spread);
+    limits.flip_mean = limit_of(flip_means, spread);
+    limits.flip_99 = limit_of(flip_99s, spread);
+    limits.ssim = limit_of(ssims, -spread);
+    statistics(renders, renders.size(), mean, variance);
+    picture.layers[0].pixels = mean;
+    picture.layers.push_back({"variance", {"R", "G", "B"}, variance});
+    picture.limits = to_text(limits);
+    return picture;
+}
+
+void write(const Picture& picture, const std::string& path, const Golden& golden) {
+    const Layer layers[] = {{"", {"R", "G", "B"}, picture.layers[0].pixels.data(), false},
+                            {"variance", {"R", "G", "B"}, picture.layers[1].pixels.data(), true}};
+    const Metadata metadata[] = {{"marram:shows", golden.shows}, {"marram:scene", golden.scene},
+                                 {"marram:frame", golden.frame}, {"marram:samples", picture.samples},
+                                 {"marram:seeds", seeds},        {"marram:limits", picture.limits}};
+    write_exr(path, picture.width, picture.height, layers, metadata);
+}
+
+} // namespace marram::golden

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// Golden frames: what small pictures of every feature are to look like, in scenes/golden/NAME.exr. A golden is the mean of renders that
+// differ in their seed alone. With it stand the variance of one more render's difference from it, and the limits that comparison is to
+// keep, both measured from those renders: nothing is guessed (core/image/compare.h says what is compared).
+#pragma once
+
+#include "core/cli/assemble.h"
+#include "core/image/compare.h"
+#include "core/render/integrator.h"
+
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace marram::golden {
+
+struct Golden {
+    std::string name, shows;
+    std::string scene; // in scenes/
+    double frame = 1.0;
+    std::vector<std::string> changes; // key=value
+};
+
+std::span<const Golden> goldens();
+const Golden& golden_named(const std::string& name);
+std::string path_of(const Golden& golden); // of its EXR
+
+// A golden's scene, built: renders it with as many seeds as wanted.
+class Stage {
+  public:
+    // `faults` are changes that plant one.
+    explicit Stage(const Golden& golden, const std::vector<std::string>& faults = {});
+    Picture render(uint64_t seed) const;
+    World& world() { return world_; } // to plant a fault by hand, before the first render
+
+  private:
+    LoadedScene scene_;
+    World world_;
+    std::unique_ptr<Lights> lights_;
+    double frame_;
+};
+
+inline constexpr int seeds = 24; // that a golden is measured from
+
+// Renders and measures it anew.
+Picture made(const Golden& golden);
+void write(const Picture& picture, const std::string& path, const Golden& golden);
+
+} // namespace marram::golden

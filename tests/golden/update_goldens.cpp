@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// Renders golden frames anew and shows, before anything is replaced, what was, what is to be and how they differ: one page each, and one line
+// on the terminal. Only with --write are the files replaced. Started by tests/golden/update.
+#include "core/cli/compare_report.h"
+#include "core/image/atomic_file.h"
+#include "core/math/problem.h"
+#include "tests/golden/goldens.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+
+namespace marram::golden {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The page that shows both.
+std::string show(const Golden& golden, const std::string& before, const std::string& after,
+                 const fs::path& folder) {
+    const ComparedFile a{after, read_picture(after)}, b{before, read_picture(before)};
+    const Comparison comparison = compare_pictures(a.picture, b.picture, after, before);
+    const std::string page = (folder / (golden.name + ".html")).string();
+    AtomicWriter writer(page);
+    writer.write(compare_page(a, b, comparison));
+    writer.commit();
+    return fmt::format("{}: {}", comparison.alike() ? "alike" : "DIFFERENT, " + comparison.faults.front(),
+                       page);
+}
+
+int run(const std::vector<std::string>& names, bool writes, const fs::path& folder) {
+    fs::create_directories(folder);
+    size_t bytes = 0;
+    for (const Golden& golden : goldens()) {
+        const std::string before = path_of(golden);
+        const bool chosen = names.empty() || std::ranges::find(names, golden.name) != names.end();
+        if (chosen) {
+            const std::string after = (folder / (golden.name + ".exr")).string();
+            write(made(golden), after, golden);
+            fmt::print("{:<12} {}\n", golden.name,
+                       fs::exists(before) ? show(golden, before, after, folder) : "new: " + after);
+            std::fflush(stdout);
+            if (writes) fs::copy_file(after, before, fs::copy_options::overwrite_existing);
+        }
+        if (fs::exists(before)) bytes += fs::file_size(before);
+    }
+    fmt::print("scenes/golden: {:.1f} of 5 MiB\n", double(bytes) / double(1 << 20));
+    fmt::print("{}\n",
+               writes ? "written" : "nothing was replaced: look at the pages, then run again with --write");
+    return bytes <= size_t(5) << 20 ? 0 : 1;
+}
+
+} // namespace
+} // namespace marram::golden
+
+int main(int argc, char** argv) {
+    std::vector<std::string> names;
+    bool writes = false;
+    for (int i = 1; i < argc; ++i) {
+        if (std::string(argv[i]) == "--write")
+            writes = true;
+        else
+            names.emplace_back(argv[i]);
+    }
+    try {
+        for (const std::string& name : names) marram::golden::golden_named(name);
+        return marram::golden::run(names, writes, "golden");
+    } catch (const std::exception& error) {
+        fmt::print(stderr, "{}\n", error.what());
+        return 2;
+    }
+}

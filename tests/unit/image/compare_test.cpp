@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: Apache-2.0
+// What comparison must see and what it must not, on pictures made up with known noise.
+#include "core/image/compare.h"
+
+#include "core/image/flip.h"
+#include "core/math/hash.h"
+#include "core/math/problem.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <functional>
+
+#include <unistd.h>
+
+namespace marram {
+namespace {
+
+constexpr int width = 96, height = 64;
+
+// A standard normal number.
+double normal(uint64_t seed, uint64_t i) {
+    const uint64_t h = hash(seed, i);
+    const double u = (double(h >> 40) + 0.5) * 0x1p-24, v = double(h & 0xffffff) * 0x1p-24;
+    return std::sqrt(-2.0 * std::log(u)) * std::cos(2.0 * 3.14159265358979 * v);
+}
+
+// A smooth picture with an edge, and what is added to it.
+Picture made(
+    uint64_t seed, double noise,
+    const std::function<double(int, int, int)>& add = [](int, int, int) { return 0.0; }) {
+    Picture picture{width, height, 64, "", {{"", {"R", "G", "B"}, {}}, {"variance", {"R", "G", "B"}, {}}}};
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x)
+            for (int c = 0; c < 3; ++c) {
+                const double base = (x > y ? 0.6 : 0.2) + 0.1 * std::sin(0.1 * x) + 0.05 * c;
+                const auto at = uint64_t((y * width + x) * 3 + c);
+                picture.layers[0].pixels.push_back(float(base + noise * normal(seed, at) + add(x, y, c)));
+                picture.layers[1].pixels.push_back(float(noise * noise));
+            }
+    return picture;
+}
+
+Comparison compared(const Picture& a, const Picture& b) { return compare_pictures(a, b, "a", "b"); }
+
+Picture without_variance(Picture picture) {
+    picture.layers.pop_back();
+    return picture;
+}
+
+} // namespace
+
+TEST(Compare, the_limit_is_students_t) {
+    EXPECT_NEAR(student_limit(0.001, 10.0), 4.587, 0.014); // from tables, two-sided
+    EXPECT_NEAR(student_limit(0.001, 30.0), 3.646, 0.005);
+    EXPECT_NEAR(student_limit(0.01, 20.0), 2.845, 0.005);
+    EXPECT_NEAR(student_limit(0.001, 1e9), 3.2905, 0.001);
+    EXPECT_NEAR(student_limit(1e-9, 1e9), 6.1094, 0.001);
+}
+
+TEST(Compare, noise_of_another_seed_is_alike) {
+    const Picture reference = made(1, 0.05);
+    int alarms = 0;
+    double whole = 0.0;
+    constexpr int seeds = 200;
+    for (int i = 0; i < seeds; ++i) {
+        const Comparison c = compared(made(uint64_t(2 + i), 0.05), reference);
+        EXPECT_TRUE(c.knows_noise);
+        EXPECT_FALSE(c.equal);
+        alarms += !c.alike();
+        whole += c.scales.back().worst;
+    }
+    EXPECT_LE(alarms, 1) << "the level is 0.001";
+    EXPECT_GT(
+        whole / seeds,
+        0.3); // deviations are deviations: the worst of three channels is about 1.3 in the mean, of seeds that
+    EXPECT_LT(whole / seeds, 2.0); // share a reference
+}
+
+TEST(Compare, small_steady_differences_add_up) {
+    const Picture reference = made(1, 0.05);
+    // A twentieth of a standard deviation everywhere; half of one in a square; twenty in a pixel.
+    const Comparison all = compared(made(2, 0.05, [](int, int, int) { return 0.005; }), reference);
+    EXPECT_FALSE(all.alike());
+    EXPECT_EQ(all.worst_scale()->size, 0);
+    const Comparison square = compared(
+        made(2, 0.05, [](int x, int y, int) { return x >= 32 && x < 48 && y >= 16 && y < 32 ? 0.05 : 0.0; }),
+        reference);
+    EXPECT_FALSE(square.alike());
+    EXPECT_EQ(square.worst_scale()->size, 16);
+    EXPECT_EQ(square.worst_scale()->x, 32);
+    EXPECT_EQ(square.worst_scale()->y, 16);
+    const Comparison pixel =
+        compared(made(2, 0.05, [](int x, int y, int) { return x == 7 && y == 9 ? 1.0 : 0.0; }), reference);
+    EXPECT_FALSE(pixel.alike());
+    EXPECT_EQ(pixel.worst_scale()->size, 1);
+    EXPECT_EQ(pixel.worst_scale()->x, 7);
+}
+
+TEST(Compare, without_variance_looks_decide) {
+    const Picture reference = without_variance(made(1, 0.002));
+    EXPECT_TRUE(compared(reference, reference).equal);
+    EXPECT_TRUE(compared(reference, reference).alike());
+    EXPECT_TRUE(compared(without_variance(made(2, 0.002)), reference).alike());
+    const Comparison off = compared(
+        without_variance(made(1, 0.002, [](int x, int, int) { return x > 60 ? 0.2 : 0.0; })), reference);
+    EXPECT_FALSE(off.alike());
+    EXPECT_FALSE(off.knows_noise);
+}
+
+TEST(Compare, one_variance_serves_both) {
+    const Picture reference = made(1, 0.05);
+    const Comparison c = compared(without_variance(made(2, 0.05)), reference);
+    EXPECT_TRUE(c.knows_noise);
+    EXPECT_TRUE(c.alike());
+}
+
+TEST(Compare, numbers_are_what_they_say) {
+    Picture a = without_variance(made(1, 0.0)), b = a;
+    for (float& v : a.layers[0].pixels) v += 0.25F;
+    const Comparison c = compared(a, b);
+    EXPECT_NEAR(c.layers[0].rmse, 0.25, 1e-6);
+    EXPECT_NEAR(c.layers[0].psnr, 20.0 * std::log10(1.0 / 0.25), 1e-4);
+    EXPECT_NEAR(c.layers[0].most, 0.25, 1e-6);
+    EXPECT_EQ(compared(b, b).ssim, 1.0);
+}
+
+TEST(Compare, golden_limits_are_kept) {
+    Picture reference = made(1, 0.05);
+    reference.limits = to_text({{{1, 3.0}, {0, 2.5}}, 0.5, 0.9, 0.2});
+    const std::optional<Limits> read = limits_from(reference.limits);
+    ASSERT_TRUE(read.has_value());
+    EXPECT_EQ(read->deviations, (std::vector<std::pair<int, double>>{{1, 3.0}, {0, 2.5}}));
+    EXPECT_EQ(read->ssim, 0.2);
+    EXPECT_FALSE(limits_from("").has_value());
+    EXPECT_FALSE(limits_from("1:a flip 1").has_value());
+    const Comparison c = compared(made(2, 0.05), reference);
+    EXPECT_TRUE(c.golden);
+    EXPECT_EQ(c.scales.front().limit, 3.0);
+    EXPECT_EQ(c.flip_mean_limit, 0.5);
+    EXPECT_FALSE(c.alike())
+        << "of 18,432 normal numbers some are beyond 3, and its variance is that of the difference";
+}
+
+TEST(Compare, what_cannot_be_compared_is_refused) {
+    const Picture a = made(1, 0.01);
+    Picture small = a, alpha = a, odd = a;
+    small.height = 32;
+    alpha.layers[0].channels.emplace_back("A");
+    odd.layers[1].channels.pop_back();
+    for (const Picture* other : {&small, &alpha, &odd}) EXPECT_THROW(compared(*other, a), InputError);
+    try {
+        compared(small, a);
+    } catch (const InputError& error) {
+        EXPECT_STREQ(error.what(), "a: is 96 x 32 pixels, b is 96 x 64: compare pictures of one size");
+    }
+}
+
+TEST(Compare, layers_come_whatever_their_order) {
+    const std::string path =
+        (std::filesystem::temp_directory_path() / ("marram_layers_" + std::to_string(::getpid()) + ".exr"))
+            .string();
+    const std::vector<float> rgba = {1, 2, 3, 0.5F, 4, 5, 6, 1}, depth = {7, 8};
+    const Layer layers[] = {{"", {"B", "A", "G", "R"}, rgba.data(), false},
+                            {"depth", {"Z"}, depth.data(), false}};
+    write_exr(path, 2, 1, layers, {});
+    const Picture picture = read_picture(path);
+    std::filesystem::remove(path);
+    ASSERT_EQ(picture.layers.size(), 2U);
+    EXPECT_EQ(picture.find("")->channels, (std::vector<std::string>{"R", "G", "B", "A"}));
+    EXPECT_EQ(picture.find("")->pixels, (std::vector<float>{0.5F, 3, 1, 2, 1, 6, 4, 5}));
+    EXPECT_EQ(picture.find("depth")->pixels, depth);
+}
+
+// ---- FLIP -----------------------------------------------------------------------------------------------------------
+
+namespace {
+
+std::vector<float> plain(float r, float g, float b) {
+    std::vector<float> rgb;
+    for (int i = 0; i < width * height; ++i) rgb.insert(rgb.end(), {r, g, b});
+    return rgb;
+}
+
+double mean_flip(const std::vector<float>& a, const std::vector<float>& b) {
+    double sum = 0.0;
+    for (const float f : flip_map(a, b, width, height)) sum += double(f) / (width * height);
+    return sum;
+}
+
+} // namespace
+
+TEST(Flip, goes_from_none_to_one) {
+    const std::vector<float> green = plain(0, 8, 0), blue = plain(0, 0, 8), grey = plain(0.4F, 0.4F, 0.4F);
+    EXPECT_EQ(mean_flip(grey, grey), 0.0);
+    EXPECT_GT(mean_flip(green, blue), 0.9);
+    EXPECT_LE(mean_flip(green, blue), 1.0);
+    double last = 0.0;
+    for (const float more : {0.01F, 0.05F, 0.2F, 1.0F}) {
+        const double now = mean_flip(plain(0.4F + more, 0.4F + more, 0.4F + more), grey);
+        EXPECT_GT(now, last);
+        last = now;
+    }
+    for (const float f : flip_map(green, blue, width, height)) EXPECT_TRUE(f >= 0.0F && f <= 1.0F);
+}
+
+// What the eye does not resolve counts less: a fine checkerboard against the grey of its mean, and a coarse one.
+TEST(Flip, fine_patterns_count_less_than_coarse_ones) {
+    const auto board = [](int cell) {
+        std::vector<float> rgb;
+        for (int y = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x)
+                for (int c = 0; c < 3; ++c) rgb.push_back((x / cell + y / cell) % 2 == 0 ? 0.3F : 0.5F);
+        return rgb;
+    };
+    const std::vector<float> grey = plain(0.4F, 0.4F, 0.4F);
+    EXPECT_LT(mean_flip(board(1), grey), 0.5 * mean_flip(board(16), grey));
+}
+
+TEST(Flip, sees_an_edge_that_has_moved) {
+    const auto edge = [](int at) {
+        std::vector<float> rgb;
+        for (int y = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x)
+                for (int c = 0; c < 3; ++c) rgb.push_back(x < at ? 0.2F : 0.6F);
+        return rgb;
+    };
+    const std::vector<float> map = flip_map(edge(51), edge(48), width, height);
+    const auto at = [&](int x) { return map[size_t(32 * width + x)]; };
+    EXPECT_GT(at(49), 0.3F);
+    EXPECT_LT(at(10), 0.01F);
+}
+
+// Black, very bright and negative pictures give numbers.
+TEST(Flip, survives_any_range) {
+    const std::vector<float> black = plain(0, 0, 0), bright = plain(6e4F, 6e4F, 6e4F),
+                             odd = plain(-1, 0, 1e-30F);
+    for (const auto& a : {black, bright, odd})
+        for (const auto& b : {black, bright, odd})
+            for (const float f : flip_map(a, b, width, height)) ASSERT_TRUE(f >= 0.0F && f <= 1.0F);
+}
+
+} // namespace marram

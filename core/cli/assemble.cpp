@@ -294,6 +294,7 @@ RenderSettings render_settings(const LoadedScene& scene, double frame) {
     RenderSettings settings;
     settings.samples = uint32_t(film.integer("samples"));
     settings.max_depth = uint32_t(film.integer("max_depth"));
+    settings.noise = film.number("noise");
     const std::string& filter = film.text("filter");
     settings.filter.kind = filter == "box"        ? FilterKind::box
                            : filter == "triangle" ? FilterKind::triangle

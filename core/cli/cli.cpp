@@ -95,6 +95,10 @@ void add_render(CLI::App& app, Commands& c) {
         ->type_name("A-B")
         ->excludes(frame);
     command->add_option("--spp", c.texts.samples, "samples a pixel")->check(CLI::Range(1, 65536));
+    command
+        ->add_option("--seconds", c.render.seconds,
+                     "time for tracing a frame: it ends with fewer samples where they would take longer")
+        ->check(CLI::Range(1e-3, 1e9));
     command->add_option("--size", c.texts.size, "size of the picture")->type_name("WxH");
     command
         ->add_option(

@@ -74,6 +74,8 @@ std::vector<std::string> layer_names(const LoadedScene& scene, const RenderOptio
     for (const auto* list : {&scene.description.film.at("aovs").texts, &options.layers})
         for (const std::string& name : *list)
             if (std::ranges::find(names, name) == names.end()) names.push_back(name);
+    if (scene.description.film.number("noise") > 0.0 && std::ranges::find(names, "variance") == names.end())
+        names.emplace_back("variance"); // by which pixels know when they are done
     return names;
 }
 
@@ -191,7 +193,8 @@ bool render_frame(LoadedScene& scene, const RenderOptions& options, double frame
     const std::vector<std::string> names = layer_names(scene, options);
     BuildSettings build = build_settings(scene, frame);
     build.attributes = wanted_attributes(scene, names);
-    const RenderSettings render_with = render_settings(scene, frame);
+    RenderSettings render_with = render_settings(scene, frame);
+    render_with.seconds = options.seconds;
     const auto [width, height] = film_size(scene);
     Film film;
     {
@@ -206,6 +209,10 @@ bool render_frame(LoadedScene& scene, const RenderOptions& options, double frame
             render(world, lights, scene.materials, scene.camera, render_with, film, &watched.render);
         stats.trace = wall_seconds() - traced;
     }
+    if (stats.render.out_of_time)
+        fmt::print(stderr,
+                   "{}: time was up after {} of {} samples a pixel: give more --seconds for less noise\n",
+                   path, stats.render.most_samples, render_with.samples);
     for (const std::string& warning : stats.build.warnings) fmt::print(stderr, "{}\n", warning);
     stats.total = stats.load + wall_seconds() - begin;
     const std::string target = stats.render.cancelled ? partial_name(path) : path;
@@ -213,10 +220,12 @@ bool render_frame(LoadedScene& scene, const RenderOptions& options, double frame
          {{"Software", std::string("marram " MARRAM_VERSION)},
           {"marram:scene", options.scene},
           {"marram:frame", frame},
-          {"marram:samples", int(render_with.samples)},
+          {"marram:samples", int(stats.render.most_samples)},
+          {"marram:mean_samples", stats.render.mean_samples},
           {"marram:seconds", stats.total},
           {"marram:version", std::string(MARRAM_VERSION)},
-          {digest_key, stats.render.cancelled ? std::string("partial") : digest(scene, options, frame)}});
+          {digest_key, stats.render.cancelled || stats.render.out_of_time ? std::string("partial")
+                                                                          : digest(scene, options, frame)}});
     fmt::print("{}\n", target);
     return !stats.render.cancelled;
 }

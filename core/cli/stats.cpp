@@ -44,6 +44,7 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
                       {"curve_extra_bytes", build.curve_extra_bytes}};
     json["rays"] = stats.render.rays.intersect + stats.render.rays.occluded;
     json["dropped_rays"] = stats.render.rays.dropped;
+    json["samples"] = {{"most", stats.render.most_samples}, {"mean", stats.render.mean_samples}}; // a pixel
     json["dropped_samples"] = stats.render.dropped_samples;
     return json;
 }

@@ -24,7 +24,10 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <bit>
+#include <chrono>
+#include <cmath>
 #include <mutex>
 
 namespace marram {
@@ -260,7 +263,8 @@ Ray camera_ray(const Frame& frame, const Film& film, uint32_t x, uint32_t y, Sam
 }
 
 struct Pass {
-    uint32_t begin, end; // samples
+    uint32_t begin, end;           // samples
+    const std::vector<char>& done; // [pixel] that need no more; or empty
 };
 
 struct Tile {
@@ -276,7 +280,14 @@ void render_tile(const Frame& frame, const Tile& tile, const Pass& pass, Film& f
     for (uint32_t y = tile.y0; y < tile.y1; ++y)
         for (uint32_t x = tile.x0; x < tile.x1; ++x) {
             if (cancelled(progress)) return;
-            double* pixel = film.sums.data() + (static_cast<size_t>(y) * film.width + x) * film.stride;
+            const size_t at = static_cast<size_t>(y) * film.width + x;
+            if (!pass.done.empty() && pass.done[at]) {
+                if (progress)
+                    progress->samples_done.fetch_add(pass.end - pass.begin, std::memory_order_relaxed);
+                continue;
+            }
+            stats.mean_samples += double(pass.end - pass.begin);
+            double* pixel = film.sums.data() + at * film.stride;
             const uint64_t seed = pixel_seed(frame.settings.seed, x, y);
             for (uint32_t s = pass.begin; s < pass.end; ++s) {
                 Sampler sampler(seed, s);
@@ -295,6 +306,7 @@ void render_tile(const Frame& frame, const Tile& tile, const Pass& pass, Film& f
 void add_stats(const RenderStats& more, RenderStats& sum) {
     sum.rays.intersect += more.rays.intersect;
     sum.rays.occluded += more.rays.occluded;
+    sum.mean_samples += more.mean_samples; // the sum, until the end
     sum.rays.dropped += more.rays.dropped;
     sum.dropped_samples += more.dropped_samples;
 }
@@ -323,6 +335,39 @@ uint32_t pass_end(uint32_t begin) {
     return begin < longest ? begin * 4 : begin + longest;
 }
 
+double luminance(const double* rgb) { return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]; }
+
+// Which pixels are as good as asked for; a pixel that its neighbours know to be noisy goes on, since a few samples may all have missed
+// what makes the noise. False: none is left.
+bool find_noisy(const Film& film, double noise, std::vector<char>& done) {
+    const FilmLayer* layer = find_layer(film, "variance");
+    const size_t pixels = static_cast<size_t>(film.width) * film.height;
+    std::vector<double> brightness(pixels), deviation(pixels);
+    double mean = 0.0;
+    for (size_t i = 0; i < pixels; ++i) {
+        const double* sums = film.sums.data() + i * film.stride + layer->first;
+        const double count = std::max(sums[layer->sums], 2.0);
+        double variance[3];
+        for (size_t c = 0; c < 3; ++c)
+            variance[c] = std::max(0.0, sums[c + 3] - sums[c] * sums[c] / count) / (count * (count - 1.0));
+        brightness[i] = luminance(sums) / count;
+        deviation[i] = std::sqrt(luminance(variance));
+        mean += brightness[i] / double(pixels);
+    }
+    const auto noisy = [&](size_t i) { return deviation[i] > noise * std::max(brightness[i], 0.1 * mean); };
+    done.assign(pixels, char(1));
+    bool any = false;
+    for (uint32_t y = 0; y < film.height; ++y)
+        for (uint32_t x = 0; x < film.width; ++x) {
+            if (!noisy(static_cast<size_t>(y) * film.width + x)) continue;
+            any = true;
+            for (uint32_t j = y - std::min(y, 1U); j <= std::min(y + 1, film.height - 1); ++j)
+                for (uint32_t i = x - std::min(x, 1U); i <= std::min(x + 1, film.width - 1); ++i)
+                    done[static_cast<size_t>(j) * film.width + i] = 0;
+        }
+    return any;
+}
+
 } // namespace
 
 RenderStats render(const World& world, const Lights& lights, std::span<const Material> materials,
@@ -341,12 +386,29 @@ RenderStats render(const World& world, const Lights& lights, std::span<const Mat
                 world.times.size() > 1 || camera.poses.size() > 1};
     find_attributes(frame, film);
     RenderStats stats;
+    std::vector<char> done;
+    using Clock = std::chrono::steady_clock;
+    const Clock::time_point start = Clock::now();
+    constexpr uint32_t enough_to_judge = 16; // samples, of a pixel's variance
     for (uint32_t begin = 0; begin < settings.samples && !stats.cancelled;) {
+        const Clock::time_point before = Clock::now();
         const uint32_t end = std::min(pass_end(begin), settings.samples);
-        render_pass(frame, {begin, end}, film, stats, progress);
+        render_pass(frame, {begin, end, done}, film, stats, progress);
         stats.cancelled = cancelled(progress);
+        stats.most_samples = end;
+        const double pass =
+            std::chrono::duration<double>(Clock::now() - before).count() / double(end - begin);
         begin = end;
+        if (settings.noise > 0.0 && begin >= enough_to_judge && !find_noisy(film, settings.noise, done))
+            break;
+        const double next = pass * double(std::min(pass_end(begin), settings.samples) - begin);
+        const double gone = std::chrono::duration<double>(Clock::now() - start).count();
+        if (settings.seconds > 0.0 && begin < settings.samples && gone + next > settings.seconds) {
+            stats.out_of_time = true;
+            break;
+        }
     }
+    stats.mean_samples /= double(film.width) * double(film.height);
     resolve(film);
     return stats;
 }

@@ -18,7 +18,11 @@ namespace marram {
 enum class Strategy { mis, lights_only, shaders_only };
 
 struct RenderSettings {
-    uint32_t samples = 64;       // a pixel
+    uint32_t samples = 64; // a pixel, at most
+    // > 0: a pixel is done once the standard deviation of its mean, and those of its eight neighbours, are below this share of
+    // its brightness, or of a tenth of the picture's where that is more. The film must have a layer "variance".
+    double noise = 0.0;
+    double seconds = 0.0;        // > 0: no pass begins that would probably end later; the first always does
     uint32_t max_depth = 16;     // surface interactions a path may have; 0: lights seen directly only
     uint32_t roulette_depth = 4; // interactions before Russian roulette may end a path
     Filter filter;
@@ -37,10 +41,13 @@ struct RenderStats {
     RayCounts rays;
     uint64_t dropped_samples = 0; // whose radiance was not finite: none, unless a light says so
     bool cancelled = false;
+    bool out_of_time = false;  // settings.seconds ended it before its samples were done
+    uint32_t most_samples = 0; // that a pixel has
+    double mean_samples = 0.0;
 };
 
 // Renders into the film (make_film) and resolves it. Runs in the caller's TBB arena; the bits of the result
-// depend neither on the number of threads nor on `tile`. materials are indexed by SurfacePoint::material; a
+// depend neither on the number of threads nor on `tile`, but with settings.seconds on how many passes there was time for. materials are indexed by SurfacePoint::material; a
 // hit without a material is shaded as diffuse with its defaults.
 RenderStats render(const World& world, const Lights& lights, std::span<const Material> materials,
                    const Camera& camera, const RenderSettings& settings, Film& film,

@@ -53,6 +53,10 @@ std::vector<ParamSpec> film_params() {
         {"max_depth", integer, "", "12", 0, 1024, "",
          "bounces of a path; 0: light sources only, 1: direct light"},
         {"aovs", texts, "", "[]", -any, any, "", "image layers besides the colour"},
+        {"noise", number, "", "0", 0, 1, "",
+         "a pixel is done once its standard deviation is below this share of its brightness; `samples` is "
+         "the most "
+         "then; 0: all have as many"},
         {"seed", integer, "", "0", 0, 2147483647, "",
          "another pattern of noise in the picture; strands stay"},
         {"motion_keys", integer, "", "none", 2, 64, "",

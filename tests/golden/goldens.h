@@ -2,6 +2,8 @@
 // Golden frames: what small pictures of every feature are to look like, in scenes/golden/NAME.exr. A golden is the mean of renders that
 // differ in their seed alone. With it stand the variance of one more render's difference from it, and the limits that comparison is to
 // keep, both measured from those renders: nothing is guessed (core/image/compare.h says what is compared).
+//
+// To add one: a line in goldens.cpp, then tests/golden/update NAME --write, and a look at what it made.
 #pragma once
 
 #include "core/cli/assemble.h"

@@ -168,8 +168,9 @@ TEST(BadInput, WindsThatCannotBlow) {
     expect_refused(with_wind("[wind.shielding]\nshield = 1\nwake = 2\nwake_heights = 2\n"),
                    "both wake and wake_heights");
     expect_refused(with_wind("[wind.shielding]\nshield = 1\nrays = 4\n"), "shielding.rays needs a cone");
-    expect_refused(with_wind("[wind.collision]\noffset_root = 0.1\n"),
-                   "wind.collision.offset_root is given but no solver: add wind.collision.solver = \"exact\"");
+    expect_refused(
+        with_wind("[wind.collision]\noffset_root = 0.1\n"),
+        "wind.collision.offset_root is given but no solver: add wind.collision.solver = \"exact\"");
     expect_refused(with_wind("[wind.collision]\nsolver = \"exact\"\nrotation_steps = 4\n"),
                    "rotation_steps belongs to solver");
     expect_refused(with_wind("[wind.jiggle]\nfrequency = 2\ndamping = 0\n"), "give jiggle.start_frame");

@@ -15,16 +15,6 @@ Outcome rendered(const Folder& folder, const std::string& scene, const std::stri
     return marram(arguments);
 }
 
-std::string output_of(const std::string& command) {
-    std::FILE* pipe = ::popen(command.c_str(), "r");
-    std::string text;
-    char buffer[4096];
-    for (size_t count = 0; pipe && (count = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;)
-        text.append(buffer, count);
-    if (pipe) ::pclose(pipe);
-    return text;
-}
-
 } // namespace
 
 TEST(Compare, tells_noise_from_change) {

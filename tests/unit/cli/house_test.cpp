@@ -110,16 +110,6 @@ TEST(House, TopLevelIsAsDesigned) {
     }
 }
 
-std::string output_of(const std::string& command) {
-    std::FILE* pipe = ::popen(command.c_str(), "r");
-    std::string text;
-    char buffer[4096];
-    for (size_t count = 0; pipe && (count = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;)
-        text.append(buffer, count);
-    EXPECT_TRUE(pipe && ::pclose(pipe) == 0) << command;
-    return text;
-}
-
 TEST(Plugin, ExportsItsEntryPointAlone) {
     const std::vector<std::string> symbols = lines(output_of("nm -D --defined-only " + plugin));
     ASSERT_EQ(symbols.size(), 1u) << fmt::format("{}", fmt::join(symbols, "\n"));

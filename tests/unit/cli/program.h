@@ -98,6 +98,17 @@ inline Outcome marram(const std::vector<std::string>& arguments) {
     return {exit_code(status), read_file(out), read_file(err)};
 }
 
+// What another program prints.
+inline std::string output_of(const std::string& command) {
+    std::FILE* pipe = ::popen(command.c_str(), "r");
+    std::string text;
+    char buffer[4096];
+    for (size_t count = 0; pipe && (count = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;)
+        text.append(buffer, count);
+    EXPECT_TRUE(pipe && ::pclose(pipe) == 0) << command;
+    return text;
+}
+
 inline std::vector<std::string> lines(const std::string& text) {
     std::vector<std::string> all;
     for (size_t begin = 0; begin < text.size();) {

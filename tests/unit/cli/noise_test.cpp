@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rendering to a noise target, and to a time.
+#include "program.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace marram::testing {
+namespace {
+
+const SceneText grassy{.film = "size = [48, 32]\nsamples = 256\nmax_depth = 3\n",
+                       .groom = "count = 3000\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.02\n"};
+
+double number_of(const std::string& path, const std::string& key) {
+    return std::stod(read_metadata(path, key).value_or("nan"));
+}
+
+} // namespace
+
+TEST(Noise, pixels_are_done_when_they_are_as_good_as_asked_for) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", grassy);
+    constexpr double noise = 0.03;
+    const auto rendered = [&](const std::string& name, const std::vector<std::string>& more) {
+        std::vector<std::string> arguments = {"render", scene, "-o", folder / name, "--quiet"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        EXPECT_DONE(marram(arguments));
+        return folder / name;
+    };
+    const std::string target = "film.noise=" + std::to_string(noise);
+    const std::string adaptive = rendered("a.exr", {"--set", target});
+    const std::string other_threads = rendered("b.exr", {"--set", target, "--threads", "1"});
+    const std::string finest = rendered("c.exr", {"--spp", "4096", "--set", "film.seed=3"});
+    EXPECT_TRUE(same_picture(adaptive, other_threads)) << "who is done does not depend on threads";
+    const double mean_samples = number_of(adaptive, "marram:mean_samples");
+    EXPECT_LT(mean_samples, 200.0);
+    EXPECT_GE(mean_samples, 16.0);
+    const Image a = read_image(adaptive), b = read_image(finest);
+    const auto luminance = [](const Image& image, size_t pixel) {
+        const auto channel = [&](const char* name) {
+            const auto at = std::ranges::find(image.channel_names, name) - image.channel_names.begin();
+            return double(image.pixels[pixel * size_t(image.channels) + size_t(at)]);
+        };
+        return 0.2126 * channel("R") + 0.7152 * channel("G") + 0.0722 * channel("B");
+    };
+    double mean = 0.0;
+    constexpr size_t pixels = 48 * 32;
+    for (size_t i = 0; i < pixels; ++i) mean += luminance(b, i) / double(pixels);
+    double squares = 0.0;
+    size_t beyond = 0;
+    for (size_t i = 0; i < pixels; ++i) {
+        const double off =
+            (luminance(a, i) - luminance(b, i)) / std::max(luminance(b, i), 0.1 * mean) / noise;
+        squares += off * off / double(pixels);
+        beyond += std::abs(off) > 3.0;
+    }
+    std::printf("%.0f samples a pixel of 256; off by %.2f of the noise asked for (rms), %zu pixels of %zu by "
+                "more than three times\n",
+                mean_samples, std::sqrt(squares), beyond, pixels);
+    EXPECT_LT(std::sqrt(squares), 1.1);
+    EXPECT_LT(beyond, pixels / 50);
+}
+
+// However little time there is, what is there is a picture of fewer samples.
+TEST(Noise, time_is_kept_by_fewer_samples) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", grassy);
+    const Outcome done =
+        marram({"render", scene, "-o", folder / "a.exr", "--quiet", "--spp", "65536", "--seconds", "0.05"});
+    EXPECT_EQ(done.code, 0);
+    EXPECT_CONTAINS(done.err, "time was up after ");
+    const double samples = number_of(folder / "a.exr", "marram:samples");
+    ASSERT_GE(samples, 1.0);
+    ASSERT_LT(samples, 65536.0);
+    EXPECT_DONE(marram(
+        {"render", scene, "-o", folder / "b.exr", "--quiet", "--spp", fmt::format("{:.0f}", samples)}));
+    EXPECT_TRUE(same_picture(folder / "a.exr", folder / "b.exr"));
+    EXPECT_EQ(read_metadata(folder / "a.exr", "marram:digest"), "partial") << "--resume renders it again";
+    EXPECT_EQ(marram({"render", scene, "-o", folder / "c.exr", "--quiet", "--seconds", "0"}).code, 2);
+}
+
+} // namespace marram::testing

@@ -101,9 +101,9 @@ void add_render(CLI::App& app, Commands& c) {
         ->check(CLI::Range(1e-3, 1e9));
     command->add_option("--size", c.texts.size, "size of the picture")->type_name("WxH");
     command
-        ->add_option(
-            "--aov", c.texts.layers,
-            "image layers besides the scene's: albedo, normal, depth, strand_u, or a curve attribute")
+        ->add_option("--aov", c.texts.layers,
+                     "image layers besides the scene's: variance, albedo, normal, depth, strand_u, or a "
+                     "curve attribute")
         ->type_name("NAME,...");
     command->add_flag("--resume", c.render.resume,
                       "leave out frames whose picture is there, whole, and of this scene");

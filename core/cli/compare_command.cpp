@@ -54,8 +54,9 @@ int compare_command(const CompareOptions& options) {
         compare_pictures(test.picture, reference.picture, options.test, options.reference);
     print(comparison);
     if (!page.empty()) {
+        const std::string text = compare_page(test, reference, comparison);
         AtomicWriter writer(page);
-        writer.write(compare_page(test, reference, comparison));
+        writer.write(text);
         writer.commit();
         fmt::print("{}\n", page);
     }

@@ -56,7 +56,7 @@ Pixels shown(const Picture::Layer& layer, const Look& look) {
 std::array<float, 3> heat(double x) {
     static constexpr double stops[][3] = {{0.0, 0.0, 0.02},   {0.23, 0.06, 0.44}, {0.55, 0.16, 0.51},
                                           {0.87, 0.29, 0.41}, {0.99, 0.6, 0.38},  {0.99, 0.99, 0.75}};
-    const double at = std::clamp(x, 0.0, 1.0) * 5.0;
+    const double at = (x > 0.0 ? std::min(x, 1.0) : 0.0) * 5.0;
     const int i = std::min(int(at), 4);
     std::array<float, 3> rgb{};
     for (size_t c = 0; c < 3; ++c)
@@ -75,8 +75,11 @@ Pixels heat_map(const std::vector<float>& values, double white) {
 std::vector<float> differences(const Picture::Layer& a, const Picture::Layer& b) {
     const size_t channels = b.channels.size();
     std::vector<float> out(b.pixels.size() / channels);
-    for (size_t i = 0; i < b.pixels.size(); ++i)
-        out[i / channels] = std::max(out[i / channels], std::abs(a.pixels[i] - b.pixels[i]));
+    for (size_t i = 0; i < b.pixels.size(); ++i) { // of the largest floats the difference is none
+        constexpr double largest = 3e38;
+        const double apart = std::min(std::abs(double(a.pixels[i]) - double(b.pixels[i])), largest);
+        out[i / channels] = std::max(out[i / channels], float(apart));
+    }
     return out;
 }
 
@@ -139,7 +142,7 @@ std::string histogram(const std::vector<float>& values, double white, const std:
     constexpr int bars = 50, width = 600, height = 160;
     std::array<size_t, bars> counts{};
     for (const float v : values)
-        ++counts[size_t(std::clamp(int(white > 0.0 ? double(v) / white * bars : 0.0), 0, bars - 1))];
+        ++counts[size_t(white > 0.0 ? std::clamp(double(v) / white * bars, 0.0, bars - 1.0) : 0.0)];
     const double top = std::log10(1.0 + double(*std::max_element(counts.begin(), counts.end())));
     std::string out =
         fmt::format("<svg viewBox=\"0 -6 {} {}\" class=\"histogram\" role=\"img\" aria-label=\"{}\">\n",
@@ -319,11 +322,12 @@ std::string compare_page(const ComparedFile& test, const ComparedFile& reference
         comparison.alike() ? "alike" : "different", verdict);
     for (const std::string& fault : comparison.faults) out += fmt::format("<p>{}</p>\n", escaped(fault));
     if (comparison.alike())
-        out += comparison.equal         ? "<p>Every number is the same.</p>\n"
-               : comparison.knows_noise ? "<p>What differs is what noise explains.</p>\n"
-                                        : "<p>They look the same. Neither knows its noise, so nobody can "
-                                          "tell whether that explains what "
-                                          "differs: render with <code>--aov variance</code>.</p>\n";
+        out += comparison.equal ? "<p>Every number is the same.</p>\n"
+               : comparison.knows_noise
+                   ? "<p>What differs is what their noise explains, as they know it.</p>\n"
+                   : "<p>They look the same. Neither knows its noise, so nobody can "
+                     "tell whether that explains what "
+                     "differs: render with <code>--aov variance</code>.</p>\n";
     out += fmt::format("<p>A, judged: {}<br>B, reference: {}</p></div>\n", escaped(test.path),
                        escaped(reference.path));
     size_t number = 0;

@@ -7,6 +7,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -19,8 +21,9 @@ namespace {
 // Where no variance says what noise is: measured between renders of this project's scenes at 64 samples and 1024, which look the same to
 // most, and between pictures with a strand shifted by half a pixel, which do not.
 constexpr double plain_flip_mean = 0.03, plain_flip_99 = 0.25, plain_ssim = 0.9;
-constexpr double layer_share = 0.03; // of a layer's range, mean difference: their edges are noisy
-constexpr double level = 1e-3;       // chance of a false alarm in all squares of all sizes together
+constexpr double noisy_flip_mean = 0.5; // whatever they say of their noise
+constexpr double layer_share = 0.03;    // of a layer's range, mean difference: their edges are noisy
+constexpr double level = 1e-3;          // chance of a false alarm in all squares of all sizes together
 
 const Picture::Layer& picture_proper(const Picture& picture, const std::string& name) {
     const Picture::Layer* layer = picture.find("");
@@ -59,11 +62,12 @@ std::vector<double> guarded(const std::vector<float>& variance, int width, int h
     return out;
 }
 
-// Of a colour stored as a half float, relative; and the smallest half, below which a stored variance is 0.
-constexpr double rounding = 0x1p-12, least_variance = 0x1p-24;
+// What storing a colour as a half float may change, relative; what is nothing beside the picture's mean; and the smallest half, below
+// which a golden frame's variance is 0.
+constexpr double rounding = 0x1p-12, nothing = 1e-4, least_half = 0x1p-24;
 
 ScaleResult worst_of(const std::vector<float>& test, const std::vector<float>& reference,
-                     const std::vector<double>& variance, int width, int height, int size) {
+                     const std::vector<double>& variance, double least, int width, int height, int size) {
     ScaleResult worst;
     worst.size = size;
     const int w = size > 0 ? size : width, h = size > 0 ? size : height;
@@ -76,10 +80,10 @@ ScaleResult worst_of(const std::vector<float>& test, const std::vector<float>& r
                         const size_t at = 3 * (size_t(j) * size_t(width) + size_t(i)) + size_t(c);
                         difference += double(test[at]) - double(reference[at]);
                         const double rounded = rounding * double(reference[at]);
-                        squares += variance[at] + rounded * rounded + least_variance;
+                        squares += variance[at] + rounded * rounded + least;
                     }
                 const double off = std::abs(difference) / std::sqrt(squares);
-                if (off > worst.worst) {
+                if (!(off <= worst.worst)) {
                     worst.worst = off;
                     worst.x = x;
                     worst.y = y;
@@ -89,31 +93,43 @@ ScaleResult worst_of(const std::vector<float>& test, const std::vector<float>& r
     return worst;
 }
 
+// A picture's variance: nullptr where it knows none. Of a single sample it is none.
+const Picture::Layer* variance_of(const Picture& picture) {
+    return picture.samples == 1 ? nullptr : picture.find("variance");
+}
+
 void judge_noise(const Picture& test, const Picture& reference, const std::vector<float>& a,
                  const std::vector<float>& b, const std::optional<Limits>& limits, Comparison& result) {
-    const Picture::Layer *va = test.find("variance"), *vb = reference.find("variance");
+    const Picture::Layer *va = variance_of(test), *vb = variance_of(reference);
     if (!va && !vb) return;
+    // One that does not know its own is as noisy as the other would be with as many samples.
+    const bool known = test.samples > 0 && reference.samples > 0;
+    if (!limits && !(va && vb) && !known) return;
+    const double more = known ? double(test.samples) / double(reference.samples) : 1.0;
     result.knows_noise = true;
     std::vector<float> variance(a.size());
     for (size_t i = 0; i < variance.size(); ++i) {
-        // A golden frame's is that of the difference. One that does not know its own is taken to be as noisy as the other.
-        const float mine = va ? va->pixels[i] : vb->pixels[i], theirs = vb ? vb->pixels[i] : va->pixels[i];
-        variance[i] = limits && vb ? theirs : mine + theirs;
+        const double mine = va ? double(va->pixels[i]) : double(vb->pixels[i]) / more;
+        const double theirs = vb ? double(vb->pixels[i]) : double(va->pixels[i]) * more;
+        constexpr double largest = 3e38;
+        // A golden frame's is that of the difference.
+        variance[i] = float(std::min(limits && vb ? theirs : mine + theirs, largest));
     }
-    result.scales = deviations(a, b, variance, result.width, result.height);
+    result.scales = deviations(a, b, variance, limits.has_value(), result.width, result.height);
     double tests = 0.0;
     for (const ScaleResult& scale : result.scales) {
         const int w = scale.size > 0 ? scale.size : result.width,
                   h = scale.size > 0 ? scale.size : result.height;
         tests += 3.0 * std::ceil(double(result.width) / w) * std::ceil(double(result.height) / h);
     }
-    const int samples = std::max(2, std::max(test.samples, reference.samples));
+    const int samples =
+        va && vb ? std::min(test.samples, reference.samples) : std::max(test.samples, reference.samples);
     for (ScaleResult& scale : result.scales) {
         // Paths are not normally distributed: a sample counts as an eighth of a degree of freedom. A pixel's variance is guarded by
         // its neighbours'.
         const double pixels =
             scale.size > 0 ? double(scale.size) * scale.size : double(result.width) * result.height;
-        scale.limit = student_limit(level / tests, std::max(16.0, samples / 8.0 * std::max(pixels, 9.0)));
+        scale.limit = student_limit(level / tests, std::max(4.0, samples / 8.0 * std::max(pixels, 9.0)));
         if (limits)
             for (const auto& [size, limit] : limits->deviations)
                 if (size == scale.size) scale.limit = limit;
@@ -155,6 +171,13 @@ LayerResult compare_layer(const Picture::Layer& a, const Picture::Layer& b) {
     }
     const auto count = double(b.pixels.size());
     result.range = high - low;
+    if (!b.name.empty()) { // of the middle 98 in 100: one stray number is no range
+        std::vector<float> sorted = b.pixels;
+        std::ranges::sort(sorted);
+        const double middle = double(sorted[sorted.size() * 99 / 100]) - double(sorted[sorted.size() / 100]);
+        const double usual = std::max(middle, std::abs(double(sorted[sorted.size() / 2])));
+        if (usual > 0.0) result.range = usual;
+    }
     result.rmse = std::sqrt(squares / count);
     result.relative_mse = relative / count;
     result.mean = sum / count;
@@ -186,14 +209,29 @@ void check_comparable(const Picture& a, const Picture& b, const std::string& a_n
                 if (layer.name != "variance") all.insert(layer.name + "." + channel);
         return all;
     };
-    if (names(a) != names(b))
+    // A golden frame asks for its own layers only.
+    const std::set<std::string> mine = names(a), theirs = names(b);
+    if (b.limits.empty() ? mine != theirs : !std::ranges::includes(mine, theirs))
         throw InputError({a_name}, fmt::format("has channels {}; {} has {}", list_of(a), b_name, list_of(b)),
                          "write both with the same layers and format");
-    for (const Picture* picture : {&a, &b})
-        if (const Picture::Layer* variance = picture->find("variance"))
-            if (variance->channels.size() != 3)
-                throw InputError({picture == &a ? a_name : b_name}, "its variance has not three channels",
-                                 "write the layer with `--aov variance`");
+    for (const Picture* picture : {&a, &b}) {
+        const Picture::Layer* variance = picture->find("variance");
+        if (!variance) continue;
+        const std::string& name = picture == &a ? a_name : b_name;
+        if (variance->channels.size() != 3)
+            throw InputError({name}, "its variance has not three channels",
+                             "write the layer with `--aov variance`");
+        if (std::ranges::any_of(variance->pixels, [](float v) { return v < 0.0F; }))
+            throw InputError({name}, "its variance is negative somewhere",
+                             "write the layer with `--aov variance`");
+    }
+    if (!b.limits.empty() && !b.find("variance"))
+        throw InputError({b_name}, "carries limits but no variance", "make the golden frame anew");
+    if (!b.limits.empty() && a.samples > 0 && a.samples != b.samples)
+        throw InputError(
+            {a_name},
+            fmt::format("has {} samples a pixel, the golden frame {} {}", a.samples, b_name, b.samples),
+            fmt::format("render it with --spp {}", b.samples));
 }
 
 // Channels of a layer in the order of the reference's.
@@ -235,19 +273,38 @@ const Picture::Layer* Picture::find(const std::string& name) const {
 }
 
 Picture read_picture(const std::string& path) {
+    const Extent extent = extent_of(path);
+    if (extent != Extent::whole)
+        throw InputError({path},
+                         extent == Extent::several ? "holds several pictures (parts or pages)"
+                                                   : "has pixels that do not fill its frame exactly",
+                         "save one whole picture to a file of its own");
     const Image image = read_image(path);
     Picture picture;
     picture.width = image.width;
     picture.height = image.height;
-    picture.samples = std::atoi(read_metadata(path, "marram:samples").value_or("0").c_str());
+    const std::string samples = read_metadata(path, "marram:samples").value_or("0");
+    std::from_chars(samples.data(), samples.data() + samples.size(),
+                    picture.samples); // 0 where it is no number
     picture.limits = read_metadata(path, "marram:limits").value_or("");
+    if (!picture.limits.empty() && !limits_from(picture.limits))
+        throw InputError({path}, "its limits (marram:limits) cannot be understood",
+                         "make the golden frame anew");
     const size_t pixels = size_t(image.width) * size_t(image.height), stride = size_t(image.channels);
+    const bool colour = std::ranges::all_of(std::array{"R", "G", "B"}, [&](const char* channel) {
+        return std::ranges::find(image.channel_names, channel) != image.channel_names.end();
+    });
+    const bool grey = stride <= 2 && image.channel_names[0] == "Y";
     std::vector<std::vector<size_t>> from; // [layer][channel] -> channel of the file
     for (size_t c = 0; c < stride; ++c) {
         const std::string& whole = image.channel_names[c];
         const size_t dot = whole.rfind('.');
-        const std::string name = dot == std::string::npos ? "" : whole.substr(0, dot);
+        std::string name = dot == std::string::npos ? "" : whole.substr(0, dot);
         const std::string channel = dot == std::string::npos ? whole : whole.substr(dot + 1);
+        // Beside the colours, or the grey, each channel is a layer of its own.
+        const bool proper =
+            colour ? channel == "R" || channel == "G" || channel == "B" : grey && channel == "Y";
+        if (name.empty() && !proper) name = channel == "A" ? "alpha" : channel;
         size_t at = 0;
         while (at < picture.layers.size() && picture.layers[at].name != name) ++at;
         if (at == picture.layers.size()) {
@@ -259,11 +316,9 @@ Picture read_picture(const std::string& path) {
     }
     for (size_t l = 0; l < from.size(); ++l) {
         Picture::Layer& layer = picture.layers[l];
-        if (layer.name.empty() && layer.channels.size() <= 2) { // grey, perhaps with alpha
+        if (layer.name.empty() && layer.channels.size() == 1) { // grey
             from[l].insert(from[l].begin(), 2, from[l].front());
-            const bool alpha = layer.channels.size() == 2;
             layer.channels = {"R", "G", "B"};
-            if (alpha) layer.channels.emplace_back("A");
         }
         for (size_t i = 0; i < pixels; ++i)
             for (const size_t c : from[l]) layer.pixels.push_back(image.pixels[i * stride + c]);
@@ -292,24 +347,36 @@ std::optional<Limits> limits_from(const std::string& text) {
     Limits limits;
     std::istringstream in(text);
     std::string word;
+    const auto number = [](const std::string& from, auto& to) {
+        const auto [end, error] = std::from_chars(from.data(), from.data() + from.size(), to);
+        return error == std::errc() && end == from.data() + from.size() && std::isfinite(double(to));
+    };
     while (in >> word && word != "flip") {
+        const size_t colon = word.find(':');
         int size = 0;
         double limit = 0.0;
-        if (std::sscanf(word.c_str(), "%d:%lf", &size, &limit) != 2) return std::nullopt;
+        if (colon == std::string::npos || !number(word.substr(0, colon), size) ||
+            !number(word.substr(colon + 1), limit) || size < 0 || !(limit > 0.0))
+            return std::nullopt;
         limits.deviations.emplace_back(size, limit);
     }
-    if (!(in >> limits.flip_mean >> limits.flip_99 >> word >> limits.ssim) || word != "ssim")
+    std::string mean, most, name, ssim, more;
+    if (!(in >> mean >> most >> name >> ssim) || in >> more || name != "ssim" ||
+        !number(mean, limits.flip_mean) || !number(most, limits.flip_99) || !number(ssim, limits.ssim))
         return std::nullopt;
     return limits;
 }
 
 std::vector<ScaleResult> deviations(const std::vector<float>& test, const std::vector<float>& reference,
-                                    const std::vector<float>& variance, int width, int height) {
+                                    const std::vector<float>& variance, bool golden, int width, int height) {
     const std::vector<double> sure = guarded(variance, width, height);
+    double mean = 0.0;
+    for (const float v : reference) mean += std::abs(double(v)) / double(reference.size());
+    const double least = std::max(golden ? least_half : 0.0, nothing * nothing * mean * mean) + 1e-60;
     std::vector<ScaleResult> scales;
     for (int size = 1; size < std::max(width, height); size *= 2)
-        scales.push_back(worst_of(test, reference, sure, width, height, size));
-    scales.push_back(worst_of(test, reference, sure, width, height, 0));
+        scales.push_back(worst_of(test, reference, sure, least, width, height, size));
+    scales.push_back(worst_of(test, reference, sure, least, width, height, 0));
     return scales;
 }
 
@@ -322,8 +389,14 @@ double mean_ssim(const std::vector<float>& test, const std::vector<float>& refer
     constexpr int window = 8, step = 4;
     constexpr double c1 = 0.01 * 0.01, c2 = 0.03 * 0.03;
     double sum = 0.0, count = 0.0;
-    for (int y = 0; y == 0 || y + window <= height; y += step)
-        for (int x = 0; x == 0 || x + window <= width; x += step) {
+    const auto starts = [](int length) { // every fourth, and the last
+        std::vector<int> all;
+        for (int at = 0; at + window < length; at += step) all.push_back(at);
+        all.push_back(std::max(0, length - window));
+        return all;
+    };
+    for (const int y : starts(height))
+        for (const int x : starts(width)) {
             double a = 0, b = 0, aa = 0, bb = 0, ab = 0, n = 0;
             for (int j = y; j < std::min(y + window, height); ++j)
                 for (int i = x; i < std::min(x + window, width); ++i) {
@@ -370,7 +443,7 @@ Comparison compare_pictures(const Picture& test, const Picture& reference, const
     result.ssim = mean_ssim(a, b, result.width, result.height);
     constexpr double infinity = std::numeric_limits<double>::infinity();
     const bool judged = limits || !result.knows_noise;
-    result.flip_mean_limit = limits ? limits->flip_mean : judged ? plain_flip_mean : infinity;
+    result.flip_mean_limit = limits ? limits->flip_mean : judged ? plain_flip_mean : noisy_flip_mean;
     result.flip_99_limit = limits ? limits->flip_99 : judged ? plain_flip_99 : infinity;
     result.ssim_limit = limits ? limits->ssim : judged ? plain_ssim : -1.0;
     const auto see = [&](bool fine, const char* what, double value, double limit, const char* bound) {

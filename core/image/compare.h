@@ -55,14 +55,14 @@ struct Comparison {
     bool golden = false; // limits are the reference's own
     std::vector<ScaleResult> scales;
     double flip_mean = 0.0, flip_99 = 0.0, ssim = 1.0;
-    double flip_mean_limit = 0.0, flip_99_limit = 0.0, ssim_limit = 1.0; // not judged: infinite, infinite, -1
+    double flip_mean_limit = 0.0, flip_99_limit = 0.0, ssim_limit = 1.0; // not judged: -, infinite, -1
     std::vector<std::string> faults;                                     // what fails, in words; none: alike
     std::vector<float> flip;                                             // map
     bool alike() const { return faults.empty(); }
     const ScaleResult* worst_scale() const; // for its limit; nullptr where noise is not known
 };
 
-// The picture's layers by name: channels "R", "G", "B", "A" are "", "albedo.R" is of "albedo".
+// The picture's layers by name: "R", "G", "B", or a grey "Y", are "", "A" is "alpha", "albedo.R" is of "albedo".
 struct Picture {
     struct Layer {
         std::string name;
@@ -83,9 +83,9 @@ Comparison compare_pictures(const Picture& test, const Picture& reference, const
                             const std::string& reference_name);
 
 // Worst deviation of each scale, from colours and the variances of their difference (3 floats a pixel each). Variance that is less than
-// the mean of its eight neighbours' counts as that: what few samples have not met they know nothing of.
+// the mean of its eight neighbours' counts as that: what few samples have not met they know nothing of. `golden`: it was stored as half floats.
 std::vector<ScaleResult> deviations(const std::vector<float>& test, const std::vector<float>& reference,
-                                    const std::vector<float>& variance, int width, int height);
+                                    const std::vector<float>& variance, bool golden, int width, int height);
 
 // Student's t that a number is beyond with probability p, both sides together, for degrees >= 4: the normal distribution's, corrected
 // after D. Gaver & K. Kafadar, "A Retrievable Recipe for Inverse t" (1984); to 0.3 % from ten degrees on.

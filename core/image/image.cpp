@@ -295,6 +295,16 @@ void write_png(const std::string& path, int width, int height, int channels, con
     file.commit();
 }
 
+Extent extent_of(const std::string& path) {
+    const InputFile input = open_image(path);
+    const OIIO::ImageSpec spec = input->spec();
+    if (input->seek_subimage(1, 0)) return Extent::several;
+    (void)input->geterror();
+    const bool fills = spec.x == spec.full_x && spec.y == spec.full_y && spec.width == spec.full_width &&
+                       spec.height == spec.full_height;
+    return fills ? Extent::whole : Extent::cropped;
+}
+
 std::vector<std::pair<std::string, std::string>> read_all_metadata(const std::string& path) {
     const InputFile input = open_image(path);
     std::vector<std::pair<std::string, std::string>> all;

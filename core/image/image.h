@@ -57,6 +57,10 @@ std::vector<unsigned char> png_bytes(int width, int height, int channels, const 
 void write_png(const std::string& path, int width, int height, int channels, const float* pixels,
                double exposure_stops, std::span<const Metadata> metadata = {});
 
+// Whether a file holds more than one picture (pages, parts), or one whose pixels do not fill its frame exactly.
+enum class Extent { whole, several, cropped };
+Extent extent_of(const std::string& path); // throws InputError where it cannot be opened
+
 // Every metadata entry of an image, as text, by name. Throws InputError where it cannot be opened.
 std::vector<std::pair<std::string, std::string>> read_all_metadata(const std::string& path);
 

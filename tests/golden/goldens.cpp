@@ -187,7 +187,7 @@ Picture made(const Golden& golden) {
     Values mean, variance;
     for (size_t i = 0; i < renders.size(); ++i) {
         statistics(renders, i, mean, variance);
-        const std::vector<ScaleResult> scales = deviations(renders[i], mean, variance, w, h);
+        const std::vector<ScaleResult> scales = deviations(renders[i], mean, variance, true, w, h);
         worst.resize(scales.size());
         limits.deviations.resize(scales.size());
         for (size_t s = 0; s < scales.size(); ++s) {

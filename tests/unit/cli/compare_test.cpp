@@ -78,8 +78,8 @@ TEST(Compare, page_stands_alone_and_works_in_a_browser) {
     EXPECT_TRUE(page.find("<h1>Different</h1>") != std::string::npos);
     EXPECT_LT(page.find("<h1>"), page.find("<img")) << "the verdict comes first";
     EXPECT_TRUE(page.find("a &amp; b.exr") != std::string::npos);
-    for (const char* part :
-         {"<h2>The picture</h2>", "<h2>depth</h2>", "FLIP", "Where it is worst", "marram:samples"})
+    for (const char* part : {"<h2>The picture</h2>", "<h2>alpha</h2>", "<h2>depth</h2>", "FLIP",
+                             "Where it is worst", "marram:samples"})
         EXPECT_TRUE(page.find(part) != std::string::npos) << part;
     EXPECT_EQ(page.find("http"), std::string::npos) << "nothing is fetched";
     if (std::system("command -v chromium >/dev/null") != 0)
@@ -93,7 +93,7 @@ TEST(Compare, page_stands_alone_and_works_in_a_browser) {
   const fetched = performance.getEntriesByType("resource").filter(entry => !entry.name.startsWith("data:"));
   check("fetched " + fetched.map(entry => entry.name), fetched.length === 0);
   const controls = [...document.querySelectorAll(".controls")];
-  check("pairs", controls.length === 2);
+  check("pairs", controls.length === 3);
   for (const control of controls) {
     const pair = document.getElementById(control.dataset.for), style = getComputedStyle(pair.querySelector(".a"));
     const button = name => control.querySelector(`[data-show=${name}]`), range = control.querySelector("input");

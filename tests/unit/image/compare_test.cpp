@@ -147,7 +147,7 @@ TEST(Compare, what_cannot_be_compared_is_refused) {
     const Picture a = made(1, 0.01);
     Picture small = a, alpha = a, odd = a;
     small.height = 32;
-    alpha.layers[0].channels.emplace_back("A");
+    alpha.layers.push_back({"alpha", {"A"}, std::vector<float>(size_t(width * height), 1.0F)});
     odd.layers[1].channels.pop_back();
     for (const Picture* other : {&small, &alpha, &odd}) EXPECT_THROW(compared(*other, a), InputError);
     try {
@@ -155,6 +155,51 @@ TEST(Compare, what_cannot_be_compared_is_refused) {
     } catch (const InputError& error) {
         EXPECT_STREQ(error.what(), "a: is 96 x 32 pixels, b is 96 x 64: compare pictures of one size");
     }
+}
+
+TEST(Compare, alpha_is_judged_and_the_last_pixels_are_seen) {
+    Picture a = without_variance(made(1, 0.0)), b = a;
+    a.layers.push_back({"alpha", {"A"}, std::vector<float>(size_t(width * height), 0.0F)});
+    b.layers.push_back({"alpha", {"A"}, std::vector<float>(size_t(width * height), 1.0F)});
+    EXPECT_FALSE(compared(a, b).alike());
+    Picture edge = without_variance(made(1, 0.0, [](int x, int, int) { return x == width - 1 ? 3.0 : 0.0; }));
+    EXPECT_LT(compared(edge, without_variance(made(1, 0.0))).ssim, 0.99);
+}
+
+TEST(Compare, variance_cannot_switch_judging_off) {
+    const Picture reference = made(1, 0.05);
+    Picture negative = reference, huge = reference, one = reference;
+    negative.layers[1].pixels[5] = -1.0F;
+    EXPECT_THROW(compared(negative, reference), InputError);
+    for (float& v : huge.layers[0].pixels) v = 1.0F - v;
+    for (float& v : huge.layers[1].pixels) v = 3e38F;
+    EXPECT_LT(compared(huge, reference).scales.front().worst, 1e-9);
+    Picture black = huge;
+    for (float& v : black.layers[0].pixels) v = 0.0F;
+    EXPECT_FALSE(compared(black, reference).alike()) << "it looks quite another";
+    one.samples = 1; // it knows nothing of its noise, whatever it says
+    for (float& v : one.layers[1].pixels) v = 0.0F;
+    EXPECT_TRUE(compared(one, made(2, 0.4)).knows_noise);
+    EXPECT_TRUE(compared(one, one).alike());
+}
+
+// As dim as it may be, twice as bright is different.
+TEST(Compare, dim_pictures_are_judged_too) {
+    Picture a = made(1, 0.02), b = made(2, 0.02);
+    for (Picture* picture : {&a, &b}) {
+        const double scale = picture == &a ? 1e-5 : 1.05e-5;
+        for (float& v : picture->layers[0].pixels) v = float(double(v) * scale);
+        for (float& v : picture->layers[1].pixels) v = float(double(v) * scale * scale);
+    }
+    EXPECT_FALSE(compared(b, a).alike());
+}
+
+TEST(Compare, limits_that_make_no_sense_are_none) {
+    for (const char* text :
+         {"garbage", "1:5 flip 1 1", "1:5 flip nan 1 ssim 0", "1:inf flip 1 1 ssim 0", "1:-5 flip 1 1 ssim 0",
+          "1:5x flip 1 1 ssim 0", "1:5 flip 1 1 ssim 0 more", "-1:5 flip 1 1 ssim 0"})
+        EXPECT_FALSE(limits_from(text).has_value()) << text;
+    EXPECT_TRUE(limits_from("1:5 0:4 flip 0.1 0.2 ssim 0.9").has_value());
 }
 
 TEST(Compare, layers_come_whatever_their_order) {
@@ -167,9 +212,10 @@ TEST(Compare, layers_come_whatever_their_order) {
     write_exr(path, 2, 1, layers, {});
     const Picture picture = read_picture(path);
     std::filesystem::remove(path);
-    ASSERT_EQ(picture.layers.size(), 2U);
-    EXPECT_EQ(picture.find("")->channels, (std::vector<std::string>{"R", "G", "B", "A"}));
-    EXPECT_EQ(picture.find("")->pixels, (std::vector<float>{0.5F, 3, 1, 2, 1, 6, 4, 5}));
+    ASSERT_EQ(picture.layers.size(), 3U);
+    EXPECT_EQ(picture.find("")->channels, (std::vector<std::string>{"R", "G", "B"}));
+    EXPECT_EQ(picture.find("")->pixels, (std::vector<float>{0.5F, 3, 1, 1, 6, 4}));
+    EXPECT_EQ(picture.find("alpha")->pixels, (std::vector<float>{2, 5}));
     EXPECT_EQ(picture.find("depth")->pixels, depth);
 }
 

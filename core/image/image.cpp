@@ -144,6 +144,7 @@ Image read_image(const std::string& path, ColorSpace space) {
     image.pixels.resize(size_t(spec.width) * size_t(spec.height) * size_t(spec.nchannels));
     if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, image.pixels.data()))
         refuse_truncated(path, input->geterror());
+    if (input->has_error()) refuse_truncated(path, input->geterror());
     if (std::string_view(input->format_name()) == "jpeg" && !jpeg_is_whole(path))
         refuse_truncated(path, "its end marker is missing");
     check_finite(path, image);

@@ -38,10 +38,6 @@ FilmLayer describe(std::string_view name, const World& world) {
     return layer;
 }
 
-double variance_of_mean(double sum, double squares, double count) {
-    return count > 1.0 ? std::max(0.0, squares - sum * sum / count) / (count * (count - 1.0)) : 0.0;
-}
-
 std::string known_names(const World& world) {
     std::string names;
     for (const BuiltIn& known : built_in) names += (names.empty() ? "" : ", ") + std::string(known.name);
@@ -52,6 +48,10 @@ std::string known_names(const World& world) {
 }
 
 } // namespace
+
+double variance_of_mean(double sum, double squares, double count) {
+    return count > 1.0 ? std::max(0.0, squares - sum * sum / count) / (count * (count - 1.0)) : 0.0;
+}
 
 uint32_t layer_channels(std::string_view name, const World& world) { return describe(name, world).channels; }
 

@@ -43,6 +43,9 @@ struct Film {
     std::vector<double> sums; // width * height * stride
 };
 
+// Of the mean of `count` numbers, from their sum and that of their squares; 0 for fewer than two.
+double variance_of_mean(double sum, double squares, double count);
+
 // Channels of a layer in this world; 0: there is no such layer.
 uint32_t layer_channels(std::string_view name, const World& world);
 

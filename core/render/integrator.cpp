@@ -346,10 +346,9 @@ bool find_noisy(const Film& film, double noise, std::vector<char>& done) {
     double mean = 0.0;
     for (size_t i = 0; i < pixels; ++i) {
         const double* sums = film.sums.data() + i * film.stride + layer->first;
-        const double count = std::max(sums[layer->sums], 2.0);
+        const double count = std::max(sums[layer->sums], 1.0);
         double variance[3];
-        for (size_t c = 0; c < 3; ++c)
-            variance[c] = std::max(0.0, sums[c + 3] - sums[c] * sums[c] / count) / (count * (count - 1.0));
+        for (size_t c = 0; c < 3; ++c) variance[c] = variance_of_mean(sums[c], sums[c + 3], count);
         brightness[i] = luminance(sums) / count;
         deviation[i] = std::sqrt(luminance(variance));
         mean += brightness[i] / double(pixels);

@@ -7,6 +7,7 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 
 namespace marram {
 namespace {
@@ -16,7 +17,8 @@ struct Kept {
     double deepest = 0.0;
 };
 
-Kept examine(const Fur& fur, const oracle::TriangleSet& set, MarramBasis basis, double tolerance) {
+Kept examine(const Fur& fur, const oracle::TriangleSet& set, MarramBasis basis, double tolerance,
+             bool told = true) {
     Kept kept;
     kept.strands = fur.count();
     for (size_t i = 0; i < kept.strands; ++i) {
@@ -28,7 +30,7 @@ Kept examine(const Fur& fur, const oracle::TriangleSet& set, MarramBasis basis, 
         }
         if (oracle::crossed_segments(cvs, set).segments > 0) {
             ++kept.crossed;
-            for (size_t k = 0; k + 1 < cvs.size(); ++k)
+            for (size_t k = 0; told && k + 1 < cvs.size(); ++k)
                 for (const auto& hit : set.crossings(cvs[k], cvs[k + 1]))
                     std::printf("    strand %zu segment %zu crosses triangle %d, margin %.3g\n", i, k,
                                 hit.triangle, hit.crossing.margin);
@@ -142,6 +144,83 @@ Mesh folded_sheet(int n) {
     return mesh;
 }
 
+// Meshes at a time of the shutter, 0 to 1; strands grow on the first.
+using Stage = std::function<std::vector<Mesh>(double time)>;
+
+// Between two keys CVs and vertices move straight; what was free at both may cross or dip there. Solved at `keys` times of
+// the shutter, looked at in 8 instants of it, the same for all numbers of keys.
+Kept between_keys(const Stage& stage, size_t keys, const FurOptions& options) {
+    std::vector<Mesh> meshes = stage(0.0);
+    std::vector<std::vector<FurredWorld::Positions>> later(meshes.size());
+    for (size_t key = 1; key < keys; ++key) {
+        std::vector<Mesh> then = stage(double(key) / double(keys - 1));
+        for (size_t m = 0; m < meshes.size(); ++m) later[m].push_back(then[m].positions);
+    }
+    const FurredWorld world(meshes, later);
+    Fur fur; // its strands are moved along from key to key below
+    fur.groom = plain_coat(options.count, options.cvs, options.length[0], options.length[1], options.width);
+    fur.wind = plain_wind(options.wind, options.global_rotate);
+    fur.wind.collision = options.collision;
+    for (int k = 0; k < options.cvs; ++k)
+        fur.profile.push_back(float(0.5 * fur.groom.width_profile(double(k) / (options.cvs - 1))));
+    const Ramp whole;
+    MarramFrame frame = world.frame();
+    frame.tolerance = options.tolerance;
+    const ChainFrame chain =
+        make_chain_frame({fur.wind, whole, frame, world.mesh(0), fur.profile, options.basis});
+    ChainScratch scratch;
+    std::vector<std::vector<Strands>> solved;
+    for (uint32_t key = 0; key < keys; ++key) {
+        solved.push_back(grow(fur.groom, fur.wind, {world.surface(0, 0), world.surface(0, key)}));
+        for (Strands& strands : solved.back()) run_chain(chain, key, strands, scratch);
+    }
+    constexpr int instants = 8;
+    Kept worst;
+    for (int instant = 0; instant < instants; ++instant) {
+        const double at = (instant + 0.5) / instants * double(keys - 1);
+        const size_t key = size_t(at);
+        const auto part = float(at - double(key));
+        std::vector<Mesh> now = meshes;
+        for (size_t m = 0; m < now.size(); ++m) {
+            const auto& from = key == 0 ? meshes[m].positions : later[m][key - 1];
+            for (size_t v = 0; v < from.size(); ++v)
+                now[m].positions[v] = (1.0F - part) * from[v] + part * later[m][key][v];
+        }
+        fur.patches = solved[key];
+        for (size_t p = 0; p < fur.patches.size(); ++p)
+            for (size_t i = 0; i < fur.patches[p].pose.size(); ++i)
+                for (VFloat Wide3f::*axis : {&Wide3f::x, &Wide3f::y, &Wide3f::z})
+                    fur.patches[p].pose[i].*axis = (1.0F - part) * solved[key][p].pose[i].*axis +
+                                                   part * solved[key + 1][p].pose[i].*axis;
+        const Kept kept = examine(fur, triangle_set(now), options.basis, options.tolerance, false);
+        worst.strands = kept.strands;
+        worst.crossed += kept.crossed;
+        worst.dipping += kept.dipping;
+        worst.deepest = std::max(worst.deepest, kept.deepest);
+    }
+    return worst;
+}
+
+void holds_between_keys(const char* name, const Stage& stage) {
+    FurOptions options{.count = 1000};
+    options.tolerance = 0.005 * options.length[0];
+    double with_two = 0.0;
+    for (const size_t keys : {2U, 3U, 5U, 9U}) {
+        const Kept kept = between_keys(stage, keys, options);
+        const double looks = 8.0 * double(kept.strands);
+        const double crossing = double(kept.crossed) / looks;
+        std::printf("  between keys, %-28s %2zu keys: %.3f %% of strands cross, %.3f %% dip by more than the "
+                    "tolerance, "
+                    "deepest %.2g of the shortest strand\n",
+                    name, keys, 100.0 * crossing, 100.0 * double(kept.dipping) / looks,
+                    kept.deepest / options.length[0]);
+        if (keys == 2) with_two = crossing;
+        EXPECT_LT(crossing, 0.1);
+        EXPECT_LT(kept.deepest, 0.05 * options.length[0]);
+        EXPECT_TRUE(keys != 9 || crossing < 0.1 * with_two);
+    }
+}
+
 std::string shared_mesh(const char* name) {
     const std::string path = std::string(MARRAM_SOURCE_DIR) + "/../shared/data/" + name;
     return std::filesystem::exists(path) ? path : "";
@@ -185,6 +264,34 @@ TEST(Promise, is_kept_on_a_car_body) {
     if (path.empty()) GTEST_SKIP() << "there is no shared data";
     keeps_the_promise("beetle", {load_mesh(path, true)},
                       {.count = 4000, .length = {0.04, 0.06}, .width = 0.001}, 4);
+}
+
+// Half a frame of 1/24 s: a body in wind that turns (45 and 360 degrees a second), one that breathes, and a ball that is
+// pushed into the fur (2 m/s).
+TEST(Promise, is_measured_between_motion_keys) {
+    constexpr double shutter = 0.5 / 24.0;
+    const auto body = [](const std::function<Vec3f(const Vec3f&)>& moved) {
+        std::vector<Mesh> meshes = {sphere_mesh(1.0F, 40, 0.03F, 9.0F)};
+        for (Vec3f& p : meshes[0].positions) p = moved(p);
+        return meshes;
+    };
+    for (const double speed : {45.0, 360.0})
+        holds_between_keys(speed < 100.0 ? "body turning 45 degrees/s" : "body turning 360 degrees/s",
+                           [&](double time) {
+                               const Eigen::Matrix3f turn =
+                                   Eigen::AngleAxisf(float(speed * degree * shutter * time), Vec3f::UnitY())
+                                       .toRotationMatrix();
+                               return body([&](const Vec3f& p) { return Vec3f(turn * p); });
+                           });
+    holds_between_keys("body breathing", [&](double time) {
+        return body([&](const Vec3f& p) { return Vec3f(p * float(1.0 + 0.02 * time)); });
+    });
+    holds_between_keys("ball pushed in at 2 m/s", [&](double time) {
+        std::vector<Mesh> meshes = body([](const Vec3f& p) { return p; });
+        meshes.push_back(sphere_mesh(0.5F, 24, 0.0F, 1.0F));
+        for (Vec3f& p : meshes[1].positions) p += Vec3f(0.0F, float(1.66 - 2.0 * shutter * time), 0.0F);
+        return meshes;
+    });
 }
 
 } // namespace marram

@@ -182,5 +182,46 @@ TEST(OracleShield, on_a_sphere_windward_roots_are_open_and_lee_roots_shielded_at
     }
 }
 
+TEST(OracleShield, shelter_fades_with_the_distance_behind_the_nearest_of_several_walls) {
+    std::vector<Triangle> walls;
+    for (double at : {-1.0, -2.0}) // two triangles each
+        for (const auto& [b, c] :
+             {std::pair(Vec3d(at, -9, 9), Vec3d(at, 9, 9)), {Vec3d(at, 9, 9), Vec3d(at, 9, -9)}})
+            walls.push_back({Vec3d(at, -9, -9), b, c});
+    const TriangleSet set(walls);
+    const Fade fade = [](int triangle) { return triangle < 2 ? 1.6 : 4.0; };
+    const auto at = [&](double px) { return shelter_from({px, 0.2, 0.3}, -x, 8.0, 1e-6, set, fade).value; };
+    EXPECT_NEAR(at(0.0), 1.0 - 1.0 / 1.6, 1e-15);
+    EXPECT_NEAR(at(0.5), 1.0 - 1.5 / 1.6, 1e-15);
+    EXPECT_EQ(at(0.7), 0.0) << "the wall behind the nearest one does not count";
+    EXPECT_NEAR(at(-1.5), 1.0 - 0.5 / 4.0, 1e-15);
+    EXPECT_EQ(at(-2.5), 0.0);
+    EXPECT_EQ(shelter_from({0, 0.2, 0.3}, -x, 8.0, 1e-6, set).value, 1.0);
+}
+
+TEST(OracleShield, a_ball_in_a_cone_of_wind_shelters_by_its_share_of_the_solid_angle) {
+    const double spread = 20 * degree, distance = 3.0, radius = 0.6, fade = 5.0;
+    const TriangleSet ball(moved(sphere_mesh(96, [&](const Vec3d&) { return radius; }), 1.0, -x * distance));
+    const double share = (1.0 - std::sqrt(1.0 - 0.04)) / (1.0 - std::cos(spread));
+    const Vec3d p = Vec3d::Zero();
+    EXPECT_NEAR(cone_shelter(p, -x, x, spread, 20000, 8.0, 1e-6, ball), share, 2e-3 * share);
+    // Fading: 1 - d / fade over the directions that hit, d = D c - sqrt(r^2 - D^2 (1 - c^2)); by the midpoint rule in c.
+    double faded = 0.0;
+    const int n = 100000;
+    const double low = std::sqrt(1.0 - 0.04);
+    for (int i = 0; i < n; ++i) {
+        const double c = low + (1.0 - low) * (i + 0.5) / n;
+        const double d =
+            distance * c - std::sqrt(std::max(radius * radius - distance * distance * (1.0 - c * c), 0.0));
+        faded += share / n * (1.0 - d / fade);
+    }
+    EXPECT_NEAR(cone_shelter(p, -x, x, spread, 20000, 8.0, 1e-6, ball, [&](int) { return fade; }), faded,
+                2e-3 * faded);
+    // The half of the cone that would come out of the ground does not count.
+    const TriangleSet wall({{Vec3d(-1, 0, -50), Vec3d(-1, 0, 50), Vec3d(-1, -50, 0)}});
+    EXPECT_EQ(cone_shelter(p, y, x, spread, 4096, 8.0, 1e-6, wall), 0.0);
+    EXPECT_NEAR(cone_shelter(p, -x, x, spread, 4096, 8.0, 1e-6, wall), 0.5, 1e-3);
+}
+
 } // namespace
 } // namespace marram::oracle

@@ -76,13 +76,7 @@ BsdfValue evaluate(const DiffuseBsdf& bsdf, const Vec3f& wi) {
 
 bool sample(const DiffuseBsdf& bsdf, const std::array<float, 4>& random, BsdfSample& result) {
     const float above = random[2] < bsdf.reflect_probability ? 1.0F : -1.0F;
-    const float radius = std::sqrt(random[0]), phi = static_cast<float>(2.0 * pi) * random[1];
-    const Vec3f normal = above * bsdf.normal;
-    Vec3f tangent, bitangent;
-    orthonormal_basis(normal, tangent, bitangent);
-    result.wi = (radius * std::cos(phi) * tangent + radius * std::sin(phi) * bitangent +
-                 std::sqrt(1.0F - random[0]) * normal)
-                    .normalized();
+    result.wi = cosine_direction(above * bsdf.normal, random[0], random[1]);
     const BsdfValue at = evaluate(bsdf, result.wi);
     result.value = at.value;
     result.pdf = at.pdf;

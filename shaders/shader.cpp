@@ -3,45 +3,55 @@
 
 namespace marram {
 
+namespace {
+
+Bsdf at(const DiffuseSettings& settings, const ShadingPoint& point) { return diffuse_at(settings, point); }
+Bsdf at(const GrassSettings& settings, const ShadingPoint& point) { return grass_at(settings, point); }
+Bsdf at(const HairSettings& settings, const ShadingPoint& point) { return hair_at(settings, point); }
+Bsdf at(const SandSettings& settings, const ShadingPoint& point) { return sand_at(settings, point); }
+Bsdf at(const SurfaceSettings& settings, const ShadingPoint& point) { return surface_at(settings, point); }
+
+} // namespace
+
 std::span<const ShaderDescription> shaders() {
     static const std::vector<ShaderDescription> all = {
         {"diffuse", "matt surface or thin leaf: even reflection, even transmission", diffuse_params()},
+        {"grass", "thin glossy blade that light shines through", grass_params()},
         {"hair", "rough dielectric fibre with coloured highlights: hair, fur, dry grass", hair_params()},
+        {"sand", "rough grains with wind ripples and glints", sand_params()},
+        {"surface", "matt body under a glossy boundary, with images: stone, paint, plastic, skin",
+         surface_params()},
     };
     return all;
 }
 
-Material make_material(std::string_view type, const ParamSet& params) {
+Material make_material(std::string_view type, const ParamSet& params, const TextureOpener& open) {
     Material material;
-    assert((type == "diffuse" || type == "hair") && "types are checked where scenes are read");
-    if (type == "hair")
-        material.settings = read_hair(params);
-    else
-        material.settings = read_diffuse(params);
+    if (type == "diffuse") material.settings = read_diffuse(params);
+    if (type == "grass") material.settings = read_grass(params);
+    if (type == "hair") material.settings = read_hair(params);
+    if (type == "sand") material.settings = read_sand(params);
+    if (type == "surface") material.settings = read_surface(params, open);
+    assert(shaders()[material.settings.index()].name == type && "types are checked where scenes are read");
     const std::string& tint = params.text("tint");
     material.tint = tint == "none" ? "" : tint;
     return material;
 }
 
 Bsdf bsdf_at(const Material& material, const ShadingPoint& point) {
-    if (const HairSettings* hair = std::get_if<HairSettings>(&material.settings))
-        return hair_at(*hair, point);
-    return diffuse_at(*std::get_if<DiffuseSettings>(&material.settings), point);
+    return std::visit([&](const auto& settings) { return at(settings, point); }, material.settings);
 }
 
 BsdfValue evaluate(const Bsdf& bsdf, const Vec3f& wi) {
-    if (const HairBsdf* hair = std::get_if<HairBsdf>(&bsdf)) return evaluate(*hair, wi);
-    return evaluate(*std::get_if<DiffuseBsdf>(&bsdf), wi);
+    return std::visit([&](const auto& closure) { return evaluate(closure, wi); }, bsdf);
 }
 
 bool sample(const Bsdf& bsdf, const std::array<float, 4>& random, BsdfSample& result) {
-    if (const HairBsdf* hair = std::get_if<HairBsdf>(&bsdf)) return sample(*hair, random, result);
-    return sample(*std::get_if<DiffuseBsdf>(&bsdf), random, result);
+    return std::visit([&](const auto& closure) { return sample(closure, random, result); }, bsdf);
 }
 
 Vec3f albedo(const Bsdf& bsdf) {
-    if (const HairBsdf* hair = std::get_if<HairBsdf>(&bsdf)) return albedo(*hair);
-    return albedo(*std::get_if<DiffuseBsdf>(&bsdf));
+    return std::visit([](const auto& closure) { return albedo(closure); }, bsdf);
 }
 
 } // namespace marram

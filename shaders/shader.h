@@ -3,12 +3,14 @@
 // one.
 //
 // A shader is a page of its own: <name>.h with what it models and how it is used, <name>.cpp with the
-// derivation. To add one: write its page, add its closure to Bsdf and its settings to Material, and a row to
-// each switch in shader.cpp.
+// derivation. To add one: write its page, add its closure to Bsdf, its settings to Material and a row to shader.cpp.
 #pragma once
 
 #include "shaders/diffuse.h"
+#include "shaders/grass.h"
 #include "shaders/hair.h"
+#include "shaders/sand.h"
+#include "shaders/surface.h"
 
 #include <string>
 #include <variant>
@@ -28,15 +30,17 @@ std::span<const ShaderDescription> shaders();
 // A shader with its settings. `tint` names the curve attribute whose value colours, "" where there is none:
 // whoever shades looks its value up and puts it into ShadingPoint::tint.
 struct Material {
-    std::variant<DiffuseSettings, HairSettings> settings;
+    std::variant<DiffuseSettings, GrassSettings, HairSettings, SandSettings, SurfaceSettings> settings;
     std::string tint;
 };
 
-// Throws InputError where values are right one by one but not together (energy is never created).
-Material make_material(std::string_view type, const ParamSet& params);
+// Throws InputError where values are right one by one but not together (energy is never created), and where an image
+// cannot be opened.
+Material make_material(std::string_view type, const ParamSet& params, const TextureOpener& open);
 
 // A shader at a point, everything that does not depend on the incident direction computed. Made on the stack.
-using Bsdf = std::variant<DiffuseBsdf, HairBsdf>;
+// It may point into the material.
+using Bsdf = std::variant<DiffuseBsdf, CoatedBsdf, HairBsdf, SandBsdf>;
 Bsdf bsdf_at(const Material& material, const ShadingPoint& point);
 
 // f(wo, wi) |cos| of the incident direction wi (unit, away from the point), and the solid-angle density of

@@ -17,11 +17,15 @@ struct ShadingPoint {
     Vec3f normal = Vec3f::UnitZ();           // unit, for shading
     Vec3f tangent = Vec3f::UnitX();          // fibres: unit, root to tip
     Vec2f uv = Vec2f::Zero();
-    bool fibre = false;    // false: a surface; strand_u, h and strand mean nothing there
-    float h = 0.0F;        // fibres: offset across it, -1 ... 1, along tangent x wo
-    float strand_u = 0.0F; // fibres: 0 root ... 1 tip
-    uint32_t strand = 0;   // fibres: a hash of which strand it is
-    float tint = 0.0F;     // value of the attribute that Material::tint names, 0 where there is none
+    Vec3d position = Vec3d::Zero(); // m, in the world
+    float footprint = 0.0F;         // m: width of what the path stands for here, across wo
+    float uv_width = 0.0F;          // the same in uv, along the surface; 0 where it is not known
+    bool fibre = false;             // false: a surface; strand_u, h and strand mean nothing there
+    bool flat = false;              // fibres: a ribbon
+    float h = 0.0F;                 // fibres: offset across it, -1 ... 1, along tangent x wo
+    float strand_u = 0.0F;          // fibres: 0 root ... 1 tip
+    uint32_t strand = 0;            // fibres: a hash of which strand it is
+    float tint = 0.0F;              // value of the attribute that Material::tint names, 0 where there is none
 };
 
 struct BsdfValue {
@@ -55,6 +59,16 @@ Vec3f color_at(const StrandColor& color, const ShadingPoint& point);
 // What variation multiplies this strand's colour by, each channel 1 +- variation, no channel of full * factor
 // above 1; 1 on surfaces. `full` is all that the shader gives back where it has this colour.
 Vec3f variation_factor(const StrandColor& color, const ShadingPoint& point, const Vec3f& full);
+
+// Draws a direction around `normal` with density cos / pi (Malley's method: a uniform point of the disc, lifted).
+inline Vec3f cosine_direction(const Vec3f& normal, float a, float b) {
+    const float radius = std::sqrt(a), phi = static_cast<float>(2.0 * pi) * b;
+    Vec3f tangent, bitangent;
+    orthonormal_basis(normal, tangent, bitangent);
+    return (radius * std::cos(phi) * tangent + radius * std::sin(phi) * bitangent +
+            std::sqrt(1.0F - a) * normal)
+        .normalized();
+}
 
 // For sampling.
 inline float mean(const Vec3f& color) { return (color.x() + color.y() + color.z()) * (1.0F / 3.0F); }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/assemble.h"
+#include "core/cli/texture.h"
 
 #include "core/image/image.h"
 #include "core/math/hash.h"
@@ -243,7 +244,7 @@ LoadedScene load(const std::string& file, const Overrides& overrides, const std:
 
     Objections objections;
     for (const Item& item : description.materials)
-        objections([&] { scene.materials.push_back(make_material(item.type, item.params)); });
+        objections([&] { scene.materials.push_back(make_material(item.type, item.params, open_texture)); });
     for (const Item& item : description.lights) objections([&] { scene.lights.push_back(light_of(item)); });
     load_meshes(scene, cancel, objections);
     for (const Item& item : description.procedurals)

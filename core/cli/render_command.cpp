@@ -63,6 +63,7 @@ std::string digest(const LoadedScene& scene, const RenderOptions& options, doubl
                 h = hash(h, uint64_t(fs::last_write_time(value.text, error).time_since_epoch().count()));
             }
     };
+    add_files(scene.description.materials);
     add_files(scene.description.meshes);
     add_files(scene.description.lights);
     add_files(scene.description.procedurals);

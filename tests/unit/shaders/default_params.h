@@ -45,7 +45,11 @@ inline ParamSet params_of(std::string_view shader, const std::map<std::string, s
 
 inline Material material_of(std::string_view shader,
                             const std::map<std::string, std::string>& settings = {}) {
-    return make_material(shader, params_of(shader, settings));
+    return make_material(
+        shader, params_of(shader, settings),
+        [](const std::string& file, TextureContent, const Place& place) -> std::shared_ptr<const Texture> {
+            throw InputError(place, file + " is not opened by tests", "leave it out");
+        });
 }
 
 } // namespace marram::testing

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// The fold turns the normal about the blade's tangent t by `fold` times the offset h across it, to the side that faces away
+// from the middle: n cos a + (t x n) sin a. h counts towards t x wo, and n is on wo's side, so t x n is the same direction.
+#include "shaders/grass.h"
+
+namespace marram {
+
+std::vector<ParamSpec> grass_params() {
+    std::vector<ParamSpec> params = {
+        {"color", ParamType::color, "", "[0.16, 0.26, 0.06]", 0.0, 1.0, "",
+         "share of the light inside that comes out again, on either side"},
+        {"transmission", ParamType::number, "", "0.45", 0.0, 1.0, "",
+         "of that, the share that comes out on the other side"},
+        {"transmission_color", ParamType::color, "", "[1, 0.95, 0.45]", 0.0, 1.0, "",
+         "what the light that goes through is filtered by besides"},
+        {"roughness", ParamType::number, "", "0.4", least_roughness, 1.0, "",
+         "of the boundary: 0.03 wet, 1 matt"},
+        {"specular", ParamType::number, "", "0.03", 0.0, 0.5, "",
+         "reflected by the boundary straight on; 0: no gloss"},
+        {"fold", ParamType::number, "deg", "20", 0.0, 60.0, "",
+         "how far the halves of a blade are turned against each other; strands only"},
+    };
+    for (ParamSpec& spec : strand_color_params()) params.push_back(std::move(spec));
+    return params;
+}
+
+GrassSettings read_grass(const ParamSet& params) {
+    GrassSettings settings;
+    settings.color = read_strand_color(params);
+    settings.transmission = static_cast<float>(params.number("transmission"));
+    settings.transmission_color = params.vec3("transmission_color").cast<float>();
+    settings.roughness = static_cast<float>(params.number("roughness"));
+    settings.ior = ior_of_specular(static_cast<float>(params.number("specular")));
+    settings.fold = static_cast<float>(params.number("fold") * degree);
+    settings.gloss = GlossTable(settings.ior);
+    return settings;
+}
+
+CoatedBsdf grass_at(const GrassSettings& settings, const ShadingPoint& point) {
+    Vec3f color = color_at(settings.color, point);
+    color = color.cwiseProduct(variation_factor(settings.color, point, color));
+    Vec3f normal = point.normal;
+    if (point.flat && settings.fold > 0.0F) {
+        const float side = point.geometric_normal.dot(point.wo) < 0.0F ? -1.0F : 1.0F;
+        const Vec3f facing = side * normal;
+        const float turn = settings.fold * std::clamp(point.h, -1.0F, 1.0F);
+        normal = side * (std::cos(turn) * facing + std::sin(turn) * point.tangent.cross(facing)).normalized();
+    }
+    return coated(point, normal, (1.0F - settings.transmission) * color,
+                  settings.transmission * color.cwiseProduct(settings.transmission_color),
+                  {&settings.gloss, settings.ior, settings.roughness});
+}
+
+} // namespace marram

@@ -1,0 +1,305 @@
+// SPDX-License-Identifier: Apache-2.0
+// Grains: Oren-Nayar in the form whose albedo is known in closed form, with what it loses given back (Portsmouth, Kutz and
+// Hill, "EON: A Practical Energy-Preserving Rough Diffuse BRDF", JCGT 2025). With r the roughness, s = wo . wi - cos_o cos_i,
+// t = max(cos_o, cos_i) where s > 0, else 1,
+//
+//   f = color / pi (A + B s / t) + color' / pi (1 - E_o) (1 - E_i) / (1 - <E>)
+//   A = 1 / (1 + (1/2 - 2/(3 pi)) r),  B = r A
+//   E(theta) = A + B / pi (sin (theta - sin cos - 2/3) + 2/3 tan (1 - sin^3))
+//   <E> = A (1 + (2/3 - 28/(15 pi)) r),  color' = color^2 <E> / (1 - color (1 - <E>))
+//
+// tan (1 - sin^3) = sin cos (1 + sin + sin^2) / (1 + sin), which has no pole.
+//
+// Facets: a share of the surface is quartz facets, GGX of roughness 0.6 (gloss.h); the grains under it get what it lets
+// through.
+//
+// Glints: of N facets in a pixel's footprint each mirrors from wo to wi with probability p = D(h) (n . h) pi g^2, g the
+// half-angle of its own blur. What is seen is not their mean but their number, Poisson of mean N p, over N p. It is drawn by hashing
+// a cell of space (its side, four grains times a power of two, is the footprint's; two sizes are blended, so that nothing
+// pops as the camera moves) and a cell of h (four are blended, so that glints swell and fade as the sun moves). Where N p is
+// large it is 1. After Deliot and Belcour, "Real-Time Rendering of Glinty Appearances using Distributed Binomial Laws on
+// Anisotropic Grids", 2023, who draw their counts likewise.
+//
+// Ripples: height a m(x) f(phi), f = sin(phi + sin(phi) / 2), whose steepest descent is three times its steepest rise; the phase runs
+// downwind and wanders by noise. A pixel of width w sees its slope times exp(-(k w / 2)^2 / 2), k = |grad phi|; the variance of the
+// rest goes into the grains' roughness.
+#include "shaders/sand.h"
+
+#include "core/math/hash.h"
+
+#include <algorithm>
+
+namespace marram {
+
+namespace {
+
+constexpr float pi_f = static_cast<float>(pi);
+constexpr float quartz = 1.54F;
+constexpr float facet_roughness = 0.6F;
+constexpr float blur = static_cast<float>(1.5 * degree); // of a facet: its curvature and half the sun's width
+constexpr float cell_grains = 4.0F;                      // along a side of the smallest cell
+constexpr float many = 4096.0F;                          // facets that mirror: 1 +- 1/64 and less
+
+float grains_albedo(float single, float bend, float cosine) {
+    const float c = std::clamp(cosine, 0.0F, 1.0F), s = std::sqrt((1.0F - c) * (1.0F + c));
+    const float g =
+        s * (std::acos(c) - s * c - 2.0F / 3.0F) + 2.0F / 3.0F * s * c * (1.0F + s + s * s) / (1.0F + s);
+    // tan (1 - s^3) = s (1 - s)(1 + s + s^2) / c, and (1 - s) / c = c / (1 + s)
+    return std::min(single + bend / pi_f * g, 1.0F);
+}
+
+// Gradient noise in the plane and its gradient: |value| <= 0.71. K. Perlin, "Improving Noise", 2002.
+struct Noise2 {
+    double value, dx, dy;
+};
+Noise2 noise(uint64_t seed, double x, double y) {
+    const double i = std::floor(x), j = std::floor(y), u = x - i, v = y - j;
+    const auto fade = [](double t) { return t * t * t * (t * (6.0 * t - 15.0) + 10.0); };
+    const auto slope = [](double t) { return 30.0 * t * t * (t - 1.0) * (t - 1.0); };
+    double value[2][2], gx[2][2], gy[2][2];
+    for (int a = 0; a < 2; ++a)
+        for (int b = 0; b < 2; ++b) {
+            const auto column = static_cast<uint64_t>(static_cast<int64_t>(i) + a),
+                       row = static_cast<uint64_t>(static_cast<int64_t>(j) + b);
+            const double angle = 2.0 * pi * unit_double(hash(hash(seed, column), row));
+            gx[a][b] = std::cos(angle);
+            gy[a][b] = std::sin(angle);
+            value[a][b] = gx[a][b] * (u - a) + gy[a][b] * (v - b);
+        }
+    const double fu = fade(u), fv = fade(v);
+    const auto blend = [&](const double(&n)[2][2]) {
+        return (1 - fu) * ((1 - fv) * n[0][0] + fv * n[0][1]) + fu * ((1 - fv) * n[1][0] + fv * n[1][1]);
+    };
+    const double across = (1 - fv) * (value[1][0] - value[0][0]) + fv * (value[1][1] - value[0][1]);
+    const double along = (1 - fu) * (value[0][1] - value[0][0]) + fu * (value[1][1] - value[1][0]);
+    return {blend(value), blend(gx) + slope(u) * across, blend(gy) + slope(v) * along};
+}
+
+// 1 on gentle slopes, 0 from the angle on at which dry sand slides.
+float holds_ripples(float up) {
+    static const float gentle = std::cos(static_cast<float>(26.0 * degree)),
+                       steep = std::cos(static_cast<float>(34.0 * degree));
+    const float t = std::clamp((std::abs(up) - steep) / (gentle - steep), 0.0F, 1.0F);
+    return t * t * (3.0F - 2.0F * t);
+}
+
+// Poisson of that mean from one uniform number; evenly spread with the same mean and variance where it is large.
+float poisson(float mean_count, float u) {
+    constexpr float large = 24.0F;
+    if (mean_count > large) return mean_count + std::sqrt(3.0F * mean_count) * (2.0F * u - 1.0F);
+    float chance = std::exp(-mean_count), below = chance, count = 0.0F;
+    constexpr float most = 96.0F; // ten standard deviations and more above `large`
+    while (u >= below && count < most) {
+        count += 1.0F;
+        chance *= mean_count / count;
+        below += chance;
+    }
+    return count;
+}
+
+// A direction on the square [-1, 1]^2 (Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors",
+// JCGT 2014: octahedral), even enough that cells are alike within a factor of two.
+Vec2f on_square(const Vec3f& d) {
+    const float sum = std::abs(d.x()) + std::abs(d.y()) + std::abs(d.z());
+    const Vec2f p(d.x() / sum, d.z() / sum);
+    if (d.y() >= 0.0F) return p;
+    return {(1.0F - std::abs(p.y())) * (p.x() < 0.0F ? -1.0F : 1.0F),
+            (1.0F - std::abs(p.x())) * (p.y() < 0.0F ? -1.0F : 1.0F)};
+}
+
+} // namespace
+
+std::vector<ParamSpec> sand_params() {
+    std::vector<ParamSpec> params = {
+        {"color", ParamType::color, "", "[0.56, 0.42, 0.28]", 0.0, 1.0, "",
+         "share of light that dry sand returns"},
+        {"roughness", ParamType::number, "", "0.8", 0.0, 1.0, "",
+         "of the grains: 0 even (Lambert), 1 as flat as the full moon"},
+        {"ripple_height", ParamType::number, "m", "0.008", 0.0, 1000.0, "", "from trough to crest; 0: none"},
+        {"ripple_length", ParamType::number, "m", "0.11", 1e-6, 1e6, "", "from crest to crest"},
+        {"ripple_direction", ParamType::number, "deg", "0", -36000.0, 36000.0, "",
+         "where the wind goes that made them: 0 along +x, 90 along +z"},
+        {"sparkle", ParamType::number, "", "0.05", 0.0, 1.0, "",
+         "share of the surface that is facets like glass; 0: none"},
+        {"grain", ParamType::number, "m", "0.0004", 1e-9, 1000.0, "", "from grain to grain"},
+    };
+    for (ParamSpec& spec : strand_color_params()) params.push_back(std::move(spec));
+    return params;
+}
+
+SandSettings read_sand(const ParamSet& params) {
+    SandSettings settings;
+    settings.color = read_strand_color(params);
+    settings.roughness = static_cast<float>(params.number("roughness"));
+    settings.ripple_height = static_cast<float>(params.number("ripple_height"));
+    settings.ripple_length = static_cast<float>(params.number("ripple_length"));
+    const double heading = params.number("ripple_direction") * degree;
+    settings.ripple_direction = {std::cos(heading), std::sin(heading)};
+    settings.sparkle = static_cast<float>(params.number("sparkle"));
+    settings.grain = static_cast<float>(params.number("grain"));
+    settings.ior = quartz;
+    settings.gloss = GlossTable(quartz);
+    return settings;
+}
+
+Ripple ripple_at(const SandSettings& settings, const Vec3d& position, float width) {
+    Ripple ripple;
+    if (!(settings.ripple_height > 0.0F)) return ripple;
+    const double length = static_cast<double>(settings.ripple_length);
+    const Vec2d ground(position.x(), position.z()), along = settings.ripple_direction,
+                                                    across(-along.y(), along.x());
+    const double a = ground.dot(along) / length, b = ground.dot(across) / length;
+    // Crests wander by up to a wavelength over eight of them, and are higher here than there.
+    const Noise2 wide = noise(1, a / 6.0, b / 9.0), fine = noise(2, a / 2.0, b / 3.5),
+                 strong = noise(3, a / 11.0, b / 11.0);
+    const double phase = 2.0 * pi * (a + 1.1 * wide.value + 0.18 * fine.value);
+    const double da = 2.0 * pi * (1.0 + 1.1 * wide.dx / 6.0 + 0.18 * fine.dx / 2.0),
+                 db = 2.0 * pi * (1.1 * wide.dy / 9.0 + 0.18 * fine.dy / 3.5); // per wavelength
+    const double wave = std::sqrt(da * da + db * db) / length;
+    const double height = 0.5 * static_cast<double>(settings.ripple_height) * (0.75 + 0.5 * strong.value);
+    const double sigma = 0.5 * static_cast<double>(width) * wave, seen = std::exp(-0.5 * sigma * sigma);
+    const double rate =
+        height / length * std::cos(phase + 0.5 * std::sin(phase)) * (1.0 + 0.5 * std::cos(phase));
+    // Downwind the steep side must fall: -phase runs the profile the other way.
+    const Vec2d slope = -rate * seen * (da * along + db * across);
+    ripple.slope = slope.cast<float>();
+    ripple.hidden = static_cast<float>(0.5 * height * height * wave * wave * (1.0 - seen * seen));
+    return ripple;
+}
+
+float glint(const SandSettings& settings, const Vec3d& position, float width, const Vec3f& half,
+            float chance) {
+    const float smallest = cell_grains * settings.grain;
+    const float level = std::max(0.0F, std::log2(std::max(width, smallest) / smallest));
+    if (!std::isfinite(level)) return 1.0F;
+    const float whole = std::floor(level);
+    const Vec2f at = on_square(half) / (2.0F * blur);
+    const Vec2f low = at.array().floor();
+    float sum = 0.0F;
+    for (int size = 0; size < 2; ++size) {
+        const float share = size == 0 ? 1.0F - (level - whole) : level - whole;
+        const double side = static_cast<double>(smallest) * std::exp2(static_cast<double>(whole) + size);
+        const double facets =
+            side * side / (static_cast<double>(settings.grain) * static_cast<double>(settings.grain));
+        const float expected = static_cast<float>(facets) * chance;
+        if (share == 0.0F) continue;
+        if (!(expected > 0.0F) || expected > many) {
+            sum += share;
+            continue;
+        }
+        uint64_t cell = static_cast<uint64_t>(whole) + static_cast<uint64_t>(size);
+        for (int axis = 0; axis < 3; ++axis) {
+            const double i = std::floor(position[axis] / side);
+            cell = hash(cell, static_cast<uint64_t>(static_cast<int64_t>(std::clamp(i, -1e15, 1e15))));
+        }
+        for (int corner = 0; corner < 4; ++corner) {
+            const Vec2f of(static_cast<float>(corner & 1), static_cast<float>(corner >> 1));
+            const Vec2f near = Vec2f::Ones() - (at - low - of).cwiseAbs();
+            const auto column = static_cast<uint64_t>(static_cast<int64_t>(low.x() + of.x())),
+                       row = static_cast<uint64_t>(static_cast<int64_t>(low.y() + of.y()));
+            const float u = unit_float(static_cast<uint32_t>(hash(hash(cell, column), row)));
+            sum += share * near.x() * near.y() * poisson(expected, u) / expected;
+        }
+    }
+    return sum;
+}
+
+SandBsdf sand_at(const SandSettings& settings, const ShadingPoint& point) {
+    SandBsdf bsdf;
+    bsdf.settings = &settings;
+    const float side = point.geometric_normal.dot(point.wo) < 0.0F ? -1.0F : 1.0F;
+    bsdf.wo = point.wo;
+    bsdf.geometric_normal = side * point.geometric_normal;
+    bsdf.position = point.position;
+    // The footprint is as long as it is foreshortened; a circle of its area.
+    const float onto = std::max(std::abs(point.geometric_normal.dot(point.wo)), 0.01F);
+    bsdf.width = point.footprint / std::sqrt(onto);
+
+    Vec3f normal = side * point.normal;
+    Ripple ripple = ripple_at(settings, point.position, bsdf.width);
+    const float holds = holds_ripples(normal.y());
+    const Vec3f rise(holds * ripple.slope.x(), 0.0F, holds * ripple.slope.y());
+    if (holds > 0.0F) {
+        const float up = normal.y() < 0.0F ? -1.0F : 1.0F; // from below the ground's other side is seen
+        normal = (normal - up * (rise - rise.dot(normal) * normal)).normalized();
+    }
+    bsdf.normal = normal;
+
+    const float r =
+        std::min(1.0F, std::sqrt(settings.roughness * settings.roughness + holds * holds * ripple.hidden));
+    bsdf.single = 1.0F / (1.0F + (0.5F - 2.0F / (3.0F * pi_f)) * r);
+    bsdf.bend = r * bsdf.single;
+    bsdf.mean_albedo = bsdf.single * (1.0F + (2.0F / 3.0F - 28.0F / (15.0F * pi_f)) * r);
+    const float cosine = std::max(normal.dot(point.wo), 0.0F);
+    bsdf.albedo_o = grains_albedo(bsdf.single, bsdf.bend, cosine);
+    bsdf.color = color_at(settings.color, point);
+    bsdf.color = bsdf.color.cwiseProduct(variation_factor(settings.color, point, bsdf.color));
+    for (int c = 0; c < 3; ++c)
+        bsdf.color_again[c] = bsdf.color[c] * bsdf.color[c] * bsdf.mean_albedo /
+                              (1.0F - bsdf.color[c] * (1.0F - bsdf.mean_albedo));
+
+    bsdf.facets = Microsurface(normal, facet_roughness);
+    bsdf.gloss = settings.gloss.row(facet_roughness);
+    const float lost = settings.sparkle * bsdf.gloss.at(cosine);
+    bsdf.through = 1.0F - lost;
+    const float body = bsdf.through * mean(bsdf.color), shine = cosine > 0.0F ? lost : 0.0F;
+    bsdf.gloss_probability = shine > 0.0F ? shine / (shine + body) : 0.0F;
+    return bsdf;
+}
+
+BsdfValue evaluate(const SandBsdf& bsdf, const Vec3f& wi) {
+    BsdfValue result;
+    const float cosine = bsdf.normal.dot(wi), cosine_o = bsdf.normal.dot(bsdf.wo);
+    if (!(cosine > 0.0F)) return result;
+    const bool seen = bsdf.geometric_normal.dot(wi) > 0.0F;
+    result.pdf = (1.0F - bsdf.gloss_probability) * cosine / pi_f;
+    if (seen) {
+        const float o = std::max(cosine_o, 0.0F), s = bsdf.wo.dot(wi) - o * cosine;
+        const float t =
+            s > 0.0F ? std::max({o, cosine, 1e-6F}) : 1.0F; // both 0: s is 1 there, and f cos is 0
+        const float missing = 1.0F - bsdf.mean_albedo;
+        const float again =
+            missing > 0.0F
+                ? (1.0F - bsdf.albedo_o) * (1.0F - grains_albedo(bsdf.single, bsdf.bend, cosine)) / missing
+                : 0.0F;
+        const float share = bsdf.settings->sparkle;
+        const float under =
+            bsdf.through * (1.0F - share * bsdf.gloss.at(cosine)) / (1.0F - share * bsdf.gloss.mean);
+        const float single = std::max(bsdf.single + bsdf.bend * s / t, 0.0F);
+        result.value = under * cosine / pi_f * (single * bsdf.color + again * bsdf.color_again);
+    }
+    const Vec3f sum = bsdf.wo + wi;
+    const float length = sum.norm();
+    if (bsdf.gloss_probability == 0.0F || !(length > 0.0F)) return result;
+    const Vec3f half = sum / length;
+    result.pdf += bsdf.gloss_probability * bsdf.facets.half_pdf(bsdf.wo, half);
+    if (!seen) return result;
+    const float density = bsdf.facets.density(half);
+    const float chance = std::min(1.0F, density * bsdf.normal.dot(half) * pi_f * blur * blur);
+    const float facets = bsdf.settings->sparkle * dielectric_fresnel(bsdf.wo.dot(half), bsdf.settings->ior) *
+                         density * bsdf.facets.visible(cosine_o, cosine) / (4.0F * cosine_o);
+    if (facets > 0.0F)
+        result.value +=
+            Vec3f::Constant(facets * glint(*bsdf.settings, bsdf.position, bsdf.width, half, chance));
+    return result;
+}
+
+bool sample(const SandBsdf& bsdf, const std::array<float, 4>& random, BsdfSample& result) {
+    if (random[2] < bsdf.gloss_probability) {
+        const Vec3f half = bsdf.facets.sample_half(bsdf.wo, random[0], random[1]);
+        result.wi = (2.0F * bsdf.wo.dot(half) * half - bsdf.wo).normalized();
+    } else {
+        result.wi = cosine_direction(bsdf.normal, random[0], random[1]);
+    }
+    const BsdfValue at = evaluate(bsdf, result.wi);
+    result.value = at.value;
+    result.pdf = at.pdf;
+    return at.pdf > 0.0F && std::isfinite(at.pdf) && at.value.maxCoeff() > 0.0F;
+}
+
+Vec3f albedo(const SandBsdf& bsdf) {
+    return bsdf.through * (bsdf.mean_albedo * bsdf.color + (1.0F - bsdf.mean_albedo) * bsdf.color_again) +
+           Vec3f::Constant(1.0F - bsdf.through);
+}
+
+} // namespace marram

@@ -1,0 +1,362 @@
+// SPDX-License-Identifier: Apache-2.0
+// Grass, sand and surfaces as functions: what is white loses nothing, samples follow the density, light may be followed
+// either way, glints and ripples average to what they stand for.
+#include "tests/unit/shaders/default_params.h"
+
+#include "core/math/hash.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+namespace marram {
+namespace {
+
+using testing::material_of;
+using Settings = std::map<std::string, std::string>;
+
+struct Random {
+    uint64_t seed, at = 0;
+    float operator()() { return unit_float(static_cast<uint32_t>(hash(seed, at++))); }
+    std::array<float, 4> four() { return {(*this)(), (*this)(), (*this)(), (*this)()}; }
+};
+
+Vec3f unit_vector(double y, double phi) {
+    const double r = std::sqrt(std::max(0.0, 1.0 - y * y));
+    return Vec3d(r * std::cos(phi), y, r * std::sin(phi)).cast<float>();
+}
+
+// On the ground, seen at an angle of that cosine.
+ShadingPoint ground_point(double cosine, double phi = 0.7) {
+    ShadingPoint point;
+    point.geometric_normal = point.normal = Vec3f::UnitY();
+    point.wo = unit_vector(cosine, phi);
+    point.footprint = 1e6F; // glints beyond number
+    return point;
+}
+
+struct Case {
+    const char* shader;
+    Settings settings;
+    double furnace; // what white may be off by
+};
+
+std::vector<Case> white_cases() {
+    std::vector<Case> cases;
+    for (const char* roughness : {"0.03", "0.1", "0.3", "0.6", "1"})
+        for (const char* specular : {"0", "0.04", "0.3"}) {
+            cases.push_back(
+                {"surface", {{"color", "1"}, {"roughness", roughness}, {"specular", specular}}, 3e-3});
+            cases.push_back({"grass",
+                             {{"color", "1"},
+                              {"transmission_color", "1"},
+                              {"roughness", roughness},
+                              {"specular", specular}},
+                             3e-3});
+        }
+    for (const char* roughness : {"0", "0.3", "0.8", "1"})
+        for (const char* sparkle :
+             {"0", "0.05", "1"}) // facets alone spread what they let through not quite as grains do
+            cases.push_back(
+                {"sand",
+                 {{"color", "1"}, {"roughness", roughness}, {"sparkle", sparkle}, {"ripple_height", "0"}},
+                 sparkle == std::string("1") ? 1.1e-2 : 1e-3});
+    return cases;
+}
+
+double furnace_by_samples(const Bsdf& bsdf) {
+    constexpr int count = 20000;
+    double sum = 0.0;
+    for (int i = 0; i < count; ++i) {
+        const auto part = [&](double step) { // Korobov's lattice: powers of the root of x^4 = x + 1
+            const double x = 0.5 + step * i;
+            return static_cast<float>(x - std::floor(x));
+        };
+        BsdfSample next;
+        if (sample(bsdf, {part(0.8191725134), part(0.6710436067), part(0.5497004779), 0.5F}, next))
+            sum += static_cast<double>(next.value.x() / next.pdf) / count;
+    }
+    return sum;
+}
+
+// Grains seen at a grazing angle are bright along the horizon, in a band as thin as the angle: steps of equal ratio there. Rows
+// below the ground have nothing.
+double furnace_near_the_horizon(const Bsdf& bsdf) {
+    constexpr int rows = 400, columns = 300;
+    double sum = 0.0, low = 0.0;
+    for (int i = 0; i < rows; ++i) {
+        const double high = std::pow(10.0, -6.0 * (1.0 - (i + 1.0) / rows));
+        for (int j = 0; j < columns; ++j)
+            sum += static_cast<double>(
+                       evaluate(bsdf, unit_vector(0.5 * (low + high), 2.0 * pi * (j + 0.5) / columns))
+                           .value.x()) *
+                   (high - low) * 2.0 * pi / columns;
+        low = high;
+    }
+    return sum;
+}
+
+} // namespace
+
+// By the shader's own samples, which the next test proves to have the density that they say.
+TEST(Surfaces, WhiteFurnaceAtEveryRoughnessAndAngle) {
+    std::map<std::string, double> worst;
+    for (const Case& c : white_cases()) {
+        const Material material = material_of(c.shader, c.settings);
+        for (const double cosine : {1.0, 0.7, 0.3, 0.1, 0.02}) {
+            const Bsdf bsdf = bsdf_at(material, ground_point(cosine));
+            const bool grains = std::string(c.shader) == "sand";
+            const double sum = grains ? furnace_near_the_horizon(bsdf) : furnace_by_samples(bsdf);
+            const double off = std::abs(sum - 1.0);
+            EXPECT_LT(off, c.furnace)
+                << c.shader << " roughness " << c.settings.at("roughness") << " specular "
+                << (c.settings.count("specular") ? c.settings.at("specular") : "none") << " cosine " << cosine
+                << " sum " << sum;
+            worst[c.shader] = std::max(worst[c.shader], off);
+        }
+    }
+    for (const auto& [shader, off] : worst)
+        std::printf("[ furnace ] %s: off by %.1e at most\n", shader.c_str(), off);
+}
+
+// The same by even steps over the sphere, without the sampler, where no lobe is narrower than the steps.
+TEST(Surfaces, WhiteFurnaceByQuadratureAndDensitiesOfOne) {
+    double worst = 0.0, most = 0.0, least = 1.0;
+    for (const Case& c : white_cases()) {
+        if (c.settings.at("roughness") < std::string("0.3") && std::string(c.shader) != "sand") continue;
+        const Material material = material_of(c.shader, c.settings);
+        for (const double cosine : {0.9, 0.4}) {
+            const Bsdf bsdf = bsdf_at(material, ground_point(cosine));
+            double sum = 0.0, density = 0.0;
+            constexpr int rows = 400, columns = 400;
+            for (int i = 0; i < rows; ++i)
+                for (int j = 0; j < columns; ++j) {
+                    const BsdfValue at = evaluate(
+                        bsdf, unit_vector(-1.0 + 2.0 * (i + 0.5) / rows, 2.0 * pi * (j + 0.5) / columns));
+                    sum += static_cast<double>(at.value.x()) * 4.0 * pi / (rows * columns);
+                    density += static_cast<double>(at.pdf) * 4.0 * pi / (rows * columns);
+                }
+            worst = std::max(worst, std::abs(sum - 1.0));
+            most = std::max(most, density);
+            least = std::min(least, density);
+        }
+    }
+    std::printf("[ furnace ] by quadrature: off by %.1e; densities integrate to %.4f ... %.4f\n", worst,
+                least, most);
+    EXPECT_LT(worst, 4e-3);
+    EXPECT_LT(most, 1.0 + 1e-3);
+    EXPECT_GT(least, 0.95); // rough gloss draws some directions into the surface, and drops them
+}
+
+TEST(Surfaces, SamplesFollowTheDensity) {
+    const std::vector<Case> cases = {
+        {"surface", {{"color", "0.3"}, {"roughness", "0.4"}, {"specular", "0.3"}}, 0},
+        {"surface", {{"color", "0.8"}, {"roughness", "0.8"}}, 0},
+        {"grass", {{"roughness", "0.4"}, {"specular", "0.2"}}, 0},
+        {"sand", {{"sparkle", "1"}}, 0},
+        {"sand", {{"sparkle", "0"}, {"roughness", "1"}}, 0},
+    };
+    double worst = -1e9;
+    for (const Case& c : cases)
+        for (const double cosine : {0.9, 0.5, 0.2}) {
+            const Material material = material_of(c.shader, c.settings);
+            const Bsdf bsdf = bsdf_at(material, ground_point(cosine));
+            constexpr int rows = 16, columns = 16, fine = 32, count = 200000;
+            std::vector<double> expected(rows * columns + 1, 0.0), seen(rows * columns + 1, 0.0);
+            double whole = 0.0;
+            for (int i = 0; i < rows * fine; ++i)
+                for (int j = 0; j < columns * fine; ++j) {
+                    const double y = -1.0 + 2.0 * (i + 0.5) / (rows * fine),
+                                 phi = 2.0 * pi * (j + 0.5) / (columns * fine);
+                    const double share = 4.0 * pi / (rows * fine * columns * fine) *
+                                         static_cast<double>(evaluate(bsdf, unit_vector(y, phi)).pdf);
+                    expected[static_cast<size_t>(i / fine * columns + j / fine)] += count * share;
+                    whole += share;
+                }
+            expected.back() = count * std::max(0.0, 1.0 - whole); // drawn into the surface
+            Random random{7};
+            for (int k = 0; k < count; ++k) {
+                BsdfSample next;
+                if (!sample(bsdf, random.four(), next)) {
+                    seen.back() += 1.0;
+                    continue;
+                }
+                double phi = std::atan2(next.wi.z(), next.wi.x());
+                if (phi < 0.0) phi += 2.0 * pi;
+                const int i = std::clamp(static_cast<int>(0.5 * (next.wi.y() + 1.0) * rows), 0, rows - 1);
+                const int j = std::clamp(static_cast<int>(phi / (2.0 * pi) * columns), 0, columns - 1);
+                seen[static_cast<size_t>(i * columns + j)] += 1.0;
+            }
+            double statistic = 0.0;
+            int cells = 0;
+            for (size_t at = 0; at < expected.size(); ++at) {
+                if (expected[at] < 20.0) continue;
+                statistic += (seen[at] - expected[at]) * (seen[at] - expected[at]) / expected[at];
+                ++cells;
+            }
+            const double excess = (statistic - cells) / std::sqrt(2.0 * cells);
+            worst = std::max(worst, excess);
+            EXPECT_LT(excess, 5.0) << c.shader << " " << cosine; // deviations of chi square
+        }
+    std::printf("[ density ] worst chi square %.1f deviations above its mean\n", worst);
+}
+
+TEST(Surfaces, LightMayBeFollowedEitherWay) {
+    for (const Case& c : white_cases()) {
+        Settings settings = c.settings;
+        settings["color"] = "[0.7, 0.3, 0.1]";
+        const Material material = material_of(c.shader, settings);
+        Random random{3};
+        double worst = 0.0;
+        for (int i = 0; i < 500; ++i) {
+            const Vec3f a = unit_vector(2.0 * random() - 1.0, 2.0 * pi * random());
+            Vec3f b = unit_vector(2.0 * random() - 1.0, 2.0 * pi * random());
+            if (i % 2 == 0) // near the mirror direction, where gloss is
+                b = (Vec3f(-a.x(), a.y(), -a.z()) + 0.1F * b).normalized();
+            if (std::min(std::abs(a.y()), std::abs(b.y())) < 0.01F) continue;
+            ShadingPoint from_a = ground_point(1.0), from_b = from_a;
+            from_a.wo = a;
+            from_b.wo = b;
+            const Vec3f there = evaluate(bsdf_at(material, from_a), b).value / std::abs(b.y());
+            const Vec3f back = evaluate(bsdf_at(material, from_b), a).value / std::abs(a.y());
+            worst =
+                std::max(worst, static_cast<double>((there - back).norm() / std::max(there.norm(), 1e-3F)));
+        }
+        EXPECT_LT(worst, 1e-3) << c.shader << " roughness " << c.settings.at("roughness");
+    }
+}
+
+TEST(Grass, LetsTheShareThroughThatIsAskedAndFiltersIt) {
+    const Material blade = material_of("grass", {{"color", "[0.4, 0.6, 0.2]"},
+                                                 {"transmission", "0.3"},
+                                                 {"transmission_color", "[1, 0.5, 0.25]"},
+                                                 {"specular", "0"}});
+    const Bsdf bsdf = bsdf_at(blade, ground_point(0.6));
+    Vec3d back = Vec3d::Zero(), through = Vec3d::Zero();
+    constexpr int rows = 200, columns = 100;
+    for (int i = 0; i < rows; ++i)
+        for (int j = 0; j < columns; ++j) {
+            const Vec3f wi = unit_vector(-1.0 + 2.0 * (i + 0.5) / rows, 2.0 * pi * (j + 0.5) / columns);
+            (wi.y() > 0.0F ? back : through) +=
+                4.0 * pi / (rows * columns) * evaluate(bsdf, wi).value.cast<double>();
+        }
+    EXPECT_LT((back - 0.7 * Vec3d(0.4, 0.6, 0.2)).norm(), 1e-3);
+    EXPECT_LT((through - 0.3 * Vec3d(0.4, 0.3, 0.05)).norm(), 1e-3);
+}
+
+// The two halves of a blade are turned against each other, each to the side on which it is; seen from below likewise.
+TEST(Grass, IsFoldedAlongItsMiddle) {
+    const Material blade = material_of("grass", {{"fold", "30"}, {"specular", "0"}});
+    for (const float wo_y : {0.8F, -0.8F}) {
+        ShadingPoint point;
+        point.fibre = point.flat = true;
+        point.tangent = Vec3f::UnitX();
+        point.geometric_normal = point.normal = Vec3f::UnitY();
+        point.wo = Vec3f(0.0F, wo_y, 0.6F);
+        for (const float h : {-1.0F, 1.0F}) {
+            point.h = h;
+            const CoatedBsdf bsdf = std::get<CoatedBsdf>(bsdf_at(blade, point));
+            EXPECT_NEAR(bsdf.normal.dot(bsdf.geometric_normal), std::cos(30 * degree), 1e-6);
+            EXPECT_GT(h * bsdf.normal.dot(point.tangent.cross(bsdf.geometric_normal)), 0.49F);
+        }
+    }
+}
+
+namespace {
+
+const SandSettings& sand_of(const Material& material) { return std::get<SandSettings>(material.settings); }
+
+} // namespace
+
+TEST(Sand, GlintsAverageToTheFacetsTheyStandFor) {
+    const Material sand = material_of("sand");
+    Random random{11};
+    for (const float width : {0.0005F, 0.003F, 0.02F, 0.3F})
+        for (const float chance : {1e-4F, 3e-3F, 0.2F}) {
+            double sum = 0.0, squares = 0.0;
+            constexpr int count = 200000;
+            for (int i = 0; i < count; ++i) {
+                const Vec3d place(100.0 * random(), 0.0, 100.0 * random());
+                const Vec3f half = unit_vector(0.3 + 0.7 * random(), 2.0 * pi * random());
+                const double g = static_cast<double>(glint(sand_of(sand), place, width, half, chance));
+                ASSERT_TRUE(std::isfinite(g) && g >= 0.0);
+                sum += g;
+                squares += g * g;
+            }
+            const double mean = sum / count, deviation = std::sqrt((squares / count - mean * mean) / count);
+            EXPECT_LT(std::abs(mean - 1.0), 5.0 * deviation + 1e-4) << width << " " << chance;
+        }
+}
+
+// From one frame to the next the camera goes a hundredth nearer and the light turns by a tenth of a degree: the same glints
+// are seen. One that jumped would differ by its whole deviation.
+TEST(Sand, GlintsDoNotFlicker) {
+    const Material sand = material_of("sand");
+    Random random{12};
+    double moved = 0.0, spread = 0.0;
+    constexpr int count = 50000;
+    for (int i = 0; i < count; ++i) {
+        const Vec3d place(10.0 * random(), 0.0, 10.0 * random());
+        const double y = 0.5 + 0.5 * random(), phi = 2.0 * pi * random();
+        const float width = 0.002F + 0.02F * random();
+        const float here = glint(sand_of(sand), place, width, unit_vector(y, phi), 1e-3F);
+        const float next =
+            glint(sand_of(sand), place, 0.99F * width, unit_vector(y, phi + 0.1 * degree), 1e-3F);
+        moved += std::pow(static_cast<double>(next - here), 2.0);
+        spread += std::pow(static_cast<double>(here - 1.0F), 2.0);
+    }
+    std::printf("[ glints ] change from frame to frame %.3f of their deviation\n", std::sqrt(moved / spread));
+    EXPECT_LT(std::sqrt(moved / spread), 0.1);
+    EXPECT_GT(spread / count, 0.1);
+}
+
+// Against the height they come from, which is rebuilt by adding slopes up along a line, and against its bounds.
+TEST(Sand, RipplesAreAsHighAndAsLongAsAskedAndSteepDownwind) {
+    const Material sand = material_of("sand", {{"ripple_height", "0.01"}, {"ripple_length", "0.1"}});
+    double height = 0.0, low = 0.0, high = 0.0, steepest = 0.0, rise = 0.0;
+    int crests = 0;
+    double before = 0.0;
+    constexpr double step = 0.0002, length = 40.0;
+    for (double x = 0.0; x < length; x += step) {
+        const double slope = static_cast<double>(ripple_at(sand_of(sand), {x, 0.0, 3.0}, 0.0F).slope.x());
+        height += step * slope;
+        low = std::min(low, height);
+        high = std::max(high, height);
+        steepest = std::min(steepest, slope);
+        rise = std::max(rise, slope);
+        crests += before > 0.0 && slope <= 0.0;
+        before = slope;
+    }
+    std::printf("[ ripples ] %.1f mm high at most, %.0f mm from crest to crest, slopes %.2f and %.2f\n",
+                1000.0 * (high - low), 1000.0 * length / crests, rise, steepest);
+    EXPECT_NEAR(length / crests, 0.1, 0.01);
+    EXPECT_GT(high - low, 0.008);
+    EXPECT_LT(high - low, 0.02); // heights differ, and where the phase wanders the profile's mean does
+    EXPECT_GT(-steepest, 2.0 * rise);
+}
+
+// What a wide pixel sees is the mean of what narrow ones see in it: its slope, and a roughness that stands for the rest.
+TEST(Sand, RipplesFadeIntoRoughnessWithTheDistance) {
+    const Material sand = material_of("sand", {{"sparkle", "0"}});
+    double worst = 0.0;
+    for (const double sun : {0.9, 0.5, 0.25}) {
+        const Vec3f light = unit_vector(sun, 0.0);
+        double near = 0.0, far = 0.0;
+        constexpr int count = 40000;
+        Random random{13};
+        for (int i = 0; i < count; ++i) {
+            ShadingPoint point = ground_point(0.8, 1.0);
+            point.position = Vec3d(5.0 * random(), 0.0, 5.0 * random());
+            point.footprint = 0.0F;
+            near += static_cast<double>(evaluate(bsdf_at(sand, point), light).value.x()) / count;
+            point.footprint = 1.0F;
+            far += static_cast<double>(evaluate(bsdf_at(sand, point), light).value.x()) / count;
+        }
+        worst = std::max(worst, std::abs(far / near - 1.0));
+        std::printf("[ ripples ] sun at cosine %.2f: from afar %.4f of the mean from near\n", sun,
+                    far / near);
+    }
+    EXPECT_LT(worst, 0.04);
+}
+
+} // namespace marram

@@ -15,7 +15,7 @@
 //
 // Glints: of N facets in a pixel's footprint each mirrors from wo to wi with probability p = D(h) (n . h) pi g^2, g the
 // half-angle of its own blur. What is seen is not their mean but their number, Poisson of mean N p, over N p. It is drawn by hashing
-// a cell of space (its side, four grains times a power of two, is the footprint's; two sizes are blended, so that nothing
+// a cell of space (its side, a grain times a power of two, is the footprint's; two sizes are blended, so that nothing
 // pops as the camera moves) and a cell of h (four are blended, so that glints swell and fade as the sun moves). Where N p is
 // large it is 1. After Deliot and Belcour, "Real-Time Rendering of Glinty Appearances using Distributed Binomial Laws on
 // Anisotropic Grids", 2023, who draw their counts likewise.
@@ -37,7 +37,6 @@ constexpr float pi_f = static_cast<float>(pi);
 constexpr float quartz = 1.54F;
 constexpr float facet_roughness = 0.6F;
 constexpr float blur = static_cast<float>(1.5 * degree); // of a facet: its curvature and half the sun's width
-constexpr float cell_grains = 4.0F;                      // along a side of the smallest cell
 constexpr float many = 4096.0F;                          // facets that mirror: 1 +- 1/64 and less
 
 float grains_albedo(float single, float bend, float cosine) {
@@ -169,7 +168,7 @@ Ripple ripple_at(const SandSettings& settings, const Vec3d& position, float widt
 
 float glint(const SandSettings& settings, const Vec3d& position, float width, const Vec3f& half,
             float chance) {
-    const float smallest = cell_grains * settings.grain;
+    const float smallest = settings.grain; // nearer by, single grains are seen
     const float level = std::max(0.0F, std::log2(std::max(width, smallest) / smallest));
     if (!std::isfinite(level)) return 1.0F;
     const float whole = std::floor(level);

@@ -123,12 +123,13 @@ Stage::Stage(const Golden& golden, const std::vector<std::string>& faults) : fra
     lights_ = std::make_unique<Lights>(scene_.lights, world_);
 }
 
-Picture Stage::render(uint64_t seed) const {
+Picture Stage::render(uint64_t seed, uint32_t samples) const {
     const auto [width, height] = film_size(scene_);
     const std::vector<std::string> layers = {"beauty"};
     Film film = make_film(width, height, layers, world_);
     RenderSettings settings = render_settings(scene_, frame_);
     settings.seed = seed;
+    if (samples > 0) settings.samples = samples;
     marram::render(world_, *lights_, scene_.materials, scene_.camera, settings, film);
     Picture picture;
     picture.width = int(width);

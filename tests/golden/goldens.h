@@ -33,7 +33,7 @@ class Stage {
   public:
     // `faults` are changes that plant one.
     explicit Stage(const Golden& golden, const std::vector<std::string>& faults = {});
-    Picture render(uint64_t seed) const;
+    Picture render(uint64_t seed, uint32_t samples = 0) const; // 0: as many as the scene asks for
     World& world() { return world_; } // to plant a fault by hand, before the first render
 
   private:

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// Noise against samples, on every scene that has a golden frame. Two renders with different seeds differ by twice the variance of
+// one, with nothing to compare either with: pixels are unbiased, so that variance is their whole error. Independent
+// samples would bring it down with the power -1 of their number, its root with -1/2; the sampler's stratification does better where
+// pixels are smooth in many dimensions, at best -3/2.
+#include "tests/golden/goldens.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+
+namespace marram::golden {
+namespace {
+
+constexpr std::array<uint32_t, 4> counts = {2, 8, 32, 128};
+
+// Root of the mean variance of pixels, as a share of the picture's mean.
+double noise_of(const Stage& stage, uint32_t samples) {
+    const Picture a = stage.render(101, samples), b = stage.render(202, samples);
+    const std::vector<float>&x = a.layers[0].pixels, &y = b.layers[0].pixels;
+    double level = 0.0, sum = 0.0;
+    for (size_t i = 0; i < x.size(); ++i) {
+        const double difference = double(x[i]) - double(y[i]);
+        level += 0.5 * (double(x[i]) + double(y[i])) / double(x.size());
+        sum += 0.5 * difference * difference / double(x.size());
+    }
+    return std::sqrt(sum) / level;
+}
+
+class Convergence : public ::testing::TestWithParam<Golden> {};
+
+TEST_P(Convergence, falls_with_the_root_of_the_samples_or_faster) {
+    const Golden& golden = GetParam();
+    const Stage stage(golden);
+    double noise[counts.size()], mean_x = 0.0, mean_y = 0.0, xx = 0.0, xy = 0.0;
+    for (size_t i = 0; i < counts.size(); ++i) {
+        noise[i] = noise_of(stage, counts[i]);
+        mean_x += std::log2(double(counts[i])) / double(counts.size());
+        mean_y += std::log2(noise[i]) / double(counts.size());
+    }
+    for (size_t i = 0; i < counts.size(); ++i) {
+        const double x = std::log2(double(counts[i])) - mean_x;
+        xx += x * x;
+        xy += x * (std::log2(noise[i]) - mean_y);
+    }
+    const double power = xy / xx;
+    std::printf("noise of %-12s %.4f %.4f %.4f %.4f with 2, 8, 32, 128 samples: power %.2f, half of it costs "
+                "%.1f times "
+                "the samples\n",
+                golden.name.c_str(), noise[0], noise[1], noise[2], noise[3], power, std::exp2(-1.0 / power));
+    EXPECT_LT(power, -0.45);
+    EXPECT_GT(power, -1.5);
+}
+
+// One of each kind of light and matter, and all scenes of the gallery.
+std::vector<Golden> looked_at() {
+    std::vector<Golden> some;
+    for (const Golden& golden : goldens())
+        for (const char* name : {"room", "sun", "lamp", "still", "hair"})
+            if (golden.name == name || golden.scene.find("golden/") == std::string::npos) {
+                some.push_back(golden);
+                break;
+            }
+    return some;
+}
+
+INSTANTIATE_TEST_SUITE_P(Of, Convergence, ::testing::ValuesIn(looked_at()),
+                         [](const auto& info) { return info.param.name; });
+
+} // namespace
+} // namespace marram::golden

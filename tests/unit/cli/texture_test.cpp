@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+// Images on surfaces: what they average to, where they stand, what is refused.
+#include "core/cli/texture.h"
+#include "tests/unit/cli/program.h"
+
+namespace marram::testing {
+namespace {
+
+// A checkerboard of black and white squares, `side` pixels each, 8 bits.
+std::string checkerboard(const Folder& folder, int side) {
+    constexpr int size = 256;
+    std::vector<float> pixels;
+    for (int y = 0; y < size; ++y)
+        for (int x = 0; x < size; ++x)
+            for (int c = 0; c < 3; ++c) pixels.push_back((x / side + y / side) % 2 == 0 ? 0.0F : 1.0F);
+    const std::string path = folder / "checker.png";
+    write_png(path, size, size, 3, pixels.data(), 0.0);
+    return path;
+}
+
+// Four fields of one colour each; the first row is the top.
+std::string fields(const Folder& folder) {
+    constexpr int size = 64;
+    std::vector<float> pixels;
+    for (int y = 0; y < size; ++y)
+        for (int x = 0; x < size; ++x) {
+            const bool right = x >= size / 2, low = y >= size / 2;
+            for (const float v : {right ? 0.5F : 0.1F, low ? 0.7F : 0.2F, 0.25F}) pixels.push_back(v);
+        }
+    const std::string path = folder / "fields.exr";
+    const Layer layer{"", {"R", "G", "B"}, pixels.data(), true};
+    write_exr(path, size, size, std::span(&layer, 1), {});
+    return path;
+}
+
+} // namespace
+
+// The mean of black and white is a half in light; of their 8-bit codes it would be 0.21.
+TEST(Texture, FromAfarIsTheMeanOfItsLight) {
+    const Folder folder;
+    const auto texture = open_texture(checkerboard(folder, 1), TextureContent::color, {});
+    for (const float width : {0.1F, 0.5F, 1.0F, 30.0F})
+        EXPECT_NEAR(texture->at({0.3F, 0.6F}, width).x(), 0.5, 2e-3) << width;
+    const auto near = open_texture(checkerboard(folder, 64), TextureContent::color, {});
+    EXPECT_NEAR(near->at({0.125F, 0.875F}, 0.0F).x(), 0.0, 1e-3); // the top left square
+    EXPECT_NEAR(near->at({0.375F, 0.875F}, 0.0F).x(), 1.0, 1e-3);
+    EXPECT_NEAR(near->at({1.375F, -7.125F}, 0.0F).x(), 1.0, 1e-3); // and again a turn away
+}
+
+TEST(Texture, StandsUprightAndKeepsItsValues) {
+    const Folder folder;
+    const auto texture = open_texture(fields(folder), TextureContent::color, {});
+    EXPECT_LT((texture->at({0.25F, 0.25F}, 0.0F) - Vec3f(0.1F, 0.7F, 0.25F)).norm(), 1e-3F);
+    EXPECT_LT((texture->at({0.75F, 0.25F}, 0.0F) - Vec3f(0.5F, 0.7F, 0.25F)).norm(), 1e-3F);
+    EXPECT_LT((texture->at({0.25F, 0.75F}, 0.0F) - Vec3f(0.1F, 0.2F, 0.25F)).norm(), 1e-3F);
+}
+
+TEST(Texture, DataIsNotTakenForColor) {
+    const Folder folder;
+    std::vector<float> grey(64 * 64 * 3, linear_from_srgb(0.5F)); // written as half of full scale
+    const std::string path = folder / "rough.png";
+    write_png(path, 64, 64, 3, grey.data(), 0.0);
+    EXPECT_NEAR(open_texture(path, TextureContent::data, {})->at({0.5F, 0.5F}, 0.0F).x(), 0.5, 3e-3);
+    EXPECT_NEAR(open_texture(path, TextureContent::color, {})->at({0.5F, 0.5F}, 0.0F).x(), 0.214, 3e-3);
+}
+
+TEST(Texture, PaintsAPictureAndFaultsHaveALine) {
+    const Folder folder;
+    checkerboard(folder, 64);
+    const auto scene = [&](const std::string& map) {
+        return "[camera]\nposition = [0, 4, 0.01]\ntarget = [0, 0, 0]\nfov = 28.07\n"
+               "[film]\nsize = [64, 64]\nsamples = 64\nmax_depth = 1\nfilter = \"box\"\nfilter_radius = 0.5\n"
+               "[[light]]\ntype = \"sky\"\nzenith = 1\nhorizon = 1\nground = 1\n"
+               "[[material]]\nname = \"m\"\ntype = \"surface\"\ncolor = 1\nspecular = 0\ncolor_map = \"" +
+               map + "\"\n[[mesh]]\nname = \"floor\"\ntype = \"plane\"\nsize = [2, 2]\nmaterial = \"m\"\n";
+    };
+    const std::string file = folder.write("scene.toml", scene("checker.png"));
+    const Outcome whole = marram({"render", file, "-o", folder / "out.exr", "--quiet"});
+    ASSERT_EQ(whole.code, 0) << whole.err;
+    const Image image = read_image(folder / "out.exr");
+    const auto at = [&](int x, int y) { return image.pixels[size_t((y * 64 + x) * image.channels)]; };
+    int bright = 0, dark = 0;
+    for (int y = 8; y < 64; y += 16)
+        for (int x = 8; x < 64; x += 16) {
+            const bool white = ((x / 16) + (y / 16)) % 2 == 1;
+            (white ? bright : dark) += white ? at(x, y) > 0.8F : at(x, y) < 0.05F;
+        }
+    EXPECT_EQ(bright, 8);
+    EXPECT_EQ(dark, 8);
+
+    const std::string png = read_file(folder / "checker.png");
+    folder.write("cut.png", png.substr(0, png.size() / 2));
+    folder.write("text.png", "no image");
+    for (const char* map : {"cut.png", "text.png", "missing.png"}) {
+        const Outcome refused =
+            marram({"render", folder.write("bad.toml", scene(map)), "-o", folder / "bad.exr"});
+        EXPECT_EQ(refused.code, 2) << map;
+        EXPECT_TRUE(refused.err.find(map) != std::string::npos) << refused.err;
+        EXPECT_FALSE(fs::exists(folder / "bad.exr"));
+    }
+}
+
+} // namespace marram::testing

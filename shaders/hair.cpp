@@ -75,11 +75,14 @@ float exit_azimuth(int p, float gamma_o, float gamma_t) {
     return 2.0F * gamma_o + static_cast<float>(p) * (pi_f - 2.0F * gamma_t);
 }
 
+// ior^2 - sin^2 of an angle, from its cosine: no difference of near-equal numbers, at grazing angles and
+// ior = 1 either.
+float bent(float cosine, float ior) { return (ior - 1.0F) * (ior + 1.0F) + cosine * cosine; }
+
 // Unpolarised, from outside, cosine >= 0.
 float fresnel(float cosine, float ior) {
-    const float sin2 = std::max(0.0F, 1.0F - cosine * cosine) / (ior * ior);
-    if (sin2 >= 1.0F) return 1.0F;
-    const float inside = std::sqrt(1.0F - sin2);
+    const float inside = std::sqrt(bent(cosine, ior)) / ior;
+    if (inside <= 0.0F) return 1.0F;
     const float parallel = (ior * cosine - inside) / (ior * cosine + inside);
     const float perpendicular = (cosine - ior * inside) / (cosine + ior * inside);
     return 0.5F * (parallel * parallel + perpendicular * perpendicular);
@@ -120,6 +123,7 @@ void set_attenuation(HairBsdf& bsdf, const Vec3f& sigma, float fresnel_reflectan
     }
     float sum = 0.0F;
     for (int p = 0; p < lobe_count; ++p) sum += bsdf.probability[p] = mean(bsdf.attenuation[p]);
+    if (sum <= 0.0F) return; // black with ior = 1: no lobe is ever sampled
     for (int p = 0; p < lobe_count; ++p) bsdf.probability[p] /= sum;
 }
 
@@ -223,14 +227,12 @@ HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point) {
     bsdf.side = bsdf.axis.cross(bsdf.front);
 
     const float h = std::clamp(point.h, -1.0F, 1.0F), eta = settings.ior;
-    const float sin2_theta = bsdf.sin_theta_o * bsdf.sin_theta_o;
-    const float bravais = std::sqrt(std::max(0.0F, eta * eta - sin2_theta));
-    const float sin_gamma_t = std::clamp(h * bsdf.cos_theta_o / std::max(bravais, 1e-6F), -1.0F, 1.0F);
+    constexpr float end_on = 1e-30F; // in place of 0, which only ior = 1 seen end on gives: no 0 / 0
+    const float bravais = std::max(std::sqrt(bent(bsdf.cos_theta_o, eta)), end_on); // eta cos theta_t
+    const float sin_gamma_t = std::clamp(h * bsdf.cos_theta_o / bravais, -1.0F, 1.0F);
     bsdf.gamma_o = std::asin(h);
     bsdf.gamma_t = std::asin(sin_gamma_t);
-    const float cos_theta_t =
-        std::sqrt(std::max(1e-6F, 1.0F - sin2_theta / (eta * eta))); // 0 only for ior = 1 end on
-    const float chord = 2.0F * std::sqrt(std::max(0.0F, 1.0F - sin_gamma_t * sin_gamma_t)) / cos_theta_t;
+    const float chord = 2.0F * std::sqrt((1.0F - sin_gamma_t) * (1.0F + sin_gamma_t)) * eta / bravais;
 
     Vec3f sigma = settings.base_absorption;
     bsdf.color = settings.base_color;
@@ -243,8 +245,7 @@ HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point) {
     bsdf.scale = settings.scale;
     bsdf.logistic_scale = settings.logistic_scale;
     bsdf.logistic_norm = std::tanh(0.5F * pi_f / settings.logistic_scale);
-    set_attenuation(bsdf, sigma, fresnel(bsdf.cos_theta_o * std::sqrt(std::max(0.0F, 1.0F - h * h)), eta),
-                    chord);
+    set_attenuation(bsdf, sigma, fresnel(bsdf.cos_theta_o * std::sqrt((1.0F - h) * (1.0F + h)), eta), chord);
     set_lobe_cones(bsdf, settings);
     return bsdf;
 }

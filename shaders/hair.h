@@ -20,6 +20,11 @@
 //   color = [0.5, 0.33, 0.2]
 //   roughness = 0.25
 //
+// Lobes hold the light that leaves a smooth cylinder, to 1e-6; what its inner interfaces polarise is left
+// out, at most 0.07 of the light that came. The model is not reciprocal: exchanging wo and wi changes what a
+// whole fibre passes on by 10 % on average at the defaults, 1 % at roughness 0.03, 24 % at 1 and 34 % at a
+// tilt of 20 degrees; at one offset across the fibre, by 13 % at the defaults.
+//
 // Marschner et al., "Light Scattering from Human Hair Fibers", 2003; d'Eon et al., "An Energy-Conserving Hair
 // Reflectance Model", 2011; Chiang et al., "A Practical and Controllable Hair and Fur Model for Production
 // Path Tracing", 2016. hair.cpp opens with the formulas.

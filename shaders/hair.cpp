@@ -17,7 +17,10 @@
 //     = I0e(c_i c_o / v) exp(-((c_i - c_o)^2 + (s_i + s_o)^2) / (2 v)) / (v (1 - exp(-2/v))) ,
 //   I0e(x) = exp(-x) I0(x). The second form never overflows and has no difference of near-equal numbers.
 //   Sampling (d'Eon 2013): about the mirror cone, cos a = 1 + v log(u + (1 - u) exp(-2/v)), azimuth 2 pi u'.
-// Scales tilt the cuticle by alpha: theta_o is shifted by -2 alpha for R, +alpha for TT, +4 alpha for TRT.
+// Scales tilt the cuticle's normals by alpha to the root: theta_o is shifted by +2 alpha for R, -alpha
+//   for TT, -4 alpha for TRT, so that lobes leave at -theta_o - 2 alpha (R, to the root), + alpha and + 4
+//   alpha: what a cone that widens towards the tip does, to first order, at eta = 1.5. A cone tilted past the
+//   axis comes out on the other side, where |cos| keeps M_p's integral at 1.
 //
 // Fits of Chiang et al.: v from roughness, s from azimuthal roughness, sigma from the colour of many fibres.
 // sigma of melanin: d'Eon et al. 2011, for a unit radius. I0: Abramowitz and Stegun 9.8.1 and 9.8.2, error
@@ -146,8 +149,8 @@ void set_lobe_cones(HairBsdf& bsdf, const HairSettings& settings) {
     const float s = bsdf.sin_theta_o, c = bsdf.cos_theta_o;
     const auto& st = settings.sin_tilt;
     const auto& ct = settings.cos_tilt;
-    bsdf.lobe_sin = {s * ct[1] - c * st[1], s * ct[0] + c * st[0], s * ct[2] + c * st[2], s};
-    bsdf.lobe_cos = {c * ct[1] + s * st[1], c * ct[0] - s * st[0], c * ct[2] - s * st[2], c};
+    bsdf.lobe_sin = {s * ct[1] + c * st[1], s * ct[0] - c * st[0], s * ct[2] - c * st[2], s};
+    bsdf.lobe_cos = {c * ct[1] - s * st[1], c * ct[0] + s * st[0], c * ct[2] + s * st[2], c};
     for (float& cosine : bsdf.lobe_cos) cosine = std::abs(cosine); // tilted past the axis
 }
 
@@ -164,7 +167,8 @@ std::vector<ParamSpec> hair_params() {
         {"melanin_redness", ParamType::number, "", "0", 0.0, 1.0, "", "share of the pigment that is red"},
         {"roughness", ParamType::number, "", "0.3", 0.02, 1.0, "", "along the fibre, 1 = even"},
         {"azimuthal_roughness", ParamType::number, "", "0.3", 0.02, 1.0, "", "around the fibre, 1 = even"},
-        {"tilt", ParamType::number, "deg", "2", -20.0, 20.0, "", "slope of the cuticle's scales"},
+        {"tilt", ParamType::number, "deg", "2", -20.0, 20.0, "",
+         "slope of the scales, which open to the tip"},
         {"ior", ParamType::number, "", "1.55", 1.0, 3.0, "", "index of refraction"},
     };
     for (ParamSpec& spec : strand_color_params()) params.push_back(std::move(spec));

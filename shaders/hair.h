@@ -10,7 +10,7 @@
 //   melanin_redness      1     0                   share of it that is red (pheomelanin)
 //   roughness            1     0.3                 along the fibre, 0 sharp ... 1 even
 //   azimuthal_roughness  1     0.3                 around the fibre
-//   tilt                 deg   2                   slope of the cuticle's scales
+//   tilt                 deg   2                   slope of the scales, which open to the tip
 //   ior                  1     1.55                index of refraction
 //   root_color, tip_color, variation, tint, tint_color: as in diffuse; melanin has no gradient
 //

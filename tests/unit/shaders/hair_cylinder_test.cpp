@@ -25,6 +25,10 @@
 //          (flux amplitudes sqrt(1 - r^2) of s and p, real, as nothing is totally reflected that came from
 //          outside), whose planes turn from interface to interface. The model leaves that out: by how much
 //          is printed and bounded by what was measured.
+//   scales A surface of stacked cones, each widening from root to tip by tan(alpha), steps far smaller than
+//          the fibre: a cylinder whose normals lean by alpha to the root. To first order in alpha, head-on at
+//          h = 0, R leaves at -2 alpha (to the root), TT at 2 (eta - 1) alpha, TRT at (4 eta - 2) alpha. The
+//          model has -2, 1, 4 for every eta: right for eta = 1.5.
 #include "tests/unit/shaders/fibre_cases.h"
 
 #include <gtest/gtest.h>
@@ -364,6 +368,29 @@ TEST(HairCylinder, LobesPeakWhereTheTraceLeaves) {
     EXPECT_LT(greatest(worst.azimuth), 2e-4);     // a twentieth of the logistic's scale, 3.6e-3
     EXPECT_LT(greatest(worst.inclination), 3e-4); // a fiftieth of the narrowest deviation, 7.4e-3
     EXPECT_LT(greatest(worst.mirror), 3e-3);      // 2 v tan(80 deg) = 2.5e-3 of TRT
+}
+
+// Scales that widen towards the tip, so that fur is smooth from root to tip, turn R to the root.
+TEST(HairCylinder, ScalesTurnLobesTheWayTheConesDo) {
+    constexpr double alpha_degrees = 0.5, alpha = alpha_degrees * degree;
+    HairCase hair;
+    hair.roughness = hair.azimuthal_roughness = sharpest;
+    hair.tilt_degrees = alpha_degrees;
+    for (const double ior : {1.45, 1.5, 1.55}) {
+        hair.ior = ior;
+        const std::vector<Exit> exits = trace({ior, 0.0, alpha}, 0.0, 0.0);
+        const HairBsdf bsdf = hair_at(hair_of(hair), fibre_point(0.0, 0.0));
+        const std::array<double, 3> first_order = {-2.0, 2.0 * (ior - 1.0), 4.0 * ior - 2.0};
+        std::printf("[ cylinder ] scales, ior %.2f: exits over alpha", ior);
+        for (int p = 0; p < order_count - 1; ++p) {
+            const double traced = std::asin(exits[p].direction.y()) / alpha;
+            const double model = -std::asin(static_cast<double>(bsdf.lobe_sin[p])) / alpha;
+            std::printf("  %+.3f (model %+.3f)", traced, model);
+            EXPECT_NEAR(traced, first_order[p], 0.01);
+            EXPECT_NEAR(model, traced, 4.0 * std::abs(ior - 1.5) + 0.01);
+        }
+        std::printf("\n");
+    }
 }
 
 } // namespace

@@ -97,7 +97,8 @@ void add_render(CLI::App& app, Commands& c) {
     command->add_option("--spp", c.texts.samples, "samples a pixel")->check(CLI::Range(1, 65536));
     command
         ->add_option("--seconds", c.render.seconds,
-                     "time for tracing a frame: it ends with fewer samples where they would take longer")
+                     "time for tracing a frame: it ends with fewer samples where they would take longer; "
+                     "--resume goes on")
         ->check(CLI::Range(1e-3, 1e9));
     command->add_option("--size", c.texts.size, "size of the picture")->type_name("WxH");
     command
@@ -105,8 +106,16 @@ void add_render(CLI::App& app, Commands& c) {
                      "image layers besides the scene's: variance, albedo, normal, depth, strand_u, or a "
                      "curve attribute")
         ->type_name("NAME,...");
-    command->add_flag("--resume", c.render.resume,
-                      "leave out frames whose picture is there, whole, and of this scene");
+    command
+        ->add_option(
+            "--preview", c.render.preview,
+            "picture to watch while a frame renders, .exr or .png: written after the first pass, then "
+            "less and less often")
+        ->type_name("FILE");
+    command->add_flag(
+        "--resume", c.render.resume,
+        "leave out frames whose picture is there, whole, and of this scene; go on with those that were "
+        "interrupted or out of time");
     command->callback([&c, command, frame] {
         const bool one_frame = frame->count() > 0;
         if (command->count("--spp") > 0) c.render.overrides.samples = c.texts.samples;

@@ -25,6 +25,7 @@ struct RenderOptions : CommonOptions {
     FrameRequest frames;
     std::vector<std::string> layers; // besides those of the scene
     bool resume = false;
+    std::string preview;  // "" for none
     double seconds = 0.0; // for tracing a frame; 0: as long as it takes
 };
 

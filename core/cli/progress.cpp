@@ -15,10 +15,11 @@ namespace {
 constexpr int bar_width = 30;
 constexpr auto interval = std::chrono::milliseconds(100);
 
-std::string time_left(double elapsed, double fraction) {
+// `gone`: the fraction done in the time elapsed, which is less than all that is done where a phase went on from a file.
+std::string time_left(double elapsed, double gone, double fraction) {
     // Too early to tell until something measurable is done.
-    if (fraction < 0.01 || elapsed < 0.5) return "";
-    const int seconds = int(elapsed * (1.0 - fraction) / fraction + 0.5);
+    if (gone < 0.01 || elapsed < 0.5) return "";
+    const int seconds = int(elapsed * (1.0 - fraction) / gone + 0.5);
     return fmt::format("{}:{:02} left", seconds / 60, seconds % 60);
 }
 
@@ -30,17 +31,19 @@ ProgressLine::ProgressLine(bool quiet, std::function<ProgressState()> ask) : ask
         using Clock = std::chrono::steady_clock;
         std::string phase;
         auto begin = Clock::now();
+        double first = 0.0;
         while (!stop.stop_requested()) {
             const ProgressState state = ask_();
             if (state.phase != phase) {
                 phase = state.phase;
                 begin = Clock::now();
+                first = std::clamp(state.fraction, 0.0, 1.0);
             }
             const double fraction = std::clamp(state.fraction, 0.0, 1.0);
             const int full = int(fraction * bar_width);
             const double elapsed = std::chrono::duration<double>(Clock::now() - begin).count();
             fmt::print(stderr, "\r\033[K{:<20} [{:#<{}}{:.<{}}] {:3.0f} %  {}", phase, "", full, "",
-                       bar_width - full, 100.0 * fraction, time_left(elapsed, fraction));
+                       bar_width - full, 100.0 * fraction, time_left(elapsed, fraction - first, fraction));
             std::fflush(stderr);
             std::this_thread::sleep_for(interval);
         }

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/commands.h"
+#include "core/cli/frame_state.h"
 #include "core/cli/interrupt.h"
+#include "core/cli/picture.h"
+#include "core/cli/preview.h"
 #include "core/cli/progress.h"
 #include "core/cli/stats.h"
 #include "core/image/atomic_file.h"
@@ -16,6 +19,8 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <map>
+#include <optional>
 
 namespace marram {
 namespace {
@@ -23,36 +28,24 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* digest_key = "marram:digest";
-
-std::string lower_extension(const std::string& path) {
-    std::string extension = fs::path(path).extension().string();
-    std::ranges::transform(extension, extension.begin(),
-                           [](unsigned char c) { return char(std::tolower(c)); });
-    return extension;
-}
-
-void check_output(const std::string& output) {
-    const std::string extension = lower_extension(output);
-    if (extension != ".exr" && extension != ".png")
-        throw InputError({output}, "a picture cannot be written in the format '" + extension + "'",
-                         "name it .exr or .png");
-}
+constexpr const char* unfinished = "partial"; // in its place
 
 uint64_t hash_text(uint64_t h, std::string_view text) {
     for (const char c : text) h = hash(h, static_cast<unsigned char>(c));
     return hash(h, text.size());
 }
 
-// What a frame depends on: the scene file, what the command line changes, the files that the scene names (by size and
-// time), the version. Two pictures with one digest are the same picture.
-std::string digest(const LoadedScene& scene, const RenderOptions& options, double frame) {
+// What all frames depend on: the scene file, what the command line changes, the files that the scene names (by size and
+// time), the version. Not the number of samples. Asked for once, before frames are rendered: a scene file that is edited
+// meanwhile is not what they were made of.
+uint64_t digest_of_scene(const LoadedScene& scene, const RenderOptions& options) {
     std::ifstream file(options.scene, std::ios::binary);
     uint64_t h = hash_text(0, std::string(std::istreambuf_iterator<char>(file), {}));
     h = hash_text(h, MARRAM_VERSION);
     for (const std::string& setting : options.overrides.settings) h = hash_text(h, setting);
     for (const std::string& layer : options.layers) h = hash_text(h, layer);
     const auto [width, height] = film_size(scene);
-    h = hash(hash(hash(h, width), height), uint64_t(scene.description.film.integer("samples")));
+    h = hash(hash(h, width), height);
     const auto add_files = [&](const std::vector<Item>& items) {
         for (const Item& item : items)
             for (const ParamValue& value : item.params.all()) {
@@ -67,7 +60,47 @@ std::string digest(const LoadedScene& scene, const RenderOptions& options, doubl
     add_files(scene.description.meshes);
     add_files(scene.description.lights);
     add_files(scene.description.procedurals);
-    return fmt::format("{:016x}", hash(h, std::bit_cast<uint64_t>(frame)));
+    return h;
+}
+
+// A frame's file names and digests.
+struct FrameFiles {
+    double frame = 0.0;
+    std::string picture, preview, state; // preview: "" for none
+    std::string digest;                  // two pictures with one digest are the same picture
+    std::string samples_digest; // of two films with one, that with fewer samples can become the other
+};
+
+FrameFiles files_of(double frame, const LoadedScene& scene, const RenderOptions& options, uint64_t of_scene) {
+    FrameFiles files;
+    files.frame = frame;
+    files.picture = numbered(options.output, frame);
+    if (!options.preview.empty()) files.preview = numbered(options.preview, frame);
+    files.state = state_name(files.picture);
+    const uint64_t h = hash(of_scene, std::bit_cast<uint64_t>(frame));
+    files.samples_digest = fmt::format("{:016x}", h);
+    files.digest = fmt::format("{:016x}", hash(h, uint64_t(scene.description.film.integer("samples"))));
+    return files;
+}
+
+// A preview may be of any frame when another is saved: it must be none of the pictures, whole or partial.
+void check_previews(const std::vector<FrameFiles>& frames, const RenderOptions& options) {
+    if (options.preview.empty()) return;
+    check_picture_name(options.preview);
+    check_distinct({options.scene, options.output, options.stats, options.preview});
+    std::map<fs::path, std::string> pictures;
+    std::error_code error;
+    for (const FrameFiles& files : frames)
+        for (const std::string& name : {files.picture, partial_name(files.picture)})
+            pictures.emplace(fs::weakly_canonical(name, error), name);
+    for (const FrameFiles& files : frames) {
+        check_distinct({options.scene, options.stats, files.preview});
+        const auto same = pictures.find(fs::weakly_canonical(files.preview, error));
+        if (same != pictures.end())
+            throw InputError({files.preview}, "this would overwrite '" + same->second + "'",
+                             "give every file a name of its own");
+        check_writable(files.preview);
+    }
 }
 
 std::vector<std::string> layer_names(const LoadedScene& scene, const RenderOptions& options) {
@@ -122,56 +155,6 @@ void check_layers(const LoadedScene& scene, const RenderOptions& options) {
     check_tints(scene);
 }
 
-std::vector<std::string> channel_names(const FilmLayer& layer) {
-    if (layer.name == "depth") return {"Z"};
-    if (layer.name == "normal") return {"X", "Y", "Z"};
-    switch (layer.channels) {
-    case 1:
-        return {"Y"};
-    case 2:
-        return {"U", "V"};
-    case 3:
-        return layer.kind == LayerKind::attribute ? std::vector<std::string>{"X", "Y", "Z"}
-                                                  : std::vector<std::string>{"R", "G", "B"};
-    default:
-        return {"R", "G", "B", "A"};
-    }
-}
-
-// Beauty and alpha side by side, as every viewer expects them.
-std::vector<float> rgba_of(const Film& film) {
-    const FilmLayer *beauty = find_layer(film, "beauty"), *alpha = find_layer(film, "alpha");
-    std::vector<float> rgba(size_t(film.width) * film.height * 4);
-    for (size_t i = 0; i < size_t(film.width) * film.height; ++i) {
-        std::copy_n(beauty->pixels.data() + 3 * i, 3, rgba.data() + 4 * i);
-        rgba[4 * i + 3] = alpha->pixels[i];
-    }
-    return rgba;
-}
-
-void save(const std::string& path, const LoadedScene& scene, const Film& film,
-          const std::vector<Metadata>& metadata) {
-    const Uncut uncut;
-    const int width = int(film.width), height = int(film.height);
-    if (lower_extension(path) == ".png") {
-        write_png(path, width, height, 3, find_layer(film, "beauty")->pixels.data(),
-                  scene.description.film.number("exposure"), metadata);
-        return;
-    }
-    const std::vector<float> rgba = rgba_of(film);
-    std::vector<Layer> layers = {{"", {"R", "G", "B", "A"}, rgba.data(), true}};
-    for (const FilmLayer& layer : film.layers)
-        if (layer.kind != LayerKind::beauty && layer.kind != LayerKind::alpha)
-            layers.push_back({layer.name, channel_names(layer), layer.pixels.data(),
-                              layer.kind == LayerKind::albedo || layer.kind == LayerKind::normal});
-    write_exr(path, width, height, layers, metadata);
-}
-
-std::string partial_name(const std::string& path) {
-    const fs::path p(path);
-    return (p.parent_path() / (p.stem().string() + ".partial" + p.extension().string())).string();
-}
-
 struct Watched {
     BuildProgress build;
     RenderProgress render;
@@ -185,56 +168,127 @@ ProgressState state_of(const Watched& watched, const std::string& prefix) {
     return {prefix + watched.build.phase.load(), watched.build.fraction.load()};
 }
 
-// Renders one frame to its file; false where it was interrupted (what is there is saved under another name).
-bool render_frame(LoadedScene& scene, const RenderOptions& options, double frame, const std::string& path,
-                  const std::string& prefix, FrameStats& stats) {
+// What a picture says of itself.
+std::vector<Metadata> metadata_of(const RenderOptions& options, double frame, const SampleCount& samples,
+                                  double seconds, const std::string& digest) {
+    return {{"Software", std::string("marram " MARRAM_VERSION)},
+            {"marram:scene", options.scene},
+            {"marram:frame", frame},
+            {"marram:samples", int(samples.most)},
+            {"marram:mean_samples", samples.mean},
+            {"marram:seconds", seconds},
+            {"marram:version", std::string(MARRAM_VERSION)},
+            {digest_key, digest}};
+}
+
+// One frame on its way to its files.
+struct FrameJob {
+    LoadedScene& scene;
+    const RenderOptions& options;
+    const FrameFiles& files;
+    std::string prefix; // of the progress line
+    FrameStats& stats;
+    double begin = wall_seconds();
+    RenderSettings render{};
+    Film film{};
+    Watched watched{};
+};
+
+void save(const FrameJob& job, const std::string& path, const std::string& digest, bool preview = false) {
+    std::vector<Metadata> metadata = metadata_of(job.options, job.files.frame, count_samples(job.film),
+                                                 job.stats.load + wall_seconds() - job.begin, digest);
+    if (preview) metadata.emplace_back("marram:preview", std::string("yes"));
+    save_picture(path, job.film, job.scene.description.film.number("exposure"), metadata);
+}
+
+World build(FrameJob& job, const std::vector<std::string>& layers) {
+    BuildSettings settings = build_settings(job.scene, job.files.frame);
+    settings.attributes = wanted_attributes(job.scene, layers);
+    const ProgressLine line(job.options.quiet, [&] { return state_of(job.watched, job.prefix); });
+    return build_world(job.scene.geometry, settings, interrupted(), job.watched.build, job.stats.build);
+}
+
+// Fills the film with what an earlier run has left of this frame, and says so, or why it cannot.
+void go_on(FrameJob& job) {
+    const FrameFiles& files = job.files;
+    std::error_code error;
+    if (!job.options.resume || !fs::exists(files.state, error)) return;
+    const std::string reason = load_state(files.state, files.samples_digest, job.render.samples, job.film);
+    if (!reason.empty())
+        fmt::print(stderr, "{}: {}: the frame begins anew\n", files.state, reason);
+    else if (!job.options.quiet)
+        fmt::print(stderr, "{}: goes on after {:.4g} samples a pixel\n", files.picture,
+                   count_samples(job.film).mean);
+}
+
+void trace(FrameJob& job, const World& world, Preview& preview) {
+    const auto [width, height] = film_size(job.scene);
     const double begin = wall_seconds();
-    Watched watched;
-    watched.render.cancel = &interrupted();
-    const std::vector<std::string> names = layer_names(scene, options);
-    BuildSettings build = build_settings(scene, frame);
-    build.attributes = wanted_attributes(scene, names);
-    RenderSettings render_with = render_settings(scene, frame);
-    render_with.seconds = options.seconds;
-    const auto [width, height] = film_size(scene);
-    Film film;
-    {
-        const ProgressLine line(options.quiet, [&] { return state_of(watched, prefix); });
-        const World world = build_world(scene.geometry, build, interrupted(), watched.build, stats.build);
-        film = make_film(width, height, names, world);
-        const Uncut uncut; // from here on there is something to save
-        const double traced = wall_seconds();
-        watched.samples = uint64_t(width) * height * render_with.samples;
-        const Lights lights(scene.lights, world);
-        stats.render =
-            render(world, lights, scene.materials, scene.camera, render_with, film, &watched.render);
-        stats.trace = wall_seconds() - traced;
-    }
-    if (stats.render.out_of_time)
+    job.watched.render.cancel = &interrupted();
+    job.watched.render.between_passes = [&](Film&) { preview.between_passes(); };
+    job.watched.samples = uint64_t(width) * height * job.render.samples;
+    const ProgressLine line(job.options.quiet, [&] { return state_of(job.watched, job.prefix); });
+    const Lights lights(job.scene.lights, world);
+    job.stats.render = render(world, lights, job.scene.materials, job.scene.camera, job.render, job.film,
+                              &job.watched.render);
+    job.stats.trace = wall_seconds() - begin;
+}
+
+// What an earlier run that did not come to the end has left of a frame that is whole now.
+void remove_leavings(const FrameFiles& files) {
+    std::error_code error;
+    if (!fs::remove(files.state, error)) return;
+    const std::string partial = partial_name(files.picture);
+    if (read_metadata(partial, digest_key) == unfinished) fs::remove(partial, error);
+}
+
+// Writes the picture under the name it deserves, and the film's state for as long as the frame is not whole.
+void save_frame(FrameJob& job, Preview& preview) {
+    const FrameFiles& files = job.files;
+    const RenderStats& render = job.stats.render;
+    if (render.out_of_time)
         fmt::print(stderr,
-                   "{}: time was up after {} of {} samples a pixel: give more --seconds for less noise\n",
-                   path, stats.render.most_samples, render_with.samples);
-    for (const std::string& warning : stats.build.warnings) fmt::print(stderr, "{}\n", warning);
-    stats.total = stats.load + wall_seconds() - begin;
-    const std::string target = stats.render.cancelled ? partial_name(path) : path;
-    save(target, scene, film,
-         {{"Software", std::string("marram " MARRAM_VERSION)},
-          {"marram:scene", options.scene},
-          {"marram:frame", frame},
-          {"marram:samples", int(stats.render.most_samples)},
-          {"marram:mean_samples", stats.render.mean_samples},
-          {"marram:seconds", stats.total},
-          {"marram:version", std::string(MARRAM_VERSION)},
-          {digest_key, stats.render.cancelled || stats.render.out_of_time ? std::string("partial")
-                                                                          : digest(scene, options, frame)}});
+                   "{}: time was up after {} of {} samples a pixel: give more --seconds for less noise, or "
+                   "go on with --resume\n",
+                   files.picture, render.most_samples, job.render.samples);
+    for (const std::string& warning : job.stats.build.warnings) fmt::print(stderr, "{}\n", warning);
+    job.stats.total = job.stats.load + wall_seconds() - job.begin;
+    const bool whole = !render.cancelled && !render.out_of_time;
+    const std::string target = render.cancelled ? partial_name(files.picture) : files.picture;
+    save(job, target, whole ? files.digest : unfinished);
     fmt::print("{}\n", target);
+    if (!whole) save_state(files.state, job.film, files.samples_digest);
+    if (whole) remove_leavings(files);
+    if (!render.cancelled) preview.finish(); // else whoever pressed Ctrl-C waits
+    if (!preview.fault().empty()) fmt::print(stderr, "{}\n", preview.fault());
+}
+
+// Renders one frame to its file; false where it was interrupted (what is there is saved under another name).
+bool render_frame(LoadedScene& scene, const RenderOptions& options, const FrameFiles& files,
+                  const std::string& prefix, FrameStats& stats) {
+    FrameJob job{scene, options, files, prefix, stats};
+    job.render = render_settings(scene, files.frame);
+    job.render.seconds = options.seconds;
+    const std::vector<std::string> layers = layer_names(scene, options);
+    Preview preview(files.preview.empty() ? std::function<void()>() : [&job] {
+        resolve(job.film);
+        save(job, job.files.preview, "preview", true);
+    });
+    std::optional<World> world = build(job, layers);
+    const auto [width, height] = film_size(scene);
+    job.film = make_film(width, height, layers, *world);
+    go_on(job);
+    const Uncut uncut; // from here on there is something to save
+    trace(job, *world, preview);
+    world.reset(); // the picture may need the room
+    save_frame(job, preview);
     return !stats.render.cancelled;
 }
 
 } // namespace
 
 int render_command(const RenderOptions& options) {
-    check_output(options.output);
+    check_picture_name(options.output);
     check_distinct({options.scene, options.output, options.stats});
     const double begin = wall_seconds();
     LoadedScene scene = load(options.scene, options.overrides, interrupted());
@@ -242,26 +296,33 @@ int render_command(const RenderOptions& options) {
     check_layers(scene, options);
     const std::vector<double> frames =
         frames_to_make(options.frames, scene.description.globals.vec2("frames"), options.output);
-    for (const double frame : frames) check_writable(numbered(options.output, frame));
+    std::vector<FrameFiles> all_files;
+    const uint64_t of_scene = digest_of_scene(scene, options);
+    for (const double frame : frames) {
+        const FrameFiles& files = all_files.emplace_back(files_of(frame, scene, options, of_scene));
+        check_writable(files.picture);
+        check_state_name(files.state);
+    }
+    check_previews(all_files, options);
     if (!options.stats.empty()) check_writable(options.stats);
 
     const int threads = options.threads > 0 ? options.threads : tbb::this_task_arena::max_concurrency();
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
     tbb::task_arena arena(threads);
     std::vector<FrameStats> all;
-    for (size_t i = 0; i < frames.size(); ++i) {
-        const std::string path = numbered(options.output, frames[i]);
-        if (options.resume && read_metadata(path, digest_key) == digest(scene, options, frames[i])) {
-            if (!options.quiet) fmt::print(stderr, "{}: is there already\n", path);
+    for (const FrameFiles& files : all_files) {
+        if (options.resume && read_metadata(files.picture, digest_key) == files.digest) {
+            if (!options.quiet) fmt::print(stderr, "{}: is there already\n", files.picture);
             continue;
         }
-        const std::string prefix = frames.size() > 1 ? fmt::format("{} of {}: ", i + 1, frames.size()) : "";
+        const auto number = &files - all_files.data() + 1;
+        const std::string prefix = frames.size() > 1 ? fmt::format("{} of {}: ", number, frames.size()) : "";
         FrameStats& stats = all.emplace_back();
-        stats.frame = frames[i];
+        stats.frame = files.frame;
         stats.threads = threads;
         stats.load = all.size() == 1 ? load_seconds : 0.0;
         bool whole = false;
-        arena.execute([&] { whole = render_frame(scene, options, frames[i], path, prefix, stats); });
+        arena.execute([&] { whole = render_frame(scene, options, files, prefix, stats); });
         if (!options.stats.empty()) write_stats(options.stats, all);
         if (!whole) return exit_interrupted;
     }

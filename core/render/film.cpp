@@ -3,6 +3,9 @@
 // bits always.
 #include "core/render/film.h"
 
+#include <algorithm>
+#include <numeric>
+
 namespace marram {
 
 namespace {
@@ -69,8 +72,25 @@ Film make_film(uint32_t width, uint32_t height, std::span<const std::string> nam
         film.stride += layer.sums + 1;
         film.layers.push_back(std::move(layer));
     }
-    film.sums.assign(static_cast<size_t>(width) * height * film.stride, 0.0);
+    clear(film);
     return film;
+}
+
+void clear(Film& film) {
+    const size_t pixels = static_cast<size_t>(film.width) * film.height;
+    film.sums.assign(pixels * film.stride, 0.0);
+    film.reached.assign(pixels, 0);
+    film.taken.assign(pixels, 0);
+    film.done.assign(pixels, 0);
+}
+
+SampleCount count_samples(const Film& film) {
+    SampleCount count;
+    if (film.taken.empty()) return count;
+    count.most = *std::ranges::max_element(film.taken);
+    count.total = std::accumulate(film.taken.begin(), film.taken.end(), uint64_t(0));
+    count.mean = static_cast<double>(count.total) / static_cast<double>(film.taken.size());
+    return count;
 }
 
 void resolve(Film& film) {

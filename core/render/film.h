@@ -41,7 +41,22 @@ struct Film {
     std::vector<FilmLayer> layers;
     uint32_t stride = 0;      // doubles a pixel: for each layer its sums and the number of samples that count
     std::vector<double> sums; // width * height * stride
+
+    // Where render stands, a pixel: with the sums, all that it needs to go on with a film as if it had never stopped.
+    std::vector<uint32_t>
+        reached; // samples of its sequence that it is through with: taken, or left out since it was good enough
+    std::vector<uint32_t>
+        taken; // of them, samples that were taken, those dropped for not being finite among them
+    std::vector<uint8_t> done; // whether the pass under way leaves it out
 };
+
+// Samples that pixels have taken.
+struct SampleCount {
+    uint32_t most = 0;  // of a pixel
+    uint64_t total = 0; // of all
+    double mean = 0.0;  // of a pixel
+};
+SampleCount count_samples(const Film& film);
 
 // Of the mean of `count` numbers, from their sum and that of their squares; 0 for fewer than two.
 double variance_of_mean(double sum, double squares, double count);
@@ -51,6 +66,9 @@ uint32_t layer_channels(std::string_view name, const World& world);
 
 // Throws InputError (without a place) that names an unknown layer and the known ones. Names must differ.
 Film make_film(uint32_t width, uint32_t height, std::span<const std::string> names, const World& world);
+
+// Forgets all samples: the film as make_film made it.
+void clear(Film& film);
 
 // Fills the layers' pixels from the sums; after a cancelled render each pixel is the mean of what it has.
 void resolve(Film& film);

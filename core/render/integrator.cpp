@@ -19,7 +19,8 @@
 //
 // Random numbers: pair 0 film, 1 lens, 2 time, then four a vertex; a vertex's place is fixed, whatever it
 // draws. Passes of 1, 3, 12, 16, 16, ... samples over the whole image show something early; a pixel belongs
-// to one task in each, which adds its samples in their order.
+// to one task in each, which adds its samples in their order. Where passes end is fixed, and so is all that is decided
+// there: a render that stops within a pass, even at other pixels than before, goes on to the same bits.
 #include "core/render/integrator.h"
 
 #include "core/math/hash.h"
@@ -33,6 +34,7 @@
 #include <chrono>
 #include <cmath>
 #include <mutex>
+#include <numeric>
 
 namespace marram {
 
@@ -294,11 +296,6 @@ Ray camera_ray(const Frame& frame, const Film& film, uint32_t x, uint32_t y, Sam
                         (y + 0.5 + frame.filter(on_film.y())) / film.height, lens, time);
 }
 
-struct Pass {
-    uint32_t begin, end;           // samples
-    const std::vector<char>& done; // [pixel] that need no more; or empty
-};
-
 struct Tile {
     uint32_t x0, y0, x1, y1;
 };
@@ -307,21 +304,22 @@ bool cancelled(const RenderProgress* progress) {
     return progress && progress->cancel && progress->cancel->load(std::memory_order_relaxed);
 }
 
-void render_tile(const Frame& frame, const Tile& tile, const Pass& pass, Film& film, RenderStats& stats,
+// The samples up to `end` of the tile's pixels, each from where it stands.
+void render_tile(const Frame& frame, const Tile& tile, uint32_t end, Film& film, RenderStats& stats,
                  RenderProgress* progress) {
     for (uint32_t y = tile.y0; y < tile.y1; ++y)
         for (uint32_t x = tile.x0; x < tile.x1; ++x) {
             if (cancelled(progress)) return;
             const size_t at = static_cast<size_t>(y) * film.width + x;
-            if (!pass.done.empty() && pass.done[at]) {
-                if (progress)
-                    progress->samples_done.fetch_add(pass.end - pass.begin, std::memory_order_relaxed);
-                continue;
-            }
-            stats.mean_samples += double(pass.end - pass.begin);
+            const uint32_t begin = film.reached[at];
+            if (begin >= end) continue; // this pass had come so far when it was stopped
+            film.reached[at] = end;
+            if (progress) progress->samples_done.fetch_add(end - begin, std::memory_order_relaxed);
+            if (film.done[at]) continue;
+            film.taken[at] += end - begin;
             double* pixel = film.sums.data() + at * film.stride;
             const uint64_t seed = pixel_seed(frame.settings.seed, x, y);
-            for (uint32_t s = pass.begin; s < pass.end; ++s) {
+            for (uint32_t s = begin; s < end; ++s) {
                 Sampler sampler(seed, s);
                 FirstHit first;
                 const Ray ray = camera_ray(frame, film, x, y, sampler);
@@ -331,20 +329,17 @@ void render_tile(const Frame& frame, const Tile& tile, const Pass& pass, Film& f
                 else
                     ++stats.dropped_samples;
             }
-            if (progress) progress->samples_done.fetch_add(pass.end - pass.begin, std::memory_order_relaxed);
         }
 }
 
 void add_stats(const RenderStats& more, RenderStats& sum) {
     sum.rays.intersect += more.rays.intersect;
     sum.rays.occluded += more.rays.occluded;
-    sum.mean_samples += more.mean_samples; // the sum, until the end
     sum.rays.dropped += more.rays.dropped;
     sum.dropped_samples += more.dropped_samples;
 }
 
-void render_pass(const Frame& frame, const Pass& pass, Film& film, RenderStats& stats,
-                 RenderProgress* progress) {
+void render_pass(const Frame& frame, uint32_t end, Film& film, RenderStats& stats, RenderProgress* progress) {
     const uint32_t size = std::max(frame.settings.tile, 1U);
     const uint32_t columns = (film.width + size - 1) / size, rows = (film.height + size - 1) / size;
     std::mutex guard;
@@ -352,7 +347,7 @@ void render_pass(const Frame& frame, const Pass& pass, Film& film, RenderStats& 
         for (uint32_t i = range.begin(); i < range.end(); ++i) {
             const uint32_t x = i % columns * size, y = i / columns * size;
             RenderStats mine;
-            render_tile(frame, {x, y, std::min(x + size, film.width), std::min(y + size, film.height)}, pass,
+            render_tile(frame, {x, y, std::min(x + size, film.width), std::min(y + size, film.height)}, end,
                         film, mine, progress);
             const std::lock_guard lock(guard);
             add_stats(mine, stats);
@@ -361,17 +356,20 @@ void render_pass(const Frame& frame, const Pass& pass, Film& film, RenderStats& 
     tbb::parallel_for(tbb::blocked_range<uint32_t>(0, columns * rows, 1), body, tbb::simple_partitioner());
 }
 
+// The first end of a pass beyond `begin`, which is none itself where fewer samples were asked for once.
 uint32_t pass_end(uint32_t begin) {
     constexpr uint32_t longest = 16; // samples: a pixel's share of a pass is what a cancel has to wait for
-    if (begin == 0) return 1;
-    return begin < longest ? begin * 4 : begin + longest;
+    if (begin >= longest) return (begin / longest + 1) * longest;
+    uint32_t end = 1;
+    while (end <= begin) end *= 4;
+    return end;
 }
 
 double luminance(const double* rgb) { return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]; }
 
 // Which pixels are as good as asked for; a pixel that its neighbours know to be noisy goes on, since a few samples may all have missed
 // what makes the noise. False: none is left.
-bool find_noisy(const Film& film, double noise, std::vector<char>& done) {
+bool find_noisy(Film& film, double noise) {
     const FilmLayer* layer = find_layer(film, "variance");
     const size_t pixels = static_cast<size_t>(film.width) * film.height;
     std::vector<double> brightness(pixels), deviation(pixels);
@@ -386,7 +384,7 @@ bool find_noisy(const Film& film, double noise, std::vector<char>& done) {
         mean += brightness[i] / double(pixels);
     }
     const auto noisy = [&](size_t i) { return deviation[i] > noise * std::max(brightness[i], 0.1 * mean); };
-    done.assign(pixels, char(1));
+    film.done.assign(pixels, 1);
     bool any = false;
     for (uint32_t y = 0; y < film.height; ++y)
         for (uint32_t x = 0; x < film.width; ++x) {
@@ -394,9 +392,49 @@ bool find_noisy(const Film& film, double noise, std::vector<char>& done) {
             any = true;
             for (uint32_t j = y - std::min(y, 1U); j <= std::min(y + 1, film.height - 1); ++j)
                 for (uint32_t i = x - std::min(x, 1U); i <= std::min(x + 1, film.width - 1); ++i)
-                    done[static_cast<size_t>(j) * film.width + i] = 0;
+                    film.done[static_cast<size_t>(j) * film.width + i] = 0;
         }
     return any;
+}
+
+// Whether pixels are judged before the pass that begins here: once it has begun they were, and between the ends of passes
+// never. Where none has begun it, judging them again comes to the same.
+bool is_for_judging(uint32_t begin, const Film& film, const RenderSettings& settings) {
+    constexpr uint32_t enough_to_judge = 16; // samples, of a pixel's variance
+    return settings.noise > 0.0 && begin >= enough_to_judge && pass_end(begin - 1) == begin &&
+           *std::ranges::max_element(film.reached) == begin;
+}
+
+// Samples that pixels take in a pass that none of them has begun.
+double samples_ahead(const Film& film, uint32_t begin, uint32_t end) {
+    return double(std::ranges::count(film.done, 0)) * double(end - begin);
+}
+
+void render_passes(const Frame& frame, Film& film, RenderStats& stats, RenderProgress* progress) {
+    const RenderSettings& settings = frame.settings;
+    using Clock = std::chrono::steady_clock;
+    const auto since = [](Clock::time_point then) {
+        return std::chrono::duration<double>(Clock::now() - then).count();
+    };
+    const Clock::time_point start = Clock::now();
+    double seconds_a_sample = 0.0; // 0: no pass has told yet
+    for (uint32_t begin = *std::ranges::min_element(film.reached); begin < settings.samples;) {
+        const uint32_t end = std::min(pass_end(begin), settings.samples);
+        if (is_for_judging(begin, film, settings) && !find_noisy(film, settings.noise)) return;
+        stats.out_of_time =
+            settings.seconds > 0.0 && seconds_a_sample > 0.0 &&
+            since(start) + seconds_a_sample * samples_ahead(film, begin, end) > settings.seconds;
+        if (stats.out_of_time) return;
+        const uint64_t had = count_samples(film).total;
+        const Clock::time_point before = Clock::now();
+        render_pass(frame, end, film, stats, progress);
+        stats.cancelled = cancelled(progress);
+        if (stats.cancelled) return;
+        const uint64_t took = count_samples(film).total - had;
+        if (took > 0) seconds_a_sample = since(before) / double(took);
+        begin = end;
+        if (begin < settings.samples && progress && progress->between_passes) progress->between_passes(film);
+    }
 }
 
 } // namespace
@@ -418,29 +456,12 @@ RenderStats render(const World& world, const Lights& lights, std::span<const Mat
                 static_cast<float>(2.0 * std::tan(0.5 * camera.vertical_fov) / film.height)};
     find_attributes(frame, film);
     RenderStats stats;
-    std::vector<char> done;
-    using Clock = std::chrono::steady_clock;
-    const Clock::time_point start = Clock::now();
-    constexpr uint32_t enough_to_judge = 16; // samples, of a pixel's variance
-    for (uint32_t begin = 0; begin < settings.samples && !stats.cancelled;) {
-        const Clock::time_point before = Clock::now();
-        const uint32_t end = std::min(pass_end(begin), settings.samples);
-        render_pass(frame, {begin, end, done}, film, stats, progress);
-        stats.cancelled = cancelled(progress);
-        stats.most_samples = end;
-        const double pass =
-            std::chrono::duration<double>(Clock::now() - before).count() / double(end - begin);
-        begin = end;
-        if (settings.noise > 0.0 && begin >= enough_to_judge && !find_noisy(film, settings.noise, done))
-            break;
-        const double next = pass * double(std::min(pass_end(begin), settings.samples) - begin);
-        const double gone = std::chrono::duration<double>(Clock::now() - start).count();
-        if (settings.seconds > 0.0 && begin < settings.samples && gone + next > settings.seconds) {
-            stats.out_of_time = true;
-            break;
-        }
-    }
-    stats.mean_samples /= double(film.width) * double(film.height);
+    if (progress)
+        progress->samples_done = std::accumulate(film.reached.begin(), film.reached.end(), uint64_t(0));
+    render_passes(frame, film, stats, progress);
+    const SampleCount count = count_samples(film);
+    stats.most_samples = count.most;
+    stats.mean_samples = count.mean;
     resolve(film);
     return stats;
 }

@@ -11,6 +11,7 @@
 #include "shaders/shader.h"
 
 #include <atomic>
+#include <functional>
 
 namespace marram {
 
@@ -22,8 +23,8 @@ struct RenderSettings {
     // > 0: a pixel is done once the standard deviation of its mean, and those of its eight neighbours, are below this share of
     // its brightness, or of a tenth of the picture's where that is more. The film must have a layer "variance".
     double noise = 0.0;
-    double seconds = 0.0;        // > 0: no pass begins that would probably end later; the first always does
-    uint32_t max_depth = 16;     // surface interactions a path may have; 0: lights seen directly only
+    double seconds = 0.0;    // > 0: no pass begins that would probably end later; a call's first always does
+    uint32_t max_depth = 16; // surface interactions a path may have; 0: lights seen directly only
     uint32_t roulette_depth = 4; // interactions before Russian roulette may end a path
     Filter filter;
     uint64_t seed = 0; // change it with the frame
@@ -35,18 +36,23 @@ struct RenderSettings {
 struct RenderProgress {
     const std::atomic<bool>* cancel = nullptr; // set it and render returns within about 100 ms
     std::atomic<uint64_t> samples_done{0};     // of width * height * samples
+    // Called by render's own thread between two passes, while nobody writes to the film. The layers' pixels are those of
+    // whoever resolved last: resolve the film to see where it stands.
+    std::function<void(Film&)> between_passes;
 };
 
 struct RenderStats {
     RayCounts rays;
-    uint64_t dropped_samples = 0; // whose radiance was not finite: none, unless a light says so
+    uint64_t dropped_samples = 0; // of this call, whose radiance was not finite: none, unless a light says so
     bool cancelled = false;
     bool out_of_time = false;  // settings.seconds ended it before its samples were done
-    uint32_t most_samples = 0; // that a pixel has
+    uint32_t most_samples = 0; // that a pixel has taken, in this call and before
     double mean_samples = 0.0;
 };
 
-// Renders into the film (make_film) and resolves it. Runs in the caller's TBB arena; the bits of the result
+// Renders into the film (make_film) and resolves it. A film that has samples already, since its render was cancelled, out of
+// time or asked for fewer, is gone on with where it stands: the bits are those of one go. Not for a film that has more than
+// settings.samples, or is of another frame. Runs in the caller's TBB arena; the bits of the result
 // depend neither on the number of threads nor on `tile`, but with settings.seconds on how many passes there was time for. materials are indexed by SurfacePoint::material; a
 // hit without a material is shaded as diffuse with its defaults.
 RenderStats render(const World& world, const Lights& lights, std::span<const Material> materials,

@@ -3,34 +3,8 @@
 // no clock is looked at.
 #include "program.h"
 
-#include <csignal>
-
-#include <pty.h>
-
 namespace marram::testing {
 namespace {
-
-// Runs the program on a terminal and sends it a signal once `phase` stands in its progress line. Returns its
-// exit code.
-int interrupt_in(const std::string& phase, const std::vector<std::string>& arguments, int signal = SIGINT) {
-    int terminal = -1;
-    const pid_t child = ::forkpty(&terminal, nullptr, nullptr, nullptr);
-    if (child == 0) run_program(arguments);
-    std::string seen;
-    bool sent = false;
-    char buffer[4096];
-    for (ssize_t count = 0; (count = ::read(terminal, buffer, sizeof buffer)) > 0;) {
-        seen.append(buffer, size_t(count));
-        if (sent || seen.find(phase) == std::string::npos) continue;
-        ::kill(child, signal);
-        sent = true;
-    }
-    ::close(terminal);
-    int status = 0;
-    ::waitpid(child, &status, 0);
-    EXPECT_TRUE(sent) << "the phase was over before it could be seen: " << seen;
-    return exit_code(status);
-}
 
 // A picture that takes hours, of more strands than can be missed on their way.
 const SceneText big = {.film = "size = [256, 256]\nsamples = 65536\n",
@@ -66,9 +40,10 @@ TEST_F(Interrupt, InTheRenderingLeavesAPartialPicture) {
         130);
     const std::set<std::string> names = folder.names();
     EXPECT_TRUE(names.contains("a.partial.exr"));
-    expect_untouched(names.contains("a.json")
-                         ? std::set<std::string>{"a.exr", "a.json", "a.partial.exr", "a.toml"}
-                         : std::set<std::string>{"a.exr", "a.partial.exr", "a.toml"});
+    expect_untouched(
+        names.contains("a.json")
+            ? std::set<std::string>{"a.exr", "a.exr.state.tif", "a.json", "a.partial.exr", "a.toml"}
+            : std::set<std::string>{"a.exr", "a.exr.state.tif", "a.partial.exr", "a.toml"});
     const Image image = read_image(folder / "a.partial.exr");
     EXPECT_EQ(image.width, 256);
     EXPECT_EQ(read_metadata(folder / "a.partial.exr", "marram:digest"), "partial");
@@ -77,14 +52,14 @@ TEST_F(Interrupt, InTheRenderingLeavesAPartialPicture) {
 TEST_F(Interrupt, BySigtermIsTheSame) {
     const std::string scene = folder.write("a.toml", long_picture);
     EXPECT_EQ(interrupt_in("rendering", {"render", scene, "-o", folder / "a.png"}, SIGTERM), 130);
-    expect_untouched({"a.exr", "a.partial.png", "a.toml"});
+    expect_untouched({"a.exr", "a.partial.png", "a.png.state.tif", "a.toml"});
 }
 
 TEST_F(Interrupt, OfManyFramesStopsThemAll) {
     const std::string scene = folder.write("a.toml", long_picture);
     EXPECT_EQ(interrupt_in("rendering", {"render", scene, "-o", folder / "f.####.exr", "--frames", "1-9"}),
               130);
-    expect_untouched({"a.exr", "a.toml", "f.0001.partial.exr"});
+    expect_untouched({"a.exr", "a.toml", "f.0001.exr.state.tif", "f.0001.partial.exr"});
 }
 
 TEST_F(Interrupt, OfABakeLeavesNothing) {

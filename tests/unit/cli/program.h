@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <csignal>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -18,6 +19,7 @@
 #include <vector>
 
 #include <fcntl.h>
+#include <pty.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -96,6 +98,34 @@ inline Outcome marram(const std::vector<std::string>& arguments) {
     int status = 0;
     ::waitpid(child, &status, 0);
     return {exit_code(status), read_file(out), read_file(err)};
+}
+
+// Runs the program on a terminal, so that its progress line tells what it is at, and sends it a signal once `phase` has been
+// drawn `times` times. Returns its exit code.
+inline int interrupt_in(const std::string& phase, const std::vector<std::string>& arguments,
+                        int signal = SIGINT, int times = 1) {
+    int terminal = -1;
+    const pid_t child = ::forkpty(&terminal, nullptr, nullptr, nullptr);
+    if (child == 0) run_program(arguments);
+    std::string seen;
+    bool sent = false;
+    const auto drawn = [&] {
+        int count = 0;
+        for (size_t at = seen.find(phase); at != std::string::npos; at = seen.find(phase, at + 1)) ++count;
+        return count;
+    };
+    char buffer[4096];
+    for (ssize_t count = 0; (count = ::read(terminal, buffer, sizeof buffer)) > 0;) {
+        seen.append(buffer, size_t(count));
+        if (sent || drawn() < times) continue;
+        ::kill(child, signal);
+        sent = true;
+    }
+    ::close(terminal);
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    EXPECT_TRUE(sent) << "the phase was over before it could be seen: " << seen;
+    return exit_code(status);
 }
 
 // What another program prints.

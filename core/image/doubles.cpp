@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/image/doubles.h"
+
+#include "core/image/atomic_file.h"
+#include "core/math/problem.h"
+
+#include <OpenImageIO/imageio.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cassert>
+#include <memory>
+#include <vector>
+
+namespace marram {
+
+namespace {
+
+constexpr int strip_rows = 64; // handed to OpenImageIO at a time
+
+[[noreturn]] void refuse(const std::string& path, const std::string& what, const std::string& message,
+                         const std::string& fix) {
+    const std::string line = message.substr(0, message.find('\n'));
+    throw InputError({path}, what + " (" + (line.empty() ? "no reason given" : line) + ")", fix);
+}
+
+std::unique_ptr<OIIO::ImageInput> open(const std::string& path) {
+    OIIO::ImageSpec config;
+    config.attribute("oiio:UnassociatedAlpha",
+                     1); // a fourth channel is a number like the others: nothing is multiplied
+    std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::open(path, &config);
+    if (!input) refuse(path, "cannot be read", OIIO::geterror(), "remove it");
+    return input;
+}
+
+DoublesHeader header_of(const OIIO::ImageSpec& spec) {
+    const bool doubles = spec.format == OIIO::TypeDesc::DOUBLE && !spec.deep && spec.depth <= 1;
+    return {spec.width, spec.height, doubles ? spec.nchannels : 0,
+            spec.get_string_attribute("ImageDescription")};
+}
+
+OIIO::ImageSpec spec_of(const DoublesHeader& header) {
+    OIIO::ImageSpec spec(header.width, header.height, header.channels, OIIO::TypeDesc::DOUBLE);
+    for (int c = 0; c < header.channels; ++c) spec.channelnames[size_t(c)] = fmt::format("value{}", c);
+    spec.alpha_channel = -1; // the names by default would make one of the fourth
+    spec.attribute("compression", "none");
+    spec.attribute("ImageDescription", header.description);
+    return spec;
+}
+
+} // namespace
+
+void write_doubles(const std::string& path, const DoublesHeader& header,
+                   const std::function<void(int, double*)>& row) {
+    assert(header.width > 0 && header.height > 0 && header.channels > 0);
+    constexpr const char* fix = "check the disk and its free space";
+    AtomicFile file(path);
+    const std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create("tiff");
+    if (!output || !output->open(file.partial(), spec_of(header)))
+        refuse(path, "cannot be written", output ? output->geterror() : OIIO::geterror(), fix);
+    const size_t stride = size_t(header.width) * size_t(header.channels);
+    std::vector<double> strip(stride * size_t(std::min(strip_rows, header.height)));
+    for (int begin = 0; begin < header.height; begin += strip_rows) {
+        const int end = std::min(begin + strip_rows, header.height);
+        for (int y = begin; y < end; ++y) row(y, strip.data() + stride * size_t(y - begin));
+        if (!output->write_scanlines(begin, end, 0, OIIO::TypeDesc::DOUBLE, strip.data()))
+            refuse(path, "could not be written", output->geterror(), fix);
+    }
+    if (!output->close()) refuse(path, "could not be written", output->geterror(), fix);
+    file.commit();
+}
+
+DoublesHeader read_doubles_header(const std::string& path) { return header_of(open(path)->spec()); }
+
+void read_doubles(const std::string& path, const DoublesHeader& header,
+                  const std::function<void(int, const double*)>& row) {
+    const std::unique_ptr<OIIO::ImageInput> input = open(path);
+    const DoublesHeader found = header_of(input->spec());
+    if (found.width != header.width || found.height != header.height || found.channels != header.channels ||
+        found.description != header.description)
+        refuse(path, "has changed while it was read", "another header", "try again");
+    const size_t stride = size_t(header.width) * size_t(header.channels);
+    std::vector<double> strip(stride * size_t(std::min(strip_rows, header.height)));
+    for (int begin = 0; begin < header.height; begin += strip_rows) {
+        const int end = std::min(begin + strip_rows, header.height);
+        // Of a file cut short OpenImageIO's reader says so without failing.
+        if (!input->read_scanlines(0, 0, begin, end, 0, 0, header.channels, OIIO::TypeDesc::DOUBLE,
+                                   strip.data()) ||
+            input->has_error())
+            refuse(path, "cannot be read to its end", input->geterror(), "remove it");
+        for (int y = begin; y < end; ++y) row(y, strip.data() + stride * size_t(y - begin));
+    }
+}
+
+} // namespace marram

@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+// Frames that go on where they were stopped, bit for bit. A frame that is to be stopped has more samples than there is time
+// for; what it has been stopped at is read from its picture, and it goes on to a few more than that. So no clock decides
+// whether it was stopped, nor whether a test passes.
+#include "program.h"
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+
+namespace marram::testing {
+namespace {
+
+const std::string endless = "65536"; // samples
+const SceneText grassy{.film =
+                           "size = [40, 24]\nsamples = 8\nmax_depth = 3\naovs = [\"variance\", \"depth\"]\n",
+                       .groom = "count = 2000\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.02\n"};
+const std::string layers = "albedo,normal,strand_u,id,envelope";
+
+int samples_of(const std::string& path) {
+    return std::stoi(read_metadata(path, "marram:samples").value_or("0"));
+}
+
+uint64_t rays_of(const std::string& path) {
+    return nlohmann::json::parse(read_file(path))["rays"].get<uint64_t>();
+}
+
+class Resume : public ::testing::Test {
+  protected:
+    // The command that renders to this picture.
+    std::vector<std::string> command(const std::string& picture,
+                                     const std::vector<std::string>& more = {}) const {
+        std::vector<std::string> all = {"render", scene, "-o", folder / picture, "--aov", layers};
+        all.insert(all.end(), settings.begin(), settings.end());
+        all.insert(all.end(), more.begin(), more.end());
+        return all;
+    }
+    std::vector<std::string> with_samples(const std::string& picture, int samples,
+                                          std::vector<std::string> more = {}) const {
+        more.insert(more.end(), {"--spp", std::to_string(samples)});
+        return command(picture, more);
+    }
+    // A frame that was stopped by time, which is there after its first pass. Its samples.
+    int stop_by_time(const std::string& seconds = "0.001") const {
+        const Outcome done =
+            marram(command("a.exr", {"--seconds", seconds, "--spp", endless, "--resume", "--quiet"}));
+        EXPECT_EQ(done.code, 0) << done.err;
+        EXPECT_CONTAINS(done.err, "time was up after ");
+        EXPECT_TRUE(fs::exists(state));
+        return samples_of(folder / "a.exr");
+    }
+    void interrupt(int redraws, int signal = SIGINT) const {
+        EXPECT_EQ(
+            interrupt_in("rendering", command("a.exr", {"--spp", endless, "--resume"}), signal, redraws),
+            130);
+        EXPECT_TRUE(fs::exists(state));
+    }
+    void expect_goes_on_to(int samples) const {
+        const Outcome done = marram(with_samples("a.exr", samples, {"--resume"}));
+        EXPECT_EQ(done.code, 0) << done.err;
+        EXPECT_CONTAINS(done.err, "goes on after ");
+        expect_one_go(samples);
+    }
+    // The finished picture is that of one go, and nothing else is left.
+    void expect_one_go(int samples) const {
+        EXPECT_DONE(marram(with_samples("one.exr", samples)));
+        EXPECT_TRUE(same_picture(folder / "a.exr", folder / "one.exr"));
+        for (const char* key : {"marram:samples", "marram:mean_samples", "marram:digest"})
+            EXPECT_EQ(read_metadata(folder / "a.exr", key), read_metadata(folder / "one.exr", key)) << key;
+        EXPECT_FALSE(fs::exists(state));
+        EXPECT_FALSE(fs::exists(folder / "a.partial.exr"));
+    }
+
+    Folder folder;
+    std::string scene = folder.write("a.toml", grassy);
+    std::string state = folder / "a.exr.state.tif";
+    std::vector<std::string> settings;
+};
+
+TEST_F(Resume, GoesOnWhereItWasInterruptedAgainAndAgain) {
+    interrupt(1);
+    interrupt(3, SIGTERM);
+    interrupt(6);
+    expect_goes_on_to(samples_of(folder / "a.partial.exr") + 23);
+}
+
+// By then pixels of the sky have been done for long, and others come and go.
+TEST_F(Resume, KnowsWhichPixelsWereDone) {
+    settings = {"--set", "film.noise=0.004"};
+    interrupt(2);
+    interrupt(4);
+    const std::string partial = folder / "a.partial.exr";
+    EXPECT_LT(std::stod(read_metadata(partial, "marram:mean_samples").value_or("inf")), samples_of(partial));
+    expect_goes_on_to(samples_of(partial) + 23);
+}
+
+TEST_F(Resume, GoesOnWhenTimeWasUp) {
+    stop_by_time();
+    const int samples = stop_by_time("0.1");
+    EXPECT_FALSE(fs::exists(folder / "a.partial.exr"));
+    expect_goes_on_to(samples + 23);
+}
+
+// Not a sample is taken twice: the rays of both halves are those of the whole.
+TEST_F(Resume, TakesNoSampleTwice) {
+    const auto with_stats = [&](std::vector<std::string> all, const std::string& name) {
+        all.insert(all.end(), {"--stats", folder / name});
+        EXPECT_EQ(marram(all).code, 0);
+        return rays_of(folder / name);
+    };
+    const uint64_t first =
+        with_stats(command("a.exr", {"--seconds", "0.02", "--spp", endless, "--quiet"}), "a.json");
+    const int samples = samples_of(folder / "a.exr") + 5;
+    const uint64_t second = with_stats(with_samples("a.exr", samples, {"--resume", "--quiet"}), "b.json");
+    EXPECT_EQ(first + second, with_stats(with_samples("one.exr", samples), "one.json"));
+}
+
+TEST_F(Resume, GoesOnFromTheStateEvenWhereThePictureIsGone) {
+    const int samples = stop_by_time();
+    fs::remove(folder / "a.exr");
+    expect_goes_on_to(samples + 3);
+}
+
+// Without --resume nothing that lies there counts.
+TEST_F(Resume, BeginsAnewWhereNobodyAskedForMore) {
+    const int samples = stop_by_time();
+    EXPECT_DONE(marram(with_samples("a.exr", samples + 3)));
+    expect_one_go(samples + 3);
+}
+
+TEST_F(Resume, OtherFramesAreOtherStates) {
+    const Outcome stopped =
+        marram(command("f.#.exr", {"--frames", "1-2", "--spp", endless, "--seconds", "0.001", "--quiet"}));
+    EXPECT_EQ(stopped.code, 0) << stopped.err;
+    fs::copy_file(folder / "f.1.exr.state.tif", state);
+    const int samples = samples_of(folder / "f.1.exr") + 3;
+    const Outcome other = marram(with_samples("a.exr", samples, {"--frame", "2", "--resume"}));
+    EXPECT_EQ(other.code, 0);
+    EXPECT_CONTAINS(other.err, "is of another scene, size, layers, frame or version: the frame begins anew");
+    fs::remove(folder / "f.2.exr.state.tif");
+    EXPECT_EQ(marram(with_samples("f.#.exr", samples, {"--frames", "1-2", "--resume", "--quiet"})).code, 0);
+    EXPECT_TRUE(same_picture(folder / "a.exr", folder / "f.2.exr"));
+    EXPECT_FALSE(same_picture(folder / "a.exr", folder / "f.1.exr"));
+}
+
+// Each of these says why in one line and makes the picture from its first sample.
+TEST_F(Resume, AStateThatDoesNotFitIsNotUsed) {
+    const int samples = stop_by_time() + 3;
+    const std::string good = read_file(state);
+    std::string bit = good;
+    bit[bit.size() / 2] ^= 1;
+    std::string first = good; // of the first pixel's red, behind TIFF's eight bytes
+    first[8] ^= 1;
+    // Cut by less, it may still hold every value: TIFF ends with what describes them.
+    const std::map<std::string, std::string> damaged = {{"a bit", bit},
+                                                        {"the least bit", first},
+                                                        {"half", good.substr(0, good.size() / 2)},
+                                                        {"its end", good.substr(0, good.size() - 64)},
+                                                        {"empty", ""},
+                                                        {"text", "no picture"}};
+    for (const auto& [what, bytes] : damaged) {
+        folder.write("a.exr.state.tif", bytes);
+        const Outcome done = marram(with_samples("a.exr", samples, {"--resume"}));
+        EXPECT_EQ(done.code, 0) << what;
+        EXPECT_EQ(done.err, state + ": is damaged or cut short: the frame begins anew\n") << what;
+        expect_one_go(samples);
+        fs::remove(folder / "a.exr"); // else the next would find it whole
+    }
+    folder.write("a.exr.state.tif", good); // the bytes are what decides, not the file
+    expect_goes_on_to(samples);
+}
+
+TEST_F(Resume, AStateOfAnotherFrameIsNotUsed) {
+    const int samples = stop_by_time() + 3;
+    const std::string good = read_file(state);
+    for (const std::vector<std::string>& other : std::vector<std::vector<std::string>>{
+             {"--set", "wind.speed=3"}, {"--size", "24x40"}, {"--frame", "2"}, {"--set", "film.noise=0.1"}}) {
+        folder.write("a.exr.state.tif", good);
+        settings = other;
+        const Outcome done = marram(with_samples("a.exr", samples, {"--resume"}));
+        EXPECT_EQ(done.code, 0) << other[1];
+        EXPECT_EQ(done.err,
+                  state + ": is of another scene, size, layers, frame or version: the frame begins anew\n");
+        expect_one_go(samples);
+    }
+    settings.clear();
+    folder.write("a.exr.state.tif", good);
+    folder.write("a.toml", std::string(grassy) + "# another file\n");
+    EXPECT_CONTAINS(marram(with_samples("a.exr", samples, {"--resume"})).err, "another scene");
+}
+
+TEST_F(Resume, AStateOfMoreSamplesIsNotUsed) {
+    const int samples = stop_by_time();
+    ASSERT_GE(samples, 1);
+    const int more = stop_by_time("0.05");
+    ASSERT_GT(more, samples);
+    const Outcome done = marram(with_samples("a.exr", more - 1, {"--resume"}));
+    EXPECT_EQ(done.err,
+              fmt::format("{}: has {} samples a pixel, more than the {} asked for: the frame begins anew\n",
+                          state, more, more - 1));
+    expect_one_go(more - 1);
+}
+
+// What stands under the state's name and is none belongs to somebody: nothing is written.
+TEST_F(Resume, SomebodysPictureIsLeftAlone) {
+    EXPECT_DONE(marram(with_samples("b.exr", 1)));
+    fs::copy_file(folder / "b.exr", state);
+    const auto before = folder.contents();
+    const Outcome done = marram(with_samples("a.exr", 1));
+    EXPECT_EQ(done.code, 2);
+    EXPECT_CONTAINS(done.err,
+                    state + ": this picture stands where an unfinished frame's state would be written");
+    EXPECT_TRUE(folder.contents() == before);
+}
+
+} // namespace
+} // namespace marram::testing

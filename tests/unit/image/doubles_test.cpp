@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pictures of doubles: what comes back is what was written, bit for bit, or nothing.
+#include "core/image/doubles.h"
+
+#include "core/math/hash.h"
+#include "core/math/problem.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <filesystem>
+#include <vector>
+
+#include <unistd.h>
+
+namespace marram {
+namespace {
+
+class Doubles : public ::testing::Test {
+  protected:
+    ~Doubles() override { std::filesystem::remove(path); }
+
+    // Any bits: numbers of all sizes, infinities, and what is no number.
+    static std::vector<double> values_of(const DoublesHeader& header) {
+        std::vector<double> values(size_t(header.width) * size_t(header.height) * size_t(header.channels));
+        for (size_t i = 0; i < values.size(); ++i) values[i] = std::bit_cast<double>(hash(7, i));
+        return values;
+    }
+    void write(const DoublesHeader& header, const std::vector<double>& values) const {
+        const size_t stride = size_t(header.width) * size_t(header.channels);
+        write_doubles(path, header, [&](int y, double* row) {
+            std::copy_n(values.data() + stride * size_t(y), stride, row);
+        });
+    }
+    std::vector<double> read(const DoublesHeader& header) const {
+        const size_t stride = size_t(header.width) * size_t(header.channels);
+        std::vector<double> values(stride * size_t(header.height));
+        read_doubles(path, header, [&](int y, const double* row) {
+            std::copy_n(row, stride, values.data() + stride * size_t(y));
+        });
+        return values;
+    }
+
+    std::string path =
+        (std::filesystem::temp_directory_path() / ("marram_doubles_" + std::to_string(::getpid()) + ".tif"))
+            .string();
+};
+
+// Of four channels the last might be taken for alpha, and the others be multiplied by it.
+TEST_F(Doubles, ComeBackBitForBit) {
+    for (const int channels : {1, 2, 3, 4, 5, 11, 60}) {
+        const DoublesHeader header{37, 150, channels, "what it is"};
+        const std::vector<double> values = values_of(header);
+        write(header, values);
+        const DoublesHeader found = read_doubles_header(path);
+        EXPECT_EQ(found.width, 37);
+        EXPECT_EQ(found.height, 150);
+        EXPECT_EQ(found.channels, channels);
+        EXPECT_EQ(found.description, "what it is");
+        EXPECT_EQ(std::memcmp(read(header).data(), values.data(), values.size() * sizeof(double)), 0)
+            << channels;
+    }
+}
+
+TEST_F(Doubles, AreRefusedWhereTheyAreNotWhole) {
+    const DoublesHeader header{40, 30, 5, "x"};
+    write(header, values_of(header));
+    EXPECT_THROW(read({40, 30, 4, "x"}), InputError);
+    EXPECT_THROW(read({40, 30, 5, "y"}), InputError);
+    const auto size = std::filesystem::file_size(path);
+    for (const auto left : {size - 400, size / 2, size_t(100), size_t(0)}) {
+        std::filesystem::resize_file(path, left);
+        EXPECT_THROW(read(header), InputError) << left;
+    }
+    std::filesystem::remove(path);
+    EXPECT_THROW(read_doubles_header(path), InputError);
+}
+
+} // namespace
+} // namespace marram

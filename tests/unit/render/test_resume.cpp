@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+// A film that is gone on with, wherever it was left, becomes what one go makes of it: every sum, and who is done.
+#include "tests/unit/render/world_builder.h"
+#include "tests/unit/shaders/default_params.h"
+
+#include "core/render/integrator.h"
+
+#include <gtest/gtest.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <atomic>
+#include <limits>
+#include <set>
+#include <thread>
+
+namespace marram {
+namespace {
+
+using testing::Cv;
+using testing::WorldBuilder;
+
+const std::vector<Material> materials = {testing::material_of("diffuse")};
+const std::vector<std::string> layers = {"beauty", "alpha", "variance", "normal", "depth", "strand_u", "id"};
+
+// Stalks on a floor in front of the sky: pixels that are done at once, soon and late, and such that come back.
+class Resume : public ::testing::Test {
+  protected:
+    Resume() : builder_({0.0, 0.5}) {
+        const auto floor = testing::quad({-1.0, 0.0, 1.0}, {2.0, 0.0, 0.0}, {0.0, 0.0, -2.0});
+        builder_.mesh({floor.positions}, floor.triangles);
+        std::vector<std::vector<Cv>> cvs(2);
+        for (int t = 0; t < 2; ++t)
+            for (int c = 0; c < 30; ++c)
+                for (int i = 0; i < 5; ++i)
+                    cvs[size_t(t)].push_back(Cv(0.05 * (c - 15) + 0.02 * t * i, 0.15 * i, 0.05 * (c % 5),
+                                                0.008 * (1.0 - 0.2 * i)));
+        builder_.curves(cvs, 5, MARRAM_ROUND, MARRAM_BSPLINE);
+        CurveAttributeValues id{"id", 1, false, {}};
+        for (int c = 0; c < 30; ++c) id.values.push_back(float(c));
+        id.discrete = true;
+        builder_.world.curves[0].attributes = {id};
+        builder_.commit();
+        camera_.poses = {look_at({0.0, 0.5, 3.0}, {0.0, 0.3, 0.0}, Vec3d::UnitY())};
+    }
+
+    Film empty() const { return make_film(36, 24, layers, builder_.world); }
+    RenderStats go_on(Film& film, uint32_t samples, RenderProgress* progress = nullptr) const {
+        RenderSettings settings;
+        settings.samples = samples;
+        settings.noise = noise;
+        settings.max_depth = 3;
+        return render(builder_.world, Lights(lights, builder_.world), materials, camera_, settings, film,
+                      progress);
+    }
+    Film one_go(uint32_t samples) const {
+        Film film = empty();
+        go_on(film, samples);
+        return film;
+    }
+    static void expect_same(const Film& a, const Film& b) {
+        EXPECT_EQ(a.sums, b.sums);
+        EXPECT_EQ(a.taken, b.taken);
+        EXPECT_EQ(a.reached, b.reached);
+        for (size_t i = 0; i < a.layers.size(); ++i)
+            EXPECT_EQ(a.layers[i].pixels, b.layers[i].pixels) << a.layers[i].name;
+    }
+
+    double noise = 0.0;
+    std::vector<LightDescription> lights = {SkyLight{}, SunLight{Vec3d(1.0, 2.0, 1.0)}};
+    WorldBuilder builder_;
+    Camera camera_;
+};
+
+TEST_F(Resume, FewerSamplesBecomeMore) {
+    for (const double target : {0.0, 0.02, 0.04}) {
+        noise = target;
+        Film film = empty();
+        for (const uint32_t samples : {1U, 3U, 5U, 16U, 21U, 22U, 48U, 75U, 120U}) {
+            const RenderStats stats = go_on(film, samples);
+            EXPECT_FALSE(stats.cancelled);
+            expect_same(film, one_go(samples));
+        }
+        const std::set<uint32_t> counts(film.taken.begin(), film.taken.end());
+        EXPECT_EQ(counts.size() >= 4, target > 0.0) << "pixels are done at different times";
+    }
+}
+
+// Each pixel has had its part of the pass or not: half of them of 16 samples, half of 32 or of the 21 asked for once.
+TEST_F(Resume, WithinAPass) {
+    for (const double target : {0.0, 0.02, 0.04})
+        for (const uint32_t reached : {32U, 21U}) {
+            noise = target;
+            const Film before = one_go(16), after = one_go(reached);
+            Film film = before;
+            film.done = after.done; // as it was judged at 16
+            for (size_t i = 0; i < film.taken.size(); ++i) {
+                if (i % 2 == 0) continue;
+                std::copy_n(after.sums.data() + i * film.stride, film.stride,
+                            film.sums.data() + i * film.stride);
+                film.taken[i] = after.taken[i];
+                film.reached[i] = after.reached[i];
+            }
+            go_on(film, 100);
+            expect_same(film, one_go(100));
+        }
+}
+
+TEST_F(Resume, AfterManyCancels) {
+    noise = 0.03;
+    constexpr uint32_t samples = 130;
+    Film film = empty();
+    for (uint64_t part = 1; part < 20; ++part) {
+        std::atomic<bool> cancel{false}, over{false};
+        RenderProgress progress;
+        progress.cancel = &cancel;
+        std::thread watcher([&] {
+            while (!over && progress.samples_done < part * samples * film.taken.size() / 20)
+                std::this_thread::yield();
+            cancel = true;
+        });
+        go_on(film, samples, &progress);
+        over = true;
+        watcher.join();
+    }
+    EXPECT_FALSE(go_on(film, samples).cancelled);
+    expect_same(film, one_go(samples));
+}
+
+// Samples that are not finite are dropped, and taken all the same.
+TEST_F(Resume, DroppedSamplesCount) {
+    SunLight blinding{Vec3d(1.0, 2.0, 1.0)};
+    blinding.irradiance = Vec3f::Constant(std::numeric_limits<float>::infinity());
+    blinding.visible = false;
+    lights = {SkyLight{}, blinding};
+    Film film = empty();
+    const RenderStats first = go_on(film, 10);
+    const RenderStats second = go_on(film, 50);
+    Film whole = empty();
+    const RenderStats all = go_on(whole, 50);
+    EXPECT_GT(first.dropped_samples, 0U);
+    EXPECT_EQ(first.dropped_samples + second.dropped_samples, all.dropped_samples);
+    EXPECT_EQ(second.mean_samples, 50.0);
+    EXPECT_EQ(second.most_samples, 50U);
+    expect_same(film, whole);
+}
+
+TEST_F(Resume, AFilmIsShownBetweenPasses) {
+    Film film = empty();
+    std::vector<uint32_t> seen;
+    RenderProgress progress;
+    progress.between_passes = [&](Film& shown) {
+        seen.push_back(count_samples(shown).most);
+        resolve(shown);
+        EXPECT_EQ(shown.layers[0].pixels, one_go(seen.back()).layers[0].pixels);
+    };
+    go_on(film, 40, &progress);
+    EXPECT_EQ(seen, (std::vector<uint32_t>{1, 4, 16, 32})); // the last is the picture
+    EXPECT_EQ(progress.samples_done, 40U * film.taken.size());
+    expect_same(film, one_go(40));
+}
+
+} // namespace
+} // namespace marram

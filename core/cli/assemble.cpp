@@ -4,6 +4,7 @@
 
 #include "core/image/image.h"
 #include "core/math/hash.h"
+#include "core/render/daylight_lights.h"
 #include "core/scene/libraries.h"
 
 #include <fmt/format.h>
@@ -12,6 +13,7 @@
 #include <bit>
 #include <filesystem>
 #include <functional>
+#include <iterator>
 
 namespace marram {
 namespace {
@@ -107,8 +109,23 @@ Mesh load_mesh_at(const Item& item) {
     }
 }
 
-LightDescription light_of(const Item& item) {
+// The sky is returned, its sun goes to `suns`.
+LightDescription daylight_of(const ParamSet& params, std::vector<LightDescription>& suns) {
+    DaylightSettings settings;
+    settings.direction = params.vec3("direction").stableNormalized();
+    settings.angle = params.number("angle") * degree;
+    settings.turbidity = params.number("turbidity");
+    settings.ozone = params.number("ozone");
+    settings.altitude = params.number("altitude");
+    settings.ground_albedo = params.number("ground_albedo");
+    DaylightLights lights = daylight_lights(settings, float(params.number("strength")));
+    if (params.boolean("sun") && lights.sun.irradiance.maxCoeff() > 0.0F) suns.emplace_back(lights.sun);
+    return std::move(lights.sky);
+}
+
+LightDescription light_of(const Item& item, std::vector<LightDescription>& suns) {
     const ParamSet& params = item.params;
+    if (item.type == "daylight") return daylight_of(params, suns);
     if (item.type == "sun") {
         SunLight sun;
         sun.direction = params.vec3("direction");
@@ -245,7 +262,10 @@ LoadedScene load(const std::string& file, const Overrides& overrides, const std:
     Objections objections;
     for (const Item& item : description.materials)
         objections([&] { scene.materials.push_back(make_material(item.type, item.params, open_texture)); });
-    for (const Item& item : description.lights) objections([&] { scene.lights.push_back(light_of(item)); });
+    std::vector<LightDescription> suns; // of daylight: last, so that meshes find their lights by place
+    for (const Item& item : description.lights)
+        objections([&] { scene.lights.push_back(light_of(item, suns)); });
+    std::ranges::move(suns, std::back_inserter(scene.lights));
     load_meshes(scene, cancel, objections);
     for (const Item& item : description.procedurals)
         objections([&] {

@@ -101,6 +101,8 @@ std::span<const Golden> goldens() {
         figure("figure1a", 1, {"procedural.fur.count=20000", "procedural.fur.width=0.005"}),
         figure("figure1b", 1, {"procedural.fur.count=20000", "procedural.fur.width=0.005"}),
         figure("figure1c", 1, {"procedural.fur.count=20000", "procedural.fur.width=0.005"}),
+        figure("dune", 1, {"procedural.grass.density=300", "procedural.grass.width=0.02"}),
+        figure("fur", 1, {"procedural.fur.count=20000", "procedural.fur.width=0.005"}),
         figure("figure2", 30, {}),
         figure("gust_field", 24, {"procedural.near.density=30", "procedural.far.density=7"}),
     };

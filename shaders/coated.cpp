@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "shaders/coated.h"
 
+#include "shaders/fresnel.h"
+
 namespace marram {
 
 namespace {
@@ -50,9 +52,8 @@ BsdfValue evaluate(const CoatedBsdf& bsdf, const Vec3f& wi) {
     const Vec3f half = sum / length;
     result.pdf += bsdf.gloss_probability * bsdf.surface.half_pdf(bsdf.wo, half);
     if (seen)
-        result.value +=
-            Vec3f::Constant(dielectric_fresnel(bsdf.wo.dot(half), bsdf.ior) * bsdf.surface.density(half) *
-                            bsdf.surface.visible(cosine_o, cosine) / (4.0F * cosine_o));
+        result.value += Vec3f::Constant(fresnel(bsdf.wo.dot(half), bsdf.ior) * bsdf.surface.density(half) *
+                                        bsdf.surface.visible(cosine_o, cosine) / (4.0F * cosine_o));
     return result;
 }
 

@@ -22,6 +22,8 @@
 // steeply at grazing angles; <E> is the integral of the very interpolant, so that nothing is lost by the table.
 #include "shaders/gloss.h"
 
+#include "shaders/fresnel.h"
+
 #include <algorithm>
 #include <cmath>
 
@@ -59,7 +61,7 @@ float albedo_of(float cosine, float roughness, float ior) {
                                                    (static_cast<float>(j) + 0.5F) / side);
             const float onto = wo.dot(half), down = 2.0F * onto * half.z() - wo.z();
             if (down <= 0.0F) continue;
-            sum += static_cast<double>(dielectric_fresnel(onto, ior) * surface.visible(cosine, down) /
+            sum += static_cast<double>(fresnel(onto, ior) * surface.visible(cosine, down) /
                                        surface.visible(cosine));
         }
     return static_cast<float>(sum / (side * side));
@@ -70,15 +72,6 @@ float albedo_of(float cosine, float roughness, float ior) {
 float ior_of_specular(float share) {
     const float root = std::sqrt(share);
     return (1.0F + root) / (1.0F - root);
-}
-
-float dielectric_fresnel(float cosine, float ior) {
-    const float inside =
-        std::sqrt(std::max(0.0F, ior * ior - 1.0F + cosine * cosine)); // ior cos of the refracted
-    const float s = (cosine - inside) / (cosine + inside);
-    const float p = (ior * ior * cosine - inside) / (ior * ior * cosine + inside);
-    const float f = 0.5F * (s * s + p * p);
-    return f <= 1.0F ? f : (ior > 1.0F ? 1.0F : 0.0F); // 0 / 0: grazing, or no boundary at all
 }
 
 Microsurface::Microsurface(const Vec3f& unit_normal, float roughness)

@@ -34,9 +34,6 @@ inline constexpr double least_roughness = 0.03; // below it half vectors in floa
 // The index whose boundary reflects this share of what comes straight at it, 0 <= share < 1.
 float ior_of_specular(float share);
 
-// Unpolarised reflectance for light from outside, cosine >= 0.
-float dielectric_fresnel(float cosine, float ior);
-
 // A GGX microsurface of width alpha = roughness^2 around `normal`.
 struct Microsurface {
     Vec3f normal, tangent, bitangent;

@@ -30,6 +30,8 @@
 // whole sum.
 #include "shaders/hair.h"
 
+#include "shaders/fresnel.h"
+
 #include <algorithm>
 
 namespace marram {
@@ -76,19 +78,6 @@ float wrap(float angle) { return angle - 2.0F * pi_f * std::round(angle / (2.0F 
 
 float exit_azimuth(int p, float gamma_o, float gamma_t) {
     return 2.0F * gamma_o + static_cast<float>(p) * (pi_f - 2.0F * gamma_t);
-}
-
-// ior^2 - sin^2 of an angle, from its cosine: no difference of near-equal numbers, at grazing angles and
-// ior = 1 either.
-float bent(float cosine, float ior) { return (ior - 1.0F) * (ior + 1.0F) + cosine * cosine; }
-
-// Unpolarised, from outside, cosine >= 0.
-float fresnel(float cosine, float ior) {
-    const float inside = std::sqrt(bent(cosine, ior)) / ior;
-    if (inside <= 0.0F) return 1.0F;
-    const float parallel = (ior * cosine - inside) / (ior * cosine + inside);
-    const float perpendicular = (cosine - ior * inside) / (cosine + ior * inside);
-    return 0.5F * (parallel * parallel + perpendicular * perpendicular);
 }
 
 Vec3f absorption_of_color(const Vec3f& color, float azimuthal_roughness) {

@@ -25,6 +25,8 @@
 // rest goes into the grains' roughness.
 #include "shaders/sand.h"
 
+#include "shaders/fresnel.h"
+
 #include "core/math/hash.h"
 
 #include <algorithm>
@@ -275,8 +277,8 @@ BsdfValue evaluate(const SandBsdf& bsdf, const Vec3f& wi) {
     if (!seen) return result;
     const float density = bsdf.facets.density(half);
     const float chance = std::min(1.0F, density * bsdf.normal.dot(half) * pi_f * blur * blur);
-    const float facets = bsdf.settings->sparkle * dielectric_fresnel(bsdf.wo.dot(half), bsdf.settings->ior) *
-                         density * bsdf.facets.visible(cosine_o, cosine) / (4.0F * cosine_o);
+    const float facets = bsdf.settings->sparkle * fresnel(bsdf.wo.dot(half), bsdf.settings->ior) * density *
+                         bsdf.facets.visible(cosine_o, cosine) / (4.0F * cosine_o);
     if (facets > 0.0F)
         result.value +=
             Vec3f::Constant(facets * glint(*bsdf.settings, bsdf.position, bsdf.width, half, chance));

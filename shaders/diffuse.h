@@ -3,14 +3,15 @@
 // ground, stone, skin under fur, leaves, blades of grass. On round curves it shades the round fibre, on
 // ribbons the flat one.
 //
-//   parameter      unit  default            meaning
-//   color          1     [0.5, 0.5, 0.5]    share of light reflected
-//   transmission   1     [0, 0, 0]          share of light that comes out on the other side; color +
-//   transmission <= 1 root_color     1     none               colour at the root of a strand; with tip_color
-//   it replaces color on strands tip_color      1     none               colour at the tip variation      1
-//   0                  how much strands differ in brightness and hue, 0 ... 1 tint           -     "none"
-//   curve attribute whose value 0 ... 1 blends towards tint_color tint_color     1     [0.35, 0.2, 0.08] what
-//   it blends towards
+//   parameter     unit  default             meaning
+//   color         1     [0.5, 0.5, 0.5]     share of light reflected
+//   transmission  1     [0, 0, 0]           share of light that comes out on the other side; color + transmission <= 1
+//   root_color    1     none                colour at the root of a strand; with tip_color it replaces color on strands
+//   tip_color     1     none                colour at the tip
+//   variation     1     0                   how much strands differ in brightness and hue, 0 ... 1
+//   tint          -     "none"              curve attribute whose value 0 ... 1 blends towards tint_color; of a name (id)
+//                                           each strand has a share of its own
+//   tint_color    1     [0.35, 0.2, 0.08]   what it blends towards
 //
 //   [[material]]
 //   name = "blade"

@@ -39,16 +39,17 @@ GrassSettings read_grass(const ParamSet& params) {
 CoatedBsdf grass_at(const GrassSettings& settings, const ShadingPoint& point) {
     Vec3f color = color_at(settings.color, point);
     color = color.cwiseProduct(variation_factor(settings.color, point, color));
-    Vec3f normal = point.normal;
-    if (point.flat && settings.fold > 0.0F) {
-        const float side = point.geometric_normal.dot(point.wo) < 0.0F ? -1.0F : 1.0F;
-        const Vec3f facing = side * normal;
-        const float turn = settings.fold * std::clamp(point.h, -1.0F, 1.0F);
-        normal = side * (std::cos(turn) * facing + std::sin(turn) * point.tangent.cross(facing)).normalized();
-    }
-    return coated(point, normal, (1.0F - settings.transmission) * color,
-                  settings.transmission * color.cwiseProduct(settings.transmission_color),
-                  {&settings.gloss, settings.ior, settings.roughness});
+    const Coat coat{&settings.gloss, settings.ior, settings.roughness};
+    const Vec3f reflected = (1.0F - settings.transmission) * color,
+                through = settings.transmission * color.cwiseProduct(settings.transmission_color);
+    if (!point.flat || settings.fold == 0.0F) return coated(point, point.normal, reflected, through, coat);
+    const float side = point.geometric_normal.dot(point.wo) < 0.0F ? -1.0F : 1.0F;
+    const Vec3f facing = side * point.normal;
+    const float turn = settings.fold * std::clamp(point.h, -1.0F, 1.0F);
+    ShadingPoint half = point; // a plane of its own: nothing is lost between two normals
+    half.normal = half.geometric_normal =
+        (std::cos(turn) * facing + std::sin(turn) * point.tangent.cross(facing)).normalized();
+    return coated(half, half.normal, reflected, through, coat);
 }
 
 } // namespace marram

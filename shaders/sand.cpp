@@ -20,8 +20,8 @@
 // large it is 1. After Deliot and Belcour, "Real-Time Rendering of Glinty Appearances using Distributed Binomial Laws on
 // Anisotropic Grids", 2023, who draw their counts likewise.
 //
-// Ripples: height a m(x) f(phi), f = sin(phi + sin(phi) / 2), whose steepest descent is three times its steepest rise; the phase runs
-// downwind and wanders by noise. A pixel of width w sees its slope times exp(-(k w / 2)^2 / 2), k = |grad phi|; the variance of the
+// Ripples: height a m(x) f(-phi), f = sin(phi + sin(phi) / 2), whose steepest rise, 1.5, is 2.4 times its steepest descent; the phase
+// runs downwind and wanders by noise, so that the steep side is the lee. A pixel of width w sees its slope times exp(-(k w / 2)^2 / 2), k = |grad phi|; the variance of the
 // rest goes into the grains' roughness.
 #include "shaders/sand.h"
 

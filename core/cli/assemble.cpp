@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/assemble.h"
+#include "core/cli/scene_camera.h"
 #include "core/cli/texture.h"
 
 #include "core/image/image.h"
@@ -160,17 +161,6 @@ LightDescription light_of(const Item& item, std::vector<LightDescription>& suns)
     return light;
 }
 
-Camera camera_of(const SceneDescription& description) {
-    const ParamSet& params = description.camera;
-    Camera camera;
-    const Vec3d position = params.vec3("position"), target = params.vec3("target");
-    camera.poses = {look_at(position, target, params.vec3("up"))};
-    camera.vertical_fov = params.number("fov") * degree;
-    camera.lens_radius = params.number("lens_radius");
-    camera.focus_distance = params.has("focus") ? params.number("focus") : (target - position).norm();
-    return camera;
-}
-
 void apply(const Overrides& overrides, std::vector<std::string>& settings) {
     settings = overrides.settings;
     if (overrides.samples) settings.push_back("film.samples=" + std::to_string(*overrides.samples));
@@ -274,7 +264,7 @@ LoadedScene load(const std::string& file, const Overrides& overrides, const std:
             procedural->material = material_of(description, item);
             scene.geometry.procedurals.push_back(std::move(procedural));
         });
-    scene.camera = camera_of(description);
+    objections([&] { camera_at(description, description.globals.vec2("frames").x()); });
     objections.raise();
     if (scene.lights.empty()) {
         fmt::print(stderr, "{}: the scene has no light: it is lit by a plain sky\n", file);
@@ -299,12 +289,13 @@ BuildSettings build_settings(const LoadedScene& scene, double frame) {
     settings.shutter_close = shutter.y();
     settings.bind_frame =
         globals.has("bind_frame") ? globals.number("bind_frame") : globals.vec2("frames").x();
-    settings.camera_position = scene.camera.poses.front().position;
-    settings.pixel_angle = 2.0 * std::tan(0.5 * scene.camera.vertical_fov) / double(film_size(scene).second);
+    const Camera camera = camera_at(description, frame);
+    settings.camera_position = camera.poses.front().position;
+    settings.pixel_angle = 2.0 * std::tan(0.5 * camera.vertical_fov) / double(film_size(scene).second);
     settings.tolerance = globals.number("tolerance");
     if (globals.has("tolerance_pixels"))
         settings.tolerance = globals.number("tolerance_pixels") * settings.pixel_angle *
-                             (description.camera.vec3("target") - settings.camera_position).norm();
+                             (description.camera.vec3("target") - description.camera.vec3("position")).norm();
     settings.motion_keys =
         description.film.has("motion_keys") ? uint32_t(description.film.integer("motion_keys")) : 0;
     return settings;

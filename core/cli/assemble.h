@@ -31,7 +31,6 @@ struct LoadedScene {
     SceneGeometry geometry;
     std::vector<Material> materials;
     std::vector<LightDescription> lights;
-    Camera camera;
 };
 
 // What the command line says instead of the scene.

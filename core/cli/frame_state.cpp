@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <bit>
 #include <filesystem>
+#include <fstream>
 #include <optional>
 
 namespace marram {
@@ -69,6 +70,16 @@ std::optional<DoublesHeader> try_header(const std::string& state) {
     }
 }
 
+// What is left of a damaged state: nothing, or the first bytes of a TIFF or BigTIFF.
+bool begins_like_tiff(const std::string& path) {
+    std::ifstream file(path, std::ios::binary);
+    char first[4] = {};
+    file.read(first, sizeof first);
+    const std::string_view begin(first, size_t(file.gcount()));
+    return begin.empty() || std::string_view("II*\0", 4).starts_with(begin) ||
+           std::string_view("II+\0", 4).starts_with(begin);
+}
+
 bool try_read(const std::string& state, const DoublesHeader& header, Film& film) {
     try {
         read_doubles(state, header, [&](int y, const double* row) { unpack_row(row, y, film); });
@@ -87,8 +98,9 @@ void check_state_name(const std::string& state) {
     if (!std::filesystem::exists(state, error)) return;
     check_writable(state);
     const std::optional<DoublesHeader> header = try_header(state);
-    if (header && !header->description.starts_with(mark))
-        throw InputError({state}, "this picture stands where an unfinished frame's state would be written",
+    const bool ours = header ? header->description.starts_with(mark) : begins_like_tiff(state);
+    if (!ours)
+        throw InputError({state}, "this file stands where an unfinished frame's state would be written",
                          "move it, or choose another output");
 }
 

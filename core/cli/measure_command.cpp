@@ -6,6 +6,7 @@
 #include "core/cli/interrupt.h"
 #include "core/cli/measure_report.h"
 #include "core/cli/progress.h"
+#include "core/cli/scene_camera.h"
 #include "core/geometry/curve_compare.h"
 #include "core/image/atomic_file.h"
 
@@ -292,6 +293,7 @@ DialResult measure_pictures(Dial dial, const Session& session, double budget) {
     FrameStats built;
     const World world = build(scene, dial, session, built);
     const Lights lights(scene.lights, world);
+    const Camera camera = camera_at(scene.description, session.frame);
     const auto picture = [&](uint32_t samples, uint64_t seed) {
         RenderSettings settings = render_settings(scene, session.frame);
         settings.samples = samples;
@@ -301,8 +303,7 @@ DialResult measure_pictures(Dial dial, const Session& session, double budget) {
         RenderProgress progress;
         progress.cancel = &interrupted();
         const double begin = wall_seconds();
-        const RenderStats stats =
-            render(world, lights, scene.materials, scene.camera, settings, film, &progress);
+        const RenderStats stats = render(world, lights, scene.materials, camera, settings, film, &progress);
         if (stats.cancelled) throw Cancelled{};
         return Picture{find_layer(film, "beauty")->pixels, wall_seconds() - begin};
     };

@@ -5,6 +5,7 @@
 #include "core/cli/picture.h"
 #include "core/cli/preview.h"
 #include "core/cli/progress.h"
+#include "core/cli/scene_camera.h"
 #include "core/cli/stats.h"
 #include "core/image/atomic_file.h"
 #include "core/image/image.h"
@@ -12,6 +13,7 @@
 
 #include <fmt/format.h>
 #include <tbb/global_control.h>
+#include <tbb/parallel_invoke.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -20,6 +22,7 @@
 #include <fstream>
 #include <iterator>
 #include <map>
+#include <numeric>
 #include <optional>
 
 namespace marram {
@@ -226,11 +229,14 @@ void trace(FrameJob& job, const World& world, Preview& preview) {
     const double begin = wall_seconds();
     job.watched.render.cancel = &interrupted();
     job.watched.render.between_passes = [&](Film&) { preview.between_passes(); };
+    job.watched.render.samples_done = // before it is asked how far it is
+        std::accumulate(job.film.reached.begin(), job.film.reached.end(), uint64_t(0));
     job.watched.samples = uint64_t(width) * height * job.render.samples;
     const ProgressLine line(job.options.quiet, [&] { return state_of(job.watched, job.prefix); });
     const Lights lights(job.scene.lights, world);
-    job.stats.render = render(world, lights, job.scene.materials, job.scene.camera, job.render, job.film,
-                              &job.watched.render);
+    job.stats.render =
+        render(world, lights, job.scene.materials, camera_at(job.scene.description, job.files.frame),
+               job.render, job.film, &job.watched.render);
     job.stats.trace = wall_seconds() - begin;
 }
 
@@ -255,11 +261,14 @@ void save_frame(FrameJob& job, Preview& preview) {
     job.stats.total = job.stats.load + wall_seconds() - job.begin;
     const bool whole = !render.cancelled && !render.out_of_time;
     const std::string target = render.cancelled ? partial_name(files.picture) : files.picture;
-    save(job, target, whole ? files.digest : unfinished);
+    const auto save_it = [&] { save(job, target, whole ? files.digest : unfinished); };
+    if (whole)
+        save_it();
+    else // at once: whoever pressed Ctrl-C waits
+        tbb::parallel_invoke(save_it, [&] { save_state(files.state, job.film, files.samples_digest); });
     fmt::print("{}\n", target);
-    if (!whole) save_state(files.state, job.film, files.samples_digest);
     if (whole) remove_leavings(files);
-    if (!render.cancelled) preview.finish(); // else whoever pressed Ctrl-C waits
+    if (!render.cancelled) preview.finish();
     if (!preview.fault().empty()) fmt::print(stderr, "{}\n", preview.fault());
 }
 
@@ -290,6 +299,8 @@ bool render_frame(LoadedScene& scene, const RenderOptions& options, const FrameF
 int render_command(const RenderOptions& options) {
     check_picture_name(options.output);
     check_distinct({options.scene, options.output, options.stats});
+    const int threads = options.threads > 0 ? options.threads : tbb::this_task_arena::max_concurrency();
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
     const double begin = wall_seconds();
     LoadedScene scene = load(options.scene, options.overrides, interrupted());
     const double load_seconds = wall_seconds() - begin;
@@ -306,8 +317,6 @@ int render_command(const RenderOptions& options) {
     check_previews(all_files, options);
     if (!options.stats.empty()) check_writable(options.stats);
 
-    const int threads = options.threads > 0 ? options.threads : tbb::this_task_arena::max_concurrency();
-    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
     tbb::task_arena arena(threads);
     std::vector<FrameStats> all;
     for (const FrameFiles& files : all_files) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/texture.h"
 
+#include "core/image/atomic_file.h"
 #include "core/image/image.h"
 
 #include <OpenImageIO/imagebuf.h>
@@ -9,7 +10,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
 
 namespace marram {
@@ -17,30 +17,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A directory that goes with what is in it.
-class TemporaryDirectory {
-  public:
-    TemporaryDirectory() {
-        std::string name = (fs::temp_directory_path() / "marram-textures-XXXXXX").string();
-        if (mkdtemp(name.data())) path_ = name;
-    }
-    ~TemporaryDirectory() {
-        std::error_code error;
-        if (!path_.empty()) fs::remove_all(path_, error);
-    }
-    TemporaryDirectory(const TemporaryDirectory&) = delete;
-    TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
-    const fs::path& path() const { return path_; }
-
-  private:
-    fs::path path_;
-};
-
 // One for the program: its cache is shared by all materials.
 OIIO::TextureSystem& texture_system() {
     static OIIO::TextureSystem* const system = [] {
         OIIO::TextureSystem* made = OIIO::TextureSystem::create(true);
         made->attribute("max_memory_MB", 1024.0F);
+        made->attribute("unassociatedalpha", 1); // as read_image: colour is what the file says
         return made;
     }();
     return *system;
@@ -48,9 +30,10 @@ OIIO::TextureSystem& texture_system() {
 
 class FileTexture : public Texture {
   public:
-    FileTexture(std::string file, int channels) : file_(std::move(file)), channels_(std::min(channels, 3)) {
-        handle_ = texture_system().get_texture_handle(OIIO::ustring(file_));
-    }
+    // made: the file, where it is ours.
+    FileTexture(const std::string& file, int channels, std::unique_ptr<AtomicFile> made)
+        : made_(std::move(made)), channels_(std::min(channels, 3)),
+          handle_(texture_system().get_texture_handle(OIIO::ustring(file))) {}
     bool good() const { return handle_ && texture_system().good(handle_); }
 
     Vec3f at(const Vec2f& uv, float width) const override {
@@ -66,57 +49,62 @@ class FileTexture : public Texture {
                                       0.0F, w, channels_, value))
             texture_system().geterror(); // a tile that went bad after it was checked: black
         if (channels_ < 3) value[1] = value[2] = value[0];
-        return Vec3f(value[0], value[1], value[2]).cwiseMax(0.0F).cwiseMin(1.0F);
+        const auto share = [](float v) { return v > 0.0F ? std::min(v, 1.0F) : 0.0F; }; // NaN: 0
+        return {share(value[0]), share(value[1]), share(value[2])};
     }
 
   private:
-    std::string file_;
+    std::unique_ptr<AtomicFile>
+        made_; // never takes its name: it goes with this, and where the program is cut off
     int channels_;
-    OIIO::TextureSystem::TextureHandle* handle_ = nullptr;
+    OIIO::TextureSystem::TextureHandle* handle_;
 };
 
-// Channels of a file that can be used as it is; 0: it cannot.
-int ready_channels(const std::string& file, TextureContent content) {
+// Whether a file has tiles and smaller copies of itself, of values that may be averaged.
+bool is_ready(const std::string& file, TextureContent content) {
     const auto input = OIIO::ImageInput::open(file);
-    if (!input) return 0;
+    if (!input) return false;
     const OIIO::ImageSpec spec = input->spec();
     const std::string space = spec.get_string_attribute("oiio:ColorSpace");
     const bool encoded =
         space.empty() ? spec.format == OIIO::TypeDesc::UINT8 : !OIIO::Strutil::iequals(space, "linear");
-    if (spec.tile_width == 0 || !input->seek_subimage(0, 1)) return 0;
-    return content == TextureContent::color && encoded ? 0 : spec.nchannels;
+    return spec.tile_width > 0 && input->seek_subimage(0, 1) && (content == TextureContent::data || !encoded);
 }
 
-std::string make_texture(const Image& image) {
-    static const TemporaryDirectory directory;
+std::unique_ptr<AtomicFile> make_texture(Image& image, const std::string& file, const Place& place) {
     static int number = 0;
-    if (directory.path().empty()) return "";
-    const std::string path = (directory.path() / fmt::format("{}.exr", number++)).string();
-    OIIO::ImageSpec spec(image.width, image.height, image.channels, OIIO::TypeDesc::FLOAT);
-    OIIO::ImageBuf pixels(spec, const_cast<float*>(image.pixels.data()));
+    std::error_code error;
+    const fs::path folder = fs::temp_directory_path(error);
+    if (error)
+        throw InputError(place,
+                         "there is no directory for temporary files to make a texture of \"" + file + "\" in",
+                         "set TMPDIR to one that exists");
+    auto made =
+        std::make_unique<AtomicFile>((folder / fmt::format("marram-texture-{}.exr", number++)).string());
+    for (float& value : image.pixels)
+        value = std::clamp(value, 0.0F, 1.0F); // before it spreads into averages
+    const OIIO::ImageSpec spec(image.width, image.height, image.channels, OIIO::TypeDesc::FLOAT);
+    const OIIO::ImageBuf pixels(spec, image.pixels.data());
     OIIO::ImageSpec config;
-    config.attribute("maketx:nomipmap", 0);
     config.set_format(OIIO::TypeDesc::HALF);
-    return OIIO::ImageBufAlgo::make_texture(OIIO::ImageBufAlgo::MakeTxTexture, pixels, path, config) ? path
-                                                                                                     : "";
+    if (!OIIO::ImageBufAlgo::make_texture(OIIO::ImageBufAlgo::MakeTxTexture, pixels, made->partial(), config))
+        throw InputError(place, "\"" + file + "\" cannot be made into a texture: " + OIIO::geterror(),
+                         "make room in the directory for temporary files, or set TMPDIR to another");
+    return made;
 }
 
 } // namespace
 
 std::shared_ptr<const Texture> open_texture(const std::string& file, TextureContent content,
                                             const Place& place) {
-    int channels = ready_channels(file, content);
-    std::string ready = file;
-    if (channels == 0) {
-        const Image image =
-            read_image(file, content == TextureContent::color ? ColorSpace::color : ColorSpace::linear_data);
-        channels = image.channels;
-        ready = make_texture(image);
-        if (ready.empty())
-            throw InputError(place, "\"" + file + "\" cannot be made into a texture: " + OIIO::geterror(),
-                             "give the directory for temporary files room, or set TMPDIR to another");
-    }
-    auto texture = std::make_shared<FileTexture>(ready, channels);
+    // Read as a whole even where it is ready: what is cut short or not finite must not be found out while rendering.
+    Image image =
+        read_image(file, content == TextureContent::color ? ColorSpace::color : ColorSpace::linear_data);
+    const bool ready = is_ready(file, content) &&
+                       std::ranges::all_of(image.pixels, [](float v) { return v >= 0.0F && v <= 1.0F; });
+    std::unique_ptr<AtomicFile> made = ready ? nullptr : make_texture(image, file, place);
+    const std::string path = made ? made->partial() : file;
+    auto texture = std::make_shared<FileTexture>(path, image.channels, std::move(made));
     if (!texture->good())
         throw InputError(place, "\"" + file + "\" cannot be read as a texture",
                          "save it again as PNG, TIFF or EXR");

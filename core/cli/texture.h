@@ -5,7 +5,7 @@
 // Files that are tiled and hold smaller copies of themselves in linear light (as `maketx` writes them) are used as they are. Any
 // other is made into one when the scene is loaded, colours turned to linear light first, since the mean of encoded values is
 // darker than the mean of what they stand for: some 0.3 s a million pixels, in the directory for temporary files, from where
-// it goes when the program ends.
+// it goes with the texture. Values beyond 0 ... 1 are cut there.
 #pragma once
 
 #include "shaders/texture.h"

@@ -123,7 +123,9 @@ ShadingPoint shading_point(const Frame& frame, const SurfacePoint& at, const Vec
     point.position = at.position;
     point.footprint = width;
     if (!point.fibre) {
-        point.uv_width = uv_width(frame, at, width);
+        // Along the surface it is longer by the cosine one way: a square of the same area.
+        const float onto = std::max(std::abs(at.geometric_normal.dot(wo)), 0.01F);
+        point.uv_width = uv_width(frame, at, width / std::sqrt(onto));
         return point;
     }
     point.flat = at.shape != PointShape::round;
@@ -137,7 +139,8 @@ ShadingPoint shading_point(const Frame& frame, const SurfacePoint& at, const Vec
     if (const CurveAttributeValues* tint = frame.tints[curves]) {
         std::array<float, 4> values{};
         attribute_at(frame.world.curves[curves], *tint, at, values.data());
-        point.tint = values[0];
+        // A name is no quantity: strands that differ in it are tinted each by a share of its own.
+        point.tint = tint->discrete ? unit_float(mix32(std::bit_cast<uint32_t>(values[0]))) : values[0];
     }
     return point;
 }

@@ -34,6 +34,10 @@ std::vector<ParamSpec> camera_params() {
         {"fov", number, "deg", "40", 0.01, 179, "", "vertical angle of view"},
         {"lens_radius", number, "m", "0", 0, 1000, "", "radius of the lens; 0: everything is sharp"},
         {"focus", number, "m", "none", 1e-6, far, "", "distance that is sharp; default: that of the target"},
+        {"transform", keys, "", "{}", -any, any, "",
+         "moves position and target: { translate, rotate } or { keys = [{ frame, ... }, ...], interpolation "
+         "}, as "
+         "of meshes"},
         {"shutter", range, "frames", "[0, 0]", -100, 100, "",
          "when the shutter opens and closes, relative to the frame; [-0.25, 0.25] blurs like film, [0, 0] "
          "not at all"},

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/product.h"
 
+#include "core/cli/scene_camera.h"
 #include "core/geometry/curve_export.h"
 #include "core/plugin/embree.h"
 
@@ -123,7 +124,9 @@ double Product::primary_by_integrator() {
     RenderSettings only_seen = settings();
     only_seen.max_depth = 0;
     const Lights lights(scene_.lights, world_);
-    return seconds_of([&] { render(world_, lights, scene_.materials, scene_.camera, only_seen, film); });
+    return seconds_of([&] {
+        render(world_, lights, scene_.materials, camera_at(scene_.description, 1.0), only_seen, film);
+    });
 }
 
 double Product::primary_by_embree() {
@@ -132,7 +135,7 @@ double Product::primary_by_embree() {
     const uint32_t columns = (width + tile - 1) / tile, rows = (height + tile - 1) / tile;
     const size_t a_tile = tile * tile;
     if (rays_.empty()) {
-        const CameraRays camera(scene_.camera, width, height);
+        const CameraRays camera(camera_at(scene_.description, 1.0), width, height);
         for (uint32_t i = 0; i < columns * rows; ++i)
             for (uint32_t p = 0; p < a_tile; ++p)
                 rays_.push_back(camera((i % columns * tile + p % tile + 0.5) / width,
@@ -175,7 +178,8 @@ double Product::whole_paths(uint64_t& rays) {
     Film film = make_film(width, height, std::span(&beauty, 1), world_);
     const Lights lights(scene_.lights, world_);
     return seconds_of([&] {
-        const RenderStats stats = render(world_, lights, scene_.materials, scene_.camera, settings(), film);
+        const RenderStats stats =
+            render(world_, lights, scene_.materials, camera_at(scene_.description, 1.0), settings(), film);
         rays = stats.rays.intersect + stats.rays.occluded;
     });
 }

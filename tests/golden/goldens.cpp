@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/golden/goldens.h"
 
+#include "core/cli/scene_camera.h"
 #include "core/image/flip.h"
 #include "core/math/hash.h"
 
@@ -45,6 +46,10 @@ std::span<const Golden> goldens() {
         room("moving", "a ball that rolls, blurred over half a frame",
              {"camera.shutter=[-0.5, 0.5]", "mesh.ball.transform={keys=[{frame=1, translate=[-1, 0.45, "
                                             "0.6]}, {frame=10, translate=[1.6, 0.45, 0.6]}]}"}),
+        room("pan", "a camera that turns and walks while its shutter is open",
+             {"camera.shutter=[-0.5, 0.5]",
+              "camera.transform={keys=[{frame=1, rotate=[0, -14, 0]}, {frame=15, "
+              "rotate=[0, 14, 0], translate=[0.6, 0, 0]}]}"}),
         room("filter", "the box filter, a pixel wide", {"film.filter=\"box\"", "film.filter_radius=0.5"}),
         room("round", "round strands of Catmull-Rom curves, with clumps, curl and frizz",
              {"procedural.grass.shape=\"round\"", "procedural.grass.basis=\"catmull-rom\"",
@@ -82,6 +87,8 @@ std::span<const Golden> goldens() {
             {"wind.shielding={shield=1, spread=10, rays=16}", "material.fur.tint=\"shield\""}),
         fur("shield_cv", "shelter of each CV, fading in its wake",
             {"wind.shielding={shield=1, shield_per=\"cv\", wake=0.5}", "material.fur.tint=\"shield\""}),
+        fur("id", "each strand tinted by a share of its own",
+            {"material.fur.tint=\"id\"", "material.fur.tint_color=[0.1, 0.3, 0.9]"}),
         fur("jiggle", "strands that swing behind a ball that moves",
             {"wind.speed=0", "wind.jiggle={frequency=2, damping=0.2}",
              "mesh.body.transform={keys=[{frame=1, translate=[0.6, 0, 0]}, {frame=20, translate=[0, 0, "
@@ -140,7 +147,7 @@ Picture Stage::render(uint64_t seed, uint32_t samples) const {
     RenderSettings settings = render_settings(scene_, frame_);
     settings.seed = seed;
     if (samples > 0) settings.samples = samples;
-    marram::render(world_, *lights_, scene_.materials, scene_.camera, settings, film);
+    marram::render(world_, *lights_, scene_.materials, camera_at(scene_.description, frame_), settings, film);
     Picture picture;
     picture.width = int(width);
     picture.height = int(height);

@@ -91,13 +91,34 @@ TEST(Texture, PaintsAPictureAndFaultsHaveALine) {
     const std::string png = read_file(folder / "checker.png");
     folder.write("cut.png", png.substr(0, png.size() / 2));
     folder.write("text.png", "no image");
-    for (const char* map : {"cut.png", "text.png", "missing.png"}) {
+    std::vector<float> holed(64 * 64 * 3, 0.5F);
+    holed[3000] = std::numeric_limits<float>::quiet_NaN();
+    const Layer layer{"", {"R", "G", "B"}, holed.data(), false};
+    write_exr(folder / "holed.exr", 64, 64, std::span(&layer, 1), {});
+    for (const char* map : {"cut.png", "text.png", "missing.png", "holed.exr"}) {
         const Outcome refused =
             marram({"render", folder.write("bad.toml", scene(map)), "-o", folder / "bad.exr"});
         EXPECT_EQ(refused.code, 2) << map;
         EXPECT_TRUE(refused.err.find(map) != std::string::npos) << refused.err;
         EXPECT_FALSE(fs::exists(folder / "bad.exr"));
     }
+}
+
+// What the renderer cannot do for want of a folder it says; what it has made is gone afterwards.
+TEST(Texture, LeavesNothingBehindAndNeedsAFolder) {
+    const Folder folder, temporary;
+    ::setenv("TMPDIR", (temporary / "").c_str(), 1);
+    const auto files = [&] {
+        return std::distance(fs::directory_iterator(temporary / ""), fs::directory_iterator());
+    };
+    auto texture = open_texture(checkerboard(folder, 8), TextureContent::color, {});
+    EXPECT_EQ(files(), 1);
+    texture.reset();
+    EXPECT_EQ(files(), 0);
+    ::setenv("TMPDIR", (temporary / "nowhere").c_str(), 1);
+    EXPECT_THROW(open_texture(folder / "checker.png", TextureContent::color, {"scene.toml", 3, 1}),
+                 InputError);
+    ::unsetenv("TMPDIR");
 }
 
 } // namespace marram::testing

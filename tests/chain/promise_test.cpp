@@ -202,7 +202,7 @@ Kept between_keys(const Stage& stage, size_t keys, const FurOptions& options) {
 }
 
 void holds_between_keys(const char* name, const Stage& stage) {
-    FurOptions options{.count = 1000};
+    FurOptions options{.count = 600};
     options.tolerance = 0.005 * options.length[0];
     double with_two = 0.0;
     for (const size_t keys : {2U, 3U, 5U, 9U}) {

@@ -41,30 +41,40 @@ namespace {
 constexpr float pi_f = static_cast<float>(pi);
 constexpr int lobe_count = 4;
 
-float bessel_i0_scaled(float x) {
-    if (x < 3.75F) {
-        const float t = (x / 3.75F) * (x / 3.75F);
-        const float i0 =
-            1.0F +
-            t * (3.5156229F +
-                 t * (3.0899424F + t * (1.2067492F + t * (0.2659732F + t * (0.0360768F + t * 0.0045813F)))));
-        return i0 * std::exp(-x);
-    }
-    const float t = 3.75F / x;
-    const float tail = -0.02057706F + t * (0.02635537F + t * (-0.01647633F + t * 0.00392377F));
-    return (0.39894228F +
-            t * (0.01328592F + t * (0.00225319F + t * (-0.00157565F + t * (0.00916281F + t * tail))))) /
-           std::sqrt(x);
+// M_p of all lobes. Where I0's argument x is small, exp(-x) of I0e goes into the other exponential.
+Float4 longitudinal(const HairBsdf& bsdf, float cos_i, float sin_i) {
+    constexpr float small = 3.75F;
+    const Float4 x = cos_i * bsdf.lobe_cos * bsdf.precision;
+    const Float4 t = x * (1.0F / small) * (x * (1.0F / small));
+    Float4 i0 = t * 0.0045813F + 0.0360768F;
+    i0 = i0 * t + 0.2659732F;
+    i0 = i0 * t + 1.2067492F;
+    i0 = i0 * t + 3.0899424F;
+    i0 = i0 * t + 3.5156229F;
+    i0 = i0 * t + 1.0F;
+    const Float4 large = max(x, Float4{} + small), r = small / large;
+    Float4 i0e = r * 0.00392377F - 0.01647633F;
+    i0e = i0e * r + 0.02635537F;
+    i0e = i0e * r - 0.02057706F;
+    i0e = i0e * r + 0.00916281F;
+    i0e = i0e * r - 0.00157565F;
+    i0e = i0e * r + 0.00225319F;
+    i0e = i0e * r + 0.01328592F;
+    i0e = i0e * r + 0.39894228F;
+    i0e /= sqrt(large);
+    const Float4 c = cos_i - bsdf.lobe_cos, s = sin_i + bsdf.lobe_sin;
+    const Float4 away = -0.5F * (c * c + s * s) * bsdf.precision;
+    return exp_of_negative(x < small ? away - x : away) * (x < small ? i0 : i0e) * bsdf.scale;
 }
 
-float longitudinal(float cos_i, float sin_i, float cos_o, float sin_o, float variance, float scale) {
-    const float c = cos_i - cos_o, s = sin_i + sin_o;
-    return bessel_i0_scaled(cos_i * cos_o / variance) * std::exp(-0.5F * (c * c + s * s) / variance) * scale;
-}
-
-float logistic(float x, float scale) {
-    const float e = std::exp(-std::abs(x) / scale);
-    return e / (scale * (1.0F + e) * (1.0F + e));
+// N_p of all lobes.
+Float4 azimuthal(const HairBsdf& bsdf, float phi) {
+    Float4 x = abs(phi - bsdf.exit); // up to two turns' halves
+    x = min(x, 2.0F * pi_f - x);
+    const Float4 e = exp_of_negative(x * (-1.0F / bsdf.logistic_scale));
+    Float4 n = e / (bsdf.logistic_scale * bsdf.logistic_norm * (1.0F + e) * (1.0F + e));
+    n[lobe_count - 1] = 0.5F / pi_f;
+    return n;
 }
 
 // Of the logistic cut to [-pi, pi]; norm is its mass there.
@@ -113,10 +123,9 @@ void set_attenuation(HairBsdf& bsdf, const Vec3f& sigma, float fresnel_reflectan
         const float again = f * transmitted[c];
         bsdf.attenuation[3][c] = again < 1.0F ? bsdf.attenuation[2][c] * again / (1.0F - again) : 0.0F;
     }
-    float sum = 0.0F;
-    for (int p = 0; p < lobe_count; ++p) sum += bsdf.probability[p] = mean(bsdf.attenuation[p]);
-    if (sum <= 0.0F) return; // black with ior = 1: no lobe is ever sampled
-    for (int p = 0; p < lobe_count; ++p) bsdf.probability[p] /= sum;
+    for (int p = 0; p < lobe_count; ++p) bsdf.probability[p] = mean(bsdf.attenuation[p]);
+    const float all = sum(bsdf.probability);
+    if (all > 0.0F) bsdf.probability /= all; // black with ior = 1: no lobe is ever sampled
 }
 
 // Melanin becomes the colour it gives, so that tint and variation mean the same for both; it has no gradient.
@@ -138,9 +147,9 @@ void set_lobe_cones(HairBsdf& bsdf, const HairSettings& settings) {
     const float s = bsdf.sin_theta_o, c = bsdf.cos_theta_o;
     const auto& st = settings.sin_tilt;
     const auto& ct = settings.cos_tilt;
-    bsdf.lobe_sin = {s * ct[1] + c * st[1], s * ct[0] - c * st[0], s * ct[2] - c * st[2], s};
-    bsdf.lobe_cos = {c * ct[1] - s * st[1], c * ct[0] + s * st[0], c * ct[2] + s * st[2], c};
-    for (float& cosine : bsdf.lobe_cos) cosine = std::abs(cosine); // tilted past the axis
+    bsdf.lobe_sin = Float4{s * ct[1] + c * st[1], s * ct[0] - c * st[0], s * ct[2] - c * st[2], s};
+    bsdf.lobe_cos =
+        abs(Float4{c * ct[1] - s * st[1], c * ct[0] + s * st[0], c * ct[2] + s * st[2], c}); // past the axis
 }
 
 } // namespace
@@ -194,11 +203,13 @@ HairSettings read_hair(const ParamSet& params) {
 
     const double m = settings.roughness, n = settings.azimuthal_roughness;
     const float v = static_cast<float>(std::pow(0.726 * m + 0.812 * m * m + 3.7 * std::pow(m, 20.0), 2.0));
-    settings.variance = {v, 0.25F * v, 4.0F * v, 4.0F * v};
+    settings.variance = Float4{v, 0.25F * v, 4.0F * v, 4.0F * v};
+    settings.precision = 1.0F / settings.variance;
     for (int p = 0; p < lobe_count; ++p)
         settings.scale[p] = -1.0F / (settings.variance[p] * std::expm1(-2.0F / settings.variance[p]));
     settings.logistic_scale =
         static_cast<float>(std::sqrt(pi / 8.0) * (0.265 * n + 1.194 * n * n + 5.372 * std::pow(n, 22.0)));
+    settings.logistic_norm = std::tanh(0.5F * pi_f / settings.logistic_scale);
     set_pigment(settings, params);
     for (int k = 0; k < 3; ++k) {
         settings.sin_tilt[k] = std::sin(static_cast<float>(1 << k) * settings.tilt);
@@ -235,9 +246,11 @@ HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point) {
         sigma = absorption_of_color(bsdf.color, settings.azimuthal_roughness);
     }
     bsdf.variance = settings.variance;
+    bsdf.precision = settings.precision;
     bsdf.scale = settings.scale;
     bsdf.logistic_scale = settings.logistic_scale;
-    bsdf.logistic_norm = std::tanh(0.5F * pi_f / settings.logistic_scale);
+    bsdf.logistic_norm = settings.logistic_norm;
+    for (int p = 0; p < lobe_count; ++p) bsdf.exit[p] = wrap(exit_azimuth(p, bsdf.gamma_o, bsdf.gamma_t));
     set_attenuation(bsdf, sigma, fresnel(bsdf.cos_theta_o * std::sqrt((1.0F - h) * (1.0F + h)), eta), chord);
     set_lobe_cones(bsdf, settings);
     return bsdf;
@@ -248,18 +261,10 @@ BsdfValue evaluate(const HairBsdf& bsdf, const Vec3f& wi) {
     const float across = wi.dot(bsdf.front), aside = wi.dot(bsdf.side);
     const float cos_i = std::sqrt(across * across + aside * aside);
     const float phi = std::atan2(aside, across);
+    const Float4 lobes = longitudinal(bsdf, cos_i, sin_i) * azimuthal(bsdf, phi);
     BsdfValue result;
-    for (int p = 0; p < lobe_count; ++p) {
-        const float m =
-            longitudinal(cos_i, sin_i, bsdf.lobe_cos[p], bsdf.lobe_sin[p], bsdf.variance[p], bsdf.scale[p]);
-        const float n =
-            p == lobe_count - 1
-                ? 0.5F / pi_f
-                : logistic(wrap(phi - exit_azimuth(p, bsdf.gamma_o, bsdf.gamma_t)), bsdf.logistic_scale) /
-                      bsdf.logistic_norm;
-        result.value += m * n * bsdf.attenuation[p];
-        result.pdf += m * n * bsdf.probability[p];
-    }
+    for (int p = 0; p < lobe_count; ++p) result.value += lobes[p] * bsdf.attenuation[p];
+    result.pdf = sum(lobes * bsdf.probability);
     return result;
 }
 
@@ -274,10 +279,9 @@ bool sample(const HairBsdf& bsdf, const std::array<float, 4>& random, BsdfSample
     const float turn = std::sqrt(away * (2.0F - away)) * std::cos(2.0F * pi_f * random[3]);
     const float sin_i = std::clamp((away - 1.0F) * bsdf.lobe_sin[p] + turn * bsdf.lobe_cos[p], -1.0F, 1.0F);
     const float cos_i = std::sqrt((1.0F - sin_i) * (1.0F + sin_i));
-    const float phi = p == lobe_count - 1
-                          ? 2.0F * pi_f * random[1]
-                          : exit_azimuth(p, bsdf.gamma_o, bsdf.gamma_t) +
-                                sample_logistic(random[1], bsdf.logistic_scale, bsdf.logistic_norm);
+    const float phi = p == lobe_count - 1 ? 2.0F * pi_f * random[1]
+                                          : bsdf.exit[p] + sample_logistic(random[1], bsdf.logistic_scale,
+                                                                           bsdf.logistic_norm);
     result.wi =
         (sin_i * bsdf.axis + cos_i * (std::cos(phi) * bsdf.front + std::sin(phi) * bsdf.side)).normalized();
     const BsdfValue at = evaluate(bsdf, result.wi);

@@ -30,6 +30,7 @@
 // Path Tracing", 2016. hair.cpp opens with the formulas.
 #pragma once
 
+#include "core/math/float4.h"
 #include "shaders/shading_point.h"
 
 #include <vector>
@@ -45,9 +46,11 @@ struct HairSettings {
     bool same_everywhere =
         false; // no gradient, variation or tint: this colour and absorption hold at every point
     Vec3f base_color = Vec3f::Zero(), base_absorption = Vec3f::Zero();
-    std::array<float, 4> variance{};             // longitudinal, of R, TT, TRT, residual
-    std::array<float, 4> scale{};                // 1 / (v (1 - exp(-2/v)))
+    Float4 variance{};                           // longitudinal, of R, TT, TRT, residual
+    Float4 precision{};                          // 1 / v
+    Float4 scale{};                              // 1 / (v (1 - exp(-2/v)))
     float logistic_scale = 0.0F;                 // azimuthal
+    float logistic_norm = 0.0F;                  // its mass in one turn
     std::array<float, 3> sin_tilt{}, cos_tilt{}; // of 2^k tilt
 };
 
@@ -60,10 +63,11 @@ struct HairBsdf {
     float sin_theta_o, cos_theta_o;
     float gamma_o, gamma_t;
     float logistic_scale, logistic_norm;
-    std::array<Vec3f, 4> attenuation;        // of each lobe
-    std::array<float, 4> probability;        // of sampling each lobe
-    std::array<float, 4> variance, scale;    // as in the settings
-    std::array<float, 4> lobe_sin, lobe_cos; // theta_o, tilted, of each lobe
+    std::array<Vec3f, 4> attenuation;  // of each lobe
+    Float4 probability;                // of sampling each lobe
+    Float4 variance, precision, scale; // as in the settings
+    Float4 lobe_sin, lobe_cos;         // theta_o, tilted, of each lobe
+    Float4 exit;                       // azimuth of each lobe, -pi ... pi; the residual has none
 };
 
 HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point);

@@ -19,7 +19,7 @@ namespace marram {
 namespace {
 
 constexpr std::string_view mark = "marram frame state ";
-constexpr uint32_t own_channels = 3; // reached, taken, done: behind the sums
+constexpr uint32_t own_channels = 6; // reached, taken, done, luminance, squares, spread: behind the sums
 
 void pack_row(const Film& film, int y, double* to) {
     for (size_t pixel = size_t(y) * film.width; pixel < size_t(y + 1) * film.width; ++pixel) {
@@ -27,6 +27,9 @@ void pack_row(const Film& film, int y, double* to) {
         *to++ = double(film.reached[pixel]);
         *to++ = double(film.taken[pixel]);
         *to++ = double(film.done[pixel]);
+        *to++ = film.luminance[pixel];
+        *to++ = film.squares[pixel];
+        *to++ = double(film.spread[pixel]);
     }
 }
 
@@ -41,6 +44,9 @@ void unpack_row(const double* from, int y, Film& film) {
         film.reached[pixel] = whole(*from++);
         film.taken[pixel] = whole(*from++);
         film.done[pixel] = *from++ == 1.0;
+        film.luminance[pixel] = *from++;
+        film.squares[pixel] = *from++;
+        film.spread[pixel] = float(*from++);
     }
 }
 

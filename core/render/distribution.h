@@ -40,8 +40,10 @@ class Distribution1D {
     double probability(size_t cell) const { return sums_[cell + 1] - sums_[cell]; }
 
     Choice sample(double random) const {
-        const auto above = std::upper_bound(sums_.begin() + 1, sums_.end() - 1, random);
-        size_t cell = static_cast<size_t>(above - sums_.begin()) - 1;
+        // Halving without a branch that depends on the number: half of those would be mispredicted.
+        size_t cell = 0;
+        for (size_t left = size(); left > 1; left -= left / 2)
+            cell += sums_[cell + left / 2] <= random ? left / 2 : 0;
         while (cell > 0 && !(probability(cell) > 0.0)) --cell; // the last cells may be empty
         const double within = (random - sums_[cell]) / probability(cell);
         return {cell, std::clamp(within, 0.0, one_below_1)};

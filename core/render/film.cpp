@@ -82,6 +82,9 @@ void clear(Film& film) {
     film.reached.assign(pixels, 0);
     film.taken.assign(pixels, 0);
     film.done.assign(pixels, 0);
+    film.luminance.assign(pixels, 0.0);
+    film.squares.assign(pixels, 0.0);
+    film.spread.assign(pixels, 0.0F);
 }
 
 SampleCount count_samples(const Film& film) {

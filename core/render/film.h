@@ -48,6 +48,9 @@ struct Film {
     std::vector<uint32_t>
         taken; // of them, samples that were taken, those dropped for not being finite among them
     std::vector<uint8_t> done; // whether the pass under way leaves it out
+    std::vector<double> luminance, squares; // sums over samples of their luminance and of its square
+    std::vector<float>
+        spread; // standard deviation of its samples' luminance when the pass under way began; 0: not known
 };
 
 // Samples that pixels have taken.

@@ -13,6 +13,15 @@
 // one of the two can reach. Russian roulette ends a path with probability 1 - max(beta) and divides what goes
 // on by max(beta).
 //
+// Roulette also decides whether anything in the way of a light is looked for at all: if nothing were, luminance C would be
+// added to a sample whose own spread is S, the pixel's standard deviation. C is asked about with probability
+// q = min(1, C / (w S)) and then counts 1 / q times. That adds less than C w S, at most (w S / 2)^2, to the sample's variance S^2,
+// so that clean pixels stay as clean as they are, and the rays of noisy ones go where they matter: time times variance is least
+// for q proportional to C / S (Bolin and Meyer, "An error metric for Monte Carlo ray tracing", 1997; Rath et al., "EARS:
+// Efficiency-Aware Russian Roulette and Splitting", 2022). What the first vertex adds is well stratified, S overstates its
+// noise: w is small there. S comes from earlier passes, which does not bias: whatever it is, the mean over the roulette is
+// the same.
+//
 // A path stands for a cone of light paths, whose width tells textures how much to average: a pixel wide at the camera, and
 // from each vertex on as wide as the share of directions that the draw stands for, 1 / p (after Akenine-Moller et al.,
 // "Texture Level of Detail Strategies for Real-Time Ray Tracing", 2019). Curvature is left out.
@@ -41,6 +50,10 @@ namespace marram {
 namespace {
 
 constexpr uint32_t first_vertex_pair = 3, pairs_a_vertex = 4;
+constexpr float worth_first = 0.15F, worth_later = 0.8F; // w above, at a path's first vertex and at others
+
+double luminance(const double* rgb) { return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]; }
+float luminance(const Vec3f& rgb) { return 0.2126F * rgb[0] + 0.7152F * rgb[1] + 0.0722F * rgb[2]; }
 
 // Everything that is the same for all samples.
 struct Frame {
@@ -146,20 +159,27 @@ ShadingPoint shading_point(const Frame& frame, const SurfacePoint& at, const Vec
 }
 
 // Light that reaches the point directly, by drawing from the lights.
+// `worth`: luminance that is worth a ray.
 Vec3f direct_light(const Frame& frame, const SurfacePoint& point, const Bsdf& bsdf, float time,
-                   Sampler& sampler, const Vec2f& choice, RayCounts& counts) {
-    const Vec2f where = sampler.next_pair();
-    const LightSample light = frame.lights.sample(point.position, time, {choice.x(), where.x(), where.y()});
+                   const Vec3f& throughput, float worth, const std::array<float, 3>& random,
+                   RayCounts& counts) {
+    const LightSample light = frame.lights.sample(point.position, time, random);
     if (!(light.pdf > 0.0F)) return Vec3f::Zero();
     if (frame.settings.strategy == Strategy::shaders_only && !light.delta) return Vec3f::Zero();
     const Ray ray = light.at_infinity ? spawn(point, light.direction, time)
                                       : spawn_towards(point, light.target, 0.0, time);
     const BsdfValue scattered = evaluate(bsdf, ray.direction);
     if (!(scattered.value.maxCoeff() > 0.0F)) return Vec3f::Zero();
-    if (occluded(frame.world, ray, &counts)) return Vec3f::Zero();
     const bool alone = light.delta || frame.settings.strategy == Strategy::lights_only;
     const float weight = alone ? 1.0F : power_heuristic(light.pdf, scattered.pdf);
-    return scattered.value.cwiseProduct(light.radiance) * (weight / light.pdf);
+    Vec3f arriving =
+        throughput.cwiseProduct(scattered.value).cwiseProduct(light.radiance) * (weight / light.pdf);
+    if (const float found = luminance(arriving); found < worth) {
+        if (!(light.unused * worth < found)) return Vec3f::Zero();
+        arriving *= worth / found;
+    }
+    if (occluded(frame.world, ray, &counts)) return Vec3f::Zero();
+    return arriving;
 }
 
 // The weight of light found along a shader's draw of density `drawn`; below 0: the camera's own ray.
@@ -176,7 +196,8 @@ bool survives(Vec3f& throughput, float random) {
     return true;
 }
 
-Vec3f trace(const Frame& frame, Ray ray, Sampler& sampler, FirstHit& first, RayCounts& counts) {
+// `spread`: of the pixel's samples; 0 where it is not known.
+Vec3f trace(const Frame& frame, Ray ray, float spread, Sampler& sampler, FirstHit& first, RayCounts& counts) {
     Vec3f radiance = Vec3f::Zero(), throughput = Vec3f::Ones();
     float drawn = -1.0F;
     Cone cone{0.0F, frame.pixel_angle};
@@ -207,9 +228,12 @@ Vec3f trace(const Frame& frame, Ray ray, Sampler& sampler, FirstHit& first, RayC
         if (last) return radiance;
         sampler.seek(first_vertex_pair + pairs_a_vertex * depth);
         const Vec2f choice = sampler.next_pair();
-        if (!frame.lights.empty())
-            radiance +=
-                throughput.cwiseProduct(direct_light(frame, point, bsdf, ray.time, sampler, choice, counts));
+        if (!frame.lights.empty()) {
+            const Vec2f where = sampler.next_pair();
+            radiance += direct_light(frame, point, bsdf, ray.time, throughput,
+                                     spread * (depth == 0 ? worth_first : worth_later),
+                                     {choice.x(), where.x(), where.y()}, counts);
+        }
         sampler.seek(first_vertex_pair + pairs_a_vertex * depth + 2);
         const Vec2f a = sampler.next_pair(), b = sampler.next_pair();
         BsdfSample next;
@@ -326,11 +350,15 @@ void render_tile(const Frame& frame, const Tile& tile, uint32_t end, Film& film,
                 Sampler sampler(seed, s);
                 FirstHit first;
                 const Ray ray = camera_ray(frame, film, x, y, sampler);
-                const Vec3f radiance = trace(frame, ray, sampler, first, stats.rays);
-                if (radiance.allFinite())
-                    add_sample(frame, radiance, first, film, pixel);
-                else
+                const Vec3f radiance = trace(frame, ray, film.spread[at], sampler, first, stats.rays);
+                if (!radiance.allFinite()) {
                     ++stats.dropped_samples;
+                    continue;
+                }
+                add_sample(frame, radiance, first, film, pixel);
+                const double light = luminance(radiance);
+                film.luminance[at] += light;
+                film.squares[at] += light * light;
             }
         }
 }
@@ -368,7 +396,32 @@ uint32_t pass_end(uint32_t begin) {
     return end;
 }
 
-double luminance(const double* rgb) { return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]; }
+// How far the luminances of a pixel's samples lie from each other, in the mean over it and the pixels around.
+void measure_spread(Film& film) {
+    constexpr uint32_t reach = 2; // pixels: 25 of 4 samples know their deviation to a tenth
+    const uint32_t width = film.width, height = film.height;
+    const auto across = [&](uint32_t x, uint32_t size) {
+        return std::pair(x - std::min(x, reach), std::min(x + reach, size - 1));
+    };
+    std::vector<double> rows(film.spread.size()); // means along rows of samples' variances
+    for (uint32_t y = 0; y < height; ++y)
+        for (uint32_t x = 0; x < width; ++x) {
+            const auto [first, last] = across(x, width);
+            double sum = 0.0;
+            for (size_t i = size_t(y) * width + first; i <= size_t(y) * width + last; ++i) {
+                const double count = film.taken[i];
+                sum += count * variance_of_mean(film.luminance[i], film.squares[i], count);
+            }
+            rows[size_t(y) * width + x] = sum / (last - first + 1);
+        }
+    for (uint32_t y = 0; y < height; ++y)
+        for (uint32_t x = 0; x < width; ++x) {
+            const auto [first, last] = across(y, height);
+            double sum = 0.0;
+            for (uint32_t j = first; j <= last; ++j) sum += rows[size_t(j) * width + x];
+            film.spread[size_t(y) * width + x] = float(std::sqrt(sum / (last - first + 1)));
+        }
+}
 
 // Which pixels are as good as asked for; a pixel that its neighbours know to be noisy goes on, since a few samples may all have missed
 // what makes the noise. False: none is left.
@@ -400,12 +453,10 @@ bool find_noisy(Film& film, double noise) {
     return any;
 }
 
-// Whether pixels are judged before the pass that begins here: once it has begun they were, and between the ends of passes
-// never. Where none has begun it, judging them again comes to the same.
-bool is_for_judging(uint32_t begin, const Film& film, const RenderSettings& settings) {
-    constexpr uint32_t enough_to_judge = 16; // samples, of a pixel's variance
-    return settings.noise > 0.0 && begin >= enough_to_judge && pass_end(begin - 1) == begin &&
-           *std::ranges::max_element(film.reached) == begin;
+// Whether pixels are looked at before the pass that begins here: once it has begun they were, and between the ends of passes
+// never. Where none has begun it, looking again comes to the same.
+bool is_between_passes(uint32_t begin, const Film& film) {
+    return begin > 0 && pass_end(begin - 1) == begin && *std::ranges::max_element(film.reached) == begin;
 }
 
 // Samples that pixels take in a pass that none of them has begun.
@@ -414,6 +465,7 @@ double samples_ahead(const Film& film, uint32_t begin, uint32_t end) {
 }
 
 void render_passes(const Frame& frame, Film& film, RenderStats& stats, RenderProgress* progress) {
+    constexpr uint32_t enough_to_judge = 16; // samples, of a pixel's variance
     const RenderSettings& settings = frame.settings;
     using Clock = std::chrono::steady_clock;
     const auto since = [](Clock::time_point then) {
@@ -423,7 +475,10 @@ void render_passes(const Frame& frame, Film& film, RenderStats& stats, RenderPro
     double seconds_a_sample = 0.0; // 0: no pass has told yet
     for (uint32_t begin = *std::ranges::min_element(film.reached); begin < settings.samples;) {
         const uint32_t end = std::min(pass_end(begin), settings.samples);
-        if (is_for_judging(begin, film, settings) && !find_noisy(film, settings.noise)) return;
+        if (is_between_passes(begin, film)) {
+            if (begin > 1) measure_spread(film);
+            if (settings.noise > 0.0 && begin >= enough_to_judge && !find_noisy(film, settings.noise)) return;
+        }
         stats.out_of_time =
             settings.seconds > 0.0 && seconds_a_sample > 0.0 &&
             since(start) + seconds_a_sample * samples_ahead(film, begin, end) > settings.seconds;

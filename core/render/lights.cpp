@@ -31,32 +31,40 @@ constexpr float ground_blend = 0.1F;
 
 double mean_of(const Vec3f& color) { return color.cast<double>().sum() / 3.0; }
 
-double azimuth_of(const Vec3f& d) {
-    return std::atan2(static_cast<double>(d.x()), -static_cast<double>(d.z()));
-}
-
-// Column and row, in pixels from the image's top left corner, of a direction.
-Vec2d pixel_of(const EnvironmentLight& map, const Vec3f& d) {
-    double u = 0.5 + (azimuth_of(d) + map.rotation) / (2.0 * pi);
+// Column and row, in pixels from the image's top left corner, of a direction. Float: a direction is no more exact, and a
+// thousandth of a pixel of the widest image is not seen.
+Vec2f pixel_of(const EnvironmentLight& map, const Vec3f& d) {
+    constexpr float turn = static_cast<float>(2.0 * pi);
+    float u = 0.5F + (std::atan2(d.x(), -d.z()) + static_cast<float>(map.rotation)) / turn;
     u -= std::floor(u);
-    const double v = std::acos(std::clamp(static_cast<double>(d.y()), -1.0, 1.0)) / pi;
-    return {u * map.width, v * map.height};
+    // The angle from +y; not by its cosine, which has no digits left at the poles.
+    const float v = std::atan2(std::sqrt(d.x() * d.x() + d.z() * d.z()), d.y()) / static_cast<float>(pi);
+    return {u * static_cast<float>(map.width), v * static_cast<float>(map.height)};
 }
 
-Vec3f texel(const EnvironmentLight& map, int64_t column, int64_t row) {
+size_t cell_of(float at, uint32_t count) {
+    return std::min(static_cast<size_t>(at), static_cast<size_t>(count) - 1);
+}
+
+// column: at most one beyond either end.
+const Vec3f& texel(const EnvironmentLight& map, int64_t column, int64_t row) {
     const int64_t width = map.width, height = map.height;
-    column = (column % width + width) % width;
+    if (column < 0) column += width;
+    if (column >= width) column -= width;
     row = std::clamp<int64_t>(row, 0, height - 1);
     return map.pixels[static_cast<size_t>(row * width + column)];
 }
 
-double row_cosine(const EnvironmentLight& map, size_t row) {
-    return std::cos(pi * static_cast<double>(row) / map.height);
-}
-
-// Solid angle of a pixel in a row.
-double pixel_angle(const EnvironmentLight& map, size_t row) {
-    return 2.0 * pi / map.width * (row_cosine(map, row) - row_cosine(map, row + 1));
+// pixel: as pixel_of says.
+Vec3f radiance_at(const EnvironmentLight& map, const Vec2f& pixel) {
+    const Vec2f at = pixel - Vec2f(0.5F, 0.5F);
+    const float left = std::floor(at.x()), above = std::floor(at.y());
+    const int64_t column = static_cast<int64_t>(left), row = static_cast<int64_t>(above);
+    const float x = at.x() - left, y = at.y() - above;
+    const Vec3f &a = texel(map, column, row), &b = texel(map, column + 1, row);
+    const Vec3f &c = texel(map, column, row + 1), &d = texel(map, column + 1, row + 1);
+    const Vec3f top = a + x * (b - a), bottom = c + x * (d - c);
+    return map.strength * (top + y * (bottom - top));
 }
 
 } // namespace
@@ -75,20 +83,14 @@ Vec3f sky_radiance(const SkyLight& sky, const Vec3f& direction) {
 }
 
 Vec3f environment_radiance(const EnvironmentLight& map, const Vec3f& direction) {
-    const Vec2d at = pixel_of(map, direction) - Vec2d(0.5, 0.5);
-    const int64_t column = static_cast<int64_t>(std::floor(at.x())),
-                  row = static_cast<int64_t>(std::floor(at.y()));
-    const float x = static_cast<float>(at.x() - static_cast<double>(column));
-    const float y = static_cast<float>(at.y() - static_cast<double>(row));
-    const Vec3f a = texel(map, column, row), b = texel(map, column + 1, row);
-    const Vec3f c = texel(map, column, row + 1), d = texel(map, column + 1, row + 1);
-    const Vec3f top = a + x * (b - a), bottom = c + x * (d - c);
-    return map.strength * (top + y * (bottom - top));
+    return radiance_at(map, pixel_of(map, direction));
 }
 
 Lights::Sun Lights::make(const SunLight& light) {
     const double half = 0.5 * light.angle, rise = 2.0 * std::sin(0.5 * half) * std::sin(0.5 * half);
-    Sun sun{light.direction.normalized(), half, light.irradiance, 1.0F, half < least_disc, light.visible};
+    Sun sun{
+        light.direction.normalized(), {}, {}, half, light.irradiance, 1.0F, half < least_disc, light.visible};
+    orthonormal_basis(sun.direction, sun.x, sun.y);
     if (!sun.delta) {
         sun.radiance = light.irradiance / static_cast<float>(pi * std::sin(half) * std::sin(half));
         sun.pdf = static_cast<float>(1.0 / (2.0 * pi * rise));
@@ -108,7 +110,16 @@ Lights::Sky Lights::make(const SkyLight& light) {
     return {light, Distribution1D(weights)};
 }
 
+// Per solid angle: what a pixel has of the whole, over 2 pi / width (cos t0 - cos t1).
+float Lights::Environment::pdf(size_t column, size_t row) const {
+    return static_cast<float>(by_pixel.probability(column, row) * image.width /
+                              (2.0 * pi * (cosines[row] - cosines[row + 1])));
+}
+
 Lights::Environment Lights::make(const EnvironmentLight& light) {
+    std::vector<double> cosines(light.height + size_t(1));
+    for (size_t row = 0; row < cosines.size(); ++row)
+        cosines[row] = std::cos(pi * double(row) / light.height);
     std::vector<double> weights(static_cast<size_t>(light.width) * light.height);
     for (int64_t row = 0; row < light.height; ++row)
         for (int64_t column = 0; column < light.width; ++column) {
@@ -118,9 +129,10 @@ Lights::Environment Lights::make(const EnvironmentLight& light) {
                     sum += mean_of(texel(light, column + dx, row + dy)) * (dx == 0 ? 0.75 : 0.125) *
                            (dy == 0 ? 0.75 : 0.125);
             weights[static_cast<size_t>(row * light.width + column)] =
-                sum * light.strength * pixel_angle(light, static_cast<size_t>(row));
+                sum * light.strength * (2.0 * pi / light.width) *
+                (cosines[static_cast<size_t>(row)] - cosines[static_cast<size_t>(row) + 1]);
         }
-    return {light, Distribution2D(weights, light.width)};
+    return {light, Distribution2D(weights, light.width), cosines};
 }
 
 Lights::Emitter Lights::make(const MeshLight& light, uint32_t index, const World& world) {
@@ -180,12 +192,12 @@ void Lights::sample_sun(const Sun& sun, float a, float b, LightSample& sample) {
     sample.radiance = sun.radiance;
     sample.pdf = sun.pdf;
     const double half = std::sin(0.5 * sun.half_angle), w = sun.delta ? 0.0 : 2.0 * half * half * a;
-    const double sine = std::sqrt(w * (2.0 - w)), phi = 2.0 * pi * b;
-    Vec3d x, y;
-    orthonormal_basis(sun.direction, x, y);
-    sample.direction = (sine * (std::cos(phi) * x + std::sin(phi) * y) + (1.0 - w) * sun.direction)
-                           .normalized()
-                           .cast<float>();
+    const double sine = std::sqrt(w * (2.0 - w));
+    const float phi = static_cast<float>(2.0 * pi) * b;
+    sample.direction =
+        (sine * (double(std::cos(phi)) * sun.x + double(std::sin(phi)) * sun.y) + (1.0 - w) * sun.direction)
+            .normalized()
+            .cast<float>();
 }
 
 void Lights::sample_sky(const Sky& sky, float a, float b, LightSample& sample) {
@@ -199,15 +211,17 @@ void Lights::sample_sky(const Sky& sky, float a, float b, LightSample& sample) {
 
 void Lights::sample_environment(const Environment& map, float a, float b, LightSample& sample) {
     const Distribution2D::Choice at = map.by_pixel.sample(a, b);
-    const double top = row_cosine(map.image, at.row),
-                 y = top + at.y * (row_cosine(map.image, at.row + 1) - top);
-    const double sine = std::sqrt(std::max(0.0, 1.0 - y * y));
-    const double azimuth =
-        2.0 * pi * ((static_cast<double>(at.column) + at.x) / map.image.width - 0.5) - map.image.rotation;
-    sample.direction = Vec3d(sine * std::sin(azimuth), y, -sine * std::cos(azimuth)).cast<float>();
-    sample.radiance = environment_radiance(map.image, sample.direction);
-    sample.pdf =
-        static_cast<float>(map.by_pixel.probability(at.column, at.row) / pixel_angle(map.image, at.row));
+    const double top = map.cosines[at.row], y = top + at.y * (map.cosines[at.row + 1] - top);
+    const float column = static_cast<float>(static_cast<double>(at.column) + at.x);
+    const float azimuth =
+        static_cast<float>(2.0 * pi) * (column / static_cast<float>(map.image.width) - 0.5F) -
+        static_cast<float>(map.image.rotation);
+    const float sine = static_cast<float>(std::sqrt(std::max(0.0, 1.0 - y * y)));
+    sample.direction = Vec3f(sine * std::sin(azimuth), static_cast<float>(y), -sine * std::cos(azimuth));
+    const float row = std::atan2(sine, sample.direction.y()) / static_cast<float>(pi) *
+                      static_cast<float>(map.image.height);
+    sample.radiance = radiance_at(map.image, {column, row});
+    sample.pdf = map.pdf(at.column, at.row);
 }
 
 void Lights::sample_emitter(const Emitter& emitter, const Vec3d& from, float time, float a, float b,
@@ -239,6 +253,7 @@ LightSample Lights::sample(const Vec3d& from, float time, const std::array<float
     if (const Emitter* emitter = std::get_if<Emitter>(&table))
         sample_emitter(*emitter, from, time, a, b, sample);
     sample.pdf *= static_cast<float>(choice_.probability(choice.cell));
+    sample.unused = static_cast<float>(choice.within);
     return sample;
 }
 
@@ -260,11 +275,9 @@ Lights::Seen Lights::seen_along(uint32_t light, const Vec3f& direction, bool vis
     }
     const Environment& map = *std::get_if<Environment>(&table);
     if (visible_only && !map.image.visible) return {};
-    const Vec2d at = pixel_of(map.image, direction);
-    const size_t column = std::min(static_cast<size_t>(at.x()), static_cast<size_t>(map.image.width) - 1);
-    const size_t row = std::min(static_cast<size_t>(at.y()), static_cast<size_t>(map.image.height) - 1);
-    return {environment_radiance(map.image, direction),
-            chosen * static_cast<float>(map.by_pixel.probability(column, row) / pixel_angle(map.image, row))};
+    const Vec2f at = pixel_of(map.image, direction);
+    const size_t column = cell_of(at.x(), map.image.width), row = cell_of(at.y(), map.image.height);
+    return {radiance_at(map.image, at), chosen * map.pdf(column, row)};
 }
 
 Lights::Seen Lights::emitted(const SurfacePoint& point, const Vec3f& direction) const {

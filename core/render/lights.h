@@ -55,6 +55,8 @@ struct LightSample {
     bool delta = false; // can only be reached this way: no weighting against the shader's sampling
     bool at_infinity = true;
     Vec3d target = Vec3d::Zero(); // a point on an emitting mesh, moved off it by its error
+    float unused =
+        0.0F; // a uniform number, independent of the others: what the choice of the light has left of its own
 };
 
 class Lights {
@@ -99,7 +101,7 @@ class Lights {
         std::vector<std::pair<uint32_t, size_t>> first_of_mesh; // geometry ID, index of its first triangle
     };
     struct Sun {
-        Vec3d direction;
+        Vec3d direction, x, y; // orthonormal
         double half_angle;
         Vec3f radiance; // irradiance where delta
         float pdf;
@@ -112,6 +114,8 @@ class Lights {
     struct Environment {
         EnvironmentLight image;
         Distribution2D by_pixel;
+        std::vector<double> cosines; // of the rows' borders, from 1 to -1
+        float pdf(size_t column, size_t row) const;
     };
     using Table = std::variant<Sun, Sky, Environment, Emitter>;
 

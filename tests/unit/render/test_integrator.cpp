@@ -247,5 +247,46 @@ TEST(Strategy, AllAgree) {
     EXPECT_NEAR(means[2] / means[0], 1.0, 5e-3);
 }
 
+// Roulette on rays to lights, from a film's fifth sample on, saves rays and changes no mean: many short renders have none.
+TEST(Roulette, OnLightsSavesRaysAndKeepsTheMean) {
+    WorldBuilder builder;
+    add_floor(builder);
+    std::vector<Cv> cvs;
+    for (int c = 0; c < 400; ++c)
+        for (int i = 0; i < 4; ++i)
+            cvs.push_back(Cv(0.05 * (c % 20 - 10) + 0.02 * i, 0.15 * i, 0.05 * (c / 20 - 10), 0.012));
+    builder.curves({cvs}, 4, MARRAM_ROUND, MARRAM_BSPLINE, 1);
+    builder.commit();
+    Shot shot = shot_from({0.5, 0.9, 1.8}, {0.0, 0.2, 0.0}, 30.0);
+    shot.width = shot.height = 16;
+    shot.materials = {diffuse({0.5F, 0.5F, 0.5F}), testing::material_of("hair")};
+    shot.lights = {SkyLight{}, SunLight{{0.3, 1.0, 0.5}, 20.0 * degree, Vec3f::Ones()}};
+    struct Result {
+        double mean, variance, rays; // rays to lights a sample
+    };
+    const auto render = [&](int renders, uint32_t samples) {
+        double sum = 0.0, squares = 0.0, rays = 0.0;
+        shot.settings.samples = samples;
+        for (int i = 0; i < renders; ++i) {
+            ++shot.settings.seed;
+            const double mean = mean_of(shot(builder.world), "beauty");
+            sum += mean;
+            squares += mean * mean;
+            rays += double(shot.stats.rays.occluded);
+        }
+        return Result{sum / renders, variance_of_mean(sum, squares, renders),
+                      rays / (renders * double(samples) * 256.0)};
+    };
+    const Result without = render(256, 4), with = render(16, 64);
+    const double deviation = std::sqrt(without.variance + with.variance);
+    std::printf(
+        "[ roulette ] rays to lights a sample: %.3f, without %.3f; mean %.5f, without %.5f, +- %.5f\n",
+        with.rays, without.rays, with.mean, without.mean, deviation);
+    EXPECT_NEAR(with.mean, without.mean, 4.0 * deviation);
+    EXPECT_LT(deviation, 3e-3 * without.mean);
+    EXPECT_LT(with.rays, 0.7 * without.rays);
+    EXPECT_LT(with.variance * 64 * 16, 1.5 * without.variance * 4 * 256);
+}
+
 } // namespace
 } // namespace marram

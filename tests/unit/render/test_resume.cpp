@@ -62,6 +62,8 @@ class Resume : public ::testing::Test {
         EXPECT_EQ(a.sums, b.sums);
         EXPECT_EQ(a.taken, b.taken);
         EXPECT_EQ(a.reached, b.reached);
+        EXPECT_EQ(a.squares, b.squares);
+        EXPECT_EQ(a.spread, b.spread);
         for (size_t i = 0; i < a.layers.size(); ++i)
             EXPECT_EQ(a.layers[i].pixels, b.layers[i].pixels) << a.layers[i].name;
     }
@@ -94,11 +96,14 @@ TEST_F(Resume, WithinAPass) {
             const Film before = one_go(16), after = one_go(reached);
             Film film = before;
             film.done = after.done; // as it was judged at 16
+            film.spread = after.spread;
             for (size_t i = 0; i < film.taken.size(); ++i) {
                 if (i % 2 == 0) continue;
                 std::copy_n(after.sums.data() + i * film.stride, film.stride,
                             film.sums.data() + i * film.stride);
                 film.taken[i] = after.taken[i];
+                film.luminance[i] = after.luminance[i];
+                film.squares[i] = after.squares[i];
                 film.reached[i] = after.reached[i];
             }
             go_on(film, 100);

@@ -247,8 +247,10 @@ double turn_between(double a, double b) { return std::abs(std::remainder(a - b, 
 // Integral over inclination of evaluate() at one azimuth. Midpoints half the narrowest deviation apart: for
 // lobes that end before the poles the rule's error is exp(-2 pi^2 deviation^2 / step^2), nothing.
 double along_meridian(const HairBsdf& bsdf, double theta, double phi) {
-    const double narrow = std::sqrt(*std::min_element(bsdf.variance.begin(), bsdf.variance.end()));
-    const double wide = std::sqrt(*std::max_element(bsdf.variance.begin(), bsdf.variance.end()));
+    const Float4& v = bsdf.variance;
+    const std::array variances = {v[0], v[1], v[2], v[3]};
+    const double narrow = std::sqrt(std::ranges::min(variances));
+    const double wide = std::sqrt(std::ranges::max(variances));
     const double step = 0.5 * narrow, reach = 7.0 * wide;
     const double low = std::max(-0.5 * pi, -theta - reach), high = std::min(0.5 * pi, -theta + reach);
     const int count = static_cast<int>(std::ceil((high - low) / step));

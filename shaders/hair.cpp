@@ -69,7 +69,7 @@ Float4 longitudinal(const HairBsdf& bsdf, float cos_i, float sin_i) {
 
 // N_p of all lobes.
 Float4 azimuthal(const HairBsdf& bsdf, float phi) {
-    Float4 x = abs(phi - bsdf.exit); // up to two turns' halves
+    Float4 x = abs(phi - bsdf.exit); // up to 2 pi, both being within half a turn of 0
     x = min(x, 2.0F * pi_f - x);
     const Float4 e = exp_of_negative(x * (-1.0F / bsdf.logistic_scale));
     Float4 n = e / (bsdf.logistic_scale * bsdf.logistic_norm * (1.0F + e) * (1.0F + e));

@@ -49,8 +49,8 @@ struct Film {
         taken; // of them, samples that were taken, those dropped for not being finite among them
     std::vector<uint8_t> done; // whether the pass under way leaves it out
     std::vector<double> luminance, squares; // sums over samples of their luminance and of its square
-    std::vector<float>
-        spread; // standard deviation of its samples' luminance when the pass under way began; 0: not known
+    // Standard deviation of a sample's luminance around it, when the pass under way began; 0: not known.
+    std::vector<float> spread;
 };
 
 // Samples that pixels have taken.

@@ -15,7 +15,7 @@
 //
 // Roulette also decides whether anything in the way of a light is looked for at all: if nothing were, luminance C would be
 // added to a sample whose own spread is S, the pixel's standard deviation. C is asked about with probability
-// q = min(1, C / (w S)) and then counts 1 / q times. That adds less than C w S, at most (w S / 2)^2, to the sample's variance S^2,
+// q = min(1, C / (w S)) and then counts 1 / q times. A vertex so adds C (w S - C), at most (w S / 2)^2, to the sample's variance S^2,
 // so that clean pixels stay as clean as they are, and the rays of noisy ones go where they matter: time times variance is least
 // for q proportional to C / S (Bolin and Meyer, "An error metric for Monte Carlo ray tracing", 1997; Rath et al., "EARS:
 // Efficiency-Aware Russian Roulette and Splitting", 2022). What the first vertex adds is well stratified, S overstates its

@@ -260,7 +260,7 @@ BsdfValue evaluate(const HairBsdf& bsdf, const Vec3f& wi) {
     const float sin_i = std::clamp(wi.dot(bsdf.axis), -1.0F, 1.0F);
     const float across = wi.dot(bsdf.front), aside = wi.dot(bsdf.side);
     const float cos_i = std::sqrt(across * across + aside * aside);
-    const float phi = std::atan2(aside, across);
+    const float phi = fast_atan2(aside, across);
     const Float4 lobes = longitudinal(bsdf, cos_i, sin_i) * azimuthal(bsdf, phi);
     BsdfValue result;
     for (int p = 0; p < lobe_count; ++p) result.value += lobes[p] * bsdf.attenuation[p];

@@ -298,6 +298,8 @@ BuildSettings build_settings(const LoadedScene& scene, double frame) {
                              (description.camera.vec3("target") - description.camera.vec3("position")).norm();
     settings.motion_keys =
         description.film.has("motion_keys") ? uint32_t(description.film.integer("motion_keys")) : 0;
+    if (description.film.has("curve_pieces"))
+        settings.curve_pieces = description.film.integer("curve_pieces");
     return settings;
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/geometry/build.h"
 
+#include "core/geometry/curve_pieces.h"
+
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
@@ -288,8 +290,8 @@ struct CurveBuild {
     std::vector<uint32_t> attributes; // indices asked for
     CurveGeometry curves;
     std::shared_ptr<RTCGeometryTy> geometry;
-    uint32_t* indices = nullptr;
     std::vector<float*> vertices, normals; // [time]
+    std::vector<ChordErrors> chords;       // of patches
 };
 
 void check_output(const Procedural& procedural, const MarramOutput& output) {
@@ -318,12 +320,9 @@ void check_patches(const CurveBuild& item) {
 void allocate(Build& build, CurveBuild& item) {
     const MarramOutput& output = item.output;
     const size_t count = output.curve_count, vertices = count * (output.cvs_per_curve + 2);
-    const size_t segments = count * (output.cvs_per_curve - 1);
     RTCGeometry geometry = rtcNewGeometry(build.world.device.get(), curve_type(output));
     item.geometry = {geometry, [](RTCGeometry g) { rtcReleaseGeometry(g); }};
     rtcSetGeometryTimeStepCount(geometry, output.time_count);
-    item.indices = static_cast<uint32_t*>(
-        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4, segments));
     const bool oriented = output.shape == MARRAM_ORIENTED_RIBBON;
     for (uint32_t t = 0; t < output.time_count; ++t) {
         item.vertices.push_back(static_cast<float*>(
@@ -357,8 +356,14 @@ void allocate(Build& build, CurveBuild& item) {
         }
     build.stats.curves += count;
     build.stats.cvs += count * output.cvs_per_curve;
-    build.stats.segments += segments;
-    build.stats.curve_bytes += segments * 4 + vertices * output.time_count * (oriented ? 28 : 16);
+    build.stats.segments += count * (output.cvs_per_curve - 1);
+    build.stats.curve_bytes += vertices * output.time_count * (oriented ? 28 : 16);
+    item.chords.assign(output.patch_count, ChordErrors{});
+}
+
+// Whether the tolerance decides on straight pieces.
+bool may_be_pieces(const MarramOutput& output, const BuildSettings& settings) {
+    return settings.curves_bvh && settings.curve_pieces < 0 && output.shape == MARRAM_RIBBON;
 }
 
 // x - x is 0 for a finite number and NaN for any other.
@@ -368,7 +373,7 @@ bool finite(const float* values, size_t count) {
     return sum == 0.0F;
 }
 
-void tessellate_patch(CurveBuild& item, uint32_t index) {
+void tessellate_patch(CurveBuild& item, uint32_t index, const BuildSettings& settings) {
     const MarramPatch& patch = item.patches[index];
     const uint32_t cvs = item.output.cvs_per_curve;
     const size_t first_vertex = patch.first_curve * (cvs + 2);
@@ -391,10 +396,71 @@ void tessellate_patch(CurveBuild& item, uint32_t index) {
         if (!finite(vertices[t], size_t(patch.curve_count) * (cvs + 2) * 4))
             item.procedural->refuse("a CV is not a finite number",
                                     "look for huge values in the scene, or mend the library");
-    uint32_t* indices = item.indices + patch.first_curve * (cvs - 1);
-    for (uint32_t c = 0; c < patch.curve_count; ++c)
-        for (uint32_t k = 0; k + 1 < cvs; ++k)
-            *indices++ = uint32_t(first_vertex + size_t(c) * (cvs + 2) + k);
+    if (!may_be_pieces(item.output, settings)) return;
+    const ChordLimit limit{settings.tolerance, settings.pixel_angle, settings.camera_position};
+    for (uint32_t t = 0; t < item.output.time_count; ++t)
+        add_chord_errors({vertices[t], patch.curve_count, cvs, item.output.basis}, limit, item.chords[index]);
+}
+
+// Segment k of curve c starts at vertex first + k of the `stride` that each curve has.
+void put_indices(Build& build, RTCGeometry geometry, size_t curves, uint32_t segments, uint32_t stride) {
+    auto* indices = static_cast<uint32_t*>(
+        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4, curves * segments));
+    build.check_device();
+    parallel(curves, [=](size_t curve) {
+        for (uint32_t k = 0; k < segments; ++k) indices[curve * segments + k] = uint32_t(curve * stride + k);
+    });
+    build.stats.curve_bytes += curves * segments * 4;
+}
+
+// What Embree traces in place of the cubics: straight pieces between points on them.
+std::shared_ptr<RTCGeometryTy> make_pieces(Build& build, const CurveBuild& item, uint32_t pieces) {
+    const MarramOutput& output = item.output;
+    const size_t cvs = output.cvs_per_curve;
+    const uint32_t per_curve = (output.cvs_per_curve - 1) * pieces;
+    if (output.curve_count > std::numeric_limits<uint32_t>::max() / (uint64_t(per_curve) + 1))
+        item.procedural->refuse("its curves need more than 2^32 vertices when they are cut into pieces",
+                                "set film.curve_pieces = 0, or use fewer strands");
+    RTCGeometry geometry = rtcNewGeometry(build.world.device.get(), RTC_GEOMETRY_TYPE_FLAT_LINEAR_CURVE);
+    std::shared_ptr<RTCGeometryTy> owner(geometry, [](RTCGeometry g) { rtcReleaseGeometry(g); });
+    rtcSetGeometryTimeStepCount(geometry, output.time_count);
+    for (uint32_t t = 0; t < output.time_count; ++t) {
+        auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, t,
+                                                                     RTC_FORMAT_FLOAT4, 16,
+                                                                     output.curve_count * (per_curve + 1)));
+        build.check_device();
+        tbb::parallel_for(size_t{0}, item.patches.size(), [&](size_t i) {
+            const MarramPatch& patch = item.patches[i];
+            const size_t first = 4 * patch.first_curve * (cvs + 2);
+            write_pieces({item.vertices[t] + first, patch.curve_count, output.cvs_per_curve, output.basis},
+                         item.vertices[0] + first, pieces,
+                         vertices + 4 * patch.first_curve * (per_curve + 1));
+        });
+        build.stats.curve_bytes += output.curve_count * (per_curve + 1) * 16;
+    }
+    put_indices(build, geometry, output.curve_count, per_curve, per_curve + 1);
+    return owner;
+}
+
+// Gives the curves to Embree: as they are, or as pieces where that is told or by the tolerance does.
+void attach_curves(Build& build, CurveBuild& item) {
+    const MarramOutput& output = item.output;
+    const int asked = build.settings.curve_pieces;
+    uint32_t pieces = output.shape == MARRAM_RIBBON ? uint32_t(std::max(asked, 0)) : 0;
+    if (may_be_pieces(output, build.settings)) {
+        pieces = pieces_for(item.chords);
+        build.stats.chosen[item.procedural->name() + ".curve_pieces"] = pieces;
+    }
+    item.curves.pieces = pieces;
+    std::shared_ptr<RTCGeometryTy> traced = item.geometry;
+    if (pieces > 0)
+        traced = make_pieces(build, item, pieces);
+    else
+        put_indices(build, traced.get(), output.curve_count, output.cvs_per_curve - 1,
+                    output.cvs_per_curve + 2);
+    rtcCommitGeometry(traced.get());
+    rtcAttachGeometryByID(build.world.scene.get(), traced.get(),
+                          unsigned(build.world.meshes.size() + build.world.curves.size()));
 }
 
 // What a procedural reports, and where it is kept.
@@ -466,15 +532,13 @@ void add_curves(Build& build, Procedural& procedural, LentMeshes& lent) {
     std::atomic<uint32_t> done{0};
     tbb::parallel_for(uint32_t{0}, item.output.patch_count, [&](uint32_t index) {
         if (build.cancel.load(std::memory_order_relaxed)) throw Cancelled{};
-        tessellate_patch(item, index);
+        tessellate_patch(item, index, build.settings);
         build.progress.fraction = double(++done) / double(item.output.patch_count);
     });
     account(build, item, now() - begin);
-    if (build.settings.curves_bvh && item.output.curve_count > 0) {
-        rtcCommitGeometry(item.geometry.get());
-        rtcAttachGeometryByID(build.world.scene.get(), item.geometry.get(),
-                              unsigned(build.world.meshes.size() + build.world.curves.size()));
-    }
+    const double attached = now();
+    if (build.settings.curves_bvh && item.output.curve_count > 0) attach_curves(build, item);
+    build.stats.curves_bvh += now() - attached;
     build.curves.push_back(item.geometry);
     build.world.curves.push_back(std::move(item.curves));
 }
@@ -614,7 +678,7 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
 
     const double curves = now();
     if (settings.curves_bvh) commit(build, world.scene.get(), "building the BVH");
-    stats.curves_bvh = now() - curves;
+    stats.curves_bvh += now() - curves;
     RTCBounds bounds{};
     rtcGetSceneBounds(settings.curves_bvh ? world.scene.get() : world.colliders.get(), &bounds);
     world.bounds = Box3f(Vec3f(bounds.lower_x, bounds.lower_y, bounds.lower_z),

@@ -31,11 +31,17 @@
 //   finds it again where the ray passes the axis: of the points C + x T, the one that the ray from C + w
 //   meets in projection along d has x a = -(T.d)(w.d), at depth t = x (T.d) - w.d = -(w.d) / a <= r / sin.
 //   tnear is that, with the same allowance for the bend, plus the error over sin. For w.d > 0 it lies behind.
+//   Traced as straight pieces of length p, the ribbon is a disc of radius r at each corner besides, turned to the ray, too: it is
+//   met at t' = t + (x' - x)(T.d) by a ray that passes the axis at the distance m, m^2 = |w|^2 - (w.d)^2 / a, where the corner's
+//   |x' - x| <= sqrt((r^2 - m^2) / a). tnear is that of the last such corner. The cubic's tangent differs from the piece's by up
+//   to k p / 2, and beyond the next corner the pieces turn on: the bend is no more than k x (x + p) / 2.
 //
 // Embree's assertions abort on rays that are not finite or whose tnear or time is out of range: valid() is
 // asked before every call.
 #include "core/geometry/hit.h"
 
+#include "core/geometry/cubic.h"
+#include "core/geometry/curve_pieces.h"
 #include "core/plugin/embree.h"
 
 #include <algorithm>
@@ -68,25 +74,6 @@ Step step_of(size_t steps, float time) {
     return {first, at - static_cast<double>(first)};
 }
 
-// Four vertices' weights for the value, first and second derivative at u of a uniform cubic.
-struct Basis {
-    std::array<double, 4> value, first, second;
-};
-
-Basis basis_at(MarramBasis kind, double u) {
-    const double s = 1.0 - u, u2 = u * u, u3 = u2 * u;
-    if (kind == MARRAM_BSPLINE)
-        return {{s * s * s / 6.0, (3.0 * u3 - 6.0 * u2 + 4.0) / 6.0,
-                 (-3.0 * u3 + 3.0 * u2 + 3.0 * u + 1.0) / 6.0, u3 / 6.0},
-                {-0.5 * s * s, 1.5 * u2 - 2.0 * u, -1.5 * u2 + u + 0.5, 0.5 * u2},
-                {s, 3.0 * u - 2.0, 1.0 - 3.0 * u, u}};
-    return {{0.5 * (-u3 + 2.0 * u2 - u), 0.5 * (3.0 * u3 - 5.0 * u2 + 2.0), 0.5 * (-3.0 * u3 + 4.0 * u2 + u),
-             0.5 * (u3 - u2)},
-            {0.5 * (-3.0 * u2 + 4.0 * u - 1.0), 0.5 * (9.0 * u2 - 10.0 * u),
-             0.5 * (-9.0 * u2 + 8.0 * u + 1.0), 0.5 * (3.0 * u2 - 2.0 * u)},
-            {0.5 * (4.0 - 6.0 * u), 0.5 * (18.0 * u - 10.0), 0.5 * (8.0 - 18.0 * u), 0.5 * (6.0 * u - 2.0)}};
-}
-
 // The vertices of a segment at a time: `Size` floats each.
 template <int Size>
 using Control = Eigen::Matrix<double, Size, 4>;
@@ -108,14 +95,12 @@ Eigen::Matrix<double, Size, 1> weigh(const Control<Size>& control, const std::ar
            weights[3] * control.col(3);
 }
 
-using Vec4d = Eigen::Vector4d;
-
 struct CurvePoint { // of a segment
     Vec4d value, first, second;
     Vec3d axis() const { return value.head<3>(); }
 };
 
-CurvePoint curve_at(const Control<4>& control, const Basis& basis) {
+CurvePoint curve_at(const Control<4>& control, const CubicBasis& basis) {
     return {weigh<4>(control, basis.value), weigh<4>(control, basis.first), weigh<4>(control, basis.second)};
 }
 
@@ -126,7 +111,7 @@ struct Across {
 };
 
 Across across_at_end(const Control<4>& control, const Control<3>& normals, MarramBasis kind, double u) {
-    const Basis basis = basis_at(kind, u);
+    const CubicBasis basis = cubic_basis(kind, u);
     const CurvePoint c = curve_at(control, basis);
     const Vec3d n = weigh<3>(normals, basis.value), dn = weigh<3>(normals, basis.first);
     const Vec3d dc = c.first.head<3>(), ddc = c.second.head<3>();
@@ -202,6 +187,13 @@ void set_round(const Vec3d& seen, const CurvePoint& c, const Vec3d& tangent, dou
     point.normal = point.geometric_normal;
 }
 
+// Perpendicular to the tangent and to a ray.
+Vec3d across_ray(const Vec3d& tangent, const Vec3d& direction) {
+    const Vec3d across = -tangent.cross(direction);
+    const double sine = across.norm();
+    return sine > least_sine * least_sine ? Vec3d(across / sine) : any_across(tangent);
+}
+
 // The flat ribbon's normal is the direction to the ray's origin, made perpendicular to the tangent.
 void set_ribbon(const Vec3d& seen, const Vec3d& side, double v, const CurvePoint& c, const Vec3d& tangent,
                 SurfacePoint& point) {
@@ -236,21 +228,63 @@ void set_oriented(const Vec3d& seen, const Control<4>& control, const Control<3>
     point.normal = point.geometric_normal;
 }
 
+// Where on a straight piece, the way along all of it, and shares of that: where the hit is and where what is traced begins and ends.
+struct PiecePoint {
+    Vec4d value = Vec4d::Zero();
+    Vec3d chord = Vec3d::Zero();
+    double along = 0.0, begin = 0.0, end = 0.0;
+};
+
+// A piece of a strand's segment; u: share of what is traced of it.
+PiecePoint piece_at(const CurveGeometry& curves, const Control<4>& control, size_t first_vertex,
+                    uint32_t segment, uint32_t piece, double u) {
+    const auto chord = [&](const Control<4>& at) { return chord_of(at, curves.basis, piece, curves.pieces); };
+    const bool root = segment == 0 && piece == 0,
+               tip = segment + 2 == curves.cvs_per_curve && piece + 1 == curves.pieces;
+    const Chord whole = chord(control);
+    const Vec4d way = whole.end - whole.begin;
+    double begin = 0.0, end = 1.0;
+    if (root || tip) {
+        const Chord first = chord(control_of<4>(curves.vertices, first_vertex, 0.0F));
+        if (root) begin = end_share(first, false);
+        if (tip) end = 1.0 - end_share(first, true);
+    }
+    const double along = begin + u * (end - begin);
+    return {whole.begin + along * way, way.head<3>(), along, begin, end};
+}
+
+// A flat piece turns to each ray as the ribbon does.
+void set_ribbon_piece(const Vec3d& seen, const Vec3d& direction, const PiecePoint& piece,
+                      const Vec3d& tangent, const Vec3d& side, SurfacePoint& point) {
+    const double length = point.piece, radius = piece.value[3];
+    const Vec3d along = length > 0.0 ? Vec3d(piece.chord / length) : tangent;
+    const Vec3d across = across_ray(along, direction), axis = piece.value.head<3>();
+    const Vec3d w = std::clamp((seen - axis).dot(across), -radius, radius) * across;
+    point.shape = PointShape::ribbon;
+    point.from_axis = w.cast<float>();
+    point.position = axis + w;
+    point.geometric_normal = across.cross(along).cast<float>();
+    point.normal = side.cross(tangent).cast<float>();
+}
+
 void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit, SurfacePoint& point) {
-    const uint32_t segments = curves.cvs_per_curve - 1, segment = hit.primID % segments;
-    point.strand = hit.primID / segments;
+    const uint32_t pieces = std::max(curves.pieces, 1U), piece = hit.primID % pieces;
+    const uint32_t segments = curves.cvs_per_curve - 1, segment = hit.primID / pieces % segments;
+    point.strand = hit.primID / pieces / segments;
     const size_t first = static_cast<size_t>(point.strand) * (curves.cvs_per_curve + 2) + segment;
-    const double u = hit.u;
     const Control<4> control = control_of<4>(curves.vertices, first, ray.time);
-    const CurvePoint c = curve_at(control, basis_at(curves.basis, u));
+    PiecePoint straight;
+    if (curves.pieces > 0) straight = piece_at(curves, control, first, segment, piece, hit.u);
+    const double u = curves.pieces > 0 ? (piece + straight.along) / pieces : static_cast<double>(hit.u);
+    const CubicBasis basis = cubic_basis(curves.basis, u);
+    const CurvePoint c{curves.pieces > 0 ? straight.value : weigh<4>(control, basis.value),
+                       weigh<4>(control, basis.first), weigh<4>(control, basis.second)};
     const Vec3d dc = c.first.head<3>();
     const double speed = dc.norm();
     const Vec3d direction(ray.dir_x, ray.dir_y, ray.dir_z);
     const Vec3d seen = Vec3d(ray.org_x, ray.org_y, ray.org_z) + static_cast<double>(ray.tfar) * direction;
     const Vec3d tangent = speed > 0.0 ? Vec3d(dc / speed) : any_across(direction);
-    const Vec3d across = -tangent.cross(direction);
-    const double sine = across.norm();
-    const Vec3d side = sine > least_sine * least_sine ? Vec3d(across / sine) : any_across(tangent);
+    const Vec3d side = across_ray(tangent, direction);
 
     const Vec4d lower = control.rowwise().minCoeff(), upper = control.rowwise().maxCoeff();
     const double extent = (upper - lower).head<3>().maxCoeff();
@@ -262,8 +296,14 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     point.curvature =
         speed > 0.0 ? static_cast<float>(c.second.head<3>().cwiseAbs().sum() / (speed * speed)) : 0.0F;
     point.radius = static_cast<float>(c.value[3]);
+    const double length = straight.chord.norm();
+    point.piece = static_cast<float>(length);
+    point.to_begin = static_cast<float>(length * (straight.along - straight.begin));
+    point.to_end = static_cast<float>(length * (straight.end - straight.along));
     if (curves.shape == MARRAM_ROUND)
         set_round(seen, c, tangent, slope, extent, point);
+    else if (curves.pieces > 0)
+        set_ribbon_piece(seen, direction, straight, tangent, side, point);
     else if (curves.shape == MARRAM_RIBBON)
         set_ribbon(seen, side, hit.v, c, tangent, point);
     else
@@ -276,6 +316,26 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     point.area = 0.0F;
     point.material = curves.material;
     point.light = -1;
+}
+
+// How much farther a ray goes to the last corner of a ribbon's straight pieces that it meets, for names see leave_fibre.
+double beyond_corner(const SurfacePoint& point, double along, double a, double b) {
+    const double w2 = point.from_axis.cast<double>().squaredNorm(), least = std::max(0.0, w2 - b * b / a);
+    const double passed = b * along / a, k = std::abs(point.taper);
+    const double r = point.radius + k * std::abs(passed) + margin * point.error;
+    // a reach^2 + m^2 = (r + k reach)^2: the radius may grow on the way.
+    const double cone = std::max(a - k * k, least_sine * least_sine);
+    const double reach = (r * k + std::sqrt(r * r * k * k + cone * std::max(0.0, r * r - least))) / cone;
+    // Places along the fibre, from the hit towards where the ray goes: the farthest corner that the ray can reach. Those of this
+    // piece are known, others are taken to lie as far apart.
+    const bool onwards = along > 0.0;
+    const double next = onwards ? point.to_end : point.to_begin,
+                 previous = -static_cast<double>(onwards ? point.to_begin : point.to_end);
+    const double from = onwards ? passed : -passed, far = from + reach, piece = point.piece;
+    const double corner = far >= next       ? next + piece * std::floor((far - next) / piece)
+                          : far >= previous ? previous
+                                            : previous - piece * std::ceil((previous - far) / piece);
+    return corner >= from - reach ? std::max(0.0, (corner - from) * std::abs(along)) : 0.0;
 }
 
 // How far along d a fibre is left behind (head of this file).
@@ -291,9 +351,10 @@ double leave_fibre(const SurfacePoint& point, const Vec3d& d, double error) {
     };
     double s = distance(error);
     for (int i = 0; i < 3; ++i) {
-        const double x = s * along;
-        s = distance(error + 0.5 * point.curvature * x * x);
+        const double x = std::abs(s * along);
+        s = distance(error + 0.5 * point.curvature * x * (x + point.piece));
     }
+    if (point.piece > 0.0F) s += beyond_corner(point, along, a, b);
     return std::min(s, 1e12); // a bend tighter than the radius: the ray is lost, but stays finite
 }
 

@@ -35,8 +35,8 @@ struct CurveAttributeValues {
 };
 
 // The curves of one procedural. Its geometry ID is World::meshes.size() + its index in World::curves.
-// Curve c holds vertices [c * (cvs_per_curve + 2), ...): see MarramPatchBuffers. Embree's primitive p is segment
-// p % (cvs_per_curve - 1) of curve p / (cvs_per_curve - 1).
+// Curve c holds vertices [c * (cvs_per_curve + 2), ...): see MarramPatchBuffers. With s segments a curve, cvs_per_curve - 1,
+// Embree's primitive p is segment p % s of curve p / s; with n pieces a segment it is piece p % n of what p / n would be.
 struct CurveGeometry {
     std::string name;
     int material = -1;
@@ -44,6 +44,7 @@ struct CurveGeometry {
     MarramShape shape = MARRAM_ROUND;
     uint64_t curve_count = 0;
     uint32_t cvs_per_curve = 0;
+    uint32_t pieces = 0; // straight ones that a ribbon's segment is traced as; 0: the cubic (curve_pieces.h)
     std::vector<const float*> vertices; // [time] x, y, z, radius; owned by Embree
     std::vector<const float*> normals;  // [time], 3 floats a vertex; oriented ribbons only
     std::vector<CurveAttributeValues> attributes;

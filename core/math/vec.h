@@ -16,6 +16,7 @@ using Vec3f = Eigen::Vector3f;
 using Vec4f = Eigen::Vector4f;
 using Vec2d = Eigen::Vector2d;
 using Vec3d = Eigen::Vector3d;
+using Vec4d = Eigen::Vector4d;
 using Box3f = Eigen::AlignedBox3f;
 
 inline constexpr double pi = std::numbers::pi;

@@ -166,9 +166,10 @@ Vec3f direct_light(const Frame& frame, const SurfacePoint& point, const Bsdf& bs
     const LightSample light = frame.lights.sample(point.position, time, random);
     if (!(light.pdf > 0.0F)) return Vec3f::Zero();
     if (frame.settings.strategy == Strategy::shaders_only && !light.delta) return Vec3f::Zero();
-    const Ray ray = light.at_infinity ? spawn(point, light.direction, time)
-                                      : spawn_towards(point, light.target, 0.0, time);
-    const BsdfValue scattered = evaluate(bsdf, ray.direction);
+    const Vec3f direction = light.at_infinity
+                                ? light.direction
+                                : Vec3f((light.target - point.position).normalized().cast<float>());
+    const BsdfValue scattered = evaluate(bsdf, direction);
     if (!(scattered.value.maxCoeff() > 0.0F)) return Vec3f::Zero();
     const bool alone = light.delta || frame.settings.strategy == Strategy::lights_only;
     const float weight = alone ? 1.0F : power_heuristic(light.pdf, scattered.pdf);
@@ -178,8 +179,9 @@ Vec3f direct_light(const Frame& frame, const SurfacePoint& point, const Bsdf& bs
         if (!(light.unused * worth < found)) return Vec3f::Zero();
         arriving *= worth / found;
     }
-    if (occluded(frame.world, ray, &counts)) return Vec3f::Zero();
-    return arriving;
+    const Ray ray =
+        light.at_infinity ? spawn(point, direction, time) : spawn_towards(point, light.target, 0.0, time);
+    return occluded(frame.world, ray, &counts) ? Vec3f::Zero() : arriving;
 }
 
 // The weight of light found along a shader's draw of density `drawn`; below 0: the camera's own ray.

@@ -19,6 +19,8 @@
 //   Gems", 1990.
 #include "core/render/lights.h"
 
+#include "core/math/float4.h"
+
 #include <type_traits>
 
 namespace marram {
@@ -35,10 +37,10 @@ double mean_of(const Vec3f& color) { return color.cast<double>().sum() / 3.0; }
 // thousandth of a pixel of the widest image is not seen.
 Vec2f pixel_of(const EnvironmentLight& map, const Vec3f& d) {
     constexpr float turn = static_cast<float>(2.0 * pi);
-    float u = 0.5F + (std::atan2(d.x(), -d.z()) + static_cast<float>(map.rotation)) / turn;
+    float u = 0.5F + (fast_atan2(d.x(), -d.z()) + static_cast<float>(map.rotation)) / turn;
     u -= std::floor(u);
     // The angle from +y; not by its cosine, which has no digits left at the poles.
-    const float v = std::atan2(std::sqrt(d.x() * d.x() + d.z() * d.z()), d.y()) / static_cast<float>(pi);
+    const float v = fast_atan2(std::sqrt(d.x() * d.x() + d.z() * d.z()), d.y()) / static_cast<float>(pi);
     return {u * static_cast<float>(map.width), v * static_cast<float>(map.height)};
 }
 
@@ -218,7 +220,7 @@ void Lights::sample_environment(const Environment& map, float a, float b, LightS
         static_cast<float>(map.image.rotation);
     const float sine = static_cast<float>(std::sqrt(std::max(0.0, 1.0 - y * y)));
     sample.direction = Vec3f(sine * std::sin(azimuth), static_cast<float>(y), -sine * std::cos(azimuth));
-    const float row = std::atan2(sine, sample.direction.y()) / static_cast<float>(pi) *
+    const float row = fast_atan2(sine, sample.direction.y()) / static_cast<float>(pi) *
                       static_cast<float>(map.image.height);
     sample.radiance = radiance_at(map.image, {column, row});
     sample.pdf = map.pdf(at.column, at.row);

@@ -31,3 +31,19 @@ TEST(Float4, ExponentialOfNegative) {
     EXPECT_EQ(ends[2], 0.0F);
     EXPECT_EQ(ends[3], 0.0F);
 }
+
+// All around, at every length and on the axes.
+TEST(Float4, ArcTangent) {
+    double worst = 0.0;
+    for (uint32_t i = 0; i < 1000000; ++i) {
+        const double angle = 2.0 * 3.14159265358979 * (unit_float(mix32(2 * i)) - 0.5);
+        const double length = std::exp(80.0 * (unit_float(mix32(2 * i + 1)) - 0.5));
+        const auto x = float(length * std::cos(angle)), y = float(length * std::sin(angle));
+        worst = std::max(worst, std::abs(double(fast_atan2(y, x)) - std::atan2(double(y), double(x))));
+    }
+    std::printf("error of fast_atan2: %.2g radians\n", worst);
+    EXPECT_LT(worst, 4e-7);
+    for (const float x : {-1.0F, 0.0F, 1e-38F, 1.0F})
+        for (const float y : {-1.0F, 0.0F, 1e-38F, 1.0F})
+            EXPECT_NEAR(fast_atan2(y, x), std::atan2(y, x), 3e-7F) << y << " " << x;
+}

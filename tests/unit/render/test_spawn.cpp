@@ -106,7 +106,7 @@ TEST(Spawn, LeavesTriangles) {
 
 // One straight fibre, thin or thick, along a skew direction.
 WorldBuilder fibre(const Setting& s, double radius, double tip, double bend, MarramShape shape,
-                   MarramBasis basis) {
+                   MarramBasis basis, uint32_t pieces) {
     const Vec3d along = Vec3d(0.48, 0.6, 0.64), aside = along.cross(Vec3d::UnitX()).normalized();
     std::vector<Cv> cvs;
     constexpr uint32_t n = 6;
@@ -120,7 +120,7 @@ WorldBuilder fibre(const Setting& s, double radius, double tip, double bend, Mar
         cvs.push_back(cv);
     }
     WorldBuilder builder;
-    builder.curves({cvs}, n, shape, basis, 0, aside.cast<float>());
+    builder.curves({cvs}, n, shape, basis, 0, aside.cast<float>(), pieces);
     builder.commit();
     return builder;
 }
@@ -134,11 +134,11 @@ constexpr Fibre fibres[] = {{"thin", 1e-3, 1e-3, 0.0},
                             {"tapered", 1e-2, 0.0, 0.0},
                             {"bent", 1e-3, 1e-3, 1.5}};
 
-void fibre_row(MarramShape shape, const Fibre& f, Side side, double bound) {
+void fibre_row(MarramShape shape, const Fibre& f, Side side, double bound, uint32_t pieces) {
     for (const Setting& s : settings) {
         Rate sum;
         for (const MarramBasis basis : {MARRAM_BSPLINE, MARRAM_CATMULL_ROM}) {
-            const WorldBuilder builder = fibre(s, f.radius, f.tip, f.bend, shape, basis);
+            const WorldBuilder builder = fibre(s, f.radius, f.tip, f.bend, shape, basis, pieces);
             const double near = f.bend > 0.0 ? 10.0 * s.scale * f.radius : 1e30;
             const Rate rate =
                 self_hits(builder.world, place(s), 0.2 * s.scale, 2.0 * s.scale, side, 5 * rays, near);
@@ -153,18 +153,21 @@ void fibre_row(MarramShape shape, const Fibre& f, Side side, double bound) {
     std::printf("\n");
 }
 
-void fibre_table(MarramShape shape, const char* shape_name) {
+void fibre_table(MarramShape shape, const char* shape_name, uint32_t pieces = 0) {
     print_heading();
     for (const Fibre& f : fibres)
         for (const Side side : {Side::outside, Side::through}) {
             std::printf("[ self-hit ] %-9s %-9s %-30s", shape_name, f.name,
                         side == Side::outside ? "outwards" : "through");
-            fibre_row(shape, f, side, f.bend > 0.0 ? 1e-3 : 1e-5);
+            fibre_row(shape, f, side, f.bend > 0.0 ? 1e-3 : 1e-5, pieces);
         }
 }
 
 TEST(Spawn, LeavesRoundFibres) { fibre_table(MARRAM_ROUND, "round"); }
 TEST(Spawn, LeavesRibbons) { fibre_table(MARRAM_RIBBON, "ribbon"); }
+TEST(Spawn, LeavesRibbonsInPieces) {
+    for (const uint32_t pieces : {1U, 3U}) fibre_table(MARRAM_RIBBON, "pieces", pieces);
+}
 TEST(Spawn, LeavesOrientedRibbons) { fibre_table(MARRAM_ORIENTED_RIBBON, "oriented"); }
 
 } // namespace

@@ -2,6 +2,7 @@
 // Small worlds for tests, built straight with Embree as core/geometry does it.
 #pragma once
 
+#include "core/geometry/curve_pieces.h"
 #include "core/geometry/world.h"
 #include "core/plugin/embree.h"
 
@@ -45,15 +46,17 @@ class WorldBuilder {
         world.meshes.push_back(std::move(mesh));
     }
 
-    // cvs: [time][curve * n + cv]; normal: of oriented ribbons, one for all. After all meshes.
+    // cvs: [time][curve * n + cv]; normal: of oriented ribbons, one for all; pieces: straight ones a segment of a
+    // ribbon, 0: the cubic. After all meshes.
     void curves(const std::vector<std::vector<Cv>>& cvs, uint32_t n, MarramShape shape, MarramBasis basis,
-                int material = 0, const Vec3f& normal = Vec3f::UnitZ()) {
+                int material = 0, const Vec3f& normal = Vec3f::UnitZ(), uint32_t pieces = 0) {
         CurveGeometry curves;
         curves.material = material;
         curves.shape = shape;
         curves.basis = basis;
         curves.cvs_per_curve = n;
         curves.curve_count = cvs[0].size() / n;
+        curves.pieces = pieces;
         const RTCGeometry geometry = rtcNewGeometry(world.device.get(), type_of(shape, basis));
         rtcSetGeometryTimeStepCount(geometry, static_cast<unsigned>(cvs.size()));
         const size_t count = curves.curve_count * (n + 2);
@@ -74,8 +77,14 @@ class WorldBuilder {
             for (size_t i = 0; i < count; ++i) std::memcpy(normals + 3 * i, normal.data(), 12);
             curves.normals.push_back(normals);
         }
-        put_indices(geometry, curves);
-        attach(geometry, static_cast<unsigned>(world.meshes.size() + world.curves.size()));
+        const auto id = static_cast<unsigned>(world.meshes.size() + world.curves.size());
+        if (pieces > 0) {
+            attach(pieces_of(curves), id);
+            world.curve_buffers.emplace_back(geometry, [](RTCGeometry g) { rtcReleaseGeometry(g); });
+        } else {
+            put_indices(geometry, curves.curve_count, n - 1, n + 2);
+            attach(geometry, id);
+        }
         world.curves.push_back(std::move(curves));
     }
 
@@ -106,12 +115,26 @@ class WorldBuilder {
         put(n + 1, 2.0 * cv[n - 1] - cv[n - 2]);
     }
 
-    static void put_indices(RTCGeometry geometry, const CurveGeometry& curves) {
-        const uint32_t segments = curves.cvs_per_curve - 1;
+    static void put_indices(RTCGeometry geometry, size_t count, uint32_t segments, uint32_t stride) {
         unsigned* index = static_cast<unsigned*>(rtcSetNewGeometryBuffer(
-            geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4, curves.curve_count * segments));
-        for (uint32_t c = 0; c < curves.curve_count; ++c)
-            for (uint32_t s = 0; s < segments; ++s) *index++ = c * (curves.cvs_per_curve + 2) + s;
+            geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4, count * segments));
+        for (uint32_t c = 0; c < count; ++c)
+            for (uint32_t s = 0; s < segments; ++s) *index++ = c * stride + s;
+    }
+
+    // The same ribbons as straight pieces.
+    RTCGeometry pieces_of(const CurveGeometry& curves) {
+        const RTCGeometry geometry = rtcNewGeometry(world.device.get(), RTC_GEOMETRY_TYPE_FLAT_LINEAR_CURVE);
+        const uint32_t n = curves.cvs_per_curve, segments = (n - 1) * curves.pieces;
+        rtcSetGeometryTimeStepCount(geometry, static_cast<unsigned>(curves.vertices.size()));
+        for (unsigned t = 0; t < curves.vertices.size(); ++t)
+            write_pieces({curves.vertices[t], curves.curve_count, n, curves.basis}, curves.vertices[0],
+                         curves.pieces,
+                         static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, t,
+                                                                     RTC_FORMAT_FLOAT4, 16,
+                                                                     curves.curve_count * (segments + 1))));
+        put_indices(geometry, curves.curve_count, segments, segments + 1);
+        return geometry;
     }
 
     void attach(RTCGeometry geometry, unsigned id) {

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/geometry/curve_pieces.h"
+
+#include "core/geometry/cubic.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace marram {
+
+namespace {
+
+using Control = Eigen::Map<const Eigen::Matrix<float, 4, 4>>;
+
+Vec4d weigh(const Control& control, const std::array<double, 4>& weights) {
+    return control.cast<double>() * Eigen::Map<const Vec4d>(weights.data());
+}
+
+} // namespace
+
+double ChordLimit::at(const Vec3d& point) const {
+    return std::min(0.5 * tolerance, 0.25 * pixel_angle * (point - camera).norm());
+}
+
+void add_chord_errors(const CurveVertices& curves, const ChordLimit& limit, ChordErrors& errors) {
+    const std::array<double, 4> begin = cubic_basis(curves.basis, 0.0).second,
+                                end = cubic_basis(curves.basis, 1.0).second;
+    for (size_t curve = 0; curve < curves.curves; ++curve)
+        for (uint32_t segment = 0; segment + 1 < curves.cvs; ++segment) {
+            const Control control(curves.vertices + 4 * (curve * (curves.cvs + 2) + segment));
+            const Vec4d a = weigh(control, begin), b = weigh(control, end);
+            const double allowed = std::min(limit.at(control.col(1).head<3>().cast<double>()),
+                                            limit.at(control.col(2).head<3>().cast<double>()));
+            for (uint32_t i = 0; i < most_pieces; ++i) {
+                const double n = i + 1;
+                const Vec4d step = (b - a) / n;
+                const double off =
+                    std::sqrt(std::max((3.0 * a + step).squaredNorm(), (3.0 * b - step).squaredNorm())) /
+                    (24.0 * n * n);
+                if (off > 0.0) errors[i] = std::max(errors[i], off / allowed);
+            }
+        }
+}
+
+uint32_t pieces_for(std::span<const ChordErrors> errors) {
+    for (uint32_t i = 0; i < most_pieces; ++i)
+        if (std::ranges::all_of(errors, [i](const ChordErrors& e) { return e[i] <= 1.0; })) return i + 1;
+    return 0;
+}
+
+Chord chord_of(const Eigen::Matrix4d& segment, MarramBasis basis, uint32_t piece, uint32_t pieces) {
+    const double n = pieces;
+    const std::array<double, 4> begin = cubic_basis(basis, piece / n).value,
+                                end = cubic_basis(basis, (piece + 1) / n).value;
+    return {segment * Vec4d::Map(begin.data()), segment * Vec4d::Map(end.data())};
+}
+
+double end_share(const Chord& at_first_key, bool tip) {
+    const double length = (at_first_key.end - at_first_key.begin).head<3>().norm();
+    const double radius = (tip ? at_first_key.end : at_first_key.begin)[3];
+    return radius < 0.5 * length ? radius / length : 0.5; // a strand of one piece may end up as a disc
+}
+
+void write_pieces(const CurveVertices& curves, const float* first_key, uint32_t pieces, float* out) {
+    for (size_t curve = 0; curve < curves.curves; ++curve)
+        for (uint32_t segment = 0; segment + 1 < curves.cvs; ++segment) {
+            const size_t first = 4 * (curve * (curves.cvs + 2) + segment);
+            const Eigen::Matrix4d control = Control(curves.vertices + first).cast<double>();
+            const auto share = [&](uint32_t piece, bool tip) {
+                return end_share(
+                    chord_of(Control(first_key + first).cast<double>(), curves.basis, piece, pieces), tip);
+            };
+            for (uint32_t piece = 0; piece < pieces; ++piece, out += 4) {
+                const Chord chord = chord_of(control, curves.basis, piece, pieces);
+                const Vec4d along = chord.end - chord.begin;
+                const bool root = segment == 0 && piece == 0,
+                           tip = segment + 2 == curves.cvs && piece + 1 == pieces;
+                Vec4f::Map(out) = (chord.begin + (root ? share(piece, false) : 0.0) * along).cast<float>();
+                if (!tip) continue;
+                Vec4f::Map(out + 4) = (chord.end - share(piece, true) * along).cast<float>();
+                out += 4;
+            }
+        }
+}
+
+} // namespace marram

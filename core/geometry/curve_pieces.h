@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// Ribbons traced as straight pieces: where each cubic segment, cut into a few, stays so near to its chords that no picture tells.
+//
+// Embree draws a ribbon's cubic segment as four pieces of its own, one segment after the other; of straight ones it tests 4 or 8 at
+// once. What is shaded are the cubic's tangents (hit.cpp). Rays are up to a quarter faster, the more strands the more;
+// tests/bench/cycles measures it. Round curves stay cubics: Embree 3.13's round straight pieces have absolute tolerances, and of
+// strands of 1 cm show up to 5 % of the rays what is inside their corners.
+//
+// Between parameters 1/n apart, where its second derivative goes from a to b, a cubic leaves its chord at the share u of the way by
+//   u (1 - u) |(2 - u) a + (1 + u) b| / (6 n^2) <= max(|2 a + b|, |a + 2 b|) / (24 n^2) ,
+// most on the first or last of the n pieces. Its radius leaves the linear one likewise: all four components count.
+#pragma once
+
+#include "core/math/vec.h"
+#include "core/plugin/marram_plugin.h"
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+namespace marram {
+
+constexpr uint32_t most_pieces =
+    4; // as Embree's own of a cubic; a segment that would need more is traced as that
+
+// Curves lie as MarramPatchBuffers says: cvs + 2 vertices of x, y, z, radius each.
+struct CurveVertices {
+    const float* vertices;
+    size_t curves;
+    uint32_t cvs;
+    MarramBasis basis;
+};
+
+// What a chord may be off by at a point: half of the tolerance (metres), and a quarter of a pixel seen from the camera.
+struct ChordLimit {
+    double tolerance, pixel_angle;
+    Vec3d camera;
+
+    double at(const Vec3d& point) const;
+};
+
+// [n - 1]: how far n pieces a segment are off, over the limit; a bound, and infinite where the limit is 0.
+using ChordErrors = std::array<double, most_pieces>;
+
+// Raises `errors` to the greatest over all segments. About 50 ns a segment.
+void add_chord_errors(const CurveVertices& curves, const ChordLimit& limit, ChordErrors& errors);
+
+// The fewest pieces that keep to the limit everywhere; 0: the cubic.
+uint32_t pieces_for(std::span<const ChordErrors> errors);
+
+// A straight piece's ends: x, y, z, radius.
+struct Chord {
+    Vec4d begin, end;
+};
+
+Chord chord_of(const Eigen::Matrix4d& segment, MarramBasis basis, uint32_t piece,
+               uint32_t pieces); // segment: a column a vertex
+
+// The share by which a strand's first piece begins later and its last one ends earlier: Embree closes them with half a disc, which
+// thus ends where the strand does. Of the first motion key, so that ends stay on straight lines between keys.
+double end_share(const Chord& at_first_key, bool tip);
+
+// The pieces' vertices at a motion key: (cvs - 1) * pieces + 1 of 4 floats for each curve. first_key: the same curves' vertices there.
+void write_pieces(const CurveVertices& curves, const float* first_key, uint32_t pieces, float* out);
+
+} // namespace marram

@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: Apache-2.0
+// Curves as straight pieces: how far they are off, how many the tolerance asks for, and that rays see the same strands.
+#include "core/geometry/cubic.h"
+#include "core/geometry/curve_pieces.h"
+#include "core/geometry/hit.h"
+#include "core/math/hash.h"
+#include "tests/unit/geometry/build_scene.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+
+namespace marram {
+namespace {
+
+using testing::TestScene;
+
+// Vertices of curves as the contract wants them, of CVs at random around an arc, without width at either end.
+std::vector<float> random_curves(size_t curves, uint32_t cvs, double rough, uint64_t seed) {
+    std::vector<float> vertices(4 * curves * (cvs + 2));
+    uint64_t at = 0;
+    const auto random = [&] { return rough * (unit_double(hash(seed, at++)) - 0.5); };
+    for (size_t curve = 0; curve < curves; ++curve) {
+        float* v = vertices.data() + 4 * curve * (cvs + 2);
+        for (uint32_t i = 1; i <= cvs; ++i) {
+            const double angle = 1.2 * i / cvs;
+            Vec4f::Map(v + 4 * i) = Vec4d(std::sin(angle) + random(), std::cos(angle) + random(), random(),
+                                          i == 1 || i == cvs ? 0.0 : 0.01 + 0.01 * random())
+                                        .cast<float>();
+        }
+        Vec4f::Map(v) = 2.0F * Vec4f::Map(v + 4) - Vec4f::Map(v + 8);
+        float* end = v + 4 * (cvs + 1);
+        Vec4f::Map(end) = 2.0F * Vec4f::Map(end - 4) - Vec4f::Map(end - 8);
+    }
+    return vertices;
+}
+
+// The greatest distance of a cubic segment from its pieces, point by point at the same parameter.
+double farthest(const float* segment, MarramBasis basis, uint32_t pieces, const float* chords) {
+    double most = 0.0;
+    constexpr uint32_t steps = 60;
+    for (uint32_t piece = 0; piece < pieces; ++piece)
+        for (uint32_t i = 0; i <= steps; ++i) {
+            const double along = double(i) / steps;
+            const auto weights = cubic_basis(basis, (piece + along) / pieces).value;
+            Vec4d on = Vec4d::Zero();
+            for (uint32_t k = 0; k < 4; ++k) on += weights[k] * Vec4f::Map(segment + 4 * k).cast<double>();
+            const Vec4d a = Vec4f::Map(chords + 4 * piece).cast<double>(),
+                        b = Vec4f::Map(chords + 4 * piece + 4).cast<double>();
+            most = std::max(most, (on - (a + along * (b - a))).norm());
+        }
+    return most;
+}
+
+TEST(CurvePieces, StayWithinTheirBound) {
+    constexpr uint32_t cvs = 7;
+    constexpr size_t curves = 300;
+    for (const MarramBasis basis : {MARRAM_BSPLINE, MARRAM_CATMULL_ROM})
+        for (const double rough : {0.0, 0.02, 0.5}) {
+            const std::vector<float> vertices = random_curves(curves, cvs, rough, 3);
+            for (uint32_t pieces = 1; pieces <= most_pieces; ++pieces) {
+                std::vector<float> chords(4 * curves * ((cvs - 1) * pieces + 1));
+                write_pieces({vertices.data(), curves, cvs, basis}, vertices.data(), pieces, chords.data());
+                double tightest = 0.0;
+                for (size_t curve = 0; curve < curves; ++curve) {
+                    const float* first = vertices.data() + 4 * curve * (cvs + 2);
+                    ChordErrors errors{};
+                    add_chord_errors({first, 1, cvs, basis}, {2.0, 1e9, Vec3d::Zero()}, errors); // limit 1 m
+                    double off = 0.0;
+                    for (uint32_t segment = 0; segment + 1 < cvs; ++segment)
+                        off = std::max(off, farthest(first + 4 * segment, basis, pieces,
+                                                     chords.data() + 4 * (curve * ((cvs - 1) * pieces + 1) +
+                                                                          segment * pieces)));
+                    EXPECT_LE(off, errors[pieces - 1] + 1e-6); // float vertices
+                    tightest = std::max(tightest, off / errors[pieces - 1]);
+                }
+                EXPECT_GT(tightest, 0.5);
+            }
+        }
+}
+
+// Embree closes flat pieces with half a disc at either end.
+TEST(CurvePieces, EndWithTheStrand) {
+    std::vector<float> vertices;
+    for (int i = -1; i <= 4; ++i) vertices.insert(vertices.end(), {float(i), 0.0F, 0.0F, 0.1F}); // 0 ... 3 m
+    std::vector<float> wide = vertices, out(4 * 7);
+    for (size_t i = 3; i < wide.size(); i += 4) wide[i] = 2.0F;
+    const auto ends = [&](const std::vector<float>& at, const std::vector<float>& first_key) {
+        write_pieces({at.data(), 1, 4, MARRAM_CATMULL_ROM}, first_key.data(), 2, out.data());
+        for (size_t i = 1; i < 6; ++i) EXPECT_NEAR(out[4 * i], 0.5F * float(i), 1e-6F);
+        return std::pair(out[0], out[24]);
+    };
+    EXPECT_FLOAT_EQ(ends(vertices, vertices).first, 0.1F);
+    EXPECT_FLOAT_EQ(ends(vertices, vertices).second, 2.9F);
+    EXPECT_FLOAT_EQ(ends(wide, wide).first, 0.25F); // no more than half of a piece
+    EXPECT_FLOAT_EQ(ends(wide, vertices).first, 0.1F);
+}
+
+TEST(CurvePieces, AreAsFewAsTheLimitAllows) {
+    const std::vector<float> vertices = random_curves(20, 5, 0.0, 1);
+    const CurveVertices curves{vertices.data(), 20, 5, MARRAM_BSPLINE};
+    const auto chosen = [&](double tolerance, double pixel_angle) {
+        ChordErrors errors{};
+        add_chord_errors(curves, {tolerance, pixel_angle, Vec3d(0.0, 0.0, 10.0)}, errors);
+        return pieces_for(std::vector{errors, ChordErrors{}});
+    };
+    // 1.2 radians over 5 segments of 0.24: off by 0.24^2 / 8 = 0.0072 m with one piece.
+    EXPECT_EQ(chosen(0.0150, 1.0), 1U);
+    EXPECT_EQ(chosen(0.0140, 1.0), 2U);
+    EXPECT_EQ(chosen(0.0150 / 4.6, 1.0), 3U);
+    EXPECT_EQ(chosen(0.0150 / 15.0, 1.0), 4U);
+    EXPECT_EQ(chosen(0.0150 / 17.0, 1.0), 0U);
+    EXPECT_EQ(chosen(0.0, 1.0), 0U);
+    EXPECT_EQ(chosen(1.0, 0.0), 0U);
+    EXPECT_EQ(chosen(1.0, 4.0 * 0.0073 / 10.0), 1U); // a quarter of a pixel 10 m away
+    EXPECT_EQ(chosen(1.0, 4.0 * 0.0060 / 10.0), 2U);
+}
+
+std::string furred(const std::string& shape, const std::string& basis) {
+    return R"(
+[[mesh]]
+name = "body"
+type = "sphere"
+divisions = 6
+[[procedural]]
+name = "fur"
+type = "groom"
+on = "body"
+count = 3000
+cvs = 5
+length = [0.2, 0.3]
+lean = 20
+arc = 35
+comb = [0, -1, 0]
+width = 0.01
+width_profile = [[0, 1], [1, 0.2]]
+shape = ")" +
+           shape + "\"\nbasis = \"" + basis + "\"\n";
+}
+
+// Other shapes are no pieces, whatever is asked.
+TEST(CurvePieces, AreForRibbonsOnly) {
+    for (const char* shape : {"round", "oriented-ribbon"}) {
+        TestScene scene(furred(shape, "bspline"));
+        scene.settings.tolerance = 1.0;
+        scene.settings.pixel_angle = 1.0;
+        scene.settings.camera_position = {0.0, 0.0, 5.0};
+        EXPECT_EQ(scene.build().curves[0].pieces, 0U);
+        scene.settings.curve_pieces = 3;
+        EXPECT_EQ(scene.build().curves[0].pieces, 0U);
+    }
+}
+
+// Rays from all around meet the same strands at the same places, but for what the pieces may be off by.
+TEST(CurvePieces, AreSeenAsTheCubic) {
+    for (const char* basis : {"bspline", "catmull-rom"}) {
+        TestScene scene(furred("ribbon", basis));
+        scene.settings.tolerance = 0.002;
+        scene.settings.pixel_angle = 0.1;
+        scene.settings.camera_position = {0.0, 0.0, 5.0};
+        const World pieces = scene.build();
+        const uint32_t chosen = pieces.curves[0].pieces;
+        EXPECT_EQ(chosen, 2U);
+        EXPECT_EQ(scene.stats.chosen.at("fur.curve_pieces"), chosen);
+        scene.settings.curve_pieces = 0;
+        const World cubic = scene.build();
+        EXPECT_EQ(cubic.curves[0].pieces, 0U);
+
+        constexpr uint64_t rays = 40000;
+        uint64_t both = 0, other = 0, at = 0;
+        double place = 0.0, angle = 0.0, along = 0.0;
+        const auto random = [&] { return unit_double(hash(11, at++)); };
+        for (uint64_t i = 0; i < rays; ++i) {
+            const double z = 2.0 * random() - 1.0, phi = 2.0 * pi * random(), r = std::sqrt(1.0 - z * z);
+            const Vec3d from = 3.0 * Vec3d(r * std::cos(phi), r * std::sin(phi), z);
+            const Vec3d to(random() - 0.5, random() - 0.5, random() - 0.5);
+            Ray ray;
+            ray.origin = from.cast<float>();
+            ray.direction = (1.8 * to - from).normalized().cast<float>();
+            SurfacePoint a, b;
+            const bool hit_a = intersect(pieces, ray, a, false), hit_b = intersect(cubic, ray, b, false);
+            if (a.shape == PointShape::triangle && b.shape == PointShape::triangle) continue;
+            if (!hit_a || !hit_b || a.shape != b.shape || a.strand != b.strand) {
+                ++other;
+                continue;
+            }
+            ++both;
+            // Where a ray grazes a strand, a step aside is a long way along the ray.
+            const double straight = std::abs(b.geometric_normal.dot(ray.direction));
+            place = std::max(place, straight * (a.position - b.position).norm());
+            along = std::max(along, straight * std::abs(a.strand_u - b.strand_u));
+            if (straight > 0.5)
+                angle = std::max(angle, double(std::acos(std::min(1.0F, a.tangent.dot(b.tangent)))));
+        }
+        std::printf("[ pieces ] %-11s %u a segment: %5.2f %% of %llu rays see another strand; off by "
+                    "%.2g m, %.2g of the length, tangents by %.2g radians\n",
+                    basis, chosen, 100.0 * double(other) / double(both + other),
+                    static_cast<unsigned long long>(both + other), place, along, angle);
+        EXPECT_GT(both, rays / 10);
+        EXPECT_LT(double(other), 0.04 * double(both));
+        EXPECT_LT(place, 3.0 * scene.settings.tolerance);
+        EXPECT_LT(along, 0.02);
+        EXPECT_LT(angle, 0.05);
+    }
+}
+
+} // namespace
+} // namespace marram

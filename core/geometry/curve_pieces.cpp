@@ -57,7 +57,7 @@ Chord chord_of(const Eigen::Matrix4d& segment, MarramBasis basis, uint32_t piece
 
 double end_share(const Chord& at_first_key, bool tip) {
     const double length = (at_first_key.end - at_first_key.begin).head<3>().norm();
-    const double radius = (tip ? at_first_key.end : at_first_key.begin)[3];
+    const double radius = std::abs((tip ? at_first_key.end : at_first_key.begin)[3]);
     return radius < 0.5 * length ? radius / length : 0.5; // a strand of one piece may end up as a disc
 }
 

@@ -256,7 +256,7 @@ PiecePoint piece_at(const CurveGeometry& curves, const Control<4>& control, size
 // A flat piece turns to each ray as the ribbon does.
 void set_ribbon_piece(const Vec3d& seen, const Vec3d& direction, const PiecePoint& piece,
                       const Vec3d& tangent, const Vec3d& side, SurfacePoint& point) {
-    const double length = point.piece, radius = piece.value[3];
+    const double length = point.piece, radius = std::abs(piece.value[3]); // splines may swing below 0
     const Vec3d along = length > 0.0 ? Vec3d(piece.chord / length) : tangent;
     const Vec3d across = across_ray(along, direction), axis = piece.value.head<3>();
     const Vec3d w = std::clamp((seen - axis).dot(across), -radius, radius) * across;

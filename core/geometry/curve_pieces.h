@@ -6,6 +6,9 @@
 // tests/bench/cycles measures it. Round curves stay cubics: Embree 3.13's round straight pieces have absolute tolerances, and of
 // strands of 1 cm show up to 5 % of the rays what is inside their corners.
 //
+// Measured on the hairy ball of tests/bench/cycles, 10,000 ribbons: the whole picture's brightness is within 0.16 % of the cubic's,
+// direct light of its sunlit quarter 0.3 to 0.4 % darker at any number of pieces. Not explained; film.curve_pieces = 0 avoids it.
+//
 // Between parameters 1/n apart, where its second derivative goes from a to b, a cubic leaves its chord at the share u of the way by
 //   u (1 - u) |(2 - u) a + (1 + u) b| / (6 n^2) <= max(|2 a + b|, |a + 2 b|) / (24 n^2) ,
 // most on the first or last of the n pieces. Its radius leaves the linear one likewise: all four components count.

@@ -9,10 +9,12 @@
 //   1 - cos = w has sin = sqrt(w (2 - w)). Irradiance E perpendicular to it gives radiance E / (pi sin^2 a).
 //   A disc so small that unit vectors in float cannot tell its inside is a delta light.
 // Sky: uniform azimuth, height y from a table: equal steps of y are equal solid angles (Archimedes).
-// Environment: pixels by the mean of their bilinear interpolant times their solid angle dphi (cos t0 - cos
-// t1), uniform in
-//   azimuth and cosine inside a pixel. The mean is (1 6 1)/8 in both directions, so that it is 0 only where
-//   the interpolant is.
+// Environment: square blocks of pixels by the integral of the bilinear interpolant over them, uniform in azimuth and cosine
+//   inside a block. A pixel's mean is (1 6 1)/8 in both directions, so that it is 0 only where the interpolant is. The coarser
+//   a table, the more of it stays in the fastest cache, so blocks are as large as the map allows: with pixels of radiance L_i
+//   and solid angle a_i in a block of L, a, an estimate of all of the map has the relative second moment
+//     sum over blocks of L a sum(L_i^2 a_i / (L^2 a)) / sum(L a),
+//   1 were the density exact, and may have 1 + table_variance. Shadows and shaders vary by far more.
 // Emitting meshes: uniform by area over all triangles of the light as they are mid-shutter; a triangle's own
 // area enters the
 //   density at the ray's time: P(triangle) / area(t) . distance^2 / cos. Uniform point: Turk, "Graphics
@@ -30,6 +32,8 @@ namespace {
 constexpr double least_disc = 64.0 * 0x1p-23; // radians; a float direction is off by up to 1 % of that
 constexpr size_t sky_cells = 512;
 constexpr float ground_blend = 0.1F;
+constexpr double table_variance = 0.005;
+constexpr uint32_t largest_shift = 6; // blocks of 64 pixels each way
 
 double mean_of(const Vec3f& color) { return color.cast<double>().sum() / 3.0; }
 
@@ -90,8 +94,15 @@ Vec3f environment_radiance(const EnvironmentLight& map, const Vec3f& direction) 
 
 Lights::Sun Lights::make(const SunLight& light) {
     const double half = 0.5 * light.angle, rise = 2.0 * std::sin(0.5 * half) * std::sin(0.5 * half);
-    Sun sun{
-        light.direction.normalized(), {}, {}, half, light.irradiance, 1.0F, half < least_disc, light.visible};
+    Sun sun{light.direction.normalized(),
+            {},
+            {},
+            half,
+            rise,
+            light.irradiance,
+            1.0F,
+            half < least_disc,
+            light.visible};
     orthonormal_basis(sun.direction, sun.x, sun.y);
     if (!sun.delta) {
         sun.radiance = light.irradiance / static_cast<float>(pi * std::sin(half) * std::sin(half));
@@ -112,29 +123,86 @@ Lights::Sky Lights::make(const SkyLight& light) {
     return {light, Distribution1D(weights)};
 }
 
-// Per solid angle: what a pixel has of the whole, over 2 pi / width (cos t0 - cos t1).
-float Lights::Environment::pdf(size_t column, size_t row) const {
-    return static_cast<float>(by_pixel.probability(column, row) * image.width /
-                              (2.0 * pi * (cosines[row] - cosines[row + 1])));
+namespace {
+
+// The solid angle of one of a row's pixels: dphi (cos t0 - cos t1).
+double pixel_angle(const EnvironmentLight& map, std::span<const double> cosines, size_t row) {
+    return 2.0 * pi / map.width * (cosines[row] - cosines[row + 1]);
 }
+
+// Of each pixel, the mean of the interpolant.
+std::vector<double> pixel_means(const EnvironmentLight& map) {
+    std::vector<double> means(static_cast<size_t>(map.width) * map.height);
+    for (int64_t row = 0; row < map.height; ++row)
+        for (int64_t column = 0; column < map.width; ++column) {
+            double sum = 0.0;
+            for (int64_t dy = -1; dy <= 1; ++dy)
+                for (int64_t dx = -1; dx <= 1; ++dx)
+                    sum += mean_of(texel(map, column + dx, row + dy)) * (dx == 0 ? 0.75 : 0.125) *
+                           (dy == 0 ? 0.75 : 0.125);
+            means[static_cast<size_t>(row * map.width + column)] = sum * map.strength;
+        }
+    return means;
+}
+
+// Sums over each block of 2^shift pixels each way; the last ones of rows and columns may be smaller.
+struct Blocks {
+    size_t columns, rows;
+    std::vector<double> angle, first, second; // sums of a, L a, L^2 a
+};
+
+Blocks sum_blocks(const EnvironmentLight& map, std::span<const double> means, std::span<const double> cosines,
+                  uint32_t shift) {
+    const auto count = [&](size_t pixels) { return ((pixels - 1) >> shift) + 1; };
+    Blocks sums{count(map.width), count(map.height), {}, {}, {}};
+    for (std::vector<double>* values : {&sums.angle, &sums.first, &sums.second})
+        values->assign(sums.columns * sums.rows, 0.0);
+    for (size_t row = 0; row < map.height; ++row) {
+        const double angle = pixel_angle(map, cosines, row);
+        for (size_t column = 0; column < map.width; ++column) {
+            const double mean = means[row * map.width + column];
+            const size_t at = (row >> shift) * sums.columns + (column >> shift);
+            sums.angle[at] += angle;
+            sums.first[at] += mean * angle;
+            sums.second[at] += mean * mean * angle;
+        }
+    }
+    return sums;
+}
+
+// What sampling by these blocks adds to the relative second moment.
+double added_variance(const Blocks& blocks) {
+    double total = 0.0, moment = 0.0;
+    for (size_t i = 0; i < blocks.first.size(); ++i) {
+        if (!(blocks.first[i] > 0.0)) continue;
+        total += blocks.first[i];
+        moment += blocks.second[i] * (blocks.angle[i] / blocks.first[i]);
+    }
+    return total > 0.0 ? moment / total - 1.0 : 0.0;
+}
+
+} // namespace
 
 Lights::Environment Lights::make(const EnvironmentLight& light) {
     std::vector<double> cosines(light.height + size_t(1));
     for (size_t row = 0; row < cosines.size(); ++row)
         cosines[row] = std::cos(pi * double(row) / light.height);
-    std::vector<double> weights(static_cast<size_t>(light.width) * light.height);
-    for (int64_t row = 0; row < light.height; ++row)
-        for (int64_t column = 0; column < light.width; ++column) {
-            double sum = 0.0;
-            for (int64_t dy = -1; dy <= 1; ++dy)
-                for (int64_t dx = -1; dx <= 1; ++dx)
-                    sum += mean_of(texel(light, column + dx, row + dy)) * (dx == 0 ? 0.75 : 0.125) *
-                           (dy == 0 ? 0.75 : 0.125);
-            weights[static_cast<size_t>(row * light.width + column)] =
-                sum * light.strength * (2.0 * pi / light.width) *
-                (cosines[static_cast<size_t>(row)] - cosines[static_cast<size_t>(row) + 1]);
-        }
-    return {light, Distribution2D(weights, light.width), cosines};
+    const std::vector<double> means = pixel_means(light);
+    uint32_t shift = 0;
+    Blocks blocks = sum_blocks(light, means, cosines, shift);
+    while (shift < largest_shift) {
+        Blocks coarser = sum_blocks(light, means, cosines, shift + 1);
+        if (!(added_variance(coarser) <= table_variance)) break;
+        blocks = std::move(coarser);
+        ++shift;
+    }
+    Environment map{light, shift, blocks.columns, Distribution2D(blocks.first, blocks.columns), {}, {}};
+    for (size_t row = 0; row <= blocks.rows; ++row)
+        map.cosines.push_back(cosines[std::min<size_t>(row << shift, light.height)]);
+    for (size_t i = 0; i < blocks.first.size(); ++i)
+        map.densities.push_back(static_cast<float>(
+            map.by_block.probability(i % blocks.columns, i / blocks.columns) / blocks.angle[i]));
+    return map;
 }
 
 Lights::Emitter Lights::make(const MeshLight& light, uint32_t index, const World& world) {
@@ -160,7 +228,7 @@ double Lights::power(const Table& table, double scene_radius) {
         return mean_of(sun->radiance) * (sun->delta ? 1.0 : pi * sine * sine);
     }
     if (const Sky* sky = std::get_if<Sky>(&table)) return pi * sky->by_height.total() / sky_cells;
-    if (const Environment* map = std::get_if<Environment>(&table)) return 0.25 * map->by_pixel.total();
+    if (const Environment* map = std::get_if<Environment>(&table)) return 0.25 * map->by_block.total();
     const Emitter& emitter = *std::get_if<Emitter>(&table);
     if (emitter.triangles.empty()) return 0.0;
     return mean_of(emitter.radiance) * emitter.by_area.total() / (scene_radius * scene_radius);
@@ -193,7 +261,7 @@ void Lights::sample_sun(const Sun& sun, float a, float b, LightSample& sample) {
     sample.delta = sun.delta;
     sample.radiance = sun.radiance;
     sample.pdf = sun.pdf;
-    const double half = std::sin(0.5 * sun.half_angle), w = sun.delta ? 0.0 : 2.0 * half * half * a;
+    const double w = sun.delta ? 0.0 : sun.rise * a;
     const double sine = std::sqrt(w * (2.0 - w));
     const float phi = static_cast<float>(2.0 * pi) * b;
     sample.direction =
@@ -212,9 +280,12 @@ void Lights::sample_sky(const Sky& sky, float a, float b, LightSample& sample) {
 }
 
 void Lights::sample_environment(const Environment& map, float a, float b, LightSample& sample) {
-    const Distribution2D::Choice at = map.by_pixel.sample(a, b);
+    const Distribution2D::Choice at = map.by_block.sample(a, b);
     const double top = map.cosines[at.row], y = top + at.y * (map.cosines[at.row + 1] - top);
-    const float column = static_cast<float>(static_cast<double>(at.column) + at.x);
+    const size_t left = at.column << map.shift;
+    const double columns =
+        static_cast<double>(std::min<size_t>(size_t(1) << map.shift, map.image.width - left));
+    const float column = static_cast<float>(static_cast<double>(left) + at.x * columns);
     const float azimuth =
         static_cast<float>(2.0 * pi) * (column / static_cast<float>(map.image.width) - 0.5F) -
         static_cast<float>(map.image.rotation);
@@ -223,7 +294,7 @@ void Lights::sample_environment(const Environment& map, float a, float b, LightS
     const float row = fast_atan2(sine, sample.direction.y()) / static_cast<float>(pi) *
                       static_cast<float>(map.image.height);
     sample.radiance = radiance_at(map.image, {column, row});
-    sample.pdf = map.pdf(at.column, at.row);
+    sample.pdf = map.densities[at.row * map.columns + at.column];
 }
 
 void Lights::sample_emitter(const Emitter& emitter, const Vec3d& from, float time, float a, float b,
@@ -263,8 +334,7 @@ Lights::Seen Lights::seen_along(uint32_t light, const Vec3f& direction, bool vis
     const Table& table = tables_[light];
     const float chosen = empty() ? 0.0F : static_cast<float>(choice_.probability(light));
     if (const Sun* sun = std::get_if<Sun>(&table)) {
-        const double half = std::sin(0.5 * sun->half_angle);
-        const bool inside = (direction.cast<double>() - sun->direction).squaredNorm() <= 4.0 * half * half;
+        const bool inside = (direction.cast<double>() - sun->direction).squaredNorm() <= 2.0 * sun->rise;
         if (sun->delta || !inside || (visible_only && !sun->visible)) return {};
         return {sun->radiance, chosen * sun->pdf};
     }
@@ -279,7 +349,8 @@ Lights::Seen Lights::seen_along(uint32_t light, const Vec3f& direction, bool vis
     if (visible_only && !map.image.visible) return {};
     const Vec2f at = pixel_of(map.image, direction);
     const size_t column = cell_of(at.x(), map.image.width), row = cell_of(at.y(), map.image.height);
-    return {radiance_at(map.image, at), chosen * map.pdf(column, row)};
+    return {radiance_at(map.image, at),
+            chosen * map.densities[(row >> map.shift) * map.columns + (column >> map.shift)]};
 }
 
 Lights::Seen Lights::emitted(const SurfacePoint& point, const Vec3f& direction) const {

@@ -102,7 +102,7 @@ class Lights {
     };
     struct Sun {
         Vec3d direction, x, y; // orthonormal
-        double half_angle;
+        double half_angle, rise; // 1 - cos half_angle
         Vec3f radiance; // irradiance where delta
         float pdf;
         bool delta, visible;
@@ -113,9 +113,11 @@ class Lights {
     };
     struct Environment {
         EnvironmentLight image;
-        Distribution2D by_pixel;
-        std::vector<double> cosines; // of the rows' borders, from 1 to -1
-        float pdf(size_t column, size_t row) const;
+        uint32_t shift; // blocks are 2^shift pixels each way
+        size_t columns; // of blocks
+        Distribution2D by_block;
+        std::vector<double> cosines;  // of the borders of the blocks' rows, from 1 to -1
+        std::vector<float> densities; // per solid angle, of each block
     };
     using Table = std::variant<Sun, Sky, Environment, Emitter>;
 

@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstdio>
 #include <set>
 
@@ -179,6 +180,49 @@ TEST(Lights, SendWhatTheyAreToldTo) {
     const double lamp = check_light(map);
     const double angle = 2.0 * pi / 16.0 * (std::cos(3.0 * pi / 8.0) - std::cos(4.0 * pi / 8.0));
     EXPECT_NEAR(lamp / (1000.0 * angle), 1.0, 0.05);
+}
+
+// Samples of a map whose last blocks are cut at its borders: 1 / density adds up to the solid angle of every part of the sphere,
+// and light over density varies as little as the table promises, however fine the map needs it.
+TEST(Environment, IsSampledByItsBrightness) {
+    EnvironmentLight smooth;
+    smooth.width = 300;
+    smooth.height = 150;
+    smooth.rotation = 0.7;
+    for (uint32_t row = 0; row < smooth.height; ++row)
+        for (uint32_t column = 0; column < smooth.width; ++column)
+            smooth.pixels.push_back(Vec3f::Constant(
+                static_cast<float>(1.0 + 0.4 * std::sin(2.0 * pi * column / 300.0) + 0.4 * row / 150.0)));
+    EnvironmentLight sunny = smooth;
+    sunny.pixels[40 * 300 + 299] = Vec3f::Constant(2e4F);
+    for (const bool has_sun : {false, true}) {
+        const World world;
+        const std::vector<LightDescription> all = {has_sun ? sunny : smooth};
+        const Lights lights(all, world);
+        constexpr uint32_t count = 1 << 16, sectors = 8, bands = 4;
+        std::array<double, sectors * bands> angle{};
+        double sum = 0.0, squares = 0.0;
+        for (uint32_t s = 0; s < count; ++s) {
+            Sampler sampler(7, s);
+            const Vec2f at = sampler.next_pair();
+            const LightSample drawn = lights.sample(Vec3d::Zero(), 0.0F, {0.5F, at.x(), at.y()});
+            ASSERT_GT(drawn.pdf, 0.0F);
+            const double light = static_cast<double>(drawn.radiance.x() / drawn.pdf);
+            sum += light / count;
+            squares += light * light / count;
+            const Vec3f d = drawn.direction;
+            const double turn = (std::atan2(d.z(), d.x()) + pi) / (2.0 * pi);
+            const auto sector = std::min(static_cast<uint32_t>(turn * sectors), sectors - 1),
+                       band = std::min(static_cast<uint32_t>(0.5F * (1.0F + d.y()) * bands), bands - 1);
+            angle[band * sectors + sector] += 1.0 / (double(drawn.pdf) * count);
+        }
+        std::printf("[ blocks ] %s map: variance of light over density %.4f of its mean's square\n",
+                    has_sun ? "sunny" : "smooth", squares / (sum * sum) - 1.0);
+        // The sun is a pixel whose interpolant falls off over its neighbours; a table cannot follow that.
+        EXPECT_LT(squares / (sum * sum) - 1.0, has_sun ? 1.0 : 0.006);
+        if (has_sun) continue;
+        for (const double a : angle) EXPECT_NEAR(a / (4.0 * pi / (sectors * bands)), 1.0, 0.02);
+    }
 }
 
 TEST(Environment, FacesWhereItShould) {

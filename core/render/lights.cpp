@@ -125,11 +125,6 @@ Lights::Sky Lights::make(const SkyLight& light) {
 
 namespace {
 
-// The solid angle of one of a row's pixels: dphi (cos t0 - cos t1).
-double pixel_angle(const EnvironmentLight& map, std::span<const double> cosines, size_t row) {
-    return 2.0 * pi / map.width * (cosines[row] - cosines[row + 1]);
-}
-
 // Of each pixel, the mean of the interpolant.
 std::vector<double> pixel_means(const EnvironmentLight& map) {
     std::vector<double> means(static_cast<size_t>(map.width) * map.height);
@@ -145,38 +140,63 @@ std::vector<double> pixel_means(const EnvironmentLight& map) {
     return means;
 }
 
-// Sums over each block of 2^shift pixels each way; the last ones of rows and columns may be smaller.
+// Blocks of 2^shift pixels each way; the last ones of rows and columns may be smaller.
 struct Blocks {
+    uint32_t shift;
     size_t columns, rows;
-    std::vector<double> angle, first, second; // sums of a, L a, L^2 a
+    std::vector<double> light, squares; // sums of L a, L^2 a
 };
 
-Blocks sum_blocks(const EnvironmentLight& map, std::span<const double> means, std::span<const double> cosines,
-                  uint32_t shift) {
-    const auto count = [&](size_t pixels) { return ((pixels - 1) >> shift) + 1; };
-    Blocks sums{count(map.width), count(map.height), {}, {}, {}};
-    for (std::vector<double>* values : {&sums.angle, &sums.first, &sums.second})
-        values->assign(sums.columns * sums.rows, 0.0);
+Blocks empty_blocks(const EnvironmentLight& map, uint32_t shift) {
+    const size_t columns = ((size_t(map.width) - 1) >> shift) + 1,
+                 rows = ((size_t(map.height) - 1) >> shift) + 1;
+    return {shift, columns, rows, std::vector<double>(columns * rows), std::vector<double>(columns * rows)};
+}
+
+// dphi (cos t0 - cos t1). cosines: of the borders of the pixels' rows.
+double solid_angle(const EnvironmentLight& map, std::span<const double> cosines, uint32_t shift,
+                   size_t column, size_t row) {
+    const auto border = [&](size_t block, uint32_t pixels) {
+        return std::min<size_t>(block << shift, pixels);
+    };
+    const double share = double(border(column + 1, map.width) - border(column, map.width)) / map.width;
+    return 2.0 * pi * share * (cosines[border(row, map.height)] - cosines[border(row + 1, map.height)]);
+}
+
+Blocks blocks_of_four(const EnvironmentLight& map, std::span<const double> means,
+                      std::span<const double> cosines) {
+    Blocks sums = empty_blocks(map, 1);
     for (size_t row = 0; row < map.height; ++row) {
-        const double angle = pixel_angle(map, cosines, row);
+        const double angle = solid_angle(map, cosines, 0, 0, row);
         for (size_t column = 0; column < map.width; ++column) {
             const double mean = means[row * map.width + column];
-            const size_t at = (row >> shift) * sums.columns + (column >> shift);
-            sums.angle[at] += angle;
-            sums.first[at] += mean * angle;
-            sums.second[at] += mean * mean * angle;
+            const size_t at = (row >> 1) * sums.columns + (column >> 1);
+            sums.light[at] += mean * angle;
+            sums.squares[at] += mean * mean * angle;
         }
     }
     return sums;
 }
 
+Blocks coarser(const EnvironmentLight& map, const Blocks& blocks) {
+    Blocks sums = empty_blocks(map, blocks.shift + 1);
+    for (size_t row = 0; row < blocks.rows; ++row)
+        for (size_t column = 0; column < blocks.columns; ++column) {
+            const size_t from = row * blocks.columns + column, to = (row >> 1) * sums.columns + (column >> 1);
+            sums.light[to] += blocks.light[from];
+            sums.squares[to] += blocks.squares[from];
+        }
+    return sums;
+}
+
 // What sampling by these blocks adds to the relative second moment.
-double added_variance(const Blocks& blocks) {
+double added_variance(const EnvironmentLight& map, std::span<const double> cosines, const Blocks& blocks) {
     double total = 0.0, moment = 0.0;
-    for (size_t i = 0; i < blocks.first.size(); ++i) {
-        if (!(blocks.first[i] > 0.0)) continue;
-        total += blocks.first[i];
-        moment += blocks.second[i] * (blocks.angle[i] / blocks.first[i]);
+    for (size_t i = 0; i < blocks.light.size(); ++i) {
+        if (!(blocks.light[i] > 0.0)) continue;
+        const double angle = solid_angle(map, cosines, blocks.shift, i % blocks.columns, i / blocks.columns);
+        total += blocks.light[i];
+        moment += blocks.squares[i] * (angle / blocks.light[i]);
     }
     return total > 0.0 ? moment / total - 1.0 : 0.0;
 }
@@ -187,21 +207,26 @@ Lights::Environment Lights::make(const EnvironmentLight& light) {
     std::vector<double> cosines(light.height + size_t(1));
     for (size_t row = 0; row < cosines.size(); ++row)
         cosines[row] = std::cos(pi * double(row) / light.height);
-    const std::vector<double> means = pixel_means(light);
+    std::vector<double> weights = pixel_means(light);
     uint32_t shift = 0;
-    Blocks blocks = sum_blocks(light, means, cosines, shift);
-    while (shift < largest_shift) {
-        Blocks coarser = sum_blocks(light, means, cosines, shift + 1);
-        if (!(added_variance(coarser) <= table_variance)) break;
-        blocks = std::move(coarser);
-        ++shift;
+    size_t columns = light.width;
+    for (Blocks next = blocks_of_four(light, weights, cosines);
+         next.shift <= largest_shift && added_variance(light, cosines, next) <= table_variance;
+         next = coarser(light, next)) {
+        shift = next.shift;
+        columns = next.columns;
+        weights = next.light;
     }
-    Environment map{light, shift, blocks.columns, Distribution2D(blocks.first, blocks.columns), {}, {}};
-    for (size_t row = 0; row <= blocks.rows; ++row)
+    const auto angle = [&](size_t i) { return solid_angle(light, cosines, shift, i % columns, i / columns); };
+    if (shift == 0)
+        for (size_t i = 0; i < weights.size(); ++i) weights[i] *= angle(i);
+    Environment map{light, shift, columns, Distribution2D(weights, columns), {}, {}};
+    for (size_t row = 0; row <= weights.size() / columns; ++row)
         map.cosines.push_back(cosines[std::min<size_t>(row << shift, light.height)]);
-    for (size_t i = 0; i < blocks.first.size(); ++i)
-        map.densities.push_back(static_cast<float>(
-            map.by_block.probability(i % blocks.columns, i / blocks.columns) / blocks.angle[i]));
+    map.densities.reserve(weights.size());
+    for (size_t i = 0; i < weights.size(); ++i)
+        map.densities.push_back(
+            static_cast<float>(map.by_block.probability(i % columns, i / columns) / angle(i)));
     return map;
 }
 

@@ -72,6 +72,25 @@ def flip(marram, a, b, report=None):
     return float(re.search(r"FLIP\s+mean ([0-9.e+-]+)", said).group(1))
 
 
+def parts(pictures, ball, level):
+    """Marram's brightness over Cycles' in the squares of an eighth of the picture's side that are all ball and at least half as
+    bright as it: least, greatest, and the deviation that noise alone gives one."""
+    side = len(ball) // 8
+    ratios, variances = [], []
+    for y in range(0, 8 * side, side):
+        for x in range(0, 8 * side, side):
+            square = np.s_[y:y + side, x:x + side]
+            one = {name: p[:, square[0], square[1], :3] for name, p in pictures.items()}
+            mean = {name: p.mean() for name, p in one.items()}
+            if not ball[square].all() or mean["cycles"] < 0.5 * level["cycles"].mean():
+                continue
+            ratios.append(mean["marram"] / mean["cycles"])
+            # Channels share a path: their mean has the noise of a pixel.
+            variances.append(sum(p.mean(-1).var(0, ddof=1).mean() / (p.shape[0] * side * side) / mean[name] ** 2
+                                 for name, p in one.items()))
+    return min(ratios), max(ratios), math.sqrt(np.mean(variances))
+
+
 def measure(case, rounds, sky, camera, marram, out):
     pictures, seconds, processes = {}, {}, {"cycles": [], "marram": []}
     for name in processes:
@@ -98,6 +117,7 @@ def measure(case, rounds, sky, camera, marram, out):
     both = np.concatenate([mean["cycles"], mean["marram"]], 1)[..., :3]
     save(out / f"{case.name}.png", encoded(both), "PNG")
 
+    least, greatest, part_noise = parts(pictures, ball, level)
     time = {name: median(s) for name, s in seconds.items()}
     return {
         "cycles_s": time["cycles"], "marram_s": time["marram"],
@@ -107,6 +127,7 @@ def measure(case, rounds, sky, camera, marram, out):
         "noise_at_equal_time": noise["marram"] / noise["cycles"] * math.sqrt(time["marram"] / time["cycles"]),
         "brightness": level["marram"].mean() / level["cycles"].mean(),
         "brightness_rgb": (level["marram"] / level["cycles"]).tolist(),
+        "part_least": least, "part_greatest": greatest, "part_noise": part_noise,
         "silhouette": abs(alpha["marram"] - alpha["cycles"]).sum() / alpha["cycles"].sum(),
         "flip": flip(marram, out / f"{case.name}-marram.exr", out / f"{case.name}-cycles.exr", out / case.name),
         "flip_seeds": flip(marram, case / "cycles-seed.exr", case / "cycles-other.exr"),
@@ -118,13 +139,15 @@ columns = [  # heading, key, format
     ("Cycles s", "cycles_s", "{:.2f}"), ("Marram s", "marram_s", "{:.2f}"), ("ratio", "ratio", "{:.3f}"),
     ("process: C", "process_cycles_s", "{:.2f}"), ("M", "process_marram_s", "{:.2f}"),
     ("noise: C", "noise_cycles", "{:.4f}"), ("M", "noise_marram", "{:.4f}"), ("equal time", "noise_at_equal_time", "{:.3f}"),
-    ("brightness", "brightness", "{:.4f}"), ("silhouette", "silhouette", "{:.4f}"),
+    ("brightness", "brightness", "{:.4f}"), ("parts: from", "part_least", "{:.3f}"), ("to", "part_greatest", "{:.3f}"),
+    ("+-", "part_noise", "{:.3f}"), ("silhouette", "silhouette", "{:.4f}"),
     ("FLIP", "flip", "{:.4f}"), ("of seeds", "flip_seeds", "{:.4f}"),
 ]
 legend = """
 Times "render" and "process" as at the head of run, medians; ratio: Marram over Cycles (goal: 0.5), the median of the rounds'.
 noise: of one picture, over the ball's brightness; equal time: Marram's over Cycles' at equal time (goal: below 1).
-brightness: Marram's mean over the ball, over Cycles'. silhouette: difference of alpha, over alpha.
+brightness: Marram's mean over the ball, over Cycles'; parts: the same of squares of an eighth of the picture's side, and the
+deviation that noise alone gives such a square: why they differ is at the head of run. silhouette: difference of alpha, over alpha.
 FLIP: between the means of all rounds; of seeds: between two of Cycles' own pictures, which is noise alone.
 """
 

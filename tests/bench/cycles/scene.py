@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Blender's side: ball.toml as a Blender scene, and a timed render of it.
 #
-#     blender -b -P scene.py -- build  BALL.toml STRANDS.hair BODY.obj SKY.exr OUT.blend
+#     blender -b -P scene.py -- build  BALL.toml STRANDS.hair BODY.obj SKY.exr LIGHTS OUT.blend
 #     blender -b BALL.blend -t 2 -P scene.py -- render SHAPE SAMPLES SIZE SEED OUT.exr OUT.json
 #
 # Marram has y up, Blender z; points turn as (x, y, z) -> (x, -z, y), which keeps the sky's up.
@@ -110,11 +110,11 @@ def add_camera(camera):
     bpy.context.scene.camera = thing
 
 
-def add_sun(sun):
+def add_sun(sun, found_by_fibres):
     data = bpy.data.lights.new("sun", "SUN")
     data.energy, data.color = 1.0, sun["irradiance"]
     data.angle = math.radians(sun["angle"])
-    data.cycles.use_multiple_importance_sampling = True
+    data.cycles.use_multiple_importance_sampling = found_by_fibres
     towards = Vector(turned(sun["direction"])[0].tolist())
     link("sun", data).rotation_euler = towards.to_track_quat("Z", "Y").to_euler()
 
@@ -130,7 +130,7 @@ def add_sky(path):
     world.node_tree.links.new(picture.outputs[0], world.node_tree.nodes["Background"].inputs["Color"])
 
 
-def build(ball_path, hair_path, body_path, sky_path, out):
+def build(ball_path, hair_path, body_path, sky_path, lights, out):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     ball = tomllib.load(open(ball_path, "rb"))
     named = lambda table, name: next(entry for entry in ball[table] if entry["name"] == name)
@@ -143,7 +143,7 @@ def build(ball_path, hair_path, body_path, sky_path, out):
              parametrization="COLOR")
     material(add_body(body_path), "ShaderNodeBsdfDiffuse", {"Color": [*skin["color"], 1], "Roughness": 0})
     add_camera(ball["camera"])
-    add_sun(named("light", "sun"))
+    add_sun(named("light", "sun"), lights == "all")
     add_sky(sky_path)
 
     scene = bpy.context.scene

@@ -133,6 +133,12 @@ void copy(const std::vector<Vec3f>& from, float* to) {
     std::memcpy(to, from.data(), from.size() * sizeof(Vec3f));
 }
 
+// The first component of elements that may be none at all: a mesh without vertices has no normals' memory.
+template <class Elements>
+auto components(Elements& elements) {
+    return elements.data() ? elements.data()->data() : nullptr;
+}
+
 } // namespace
 
 LentMeshes::LentMeshes(const World& world, const SceneGeometry& geometry)
@@ -140,13 +146,13 @@ LentMeshes::LentMeshes(const World& world, const SceneGeometry& geometry)
     lists_.resize(world.meshes.size());
     for (size_t i = 0; i < world.meshes.size(); ++i) {
         const MeshGeometry& mesh = world.meshes[i];
-        for (const auto& positions : mesh.positions) lists_[i].positions.push_back(positions.data()->data());
-        for (const auto& normals : mesh.normals) lists_[i].normals.push_back(normals.data()->data());
-        meshes_.push_back(
-            {mesh.name.c_str(), uint32_t(i), uint32_t(mesh.positions[0].size()),
-             uint32_t(mesh.triangles.size()), uint32_t(mesh.positions.size()), lists_[i].positions.data(),
-             mesh.normals.empty() ? nullptr : lists_[i].normals.data(), mesh.triangles.data()->data(),
-             mesh.uvs.empty() ? nullptr : mesh.uvs.data()->data()});
+        for (const auto& positions : mesh.positions) lists_[i].positions.push_back(components(positions));
+        for (const auto& normals : mesh.normals) lists_[i].normals.push_back(components(normals));
+        meshes_.push_back({mesh.name.c_str(), uint32_t(i), uint32_t(mesh.positions[0].size()),
+                           uint32_t(mesh.triangles.size()), uint32_t(mesh.positions.size()),
+                           lists_[i].positions.data(),
+                           mesh.normals.empty() ? nullptr : lists_[i].normals.data(),
+                           components(mesh.triangles), components(mesh.uvs)});
     }
 }
 
@@ -207,8 +213,8 @@ void add_procedural_mesh(Build& build, Procedural& procedural) {
     mesh.positions.push_back(with_spare_bytes<Vec3f>(output.vertex_count));
     mesh.triangles = with_spare_bytes<std::array<uint32_t, 3>>(output.triangle_count);
     if (output.has_uvs) mesh.uvs.resize(output.vertex_count);
-    const MarramMeshBuffers buffers{mesh.positions[0].data()->data(), mesh.triangles.data()->data(),
-                                    output.has_uvs ? mesh.uvs.data()->data() : nullptr};
+    const MarramMeshBuffers buffers{components(mesh.positions[0]), components(mesh.triangles),
+                                    output.has_uvs ? components(mesh.uvs) : nullptr};
     procedural.mesh(buffers);
     check_mesh(procedural, mesh);
     mesh.normals.push_back(vertex_normals(mesh.positions[0], mesh.triangles));

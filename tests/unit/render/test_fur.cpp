@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Light that goes from fibre to fibre, against a plain random walk: a loop of its own over intersect, spawn and the fibre's
 // values, each number drawn anew, an eighth of the directions from the whole sphere, no lights, no roulette. The picture is
-// compared in bands: numbers that depend on each other from fibre to fibre move light from one part of the fur to another and
-// hardly change the whole.
+// compared in bands: numbers that depend on each other from fibre to fibre move light from one part of the fur to another, and may
+// leave the whole as it was.
 #include "tests/unit/render/world_builder.h"
 #include "tests/unit/shaders/default_params.h"
 

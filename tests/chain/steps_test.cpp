@@ -138,7 +138,7 @@ TEST(Speed, exact_collision_costs_less_than_sixteen_steps) {
                 8 * divisions * divisions, global_rotate, c.exact / c.steps, 1e3 * c.exact, 1e3 * c.steps,
                 c.first / c.steps, 1e3 * c.first, 1e3 * c.tree, 1e3 * c.tree_again, 1e3 * built);
             // The stronger wind, with five times the contacts, is reported on the fine skin; see the README. On the coarse
-            // one it costs 0.86 of the steps on a quiet machine and 1.02 beside a compiler, which takes the cache from it.
+            // one it costs 0.86 to 0.98 of the steps on quiet machines and 1.02 beside a compiler, which takes its cache.
             if (global_rotate < 1.0) {
                 EXPECT_LT(c.exact, c.steps);
             } else if (divisions < 100) {

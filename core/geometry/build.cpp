@@ -2,6 +2,7 @@
 #include "core/geometry/build.h"
 
 #include "core/geometry/build_state.h"
+#include "core/geometry/round_pieces.h"
 
 #include <cmath>
 #include <cstring>
@@ -270,7 +271,7 @@ void build_colliders(Build& build) {
     const double begin = now();
     build.progress.phase = "placing meshes";
     world.colliders = new_scene(build, RTC_SCENE_FLAG_NONE);
-    world.scene = new_scene(build, RTC_SCENE_FLAG_NONE);
+    world.scene = new_scene(build, MARRAM_SCENE_FILTER);
     build.stats.triangles = 0;
     const std::vector<SceneMesh>& sources = build.geometry.meshes;
     const bool again = !world.meshes.empty();
@@ -352,6 +353,7 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
 
     const double curves = now();
     if (settings.curves_bvh) commit(build, world.scene.get(), "building the BVH");
+    mark_round_pieces(world);
     stats.curves_bvh += now() - curves;
     RTCBounds bounds{};
     rtcGetSceneBounds(settings.curves_bvh ? world.scene.get() : world.colliders.get(), &bounds);

@@ -43,7 +43,7 @@ struct BuildSettings {
     double pixel_angle = 0.0;
     std::vector<std::string> attributes; // of curves, by name; those a procedural does not have are left out
     bool curves_bvh = true;              // false: curves are made but not traced (baking)
-    // Straight pieces that a ribbon's segment is traced as; 0: the cubic; -1: as the tolerance allows (curve_pieces.h).
+    // Straight pieces that a segment is traced as; 0: the cubic; -1: as the tolerance allows (curve_pieces.h).
     int curve_pieces = -1;
 };
 

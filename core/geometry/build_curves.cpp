@@ -2,6 +2,7 @@
 // Phase 2 of a frame: procedurals make their curves in Embree's buffers, which are attached as they are or cut into pieces.
 #include "core/geometry/build_state.h"
 #include "core/geometry/curve_pieces.h"
+#include "core/geometry/round_pieces.h"
 
 #include <limits>
 
@@ -103,7 +104,7 @@ void allocate(Build& build, CurveBuild& item) {
 
 // Whether the tolerance decides on straight pieces.
 bool may_be_pieces(const MarramOutput& output, const BuildSettings& settings) {
-    return settings.curves_bvh && settings.curve_pieces < 0 && output.shape == MARRAM_RIBBON;
+    return settings.curves_bvh && settings.curve_pieces < 0 && output.shape != MARRAM_ORIENTED_RIBBON;
 }
 
 // x - x is 0 for a finite number and NaN for any other.
@@ -154,8 +155,9 @@ void put_indices(Build& build, RTCGeometry geometry, size_t curves, uint32_t seg
 }
 
 // What Embree traces in place of the cubics: straight pieces between points on them.
-std::shared_ptr<RTCGeometryTy> make_pieces(Build& build, const CurveBuild& item, uint32_t pieces) {
+std::shared_ptr<RTCGeometryTy> make_pieces(Build& build, CurveBuild& item) {
     const MarramOutput& output = item.output;
+    const uint32_t pieces = item.curves.pieces;
     const size_t cvs = output.cvs_per_curve;
     const uint32_t per_curve = (output.cvs_per_curve - 1) * pieces;
     if (output.curve_count > std::numeric_limits<uint32_t>::max() / (uint64_t(per_curve) + 1))
@@ -177,6 +179,7 @@ std::shared_ptr<RTCGeometryTy> make_pieces(Build& build, const CurveBuild& item,
                          vertices + 4 * patch.first_curve * (per_curve + 1));
         });
         build.stats.curve_bytes += output.curve_count * (per_curve + 1) * 16;
+        if (output.shape == MARRAM_ROUND) add_round_pieces(build.world, item.curves, vertices);
     }
     put_indices(build, geometry, output.curve_count, per_curve, per_curve + 1);
     return owner;
@@ -186,7 +189,7 @@ std::shared_ptr<RTCGeometryTy> make_pieces(Build& build, const CurveBuild& item,
 void attach_curves(Build& build, CurveBuild& item) {
     const MarramOutput& output = item.output;
     const int asked = build.settings.curve_pieces;
-    uint32_t pieces = output.shape == MARRAM_RIBBON ? uint32_t(std::max(asked, 0)) : 0;
+    uint32_t pieces = output.shape != MARRAM_ORIENTED_RIBBON ? uint32_t(std::max(asked, 0)) : 0;
     if (may_be_pieces(output, build.settings)) {
         pieces = pieces_for(item.chords);
         build.stats.chosen[item.procedural->name() + ".curve_pieces"] = pieces;
@@ -194,7 +197,7 @@ void attach_curves(Build& build, CurveBuild& item) {
     item.curves.pieces = pieces;
     std::shared_ptr<RTCGeometryTy> traced = item.geometry;
     if (pieces > 0)
-        traced = make_pieces(build, item, pieces);
+        traced = make_pieces(build, item);
     else
         put_indices(build, traced.get(), output.curve_count, output.cvs_per_curve - 1,
                     output.cvs_per_curve + 2);

@@ -13,6 +13,7 @@
 //   curves    c U + 64 l U: Newton's iteration in Embree stops at residuals of a few times 16 U l.
 //   round     besides, 4 l r U / 1 m: its error estimate adds lengths to products of lengths, which shows in
 //             huge scenes.
+//   pieces    round: besides, 2 c U: corners are rounded to float, each by itself, so that straight strands bend a little.
 //   flat      besides, Embree draws a ribbon as 4 quadrilaterals a segment: their depth is off by
 //             |C''| (1/4)^2 / 8.
 //
@@ -42,6 +43,8 @@
 
 #include "core/geometry/cubic.h"
 #include "core/geometry/curve_pieces.h"
+#include "core/geometry/round_pieces.h"
+#include "core/geometry/time_step.h"
 #include "core/plugin/embree.h"
 
 #include <algorithm>
@@ -55,24 +58,12 @@ constexpr double margin = 2.0;         // measured: tests/unit/render/test_spawn
 constexpr double curve_residual =
     64.0; // Newton's tolerance in Embree is 16, and it may stop on both sides of a surface
 constexpr double huge_residual = 4.0; // 1/m
+constexpr double piece_residual = 2.0; // their corners are rounded to float, each by itself
 constexpr double ribbon_pieces = 4.0; // Embree's default tessellation rate
 constexpr double least_sine =
     1e-4; // a ray closer to the fibre's direction than that, 1 in 1e8, may meet it again
 
 double greatest(const Vec3d& v) { return v.cwiseAbs().maxCoeff(); }
-
-// Two time steps and the place between them.
-struct Step {
-    size_t first;
-    double within;
-};
-
-Step step_of(size_t steps, float time) {
-    if (steps < 2) return {0, 0.0};
-    const double at = static_cast<double>(time) * static_cast<double>(steps - 1);
-    const size_t first = std::min(static_cast<size_t>(at), steps - 2);
-    return {first, at - static_cast<double>(first)};
-}
 
 // The vertices of a segment at a time: `Size` floats each.
 template <int Size>
@@ -267,7 +258,29 @@ void set_ribbon_piece(const Vec3d& seen, const Vec3d& direction, const PiecePoin
     point.normal = side.cross(tangent).cast<float>();
 }
 
-void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit, SurfacePoint& point) {
+// A round piece is a cone with a ball at either end.
+void set_round_piece(const Vec3d& seen, const PiecePoint& piece, const Vec3d& tangent, float along,
+                     SurfacePoint& point) {
+    const double length = point.piece, radius = std::abs(piece.value[3]);
+    const Vec3d chord = length > 0.0 ? Vec3d(piece.chord / length) : tangent, axis = piece.value.head<3>();
+    Vec3d out = seen - axis;
+    const double distance = out.norm();
+    out = distance > 0.0 ? Vec3d(out / distance) : any_across(tangent);
+    const bool cone = along > 0.0F && along < 1.0F && length > 0.0;
+    const double slope = point.taper;
+    point.shape = PointShape::round;
+    point.error += piece_residual * float_step * greatest(axis);
+    point.from_axis = (radius * out).cast<float>();
+    point.position = axis + radius * out;
+    point.geometric_normal = (cone ? Vec3d((out - slope * chord).normalized()) : out).cast<float>();
+    const Vec3d around = out - out.dot(tangent) * tangent; // the tip of a strand may be met end on
+    const double share = around.norm();
+    point.normal = share > least_sine ? Vec3d((around / share - slope * tangent).normalized()).cast<float>()
+                                      : point.geometric_normal;
+}
+
+void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit, double t,
+               SurfacePoint& point) {
     const uint32_t pieces = std::max(curves.pieces, 1U), piece = hit.primID % pieces;
     const uint32_t segments = curves.cvs_per_curve - 1, segment = hit.primID / pieces % segments;
     point.strand = hit.primID / pieces / segments;
@@ -282,7 +295,7 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     const Vec3d dc = c.first.head<3>();
     const double speed = dc.norm();
     const Vec3d direction(ray.dir_x, ray.dir_y, ray.dir_z);
-    const Vec3d seen = Vec3d(ray.org_x, ray.org_y, ray.org_z) + static_cast<double>(ray.tfar) * direction;
+    const Vec3d seen = Vec3d(ray.org_x, ray.org_y, ray.org_z) + t * direction;
     const Vec3d tangent = speed > 0.0 ? Vec3d(dc / speed) : any_across(direction);
     const Vec3d side = across_ray(tangent, direction);
 
@@ -300,7 +313,9 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     point.piece = static_cast<float>(length);
     point.to_begin = static_cast<float>(length * (straight.along - straight.begin));
     point.to_end = static_cast<float>(length * (straight.end - straight.along));
-    if (curves.shape == MARRAM_ROUND)
+    if (curves.shape == MARRAM_ROUND && curves.pieces > 0)
+        set_round_piece(seen, straight, tangent, hit.u, point);
+    else if (curves.shape == MARRAM_ROUND)
         set_round(seen, c, tangent, slope, extent, point);
     else if (curves.pieces > 0)
         set_ribbon_piece(seen, direction, straight, tangent, side, point);
@@ -414,7 +429,13 @@ bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coh
     query.ray = to_embree(ray);
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    marram_intersect1(world.scene.get(), &query, coherent ? 1 : 0);
+    double t = 0.0;
+    if (world.reach > 0.0) {
+        intersect_round(world, query, coherent, t);
+    } else {
+        marram_intersect1(world.scene.get(), &query, coherent ? 1 : 0);
+        t = query.ray.tfar;
+    }
     if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
     point.geometry = query.hit.geomID;
     point.primitive = query.hit.primID;
@@ -424,7 +445,7 @@ bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coh
                      point);
     } else {
         point.normal = Vec3f(query.hit.Ng_x, query.hit.Ng_y, query.hit.Ng_z).normalized();
-        set_curve(world.curves[query.hit.geomID - world.meshes.size()], query.ray, query.hit, point);
+        set_curve(world.curves[query.hit.geomID - world.meshes.size()], query.ray, query.hit, t, point);
     }
     return true;
 }
@@ -437,7 +458,10 @@ bool occluded(const World& world, const Ray& ray, RayCounts* counts) {
     if (!(ray.tnear < ray.tfar)) return false;
     if (counts) ++counts->occluded;
     RTCRay query = to_embree(ray);
-    marram_occluded1(world.scene.get(), &query);
+    if (world.reach > 0.0)
+        occluded_round(world, query);
+    else
+        marram_occluded1(world.scene.get(), &query);
     return query.tfar < 0.0F;
 }
 

@@ -44,9 +44,11 @@ struct CurveGeometry {
     MarramShape shape = MARRAM_ROUND;
     uint64_t curve_count = 0;
     uint32_t cvs_per_curve = 0;
-    uint32_t pieces = 0; // straight ones that a ribbon's segment is traced as; 0: the cubic (curve_pieces.h)
+    uint32_t pieces = 0; // straight ones that a segment is traced as; 0: the cubic (curve_pieces.h)
     std::vector<const float*> vertices; // [time] x, y, z, radius; owned by Embree
     std::vector<const float*> normals;  // [time], 3 floats a vertex; oriented ribbons only
+    std::vector<float*>
+        round_pieces; // [time] what is traced, (segments * pieces + 1) vertices a curve; else empty
     std::vector<CurveAttributeValues> attributes;
 };
 
@@ -59,6 +61,8 @@ struct World {
         times; // motion samples in frames, equally spaced; a ray's time 0 ... 1 runs from the first to the last
     std::vector<MeshGeometry> meshes;
     std::vector<CurveGeometry> curves;
+    double reach =
+        0.0;      // the greatest length of a round piece with its ball, m (round_pieces.h); 0: there are none
     Box3f bounds; // of everything at every motion sample
     std::vector<std::shared_ptr<RTCGeometryTy>>
         curve_buffers; // what the pointers in `curves` point into, attached or not

@@ -41,6 +41,68 @@ static inline void marram_occluded1(RTCScene scene, struct RTCRay* ray) {
 #endif
 }
 
+/* The same with a filter that Embree asks about each hit, of any geometry, in a scene with MARRAM_SCENE_FILTER. It may shorten the
+   ray; marram_query_of(args) is what was handed over as `query`. */
+#if MARRAM_EMBREE_MAJOR == 4
+#define MARRAM_SCENE_FILTER RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS
+struct MarramFilterContext {
+    struct RTCRayQueryContext context; /* first */
+    void* query;
+};
+#else
+#define MARRAM_SCENE_FILTER RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION
+struct MarramFilterContext {
+    struct RTCIntersectContext context; /* first */
+    void* query;
+};
+#endif
+
+static inline void* marram_query_of(const struct RTCFilterFunctionNArguments* args) {
+    return ((struct MarramFilterContext*)args->context)->query;
+}
+
+static inline void marram_intersect1_filtered(RTCScene scene, struct RTCRayHit* rayhit, int coherent,
+                                              RTCFilterFunctionN filter, void* query) {
+    struct MarramFilterContext context;
+    context.query = query;
+#if MARRAM_EMBREE_MAJOR == 4
+    struct RTCIntersectArguments args;
+    rtcInitRayQueryContext(&context.context);
+    rtcInitIntersectArguments(&args);
+    args.flags =
+        (enum RTCRayQueryFlags)((coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT) |
+                                RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER);
+    args.context = &context.context;
+    args.filter = filter;
+    rtcIntersect1(scene, rayhit, &args);
+#else
+    rtcInitIntersectContext(&context.context);
+    context.context.flags =
+        coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+    context.context.filter = filter;
+    rtcIntersect1(scene, &context.context, rayhit);
+#endif
+}
+
+static inline void marram_occluded1_filtered(RTCScene scene, struct RTCRay* ray, RTCFilterFunctionN filter,
+                                             void* query) {
+    struct MarramFilterContext context;
+    context.query = query;
+#if MARRAM_EMBREE_MAJOR == 4
+    struct RTCOccludedArguments args;
+    rtcInitRayQueryContext(&context.context);
+    rtcInitOccludedArguments(&args);
+    args.flags = RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER;
+    args.context = &context.context;
+    args.filter = filter;
+    rtcOccluded1(scene, ray, &args);
+#else
+    rtcInitIntersectContext(&context.context);
+    context.context.filter = filter;
+    rtcOccluded1(scene, &context.context, ray);
+#endif
+}
+
 /* Many rays, `stride` bytes apart. On a skin neighbours go apart soon: that they are said to be incoherent, in a stream, takes 40 % of
    the time of coherent packets of sixteen. Embree 4 has no streams. */
 static inline void marram_occluded_many(RTCScene scene, struct RTCRay* rays, unsigned count, size_t stride) {

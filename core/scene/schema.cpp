@@ -67,9 +67,11 @@ std::vector<ParamSpec> film_params() {
          "motion samples over the shutter; default: as many as meshes and strands need to stay within the "
          "tolerance"},
         {"curve_pieces", integer, "", "none", 0, 64, "",
-         "straight pieces that each segment of a ribbon is traced as, 0: the cubic; default: as few as stay "
-         "within "
-         "half of the tolerance and a quarter of a pixel, the cubic where more than 4 would be needed"},
+         "straight pieces that each segment of a round curve or a ribbon is traced as, 0: the cubic; "
+         "default: as "
+         "few as stay within half of the tolerance and a quarter of a pixel, the cubic where more than 4 "
+         "would be "
+         "needed"},
     };
 }
 

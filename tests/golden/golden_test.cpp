@@ -3,6 +3,8 @@
 #include "tests/golden/goldens.h"
 
 #include "core/cli/compare_report.h"
+#include "core/geometry/curve_pieces.h"
+#include "core/geometry/round_pieces.h"
 #include "core/image/atomic_file.h"
 #include "core/math/hash.h"
 #include "core/plugin/embree.h"
@@ -114,6 +116,19 @@ void expect_caught(const char* what, const std::string& name, const std::vector<
     expect_caught(what, Stage(golden, faults), golden);
 }
 
+// Where the cubics are traced as straight pieces.
+void edit_pieces(World& world, size_t g) {
+    const CurveGeometry& curves = world.curves[g];
+    RTCGeometry pieces = rtcGetGeometry(world.scene.get(), unsigned(world.meshes.size() + g));
+    for (unsigned time = 0; time < curves.vertices.size(); ++time) {
+        write_pieces({curves.vertices[time], curves.curve_count, curves.cvs_per_curve, curves.basis},
+                     curves.vertices[0], curves.pieces,
+                     static_cast<float*>(rtcGetGeometryBufferData(pieces, RTC_BUFFER_TYPE_VERTEX, time)));
+        rtcUpdateGeometryBuffer(pieces, RTC_BUFFER_TYPE_VERTEX, time);
+    }
+    rtcCommitGeometry(pieces);
+}
+
 // Moves CVs in the buffers that Embree reads, and builds its tree again.
 void edit_curves(World& world, const std::function<void(uint64_t curve, float* vertex)>& edit) {
     for (size_t g = 0; g < world.curves.size(); ++g) {
@@ -127,8 +142,10 @@ void edit_curves(World& world, const std::function<void(uint64_t curve, float* v
             rtcUpdateGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, time);
         }
         rtcCommitGeometry(geometry);
+        if (curves.pieces > 0) edit_pieces(world, g);
     }
     rtcCommitScene(world.scene.get());
+    mark_round_pieces(world);
 }
 
 } // namespace

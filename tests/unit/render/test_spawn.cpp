@@ -165,6 +165,9 @@ void fibre_table(MarramShape shape, const char* shape_name, uint32_t pieces = 0)
 
 TEST(Spawn, LeavesRoundFibres) { fibre_table(MARRAM_ROUND, "round"); }
 TEST(Spawn, LeavesRibbons) { fibre_table(MARRAM_RIBBON, "ribbon"); }
+TEST(Spawn, LeavesRoundFibresInPieces) {
+    for (const uint32_t pieces : {1U, 3U}) fibre_table(MARRAM_ROUND, "pieces", pieces);
+}
 TEST(Spawn, LeavesRibbonsInPieces) {
     for (const uint32_t pieces : {1U, 3U}) fibre_table(MARRAM_RIBBON, "pieces", pieces);
 }

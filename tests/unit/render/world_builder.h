@@ -3,6 +3,7 @@
 #pragma once
 
 #include "core/geometry/curve_pieces.h"
+#include "core/geometry/round_pieces.h"
 #include "core/geometry/world.h"
 #include "core/plugin/embree.h"
 
@@ -19,6 +20,7 @@ class WorldBuilder {
     explicit WorldBuilder(std::vector<double> times = {0.0}) {
         world.device = {rtcNewDevice(nullptr), rtcReleaseDevice};
         world.scene = {rtcNewScene(world.device.get()), rtcReleaseScene};
+        rtcSetSceneFlags(world.scene.get(), MARRAM_SCENE_FILTER);
         world.times = std::move(times);
     }
 
@@ -46,8 +48,8 @@ class WorldBuilder {
         world.meshes.push_back(std::move(mesh));
     }
 
-    // cvs: [time][curve * n + cv]; normal: of oriented ribbons, one for all; pieces: straight ones a segment of a
-    // ribbon, 0: the cubic. After all meshes.
+    // cvs: [time][curve * n + cv]; normal: of oriented ribbons, one for all; pieces: straight ones a segment, 0: the
+    // cubic. After all meshes.
     void curves(const std::vector<std::vector<Cv>>& cvs, uint32_t n, MarramShape shape, MarramBasis basis,
                 int material = 0, const Vec3f& normal = Vec3f::UnitZ(), uint32_t pieces = 0) {
         CurveGeometry curves;
@@ -90,6 +92,7 @@ class WorldBuilder {
 
     World& commit() {
         rtcCommitScene(world.scene.get());
+        mark_round_pieces(world);
         return world;
     }
 
@@ -122,17 +125,19 @@ class WorldBuilder {
             for (uint32_t s = 0; s < segments; ++s) *index++ = c * stride + s;
     }
 
-    // The same ribbons as straight pieces.
-    RTCGeometry pieces_of(const CurveGeometry& curves) {
+    // The same curves as straight pieces.
+    RTCGeometry pieces_of(CurveGeometry& curves) {
         const RTCGeometry geometry = rtcNewGeometry(world.device.get(), RTC_GEOMETRY_TYPE_FLAT_LINEAR_CURVE);
         const uint32_t n = curves.cvs_per_curve, segments = (n - 1) * curves.pieces;
         rtcSetGeometryTimeStepCount(geometry, static_cast<unsigned>(curves.vertices.size()));
-        for (unsigned t = 0; t < curves.vertices.size(); ++t)
+        for (unsigned t = 0; t < curves.vertices.size(); ++t) {
+            float* v = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, t,
+                                                                   RTC_FORMAT_FLOAT4, 16,
+                                                                   curves.curve_count * (segments + 1)));
             write_pieces({curves.vertices[t], curves.curve_count, n, curves.basis}, curves.vertices[0],
-                         curves.pieces,
-                         static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, t,
-                                                                     RTC_FORMAT_FLOAT4, 16,
-                                                                     curves.curve_count * (segments + 1))));
+                         curves.pieces, v);
+            if (curves.shape == MARRAM_ROUND) add_round_pieces(world, curves, v);
+        }
         put_indices(geometry, curves.curve_count, segments, segments + 1);
         return geometry;
     }

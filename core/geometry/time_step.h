@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// Motion keys are equally spaced over a ray's time 0 ... 1, and linear between.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+
+namespace marram {
+
+// Two keys and the place between them.
+struct Step {
+    size_t first;
+    double within;
+};
+
+inline Step step_of(size_t keys, float time) {
+    if (keys < 2) return {0, 0.0};
+    const double at = static_cast<double>(time) * static_cast<double>(keys - 1);
+    const size_t first = std::min(static_cast<size_t>(at), keys - 2);
+    return {first, at - static_cast<double>(first)};
+}
+
+} // namespace marram

@@ -348,8 +348,7 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
     build_phase_one(build);
 
     LentMeshes lent(world, geometry);
-    for (const auto& procedural : geometry.procedurals)
-        if (procedural->type().kind == MARRAM_CURVES) add_curves(build, *procedural, lent);
+    add_curves(build, lent);
 
     const double curves = now();
     if (settings.curves_bvh) commit(build, world.scene.get(), "building the BVH");

@@ -185,25 +185,44 @@ std::shared_ptr<RTCGeometryTy> make_pieces(Build& build, CurveBuild& item) {
     return owner;
 }
 
-// Gives the curves to Embree: as they are, or as pieces where that is told or by the tolerance does.
-void attach_curves(Build& build, CurveBuild& item) {
-    const MarramOutput& output = item.output;
-    const int asked = build.settings.curve_pieces;
-    uint32_t pieces = output.shape != MARRAM_ORIENTED_RIBBON ? uint32_t(std::max(asked, 0)) : 0;
-    if (may_be_pieces(output, build.settings)) {
-        pieces = pieces_for(item.chords);
-        build.stats.chosen[item.procedural->name() + ".curve_pieces"] = pieces;
+uint64_t segments_of(const CurveBuild& item) {
+    return item.output.curve_count * (item.output.cvs_per_curve - 1);
+}
+
+// Each hit in the scene waits for the filter that round pieces need, so that these are to be most of what there is.
+bool round_pieces_pay(const std::vector<CurveBuild>& items) {
+    uint64_t all = 0, round = 0;
+    for (const CurveBuild& item : items) {
+        all += segments_of(item);
+        if (item.output.shape == MARRAM_ROUND) round += segments_of(item);
     }
-    item.curves.pieces = pieces;
+    return 2 * round >= all;
+}
+
+// How many pieces a segment is traced as: what is told, or by the tolerance and what pays; 0: the cubic.
+uint32_t choose_pieces(Build& build, const CurveBuild& item, bool round_pay) {
+    const MarramOutput& output = item.output;
+    if (output.shape == MARRAM_ORIENTED_RIBBON) return 0;
+    if (!may_be_pieces(output, build.settings)) return uint32_t(build.settings.curve_pieces);
+    const uint32_t most =
+        output.shape == MARRAM_ROUND && !round_pay ? 0 : most_that_pay(output.shape, output.time_count);
+    const uint32_t pieces = pieces_for(item.chords, most);
+    build.stats.chosen[item.procedural->name() + ".curve_pieces"] = pieces;
+    return pieces;
+}
+
+// Gives the curves to Embree: as they are, or as pieces.
+void attach_curves(Build& build, CurveBuild& item, unsigned id, bool round_pay) {
+    const MarramOutput& output = item.output;
+    item.curves.pieces = choose_pieces(build, item, round_pay);
     std::shared_ptr<RTCGeometryTy> traced = item.geometry;
-    if (pieces > 0)
+    if (item.curves.pieces > 0)
         traced = make_pieces(build, item);
     else
         put_indices(build, traced.get(), output.curve_count, output.cvs_per_curve - 1,
                     output.cvs_per_curve + 2);
     rtcCommitGeometry(traced.get());
-    rtcAttachGeometryByID(build.world.scene.get(), traced.get(),
-                          unsigned(build.world.meshes.size() + build.world.curves.size()));
+    rtcAttachGeometryByID(build.world.scene.get(), traced.get(), id);
 }
 
 // What a procedural reports, and where it is kept.
@@ -253,9 +272,8 @@ void account(Build& build, CurveBuild& item, double wall) {
         stats.warnings.push_back(std::move(warning));
 }
 
-} // namespace
-
-void add_curves(Build& build, Procedural& procedural, LentMeshes& lent) {
+// Has one procedural make its curves.
+CurveBuild make_curves(Build& build, Procedural& procedural, LentMeshes& lent) {
     CurveBuild item{};
     item.procedural = &procedural;
     build.progress.fraction = 0.0;
@@ -281,11 +299,25 @@ void add_curves(Build& build, Procedural& procedural, LentMeshes& lent) {
         build.progress.fraction = double(++done) / double(item.output.patch_count);
     });
     account(build, item, now() - begin);
-    const double attached = now();
-    if (build.settings.curves_bvh && item.output.curve_count > 0) attach_curves(build, item);
-    build.stats.curves_bvh += now() - attached;
-    build.curves.push_back(item.geometry);
-    build.world.curves.push_back(std::move(item.curves));
+    return item;
+}
+
+} // namespace
+
+void add_curves(Build& build, LentMeshes& lent) {
+    std::vector<CurveBuild> items;
+    for (const auto& procedural : build.geometry.procedurals)
+        if (procedural->type().kind == MARRAM_CURVES) items.push_back(make_curves(build, *procedural, lent));
+    const double begin = now();
+    const bool round_pay = round_pieces_pay(items);
+    for (CurveBuild& item : items) {
+        const auto id = unsigned(build.world.meshes.size() + build.world.curves.size());
+        if (build.settings.curves_bvh && item.output.curve_count > 0)
+            attach_curves(build, item, id, round_pay);
+        build.curves.push_back(item.geometry);
+        build.world.curves.push_back(std::move(item.curves));
+    }
+    build.stats.curves_bvh += now() - begin;
 }
 
 } // namespace marram

@@ -75,7 +75,7 @@ class LentMeshes {
 // Refuses a procedural that says of its curves what cannot be.
 void check_output(const Procedural& procedural, const MarramOutput& output);
 
-// Phase 2 for one procedural that makes curves: has them made, and attaches them to the scene.
-void add_curves(Build& build, Procedural& procedural, LentMeshes& lent);
+// Phase 2: has all procedurals make their curves, and attaches them to the scene.
+void add_curves(Build& build, LentMeshes& lent);
 
 } // namespace marram

@@ -42,8 +42,13 @@ void add_chord_errors(const CurveVertices& curves, const ChordLimit& limit, Chor
         }
 }
 
-uint32_t pieces_for(std::span<const ChordErrors> errors) {
-    for (uint32_t i = 0; i < most_pieces; ++i)
+uint32_t most_that_pay(MarramShape shape, size_t keys) {
+    if (keys > 2) return 1;
+    return (shape == MARRAM_ROUND ? most_pieces : most_pieces / 2) / uint32_t(keys);
+}
+
+uint32_t pieces_for(std::span<const ChordErrors> errors, uint32_t most) {
+    for (uint32_t i = 0; i < most; ++i)
         if (std::ranges::all_of(errors, [i](const ChordErrors& e) { return e[i] <= 1.0; })) return i + 1;
     return 0;
 }

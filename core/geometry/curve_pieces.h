@@ -7,6 +7,19 @@
 // round_pieces.h says; tracing takes 20 to 27 % less time (tests/bench/cycles/ball.toml, with film.curve_pieces = 0 and without).
 // Oriented ribbons turn on their way and stay cubics.
 //
+// More pieces have a larger tree, and each motion key makes it larger and its boxes looser. Against the cubic:
+//                                               pieces  tracing   BVH's time   peak memory
+//   grass of scenes/default.toml, at rest          2     -13 %       +2 %         -5 %
+//                                                  3      -3 %      +43 %        +19 %
+//   the same, 2 motion keys                        2      +2 %      +42 %        +58 %
+//   round fur on that ball, 100,000, at rest       2     -24 %       -5 %         +2 %
+//                                                  4     -17 %      +60 %        +15 %
+//   the same in wind, 2 motion keys                2     -17 %      +12 %        +28 %
+//   the same in more wind, 5 keys                  2       0         -9 %        +53 %
+// so most_that_pay() is 2 for ribbons and 4 for round fibres, half of that with two keys, 1 with more. Round pieces also make each
+// hit in the scene wait for a filter: among many more ribbons, the grass and stalks of scenes/default.toml, tracing took 6 % longer.
+// They are used where they are at least half of the segments.
+//
 // Ribbons, measured on the hairy ball of tests/bench/cycles, 10,000 strands: the whole picture's brightness is within 0.16 % of the
 // cubic's, direct light of its sunlit quarter 0.3 to 0.4 % darker, with two pieces and with eight. Not explained; film.curve_pieces = 0
 // avoids it.
@@ -53,8 +66,11 @@ using ChordErrors = std::array<double, most_pieces>;
 // Raises `errors` to the greatest over all segments. About 50 ns a segment.
 void add_chord_errors(const CurveVertices& curves, const ChordLimit& limit, ChordErrors& errors);
 
-// The fewest pieces that keep to the limit everywhere; 0: the cubic.
-uint32_t pieces_for(std::span<const ChordErrors> errors);
+// The most pieces that are still traced faster than the cubic, or as fast in less memory; keys: of motion, at least 1. See above.
+uint32_t most_that_pay(MarramShape shape, size_t keys);
+
+// The fewest pieces, up to `most`, that keep to the limit everywhere; 0: the cubic.
+uint32_t pieces_for(std::span<const ChordErrors> errors, uint32_t most);
 
 // A straight piece's ends: x, y, z, radius.
 struct Chord {

@@ -10,7 +10,7 @@
 // axis lies behind another strand's or below the skin. Asking every piece instead finds the same (tests/run -R RoundPieces -V).
 //
 // Cost: in fur the reach takes a few percent of the time at most (a reach of 4 r instead was no faster beyond the noise of timing);
-// long pieces among much else cost more, see README on straight pieces. Error: a few roundings of double, but for what Embree decides in
+// among much else they cost more, see curve_pieces.h. Error: a few roundings of double, but for what Embree decides in
 // float, the silhouette; where a strand tapers by k = dr / dlength, and for rays closer than k to its direction, the silhouette is that
 // of the cone's thin end. The pieces' corners are rounded to float.
 #pragma once

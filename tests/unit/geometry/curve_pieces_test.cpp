@@ -103,7 +103,7 @@ TEST(CurvePieces, AreAsFewAsTheLimitAllows) {
     const auto chosen = [&](double tolerance, double pixel_angle) {
         ChordErrors errors{};
         add_chord_errors(curves, {tolerance, pixel_angle, Vec3d(0.0, 0.0, 10.0)}, errors);
-        return pieces_for(std::vector{errors, ChordErrors{}});
+        return pieces_for(std::vector{errors, ChordErrors{}}, most_pieces);
     };
     // 1.2 radians over 5 segments of 0.24: off by 0.24^2 / 8 = 0.0072 m with one piece.
     EXPECT_EQ(chosen(0.0150, 1.0), 1U);
@@ -115,6 +115,9 @@ TEST(CurvePieces, AreAsFewAsTheLimitAllows) {
     EXPECT_EQ(chosen(1.0, 0.0), 0U);
     EXPECT_EQ(chosen(1.0, 4.0 * 0.0073 / 10.0), 1U); // a quarter of a pixel 10 m away
     EXPECT_EQ(chosen(1.0, 4.0 * 0.0060 / 10.0), 2U);
+    ChordErrors three{2.0, 1.5, 0.9, 0.5};
+    EXPECT_EQ(pieces_for({&three, 1}, 2), 0U);
+    EXPECT_EQ(pieces_for({&three, 1}, 4), 3U);
 }
 
 std::string furred(const std::string& shape, const std::string& basis) {
@@ -148,6 +151,46 @@ TEST(CurvePieces, AreNotForOrientedRibbons) {
     EXPECT_EQ(scene.build().curves[0].pieces, 0U);
     scene.settings.curve_pieces = 3;
     EXPECT_EQ(scene.build().curves[0].pieces, 0U);
+}
+
+// A tolerance by which furred() is traced as two pieces a segment.
+void ask_for_two(BuildSettings& settings) {
+    settings.tolerance = 0.002;
+    settings.pixel_angle = 0.1;
+    settings.camera_position = {0.0, 0.0, 5.0};
+}
+
+// Two in motion take half as much memory again and are not traced faster.
+TEST(CurvePieces, OfRibbonsAreFewerInMotion) {
+    const std::string wind = "wind.direction = [1, 0, 0]\nwind.speed = 1\nwind.global_rotate = 0.1\n"
+                             "wind.noise = { amplitude = 1, frequency = 1, octaves = 2 }\n";
+    for (const auto& [shape, keys, expected] :
+         {std::tuple("ribbon", 1U, 2U), std::tuple("ribbon", 2U, 0U), std::tuple("round", 1U, 2U),
+          std::tuple("round", 2U, 2U), std::tuple("round", 3U, 0U)}) {
+        TestScene scene(furred(shape, "bspline") + wind);
+        ask_for_two(scene.settings);
+        scene.settings.motion_keys = keys;
+        if (keys > 1) scene.settings.shutter_close = 0.5;
+        const World world = scene.build();
+        EXPECT_EQ(world.curves[0].vertices.size(), keys);
+        EXPECT_EQ(world.curves[0].pieces, expected) << shape << ", keys: " << keys;
+    }
+}
+
+// Not among many more ribbons, whose hits would wait for them.
+TEST(CurvePieces, OfRoundFibresWantToBeMostOfTheScene) {
+    for (const auto& [count, expected] : {std::pair(2900, 2U), std::pair(3100, 0U)}) {
+        const std::string blades =
+            "[[procedural]]\nname = \"blades\"\ntype = \"groom\"\non = \"body\"\ncvs = 5\n"
+            "count = " +
+            std::to_string(count) + "\nlength = 0.2\nwidth = 0.01\nshape = \"ribbon\"\n";
+        TestScene scene(furred("round", "bspline") + blades);
+        ask_for_two(scene.settings);
+        const World world = scene.build();
+        EXPECT_EQ(world.curves[0].pieces, expected);
+        EXPECT_EQ(world.curves[1].pieces, 1U); // straight blades
+        EXPECT_EQ(scene.stats.chosen.at("fur.curve_pieces"), expected);
+    }
 }
 
 // What rays from all around meet in two worlds of the same strands.
@@ -190,9 +233,7 @@ Seen look(const World& pieces, const World& cubic) {
 void expect_seen_as_the_cubic(const char* shape, double most_other) {
     for (const char* basis : {"bspline", "catmull-rom"}) {
         TestScene scene(furred(shape, basis));
-        scene.settings.tolerance = 0.002;
-        scene.settings.pixel_angle = 0.1;
-        scene.settings.camera_position = {0.0, 0.0, 5.0};
+        ask_for_two(scene.settings);
         const World pieces = scene.build();
         const uint32_t chosen = pieces.curves[0].pieces;
         EXPECT_EQ(chosen, 2U);

@@ -7,7 +7,6 @@ namespace marram {
 
 namespace {
 
-constexpr float pi_f = static_cast<float>(pi);
 
 } // namespace
 

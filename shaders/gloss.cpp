@@ -31,8 +31,6 @@ namespace marram {
 
 namespace {
 
-constexpr float pi_f = static_cast<float>(pi);
-
 // Where a value lies between the nodes 0 ... count - 1.
 struct Node {
     int below;

@@ -38,7 +38,6 @@ namespace marram {
 
 namespace {
 
-constexpr float pi_f = static_cast<float>(pi);
 constexpr int lobe_count = 4;
 
 // M_p of all lobes. Where I0's argument x is small, exp(-x) of I0e goes into the other exponential.

@@ -35,7 +35,6 @@ namespace marram {
 
 namespace {
 
-constexpr float pi_f = static_cast<float>(pi);
 constexpr float quartz = 1.54F;
 constexpr float facet_roughness = 0.6F;
 constexpr float blur = static_cast<float>(1.5 * degree); // of a facet: its curvature and half the sun's width

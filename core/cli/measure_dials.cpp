@@ -136,8 +136,9 @@ Dial shield_per(const LoadedScene& scene) {
 
 // A dial over numbers, the finest of which stands first or last. Where the scene leaves the number to the tolerance, or its
 // grooms differ, what they have is one more setting.
-Dial numbered(const LoadedScene& scene, Dial dial, const std::string& key, const std::vector<double>& values,
-              const std::string& parameter, const std::string& only_with, bool finest_first) {
+Dial with_numbers(const LoadedScene& scene, Dial dial, const std::string& key,
+                  const std::vector<double>& values, const std::string& parameter,
+                  const std::string& only_with, bool finest_first) {
     std::vector<std::pair<double, DialSetting>> settings;
     for (const double value : values)
         settings.emplace_back(
@@ -306,8 +307,8 @@ DialList dials_of(const LoadedScene& scene) {
                       false,
                       {},
                       0};
-            dial = numbered(scene, std::move(dial), "wind.shielding.rays", {1, 4, 16, 64, 256},
-                            "shielding.rays", "shielding.spread", false);
+            dial = with_numbers(scene, std::move(dial), "wind.shielding.rays", {1, 4, 16, 64, 256},
+                                "shielding.rays", "shielding.spread", false);
             dial.weight = 3.0;
             dial.law = [](double rays) { return std::pow(rays, -0.8); };
             dial.law_words = "falls with the number of rays to the power 0.8";
@@ -326,8 +327,8 @@ DialList dials_of(const LoadedScene& scene) {
                   false,
                   {},
                   0};
-        dial = numbered(scene, std::move(dial), "wind.jiggle.step", {0.125, 0.25, 0.5, 1.0, 2.0},
-                        "jiggle.step", "jiggle.frequency", true);
+        dial = with_numbers(scene, std::move(dial), "wind.jiggle.step", {0.125, 0.25, 0.5, 1.0, 2.0},
+                            "jiggle.step", "jiggle.frequency", true);
         dial.law = [](double step) { return step * step; };
         dial.law_words = "grows with the square of the step";
         list.dials.push_back(std::move(dial));

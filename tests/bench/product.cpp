@@ -4,11 +4,11 @@
 #include "core/cli/scene_camera.h"
 #include "core/geometry/curve_export.h"
 #include "core/plugin/embree.h"
+#include "tests/bench/workload.h"
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
-#include <chrono>
 #include <cstring>
 #include <fstream>
 #include <stdexcept>
@@ -17,13 +17,6 @@ namespace marram::bench {
 namespace {
 
 std::atomic<bool> never{false};
-
-template <typename Work>
-double seconds_of(Work&& work) {
-    const auto begin = std::chrono::steady_clock::now();
-    work();
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-}
 
 LoadedScene load_talk(const Coat& coat) {
     Overrides overrides;

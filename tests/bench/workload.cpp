@@ -7,17 +7,9 @@
 #include <tbb/parallel_for.h>
 
 #include <atomic>
-#include <chrono>
 
 namespace marram::bench {
 namespace {
-
-template <typename Work>
-double seconds_of(Work&& work) {
-    const auto begin = std::chrono::steady_clock::now();
-    work();
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-}
 
 // Calls visit(mesh, triangle, limit) for every triangle that may come within `radius` of `centre`, and more. visit returns the
 // radius to go on with: the same, smaller (what is farther away is then left out), or negative to stop.

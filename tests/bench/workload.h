@@ -7,7 +7,16 @@
 
 #include <tbb/enumerable_thread_specific.h>
 
+#include <chrono>
+
 namespace marram::bench {
+
+template <typename Work>
+double seconds_of(Work&& work) {
+    const auto begin = std::chrono::steady_clock::now();
+    work();
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
 
 struct Size {
     const char* name;

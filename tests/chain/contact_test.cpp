@@ -15,8 +15,6 @@ struct Agreement {
     double worst_angle = 0.0;
 };
 
-double angle_between(const Vec3d& a, const Vec3d& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
-
 // Compares every `stride`-th traced segment.
 Agreement compare(const Fur& fur, const oracle::TriangleSet& set, size_t stride) {
     Agreement sum;

@@ -7,6 +7,7 @@
 #include "tests/oracle/promise.h"
 
 #include <array>
+#include <cmath>
 
 namespace marram {
 
@@ -17,6 +18,10 @@ inline oracle::TriangleSet triangle_set(const std::vector<Mesh>& meshes) {
             triangles.push_back({mesh.positions[t[0]].cast<double>(), mesh.positions[t[1]].cast<double>(),
                                  mesh.positions[t[2]].cast<double>()});
     return oracle::TriangleSet(std::move(triangles));
+}
+
+inline double angle_between(const Vec3d& a, const Vec3d& b) {
+    return std::atan2(a.cross(b).norm(), a.dot(b));
 }
 
 struct FurOptions {

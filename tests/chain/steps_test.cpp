@@ -11,8 +11,6 @@
 namespace marram {
 namespace {
 
-double angle_between(const Vec3d& a, const Vec3d& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
-
 size_t crossing(const Fur& fur, const oracle::TriangleSet& set) {
     size_t sum = 0;
     for (size_t i = 0; i < fur.count(); ++i) sum += oracle::crossed_segments(fur.strand(i), set).segments > 0;

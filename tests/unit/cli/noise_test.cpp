@@ -8,8 +8,8 @@
 namespace marram::testing {
 namespace {
 
-const SceneText grassy{.film = "size = [48, 32]\nsamples = 256\nmax_depth = 3\n",
-                       .groom = "count = 3000\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.02\n"};
+const SceneText noisy_grass{.film = "size = [48, 32]\nsamples = 256\nmax_depth = 3\n",
+                            .groom = "count = 3000\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.02\n"};
 
 double number_of(const std::string& path, const std::string& key) {
     return std::stod(read_metadata(path, key).value_or("nan"));
@@ -19,7 +19,7 @@ double number_of(const std::string& path, const std::string& key) {
 
 TEST(Noise, pixels_are_done_when_they_are_as_good_as_asked_for) {
     const Folder folder;
-    const std::string scene = folder.write("a.toml", grassy);
+    const std::string scene = folder.write("a.toml", noisy_grass);
     constexpr double noise = 0.03;
     const auto rendered = [&](const std::string& name, const std::vector<std::string>& more) {
         std::vector<std::string> arguments = {"render", scene, "-o", folder / name, "--quiet"};
@@ -64,7 +64,7 @@ TEST(Noise, pixels_are_done_when_they_are_as_good_as_asked_for) {
 // However little time there is, what is there is a picture of fewer samples.
 TEST(Noise, time_is_kept_by_fewer_samples) {
     const Folder folder;
-    const std::string scene = folder.write("a.toml", grassy);
+    const std::string scene = folder.write("a.toml", noisy_grass);
     const Outcome done =
         marram({"render", scene, "-o", folder / "a.exr", "--quiet", "--spp", "65536", "--seconds", "0.05"});
     EXPECT_EQ(done.code, 0);

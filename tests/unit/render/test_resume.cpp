@@ -20,7 +20,7 @@ namespace {
 using testing::Cv;
 using testing::WorldBuilder;
 
-const std::vector<Material> materials = {testing::material_of("diffuse")};
+const std::vector<Material> grey = {testing::material_of("diffuse")};
 const std::vector<std::string> layers = {"beauty", "alpha", "variance", "normal", "depth", "strand_u", "id"};
 
 // Stalks on a floor in front of the sky: pixels that are done at once, soon and late, and such that come back.
@@ -50,7 +50,7 @@ class Resume : public ::testing::Test {
         settings.samples = samples;
         settings.noise = noise;
         settings.max_depth = 3;
-        return render(builder_.world, Lights(lights, builder_.world), materials, camera_, settings, film,
+        return render(builder_.world, Lights(lights, builder_.world), grey, camera_, settings, film,
                       progress);
     }
     Film one_go(uint32_t samples) const {

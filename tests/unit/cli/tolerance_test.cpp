@@ -40,6 +40,16 @@ LoadedScene loaded(const std::string& file, const std::vector<std::string>& chan
     return load(file, overrides, never);
 }
 
+// What leaves a scene with no more strands than that.
+std::vector<std::string> with_about(double strands, LoadedScene& whole) {
+    BuildSettings at_rest = build_settings(whole, whole.description.globals.vec2("frames").x());
+    at_rest.shutter_open = at_rest.shutter_close = 0.0;
+    at_rest.stage = MARRAM_REST; // to count them
+    BuildStats stats;
+    built(whole, at_rest, stats);
+    return thinned(whole, std::min(1.0, strands / double(std::max<uint64_t>(stats.curves, 1))));
+}
+
 } // namespace
 
 // Between motion keys 99 strands in 100 are no farther from where they belong than the tolerance: with the keys that the scene gets by
@@ -49,14 +59,9 @@ TEST(Tolerance, holds_between_the_motion_keys_of_every_scene) {
     std::printf("%-18s%13s%8s%13s%13s%13s\n", "scene", "tolerance", "keys", "foreseen", "99 in 100", "worst");
     for (const std::string& file : scenes()) {
         LoadedScene whole = loaded(file, {});
-        BuildSettings settings = build_settings(whole, whole.description.globals.vec2("frames").x());
-        settings.shutter_open = settings.shutter_close = 0.0;
+        LoadedScene scene = loaded(file, with_about(8000.0, whole));
         BuildStats stats;
-        built(whole, settings, stats);
-        constexpr double enough = 8000.0;
-        LoadedScene scene =
-            loaded(file, thinned(whole, std::min(1.0, enough / double(std::max<uint64_t>(stats.curves, 1)))));
-        settings = build_settings(scene, whole.description.globals.vec2("frames").x());
+        BuildSettings settings = build_settings(scene, whole.description.globals.vec2("frames").x());
         if (!(settings.shutter_open < settings.shutter_close))
             settings.shutter_open = -0.25, settings.shutter_close = 0.25;
         settings.motion_keys = 0;
@@ -100,13 +105,7 @@ void expect_within_tolerance(const OpenDial& dial) {
     for (const std::string& file : scenes()) {
         LoadedScene whole = loaded(file, {});
         if (!dial.concerns(whole.description)) continue;
-        BuildStats stats;
-        BuildSettings still = build_settings(whole, whole.description.globals.vec2("frames").x());
-        still.shutter_open = still.shutter_close = 0.0;
-        built(whole, still, stats);
-        constexpr double enough = 1000.0;
-        std::vector<std::string> few =
-            thinned(whole, std::min(1.0, enough / double(std::max<uint64_t>(stats.curves, 1))));
+        std::vector<std::string> few = with_about(1000.0, whole);
         few.push_back("wind.collision={solver=\"none\"}");
         for (const std::string& change : for_grooms(dial.both, whole)) few.push_back(change);
         const auto with = [&](const std::vector<std::string>& changes) {
@@ -121,10 +120,11 @@ void expect_within_tolerance(const OpenDial& dial) {
         LoadedScene finest = with(dial.finest);
         const Vec2d frames = whole.description.globals.vec2("frames");
         for (int i = 0; i < dial.frames; ++i) {
-            still =
+            BuildSettings still =
                 build_settings(open, std::floor(frames.x() + (frames.y() - frames.x()) * i / dial.frames));
             still.shutter_open = still.shutter_close = 0.0;
-            const World mine = built(open, still, stats = {});
+            BuildStats stats;
+            const World mine = built(open, still, stats);
             const std::map<std::string, double> chosen = stats.chosen;
             const bool warned = !stats.warnings.empty(); // that the tolerance is out of reach
             BuildSettings exact = still;

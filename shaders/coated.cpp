@@ -5,11 +5,6 @@
 
 namespace marram {
 
-namespace {
-
-
-} // namespace
-
 CoatedBsdf coated(const ShadingPoint& point, const Vec3f& normal, const Vec3f& reflectance,
                   const Vec3f& transmittance, const Coat& coat) {
     CoatedBsdf bsdf;

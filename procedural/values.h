@@ -13,6 +13,8 @@
 
 namespace marram {
 
+inline constexpr double beyond_wind = 1e9; // metres or metres a second; keeps products finite
+
 // A mistake in the scene that only the procedural can see. Caught at the border and sent to the host.
 struct SceneFault : std::runtime_error {
     SceneFault(std::string where, const std::string& text)

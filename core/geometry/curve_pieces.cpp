@@ -10,9 +10,9 @@ namespace marram {
 
 namespace {
 
-using Control = Eigen::Map<const Eigen::Matrix<float, 4, 4>>;
+using Points4 = Eigen::Map<const Eigen::Matrix<float, 4, 4>>;
 
-Vec4d weigh(const Control& control, const std::array<double, 4>& weights) {
+Vec4d weigh(const Points4& control, const std::array<double, 4>& weights) {
     return control.cast<double>() * Eigen::Map<const Vec4d>(weights.data());
 }
 
@@ -27,7 +27,7 @@ void add_chord_errors(const CurveVertices& curves, const ChordLimit& limit, Chor
                                 end = cubic_basis(curves.basis, 1.0).second;
     for (size_t curve = 0; curve < curves.curves; ++curve)
         for (uint32_t segment = 0; segment + 1 < curves.cvs; ++segment) {
-            const Control control(curves.vertices + 4 * (curve * (curves.cvs + 2) + segment));
+            const Points4 control(curves.vertices + 4 * (curve * (curves.cvs + 2) + segment));
             const Vec4d a = weigh(control, begin), b = weigh(control, end);
             const double allowed = std::min(limit.at(control.col(1).head<3>().cast<double>()),
                                             limit.at(control.col(2).head<3>().cast<double>()));
@@ -70,10 +70,10 @@ void write_pieces(const CurveVertices& curves, const float* first_key, uint32_t 
     for (size_t curve = 0; curve < curves.curves; ++curve)
         for (uint32_t segment = 0; segment + 1 < curves.cvs; ++segment) {
             const size_t first = 4 * (curve * (curves.cvs + 2) + segment);
-            const Eigen::Matrix4d control = Control(curves.vertices + first).cast<double>();
+            const Eigen::Matrix4d control = Points4(curves.vertices + first).cast<double>();
             const auto share = [&](uint32_t piece, bool tip) {
                 return end_share(
-                    chord_of(Control(first_key + first).cast<double>(), curves.basis, piece, pieces), tip);
+                    chord_of(Points4(first_key + first).cast<double>(), curves.basis, piece, pieces), tip);
             };
             for (uint32_t piece = 0; piece < pieces; ++piece, out += 4) {
                 const Chord chord = chord_of(control, curves.basis, piece, pieces);

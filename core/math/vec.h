@@ -20,6 +20,7 @@ using Vec4d = Eigen::Vector4d;
 using Box3f = Eigen::AlignedBox3f;
 
 inline constexpr double pi = std::numbers::pi;
+inline constexpr double infinity = std::numeric_limits<double>::infinity();
 inline constexpr float pi_f = std::numbers::pi_v<float>;
 inline constexpr double degree = pi / 180.0; // radians in a degree
 

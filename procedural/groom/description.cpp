@@ -30,26 +30,29 @@
 namespace marram {
 namespace {
 
-constexpr double big = 1e18; // as large as Embree takes
+constexpr double largest = 1e18; // as large as Embree takes
 
-constexpr std::array params = {
-    MarramParam{"on", MARRAM_MESH_NAME, "", "", -big, big, "", "mesh that the strands grow on"},
+constexpr std::array groom_values = {
+    MarramParam{"on", MARRAM_MESH_NAME, "", "", -largest, largest, "", "mesh that the strands grow on"},
     MarramParam{"density", MARRAM_NUMBER, "1/m^2", "none", 0, 1e12, "",
                 "strands a square metre; this or count"},
     MarramParam{"count", MARRAM_INTEGER, "", "none", 1, 400000000, "",
                 "strands in all, masks included; this or density"},
-    MarramParam{"density_mask", MARRAM_IMAGE, "", "none", -big, big, "", "share of the density, by uv"},
-    MarramParam{"density_by_height", MARRAM_RAMP, "m", "none", -big, big, "", "share of the density over y"},
-    MarramParam{"density_by_slope", MARRAM_RAMP, "deg", "none", -big, big, "",
+    MarramParam{"density_mask", MARRAM_IMAGE, "", "none", -largest, largest, "",
+                "share of the density, by uv"},
+    MarramParam{"density_by_height", MARRAM_RAMP, "m", "none", -largest, largest, "",
+                "share of the density over y"},
+    MarramParam{"density_by_slope", MARRAM_RAMP, "deg", "none", -largest, largest, "",
                 "share of the density over slope (0 is level)"},
     MarramParam{"spacing", MARRAM_NUMBER, "", "1", 0, 1, "",
                 "0: random roots, 1: as even as a Poisson disc set"},
-    MarramParam{"length", MARRAM_RANGE, "m", "", 0, big, "", "shortest and longest strand"},
-    MarramParam{"length_mask", MARRAM_IMAGE, "", "none", -big, big, "", "share of the length, by uv"},
-    MarramParam{"length_by_height", MARRAM_RAMP, "m", "none", -big, big, "", "share of the length over y"},
-    MarramParam{"length_by_slope", MARRAM_RAMP, "deg", "none", -big, big, "",
+    MarramParam{"length", MARRAM_RANGE, "m", "", 0, largest, "", "shortest and longest strand"},
+    MarramParam{"length_mask", MARRAM_IMAGE, "", "none", -largest, largest, "", "share of the length, by uv"},
+    MarramParam{"length_by_height", MARRAM_RAMP, "m", "none", -largest, largest, "",
+                "share of the length over y"},
+    MarramParam{"length_by_slope", MARRAM_RAMP, "deg", "none", -largest, largest, "",
                 "share of the length over slope"},
-    MarramParam{"comb", MARRAM_VEC3, "", "none", -big, big, "",
+    MarramParam{"comb", MARRAM_VEC3, "", "none", -largest, largest, "",
                 "direction to lean to; absent: each strand its own"},
     MarramParam{"comb_variation", MARRAM_NUMBER, "deg", "20", 0, 180, "",
                 "strands turn away from comb by up to this"},
@@ -57,16 +60,16 @@ constexpr std::array params = {
     MarramParam{"lean_variation", MARRAM_NUMBER, "deg", "5", 0, 90, "", "the same, up or down by at most"},
     MarramParam{"arc", MARRAM_NUMBER, "deg", "20", -720, 720, "", "further lean from root to tip"},
     MarramParam{"arc_variation", MARRAM_NUMBER, "deg", "10", 0, 360, "", "the same, up or down by at most"},
-    MarramParam{"curl.radius", MARRAM_NUMBER, "m", "0", 0, big, "", "of the helix at the tip"},
+    MarramParam{"curl.radius", MARRAM_NUMBER, "m", "0", 0, largest, "", "of the helix at the tip"},
     MarramParam{"curl.turns", MARRAM_NUMBER, "", "3", 0, 1000, "", "of the helix over the strand"},
-    MarramParam{"clump.size", MARRAM_NUMBER, "m", "0", 0, big, "", "mean distance of clumps; 0: none"},
+    MarramParam{"clump.size", MARRAM_NUMBER, "m", "0", 0, largest, "", "mean distance of clumps; 0: none"},
     MarramParam{"clump.amount", MARRAM_NUMBER, "", "0.5", 0, 1, "", "1: all tips of a clump meet"},
-    MarramParam{"clump.profile", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -big, big, "",
+    MarramParam{"clump.profile", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest, largest, "",
                 "pull to the clump from root to tip"},
-    MarramParam{"frizz.amplitude", MARRAM_NUMBER, "m", "0", 0, big, "", "sideways wander at the tip"},
+    MarramParam{"frizz.amplitude", MARRAM_NUMBER, "m", "0", 0, largest, "", "sideways wander at the tip"},
     MarramParam{"frizz.frequency", MARRAM_NUMBER, "", "4", 0, 1e4, "", "wanders over the strand"},
-    MarramParam{"width", MARRAM_NUMBER, "m", "", 0, big, "", "diameter, or breadth of a ribbon"},
-    MarramParam{"width_profile", MARRAM_RAMP, "", "[[0, 1], [1, 0.1]]", -big, big, "",
+    MarramParam{"width", MARRAM_NUMBER, "m", "", 0, largest, "", "diameter, or breadth of a ribbon"},
+    MarramParam{"width_profile", MARRAM_RAMP, "", "[[0, 1], [1, 0.1]]", -largest, largest, "",
                 "share of the width from root to tip"},
     MarramParam{"width_variation", MARRAM_NUMBER, "", "0.1", 0, 1, "",
                 "share by which strands are thinner than others"},
@@ -74,11 +77,11 @@ constexpr std::array params = {
         "cvs", MARRAM_INTEGER, "", "8", 0, 1000, "",
         "control vertices a strand; 0: as many as the tolerance asks for, bent like strands of 8 unless "
         "wind.reference_segments says otherwise"},
-    MarramParam{"basis", MARRAM_CHOICE, "", "bspline", -big, big, "bspline|catmull-rom",
+    MarramParam{"basis", MARRAM_CHOICE, "", "bspline", -largest, largest, "bspline|catmull-rom",
                 "B-spline is smoother, Catmull-Rom meets its CVs"},
-    MarramParam{"shape", MARRAM_CHOICE, "", "round", -big, big, "round|ribbon|oriented-ribbon",
+    MarramParam{"shape", MARRAM_CHOICE, "", "round", -largest, largest, "round|ribbon|oriented-ribbon",
                 "tube, flat facing the camera, or flat facing its own way"},
-    MarramParam{"envelope", MARRAM_RAMP, "", "[[0, 1]]", -big, big, "",
+    MarramParam{"envelope", MARRAM_RAMP, "", "[[0, 1]]", -largest, largest, "",
                 "share of the wind taken from root to tip"},
     MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "another groom of the same description"},
 };
@@ -162,7 +165,7 @@ double Masks::operator()(const Vec2d& uv, double height, const Vec3d& unit_norma
     return share;
 }
 
-std::span<const MarramParam> groom_params() { return params; }
+std::span<const MarramParam> groom_params() { return groom_values; }
 
 Groom read_groom(const Values& values) {
     Groom groom;

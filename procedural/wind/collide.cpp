@@ -22,31 +22,29 @@
 namespace marram {
 namespace {
 
-constexpr double big = 1e9;
-
-constexpr std::array params = {
+constexpr std::array collision_values = {
     MarramParam{
-        "collision.solver", MARRAM_CHOICE, "", "none", -big, big, "exact|steps|none",
+        "collision.solver", MARRAM_CHOICE, "", "none", -beyond_wind, beyond_wind, "exact|steps|none",
         "exact: turn until the first contact; steps: the talk's fixed steps; none or absent: strands pass "
         "through meshes"},
     MarramParam{"collision.rotation_steps", MARRAM_INTEGER, "", "none", 1, 1e6, "",
                 "of solver steps; default 16"},
-    MarramParam{"collision.offset_root", MARRAM_NUMBER, "m", "none", 0, big, "",
+    MarramParam{"collision.offset_root", MARRAM_NUMBER, "m", "none", 0, beyond_wind, "",
                 "height of roots above the skin; default: 1 % of the strand's length, at least 1.2 radii"},
     MarramParam{
         "collision.offset_scale", MARRAM_NUMBER, "", "none", 0, 10, "",
         "bent CVs aim at no less than this share of their height at rest; default: anywhere, even inside"},
-    MarramParam{"collision.clearance", MARRAM_NUMBER, "m", "none", 0, big, "",
+    MarramParam{"collision.clearance", MARRAM_NUMBER, "m", "none", 0, beyond_wind, "",
                 "distance that strands keep from colliders; default: their radius"},
 };
 
 } // namespace
 
-std::span<const MarramParam> collision_params() { return params; }
+std::span<const MarramParam> collision_params() { return collision_values; }
 
 std::optional<Collision> read_collision(const Values& values) {
     if (!values.has("wind.collision.solver")) {
-        for (const MarramParam& param : params) {
+        for (const MarramParam& param : collision_values) {
             const std::string name = std::string("wind.") + param.name;
             if (values.has(name))
                 throw SceneFault(values.at(name).place,

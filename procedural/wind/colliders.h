@@ -43,10 +43,7 @@ struct Colliders {
 // The colliders of a frame at its motion sample `time_index`; empty where the frame lends none. Without a tree.
 Colliders colliders_at(const MarramFrame& frame, uint32_t time_index);
 
-inline Eigen::AlignedBox3d everywhere() {
-    constexpr double infinity = std::numeric_limits<double>::infinity();
-    return {Vec3d::Constant(-infinity), Vec3d::Constant(infinity)};
-}
+inline Eigen::AlignedBox3d everywhere() { return {Vec3d::Constant(-infinity), Vec3d::Constant(infinity)}; }
 
 // The trees of a frame, kept for the next: where neither the meshes nor the reach have changed they serve again. A hash of
 // all that the meshes hold tells (XXH3, 128 bits): 36 ms a gigabyte on two threads, a thirtieth of the making.

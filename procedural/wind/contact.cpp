@@ -33,7 +33,6 @@
 namespace marram {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double rounding = 1e-14; // relative error of what is computed here, with room
 
 struct alignas(64) Touches { // extreme turns found so far

@@ -21,8 +21,6 @@
 namespace marram {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double big = 1e9;            // metres or metres a second, beyond any wind; keeps products finite
 constexpr double longest = 1e6;        // frames
 constexpr double most_lumps = 0.9;     // see gusts.h
 constexpr double lumps_a_radius = 1.5; // cells of value noise: about as many bulges on a side
@@ -36,14 +34,14 @@ constexpr uint32_t noise_bits = 24; // of a lattice value: exact in a float and 
 
 constexpr const char* smooth_fall = "{ knots = [[0, 1], [1, 0]], interpolation = \"smooth\" }";
 
-constexpr std::array params = {
+constexpr std::array gust_values = {
     MarramParam{"gusts.num_gusts", MARRAM_INTEGER, "", "0", 0, 1000000, "",
                 "spheres of influence that travel with the wind, in each period"},
-    MarramParam{"gusts.radius_range", MARRAM_RANGE, "m", "[2, 4]", 0, big, "",
+    MarramParam{"gusts.radius_range", MARRAM_RANGE, "m", "[2, 4]", 0, beyond_wind, "",
                 "of a gust, from its centre to where it ends"},
     MarramParam{"gusts.radius_noise_range", MARRAM_RANGE, "", "[0, 0.3]", 0, most_lumps, "",
                 "share of the radius by which its surface dents in; 0: a ball"},
-    MarramParam{"gusts.speed_range", MARRAM_RANGE, "m/s", "none", 0, big, "",
+    MarramParam{"gusts.speed_range", MARRAM_RANGE, "m/s", "none", 0, beyond_wind, "",
                 "of a gust; default: the wind's speed"},
     MarramParam{"gusts.start_frame_range", MARRAM_RANGE, "frames", "none", -longest, longest, "",
                 "when a gust is in the plane upwind, at its full strength: it swells as long before as it "
@@ -55,13 +53,13 @@ constexpr std::array params = {
                 "of that, how long it takes to fade out, at least one frame"},
     MarramParam{"gusts.period", MARRAM_NUMBER, "frames", "240", 0, longest, "",
                 "the set of gusts repeats after this, before and after for ever; 0: it comes once"},
-    MarramParam{"gusts.redraw", MARRAM_BOOLEAN, "", "false", -big, big, "",
+    MarramParam{"gusts.redraw", MARRAM_BOOLEAN, "", "false", -beyond_wind, beyond_wind, "",
                 "true: every repetition has gusts of its own; false: the same ones, so that cycles close"},
-    MarramParam{"gusts.center", MARRAM_VEC3, "m", "none", -big, big, "",
+    MarramParam{"gusts.center", MARRAM_VEC3, "m", "none", -beyond_wind, beyond_wind, "",
                 "that the gusts pass; default: the middle of the strands at bind_frame"},
-    MarramParam{"gusts.extent", MARRAM_VEC2, "m", "none", 0, big, "",
+    MarramParam{"gusts.extent", MARRAM_VEC2, "m", "none", 0, beyond_wind, "",
                 "of the plane that they start from, level and upright; default: that of the strands"},
-    MarramParam{"gusts.distance", MARRAM_NUMBER, "m", "none", -big, big, "",
+    MarramParam{"gusts.distance", MARRAM_NUMBER, "m", "none", -beyond_wind, beyond_wind, "",
                 "of that plane from the centre, upwind; default: just outside the strands"},
     MarramParam{"gusts.ramp", MARRAM_RAMP, "", smooth_fall, 0, 1, "",
                 "influence from a gust's centre (0) to its end (1), where it is 0"},
@@ -69,9 +67,9 @@ constexpr std::array params = {
                 "factor on the influence of these gusts"},
     MarramParam{"gusts.seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "other gusts of the same kind"},
     MarramParam{
-        "gusts.control[].shape", MARRAM_CHOICE, "", "sphere", -big, big, "sphere|box",
+        "gusts.control[].shape", MARRAM_CHOICE, "", "sphere", -beyond_wind, beyond_wind, "sphere|box",
         "a gust placed by hand: a ball of radius 1 m or a box of half side 1 m, before the transform"},
-    MarramParam{"gusts.control[].transform", MARRAM_KEYS, "", "{}", -big, big, "",
+    MarramParam{"gusts.control[].transform", MARRAM_KEYS, "", "{}", -beyond_wind, beyond_wind, "",
                 "where and how large it is, keyed"},
     MarramParam{"gusts.control[].inner", MARRAM_VEC3, "", "none", 0, 1, "",
                 "half sides of a box's inner box, where the influence is full, as shares of the outer's; "
@@ -424,7 +422,7 @@ MARRAM_HOT void bounds_of(std::span<const Wide3f> points, Wide3f& lower, Wide3f&
 
 } // namespace
 
-std::span<const MarramParam> gust_params() { return params; }
+std::span<const MarramParam> gust_params() { return gust_values; }
 
 std::optional<Gusts> read_gusts(const Values& values) {
     Gusts gusts;

@@ -62,7 +62,7 @@ constexpr double least_direction = 1e-9;
 // Lags that no float can hold (the smallest is 1e-45 m) are taken as 0 before they decay into slow subnormal numbers.
 constexpr double least_lag = 1e-60;
 
-constexpr std::array params = {
+constexpr std::array jiggle_values = {
     MarramParam{"jiggle.frequency", MARRAM_NUMBER, "Hz", "none", 0, 1e9, "",
                 "strands swing into their bent pose, this often a second where stiffness is 1; 0 or absent: "
                 "they follow at once"},
@@ -82,7 +82,7 @@ constexpr std::array params = {
 }
 
 void refuse_without_frequency(const Values& values) {
-    for (const MarramParam& param : params) {
+    for (const MarramParam& param : jiggle_values) {
         const std::string name = std::string("wind.") + param.name;
         if (values.has(name))
             refuse(values, name.c_str(),
@@ -256,7 +256,7 @@ MARRAM_HOT void normals_block(int cvs, const Wide3f* bent, const Wide3f* bent_no
 
 } // namespace
 
-std::span<const MarramParam> jiggle_params() { return params; }
+std::span<const MarramParam> jiggle_params() { return jiggle_values; }
 
 std::optional<Jiggle> read_jiggle(const Values& values) {
     if (!values.has("wind.jiggle.frequency")) {

@@ -20,18 +20,16 @@
 namespace marram {
 namespace {
 
-constexpr double big = 1e9;
-
-constexpr std::array params = {
+constexpr std::array shielding_values = {
     MarramParam{"shielding.shield", MARRAM_NUMBER, "", "none", 0, 1, "",
                 "share of the wind that a wholly sheltered strand loses. Absent: no strand is sheltered"},
-    MarramParam{"shielding.offset", MARRAM_NUMBER, "m", "none", 1e-9, big, "",
+    MarramParam{"shielding.offset", MARRAM_NUMBER, "m", "none", 1e-9, beyond_wind, "",
                 "how far upwind meshes shelter; default: 10 m"},
-    MarramParam{"shielding.shield_per", MARRAM_CHOICE, "", "none", -big, big, "curve|cv",
+    MarramParam{"shielding.shield_per", MARRAM_CHOICE, "", "none", -beyond_wind, beyond_wind, "curve|cv",
                 "curve (default): a strand's sheltered share slows all of it; cv: each CV for itself"},
-    MarramParam{"shielding.wake", MARRAM_NUMBER, "m", "none", 1e-9, big, "",
+    MarramParam{"shielding.wake", MARRAM_NUMBER, "m", "none", 1e-9, beyond_wind, "",
                 "shelter fades to nothing this far behind a mesh; default: it does not fade"},
-    MarramParam{"shielding.wake_heights", MARRAM_NUMBER, "", "none", 1e-9, big, "",
+    MarramParam{"shielding.wake_heights", MARRAM_NUMBER, "", "none", 1e-9, beyond_wind, "",
                 "the same in heights of the mesh (its extent in y)"},
     MarramParam{"shielding.spread", MARRAM_NUMBER, "deg", "none", 0, 89, "",
                 "half angle of a cone that wind comes from: soft edges; default: 0, one direction"},
@@ -41,12 +39,12 @@ constexpr std::array params = {
 
 } // namespace
 
-std::span<const MarramParam> shielding_params() { return params; }
+std::span<const MarramParam> shielding_params() { return shielding_values; }
 
 std::optional<Shielding> read_shielding(const Values& values) {
     const auto given = [&](const char* name) { return values.has(name); };
     if (!given("wind.shielding.shield")) {
-        for (const MarramParam& param : params) {
+        for (const MarramParam& param : shielding_values) {
             const std::string name = std::string("wind.") + param.name;
             if (values.has(name))
                 throw SceneFault(values.at(name).place,

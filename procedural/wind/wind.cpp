@@ -11,26 +11,24 @@
 namespace marram {
 namespace {
 
-constexpr double big = 1e9; // beyond any wind; keeps products finite
-
 constexpr std::array own_params = {
-    MarramParam{"direction", MARRAM_VEC3, "", "[1, 0, 0]", -big, big, "",
+    MarramParam{"direction", MARRAM_VEC3, "", "[1, 0, 0]", -beyond_wind, beyond_wind, "",
                 "where the air goes to; any length but 0"},
-    MarramParam{"speed", MARRAM_NUMBER, "m/s", "0", 0, big, "",
+    MarramParam{"speed", MARRAM_NUMBER, "m/s", "0", 0, beyond_wind, "",
                 "carries the noise along and, through response, bends"},
     MarramParam{"calm", MARRAM_NUMBER, "", "none", 0, 1, "",
                 "wind between gusts, as a share of the full envelope; default: 1 without gusts, 0 with"},
-    MarramParam{"response", MARRAM_RAMP, "m/s", "[[0, 0], [10, 1]]", -big, big, "",
+    MarramParam{"response", MARRAM_RAMP, "m/s", "[[0, 0], [10, 1]]", -beyond_wind, beyond_wind, "",
                 "speed to strength: positions in m/s, values 0 ... 1, response(0) = 0"},
     MarramParam{"global_rotate", MARRAM_NUMBER, "", "0.6", 0, 1, "",
                 "scale of every segment's turn towards the wind"},
-    MarramParam{"ramp_rotate", MARRAM_RAMP, "", "[[0, 0.2], [1, 1]]", -big, big, "",
+    MarramParam{"ramp_rotate", MARRAM_RAMP, "", "[[0, 0.2], [1, 1]]", -beyond_wind, beyond_wind, "",
                 "scale of the turn from root (0) to tip (1)"},
     MarramParam{"waviness", MARRAM_NUMBER, "", "1", -1e6, 1e6, "",
                 "how far the noise's sampling point runs ahead along the strand: ripples"},
     MarramParam{"reference_segments", MARRAM_INTEGER, "", "0", 0, 100000, "",
                 "segments that a turn is meant for; 0: as many as the strand has (7 where cvs = 0)"},
-    MarramParam{"noise.type", MARRAM_CHOICE, "", "perlin", -big, big, "perlin|billow|wavelet",
+    MarramParam{"noise.type", MARRAM_CHOICE, "", "perlin", -beyond_wind, beyond_wind, "perlin|billow|wavelet",
                 "kind of noise field"},
     MarramParam{"noise.amplitude", MARRAM_NUMBER, "", "0.5", 0, 1e6, "",
                 "strength beside the unit wind direction"},
@@ -43,7 +41,7 @@ constexpr std::array own_params = {
     MarramParam{"noise.evolution", MARRAM_NUMBER, "1/s", "0", -1e6, 1e6, "",
                 "change of the field in place, cells a second"},
     MarramParam{
-        "noise.anchor", MARRAM_CHOICE, "", "world", -big, big, "world|rest",
+        "noise.anchor", MARRAM_CHOICE, "", "world", -beyond_wind, beyond_wind, "world|rest",
         "rest: sampled where the roots are at bind_frame, so that it does not swim on a moving surface"},
     MarramParam{"noise.seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "another field of the same kind"},
     MarramParam{"noise.loop", MARRAM_RANGE, "frames", "none", -1e7, 1e7, "",

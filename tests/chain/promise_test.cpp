@@ -28,13 +28,15 @@ Kept examine(const Fur& fur, const oracle::TriangleSet& set, MarramBasis basis, 
             ++kept.rooted_within;
             continue;
         }
-        if (oracle::crossed_segments(cvs, set).segments > 0) {
-            ++kept.crossed;
-            for (size_t k = 0; told && k + 1 < cvs.size(); ++k)
-                for (const auto& hit : set.crossings(cvs[k], cvs[k + 1]))
+        bool crossed = false;
+        for (size_t k = 0; k + 1 < cvs.size(); ++k)
+            for (const auto& hit : set.crossings(cvs[k], cvs[k + 1])) {
+                crossed = true;
+                if (told)
                     std::printf("    strand %zu segment %zu crosses triangle %d, margin %.3g\n", i, k,
                                 hit.triangle, hit.crossing.margin);
-        }
+            }
+        kept.crossed += crossed;
         const auto spline = basis == MARRAM_BSPLINE ? oracle::Spline::b_spline : oracle::Spline::catmull_rom;
         double deepest = 0.0;
         for (const double dip : oracle::deepest_dips(cvs, fur.radii(i), spline, 24, tolerance, set))

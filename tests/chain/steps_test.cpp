@@ -13,7 +13,7 @@ namespace {
 
 size_t crossing(const Fur& fur, const oracle::TriangleSet& set) {
     size_t sum = 0;
-    for (size_t i = 0; i < fur.count(); ++i) sum += oracle::crossed_segments(fur.strand(i), set).segments > 0;
+    for (size_t i = 0; i < fur.count(); ++i) sum += oracle::crossed_segments(fur.strand(i), set) > 0;
     return sum;
 }
 

@@ -10,8 +10,6 @@
 namespace marram::oracle {
 namespace {
 
-const Vec3d x = Vec3d::UnitX(), y = Vec3d::UnitY(), z = Vec3d::UnitZ();
-
 std::vector<Vec3d> straight(const Vec3d& root, const Vec3d& step, int count) {
     std::vector<Vec3d> cvs;
     for (int k = 0; k < count; ++k) cvs.push_back(root + k * step);
@@ -66,7 +64,7 @@ TEST(OracleCollide, a_strand_pressed_to_the_floor_comes_to_lie_on_it) {
         EXPECT_NEAR(turn.cvs[k + 1].z(), 0.0, 1e-15);
     }
     EXPECT_NEAR(turn.segments[0].angle, pi / 2 + std::asin((h - c[0]) / l), 1e-9);
-    EXPECT_EQ(crossed_segments(turn.cvs, ground).segments, 0);
+    EXPECT_EQ(crossed_segments(turn.cvs, ground), 0);
     EXPECT_LT(turn.turned / turn.goal, 1.0);
     EXPECT_GT(turn.turned / turn.goal, 0.25) << "segments carried under the floor turn away from their goals";
 }
@@ -148,8 +146,7 @@ TEST(OracleCollide, fur_on_a_bumpy_sphere_crosses_nothing_and_is_the_same_at_any
             std::vector<double> c;
             for (int k = 0; k < 5; ++k) c.push_back(scale * (1e-3 - 1e-9 * k));
             const StrandTurn turn = collide_strand(rest, targets, c, set);
-            const Crossed result = crossed_segments(turn.cvs, set);
-            crossed += result.segments;
+            crossed += crossed_segments(turn.cvs, set);
             unresolved += turn.unresolved;
             for (const SegmentTurn& segment : turn.segments) outs += segment.start_free ? 0 : 1;
             turned += turn.turned, goal += turn.goal;

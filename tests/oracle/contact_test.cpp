@@ -10,8 +10,6 @@
 namespace marram::oracle {
 namespace {
 
-const Vec3d x = Vec3d::UnitX(), y = Vec3d::UnitY(), z = Vec3d::UnitZ();
-
 TEST(OracleContact, onto_a_plane_the_tip_touches_where_the_sine_says) {
     for (double scale : {1e-30, 1e-3, 1.0, 1e5, 1e30})
         for (double c : {0.0, 1e-3, 0.1}) {

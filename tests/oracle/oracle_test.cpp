@@ -14,8 +14,6 @@
 namespace marram::oracle {
 namespace {
 
-const Vec3d x = Vec3d::UnitX(), y = Vec3d::UnitY(), z = Vec3d::UnitZ();
-
 std::vector<Vec3d> upright(int segments, double length) {
     std::vector<Vec3d> cvs;
     for (int k = 0; k <= segments; ++k) cvs.push_back(y * (length * k / segments));

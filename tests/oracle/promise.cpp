@@ -5,16 +5,10 @@
 
 namespace marram::oracle {
 
-Crossed crossed_segments(const std::vector<Vec3d>& cvs, const TriangleSet& set) {
-    Crossed result;
-    for (size_t k = 0; k + 1 < cvs.size(); ++k) {
-        const std::vector<Hit> hits = set.crossings(cvs[k], cvs[k + 1]);
-        double margin = hits.empty() ? set.nearest(cvs[k], cvs[k + 1]).closest.distance : 0.0;
-        for (const Hit& hit : hits) margin = std::max(margin, hit.crossing.margin); // the last to let go
-        result.margin = std::min(result.margin, margin);
-        result.segments += hits.empty() ? 0 : 1;
-    }
-    return result;
+int crossed_segments(const std::vector<Vec3d>& cvs, const TriangleSet& set) {
+    int crossed = 0;
+    for (size_t k = 0; k + 1 < cvs.size(); ++k) crossed += set.any_crossing(cvs[k], cvs[k + 1]);
+    return crossed;
 }
 
 Vec3d drawn_point(const std::vector<Vec3d>& cvs, Spline spline, size_t segment, double t) {
@@ -36,7 +30,16 @@ Vec3d drawn_point(const std::vector<Vec3d>& cvs, Spline spline, size_t segment, 
 std::vector<double> deepest_dips(const std::vector<Vec3d>& cvs, const std::vector<double>& radius,
                                  Spline spline, int samples, double reach, const TriangleSet& set) {
     std::vector<double> dips(cvs.size() - 1, -reach);
-    for (size_t k = 0; k + 1 < cvs.size(); ++k)
+    for (size_t k = 0; k + 1 < cvs.size(); ++k) {
+        double away = 0.0; // of the drawn points from the polygon's segment
+        for (int i = 0; i <= samples; ++i) {
+            const double t = double(i) / samples;
+            const Vec3d polygon = cvs[k] + t * (cvs[k + 1] - cvs[k]);
+            away = std::max(away, (drawn_point(cvs, spline, k, t) - polygon).norm());
+        }
+        const double widest = std::max(radius[k], radius[k + 1]);
+        const double far = (widest + reach + away) * (1.0 + 1e-9); // nothing so near: no sample sees anything
+        if (set.nearest(cvs[k], cvs[k + 1], far).triangle < 0) continue;
         for (int i = 0; i <= samples; ++i) {
             const double t = double(i) / samples;
             const Vec3d point = drawn_point(cvs, spline, k, t), polygon = cvs[k] + t * (cvs[k + 1] - cvs[k]);
@@ -46,6 +49,7 @@ std::vector<double> deepest_dips(const std::vector<Vec3d>& cvs, const std::vecto
             const double distance = set.nearest(point, point, limit).closest.distance;
             dips[k] = std::max(dips[k], r - (inside ? -distance : distance));
         }
+    }
     return dips;
 }
 

@@ -14,11 +14,8 @@
 
 namespace marram::oracle {
 
-struct Crossed {
-    int segments = 0;                      // that cross at least one triangle
-    double margin = TriangleSet::no_limit; // least length by which any segment's answer would have to move
-};
-Crossed crossed_segments(const std::vector<Vec3d>& cvs, const TriangleSet& set);
+// How many segments of a strand cross at least one triangle.
+int crossed_segments(const std::vector<Vec3d>& cvs, const TriangleSet& set);
 
 enum class Spline { b_spline, catmull_rom };
 Vec3d drawn_point(const std::vector<Vec3d>& cvs, Spline spline, size_t segment, double t);

@@ -7,6 +7,8 @@
 
 namespace marram::oracle {
 
+inline const Vec3d x = Vec3d::UnitX(), y = Vec3d::UnitY(), z = Vec3d::UnitZ();
+
 // Numbers drawn one after the other from a seed; for tests only.
 class Draw {
   public:

@@ -8,10 +8,17 @@
 namespace marram::oracle {
 namespace {
 
+// To a rounding or two at any size: scaled, which takes longer, only where squares would overflow or lose bits below the
+// smallest normal number.
+double length_of(const Vec3d& v) {
+    const double squared = v.squaredNorm();
+    return squared > 1e-280 && squared < 1e280 ? std::sqrt(squared) : v.stableNorm();
+}
+
 // Parameter of the point of ab nearest to p, in [0, 1].
 double nearest_parameter(const Vec3d& p, const Vec3d& a, const Vec3d& b) {
     const Vec3d along = b - a;
-    const double length = along.stableNorm();
+    const double length = length_of(along);
     if (!(length > 0.0)) return 0.0;
     const Vec3d unit = along / length;
     return std::clamp(unit.dot(p - a) / length, 0.0, 1.0);
@@ -20,7 +27,7 @@ double nearest_parameter(const Vec3d& p, const Vec3d& a, const Vec3d& b) {
 Vec3d at(const Vec3d& a, const Vec3d& b, double t) { return t == 1.0 ? b : Vec3d(a + t * (b - a)); }
 
 void take_if_nearer(Closest& best, const Vec3d& on_segment, const Vec3d& on_triangle) {
-    const double distance = (on_segment - on_triangle).stableNorm();
+    const double distance = length_of(on_segment - on_triangle);
     if (distance < best.distance) best = {distance, on_segment, on_triangle};
 }
 
@@ -28,7 +35,7 @@ void take_if_nearer(Closest& best, const Vec3d& on_segment, const Vec3d& on_tria
 // lines' own solution is noisy where they are nearly parallel, so it is put right by projecting back and
 // forth once.
 void take_inner_pair(Closest& best, const Vec3d& p, const Vec3d& q, const Vec3d& a, const Vec3d& b) {
-    const double length_p = (q - p).stableNorm(), length_a = (b - a).stableNorm();
+    const double length_p = length_of(q - p), length_a = length_of(b - a);
     if (!(length_p > 0.0) || !(length_a > 0.0)) return;
     const Vec3d u = (q - p) / length_p, v = (b - a) / length_a, from = p - a;
     const double sine_squared = u.cross(v).squaredNorm();
@@ -77,7 +84,7 @@ bool degenerate(const Triangle& t) {
 
 double line_distance(const Vec3d& p, const Vec3d& q, const Vec3d& a, const Vec3d& b) {
     const Vec3d across = (q - p).cross(b - a);
-    const double size = across.stableNorm();
+    const double size = length_of(across);
     return size > 0.0 ? std::abs(across.dot(a - p)) / size : 0.0;
 }
 
@@ -131,8 +138,8 @@ bool crosses(const Vec3d& p, const Vec3d& q, const Triangle& t) {
 
 Crossing crossing(const Vec3d& p, const Vec3d& q, const Triangle& t) {
     const Closest nearest = closest(p, q, t);
-    const double length = (q - p).stableNorm();
-    const double parameter = length > 0.0 ? (nearest.on_segment - p).stableNorm() / length : 0.0;
+    const double length = length_of(q - p);
+    const double parameter = length > 0.0 ? length_of(nearest.on_segment - p) / length : 0.0;
     if (!crosses(p, q, t)) return {false, parameter, nearest.distance};
     const Vec3d normal = area_normal(t).stableNormalized();
     const double margin =

@@ -10,8 +10,6 @@
 namespace marram::stability {
 namespace {
 
-const Vec3d x = Vec3d::UnitX(), y = Vec3d::UnitY();
-
 Wind wind_along(const Vec3d& direction, double global_rotate = 1.0) {
     Wind wind;
     wind.direction = direction;

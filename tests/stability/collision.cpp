@@ -16,8 +16,6 @@ namespace {
 
 using oracle::Triangle;
 
-const Vec3d x = Vec3d::UnitX(), y = Vec3d::UnitY(), z = Vec3d::UnitZ();
-
 Triangle flipped(const Triangle& t) { return {t.a, t.c, t.b}; }
 
 // Strands a metre long that grow around `root` and are blown along `wind`, straight ones and kinked ones.

@@ -32,7 +32,7 @@ Solved solved(const CoatSpec& spec) {
             continue;
         }
         result.length = std::max(result.length, worst_length(pose, rest));
-        result.crossed += oracle::crossed_segments(pose, coat.triangles()).segments;
+        result.crossed += oracle::crossed_segments(pose, coat.triangles());
         for (Curve* curve : {&pose, &rest})
             for (Vec3d& p : *curve) p = (p - spec.place) / spec.size;
     }

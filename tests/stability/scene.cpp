@@ -295,7 +295,7 @@ Verdict solve(const Scene& scene, Strands& strands, const Collision& settings, b
         verdict.length = std::max(verdict.length, worst_length(pose, rest));
         verdict.not_repeated += !repeats_alone(scene, time, given, strands, i, settings);
         if (!solved[size_t(i)]) continue; // the root is not free, or the strand has no length
-        const int crossed = oracle::crossed_segments(pose, set).segments;
+        const int crossed = oracle::crossed_segments(pose, set);
         verdict.crossed_all += crossed;
         verdict.crossed += unresolved[size_t(i)] ? 0 : crossed;
     }

@@ -12,6 +12,7 @@
 
 namespace marram::stability {
 
+inline const Vec3d x = Vec3d::UnitX(), y = Vec3d::UnitY(), z = Vec3d::UnitZ();
 using Curve = std::vector<Vec3d>;
 using oracle::Draw;
 

@@ -22,7 +22,7 @@ using Curve = std::vector<Vec3d>;
 using Motion =
     std::function<Curve(double frame)>; // bent pose of one strand; its segments are also the rest segments'
 
-constexpr double fps = 24.0;
+constexpr double frame_rate = 24.0;
 constexpr double zetas[] = {0.05, 0.3, 0.999999, 1.0, 1.0 + 1e-9, 1.5, 50.0};
 
 double draw(uint64_t seed, uint64_t i) { return 2.0 * unit_double(hash(seed, i)) - 1.0; }
@@ -70,7 +70,7 @@ std::vector<std::vector<Curve>> run(const Jiggle& jiggle, const JiggleWindow& wi
                                     JiggleFilter& filter) {
     Strands strands;
     fill(strands, motions, times[0]);
-    filter.begin(jiggle, fps, strands.cvs, strands.blocks);
+    filter.begin(jiggle, frame_rate, strands.cvs, strands.blocks);
     std::vector<std::vector<Curve>> result;
     WideVector<Wide3f> pose;
     const auto emit = [&] {
@@ -92,7 +92,7 @@ std::vector<std::vector<Curve>> run(const Jiggle& jiggle, const std::vector<doub
                                     const std::vector<Motion>& motions, double reach = 4.0,
                                     double tolerance = 0.0) {
     JiggleFilter filter;
-    return run(jiggle, jiggle_window(jiggle, times, fps, reach, tolerance), times, motions, filter);
+    return run(jiggle, jiggle_window(jiggle, times, frame_rate, reach, tolerance), times, motions, filter);
 }
 
 Jiggle jiggle_of(double frequency, double damping, double root_stiffness = 4.0) {
@@ -167,7 +167,7 @@ Curve whole_history(const Jiggle& jiggle, int64_t first, double frame, const Mot
         for (size_t k = 0; k < size_t(n); ++k) {
             target[k] = from[k] + share * (to[k] - from[k]);
             for (int c = 0; c < 3 && k > 0; ++c)
-                runge_kutta(jiggle.damping, omega_of(jiggle, int(k), n), share * jiggle.step / fps,
+                runge_kutta(jiggle.damping, omega_of(jiggle, int(k), n), share * jiggle.step / frame_rate,
                             from[k][c], target[k][c], x[k][c], v[k][c]);
         }
     }
@@ -192,7 +192,7 @@ bool same_bits(const Curve& a, const Curve& b) {
 // A strand of unit length that sways and whose root wanders; equal segments.
 Motion swaying(uint64_t seed, int n, double root_travel = 0.3, const Vec3d& place = Vec3d::Zero()) {
     return [=](double frame) {
-        const double s = frame / fps;
+        const double s = frame / frame_rate;
         const Vec3d root = place + root_travel * Vec3d(std::sin(3.0 * s + draw(seed, 900)),
                                                        0.2 * std::cos(5.0 * s), std::sin(2.0 * s));
         Curve curve{root};
@@ -275,16 +275,16 @@ TEST(Jiggle, step_ramp_and_sinusoid_have_their_closed_form) {
             continue; // where the closed forms of this test cancel
         Jiggle jiggle = jiggle_of(2.0, zeta, 1.0);
         jiggle.start_frame = 0.0;
-        const double omega = omega_of(jiggle, 1, 2), h = jiggle.step / fps;
+        const double omega = omega_of(jiggle, 1, 2), h = jiggle.step / frame_rate;
         const auto ramp = [&](double seconds) { return ramp_response(zeta, omega, seconds); };
         const std::vector<double> times = {0.2, 3.0, 7.25, 12.5, 19.9, 31.3};
         const Motion step = slope_motion([](double f) { return f >= 2.0 ? 1.0 : 0.0; });
-        const Motion rising = slope_motion([](double f) { return f >= 2.0 ? (f - 2.0) / fps : 0.0; });
+        const Motion rising = slope_motion([](double f) { return f >= 2.0 ? (f - 2.0) / frame_rate : 0.0; });
         // sin from knot to knot: its slope changes at each knot, and every change starts a ramp
         const auto sine = [](double f) { return f > 0.0 ? 0.5 * std::sin(0.4 * f) : 0.0; };
         const auto got = run(jiggle, times, {step, rising, slope_motion(sine)});
         for (size_t i = 0; i < times.size(); ++i) {
-            const double s = times[i] / fps, s2 = s - 2.0 / fps;
+            const double s = times[i] / frame_rate, s2 = s - 2.0 / frame_rate;
             worst_step = std::max(worst_step, std::abs(slope_of(got[i][0]) - (ramp(s2 + h) - ramp(s2)) / h));
             worst_ramp = std::max(worst_ramp, std::abs(slope_of(got[i][1]) - ramp(s2)));
             double want = 0.0, slope = 0.0;
@@ -358,12 +358,12 @@ TEST(Jiggle, the_window_forgets_no_more_than_the_tolerance) {
     for (const double zeta : zetas) {
         Jiggle jiggle = jiggle_of(2.0, zeta, 1.0);
         const double omega = omega_of(jiggle, 1, 2), frame = 240.3;
-        const JiggleWindow window = jiggle_window(jiggle, std::array{frame}, fps, reach, tolerance);
+        const JiggleWindow window = jiggle_window(jiggle, std::array{frame}, frame_rate, reach, tolerance);
         const int64_t past = window.first - 2 * window.count() - 20; // where the whole history begins
         const double first_frame = jiggle.frame_of(window.first);
         const auto worst_case = [&](double f) {
             if (f >= first_frame) return 0.0;
-            return jiggle_step(zeta, omega * (frame - f) / fps).s < 0.0 ? -reach : reach;
+            return jiggle_step(zeta, omega * (frame - f) / frame_rate).s < 0.0 ? -reach : reach;
         };
         std::vector<Motion> motions = {slope_motion(worst_case)};
         for (uint64_t seed = 1; seed <= 15; ++seed)
@@ -395,7 +395,7 @@ TEST(Jiggle, truncated_strands_differ_by_little_more_than_the_tolerance) {
         for (uint64_t seed = 1; seed <= 64; ++seed) motions.push_back(swaying(seed, 9));
         const std::vector<double> times = {500.3};
         const double reach = 2.0 + 0.6; // twice the length, and how far the root travels
-        const JiggleWindow window = jiggle_window(jiggle, times, fps, reach, tolerance);
+        const JiggleWindow window = jiggle_window(jiggle, times, frame_rate, reach, tolerance);
         JiggleFilter filter;
         const auto cut = run(jiggle, window, times, motions, filter);
         const auto whole =
@@ -441,18 +441,20 @@ TEST(Jiggle, a_root_that_moves_drags_its_strand_behind_it) {
         const Jiggle jiggle = jiggle_of(4.0, zeta, 1.0);
         const double omega = omega_of(jiggle, 1, 2);
         const auto strand_at = [](double x) { return Curve{{x, 0, 0}, {x, 1, 0}}; };
-        const Motion even = [&](double f) { return strand_at(speed * f / fps); };
-        const Motion faster = [&](double f) { return strand_at(0.5 * gain * f * f / fps / fps); };
+        const Motion even = [&](double f) { return strand_at(speed * f / frame_rate); };
+        const Motion faster = [&](double f) {
+            return strand_at(0.5 * gain * f * f / frame_rate / frame_rate);
+        };
         const double reach = 200.0; // the root has come a long way
         const auto got = run(jiggle, {96.0}, {even, faster}, reach, 1e-7);
         const auto lean = [](const Curve& c) { return (c[1].x() - c[0].x()) / (c[1].y() - c[0].y()); };
         worst_even = std::max(worst_even, std::abs(lean(got[0][0]) + 2.0 * zeta * speed / omega));
-        const double v = gain * 96.0 / fps;
+        const double v = gain * 96.0 / frame_rate;
         const double want = -2.0 * zeta * v / omega + (4.0 * zeta * zeta - 1.0) * gain / (omega * omega);
         worst_faster = std::max(worst_faster, std::abs(lean(got[0][1]) - want));
     }
     // A parabola through knots h apart lies on average a h^2 / 12 below its chords.
-    const double chords = gain / 12.0 * 0.25 / fps / fps;
+    const double chords = gain / 12.0 * 0.25 / frame_rate / frame_rate;
     std::printf("moving root: even %.2g, accelerated %.2g (chords of the step: %.2g)\n", worst_even,
                 worst_faster, chords);
     EXPECT_LT(worst_even, 2e-6); // the root's float is good to 6e-8 * 6 m
@@ -461,7 +463,7 @@ TEST(Jiggle, a_root_that_moves_drags_its_strand_behind_it) {
 
 TEST(Jiggle, a_turning_strand_lags_and_settles) {
     const Motion turning = [](double f) { // half a turn a second until frame 48, then still
-        const double angle = pi * std::min(f, 48.0) / fps;
+        const double angle = pi * std::min(f, 48.0) / frame_rate;
         Curve curve;
         for (int k = 0; k < 5; ++k) curve.push_back(0.25 * k * Vec3d(std::cos(angle), 0.2, std::sin(angle)));
         return curve;
@@ -512,8 +514,8 @@ TEST(Jiggle, different_motion_samples_agree_where_they_meet) {
 
 TEST(Jiggle, keys_of_one_frame_share_their_knots_with_the_next) {
     const Jiggle jiggle = jiggle_of(2.0, 0.3);
-    const JiggleWindow a = jiggle_window(jiggle, std::array{99.75, 100.25}, fps, 2.0, 1e-4);
-    const JiggleWindow b = jiggle_window(jiggle, std::array{100.75, 101.25}, fps, 2.0, 1e-4);
+    const JiggleWindow a = jiggle_window(jiggle, std::array{99.75, 100.25}, frame_rate, 2.0, 1e-4);
+    const JiggleWindow b = jiggle_window(jiggle, std::array{100.75, 101.25}, frame_rate, 2.0, 1e-4);
     EXPECT_EQ(a.first + 2, b.first);
     EXPECT_EQ(a.last + 2, b.last);
     EXPECT_LE(jiggle.frame_of(a.first), 99.75);
@@ -523,7 +525,7 @@ TEST(Jiggle, keys_of_one_frame_share_their_knots_with_the_next) {
         odd.step = step;
         for (int i = -2000; i < 2000; ++i) {
             const double time = i * step;
-            const JiggleWindow w = jiggle_window(odd, std::array{time}, fps, 0.0, 1.0);
+            const JiggleWindow w = jiggle_window(odd, std::array{time}, frame_rate, 0.0, 1.0);
             EXPECT_LE(odd.frame_of(w.first), time);
             EXPECT_GE(odd.frame_of(w.last), time);
             EXPECT_LE(w.count(), 2);
@@ -609,9 +611,9 @@ TEST(Jiggle, hard_springs_pass_through_the_knots_and_soft_ones_stay_behind) {
 
 TEST(Jiggle, undamped_strands_need_a_start_and_swing_for_ever) {
     Jiggle jiggle = jiggle_of(2.0, 0.0, 1.0);
-    EXPECT_THROW(jiggle_window(jiggle, std::array{10.0}, fps, 2.0, 1e-3), SceneFault);
+    EXPECT_THROW(jiggle_window(jiggle, std::array{10.0}, frame_rate, 2.0, 1e-3), SceneFault);
     jiggle.start_frame = 0.0;
-    // Half a turn of target while a long history passes: at 2 Hz and 24 fps every 12th frame is alike.
+    // Half a turn of target while a long history passes: at 2 Hz and 24 frame_rate every 12th frame is alike.
     const Motion step = slope_motion([](double f) { return f >= 2.0 ? 1.0 : 0.0; });
     const auto got = run(jiggle, {20.3, 20.3 + 12.0 * 1000.0}, {step});
     std::printf("undamped: 1000 periods later %.2g off\n", distance(got[0][0], got[1][0]));
@@ -619,12 +621,12 @@ TEST(Jiggle, undamped_strands_need_a_start_and_swing_for_ever) {
     EXPECT_GT(std::abs(slope_of(got[0][0]) - 1.0), 0.1);
     const auto before = run(jiggle, {-20.0, -19.3}, {step});
     EXPECT_TRUE(same_bits(before[1][0], rounded(step(-19.3))));
-    EXPECT_THROW(jiggle_window(jiggle, std::array{1e6}, fps, 2.0, 1e-3), SceneFault);
+    EXPECT_THROW(jiggle_window(jiggle, std::array{1e6}, frame_rate, 2.0, 1e-3), SceneFault);
     jiggle.damping = 1e-7;
-    EXPECT_NO_THROW(jiggle_window(jiggle, std::array{10.0}, fps, 2.0, 1e-3));
+    EXPECT_NO_THROW(jiggle_window(jiggle, std::array{10.0}, frame_rate, 2.0, 1e-3));
     jiggle.start_frame.reset();
     try {
-        jiggle_window(jiggle, std::array{10.0}, fps, 2.0, 1e-3);
+        jiggle_window(jiggle, std::array{10.0}, frame_rate, 2.0, 1e-3);
         FAIL();
     } catch (const SceneFault& fault) {
         EXPECT_NE(std::string(fault.what()).find("jiggle.start_frame"), std::string::npos);
@@ -633,18 +635,18 @@ TEST(Jiggle, undamped_strands_need_a_start_and_swing_for_ever) {
 
 TEST(Jiggle, a_start_frame_does_not_lengthen_the_window) {
     Jiggle jiggle = jiggle_of(2.0, 0.3);
-    const JiggleWindow free = jiggle_window(jiggle, std::array{1000.0}, fps, 2.0, 1e-4);
+    const JiggleWindow free = jiggle_window(jiggle, std::array{1000.0}, frame_rate, 2.0, 1e-4);
     jiggle.start_frame = 1.0;
-    EXPECT_EQ(jiggle_window(jiggle, std::array{1000.0}, fps, 2.0, 1e-4).first, free.first);
-    EXPECT_EQ(jiggle_window(jiggle, std::array{5.0}, fps, 2.0, 1e-4).first, 2);
-    EXPECT_LE(jiggle_window(jiggle, std::array{-5.0}, fps, 2.0, 1e-4).count(), 0);
+    EXPECT_EQ(jiggle_window(jiggle, std::array{1000.0}, frame_rate, 2.0, 1e-4).first, free.first);
+    EXPECT_EQ(jiggle_window(jiggle, std::array{5.0}, frame_rate, 2.0, 1e-4).first, 2);
+    EXPECT_LE(jiggle_window(jiggle, std::array{-5.0}, frame_rate, 2.0, 1e-4).count(), 0);
 }
 
 TEST(Jiggle, a_filter_used_again_gives_the_same_bits) {
     const Jiggle jiggle = jiggle_of(2.0, 0.3);
     const std::vector<Motion> first = {swaying(1, 9), swaying(2, 9)}, second = {swaying(3, 5)};
     const std::vector<double> times = {30.0, 30.2};
-    const JiggleWindow window = jiggle_window(jiggle, times, fps, 2.6, 1e-5);
+    const JiggleWindow window = jiggle_window(jiggle, times, frame_rate, 2.6, 1e-5);
     JiggleFilter used, fresh;
     run(jiggle, window, times, first, used);
     const auto a = run(jiggle, window, times, second, used), b = run(jiggle, window, times, second, fresh);
@@ -751,7 +753,7 @@ TEST(Jiggle, measured_error_of_the_step_and_cost) {
         for (const double step : {2.0, 1.0, 0.5, 0.25, 0.125}) {
             double worst = 0.0;
             const Motion sway =
-                slope_motion([=](double f) { return 0.5 * std::sin(2.0 * pi * hertz * f / fps); });
+                slope_motion([=](double f) { return 0.5 * std::sin(2.0 * pi * hertz * f / frame_rate); });
             Jiggle jiggle = jiggle_of(2.0, 0.3, 1.0), finest = jiggle;
             jiggle.step = step;
             finest.step = 1.0 / 64.0;
@@ -760,8 +762,8 @@ TEST(Jiggle, measured_error_of_the_step_and_cost) {
                                                  slope_of(run(finest, {t}, {sway}, 1.0)[0][0])));
             std::printf("sway of %g Hz, step %-5g frames: error %.2g of its amplitude\n", hertz, step,
                         worst / 0.5);
-            EXPECT_LT(worst,
-                      0.5 * std::pow(pi * hertz * step / fps, 2.0)); // sinc^2 and the spring's own gain
+            EXPECT_LT(worst, 0.5 * std::pow(pi * hertz * step / frame_rate,
+                                            2.0)); // sinc^2 and the spring's own gain
         }
     Strands strands;
     std::vector<Motion> motions;
@@ -773,7 +775,7 @@ TEST(Jiggle, measured_error_of_the_step_and_cost) {
     constexpr int repeats = 200, knots = 20;
     double feeding = 0.0, emitting = 0.0;
     for (int r = 0; r < repeats; ++r) {
-        filter.begin(jiggle, fps, strands.cvs, strands.blocks);
+        filter.begin(jiggle, frame_rate, strands.cvs, strands.blocks);
         const auto t0 = std::chrono::steady_clock::now();
         for (int64_t knot = 0; knot < knots; ++knot) {
             strands.pose[1].x += 0.001F;

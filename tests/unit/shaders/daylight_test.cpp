@@ -127,7 +127,7 @@ TEST(Daylight, SingleScatteringIsTheFineIntegral) {
     EXPECT_LT(worst, 0.02); // where both are low
 }
 
-struct Random {
+struct RandomDouble {
     uint64_t seed, at = 0;
     double operator()() { return unit_float(static_cast<uint32_t>(hash(seed, at++))); }
 };
@@ -142,7 +142,7 @@ Vec3d turned(const Vec3d& axis, double cosine, double azimuth) {
 // By rejection, so that the phases themselves are what is sampled. Cosines are proposed by halves evenly and by a lobe
 // of Henyey and Greenstein; `bound` times that density is above both phases.
 template <typename Phase>
-Vec3d scatter(const Vec3d& direction, Random& random, Phase phase) {
+Vec3d scatter(const Vec3d& direction, RandomDouble& random, Phase phase) {
     constexpr double g = 0.8, bound = 3.6;
     for (;;) {
         const double s = (1.0 - g * g) / (1.0 - g + 2.0 * g * random());
@@ -158,7 +158,7 @@ Vec3d scatter(const Vec3d& direction, Random& random, Phase phase) {
 
 // One walk from the eye with Woodcock's tracking: every order of scattering with its true phase.
 double walk(const Atmosphere& air, const AirSettings& settings, Vec3d at, Vec3d direction, const Vec3d& sun,
-            Random& random) {
+            RandomDouble& random) {
     const double most = air.coefficients(0.0).extinction[green];
     double light = 0.0, weight = 1.0;
     for (int events = 0; events < 200;) {
@@ -204,7 +204,7 @@ TEST(Daylight, AgreesWithARandomWalkOfAllScattering) {
         for (const double sun_elevation : {50.0, 8.0})
             for (const double elevation : {90.0, 30.0, 2.0, -20.0}) {
                 const Vec3d view = towards(elevation, 120.0), sun = towards(sun_elevation, 0.0);
-                Random random{static_cast<uint64_t>(1000.0 + elevation)};
+                RandomDouble random{static_cast<uint64_t>(1000.0 + elevation)};
                 double sum = 0.0;
                 constexpr int walks = 60000;
                 for (int i = 0; i < walks; ++i)

@@ -121,11 +121,14 @@ TEST(Steps, leave_strands_in_the_skin_and_stop_short_of_contact) {
     }
 }
 
+// Over a wind that bends strands more than half way and one that lays them against the skin, where exact contact alone costs
+// what the steps do that stop short of it.
 TEST(Speed, exact_collision_costs_less_than_sixteen_steps) {
     for (const int divisions : {71, 500}) {
         const auto before = std::chrono::steady_clock::now();
         const FurredWorld world({sphere_mesh(1.0F, divisions, 0.03F, 9.0F)});
         const double built = std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
+        double exact = 0.0, steps = 0.0;
         for (const double global_rotate : {0.6, 1.0}) {
             const Costs c = costs(world, global_rotate);
             std::printf(
@@ -135,10 +138,15 @@ TEST(Speed, exact_collision_costs_less_than_sixteen_steps) {
                 "the mesh and Embree's own: %.0f ms\n",
                 8 * divisions * divisions, global_rotate, c.exact / c.steps, 1e3 * c.exact, 1e3 * c.steps,
                 c.first / c.steps, 1e3 * c.first, 1e3 * c.tree, 1e3 * c.tree_again, 1e3 * built);
-            // The stronger wind, with five times the contacts, is reported on the fine skin; see the README.
-            if (global_rotate < 1.0 || divisions < 100) {
-                EXPECT_LT(c.exact, c.steps);
+            if (global_rotate < 1.0) {
+                EXPECT_LT(c.exact, 0.9 * c.steps);
             }
+            exact += c.exact;
+            steps += c.steps;
+        }
+        // On the fine skin both winds together are reported; see the README.
+        if (divisions < 100) {
+            EXPECT_LT(exact, 0.9 * steps);
         }
     }
 }

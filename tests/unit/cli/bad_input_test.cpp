@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bad input of every kind through the real program: exit code 2, one line a mistake on stderr, and nothing on
-// the disk is touched.
+// Bad input of every kind through the whole program, each in a process of its own: exit code 2, one line a mistake on stderr,
+// and nothing on the disk is touched.
 #include "program.h"
 
 #include <algorithm>
@@ -17,11 +17,11 @@ bool is_explanation(const std::string& line) {
     return std::regex_match(line, form);
 }
 
-// Runs the program beside an old picture; stderr's lines. The folder stays as it was.
+// Runs it beside an old picture; stderr's lines. The folder stays as it was.
 std::vector<std::string> refused(const Folder& folder, std::vector<std::string> command) {
     folder.write("old.exr", "an old picture");
     const auto before = folder.contents();
-    const Outcome outcome = marram(command);
+    const Outcome outcome = marram(command, run_copy);
     EXPECT_EQ(outcome.code, 2) << outcome.err;
     EXPECT_EQ(outcome.out, "");
     EXPECT_TRUE(folder.contents() == before)

@@ -44,7 +44,7 @@ void add_chord_errors(const CurveVertices& curves, const ChordLimit& limit, Chor
 
 uint32_t most_that_pay(MarramShape shape, size_t keys) {
     if (keys > 2) return 1;
-    return (shape == MARRAM_ROUND ? most_pieces : most_pieces / 2) / uint32_t(keys);
+    return (shape == MARRAM_ROUND ? 4U : 3U) / uint32_t(keys);
 }
 
 uint32_t pieces_for(std::span<const ChordErrors> errors, uint32_t most) {

@@ -12,13 +12,17 @@
 //   grass of scenes/default.toml, at rest          2     -13 %       +2 %         -5 %
 //                                                  3      -3 %      +43 %        +19 %
 //   the same, 2 motion keys                        2      +2 %      +42 %        +58 %
-//   round fur on that ball, 100,000, at rest       2     -24 %       -5 %         +2 %
+//   ribbons on the hairy ball, 1,000,000, at rest   2     -19 %       +1 %         -7 %
+//                                                  3     -18 %      +39 %        +20 %
+//                                                  4     -12 %      +83 %        +47 %
+//   round fur there, 100,000, at rest               2     -24 %       -5 %         +2 %
 //                                                  4     -17 %      +60 %        +15 %
 //   the same in wind, 2 motion keys                2     -17 %      +12 %        +28 %
 //   the same in more wind, 5 keys                  2       0         -9 %        +53 %
-// so most_that_pay() is 2 for ribbons and 4 for round fibres, half of that with two keys, 1 with more: no more
-// primitives than cubics. Round pieces also make each hit in the scene wait for a filter: among many more ribbons, the grass
-// and stalks of scenes/default.toml, tracing took 6 % longer. They are used where they are at least half of the segments.
+// so most_that_pay() is 3 for ribbons and 4 for round fibres, half of that with two keys, 1 with more. A ribbon's third costs in the
+// tree what it gains at a few samples a pixel; with more of them it is ahead. Round pieces also make each hit in the scene wait for a
+// filter: among many more ribbons, the grass and stalks of scenes/default.toml, tracing took 6 % longer. They are used where they
+// are at least half of the segments.
 //
 // Ribbons, measured on the hairy ball of tests/bench/cycles, 10,000 strands: the whole picture's brightness is within 0.16 % of the
 // cubic's, direct light of its sunlit quarter 0.3 to 0.4 % darker, with two pieces and with eight. Not explained; film.curve_pieces = 0

@@ -14,8 +14,9 @@
 //   round     besides, 4 l r U / 1 m: its error estimate adds lengths to products of lengths, which shows in
 //             huge scenes.
 //   pieces    round: besides, 2 c U: corners are rounded to float, each by itself, so that straight strands bend a little.
-//   flat      besides, Embree draws a ribbon as 4 quadrilaterals a segment: their depth is off by
-//             |C''| (1/4)^2 / 8.
+//   ribbons   Embree draws a segment as 4 quadrilaterals. Points lie on these, not on C(u), which is up to |C''| (1/4)^2 / 8 off,
+//             always on the same side of the bend: paths of many bounces would drift that way. (A million ribbons that
+//             absorb nothing on a black ball sent back 2 % more light by it.)
 //
 // The origin moves along the geometric normal by that error, times a margin, to the side of the new
 // direction; a ray that leaves a plane or a convex surface from there sees it behind it at any angle. Two
@@ -32,10 +33,11 @@
 //   finds it again where the ray passes the axis: of the points C + x T, the one that the ray from C + w
 //   meets in projection along d has x a = -(T.d)(w.d), at depth t = x (T.d) - w.d = -(w.d) / a <= r / sin.
 //   tnear is that, with the same allowance for the bend, plus the error over sin. For w.d > 0 it lies behind.
-//   Traced as straight pieces of length p, the ribbon is a disc of radius r at each corner besides, turned to the ray, too: it is
-//   met at t' = t + (x' - x)(T.d) by a ray that passes the axis at the distance m, m^2 = |w|^2 - (w.d)^2 / a, where the corner's
-//   |x' - x| <= sqrt((r^2 - m^2) / a). tnear is that of the last such corner. The cubic's tangent differs from the piece's by up
-//   to k p / 2, and beyond the next corner the pieces turn on: the bend is no more than k x (x + p) / 2.
+//   With straight pieces or quadrilaterals of length p, the tangent at the hit differs from the piece's by up to k p / 2, and beyond
+//   the next corner the pieces turn on: the bend is no more than k x (x + p) / 2.
+//   Straight pieces have a disc of radius r at each corner besides, turned to the ray, too: it is met at t' = t + (x' - x)(T.d)
+//   by a ray that passes the axis at the distance m, m^2 = |w|^2 - (w.d)^2 / a, where the corner's |x' - x| <= sqrt((r^2 - m^2) / a).
+//   tnear is that of the last such corner.
 //
 // Embree's assertions abort on rays that are not finite or whose tnear or time is out of range: valid() is
 // asked before every call.
@@ -59,7 +61,7 @@ constexpr double curve_residual =
     64.0; // Newton's tolerance in Embree is 16, and it may stop on both sides of a surface
 constexpr double huge_residual = 4.0; // 1/m
 constexpr double piece_residual = 2.0; // their corners are rounded to float, each by itself
-constexpr double ribbon_pieces = 4.0; // Embree's default tessellation rate
+constexpr uint32_t ribbon_pieces = 4;  // Embree's default tessellation rate
 constexpr double least_sine =
     1e-4; // a ray closer to the fibre's direction than that, 1 in 1e8, may meet it again
 
@@ -187,7 +189,7 @@ Vec3d across_ray(const Vec3d& tangent, const Vec3d& direction) {
 
 // The flat ribbon's normal is the direction to the ray's origin, made perpendicular to the tangent.
 void set_ribbon(const Vec3d& seen, const Vec3d& side, double v, const CurvePoint& c, const Vec3d& tangent,
-                SurfacePoint& point) {
+                SurfacePoint& point) { // c.value: on the quadrilateral
     const Vec3d w =
         std::copysign(std::min(std::abs(v), 1.0), (seen - c.axis()).dot(side)) * c.value[3] * side;
     point.shape = PointShape::ribbon;
@@ -195,7 +197,6 @@ void set_ribbon(const Vec3d& seen, const Vec3d& side, double v, const CurvePoint
     point.position = c.axis() + w;
     point.geometric_normal = side.cross(tangent).cast<float>();
     point.normal = point.geometric_normal;
-    point.error += c.second.head<3>().norm() / (8.0 * ribbon_pieces * ribbon_pieces);
 }
 
 void set_oriented(const Vec3d& seen, const Control<4>& control, const Control<3>& normals,
@@ -223,8 +224,18 @@ void set_oriented(const Vec3d& seen, const Control<4>& control, const Control<3>
 struct PiecePoint {
     Vec4d value = Vec4d::Zero();
     Vec3d chord = Vec3d::Zero();
-    double along = 0.0, begin = 0.0, end = 0.0;
+    double along = 0.0, begin = 0.0, end = 1.0;
+    double u = 0.0; // of the segment
 };
+
+// On one of the quadrilaterals of a ribbon's segment.
+PiecePoint quadrilateral_at(const Control<4>& control, MarramBasis basis, double u) {
+    const double piece = std::max(0.0, std::min(ribbon_pieces - 1.0, std::floor(u * ribbon_pieces)));
+    const Chord whole = chord_of(control, basis, static_cast<uint32_t>(piece), ribbon_pieces);
+    const Vec4d way = whole.end - whole.begin;
+    const double along = u * ribbon_pieces - piece;
+    return {.value = whole.begin + along * way, .chord = way.head<3>(), .along = along, .u = u};
+}
 
 // A piece of a strand's segment; u: share of what is traced of it.
 PiecePoint piece_at(const CurveGeometry& curves, const Control<4>& control, size_t first_vertex,
@@ -241,7 +252,7 @@ PiecePoint piece_at(const CurveGeometry& curves, const Control<4>& control, size
         if (tip) end = 1.0 - end_share(first, true);
     }
     const double along = begin + u * (end - begin);
-    return {whole.begin + along * way, way.head<3>(), along, begin, end};
+    return {whole.begin + along * way, way.head<3>(), along, begin, end, (piece + along) / curves.pieces};
 }
 
 // A flat piece turns to each ray as the ribbon does.
@@ -287,11 +298,14 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     const size_t first = static_cast<size_t>(point.strand) * (curves.cvs_per_curve + 2) + segment;
     const Control<4> control = control_of<4>(curves.vertices, first, ray.time);
     PiecePoint straight;
-    if (curves.pieces > 0) straight = piece_at(curves, control, first, segment, piece, hit.u);
-    const double u = curves.pieces > 0 ? (piece + straight.along) / pieces : static_cast<double>(hit.u);
-    const CubicBasis basis = cubic_basis(curves.basis, u);
-    const CurvePoint c{curves.pieces > 0 ? straight.value : weigh<4>(control, basis.value),
-                       weigh<4>(control, basis.first), weigh<4>(control, basis.second)};
+    if (curves.pieces > 0)
+        straight = piece_at(curves, control, first, segment, piece, hit.u);
+    else if (curves.shape == MARRAM_RIBBON)
+        straight = quadrilateral_at(control, curves.basis, hit.u);
+    const bool cubic = curves.pieces == 0 && curves.shape != MARRAM_RIBBON;
+    const double u = cubic ? static_cast<double>(hit.u) : straight.u;
+    CurvePoint c = curve_at(control, cubic_basis(curves.basis, u));
+    if (!cubic) c.value = straight.value;
     const Vec3d dc = c.first.head<3>();
     const double speed = dc.norm();
     const Vec3d direction(ray.dir_x, ray.dir_y, ray.dir_z);
@@ -311,6 +325,7 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     point.radius = static_cast<float>(c.value[3]);
     const double length = straight.chord.norm();
     point.piece = static_cast<float>(length);
+    point.joints = curves.pieces > 0;
     point.to_begin = static_cast<float>(length * (straight.along - straight.begin));
     point.to_end = static_cast<float>(length * (straight.end - straight.along));
     if (curves.shape == MARRAM_ROUND && curves.pieces > 0)
@@ -369,7 +384,7 @@ double leave_fibre(const SurfacePoint& point, const Vec3d& d, double error) {
         const double x = std::abs(s * along);
         s = distance(error + 0.5 * point.curvature * x * (x + point.piece));
     }
-    if (point.piece > 0.0F) s += beyond_corner(point, along, a, b);
+    if (point.joints && point.piece > 0.0F) s += beyond_corner(point, along, a, b);
     return std::min(s, 1e12); // a bend tighter than the radius: the ray is lost, but stays finite
 }
 

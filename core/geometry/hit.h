@@ -56,8 +56,9 @@ struct SurfacePoint {
     Vec3f from_axis = Vec3f::Zero(); // position - axis
     float curvature = 0.0F;          // 1/m, a bound
     float taper = 0.0F;              // d radius / d length
-    float piece = 0.0F;              // length of the straight piece, m; 0 on cubics
+    float piece = 0.0F; // length of the straight piece or quadrilateral, m; 0 on round and oriented cubics
     float to_begin = 0.0F, to_end = 0.0F; // along it to its two corners, m
+    bool joints = false;                  // discs or balls there: straight pieces have them
 };
 
 // False where nothing is hit and where the ray is not valid. coherent: camera rays. Thread-safe, allocates

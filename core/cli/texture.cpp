@@ -60,15 +60,10 @@ class FileTexture : public Texture {
     OIIO::TextureSystem::TextureHandle* handle_;
 };
 
-// Whether a file has tiles and smaller copies of itself, of values that may be averaged.
-bool is_ready(const std::string& file, TextureContent content) {
+// Whether a file has tiles and smaller copies of itself.
+bool is_tiled(const std::string& file) {
     const auto input = OIIO::ImageInput::open(file);
-    if (!input) return false;
-    const OIIO::ImageSpec spec = input->spec();
-    const std::string space = spec.get_string_attribute("oiio:ColorSpace");
-    const bool encoded =
-        space.empty() ? spec.format == OIIO::TypeDesc::UINT8 : !OIIO::Strutil::iequals(space, "linear");
-    return spec.tile_width > 0 && input->seek_subimage(0, 1) && (content == TextureContent::data || !encoded);
+    return input && input->spec().tile_width > 0 && input->seek_subimage(0, 1);
 }
 
 std::unique_ptr<AtomicFile> make_texture(Image& image, const std::string& file, const Place& place) {
@@ -100,7 +95,7 @@ std::shared_ptr<const Texture> open_texture(const std::string& file, TextureCont
     // Read as a whole even where it is ready: what is cut short or not finite must not be found out while rendering.
     Image image =
         read_image(file, content == TextureContent::color ? ColorSpace::color : ColorSpace::linear_data);
-    const bool ready = is_ready(file, content) &&
+    const bool ready = image.as_in_file && is_tiled(file) && // else encoded values would be averaged
                        std::ranges::all_of(image.pixels, [](float v) { return v >= 0.0F && v <= 1.0F; });
     std::unique_ptr<AtomicFile> made = ready ? nullptr : make_texture(image, file, place);
     const std::string path = made ? made->partial() : file;

@@ -67,22 +67,46 @@ void check_spec(const std::string& path, const OIIO::ImageSpec& spec) {
         refuse(path,
                fmt::format("is {} x {} pixels, more than {} a side", spec.width, spec.height, greatest_side),
                "make it smaller");
+    if (spec.width != spec.full_width || spec.height != spec.full_height)
+        refuse(path,
+               fmt::format("has {} x {} pixels that do not fill its frame of {} x {}", spec.width,
+                           spec.height, spec.full_width, spec.full_height),
+               "save one whole picture, its crop removed, to a file of its own");
     const int64_t bytes = int64_t(spec.width) * spec.height * spec.nchannels * int64_t(sizeof(float));
     if (bytes > greatest_bytes)
         refuse(path, fmt::format("takes {} MiB in memory, more than {}", bytes >> 20, greatest_bytes >> 20),
                "make it smaller");
 }
 
-bool is_srgb(const OIIO::ImageSpec& spec) {
+constexpr float srgb = 0.0f; // in place of an exponent
+
+// The power of a file's colours that is light: 1 where they are linear.
+float exponent_of(const std::string& path, const OIIO::ImageSpec& spec) {
+    using OIIO::Strutil::iequals;
+    using OIIO::Strutil::istarts_with;
     const std::string space = spec.get_string_attribute("oiio:ColorSpace");
-    if (!space.empty()) return OIIO::Strutil::iequals(space, "sRGB");
-    return spec.format == OIIO::TypeDesc::UINT8;
+    if (space.empty()) return spec.format == OIIO::TypeDesc::UINT8 ? srgb : 1.0f;
+    if (iequals(space, "sRGB") || iequals(space, "Rec709")) return srgb;
+    for (const char* linear : {"linear", "lin_", "scene_linear", "sRGB-linear", "ACEScg", "ACES2065"})
+        if (istarts_with(space, linear)) return 1.0f;
+    if (istarts_with(space, "gamma")) { // "Gamma2.2", whose digits are rounded, or "GammaCorrected1.8"
+        const size_t digit = space.find_first_of("0123456789");
+        const float named = digit == std::string::npos ? 0.0f : OIIO::Strutil::stof(space.substr(digit));
+        const float exponent = spec.get_float_attribute("oiio:Gamma", named);
+        if (exponent > 0.0f && std::isfinite(exponent)) return exponent;
+    }
+    refuse(path, "is in the colour space \"" + space + "\", which is not known here",
+           "save it again as sRGB, or linear");
 }
 
-void make_linear(Image& image, int alpha_channel) {
-    for (size_t i = 0; i < image.pixels.size(); ++i)
-        if (int(i % size_t(image.channels)) != alpha_channel)
-            image.pixels[i] = linear_from_srgb(image.pixels[i]);
+void make_linear(Image& image, int alpha_channel, float exponent) {
+    for (size_t i = 0; i < image.pixels.size(); ++i) {
+        if (int(i % size_t(image.channels)) == alpha_channel) continue;
+        float& value = image.pixels[i];
+        value = exponent == srgb ? linear_from_srgb(value)
+                                 : std::copysign(std::pow(std::fabs(value), exponent), value);
+    }
+    image.as_in_file = false;
 }
 
 void check_finite(const std::string& path, const Image& image) {
@@ -147,8 +171,10 @@ Image read_image(const std::string& path, ColorSpace space) {
     if (input->has_error()) refuse_truncated(path, input->geterror());
     if (std::string_view(input->format_name()) == "jpeg" && !jpeg_is_whole(path))
         refuse_truncated(path, "its end marker is missing");
+    if (space == ColorSpace::color)
+        if (const float exponent = exponent_of(path, spec); exponent != 1.0f)
+            make_linear(image, spec.alpha_channel, exponent);
     check_finite(path, image);
-    if (space == ColorSpace::color && is_srgb(spec)) make_linear(image, spec.alpha_channel);
     return image;
 }
 
@@ -327,14 +353,14 @@ std::optional<std::string> read_metadata(const std::string& path, const std::str
     const OIIO::ImageSpec spec = input->spec();
     if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1 || spec.deep) return std::nullopt;
     if (spec.image_bytes() > OIIO::imagesize_t(greatest_bytes)) return std::nullopt;
-    // A file cut short lacks its last row: reading that one is the test, and cheap in an EXR.
-    const int last = spec.y + spec.height - 1;
-    std::vector<float> row(size_t(spec.width) * size_t(spec.nchannels));
-    if (!input->read_scanlines(0, 0, last, last + 1, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT,
-                               row.data())) {
-        (void)input->geterror();
-        return std::nullopt;
-    }
+    std::vector<float> strip(size_t(strip_rows) * size_t(spec.width) * size_t(spec.nchannels));
+    const int end = spec.y + spec.height;
+    for (int y = spec.y; y < end; y += strip_rows)
+        if (!input->read_scanlines(0, 0, y, std::min(end, y + strip_rows), 0, 0, spec.nchannels,
+                                   OIIO::TypeDesc::FLOAT, strip.data())) {
+            (void)input->geterror();
+            return std::nullopt;
+        }
     const OIIO::ParamValue* value = spec.find_attribute(key);
     if (!value) return std::nullopt;
     if (value->type() == OIIO::TypeDesc::DOUBLE) return fmt::format("{}", value->get<double>());

@@ -16,11 +16,15 @@ struct Image {
     int width = 0, height = 0, channels = 0;
     std::vector<float> pixels; // rows from the top, channels interleaved
     std::vector<std::string> channel_names;
+    bool as_in_file = true; // false: colours were encoded in the file and have been made linear
 };
 
 enum class ColorSpace {
     linear_data, // values as they stand in the file, integers scaled to 0 ... 1
-    color, // colour: files that are sRGB (said so in the file, or 8 bits and nothing said) are made linear
+    // Colour is made linear: from sRGB (said so in the file; or Rec709, as OpenImageIO calls the colours of PPM files,
+    // which hold sRGB; or 8 bits and nothing said), or from a power that the file states (PNG's gAMA, TGA). Files that
+    // say they are linear, and those of more bits that say nothing, are taken as they are; other spaces are refused.
+    color,
 };
 
 // The sRGB transfer functions (IEC 61966-2-1), odd-symmetric below zero and continued above one.
@@ -29,7 +33,8 @@ float linear_from_srgb(float encoded);
 
 // Reads any format that OpenImageIO knows; the first picture of files that hold several, at full resolution.
 // Alpha is as in the file and is never multiplied into colour. Refused: missing, unreadable or truncated
-// files, deep and volume images, sizes above 65536 or 1 GiB of floats, pixels that are not finite.
+// files, deep and volume images, crops (fewer or more pixels than the frame has), sizes above 65536 or 1 GiB of floats,
+// pixels that are not finite.
 Image read_image(const std::string& path, ColorSpace space = ColorSpace::color);
 
 // One layer of an EXR. The channels of the layer "" are written under their own names, those of others as
@@ -65,7 +70,7 @@ Extent extent_of(const std::string& path); // throws InputError where it cannot 
 std::vector<std::pair<std::string, std::string>> read_all_metadata(const std::string& path);
 
 // The value of a metadata entry of a finished picture, as text (numbers in the fewest digits that give them
-// back); nullopt where the file is missing, unreadable or cut short, or the key is not there. Never throws.
+// back); nullopt where the file is missing, unreadable, damaged or cut short, or the key is not there. Never throws. Reads it all.
 std::optional<std::string> read_metadata(const std::string& path, const std::string& key);
 
 } // namespace marram

@@ -3,6 +3,7 @@
 #include "core/image/image.h"
 #include "core/math/problem.h"
 
+#include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
 
 #include <unistd.h>
@@ -108,6 +109,83 @@ TEST_F(ImageFiles, MetadataOfPartialFilesIsNotTrusted) {
     EXPECT_EQ(read_metadata(path("text.exr"), "marram:scene"), std::nullopt);
     EXPECT_EQ(read_metadata(path("none.exr"), "marram:scene"), std::nullopt);
     EXPECT_EQ(read_metadata(folder.string(), "marram:scene"), std::nullopt);
+}
+
+namespace {
+
+// Numbers 0 ... 255 as they stand in a file that says its colours are of that space ("" says nothing).
+void write_bytes(const std::string& path, const std::vector<uint8_t>& bytes, const std::string& space,
+                 float gamma = 0.0f) {
+    OIIO::ImageSpec spec(int(bytes.size() / 3), 1, 3, OIIO::TypeDesc::UINT8);
+    if (!space.empty()) spec.attribute("oiio:ColorSpace", space);
+    if (gamma > 0.0f) spec.attribute("oiio:Gamma", gamma);
+    const auto output = OIIO::ImageOutput::create(path);
+    ASSERT_TRUE(output && output->open(path, spec) &&
+                output->write_image(OIIO::TypeDesc::UINT8, bytes.data()) && output->close());
+}
+
+} // namespace
+
+// However a file says what its numbers mean, the light is the same.
+TEST_F(ImageFiles, ColoursAreMadeLinearFromWhatTheFileSays) {
+    const std::vector<uint8_t> bytes = {0, 0, 0, 64, 64, 64, 128, 128, 128, 255, 255, 255};
+    const auto expect = [&](const char* name, auto&& light) {
+        const Image image = read_image(path(name)), data = read_image(path(name), ColorSpace::linear_data);
+        for (size_t i = 0; i < bytes.size(); ++i) {
+            EXPECT_NEAR(image.pixels[i], light(float(bytes[i]) / 255.0f), 1e-6f) << name << ' ' << i;
+            EXPECT_NEAR(data.pixels[i], float(bytes[i]) / 255.0f, 1e-6f) << name << ' ' << i;
+        }
+        EXPECT_TRUE(data.as_in_file);
+        return image.as_in_file;
+    };
+    const auto power = [](float exponent) { return [exponent](float v) { return std::pow(v, exponent); }; };
+    write_bytes(path("plain.png"), bytes, "sRGB");
+    EXPECT_FALSE(expect("plain.png", linear_from_srgb));
+    write_bytes(path("said_nothing.tif"), bytes, "");
+    EXPECT_FALSE(expect("said_nothing.tif", linear_from_srgb));
+    put("a.ppm", "P6\n4 1\n255\n" + std::string(bytes.begin(), bytes.end())); // OpenImageIO calls it Rec709
+    EXPECT_FALSE(expect("a.ppm", linear_from_srgb));
+    write_bytes(path("gamma22.png"), bytes, "Gamma2.2", 2.2f);
+    EXPECT_FALSE(expect("gamma22.png", power(2.2f)));
+    write_bytes(path("gamma18.png"), bytes, "Gamma1.8", 1.8f);
+    EXPECT_FALSE(expect("gamma18.png", power(1.8f)));
+    write_bytes(path("gamma22.tga"), bytes, "Gamma2.2", 2.2f);
+    EXPECT_FALSE(expect("gamma22.tga", power(2.2f)));
+    write_bytes(path("linear.png"), bytes, "linear", 1.0f);
+    EXPECT_TRUE(expect("linear.png", power(1.0f)));
+    write_bytes(path("film.dpx"), bytes, "KodakLog");
+    EXPECT_NE(
+        message_of(path("film.dpx")).find("is in the colour space \"KodakLog\", which is not known here"),
+        std::string::npos);
+    EXPECT_NO_THROW(read_image(path("film.dpx"), ColorSpace::linear_data));
+}
+
+// A crop would be stretched over what it is a part of.
+TEST_F(ImageFiles, CropsAreRefused) {
+    for (const int more : {-2, 0, 3}) {
+        OIIO::ImageSpec spec(8, 4, 3, OIIO::TypeDesc::HALF);
+        spec.full_width = 8 + more;
+        const std::vector<float> pixels(8 * 4 * 3, 0.5f);
+        const auto output = OIIO::ImageOutput::create("crop.exr");
+        ASSERT_TRUE(output->open(path("crop.exr"), spec) &&
+                    output->write_image(OIIO::TypeDesc::FLOAT, pixels.data()) && output->close());
+        EXPECT_EQ(message_of(path("crop.exr")).find("do not fill its frame") != std::string::npos, more != 0);
+    }
+}
+
+// An EXR of many blocks, one of which is spoilt in the middle: --resume must not take it for whole.
+TEST_F(ImageFiles, MetadataOfFilesDamagedInTheMiddleIsNotTrusted) {
+    std::vector<float> pixels(64 * 640 * 3);
+    std::mt19937 random(5);
+    for (float& v : pixels) v = float(random() % 1000);
+    const Layer layers[] = {{"", {"R", "G", "B"}, pixels.data(), true}};
+    const Metadata metadata[] = {{"marram:digest", "x"}};
+    write_exr(path("a.exr"), 64, 640, layers, metadata);
+    ASSERT_EQ(read_metadata(path("a.exr"), "marram:digest"), "x");
+    std::string bytes = get("a.exr");
+    for (size_t i = bytes.size() / 2; i < bytes.size() / 2 + 4000; ++i) bytes[i] = char(0xa5);
+    put("spoilt.exr", bytes);
+    EXPECT_EQ(read_metadata(path("spoilt.exr"), "marram:digest"), std::nullopt);
 }
 
 TEST_F(ImageFiles, PngHoldsSrgbOfExposedPixels) {

@@ -27,7 +27,8 @@ void print(const Comparison& c) {
         fmt::print("{:<12} RMSE {:.4g}, relative MSE {:.4g}, PSNR {:.2f} dB, at most {:.4g}\n",
                    layer.name.empty() ? "picture" : layer.name, layer.rmse, layer.relative_mse, layer.psnr,
                    layer.most);
-    fmt::print("{:<12} mean {:.4g}, 99th percentile {:.4g}\n", "FLIP", c.flip_mean, c.flip_99);
+    fmt::print("{:<12} mean {:.4g}, 99th percentile {:.4g} ({})\n", "FLIP", c.flip_mean, c.flip_99,
+               c.flip_kind());
     fmt::print("{:<12} {:.5g}\n", "SSIM", c.ssim);
     if (!c.scales.empty()) {
         fmt::print("{:<12} standard deviations (limit) by size:", "noise");
@@ -36,7 +37,7 @@ void print(const Comparison& c) {
                        s.worst, s.limit);
         fmt::print("\n");
     } else {
-        fmt::print("{:<12} not known: neither picture has a layer \"variance\" (--aov variance)\n", "noise");
+        fmt::print("{:<12} not known: {}\n", "noise", c.unknown);
     }
     for (const std::string& fault : c.faults) fmt::print("{}\n", fault);
     fmt::print("{}\n", !c.alike() ? "different" : c.equal ? "alike: every number is the same" : "alike");
@@ -45,12 +46,12 @@ void print(const Comparison& c) {
 } // namespace
 
 int compare_command(const CompareOptions& options) {
-    const std::string page = options.report.empty() ? "" : folder_for(options.report);
-    if (!page.empty()) check_writable(page);
     ComparedFile test{options.test, read_picture(options.test)},
         reference{options.reference, read_picture(options.reference)};
     const Comparison comparison =
         compare_pictures(test.picture, reference.picture, options.test, options.reference);
+    const std::string page = options.report.empty() ? "" : folder_for(options.report);
+    if (!page.empty()) check_writable(page);
     print(comparison);
     if (!page.empty()) {
         const std::string text = compare_page(test, reference, comparison);

@@ -182,16 +182,17 @@ std::string numbers(const Comparison& c) {
     for (const LayerResult& layer : c.layers)
         out += fmt::format(
             "<tr{}><td>{}</td><td>{:.4g}</td><td>{:.4g}</td><td>{:.2f}</td><td>{:.4g}</td></tr>\n",
-            layer.fails ? " class=\"bad\"" : "", layer.name.empty() ? "picture" : escaped(layer.name),
-            layer.rmse, layer.relative_mse, layer.psnr, layer.most);
+            !layer.fault.empty() ? " class=\"bad\"" : "",
+            layer.name.empty() ? "picture" : escaped(layer.name), layer.rmse, layer.relative_mse, layer.psnr,
+            layer.most);
     out += "</table>\n<table><tr><th>of the picture</th><th>value</th><th>limit</th></tr>\n";
     const auto row = [&](const std::string& what, double value, double limit, bool judged, bool fails) {
         out +=
             fmt::format("<tr{}><td>{}</td><td>{:.4g}</td><td>{}</td></tr>\n", fails ? " class=\"bad\"" : "",
                         what, value, judged ? fmt::format("{:.4g}", limit) : std::string("not judged"));
     };
-    row("FLIP, mean", c.flip_mean, c.flip_mean_limit, std::isfinite(c.flip_mean_limit),
-        c.flip_mean > c.flip_mean_limit);
+    row(fmt::format("FLIP, mean ({})", c.flip_kind()), c.flip_mean, c.flip_mean_limit,
+        std::isfinite(c.flip_mean_limit), c.flip_mean > c.flip_mean_limit);
     row("FLIP, 99th percentile", c.flip_99, c.flip_99_limit, std::isfinite(c.flip_99_limit),
         c.flip_99 > c.flip_99_limit);
     row("SSIM", c.ssim, c.ssim_limit, c.ssim_limit >= 0.0, c.ssim < c.ssim_limit);
@@ -325,9 +326,8 @@ std::string compare_page(const ComparedFile& test, const ComparedFile& reference
         out += comparison.equal ? "<p>Every number is the same.</p>\n"
                : comparison.knows_noise
                    ? "<p>What differs is what their noise explains, as they know it.</p>\n"
-                   : "<p>They look the same. Neither knows its noise, so nobody can "
-                     "tell whether that explains what "
-                     "differs: render with <code>--aov variance</code>.</p>\n";
+                   : "<p>They look the same. Whether noise explains what differs nobody can tell: " +
+                         escaped(comparison.unknown) + ".</p>\n";
     out += fmt::format("<p>A, judged: {}<br>B, reference: {}</p></div>\n", escaped(test.path),
                        escaped(reference.path));
     size_t number = 0;

@@ -22,7 +22,9 @@ namespace {
 // most, and between pictures with a strand shifted by half a pixel, which do not.
 constexpr double plain_flip_mean = 0.03, plain_flip_99 = 0.25, plain_ssim = 0.9;
 constexpr double noisy_flip_mean = 0.5; // whatever they say of their noise
-constexpr double layer_share = 0.03;    // of a layer's range, mean difference: their edges are noisy
+constexpr double layer_share = 0.03;    // of a layer's range, mean difference
+constexpr double layer_bias = 0.01, layer_beyond = 0.015; // or these: see below
+constexpr double names_share = 0.6;
 constexpr double level = 1e-3;          // chance of a false alarm in all squares of all sizes together
 
 const Picture::Layer& picture_proper(const Picture& picture, const std::string& name) {
@@ -101,10 +103,16 @@ const Picture::Layer* variance_of(const Picture& picture) {
 void judge_noise(const Picture& test, const Picture& reference, const std::vector<float>& a,
                  const std::vector<float>& b, const std::optional<Limits>& limits, Comparison& result) {
     const Picture::Layer *va = variance_of(test), *vb = variance_of(reference);
+    result.unknown = test.samples == 1 || reference.samples == 1
+                         ? "of a single sample a pixel nothing is known"
+                         : "neither picture has a layer \"variance\" (--aov variance)";
     if (!va && !vb) return;
     // One that does not know its own is as noisy as the other would be with as many samples.
     const bool known = test.samples > 0 && reference.samples > 0;
+    result.unknown =
+        "only one has a layer \"variance\", and not both say of how many samples they are (marram:samples)";
     if (!limits && !(va && vb) && !known) return;
+    result.unknown.clear();
     const double more = known ? double(test.samples) / double(reference.samples) : 1.0;
     result.knows_noise = true;
     std::vector<float> variance(a.size());
@@ -122,8 +130,10 @@ void judge_noise(const Picture& test, const Picture& reference, const std::vecto
                   h = scale.size > 0 ? scale.size : result.height;
         tests += 3.0 * std::ceil(double(result.width) / w) * std::ceil(double(result.height) / h);
     }
+    // Of a picture that does not say how many: two at least, else there would be no variance.
+    const auto samples_of = [](const Picture& picture) { return std::max(picture.samples, 2); };
     const int samples =
-        va && vb ? std::min(test.samples, reference.samples) : std::max(test.samples, reference.samples);
+        va && vb ? std::min(samples_of(test), samples_of(reference)) : samples_of(va ? test : reference);
     for (ScaleResult& scale : result.scales) {
         // Paths are not normally distributed: a sample counts as an eighth of a degree of freedom. A pixel's variance is guarded by
         // its neighbours'.
@@ -150,7 +160,91 @@ void judge_noise(const Picture& test, const Picture& reference, const std::vecto
 
 // ---- layers ---------------------------------------------------------------------------------------------------------
 
-LayerResult compare_layer(const Picture::Layer& a, const Picture::Layer& b) {
+struct Frame {
+    int width, height;
+};
+
+// Calls see(value, around, count) for each number of a layer and those of the 3 x 3 pixels around its place in the other.
+void each_with_around(const Picture::Layer& mine, const Picture::Layer& other, Frame frame, auto&& see) {
+    const size_t channels = mine.channels.size();
+    std::array<float, 9> around;
+    for (int y = 0; y < frame.height; ++y)
+        for (int x = 0; x < frame.width; ++x)
+            for (size_t c = 0; c < channels; ++c) {
+                const auto at = [&](int i, int j) {
+                    return (size_t(j) * size_t(frame.width) + size_t(i)) * channels + c;
+                };
+                size_t count = 0;
+                for (int j = std::max(y - 1, 0); j <= std::min(y + 1, frame.height - 1); ++j)
+                    for (int i = std::max(x - 1, 0); i <= std::min(x + 1, frame.width - 1); ++i)
+                        around[count++] = other.pixels[at(i, j)];
+                see(mine.pixels[at(x, y)], std::span(around.data(), count));
+            }
+}
+
+// By how much numbers are less or greater than all those around their place in the other picture: the mean of both pictures.
+double mean_beyond(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
+    double sum = 0.0;
+    const auto add = [&](float value, std::span<const float> around) {
+        const auto [low, high] = std::ranges::minmax(around);
+        sum += std::max({0.0, double(value) - double(high), double(low) - double(value)});
+    };
+    each_with_around(a, b, frame, add);
+    each_with_around(b, a, frame, add);
+    return sum / (2.0 * double(a.pixels.size()));
+}
+
+// The share of names that are none of those around their place in the other picture.
+double share_unknown(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
+    double unknown = 0.0;
+    const auto add = [&](float name, std::span<const float> around) {
+        unknown += std::ranges::find(around, name) == around.end();
+    };
+    each_with_around(a, b, frame, add);
+    each_with_around(b, a, frame, add);
+    return unknown / (2.0 * double(a.pixels.size()));
+}
+
+bool holds_names(const Picture::Layer& layer) {
+    bool many = false; // 0 and 1 alone are a mask
+    for (const float v : layer.pixels) {
+        if (v != std::floor(v)) return false;
+        many |= v != 0.0F && v != 1.0F;
+    }
+    return many && layer.channels.size() == 1;
+}
+
+// The greatest difference of a channel's means.
+double bias_of(const Picture::Layer& a, const Picture::Layer& b) {
+    std::vector<double> sums(b.channels.size());
+    for (size_t i = 0; i < b.pixels.size(); ++i)
+        sums[i % sums.size()] += double(a.pixels[i]) - double(b.pixels[i]);
+    double most = 0.0;
+    for (const double sum : sums)
+        most = std::max(most, std::abs(sum) * double(sums.size()) / double(b.pixels.size()));
+    return most;
+}
+
+std::string fault_of(const Picture::Layer& a, const Picture::Layer& b, const LayerResult& result,
+                     Frame frame) {
+    if (b.name.empty()) return "";
+    if (holds_names(a) && holds_names(b)) {
+        const double share = share_unknown(a, b, frame);
+        if (share <= names_share) return "";
+        return fmt::format("layer {} is of other names: {:.3g} of its pixels hold one that the other picture "
+                           "has nowhere near, {} are "
+                           "allowed",
+                           b.name, share, names_share);
+    }
+    if (result.mean <= layer_share * result.range) return "";
+    if (bias_of(a, b) <= layer_bias * result.range && mean_beyond(a, b, frame) <= layer_beyond * result.range)
+        return "";
+    return fmt::format(
+        "layer {} differs by {:.3g} in the mean, {:.3g} is allowed (three hundredths of its range)", b.name,
+        result.mean, layer_share * result.range);
+}
+
+LayerResult compare_layer(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
     LayerResult result;
     result.name = b.name;
     result.channels = int(b.channels.size());
@@ -183,15 +277,17 @@ LayerResult compare_layer(const Picture::Layer& a, const Picture::Layer& b) {
     result.mean = sum / count;
     result.psnr = result.rmse > 0.0 ? 20.0 * std::log10(result.range / result.rmse)
                                     : std::numeric_limits<double>::infinity();
-    result.fails = !b.name.empty() && !(result.mean <= layer_share * result.range);
+    result.fault = fault_of(a, b, result, frame);
     return result;
 }
 
 std::string list_of(const Picture& picture) {
-    std::string text;
+    std::string text = picture.grey ? "Y (grey)" : "";
     for (const Picture::Layer& layer : picture.layers)
         for (const std::string& channel : layer.channels)
-            text += (text.empty() ? "" : ", ") + (layer.name.empty() ? channel : layer.name + "." + channel);
+            if (!(picture.grey && layer.name.empty()))
+                text +=
+                    (text.empty() ? "" : ", ") + (layer.name.empty() ? channel : layer.name + "." + channel);
     return text;
 }
 
@@ -211,7 +307,7 @@ void check_comparable(const Picture& a, const Picture& b, const std::string& a_n
     };
     // A golden frame asks for its own layers only.
     const std::set<std::string> mine = names(a), theirs = names(b);
-    if (b.limits.empty() ? mine != theirs : !std::ranges::includes(mine, theirs))
+    if (a.grey != b.grey || (b.limits.empty() ? mine != theirs : !std::ranges::includes(mine, theirs)))
         throw InputError({a_name}, fmt::format("has channels {}; {} has {}", list_of(a), b_name, list_of(b)),
                          "write both with the same layers and format");
     for (const Picture* picture : {&a, &b}) {
@@ -283,6 +379,7 @@ Picture read_picture(const std::string& path) {
     Picture picture;
     picture.width = image.width;
     picture.height = image.height;
+    picture.display = !image.as_in_file;
     const std::string samples = read_metadata(path, "marram:samples").value_or("0");
     std::from_chars(samples.data(), samples.data() + samples.size(),
                     picture.samples); // 0 where it is no number
@@ -319,6 +416,7 @@ Picture read_picture(const std::string& path) {
         if (layer.name.empty() && layer.channels.size() == 1) { // grey
             from[l].insert(from[l].begin(), 2, from[l].front());
             layer.channels = {"R", "G", "B"};
+            picture.grey = true;
         }
         for (size_t i = 0; i < pixels; ++i)
             for (const size_t c : from[l]) layer.pixels.push_back(image.pixels[i * stride + c]);
@@ -424,18 +522,18 @@ Comparison compare_pictures(const Picture& test, const Picture& reference, const
                                   in_order(*test.find(layer.name), layer.channels)};
         result.equal &=
             std::memcmp(mine.pixels.data(), layer.pixels.data(), layer.pixels.size() * sizeof(float)) == 0;
-        result.layers.push_back(compare_layer(mine, layer));
-        if (const LayerResult& one = result.layers.back(); one.fails)
-            result.faults.push_back(fmt::format("layer {} differs by {:.3g} in the mean, {:.3g} is allowed "
-                                                "(three hundredths of its range)",
-                                                one.name, one.mean, layer_share * one.range));
+        result.layers.push_back(compare_layer(mine, layer, {result.width, result.height}));
+        if (const std::string& fault = result.layers.back().fault; !fault.empty())
+            result.faults.push_back(fault);
     }
     const std::vector<float> a = colours_of(picture_proper(test, test_name)),
                              b = colours_of(picture_proper(reference, reference_name));
     const std::optional<Limits> limits = limits_from(reference.limits);
     result.golden = limits.has_value();
     judge_noise(test, reference, a, b, limits, result);
-    result.flip = flip_map(a, b, result.width, result.height);
+    result.display = test.display && reference.display;
+    result.flip =
+        flip_map(a, b, result.width, result.height, result.display ? Range::display : Range::linear);
     std::vector<float> sorted = result.flip;
     std::ranges::sort(sorted);
     for (const float f : sorted) result.flip_mean += double(f) / double(sorted.size());

@@ -245,20 +245,27 @@ std::pair<double, double> exposures_of(const std::vector<float>& reference) {
 } // namespace
 
 std::vector<float> flip_map(const std::vector<float>& test, const std::vector<float>& reference, int width,
-                            int height) {
+                            int height, Range range) {
     const Size size{width, height};
     std::vector<float> map(size.pixels(), 0.0F);
-    const auto [first, last] = exposures_of(reference);
-    const int count = std::max(2, int(std::ceil(last - first)));
     std::vector<Colour> a(size.pixels()), b(size.pixels());
-    for (int e = 0; e < count; ++e) {
-        const double gain = std::exp2(first + (last - first) * e / (count - 1));
+    const auto keep = [&](auto&& shown) {
         for (size_t i = 0; i < a.size(); ++i)
             for (size_t c = 0; c < 3; ++c) {
-                a[i][c] = developed(gain * double(test[3 * i + c]));
-                b[i][c] = developed(gain * double(reference[3 * i + c]));
+                a[i][c] = shown(double(test[3 * i + c]));
+                b[i][c] = shown(double(reference[3 * i + c]));
             }
         keep_greater(a, b, size, map);
+    };
+    if (range == Range::display) {
+        keep([](double v) { return std::clamp(v, 0.0, 1.0); });
+        return map;
+    }
+    const auto [first, last] = exposures_of(reference);
+    const int count = std::max(2, int(std::ceil(last - first)));
+    for (int e = 0; e < count; ++e) {
+        const double gain = std::exp2(first + (last - first) * e / (count - 1));
+        keep([gain](double v) { return developed(gain * v); });
     }
     return map;
 }

@@ -9,15 +9,21 @@
 // is seen, 1: as different as green and blue. A pixel spans 1/67 of a degree: a monitor 0.7 m wide and away, of 3840 pixels.
 //
 // Linear pictures are developed (a filmic curve) at exposures between those at which the brightest and the median pixel of the
-// reference are nearly white, a stop apart; a pixel's difference is the greatest of these.
+// reference are nearly white, a stop apart; a pixel's difference is the greatest of these. Pictures made for a display are compared as
+// it shows them.
 #pragma once
 
 #include <vector>
 
 namespace marram {
 
+enum class Range {
+    linear,  // of any range: developed at several exposures ("HDR-FLIP")
+    display, // 0 ... 1 is what a display shows; what is beyond is cut off ("LDR-FLIP")
+};
+
 // Of linear colours, 3 floats a pixel, rows from the top; negative ones count as 0. One number a pixel. Cost: 3 us a pixel and exposure.
 std::vector<float> flip_map(const std::vector<float>& test, const std::vector<float>& reference, int width,
-                            int height);
+                            int height, Range range = Range::linear);
 
 } // namespace marram

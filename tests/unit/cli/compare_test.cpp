@@ -59,6 +59,13 @@ TEST(Compare, refuses_what_it_cannot_compare) {
     refused({"compare", folder / "a.png", folder / "a.png", "--report", folder / "a.exr"},
             "a.exr: the folder for the report cannot be made");
     refused({"compare", folder / "a.png"}, "reference is required");
+    refused({"compare", folder / "a.png", folder / "b.png", "--report", folder / "page"},
+            "a.png: is 24 x 16");
+    EXPECT_FALSE(fs::exists(folder / "page")) << "nothing was compared, nothing is there to be read";
+    const std::vector<float> grey(24 * 16, 0.5F);
+    const Layer layer{"", {"Y"}, grey.data(), true};
+    write_exr(folder / "grey.exr", 24, 16, std::span(&layer, 1), {});
+    refused({"compare", folder / "grey.exr", folder / "a.png"}, "grey.exr: has channels Y (grey); ");
 }
 
 // The page's own buttons, slider and pictures, used by a script that is added to a copy of it.

@@ -116,6 +116,63 @@ TEST(Compare, one_variance_serves_both) {
     EXPECT_TRUE(c.alike());
 }
 
+// Variance, but not of how many samples: two at least.
+TEST(Compare, unknown_samples_do_not_hide_a_fault) {
+    Picture reference = made(1, 0.05), seed = made(2, 0.05), bright = made(3, 0.05);
+    for (float& v : bright.layers[0].pixels) v *= 1.2F;
+    for (Picture* picture : {&reference, &seed, &bright}) picture->samples = 0;
+    EXPECT_TRUE(compared(seed, reference).alike());
+    const Comparison c = compared(bright, reference);
+    EXPECT_FALSE(c.alike());
+    EXPECT_LT(c.scales.back().limit, 5.6) << "of 6,144 pixels the mean is well known";
+    EXPECT_FALSE(compared(without_variance(seed), reference).knows_noise);
+    EXPECT_NE(compared(without_variance(seed), reference).unknown.find("only one has"), std::string::npos);
+}
+
+// Ids of strands of which several share a pixel: another seed meets others of them, but none that is not there.
+TEST(Compare, names_are_no_quantities) {
+    const auto ids = [](uint64_t seed, float first) {
+        Picture picture = without_variance(made(1, 0.0));
+        Picture::Layer layer{"id", {"Y"}, {}};
+        for (int y = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x) { // strands lie slantwise, three to a pixel
+                const auto at = uint64_t(y * width + x);
+                const uint64_t strand = uint64_t(3 * (x + y / 4)) + hash(seed, at) % 3;
+                layer.pixels.push_back(first + float(hash(7, strand) & 0xfffff));
+            }
+        picture.layers.push_back(layer);
+        return picture;
+    };
+    EXPECT_TRUE(compared(ids(1, 0.0F), ids(2, 0.0F)).alike());
+    EXPECT_GT(compared(ids(1, 0.0F), ids(2, 0.0F)).layers.back().mean,
+              0.1 * compared(ids(1, 0.0F), ids(2, 0.0F)).layers.back().range);
+    EXPECT_FALSE(compared(ids(1, 1.0F), ids(1, 0.0F)).alike()) << "every strand has another name";
+}
+
+// Where every pixel is an edge, two seeds differ by more than three hundredths; a layer that is off does too, and is different.
+TEST(Compare, layers_may_be_noisy_but_not_off) {
+    const auto along = [](uint64_t seed, double add) {
+        Picture picture = without_variance(made(1, 0.0));
+        Picture::Layer layer{"strand_u", {"Y"}, {}};
+        for (int i = 0; i < width * height; ++i)
+            layer.pixels.push_back(
+                float(0.1 + 0.8 * double(i % 5) / 4.0 + add + 0.06 * normal(seed, uint64_t(i))));
+        picture.layers.push_back(layer);
+        return picture;
+    };
+    const Comparison seeds = compared(along(1, 0.0), along(2, 0.0));
+    EXPECT_GT(seeds.layers.back().mean, 0.06 * seeds.layers.back().range);
+    EXPECT_TRUE(seeds.alike());
+    EXPECT_FALSE(compared(along(1, 0.03), along(2, 0.0)).alike());
+}
+
+TEST(Compare, grey_is_not_colour) {
+    Picture colour = without_variance(made(1, 0.0)), grey = colour;
+    grey.grey = true;
+    EXPECT_THROW(compared(grey, colour), InputError);
+    EXPECT_TRUE(compared(grey, grey).equal);
+}
+
 TEST(Compare, numbers_are_what_they_say) {
     Picture a = without_variance(made(1, 0.0)), b = a;
     for (float& v : a.layers[0].pixels) v += 0.25F;
@@ -249,6 +306,28 @@ TEST(Flip, goes_from_none_to_one) {
         last = now;
     }
     for (const float f : flip_map(green, blue, width, height)) EXPECT_TRUE(f >= 0.0F && f <= 1.0F);
+}
+
+// Of even pictures it is a formula, here by hand: what a display shows, not exposed for the darker one's sake.
+TEST(Flip, of_display_pictures_is_as_they_are_shown) {
+    const auto shown = [](const std::vector<float>& a, const std::vector<float>& b) {
+        double sum = 0.0;
+        for (const float f : flip_map(a, b, width, height, Range::display))
+            sum += double(f) / (width * height);
+        return sum;
+    };
+    EXPECT_NEAR(shown(plain(0, 1, 0), plain(0, 0, 1)), 1.0, 1e-4);
+    const auto lightness = [](double y) { return 116.0 * std::cbrt(y) - 16.0; };
+    // HyAB of greys is the difference of their lightnesses; that of weakened green and blue is 203.305.
+    const double most = std::pow(203.305, 0.7);
+    for (const auto& [dark, light] : {std::pair(0.2, 0.25), {0.02, 0.04}, {0.5, 0.9}}) {
+        const double apart = std::pow(lightness(light) - lightness(dark), 0.7);
+        const double expected = apart < 0.4 * most ? 0.95 / 0.4 * apart / most
+                                                   : 0.95 + (apart - 0.4 * most) / (0.6 * most) * 0.05;
+        const auto grey = [](double v) { return plain(float(v), float(v), float(v)); };
+        EXPECT_NEAR(shown(grey(dark), grey(light)), expected, 1e-3) << dark;
+    }
+    EXPECT_EQ(shown(plain(1, 1, 1), plain(7, 7, 7)), 0.0) << "a display shows both as white";
 }
 
 // What the eye does not resolve counts less: a fine checkerboard against the grey of its mean, and a coarse one.

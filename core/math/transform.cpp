@@ -10,10 +10,7 @@ KeyedTransform::KeyedTransform(std::span<const double> numbers, std::string_view
     assert(numbers.size() % 10 == 0);
     for (size_t i = 0; i + 9 < numbers.size(); i += 10) {
         const double* k = numbers.data() + i;
-        const Eigen::Quaterniond rotation = Eigen::AngleAxisd(k[6] * degree, Vec3d::UnitZ()) *
-                                            Eigen::AngleAxisd(k[5] * degree, Vec3d::UnitY()) *
-                                            Eigen::AngleAxisd(k[4] * degree, Vec3d::UnitX());
-        keys_.push_back({k[0], Vec3d(k + 1), rotation, Vec3d(k + 7)});
+        keys_.push_back({k[0], Vec3d(k + 1), Vec3d(k + 4) * degree, Vec3d(k + 7)});
     }
 }
 
@@ -27,11 +24,14 @@ Eigen::Affine3d KeyedTransform::at(double frame) const {
         double t = (frame - a.frame) / (b.frame - a.frame);
         if (smooth_) t = t * t * (3.0 - 2.0 * t);
         key.translation = a.translation + t * (b.translation - a.translation);
-        key.rotation = a.rotation.slerp(t, b.rotation);
+        key.angles = a.angles + t * (b.angles - a.angles);
         key.scale = a.scale + t * (b.scale - a.scale);
     }
     Eigen::Affine3d m = Eigen::Affine3d::Identity();
-    m.linear() = key.rotation.toRotationMatrix() * key.scale.asDiagonal();
+    const Eigen::Quaterniond rotation = Eigen::AngleAxisd(key.angles.z(), Vec3d::UnitZ()) *
+                                        Eigen::AngleAxisd(key.angles.y(), Vec3d::UnitY()) *
+                                        Eigen::AngleAxisd(key.angles.x(), Vec3d::UnitX());
+    m.linear() = rotation.toRotationMatrix() * key.scale.asDiagonal();
     m.translation() = key.translation;
     return m;
 }

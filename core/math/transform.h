@@ -11,7 +11,7 @@
 namespace marram {
 
 // p -> rotation * (scale * p) + translation. Angles of a key are Euler angles in degrees, applied about x, then y,
-// then z; between two keys the rotation takes the shortest arc.
+// then z; each goes its own way from key to key, so that 0 to 720 turns twice, as animators key it.
 class KeyedTransform {
   public:
     KeyedTransform() = default; // identity at all times
@@ -27,7 +27,7 @@ class KeyedTransform {
     struct Key {
         double frame;
         Vec3d translation;
-        Eigen::Quaterniond rotation;
+        Vec3d angles; // radians
         Vec3d scale;
     };
     std::vector<Key> keys_;

@@ -51,6 +51,21 @@ TEST(KeyedTransform, euler_angles_turn_about_x_then_y_then_z) {
     EXPECT_LT((KeyedTransform(keys, "linear").at(0.0) * Vec3d(0, 1, 0) - Vec3d(0, 0, 1)).norm(), 1e-12);
 }
 
+// A wheel: two turns in 24 frames, also backwards, and no turn lost where neighbouring keys are half a turn or more apart.
+TEST(KeyedTransform, turns_as_far_as_its_keys_say) {
+    for (const double turns : {0.5, 1.0, 2.0, -2.0}) {
+        const KeyedTransform wheel(
+            std::vector<double>{0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 24, 0, 0, 0, 0, 0, 360.0 * turns, 1, 1, 1},
+            "linear");
+        for (const double frame : {1.0, 5.0, 13.5, 23.0}) {
+            const double angle = 2.0 * 3.14159265358979323846 * turns * frame / 24.0;
+            EXPECT_LT((wheel.at(frame) * Vec3d(1, 0, 0) - Vec3d(std::cos(angle), std::sin(angle), 0)).norm(),
+                      1e-12)
+                << turns << " turns, frame " << frame;
+        }
+    }
+}
+
 TEST(KeyedTransform, knows_when_it_moves) {
     EXPECT_FALSE(KeyedTransform().moves());
     const KeyedTransform keyed(

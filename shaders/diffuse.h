@@ -20,6 +20,8 @@
 //   transmission = [0.08, 0.2, 0.03]
 //   variation = 0.3
 //
+// In a scene: scenes/run scenes/default.toml; tinted by what gusts bring: scenes/run scenes/figure2.toml
+//
 // Lambert, "Photometria", 1760: f = color / pi on the side the light comes from, transmission / pi on the
 // other.
 #pragma once

@@ -20,6 +20,8 @@
 //   tip_color = [0.2, 0.3, 0.07]
 //   variation = 0.4
 //
+// In a scene: scenes/run scenes/dune.toml
+//
 // The measure of real leaves: 5 to 10 % of visible light is reflected, in green as much goes through; the boundary alone reflects
 // 2 to 4 % (Woolley, "Reflectance and Transmittance of Light by Leaves", 1971). White and without gloss or filter it loses
 // nothing at any angle; it is reciprocal.

@@ -20,8 +20,10 @@
 //   color = [0.5, 0.33, 0.2]
 //   roughness = 0.25
 //
+// In a scene: scenes/run scenes/fur.toml. Strands alone can have it: meshes are refused.
+//
 // Lobes hold the light that leaves a smooth cylinder, to 1e-6; what its inner interfaces polarise is left
-// out, at most 0.07 of the light that came. The model is not reciprocal: exchanging wo and wi changes what a
+// out, at most 0.06 of the light that came. The model is not reciprocal: exchanging wo and wi changes what a
 // whole fibre passes on by 10 % on average at the defaults, 1 % at roughness 0.03, 24 % at 1 and 34 % at a
 // tilt of 20 degrees; at one offset across the fibre, by 13 % at the defaults.
 //

@@ -17,6 +17,10 @@
 //   type = "sand"
 //   ripple_direction = 20
 //
+// In a scene: scenes/run scenes/dune.toml
+//
+// Both stay where they are in the world: under a mesh that moves they stay behind, of which there is a warning.
+//
 // Ripples turn the shading normal only (their own shadows are left out), and not where the ground is steeper than 34 degrees, at which
 // dry sand slides (R. Bagnold, "The Physics of Blown Sand and Desert Dunes", 1941: they are 7 to 14 cm long and 5 to 10 mm high, the
 // lee side two to three times as steep). Without ripples white loses nothing (1e-3; 1e-2 where all of it is

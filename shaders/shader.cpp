@@ -17,7 +17,8 @@ std::span<const ShaderDescription> shaders() {
     static const std::vector<ShaderDescription> all = {
         {"diffuse", "matt surface or thin leaf: even reflection, even transmission", diffuse_params()},
         {"grass", "thin glossy blade that light shines through", grass_params()},
-        {"hair", "rough dielectric fibre with coloured highlights: hair, fur, dry grass", hair_params()},
+        {"hair", "rough dielectric fibre with coloured highlights: hair, fur, dry grass", hair_params(),
+         true},
         {"sand", "rough grains with wind ripples and glints", sand_params()},
         {"surface", "matt body under a glossy boundary, with images: stone, paint, plastic, skin",
          surface_params()},
@@ -34,6 +35,8 @@ Material make_material(std::string_view type, const ParamSet& params, const Text
     if (type == "surface") material.settings = read_surface(params, open);
     assert(shaders()[material.settings.index()].name == type && "types are checked where scenes are read");
     const std::string& tint = params.text("tint");
+    if (tint.empty())
+        throw InputError(params.at("tint").place, "tint is empty", "name a curve attribute, or leave it out");
     material.tint = tint == "none" ? "" : tint;
     return material;
 }

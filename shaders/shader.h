@@ -22,6 +22,7 @@ struct ShaderDescription {
     std::string name;
     std::string help; // one line
     std::vector<ParamSpec> params;
+    bool strands_only = false; // has no meaning on a mesh
 };
 
 // All shaders, in alphabetical order. Lives as long as the program.

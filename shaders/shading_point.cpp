@@ -45,10 +45,11 @@ StrandColor read_strand_color(const ParamSet& params) {
     return color;
 }
 
-Vec3f color_at(const StrandColor& color, const ShadingPoint& point) {
+Vec3f color_at(const StrandColor& color, const ShadingPoint& point, const Vec3f& image) {
     Vec3f result = color.color;
     if (point.fibre && (color.has_root || color.has_tip))
         result = color.root + point.strand_u * (color.tip - color.root);
+    result = result.cwiseProduct(image);
     const float tint = std::isfinite(point.tint) ? std::clamp(point.tint, 0.0F, 1.0F) : 0.0F;
     return result + tint * (color.tint_color - result);
 }

@@ -39,8 +39,20 @@ struct BsdfSample {
     float pdf = 0.0F;
 };
 
-// The colour of a material wherever it depends on the strand: along it, from strand to strand, by an
-// attribute.
+// The colour of a material wherever it depends on the strand: along it, from strand to strand, and tinted by an attribute that
+// the strand carries, as gusts and shelter are made visible. Every shader has these:
+//
+//   root_color, tip_color  1  none               colours at a strand's ends, instead of color; linear between
+//   variation              1  0                  how much strands differ, 0 ... 1: channels by up to this share
+//   tint                   -  "none"             the attribute: shield, gust, envelope, id, ... (marram info names them). 0 leaves the
+//                                                colour, 1 makes it tint_color; of an id, each strand has a share of its own
+//   tint_color             1  [0.35, 0.2, 0.08]
+//
+//   tint = "gust"
+//   tint_color = [0.9, 0.2, 0.05]
+//
+// In a scene: scenes/run scenes/golden/fur.toml --set 'material.fur.tint="id"'. Only strands carry attributes: a material with
+// a tint that is on meshes alone is refused.
 struct StrandColor {
     Vec3f color = Vec3f::Constant(0.5F);
     bool has_root = false, has_tip = false; // the gradient replaces `color`; a missing end is `color`
@@ -53,8 +65,8 @@ struct StrandColor {
 std::vector<ParamSpec> strand_color_params();
 StrandColor read_strand_color(const ParamSet& params);
 
-// The colour at a point before variation: gradient along the strand, then tint.
-Vec3f color_at(const StrandColor& color, const ShadingPoint& point);
+// The colour at a point before variation: gradient along the strand, times what an image has there, then tint.
+Vec3f color_at(const StrandColor& color, const ShadingPoint& point, const Vec3f& image = Vec3f::Ones());
 
 // What variation multiplies this strand's colour by, each channel 1 +- variation, no channel of full * factor
 // above 1; 1 on surfaces. `full` is all that the shader gives back where it has this colour.

@@ -58,8 +58,8 @@ SurfaceSettings read_surface(const ParamSet& params, const TextureOpener& open) 
 CoatedBsdf surface_at(const SurfaceSettings& settings, const ShadingPoint& point) {
     const Vec2f uv = point.uv.cwiseProduct(settings.map_scale);
     const float width = point.uv_width * settings.map_scale.cwiseAbs().maxCoeff();
-    Vec3f color = color_at(settings.color, point);
-    if (settings.color_map) color = color.cwiseProduct(settings.color_map->at(uv, width));
+    Vec3f color = color_at(settings.color, point,
+                           settings.color_map ? settings.color_map->at(uv, width) : Vec3f(Vec3f::Ones()));
     color = color.cwiseProduct(variation_factor(settings.color, point, color));
     float roughness = settings.roughness;
     if (settings.roughness_map) roughness *= settings.roughness_map->at(uv, width).x();

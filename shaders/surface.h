@@ -15,10 +15,12 @@
 //   [[material]]
 //   name = "stone"
 //   type = "surface"
-//   color_map = "stone.png"
+//   color_map = "../textures/hill.png"
 //   roughness = 0.7
 //
-// Images are filtered over the pixel's footprint. White loses nothing at any angle, roughness and specular; the
+// In a scene, painted with an image: scenes/run scenes/golden/room.toml --set 'mesh.ball.material="paint"'
+//
+// Images are filtered over the pixel's footprint; their values are cut to 0 ... 1. They come before tint: where it is 1 all is tint_color. White loses nothing at any angle, roughness and specular; the
 // model is reciprocal.
 #pragma once
 

@@ -199,6 +199,27 @@ TEST(Surfaces, SamplesFollowTheDensity) {
     std::printf("[ density ] worst chi square %.1f deviations above its mean\n", worst);
 }
 
+// An image is what a surface is painted with; what it is tinted with lies over the paint.
+TEST(Surfaces, TintLiesOverTheImage) {
+    struct Paint : Texture {
+        Vec3f at(const Vec2f&, float) const override { return {0.5F, 0.25F, 0.0F}; }
+    };
+    const Material material = make_material(
+        "surface",
+        testing::params_of("surface", {{"color", "[0.8, 0.8, 0.8]"},
+                                       {"specular", "0"},
+                                       {"color_map", "\"any.png\""},
+                                       {"tint", "\"gust\""},
+                                       {"tint_color", "[0.1, 0.2, 0.9]"}}),
+        [](const std::string&, TextureContent, const Place&) { return std::make_shared<Paint>(); });
+    ShadingPoint point = ground_point(0.8);
+    for (const float tint : {0.0F, 0.5F, 1.0F}) {
+        point.tint = tint;
+        const Vec3f expected = (1.0F - tint) * Vec3f(0.4F, 0.2F, 0.0F) + tint * Vec3f(0.1F, 0.2F, 0.9F);
+        EXPECT_LT((albedo(bsdf_at(material, point)) - expected).norm(), 1e-3F) << tint;
+    }
+}
+
 TEST(Surfaces, LightMayBeFollowedEitherWay) {
     for (const Case& c : white_cases()) {
         Settings settings = c.settings;

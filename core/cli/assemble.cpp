@@ -143,7 +143,14 @@ LightDescription light_of(const Item& item, std::vector<LightDescription>& suns)
         return sky;
     }
     if (item.type == "environment") {
-        const Image image = read_image(params.text("file"));
+        const std::string& file = params.text("file");
+        const Image image = read_image(file);
+        if (image.width / 2 != image.height && (image.width + 1) / 2 != image.height)
+            throw InputError(params.at("file").place,
+                             fmt::format("\"{}\" is {} x {} pixels: all directions by longitude and latitude "
+                                         "are twice as wide as high",
+                                         file, image.width, image.height),
+                             "convert it to a latitude-longitude map");
         EnvironmentLight light;
         light.width = uint32_t(image.width);
         light.height = uint32_t(image.height);
@@ -271,6 +278,18 @@ LoadedScene load(const std::string& file, const Overrides& overrides, const std:
         scene.lights.push_back(SkyLight{});
     }
     return scene;
+}
+
+std::vector<std::string> files_read(const LoadedScene& scene, const std::string& file) {
+    std::vector<std::string> files = {file};
+    const SceneDescription& description = scene.description;
+    for (const auto* items :
+         {&description.materials, &description.meshes, &description.lights, &description.procedurals})
+        for (const Item& item : *items)
+            for (const ParamValue& value : item.params.all())
+                if (value.spec->type == ParamType::file || value.spec->type == ParamType::image)
+                    files.push_back(value.text);
+    return files;
 }
 
 std::pair<uint32_t, uint32_t> film_size(const LoadedScene& scene) {

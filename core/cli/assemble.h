@@ -45,6 +45,9 @@ LoadedScene load(const std::string& file, const Overrides& overrides, const std:
 
 BuildSettings build_settings(const LoadedScene& scene, double frame);
 RenderSettings render_settings(const LoadedScene& scene, double frame);
+// The scene's own file and all that it names, as they can be opened.
+std::vector<std::string> files_read(const LoadedScene& scene, const std::string& file);
+
 std::pair<uint32_t, uint32_t> film_size(const LoadedScene& scene);
 
 // Curve attributes that materials and layers need.

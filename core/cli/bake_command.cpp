@@ -36,13 +36,14 @@ void check_formats(const BakeOptions& options) {
 
 int bake_command(const BakeOptions& options) {
     check_formats(options);
-    check_distinct({options.scene, options.output, options.colliders, options.stats});
     const double begin = wall_seconds();
     LoadedScene scene = load(options.scene, options.overrides, interrupted());
     FrameStats stats;
     stats.load = wall_seconds() - begin;
     stats.frame = options.frame.value_or(scene.description.globals.vec2("frames").x());
     const std::string output = numbered(options.output, stats.frame);
+    RunFiles files(files_read(scene, options.scene));
+    for (const std::string& file : {output, options.colliders, options.stats}) files.write(file);
     check_writable(output);
     if (!options.colliders.empty()) check_writable(options.colliders);
     if (!options.stats.empty()) check_writable(options.stats);

@@ -32,14 +32,22 @@ std::pair<uint32_t, uint32_t> parse_size(const std::string& text) {
     return {width, height};
 }
 
-// Frames that time can be reckoned with: beyond, a frame more would be lost in the number's rounding.
-double checked_frame(double frame) {
-    constexpr double latest = 1e9;
-    if (!(std::abs(frame) <= latest))
-        throw InputError({fmt::format("--frame {}", frame)}, "this is no frame",
-                         "give a number between -1e9 and 1e9");
-    return frame;
+// The library takes "" for 0, and lets NaN pass between any bounds.
+CLI::Validator number_between(double low, double high) {
+    return {[low, high](std::string& text) {
+                double value = 0.0;
+                const auto [end, error] =
+                    std::from_chars(text.data() + text.starts_with('+'), text.data() + text.size(), value);
+                const bool good =
+                    error == std::errc{} && end == text.data() + text.size() && value >= low && value <= high;
+                return good ? std::string()
+                            : fmt::format("'{}' is no number from {:g} to {:g}", text, low, high);
+            },
+            fmt::format("{:g} to {:g}", low, high)};
 }
+
+// Frames that time can be reckoned with: beyond, a frame more would be lost in the number's rounding.
+constexpr double latest_frame = 1e9;
 
 struct Texts { // options that are checked after parsing
     std::string size, layers;
@@ -90,7 +98,8 @@ void add_render(CLI::App& app, Commands& c) {
         ->type_name("FILE")
         ->capture_default_str()
         ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
-    CLI::Option* frame = command->add_option("--frame", c.texts.frame, "frame, also a fraction of one");
+    CLI::Option* frame = command->add_option("--frame", c.texts.frame, "frame, also a fraction of one")
+                             ->check(number_between(-latest_frame, latest_frame));
     command->add_option("--frames", c.render.frames.range, "first and last frame")
         ->type_name("A-B")
         ->excludes(frame);
@@ -99,7 +108,7 @@ void add_render(CLI::App& app, Commands& c) {
         ->add_option("--seconds", c.render.seconds,
                      "time for tracing a frame: it ends with fewer samples where they would take longer; "
                      "--resume goes on")
-        ->check(CLI::Range(1e-3, 1e9));
+        ->check(number_between(1e-3, 1e9));
     command->add_option("--size", c.texts.size, "size of the picture")->type_name("WxH");
     command
         ->add_option("--aov", c.texts.layers,
@@ -121,7 +130,7 @@ void add_render(CLI::App& app, Commands& c) {
         if (command->count("--spp") > 0) c.render.overrides.samples = c.texts.samples;
         c.render.layers = split(c.texts.layers);
         c.chosen = [&c, one_frame] {
-            if (one_frame) c.render.frames.frame = checked_frame(c.texts.frame);
+            if (one_frame) c.render.frames.frame = c.texts.frame;
             if (!c.texts.size.empty()) c.render.overrides.size = parse_size(c.texts.size);
             return render_command(c.render);
         };
@@ -135,17 +144,13 @@ void add_bake(CLI::App& app, Commands& c) {
     command->add_option("-o,--output", c.bake.output, "strands: .hair, .usda or .obj")
         ->required()
         ->type_name("FILE");
-    command->add_option("--frame", c.bake.frame, "frame, also a fraction of one; default: the scene's first");
+    command->add_option("--frame", c.bake.frame, "frame, also a fraction of one; default: the scene's first")
+        ->check(number_between(-latest_frame, latest_frame));
     command->add_option("--stage", c.bake.stage, "how far through the chain")
         ->check(CLI::IsMember({"rest", "bent", "final"}))
         ->capture_default_str();
     command->add_option("--colliders", c.bake.colliders, "write all meshes as well, .obj")->type_name("FILE");
-    command->callback([&c] {
-        c.chosen = [&c] {
-            if (c.bake.frame) checked_frame(*c.bake.frame);
-            return bake_command(c.bake);
-        };
-    });
+    command->callback([&c] { c.chosen = [&c] { return bake_command(c.bake); }; });
 }
 
 void add_measure(CLI::App& app, Commands& c) {
@@ -157,17 +162,13 @@ void add_measure(CLI::App& app, Commands& c) {
                      "folder for the report: measure.html, measure.csv, a plot a dial")
         ->type_name("DIR")
         ->capture_default_str();
-    command->add_option("--frame", c.measure.frame,
-                        "frame, also a fraction of one; default: the scene's first");
+    command
+        ->add_option("--frame", c.measure.frame, "frame, also a fraction of one; default: the scene's first")
+        ->check(number_between(-latest_frame, latest_frame));
     command->add_option("--seconds", c.measure.seconds, "about how long it may take; more is more exact")
-        ->check(CLI::Range(1.0, 1e6))
+        ->check(number_between(1.0, 1e6))
         ->capture_default_str();
-    command->callback([&c] {
-        c.chosen = [&c] {
-            if (c.measure.frame) checked_frame(*c.measure.frame);
-            return measure_command(c.measure);
-        };
-    });
+    command->callback([&c] { c.chosen = [&c] { return measure_command(c.measure); }; });
 }
 
 void add_compare(CLI::App& app, Commands& c) {

@@ -7,7 +7,6 @@
 
 #include <charconv>
 #include <cmath>
-#include <filesystem>
 
 namespace marram {
 namespace {
@@ -33,18 +32,18 @@ std::vector<double> whole_frames(long first, long last) {
 
 } // namespace
 
-void check_distinct(std::initializer_list<std::string> files) {
-    std::vector<std::pair<std::filesystem::path, std::string>> seen;
-    for (const std::string& file : files) {
-        if (file.empty()) continue;
-        std::error_code error;
-        const std::filesystem::path real = std::filesystem::weakly_canonical(file, error);
-        for (const auto& [other, name] : seen)
-            if (real == other)
-                throw InputError({file}, "this would overwrite '" + name + "'",
-                                 "give every file a name of its own");
-        seen.emplace_back(real, file);
-    }
+RunFiles::RunFiles(const std::vector<std::string>& read) {
+    std::error_code error;
+    for (const std::string& file : read) known_.emplace(std::filesystem::weakly_canonical(file, error), file);
+}
+
+void RunFiles::write(const std::string& file) {
+    if (file.empty()) return;
+    std::error_code error;
+    const auto [other, fresh] = known_.emplace(std::filesystem::weakly_canonical(file, error), file);
+    if (!fresh)
+        throw InputError({file}, "this would overwrite '" + other->second + "'",
+                         "give every file a name of its own");
 }
 
 std::vector<double> frames_to_make(const FrameRequest& request, const Vec2d& scene_range,

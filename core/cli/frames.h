@@ -4,7 +4,8 @@
 
 #include "core/math/vec.h"
 
-#include <initializer_list>
+#include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,8 +18,16 @@ struct FrameRequest {
     std::optional<std::string> range; // "A-B"
 };
 
-// Throws InputError where two of these, empty ones aside, are one file: writing one would destroy the other.
-void check_distinct(std::initializer_list<std::string> files);
+// The files of one run: what it writes must be none of what it reads, and nothing twice.
+class RunFiles {
+  public:
+    explicit RunFiles(const std::vector<std::string>& read);
+    void
+    write(const std::string& file); // "" for none; throws InputError where writing it would destroy another
+
+  private:
+    std::map<std::filesystem::path, std::string> known_; // by what they really are: links followed
+};
 
 // Throws InputError for a range that is none, and for several frames without a #### in the output's name.
 std::vector<double> frames_to_make(const FrameRequest& request, const Vec2d& scene_range,

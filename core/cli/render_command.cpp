@@ -21,9 +21,10 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <map>
 #include <numeric>
 #include <optional>
+#include <set>
+#include <span>
 
 namespace marram {
 namespace {
@@ -49,20 +50,13 @@ uint64_t digest_of_scene(const LoadedScene& scene, const RenderOptions& options)
     for (const std::string& layer : options.layers) h = hash_text(h, layer);
     const auto [width, height] = film_size(scene);
     h = hash(hash(h, width), height);
-    const auto add_files = [&](const std::vector<Item>& items) {
-        for (const Item& item : items)
-            for (const ParamValue& value : item.params.all()) {
-                if (value.spec->type != ParamType::file && value.spec->type != ParamType::image) continue;
-                std::error_code error;
-                h = hash_text(h, value.text);
-                h = hash(h, uint64_t(fs::file_size(value.text, error)));
-                h = hash(h, uint64_t(fs::last_write_time(value.text, error).time_since_epoch().count()));
-            }
-    };
-    add_files(scene.description.materials);
-    add_files(scene.description.meshes);
-    add_files(scene.description.lights);
-    add_files(scene.description.procedurals);
+    const std::vector<std::string> files = files_read(scene, options.scene);
+    for (const std::string& name : std::span(files).subspan(1)) {
+        std::error_code error;
+        h = hash_text(h, name);
+        h = hash(h, uint64_t(fs::file_size(name, error)));
+        h = hash(h, uint64_t(fs::last_write_time(name, error).time_since_epoch().count()));
+    }
     return h;
 }
 
@@ -86,24 +80,34 @@ FrameFiles files_of(double frame, const LoadedScene& scene, const RenderOptions&
     return files;
 }
 
-// A preview may be of any frame when another is saved: it must be none of the pictures, whole or partial.
-void check_previews(const std::vector<FrameFiles>& frames, const RenderOptions& options) {
-    if (options.preview.empty()) return;
-    check_picture_name(options.preview);
-    check_distinct({options.scene, options.output, options.stats, options.preview});
-    std::map<fs::path, std::string> pictures;
+// What stands in the place of an unfinished picture must be one.
+void check_partial(const std::string& partial) {
     std::error_code error;
-    for (const FrameFiles& files : frames)
-        for (const std::string& name : {files.picture, partial_name(files.picture)})
-            pictures.emplace(fs::weakly_canonical(name, error), name);
-    for (const FrameFiles& files : frames) {
-        check_distinct({options.scene, options.stats, files.preview});
-        const auto same = pictures.find(fs::weakly_canonical(files.preview, error));
-        if (same != pictures.end())
-            throw InputError({files.preview}, "this would overwrite '" + same->second + "'",
-                             "give every file a name of its own");
-        check_writable(files.preview);
+    if (fs::exists(partial, error) && read_metadata(partial, digest_key) != unfinished)
+        throw InputError({partial}, "this file stands where an unfinished picture would be written",
+                         "move it, or choose another output");
+}
+
+// Before hours of rendering: every file can be written, and is none that is read or written as something else. A preview may be
+// of any frame when another is saved.
+void check_outputs(const LoadedScene& scene, const std::vector<FrameFiles>& frames,
+                   const RenderOptions& options) {
+    RunFiles files(files_read(scene, options.scene));
+    files.write(options.stats);
+    std::set<std::string> previews;
+    for (const FrameFiles& frame : frames) {
+        const std::string partial = partial_name(frame.picture);
+        for (const std::string& name : {frame.picture, partial, frame.state}) files.write(name);
+        check_writable(frame.picture);
+        check_partial(partial);
+        check_state_name(frame.state);
+        previews.insert(frame.preview);
     }
+    for (const std::string& preview : previews) {
+        files.write(preview);
+        if (!preview.empty()) check_writable(preview);
+    }
+    if (!options.stats.empty()) check_writable(options.stats);
 }
 
 std::vector<std::string> layer_names(const LoadedScene& scene, const RenderOptions& options) {
@@ -116,14 +120,53 @@ std::vector<std::string> layer_names(const LoadedScene& scene, const RenderOptio
     return names;
 }
 
+// What materials cannot do on a mesh.
+void check_on_mesh(const Item& material, const Item& item, bool moves) {
+    const auto shader = std::ranges::find(shaders(), material.type, &ShaderDescription::name);
+    if (shader->strands_only)
+        throw InputError(item.params.at("material").place,
+                         fmt::format("'{}' is a mesh, and '{}' of type {}, which strands alone can have",
+                                     item.name, material.name, material.type),
+                         "give it another material, such as one of type surface");
+    if (material.type == "sand" && moves)
+        fmt::print(stderr, "{}: '{}' moves: its sand's ripples and glints stay where they are in the world\n",
+                   to_string(item.place), item.name);
+}
+
 // A material tints by an attribute that the curves it is on carry, of one number.
-void check_tints(const LoadedScene& scene) {
+void check_materials(const LoadedScene& scene) {
+    const auto& materials = scene.description.materials;
+    std::vector<const Item*> on_mesh(materials.size());
+    std::vector<bool> on_strands(materials.size());
+    for (size_t i = 0; i < scene.geometry.meshes.size(); ++i) {
+        const SceneMesh& mesh = scene.geometry.meshes[i];
+        if (mesh.material < 0) continue;
+        on_mesh[size_t(mesh.material)] = &scene.description.meshes[i];
+        check_on_mesh(materials[size_t(mesh.material)], scene.description.meshes[i], mesh.transform.moves());
+    }
+    for (size_t i = 0; i < scene.geometry.procedurals.size(); ++i) {
+        const Procedural& procedural = *scene.geometry.procedurals[i];
+        if (procedural.material < 0) continue;
+        if (procedural.type().kind == MARRAM_MESH) {
+            on_mesh[size_t(procedural.material)] = &scene.description.procedurals[i];
+            check_on_mesh(materials[size_t(procedural.material)], scene.description.procedurals[i], false);
+        } else {
+            on_strands[size_t(procedural.material)] = true;
+        }
+    }
+    for (size_t i = 0; i < materials.size(); ++i)
+        if (!scene.materials[i].tint.empty() && on_mesh[i] && !on_strands[i])
+            throw InputError(
+                materials[i].params.at("tint").place,
+                fmt::format("'{}' tints by an attribute of strands, but is on the mesh '{}' alone",
+                            materials[i].name, on_mesh[i]->name),
+                "leave tint out");
     for (const auto& procedural : scene.geometry.procedurals) {
-        if (procedural->material < 0) continue;
+        const MarramProcedural& type = procedural->type();
+        if (procedural->material < 0 || type.kind == MARRAM_MESH) continue;
         const std::string& tint = scene.materials[size_t(procedural->material)].tint;
         if (tint.empty()) continue;
-        const Item& material = scene.description.materials[size_t(procedural->material)];
-        const MarramProcedural& type = procedural->type();
+        const Item& material = materials[size_t(procedural->material)];
         std::vector<std::string> known;
         for (uint32_t i = 0; i < type.attribute_count; ++i)
             if (type.attributes[i].components == 1) known.emplace_back(type.attributes[i].name);
@@ -155,7 +198,7 @@ void check_layers(const LoadedScene& scene, const RenderOptions& options) {
     if (!options.layers.empty() && lower_extension(options.output) == ".png")
         throw InputError({"--aov " + options.layers.front()}, "a PNG holds the picture alone",
                          "write an .exr");
-    check_tints(scene);
+    check_materials(scene);
 }
 
 struct Watched {
@@ -204,6 +247,21 @@ void save(const FrameJob& job, const std::string& path, const std::string& diges
     save_picture(path, job.film, job.scene.description.film.number("exposure"), metadata);
 }
 
+// Pixels are as large as they are at the camera's target: a target far behind the strands makes all of them coarse.
+void check_target(FrameJob& job) {
+    const SceneDescription& scene = job.scene.description;
+    if (!scene.globals.has("tolerance_pixels")) return;
+    const double target = (scene.camera.vec3("target") - scene.camera.vec3("position")).norm(),
+                 strands = median_distance(scene, job.files.frame, job.stats.build.patch_bounds);
+    if (strands < 0.5 * target)
+        job.stats.build.warnings.push_back(fmt::format(
+            "{}: tolerance_pixels holds at camera.target, {:.3g} m away; half of the strands in view are "
+            "nearer than "
+            "{:.3g} m, where it is {:.2g} times as many pixels: put the target among them, or give tolerance "
+            "in metres",
+            to_string(scene.globals.at("tolerance_pixels").place), target, strands, target / strands));
+}
+
 World build(FrameJob& job, const std::vector<std::string>& layers) {
     BuildSettings settings = build_settings(job.scene, job.files.frame);
     settings.attributes = wanted_attributes(job.scene, layers);
@@ -234,9 +292,15 @@ void trace(FrameJob& job, const World& world, Preview& preview) {
     job.watched.samples = uint64_t(width) * height * job.render.samples;
     const ProgressLine line(job.options.quiet, [&] { return state_of(job.watched, job.prefix); });
     const Lights lights(job.scene.lights, world);
+    double off = 0.0;
+    const Camera camera = camera_at(job.scene.description, job.files.frame, &off);
+    job.stats.camera_poses = uint32_t(camera.poses.size());
+    if (off > 1.0)
+        job.stats.build.warnings.push_back(fmt::format(
+            "the camera turns so fast that {} poses are off by {:.3g} pixels: shorten camera.shutter",
+            camera.poses.size(), off));
     job.stats.render =
-        render(world, lights, job.scene.materials, camera_at(job.scene.description, job.files.frame),
-               job.render, job.film, &job.watched.render);
+        render(world, lights, job.scene.materials, camera, job.render, job.film, &job.watched.render);
     job.stats.trace = wall_seconds() - begin;
 }
 
@@ -285,6 +349,7 @@ bool render_frame(LoadedScene& scene, const RenderOptions& options, const FrameF
     });
     std::optional<World> world = build(job, layers);
     const auto [width, height] = film_size(scene);
+    check_target(job);
     job.film = make_film(width, height, layers, *world);
     go_on(job);
     const Uncut uncut; // from here on there is something to save
@@ -298,7 +363,7 @@ bool render_frame(LoadedScene& scene, const RenderOptions& options, const FrameF
 
 int render_command(const RenderOptions& options) {
     check_picture_name(options.output);
-    check_distinct({options.scene, options.output, options.stats});
+    if (!options.preview.empty()) check_picture_name(options.preview);
     const int threads = options.threads > 0 ? options.threads : tbb::this_task_arena::max_concurrency();
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
     const double begin = wall_seconds();
@@ -309,13 +374,8 @@ int render_command(const RenderOptions& options) {
         frames_to_make(options.frames, scene.description.globals.vec2("frames"), options.output);
     std::vector<FrameFiles> all_files;
     const uint64_t of_scene = digest_of_scene(scene, options);
-    for (const double frame : frames) {
-        const FrameFiles& files = all_files.emplace_back(files_of(frame, scene, options, of_scene));
-        check_writable(files.picture);
-        check_state_name(files.state);
-    }
-    check_previews(all_files, options);
-    if (!options.stats.empty()) check_writable(options.stats);
+    for (const double frame : frames) all_files.push_back(files_of(frame, scene, options, of_scene));
+    check_outputs(scene, all_files, options);
 
     tbb::task_arena arena(threads);
     std::vector<FrameStats> all;

@@ -3,7 +3,9 @@
 
 #include "core/math/transform.h"
 
+#include <algorithm>
 #include <limits>
+#include <vector>
 
 namespace marram {
 namespace {
@@ -44,7 +46,7 @@ double apart(const CameraPose& a, const CameraPose& b, const Vec2d& size, double
 
 } // namespace
 
-Camera camera_at(const SceneDescription& description, double frame) {
+Camera camera_at(const SceneDescription& description, double frame, double* off) {
     const ParamSet& params = description.camera;
     const Vec3d position = params.vec3("position"), target = params.vec3("target");
     const double distance = (target - position).norm();
@@ -69,6 +71,7 @@ Camera camera_at(const SceneDescription& description, double frame) {
             poses.push_back(pose_at(open + (close - open) * double(i) / double(count - 1)));
         return poses;
     };
+    if (off) *off = 0.0;
     if (!transform.moves_within(open, close)) {
         camera.poses = {pose_at(open)};
         return camera;
@@ -85,9 +88,29 @@ Camera camera_at(const SceneDescription& description, double frame) {
             worst = std::max(worst, apart(drawn(camera.poses, share), pose_at(open + (close - open) * share),
                                           size, half_height, distance));
         }
+        if (off) *off = worst;
         if (worst <= allowed_pixels) break;
     }
     return camera;
+}
+
+double median_distance(const SceneDescription& description, double frame, std::span<const Box3f> boxes) {
+    const Camera camera = camera_at(description, frame);
+    const CameraPose& pose = camera.poses.front();
+    const Vec2d size = description.film.vec2("size");
+    const double half_height = std::tan(0.5 * camera.vertical_fov);
+    std::vector<double> distances;
+    for (const Box3f& box : boxes) {
+        if (box.isEmpty()) continue;
+        const Vec3d seen = pose.orientation.conjugate() * (box.center().cast<double>() - pose.position);
+        const double high = half_height * -seen.z();
+        if (seen.z() < 0.0 && std::abs(seen.y()) <= high && std::abs(seen.x()) <= high * size.x() / size.y())
+            distances.push_back(seen.norm());
+    }
+    if (distances.empty()) return std::numeric_limits<double>::infinity();
+    const auto middle = distances.begin() + long(distances.size() / 2);
+    std::ranges::nth_element(distances, middle);
+    return *middle;
 }
 
 } // namespace marram

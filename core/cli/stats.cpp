@@ -37,7 +37,9 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
                          {"reached", build.collision_reached}};
     json["motion"] = {{"keys", build.motion_keys}, // error: metres, foreseen where the keys were chosen
                       {"error", build.motion_error},
-                      {"jumps", build.motion_jumps}};
+                      {"mesh_error", build.mesh_motion_error},
+                      {"jumps", build.motion_jumps},
+                      {"camera_poses", stats.camera_poses}};
     json["chosen"] = build.chosen;                                      // by the tolerance
     json["memory"] = {{"peak_bytes", uint64_t(usage.ru_maxrss) * 1024}, // of the process so far
                       {"curve_bytes", build.curve_bytes},

@@ -13,6 +13,7 @@ namespace marram {
 struct FrameStats {
     double frame = 0.0;
     int threads = 1;
+    uint32_t camera_poses = 1;                   // that the shutter sees it at
     double load = 0.0, trace = 0.0, total = 0.0; // wall seconds
     BuildStats build;
     RenderStats render;

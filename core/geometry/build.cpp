@@ -4,6 +4,8 @@
 #include "core/geometry/build_state.h"
 #include "core/geometry/round_pieces.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <cstring>
 
@@ -324,6 +326,12 @@ void build_phase_one(Build& build) {
         }
     }
     build.stats.motion_keys = uint32_t(world.times.size());
+    build.stats.mesh_motion_error = mesh_motion_error(build.geometry, keys, open, close);
+    if (asked && build.stats.mesh_motion_error > settings.tolerance)
+        build.stats.warnings.push_back(fmt::format(
+            "meshes turn so fast that {} motion keys are off by {:.3g} m, the tolerance is {:.3g} m: "
+            "shorten camera.shutter, or give more tolerance",
+            keys, build.stats.mesh_motion_error, settings.tolerance));
 }
 
 } // namespace

@@ -64,6 +64,7 @@ struct BuildStats {
     // Where the keys were chosen, of strands: what 99 in 100 are to stay below between keys, m, and the share that jumps within the
     // shutter, which no number of keys follows; of the procedural where it is most.
     double motion_error = 0.0, motion_jumps = 0.0;
+    double mesh_motion_error = 0.0; // m, of meshes that the shutter sees move, with the keys that there are
     // Where the tolerance has put dials that the scene leaves to it: "fur.cvs", by procedural and dial.
     std::map<std::string, double> chosen;
     uint64_t curves = 0, cvs = 0, segments = 0, triangles = 0;
@@ -85,6 +86,9 @@ uint32_t chosen_motion_keys(SceneGeometry& geometry, const BuildSettings& settin
 // keys, stays within `tolerance` metres of where its transform puts it at any instant of the shutter (64
 // where even those do not do).
 uint32_t motion_keys_for(const SceneGeometry& geometry, double tolerance, double open, double close);
+
+// How far meshes are from where their transforms put them, m, with so many motion keys.
+double mesh_motion_error(const SceneGeometry& geometry, uint32_t keys, double open, double close);
 
 // How far strands leave the straight lines between motion keys, from their CVs at five instants of the shutter.
 class StrandMotion {

@@ -52,6 +52,14 @@ double motion_error(const SceneMesh& mesh, uint32_t keys, double open, double cl
 
 } // namespace
 
+double mesh_motion_error(const SceneGeometry& geometry, uint32_t keys, double open, double close) {
+    double worst = 0.0;
+    for (const SceneMesh& mesh : geometry.meshes)
+        if (open < close && mesh.transform.moves_within(open, close))
+            worst = std::max(worst, motion_error(mesh, keys, open, close));
+    return worst;
+}
+
 uint32_t motion_keys_for(const SceneGeometry& geometry, double tolerance, double open, double close) {
     constexpr uint32_t most = 64;
     uint32_t keys = 2;

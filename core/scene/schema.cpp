@@ -22,7 +22,8 @@ std::vector<ParamSpec> global_params() {
         {"tolerance", number, "m", "0.001", 0, far, "",
          "what approximations may be off by; 0: a thousandth of each strand's length, or less"},
         {"tolerance_pixels", number, "pixels", "none", 1e-4, 1e4, "",
-         "the same, in pixels of the film; instead of `tolerance`"},
+         "the same, in pixels of the film as large as they are at camera.target: what is nearer may be off "
+         "by more"},
     };
 }
 

@@ -208,6 +208,65 @@ TEST(BadInput, WhatWouldBeIgnored) {
     EXPECT_CONTAINS(only_line({"render", scene, "--threads", "0"}), "--threads");
 }
 
+// What a run reads it must not write, under whatever name; nor somebody's file that has the name of an unfinished picture.
+TEST(BadInput, OutputsThatWouldDestroyInputs) {
+    const Folder folder;
+    const std::vector<float> grey(64 * 32 * 3, 0.5F);
+    write_png(folder / "map.png", 64, 32, 3, grey.data(), 0.0);
+    write_png(folder / "a.partial.png", 64, 32, 3, grey.data(), 0.0);
+    folder.write("triangle.obj", "v 0 0 0\nv 1 0 0\nv 0 0 -1\nf 1 2 3\n");
+    fs::create_symlink(folder / "map.png", folder / "link.png");
+    const std::string scene = folder.write(
+        "a.toml", SceneText{.more = "[[light]]\ntype = \"environment\"\nfile = \"map.png\"\n"
+                                    "[[mesh]]\nname = \"t\"\ntype = \"file\"\nfile = \"triangle.obj\"\n"});
+    const auto expect = [&](const std::vector<std::string>& more, const char* message) {
+        std::vector<std::string> arguments = {"render", scene};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        const std::vector<std::string> said = refused(folder, arguments);
+        ASSERT_EQ(said.size(), 1u) << fmt::format("{}", fmt::join(said, "\n"));
+        EXPECT_CONTAINS(said[0], message);
+    };
+    expect({"-o", folder / "map.png"}, "this would overwrite");
+    expect({"-o", folder / "link.png"}, "this would overwrite");
+    expect({"-o", folder / "b.exr", "--preview", folder / "map.png"}, "this would overwrite");
+    expect({"-o", folder / "b.exr", "--stats", folder / "triangle.obj"}, "this would overwrite");
+    expect({"-o", folder / "b.exr", "--stats", folder / "b.exr.state.tif"}, "this would overwrite");
+    expect({"-o", folder / "b.#.exr", "--frames", "1-2", "--stats", folder / "b.2.exr"},
+           "this would overwrite");
+    expect({"-o", folder / "a.png"}, "this file stands where an unfinished picture would be written");
+    const std::vector<std::string> said =
+        refused(folder, {"bake", scene, "-o", folder / "s.obj", "--colliders", folder / "triangle.obj"});
+    ASSERT_EQ(said.size(), 1u);
+    EXPECT_CONTAINS(said[0], "this would overwrite");
+}
+
+TEST(BadInput, MaterialsWhereTheyMeanNothing) {
+    const std::string ball = "[[mesh]]\nname = \"ball\"\ntype = \"sphere\"\nradius = 1\nmaterial = \"m\"\n";
+    const auto material = [](const std::string& text) {
+        return "[[material]]\nname = \"m\"\n" + text + "\n";
+    };
+    expect_refused(SceneText{.more = material("type = \"hair\"") + ball},
+                   "'ball' is a mesh, and 'm' of type hair, which strands alone can have");
+    expect_refused(SceneText{.more = material("type = \"diffuse\"\ntint = \"gust\"") + ball},
+                   "'m' tints by an attribute of strands, but is on the mesh 'ball' alone");
+    expect_refused(SceneText{.more = material("type = \"diffuse\"\ntint = \"\"")}, "tint is empty");
+}
+
+TEST(BadInput, EnvironmentsThatAreNotAllAround) {
+    const Folder folder;
+    const std::vector<float> grey(64 * 64 * 3, 0.5F);
+    for (const auto& [width, height] : {std::pair(64, 64), {64, 16}, {16, 64}, {63, 30}}) {
+        write_png(folder / "map.png", width, height, 3, grey.data(), 0.0);
+        const std::vector<std::string> said = refused_scene(
+            folder,
+            folder.write("a.toml",
+                         SceneText{.more = "[[light]]\ntype = \"environment\"\nfile = \"map.png\"\n"}));
+        ASSERT_EQ(said.size(), 1u);
+        EXPECT_CONTAINS(said[0], "a.toml:");
+        EXPECT_CONTAINS(said[0], "twice as wide as high");
+    }
+}
+
 TEST(BadInput, ImageMasksWithoutUvs) {
     const Folder folder;
     folder.write("triangle.obj", "v 0 0 0\nv 1 0 0\nv 0 0 -1\nf 1 2 3\n");
@@ -298,6 +357,9 @@ TEST(BadInput, CommandLines) {
     refuse({"render", scene, "-o", folder / "a.exr", "--frame", "inf"}, "frame");
     refuse({"render", scene, "-o", folder / "a.exr", "--frame", "1e300"}, "frame");
     refuse({"render", scene, "-o", folder / "a.exr", "--frame", "x"}, "frame");
+    refuse({"render", scene, "-o", folder / "a.exr", "--frame", ""}, "frame");
+    for (const char* seconds : {"nan", "", "0", "-1", "inf"})
+        refuse({"render", scene, "-o", folder / "a.exr", "--seconds", seconds}, "seconds");
     refuse({"render", scene, "-o", folder / "a.exr", "--size", "10"}, "this is no size");
     refuse({"render", scene, "-o", folder / "a.exr", "--size", "0x10"}, "film.size");
     refuse({"render", scene, "-o", folder / "a.exr", "--size", "10x"}, "this is no size");

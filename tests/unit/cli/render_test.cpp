@@ -162,6 +162,50 @@ TEST(Render, SaysWhatAFrameCosts) {
     EXPECT_EQ(list[1]["frame"], 4.0);
 }
 
+// Meshes' and cameras' motion is reported as strands' is, and what no number of keys follows is said.
+TEST(Render, SaysHowWellMotionIsFollowed) {
+    const Folder folder;
+    const auto run = [&](double degrees, Outcome& done) {
+        const std::string scene = folder.write(
+            "a.toml",
+            SceneText{.more = fmt::format(
+                          "[[mesh]]\nname = \"wheel\"\ntype = \"box\"\nsize = [1, 1, 1]\ntransform.keys "
+                          "= [{{frame = 0}}, {{frame = 10, rotate = [0, 0, {}]}}]\n",
+                          degrees)});
+        done = marram({"render", scene, "-o", folder / "a.exr", "--stats", folder / "a.json", "--quiet",
+                       "--set", "camera.shutter=[-0.5, 0.5]", "--set", "tolerance=0.001", "--frame", "3",
+                       "--set", "camera.transform={keys=[{frame=0}, {frame=10, rotate=[0, 300, 0]}]}"});
+        EXPECT_EQ(done.code, 0) << done.err;
+        return nlohmann::json::parse(read_file(folder / "a.json"))["motion"];
+    };
+    Outcome done;
+    const auto slow = run(100.0, done);
+    EXPECT_EQ(done.err, "");
+    // A corner 0.707 m from the axis turns by 10 degrees: the height of its arc's pieces, a quarter of it with half the angle.
+    const double piece = 10.0 * 3.14159265358979323846 / 180.0 / (slow["keys"].get<double>() - 1.0);
+    EXPECT_NEAR(slow["mesh_error"].get<double>(), std::sqrt(0.5) * (1.0 - std::cos(0.5 * piece)), 1e-6);
+    EXPECT_LE(slow["mesh_error"], 0.001);
+    EXPECT_GT(slow["camera_poses"], 2);
+    const auto fast = run(36000.0, done); // ten turns a frame
+    EXPECT_EQ(fast["keys"], 64);
+    EXPECT_GT(fast["mesh_error"], 0.01);
+    EXPECT_CONTAINS(done.err, "meshes turn so fast that 64 motion keys are off by");
+}
+
+TEST(Render, SaysWhereATargetFarBehindMakesPixelsCoarse) {
+    const Folder folder;
+    const auto said = [&](const char* target) {
+        const std::string scene =
+            folder.write("a.toml", SceneText{.globals = "frames = [1, 10]\ntolerance_pixels = 0.5\n"});
+        const Outcome done = marram({"render", scene, "-o", folder / "a.exr", "--quiet", "--set", target});
+        EXPECT_EQ(done.code, 0) << done.err;
+        return done.err;
+    };
+    EXPECT_EQ(said("camera.target=[0, 0.2, 0]"), "");
+    EXPECT_CONTAINS(said("camera.target=[0, -79, -396]"),
+                    "a.toml:2:20: tolerance_pixels holds at camera.target, 408 m away");
+}
+
 TEST(Render, ResumesWhereAFrameIsMissing) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});

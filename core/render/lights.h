@@ -1,5 +1,37 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lights: what a scene says of them, and the tables from which they are sampled.
+// Lights: what a scene says of them, and the tables from which they are sampled. Daylight has a page of its own:
+// shaders/daylight.h.
+//
+//   sun, a disc at infinity, seen and sampled
+//     direction    -             [1, 2, 1]           towards it, of any length
+//     angle        deg           0.53                its diameter: larger makes shadows softer; 0: parallel rays, not seen
+//     irradiance   W/m2          3                   on a plane that faces it, whatever its angle; 3.14 shows white as 1
+//
+//   sky, a gradient over the whole sphere: it changes fastest near the horizon
+//     zenith       W/(m2 sr)     [0.25, 0.45, 0.9]   straight above
+//     horizon      W/(m2 sr)     [0.8, 0.87, 0.95]
+//     ground       W/(m2 sr)     [0.2, 0.18, 0.15]   below
+//     strength     1             1                   factor on all three
+//
+//   environment, an image all around, sampled by how bright it is where
+//     file         -                                 latitude by longitude, twice as wide as high. Rows run from +y down; the
+//                                                    middle column is where -z points, +x is to the right of it
+//     strength     1             1                   factor: numbers of the file are W/(m2 sr)
+//     rotation     deg           0                   about y: turns what is at -z towards -x
+//
+//   mesh, a mesh that shines from its outer side
+//     mesh         -                                 its name
+//     radiance     W/(m2 sr)     1                   the same in all directions
+//
+//   [[light]]
+//   name = "studio"
+//   type = "environment"
+//   file = "../textures/studio.exr"
+//   rotation = 30
+//
+// In a scene: scenes/run scenes/golden/room.toml has a sun and a sky; scenes/run scenes/golden/room.toml --set
+// 'light.sky.type="environment"' --set 'light.sky.file="../textures/studio.exr"' an image in the sky's place, --set
+// 'light.lamp.radiance=12' a mesh that shines.
 //
 // To add a light: a struct and a place in LightDescription, its table in Lights, and its case in each
 // function of lights.cpp.

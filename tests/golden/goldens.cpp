@@ -42,6 +42,9 @@ std::span<const Golden> goldens() {
         room("sun", "the sun alone: shadows and one bounce", {no_sky, "film.max_depth=2"}),
         room("sky", "the sky alone, six bounces", {no_sun}),
         room("lamp", "a shining mesh alone", {no_sun, no_sky, "light.lamp.radiance=[12, 10, 7]"}),
+        room("environment", "an image of a studio all around, turned, mirrored in a glossy ball",
+             {no_sun, "light.sky.type=\"environment\"", "light.sky.file=\"../textures/studio.exr\"",
+              "light.sky.rotation=30", "mesh.ball.material=\"paint\"", "material.paint.roughness=0.1"}),
         room("lens", "a lens focused on the ball", {"camera.lens_radius=0.12", "camera.focus=3.9"}),
         room("moving", "a ball that rolls, blurred over half a frame",
              {"camera.shutter=[-0.5, 0.5]", "mesh.ball.transform={keys=[{frame=1, translate=[-1, 0.45, "

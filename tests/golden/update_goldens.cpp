@@ -19,7 +19,12 @@ namespace fs = std::filesystem;
 std::string show(const Golden& golden, const std::string& before, const std::string& after,
                  const fs::path& folder) {
     const ComparedFile a{after, read_picture(after)}, b{before, read_picture(before)};
-    const Comparison comparison = compare_pictures(a.picture, b.picture, after, before);
+    Comparison comparison;
+    try {
+        comparison = compare_pictures(a.picture, b.picture, after, before);
+    } catch (const InputError& error) { // of another size, say: that is what --write is for
+        return fmt::format("CANNOT BE COMPARED with what was ({}): {}", error.problems.front().what, after);
+    }
     const std::string page = (folder / (golden.name + ".html")).string();
     AtomicWriter writer(page);
     writer.write(compare_page(a, b, comparison));

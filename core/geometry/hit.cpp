@@ -34,7 +34,8 @@
 //   meets in projection along d has x a = -(T.d)(w.d), at depth t = x (T.d) - w.d = -(w.d) / a <= r / sin.
 //   tnear is that, with the same allowance for the bend, plus the error over sin. For w.d > 0 it lies behind.
 //   With straight pieces or quadrilaterals of length p, the tangent at the hit differs from the piece's by up to k p / 2, and beyond
-//   the next corner the pieces turn on: the bend is no more than k x (x + p) / 2.
+//   the next corner the pieces turn on: the bend is no more than k x (x + p) / 2. Quadrilaterals' corners are cut across the cubic's
+//   tangents, which turns their ends by as much: there x is no less than r / sin.
 //   Straight pieces have a disc of radius r at each corner besides, turned to the ray, too: it is met at t' = t + (x' - x)(T.d)
 //   by a ray that passes the axis at the distance m, m^2 = |w|^2 - (w.d)^2 / a, where the corner's |x' - x| <= sqrt((r^2 - m^2) / a).
 //   tnear is that of the last such corner.
@@ -187,11 +188,12 @@ Vec3d across_ray(const Vec3d& tangent, const Vec3d& direction) {
     return sine > least_sine * least_sine ? Vec3d(across / sine) : any_across(tangent);
 }
 
-// The flat ribbon's normal is the direction to the ray's origin, made perpendicular to the tangent.
-void set_ribbon(const Vec3d& seen, const Vec3d& side, double v, const CurvePoint& c, const Vec3d& tangent,
+// The flat ribbon's normal is the direction to the ray's origin, made perpendicular to the tangent. Where across it the hit is, only
+// the ray says: Embree's v is of the two triangles that a quadrilateral is cut into, no share of the width where that changes.
+void set_ribbon(const Vec3d& seen, const Vec3d& side, const CurvePoint& c, const Vec3d& tangent,
                 SurfacePoint& point) { // c.value: on the quadrilateral
-    const Vec3d w =
-        std::copysign(std::min(std::abs(v), 1.0), (seen - c.axis()).dot(side)) * c.value[3] * side;
+    const double radius = c.value[3];
+    const Vec3d w = std::clamp((seen - c.axis()).dot(side), -radius, radius) * side;
     point.shape = PointShape::ribbon;
     point.from_axis = w.cast<float>();
     point.position = c.axis() + w;
@@ -297,15 +299,20 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     point.strand = hit.primID / pieces / segments;
     const size_t first = static_cast<size_t>(point.strand) * (curves.cvs_per_curve + 2) + segment;
     const Control<4> control = control_of<4>(curves.vertices, first, ray.time);
+    const float hit_u = std::clamp(hit.u, 0.0F, 1.0F); // seen end on, Embree's may be beyond
     PiecePoint straight;
     if (curves.pieces > 0)
-        straight = piece_at(curves, control, first, segment, piece, hit.u);
+        straight = piece_at(curves, control, first, segment, piece, hit_u);
     else if (curves.shape == MARRAM_RIBBON)
-        straight = quadrilateral_at(control, curves.basis, hit.u);
+        straight = quadrilateral_at(control, curves.basis, hit_u);
     const bool cubic = curves.pieces == 0 && curves.shape != MARRAM_RIBBON;
-    const double u = cubic ? static_cast<double>(hit.u) : straight.u;
+    const double u = cubic ? static_cast<double>(hit_u) : straight.u;
     CurvePoint c = curve_at(control, cubic_basis(curves.basis, u));
     if (!cubic) c.value = straight.value;
+    if (c.value[3] < 0.0) { // splines may swing below 0: the width is what it would be above
+        c.value[3] = -c.value[3];
+        c.first[3] = -c.first[3];
+    }
     const Vec3d dc = c.first.head<3>();
     const double speed = dc.norm();
     const Vec3d direction(ray.dir_x, ray.dir_y, ray.dir_z);
@@ -329,13 +336,13 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     point.to_begin = static_cast<float>(length * (straight.along - straight.begin));
     point.to_end = static_cast<float>(length * (straight.end - straight.along));
     if (curves.shape == MARRAM_ROUND && curves.pieces > 0)
-        set_round_piece(seen, straight, tangent, hit.u, point);
+        set_round_piece(seen, straight, tangent, hit_u, point);
     else if (curves.shape == MARRAM_ROUND)
         set_round(seen, c, tangent, slope, extent, point);
     else if (curves.pieces > 0)
         set_ribbon_piece(seen, direction, straight, tangent, side, point);
     else if (curves.shape == MARRAM_RIBBON)
-        set_ribbon(seen, side, hit.v, c, tangent, point);
+        set_ribbon(seen, side, c, tangent, point);
     else
         set_oriented(seen, control, control_of<3>(curves.normals, first, ray.time), curves, u, c, point);
     const double h = c.value[3] > 0.0 ? point.from_axis.cast<double>().dot(side) / c.value[3] : 0.0;
@@ -380,8 +387,11 @@ double leave_fibre(const SurfacePoint& point, const Vec3d& d, double error) {
         return (turned + std::sqrt(turned * turned + cone * (2.0 * r * e + e * e))) / cone;
     };
     double s = distance(error);
+    // A quadrilateral's ends are cut across its own tangents, not this point's: even without a way the bend over its width counts.
+    const bool drawn = point.shape == PointShape::ribbon && !point.joints;
+    const double least = drawn ? r / std::sqrt(a) : 0.0;
     for (int i = 0; i < 3; ++i) {
-        const double x = std::abs(s * along);
+        const double x = std::max(std::abs(s * along), least);
         s = distance(error + 0.5 * point.curvature * x * (x + point.piece));
     }
     if (point.joints && point.piece > 0.0F) s += beyond_corner(point, along, a, b);

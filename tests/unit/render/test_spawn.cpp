@@ -159,7 +159,8 @@ void fibre_table(MarramShape shape, const char* shape_name, uint32_t pieces = 0)
         for (const Side side : {Side::outside, Side::through}) {
             std::printf("[ self-hit ] %-9s %-9s %-30s", shape_name, f.name,
                         side == Side::outside ? "outwards" : "through");
-            fibre_row(shape, f, side, f.bend > 0.0 ? 1e-3 : 1e-5, pieces);
+            const bool drawn = shape == MARRAM_RIBBON && pieces == 0; // as quadrilaterals
+            fibre_row(shape, f, side, f.bend == 0.0 ? 1e-5 : drawn ? 1e-4 : 1e-3, pieces);
         }
 }
 
@@ -195,6 +196,39 @@ TEST(Spawn, StartsOnWhatIsTraced) {
             EXPECT_GT(hits, 50U);
             EXPECT_LT(farthest, 4e-6) << name; // the ribbon's cubic leaves what is traced by 5e-4
         }
+}
+
+// A ribbon that narrows to nothing: a hit is as far across it as the ray passes its axis, and lies where the ray does. (On straight
+// pieces hits on the discs between them are put above the disc's middle.)
+TEST(Hit, LiesWhereTheRayCrossesANarrowingRibbon) {
+    const Setting unit{1.0, 0.0};
+    const Vec3d along(0.48, 0.6, 0.64);
+    for (const MarramBasis basis : {MARRAM_BSPLINE, MARRAM_CATMULL_ROM}) {
+        const WorldBuilder builder = fibre(unit, 1e-2, 0.0, 0.0, MARRAM_RIBBON, basis, 0);
+        Random random{11};
+        double beside = 0.0, across = 0.0;
+        uint64_t hits = 0;
+        for (uint64_t i = 0; i < rays; ++i) {
+            const double t = 0.01 + 0.98 * random(), radius = 1e-2 * (1.0 - t), h = 1.9 * random() - 0.95;
+            Vec3d direction = random.direction();
+            direction = (direction - direction.dot(along) * along).normalized(); // seen from the side
+            const Vec3d side = -along.cross(direction), to = (t - 0.5) * along + h * radius * side;
+            Ray ray;
+            ray.origin = (to - 2.0 * direction).cast<float>();
+            ray.direction = direction.cast<float>();
+            SurfacePoint point;
+            if (!intersect(builder.world, ray, point, false)) continue;
+            ++hits;
+            const Vec3d seen = ray.origin.cast<double>() + 2.0 * ray.direction.cast<double>();
+            beside = std::max(beside, (point.position - seen).norm());
+            across = std::max(across, std::abs(static_cast<double>(point.h) - h) * radius);
+        }
+        std::printf("[   hits   ] narrowing: %llu hits, off by %.1e m, across by %.1e m\n",
+                    static_cast<unsigned long long>(hits), beside, across);
+        EXPECT_GT(hits, rays / 2);
+        EXPECT_LT(beside, 4e-6); // a quadrilateral narrows by 5e-4, and v is off by up to half of that
+        EXPECT_LT(across, 4e-6);
+    }
 }
 
 TEST(Spawn, LeavesRoundFibres) { fibre_table(MARRAM_ROUND, "round"); }

@@ -309,12 +309,20 @@ BuildSettings build_settings(const LoadedScene& scene, double frame) {
     settings.bind_frame =
         globals.has("bind_frame") ? globals.number("bind_frame") : globals.vec2("frames").x();
     const Camera camera = camera_at(description, frame);
-    settings.camera_position = camera.poses.front().position;
-    settings.pixel_angle = 2.0 * std::tan(0.5 * camera.vertical_fov) / double(film_size(scene).second);
+    const CameraPose& pose = camera.poses.front();
+    const auto [width, height] = film_size(scene);
+    const double half_height = std::tan(0.5 * camera.vertical_fov);
+    settings.view = {.position = pose.position,
+                     .forward = pose.orientation * -Vec3d::UnitZ(),
+                     .cosine = 1.0 / std::hypot(1.0, half_height, half_height * width / height),
+                     .pixel_angle = 2.0 * half_height / height};
     settings.tolerance = globals.number("tolerance");
-    if (globals.has("tolerance_pixels"))
-        settings.tolerance = globals.number("tolerance_pixels") * settings.pixel_angle *
-                             (description.camera.vec3("target") - description.camera.vec3("position")).norm();
+    if (globals.has("tolerance_pixels")) {
+        settings.view.pixels_at =
+            (description.camera.vec3("target") - description.camera.vec3("position")).norm();
+        settings.tolerance =
+            globals.number("tolerance_pixels") * settings.view.pixel_angle * settings.view.pixels_at;
+    }
     settings.motion_keys =
         description.film.has("motion_keys") ? uint32_t(description.film.integer("motion_keys")) : 0;
     if (description.film.has("curve_pieces"))

@@ -126,13 +126,15 @@ std::vector<size_t> order_of(const Dial& dial, size_t base) {
 // Metres a pixel, at the distance of the camera's target.
 double pixel_of(const LoadedScene& scene, const Session& session) {
     const BuildSettings settings = build_settings(scene, session.frame);
-    return settings.pixel_angle * (scene.description.camera.vec3("target") - settings.camera_position).norm();
+    return settings.view.pixel_angle *
+           (scene.description.camera.vec3("target") - settings.view.position).norm();
 }
 
 void compare_strands(const Dial& dial, const LoadedScene& scene, const World& world, const World& reference,
                      const Session& session, SettingResult& result) {
     const bool motion = dial.error == DialError::motion;
-    const CurveGap gap = motion ? gap_in_motion(world, reference) : gap_at_rest(world, reference);
+    const CurveGap gap = motion ? gap_in_motion(world, reference, build_settings(scene, session.frame).view)
+                                : gap_at_rest(world, reference);
     const double unit = motion ? pixel_of(scene, session) : 1.0;
     result.error = motion ? gap.most / unit : gap.rms;
     result.worst = gap.worst / unit;

@@ -168,8 +168,8 @@ MarramFrame LentMeshes::frame(const BuildSettings& settings, bool colliders) {
     frame.times = world_.times.data();
     frame.stage = settings.stage;
     frame.tolerance = settings.tolerance;
-    for (int axis = 0; axis < 3; ++axis) frame.camera_position[axis] = settings.camera_position[axis];
-    frame.pixel_angle = settings.pixel_angle;
+    for (int axis = 0; axis < 3; ++axis) frame.camera_position[axis] = settings.view.position[axis];
+    frame.pixel_angle = settings.view.pixel_angle;
     frame.device = world_.device.get();
     frame.colliders = colliders ? world_.colliders.get() : nullptr;
     frame.mesh_count = uint32_t(meshes_.size());
@@ -255,7 +255,7 @@ void look_at_motion(Build& build, Procedural& procedural, LentMeshes& lent, Stra
         for (uint32_t strand = 0; strand < patch.curve_count; ++strand) {
             const float* samples[pilot_keys];
             for (uint32_t t = 0; t < pilot_keys; ++t) samples[t] = at[t] + 4 * (strand * stride + 1);
-            found[i].add(samples, output.cvs_per_curve);
+            found[i].add(samples, output.cvs_per_curve, build.settings.view);
         }
     });
     for (const StrandMotion& one : found) motion.add(one);
@@ -302,7 +302,7 @@ void build_phase_one(Build& build) {
     const auto grows = [](const auto& procedural) { return procedural->type().kind == MARRAM_CURVES; };
     const auto& procedurals = build.geometry.procedurals;
     const bool looks = asked && std::any_of(procedurals.begin(), procedurals.end(), grows);
-    uint32_t keys = asked ? motion_keys_for(build.geometry, settings.tolerance, open, close)
+    uint32_t keys = asked ? motion_keys_for(build.geometry, settings.tolerance, settings.view, open, close)
                           : std::max(settings.motion_keys, 2U);
     world.times = motion_times(settings, looks ? pilot_keys : keys);
     build_colliders(build);
@@ -326,7 +326,7 @@ void build_phase_one(Build& build) {
         }
     }
     build.stats.motion_keys = uint32_t(world.times.size());
-    build.stats.mesh_motion_error = mesh_motion_error(build.geometry, keys, open, close);
+    build.stats.mesh_motion_error = mesh_motion_error(build.geometry, settings.view, keys, open, close);
     if (asked && build.stats.mesh_motion_error > settings.tolerance)
         build.stats.warnings.push_back(fmt::format(
             "meshes turn so fast that {} motion keys are off by {:.3g} m, the tolerance is {:.3g} m: "

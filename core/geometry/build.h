@@ -6,6 +6,7 @@
 
 #include "core/geometry/mesh.h"
 #include "core/geometry/plugin_host.h"
+#include "core/geometry/view.h"
 #include "core/geometry/world.h"
 #include "core/math/transform.h"
 
@@ -39,8 +40,7 @@ struct BuildSettings {
     double bind_frame = 1.0;
     MarramStage stage = MARRAM_FINAL;
     double tolerance = 0.0; // metres
-    Vec3d camera_position = Vec3d::Zero();
-    double pixel_angle = 0.0;
+    View view;
     std::vector<std::string> attributes; // of curves, by name; those a procedural does not have are left out
     bool curves_bvh = true;              // false: curves are made but not traced (baking)
     // Straight pieces that a segment is traced as; 0: the cubic; -1: as the tolerance allows (curve_pieces.h).
@@ -61,10 +61,11 @@ struct BuildStats {
     double goal_angle = 0.0, turned_angle = 0.0; // radians that segments were to turn, and did
     double collision_reached = 1.0;              // turned / goal: share of the way to the goal
     uint32_t motion_keys = 1;                    // that the world has
-    // Where the keys were chosen, of strands: what 99 in 100 are to stay below between keys, m, and the share that jumps within the
-    // shutter, which no number of keys follows; of the procedural where it is most.
+    // Where the keys were chosen, of strands: what 99 in 100 are to stay below between keys, m (View::enlarged), and the share that
+    // jumps within the shutter, which no number of keys follows; of the procedural where it is most.
     double motion_error = 0.0, motion_jumps = 0.0;
-    double mesh_motion_error = 0.0; // m, of meshes that the shutter sees move, with the keys that there are
+    double mesh_motion_error =
+        0.0; // m likewise, of meshes that the shutter sees move, with the keys that there are
     // Where the tolerance has put dials that the scene leaves to it: "fur.cvs", by procedural and dial.
     std::map<std::string, double> chosen;
     uint64_t curves = 0, cvs = 0, segments = 0, triangles = 0;
@@ -83,18 +84,21 @@ uint32_t chosen_motion_keys(SceneGeometry& geometry, const BuildSettings& settin
                             const std::atomic<bool>& cancel, BuildProgress& progress);
 
 // The smallest number of motion keys, 2 ... 64, at which every mesh, drawn along straight lines between its
-// keys, stays within `tolerance` metres of where its transform puts it at any instant of the shutter (64
+// keys, stays within `tolerance` metres, enlarged by the view, of where its transform puts it at any instant of the shutter (64
 // where even those do not do).
-uint32_t motion_keys_for(const SceneGeometry& geometry, double tolerance, double open, double close);
+uint32_t motion_keys_for(const SceneGeometry& geometry, double tolerance, const View& view, double open,
+                         double close);
 
-// How far meshes are from where their transforms put them, m, with so many motion keys.
-double mesh_motion_error(const SceneGeometry& geometry, uint32_t keys, double open, double close);
+// How far meshes are from where their transforms put them, m, enlarged, with so many motion keys: of the corners of their boxes, and of
+// some thousand vertices each where the view enlarges.
+double mesh_motion_error(const SceneGeometry& geometry, const View& view, uint32_t keys, double open,
+                         double close);
 
 // How far strands leave the straight lines between motion keys, from their CVs at five instants of the shutter.
 class StrandMotion {
   public:
-    // A strand's CVs: samples[i] holds x, y, z and one more float for each.
-    void add(const float* const samples[5], size_t cvs);
+    // A strand's CVs: samples[i] holds x, y, z and one more float for each. Their distances are kept enlarged by the view.
+    void add(const float* const samples[5], size_t cvs, const View& view);
     void add(const StrandMotion& other);
 
     // What 99 strands in 100 stay below with so many keys, metres: as measured for 2 and 3, beyond that it falls with the square of

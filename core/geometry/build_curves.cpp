@@ -138,7 +138,7 @@ void tessellate_patch(CurveBuild& item, uint32_t index, const BuildSettings& set
             item.procedural->refuse("a CV is not a finite number",
                                     "look for huge values in the scene, or mend the library");
     if (!may_be_pieces(item.output, settings)) return;
-    const ChordLimit limit{settings.tolerance, settings.pixel_angle, settings.camera_position};
+    const ChordLimit limit{settings.tolerance, settings.view.pixel_angle, settings.view.position};
     for (uint32_t t = 0; t < item.output.time_count; ++t)
         add_chord_errors({vertices[t], patch.curve_count, cvs, item.output.basis}, limit, item.chords[index]);
 }

@@ -122,13 +122,14 @@ CurveGap gap_in_space(const World& mine, const World& reference) {
     return gap(mine, reference, std::numeric_limits<double>::infinity(), farthest_cv);
 }
 
-CurveGap gap_in_motion(const World& mine, const World& reference, double limit) {
-    return gap(mine, reference, limit, [](const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
+CurveGap gap_in_motion(const World& mine, const World& reference, const View& view, double limit) {
+    return gap(mine, reference, limit, [&](const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
         double largest = 0.0;
         for (size_t time = 0; time < b.vertices.size(); ++time) {
             const double s = b.vertices.size() > 1 ? double(time) / double(b.vertices.size() - 1) : 0.0;
             for (uint32_t k = 0; k < a.cvs_per_curve; ++k)
-                largest = std::max(largest, (in_motion(a, s, c, k) - cv(b, time, c, k)).norm());
+                largest = std::max(largest, view.enlarged(cv(b, time, c, k)) *
+                                                (in_motion(a, s, c, k) - cv(b, time, c, k)).norm());
         }
         return largest;
     });

@@ -2,6 +2,7 @@
 // How far the same strands lie apart when they were made in two ways.
 #pragma once
 
+#include "core/geometry/view.h"
 #include "core/geometry/world.h"
 
 #include <limits>
@@ -23,8 +24,8 @@ CurveGap gap_at_rest(const World& mine, const World& reference);
 // The same in metres.
 CurveGap gap_in_space(const World& mine, const World& reference);
 
-// CVs as they move along straight lines between motion samples, in metres, at every sample of the reference.
-CurveGap gap_in_motion(const World& mine, const World& reference,
+// CVs as they move along straight lines between motion samples, in metres, enlarged by the view, at every sample of the reference.
+CurveGap gap_in_motion(const World& mine, const World& reference, const View& view = {},
                        double limit = std::numeric_limits<double>::infinity());
 
 // Strands that have a segment which a mesh crosses, at the first motion sample, by a ray along each segment of the

@@ -201,17 +201,20 @@ void set_ribbon(const Vec3d& seen, const Vec3d& side, const CurvePoint& c, const
     point.normal = point.geometric_normal;
 }
 
-void set_oriented(const Vec3d& seen, const Control<4>& control, const Control<3>& normals,
-                  const CurveGeometry& curves, double u, const CurvePoint& c, SurfacePoint& point) {
+void set_oriented(const Vec3d& seen, const Vec3d& facing, const Control<4>& control,
+                  const Control<3>& normals, const CurveGeometry& curves, double u, const CurvePoint& c,
+                  SurfacePoint& point) {
     const Across across = across_at(control, normals, curves.basis, u);
     const double width2 = across.value.squaredNorm();
     const double v = width2 > 0.0 ? std::clamp((seen - c.axis()).dot(across.value) / width2, -1.0, 1.0) : 0.0;
     const Vec3d w = v * across.value;
-    Vec3d normal = (c.first.head<3>() + v * across.first).cross(across.value).normalized();
+    // Where the width is 0, at an end, the way it comes from or goes to.
+    const Vec3d over = width2 > 0.0 ? across.value : u < 0.5 ? across.first : Vec3d(-across.first);
+    Vec3d normal = (c.first.head<3>() + v * across.first).cross(over).normalized();
     point.shape = PointShape::oriented_ribbon;
     if (!w.allFinite() || !normal.allFinite() ||
-        normal.isZero()) { // handed normals along the strand: Embree's guess
-        normal = point.normal.cast<double>();
+        normal.isZero()) { // handed normals along the strand: Embree's guess, if it has one
+        normal = point.normal.isZero() || !point.normal.allFinite() ? facing : point.normal.cast<double>();
         point.from_axis = (seen - c.axis()).cast<float>();
         point.position = seen;
     } else {
@@ -328,7 +331,8 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     const double slope = speed > 0.0 ? c.first[3] / speed : 0.0;
     point.taper = static_cast<float>(slope);
     point.curvature =
-        speed > 0.0 ? static_cast<float>(c.second.head<3>().cwiseAbs().sum() / (speed * speed)) : 0.0F;
+        speed > 0.0 ? static_cast<float>(tangent.cross(c.second.head<3>()).cwiseAbs().sum() / (speed * speed))
+                    : 0.0F;
     point.radius = static_cast<float>(c.value[3]);
     const double length = straight.chord.norm();
     point.piece = static_cast<float>(length);
@@ -344,7 +348,8 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     else if (curves.shape == MARRAM_RIBBON)
         set_ribbon(seen, side, c, tangent, point);
     else
-        set_oriented(seen, control, control_of<3>(curves.normals, first, ray.time), curves, u, c, point);
+        set_oriented(seen, side.cross(tangent), control, control_of<3>(curves.normals, first, ray.time),
+                     curves, u, c, point);
     const double h = c.value[3] > 0.0 ? point.from_axis.cast<double>().dot(side) / c.value[3] : 0.0;
     point.h = static_cast<float>(std::clamp(h, -1.0, 1.0));
     point.segment_position = static_cast<float>(segment + u);

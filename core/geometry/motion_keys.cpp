@@ -7,6 +7,8 @@
 // three keys is more than half of that with two; a smooth one's is a quarter. (So is, by mistake, one that swings to and fro within
 // one shutter: five instants do not tell.) And a few strands that whip past must not make all
 // others dear: the rule holds 99 in 100.
+//
+// Of a tolerance in pixels, each CV's own distance from the camera decides what it allows there.
 #include "core/geometry/build.h"
 
 #include <algorithm>
@@ -28,12 +30,24 @@ std::vector<double> motion_times(const BuildSettings& settings, uint32_t keys) {
 
 namespace {
 
-// Greatest distance of a mesh from its transform when drawn with so many keys. Both are affine in the point,
-// so the corners of its box show it; between two keys it is looked for at three instants.
-double motion_error(const SceneMesh& mesh, uint32_t keys, double open, double close) {
+// Points of a mesh that show how far it is from its transform: both are affine in the point, so in metres the corners of its box do. In
+// pixels what is near counts more, which any vertex may be.
+std::vector<Vec3d> looked_at(const Mesh& mesh, const View& view) {
     Eigen::AlignedBox3d box;
-    for (const Vec3f& p : mesh.mesh.positions) box.extend(p.cast<double>());
-    if (box.isEmpty()) return 0.0;
+    for (const Vec3f& p : mesh.positions) box.extend(p.cast<double>());
+    std::vector<Vec3d> points;
+    if (box.isEmpty()) return points;
+    for (int i = 0; i < 8; ++i) points.push_back(box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(i)));
+    constexpr size_t enough = 1024;
+    if (view.pixels_at > 0.0)
+        for (size_t i = 0; i < mesh.positions.size(); i += 1 + mesh.positions.size() / enough)
+            points.push_back(mesh.positions[i].cast<double>());
+    return points;
+}
+
+// Greatest distance of a mesh from its transform when drawn with so many keys; between two keys it is looked for at three instants.
+double motion_error(const SceneMesh& mesh, const View& view, uint32_t keys, double open, double close) {
+    const std::vector<Vec3d> points = looked_at(mesh.mesh, view);
     double worst = 0.0;
     const double step = (close - open) / double(keys - 1);
     for (uint32_t key = 0; key + 1 < keys; ++key) {
@@ -41,9 +55,10 @@ double motion_error(const SceneMesh& mesh, uint32_t keys, double open, double cl
         const Eigen::Affine3d a = mesh.transform.at(begin), b = mesh.transform.at(begin + step);
         for (const double t : {0.25, 0.5, 0.75}) {
             const Eigen::Affine3d exact = mesh.transform.at(begin + t * step);
-            for (int i = 0; i < 8; ++i) {
-                const Vec3d p = box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(i));
-                worst = std::max(worst, (exact * p - ((1.0 - t) * (a * p) + t * (b * p))).norm());
+            for (const Vec3d& p : points) {
+                const Vec3d there = exact * p;
+                const double gap = (there - ((1.0 - t) * (a * p) + t * (b * p))).norm();
+                worst = std::max(worst, gap * view.enlarged(there));
             }
         }
     }
@@ -52,37 +67,40 @@ double motion_error(const SceneMesh& mesh, uint32_t keys, double open, double cl
 
 } // namespace
 
-double mesh_motion_error(const SceneGeometry& geometry, uint32_t keys, double open, double close) {
+double mesh_motion_error(const SceneGeometry& geometry, const View& view, uint32_t keys, double open,
+                         double close) {
     double worst = 0.0;
     for (const SceneMesh& mesh : geometry.meshes)
         if (open < close && mesh.transform.moves_within(open, close))
-            worst = std::max(worst, motion_error(mesh, keys, open, close));
+            worst = std::max(worst, motion_error(mesh, view, keys, open, close));
     return worst;
 }
 
-uint32_t motion_keys_for(const SceneGeometry& geometry, double tolerance, double open, double close) {
+uint32_t motion_keys_for(const SceneGeometry& geometry, double tolerance, const View& view, double open,
+                         double close) {
     constexpr uint32_t most = 64;
     uint32_t keys = 2;
     if (!(open < close)) return keys;
     for (const SceneMesh& mesh : geometry.meshes) {
         if (!mesh.transform.moves_within(open, close)) continue;
-        while (keys < most && motion_error(mesh, keys, open, close) > tolerance)
+        while (keys < most && motion_error(mesh, view, keys, open, close) > tolerance)
             keys = std::min(2 * keys - 1, most);
     }
     return keys;
 }
 
-void StrandMotion::add(const float* const samples[5], size_t cvs) {
+void StrandMotion::add(const float* const samples[5], size_t cvs, const View& view) {
     double two = 0.0, three = 0.0;
     for (size_t k = 0; k < cvs; ++k) {
         Vec3d p[5];
         for (int i = 0; i < 5; ++i) p[i] = Eigen::Map<const Vec3f>(samples[i] + 4 * k).cast<double>();
+        const double large = view.enlarged(p[2]);
         for (int i = 1; i < 4; ++i)
-            two = std::max(two, (p[i] - (p[0] + (p[4] - p[0]) * (0.25 * i))).squaredNorm());
-        three = std::max(
-            {three, (p[1] - 0.5 * (p[0] + p[2])).squaredNorm(), (p[3] - 0.5 * (p[2] + p[4])).squaredNorm()});
+            two = std::max(two, large * (p[i] - (p[0] + (p[4] - p[0]) * (0.25 * i))).norm());
+        three = std::max({three, large * (p[1] - 0.5 * (p[0] + p[2])).norm(),
+                          large * (p[3] - 0.5 * (p[2] + p[4])).norm()});
     }
-    gaps_.push_back({float(std::sqrt(two)), float(std::sqrt(three))});
+    gaps_.push_back({float(two), float(three)});
 }
 
 void StrandMotion::add(const StrandMotion& other) {

@@ -22,8 +22,9 @@ std::vector<ParamSpec> global_params() {
         {"tolerance", number, "m", "0.001", 0, far, "",
          "what approximations may be off by; 0: a thousandth of each strand's length, or less"},
         {"tolerance_pixels", number, "pixels", "none", 1e-4, 1e4, "",
-         "the same, in pixels of the film as large as they are at camera.target: what is nearer may be off "
-         "by more"},
+         "the same, in pixels of the film as large as they are at camera.target; motion keys and straight "
+         "pieces "
+         "follow each strand's own distance, other dials let what is nearer be off by more"},
     };
 }
 

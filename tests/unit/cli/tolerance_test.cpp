@@ -69,7 +69,7 @@ TEST(Tolerance, holds_between_the_motion_keys_of_every_scene) {
         const double foreseen = stats.motion_error, jumps = stats.motion_jumps;
         settings.motion_keys = std::min(8 * (stats.motion_keys - 1) + 1, 64U);
         const World reference = built(scene, settings, stats = {});
-        const CurveGap gap = gap_in_motion(mine, reference, settings.tolerance);
+        const CurveGap gap = gap_in_motion(mine, reference, settings.view, settings.tolerance);
         std::printf("%-18s%11.3g m%8zu%11.3g m%11.3g m%11.3g m%8.2f%%%8.2f%%\n",
                     fs::path(file).filename().c_str(), settings.tolerance, mine.times.size(), foreseen,
                     gap.most, gap.worst, 100.0 * gap.beyond, 100.0 * jumps);

@@ -56,7 +56,7 @@ TEST(CurveCompare, ninety_nine_in_a_hundred_stay_below) {
     const Strands b(1000, 4, {0.0}, 1.0);
     for (size_t c = 0; c < 20; ++c) // one strand in fifty, the farther the higher its number
         for (size_t k = 0; k < 6; ++k) a.samples[0][(c * 6 + k) * 4 + 1] = float(c + 1);
-    const CurveGap gap = gap_in_motion(a.world, b.world, 15.0);
+    const CurveGap gap = gap_in_motion(a.world, b.world, {}, 15.0);
     EXPECT_EQ(gap.worst, 20.0);
     EXPECT_EQ(gap.beyond, 0.005);
     EXPECT_EQ(gap.most, 10.0);

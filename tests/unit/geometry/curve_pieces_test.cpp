@@ -146,8 +146,8 @@ shape = ")" +
 TEST(CurvePieces, AreNotForOrientedRibbons) {
     TestScene scene(furred("oriented-ribbon", "bspline"));
     scene.settings.tolerance = 1.0;
-    scene.settings.pixel_angle = 1.0;
-    scene.settings.camera_position = {0.0, 0.0, 5.0};
+    scene.settings.view.pixel_angle = 1.0;
+    scene.settings.view.position = {0.0, 0.0, 5.0};
     EXPECT_EQ(scene.build().curves[0].pieces, 0U);
     scene.settings.curve_pieces = 3;
     EXPECT_EQ(scene.build().curves[0].pieces, 0U);
@@ -157,8 +157,8 @@ TEST(CurvePieces, AreNotForOrientedRibbons) {
 constexpr double for_two = 0.002, for_three = 0.0009, for_four = 0.00033;
 void ask_for(double tolerance, BuildSettings& settings) {
     settings.tolerance = tolerance;
-    settings.pixel_angle = 0.1;
-    settings.camera_position = {0.0, 0.0, 5.0};
+    settings.view.pixel_angle = 0.1;
+    settings.view.position = {0.0, 0.0, 5.0};
 }
 
 // Four of a ribbon at rest take half as much memory again; so do two in motion, and are not traced faster.

@@ -25,13 +25,13 @@ SceneGeometry turning_box(double degrees) {
 } // namespace
 
 TEST(MotionKeys, two_are_enough_for_a_straight_line) {
-    EXPECT_EQ(motion_keys_for(turning_box(0.0), 1e-6, 1.0, 2.0), 2U);
-    EXPECT_EQ(motion_keys_for(SceneGeometry{}, 1e-6, 1.0, 2.0), 2U);
+    EXPECT_EQ(motion_keys_for(turning_box(0.0), 1e-6, View{}, 1.0, 2.0), 2U);
+    EXPECT_EQ(motion_keys_for(SceneGeometry{}, 1e-6, View{}, 1.0, 2.0), 2U);
 }
 
 TEST(MotionKeys, nothing_moves_while_the_shutter_is_closed_or_the_shot_is_over) {
-    EXPECT_EQ(motion_keys_for(turning_box(90.0), 1e-6, 1.5, 1.5), 2U);
-    EXPECT_EQ(motion_keys_for(turning_box(90.0), 1e-6, 5.0, 6.0), 2U);
+    EXPECT_EQ(motion_keys_for(turning_box(90.0), 1e-6, View{}, 1.5, 1.5), 2U);
+    EXPECT_EQ(motion_keys_for(turning_box(90.0), 1e-6, View{}, 5.0, 6.0), 2U);
 }
 
 // A chord of angle a on a circle of radius r sags by r (1 - cos(a/2)): the tolerance is met, and with half as
@@ -40,7 +40,7 @@ TEST(MotionKeys, a_turn_stays_within_the_tolerance) {
     const double radius = std::sqrt(2.0);
     for (const double degrees : {10.0, 90.0, 170.0})
         for (const double tolerance : {0.1, 0.01, 0.001}) {
-            const uint32_t keys = motion_keys_for(turning_box(degrees), tolerance, 1.0, 2.0);
+            const uint32_t keys = motion_keys_for(turning_box(degrees), tolerance, View{}, 1.0, 2.0);
             const auto sag = [&](uint32_t n) {
                 return radius * (1.0 - std::cos(0.5 * degrees * degree / (n - 1)));
             };
@@ -51,14 +51,52 @@ TEST(MotionKeys, a_turn_stays_within_the_tolerance) {
                 EXPECT_GT(sag((keys + 1) / 2), tolerance);
             }
         }
-    EXPECT_EQ(motion_keys_for(turning_box(170.0), 0.0, 1.0, 2.0), 64U);
+    EXPECT_EQ(motion_keys_for(turning_box(170.0), 0.0, View{}, 1.0, 2.0), 64U);
+}
+
+namespace {
+
+// From z = 10 along -z, 90 degrees wide; a tolerance in pixels is its metres at z = 0.
+View looking() {
+    return {.position = {0.0, 0.0, 10.0},
+            .cosine = std::cos(45.0 * degree),
+            .pixel_angle = 1e-3,
+            .pixels_at = 10.0};
+}
+
+} // namespace
+
+TEST(MotionKeys, pixels_are_larger_nearer) {
+    const View view = looking();
+    EXPECT_EQ(View{}.enlarged({1.0, 2.0, 3.0}), 1.0) << "metres";
+    EXPECT_DOUBLE_EQ(view.enlarged({0.0, 0.0, 0.0}), 1.0);
+    EXPECT_DOUBLE_EQ(view.enlarged({4.0, -2.0, 0.0}), 1.0) << "beside the target it is as large";
+    EXPECT_DOUBLE_EQ(view.enlarged({0.0, 0.0, 8.0}), 5.0);
+    EXPECT_DOUBLE_EQ(view.enlarged({0.0, 0.0, -30.0}), 0.25);
+    EXPECT_DOUBLE_EQ(view.enlarged({5.0, 0.0, 8.0}), 1.0) << "out of view";
+    EXPECT_DOUBLE_EQ(view.enlarged({0.0, 0.0, 12.0}), 1.0) << "behind";
+    EXPECT_DOUBLE_EQ(view.enlarged({0.0, 0.0, 30.0}), 0.5) << "far behind";
+    EXPECT_DOUBLE_EQ(view.enlarged(view.position), 1.0);
+
+    // Four times as near asks for twice the keys less one.
+    SceneGeometry geometry = turning_box(90.0);
+    const auto keys_from = [&](double z) {
+        View from = looking();
+        from.position.z() = z;
+        return motion_keys_for(geometry, 0.01, from, 1.0, 2.0);
+    };
+    EXPECT_EQ(keys_from(1e3), 2U) << "a speck";
+    EXPECT_GE(keys_from(3.5), keys_from(10.0) * 3 / 2);
+    EXPECT_LE(mesh_motion_error(geometry, looking(), motion_keys_for(geometry, 0.01, looking(), 1.0, 2.0),
+                                1.0, 2.0),
+              0.01);
 }
 
 namespace {
 
 // One CV at five instants of a unit of time.
 template <typename Path>
-void add(StrandMotion& motion, Path&& path) {
+void add(StrandMotion& motion, Path&& path, const View& view = {}) {
     float at[5][4];
     const float* samples[5];
     for (int i = 0; i < 5; ++i) {
@@ -67,7 +105,7 @@ void add(StrandMotion& motion, Path&& path) {
         at[i][3] = 0.1F;
         samples[i] = at[i];
     }
-    motion.add(samples, 1);
+    motion.add(samples, 1, view);
 }
 
 // What straight lines between so many keys leave of a path, looked for at many instants.
@@ -103,6 +141,26 @@ TEST(StrandMotion, keys_hold_a_strand_to_the_tolerance) {
             EXPECT_EQ(motion.jumps(tolerance), 0.0);
         }
     EXPECT_EQ(StrandMotion{}.keys_for(0.0), 2U);
+}
+
+TEST(StrandMotion, a_tolerance_in_pixels_is_of_each_strands_own_distance) {
+    const auto keys_at = [](const Vec3d& place) {
+        StrandMotion motion;
+        add(
+            motion,
+            [&](double t) {
+                return Vec3d(place + Vec3d(0.1 * std::sin(2.0 * t), 0.1 * std::cos(2.0 * t), 0.0));
+            },
+            looking());
+        return motion.keys_for(1e-3);
+    };
+    StrandMotion metres;
+    add(metres, [](double t) { return Vec3d(0.1 * std::sin(2.0 * t), 0.1 * std::cos(2.0 * t), 0.0); });
+    const uint32_t keys = metres.keys_for(1e-3);
+    EXPECT_EQ(keys_at({0.0, 0.0, 0.0}), keys);
+    EXPECT_EQ(keys_at({0.0, 0.0, 15.0}), keys) << "behind the camera";
+    EXPECT_NEAR(double(keys_at({0.0, 0.0, 7.5})) - 1.0, 2.0 * (keys - 1.0), 1.0) << "four times as near";
+    EXPECT_NEAR(double(keys_at({0.0, 0.0, -30.0})) - 1.0, 0.5 * (keys - 1.0), 1.0) << "four times as far";
 }
 
 TEST(StrandMotion, what_jumps_and_what_is_rare_asks_for_nothing) {

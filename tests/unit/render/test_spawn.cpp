@@ -231,6 +231,65 @@ TEST(Hit, LiesWhereTheRayCrossesANarrowingRibbon) {
     }
 }
 
+// Of an oriented ribbon's end without width Embree's normal is zero.
+TEST(Hit, HasANormalWhereAnOrientedRibbonEndsInNothing) {
+    const Setting unit{1.0, 0.0};
+    const Vec3d along(0.48, 0.6, 0.64);
+    uint64_t hits = 0, without = 0;
+    for (const double tip : {0.0, 1e-2})
+        for (const MarramBasis basis : {MARRAM_BSPLINE, MARRAM_CATMULL_ROM}) {
+            const WorldBuilder builder = fibre(unit, 1e-2 - tip, tip, 0.0, MARRAM_ORIENTED_RIBBON, basis, 0);
+            Random random{13};
+            for (uint64_t i = 0; i < 10 * rays; ++i) {
+                const Vec3d to = (tip > 0.0 ? -0.5 : 0.5) * along + 1e-7 * random.direction();
+                const Vec3d from = to + random() * random.direction();
+                Ray ray;
+                ray.origin = from.cast<float>();
+                ray.direction = (to - from).normalized().cast<float>();
+                SurfacePoint point;
+                if (!intersect(builder.world, ray, point, false)) continue;
+                ++hits;
+                if (!(std::abs(point.geometric_normal.norm() - 1.0F) < 1e-5F)) ++without;
+            }
+        }
+    std::printf("[   hits   ] %llu at ends, %llu without a normal\n", static_cast<unsigned long long>(hits),
+                static_cast<unsigned long long>(without));
+    EXPECT_GT(hits, 1000U);
+    EXPECT_EQ(without, 0U);
+}
+
+// However uneven its CVs are, a straight fibre is not bent.
+TEST(Hit, CurvatureIsOfTheShapeNotOfTheCvs) {
+    const Vec3d along = Vec3d(0.48, 0.6, 0.64);
+    for (const double bend : {0.0, 1.5}) {
+        std::vector<Cv> cvs;
+        for (const double t : {0.0, 0.1, 0.15, 0.5, 0.55, 1.0}) {
+            Cv cv;
+            cv << (t - 0.5) * along + bend * t * t * along.cross(Vec3d::UnitX()), 1e-2;
+            cvs.push_back(cv);
+        }
+        WorldBuilder builder;
+        builder.curves({cvs}, uint32_t(cvs.size()), MARRAM_ROUND, MARRAM_BSPLINE, 0, Vec3f::UnitX(), 0);
+        builder.commit();
+        Random random{17};
+        float most = 0.0F;
+        for (uint64_t i = 0; i < rays; ++i) {
+            const Vec3d to = (random() - 0.5) * along + 0.3 * random.direction(),
+                        from = to + 2.0 * random.direction();
+            Ray ray;
+            ray.origin = from.cast<float>();
+            ray.direction = (to - from).normalized().cast<float>();
+            SurfacePoint point;
+            if (!intersect(builder.world, ray, point, false)) continue;
+            most = std::max(most, point.curvature);
+        }
+        if (bend == 0.0)
+            EXPECT_LT(most, 1e-4F);
+        else
+            EXPECT_GT(most, 1.0F);
+    }
+}
+
 TEST(Spawn, LeavesRoundFibres) { fibre_table(MARRAM_ROUND, "round"); }
 TEST(Spawn, LeavesRibbons) { fibre_table(MARRAM_RIBBON, "ribbon"); }
 TEST(Spawn, LeavesRoundFibresInPieces) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/frames.h"
 
+#include "core/image/atomic_file.h"
 #include "core/math/problem.h"
 
 #include <fmt/format.h>
@@ -33,14 +34,12 @@ std::vector<double> whole_frames(long first, long last) {
 } // namespace
 
 RunFiles::RunFiles(const std::vector<std::string>& read) {
-    std::error_code error;
-    for (const std::string& file : read) known_.emplace(std::filesystem::weakly_canonical(file, error), file);
+    for (const std::string& file : read) known_.emplace(destination_of(file), file);
 }
 
 void RunFiles::write(const std::string& file) {
     if (file.empty()) return;
-    std::error_code error;
-    const auto [other, fresh] = known_.emplace(std::filesystem::weakly_canonical(file, error), file);
+    const auto [other, fresh] = known_.emplace(destination_of(file), file);
     if (!fresh)
         throw InputError({file}, "this would overwrite '" + other->second + "'",
                          "give every file a name of its own");

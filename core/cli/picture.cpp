@@ -5,6 +5,7 @@
 #include "core/math/problem.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 
 namespace marram {
@@ -39,6 +40,19 @@ std::vector<float> rgba_of(const Film& film) {
     return rgba;
 }
 
+// Whether half floats hold the picture: nothing brighter than the greatest, and not so dim that their smallest step, 2^-24, is more than
+// 2^-14 of the mean.
+bool fits_half(const std::vector<float>& pixels) {
+    constexpr float greatest = 65504.0F;
+    constexpr double dimmest = 0x1p-10;
+    double sum = 0.0;
+    for (const float v : pixels) {
+        if (std::abs(v) > greatest) return false;
+        sum += double(std::abs(v));
+    }
+    return sum == 0.0 || sum >= dimmest * double(pixels.size());
+}
+
 } // namespace
 
 std::string lower_extension(const std::string& path) {
@@ -69,7 +83,8 @@ void save_picture(const std::string& path, const Film& film, double exposure,
         return;
     }
     const std::vector<float> rgba = rgba_of(film);
-    std::vector<Layer> layers = {{"", {"R", "G", "B", "A"}, rgba.data(), true}};
+    std::vector<Layer> layers = {
+        {"", {"R", "G", "B", "A"}, rgba.data(), fits_half(find_layer(film, "beauty")->pixels)}};
     for (const FilmLayer& layer : film.layers)
         if (layer.kind != LayerKind::beauty && layer.kind != LayerKind::alpha)
             layers.push_back({layer.name, channel_names(layer), layer.pixels.data(),

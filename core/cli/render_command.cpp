@@ -323,7 +323,7 @@ int render_command(const RenderOptions& options) {
     tbb::task_arena arena(threads);
     std::vector<FrameStats> all;
     for (const FrameFiles& files : all_files) {
-        if (options.resume && read_metadata(files.picture, digest_key) == files.digest) {
+        if (options.resume && whole_metadata(files.picture, digest_key) == files.digest) {
             if (!options.quiet) fmt::print(stderr, "{}: is there already\n", files.picture);
             continue;
         }

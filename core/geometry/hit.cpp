@@ -27,7 +27,8 @@
 //     |w + s d_perp| = r + e + g s, g = r' (T.d):
 //     s = (B + sqrt(B^2 + A (2 r e + e^2))) / A,   A = a - g^2,   B = b + g (r + e).
 //   Over the length x = s |T.d| along the axis the fibre bends away by k x^2 / 2 (curvature k), so e starts
-//   as the error and grows by that, three times over. s becomes tnear; the origin stays.
+//   as the error and grows by that, three times over, to no more than r: a fibre that has bent away by its own radius is met there
+//   rightly. s becomes tnear; the origin stays.
 //
 //   Leaving a camera-facing ribbon. It turns towards the new ray, and the point, off the axis by |w| <= r,
 //   finds it again where the ray passes the axis: of the points C + x T, the one that the ray from C + w
@@ -397,7 +398,7 @@ double leave_fibre(const SurfacePoint& point, const Vec3d& d, double error) {
     const double least = drawn ? r / std::sqrt(a) : 0.0;
     for (int i = 0; i < 3; ++i) {
         const double x = std::max(std::abs(s * along), least);
-        s = distance(error + 0.5 * point.curvature * x * (x + point.piece));
+        s = distance(error + std::min(0.5 * point.curvature * x * (x + point.piece), r));
     }
     if (point.joints && point.piece > 0.0F) s += beyond_corner(point, along, a, b);
     return std::min(s, 1e12); // a bend tighter than the radius: the ray is lost, but stays finite

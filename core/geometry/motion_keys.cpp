@@ -45,7 +45,8 @@ std::vector<Vec3d> looked_at(const Mesh& mesh, const View& view) {
     return points;
 }
 
-// Greatest distance of a mesh from its transform when drawn with so many keys; between two keys it is looked for at three instants.
+// Greatest distance of a mesh from its transform when drawn with so many keys; between two keys it is looked for
+// at three instants of even motion and at four that no whole number of turns meets all.
 double motion_error(const SceneMesh& mesh, const View& view, uint32_t keys, double open, double close) {
     const std::vector<Vec3d> points = looked_at(mesh.mesh, view);
     double worst = 0.0;
@@ -53,7 +54,7 @@ double motion_error(const SceneMesh& mesh, const View& view, uint32_t keys, doub
     for (uint32_t key = 0; key + 1 < keys; ++key) {
         const double begin = open + step * key;
         const Eigen::Affine3d a = mesh.transform.at(begin), b = mesh.transform.at(begin + step);
-        for (const double t : {0.25, 0.5, 0.75}) {
+        for (const double t : {0.118, 0.25, 0.382, 0.5, 0.618, 0.75, 0.882}) {
             const Eigen::Affine3d exact = mesh.transform.at(begin + t * step);
             for (const Vec3d& p : points) {
                 const Vec3d there = exact * p;

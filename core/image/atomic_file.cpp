@@ -31,13 +31,7 @@ std::set<std::string> open_partials;
 // Where the bytes go: an output that is a symbolic link keeps its link, the file behind it is replaced.
 fs::path resolve(const std::string& path) {
     std::error_code error;
-    if (!fs::is_symlink(path, error)) return path;
-    const fs::path target = fs::weakly_canonical(path, error);
-    if (!error && target != fs::absolute(path).lexically_normal()) return target;
-    // A link to what is not there yet: follow it by hand, one step as anybody would make it.
-    const fs::path next = fs::read_symlink(path, error);
-    if (error) return path;
-    return next.is_absolute() ? next : fs::path(path).parent_path() / next;
+    return fs::is_symlink(path, error) ? destination_of(path) : fs::path(path);
 }
 
 std::string partial_name(const fs::path& target) {
@@ -69,6 +63,20 @@ void check_existing(const std::string& path, const fs::path& target) {
 }
 
 } // namespace
+
+fs::path destination_of(const std::string& path) {
+    std::error_code error;
+    fs::path at = fs::absolute(path, error);
+    if (error) return path;
+    constexpr int most_links = 40; // as Linux follows
+    for (int links = 0; links < most_links && fs::is_symlink(at, error); ++links) {
+        const fs::path next = fs::read_symlink(at, error);
+        if (error) break;
+        at = at.parent_path() / next;
+    }
+    const fs::path canonical = fs::weakly_canonical(at, error);
+    return error ? at.lexically_normal() : canonical;
+}
 
 void check_writable(const std::string& path) {
     if (path.empty()) refuse("output", "no file name is given", "give the name of a file to write");

@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <cstdio>
+#include <filesystem>
 #include <string>
 #include <string_view>
 
@@ -15,6 +16,9 @@ namespace marram {
 // stands under the name, if anything, is an ordinary file that may be written. Makes and removes an empty
 // file to be sure. For refusing before hours of rendering.
 void check_writable(const std::string& path);
+
+// Where a file of that name lies or would lie: absolute, symbolic links followed, also to what is not there yet.
+std::filesystem::path destination_of(const std::string& path);
 
 // Removes what unfinished AtomicFiles have written so far: for a process that is about to end without unwinding.
 void remove_partial_files();

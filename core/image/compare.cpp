@@ -63,7 +63,7 @@ std::vector<double> guarded(const std::vector<float>& variance, int width, int h
 }
 
 // What storing a colour as a half float may change, relative; what is nothing beside the picture's mean; and the smallest half, below
-// which a golden frame's variance is 0.
+// which a golden frame's variance is 0, and by half of which a colour may be off.
 constexpr double rounding = 0x1p-12, nothing = 1e-4, least_half = 0x1p-24;
 
 ScaleResult worst_of(const std::vector<float>& test, const std::vector<float>& reference,
@@ -121,7 +121,10 @@ void judge_noise(const Picture& test, const Picture& reference, const std::vecto
         // A golden frame's is that of the difference.
         variance[i] = float(std::min(limits && vb ? theirs : mine + theirs, largest));
     }
-    result.scales = deviations(a, b, variance, limits.has_value(), result.width, result.height);
+    const Halves halves = limits                        ? Halves::variance
+                          : test.half || reference.half ? Halves::colours
+                                                        : Halves::none;
+    result.scales = deviations(a, b, variance, halves, result.width, result.height);
     double tests = 0.0;
     for (const ScaleResult& scale : result.scales) {
         const int w = scale.size > 0 ? scale.size : result.width,
@@ -257,6 +260,7 @@ Picture read_picture(const std::string& path) {
     picture.width = image.width;
     picture.height = image.height;
     picture.display = !image.as_in_file;
+    picture.half = image.half;
     const std::string samples = read_metadata(path, "marram:samples").value_or("0");
     std::from_chars(samples.data(), samples.data() + samples.size(),
                     picture.samples); // 0 where it is no number
@@ -343,11 +347,15 @@ std::optional<Limits> limits_from(const std::string& text) {
 }
 
 std::vector<ScaleResult> deviations(const std::vector<float>& test, const std::vector<float>& reference,
-                                    const std::vector<float>& variance, bool golden, int width, int height) {
+                                    const std::vector<float>& variance, Halves halves, int width,
+                                    int height) {
     const std::vector<double> sure = guarded(variance, width, height);
     double mean = 0.0;
     for (const float v : reference) mean += std::abs(double(v)) / double(reference.size());
-    const double least = std::max(golden ? least_half : 0.0, nothing * nothing * mean * mean) + 1e-60;
+    const double unsure = halves == Halves::variance  ? least_half
+                          : halves == Halves::colours ? 0.25 * least_half * least_half
+                                                      : 0.0;
+    const double least = std::max(unsure, nothing * nothing * mean * mean) + 1e-60;
     std::vector<ScaleResult> scales;
     for (int size = 1; size < std::max(width, height); size *= 2)
         scales.push_back(worst_of(test, reference, sure, least, width, height, size));

@@ -13,9 +13,10 @@
 //
 // Other layers (depth, normal, ...) are alike where they differ by less than 0.03 of their range in the mean; or, since their edges
 // are noisy and dense hair is all edges, where no channel's mean is off by more than 0.01 and pixels are beyond what stands in the 3 x 3
-// pixels around their place in the other picture by less than 0.015 in the mean. Layers of names (one channel of whole numbers: ids)
-// are alike where at most 60 in 100 pixels hold a name that is not among those 3 x 3: between seeds it is up to 42 in 100 where
-// several strands share a pixel, and 100 where they are named differently.
+// pixels around their place in the other picture by less than 0.015 in the mean, and it fits nowhere better: moved by up to 2 pixels
+// it must not correlate more than in its place, by more than 4 / sqrt(pixels). Layers of names (called id, one channel of whole
+// numbers, 0 for none) are alike where at most 90 in 100 names are not among those 3 x 3, and not more are the same when moved:
+// between seeds up to 74 in 100 are not, where dense hair shares pixels, and 100 where strands are named differently.
 #pragma once
 
 #include "core/image/image.h"
@@ -84,6 +85,7 @@ struct Picture {
     std::vector<Layer> layers;
     bool grey = false;    // in the file; R, G and B are equal here
     bool display = false; // its colours were encoded for a display
+    bool half = false;    // stored as half floats
     const Layer* find(const std::string& name) const;
 };
 
@@ -95,9 +97,10 @@ Comparison compare_pictures(const Picture& test, const Picture& reference, const
                             const std::string& reference_name);
 
 // Worst deviation of each scale, from colours and the variances of their difference (3 floats a pixel each). Variance that is less than
-// the mean of its eight neighbours' counts as that: what few samples have not met they know nothing of. `golden`: it was stored as half floats.
+// the mean of its eight neighbours' counts as that: what few samples have not met they know nothing of.
+enum class Halves { none, colours, variance }; // what was stored as half floats, which round and end at 2^-24
 std::vector<ScaleResult> deviations(const std::vector<float>& test, const std::vector<float>& reference,
-                                    const std::vector<float>& variance, bool golden, int width, int height);
+                                    const std::vector<float>& variance, Halves halves, int width, int height);
 
 // Student's t that a number is beyond with probability p, both sides together, for degrees >= 4: the normal distribution's, corrected
 // after D. Gaver & K. Kafadar, "A Retrievable Recipe for Inverse t" (1984); to 0.3 % from ten degrees on.

@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <span>
 
 namespace marram {
@@ -15,7 +17,9 @@ namespace {
 // Limits: core/image/compare.h says what they are.
 constexpr double layer_share = 0.03;                      // of a layer's range, mean difference
 constexpr double layer_bias = 0.01, layer_beyond = 0.015; // or these two
-constexpr double names_share = 0.6;
+constexpr double names_share = 0.9;
+constexpr int farthest = 2;    // pixels by which a layer may turn out to be moved
+constexpr double chance = 4.0; // standard deviations of what is counted or correlated
 
 struct Frame {
     int width, height;
@@ -51,24 +55,95 @@ double mean_beyond(const Picture::Layer& a, const Picture::Layer& b, Frame frame
     return sum / (2.0 * double(a.pixels.size()));
 }
 
-// The share of names that are none of those around their place in the other picture.
+// The share of names (0 is none) that are none of those around their place in the other picture.
 double share_unknown(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
-    double unknown = 0.0;
+    double unknown = 0.0, named = 0.0;
     const auto add = [&](float name, std::span<const float> around) {
+        if (name == 0.0F) return;
+        named += 1.0;
         unknown += std::ranges::find(around, name) == around.end();
     };
     each_with_around(a, b, frame, add);
     each_with_around(b, a, frame, add);
-    return unknown / (2.0 * double(a.pixels.size()));
+    return named > 0.0 ? unknown / named : 0.0;
+}
+
+// "id", "object_id", "objectID", but not "fluid".
+bool is_called_id(const std::string& name) {
+    const size_t n = name.size();
+    if (n < 2 || std::tolower(name[n - 2]) != 'i' || std::tolower(name[n - 1]) != 'd') return false;
+    return n == 2 || !std::isalpha(static_cast<unsigned char>(name[n - 3])) ||
+           (name[n - 2] == 'I' && std::islower(static_cast<unsigned char>(name[n - 3])));
 }
 
 bool holds_names(const Picture::Layer& layer) {
-    bool many = false; // 0 and 1 alone are a mask
-    for (const float v : layer.pixels) {
-        if (v != std::floor(v)) return false;
-        many |= v != 0.0F && v != 1.0F;
+    return layer.channels.size() == 1 && is_called_id(layer.name) &&
+           std::ranges::all_of(layer.pixels, [](float v) { return v == std::floor(v); });
+}
+
+struct Offset {
+    int x = 0, y = 0;
+};
+
+// Calls see(i, j) for the numbers of a layer, and of the other moved by the offset, that lie upon each other.
+void each_pair(size_t channels, Frame frame, Offset by, auto&& see) {
+    for (int y = std::max(0, by.y); y < frame.height + std::min(0, by.y); ++y)
+        for (int x = std::max(0, by.x); x < frame.width + std::min(0, by.x); ++x)
+            for (size_t c = 0; c < channels; ++c)
+                see((size_t(y) * size_t(frame.width) + size_t(x)) * channels + c,
+                    (size_t(y - by.y) * size_t(frame.width) + size_t(x - by.x)) * channels + c);
+}
+
+// Pearson's, of all channels together.
+double correlation(const Picture::Layer& a, const Picture::Layer& b, Frame frame, Offset by) {
+    const size_t channels = a.channels.size();
+    struct Sums {
+        double n = 0.0, a = 0.0, b = 0.0, aa = 0.0, bb = 0.0, ab = 0.0;
+    };
+    std::vector<Sums> sums(channels);
+    each_pair(channels, frame, by, [&](size_t i, size_t j) {
+        Sums& s = sums[i % channels];
+        const auto u = double(a.pixels[i]), v = double(b.pixels[j]);
+        s.n += 1.0, s.a += u, s.b += v, s.aa += u * u, s.bb += v * v, s.ab += u * v;
+    });
+    double ab = 0.0, aa = 0.0, bb = 0.0;
+    for (const Sums& s : sums) {
+        if (s.n == 0.0) continue;
+        ab += s.ab - s.a * s.b / s.n;
+        aa += s.aa - s.a * s.a / s.n;
+        bb += s.bb - s.b * s.b / s.n;
     }
-    return many && layer.channels.size() == 1;
+    return aa > 0.0 && bb > 0.0 ? ab / std::sqrt(aa * bb) : 0.0;
+}
+
+// The share of pixels that hold the same name, of those that hold one in either.
+double share_same(const Picture::Layer& a, const Picture::Layer& b, Frame frame, Offset by) {
+    double same = 0.0, named = 0.0;
+    each_pair(1, frame, by, [&](size_t i, size_t j) {
+        if (a.pixels[i] == 0.0F && b.pixels[j] == 0.0F) return;
+        named += 1.0;
+        same += a.pixels[i] == b.pixels[j];
+    });
+    return named > 0.0 ? same / named : 0.0;
+}
+
+// Where a layer fits the other better than in its place, by more than chance makes of so many pixels. fit: of an offset, at most 1.
+std::optional<Offset> moved_by(Frame frame, auto&& fit) {
+    const double in_place = fit(Offset{}), spare = chance / std::sqrt(double(frame.width) * frame.height);
+    double best = in_place + spare;
+    std::optional<Offset> found;
+    for (int y = -farthest; y <= farthest; ++y)
+        for (int x = -farthest; x <= farthest; ++x)
+            if (const double there = fit(Offset{x, y}); there > best) {
+                best = there;
+                found = Offset{x, y};
+            }
+    return found;
+}
+
+std::string moved_fault(const std::string& name, Offset by) {
+    return fmt::format("layer {} fits the other better when that is moved by {} pixels across and {} down",
+                       name, by.x, by.y);
 }
 
 // The greatest difference of a channel's means.
@@ -87,15 +162,19 @@ std::string fault_of(const Picture::Layer& a, const Picture::Layer& b, const Lay
     if (b.name.empty()) return "";
     if (holds_names(a) && holds_names(b)) {
         const double share = share_unknown(a, b, frame);
-        if (share <= names_share) return "";
-        return fmt::format("layer {} is of other names: {:.3g} of its pixels hold one that the other picture "
-                           "has nowhere near, {} are "
-                           "allowed",
-                           b.name, share, names_share);
+        if (share > names_share)
+            return fmt::format("layer {} is of other names: {:.3g} of its pixels with one hold one that the "
+                               "other picture has nowhere near, {} are allowed",
+                               b.name, share, names_share);
+        const auto by = moved_by(frame, [&](Offset offset) { return share_same(a, b, frame, offset); });
+        return by ? moved_fault(b.name, *by) : "";
     }
     if (result.mean <= layer_share * result.range) return "";
-    if (bias_of(a, b) <= layer_bias * result.range && mean_beyond(a, b, frame) <= layer_beyond * result.range)
-        return "";
+    if (bias_of(a, b) <= layer_bias * result.range &&
+        mean_beyond(a, b, frame) <= layer_beyond * result.range) {
+        const auto by = moved_by(frame, [&](Offset offset) { return correlation(a, b, frame, offset); });
+        return by ? moved_fault(b.name, *by) : "";
+    }
     return fmt::format(
         "layer {} differs by {:.3g} in the mean, {:.3g} is allowed (three hundredths of its range)", b.name,
         result.mean, layer_share * result.range);

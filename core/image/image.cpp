@@ -59,6 +59,11 @@ InputFile open_image(const std::string& path) {
     return input;
 }
 
+bool fills_frame(const OIIO::ImageSpec& spec) {
+    return spec.x == spec.full_x && spec.y == spec.full_y && spec.width == spec.full_width &&
+           spec.height == spec.full_height;
+}
+
 void check_spec(const std::string& path, const OIIO::ImageSpec& spec) {
     if (spec.deep || spec.depth > 1) refuse(path, "is a deep or volume image", "save it as a flat image");
     if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1)
@@ -67,10 +72,11 @@ void check_spec(const std::string& path, const OIIO::ImageSpec& spec) {
         refuse(path,
                fmt::format("is {} x {} pixels, more than {} a side", spec.width, spec.height, greatest_side),
                "make it smaller");
-    if (spec.width != spec.full_width || spec.height != spec.full_height)
+    if (!fills_frame(spec))
         refuse(path,
-               fmt::format("has {} x {} pixels that do not fill its frame of {} x {}", spec.width,
-                           spec.height, spec.full_width, spec.full_height),
+               fmt::format("has {} x {} pixels at ({}, {}) that do not fill its frame of {} x {} at ({}, {})",
+                           spec.width, spec.height, spec.x, spec.y, spec.full_width, spec.full_height,
+                           spec.full_x, spec.full_y),
                "save one whole picture, its crop removed, to a file of its own");
     const int64_t bytes = int64_t(spec.width) * spec.height * spec.nchannels * int64_t(sizeof(float));
     if (bytes > greatest_bytes)
@@ -86,14 +92,17 @@ float exponent_of(const std::string& path, const OIIO::ImageSpec& spec) {
     using OIIO::Strutil::istarts_with;
     const std::string space = spec.get_string_attribute("oiio:ColorSpace");
     if (space.empty()) return spec.format == OIIO::TypeDesc::UINT8 ? srgb : 1.0f;
-    if (iequals(space, "sRGB") || iequals(space, "Rec709")) return srgb;
+    if (iequals(space, "sRGB")) return srgb;
+    // So OpenImageIO calls whatever comes as PNM: of floats, PFM, nothing says that they are for a display.
+    if (iequals(space, "Rec709")) return spec.format.is_floating_point() ? 1.0f : srgb;
     for (const char* linear : {"linear", "lin_", "scene_linear", "sRGB-linear", "ACEScg", "ACES2065"})
         if (istarts_with(space, linear)) return 1.0f;
     if (istarts_with(space, "gamma")) { // "Gamma2.2", whose digits are rounded, or "GammaCorrected1.8"
         const size_t digit = space.find_first_of("0123456789");
         const float named = digit == std::string::npos ? 0.0f : OIIO::Strutil::stof(space.substr(digit));
         const float exponent = spec.get_float_attribute("oiio:Gamma", named);
-        if (exponent > 0.0f && std::isfinite(exponent)) return exponent;
+        if (exponent >= 1.0f && std::isfinite(exponent))
+            return exponent; // below 1: stated the wrong way round
     }
     refuse(path, "is in the colour space \"" + space + "\", which is not known here",
            "save it again as sRGB, or linear");
@@ -165,6 +174,7 @@ Image read_image(const std::string& path, ColorSpace space) {
     image.height = spec.height;
     image.channels = spec.nchannels;
     for (int c = 0; c < spec.nchannels; ++c) image.channel_names.push_back(spec.channel_name(c));
+    image.half = spec.channelformat(std::max(0, spec.channelindex("R"))) == OIIO::TypeDesc::HALF;
     image.pixels.resize(size_t(spec.width) * size_t(spec.height) * size_t(spec.nchannels));
     if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, image.pixels.data()))
         refuse_truncated(path, input->geterror());
@@ -327,9 +337,7 @@ Extent extent_of(const std::string& path) {
     const OIIO::ImageSpec spec = input->spec();
     if (input->seek_subimage(1, 0)) return Extent::several;
     (void)input->geterror();
-    const bool fills = spec.x == spec.full_x && spec.y == spec.full_y && spec.width == spec.full_width &&
-                       spec.height == spec.full_height;
-    return fills ? Extent::whole : Extent::cropped;
+    return fills_frame(spec) ? Extent::whole : Extent::cropped;
 }
 
 std::vector<std::pair<std::string, std::string>> read_all_metadata(const std::string& path) {
@@ -341,30 +349,50 @@ std::vector<std::pair<std::string, std::string>> read_all_metadata(const std::st
     return all;
 }
 
-std::optional<std::string> read_metadata(const std::string& path, const std::string& key) {
+namespace {
+
+InputFile open_if_image(const std::string& path) {
     std::error_code error;
-    if (!std::filesystem::is_regular_file(path, error)) return std::nullopt;
-    if (!png_fault(path).empty()) return std::nullopt;
+    if (!std::filesystem::is_regular_file(path, error) || !png_fault(path).empty()) return nullptr;
     InputFile input = OIIO::ImageInput::open(path);
-    if (!input) {
-        (void)OIIO::geterror(); // asked for, so that it is not reported at exit
-        return std::nullopt;
-    }
-    const OIIO::ImageSpec spec = input->spec();
-    if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1 || spec.deep) return std::nullopt;
-    if (spec.image_bytes() > OIIO::imagesize_t(greatest_bytes)) return std::nullopt;
-    std::vector<float> strip(size_t(strip_rows) * size_t(spec.width) * size_t(spec.nchannels));
+    if (!input) (void)OIIO::geterror(); // asked for, so that it is not reported at exit
+    return input;
+}
+
+bool reads_to_its_end(OIIO::ImageInput& input) {
+    const OIIO::ImageSpec spec = input.spec();
+    if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1 || spec.deep) return false;
+    const int64_t row = int64_t(spec.width) * spec.nchannels;
+    if (row * strip_rows * int64_t(sizeof(float)) > greatest_bytes) return false; // as no picture's are
+    std::vector<float> strip(size_t(row) * size_t(strip_rows));
     const int end = spec.y + spec.height;
     for (int y = spec.y; y < end; y += strip_rows)
-        if (!input->read_scanlines(0, 0, y, std::min(end, y + strip_rows), 0, 0, spec.nchannels,
-                                   OIIO::TypeDesc::FLOAT, strip.data())) {
-            (void)input->geterror();
-            return std::nullopt;
+        if (!input.read_scanlines(0, 0, y, std::min(end, y + strip_rows), 0, 0, spec.nchannels,
+                                  OIIO::TypeDesc::FLOAT, strip.data())) {
+            (void)input.geterror();
+            return false;
         }
+    return true;
+}
+
+std::optional<std::string> text_of(const OIIO::ImageSpec& spec, const std::string& key) {
     const OIIO::ParamValue* value = spec.find_attribute(key);
     if (!value) return std::nullopt;
     if (value->type() == OIIO::TypeDesc::DOUBLE) return fmt::format("{}", value->get<double>());
     return value->get_string();
+}
+
+} // namespace
+
+std::optional<std::string> read_metadata(const std::string& path, const std::string& key) {
+    const InputFile input = open_if_image(path);
+    return input ? text_of(input->spec(), key) : std::nullopt;
+}
+
+std::optional<std::string> whole_metadata(const std::string& path, const std::string& key) {
+    const InputFile input = open_if_image(path);
+    if (!input || !reads_to_its_end(*input)) return std::nullopt;
+    return text_of(input->spec(), key);
 }
 
 } // namespace marram

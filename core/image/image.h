@@ -17,6 +17,7 @@ struct Image {
     std::vector<float> pixels; // rows from the top, channels interleaved
     std::vector<std::string> channel_names;
     bool as_in_file = true; // false: colours were encoded in the file and have been made linear
+    bool half = false;      // stored as half floats, the first channel at least
 };
 
 enum class ColorSpace {
@@ -69,8 +70,11 @@ Extent extent_of(const std::string& path); // throws InputError where it cannot 
 // Every metadata entry of an image, as text, by name. Throws InputError where it cannot be opened.
 std::vector<std::pair<std::string, std::string>> read_all_metadata(const std::string& path);
 
-// The value of a metadata entry of a finished picture, as text (numbers in the fewest digits that give them
-// back); nullopt where the file is missing, unreadable, damaged or cut short, or the key is not there. Never throws. Reads it all.
+// The value of a metadata entry of an image, as text (numbers in the fewest digits that give them back); nullopt where the file is
+// missing or no image, or the key is not there. Never throws. Reads the header.
 std::optional<std::string> read_metadata(const std::string& path, const std::string& key);
+
+// The same of a finished picture: nullopt also where it is damaged or cut short. Reads it all, in strips.
+std::optional<std::string> whole_metadata(const std::string& path, const std::string& key);
 
 } // namespace marram

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/math/transform.h"
 
+#include <algorithm>
 #include <cassert>
 
 namespace marram {
@@ -36,8 +37,15 @@ Eigen::Affine3d KeyedTransform::at(double frame) const {
     return m;
 }
 
+bool KeyedTransform::moves() const {
+    return std::ranges::any_of(keys_, [&](const Key& key) {
+        const Key& first = keys_.front();
+        return key.translation != first.translation || key.angles != first.angles || key.scale != first.scale;
+    });
+}
+
 bool KeyedTransform::moves_within(double begin, double end) const {
-    return keys_.size() > 1 && keys_.front().frame < end && keys_.back().frame > begin && begin < end;
+    return moves() && keys_.front().frame < end && keys_.back().frame > begin && begin < end;
 }
 
 } // namespace marram

@@ -20,7 +20,7 @@ class KeyedTransform {
     KeyedTransform(std::span<const double> numbers, std::string_view interpolation);
 
     Eigen::Affine3d at(double frame) const;
-    bool moves() const { return keys_.size() > 1; } // false: at() is the same for every frame
+    bool moves() const; // false: at() is the same for every frame
     bool moves_within(double begin, double end) const;
 
   private:

@@ -97,12 +97,13 @@ TEST(Golden, a_change_of_seed_is_no_fault) {
 // Caught, with whatever seed.
 void expect_caught(
     const char* what, const Stage& stage, const Golden& golden,
-    const std::function<void(Picture&)>& spoil = [](Picture&) {}) {
-    for (const uint64_t seed : {11, 12, 13}) {
+    const std::function<void(Picture&)>& spoil = [](Picture&) {},
+    const std::vector<uint64_t>& seeds = {11, 12, 13}) {
+    for (const uint64_t seed : seeds) {
         Picture picture = stage.render(seed);
         spoil(picture);
         const Comparison comparison = against_golden(picture, golden);
-        EXPECT_FALSE(comparison.alike()) << what << " passes";
+        EXPECT_FALSE(comparison.alike()) << golden.name << ": " << what << " passes";
         const ScaleResult* worst = comparison.worst_scale();
         std::printf(
             "%-34s %-10s %8.1f deviations (%.1f) of %2d pixels a side, FLIP %.3f (%.3f), SSIM %.3f (%.3f)\n",
@@ -195,6 +196,55 @@ TEST(GoldenFault, collision_is_off_for_one_strand_in_a_hundred) {
     std::printf("%zu of %zu strands are held off by more than a pixel; %zu of them are let go\n", held.size(),
                 size_t(strands), chosen.size());
     expect_caught("collision off, one strand in 100", stage, golden);
+}
+
+// Each frame against its scene without what it shows, or with a little more or less of that.
+TEST(GoldenFault, what_a_frame_shows_is_missed) {
+    struct Missing {
+        const char *golden, *what;
+        std::vector<std::string> changes;
+    };
+    const std::vector<Missing> all = {
+        {"sky", "a sky brighter by 2 %", {"light.sky.strength=0.612"}},
+        {"lamp", "a lamp brighter by 2 %", {"light.lamp.radiance=[12.24, 10.2, 7.14]"}},
+        {"environment", "the environment turned by 2 degrees", {"light.sky.rotation=32"}},
+        {"lens", "a lens smaller by a tenth", {"camera.lens_radius=0.108"}},
+        {"moving", "a shutter shorter by a fifth", {"camera.shutter=[-0.4, 0.4]"}},
+        {"pan", "no blur", {"camera.shutter=[0, 0]"}},
+        {"filter", "the default filter", {"film.filter=\"gaussian\"", "film.filter_radius=1.5"}},
+        {"round", "no clumps", {"procedural.grass.clump={size=0.3, amount=0}"}},
+        {"oriented", "ribbons that face the camera", {"procedural.grass.shape=\"ribbon\""}},
+        {"grass", "blades that let no light through", {"material.leaf.transmission_color=[0, 0, 0]"}},
+        {"sand", "no ripples", {"material.dune.ripple_height=0"}},
+        {"surface", "paint duller by a fifth", {"material.paint.roughness=0.3"}},
+        {"hair", "hair smoother by a tenth", {"material.hair.roughness=0.36"}},
+        {"melanin", "a twentieth more melanin", {"material.melanin.melanin=0.63"}},
+        {"bend", "wind weaker by a twentieth", {"wind.speed=5.7"}},
+        {"perlin", "one octave less", {"wind.noise={amplitude=0.9, frequency=2, octaves=1}"}},
+        {"billow", "noise that stands still", {"wind.noise={type=\"billow\", amplitude=0.9, frequency=2}"}},
+        {"wavelet", "Perlin noise", {"wind.noise={amplitude=0.9, frequency=2}"}},
+        {"shield", "shelter with a sharp edge", {"wind.shielding={shield=1, spread=0}"}},
+        {"shield_cv", "a wake longer by a half", {"wind.shielding={shield=1, shield_per=\"cv\", wake=0.75}"}},
+        {"steps", "no collision", {"wind.collision={solver=\"none\"}"}},
+        {"blur", "no blur", {"camera.shutter=[0, 0]"}},
+        {"default", "wind weaker by a tenth", {"wind.speed=6.3"}},
+        {"strand", "wind weaker by a tenth", {"wind.speed=5.4"}},
+        {"talk", "no gusts", {"wind.gusts.num_gusts=0"}},
+        {"talk", "no shelter", {"wind.shielding.shield=0"}},
+        {"talk", "no collision", {"wind.collision.solver=\"none\""}},
+        {"figure1a", "wind weaker by a tenth", {"wind.speed=1.8"}},
+        {"figure1b", "no collision", {"wind.collision.solver=\"none\""}},
+        {"figure1c", "no shelter", {"wind.shielding.shield=0"}},
+        {"figure2", "wind weaker by a tenth", {"wind.speed=7.2"}},
+        {"gust_field", "no gusts", {"wind.gusts.num_gusts=0"}},
+        {"dune", "a sun higher by two degrees", {"light.day.direction=[-0.55, 0.405, -1]"}},
+        {"fur", "no collision", {"wind.collision.solver=\"none\""}},
+        {"fur", "hair rougher by a third", {"material.fur.roughness=0.3"}},
+    };
+    for (const Missing& missing : all) {
+        const Golden& golden = golden_named(missing.golden);
+        expect_caught(missing.what, Stage(golden, missing.changes), golden, [](Picture&) {}, {14});
+    }
 }
 
 TEST(GoldenFault, a_sun_brighter_by_a_hundredth) {

@@ -18,11 +18,13 @@ namespace fs = std::filesystem;
 // The page that shows both.
 std::string show(const Golden& golden, const std::string& before, const std::string& after,
                  const fs::path& folder) {
-    const ComparedFile a{after, read_picture(after)}, b{before, read_picture(before)};
+    ComparedFile a{after, {}}, b{before, {}};
     Comparison comparison;
     try {
+        a.picture = read_picture(after);
+        b.picture = read_picture(before);
         comparison = compare_pictures(a.picture, b.picture, after, before);
-    } catch (const InputError& error) { // of another size, say: that is what --write is for
+    } catch (const InputError& error) { // of another size, or damaged: that is what --write is for
         return fmt::format("CANNOT BE COMPARED with what was ({}): {}", error.problems.front().what, after);
     }
     const std::string page = (folder / (golden.name + ".html")).string();

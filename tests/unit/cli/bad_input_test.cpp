@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Bad input of every kind through the whole program, each in a process of its own: exit code 2, one line a mistake on stderr,
 // and nothing on the disk is touched.
+#include "core/cli/frames.h"
+#include "core/image/atomic_file.h"
 #include "program.h"
+
+#include <unistd.h>
 
 #include <algorithm>
 #include <regex>
@@ -238,6 +242,31 @@ TEST(BadInput, OutputsThatWouldDestroyInputs) {
         refused(folder, {"bake", scene, "-o", folder / "s.obj", "--colliders", folder / "triangle.obj"});
     ASSERT_EQ(said.size(), 1u);
     EXPECT_CONTAINS(said[0], "this would overwrite");
+}
+
+// However it is spelt, and whether it is there yet or not.
+TEST(BadInput, OneFileUnderTwoNames) {
+    const Folder folder;
+    fs::create_symlink("picture.exr", folder / "one.exr"); // to what is not there, relative
+    fs::create_symlink("picture.exr", folder / "two.exr");
+    const std::string absent = "no-such-file-" + std::to_string(::getpid()) + ".exr";
+    for (const auto& [a, b] : {std::pair(absent, "./" + absent), std::pair("./" + absent, absent),
+                               std::pair(absent, (fs::current_path() / absent).string()),
+                               std::pair(folder / "one.exr", folder / "two.exr"),
+                               std::pair(folder / "one.exr", folder / "picture.exr")}) {
+        RunFiles files({});
+        files.write(a);
+        EXPECT_THROW(files.write(b), InputError) << a << " and " << b;
+        EXPECT_THROW(RunFiles({a}).write(b), InputError) << a << " and " << b;
+    }
+    RunFiles files({});
+    files.write(folder / "one.exr");
+    EXPECT_NO_THROW(files.write(folder / "other.exr"));
+    AtomicWriter writer(folder / "one.exr");
+    writer.write("text");
+    writer.commit();
+    EXPECT_TRUE(fs::is_symlink(folder / "one.exr"));
+    EXPECT_EQ(read_file(folder / "picture.exr"), "text");
 }
 
 TEST(BadInput, MaterialsWhereTheyMeanNothing) {

@@ -61,6 +61,50 @@ TEST(Noise, pixels_are_done_when_they_are_as_good_as_asked_for) {
     EXPECT_LT(beyond, pixels / 50);
 }
 
+// Who stops is decided by the samples that the picture is made of: those without what is rare and bright stop early. By how much that
+// darkens fur that light goes far in.
+TEST(Noise, target_darkens_little) {
+    const Folder folder;
+    double with = 0.0, without = 0.0;
+    for (int seed = 1; seed <= 3; ++seed)
+        for (const char* noise : {"0", "0.1"}) {
+            EXPECT_DONE(
+                marram({"render", MARRAM_SOURCE_DIR "/scenes/golden/fur.toml", "-o", folder / "a.exr",
+                        "--quiet", "--frame", "20", "--size", "64x48", "--spp", "256", "--set",
+                        fmt::format("film.seed={}", seed), "--set", fmt::format("film.noise={}", noise),
+                        "--set", "procedural.fur.material=\"hair\"", "--set", "film.max_depth=8"}));
+            const Image image = read_image(folder / "a.exr");
+            const auto red =
+                size_t(std::ranges::find(image.channel_names, "R") - image.channel_names.begin());
+            double sum = 0.0;
+            for (size_t i = red; i < image.pixels.size(); i += size_t(image.channels))
+                sum += double(image.pixels[i]);
+            (std::string(noise) == "0" ? without : with) += sum;
+        }
+    std::printf("a target of 0.1: %.3f %% darker\n", 100.0 * (1.0 - with / without));
+    EXPECT_NEAR(with / without, 1.0, 0.003);
+}
+
+// EXR files are halves where these hold the picture, else floats.
+TEST(Noise, dim_pictures_lose_nothing_when_they_are_saved) {
+    const Folder folder;
+    const auto mean = [&](const char* strength) {
+        EXPECT_DONE(
+            marram({"render", MARRAM_SOURCE_DIR "/scenes/golden/room.toml", "-o", folder / "a.exr", "--quiet",
+                    "--size", "48x36", "--spp", "16", "--set", fmt::format("light.sky.strength={}", strength),
+                    "--set", "light.sun.irradiance=[0, 0, 0]", "--aov", "variance"}));
+        const Image image = read_image(folder / "a.exr");
+        EXPECT_EQ(image.half, std::string(strength) == "1");
+        double sum = 0.0;
+        for (size_t i = 0; i < image.pixels.size(); i += size_t(image.channels))
+            sum += double(image.pixels[i]);
+        return sum;
+    };
+    const double bright = mean("1");
+    EXPECT_NEAR(mean("1e-6") / bright, 1e-6, 1e-9);
+    EXPECT_NEAR(mean("1e6") / bright, 1e6, 1e3);
+}
+
 // However little time there is, what is there is a picture of fewer samples.
 TEST(Noise, time_is_kept_by_fewer_samples) {
     const Folder folder;

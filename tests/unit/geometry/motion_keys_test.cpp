@@ -54,6 +54,23 @@ TEST(MotionKeys, a_turn_stays_within_the_tolerance) {
     EXPECT_EQ(motion_keys_for(turning_box(170.0), 0.0, View{}, 1.0, 2.0), 64U);
 }
 
+// Whole turns between keys must not pass for rest.
+TEST(MotionKeys, whole_turns_are_seen) {
+    for (const double turns : {1.0, 2.0, 3.0, 4.0, 4.003, 8.0, 12.0, 16.0}) {
+        const SceneGeometry geometry = turning_box(360.0 * turns);
+        EXPECT_EQ(motion_keys_for(geometry, 1e-4, View{}, 1.0, 2.0), 64U) << turns;
+        EXPECT_GT(mesh_motion_error(geometry, View{}, 2, 1.0, 2.0), 0.1) << turns;
+    }
+}
+
+TEST(MotionKeys, equal_keys_are_rest) {
+    const KeyedTransform rest(
+        std::vector<double>{1, 0, 2, 0, 0, 30, 0, 1, 1, 1, 2, 0, 2, 0, 0, 30, 0, 1, 1, 1}, "linear"),
+        turn(std::vector<double>{1, 0, 2, 0, 0, 0, 0, 1, 1, 1, 2, 0, 2, 0, 0, 360, 0, 1, 1, 1}, "linear");
+    EXPECT_FALSE(rest.moves() || rest.moves_within(1.0, 2.0));
+    EXPECT_TRUE(turn.moves() && turn.moves_within(1.0, 2.0));
+}
+
 namespace {
 
 // From z = 10 along -z, 90 degrees wide; a tolerance in pixels is its metres at z = 0.

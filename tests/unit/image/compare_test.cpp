@@ -129,16 +129,17 @@ TEST(Compare, unknown_samples_do_not_hide_a_fault) {
     EXPECT_NE(compared(without_variance(seed), reference).unknown.find("only one has"), std::string::npos);
 }
 
-// Ids of strands of which several share a pixel: another seed meets others of them, but none that is not there.
+// Ids of strands of which several share a pixel: another seed meets others of them, but none that is not there. More than half of the
+// picture is background.
 TEST(Compare, names_are_no_quantities) {
-    const auto ids = [](uint64_t seed, float first) {
+    const auto ids = [](uint64_t seed, float first, int moved = 0, const char* name = "id") {
         Picture picture = without_variance(made(1, 0.0));
-        Picture::Layer layer{"id", {"Y"}, {}};
+        Picture::Layer layer{name, {"Y"}, {}};
         for (int y = 0; y < height; ++y)
             for (int x = 0; x < width; ++x) { // strands lie slantwise, three to a pixel
                 const auto at = uint64_t(y * width + x);
-                const uint64_t strand = uint64_t(3 * (x + y / 4)) + hash(seed, at) % 3;
-                layer.pixels.push_back(first + float(hash(7, strand) & 0xfffff));
+                const uint64_t strand = uint64_t(3 * (x + moved + y / 4)) + hash(seed, at) % 3;
+                layer.pixels.push_back(x < width * 9 / 20 ? first + float(hash(7, strand) & 0xfffff) : 0.0F);
             }
         picture.layers.push_back(layer);
         return picture;
@@ -147,6 +148,20 @@ TEST(Compare, names_are_no_quantities) {
     EXPECT_GT(compared(ids(1, 0.0F), ids(2, 0.0F)).layers.back().mean,
               0.1 * compared(ids(1, 0.0F), ids(2, 0.0F)).layers.back().range);
     EXPECT_FALSE(compared(ids(1, 1.0F), ids(1, 0.0F)).alike()) << "every strand has another name";
+    EXPECT_FALSE(compared(ids(1, 0.0F), ids(2, 0.0F, 1)).alike()) << "moved";
+    EXPECT_TRUE(compared(ids(1, 0.0F, 0, "objectID"), ids(2, 0.0F, 0, "objectID")).alike());
+    EXPECT_FALSE(compared(ids(1, 1.0F, 0, "objectID"), ids(1, 0.0F, 0, "objectID")).alike());
+    const auto depth = [](float upper, const char* name) { // whole numbers by another name are quantities
+        Picture picture = without_variance(made(1, 0.0));
+        Picture::Layer layer{name, {"Z"}, std::vector<float>(size_t(width * height), 0.0F)};
+        std::fill_n(layer.pixels.begin(), width * height / 2, upper);
+        picture.layers.push_back(layer);
+        return picture;
+    };
+    for (const char* name : {"depth", "fluid"}) {
+        EXPECT_TRUE(compared(depth(101.0F, name), depth(100.0F, name)).alike());
+        EXPECT_FALSE(compared(depth(2.0F, name), depth(3.0F, name)).alike());
+    }
 }
 
 // Where every pixel is an edge, two seeds differ by more than three hundredths; a layer that is off does too, and is different.
@@ -164,6 +179,23 @@ TEST(Compare, layers_may_be_noisy_but_not_off) {
     EXPECT_GT(seeds.layers.back().mean, 0.06 * seeds.layers.back().range);
     EXPECT_TRUE(seeds.alike());
     EXPECT_FALSE(compared(along(1, 0.03), along(2, 0.0)).alike());
+
+    // A chequered layer is everywhere near its inverse, and noise that is the same for both near itself moved.
+    const auto chequered = [](int odd, int moved) {
+        Picture picture = without_variance(made(1, 0.0));
+        Picture::Layer chequers{"normal", {"X"}, {}}, rough{"depth", {"Z"}, {}};
+        for (int y = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x) {
+                chequers.pixels.push_back(float((x + y + odd) % 2));
+                rough.pixels.push_back(float(1.0 + 0.2 * normal(9, uint64_t(y * 1000 + x + moved))));
+            }
+        picture.layers.push_back(chequers);
+        picture.layers.push_back(rough);
+        return picture;
+    };
+    EXPECT_TRUE(compared(chequered(0, 0), chequered(0, 0)).alike());
+    EXPECT_EQ(compared(chequered(1, 0), chequered(0, 0)).faults.size(), 1U);
+    EXPECT_EQ(compared(chequered(0, 1), chequered(0, 0)).faults.size(), 1U);
 }
 
 TEST(Compare, grey_is_not_colour) {

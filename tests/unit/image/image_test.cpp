@@ -104,7 +104,7 @@ TEST_F(ImageFiles, MetadataOfPartialFilesIsNotTrusted) {
     write_exr(path("a.exr"), 64, 64, layers, metadata);
     EXPECT_EQ(read_metadata(path("a.exr"), "marram:scene"), "x");
     put("cut.exr", get("a.exr").substr(0, get("a.exr").size() - 20));
-    EXPECT_EQ(read_metadata(path("cut.exr"), "marram:scene"), std::nullopt);
+    EXPECT_EQ(whole_metadata(path("cut.exr"), "marram:scene"), std::nullopt);
     put("text.exr", "nothing");
     EXPECT_EQ(read_metadata(path("text.exr"), "marram:scene"), std::nullopt);
     EXPECT_EQ(read_metadata(path("none.exr"), "marram:scene"), std::nullopt);
@@ -145,6 +145,12 @@ TEST_F(ImageFiles, ColoursAreMadeLinearFromWhatTheFileSays) {
     EXPECT_FALSE(expect("said_nothing.tif", linear_from_srgb));
     put("a.ppm", "P6\n4 1\n255\n" + std::string(bytes.begin(), bytes.end())); // OpenImageIO calls it Rec709
     EXPECT_FALSE(expect("a.ppm", linear_from_srgb));
+    // PFM is called Rec709, too, and holds light.
+    const float light[12] = {3.0f, 3.0f, 3.0f, 0.5f, 0.5f, 0.5f, 0.25f, 0.25f, 0.25f, 7.0f, 7.0f, 7.0f};
+    put("a.pfm", "PF\n4 1\n-1.0\n" + std::string(reinterpret_cast<const char*>(light), sizeof light));
+    const Image floats = read_image(path("a.pfm"));
+    EXPECT_TRUE(std::equal(floats.pixels.begin(), floats.pixels.end(), light));
+    EXPECT_TRUE(floats.as_in_file);
     write_bytes(path("gamma22.png"), bytes, "Gamma2.2", 2.2f);
     EXPECT_FALSE(expect("gamma22.png", power(2.2f)));
     write_bytes(path("gamma18.png"), bytes, "Gamma1.8", 1.8f);
@@ -171,6 +177,13 @@ TEST_F(ImageFiles, CropsAreRefused) {
                     output->write_image(OIIO::TypeDesc::FLOAT, pixels.data()) && output->close());
         EXPECT_EQ(message_of(path("crop.exr")).find("do not fill its frame") != std::string::npos, more != 0);
     }
+    OIIO::ImageSpec spec(8, 4, 3, OIIO::TypeDesc::HALF);
+    spec.x = 4; // as large as the frame, but beside it
+    const std::vector<float> pixels(8 * 4 * 3, 0.5f);
+    const auto output = OIIO::ImageOutput::create("crop.exr");
+    ASSERT_TRUE(output->open(path("crop.exr"), spec) &&
+                output->write_image(OIIO::TypeDesc::FLOAT, pixels.data()) && output->close());
+    EXPECT_NE(message_of(path("crop.exr")).find("do not fill its frame"), std::string::npos);
 }
 
 // An EXR of many blocks, one of which is spoilt in the middle: --resume must not take it for whole.
@@ -181,11 +194,11 @@ TEST_F(ImageFiles, MetadataOfFilesDamagedInTheMiddleIsNotTrusted) {
     const Layer layers[] = {{"", {"R", "G", "B"}, pixels.data(), true}};
     const Metadata metadata[] = {{"marram:digest", "x"}};
     write_exr(path("a.exr"), 64, 640, layers, metadata);
-    ASSERT_EQ(read_metadata(path("a.exr"), "marram:digest"), "x");
+    ASSERT_EQ(whole_metadata(path("a.exr"), "marram:digest"), "x");
     std::string bytes = get("a.exr");
     for (size_t i = bytes.size() / 2; i < bytes.size() / 2 + 4000; ++i) bytes[i] = char(0xa5);
     put("spoilt.exr", bytes);
-    EXPECT_EQ(read_metadata(path("spoilt.exr"), "marram:digest"), std::nullopt);
+    EXPECT_EQ(whole_metadata(path("spoilt.exr"), "marram:digest"), std::nullopt);
 }
 
 TEST_F(ImageFiles, PngHoldsSrgbOfExposedPixels) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/assemble.h"
+#include "core/cli/frames.h"
 #include "core/cli/scene_camera.h"
 #include "core/cli/texture.h"
 
@@ -87,9 +88,20 @@ Mesh load_heightfield(const ParamSet& params) {
     return heightfield_mesh(heights, width, height, vec2f(params, "size"), float(params.number("height")));
 }
 
+// Files of a mesh, one a frame where it deforms.
+std::vector<std::pair<double, std::string>> mesh_files(const Item& item) {
+    const ParamSet& params = item.params;
+    std::vector<std::pair<double, std::string>> files;
+    if (!params.has("file_frames")) return {{0.0, params.text("file")}};
+    const Vec2d range = params.vec2("file_frames");
+    for (double frame = range.x(); frame <= range.y(); frame += 1.0)
+        files.emplace_back(frame, numbered(params.text("file"), frame));
+    return files;
+}
+
 Mesh load_mesh_item(const Item& item) {
     const ParamSet& params = item.params;
-    if (item.type == "file") return load_mesh(params.text("file"), params.boolean("smooth"));
+    if (item.type == "file") return load_mesh(mesh_files(item).front().second, params.boolean("smooth"));
     if (item.type == "plane") return plane_mesh(vec2f(params, "size"), params.integer("divisions"));
     if (item.type == "box") return box_mesh(vec3f(params, "size"));
     if (item.type == "sphere")
@@ -108,6 +120,29 @@ Mesh load_mesh_at(const Item& item) {
             if (problem.place.file.empty()) problem.place = item.place;
         throw InputError(std::move(problems));
     }
+}
+
+// The shapes of a mesh that deforms; `first` is of the first of its files.
+std::vector<MeshShape> load_shapes(const Item& item, const Mesh& first, const std::atomic<bool>& cancel) {
+    const auto files = mesh_files(item);
+    std::vector<MeshShape> shapes;
+    if (files.size() < 2) return shapes;
+    shapes.push_back({files[0].first, first.positions, first.normals});
+    for (size_t i = 1; i < files.size(); ++i) {
+        if (cancel.load()) throw Cancelled{};
+        const auto& [frame, file] = files[i];
+        Mesh mesh = load_mesh(file, item.params.boolean("smooth"));
+        if (mesh.triangles != first.triangles || mesh.positions.size() != first.positions.size() ||
+            mesh.normals.size() != first.normals.size())
+            throw InputError(
+                {file},
+                fmt::format("has {} triangles of {} vertices that are not those of '{}', {} of {}",
+                            mesh.triangles.size(), mesh.positions.size(), files[0].second,
+                            first.triangles.size(), first.positions.size()),
+                "a mesh that deforms keeps its triangles: export every frame from the same mesh");
+        shapes.push_back({frame, std::move(mesh.positions), std::move(mesh.normals)});
+    }
+    return shapes;
 }
 
 // The sky is returned, its sun goes to `suns`.
@@ -183,7 +218,10 @@ void load_meshes(LoadedScene& scene, const std::atomic<bool>& cancel, Objections
         SceneMesh mesh{item.name, {}, {}, material_of(description, item), -1};
         const ParamValue& keys = item.params.at("transform");
         mesh.transform = KeyedTransform(keys.numbers, keys.text);
-        objections([&] { mesh.mesh = load_mesh_at(item); });
+        objections([&] {
+            mesh.mesh = load_mesh_at(item);
+            if (item.type == "file") mesh.shapes = load_shapes(item, mesh.mesh, cancel);
+        });
         for (size_t i = 0; i < description.lights.size(); ++i)
             if (description.lights[i].type == "mesh" &&
                 description.lights[i].params.text("mesh") == item.name)
@@ -289,6 +327,9 @@ std::vector<std::string> files_read(const LoadedScene& scene, const std::string&
             for (const ParamValue& value : item.params.all())
                 if (value.spec->type == ParamType::file || value.spec->type == ParamType::image)
                     files.push_back(value.text);
+    for (const Item& mesh : description.meshes)
+        if (mesh.params.has("file_frames"))
+            for (const auto& [frame, shape] : mesh_files(mesh)) files.push_back(shape);
     return files;
 }
 

@@ -83,7 +83,9 @@ void print_scene(const std::string& file) {
         triangles += mesh.mesh.triangles.size();
         fmt::print("mesh {}: {} vertices, {} triangles{}{}\n", mesh.name, mesh.mesh.positions.size(),
                    mesh.mesh.triangles.size(), mesh.mesh.uvs.empty() ? ", no uvs" : "",
-                   mesh.transform.moves() ? ", moves" : "");
+                   !mesh.shapes.empty() ? fmt::format(", {} shapes", mesh.shapes.size())
+                   : mesh.moves()       ? ", moves"
+                                        : "");
     }
     const BuildSettings settings = build_settings(scene, scene.description.globals.vec2("frames").x());
     BuildSettings still = settings; // counted without motion

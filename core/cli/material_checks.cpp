@@ -32,7 +32,7 @@ void check_materials(const LoadedScene& scene) {
         const SceneMesh& mesh = scene.geometry.meshes[i];
         if (mesh.material < 0) continue;
         on_mesh[size_t(mesh.material)] = &scene.description.meshes[i];
-        check_on_mesh(materials[size_t(mesh.material)], scene.description.meshes[i], mesh.transform.moves());
+        check_on_mesh(materials[size_t(mesh.material)], scene.description.meshes[i], mesh.moves());
     }
     for (size_t i = 0; i < scene.geometry.procedurals.size(); ++i) {
         const Procedural& procedural = *scene.geometry.procedurals[i];

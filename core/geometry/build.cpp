@@ -12,16 +12,6 @@
 namespace marram {
 namespace {
 
-// Where meshes stand at a time.
-struct Placement {
-    Eigen::Affine3d transform;
-    Eigen::Matrix3d normals;
-
-    Placement(const KeyedTransform& keyed, double frame) : transform(keyed.at(frame)) {
-        normals = transform.linear().inverse().transpose(); // outward stays outward, mirrored or not
-    }
-};
-
 // Embree reads up to 16 bytes past the end of a shared buffer.
 template <typename T>
 std::vector<T> with_spare_bytes(size_t size) {
@@ -29,24 +19,6 @@ std::vector<T> with_spare_bytes(size_t size) {
     buffer.reserve(size + 2);
     buffer.resize(size);
     return buffer;
-}
-
-std::vector<Vec3f> positions_at(const SceneMesh& source, double frame) {
-    const Placement placement(source.transform, frame);
-    std::vector<Vec3f> positions = with_spare_bytes<Vec3f>(source.mesh.positions.size());
-    parallel(positions.size(), [&](size_t i) {
-        positions[i] = (placement.transform * source.mesh.positions[i].cast<double>()).cast<float>();
-    });
-    return positions;
-}
-
-std::vector<Vec3f> normals_at(const SceneMesh& source, double frame) {
-    const Placement placement(source.transform, frame);
-    std::vector<Vec3f> normals = with_spare_bytes<Vec3f>(source.mesh.normals.size());
-    parallel(normals.size(), [&](size_t i) {
-        normals[i] = (placement.normals * source.mesh.normals[i].cast<double>()).normalized().cast<float>();
-    });
-    return normals;
 }
 
 // Embree drops vertices beyond 1e18 without a word; NaN fails every comparison.
@@ -59,11 +31,11 @@ MeshGeometry place_mesh(const SceneMesh& source, const std::vector<double>& time
     mesh.uvs = source.mesh.uvs;
     if (source.transform.at(frame).linear().determinant() < 0.0)
         for (auto& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
-    const bool moves = times.size() > 1 && source.transform.moves_within(times.front(), times.back());
+    const bool moves = times.size() > 1 && source.moves_within(times.front(), times.back());
     const size_t steps = moves ? times.size() : 1;
     for (size_t t = 0; t < steps; ++t) {
-        mesh.positions.push_back(positions_at(source, times[t]));
-        if (!source.mesh.normals.empty()) mesh.normals.push_back(normals_at(source, times[t]));
+        mesh.positions.push_back(source.positions_at(times[t]));
+        if (!source.mesh.normals.empty()) mesh.normals.push_back(source.normals_at(times[t]));
     }
     // A transform can throw a sound mesh far away.
     for (const auto& positions : mesh.positions)
@@ -186,8 +158,8 @@ MarramStatus LentMeshes::pose(void* user, uint32_t index, double frame, float* p
     const bool wants_normals = normals && !placed.normals.empty();
     if (index < lent.geometry_.meshes.size()) {
         const SceneMesh& mesh = lent.geometry_.meshes[index];
-        copy(positions_at(mesh, frame), positions);
-        if (wants_normals) copy(normals_at(mesh, frame), normals);
+        copy(mesh.positions_at(frame), positions);
+        if (wants_normals) copy(mesh.normals_at(frame), normals);
     } else { // made by a procedural: it has one pose
         copy(placed.positions[0], positions);
         if (wants_normals) copy(placed.normals[0], normals);

@@ -4,11 +4,10 @@
 // and the curves.
 #pragma once
 
-#include "core/geometry/mesh.h"
 #include "core/geometry/plugin_host.h"
+#include "core/geometry/scene_mesh.h"
 #include "core/geometry/view.h"
 #include "core/geometry/world.h"
-#include "core/math/transform.h"
 
 #include <atomic>
 #include <map>
@@ -18,14 +17,6 @@
 #include <vector>
 
 namespace marram {
-
-struct SceneMesh {
-    std::string name;
-    Mesh mesh; // object space
-    KeyedTransform transform;
-    int material = -1;
-    int light = -1;
-};
 
 // What stays the same from frame to frame.
 struct SceneGeometry {
@@ -84,13 +75,13 @@ uint32_t chosen_motion_keys(SceneGeometry& geometry, const BuildSettings& settin
                             const std::atomic<bool>& cancel, BuildProgress& progress);
 
 // The smallest number of motion keys, 2 ... 64, at which every mesh, drawn along straight lines between its
-// keys, stays within `tolerance` metres, enlarged by the view, of where its transform puts it at any instant of the shutter (64
+// keys, stays within `tolerance` metres, enlarged by the view, of where it belongs at any instant of the shutter (64
 // where even those do not do).
 uint32_t motion_keys_for(const SceneGeometry& geometry, double tolerance, const View& view, double open,
                          double close);
 
-// How far meshes are from where their transforms put them, m, enlarged, with so many motion keys: of the corners of their boxes, and of
-// some thousand vertices each where the view enlarges.
+// How far meshes are from where they belong, m, enlarged, with so many motion keys: of the corners of their boxes, and of some thousand
+// vertices each where the view enlarges or they deform.
 double mesh_motion_error(const SceneGeometry& geometry, const View& view, uint32_t keys, double open,
                          double close);
 

@@ -30,37 +30,59 @@ std::vector<double> motion_times(const BuildSettings& settings, uint32_t keys) {
 
 namespace {
 
-// Points of a mesh that show how far it is from its transform: both are affine in the point, so in metres the corners of its box do. In
-// pixels what is near counts more, which any vertex may be.
-std::vector<Vec3d> looked_at(const Mesh& mesh, const View& view) {
-    Eigen::AlignedBox3d box;
-    for (const Vec3f& p : mesh.positions) box.extend(p.cast<double>());
-    std::vector<Vec3d> points;
-    if (box.isEmpty()) return points;
-    for (int i = 0; i < 8; ++i) points.push_back(box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(i)));
-    constexpr size_t enough = 1024;
-    if (view.pixels_at > 0.0)
-        for (size_t i = 0; i < mesh.positions.size(); i += 1 + mesh.positions.size() / enough)
-            points.push_back(mesh.positions[i].cast<double>());
-    return points;
+// Points of a mesh that show how far it is from where it belongs. Of a transform alone both are affine in the point, so in metres the
+// corners of its box do. In pixels what is near counts more, which any vertex may be; and each goes its own way where it deforms.
+class Looks {
+  public:
+    Looks(const SceneMesh& mesh, const View& view) : mesh_(mesh) {
+        const std::vector<Vec3f>& positions = mesh.mesh.positions;
+        constexpr size_t enough = 4096;
+        if (!mesh.shapes.empty() || view.pixels_at > 0.0)
+            for (size_t i = 0; i < positions.size(); i += 1 + positions.size() / enough)
+                vertices_.push_back(i);
+        if (!mesh.shapes.empty()) return;
+        Eigen::AlignedBox3d box;
+        for (const Vec3f& p : positions) box.extend(p.cast<double>());
+        for (int i = 0; i < 8 && !box.isEmpty(); ++i)
+            corners_.push_back(box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(i)));
+    }
+
+    std::vector<Vec3d> at(double frame) const {
+        std::vector<Vec3d> points;
+        const Eigen::Affine3d placed = mesh_.transform.at(frame);
+        for (const Vec3d& corner : corners_) points.push_back(placed * corner);
+        for (const size_t vertex : vertices_) points.push_back(mesh_.vertex_at(vertex, frame));
+        return points;
+    }
+
+  private:
+    const SceneMesh& mesh_;
+    std::vector<Vec3d> corners_; // object space
+    std::vector<size_t> vertices_;
+};
+
+// Shares of the time between two keys at which to look: even motion is worst in the middle, no whole number of turns meets all seven, and
+// ways that lead from shape to shape bend at these.
+std::vector<double> looked_at(const SceneMesh& mesh, double begin, double end) {
+    std::vector<double> shares = {0.118, 0.25, 0.382, 0.5, 0.618, 0.75, 0.882};
+    for (const MeshShape& shape : mesh.shapes)
+        if (shape.frame > begin && shape.frame < end) shares.push_back((shape.frame - begin) / (end - begin));
+    return shares;
 }
 
-// Greatest distance of a mesh from its transform when drawn with so many keys; between two keys it is looked for
-// at three instants of even motion and at four that no whole number of turns meets all.
+// Greatest distance of a mesh from where it belongs when drawn with so many keys.
 double motion_error(const SceneMesh& mesh, const View& view, uint32_t keys, double open, double close) {
-    const std::vector<Vec3d> points = looked_at(mesh.mesh, view);
+    const Looks looks(mesh, view);
     double worst = 0.0;
     const double step = (close - open) / double(keys - 1);
     for (uint32_t key = 0; key + 1 < keys; ++key) {
         const double begin = open + step * key;
-        const Eigen::Affine3d a = mesh.transform.at(begin), b = mesh.transform.at(begin + step);
-        for (const double t : {0.118, 0.25, 0.382, 0.5, 0.618, 0.75, 0.882}) {
-            const Eigen::Affine3d exact = mesh.transform.at(begin + t * step);
-            for (const Vec3d& p : points) {
-                const Vec3d there = exact * p;
-                const double gap = (there - ((1.0 - t) * (a * p) + t * (b * p))).norm();
-                worst = std::max(worst, gap * view.enlarged(there));
-            }
+        const std::vector<Vec3d> a = looks.at(begin), b = looks.at(begin + step);
+        for (const double t : looked_at(mesh, begin, begin + step)) {
+            const std::vector<Vec3d> exact = looks.at(begin + t * step);
+            for (size_t i = 0; i < exact.size(); ++i)
+                worst = std::max(worst,
+                                 (exact[i] - ((1.0 - t) * a[i] + t * b[i])).norm() * view.enlarged(exact[i]));
         }
     }
     return worst;
@@ -72,7 +94,7 @@ double mesh_motion_error(const SceneGeometry& geometry, const View& view, uint32
                          double close) {
     double worst = 0.0;
     for (const SceneMesh& mesh : geometry.meshes)
-        if (open < close && mesh.transform.moves_within(open, close))
+        if (open < close && mesh.moves_within(open, close))
             worst = std::max(worst, motion_error(mesh, view, keys, open, close));
     return worst;
 }
@@ -83,7 +105,7 @@ uint32_t motion_keys_for(const SceneGeometry& geometry, double tolerance, const 
     uint32_t keys = 2;
     if (!(open < close)) return keys;
     for (const SceneMesh& mesh : geometry.meshes) {
-        if (!mesh.transform.moves_within(open, close)) continue;
+        if (!mesh.moves_within(open, close)) continue;
         while (keys < most && motion_error(mesh, view, keys, open, close) > tolerance)
             keys = std::min(2 * keys - 1, most);
     }

@@ -44,7 +44,8 @@ struct ParamSpec {
         initial; // default, as it would be written in a scene file; "" = must be given; "none" = may be absent
     double minimum = -std::numeric_limits<double>::infinity(); // of every component, both ends allowed
     double maximum = std::numeric_limits<double>::infinity();
-    std::string choices; // "a|b|c" for choice; the kind for reference
+    std::string
+        choices; // "a|b|c" for choice; the kind for reference; "numbered" for a file that may be one a frame, by ####
     std::string help;    // one line
 };
 

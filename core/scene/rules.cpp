@@ -63,6 +63,8 @@ void check_lights(const std::vector<Item>& lights, Reading& reading) {
     }
 }
 
+constexpr int most_shapes = 10'000;
+
 void check_mesh_files(const std::vector<Item>& meshes, Reading& reading) {
     for (const Item& mesh : meshes) {
         const ParamValue* file = mesh.type == "file" ? mesh.params.find("file") : nullptr;
@@ -70,6 +72,15 @@ void check_mesh_files(const std::vector<Item>& meshes, Reading& reading) {
         std::string ending = std::filesystem::path(file->text).extension().string();
         std::transform(ending.begin(), ending.end(), ending.begin(),
                        [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+        const ParamValue* frames = mesh.params.find("file_frames");
+        if (frames && file->text.find('#') == std::string::npos)
+            reading.report(file->place,
+                           fmt::format("mesh.{}.file is one file for all of file_frames", clean(mesh.name)),
+                           "put a #### where the frame's number belongs, or leave file_frames out");
+        if (frames && frames->numbers[1] - frames->numbers[0] >= most_shapes)
+            reading.report(frames->place,
+                           fmt::format("mesh.{}.file_frames are more than {}", clean(mesh.name), most_shapes),
+                           "all are held in memory: give those that the shot sees");
         if (ending == ".obj" || ending == ".ply") continue;
         reading.report(file->place, fmt::format("mesh.{}.file is no .obj and no .ply", clean(mesh.name)),
                        "convert the mesh to one of them");

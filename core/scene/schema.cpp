@@ -131,7 +131,11 @@ std::vector<ItemSchema> mesh_types() {
     return {
         mesh_type(
             "file", "triangles from a file",
-            {{"file", file, "", "", -any, any, "", "an .obj or .ply file"},
+            {{"file", file, "", "", -any, any, "numbered",
+              "an .obj or .ply file; of a mesh that deforms #### is the frame's number"},
+             {"file_frames", range, "frames", "none", -late, late, "",
+              "first and last frame that there is a file of: the mesh deforms, straight from frame to frame; "
+              "all are read"},
              {"smooth", boolean, "", "true", -any, any, "", "make vertex normals where the file has none"}}),
         mesh_type("plane", "a rectangle in xz around the origin, facing up",
                   {{"size", vec2, "m", "[10, 10]", 1e-6, far, "", "length in x and in z"},

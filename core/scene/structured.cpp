@@ -186,6 +186,10 @@ bool read_path(const toml::node& node, const ParamSpec& spec, const std::string&
     std::error_code error;
     const fs::file_status status = fs::status(path, error);
     if (status.type() == fs::file_type::not_found) {
+        if (spec.choices == "numbered" && text->get().find('#') != std::string::npos) {
+            value.text = path.string(); // one file a frame: whoever reads them looks for each
+            return true;
+        }
         const std::string near = nearest_file(path);
         return fail(fmt::format("{}: there is no file {}", label, shown),
                     near.empty() ? "check the path, it is relative to the scene file's folder"

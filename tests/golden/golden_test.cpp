@@ -211,6 +211,7 @@ TEST(GoldenFault, what_a_frame_shows_is_missed) {
         {"lens", "a lens smaller by a tenth", {"camera.lens_radius=0.108"}},
         {"moving", "a shutter shorter by a fifth", {"camera.shutter=[-0.4, 0.4]"}},
         {"pan", "no blur", {"camera.shutter=[0, 0]"}},
+        {"deform", "a sheet that holds still", {"mesh.sheet.file_frames=[2, 2]"}},
         {"filter", "the default filter", {"film.filter=\"gaussian\"", "film.filter_radius=1.5"}},
         {"round", "no clumps", {"procedural.grass.clump={size=0.3, amount=0}"}},
         {"oriented", "ribbons that face the camera", {"procedural.grass.shape=\"ribbon\""}},

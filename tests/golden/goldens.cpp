@@ -53,6 +53,11 @@ std::span<const Golden> goldens() {
              {"camera.shutter=[-0.5, 0.5]",
               "camera.transform={keys=[{frame=1, rotate=[0, -14, 0]}, {frame=15, "
               "rotate=[0, 14, 0], translate=[0.6, 0, 0]}]}"}),
+        {"deform",
+         "a sheet that waves, blurred over a frame, and grass that rides on it",
+         "golden/sheet.toml",
+         2,
+         {}},
         room("filter", "the box filter, a pixel wide", {"film.filter=\"box\"", "film.filter_radius=0.5"}),
         room("round", "round strands of Catmull-Rom curves, with clumps, curl and frizz",
              {"procedural.grass.shape=\"round\"", "procedural.grass.basis=\"catmull-rom\"",

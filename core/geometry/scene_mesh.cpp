@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/geometry/scene_mesh.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+
+namespace marram {
+namespace {
+
+// Two sets of vertices or normals, and how far it is from the first to the second.
+struct Between {
+    const std::vector<Vec3f>*first, *second;
+    double share;
+
+    Vec3d operator()(size_t i) const {
+        const Vec3d a = (*first)[i].cast<double>();
+        return share > 0.0 ? Vec3d(a + share * ((*second)[i].cast<double>() - a)) : a;
+    }
+};
+
+Between between(const SceneMesh& mesh, double frame, std::vector<Vec3f> MeshShape::*what,
+                const std::vector<Vec3f>& at_rest) {
+    const std::vector<MeshShape>& shapes = mesh.shapes;
+    if (shapes.empty()) return {&at_rest, &at_rest, 0.0};
+    const auto next = std::ranges::upper_bound(shapes, frame, {}, &MeshShape::frame);
+    if (next == shapes.begin()) return {&(shapes.front().*what), &(shapes.front().*what), 0.0};
+    if (next == shapes.end()) return {&(shapes.back().*what), &(shapes.back().*what), 0.0};
+    const MeshShape &a = *(next - 1), &b = *next;
+    return {&(a.*what), &(b.*what), (frame - a.frame) / (b.frame - a.frame)};
+}
+
+// Embree reads up to 16 bytes past the end of a shared buffer.
+template <typename Make>
+std::vector<Vec3f> with_spare_bytes(size_t size, Make&& make) {
+    std::vector<Vec3f> buffer;
+    buffer.reserve(size + 2);
+    buffer.resize(size);
+    tbb::parallel_for(size_t(0), size, [&](size_t i) { buffer[i] = make(i); });
+    return buffer;
+}
+
+} // namespace
+
+bool SceneMesh::moves_within(double begin, double end) const {
+    return transform.moves_within(begin, end) ||
+           (shapes.size() > 1 && shapes.front().frame < end && shapes.back().frame > begin && begin < end);
+}
+
+Vec3d SceneMesh::vertex_at(size_t vertex, double frame) const {
+    return transform.at(frame) * between(*this, frame, &MeshShape::positions, mesh.positions)(vertex);
+}
+
+std::vector<Vec3f> SceneMesh::positions_at(double frame) const {
+    const Eigen::Affine3d placed = transform.at(frame);
+    const Between at = between(*this, frame, &MeshShape::positions, mesh.positions);
+    return with_spare_bytes(mesh.positions.size(),
+                            [&](size_t i) -> Vec3f { return (placed * at(i)).cast<float>(); });
+}
+
+std::vector<Vec3f> SceneMesh::normals_at(double frame) const {
+    const Eigen::Matrix3d turned =
+        transform.at(frame).linear().inverse().transpose(); // outward stays outward, mirrored or not
+    const Between at = between(*this, frame, &MeshShape::normals, mesh.normals);
+    return with_spare_bytes(mesh.normals.size(), [&](size_t i) -> Vec3f {
+        const Vec3d normal = turned * at(i);
+        // Halfway between opposite ones there is none: that of the shape before.
+        return (normal.squaredNorm() > 0.0 ? normal : Vec3d(turned * (*at.first)[i].cast<double>()))
+            .normalized()
+            .cast<float>();
+    });
+}
+
+} // namespace marram

@@ -4,6 +4,9 @@
 #include "core/geometry/curve_pieces.h"
 #include "core/geometry/round_pieces.h"
 
+#include <tbb/parallel_reduce.h>
+
+#include <bit>
 #include <limits>
 
 namespace marram {
@@ -42,7 +45,6 @@ struct CurveBuild {
     CurveGeometry curves;
     std::shared_ptr<RTCGeometryTy> geometry;
     std::vector<float*> vertices, normals; // [time]
-    std::vector<ChordErrors> chords;       // of patches
 };
 
 void check_patches(const CurveBuild& item) {
@@ -99,7 +101,6 @@ void allocate(Build& build, CurveBuild& item) {
     build.stats.cvs += count * output.cvs_per_curve;
     build.stats.segments += count * (output.cvs_per_curve - 1);
     build.stats.curve_bytes += vertices * output.time_count * (oriented ? 28 : 16);
-    item.chords.assign(output.patch_count, ChordErrors{});
 }
 
 // Whether the tolerance decides on straight pieces.
@@ -107,14 +108,14 @@ bool may_be_pieces(const MarramOutput& output, const BuildSettings& settings) {
     return settings.curves_bvh && settings.curve_pieces < 0 && output.shape != MARRAM_ORIENTED_RIBBON;
 }
 
-// x - x is 0 for a finite number and NaN for any other.
 bool finite(const float* values, size_t count) {
-    float sum = 0.0F;
-    for (size_t i = 0; i < count; ++i) sum += values[i] - values[i];
-    return sum == 0.0F;
+    constexpr int32_t exponent = 0x7f800000; // all of its bits: infinite or not a number
+    int32_t most = 0;
+    for (size_t i = 0; i < count; ++i) most = std::max(most, std::bit_cast<int32_t>(values[i]) & exponent);
+    return most < exponent;
 }
 
-void tessellate_patch(CurveBuild& item, uint32_t index, const BuildSettings& settings) {
+void tessellate_patch(CurveBuild& item, uint32_t index) {
     const MarramPatch& patch = item.patches[index];
     const uint32_t cvs = item.output.cvs_per_curve;
     const size_t first_vertex = patch.first_curve * (cvs + 2);
@@ -137,10 +138,6 @@ void tessellate_patch(CurveBuild& item, uint32_t index, const BuildSettings& set
         if (!finite(vertices[t], size_t(patch.curve_count) * (cvs + 2) * 4))
             item.procedural->refuse("a CV is not a finite number",
                                     "look for huge values in the scene, or mend the library");
-    if (!may_be_pieces(item.output, settings)) return;
-    const ChordLimit limit{settings.tolerance, settings.view.pixel_angle, settings.view.position};
-    for (uint32_t t = 0; t < item.output.time_count; ++t)
-        add_chord_errors({vertices[t], patch.curve_count, cvs, item.output.basis}, limit, item.chords[index]);
 }
 
 // Segment k of curve c starts at vertex first + k of the `stride` that each curve has.
@@ -199,6 +196,24 @@ bool round_pieces_pay(const std::vector<CurveBuild>& items) {
     return 2 * round >= all;
 }
 
+// How far all curves are from pieces.
+ChordErrors chord_errors(const CurveBuild& item, const BuildSettings& settings) {
+    const ChordLimit limit{settings.tolerance, settings.view.pixel_angle, settings.view.position};
+    const uint32_t cvs = item.output.cvs_per_curve;
+    const auto of_patches = [&](const tbb::blocked_range<size_t>& patches, ChordErrors errors) {
+        for (size_t i = patches.begin(); i < patches.end(); ++i)
+            for (uint32_t t = 0; t < item.output.time_count; ++t) {
+                const MarramPatch& patch = item.patches[i];
+                add_chord_errors({item.vertices[t] + 4 * patch.first_curve * (cvs + 2), patch.curve_count,
+                                  cvs, item.output.basis},
+                                 limit, errors);
+            }
+        return errors;
+    };
+    return tbb::parallel_reduce(tbb::blocked_range<size_t>(0, item.patches.size()), ChordErrors{}, of_patches,
+                                greater_of);
+}
+
 // How many pieces a segment is traced as: what is told, or by the tolerance and what pays; 0: the cubic.
 uint32_t choose_pieces(Build& build, const CurveBuild& item, bool round_pay) {
     const MarramOutput& output = item.output;
@@ -206,7 +221,7 @@ uint32_t choose_pieces(Build& build, const CurveBuild& item, bool round_pay) {
     if (!may_be_pieces(output, build.settings)) return uint32_t(build.settings.curve_pieces);
     const uint32_t most =
         output.shape == MARRAM_ROUND && !round_pay ? 0 : most_that_pay(output.shape, output.time_count);
-    const uint32_t pieces = pieces_for(item.chords, most);
+    const uint32_t pieces = most > 0 ? pieces_for(chord_errors(item, build.settings), most) : 0;
     build.stats.chosen[item.procedural->name() + ".curve_pieces"] = pieces;
     return pieces;
 }
@@ -295,7 +310,7 @@ CurveBuild make_curves(Build& build, Procedural& procedural, LentMeshes& lent) {
     std::atomic<uint32_t> done{0};
     tbb::parallel_for(uint32_t{0}, item.output.patch_count, [&](uint32_t index) {
         if (build.cancel.load(std::memory_order_relaxed)) throw Cancelled{};
-        tessellate_patch(item, index, build.settings);
+        tessellate_patch(item, index);
         build.progress.fraction = double(++done) / double(item.output.patch_count);
     });
     account(build, item, now() - begin);

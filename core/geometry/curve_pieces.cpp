@@ -18,28 +18,30 @@ Vec4d weigh(const Points4& control, const std::array<double, 4>& weights) {
 
 } // namespace
 
-double ChordLimit::at(const Vec3d& point) const {
-    return std::min(0.5 * tolerance, 0.25 * pixel_angle * (point - camera).norm());
+double ChordLimit::squared_at(const Vec3d& point) const {
+    const double pixels = 0.25 * pixel_angle;
+    return std::min(0.25 * tolerance * tolerance, pixels * pixels * (point - camera).squaredNorm());
 }
 
 void add_chord_errors(const CurveVertices& curves, const ChordLimit& limit, ChordErrors& errors) {
     const std::array<double, 4> begin = cubic_basis(curves.basis, 0.0).second,
                                 end = cubic_basis(curves.basis, 1.0).second;
+    std::array<double, most_pieces> squares{}; // of 24 n^2 times the errors
     for (size_t curve = 0; curve < curves.curves; ++curve)
         for (uint32_t segment = 0; segment + 1 < curves.cvs; ++segment) {
             const Points4 control(curves.vertices + 4 * (curve * (curves.cvs + 2) + segment));
             const Vec4d a = weigh(control, begin), b = weigh(control, end);
-            const double allowed = std::min(limit.at(control.col(1).head<3>().cast<double>()),
-                                            limit.at(control.col(2).head<3>().cast<double>()));
+            const double allowed = std::min(limit.squared_at(control.col(1).head<3>().cast<double>()),
+                                            limit.squared_at(control.col(2).head<3>().cast<double>()));
+            const double per_allowed = 1.0 / allowed;
             for (uint32_t i = 0; i < most_pieces; ++i) {
-                const double n = i + 1;
-                const Vec4d step = (b - a) / n;
-                const double off =
-                    std::sqrt(std::max((3.0 * a + step).squaredNorm(), (3.0 * b - step).squaredNorm())) /
-                    (24.0 * n * n);
-                if (off > 0.0) errors[i] = std::max(errors[i], off / allowed);
+                const Vec4d step = (b - a) * (1.0 / (i + 1));
+                const double off = std::max((3.0 * a + step).squaredNorm(), (3.0 * b - step).squaredNorm());
+                if (off > 0.0) squares[i] = std::max(squares[i], off * per_allowed);
             }
         }
+    for (uint32_t i = 0; i < most_pieces; ++i)
+        errors[i] = std::max(errors[i], std::sqrt(squares[i]) / (24.0 * (i + 1) * (i + 1)));
 }
 
 uint32_t most_that_pay(MarramShape shape, size_t keys) {
@@ -47,9 +49,15 @@ uint32_t most_that_pay(MarramShape shape, size_t keys) {
     return (shape == MARRAM_ROUND ? 4U : 3U) / uint32_t(keys);
 }
 
-uint32_t pieces_for(std::span<const ChordErrors> errors, uint32_t most) {
+ChordErrors greater_of(const ChordErrors& a, const ChordErrors& b) {
+    ChordErrors most;
+    for (uint32_t i = 0; i < most_pieces; ++i) most[i] = std::max(a[i], b[i]);
+    return most;
+}
+
+uint32_t pieces_for(const ChordErrors& errors, uint32_t most) {
     for (uint32_t i = 0; i < most; ++i)
-        if (std::ranges::all_of(errors, [i](const ChordErrors& e) { return e[i] <= 1.0; })) return i + 1;
+        if (errors[i] <= 1.0) return i + 1;
     return 0;
 }
 

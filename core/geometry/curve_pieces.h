@@ -63,20 +63,22 @@ struct ChordLimit {
     double tolerance, pixel_angle;
     Vec3d camera;
 
-    double at(const Vec3d& point) const;
+    double squared_at(const Vec3d& point) const;
 };
 
 // [n - 1]: how far n pieces a segment are off, over the limit; a bound, and infinite where the limit is 0.
 using ChordErrors = std::array<double, most_pieces>;
 
-// Raises `errors` to the greatest over all segments. About 50 ns a segment.
+ChordErrors greater_of(const ChordErrors& a, const ChordErrors& b);
+
+// Raises `errors` to the greatest over all segments. About 40 ns a segment.
 void add_chord_errors(const CurveVertices& curves, const ChordLimit& limit, ChordErrors& errors);
 
 // The most pieces that are still traced faster than the cubic, or as fast in less memory; keys: of motion, at least 1. See above.
 uint32_t most_that_pay(MarramShape shape, size_t keys);
 
 // The fewest pieces, up to `most`, that keep to the limit everywhere; 0: the cubic.
-uint32_t pieces_for(std::span<const ChordErrors> errors, uint32_t most);
+uint32_t pieces_for(const ChordErrors& errors, uint32_t most);
 
 // A straight piece's ends: x, y, z, radius.
 struct Chord {

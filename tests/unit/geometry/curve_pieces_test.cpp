@@ -103,7 +103,7 @@ TEST(CurvePieces, AreAsFewAsTheLimitAllows) {
     const auto chosen = [&](double tolerance, double pixel_angle) {
         ChordErrors errors{};
         add_chord_errors(curves, {tolerance, pixel_angle, Vec3d(0.0, 0.0, 10.0)}, errors);
-        return pieces_for(std::vector{errors, ChordErrors{}}, most_pieces);
+        return pieces_for(greater_of(errors, ChordErrors{}), most_pieces);
     };
     // 1.2 radians over 5 segments of 0.24: off by 0.24^2 / 8 = 0.0072 m with one piece.
     EXPECT_EQ(chosen(0.0150, 1.0), 1U);
@@ -115,9 +115,9 @@ TEST(CurvePieces, AreAsFewAsTheLimitAllows) {
     EXPECT_EQ(chosen(1.0, 0.0), 0U);
     EXPECT_EQ(chosen(1.0, 4.0 * 0.0073 / 10.0), 1U); // a quarter of a pixel 10 m away
     EXPECT_EQ(chosen(1.0, 4.0 * 0.0060 / 10.0), 2U);
-    ChordErrors three{2.0, 1.5, 0.9, 0.5};
-    EXPECT_EQ(pieces_for({&three, 1}, 2), 0U);
-    EXPECT_EQ(pieces_for({&three, 1}, 4), 3U);
+    const ChordErrors three{2.0, 1.5, 0.9, 0.5};
+    EXPECT_EQ(pieces_for(three, 2), 0U);
+    EXPECT_EQ(pieces_for(three, 4), 3U);
 }
 
 std::string furred(const std::string& shape, const std::string& basis) {

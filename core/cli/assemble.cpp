@@ -377,6 +377,7 @@ RenderSettings render_settings(const LoadedScene& scene, double frame) {
     settings.samples = uint32_t(film.integer("samples"));
     settings.max_depth = uint32_t(film.integer("max_depth"));
     settings.noise = film.number("noise");
+    settings.clamp = float(film.number("clamp"));
     const std::string& filter = film.text("filter");
     settings.filter.kind = filter == "box"        ? FilterKind::box
                            : filter == "triangle" ? FilterKind::triangle

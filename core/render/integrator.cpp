@@ -22,6 +22,9 @@
 // noise: w is small there. S comes from earlier passes, which does not bias: whatever it is, the mean over the roulette is
 // the same.
 //
+// A clamp limits what a sample's later vertices add up to: not what the camera or the first surface sees of lights, which is
+// well sampled and whose highlights are to stay. Bids of the roulette are kept far below it, or winners would be cut.
+//
 // A path stands for a cone of light paths, whose width tells textures how much to average: a pixel wide at the camera, and
 // from each vertex on as wide as the share of directions that the draw stands for, 1 / p (after Akenine-Moller et al.,
 // "Texture Level of Detail Strategies for Real-Time Ray Tracing", 2019). Curvature is left out.
@@ -191,6 +194,13 @@ float found_weight(const Frame& frame, float drawn, float light_pdf) {
     return power_heuristic(drawn, light_pdf);
 }
 
+// Luminance that is worth a ray to a light.
+float worth(const Frame& frame, float spread, uint32_t depth) {
+    if (depth == 0) return spread * worth_first;
+    const float bid = spread * worth_later;
+    return frame.settings.clamp > 0.0F ? std::min(bid, 0.1F * frame.settings.clamp) : bid;
+}
+
 bool survives(Vec3f& throughput, float random) {
     const float chance = std::min(1.0F, throughput.maxCoeff());
     if (!(random < chance)) return false;
@@ -198,23 +208,31 @@ bool survives(Vec3f& throughput, float random) {
     return true;
 }
 
+// What a path brings: seen or scattered by one surface, and by more.
+struct Gathered {
+    Vec3f direct = Vec3f::Zero(), later = Vec3f::Zero();
+};
+
 // `spread`: of the pixel's samples; 0 where it is not known.
-Vec3f trace(const Frame& frame, Ray ray, float spread, Sampler& sampler, FirstHit& first, RayCounts& counts) {
-    Vec3f radiance = Vec3f::Zero(), throughput = Vec3f::Ones();
+Gathered trace(const Frame& frame, Ray ray, float spread, Sampler& sampler, FirstHit& first,
+               RayCounts& counts) {
+    Gathered light;
+    Vec3f throughput = Vec3f::Ones();
     float drawn = -1.0F;
     Cone cone{0.0F, frame.pixel_angle};
     SurfacePoint later;
     for (uint32_t depth = 0;; ++depth) {
         SurfacePoint& point = depth == 0 ? first.point : later;
+        Vec3f& seen = depth <= 1 ? light.direct : light.later; // along the ray
         if (!intersect(frame.world, ray, point, depth == 0, &counts)) {
             const auto weight = [&](float light_pdf) { return found_weight(frame, drawn, light_pdf); };
-            return radiance +
-                   throughput.cwiseProduct(frame.lights.escaped(ray.direction, depth == 0, weight));
+            seen += throughput.cwiseProduct(frame.lights.escaped(ray.direction, depth == 0, weight));
+            return light;
         }
         if (point.light >= 0) {
-            const Lights::Seen seen = frame.lights.emitted(point, ray.direction);
-            if (seen.pdf >= 0.0F)
-                radiance += found_weight(frame, drawn, seen.pdf) * throughput.cwiseProduct(seen.radiance);
+            const Lights::Seen lamp = frame.lights.emitted(point, ray.direction);
+            if (lamp.pdf >= 0.0F)
+                seen += found_weight(frame, drawn, lamp.pdf) * throughput.cwiseProduct(lamp.radiance);
         }
         const bool last = depth >= frame.settings.max_depth;
         if (depth == 0) {
@@ -222,30 +240,39 @@ Vec3f trace(const Frame& frame, Ray ray, float spread, Sampler& sampler, FirstHi
             first.normal =
                 point.geometric_normal.dot(ray.direction) > 0.0F ? Vec3f(-point.normal) : point.normal;
         }
-        if (last && !(depth == 0 && frame.wants_albedo)) return radiance;
+        if (last && !(depth == 0 && frame.wants_albedo)) return light;
         cone.width += cone.growth * point.distance;
         const Bsdf bsdf = bsdf_at(material_of(frame, point.material),
                                   shading_point(frame, point, -ray.direction, cone.width));
         if (depth == 0 && frame.wants_albedo) first.albedo = albedo(bsdf);
-        if (last) return radiance;
+        if (last) return light;
         sampler.seek(first_vertex_pair + pairs_a_vertex * depth);
         const Vec2f choice = sampler.next_pair();
         if (!frame.lights.empty()) {
             const Vec2f where = sampler.next_pair();
-            radiance += direct_light(frame, point, bsdf, ray.time, throughput,
-                                     spread * (depth == 0 ? worth_first : worth_later),
-                                     {choice.x(), where.x(), where.y()}, counts);
+            (depth == 0 ? light.direct : light.later) +=
+                direct_light(frame, point, bsdf, ray.time, throughput, worth(frame, spread, depth),
+                             {choice.x(), where.x(), where.y()}, counts);
         }
         sampler.seek(first_vertex_pair + pairs_a_vertex * depth + 2);
         const Vec2f a = sampler.next_pair(), b = sampler.next_pair();
         BsdfSample next;
-        if (!sample(bsdf, {a.x(), a.y(), b.x(), b.y()}, next)) return radiance;
+        if (!sample(bsdf, {a.x(), a.y(), b.x(), b.y()}, next)) return light;
         throughput = throughput.cwiseProduct(next.value) / next.pdf;
-        if (depth + 1 >= frame.settings.roulette_depth && !survives(throughput, choice.y())) return radiance;
+        if (depth + 1 >= frame.settings.roulette_depth && !survives(throughput, choice.y())) return light;
         drawn = next.pdf;
         cone.growth = std::max(cone.growth, 1.0F / std::sqrt(static_cast<float>(pi) * next.pdf));
         ray = spawn(point, next.wi, ray.time);
     }
+}
+
+// The luminance that it takes from `later`.
+double clamp(Vec3f& later, float limit) {
+    const float most = later.maxCoeff();
+    if (!(limit > 0.0F && most > limit)) return 0.0;
+    const float before = luminance(later);
+    later *= limit / most;
+    return before - luminance(later);
 }
 
 void add(const double* values, uint32_t channels, double* sums) {
@@ -352,13 +379,16 @@ void render_tile(const Frame& frame, const Tile& tile, uint32_t end, Film& film,
                 Sampler sampler(seed, s);
                 FirstHit first;
                 const Ray ray = camera_ray(frame, film, x, y, sampler);
-                const Vec3f radiance = trace(frame, ray, film.spread[at], sampler, first, stats.rays);
-                if (!radiance.allFinite()) {
+                Gathered found = trace(frame, ray, film.spread[at], sampler, first, stats.rays);
+                if (!(found.direct + found.later).allFinite()) {
                     ++stats.dropped_samples;
                     continue;
                 }
+                stats.clamped += clamp(found.later, frame.settings.clamp);
+                const Vec3f radiance = found.direct + found.later;
                 add_sample(frame, radiance, first, film, pixel);
                 const double light = luminance(radiance);
+                stats.light += light;
                 film.luminance[at] += light;
                 film.squares[at] += light * light;
             }
@@ -370,6 +400,8 @@ void add_stats(const RenderStats& more, RenderStats& sum) {
     sum.rays.occluded += more.rays.occluded;
     sum.rays.dropped += more.rays.dropped;
     sum.dropped_samples += more.dropped_samples;
+    sum.light += more.light;
+    sum.clamped += more.clamped;
 }
 
 void render_pass(const Frame& frame, uint32_t end, Film& film, RenderStats& stats, RenderProgress* progress) {

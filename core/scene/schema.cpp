@@ -63,6 +63,9 @@ std::vector<ParamSpec> film_params() {
          "a pixel is done once its standard deviation is below this share of its brightness; `samples` is "
          "the most "
          "then; 0: all have as many"},
+        {"clamp", number, "W/(m^2 sr)", "0", 0, bright, "",
+         "the most that a sample may bring by way of more than one surface, in its greatest channel: takes "
+         "speckles, and the light that they stood for (its share is printed); 0: no limit"},
         {"seed", integer, "", "0", 0, 2147483647, "",
          "another pattern of noise in the picture; strands stay"},
         {"motion_keys", integer, "", "none", 2, 64, "",

@@ -122,6 +122,8 @@ struct Case {
     int cvs, count;
 };
 
+void PrintTo(const Case& given, std::ostream* out) { *out << given.cvs << " CVs"; }
+
 class StrandSize : public ::testing::TestWithParam<Case> {};
 TEST_P(StrandSize, KeepsLengthsInAnyWind) {
     const auto [cvs, count] = GetParam();

@@ -85,6 +85,47 @@ TEST(Noise, target_darkens_little) {
     EXPECT_NEAR(with / without, 1.0, 0.003);
 }
 
+// What a clamp took is said, and is what the picture misses.
+TEST(Noise, clamp_says_what_it_takes) {
+    const Folder folder;
+    const auto rendered = [&](const std::string& name, const char* clamp) {
+        const Outcome outcome =
+            marram({"render", MARRAM_SOURCE_DIR "/scenes/golden/fur.toml", "-o", folder / name, "--frame",
+                    "20", "--size", "64x48", "--spp", "64", "--set", fmt::format("film.clamp={}", clamp),
+                    "--set", "procedural.fur.material=\"hair\"", "--set", "film.max_depth=8", "--stats",
+                    folder / (name + ".json")});
+        EXPECT_EQ(outcome.code, 0) << outcome.err;
+        const std::string stats = read_file(folder / (name + ".json"));
+        const std::string key = "\"clamped\": ";
+        const size_t at = stats.find(key);
+        EXPECT_NE(at, std::string::npos) << stats;
+        return std::pair(outcome.err,
+                         at == std::string::npos ? -1.0 : std::stod(stats.substr(at + key.size())));
+    };
+    const auto brightness = [&](const std::string& name) {
+        const Image image = read_image(folder / name);
+        double sum = 0.0;
+        for (size_t i = 0; i < image.pixels.size(); i += size_t(image.channels))
+            for (size_t c = 0; c < size_t(image.channels); ++c) {
+                const std::string& channel = image.channel_names[c];
+                sum += double(image.pixels[i + c]) * (channel == "R"   ? 0.2126
+                                                      : channel == "G" ? 0.7152
+                                                      : channel == "B" ? 0.0722
+                                                                       : 0.0);
+            }
+        return sum;
+    };
+    const auto [plain_text, plain_share] = rendered("plain.exr", "0");
+    EXPECT_EQ(plain_text, "");
+    EXPECT_EQ(plain_share, 0.0);
+    const auto [text, share] = rendered("clamped.exr", "0.5");
+    EXPECT_CONTAINS(text, fmt::format("film.clamp took {:.2g} % of the light", 100.0 * share));
+    const double missing = 1.0 - brightness("clamped.exr") / brightness("plain.exr");
+    std::printf("[ clamp ] %.3f %% taken, %.3f %% missing\n", 100.0 * share, 100.0 * missing);
+    EXPECT_GT(share, 1e-3);
+    EXPECT_NEAR(missing, share, 0.3 * share); // the filter weighs samples; rays to lights end elsewhere
+}
+
 // EXR files are halves where these hold the picture, else floats.
 TEST(Noise, dim_pictures_lose_nothing_when_they_are_saved) {
     const Folder folder;

@@ -11,6 +11,12 @@
 #include <cstdio>
 
 namespace marram {
+
+void PrintTo(Strategy strategy, std::ostream* out) {
+    static constexpr const char* names[] = {"mis", "lights_only", "shaders_only"};
+    *out << names[size_t(strategy)];
+}
+
 namespace {
 
 using testing::Cv;
@@ -127,7 +133,8 @@ void add_floor(WorldBuilder& builder) {
 
 class Strategies : public ::testing::TestWithParam<Strategy> {};
 INSTANTIATE_TEST_SUITE_P(All, Strategies,
-                         ::testing::Values(Strategy::mis, Strategy::lights_only, Strategy::shaders_only));
+                         ::testing::Values(Strategy::mis, Strategy::lights_only, Strategy::shaders_only),
+                         ::testing::PrintToStringParamName());
 
 TEST_P(Strategies, PlaneUnderEmittingSquare) {
     WorldBuilder builder;

@@ -19,7 +19,8 @@ namespace marram {
 namespace {
 
 constexpr std::string_view mark = "marram frame state ";
-constexpr uint32_t own_channels = 6; // reached, taken, done, luminance, squares, spread: behind the sums
+constexpr uint32_t own_channels =
+    7; // reached, taken, done, luminance, squares, clamped, spread: behind the sums
 
 void pack_row(const Film& film, int y, double* to) {
     for (size_t pixel = size_t(y) * film.width; pixel < size_t(y + 1) * film.width; ++pixel) {
@@ -29,6 +30,7 @@ void pack_row(const Film& film, int y, double* to) {
         *to++ = double(film.done[pixel]);
         *to++ = film.luminance[pixel];
         *to++ = film.squares[pixel];
+        *to++ = film.clamped[pixel];
         *to++ = double(film.spread[pixel]);
     }
 }
@@ -46,6 +48,7 @@ void unpack_row(const double* from, int y, Film& film) {
         film.done[pixel] = *from++ == 1.0;
         film.luminance[pixel] = *from++;
         film.squares[pixel] = *from++;
+        film.clamped[pixel] = *from++;
         film.spread[pixel] = float(*from++);
     }
 }

@@ -265,8 +265,9 @@ void save_frame(FrameJob& job, Preview& preview) {
                    "go on with --resume\n",
                    files.picture, render.most_samples, job.render.samples);
     for (const std::string& warning : job.stats.build.warnings) fmt::print(stderr, "{}\n", warning);
-    if (const double share = clamped_share(render); share > 0.0 && !job.options.quiet)
-        fmt::print(stderr, "{}: film.clamp took {:.2g} % of the light\n", files.picture, 100.0 * share);
+    if (render.clamped > 0.0 && !job.options.quiet)
+        fmt::print(stderr, "{}: film.clamp took {:.2g} % of the light\n", files.picture,
+                   100.0 * render.clamped);
     job.stats.total = job.stats.load + wall_seconds() - job.begin;
     const bool whole = !render.cancelled && !render.out_of_time;
     const std::string target = render.cancelled ? partial_name(files.picture) : files.picture;

@@ -48,7 +48,7 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
     json["dropped_rays"] = stats.render.rays.dropped;
     json["samples"] = {{"most", stats.render.most_samples}, {"mean", stats.render.mean_samples}}; // a pixel
     json["dropped_samples"] = stats.render.dropped_samples;
-    json["clamped"] = clamped_share(stats.render);
+    json["clamped"] = stats.render.clamped;
     return json;
 }
 

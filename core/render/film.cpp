@@ -84,6 +84,7 @@ void clear(Film& film) {
     film.done.assign(pixels, 0);
     film.luminance.assign(pixels, 0.0);
     film.squares.assign(pixels, 0.0);
+    film.clamped.assign(pixels, 0.0);
     film.spread.assign(pixels, 0.0F);
 }
 
@@ -94,6 +95,16 @@ SampleCount count_samples(const Film& film) {
     count.total = std::accumulate(film.taken.begin(), film.taken.end(), uint64_t(0));
     count.mean = static_cast<double>(count.total) / static_cast<double>(film.taken.size());
     return count;
+}
+
+double clamped_share(const Film& film) {
+    double clamped = 0.0, all = 0.0;
+    for (size_t pixel = 0; pixel < film.taken.size(); ++pixel) {
+        if (film.taken[pixel] == 0) continue;
+        clamped += film.clamped[pixel] / film.taken[pixel];
+        all += (film.luminance[pixel] + film.clamped[pixel]) / film.taken[pixel];
+    }
+    return all > 0.0 ? clamped / all : 0.0;
 }
 
 void resolve(Film& film) {

@@ -49,6 +49,7 @@ struct Film {
         taken; // of them, samples that were taken, those dropped for not being finite among them
     std::vector<uint8_t> done; // whether the pass under way leaves it out
     std::vector<double> luminance, squares; // sums over samples of their luminance and of its square
+    std::vector<double> clamped;            // and of the luminance that a clamp took
     // Standard deviation of a sample's luminance around it, when the pass under way began; 0: not known.
     std::vector<float> spread;
 };
@@ -60,6 +61,9 @@ struct SampleCount {
     double mean = 0.0;  // of a pixel
 };
 SampleCount count_samples(const Film& film);
+
+// The share of the picture's light that a clamp took: of the pixels' means, however many samples each has.
+double clamped_share(const Film& film);
 
 // Of the mean of `count` numbers, from their sum and that of their squares; 0 for fewer than two.
 double variance_of_mean(double sum, double squares, double count);

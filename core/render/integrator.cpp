@@ -384,11 +384,10 @@ void render_tile(const Frame& frame, const Tile& tile, uint32_t end, Film& film,
                     ++stats.dropped_samples;
                     continue;
                 }
-                stats.clamped += clamp(found.later, frame.settings.clamp);
+                film.clamped[at] += clamp(found.later, frame.settings.clamp);
                 const Vec3f radiance = found.direct + found.later;
                 add_sample(frame, radiance, first, film, pixel);
                 const double light = luminance(radiance);
-                stats.light += light;
                 film.luminance[at] += light;
                 film.squares[at] += light * light;
             }
@@ -400,8 +399,6 @@ void add_stats(const RenderStats& more, RenderStats& sum) {
     sum.rays.occluded += more.rays.occluded;
     sum.rays.dropped += more.rays.dropped;
     sum.dropped_samples += more.dropped_samples;
-    sum.light += more.light;
-    sum.clamped += more.clamped;
 }
 
 void render_pass(const Frame& frame, uint32_t end, Film& film, RenderStats& stats, RenderProgress* progress) {
@@ -554,6 +551,7 @@ RenderStats render(const World& world, const Lights& lights, std::span<const Mat
     const SampleCount count = count_samples(film);
     stats.most_samples = count.most;
     stats.mean_samples = count.mean;
+    stats.clamped = clamped_share(film);
     resolve(film);
     return stats;
 }

@@ -47,19 +47,13 @@ struct RenderProgress {
 struct RenderStats {
     RayCounts rays;
     uint64_t dropped_samples = 0; // of this call, whose radiance was not finite: none, unless a light says so
-    double light = 0.0,
-           clamped = 0.0; // of this call: luminance of all samples; what settings.clamp took of it
     bool cancelled = false;
     bool out_of_time = false;  // settings.seconds ended it before its samples were done
     uint32_t most_samples = 0; // that a pixel has taken, in this call and before
     double mean_samples = 0.0;
+    double clamped =
+        0.0; // the share of the picture's light that settings.clamp took, in this call and before
 };
-
-// The share of the light that settings.clamp took.
-inline double clamped_share(const RenderStats& stats) {
-    const double all = stats.light + stats.clamped;
-    return all > 0.0 ? stats.clamped / all : 0.0;
-}
 
 // Renders into the film (make_film) and resolves it. A film that has samples already, since its render was cancelled, out of
 // time or asked for fewer, is gone on with where it stands: the bits are those of one go. Not for a film that has more than

@@ -32,7 +32,8 @@ struct Picture {
     RenderStats stats;
 };
 
-Picture picture(float clamp, uint32_t samples, uint32_t max_depth = 6, uint64_t seed = 1) {
+Picture picture(float clamp, uint32_t samples, uint32_t max_depth = 6, uint64_t seed = 1,
+                double noise = 0.0) {
     const World& world = ball_on_floor();
     Camera camera;
     camera.poses = {look_at({0.0, 3.0, 7.0}, {0.0, 0.7, 0.0}, Vec3d::UnitY())};
@@ -43,13 +44,14 @@ Picture picture(float clamp, uint32_t samples, uint32_t max_depth = 6, uint64_t 
     settings.max_depth = max_depth;
     settings.clamp = clamp;
     settings.seed = seed;
+    settings.noise = noise;
     const std::vector<Material> materials = {
         testing::material_of("diffuse", {{"color", "0.6"}}),
         testing::material_of("surface", {{"color", "0.7"}, {"roughness", "0.15"}})};
     SunLight sun;
     sun.direction = {1.0, 1.0, 0.3};
     sun.irradiance = Vec3f(20.0F, 16.0F, 10.0F);
-    const std::vector<std::string> layers = {"beauty"};
+    const std::vector<std::string> layers = {"beauty", "variance"};
     const std::vector<LightDescription> lights = {sun, SkyLight{}};
     Film film = make_film(64, 48, layers, world);
     Picture result;
@@ -91,7 +93,7 @@ TEST(Clamp, TakesWhatItTells) {
         EXPECT_LT((left - expected).cwiseAbs().maxCoeff(), 1e-5F * (1.0F + all.maxCoeff()));
         cut += most > limit;
     }
-    const double share = clamped_share(clamped.stats);
+    const double share = clamped.stats.clamped;
     std::printf("[ clamp ] %zu of %zu samples cut, %.3f of the light taken\n", cut, plain.pixels.size() / 3,
                 share);
     EXPECT_GT(cut, 20U);
@@ -105,14 +107,24 @@ TEST(Clamp, TakesNoMoreForTheRoulette) {
     double by_paths = 0.0;
     constexpr int seeds = 64;
     for (uint64_t seed = 1; seed <= seeds; ++seed)
-        by_paths += clamped_share(picture(limit, 1, 6, seed).stats) / seeds;
-    const double by_roulette = clamped_share(picture(limit, 256).stats);
+        by_paths += picture(limit, 1, 6, seed).stats.clamped / seeds;
+    const double by_roulette = picture(limit, 256).stats.clamped;
     const double plain = brightness(picture(0.0F, 1024)), clamped = brightness(picture(limit, 1024));
     std::printf("[ clamp ] %.4f of the light taken from paths, %.4f with the roulette; missing %.4f\n",
                 by_paths, by_roulette, 1.0 - clamped / plain);
     EXPECT_GT(by_paths, 0.001);
     EXPECT_LT(by_roulette, 1.1 * by_paths);
     EXPECT_NEAR(1.0 - clamped / plain, by_roulette, 0.3 * by_roulette);
+}
+
+// Pixels with more noise, where a clamp takes more, get more samples: what is told is of the picture, not of the samples.
+TEST(Clamp, TellsOfThePictureNotOfItsSamples) {
+    constexpr float limit = 2.0F;
+    const Picture even = picture(limit, 256), uneven = picture(limit, 256, 6, 1, 0.05);
+    std::printf("[ clamp ] %.4f of the light taken with 256 samples, %.4f with %.1f\n", even.stats.clamped,
+                uneven.stats.clamped, uneven.stats.mean_samples);
+    EXPECT_LT(uneven.stats.mean_samples, 128.0);
+    EXPECT_NEAR(uneven.stats.clamped, even.stats.clamped, 0.15 * even.stats.clamped);
 }
 
 } // namespace

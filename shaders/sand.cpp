@@ -21,8 +21,8 @@
 // Anisotropic Grids", 2023, who draw their counts likewise.
 //
 // Ripples: height a m(x) f(-phi), f = sin(phi + sin(phi) / 2), whose steepest rise, 1.5, is 2.4 times its steepest descent; the phase
-// runs downwind and wanders by noise, so that the steep side is the lee. A pixel of width w sees its slope times exp(-(k w / 2)^2 / 2), k = |grad phi|; the variance of the
-// rest goes into the grains' roughness.
+// runs downwind and wanders by noise, so that the steep side is the lee. A pixel whose axes on the ground are a and b sees its slope times exp(-s^2 / 2), s^2 = (grad phi . a / 2)^2 + (grad phi . b / 2)^2:
+// crests that run away from the camera stay sharp at grazing angles. The variance of the rest goes into the grains' roughness.
 #include "shaders/sand.h"
 
 #include "shaders/fresnel.h"
@@ -107,6 +107,17 @@ Vec2f on_square(const Vec3f& d) {
             (1.0F - std::abs(p.x())) * (p.y() < 0.0F ? -1.0F : 1.0F)};
 }
 
+// onto: cosine that the ground is seen under.
+Footprint footprint_of(const ShadingPoint& point, float onto) {
+    const Vec3f& n = point.geometric_normal;
+    const Vec3f away = point.wo - point.wo.dot(n) * n;
+    const float sine = away.norm();
+    const auto on_ground = [](const Vec3f& v) { return Vec2f(v.x(), v.z()); };
+    if (!(sine > 0.0F)) return {{point.footprint, 0.0F}, {0.0F, point.footprint}}; // seen from above
+    return {point.footprint * on_ground(n.cross(away / sine)),
+            point.footprint / onto * on_ground(away / sine)};
+}
+
 } // namespace
 
 std::vector<ParamSpec> sand_params() {
@@ -142,7 +153,7 @@ SandSettings read_sand(const ParamSet& params) {
     return settings;
 }
 
-Ripple ripple_at(const SandSettings& settings, const Vec3d& position, float width) {
+Ripple ripple_at(const SandSettings& settings, const Vec3d& position, const Footprint& seen_of) {
     Ripple ripple;
     if (!(settings.ripple_height > 0.0F)) return ripple;
     const double length = static_cast<double>(settings.ripple_length);
@@ -155,13 +166,16 @@ Ripple ripple_at(const SandSettings& settings, const Vec3d& position, float widt
     const double phase = 2.0 * pi * (a + 1.1 * wide.value + 0.18 * fine.value);
     const double da = 2.0 * pi * (1.0 + 1.1 * wide.dx / 6.0 + 0.18 * fine.dx / 2.0),
                  db = 2.0 * pi * (1.1 * wide.dy / 9.0 + 0.18 * fine.dy / 3.5); // per wavelength
-    const double wave = std::sqrt(da * da + db * db) / length;
+    const Vec2d rise = (da * along + db * across) / length;                    // of the phase
+    const double wave = rise.norm();
     const double height = 0.5 * static_cast<double>(settings.ripple_height) * (0.75 + 0.5 * strong.value);
-    const double sigma = 0.5 * static_cast<double>(width) * wave, seen = std::exp(-0.5 * sigma * sigma);
+    const double a_half = 0.5 * rise.dot(seen_of.across.cast<double>()),
+                 b_half = 0.5 * rise.dot(seen_of.away.cast<double>());
+    const double seen = std::exp(-0.5 * (a_half * a_half + b_half * b_half));
     const double rate =
         height / length * std::cos(phase + 0.5 * std::sin(phase)) * (1.0 + 0.5 * std::cos(phase));
     // Downwind the steep side must fall: -phase runs the profile the other way.
-    const Vec2d slope = -rate * seen * (da * along + db * across);
+    const Vec2d slope = -rate * seen * length * rise;
     ripple.slope = slope.cast<float>();
     ripple.hidden = static_cast<float>(0.5 * height * height * wave * wave * (1.0 - seen * seen));
     return ripple;
@@ -216,7 +230,7 @@ SandBsdf sand_at(const SandSettings& settings, const ShadingPoint& point) {
     bsdf.width = point.footprint / std::sqrt(onto);
 
     Vec3f normal = side * point.normal;
-    Ripple ripple = ripple_at(settings, point.position, bsdf.width);
+    Ripple ripple = ripple_at(settings, point.position, footprint_of(point, onto));
     const float holds = holds_ripples(normal.y());
     const Vec3f rise(holds * ripple.slope.x(), 0.0F, holds * ripple.slope.y());
     if (holds > 0.0F) {

@@ -66,13 +66,18 @@ BsdfValue evaluate(const SandBsdf& bsdf, const Vec3f& wi);
 bool sample(const SandBsdf& bsdf, const std::array<float, 4>& random, BsdfSample& result);
 Vec3f albedo(const SandBsdf& bsdf);
 
-// The slope of the ripples' height, d/dx and d/dz, as far as a pixel of that width (m) resolves it, and the variance of slope
+// What a pixel sees of the ground: its two axes in x and z, m. Long ones are seen at grazing angles, away from the camera.
+struct Footprint {
+    Vec2f across = Vec2f::Zero(), away = Vec2f::Zero();
+};
+
+// The slope of the ripples' height, d/dx and d/dz, as far as a pixel of that footprint resolves it, and the variance of slope
 // that it does not.
 struct Ripple {
     Vec2f slope = Vec2f::Zero();
     float hidden = 0.0F;
 };
-Ripple ripple_at(const SandSettings& settings, const Vec3d& position, float width);
+Ripple ripple_at(const SandSettings& settings, const Vec3d& position, const Footprint& seen);
 
 // How much brighter facets are, as seen by a pixel of `width` at the place, than facets beyond number would be; mean 1.
 // `chance`: that a facet mirrors from wo to wi.

@@ -189,11 +189,24 @@ LightDescription light_of(const Item& item, std::vector<LightDescription>& suns)
         EnvironmentLight light;
         light.width = uint32_t(image.width);
         light.height = uint32_t(image.height);
+        size_t negative = 0;
+        float brightest = 0.0F;
         for (size_t i = 0; i < size_t(image.width) * size_t(image.height); ++i) {
             const float* p = image.pixels.data() + i * size_t(image.channels);
             const Vec3f color = image.channels >= 3 ? Vec3f(p[0], p[1], p[2]) : Vec3f::Constant(p[0]);
+            negative += color.minCoeff() < 0.0F;
             light.pixels.push_back(color.cwiseMax(0.0F));
+            brightest = std::max(brightest, light.pixels.back().maxCoeff());
         }
+        if (negative > 0)
+            fmt::print(stderr, "{}: \"{}\" has {} pixels that are below 0: they give no light\n",
+                       to_string(params.at("file").place), file, negative);
+        constexpr float most = 1e15F; // its square is a float
+        if (!(brightest * float(params.number("strength")) <= most))
+            throw InputError(params.at("file").place,
+                             fmt::format("\"{}\" is as bright as {:.3g} times strength, {:.0e} is allowed",
+                                         file, brightest, most),
+                             "mend its hot pixels, or use less strength");
         light.rotation = params.number("rotation") * degree;
         light.strength = float(params.number("strength"));
         return light;
@@ -211,6 +224,15 @@ void apply(const Overrides& overrides, std::vector<std::string>& settings) {
                            std::to_string(overrides.size->second) + "]");
 }
 
+void shine(SceneMesh& mesh, const std::vector<Item>& lights, size_t by) {
+    if (mesh.light >= 0)
+        throw InputError(lights[by].params.at("mesh").place,
+                         fmt::format("mesh \"{}\" shines already by light \"{}\"", mesh.name,
+                                     lights[size_t(mesh.light)].name),
+                         "add their radiances up in one light");
+    mesh.light = int(by);
+}
+
 void load_meshes(LoadedScene& scene, const std::atomic<bool>& cancel, Objections& objections) {
     const SceneDescription& description = scene.description;
     for (const Item& item : description.meshes) {
@@ -225,7 +247,7 @@ void load_meshes(LoadedScene& scene, const std::atomic<bool>& cancel, Objections
         for (size_t i = 0; i < description.lights.size(); ++i)
             if (description.lights[i].type == "mesh" &&
                 description.lights[i].params.text("mesh") == item.name)
-                mesh.light = int(i);
+                objections([&] { shine(mesh, description.lights, i); });
         scene.geometry.meshes.push_back(std::move(mesh));
     }
 }
@@ -350,13 +372,19 @@ BuildSettings build_settings(const LoadedScene& scene, double frame) {
     settings.bind_frame =
         globals.has("bind_frame") ? globals.number("bind_frame") : globals.vec2("frames").x();
     const Camera camera = camera_at(description, frame);
-    const CameraPose& pose = camera.poses.front();
     const auto [width, height] = film_size(scene);
     const double half_height = std::tan(0.5 * camera.vertical_fov);
-    settings.view = {.position = pose.position,
-                     .forward = pose.orientation * -Vec3d::UnitZ(),
+    const auto ahead = [](const CameraPose& pose) -> Vec3d { return pose.orientation * -Vec3d::UnitZ(); };
+    settings.view = {.position = camera.poses.front().position,
+                     .forward = ahead(camera.poses.front()),
                      .cosine = 1.0 / std::hypot(1.0, half_height, half_height * width / height),
                      .pixel_angle = 2.0 * half_height / height};
+    constexpr size_t enough = 8; // of its poses: what comes into view between two is about as near in one
+    const size_t last = camera.poses.size() - 1, looks = std::min(last, enough);
+    for (size_t i = 1; i <= looks; ++i) {
+        const CameraPose& pose = camera.poses[i * last / looks];
+        settings.view.later.emplace_back(pose.position, ahead(pose));
+    }
     settings.tolerance = globals.number("tolerance");
     if (globals.has("tolerance_pixels")) {
         settings.view.pixels_at =

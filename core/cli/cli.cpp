@@ -224,6 +224,8 @@ int run(int argc, char** argv) {
     } catch (const std::bad_alloc&) {
         return report(InputError({"marram"}, "the scene does not fit into memory",
                                  "use fewer strands, CVs, motion keys or pixels"));
+    } catch (const std::exception& error) { // output that cannot be written, among others
+        return report(InputError({"marram"}, error.what(), "check where its output goes"));
     }
 }
 

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <charconv>
 #include <cmath>
 
@@ -70,12 +71,13 @@ std::string numbered(const std::string& output, double frame) {
     const size_t first = output.find('#');
     if (first == std::string::npos) return output;
     const size_t end = std::min(output.find_first_not_of('#', first), output.size());
-    const double whole = std::floor(std::abs(frame));
-    std::string number =
-        fmt::format("{}{:0{}}", frame < 0.0 ? "-" : "", static_cast<long>(whole), end - first);
-    const std::string fraction = fmt::format("{}", std::abs(frame) - whole);
-    if (fraction != "0" && fraction.starts_with("0.")) number += fraction.substr(1);
-    return output.substr(0, first) + number + output.substr(end);
+    std::array<char, 512> digits{}; // as few as tell the frame from all others
+    const char* last =
+        std::to_chars(digits.begin(), digits.end(), std::abs(frame), std::chars_format::fixed).ptr;
+    const std::string number(static_cast<const char*>(digits.data()), last);
+    const size_t whole = std::min(number.find('.'), number.size()), wide = end - first;
+    return output.substr(0, first) + (frame < 0.0 ? "-" : "") +
+           std::string(wide - std::min(wide, whole), '0') + number + output.substr(end);
 }
 
 } // namespace marram

@@ -8,7 +8,7 @@ namespace marram {
 
 inline constexpr int exit_interrupted = 130; // 128 + SIGINT, as shells have it
 
-// Set by SIGINT and SIGTERM. Everything long looks at it.
+// Set by SIGINT, SIGTERM and SIGHUP. Everything long looks at it.
 const std::atomic<bool>& interrupted();
 
 // From here on SIGINT sets interrupted(). Work that has not come to an end `grace` later, where nothing can be saved, is

@@ -272,19 +272,34 @@ void save_frame(FrameJob& job, Preview& preview) {
     const bool whole = !render.cancelled && !render.out_of_time;
     const std::string target = render.cancelled ? partial_name(files.picture) : files.picture;
     const auto save_it = [&] { save(job, target, whole ? files.digest : unfinished); };
+    std::string lost; // why the state is: the picture is not to be lost with it
     if (whole)
         save_it();
     else // at once: whoever pressed Ctrl-C waits
-        tbb::parallel_invoke(save_it, [&] { save_state(files.state, job.film, files.samples_digest); });
+        tbb::parallel_invoke(save_it, [&] {
+            try {
+                save_state(files.state, job.film, files.samples_digest);
+            } catch (const InputError& error) {
+                lost = error.what();
+            }
+        });
     fmt::print("{}\n", target);
+    std::fflush(stdout); // an interrupt may cut off what comes later
+    if (!lost.empty()) fmt::print(stderr, "{}\n{}: --resume will begin anew\n", lost, files.picture);
+    if (render.dropped_samples > 0)
+        fmt::print(stderr,
+                   "{}: {} samples were left out, as their light was no finite number: look for huge values "
+                   "in lights and materials\n",
+                   files.picture, render.dropped_samples);
     if (whole) remove_leavings(files);
     if (!render.cancelled) preview.finish();
     if (!preview.fault().empty()) fmt::print(stderr, "{}\n", preview.fault());
 }
 
-// Renders one frame to its file; false where it was interrupted (what is there is saved under another name).
+// Renders one frame to its file; false where it was interrupted (what is there is saved under another name). `uncut` is for as long as
+// there is something to save or to tell.
 bool render_frame(LoadedScene& scene, const RenderOptions& options, const FrameFiles& files,
-                  const std::string& prefix, FrameStats& stats) {
+                  const std::string& prefix, FrameStats& stats, std::optional<Uncut>& uncut) {
     FrameJob job{scene, options, files, prefix, stats};
     job.render = render_settings(scene, files.frame);
     job.render.seconds = options.seconds;
@@ -298,7 +313,7 @@ bool render_frame(LoadedScene& scene, const RenderOptions& options, const FrameF
     check_target(job);
     job.film = make_film(width, height, layers, *world);
     go_on(job);
-    const Uncut uncut; // from here on there is something to save
+    uncut.emplace(); // from here on there is something to save
     trace(job, *world, preview);
     world.reset(); // the picture may need the room
     save_frame(job, preview);
@@ -337,7 +352,8 @@ int render_command(const RenderOptions& options) {
         stats.threads = threads;
         stats.load = all.size() == 1 ? load_seconds : 0.0;
         bool whole = false;
-        arena.execute([&] { whole = render_frame(scene, options, files, prefix, stats); });
+        std::optional<Uncut> uncut;
+        arena.execute([&] { whole = render_frame(scene, options, files, prefix, stats, uncut); });
         if (!options.stats.empty()) write_stats(options.stats, all);
         if (!whole) return exit_interrupted;
     }

@@ -31,11 +31,9 @@ MeshGeometry place_mesh(const SceneMesh& source, const std::vector<double>& time
     mesh.uvs = source.mesh.uvs;
     if (source.transform.at(frame).linear().determinant() < 0.0)
         for (auto& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
-    const bool moves = times.size() > 1 && source.moves_within(times.front(), times.back());
-    const size_t steps = moves ? times.size() : 1;
-    for (size_t t = 0; t < steps; ++t) {
-        mesh.positions.push_back(source.positions_at(times[t]));
-        if (!source.mesh.normals.empty()) mesh.normals.push_back(source.normals_at(times[t]));
+    for (const double time : times) {
+        mesh.positions.push_back(source.positions_at(time));
+        if (!source.mesh.normals.empty()) mesh.normals.push_back(source.normals_at(time));
     }
     // A transform can throw a sound mesh far away.
     for (const auto& positions : mesh.positions)
@@ -116,17 +114,30 @@ auto components(Elements& elements) {
 
 } // namespace
 
-LentMeshes::LentMeshes(const World& world, const SceneGeometry& geometry)
-    : world_(world), geometry_(geometry) {
+LentMeshes::LentMeshes(const World& world, const SceneGeometry& geometry, std::vector<double> times)
+    : world_(world), geometry_(geometry), times_(std::move(times)) {
     lists_.resize(world.meshes.size());
     for (size_t i = 0; i < world.meshes.size(); ++i) {
         const MeshGeometry& mesh = world.meshes[i];
-        for (const auto& positions : mesh.positions) lists_[i].positions.push_back(components(positions));
-        for (const auto& normals : mesh.normals) lists_[i].normals.push_back(components(normals));
+        Lists& list = lists_[i];
+        const auto lend = [&](const std::vector<Vec3f>& positions, std::vector<const float*>& to) {
+            to.push_back(components(positions));
+        };
+        const auto pose = [&](std::vector<Vec3f> vectors, std::vector<const float*>& to) {
+            to.push_back(components(posed_.emplace_back(std::move(vectors)))); // elements stay where they are
+        };
+        if (mesh.positions.size() == 1 || mesh.positions.size() == times_.size()) {
+            for (const auto& positions : mesh.positions) lend(positions, list.positions);
+            for (const auto& normals : mesh.normals) lend(normals, list.normals);
+        } else {
+            for (const double time : times_) {
+                pose(geometry.meshes[i].positions_at(time), list.positions);
+                if (!mesh.normals.empty()) pose(geometry.meshes[i].normals_at(time), list.normals);
+            }
+        }
         meshes_.push_back({mesh.name.c_str(), uint32_t(i), uint32_t(mesh.positions[0].size()),
-                           uint32_t(mesh.triangles.size()), uint32_t(mesh.positions.size()),
-                           lists_[i].positions.data(),
-                           mesh.normals.empty() ? nullptr : lists_[i].normals.data(),
+                           uint32_t(mesh.triangles.size()), uint32_t(list.positions.size()),
+                           list.positions.data(), mesh.normals.empty() ? nullptr : list.normals.data(),
                            components(mesh.triangles), components(mesh.uvs)});
     }
 }
@@ -136,8 +147,8 @@ MarramFrame LentMeshes::frame(const BuildSettings& settings, bool colliders) {
     frame.fps = settings.fps;
     frame.frame = settings.frame;
     frame.bind_frame = settings.bind_frame;
-    frame.time_count = uint32_t(world_.times.size());
-    frame.times = world_.times.data();
+    frame.time_count = uint32_t(times_.size());
+    frame.times = times_.data();
     frame.stage = settings.stage;
     frame.tolerance = settings.tolerance;
     for (int axis = 0; axis < 3; ++axis) frame.camera_position[axis] = settings.view.position[axis];
@@ -182,7 +193,7 @@ void check_mesh(const Procedural& procedural, const MeshGeometry& mesh) {
 
 // Phase 1 for one procedural that makes a mesh: it may read the meshes before it.
 void add_procedural_mesh(Build& build, Procedural& procedural) {
-    LentMeshes lent(build.world, build.geometry);
+    LentMeshes lent(build.world, build.geometry, build.times(2));
     const MarramOutput output = procedural.begin(lent.frame(build.settings, false));
     MeshGeometry mesh{procedural.name(), procedural.material, -1, {}, {}, {}, {}};
     mesh.positions.push_back(with_spare_bytes<Vec3f>(output.vertex_count));
@@ -198,14 +209,16 @@ void add_procedural_mesh(Build& build, Procedural& procedural) {
 
 // ---- how many motion keys ---------------------------------------------------------------------------------------
 
-constexpr uint32_t pilot_keys = 5;
+constexpr uint32_t few_instants = 5, more_instants = 17; // at which strands are looked at
 
-// Looks at some patches of one procedural, unless it stands still, at the times that the world has now.
-void look_at_motion(Build& build, Procedural& procedural, LentMeshes& lent, StrandMotion& motion) {
+// Looks at some patches of one procedural, unless it stands still.
+StrandMotion look_at_motion(Build& build, Procedural& procedural, uint32_t instants) {
+    StrandMotion motion;
     build.progress.phase = "looking at motion";
+    LentMeshes lent(build.world, build.geometry, build.times(instants));
     const MarramOutput output = procedural.begin(lent.frame(build.settings, true));
     check_output(procedural, output);
-    if (output.time_count != pilot_keys || output.patch_count == 0) return;
+    if (output.time_count != instants || output.patch_count == 0) return motion;
     // A few percent of the work, but no fewer than four: what moves most may be anywhere.
     const uint32_t count = std::min(output.patch_count, std::clamp(output.patch_count / 16, 4U, 64U));
     std::vector<StrandMotion> found(count);
@@ -214,96 +227,104 @@ void look_at_motion(Build& build, Procedural& procedural, LentMeshes& lent, Stra
         const auto index = uint32_t(uint64_t(i) * (output.patch_count - 1) / std::max(count - 1, 1U));
         const MarramPatch patch = procedural.patch(index);
         const size_t stride = output.cvs_per_curve + 2, vertices = patch.curve_count * stride;
-        std::vector<float> positions[pilot_keys], directions[pilot_keys];
-        float *at[pilot_keys], *normals[pilot_keys];
         const bool oriented = output.shape == MARRAM_ORIENTED_RIBBON;
-        for (uint32_t t = 0; t < pilot_keys; ++t) {
+        std::vector<std::vector<float>> positions(instants), directions(instants);
+        std::vector<float*> at(instants), normals(instants);
+        for (uint32_t t = 0; t < instants; ++t) {
             positions[t].resize(4 * vertices);
             if (oriented) directions[t].resize(3 * vertices);
             at[t] = positions[t].data();
             normals[t] = directions[t].data();
         }
-        procedural.tessellate(index, {at, oriented ? normals : nullptr, 0, nullptr, nullptr});
+        procedural.tessellate(index, {at.data(), oriented ? normals.data() : nullptr, 0, nullptr, nullptr});
+        std::vector<const float*> samples(instants);
         for (uint32_t strand = 0; strand < patch.curve_count; ++strand) {
-            const float* samples[pilot_keys];
-            for (uint32_t t = 0; t < pilot_keys; ++t) samples[t] = at[t] + 4 * (strand * stride + 1);
+            for (uint32_t t = 0; t < instants; ++t) samples[t] = at[t] + 4 * (strand * stride + 1);
             found[i].add(samples, output.cvs_per_curve, build.settings.view);
         }
     });
     for (const StrandMotion& one : found) motion.add(one);
     procedural.take_warnings(); // they come again
+    return motion;
 }
 
-bool any_mesh_moves(const World& world) {
-    return std::any_of(world.meshes.begin(), world.meshes.end(),
-                       [](const MeshGeometry& mesh) { return mesh.positions.size() > 1; });
+// What a strand's motion asks for, and what it grows on: it may bend its way between the instants looked at.
+uint32_t choose_keys(Build& build, Procedural& procedural) {
+    const BuildSettings& settings = build.settings;
+    StrandMotion motion = look_at_motion(build, procedural, few_instants);
+    // Strands that turn fast look like ones that jump, until they are looked at more often.
+    constexpr double hardly_any = 0.01;
+    if (motion.jumps(settings.tolerance) > hardly_any)
+        motion = look_at_motion(build, procedural, more_instants);
+    uint32_t keys = motion.keys_for(settings.tolerance);
+    for (const SceneMesh& mesh : build.geometry.meshes)
+        if (std::ranges::find(procedural.meshes(), mesh.name) != procedural.meshes().end())
+            keys =
+                motion_keys_for(mesh, settings.tolerance, settings.view, build.open(), build.close(), keys);
+    const double left = motion.left(keys, settings.tolerance);
+    build.stats.motion_error = std::max(build.stats.motion_error, left);
+    build.stats.motion_jumps = std::max(build.stats.motion_jumps, motion.jumps(settings.tolerance));
+    build.stats.chosen[procedural.name() + ".motion_keys"] = keys;
+    if (left > settings.tolerance)
+        build.stats.warnings.push_back(fmt::format(
+            "{}: strands move so fast that {} motion keys are off by {:.3g} m, the tolerance is {:.3g} m: "
+            "shorten camera.shutter, or give more tolerance",
+            procedural.name(), keys, left, settings.tolerance));
+    return keys;
 }
 
-// Phase 1 at the world's times. Again at others: what stands still is kept.
+MeshGeometry place_mesh(Build& build, const SceneMesh& mesh) {
+    const BuildSettings& settings = build.settings;
+    const double open = build.open(), close = build.close();
+    const bool moves = open < close && mesh.moves_within(open, close);
+    uint32_t keys = std::max(settings.motion_keys, 2U);
+    if (build.chooses_keys()) keys = motion_keys_for(mesh, settings.tolerance, settings.view, open, close);
+    if (moves) {
+        const double error = motion_error(mesh, settings.view, keys, open, close);
+        build.stats.mesh_motion_error = std::max(build.stats.mesh_motion_error, error);
+        build.stats.motion_keys = std::max(build.stats.motion_keys, keys);
+        if (build.chooses_keys()) build.stats.chosen[mesh.name + ".motion_keys"] = keys;
+        if (build.chooses_keys() && error > settings.tolerance)
+            build.stats.warnings.push_back(fmt::format(
+                "{}: moves so fast that {} motion keys are off by {:.3g} m, the tolerance is {:.3g} m: "
+                "shorten camera.shutter, or give more tolerance",
+                mesh.name, keys, error, settings.tolerance));
+    }
+    return place_mesh(mesh, moves ? build.times(keys) : std::vector{open}, settings.frame);
+}
+
+// Phase 1.
 void build_colliders(Build& build) {
     World& world = build.world;
     const double begin = now();
     build.progress.phase = "placing meshes";
     world.colliders = new_scene(build, RTC_SCENE_FLAG_NONE);
     world.scene = new_scene(build, MARRAM_SCENE_FILTER);
-    build.stats.triangles = 0;
-    const std::vector<SceneMesh>& sources = build.geometry.meshes;
-    const bool again = !world.meshes.empty();
-    for (size_t i = 0; i < sources.size(); ++i) {
+    for (const SceneMesh& mesh : build.geometry.meshes) {
         if (build.cancel.load()) throw Cancelled{};
-        if (!again)
-            world.meshes.push_back(place_mesh(sources[i], world.times, build.settings.frame));
-        else if (world.meshes[i].positions.size() > 1)
-            world.meshes[i] = place_mesh(sources[i], world.times, build.settings.frame);
+        world.meshes.push_back(place_mesh(build, mesh));
     }
     for (const auto& procedural : build.geometry.procedurals)
-        if (!again && procedural->type().kind == MARRAM_MESH) add_procedural_mesh(build, *procedural);
+        if (procedural->type().kind == MARRAM_MESH) add_procedural_mesh(build, *procedural);
     for (size_t i = 0; i < world.meshes.size(); ++i) attach_mesh(build, world.meshes[i], unsigned(i));
     commit(build, world.colliders.get(), "building colliders");
     build.stats.colliders += now() - begin;
 }
 
-// Colliders at the times that the world is to have. Where these are to be found out, strands are looked at at five instants
-// first, against colliders that know these.
-void build_phase_one(Build& build) {
-    World& world = build.world;
-    const BuildSettings& settings = build.settings;
-    const double open = settings.frame + settings.shutter_open,
-                 close = settings.frame + settings.shutter_close;
-    const bool asked = settings.motion_keys == 0 && open < close;
-    const auto grows = [](const auto& procedural) { return procedural->type().kind == MARRAM_CURVES; };
-    const auto& procedurals = build.geometry.procedurals;
-    const bool looks = asked && std::any_of(procedurals.begin(), procedurals.end(), grows);
-    uint32_t keys = asked ? motion_keys_for(build.geometry, settings.tolerance, settings.view, open, close)
-                          : std::max(settings.motion_keys, 2U);
-    world.times = motion_times(settings, looks ? pilot_keys : keys);
-    build_colliders(build);
-    if (looks) {
-        const double begin = now();
-        LentMeshes lent(world, build.geometry);
-        // Each procedural for itself: many slow strands must not hide a few fast ones.
-        std::vector<StrandMotion> motions;
-        for (const auto& procedural : procedurals)
-            if (grows(procedural)) look_at_motion(build, *procedural, lent, motions.emplace_back());
-        for (const StrandMotion& motion : motions) keys = std::max(keys, motion.keys_for(settings.tolerance));
-        for (const StrandMotion& motion : motions) {
-            build.stats.motion_error =
-                std::max(build.stats.motion_error, motion.left(keys, settings.tolerance));
-            build.stats.motion_jumps = std::max(build.stats.motion_jumps, motion.jumps(settings.tolerance));
-        }
-        build.stats.expand += now() - begin;
-        if (keys != pilot_keys) {
-            world.times = motion_times(settings, keys);
-            if (any_mesh_moves(world)) build_colliders(build);
-        }
+// [procedural], how many motion keys its curves are to have.
+std::vector<uint32_t> keys_of_curves(Build& build) {
+    const double begin = now();
+    std::vector<uint32_t> keys;
+    for (const auto& procedural : build.geometry.procedurals) {
+        const bool looks = build.chooses_keys() && procedural->type().kind == MARRAM_CURVES;
+        keys.push_back(looks ? choose_keys(build, *procedural) : std::max(build.settings.motion_keys, 2U));
+        if (!(build.open() < build.close())) keys.back() = 1;
+        build.stats.motion_keys = std::max(build.stats.motion_keys, keys.back());
     }
-    build.stats.motion_keys = uint32_t(world.times.size());
-    build.stats.mesh_motion_error = mesh_motion_error(build.geometry, settings.view, keys, open, close);
-    if (asked && build.stats.mesh_motion_error > settings.tolerance)
-        build.stats.warnings.push_back(fmt::format(
-            "meshes turn so fast that {} motion keys are off by {:.3g} m, the tolerance is {:.3g} m: "
-            "shorten camera.shutter, or give more tolerance",
-            keys, build.stats.mesh_motion_error, settings.tolerance));
+    if (build.chooses_keys()) build.stats.expand += now() - begin;
+    build.world.times = build.times(std::max(build.stats.motion_keys, 2U));
+    build.stats.motion_keys = uint32_t(build.world.times.size());
+    return keys;
 }
 
 } // namespace
@@ -315,7 +336,8 @@ uint32_t chosen_motion_keys(SceneGeometry& geometry, const BuildSettings& settin
     BuildStats stats;
     Build build{geometry, settings, cancel, progress, stats, {}, {}, {}};
     build.world.device = make_device(build.errors);
-    build_phase_one(build);
+    build_colliders(build);
+    keys_of_curves(build);
     return stats.motion_keys;
 }
 
@@ -325,10 +347,8 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
     World& world = build.world;
     world.frame = settings.frame;
     world.device = make_device(build.errors);
-    build_phase_one(build);
-
-    LentMeshes lent(world, geometry);
-    add_curves(build, lent);
+    build_colliders(build);
+    add_curves(build, keys_of_curves(build));
 
     const double curves = now();
     if (settings.curves_bvh) commit(build, world.scene.get(), "building the BVH");

@@ -288,11 +288,12 @@ void account(Build& build, CurveBuild& item, double wall) {
 }
 
 // Has one procedural make its curves.
-CurveBuild make_curves(Build& build, Procedural& procedural, LentMeshes& lent) {
+CurveBuild make_curves(Build& build, Procedural& procedural, uint32_t keys) {
     CurveBuild item{};
     item.procedural = &procedural;
     build.progress.fraction = 0.0;
     build.progress.phase = "expanding";
+    LentMeshes lent(build.world, build.geometry, build.times(keys));
     item.output = procedural.begin(lent.frame(build.settings, true));
     const double asked = now();
     item.patches.resize(item.output.patch_count);
@@ -303,7 +304,7 @@ CurveBuild make_curves(Build& build, Procedural& procedural, LentMeshes& lent) {
     build.stats.expand += now() - asked;
     check_output(procedural, item.output);
     check_patches(item);
-    if (item.output.time_count != 1 && item.output.time_count != build.world.times.size())
+    if (item.output.time_count != 1 && item.output.time_count != keys)
         procedural.refuse("it hands over another number of motion samples than asked", "mend the library");
     allocate(build, item);
     const double begin = now();
@@ -319,10 +320,11 @@ CurveBuild make_curves(Build& build, Procedural& procedural, LentMeshes& lent) {
 
 } // namespace
 
-void add_curves(Build& build, LentMeshes& lent) {
+void add_curves(Build& build, const std::vector<uint32_t>& keys) {
     std::vector<CurveBuild> items;
-    for (const auto& procedural : build.geometry.procedurals)
-        if (procedural->type().kind == MARRAM_CURVES) items.push_back(make_curves(build, *procedural, lent));
+    for (size_t i = 0; i < keys.size(); ++i)
+        if (const auto& procedural = build.geometry.procedurals[i]; procedural->type().kind == MARRAM_CURVES)
+            items.push_back(make_curves(build, *procedural, keys[i]));
     const double begin = now();
     const bool round_pay = round_pieces_pay(items);
     for (CurveBuild& item : items) {

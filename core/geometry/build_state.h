@@ -41,6 +41,12 @@ struct Build {
     std::shared_ptr<DeviceErrors> errors;
     std::vector<std::shared_ptr<RTCGeometryTy>> curves; // own the buffers that World::curves points into
 
+    double open() const { return settings.frame + settings.shutter_open; }
+    double close() const { return settings.frame + settings.shutter_close; }
+    std::vector<double> times(uint32_t keys) const { return motion_times(open(), close(), keys); }
+    // Whether the tolerance chooses how many.
+    bool chooses_keys() const { return settings.motion_keys == 0 && open() < close(); }
+
     void check_device() const {
         if (cancel.load()) throw Cancelled{};
         const std::lock_guard guard(errors->lock);
@@ -53,10 +59,13 @@ struct Build {
     }
 };
 
-// The world's meshes as the contract lists them.
+// The world's meshes as the contract lists them, at the times of one procedural's motion keys. Meshes that move and have others
+// themselves are posed anew for it: a drawn one is no farther off than the tolerance.
 class LentMeshes {
   public:
-    LentMeshes(const World& world, const SceneGeometry& geometry);
+    LentMeshes(const World& world, const SceneGeometry& geometry, std::vector<double> times);
+    LentMeshes(const LentMeshes&) = delete;
+    LentMeshes& operator=(const LentMeshes&) = delete;
     MarramFrame frame(const BuildSettings& settings, bool colliders);
 
   private:
@@ -68,14 +77,16 @@ class LentMeshes {
 
     const World& world_;
     const SceneGeometry& geometry_;
+    std::vector<double> times_;
     std::vector<Lists> lists_;
+    std::vector<std::vector<Vec3f>> posed_; // what lists_ points to beside the world
     std::vector<MarramMesh> meshes_;
 };
 
 // Refuses a procedural that says of its curves what cannot be.
 void check_output(const Procedural& procedural, const MarramOutput& output);
 
-// Phase 2: has all procedurals make their curves, and attaches them to the scene.
-void add_curves(Build& build, LentMeshes& lent);
+// Phase 2: has all procedurals make their curves, with keys[i] motion keys for the i-th of them, and attaches them to the scene.
+void add_curves(Build& build, const std::vector<uint32_t>& keys);
 
 } // namespace marram

@@ -61,7 +61,7 @@ constexpr double float_step = 0x1p-23; // U
 constexpr double margin = 2.0;         // measured: tests/unit/render/test_spawn.cpp prints the rates
 constexpr double curve_residual =
     64.0; // Newton's tolerance in Embree is 16, and it may stop on both sides of a surface
-constexpr double huge_residual = 4.0; // 1/m
+constexpr double huge_residual = 4.0;  // 1/m
 constexpr double piece_residual = 2.0; // their corners are rounded to float, each by itself
 constexpr uint32_t ribbon_pieces = 4;  // Embree's default tessellation rate
 constexpr double least_sine =
@@ -275,9 +275,9 @@ void set_ribbon_piece(const Vec3d& seen, const Vec3d& direction, const PiecePoin
     point.normal = side.cross(tangent).cast<float>();
 }
 
-// A round piece is a cone with a ball at either end.
+// A round piece is a cone with a ball at either end. at_end: on the ball that the strand begins or ends with.
 void set_round_piece(const Vec3d& seen, const PiecePoint& piece, const Vec3d& tangent, float along,
-                     SurfacePoint& point) {
+                     bool at_end, SurfacePoint& point) {
     const double length = point.piece, radius = std::abs(piece.value[3]);
     const Vec3d chord = length > 0.0 ? Vec3d(piece.chord / length) : tangent, axis = piece.value.head<3>();
     Vec3d out = seen - axis;
@@ -290,10 +290,11 @@ void set_round_piece(const Vec3d& seen, const PiecePoint& piece, const Vec3d& ta
     point.from_axis = (radius * out).cast<float>();
     point.position = axis + radius * out;
     point.geometric_normal = (cone ? Vec3d((out - slope * chord).normalized()) : out).cast<float>();
-    const Vec3d around = out - out.dot(tangent) * tangent; // the tip of a strand may be met end on
+    const Vec3d around = out - out.dot(tangent) * tangent;
     const double share = around.norm();
-    point.normal = share > least_sine ? Vec3d((around / share - slope * tangent).normalized()).cast<float>()
-                                      : point.geometric_normal;
+    point.normal = share > least_sine && !at_end
+                       ? Vec3d((around / share - slope * tangent).normalized()).cast<float>()
+                       : point.geometric_normal;
 }
 
 void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit, double t,
@@ -341,7 +342,10 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     point.to_begin = static_cast<float>(length * (straight.along - straight.begin));
     point.to_end = static_cast<float>(length * (straight.end - straight.along));
     if (curves.shape == MARRAM_ROUND && curves.pieces > 0)
-        set_round_piece(seen, straight, tangent, hit_u, point);
+        set_round_piece(seen, straight, tangent, hit_u,
+                        (hit_u <= 0.0F && segment == 0 && piece == 0) ||
+                            (hit_u >= 1.0F && segment + 1 == segments && piece + 1 == pieces),
+                        point);
     else if (curves.shape == MARRAM_ROUND)
         set_round(seen, c, tangent, slope, extent, point);
     else if (curves.pieces > 0)

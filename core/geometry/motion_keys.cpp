@@ -1,24 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// Motion keys. Between two of them everything moves along a straight line, whose distance from the true path is, where that is
-// smooth, p'' h^2 / 8: it falls with the square of the time between keys. Of meshes the transform is known, and the distance
-// computed; of strands it is measured at five instants of the shutter and carried on by that law.
+// Between two keys everything moves along a straight line, whose distance from the true path is, where that is smooth,
+// p'' h^2 / 8: it falls with the square of the time between keys. Of meshes the way is known, and the distance computed. Where the way
+// bends, at a key of the animator's or from one shape to the next, it is no smooth one: numbers of keys that have one there do, others
+// may be far off, and more keys are not better. So they are tried one by one.
 //
-// A strand that a collider lets go jumps: no number of keys follows it, and it must not ask for any. It is one whose distance with
-// three keys is more than half of that with two; a smooth one's is a quarter. (So is, by mistake, one that swings to and fro within
-// one shutter: five instants do not tell.) And a few strands that whip past must not make all
-// others dear: the rule holds 99 in 100.
+// Of strands the distance is measured at a few instants and carried on by that law. A strand that a collider lets go jumps: no number
+// of keys follows it, and it must not ask for any. It is one whose distance with twice as many keys is more than half of what it was; a
+// smooth one's is a quarter. And a few strands that whip past must not make all others dear: the rule holds 99 in 100.
 //
 // Of a tolerance in pixels, each CV's own distance from the camera decides what it allows there.
-#include "core/geometry/build.h"
+#include "core/geometry/motion_keys.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 namespace marram {
 
-std::vector<double> motion_times(const BuildSettings& settings, uint32_t keys) {
-    const double open = settings.frame + settings.shutter_open,
-                 close = settings.frame + settings.shutter_close;
+std::vector<double> motion_times(double open, double close, uint32_t keys) {
     if (!(open < close)) return {open};
     std::vector<double> times(keys);
     const auto last = double(keys - 1);
@@ -30,16 +29,39 @@ std::vector<double> motion_times(const BuildSettings& settings, uint32_t keys) {
 
 namespace {
 
+// Vertices whose way bends most at the shape of that index, in metres and as the view sees it.
+std::array<size_t, 2> bend_most(const SceneMesh& mesh, size_t shape, const View& view) {
+    const std::vector<MeshShape>& shapes = mesh.shapes;
+    const auto velocity = [&](size_t from, size_t vertex) -> Vec3d {
+        if (from >= shapes.size() - 1) return Vec3d::Zero(); // before the first shape, or after the last
+        return (shapes[from + 1].positions[vertex] - shapes[from].positions[vertex]).cast<double>() /
+               (shapes[from + 1].frame - shapes[from].frame);
+    };
+    const Eigen::Affine3d placed = mesh.transform.at(shapes[shape].frame);
+    std::array<size_t, 2> most{};
+    std::array<double, 2> by{};
+    for (size_t v = 0; v < shapes[shape].positions.size(); ++v) {
+        const double bend = (placed.linear() * (velocity(shape, v) - velocity(shape - 1, v))).norm();
+        const double seen = bend * view.enlarged(placed * shapes[shape].positions[v].cast<double>());
+        if (bend > by[0]) by[0] = bend, most[0] = v;
+        if (seen > by[1]) by[1] = seen, most[1] = v;
+    }
+    return most;
+}
+
 // Points of a mesh that show how far it is from where it belongs. Of a transform alone both are affine in the point, so in metres the
 // corners of its box do. In pixels what is near counts more, which any vertex may be; and each goes its own way where it deforms.
 class Looks {
   public:
-    Looks(const SceneMesh& mesh, const View& view) : mesh_(mesh) {
+    Looks(const SceneMesh& mesh, const View& view, double open, double close) : mesh_(mesh) {
         const std::vector<Vec3f>& positions = mesh.mesh.positions;
-        constexpr size_t enough = 4096;
+        constexpr size_t enough = 1024;
         if (!mesh.shapes.empty() || view.pixels_at > 0.0)
             for (size_t i = 0; i < positions.size(); i += 1 + positions.size() / enough)
                 vertices_.push_back(i);
+        for (size_t i = 0; i < mesh.shapes.size() && !positions.empty(); ++i)
+            if (mesh.shapes[i].frame > open && mesh.shapes[i].frame < close)
+                for (const size_t vertex : bend_most(mesh, i, view)) vertices_.push_back(vertex);
         if (!mesh.shapes.empty()) return;
         Eigen::AlignedBox3d box;
         for (const Vec3f& p : positions) box.extend(p.cast<double>());
@@ -51,7 +73,7 @@ class Looks {
         std::vector<Vec3d> points;
         const Eigen::Affine3d placed = mesh_.transform.at(frame);
         for (const Vec3d& corner : corners_) points.push_back(placed * corner);
-        for (const size_t vertex : vertices_) points.push_back(mesh_.vertex_at(vertex, frame));
+        for (const Vec3d& vertex : mesh_.vertices_at(vertices_, frame)) points.push_back(vertex);
         return points;
     }
 
@@ -61,77 +83,100 @@ class Looks {
     std::vector<size_t> vertices_;
 };
 
-// Shares of the time between two keys at which to look: even motion is worst in the middle, no whole number of turns meets all seven, and
-// ways that lead from shape to shape bend at these.
-std::vector<double> looked_at(const SceneMesh& mesh, double begin, double end) {
-    std::vector<double> shares = {0.118, 0.25, 0.382, 0.5, 0.618, 0.75, 0.882};
-    for (const MeshShape& shape : mesh.shapes)
-        if (shape.frame > begin && shape.frame < end) shares.push_back((shape.frame - begin) / (end - begin));
-    return shares;
-}
-
-// Greatest distance of a mesh from where it belongs when drawn with so many keys.
-double motion_error(const SceneMesh& mesh, const View& view, uint32_t keys, double open, double close) {
-    const Looks looks(mesh, view);
+double motion_error(const Looks& looks, const std::vector<double>& bends, const View& view, uint32_t keys,
+                    double open, double close, double enough) {
+    // Shares of the time between two keys at which to look: even motion is worst in the middle, no whole number of turns meets all.
+    constexpr std::array shares = {0.5, 0.25, 0.75, 0.118, 0.382, 0.618, 0.882};
+    const std::vector<double> times = motion_times(open, close, keys);
     double worst = 0.0;
-    const double step = (close - open) / double(keys - 1);
-    for (uint32_t key = 0; key + 1 < keys; ++key) {
-        const double begin = open + step * key;
-        const std::vector<Vec3d> a = looks.at(begin), b = looks.at(begin + step);
-        for (const double t : looked_at(mesh, begin, begin + step)) {
-            const std::vector<Vec3d> exact = looks.at(begin + t * step);
+    const auto look_between = [&](size_t key, std::span<const double> instants) {
+        const double begin = times[key], length = times[key + 1] - begin;
+        const std::vector<Vec3d> a = looks.at(begin), b = looks.at(times[key + 1]);
+        for (const double instant : instants) {
+            const double t = (instant - begin) / length;
+            const std::vector<Vec3d> exact = looks.at(instant);
             for (size_t i = 0; i < exact.size(); ++i)
                 worst = std::max(worst,
                                  (exact[i] - ((1.0 - t) * a[i] + t * b[i])).norm() * view.enlarged(exact[i]));
         }
+    };
+    // Bends first: they tell soonest that a number of keys does not do.
+    for (auto bend = bends.begin(); bend != bends.end();) {
+        const auto next = std::ranges::upper_bound(times, *bend);
+        const auto end = std::find_if(bend, bends.end(), [&](double b) { return !(b < *next); });
+        look_between(size_t(next - times.begin()) - 1, {bend, end});
+        if (worst > enough) return worst;
+        bend = end;
+    }
+    for (uint32_t key = 0; key + 1 < keys && !(worst > enough); ++key) {
+        std::array<double, shares.size()> instants{};
+        for (size_t i = 0; i < shares.size(); ++i)
+            instants[i] = times[key] + shares[i] * (times[key + 1] - times[key]);
+        look_between(key, instants);
     }
     return worst;
 }
 
 } // namespace
 
-double mesh_motion_error(const SceneGeometry& geometry, const View& view, uint32_t keys, double open,
-                         double close) {
-    double worst = 0.0;
-    for (const SceneMesh& mesh : geometry.meshes)
-        if (open < close && mesh.moves_within(open, close))
-            worst = std::max(worst, motion_error(mesh, view, keys, open, close));
-    return worst;
+double motion_error(const SceneMesh& mesh, const View& view, uint32_t keys, double open, double close,
+                    double enough) {
+    if (!(open < close && mesh.moves_within(open, close))) return 0.0;
+    return motion_error(Looks(mesh, view, open, close), mesh.bends_within(open, close), view, keys, open,
+                        close, enough);
 }
 
-uint32_t motion_keys_for(const SceneGeometry& geometry, double tolerance, const View& view, double open,
-                         double close) {
-    constexpr uint32_t most = 64;
-    uint32_t keys = 2;
-    if (!(open < close)) return keys;
-    for (const SceneMesh& mesh : geometry.meshes) {
-        if (!mesh.moves_within(open, close)) continue;
-        while (keys < most && motion_error(mesh, view, keys, open, close) > tolerance)
-            keys = std::min(2 * keys - 1, most);
+uint32_t motion_keys_for(const SceneMesh& mesh, double tolerance, const View& view, double open, double close,
+                         uint32_t least) {
+    if (!(open < close && mesh.moves_within(open, close))) return least;
+    const Looks looks(mesh, view, open, close);
+    const std::vector<double> bends = mesh.bends_within(open, close);
+    for (uint32_t keys = least; keys <= most_motion_keys; ++keys)
+        if (motion_error(looks, bends, view, keys, open, close, tolerance) <= tolerance) return keys;
+    constexpr uint32_t many = 48; // below it what is smooth is twice as far off
+    uint32_t best = most_motion_keys;
+    double error = std::numeric_limits<double>::infinity();
+    for (uint32_t keys = most_motion_keys; keys > many && keys >= least; --keys) {
+        const double with = motion_error(looks, bends, view, keys, open, close, error);
+        if (with < error) error = with, best = keys;
     }
-    return keys;
+    return best;
 }
 
-void StrandMotion::add(const float* const samples[5], size_t cvs, const View& view) {
-    double two = 0.0, three = 0.0;
+void StrandMotion::add(std::span<const float* const> samples, size_t cvs, const View& view) {
+    const size_t last = samples.size() - 1;
+    levels_ = 1;
+    while (levels_ < most_levels && size_t{1} << (levels_ + 1) <= last) ++levels_;
+    assert(last >= 4 && last == size_t{1} << levels_);
+    Gap gap{};
+    std::vector<Vec3d> p(samples.size());
     for (size_t k = 0; k < cvs; ++k) {
-        Vec3d p[5];
-        for (int i = 0; i < 5; ++i) p[i] = Eigen::Map<const Vec3f>(samples[i] + 4 * k).cast<double>();
-        const double large = view.enlarged(p[2]);
-        for (int i = 1; i < 4; ++i)
-            two = std::max(two, large * (p[i] - (p[0] + (p[4] - p[0]) * (0.25 * i))).norm());
-        three = std::max({three, large * (p[1] - 0.5 * (p[0] + p[2])).norm(),
-                          large * (p[3] - 0.5 * (p[2] + p[4])).norm()});
+        for (size_t i = 0; i < p.size(); ++i)
+            p[i] = Eigen::Map<const Vec3f>(samples[i] + 4 * k).cast<double>();
+        const double large = view.enlarged(p[last / 2]);
+        for (size_t level = 0; level < levels_; ++level) {
+            const size_t step = last >> level;
+            double most = double(gap[level]);
+            for (size_t i = 0; i < last; ++i) {
+                const size_t key = i / step * step;
+                const double t = double(i - key) / double(step);
+                most = std::max(most, large * (p[i] - (p[key] + (p[key + step] - p[key]) * t)).norm());
+            }
+            gap[level] = float(most);
+        }
     }
-    gaps_.push_back({float(two), float(three)});
+    gaps_.push_back(gap);
 }
 
 void StrandMotion::add(const StrandMotion& other) {
+    if (other.gaps_.empty()) return;
+    levels_ = other.levels_;
     gaps_.insert(gaps_.end(), other.gaps_.begin(), other.gaps_.end());
 }
 
-bool StrandMotion::jumps(const Gap& gap, double tolerance) {
-    return double(gap.two) > tolerance && gap.three > 0.5F * gap.two;
+bool StrandMotion::jumps(const Gap& gap, double tolerance) const {
+    const float fewer = gap[levels_ - 2], more = gap[levels_ - 1];
+    return double(fewer) > tolerance && more > 0.5F * fewer;
 }
 
 double StrandMotion::jumps(double tolerance) const {
@@ -141,23 +186,23 @@ double StrandMotion::jumps(double tolerance) const {
 }
 
 double StrandMotion::left(uint32_t keys, double tolerance) const {
+    size_t level = 0;
+    while (level + 1 < levels_ && (size_t{1} << (level + 1)) + 1 <= keys) ++level;
     std::vector<float> gaps;
     for (const Gap& gap : gaps_)
-        if (!jumps(gap, tolerance)) gaps.push_back(keys <= 2 ? gap.two : gap.three);
+        if (!jumps(gap, tolerance)) gaps.push_back(gap[level]);
     if (gaps.empty()) return 0.0;
     const auto most = gaps.end() - 1 - long(gaps.size() / 100);
     std::nth_element(gaps.begin(), most, gaps.end());
-    return double(*most) * (keys <= 2 ? 1.0 : 4.0 / (double(keys - 1) * double(keys - 1)));
+    const double fewer = double(size_t{1} << level) / double(keys - 1);
+    return double(*most) * fewer * fewer;
 }
 
 uint32_t StrandMotion::keys_for(double tolerance) const {
-    constexpr uint32_t last = 64;
     // A few patches are looked at, and others may move faster. Fitted to the scenes: see the README.
     constexpr double spare = 1.25;
-    if (spare * left(2, tolerance) <= tolerance) return 2;
-    const double three = spare * left(3, tolerance);
-    uint32_t keys = 3;
-    while (keys < last && three * 4.0 > tolerance * double(keys - 1) * double(keys - 1)) ++keys;
+    uint32_t keys = 2;
+    while (keys < most_motion_keys && spare * left(keys, tolerance) > tolerance) ++keys;
     return keys;
 }
 

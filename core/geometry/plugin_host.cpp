@@ -175,7 +175,12 @@ Procedural::Procedural(std::shared_ptr<PluginLibrary> library, const Item& item,
                          "the library '" + library_->path() + "' has no procedural '" + item.type + "'",
                          "see `marram info` for what it has");
     ContractValues values;
-    for (uint32_t i = 0; i < type_->param_count; ++i) add_values(type_->params[i], item, wind, values);
+    for (uint32_t i = 0; i < type_->param_count; ++i) {
+        const MarramParam& param = type_->params[i];
+        add_values(param, item, wind, values);
+        if (param.type == MARRAM_MESH_NAME && item.params.has(param.name))
+            meshes_.push_back(item.params.text(param.name));
+    }
     host_ = {this, on_message, on_cancelled};
     check(type_->create(&host_, values.data(), values.size(), &instance_));
 }

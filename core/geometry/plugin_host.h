@@ -56,6 +56,9 @@ class Procedural {
     const std::string& name() const { return name_; }
     int material = -1; // index into the scene's materials
     const MarramProcedural& type() const { return *type_; }
+    const std::vector<std::string>& meshes() const {
+        return meshes_;
+    } // that its parameters name: it grows on them
 
     // Each throws InputError with the procedural's own words, or Cancelled.
     MarramOutput begin(const MarramFrame& frame);
@@ -75,6 +78,7 @@ class Procedural {
     std::shared_ptr<PluginLibrary> library_;
     std::string name_;
     Place place_;
+    std::vector<std::string> meshes_;
     const MarramProcedural* type_ = nullptr;
     const std::atomic<bool>* cancel_;
     MarramHost host_{}; // lent from create to destroy

@@ -47,8 +47,22 @@ bool SceneMesh::moves_within(double begin, double end) const {
            (shapes.size() > 1 && shapes.front().frame < end && shapes.back().frame > begin && begin < end);
 }
 
-Vec3d SceneMesh::vertex_at(size_t vertex, double frame) const {
-    return transform.at(frame) * between(*this, frame, &MeshShape::positions, mesh.positions)(vertex);
+std::vector<double> SceneMesh::bends_within(double begin, double end) const {
+    std::vector<double> bends = transform.frames();
+    for (const MeshShape& shape : shapes) bends.push_back(shape.frame);
+    std::erase_if(bends, [&](double frame) { return !(frame > begin && frame < end); });
+    std::ranges::sort(bends);
+    bends.erase(std::unique(bends.begin(), bends.end()), bends.end());
+    return bends;
+}
+
+std::vector<Vec3d> SceneMesh::vertices_at(std::span<const size_t> vertices, double frame) const {
+    const Eigen::Affine3d placed = transform.at(frame);
+    const Between at = between(*this, frame, &MeshShape::positions, mesh.positions);
+    std::vector<Vec3d> points;
+    points.reserve(vertices.size());
+    for (const size_t vertex : vertices) points.push_back(placed * at(vertex));
+    return points;
 }
 
 std::vector<Vec3f> SceneMesh::positions_at(double frame) const {

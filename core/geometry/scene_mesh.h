@@ -5,6 +5,7 @@
 #include "core/geometry/mesh.h"
 #include "core/math/transform.h"
 
+#include <span>
 #include <string>
 #include <vector>
 
@@ -29,8 +30,11 @@ struct SceneMesh {
     bool moves() const { return transform.moves() || shapes.size() > 1; } // false: the same at every frame
     bool moves_within(double begin, double end) const;
 
-    // A vertex at a frame, world space.
-    Vec3d vertex_at(size_t vertex, double frame) const;
+    // Frames between the two at which its way may bend: of its shapes, and of its transform's keys. Ascending.
+    std::vector<double> bends_within(double begin, double end) const;
+
+    // Some vertices at a frame, world space.
+    std::vector<Vec3d> vertices_at(std::span<const size_t> vertices, double frame) const;
     // All of them, with Embree's 16 spare bytes behind; unit normals, none where the mesh has none. Cost: 5 ns a vertex and processor.
     std::vector<Vec3f> positions_at(double frame) const;
     std::vector<Vec3f> normals_at(double frame) const;

@@ -22,7 +22,7 @@ struct MeshGeometry {
     std::vector<std::array<uint32_t, 3>> triangles;
     std::vector<Vec2f> uvs; // empty, or one a vertex
     std::vector<std::vector<Vec3f>>
-        positions; // [time], one (at rest) or World::times.size(); spare bytes behind each
+        positions; // [time], one (at rest) or more, equally spaced over the shutter; spare bytes behind each
     std::vector<std::vector<Vec3f>> normals; // [time], unit; empty: facetted
 };
 
@@ -45,8 +45,9 @@ struct CurveGeometry {
     uint64_t curve_count = 0;
     uint32_t cvs_per_curve = 0;
     uint32_t pieces = 0; // straight ones that a segment is traced as; 0: the cubic (curve_pieces.h)
-    std::vector<const float*> vertices; // [time] x, y, z, radius; owned by Embree
-    std::vector<const float*> normals;  // [time], 3 floats a vertex; oriented ribbons only
+    std::vector<const float*>
+        vertices; // [time] x, y, z, radius; owned by Embree; one (at rest) or more, its own number
+    std::vector<const float*> normals; // [time], 3 floats a vertex; oriented ribbons only
     std::vector<float*>
         round_pieces; // [time] what is traced, (segments * pieces + 1) vertices a curve; else empty
     std::vector<CurveAttributeValues> attributes;
@@ -57,8 +58,8 @@ struct World {
     std::shared_ptr<RTCSceneTy> colliders; // meshes only
     std::shared_ptr<RTCSceneTy> scene;     // the same meshes and the curves: what rays are traced against
     double frame = 0.0;
-    std::vector<double>
-        times; // motion samples in frames, equally spaced; a ray's time 0 ... 1 runs from the first to the last
+    // Motion samples in frames, equally spaced, of what has most of them; a ray's time 0 ... 1 runs from the first to the last.
+    std::vector<double> times;
     std::vector<MeshGeometry> meshes;
     std::vector<CurveGeometry> curves;
     double reach =

@@ -48,4 +48,10 @@ bool KeyedTransform::moves_within(double begin, double end) const {
     return moves() && keys_.front().frame < end && keys_.back().frame > begin && begin < end;
 }
 
+std::vector<double> KeyedTransform::frames() const {
+    std::vector<double> all;
+    for (const Key& key : keys_) all.push_back(key.frame);
+    return all;
+}
+
 } // namespace marram

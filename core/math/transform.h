@@ -22,6 +22,7 @@ class KeyedTransform {
     Eigen::Affine3d at(double frame) const;
     bool moves() const; // false: at() is the same for every frame
     bool moves_within(double begin, double end) const;
+    std::vector<double> frames() const; // of its keys
 
   private:
     struct Key {

@@ -45,8 +45,10 @@
 #include <bit>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <mutex>
 #include <numeric>
+#include <optional>
 
 namespace marram {
 
@@ -144,6 +146,9 @@ ShadingPoint shading_point(const Frame& frame, const SurfacePoint& at, const Vec
         point.uv_width = uv_width(frame, at, width / std::sqrt(onto));
         return point;
     }
+    // Straight pieces are shaded as the curve that they stand for. Light that goes to one side by the curve and to the other by the
+    // piece goes through the fibre; to leave it out would make white strands grey.
+    point.geometric_normal = at.normal;
     point.flat = at.shape != PointShape::round;
     point.h = at.h;
     point.strand_u = at.strand_u;
@@ -360,12 +365,19 @@ bool cancelled(const RenderProgress* progress) {
     return progress && progress->cancel && progress->cancel->load(std::memory_order_relaxed);
 }
 
+using Clock = std::chrono::steady_clock;
+
+struct Deadline {
+    std::optional<Clock::time_point> at;
+    bool over() const { return at && Clock::now() > *at; }
+};
+
 // The samples up to `end` of the tile's pixels, each from where it stands.
 void render_tile(const Frame& frame, const Tile& tile, uint32_t end, Film& film, RenderStats& stats,
-                 RenderProgress* progress) {
+                 RenderProgress* progress, const Deadline& deadline) {
     for (uint32_t y = tile.y0; y < tile.y1; ++y)
         for (uint32_t x = tile.x0; x < tile.x1; ++x) {
-            if (cancelled(progress)) return;
+            if (cancelled(progress) || deadline.over()) return;
             const size_t at = static_cast<size_t>(y) * film.width + x;
             const uint32_t begin = film.reached[at];
             if (begin >= end) continue; // this pass had come so far when it was stopped
@@ -401,7 +413,8 @@ void add_stats(const RenderStats& more, RenderStats& sum) {
     sum.dropped_samples += more.dropped_samples;
 }
 
-void render_pass(const Frame& frame, uint32_t end, Film& film, RenderStats& stats, RenderProgress* progress) {
+void render_pass(const Frame& frame, uint32_t end, Film& film, RenderStats& stats, RenderProgress* progress,
+                 const Deadline& deadline) {
     const uint32_t size = std::max(frame.settings.tile, 1U);
     const uint32_t columns = (film.width + size - 1) / size, rows = (film.height + size - 1) / size;
     std::mutex guard;
@@ -410,7 +423,7 @@ void render_pass(const Frame& frame, uint32_t end, Film& film, RenderStats& stat
             const uint32_t x = i % columns * size, y = i / columns * size;
             RenderStats mine;
             render_tile(frame, {x, y, std::min(x + size, film.width), std::min(y + size, film.height)}, end,
-                        film, mine, progress);
+                        film, mine, progress, deadline);
             const std::lock_guard lock(guard);
             add_stats(mine, stats);
         }
@@ -454,13 +467,24 @@ void measure_spread(Film& film) {
         }
 }
 
+// The mean, in which what shines itself, the sun's disc or a lamp, counts as no more than the brightest of the rest: the greatest of
+// 95 pixels in 100; where these are black, the mean as it is.
+double mean_of_most(const std::vector<double>& brightness) {
+    std::vector<double> sorted = brightness;
+    const auto most = sorted.begin() + long(sorted.size() - 1 - sorted.size() / 20);
+    std::ranges::nth_element(sorted, most);
+    const double limit = *most > 0.0 ? *most : std::numeric_limits<double>::infinity();
+    double sum = 0.0;
+    for (const double b : brightness) sum += std::min(b, limit);
+    return sum / double(brightness.size());
+}
+
 // Which pixels are as good as asked for; a pixel that its neighbours know to be noisy goes on, since a few samples may all have missed
 // what makes the noise. False: none is left.
 bool find_noisy(Film& film, double noise) {
     const FilmLayer* layer = find_layer(film, "variance");
     const size_t pixels = static_cast<size_t>(film.width) * film.height;
     std::vector<double> brightness(pixels), deviation(pixels);
-    double mean = 0.0;
     for (size_t i = 0; i < pixels; ++i) {
         const double* sums = film.sums.data() + i * film.stride + layer->first;
         const double count = std::max(sums[layer->sums], 1.0);
@@ -468,8 +492,8 @@ bool find_noisy(Film& film, double noise) {
         for (size_t c = 0; c < 3; ++c) variance[c] = variance_of_mean(sums[c], sums[c + 3], count);
         brightness[i] = luminance(sums) / count;
         deviation[i] = std::sqrt(luminance(variance));
-        mean += brightness[i] / double(pixels);
     }
+    const double mean = mean_of_most(brightness);
     const auto noisy = [&](size_t i) { return deviation[i] > noise * std::max(brightness[i], 0.1 * mean); };
     film.done.assign(pixels, 1);
     bool any = false;
@@ -498,11 +522,11 @@ double samples_ahead(const Film& film, uint32_t begin, uint32_t end) {
 void render_passes(const Frame& frame, Film& film, RenderStats& stats, RenderProgress* progress) {
     constexpr uint32_t enough_to_judge = 16; // samples, of a pixel's variance
     const RenderSettings& settings = frame.settings;
-    using Clock = std::chrono::steady_clock;
     const auto since = [](Clock::time_point then) {
         return std::chrono::duration<double>(Clock::now() - then).count();
     };
     const Clock::time_point start = Clock::now();
+    Deadline deadline;
     double seconds_a_sample = 0.0; // 0: no pass has told yet
     for (uint32_t begin = *std::ranges::min_element(film.reached); begin < settings.samples;) {
         const uint32_t end = std::min(pass_end(begin), settings.samples);
@@ -514,11 +538,16 @@ void render_passes(const Frame& frame, Film& film, RenderStats& stats, RenderPro
             settings.seconds > 0.0 && seconds_a_sample > 0.0 &&
             since(start) + seconds_a_sample * samples_ahead(film, begin, end) > settings.seconds;
         if (stats.out_of_time) return;
+        if (settings.seconds > 0.0 && begin > 0) // each pixel has something to show
+            deadline.at = start + std::chrono::duration_cast<Clock::duration>(
+                                      std::chrono::duration<double>(std::min(settings.seconds, 1e9)));
         const uint64_t had = count_samples(film).total;
         const Clock::time_point before = Clock::now();
-        render_pass(frame, end, film, stats, progress);
+        render_pass(frame, end, film, stats, progress, deadline);
         stats.cancelled = cancelled(progress);
         if (stats.cancelled) return;
+        stats.out_of_time = *std::ranges::min_element(film.reached) < end;
+        if (stats.out_of_time) return;
         const uint64_t took = count_samples(film).total - had;
         if (took > 0) seconds_a_sample = since(before) / double(took);
         begin = end;

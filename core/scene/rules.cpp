@@ -37,6 +37,12 @@ void check_camera(const ParamSet& camera, Reading& reading) {
         reading.report(up->place, "camera.up is (nearly) zero", "give a direction, for example [0, 1, 0]");
         up = nullptr;
     }
+    if (const ParamValue* shutter = camera.find("shutter");
+        shutter && shutter->numbers[0] > shutter->numbers[1])
+        reading.report(
+            shutter->place,
+            fmt::format("camera.shutter runs from {} down to {}", shutter->numbers[0], shutter->numbers[1]),
+            "give when it opens, then when it closes");
     if (!position || !target) return;
     const Vec3d p(position->numbers.data()), t(target->numbers.data());
     const double size = std::max(p.cwiseAbs().maxCoeff(), t.cwiseAbs().maxCoeff());

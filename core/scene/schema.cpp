@@ -40,7 +40,7 @@ std::vector<ParamSpec> camera_params() {
          "moves position and target: { translate, rotate } or { keys = [{ frame, ... }, ...], interpolation "
          "}, as "
          "of meshes"},
-        {"shutter", range, "frames", "[0, 0]", -100, 100, "",
+        {"shutter", vec2, "frames", "[0, 0]", -100, 100, "",
          "when the shutter opens and closes, relative to the frame; [-0.25, 0.25] blurs like film, [0, 0] "
          "not at all"},
     };

@@ -351,6 +351,7 @@ TEST(BadInput, SettingsThatFitNothing) {
     with_setting("film.samples=0", "film.samples is 0");
     with_setting("film.sampels=4", "film.sampels is unknown");
     with_setting("film.samples", "--set film.samples");
+    with_setting("camera.shutter=0.5", "camera.shutter"); // half a frame, or the instant half a frame later?
     with_setting("=4", "--set =4");
     with_setting("wind.speed=fast", "speed");
     with_setting("procedural.grass.count=-1", "count");
@@ -358,6 +359,37 @@ TEST(BadInput, SettingsThatFitNothing) {
     with_setting("mesh.ground.size=[1, 2, 3]", "size");
     with_setting("wind.direction=[0, 0, 0]", "direction is zero");
     with_setting("procedural.grass.library=no_such.so", "no_such.so");
+}
+
+TEST(BadInput, LightsThatCannotShine) {
+    const auto lamp = [](const char* name) {
+        return fmt::format("[[light]]\nname = \"{}\"\ntype = \"mesh\"\nmesh = \"ground\"\n", name);
+    };
+    expect_refused(SceneText{.more = lamp("a") + lamp("b")}, "mesh \"ground\" shines already by light \"a\"");
+    const Folder folder;
+    // Not by OpenImageIO, whose threads a copy of this process would wait for in vain.
+    const auto write_map = [&](float odd) {
+        std::vector<float> pixels(3 * 8 * 4, 0.5F);
+        pixels[4] = odd;
+        folder.write("hot.pfm", "PF\n8 4\n-1.0\n" + std::string(reinterpret_cast<const char*>(pixels.data()),
+                                                                pixels.size() * sizeof(float)));
+    };
+    const std::string environment =
+        fmt::format("[[light]]\nname = \"e\"\ntype = \"environment\"\nfile = \"{}\"\nstrength = 10\n",
+                    folder / "hot.pfm");
+    write_map(3e38F);
+    expect_refused(SceneText{.more = environment}, "times strength, 1e+15 is allowed");
+    write_map(-1.0F);
+    const std::string scene = folder.write("a.toml", SceneText{.more = environment});
+    const Outcome outcome = marram({"render", scene, "-o", folder / "a.exr", "--quiet"});
+    EXPECT_EQ(outcome.code, 0);
+    EXPECT_CONTAINS(outcome.err, "has 1 pixels that are below 0: they give no light");
+}
+
+TEST(BadInput, OutputThatCannotBeWritten) {
+    const std::string command = program + " info > /dev/full 2> /dev/null";
+    const int status = std::system(command.c_str());
+    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 2) << status;
 }
 
 TEST(BadInput, CommandLines) {

@@ -2,6 +2,8 @@
 // `marram render`: pictures that depend on scene and frame alone, their names, layers, metadata and figures.
 #include "program.h"
 
+#include "core/cli/frames.h"
+
 #include <nlohmann/json.hpp>
 
 #include <cmath>
@@ -165,6 +167,7 @@ TEST(Render, SaysWhatAFrameCosts) {
 // Meshes' and cameras' motion is reported as strands' is, and what no number of keys follows is said.
 TEST(Render, SaysHowWellMotionIsFollowed) {
     const Folder folder;
+    double wheel = 0.0; // its keys
     const auto run = [&](double degrees, Outcome& done) {
         const std::string scene = folder.write(
             "a.toml",
@@ -176,20 +179,22 @@ TEST(Render, SaysHowWellMotionIsFollowed) {
                        "--set", "camera.shutter=[-0.5, 0.5]", "--set", "tolerance=0.001", "--frame", "3",
                        "--set", "camera.transform={keys=[{frame=0}, {frame=10, rotate=[0, 300, 0]}]}"});
         EXPECT_EQ(done.code, 0) << done.err;
-        return nlohmann::json::parse(read_file(folder / "a.json"))["motion"];
+        const auto stats = nlohmann::json::parse(read_file(folder / "a.json"));
+        wheel = stats["chosen"]["wheel.motion_keys"];
+        return stats["motion"];
     };
     Outcome done;
     const auto slow = run(100.0, done);
     EXPECT_EQ(done.err, "");
     // A corner 0.707 m from the axis turns by 10 degrees: the height of its arc's pieces, a quarter of it with half the angle.
-    const double piece = 10.0 * 3.14159265358979323846 / 180.0 / (slow["keys"].get<double>() - 1.0);
+    const double piece = 10.0 * 3.14159265358979323846 / 180.0 / (wheel - 1.0);
     EXPECT_NEAR(slow["mesh_error"].get<double>(), std::sqrt(0.5) * (1.0 - std::cos(0.5 * piece)), 1e-6);
     EXPECT_LE(slow["mesh_error"], 0.001);
     EXPECT_GT(slow["camera_poses"], 2);
     const auto fast = run(36000.0, done); // ten turns a frame
     EXPECT_EQ(fast["keys"], 64);
     EXPECT_GT(fast["mesh_error"], 0.01);
-    EXPECT_CONTAINS(done.err, "meshes turn so fast that 64 motion keys are off by");
+    EXPECT_CONTAINS(done.err, "wheel: moves so fast that 64 motion keys are off by");
 }
 
 TEST(Render, SaysWhereATargetFarBehindMakesPixelsCoarse) {
@@ -311,4 +316,14 @@ TEST(Render, IdsAreNotAveraged) {
 }
 
 } // namespace
+TEST(Render, names_of_files_tell_every_frame) {
+    EXPECT_EQ(numbered("a.####.exr", 1.0), "a.0001.exr");
+    EXPECT_EQ(numbered("a.####.exr", -12.5), "a.-0012.5.exr");
+    EXPECT_EQ(numbered("a.####.exr", 3.37), "a.0003.37.exr");
+    EXPECT_EQ(numbered("a.####.exr", 1.00001), "a.0001.00001.exr");
+    EXPECT_EQ(numbered("a.####.exr", 1000000.1), "a.1000000.1.exr");
+    EXPECT_EQ(numbered("a.#.exr", 0.0), "a.0.exr");
+    EXPECT_EQ(numbered("a.exr", 3.0), "a.exr");
+}
+
 } // namespace marram::testing

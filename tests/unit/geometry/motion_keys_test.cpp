@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // One dial that the tolerance turns: the number of motion keys.
-#include "core/geometry/build.h"
+#include "core/geometry/motion_keys.h"
 
 #include <gtest/gtest.h>
 
@@ -11,22 +11,20 @@ using namespace marram;
 namespace {
 
 // A box of 2 m that turns by `degrees` about y within frame 1 ... 2, and is moved along by 3 m.
-SceneGeometry turning_box(double degrees) {
-    SceneGeometry geometry;
+SceneMesh turning_box(double degrees) {
     SceneMesh mesh;
     mesh.name = "box";
     mesh.mesh = box_mesh(Vec3f(2.0F, 2.0F, 2.0F));
     mesh.transform = KeyedTransform(
         std::vector<double>{1, 0, 0, 0, 0, 0, 0, 1, 1, 1, 2, 3, 0, 0, 0, degrees, 0, 1, 1, 1}, "linear");
-    geometry.meshes.push_back(std::move(mesh));
-    return geometry;
+    return mesh;
 }
 
 } // namespace
 
 TEST(MotionKeys, two_are_enough_for_a_straight_line) {
     EXPECT_EQ(motion_keys_for(turning_box(0.0), 1e-6, View{}, 1.0, 2.0), 2U);
-    EXPECT_EQ(motion_keys_for(SceneGeometry{}, 1e-6, View{}, 1.0, 2.0), 2U);
+    EXPECT_EQ(motion_keys_for(SceneMesh{}, 1e-6, View{}, 1.0, 2.0), 2U);
 }
 
 TEST(MotionKeys, nothing_moves_while_the_shutter_is_closed_or_the_shot_is_over) {
@@ -57,10 +55,41 @@ TEST(MotionKeys, a_turn_stays_within_the_tolerance) {
 // Whole turns between keys must not pass for rest.
 TEST(MotionKeys, whole_turns_are_seen) {
     for (const double turns : {1.0, 2.0, 3.0, 4.0, 4.003, 8.0, 12.0, 16.0}) {
-        const SceneGeometry geometry = turning_box(360.0 * turns);
-        EXPECT_EQ(motion_keys_for(geometry, 1e-4, View{}, 1.0, 2.0), 64U) << turns;
-        EXPECT_GT(mesh_motion_error(geometry, View{}, 2, 1.0, 2.0), 0.1) << turns;
+        const SceneMesh box = turning_box(360.0 * turns);
+        EXPECT_EQ(motion_keys_for(box, 1e-4, View{}, 1.0, 2.0), 64U) << turns;
+        EXPECT_GT(motion_error(box, View{}, 2, 1.0, 2.0), 0.1) << turns;
     }
+}
+
+namespace {
+
+// Along x, frame by frame.
+SceneMesh box_along(const std::vector<std::pair<double, double>>& ways) {
+    SceneMesh mesh = turning_box(0.0);
+    std::vector<double> keys;
+    for (const auto& [frame, x] : ways) keys.insert(keys.end(), {frame, x, 0, 0, 0, 0, 0, 1, 1, 1});
+    mesh.transform = KeyedTransform(keys, "linear");
+    return mesh;
+}
+
+} // namespace
+
+// Where the way bends, the number of keys that has one there does: 10 is half of one shutter, 0.24 / 0.49 of another.
+TEST(MotionKeys, a_bend_asks_for_a_key_where_it_is) {
+    const SceneMesh box = box_along({{9, 0}, {10, 1}, {11, 1}});
+    EXPECT_EQ(motion_keys_for(box, 1e-6, View{}, 9.75, 10.25), 3U);
+    EXPECT_EQ(motion_keys_for(box, 1e-6, View{}, 9.8, 10.3), 6U);
+    EXPECT_EQ(motion_keys_for(box, 1e-6, View{}, 9.8, 10.3, 7), 11U) << "more keys need not be better";
+    EXPECT_GT(motion_error(box, View{}, 8, 9.8, 10.3), 0.01);
+    const uint32_t keys = motion_keys_for(box, 1e-3, View{}, 9.76, 10.25);
+    EXPECT_LE(motion_error(box, View{}, keys, 9.76, 10.25), 1e-3) << keys;
+    EXPECT_LT(keys, 64U);
+}
+
+TEST(MotionKeys, what_comes_and_goes_within_the_shutter_is_seen) {
+    const SceneMesh box = box_along({{10, 0}, {10.04, 1.6}, {10.08, 0}});
+    EXPECT_NEAR(motion_error(box, View{}, 2, 10.0, 11.0), 1.6, 1e-6);
+    EXPECT_GE(motion_keys_for(box, 1e-3, View{}, 10.0, 11.0), 26U);
 }
 
 TEST(MotionKeys, equal_keys_are_rest) {
@@ -95,32 +124,42 @@ TEST(MotionKeys, pixels_are_larger_nearer) {
     EXPECT_DOUBLE_EQ(view.enlarged({0.0, 0.0, 30.0}), 0.5) << "far behind";
     EXPECT_DOUBLE_EQ(view.enlarged(view.position), 1.0);
 
+    // Of a camera that comes near while the shutter is open, and of one that turns to something then, the largest counts.
+    View moving = looking();
+    moving.later.emplace_back(Vec3d(0.0, 0.0, 2.0), Vec3d(1.0, 0.0, 0.0));
+    EXPECT_DOUBLE_EQ(moving.enlarged({0.0, 0.0, 5.0}), 2.0);
+    EXPECT_DOUBLE_EQ(moving.enlarged({1.0, 0.0, 2.0}), 10.0);
+
     // Four times as near asks for twice the keys less one.
-    SceneGeometry geometry = turning_box(90.0);
+    const SceneMesh box = turning_box(90.0);
     const auto keys_from = [&](double z) {
         View from = looking();
         from.position.z() = z;
-        return motion_keys_for(geometry, 0.01, from, 1.0, 2.0);
+        return motion_keys_for(box, 0.01, from, 1.0, 2.0);
     };
     EXPECT_EQ(keys_from(1e3), 2U) << "a speck";
     EXPECT_GE(keys_from(3.5), keys_from(10.0) * 3 / 2);
-    EXPECT_LE(mesh_motion_error(geometry, looking(), motion_keys_for(geometry, 0.01, looking(), 1.0, 2.0),
-                                1.0, 2.0),
-              0.01);
+    EXPECT_LE(motion_error(box, looking(), motion_keys_for(box, 0.01, looking(), 1.0, 2.0), 1.0, 2.0), 0.01);
 }
 
 namespace {
 
 // One CV at five instants of a unit of time.
 template <typename Path>
+void add(StrandMotion& motion, Path&& path, size_t instants, const View& view);
+template <typename Path>
 void add(StrandMotion& motion, Path&& path, const View& view = {}) {
-    float at[5][4];
-    const float* samples[5];
-    for (int i = 0; i < 5; ++i) {
-        const Vec3d p = path(0.25 * i);
+    add(motion, path, 5, view);
+}
+template <typename Path>
+void add(StrandMotion& motion, Path&& path, size_t instants, const View& view) {
+    std::vector<std::array<float, 4>> at(instants);
+    std::vector<const float*> samples(instants);
+    for (size_t i = 0; i < instants; ++i) {
+        const Vec3d p = path(double(i) / double(instants - 1));
         for (int axis = 0; axis < 3; ++axis) at[i][axis] = float(p[axis]);
         at[i][3] = 0.1F;
-        samples[i] = at[i];
+        samples[i] = at[i].data();
     }
     motion.add(samples, 1, view);
 }
@@ -178,6 +217,24 @@ TEST(StrandMotion, a_tolerance_in_pixels_is_of_each_strands_own_distance) {
     EXPECT_EQ(keys_at({0.0, 0.0, 15.0}), keys) << "behind the camera";
     EXPECT_NEAR(double(keys_at({0.0, 0.0, 7.5})) - 1.0, 2.0 * (keys - 1.0), 1.0) << "four times as near";
     EXPECT_NEAR(double(keys_at({0.0, 0.0, -30.0})) - 1.0, 0.5 * (keys - 1.0), 1.0) << "four times as far";
+}
+
+// By five instants, a strand that turns by more than a right angle between two of them is one that jumps.
+TEST(StrandMotion, what_turns_fast_is_looked_at_more_often) {
+    const auto turn = [](double t) { return Vec3d(std::cos(3.0 * pi * t), std::sin(3.0 * pi * t), 0.0); };
+    StrandMotion few, more;
+    add(few, turn);
+    add(more, turn, 17, View{});
+    EXPECT_EQ(few.jumps(0.01), 1.0);
+    EXPECT_EQ(more.jumps(0.01), 0.0);
+    const uint32_t keys = more.keys_for(0.01);
+    EXPECT_LE(sag(turn, keys), 0.01) << keys;
+    EXPECT_GT(sag(turn, keys * 3 / 4), 0.009) << keys;
+    StrandMotion jumps;
+    add(
+        jumps, [](double t) { return Vec3d(t < 0.6 ? 0.0 : 0.1, 0.0, 0.0); }, 17, View{});
+    EXPECT_EQ(jumps.jumps(0.01), 1.0);
+    EXPECT_EQ(jumps.keys_for(0.01), 2U);
 }
 
 TEST(StrandMotion, what_jumps_and_what_is_rare_asks_for_nothing) {

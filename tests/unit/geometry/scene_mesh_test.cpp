@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Meshes that deform: where they are at any time, and how many motion keys that takes.
-#include "core/geometry/build.h"
+#include "core/geometry/motion_keys.h"
 
 #include <gtest/gtest.h>
 
@@ -35,7 +35,7 @@ TEST(SceneMesh, goes_straight_from_shape_to_shape_and_rests_outside) {
         const std::vector<Vec3f> positions = mesh.positions_at(frame), normals = mesh.normals_at(frame);
         ASSERT_EQ(positions.size(), 3U);
         EXPECT_LT((positions[2].cast<double>() - Vec3d(1.0 + along, height, 0.0)).norm(), 1e-6) << frame;
-        EXPECT_EQ(mesh.vertex_at(2, frame).cast<float>(), positions[2]);
+        EXPECT_EQ(mesh.vertices_at(std::array{size_t(2)}, frame)[0].cast<float>(), positions[2]);
         for (const Vec3f& normal : normals) EXPECT_NEAR(normal.norm(), 1.0F, 1e-6F);
     }
     // Between shapes normals go the straight way, too: not far from those of the shape there.
@@ -57,14 +57,27 @@ TEST(SceneMesh, moves_while_its_shapes_do) {
 }
 
 TEST(SceneMesh, motion_keys_follow_shapes) {
-    SceneGeometry geometry;
-    geometry.meshes.push_back(flapping());
-    EXPECT_EQ(motion_keys_for(geometry, 1e-6, View{}, 1.1, 1.9), 2U) << "straight";
-    EXPECT_NEAR(mesh_motion_error(geometry, View{}, 2, 1.75, 2.25), 0.25, 1e-6) << "the way bends at frame 2";
-    EXPECT_EQ(motion_keys_for(geometry, 1e-6, View{}, 1.75, 2.25), 3U);
-    EXPECT_NEAR(mesh_motion_error(geometry, View{}, 2, 1.9, 2.1), 0.1, 1e-6);
-    geometry.meshes[0].shapes.clear();
-    EXPECT_EQ(motion_keys_for(geometry, 1e-6, View{}, 1.75, 2.25), 2U);
+    SceneMesh mesh = flapping();
+    EXPECT_EQ(motion_keys_for(mesh, 1e-6, View{}, 1.1, 1.9), 2U) << "straight";
+    EXPECT_NEAR(motion_error(mesh, View{}, 2, 1.75, 2.25), 0.25, 1e-6) << "the way bends at frame 2";
+    EXPECT_EQ(motion_keys_for(mesh, 1e-6, View{}, 1.75, 2.25), 3U);
+    EXPECT_NEAR(motion_error(mesh, View{}, 2, 1.9, 2.1), 0.1, 1e-6);
+    EXPECT_EQ(motion_keys_for(mesh, 1e-6, View{}, 1.8, 2.5), 8U) << "two sevenths of the shutter";
+    mesh.shapes.clear();
+    EXPECT_EQ(motion_keys_for(mesh, 1e-6, View{}, 1.75, 2.25), 2U);
+}
+
+// Of 90,000 vertices one bends its way.
+TEST(SceneMesh, one_vertex_among_many_asks_for_its_motion_keys) {
+    SceneMesh mesh;
+    mesh.mesh = plane_mesh(Vec2f(3.0F, 3.0F), 300);
+    for (const float height : {0.0F, 0.6F, 0.0F}) {
+        std::vector<Vec3f> positions = mesh.mesh.positions;
+        positions[45677].y() = height;
+        mesh.shapes.push_back({1.0 + double(mesh.shapes.size()), positions, mesh.mesh.normals});
+    }
+    EXPECT_NEAR(motion_error(mesh, View{}, 2, 1.5, 2.5), 0.3, 1e-6);
+    EXPECT_EQ(motion_keys_for(mesh, 1e-3, View{}, 1.5, 2.5), 3U);
 }
 
 } // namespace marram

@@ -88,6 +88,24 @@ TEST_F(Resume, FewerSamplesBecomeMore) {
     }
 }
 
+// A pass that is late ends where it stands; the first one does not, so that there is a picture.
+TEST_F(Resume, WhenTimeIsUp) {
+    Film film = empty();
+    RenderSettings settings;
+    settings.samples = 40;
+    settings.max_depth = 3;
+    settings.seconds = 1e-9;
+    const auto in_no_time = [&] {
+        return render(builder_.world, Lights(lights, builder_.world), grey, camera_, settings, film);
+    };
+    EXPECT_TRUE(in_no_time().out_of_time);
+    EXPECT_EQ(count_samples(film).total, film.taken.size());
+    EXPECT_TRUE(in_no_time().out_of_time);
+    EXPECT_EQ(count_samples(film).total, film.taken.size()) << "not a sample of a pass of three";
+    go_on(film, 40);
+    expect_same(film, one_go(40));
+}
+
 // Each pixel has had its part of the pass or not: half of them of 16 samples, half of 32 or of the 21 asked for once.
 TEST_F(Resume, WithinAPass) {
     for (const double target : {0.0, 0.02, 0.04})

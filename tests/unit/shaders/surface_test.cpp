@@ -357,7 +357,7 @@ TEST(Sand, RipplesAreAsHighAndAsLongAsAskedAndSteepDownwind) {
     double before = 0.0;
     constexpr double step = 0.0002, length = 40.0;
     for (double x = 0.0; x < length; x += step) {
-        const double slope = static_cast<double>(ripple_at(sand_of(sand), {x, 0.0, 3.0}, 0.0F).slope.x());
+        const double slope = static_cast<double>(ripple_at(sand_of(sand), {x, 0.0, 3.0}, {}).slope.x());
         height += step * slope;
         low = std::min(low, height);
         high = std::max(high, height);
@@ -372,6 +372,43 @@ TEST(Sand, RipplesAreAsHighAndAsLongAsAskedAndSteepDownwind) {
     EXPECT_GT(high - low, 0.008);
     EXPECT_LT(high - low, 0.02); // heights differ, and where the phase wanders the profile's mean does
     EXPECT_GT(-steepest, 2.0 * rise);
+}
+
+// Seen at a grazing angle, a pixel is long: crests that run away from the camera are as sharp as from above, those across fade.
+TEST(Sand, RipplesThatRunAwayStaySharp) {
+    const Material sand = material_of("sand", {{"ripple_height", "0.01"}, {"ripple_length", "0.1"}});
+    double from_above = 0.0, along_crests = 0.0, across_crests = 0.0;
+    for (double x = 0.0; x < 10.0; x += 0.013) {
+        const auto slope = [&](const Footprint& seen) {
+            return double(ripple_at(sand_of(sand), {x, 0.0, 3.0}, seen).slope.squaredNorm());
+        };
+        constexpr float width = 0.01F, length = 0.2F;
+        from_above += slope({{width, 0.0F}, {0.0F, width}});
+        along_crests += slope({{width, 0.0F}, {0.0F, length}});
+        across_crests += slope({{0.0F, width}, {length, 0.0F}});
+    }
+    std::printf("[ ripples ] at a twentieth: %.3f of their slope along the view, %.1e across it\n",
+                along_crests / from_above, across_crests / from_above);
+    EXPECT_GT(along_crests, 0.3 * from_above); // crests wander
+    EXPECT_LT(across_crests, 0.01 * from_above);
+}
+
+// What the shader makes of a ray is that footprint.
+TEST(Sand, RipplesLieAcrossThePixelsTheyAreSeenBy) {
+    const Material along = material_of("sand", {{"ripple_direction", "0"}}),
+                   across = material_of("sand", {{"ripple_direction", "90"}});
+    double spread[2] = {};
+    for (double x = 0.0; x < 5.0; x += 0.0131)
+        for (const bool away : {false, true}) {
+            ShadingPoint point = ground_point(0.05, 1.0);
+            point.wo = Vec3f(0.0F, 0.05F, 0.99875F); // along z
+            point.position = away ? Vec3d(0.0, 0.0, x) : Vec3d(x, 0.0, 0.0);
+            point.footprint = 0.01F;
+            const SandBsdf bsdf = std::get<SandBsdf>(bsdf_at(away ? across : along, point));
+            spread[away] += double(Vec2f(bsdf.normal.x(), bsdf.normal.z()).squaredNorm());
+        }
+    EXPECT_GT(spread[0], 50.0 * spread[1]);
+    EXPECT_GT(spread[0], 0.1);
 }
 
 // What a wide pixel sees is the mean of what narrow ones see in it: its slope, and a roughness that stands for the rest.

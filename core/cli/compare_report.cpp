@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/compare_report.h"
 
+#include "core/cli/compare_style.h"
+#include "core/cli/compare_tables.h"
+#include "core/cli/compare_view.h"
 #include "core/cli/html.h"
 
 #include <fmt/format.h>
@@ -10,316 +13,311 @@
 #include <cmath>
 
 namespace marram {
+namespace page {
 namespace {
 
-using Pixels = std::vector<float>; // 3 a pixel, linear
-
-// How a layer's numbers become colours: the picture proper by an exposure, others from their range.
-struct Look {
-    float low = 0.0F, high = 1.0F;
-    bool encoded = true; // numbers that are no light are shown in proportion
+struct Size {
+    int width = 0, height = 0;
 };
 
-Look look_of(const Picture::Layer& layer) {
-    Look look;
-    if (layer.name.empty()) {
-        // Nearly white: what 99 of 100 numbers stay below, if that is more than a screen shows.
-        Pixels sorted = layer.pixels;
-        const auto at = sorted.begin() + long(sorted.size() * 99 / 100);
-        std::nth_element(sorted.begin(), at, sorted.end());
-        look.high = std::max(1.0F, *at);
-        return look;
+// The style of a box that pictures of this size fill: at least so many pixels of the screen wide or high, in whole multiples; never wider
+// than the window or higher than most of it. Pictures that are longer than 8 : 1 are stretched, or nothing would be seen of them.
+struct Shape {
+    std::string width, ratio;
+    bool enlarged = false, stretched = false;
+};
+
+Shape shape_of(Size size, int least) {
+    const int longer = std::max(size.width, size.height), scale = std::max(1, (least + longer - 1) / longer);
+    double w = double(size.width) * scale, h = double(size.height) * scale;
+    Shape shape;
+    shape.stretched = std::max(w, h) > 8.0 * std::min(w, h);
+    shape.enlarged = scale > 1 || shape.stretched;
+    if (shape.stretched) (w < h ? w : h) = std::max(w, h) / 8.0;
+    shape.width = fmt::format("min(100cqw,{:.0f}px,{:.2f}vh)", w, 80.0 * w / h);
+    shape.ratio = fmt::format("{:.0f}/{:.0f}", w, h);
+    return shape;
+}
+
+std::string figure(const Shape& shape, const char* kinds, const std::string& more, const std::string& inside,
+                   const std::string& below) {
+    return fmt::format("<figure style=\"width:max(min(100cqw,15em),{0})\">\n<div class=\"box{1}{2}\"{3} "
+                       "style=\"width:{0};aspect-ratio:{4}\">\n{5}</div>\n{6}</figure>\n",
+                       shape.width, shape.enlarged ? " pixelated" : "", kinds, more, shape.ratio, inside,
+                       below);
+}
+
+std::string caption(const std::string& html) { return "<figcaption>" + html + "</figcaption>\n"; }
+
+std::string image(const Pixels& rgb, Size size, const std::string& what, const char* kind) {
+    return fmt::format("<img src=\"{}\" alt=\"{}\" class=\"{}\">\n",
+                       data_url(png_bytes(size.width, size.height, 3, rgb.data(), 0.0)), escaped(what), kind);
+}
+
+// Around a region of what is shown.
+std::string frame(const Region& framed, const Region& shown) {
+    const auto percent = [](int part, int whole) { return 100.0 * part / whole; };
+    return fmt::format(
+        "<span class=\"frame\" style=\"left:{:.4f}%;top:{:.4f}%;width:{:.4f}%;height:{:.4f}%\">"
+        "</span>\n",
+        percent(framed.x - shown.x, shown.width), percent(framed.y - shown.y, shown.height),
+        percent(framed.width, shown.width), percent(framed.height, shown.height));
+}
+
+// ---- one of the two pictures ----------------------------------------------------------------------------------------
+
+// As many layers of light, or the one layer of another kind.
+struct Side {
+    const char* name; // "A", "B"
+    const char* what;
+    std::vector<std::pair<const char*, Pixels>> parts;
+};
+
+Side side_of(const char* name, const char* what, const Picture::Layer& layer, const Picture::Layer& reference,
+             const Exposures* exposures) {
+    Side side{name, what, {}};
+    if (!exposures) {
+        side.parts.emplace_back("base", in_proportion(layer, reference));
+        return side;
     }
-    const auto [low, high] = std::minmax_element(layer.pixels.begin(), layer.pixels.end());
-    look.low = std::min(0.0F, *low);
-    look.high = *high > look.low ? *high : look.low + 1.0F;
-    look.encoded = layer.name == "albedo";
-    return look;
+    side.parts.emplace_back("base", exposed(layer, *exposures, Part::base));
+    if (exposures->highlights != 0)
+        side.parts.emplace_back("highlights", exposed(layer, *exposures, Part::highlights));
+    if (exposures->shadows != 0)
+        side.parts.emplace_back("shadows", exposed(layer, *exposures, Part::shadows));
+    return side;
 }
 
-Pixels shown(const Picture::Layer& layer, const Look& look) {
-    const size_t channels = layer.channels.size(), count = layer.pixels.size() / channels;
-    Pixels rgb(3 * count);
-    for (size_t i = 0; i < count; ++i)
-        for (size_t c = 0; c < 3; ++c) {
-            // Two channels are red and green.
-            const float v = channels == 1  ? layer.pixels[i]
-                            : c < channels ? layer.pixels[i * channels + c]
-                                           : look.low;
-            const float share = std::clamp((v - look.low) / (look.high - look.low), 0.0F, 1.0F);
-            rgb[3 * i + c] = look.encoded ? share : linear_from_srgb(share);
-        }
-    return rgb;
+std::string images(const Side& side, int width, const Region& region) {
+    std::string out;
+    for (const auto& [kind, rgb] : side.parts)
+        out += image(region.width == width && region.y == 0 &&
+                             rgb.size() == 3 * size_t(width) * size_t(region.height)
+                         ? rgb
+                         : cut(rgb, width, region),
+                     {region.width, region.height}, out.empty() ? side.what : "", kind);
+    return fmt::format("<div class=\"side {}\">\n{}</div>\n", side.name[0] == 'A' ? "a" : "b", out);
 }
 
-// Black, violet, orange, white: brighter is more, to those who see no colours too.
-std::array<float, 3> heat(double x) {
-    static constexpr double stops[][3] = {{0.0, 0.0, 0.02},   {0.23, 0.06, 0.44}, {0.55, 0.16, 0.51},
-                                          {0.87, 0.29, 0.41}, {0.99, 0.6, 0.38},  {0.99, 0.99, 0.75}};
-    const double at = (x > 0.0 ? std::min(x, 1.0) : 0.0) * 5.0;
-    const int i = std::min(int(at), 4);
-    std::array<float, 3> rgb{};
-    for (size_t c = 0; c < 3; ++c)
-        rgb[c] = linear_from_srgb(float(stops[i][c] + (at - i) * (stops[i + 1][c] - stops[i][c])));
-    return rgb;
+std::string controls(const std::string& id, bool light, bool framed, const Exposures& exposures) {
+    std::string out = fmt::format(
+        "<div class=\"controls\" data-for=\"{}\"><span><button data-show=\"a\">A</button><button "
+        "data-show=\"b\">B</button><button data-show=\"swap\">swap</button><button "
+        "data-show=\"slider\">slider</button><input type=\"range\" class=\"where\" min=\"0\" max=\"100\" "
+        "step=\"0.1\" value=\"50\" aria-label=\"where A ends and B begins\"></span>\n",
+        id);
+    if (light)
+        out +=
+            fmt::format("<span><label>exposure <input type=\"range\" class=\"stops\" min=\"{}\" max=\"{}\" "
+                        "step=\"0.25\" value=\"0\"></label><output></output><button "
+                        "data-reset>reset</button></span>\n",
+                        std::min(exposures.highlights, -4), exposures.shadows + 4);
+    if (framed) out += "<span><button data-frame aria-pressed=\"true\">frame</button></span>\n";
+    return out + "</div>\n";
 }
 
-Pixels heat_map(const std::vector<float>& values, double white) {
-    Pixels rgb;
-    for (const float v : values)
-        for (const float c : heat(white > 0.0 ? double(v) / white : 0.0)) rgb.push_back(c);
-    return rgb;
+std::string stops(int by) { return fmt::format("{} stop{}", std::abs(by), std::abs(by) == 1 ? "" : "s"); }
+
+std::string percent(double share) {
+    return share > 0.0 && share < 1e-4 ? "less than 0.01 %" : fmt::format("{:.2g} %", 100.0 * share);
 }
 
-// Each pixel's greatest difference of a channel.
-std::vector<float> differences(const Picture::Layer& a, const Picture::Layer& b) {
-    const size_t channels = b.channels.size();
-    std::vector<float> out(b.pixels.size() / channels);
-    for (size_t i = 0; i < b.pixels.size(); ++i) { // of the largest floats the difference is none
-        constexpr double largest = 3e38;
-        const double apart = std::min(std::abs(double(a.pixels[i]) - double(b.pixels[i])), largest);
-        out[i / channels] = std::max(out[i / channels], float(apart));
-    }
+// At which exposure it is shown, and what of it no exposure shows.
+std::string exposure_words(const Exposures& e) {
+    std::string out = e.base == 0
+                          ? "Base exposure: 0 stops, as the files say."
+                          : fmt::format("Base exposure: {} {} than the files say (&times; {:.3g}).",
+                                        stops(e.base), e.base > 0 ? "brighter" : "darker", std::exp2(e.base));
+    if (e.highlights != 0)
+        out += fmt::format(" White there: {} of A's pixels, {} of B's; they show their light {}.",
+                           percent(e.white_test), percent(e.white_reference),
+                           e.lost > 0.0 ? fmt::format("down to {} darker, where {} of all stay clipped",
+                                                      stops(e.highlights), percent(e.lost))
+                                        : fmt::format("within {} darker", stops(e.highlights)));
     return out;
 }
 
-struct Box {
-    int x, y, width, height;
-};
-
-Pixels cut(const Pixels& rgb, int width, const Box& box) {
-    Pixels out;
-    for (int y = box.y; y < box.y + box.height; ++y) {
-        const auto row = rgb.begin() + 3 * (long(y) * width + box.x);
-        out.insert(out.end(), row, row + 3 * box.width);
-    }
-    return out;
+std::string pair(const std::string& id, const Side& test, const Side& reference, Size size,
+                 const std::string& framed, const std::string& words) {
+    const Region whole{0, 0, size.width, size.height};
+    const Shape shape = shape_of(size, 480);
+    return figure(
+        shape, " pair",
+        fmt::format(" id=\"{}\" data-shows=\"slider\" aria-label=\"A and B, with a line that divides "
+                    "them\"",
+                    id),
+        images(reference, size.width, whole) + images(test, size.width, whole) +
+            "<span class=\"divider\"></span>\n" + framed +
+            "<span class=\"which left\"></span><span class=\"which right\"></span>\n",
+        caption("A, judged, and B, reference. " + words +
+                (shape.stretched
+                     ? fmt::format(" Stretched: it is {} &times; {} pixels.", size.width, size.height)
+                     : "")));
 }
 
-// The square of 32 pixels with the most of it.
-Box worst_region(const std::vector<float>& values, int width, int height) {
-    constexpr int side = 32, step = 8;
-    Box worst{0, 0, std::min(side, width), std::min(side, height)};
-    double most = -1.0;
-    for (int y = 0;; y += step) {
-        const int top = std::min(y, height - worst.height);
-        for (int x = 0;; x += step) {
-            const int left = std::min(x, width - worst.width);
-            double sum = 0.0;
-            for (int j = top; j < top + worst.height; ++j)
-                for (int i = left; i < left + worst.width; ++i)
-                    sum += double(values[size_t(j) * size_t(width) + size_t(i)]);
-            if (sum > most) {
-                most = sum;
-                worst.x = left;
-                worst.y = top;
-            }
-            if (left >= width - worst.width) break;
-        }
-        if (top >= height - worst.height) break;
-    }
-    return worst;
-}
+// ---- how much they differ -------------------------------------------------------------------------------------------
 
-// 32 pixels or more about a square.
-Box box_around(const ScaleResult& scale, int width, int height) {
-    const int side = std::max(32, std::min(scale.size, 64));
-    Box box{0, 0, std::min(side, width), std::min(side, height)};
-    box.x = std::clamp(scale.x + (scale.size - box.width) / 2, 0, width - box.width);
-    box.y = std::clamp(scale.y + (scale.size - box.height) / 2, 0, height - box.height);
-    return box;
-}
-
-std::string image(const Pixels& rgb, int width, int height, const std::string& what,
-                  const std::string& more = "") {
-    return fmt::format("<img src=\"{}\" width=\"{}\" height=\"{}\" alt=\"{}\"{}>",
-                       data_url(png_bytes(width, height, 3, rgb.data(), 0.0)), width, height, escaped(what),
-                       more);
-}
-
-// How many pixels differ by how much, the numbers on a logarithmic axis.
-std::string histogram(const std::vector<float>& values, double white, const std::string& what) {
-    constexpr int bars = 50, width = 600, height = 160;
+// How many pixels differ by how much, on the colours of the heat map and their values.
+std::string legend(const std::vector<float>& values, double white, double most, const std::string& what) {
+    constexpr int bars = 64, height = 56;
     std::array<size_t, bars> counts{};
-    for (const float v : values)
-        ++counts[size_t(white > 0.0 ? std::clamp(double(v) / white * bars, 0.0, bars - 1.0) : 0.0)];
+    for (const float v : values) ++counts[size_t(std::clamp(double(v) / white * bars, 0.0, bars - 1.0))];
     const double top = std::log10(1.0 + double(*std::max_element(counts.begin(), counts.end())));
     std::string out =
-        fmt::format("<svg viewBox=\"0 -6 {} {}\" class=\"histogram\" role=\"img\" aria-label=\"{}\">\n",
-                    width, height + 28, escaped(what));
+        fmt::format("<svg viewBox=\"0 0 {} {}\" preserveAspectRatio=\"none\" class=\"histogram\" "
+                    "role=\"img\" aria-label=\"histogram of {}\">\n",
+                    bars, height, escaped(what));
     for (int i = 0; i < bars; ++i) {
-        const double h = top > 0.0 ? std::log10(1.0 + double(counts[size_t(i)])) / top * height : 0.0;
-        out += fmt::format("<rect x=\"{}\" y=\"{:.1f}\" width=\"{}\" height=\"{:.1f}\"><title>{} pixels from "
-                           "{:.3g}</title></rect>\n",
-                           i * width / bars, height - h, width / bars - 1, h, counts[size_t(i)],
-                           white * i / bars);
-    }
-    return out + fmt::format(
-                     "<text x=\"0\" y=\"{0}\">0</text><text x=\"{1}\" y=\"{0}\" text-anchor=\"middle\">{2}, "
-                     "pixels on a logarithmic axis</text><text x=\"{3}\" y=\"{0}\" "
-                     "text-anchor=\"end\">{4:.3g}</text></svg>\n",
-                     height + 16, width / 2, escaped(what), width, white);
-}
-
-std::string pair(const std::string& id, const Pixels& test, const Pixels& reference, int width, int height) {
-    return fmt::format("<div class=\"pair\" id=\"{0}\" data-shows=\"slider\" "
-                       "style=\"width:min(100%,{1}px);aspect-ratio:{1}/{2}\">\n"
-                       "{3}\n{4}\n<span class=\"which\"></span></div>\n"
-                       "<p class=\"controls\" data-for=\"{0}\"><button data-show=\"a\">A</button><button "
-                       "data-show=\"b\">B</button>"
-                       "<button data-show=\"swap\">swap</button><button data-show=\"slider\">slider</button>"
-                       "<input type=\"range\" min=\"0\" max=\"100\" value=\"50\" aria-label=\"where A ends "
-                       "and B begins\"></p>\n",
-                       id, std::max(width, 480), std::max(width, 480) * height / width,
-                       image(reference, width, height, "B: reference", " class=\"b\""),
-                       image(test, width, height, "A: judged", " class=\"a\""));
-}
-
-std::string numbers(const Comparison& c) {
-    std::string out =
-        "<table><tr><th>layer</th><th>RMSE</th><th>relative MSE</th><th>PSNR, dB</th><th>greatest "
-        "difference</th></tr>\n";
-    for (const LayerResult& layer : c.layers)
-        out += fmt::format(
-            "<tr{}><td>{}</td><td>{:.4g}</td><td>{:.4g}</td><td>{:.2f}</td><td>{:.4g}</td></tr>\n",
-            !layer.fault.empty() ? " class=\"bad\"" : "",
-            layer.name.empty() ? "picture" : escaped(layer.name), layer.rmse, layer.relative_mse, layer.psnr,
-            layer.most);
-    out += "</table>\n<table><tr><th>of the picture</th><th>value</th><th>limit</th></tr>\n";
-    const auto row = [&](const std::string& what, double value, double limit, bool judged, bool fails) {
+        const double h = std::log10(1.0 + double(counts[size_t(i)])) / top * height;
         out +=
-            fmt::format("<tr{}><td>{}</td><td>{:.4g}</td><td>{}</td></tr>\n", fails ? " class=\"bad\"" : "",
-                        what, value, judged ? fmt::format("{:.4g}", limit) : std::string("not judged"));
-    };
-    row(fmt::format("FLIP, mean ({})", c.flip_kind()), c.flip_mean, c.flip_mean_limit,
-        std::isfinite(c.flip_mean_limit), c.flip_mean > c.flip_mean_limit);
-    row("FLIP, 99th percentile", c.flip_99, c.flip_99_limit, std::isfinite(c.flip_99_limit),
-        c.flip_99 > c.flip_99_limit);
-    row("SSIM", c.ssim, c.ssim_limit, c.ssim_limit >= 0.0, c.ssim < c.ssim_limit);
-    for (const ScaleResult& s : c.scales)
-        row(s.size == 0 ? std::string("standard deviations, whole picture")
-                        : fmt::format("standard deviations, worst of {0} &times; {0} pixels at ({1}, {2})",
-                                      s.size, s.x, s.y),
-            s.worst, s.limit, true, s.fails());
-    return out + "</table>\n";
-}
-
-std::string metadata(const ComparedFile& a, const ComparedFile& b) {
-    const auto of = [](const ComparedFile& file) { return read_all_metadata(file.path); };
-    const auto x = of(a), y = of(b);
-    std::vector<std::string> keys;
-    for (const auto* list : {&x, &y})
-        for (const auto& [key, value] : *list) keys.push_back(key);
-    std::ranges::sort(keys);
-    keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
-    const auto value = [](const auto& list, const std::string& key) {
-        for (const auto& [k, v] : list)
-            if (k == key) return v;
-        return std::string();
-    };
-    std::string out =
-        fmt::format("<table><tr><th></th><th>A</th><th>B</th></tr>\n<tr><td>file</td><td>{0}</td>"
-                    "<td>{1}</td></tr>\n<tr><td>size</td><td>{2} &times; {3}</td>"
-                    "<td>{2} &times; {3}</td></tr>\n",
-                    escaped(a.path), escaped(b.path), a.picture.width, a.picture.height);
-    for (const std::string& key : keys) {
-        const std::string p = value(x, key), q = value(y, key);
-        out += fmt::format("<tr{}><td>{}</td><td>{}</td><td>{}</td></tr>\n", p == q ? "" : " class=\"other\"",
-                           escaped(key), escaped(p), escaped(q));
+            fmt::format("<rect x=\"{}\" y=\"{:.1f}\" width=\"0.9\" height=\"{:.1f}\"><title>{} pixels from "
+                        "{:.3g}</title></rect>\n",
+                        i, height - h, h, counts[size_t(i)], white * i / bars);
     }
-    return out + "</table>\n";
+    out += fmt::format("</svg>\n<div class=\"scale\" style=\"background:{}\"></div>\n<div class=\"ticks\">",
+                       heat_gradient());
+    for (int i = 0; i < 4; ++i) out += fmt::format("<span>{:.3g}</span>", white * i / 4);
+    return out + fmt::format("<span>{:.3g}{}</span></div>\n", white, most > white ? " and more" : "");
 }
 
-constexpr const char* style = R"(<style>
-body{font:15px/1.5 sans-serif;max-width:72em;margin:0 auto 3em;padding:0 1em;color:#222;background:#fff}
-.verdict{padding:.6em 1em;margin:1em 0;border-left:.6em solid} .alike{background:#e8f4ea;border-color:#2e7d32}
-.different{background:#fdecea;border-color:#b3261e} .verdict h1{margin:0;font-size:1.5em}
-.pair{position:relative;overflow:hidden;background:#888;cursor:pointer} .pair img{position:absolute;left:0;top:0;width:100%;height:100%}
-.which{position:absolute;left:.4em;bottom:.3em;background:#000a;color:#fff;padding:0 .5em;font-size:13px}
-.controls button{margin-right:.4em} .controls input{width:min(24em,50%);vertical-align:middle}
-figure{display:inline-block;margin:.5em 1em .5em 0;max-width:100%} figure img{max-width:100%;height:auto;display:block}
-img.magnified{image-rendering:pixelated;width:256px;height:auto} figcaption{font-size:13px;color:#555}
-table{border-collapse:collapse;margin:.6em 0} td,th{padding:.15em .8em;text-align:left;border-bottom:1px solid #ddd}
-tr.bad td{background:#fdecea} tr.other td{background:#fff7e0}
-.histogram{display:block;margin:.8em 0;max-width:40em;width:100%;fill:#5a3d8a;font-size:12px} .histogram text{fill:#444}
-</style>
-)";
+struct Map {
+    std::string name, words; // HTML
+    double white = 0.0;
+    std::vector<float> values;
+    Pixels rgb;
+};
 
-// Swap on a click or the space bar, a slider that uncovers, and either alone.
-constexpr const char* script = R"(<script>
-for (const controls of document.querySelectorAll(".controls")) {
-  const pair = document.getElementById(controls.dataset.for), top = pair.querySelector(".a");
-  const which = pair.querySelector(".which"), range = controls.querySelector("input");
-  let state = "slider", swapped = false;
-  const draw = () => {
-    pair.dataset.shows = state === "swap" ? (swapped ? "b" : "a") : state;
-    top.style.visibility = pair.dataset.shows === "b" ? "hidden" : "visible";
-    top.style.clipPath = state === "slider" ? `inset(0 ${100 - range.value}% 0 0)` : "none";
-    which.textContent = {a: "A: judged", b: "B: reference", slider: "A | B"}[pair.dataset.shows];
-  };
-  const swap = () => { swapped = state === "swap" ? !swapped : pair.dataset.shows !== "b"; state = "swap"; draw(); };
-  for (const button of controls.querySelectorAll("button"))
-    button.addEventListener("click", () => {
-      if (button.dataset.show === "swap") swap(); else { state = button.dataset.show; draw(); }
-    });
-  range.addEventListener("input", () => { state = "slider"; draw(); });
-  pair.addEventListener("click", swap);
-  pair.tabIndex = 0;
-  pair.addEventListener("keydown", event => { if (event.key === " ") { event.preventDefault(); swap(); } });
-  draw();
+Map map_of(const std::string& name, const std::string& words, std::vector<float> values, double white) {
+    Map map{name, words, white, std::move(values), {}};
+    map.rgb = heat_map(map.values, map.white);
+    return map;
 }
-</script>
-)";
+
+std::string map_figure(const Map& map, Size size, const std::string& framed) {
+    const double most = double(*std::max_element(map.values.begin(), map.values.end()));
+    return figure(shape_of(size, 480), " map", "", image(map.rgb, size, map.name, "heat") + framed,
+                  legend(map.values, map.white, most, map.name) +
+                      caption(fmt::format("{}, {:.3g} at most. Bars: how many pixels, on a logarithmic axis.",
+                                          map.words, most)));
+}
+
+// ---- where it is worst ----------------------------------------------------------------------------------------------
+
+std::string where_words(const ScaleResult* square, const Region& at, const Picture& picture,
+                        const std::string& most) {
+    const std::string place =
+        at.width == 1 && at.height == 1
+            ? fmt::format("pixel ({}, {})", at.x, at.y)
+            : fmt::format("{} &times; {} pixels at ({}, {})", at.width, at.height, at.x, at.y);
+    if (!square) return fmt::format("Framed: {}, with the most of {}.", place, most);
+    return fmt::format("Framed: {}, off by {:.3g} standard deviations in {}, {:.3g} are allowed{}.", place,
+                       square->worst, channel_of(*square, picture), square->limit,
+                       square->fails() ? ""
+                                       : "; the whole picture fails, no square of it alone, and this one is "
+                                         "nearest to its limit");
+}
+
+std::string worst_place(const Region& framed, Size size, const Side& test, const Side& reference,
+                        const std::vector<Map>& maps, const std::string& words) {
+    const Region shown = context_of(framed, size.width, size.height);
+    const Size part{shown.width, shown.height};
+    const Shape shape = shape_of(part, 360);
+    const std::string around = frame(framed, shown);
+    std::string out =
+        fmt::format("<h3>Where it is worst</h3>\n<p>{} Shown: the {} &times; {} pixels around.</p>\n"
+                    "<div class=\"views\">\n<div class=\"group\">\n",
+                    words, part.width, part.height);
+    for (const Side* side : {&test, &reference})
+        out += figure(shape, " crop", "", images(*side, size.width, shown) + around, caption(side->name));
+    out += "</div>\n<div class=\"group\">\n";
+    for (const Map& map : maps)
+        out += figure(shape, " crop", "",
+                      image(cut(map.rgb, size.width, shown), part, map.name + ", magnified", "heat") + around,
+                      caption(map.name));
+    return out + "</div>\n</div>\n";
+}
 
 std::string layer_section(const Picture::Layer& a, const Picture::Layer& b, const Comparison& c,
-                          size_t number) {
-    const Look look = look_of(b);
-    const Pixels test = shown(a, look), reference = shown(b, look);
-    const std::vector<float> apart = differences(a, b);
-    const double most = double(*std::max_element(apart.begin(), apart.end()));
-    const int w = c.width, h = c.height;
-    std::string out = fmt::format("<h2>{}</h2>\n", b.name.empty() ? "The picture" : escaped(b.name));
-    if (b.name.empty() && look.high > 1.0F)
-        out += fmt::format("<p>Shown {:.1f} stops darker.</p>\n", std::log2(double(look.high)));
-    out += pair(fmt::format("pair{}", number), test, reference, w, h);
-    const auto figure = [&](const Pixels& rgb, const Box& box, const std::string& words, bool magnified) {
-        out += fmt::format(
-            "<figure>{}<figcaption>{}</figcaption></figure>\n",
-            image(cut(rgb, w, box), box.width, box.height, words, magnified ? " class=\"magnified\"" : ""),
-            escaped(words));
-    };
-    const Box whole{0, 0, w, h};
-    const Pixels map = heat_map(apart, most);
-    figure(map, whole, fmt::format("difference, white: {:.3g}", most), false);
-    std::vector<float> judged = apart;
-    if (b.name.empty()) {
-        figure(heat_map(c.flip, 1.0), whole, "FLIP, white: 1", false);
-        judged = c.flip;
+                          const Picture& picture, size_t number) {
+    const bool proper = b.name.empty();
+    const Size size{c.width, c.height};
+    const Exposures exposures = proper ? exposures_of(a, b, c.display) : Exposures{};
+    const Exposures* light = proper ? &exposures : nullptr;
+    const Side test = side_of("A", "A: judged", a, b, light),
+               reference = side_of("B", "B: reference", b, b, light);
+    std::vector<float> apart = differences(a, b);
+    const double white = white_of(apart);
+    std::vector<Map> maps;
+    if (white > 0.0)
+        maps.push_back(
+            map_of("difference", "Difference of a pixel's worst channel", std::move(apart), white));
+    if (white > 0.0 && proper)
+        maps.push_back(
+            map_of("FLIP", "FLIP, the difference that is seen: 0 none, 1 black and white", c.flip, 1.0));
+    // By noise where it fails: FLIP of a noisy picture finds the noisiest place.
+    const ScaleResult* square = proper ? failing_square(c.scales) : nullptr;
+    Region worst;
+    std::string framed;
+    if (!maps.empty()) {
+        worst = square ? region_of(*square, c.width, c.height)
+                       : worst_region(maps.back().values, c.width, c.height);
+        framed = frame(worst, {0, 0, c.width, c.height});
     }
-    out += histogram(apart, most, "difference");
-    if (b.name.empty()) out += histogram(c.flip, 1.0, "FLIP");
-    // By noise where it is known: FLIP of a noisy picture finds the noisiest place.
-    const ScaleResult* scale = b.name.empty() ? c.worst_scale() : nullptr;
-    const Box worst = scale && scale->size > 0 && scale->worst > 0.0 ? box_around(*scale, w, h)
-                                                                     : worst_region(judged, w, h);
-    out += fmt::format("<h3>Where it is worst: {} &times; {} pixels at ({}, {})</h3>\n", worst.width,
-                       worst.height, worst.x, worst.y);
-    figure(test, worst, "A", true);
-    figure(reference, worst, "B", true);
-    figure(map, worst, "difference", true);
-    return out;
+    const std::string id = fmt::format("pair{}", number);
+    std::string out = fmt::format("<section{}><h2>{}</h2>\n",
+                                  light ? fmt::format(" data-exposed=\"base\" data-highlights=\"{}\" "
+                                                      "data-shadows=\"{}\"",
+                                                      exposures.highlights, exposures.shadows)
+                                        : "",
+                                  proper ? "The picture" : escaped(b.name));
+    if (number == 0)
+        out +=
+            "<p class=\"small\">Drag across the picture to move the line, click to swap. With the pointer on "
+            "it: "
+            "<kbd>space</kbd> swaps, <kbd>A</kbd> <kbd>B</kbd> show one, <kbd>S</kbd> both, "
+            "<kbd>&larr;</kbd> "
+            "<kbd>&rarr;</kbd> move the line, <kbd>+</kbd> <kbd>&minus;</kbd> <kbd>0</kbd> set the exposure, "
+            "<kbd>F</kbd> hides the frame.</p>\n";
+    out += controls(id, proper, !maps.empty(), exposures) + "<div class=\"views\">\n" +
+           pair(id, test, reference, size, framed,
+                light          ? exposure_words(exposures)
+                : maps.empty() ? "Black to white: the range of B's numbers. No number differs."
+                               : "Black to white: the range of B's numbers.");
+    if (!maps.empty()) out += "<div class=\"group\">\n"; // the maps stay beside each other
+    for (const Map& map : maps) out += map_figure(map, size, framed);
+    out += maps.empty() ? "</div>\n" : "</div>\n</div>\n";
+    if (maps.empty()) return out + (proper ? "<p>No number differs.</p>\n</section>\n" : "</section>\n");
+    return out +
+           worst_place(worst, size, test, reference, maps,
+                       where_words(square, worst, picture, proper ? "FLIP" : "the difference")) +
+           "</section>\n";
+}
+
+// Filters that the script fills in.
+std::string filters() {
+    std::string out = "<svg class=\"filters\" aria-hidden=\"true\">\n";
+    for (const char* name : {"base", "highlights", "shadows"}) {
+        out += fmt::format("<filter id=\"expose-{}\" x=\"0\" y=\"0\" width=\"100%\" height=\"100%\" "
+                           "color-interpolation-filters=\"sRGB\"><feComponentTransfer>",
+                           name);
+        for (const char channel : {'R', 'G', 'B'})
+            out += fmt::format("<feFunc{0} type=\"table\" tableValues=\"0 1\"></feFunc{0}>", channel);
+        out += "</feComponentTransfer></filter>\n";
+    }
+    return out + "</svg>\n";
 }
 
 } // namespace
+} // namespace page
 
 std::string compare_page(const ComparedFile& test, const ComparedFile& reference,
                          const Comparison& comparison) {
     const std::string verdict = comparison.alike() ? (comparison.equal ? "Equal" : "Alike") : "Different";
     std::string out = fmt::format(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{}: {} and {}</title>\n"
-        "<meta name=\"viewport\" content=\"width=device-width\">\n{}</head><body>\n"
+        "<meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n{}</head><body><main>\n"
         "<div class=\"verdict {}\"><h1>{}</h1>\n",
-        verdict, escaped(test.path), escaped(reference.path), style,
+        verdict, escaped(test.path), escaped(reference.path), page::style,
         comparison.alike() ? "alike" : "different", verdict);
     for (const std::string& fault : comparison.faults) out += fmt::format("<p>{}</p>\n", escaped(fault));
     if (comparison.alike())
@@ -328,16 +326,16 @@ std::string compare_page(const ComparedFile& test, const ComparedFile& reference
                    ? "<p>What differs is what their noise explains, as they know it.</p>\n"
                    : "<p>They look the same. Whether noise explains what differs nobody can tell: " +
                          escaped(comparison.unknown) + ".</p>\n";
-    out += fmt::format("<p>A, judged: {}<br>B, reference: {}</p></div>\n", escaped(test.path),
+    out += fmt::format("<p class=\"files\">A, judged: {}<br>B, reference: {}</p></div>\n", escaped(test.path),
                        escaped(reference.path));
     size_t number = 0;
     for (const Picture::Layer& layer : reference.picture.layers) {
         const Picture::Layer* mine = test.picture.find(layer.name);
         if (layer.name == "variance" || !mine || mine->channels.size() != layer.channels.size()) continue;
-        out += layer_section(*mine, layer, comparison, number++);
+        out += page::layer_section(*mine, layer, comparison, reference.picture, number++);
     }
-    return out + "<h2>Numbers</h2>\n" + numbers(comparison) + "<h2>What the files say</h2>\n" +
-           metadata(test, reference) + script + "</body></html>\n";
+    return out + page::numbers(comparison, reference.picture) + page::metadata(test, reference) +
+           page::filters() + page::script + "</main></body></html>\n";
 }
 
 } // namespace marram

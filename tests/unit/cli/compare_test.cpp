@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `marram compare` as users run it, and its page in a real browser.
+// `marram compare` as users run it; its page: compare_page_test.cpp.
 #include "program.h"
-
-#include <cstdlib>
 
 namespace marram::testing {
 namespace {
@@ -66,75 +64,6 @@ TEST(Compare, refuses_what_it_cannot_compare) {
     const Layer layer{"", {"Y"}, grey.data(), true};
     write_exr(folder / "grey.exr", 24, 16, std::span(&layer, 1), {});
     refused({"compare", folder / "grey.exr", folder / "a.png"}, "grey.exr: has channels Y (grey); ");
-}
-
-// The page's own buttons, slider and pictures, used by a script that is added to a copy of it.
-TEST(Compare, page_stands_alone_and_works_in_a_browser) {
-    const Folder folder;
-    const std::string scene = folder.write(
-        "a.toml", SceneText{.film = "size = [96, 64]\nsamples = 2\nmax_depth = 3\n",
-                            .groom = "count = 4000\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.02\n"});
-    EXPECT_EQ(rendered(folder, scene, "a & b.exr").code, 0);
-    EXPECT_EQ(rendered(folder, scene, "wind.exr", {"--set", "wind.speed=0"}).code, 0);
-    const Outcome done =
-        marram({"compare", folder / "wind.exr", folder / "a & b.exr", "--report", folder / "report"});
-    EXPECT_EQ(done.code, 1);
-    const std::string path = folder / "report/compare.html";
-    EXPECT_CONTAINS(done.out, path);
-    std::string page = read_file(path);
-    EXPECT_TRUE(page.find("<h1>Different</h1>") != std::string::npos);
-    EXPECT_LT(page.find("<h1>"), page.find("<img")) << "the verdict comes first";
-    EXPECT_TRUE(page.find("a &amp; b.exr") != std::string::npos);
-    for (const char* part : {"<h2>The picture</h2>", "<h2>alpha</h2>", "<h2>depth</h2>", "FLIP",
-                             "Where it is worst", "marram:samples"})
-        EXPECT_TRUE(page.find(part) != std::string::npos) << part;
-    EXPECT_EQ(page.find("http"), std::string::npos) << "nothing is fetched";
-    if (std::system("command -v chromium >/dev/null") != 0)
-        GTEST_SKIP() << "there is no chromium to open the page in";
-    page += R"(<script>addEventListener("load", () => {
-  const faults = [];
-  let checks = 0;
-  const check = (what, fine) => { ++checks; if (!fine) faults.push(what); };
-  check("pictures", document.images.length >= 8);
-  for (const image of document.images) check(image.alt, image.complete && image.naturalWidth > 0);
-  const fetched = performance.getEntriesByType("resource").filter(entry => !entry.name.startsWith("data:"));
-  check("fetched " + fetched.map(entry => entry.name), fetched.length === 0);
-  const controls = [...document.querySelectorAll(".controls")];
-  check("pairs", controls.length === 3);
-  for (const control of controls) {
-    const pair = document.getElementById(control.dataset.for), style = getComputedStyle(pair.querySelector(".a"));
-    const button = name => control.querySelector(`[data-show=${name}]`), range = control.querySelector("input");
-    const words = () => pair.querySelector(".which").textContent;
-    check("slider at first", style.clipPath.includes("50%") && words() === "A | B");
-    button("a").click();
-    check("a", style.visibility === "visible" && style.clipPath === "none" && words().startsWith("A"));
-    button("b").click();
-    check("b", style.visibility === "hidden" && words().startsWith("B"));
-    button("swap").click();
-    check("swapped to a", style.visibility === "visible" && words().startsWith("A"));
-    pair.click();
-    check("swapped to b", style.visibility === "hidden");
-    pair.dispatchEvent(new KeyboardEvent("keydown", {key: " "}));
-    check("swapped by the space bar", style.visibility === "visible");
-    range.value = 25;
-    range.dispatchEvent(new Event("input"));
-    check("slider", style.clipPath.includes("75%") && style.visibility === "visible");
-    const box = pair.getBoundingClientRect();
-    check("shape", Math.abs(box.width / box.height - 1.5) < 0.02);
-  }
-  document.title = faults.length ? "FAULTS: " + faults.join("; ") : `fine: ${checks} checks`;
-});</script>)";
-    const std::string driven = folder.write("driven.html", page);
-    const std::string dom =
-        output_of("HOME='" + (folder / "") +
-                  "' timeout 120 chromium --headless --no-sandbox --disable-gpu --disable-dev-shm-usage "
-                  "--user-data-dir='" +
-                  (folder / "profile") + "' --dump-dom 'file://" + driven + "' 2>/dev/null");
-    const size_t title = dom.find("<title>");
-    ASSERT_NE(title, std::string::npos) << "the browser did not start";
-    const std::string words = dom.substr(title + 7, dom.find("</title>") - title - 7);
-    EXPECT_TRUE(words.starts_with("fine: ")) << words;
-    std::printf("%s\n", words.c_str());
 }
 
 } // namespace marram::testing

@@ -228,7 +228,8 @@ std::string worst_place(const Region& framed, Size size, const Side& test, const
                     "<div class=\"views\">\n<div class=\"group\">\n",
                     words, part.width, part.height);
     for (const Side* side : {&test, &reference})
-        out += figure(shape, " crop", "", images(*side, size.width, shown) + around, caption(side->name));
+        out += figure(shape, " crop", "", images(*side, size.width, shown) + around,
+                      caption(side->name[0] == 'A' ? "A, judged" : "B, reference"));
     out += "</div>\n<div class=\"group\">\n";
     for (const Map& map : maps)
         out += figure(shape, " crop", "",
@@ -271,13 +272,11 @@ std::string layer_section(const Picture::Layer& a, const Picture::Layer& b, cons
                                         : "",
                                   proper ? "The picture" : escaped(b.name));
     if (number == 0)
-        out +=
-            "<p class=\"small\">Drag across the picture to move the line, click to swap. With the pointer on "
-            "it: "
-            "<kbd>space</kbd> swaps, <kbd>A</kbd> <kbd>B</kbd> show one, <kbd>S</kbd> both, "
-            "<kbd>&larr;</kbd> "
-            "<kbd>&rarr;</kbd> move the line, <kbd>+</kbd> <kbd>&minus;</kbd> <kbd>0</kbd> set the exposure, "
-            "<kbd>F</kbd> hides the frame.</p>\n";
+        out += "<p class=\"small\">Drag across the picture to move the line, click to swap. With the pointer "
+               "on it: "
+               "<kbd>space</kbd> swap, <kbd>A</kbd> <kbd>B</kbd> one, <kbd>S</kbd> both, <kbd>&larr;</kbd> "
+               "<kbd>&rarr;</kbd> line, <kbd>+</kbd> <kbd>&minus;</kbd> <kbd>0</kbd> exposure, <kbd>F</kbd> "
+               "frame.</p>\n";
     out += controls(id, proper, !maps.empty(), exposures) + "<div class=\"views\">\n" +
            pair(id, test, reference, size, framed,
                 light          ? exposure_words(exposures)

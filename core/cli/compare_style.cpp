@@ -48,7 +48,7 @@ background:#fff;box-shadow:0 0 0 1px #0009}
 .scale{height:12px;border:1px solid var(--line)}
 .ticks{display:flex;justify-content:space-between;font-size:12px;color:var(--soft);font-variant-numeric:tabular-nums}
 .wide{overflow-x:auto;margin:.6em 0} table{border-collapse:collapse;font-variant-numeric:tabular-nums}
-.wide table{overflow-wrap:normal} td,th{padding:.2em .8em;text-align:left;vertical-align:top;border-bottom:1px solid var(--line)}
+.wide table{overflow-wrap:normal} td,th{padding:3px 12px;text-align:left;vertical-align:top;border-bottom:1px solid var(--line)}
 th{font-weight:600;font-size:13px;color:var(--soft)} .number{text-align:right}
 tr.bad td{background:var(--bad)} tr.other td,.mark{background:var(--other)} .mark{padding:0 .4em}
 tr.bad td:first-child{box-shadow:inset 3px 0 var(--bad-edge)}
@@ -57,7 +57,7 @@ tr.bad td:first-child{box-shadow:inset 3px 0 var(--bad-edge)}
 dl{display:grid;grid-template-columns:max-content 1fr;gap:.1em 1em;max-width:70em;font-size:13px;color:var(--soft)}
 dt{font-weight:600} dd{margin:0} .filters{position:absolute;width:0;height:0}
 @media (max-width:600px){.controls{position:static} .controls input{width:7em} body{padding:0 .7em}
-td,th{padding:.2em .5em} .says td:first-child{font-size:13px}
+td,th{padding:3px 7px} .says td:first-child{font-size:13px}
 dl{grid-template-columns:1fr} dd{margin-bottom:.4em}}
 </style>
 )";

@@ -103,8 +103,8 @@ std::string metadata(const ComparedFile& a, const ComparedFile& b) {
     for (const std::string& key : keys) {
         const std::string p = value(x, key), q = value(y, key);
         out += fmt::format("<tr{}><td>{}{}</td><td><div>{}</div></td><td><div>{}</div></td></tr>\n",
-                           p == q ? "" : " class=\"other\"", p == q ? "" : "&ne; ", escaped(key), escaped(p),
-                           escaped(q));
+                           p == q ? "" : " class=\"other\"", p == q ? "" : "&ne;&nbsp;", escaped(key),
+                           escaped(p), escaped(q));
     }
     return out + "</table>\n";
 }

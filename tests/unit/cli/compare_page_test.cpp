@@ -81,10 +81,13 @@ struct Pair {
             for (int x = at.x; x < at.x + at.width; ++x)
                 std::copy_n(colour.data(), 3, rgb.data() + 3 * (size_t(y) * size_t(width) + size_t(x)));
     }
-    std::string page(const Folder& folder, bool noise = false, const std::vector<Metadata>& more = {}) const {
+    // more: metadata of A; other: a layer's name, of the numbers in the order in which they lie.
+    std::string page(const Folder& folder, bool noise = false, const std::vector<Metadata>& more = {},
+                     const std::string& other = "") const {
         for (const auto* rgb : {&a, &b}) {
             std::vector<Layer> layers = {{"", {"R", "G", "B"}, rgb->data(), false}};
             if (noise) layers.push_back({"variance", {"R", "G", "B"}, variance.data(), false});
+            if (!other.empty()) layers.push_back({other, {"Y"}, rgb->data(), false});
             std::vector<Metadata> metadata = {{"marram:samples", 1024}};
             if (rgb == &a) metadata.insert(metadata.end(), more.begin(), more.end());
             write_exr(folder / (rgb == &a ? "a.exr" : "b.exr"), width, height, layers, metadata);
@@ -271,7 +274,8 @@ TEST(ComparePage, fits_the_window) {
     wide.set(wide.a, {600, 300, 9, 9}, {1.0F, 0.0F, 0.0F});
     const std::string hostile =
         "</td><script>window.broken = 1</script>\"'\n\xff\xfe&amp;" + std::string(5000, 'x');
-    const std::string page = wide.page(folder, true, {{"</div><b>&\"'", hostile}});
+    const std::string layer = "<script>window.broken = 2</script>\"'&" + std::string(120, 'l');
+    const std::string page = wide.page(folder, true, {{"</div><b>&\"'", hostile}}, layer);
     for (const int width : {360, 400, 1280, 2560})
         expect_fine(folder, page,
                     R"(
@@ -283,6 +287,7 @@ TEST(ComparePage, fits_the_window) {
     check("beyond the edge: " + element.outerHTML.slice(0, 60), box(element).right <= innerWidth + 0.5 && box(element).left >= 0);
   for (const table of all(".wide")) check("scrolls", getComputedStyle(table).overflowX === "auto");
   check("metadata is text", window.broken === undefined && document.body.textContent.includes("window.broken = 1"));
+  check("a layer's name is text", all("h2").some(head => head.textContent.includes("<script>window.broken = 2")));
   check("its length", all(".says td").every(cell => box(cell).height < 250));
 )",
                     width);

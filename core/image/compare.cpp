@@ -3,6 +3,7 @@
 
 #include "core/image/compare_layers.h"
 #include "core/image/flip.h"
+#include "core/image/windows.h"
 #include "core/math/problem.h"
 
 #include <fmt/format.h>
@@ -22,8 +23,11 @@ namespace {
 // Where no variance says what noise is: measured between renders of this project's scenes at 64 samples and 1024, which look the same to
 // most, and between pictures with a strand shifted by half a pixel, which do not.
 constexpr double plain_flip_mean = 0.03, plain_flip_99 = 0.25, plain_ssim = 0.9;
-constexpr double noisy_flip_mean = 0.5; // whatever they say of their noise
-constexpr double level = 1e-3;          // chance of a false alarm in all squares of all sizes together
+constexpr double plain_flip_window = 0.35; // core/image/compare.h says of what it was measured
+constexpr double plain_below_zero = 0.03;  // of the reference's light
+constexpr double much_noisier = 4.0;       // mean variance of the one over that of the other
+constexpr double noisy_flip_mean = 0.5;    // whatever they say of their noise
+constexpr double level = 1e-3;             // chance of a false alarm in all squares of all sizes together
 
 const Picture::Layer& picture_proper(const Picture& picture, const std::string& name) {
     const Picture::Layer* layer = picture.find("");
@@ -98,6 +102,35 @@ const Picture::Layer* variance_of(const Picture& picture) {
     return picture.samples == 1 ? nullptr : picture.find("variance");
 }
 
+void see_deviations(Comparison& result) {
+    const auto failing = std::ranges::count_if(result.scales, &ScaleResult::fails);
+    if (failing == 0) return;
+    const ScaleResult* worst = result.worst_scale();
+    const std::string where = worst->size == 1   ? fmt::format("pixel ({}, {}) is", worst->x, worst->y)
+                              : worst->size == 0 ? std::string("the whole picture is")
+                                                 : fmt::format("{0} x {0} pixels at ({1}, {2}) are",
+                                                               worst->size, worst->x, worst->y);
+    result.faults.push_back(fmt::format(
+        "noise cannot explain it: {} off in {} by {:.3g} standard deviations, {:.3g} are allowed{}", where,
+        std::array{"red", "green", "blue"}[size_t(worst->channel)], worst->worst, worst->limit,
+        failing > 1 ? fmt::format(" ({} of {} sizes of squares fail)", failing, result.scales.size()) : ""));
+}
+
+// Whoever says that he is noisy is believed; but it is said.
+void note_noise(const Picture::Layer& test, const Picture::Layer& reference, Comparison& result) {
+    double mine = 0.0, theirs = 0.0;
+    for (const float v : test.pixels) mine += double(v);
+    for (const float v : reference.pixels) theirs += double(v);
+    if (mine > much_noisier * theirs)
+        result.notes.push_back(
+            theirs > 0.0
+                ? fmt::format("A says of itself that it is {:.3g} times as noisy as B (mean variance): "
+                              "differences may hide in that",
+                              mine / theirs)
+                : std::string("A says of itself that it is noisy, and B that it is not: differences "
+                              "may hide in that"));
+}
+
 void judge_noise(const Picture& test, const Picture& reference, const std::vector<float>& a,
                  const std::vector<float>& b, const std::optional<Limits>& limits, Comparison& result) {
     const Picture::Layer *va = variance_of(test), *vb = variance_of(reference);
@@ -111,6 +144,7 @@ void judge_noise(const Picture& test, const Picture& reference, const std::vecto
         "only one has a layer \"variance\", and not both say of how many samples they are (marram:samples)";
     if (!limits && !(va && vb) && !known) return;
     result.unknown.clear();
+    if (va && vb && !limits) note_noise(*va, *vb, result);
     const double more = known ? double(test.samples) / double(reference.samples) : 1.0;
     result.knows_noise = true;
     std::vector<float> variance(a.size());
@@ -145,18 +179,7 @@ void judge_noise(const Picture& test, const Picture& reference, const std::vecto
             for (const auto& [size, limit] : limits->deviations)
                 if (size == scale.size) scale.limit = limit;
     }
-    const ScaleResult* worst = result.worst_scale();
-    const auto failing = std::ranges::count_if(result.scales, &ScaleResult::fails);
-    if (failing > 0)
-        result.faults.push_back(fmt::format(
-            "noise cannot explain it: {} off by {:.3g} standard deviations, {:.3g} are allowed{}",
-            worst->size == 1 ? fmt::format("pixel ({}, {}) is", worst->x, worst->y)
-            : worst->size == 0
-                ? std::string("the whole picture is")
-                : fmt::format("{0} x {0} pixels at ({1}, {2}) are", worst->size, worst->x, worst->y),
-            worst->worst, worst->limit,
-            failing > 1 ? fmt::format(" ({} of {} sizes of squares fail)", failing, result.scales.size())
-                        : ""));
+    see_deviations(result);
 }
 
 // ---- whether they can be compared -----------------------------------------------------------------------------------
@@ -201,6 +224,10 @@ void check_comparable(const Picture& a, const Picture& b, const std::string& a_n
             throw InputError({name}, "its variance is negative somewhere",
                              "write the layer with `--aov variance`");
     }
+    for (const auto& [picture, name] : {std::pair(&a, a_name), std::pair(&b, b_name)})
+        if (!picture->limits.empty() && !limits_from(picture->limits))
+            throw InputError({name}, "its limits (marram:limits) cannot be understood",
+                             "make the golden frame anew");
     if (!b.limits.empty() && !b.find("variance"))
         throw InputError({b_name}, "carries limits but no variance", "make the golden frame anew");
     if (!b.limits.empty() && a.samples > 0 && a.samples != b.samples)
@@ -208,18 +235,6 @@ void check_comparable(const Picture& a, const Picture& b, const std::string& a_n
             {a_name},
             fmt::format("has {} samples a pixel, the golden frame {} {}", a.samples, b_name, b.samples),
             fmt::format("render it with --spp {}", b.samples));
-}
-
-// Channels of a layer in the order of the reference's.
-std::vector<float> in_order(const Picture::Layer& layer, const std::vector<std::string>& channels) {
-    if (layer.channels == channels) return layer.pixels;
-    std::vector<size_t> from;
-    for (const std::string& channel : channels)
-        from.push_back(size_t(std::ranges::find(layer.channels, channel) - layer.channels.begin()));
-    std::vector<float> out(layer.pixels.size());
-    for (size_t i = 0; i < out.size(); ++i)
-        out[i] = layer.pixels[i / from.size() * from.size() + from[i % from.size()]];
-    return out;
 }
 
 } // namespace
@@ -240,79 +255,6 @@ const ScaleResult* Comparison::worst_scale() const {
     const auto share = [](const ScaleResult& scale) { return scale.worst / scale.limit; };
     const auto at = std::ranges::max_element(scales, {}, share);
     return at == scales.end() ? nullptr : &*at;
-}
-
-const Picture::Layer* Picture::find(const std::string& name) const {
-    for (const Layer& layer : layers)
-        if (layer.name == name) return &layer;
-    return nullptr;
-}
-
-Picture read_picture(const std::string& path) {
-    const Extent extent = extent_of(path);
-    if (extent != Extent::whole)
-        throw InputError({path},
-                         extent == Extent::several ? "holds several pictures (parts or pages)"
-                                                   : "has pixels that do not fill its frame exactly",
-                         "save one whole picture to a file of its own");
-    const Image image = read_image(path);
-    Picture picture;
-    picture.width = image.width;
-    picture.height = image.height;
-    picture.display = !image.as_in_file;
-    picture.half = image.half;
-    const std::string samples = read_metadata(path, "marram:samples").value_or("0");
-    std::from_chars(samples.data(), samples.data() + samples.size(),
-                    picture.samples); // 0 where it is no number
-    picture.limits = read_metadata(path, "marram:limits").value_or("");
-    if (!picture.limits.empty() && !limits_from(picture.limits))
-        throw InputError({path}, "its limits (marram:limits) cannot be understood",
-                         "make the golden frame anew");
-    const size_t pixels = size_t(image.width) * size_t(image.height), stride = size_t(image.channels);
-    const bool colour = std::ranges::all_of(std::array{"R", "G", "B"}, [&](const char* channel) {
-        return std::ranges::find(image.channel_names, channel) != image.channel_names.end();
-    });
-    const bool grey = stride <= 2 && image.channel_names[0] == "Y";
-    std::vector<std::vector<size_t>> from; // [layer][channel] -> channel of the file
-    for (size_t c = 0; c < stride; ++c) {
-        const std::string& whole = image.channel_names[c];
-        const size_t dot = whole.rfind('.');
-        std::string name = dot == std::string::npos ? "" : whole.substr(0, dot);
-        const std::string channel = dot == std::string::npos ? whole : whole.substr(dot + 1);
-        // Beside the colours, or the grey, each channel is a layer of its own.
-        const bool proper =
-            colour ? channel == "R" || channel == "G" || channel == "B" : grey && channel == "Y";
-        if (name.empty() && !proper) name = channel == "A" ? "alpha" : channel;
-        size_t at = 0;
-        while (at < picture.layers.size() && picture.layers[at].name != name) ++at;
-        if (at == picture.layers.size()) {
-            picture.layers.push_back({name, {}, {}});
-            from.emplace_back();
-        }
-        picture.layers[at].channels.push_back(channel);
-        from[at].push_back(c);
-    }
-    for (size_t l = 0; l < from.size(); ++l) {
-        Picture::Layer& layer = picture.layers[l];
-        if (layer.name.empty() && layer.channels.size() == 1) { // grey
-            from[l].insert(from[l].begin(), 2, from[l].front());
-            layer.channels = {"R", "G", "B"};
-            picture.grey = true;
-        }
-        for (size_t i = 0; i < pixels; ++i)
-            for (const size_t c : from[l]) layer.pixels.push_back(image.pixels[i * stride + c]);
-        // Colours first, whatever the order in the file (EXR sorts by name).
-        if (layer.name.empty() || layer.name == "variance") {
-            std::vector<std::string> order = layer.channels;
-            const auto rank = [](const std::string& c) {
-                return c == "R" ? 0 : c == "G" ? 1 : c == "B" ? 2 : 3;
-            };
-            std::ranges::stable_sort(order, {}, rank);
-            layer.pixels = in_order(layer, order);
-            layer.channels = order;
-        }
-    }
-    return picture;
 }
 
 std::string to_text(const Limits& limits) {
@@ -372,14 +314,8 @@ double mean_ssim(const std::vector<float>& test, const std::vector<float>& refer
     constexpr int window = 8, step = 4;
     constexpr double c1 = 0.01 * 0.01, c2 = 0.03 * 0.03;
     double sum = 0.0, count = 0.0;
-    const auto starts = [](int length) { // every fourth, and the last
-        std::vector<int> all;
-        for (int at = 0; at + window < length; at += step) all.push_back(at);
-        all.push_back(std::max(0, length - window));
-        return all;
-    };
-    for (const int y : starts(height))
-        for (const int x : starts(width)) {
+    for (const int y : window_starts(height, window, step))
+        for (const int x : window_starts(width, window, step)) {
             double a = 0, b = 0, aa = 0, bb = 0, ab = 0, n = 0;
             for (int j = y; j < std::min(y + window, height); ++j)
                 for (int i = x; i < std::min(x + window, width); ++i) {
@@ -394,12 +330,10 @@ double mean_ssim(const std::vector<float>& test, const std::vector<float>& refer
     return sum / count;
 }
 
-Comparison compare_pictures(const Picture& test, const Picture& reference, const std::string& test_name,
-                            const std::string& reference_name) {
-    check_comparable(test, reference, test_name, reference_name);
-    Comparison result;
-    result.width = reference.width;
-    result.height = reference.height;
+namespace {
+
+// Bit for bit, and layer by layer.
+void judge_layers(const Picture& test, const Picture& reference, Comparison& result) {
     result.equal = true;
     for (const Picture::Layer& layer : reference.layers) {
         if (layer.name == "variance") continue;
@@ -411,25 +345,28 @@ Comparison compare_pictures(const Picture& test, const Picture& reference, const
         if (const std::string& fault = result.layers.back().fault; !fault.empty())
             result.faults.push_back(fault);
     }
-    const std::vector<float> a = colours_of(picture_proper(test, test_name)),
-                             b = colours_of(picture_proper(reference, reference_name));
-    const std::optional<Limits> limits = limits_from(reference.limits);
-    result.golden = limits.has_value();
-    judge_noise(test, reference, a, b, limits, result);
-    result.display = test.display && reference.display;
-    result.flip =
-        flip_map(a, b, result.width, result.height, result.display ? Range::display : Range::linear);
+}
+
+void judge_looks(const std::vector<float>& a, const std::vector<float>& b,
+                 const std::optional<Limits>& limits, Comparison& result) {
+    const int width = result.width, height = result.height;
+    result.flip = flip_map(a, b, width, height, result.display ? Range::display : Range::linear);
     std::vector<float> sorted = result.flip;
     std::ranges::sort(sorted);
     for (const float f : sorted) result.flip_mean += double(f) / double(sorted.size());
     result.flip_99 = double(sorted[std::min(sorted.size() - 1, sorted.size() * 99 / 100)]);
-    result.ssim = mean_ssim(a, b, result.width, result.height);
+    const WorstWindow worst = worst_window(result.flip, width, height);
+    result.flip_window = worst.mean;
+    result.flip_window_x = worst.x;
+    result.flip_window_y = worst.y;
+    result.ssim = mean_ssim(a, b, width, height);
     constexpr double infinity = std::numeric_limits<double>::infinity();
-    const bool judged = limits || !result.knows_noise;
-    result.flip_mean_limit = limits ? limits->flip_mean : judged ? plain_flip_mean : noisy_flip_mean;
-    result.flip_99_limit = limits ? limits->flip_99 : judged ? plain_flip_99 : infinity;
-    result.ssim_limit = limits ? limits->ssim : judged ? plain_ssim : -1.0;
-    const auto see = [&](bool fine, const char* what, double value, double limit, const char* bound) {
+    const bool looks_decide = !limits && !result.knows_noise;
+    result.flip_mean_limit = limits ? limits->flip_mean : looks_decide ? plain_flip_mean : noisy_flip_mean;
+    result.flip_99_limit = limits ? limits->flip_99 : looks_decide ? plain_flip_99 : infinity;
+    result.flip_window_limit = looks_decide ? plain_flip_window : infinity;
+    result.ssim_limit = limits ? limits->ssim : looks_decide ? plain_ssim : -1.0;
+    const auto see = [&](bool fine, const std::string& what, double value, double limit, const char* bound) {
         if (!fine)
             result.faults.push_back(fmt::format("it looks different: {} is {:.3g}, {} {:.3g} is allowed",
                                                 what, value, bound, limit));
@@ -438,7 +375,50 @@ Comparison compare_pictures(const Picture& test, const Picture& reference, const
         "at most");
     see(result.flip_99 <= result.flip_99_limit, "the 99th percentile of FLIP", result.flip_99,
         result.flip_99_limit, "at most");
+    see(result.flip_window <= result.flip_window_limit,
+        fmt::format("mean FLIP of {} x {} pixels at ({}, {})", std::min(local_window, width),
+                    std::min(local_window, height), worst.x, worst.y),
+        result.flip_window, result.flip_window_limit, "at most");
     see(result.ssim >= result.ssim_limit, "SSIM", result.ssim, result.ssim_limit, "at least");
+}
+
+// FLIP and SSIM take light below 0 for none.
+void judge_below_zero(const std::vector<float>& a, const std::vector<float>& b, Comparison& result) {
+    if (result.golden || result.knows_noise) return;
+    double apart = 0.0, light = 0.0;
+    for (size_t i = 0; i < b.size(); ++i) {
+        apart += std::abs(std::min(double(a[i]), 0.0) - std::min(double(b[i]), 0.0));
+        light += std::abs(double(b[i]));
+    }
+    if (apart > plain_below_zero * light)
+        result.faults.push_back(
+            fmt::format("its light below 0 is another: by {:.3g} in the mean, {:.3g} is allowed",
+                        apart / double(b.size()), plain_below_zero * light / double(b.size())));
+}
+
+} // namespace
+
+Comparison compare_pictures(const Picture& test, const Picture& reference, const std::string& test_name,
+                            const std::string& reference_name) {
+    // Limits are of the frame that carries them: the other is measured by it, whichever is named first.
+    if (!test.limits.empty() && reference.limits.empty()) {
+        Comparison result = compare_pictures(reference, test, reference_name, test_name);
+        result.swapped = true;
+        return result;
+    }
+    check_comparable(test, reference, test_name, reference_name);
+    Comparison result;
+    result.width = reference.width;
+    result.height = reference.height;
+    judge_layers(test, reference, result);
+    const std::vector<float> a = colours_of(picture_proper(test, test_name)),
+                             b = colours_of(picture_proper(reference, reference_name));
+    const std::optional<Limits> limits = limits_from(reference.limits);
+    result.golden = limits.has_value();
+    judge_noise(test, reference, a, b, limits, result);
+    result.display = test.display && reference.display;
+    judge_looks(a, b, limits, result);
+    judge_below_zero(a, b, result);
     return result;
 }
 

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/image/compare_layers.h"
 
+#include "core/image/windows.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 #include <cctype>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <span>
@@ -15,9 +18,12 @@ namespace marram {
 namespace {
 
 // Limits: core/image/compare.h says what they are.
-constexpr double layer_share = 0.03;                      // of a layer's range, mean difference
-constexpr double layer_bias = 0.01, layer_beyond = 0.015; // or these two
-constexpr double names_share = 0.9;
+constexpr double layer_share = 0.03; // of a layer's range, mean difference
+constexpr double layer_bias = 0.01,
+                 layer_beyond = 0.015; // of the means; of what is beyond the other's, in the mean
+constexpr double noise_beyond = 1.25,
+                 window_beyond = 0.03; // in a window: times what noise is beyond itself, and of the range
+constexpr double names_share = 0.9, noise_names = 1.1, spare_names = 0.05;
 constexpr int farthest = 2;    // pixels by which a layer may turn out to be moved
 constexpr double chance = 4.0; // standard deviations of what is counted or correlated
 
@@ -25,46 +31,78 @@ struct Frame {
     int width, height;
 };
 
-// Calls see(value, around) for each number of a layer and those of the 3 x 3 pixels around its place in the other.
-void each_with_around(const Picture::Layer& mine, const Picture::Layer& other, Frame frame, auto&& see) {
+// Whom a number's place is looked up in: the 3 x 3 pixels of another picture, or its 8 neighbours in its own.
+enum class Around { there, here };
+
+// Calls see(pixel, value, around) for each number of a channel and those around its place.
+void each_with_around(const Picture::Layer& mine, const Picture::Layer& other, size_t channel, Frame frame,
+                      Around where, auto&& see) {
     const size_t channels = mine.channels.size();
     std::array<float, 9> around;
     for (int y = 0; y < frame.height; ++y)
-        for (int x = 0; x < frame.width; ++x)
-            for (size_t c = 0; c < channels; ++c) {
-                const auto at = [&](int i, int j) {
-                    return (size_t(j) * size_t(frame.width) + size_t(i)) * channels + c;
-                };
-                size_t count = 0;
-                for (int j = std::max(y - 1, 0); j <= std::min(y + 1, frame.height - 1); ++j)
-                    for (int i = std::max(x - 1, 0); i <= std::min(x + 1, frame.width - 1); ++i)
-                        around[count++] = other.pixels[at(i, j)];
-                see(mine.pixels[at(x, y)], std::span(around.data(), count));
-            }
+        for (int x = 0; x < frame.width; ++x) {
+            const auto pixel = [&](int i, int j) { return size_t(j) * size_t(frame.width) + size_t(i); };
+            size_t count = 0;
+            for (int j = std::max(y - 1, 0); j <= std::min(y + 1, frame.height - 1); ++j)
+                for (int i = std::max(x - 1, 0); i <= std::min(x + 1, frame.width - 1); ++i)
+                    if (where == Around::there || i != x || j != y)
+                        around[count++] = other.pixels[pixel(i, j) * channels + channel];
+            if (count > 0)
+                see(pixel(x, y), mine.pixels[pixel(x, y) * channels + channel],
+                    std::span(around.data(), count));
+        }
 }
 
-// By how much numbers are less or greater than all those around their place in the other picture: the mean of both pictures.
-double mean_beyond(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
-    double sum = 0.0;
-    const auto add = [&](float value, std::span<const float> around) {
-        const auto [low, high] = std::ranges::minmax(around);
-        sum += std::max({0.0, double(value) - double(high), double(low) - double(value)});
-    };
-    each_with_around(a, b, frame, add);
-    each_with_around(b, a, frame, add);
-    return sum / (2.0 * double(a.pixels.size()));
+// By how much each number of a channel is less or greater than all those around its place.
+std::vector<float> beyond(const Picture::Layer& mine, const Picture::Layer& other, size_t channel,
+                          Frame frame, Around where) {
+    std::vector<float> plane(size_t(frame.width) * size_t(frame.height), 0.0F);
+    each_with_around(mine, other, channel, frame, where,
+                     [&](size_t pixel, float value, std::span<const float> around) {
+                         const auto [low, high] = std::ranges::minmax(around);
+                         plane[pixel] = std::max({0.0F, value - high, low - value});
+                     });
+    return plane;
 }
 
-// The share of names (0 is none) that are none of those around their place in the other picture.
-double share_unknown(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
+// What a layer's numbers are beyond those around their place in the other picture: the mean of both pictures.
+struct Beyond {
+    double mean = 0.0; // of all
+    WorstWindow
+        unexplained; // less what noise explains, which is as far beyond its own neighbours: in the worst window
+    size_t channel = 0; // of that
+};
+
+Beyond beyond_of(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
+    Beyond result;
+    const size_t channels = b.channels.size();
+    for (size_t c = 0; c < channels; ++c) {
+        std::vector<float> plane = beyond(a, b, c, frame, Around::there);
+        const std::vector<float> back = beyond(b, a, c, frame, Around::there),
+                                 in_a = beyond(a, a, c, frame, Around::here),
+                                 in_b = beyond(b, b, c, frame, Around::here);
+        for (size_t i = 0; i < plane.size(); ++i) {
+            const double both = 0.5 * (double(plane[i]) + double(back[i]));
+            result.mean += both / double(b.pixels.size());
+            plane[i] = float(both - noise_beyond * 0.5 * (double(in_a[i]) + double(in_b[i])));
+        }
+        const WorstWindow worst = worst_window(plane, frame.width, frame.height);
+        if (c == 0 || worst.mean > result.unexplained.mean) {
+            result.unexplained = worst;
+            result.channel = c;
+        }
+    }
+    return result;
+}
+
+// The share of names (0 is none) that are none of those around their place.
+double share_unknown(const Picture::Layer& mine, const Picture::Layer& other, Frame frame, Around where) {
     double unknown = 0.0, named = 0.0;
-    const auto add = [&](float name, std::span<const float> around) {
+    each_with_around(mine, other, 0, frame, where, [&](size_t, float name, std::span<const float> around) {
         if (name == 0.0F) return;
         named += 1.0;
         unknown += std::ranges::find(around, name) == around.end();
-    };
-    each_with_around(a, b, frame, add);
-    each_with_around(b, a, frame, add);
+    });
     return named > 0.0 ? unknown / named : 0.0;
 }
 
@@ -146,38 +184,86 @@ std::string moved_fault(const std::string& name, Offset by) {
                        name, by.x, by.y);
 }
 
-// The greatest difference of a channel's means.
-double bias_of(const Picture::Layer& a, const Picture::Layer& b) {
-    std::vector<double> sums(b.channels.size());
-    for (size_t i = 0; i < b.pixels.size(); ++i)
-        sums[i % sums.size()] += double(a.pixels[i]) - double(b.pixels[i]);
-    double most = 0.0;
-    for (const double sum : sums)
-        most = std::max(most, std::abs(sum) * double(sums.size()) / double(b.pixels.size()));
-    return most;
+// Of a channel's mean.
+struct Bias {
+    double off = 0.0, chance = 0.0; // how far off, and its standard deviation
+    size_t channel = 0;
+};
+
+// That which is farthest off.
+Bias bias_of(const Picture::Layer& a, const Picture::Layer& b) {
+    const size_t channels = b.channels.size();
+    const double count = double(b.pixels.size() / channels);
+    Bias worst;
+    for (size_t c = 0; c < channels; ++c) {
+        double sum = 0.0, squares = 0.0;
+        for (size_t i = c; i < b.pixels.size(); i += channels) {
+            const double d = double(a.pixels[i]) - double(b.pixels[i]);
+            sum += d;
+            squares += d * d;
+        }
+        const double mean = sum / count;
+        if (std::abs(mean) > worst.off)
+            worst = {std::abs(mean), std::sqrt(std::max(0.0, squares / count - mean * mean) / count), c};
+    }
+    return worst;
+}
+
+std::string fault_of_names(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
+    const double unknown =
+        0.5 * (share_unknown(a, b, frame, Around::there) + share_unknown(b, a, frame, Around::there));
+    const double noise =
+        std::min(share_unknown(a, a, frame, Around::here), share_unknown(b, b, frame, Around::here));
+    const double allowed = std::min(names_share, noise_names * noise + spare_names);
+    if (unknown > allowed)
+        return fmt::format("layer {} is of other names: {:.3g} of its pixels with one hold one that the "
+                           "other picture has nowhere near, {:.3g} are allowed",
+                           b.name, unknown, allowed);
+    const auto by = moved_by(frame, [&](Offset offset) { return share_same(a, b, frame, offset); });
+    return by ? moved_fault(b.name, *by) : "";
 }
 
 std::string fault_of(const Picture::Layer& a, const Picture::Layer& b, const LayerResult& result,
                      Frame frame) {
-    if (b.name.empty()) return "";
-    if (holds_names(a) && holds_names(b)) {
-        const double share = share_unknown(a, b, frame);
-        if (share > names_share)
-            return fmt::format("layer {} is of other names: {:.3g} of its pixels with one hold one that the "
-                               "other picture has nowhere near, {} are allowed",
-                               b.name, share, names_share);
-        const auto by = moved_by(frame, [&](Offset offset) { return share_same(a, b, frame, offset); });
-        return by ? moved_fault(b.name, *by) : "";
-    }
+    if (b.name.empty() || result.most == 0.0) return "";
+    if (holds_names(a) && holds_names(b)) return fault_of_names(a, b, frame);
+    const auto channel = [&](size_t c) {
+        return b.channels.size() > 1 ? b.name + "." + b.channels[c] : b.name;
+    };
+    const Bias bias = bias_of(a, b);
+    if (bias.off > std::max(layer_bias * result.range, chance * bias.chance))
+        return fmt::format(
+            "layer {} is off by {:.3g} in its mean, {:.3g} is allowed (a hundredth of its range)",
+            channel(bias.channel), bias.off, layer_bias * result.range);
+    const Beyond beyond = beyond_of(a, b, frame);
+    const WorstWindow& worst = beyond.unexplained;
+    if (worst.mean > window_beyond * result.range)
+        return fmt::format(
+            "layer {} is not as in the other picture: {} x {} pixels at ({}, {}) are beyond what is "
+            "near there by {:.3g} in the mean more than noise explains, {:.3g} is allowed",
+            channel(beyond.channel), std::min(local_window, frame.width),
+            std::min(local_window, frame.height), worst.x, worst.y, worst.mean, window_beyond * result.range);
     if (result.mean <= layer_share * result.range) return "";
-    if (bias_of(a, b) <= layer_bias * result.range &&
-        mean_beyond(a, b, frame) <= layer_beyond * result.range) {
-        const auto by = moved_by(frame, [&](Offset offset) { return correlation(a, b, frame, offset); });
-        return by ? moved_fault(b.name, *by) : "";
-    }
-    return fmt::format(
-        "layer {} differs by {:.3g} in the mean, {:.3g} is allowed (three hundredths of its range)", b.name,
-        result.mean, layer_share * result.range);
+    if (beyond.mean > layer_beyond * result.range)
+        return fmt::format(
+            "layer {} differs by {:.3g} in the mean, {:.3g} is allowed (three hundredths of its range)",
+            b.name, result.mean, layer_share * result.range);
+    const auto by = moved_by(frame, [&](Offset offset) { return correlation(a, b, frame, offset); });
+    return by ? moved_fault(b.name, *by) : "";
+}
+
+// Of the middle 98 in 100, or how far from 0 they are: one stray number is no range. Where most are the same, as is a background, of
+// those that are not, unless these are next to none.
+double usual_range(std::vector<float> values) {
+    std::ranges::sort(values);
+    const float median = values[values.size() / 2];
+    std::vector<float> others;
+    std::ranges::copy_if(values, std::back_inserter(others), [&](float v) { return v != median; });
+    constexpr size_t next_to_none = 1000; // one in so many
+    if (others.size() * next_to_none < values.size() || others.empty()) return std::abs(double(median));
+    const double low = double(others[others.size() / 100]), high = double(others[others.size() * 99 / 100]);
+    const double spread = std::max(high, double(median)) - std::min(low, double(median));
+    return std::max(spread, std::abs(double(median)));
 }
 
 } // namespace
@@ -203,13 +289,8 @@ LayerResult compare_layer(const Picture::Layer& a, const Picture::Layer& b, int 
     }
     const auto count = double(b.pixels.size());
     result.range = high - low;
-    if (!b.name.empty()) { // of the middle 98 in 100: one stray number is no range
-        std::vector<float> sorted = b.pixels;
-        std::ranges::sort(sorted);
-        const double middle = double(sorted[sorted.size() * 99 / 100]) - double(sorted[sorted.size() / 100]);
-        const double usual = std::max(middle, std::abs(double(sorted[sorted.size() / 2])));
-        if (usual > 0.0) result.range = usual;
-    }
+    if (!b.name.empty())
+        if (const double usual = usual_range(b.pixels); usual > 0.0) result.range = usual;
     result.rmse = std::sqrt(squares / count);
     result.relative_mse = relative / count;
     result.mean = sum / count;

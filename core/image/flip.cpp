@@ -224,7 +224,11 @@ double developed(double x) {
     return std::clamp(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0.0, 1.0);
 }
 
-// Stops at which the reference's brightest and its median pixel come out at 0.85.
+constexpr int most_exposures =
+    24; // between 2^-24 and 1 of the brightest a stop apart; beyond, as many for more
+
+// Stops at which the reference's brightest and its median pixel come out at 0.85. Where the median is 0, as of a small thing before
+// black, it is that of the pixels with light.
 std::pair<double, double> exposures_of(const std::vector<float>& reference) {
     constexpr double nearly_white = 0.85;
     double low = 0.0, high = 64.0; // developed() rises
@@ -234,12 +238,18 @@ std::pair<double, double> exposures_of(const std::vector<float>& reference) {
     for (size_t i = 0; i + 2 < reference.size(); i += 3)
         luminance.push_back(std::max(0.0, 0.2126 * double(reference[i]) + 0.7152 * double(reference[i + 1]) +
                                               0.0722 * double(reference[i + 2])));
-    const auto middle = luminance.begin() + long(luminance.size() / 2);
-    std::nth_element(luminance.begin(), middle, luminance.end());
-    const double median = *middle, greatest = *std::max_element(luminance.begin(), luminance.end());
+    const auto median_from = [&](std::vector<double>::iterator begin) {
+        const auto middle = begin + (luminance.end() - begin) / 2;
+        std::nth_element(begin, middle, luminance.end());
+        return *middle;
+    };
+    const double greatest = *std::max_element(luminance.begin(), luminance.end());
     if (!(greatest > 0.0)) return {0.0, 0.0};
-    constexpr double darkest = 0x1p-16; // of the brightest: a black picture with one lit pixel has no median
-    return {std::log2(low / greatest), std::log2(low / std::max(median, darkest * greatest))};
+    double median = median_from(luminance.begin());
+    if (!(median > 0.0))
+        median = median_from(
+            std::partition(luminance.begin(), luminance.end(), [](double l) { return !(l > 0.0); }));
+    return {std::log2(low / greatest), std::log2(low / median)};
 }
 
 } // namespace
@@ -262,7 +272,7 @@ std::vector<float> flip_map(const std::vector<float>& test, const std::vector<fl
         return map;
     }
     const auto [first, last] = exposures_of(reference);
-    const int count = std::max(2, int(std::ceil(last - first)));
+    const int count = std::clamp(int(std::ceil(last - first)), 2, most_exposures);
     for (int e = 0; e < count; ++e) {
         const double gain = std::exp2(first + (last - first) * e / (count - 1));
         keep([gain](double v) { return developed(gain * v); });

@@ -9,8 +9,9 @@
 // is seen, 1: as different as green and blue. A pixel spans 1/67 of a degree: a monitor 0.7 m wide and away, of 3840 pixels.
 //
 // Linear pictures are developed (a filmic curve) at exposures between those at which the brightest and the median pixel of the
-// reference are nearly white, a stop apart; a pixel's difference is the greatest of these. Pictures made for a display are compared as
-// it shows them.
+// reference are nearly white, a stop apart, and 24 of them at most, further apart then (against the paper, for the time they take); a
+// pixel's difference is the greatest of these. Where the median is 0, it is that of the pixels with light. Pictures made for a display
+// are compared as it shows them.
 #pragma once
 
 #include <vector>

@@ -47,8 +47,15 @@ void check_is_file(const std::string& path) {
         refuse(path, "the file is empty", "save the image again");
 }
 
+[[noreturn]] void refuse_truncated(const std::string& path, const std::string& message) {
+    refuse(path, "cannot be read to its end, it is truncated or damaged " + reason(message),
+           "save or copy the image again");
+}
+
 InputFile open_image(const std::string& path) {
     check_is_file(path);
+    // First of all: the PNG library complains on its own already while it opens a file.
+    if (const std::string fault = png_fault(path); !fault.empty()) refuse_truncated(path, fault);
     OIIO::ImageSpec config;
     config.attribute("oiio:UnassociatedAlpha",
                      1); // else 8-bit colour is multiplied by alpha, and rounded, before we see it
@@ -57,6 +64,13 @@ InputFile open_image(const std::string& path) {
         refuse(path, "is not an image that can be read " + reason(OIIO::geterror()),
                "save it again as EXR, PNG, TIFF or JPEG");
     return input;
+}
+
+// Of some files OpenImageIO counts more channels than it names (FITS), and its own look-up of a name would abort.
+OIIO::ImageSpec spec_of(const OIIO::ImageInput& input) {
+    OIIO::ImageSpec spec = input.spec();
+    if (spec.channelnames.size() != size_t(std::max(0, spec.nchannels))) spec.default_channel_names();
+    return spec;
 }
 
 bool fills_frame(const OIIO::ImageSpec& spec) {
@@ -86,8 +100,14 @@ void check_spec(const std::string& path, const OIIO::ImageSpec& spec) {
 
 constexpr float srgb = 0.0f; // in place of an exponent
 
+// gAMA of a PNG that is sRGB without saying so in a chunk of its own (ImageMagick writes these): 45455 in units of 1e-5, which
+// libpng takes for sRGB; within 500, for those who round.
+bool is_srgb_gamma(std::string_view format, float exponent) {
+    return format == "png" && std::fabs(1.0f / exponent - 0.45455f) <= 0.005f;
+}
+
 // The power of a file's colours that is light: 1 where they are linear.
-float exponent_of(const std::string& path, const OIIO::ImageSpec& spec) {
+float exponent_of(const std::string& path, const OIIO::ImageSpec& spec, std::string_view format) {
     using OIIO::Strutil::iequals;
     using OIIO::Strutil::istarts_with;
     const std::string space = spec.get_string_attribute("oiio:ColorSpace");
@@ -102,7 +122,7 @@ float exponent_of(const std::string& path, const OIIO::ImageSpec& spec) {
         const float named = digit == std::string::npos ? 0.0f : OIIO::Strutil::stof(space.substr(digit));
         const float exponent = spec.get_float_attribute("oiio:Gamma", named);
         if (exponent >= 1.0f && std::isfinite(exponent))
-            return exponent; // below 1: stated the wrong way round
+            return is_srgb_gamma(format, exponent) ? srgb : exponent; // below 1: stated the wrong way round
     }
     refuse(path, "is in the colour space \"" + space + "\", which is not known here",
            "save it again as sRGB, or linear");
@@ -143,11 +163,6 @@ bool jpeg_is_whole(const std::string& path) {
     return tail.find("\xff\xd9") != std::string::npos;
 }
 
-void refuse_truncated(const std::string& path, const std::string& message) {
-    refuse(path, "cannot be read to its end, it is truncated or damaged " + reason(message),
-           "save or copy the image again");
-}
-
 } // namespace
 
 float srgb_from_linear(float linear) {
@@ -166,9 +181,9 @@ float linear_from_srgb(float encoded) {
 
 Image read_image(const std::string& path, ColorSpace space) {
     InputFile input = open_image(path);
-    const OIIO::ImageSpec spec = input->spec();
+    const OIIO::ImageSpec spec = spec_of(*input);
+    const std::string_view format = input->format_name();
     check_spec(path, spec);
-    if (const std::string fault = png_fault(path); !fault.empty()) refuse_truncated(path, fault);
     Image image;
     image.width = spec.width;
     image.height = spec.height;
@@ -179,11 +194,14 @@ Image read_image(const std::string& path, ColorSpace space) {
     if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, image.pixels.data()))
         refuse_truncated(path, input->geterror());
     if (input->has_error()) refuse_truncated(path, input->geterror());
-    if (std::string_view(input->format_name()) == "jpeg" && !jpeg_is_whole(path))
-        refuse_truncated(path, "its end marker is missing");
+    if (format == "jpeg" && !jpeg_is_whole(path)) refuse_truncated(path, "its end marker is missing");
+    image.straight_alpha =
+        spec.alpha_channel >= 0 && (format == "png" || spec.get_int_attribute("oiio:UnassociatedAlpha") != 0);
     if (space == ColorSpace::color)
-        if (const float exponent = exponent_of(path, spec); exponent != 1.0f)
+        if (const float exponent = exponent_of(path, spec, format); exponent != 1.0f) {
             make_linear(image, spec.alpha_channel, exponent);
+            image.read_as = exponent == srgb ? "sRGB" : fmt::format("gamma {:.3g}", exponent);
+        }
     check_finite(path, image);
     return image;
 }
@@ -332,12 +350,14 @@ void write_png(const std::string& path, int width, int height, int channels, con
     file.commit();
 }
 
-Extent extent_of(const std::string& path) {
+Header header_of(const std::string& path) {
     const InputFile input = open_image(path);
-    const OIIO::ImageSpec spec = input->spec();
-    if (input->seek_subimage(1, 0)) return Extent::several;
+    const OIIO::ImageSpec spec = spec_of(*input);
+    Header header{Extent::several, spec.width, spec.height, spec.nchannels};
+    if (input->seek_subimage(1, 0)) return header;
     (void)input->geterror();
-    return fills_frame(spec) ? Extent::whole : Extent::cropped;
+    header.extent = fills_frame(spec) ? Extent::whole : Extent::cropped;
+    return header;
 }
 
 std::vector<std::pair<std::string, std::string>> read_all_metadata(const std::string& path) {

@@ -16,15 +16,18 @@ struct Image {
     int width = 0, height = 0, channels = 0;
     std::vector<float> pixels; // rows from the top, channels interleaved
     std::vector<std::string> channel_names;
-    bool as_in_file = true; // false: colours were encoded in the file and have been made linear
-    bool half = false;      // stored as half floats, the first channel at least
+    bool as_in_file = true;         // false: colours were encoded in the file and have been made linear
+    bool half = false;              // stored as half floats, the first channel at least
+    std::string read_as = "linear"; // what the file's colours were taken for: "sRGB", "gamma 1.8", "linear"
+    bool straight_alpha = false;    // colour is not multiplied by alpha: always so in PNG
 };
 
 enum class ColorSpace {
     linear_data, // values as they stand in the file, integers scaled to 0 ... 1
     // Colour is made linear: from sRGB (said so in the file; or Rec709, as OpenImageIO calls the colours of PPM files,
-    // which hold sRGB; or 8 bits and nothing said), or from a power that the file states (PNG's gAMA, TGA). Files that
-    // say they are linear, and those of more bits that say nothing, are taken as they are; other spaces are refused.
+    // which hold sRGB; or 8 bits and nothing said), or from a power that the file states (PNG's gAMA, TGA; a PNG's
+    // gAMA of 1/2.2 alone is sRGB's, as libpng has it). Files that say they are linear, and those of more bits that say nothing, are
+    // taken as they are; other spaces are refused.
     color,
 };
 
@@ -63,9 +66,13 @@ std::vector<unsigned char> png_bytes(int width, int height, int channels, const 
 void write_png(const std::string& path, int width, int height, int channels, const float* pixels,
                double exposure_stops, std::span<const Metadata> metadata = {});
 
-// Whether a file holds more than one picture (pages, parts), or one whose pixels do not fill its frame exactly.
+// What a file's header says: whether it holds more than one picture (pages, parts), or one whose pixels do not fill its frame exactly.
 enum class Extent { whole, several, cropped };
-Extent extent_of(const std::string& path); // throws InputError where it cannot be opened
+struct Header {
+    Extent extent = Extent::whole;
+    int width = 0, height = 0, channels = 0;
+};
+Header header_of(const std::string& path); // throws InputError where it cannot be opened
 
 // Every metadata entry of an image, as text, by name. Throws InputError where it cannot be opened.
 std::vector<std::pair<std::string, std::string>> read_all_metadata(const std::string& path);

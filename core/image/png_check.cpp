@@ -2,6 +2,7 @@
 // PNG (ISO 15948), section 5: an 8-byte signature, then chunks of length, type, data and the CRC-32 of type and data.
 #include "core/image/png_check.h"
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <cstring>
@@ -33,15 +34,22 @@ uint32_t big_endian(const unsigned char* p) {
     return (uint32_t(p[0]) << 24) | (uint32_t(p[1]) << 16) | (uint32_t(p[2]) << 8) | uint32_t(p[3]);
 }
 
+// Whether a chunk, from its type on, is a header with a size.
+bool starts_a_picture(const std::vector<unsigned char>& chunk) {
+    return std::memcmp(chunk.data(), "IHDR", 4) == 0 && chunk.size() == 4 + 13 + 4 &&
+           big_endian(chunk.data() + 4) > 0 && big_endian(chunk.data() + 8) > 0;
+}
+
 } // namespace
 
 std::string png_fault(const std::string& path) {
     std::ifstream file(path, std::ios::binary);
     std::array<unsigned char, 8> head{};
     file.read(reinterpret_cast<char*>(head.data()), head.size());
-    if (!file || head != signature) return "";
+    if (!file || !std::equal(head.begin(), head.begin() + 4, signature.begin())) return "";
+    if (head != signature) return "its signature is damaged";
     std::vector<unsigned char> chunk;
-    for (;;) {
+    for (bool first = true;; first = false) {
         std::array<unsigned char, 4> length{};
         if (!file.read(reinterpret_cast<char*>(length.data()), 4)) return "the file is cut short";
         const uint32_t bytes = big_endian(length.data());
@@ -56,6 +64,7 @@ std::string png_fault(const std::string& path) {
         }
         if (crc32(chunk.data(), size_t(bytes) + 4) != big_endian(chunk.data() + bytes + 4))
             return "a checksum is wrong: the file is damaged";
+        if (first && !starts_a_picture(chunk)) return "its header is damaged";
         if (std::memcmp(chunk.data(), "IEND", 4) == 0) return "";
     }
 }

@@ -7,8 +7,8 @@
 
 namespace marram {
 
-// "" for a file that is no PNG or a whole one: every chunk inside the file and its checksum right, the end chunk there.
-// Else what is wrong with it. Reads the whole file; about 1 GB/s.
+// "" for a file that is no PNG (does not begin like one) or a whole one: a header first, every chunk inside the file and its
+// checksum right, the end chunk there. Else what is wrong with it. Reads the whole file; about 1 GB/s.
 std::string png_fault(const std::string& path);
 
 } // namespace marram

@@ -109,6 +109,66 @@ TEST(Compare, without_variance_looks_decide) {
     EXPECT_FALSE(off.knows_noise);
 }
 
+// 400 pixels of 76,800: means and the 99th percentile know nothing of them.
+TEST(Compare, without_variance_a_small_thing_is_missed) {
+    constexpr int w = 320, h = 240;
+    const auto with_square = [](float r, float g, float b) {
+        Picture picture{w, h, 64, "", {{"", {"R", "G", "B"}, {}}}};
+        for (int y = 0; y < h; ++y)
+            for (int x = 0; x < w; ++x) {
+                const float base = 0.2F + 0.1F * float(x) / w;
+                const bool in = x >= 100 && x < 120 && y >= 60 && y < 80;
+                for (const float v : {r, g, b}) picture.layers[0].pixels.push_back(in ? v : base);
+            }
+        return picture;
+    };
+    for (const bool display : {false, true})
+        for (const float red : {0.5F, 0.0F}) {
+            Picture with = with_square(red, 0.0F, 0.0F), without = with_square(0.23F, 0.23F, 0.23F);
+            with.display = without.display = display;
+            const Comparison c = compared(without, with);
+            ASSERT_EQ(c.faults.size(), 1U) << red;
+            EXPECT_NE(c.faults[0].find("it looks different: mean FLIP of 16 x 16 pixels at (104, 64) is 0."),
+                      std::string::npos)
+                << c.faults[0];
+            EXPECT_GT(c.flip_window, c.flip_window_limit);
+            EXPECT_EQ(c.flip_window_x, 104);
+            EXPECT_EQ(c.flip_window_y, 64);
+        }
+    EXPECT_TRUE(std::isinf(compared(made(2, 0.05), made(1, 0.05)).flip_window_limit)) << "noise decides";
+}
+
+TEST(Compare, without_variance_light_below_zero_is_seen) {
+    const auto scaled = [](float by) {
+        Picture picture = without_variance(made(1, 0.0));
+        for (float& v : picture.layers[0].pixels) v *= by;
+        return picture;
+    };
+    EXPECT_FALSE(compared(scaled(-1.0F), scaled(0.0F)).alike());
+    EXPECT_FALSE(compared(scaled(0.0F), scaled(-1.0F)).alike());
+    EXPECT_TRUE(compared(scaled(-1.0F), scaled(-1.0F)).alike());
+    EXPECT_TRUE(compared(scaled(0.0F), scaled(0.0F)).alike());
+}
+
+TEST(Compare, the_verdict_names_the_channel) {
+    const Comparison c = compared(
+        made(2, 0.05, [](int, int, int channel) { return channel == 1 ? 0.02 : 0.0; }), made(1, 0.05));
+    ASSERT_FALSE(c.alike());
+    EXPECT_NE(c.faults[0].find("the whole picture is off in green by "), std::string::npos) << c.faults[0];
+}
+
+// Believed, but not without a word.
+TEST(Compare, much_more_noise_is_noted) {
+    EXPECT_TRUE(compared(made(2, 0.05), made(1, 0.05)).notes.empty());
+    EXPECT_TRUE(compared(made(2, 0.09), made(1, 0.05)).notes.empty());
+    const Comparison c = compared(made(2, 0.15), made(1, 0.05));
+    EXPECT_TRUE(c.alike());
+    ASSERT_EQ(c.notes.size(), 1U);
+    EXPECT_NE(c.notes[0].find("A says of itself that it is 9 times as noisy as B"), std::string::npos)
+        << c.notes[0];
+    EXPECT_TRUE(compared(without_variance(made(2, 0.15)), made(1, 0.05)).notes.empty()) << "it says nothing";
+}
+
 TEST(Compare, one_variance_serves_both) {
     const Picture reference = made(1, 0.05);
     const Comparison c = compared(without_variance(made(2, 0.05)), reference);
@@ -232,6 +292,31 @@ TEST(Compare, golden_limits_are_kept) {
         << "of 18,432 normal numbers some are beyond 3, and its variance is that of the difference";
 }
 
+// Whichever is named first, the frame that carries limits is what the other is judged by.
+TEST(Compare, golden_limits_hold_from_either_side) {
+    Picture golden = made(1, 0.05);
+    golden.limits = to_text({{{1, 3.0}, {0, 2.5}}, 0.5, 0.9, 0.2});
+    const Picture other = made(2, 0.05);
+    const Comparison there = compared(other, golden), back = compared(golden, other);
+    EXPECT_FALSE(there.swapped);
+    EXPECT_TRUE(back.swapped);
+    EXPECT_TRUE(back.golden);
+    EXPECT_EQ(back.scales.front().limit, 3.0);
+    EXPECT_EQ(back.faults, there.faults);
+    EXPECT_FALSE(compared(golden, golden).swapped);
+    Picture few = other;
+    few.samples = 16;
+    try {
+        compared(golden, few);
+        ADD_FAILURE() << "of other samples";
+    } catch (const InputError& error) {
+        EXPECT_STREQ(error.what(),
+                     "b: has 16 samples a pixel, the golden frame a 64: render it with --spp 64");
+    }
+    golden.limits = "garbage";
+    EXPECT_THROW(compared(golden, other), InputError);
+}
+
 TEST(Compare, what_cannot_be_compared_is_refused) {
     const Picture a = made(1, 0.01);
     Picture small = a, alpha = a, odd = a;
@@ -306,6 +391,83 @@ TEST(Compare, layers_come_whatever_their_order) {
     EXPECT_EQ(picture.find("")->pixels, (std::vector<float>{0.5F, 3, 1, 1, 6, 4}));
     EXPECT_EQ(picture.find("alpha")->pixels, (std::vector<float>{2, 5}));
     EXPECT_EQ(picture.find("depth")->pixels, depth);
+}
+
+// ---- other layers ---------------------------------------------------------------------------------------------------
+
+namespace {
+
+// A picture with one layer more, of what `value` gives for each pixel.
+Picture with_layer(const char* name, const std::function<double(int, int)>& value) {
+    Picture picture = without_variance(made(1, 0.0));
+    Picture::Layer layer{name, {"Y"}, {}};
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) layer.pixels.push_back(float(value(x, y)));
+    picture.layers.push_back(layer);
+    return picture;
+}
+
+bool in_square(int x, int y, int side) { return x >= 30 && x < 30 + side && y >= 20 && y < 20 + side; }
+
+} // namespace
+
+// What covers less than three hundredths: as much as a layer may differ by in the mean.
+TEST(Compare, a_small_part_of_a_layer_is_missed) {
+    constexpr int side = 13; // of 96 x 64: 2.75 in 100
+    const Picture ones = with_layer("envelope", [](int x, int y) { return in_square(x, y, side); }),
+                  none = with_layer("envelope", [](int, int) { return 0.0; });
+    EXPECT_FALSE(compared(none, ones).alike());
+    EXPECT_FALSE(compared(ones, none).alike());
+    const Picture whole = with_layer("alpha", [](int, int) { return 1.0; });
+    EXPECT_FALSE(
+        compared(with_layer("alpha", [](int x, int y) { return !in_square(x, y, side); }), whole).alike());
+    EXPECT_FALSE(compared(with_layer("alpha", [](int, int) { return 0.98; }), whole).alike());
+    const auto depth = [](double of_it) {
+        return with_layer("depth",
+                          [=](int x, int y) { return in_square(x, y, 8) ? of_it : 12.0 + 0.05 * x; });
+    };
+    EXPECT_FALSE(compared(depth(2.0), depth(10.0)).alike()) << "one pixel in a hundred";
+    EXPECT_TRUE(compared(depth(2.01), depth(2.0)).alike());
+    const Comparison c = compared(depth(2.0), depth(10.0));
+    ASSERT_EQ(c.faults.size(), 1U);
+    EXPECT_NE(c.faults[0].find("layer depth is not as in the other picture: 16 x 16 pixels at (2"),
+              std::string::npos)
+        << c.faults[0];
+}
+
+// Where a layer is noise it may be other noise, but not there where it is smooth.
+TEST(Compare, a_layer_may_be_noise_only_where_it_is) {
+    const auto half_noise = [](uint64_t seed) {
+        return with_layer("strand_u", [=](int x, int y) {
+            return double(y) / height + (x < width / 2 ? 0.1 * normal(seed, uint64_t(y * width + x)) : 0.0);
+        });
+    };
+    for (uint64_t seed = 2; seed < 22; ++seed)
+        EXPECT_TRUE(compared(half_noise(seed), half_noise(1)).alike()) << seed;
+    // Blocks of 3 x 3 pixels, so that each has neighbours of its own: no noise, but another picture.
+    const auto blocks = [](uint64_t seed) {
+        return with_layer("strand_u", [=](int x, int y) {
+            return x < width / 2 || y > 20 ? 0.5 + 0.2 * normal(1, uint64_t(y * width + x))
+                                           : double(hash(seed, uint64_t(y / 3 * width + x / 3)) % 2);
+        });
+    };
+    EXPECT_TRUE(compared(blocks(3), blocks(3)).alike());
+    EXPECT_FALSE(compared(blocks(4), blocks(3)).alike());
+}
+
+// Most strands share no pixel here: what is unknown among its own neighbours says how many may be in the other picture.
+TEST(Compare, few_other_names_are_missed) {
+    const auto named = [](double renamed) {
+        return with_layer("id", [=](int x, int y) {
+            const auto strand = uint64_t(x / 2 + 100 * (y / 4));
+            const bool other = double(hash(5, uint64_t(y * width + x)) % 1000) < 1000.0 * renamed;
+            return 1.0 + double(hash(other ? 8 + uint64_t(y * width + x) : 7, strand) & 0xfffff);
+        });
+    };
+    EXPECT_TRUE(compared(named(0.0), named(0.0)).alike());
+    EXPECT_TRUE(compared(named(0.02), named(0.0)).alike());
+    EXPECT_FALSE(compared(named(0.3), named(0.0)).alike());
+    EXPECT_FALSE(compared(named(0.85), named(0.0)).alike());
 }
 
 // ---- FLIP -----------------------------------------------------------------------------------------------------------
@@ -387,6 +549,22 @@ TEST(Flip, sees_an_edge_that_has_moved) {
     const auto at = [&](int x) { return map[size_t(32 * width + x)]; };
     EXPECT_GT(at(49), 0.3F);
     EXPECT_LT(at(10), 0.01F);
+}
+
+// A pixel that is very bright in both pictures changes nothing of what is seen elsewhere.
+TEST(Flip, is_not_blinded_by_one_bright_pixel) {
+    std::vector<float> a = plain(0.2F, 0.2F, 0.2F), b = plain(0.3F, 0.3F, 0.3F);
+    const double before = mean_flip(a, b);
+    for (int c = 0; c < 3; ++c) a[size_t(c)] = b[size_t(c)] = 1e9F;
+    EXPECT_GT(mean_flip(a, b), 0.9 * before);
+    // A small thing before black: the median is 0, and it is exposed for the thing itself.
+    const auto dim = [](float of_it, float bright) {
+        std::vector<float> rgb = plain(0, 0, 0);
+        for (int i = 0; i < 300; ++i) rgb[size_t(3 * (20 * width) + i)] = of_it;
+        rgb[0] = bright;
+        return rgb;
+    };
+    EXPECT_GT(mean_flip(dim(0.2F, 1e9F), dim(0.6F, 1e9F)), 0.9 * mean_flip(dim(0.2F, 0.6F), dim(0.6F, 0.6F)));
 }
 
 // Black, very bright and negative pictures give numbers.

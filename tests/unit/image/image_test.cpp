@@ -151,19 +151,57 @@ TEST_F(ImageFiles, ColoursAreMadeLinearFromWhatTheFileSays) {
     const Image floats = read_image(path("a.pfm"));
     EXPECT_TRUE(std::equal(floats.pixels.begin(), floats.pixels.end(), light));
     EXPECT_TRUE(floats.as_in_file);
-    write_bytes(path("gamma22.png"), bytes, "Gamma2.2", 2.2f);
-    EXPECT_FALSE(expect("gamma22.png", power(2.2f)));
+    // A PNG that states 1 / 2.2 and no more means sRGB, as libpng has it; other files mean what they say.
+    for (const float gamma : {2.2f, 2.19f}) {
+        write_bytes(path("gamma22.png"), bytes, "Gamma2.2", gamma);
+        EXPECT_FALSE(expect("gamma22.png", linear_from_srgb));
+        EXPECT_EQ(read_image(path("gamma22.png")).read_as, "sRGB");
+    }
     write_bytes(path("gamma18.png"), bytes, "Gamma1.8", 1.8f);
     EXPECT_FALSE(expect("gamma18.png", power(1.8f)));
+    EXPECT_EQ(read_image(path("gamma18.png")).read_as, "gamma 1.8");
     write_bytes(path("gamma22.tga"), bytes, "Gamma2.2", 2.2f);
     EXPECT_FALSE(expect("gamma22.tga", power(2.2f)));
     write_bytes(path("linear.png"), bytes, "linear", 1.0f);
     EXPECT_TRUE(expect("linear.png", power(1.0f)));
+    EXPECT_EQ(read_image(path("linear.png")).read_as, "linear");
     write_bytes(path("film.dpx"), bytes, "KodakLog");
     EXPECT_NE(
         message_of(path("film.dpx")).find("is in the colour space \"KodakLog\", which is not known here"),
         std::string::npos);
     EXPECT_NO_THROW(read_image(path("film.dpx"), ColorSpace::linear_data));
+}
+
+// Of FITS in colour OpenImageIO names but one channel of three, and aborts where the others' names are looked up.
+TEST_F(ImageFiles, ChannelsWithoutNamesAreGivenSome) {
+    std::string header;
+    const auto card = [&](const std::string& text) { header += text + std::string(80 - text.size(), ' '); };
+    for (const char* text : {"SIMPLE  =                    T", "BITPIX  =                    8",
+                             "NAXIS   =                    3", "NAXIS1  =                    3",
+                             "NAXIS2  =                    4", "NAXIS3  =                    2", "END"})
+        card(text);
+    header.resize(2880, ' '); // FITS is written in blocks of so many bytes
+    put("colour.fits", header + std::string(2880, '\x40'));
+    const Image image = read_image(path("colour.fits"));
+    EXPECT_EQ(image.channel_names, (std::vector<std::string>{"R", "G", "B"}));
+    EXPECT_EQ(image.pixels.size(), 4U * 2U * 3U);
+    EXPECT_EQ(header_of(path("colour.fits")).channels, 3);
+}
+
+// The PNG library prints its own complaints: a damaged file never gets there, whatever is asked of it.
+TEST_F(ImageFiles, DamagedPngsAreNotOpened) {
+    write_bytes(path("a.png"), std::vector<uint8_t>(12, 100), "sRGB");
+    std::string header = get("a.png"), signature = header;
+    header[19] = char(header[19] ^ 0x40); // of the width, in IHDR
+    signature[4] = '\n';                  // as text is treated that is carried from one system to another
+    for (const std::string& bytes : {header, signature}) {
+        put("damaged.png", bytes);
+        testing::internal::CaptureStderr();
+        EXPECT_THROW(header_of(path("damaged.png")), InputError);
+        EXPECT_THROW(read_image(path("damaged.png")), InputError);
+        EXPECT_THROW(read_all_metadata(path("damaged.png")), InputError);
+        EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+    }
 }
 
 // A crop would be stretched over what it is a part of.

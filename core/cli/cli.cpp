@@ -182,7 +182,10 @@ void add_compare(CLI::App& app, Commands& c) {
     command
         ->add_option("--report", c.compare.report,
                      "folder for a page with both, their differences and the verdict")
-        ->type_name("DIR");
+        ->type_name("DIR")
+        ->check([](const std::string& folder) {
+            return folder.empty() ? std::string("the folder for the report has no name") : std::string();
+        });
     command->callback([&c] { c.chosen = [&c] { return compare_command(c.compare); }; });
 }
 

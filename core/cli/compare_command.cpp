@@ -7,11 +7,24 @@
 #include <fmt/format.h>
 
 #include <filesystem>
+#include <new>
 
 namespace marram {
 namespace {
 
 namespace fs = std::filesystem;
+
+// Before the pictures are read: the page must be neither of them, by whatever name or link.
+void check_page(const CompareOptions& options) {
+    if (options.report.empty()) return;
+    const fs::path page = fs::path(options.report) / "compare.html";
+    for (const std::string& picture : {options.test, options.reference}) {
+        std::error_code not_there;
+        if (fs::equivalent(page, picture, not_there))
+            throw InputError({page.string()}, "the report would overwrite '" + picture + "'",
+                             "name another folder with --report");
+    }
+}
 
 std::string folder_for(const std::string& folder) {
     std::error_code error;
@@ -22,13 +35,19 @@ std::string folder_for(const std::string& folder) {
     return (fs::path(folder) / "compare.html").string();
 }
 
+void print_reading(const Picture& a, const Picture& b, const Comparison& c) {
+    if (a.read_as != "linear" || b.read_as != "linear")
+        fmt::print("{:<12} A {}, B {}\n", "read as", a.read_as, b.read_as);
+    if (c.swapped) fmt::print("{:<12} A carries limits: B is judged by it\n", "golden");
+}
+
 void print(const Comparison& c) {
     for (const LayerResult& layer : c.layers)
-        fmt::print("{:<12} RMSE {:.4g}, relative MSE {:.4g}, PSNR {:.2f} dB, at most {:.4g}\n",
+        fmt::print("{:<12} RMSE {:.4g}, relative MSE {:.4g}, PSNR {:.2f} dB, at most {:.4g}{}\n",
                    layer.name.empty() ? "picture" : layer.name, layer.rmse, layer.relative_mse, layer.psnr,
-                   layer.most);
-    fmt::print("{:<12} mean {:.4g}, 99th percentile {:.4g} ({})\n", "FLIP", c.flip_mean, c.flip_99,
-               c.flip_kind());
+                   layer.most, layer.name.empty() ? ", of linear light" : "");
+    fmt::print("{:<12} mean {:.4g}, 99th percentile {:.4g}, worst window {:.4g} at ({}, {}) ({})\n", "FLIP",
+               c.flip_mean, c.flip_99, c.flip_window, c.flip_window_x, c.flip_window_y, c.flip_kind());
     fmt::print("{:<12} {:.5g}\n", "SSIM", c.ssim);
     if (!c.scales.empty()) {
         fmt::print("{:<12} standard deviations (limit) by size:", "noise");
@@ -39,19 +58,19 @@ void print(const Comparison& c) {
     } else {
         fmt::print("{:<12} not known: {}\n", "noise", c.unknown);
     }
+    for (const std::string& note : c.notes) fmt::print("{}\n", note);
     for (const std::string& fault : c.faults) fmt::print("{}\n", fault);
     fmt::print("{}\n", !c.alike() ? "different" : c.equal ? "alike: every number is the same" : "alike");
 }
 
-} // namespace
-
-int compare_command(const CompareOptions& options) {
+int compare_files(const CompareOptions& options) {
     ComparedFile test{options.test, read_picture(options.test)},
         reference{options.reference, read_picture(options.reference)};
     const Comparison comparison =
         compare_pictures(test.picture, reference.picture, options.test, options.reference);
     const std::string page = options.report.empty() ? "" : folder_for(options.report);
     if (!page.empty()) check_writable(page);
+    print_reading(test.picture, reference.picture, comparison);
     print(comparison);
     if (!page.empty()) {
         const std::string text = compare_page(test, reference, comparison);
@@ -61,6 +80,19 @@ int compare_command(const CompareOptions& options) {
         fmt::print("{}\n", page);
     }
     return comparison.alike() ? 0 : 1;
+}
+
+} // namespace
+
+int compare_command(const CompareOptions& options) {
+    check_page(options);
+    try {
+        return compare_files(options);
+    } catch (const std::bad_alloc&) {
+        throw InputError({options.test},
+                         "comparing it with " + options.reference + " does not fit into memory",
+                         "compare them in parts, or scaled down");
+    }
 }
 
 } // namespace marram

@@ -2,6 +2,11 @@
 // `marram compare` as users run it; its page: compare_page_test.cpp.
 #include "program.h"
 
+#include <cstdlib>
+#include <filesystem>
+
+#include <sys/resource.h>
+
 namespace marram::testing {
 namespace {
 
@@ -64,6 +69,88 @@ TEST(Compare, refuses_what_it_cannot_compare) {
     const Layer layer{"", {"Y"}, grey.data(), true};
     write_exr(folder / "grey.exr", 24, 16, std::span(&layer, 1), {});
     refused({"compare", folder / "grey.exr", folder / "a.png"}, "grey.exr: has channels Y (grey); ");
+}
+
+// What was taken for what, where it is not plain linear light.
+TEST(Compare, says_how_files_were_read) {
+    const Folder folder;
+    std::vector<float> rgb;
+    for (int i = 0; i < 24 * 16; ++i) rgb.insert(rgb.end(), 3, 0.1F + 0.002F * float(i));
+    const Layer layer{"", {"R", "G", "B"}, rgb.data(), true};
+    write_exr(folder / "a.exr", 24, 16, std::span(&layer, 1), {});
+    write_png(folder / "a.png", 24, 16, 3, rgb.data(), 0.0);
+    const Outcome mixed = marram({"compare", folder / "a.png", folder / "a.exr"});
+    EXPECT_EQ(mixed.code, 0) << mixed.out;
+    EXPECT_CONTAINS(mixed.out, "read as      A sRGB, B linear\n");
+    EXPECT_CONTAINS(mixed.out, ", of linear light\n");
+    EXPECT_CONTAINS(mixed.out, ", worst window ");
+    const Outcome linear = marram({"compare", folder / "a.exr", folder / "a.exr"});
+    EXPECT_EQ(linear.out.find("read as"), std::string::npos) << linear.out;
+}
+
+TEST(Compare, a_golden_frame_is_the_reference_wherever_it_stands) {
+    const Folder folder;
+    const std::string golden = MARRAM_SOURCE_DIR "/scenes/golden/room.exr";
+    const Image image = read_image(golden);
+    std::vector<float> rgb;
+    for (size_t i = 0; i < image.pixels.size(); ++i)
+        if (const std::string& name = image.channel_names[i % size_t(image.channels)];
+            name == "R" || name == "G" || name == "B")
+            rgb.push_back(2.0F * image.pixels[i]);
+    const Layer layer{"", {"R", "G", "B"}, rgb.data(), false};
+    write_exr(folder / "a.exr", image.width, image.height, std::span(&layer, 1), {});
+    const Outcome there = marram({"compare", folder / "a.exr", golden}),
+                  back = marram({"compare", golden, folder / "a.exr"});
+    EXPECT_EQ(there.code, 1) << there.out << there.err;
+    EXPECT_EQ(back.code, 1) << back.out << back.err;
+    EXPECT_CONTAINS(back.out, "golden       A carries limits: B is judged by it\n");
+    EXPECT_EQ(there.out.find("golden"), std::string::npos) << there.out;
+    EXPECT_CONTAINS(back.out, there.out) << "but for that line all is the same";
+}
+
+// The page takes no picture's place, by whatever name, and has a folder.
+TEST(Compare, the_report_overwrites_no_picture) {
+    const Folder folder;
+    const std::vector<float> rgb(24 * 16 * 3, 0.5F);
+    const auto page = [&](const std::string& name) { return folder / (name + "/compare.html"); };
+    for (const char* name : {"plain", "soft", "hard"}) fs::create_directories(folder / name);
+    write_png(folder / "a.png", 24, 16, 3, rgb.data(), 0.0);
+    fs::copy_file(folder / "a.png", page("plain"));
+    fs::create_symlink(folder / "a.png", page("soft"));
+    fs::create_hard_link(folder / "a.png", page("hard"));
+    const std::map<std::string, std::string> before = folder.contents();
+    const auto refused = [&](const std::string& a, const std::string& b, const std::string& report,
+                             const std::string& words) {
+        const Outcome done = marram({"compare", a, b, "--report", report});
+        EXPECT_EQ(done.code, 2) << words;
+        EXPECT_EQ(done.out, "");
+        EXPECT_CONTAINS(done.err, words);
+    };
+    refused(page("plain"), folder / "a.png", folder / "plain", "the report would overwrite");
+    refused(folder / "a.png", page("plain"), folder / "plain", "the report would overwrite");
+    refused(folder / "a.png", folder / "a.png", folder / "soft", "the report would overwrite");
+    refused(folder / "a.png", folder / "a.png", folder / "hard", "the report would overwrite");
+    refused(folder / "a.png", folder / "a.png", "", "the folder for the report has no name");
+    EXPECT_EQ(folder.contents(), before);
+}
+
+// As on a machine with little memory: it says what did not fit, and that is no scene.
+TEST(Compare, what_does_not_fit_is_named) {
+#ifdef __SANITIZE_ADDRESS__
+    GTEST_SKIP() << "its own memory is beyond any limit";
+#endif
+    const Folder folder;
+    constexpr int side = 3000; // 200 bytes a pixel: 1.8 GB
+    const std::vector<float> black(size_t(side) * side * 3, 0.0F);
+    write_png(folder / "a.png", side, side, 3, black.data(), 0.0);
+    const Outcome done = marram({"compare", folder / "a.png", folder / "a.png"}, [](auto arguments) {
+        const rlimit gigabyte{1U << 30, 1U << 30};
+        ::setrlimit(RLIMIT_AS, &gigabyte);
+        run_program(arguments);
+    });
+    EXPECT_EQ(done.code, 2) << done.out;
+    EXPECT_CONTAINS(done.err, "a.png: comparing it with ");
+    EXPECT_CONTAINS(done.err, " does not fit into memory: compare them in parts, or scaled down\n");
 }
 
 } // namespace marram::testing

@@ -376,8 +376,7 @@ void judge_looks(const std::vector<float>& a, const std::vector<float>& b,
     see(result.flip_99 <= result.flip_99_limit, "the 99th percentile of FLIP", result.flip_99,
         result.flip_99_limit, "at most");
     see(result.flip_window <= result.flip_window_limit,
-        fmt::format("mean FLIP of {} x {} pixels at ({}, {})", std::min(local_window, width),
-                    std::min(local_window, height), worst.x, worst.y),
+        fmt::format("mean FLIP of {} at ({}, {})", window_text(width, height), worst.x, worst.y),
         result.flip_window, result.flip_window_limit, "at most");
     see(result.ssim >= result.ssim_limit, "SSIM", result.ssim, result.ssim_limit, "at least");
 }

@@ -11,6 +11,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <numeric>
 #include <optional>
 #include <span>
 
@@ -23,8 +24,9 @@ constexpr double layer_bias = 0.01,
                  layer_beyond = 0.015; // of the means; of what is beyond the other's, in the mean
 constexpr double noise_beyond = 1.25,
                  window_beyond = 0.03; // in a window: times what noise is beyond itself, and of the range
-constexpr double names_share = 0.9, noise_names = 1.1, spare_names = 0.05;
-constexpr int farthest = 2;    // pixels by which a layer may turn out to be moved
+constexpr double noise_names = 1.1, spare_names = 0.05; // times what is unknown among its own, and of all
+constexpr double window_names = 0.1;                    // of a window's pixels
+constexpr int farthest = 2;                             // pixels by which a layer may turn out to be moved
 constexpr double chance = 4.0; // standard deviations of what is counted or correlated
 
 struct Frame {
@@ -95,15 +97,45 @@ Beyond beyond_of(const Picture::Layer& a, const Picture::Layer& b, Frame frame) 
     return result;
 }
 
-// The share of names (0 is none) that are none of those around their place.
-double share_unknown(const Picture::Layer& mine, const Picture::Layer& other, Frame frame, Around where) {
-    double unknown = 0.0, named = 0.0;
-    each_with_around(mine, other, 0, frame, where, [&](size_t, float name, std::span<const float> around) {
-        if (name == 0.0F) return;
-        named += 1.0;
-        unknown += std::ranges::find(around, name) == around.end();
-    });
-    return named > 0.0 ? unknown / named : 0.0;
+// 1 for each name (0 is none) that is none of those around its place, else 0.
+std::vector<float> unknown(const Picture::Layer& mine, const Picture::Layer& other, Frame frame,
+                           Around where) {
+    std::vector<float> plane(mine.pixels.size(), 0.0F);
+    each_with_around(mine, other, 0, frame, where,
+                     [&](size_t pixel, float name, std::span<const float> around) {
+                         const bool known = name == 0.0F || std::ranges::find(around, name) != around.end();
+                         plane[pixel] = known ? 0.0F : 1.0F;
+                     });
+    return plane;
+}
+
+// How many names are not known around their place in the other picture.
+struct Unknown {
+    double
+        share = 0.0,
+        noise =
+            0.0; // of all names in both; not known among their own neighbours, in the picture that has less
+    WorstWindow unexplained; // of a window's pixels, less what noise explains
+};
+
+Unknown unknown_of(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
+    std::vector<float> there = unknown(a, b, frame, Around::there);
+    const std::vector<float> back = unknown(b, a, frame, Around::there),
+                             in_a = unknown(a, a, frame, Around::here),
+                             in_b = unknown(b, b, frame, Around::here);
+    const auto sum = [](const std::vector<float>& plane) {
+        return std::accumulate(plane.begin(), plane.end(), 0.0);
+    };
+    const auto names = [](const Picture::Layer& layer) {
+        return std::max(1.0, double(layer.pixels.size()) - double(std::ranges::count(layer.pixels, 0.0F)));
+    };
+    Unknown result;
+    result.share = (sum(there) + sum(back)) / (names(a) + names(b));
+    result.noise = std::min(sum(in_a) / names(a), sum(in_b) / names(b));
+    for (size_t i = 0; i < there.size(); ++i)
+        there[i] = 0.5F * (there[i] + back[i] - float(noise_names) * (in_a[i] + in_b[i]));
+    result.unexplained = worst_window(there, frame.width, frame.height);
+    return result;
 }
 
 // "id", "object_id", "objectID", but not "fluid".
@@ -210,15 +242,19 @@ Bias bias_of(const Picture::Layer& a, const Picture::Layer& b) {
 }
 
 std::string fault_of_names(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
-    const double unknown =
-        0.5 * (share_unknown(a, b, frame, Around::there) + share_unknown(b, a, frame, Around::there));
-    const double noise =
-        std::min(share_unknown(a, a, frame, Around::here), share_unknown(b, b, frame, Around::here));
-    const double allowed = std::min(names_share, noise_names * noise + spare_names);
-    if (unknown > allowed)
+    const Unknown unknown = unknown_of(a, b, frame);
+    const double halfway = 0.5 * (1.0 + unknown.noise); // to all, where strands are named differently
+    const double allowed = std::min(halfway, noise_names * unknown.noise + spare_names);
+    if (unknown.share > allowed)
         return fmt::format("layer {} is of other names: {:.3g} of its pixels with one hold one that the "
                            "other picture has nowhere near, {:.3g} are allowed",
-                           b.name, unknown, allowed);
+                           b.name, unknown.share, allowed);
+    const WorstWindow& worst = unknown.unexplained;
+    if (worst.mean > window_names)
+        return fmt::format(
+            "layer {} is of other names: of {} at ({}, {}) {:.3g} more than noise explains hold one "
+            "that the other picture has nowhere near, {:.3g} are allowed",
+            b.name, window_text(frame.width, frame.height), worst.x, worst.y, worst.mean, window_names);
     const auto by = moved_by(frame, [&](Offset offset) { return share_same(a, b, frame, offset); });
     return by ? moved_fault(b.name, *by) : "";
 }
@@ -239,10 +275,10 @@ std::string fault_of(const Picture::Layer& a, const Picture::Layer& b, const Lay
     const WorstWindow& worst = beyond.unexplained;
     if (worst.mean > window_beyond * result.range)
         return fmt::format(
-            "layer {} is not as in the other picture: {} x {} pixels at ({}, {}) are beyond what is "
-            "near there by {:.3g} in the mean more than noise explains, {:.3g} is allowed",
-            channel(beyond.channel), std::min(local_window, frame.width),
-            std::min(local_window, frame.height), worst.x, worst.y, worst.mean, window_beyond * result.range);
+            "layer {} is not as in the other picture: {} at ({}, {}) are beyond what is near there "
+            "by {:.3g} in the mean more than noise explains, {:.3g} is allowed",
+            channel(beyond.channel), window_text(frame.width, frame.height), worst.x, worst.y, worst.mean,
+            window_beyond * result.range);
     if (result.mean <= layer_share * result.range) return "";
     if (beyond.mean > layer_beyond * result.range)
         return fmt::format(

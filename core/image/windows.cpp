@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/image/windows.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstddef>
 #include <limits>
@@ -28,6 +30,10 @@ WorstWindow worst_window(const std::vector<float>& plane, int width, int height)
             if (!(sum / count <= worst.mean)) worst = {sum / count, x, y};
         }
     return worst;
+}
+
+std::string window_text(int width, int height) {
+    return fmt::format("{} x {} pixels", std::min(local_window, width), std::min(local_window, height));
 }
 
 } // namespace marram

@@ -2,6 +2,7 @@
 // Windows that slide over a picture, and the worst of them: a fault of a few pixels is lost in the mean of all.
 #pragma once
 
+#include <string>
 #include <vector>
 
 namespace marram {
@@ -18,5 +19,8 @@ struct WorstWindow {
 
 // The greatest mean of one number a pixel over windows of 16 x 16 pixels; of pictures that are smaller, over all there is.
 WorstWindow worst_window(const std::vector<float>& plane, int width, int height);
+
+// Such a window in words: "16 x 16 pixels".
+std::string window_text(int width, int height);
 
 } // namespace marram

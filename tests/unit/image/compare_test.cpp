@@ -468,6 +468,26 @@ TEST(Compare, few_other_names_are_missed) {
     EXPECT_TRUE(compared(named(0.02), named(0.0)).alike());
     EXPECT_FALSE(compared(named(0.3), named(0.0)).alike());
     EXPECT_FALSE(compared(named(0.85), named(0.0)).alike());
+    // Where forty strands share each pixel nearly all are unknown to another seed, and still not all.
+    const auto dense = [](uint64_t seed, uint64_t names) {
+        return with_layer("id", [=](int x, int y) {
+            const uint64_t strand = uint64_t(8 * (x + 1000 * y)) + hash(seed, uint64_t(y * width + x)) % 40;
+            return 1.0 + double(hash(names, strand) & 0xffffff);
+        });
+    };
+    EXPECT_TRUE(compared(dense(2, 7), dense(1, 7)).alike());
+    EXPECT_FALSE(compared(dense(2, 8), dense(1, 7)).alike());
+    // A small thing of its own name: one pixel in a hundred.
+    const auto thing = [](double name) {
+        return with_layer("id", [=](int x, int y) { return in_square(x, y, 8) ? name : 5.0; });
+    };
+    EXPECT_TRUE(compared(thing(7.0), thing(7.0)).alike());
+    for (const double other : {0.0, 5.0, 8.0}) {
+        const Comparison c = compared(thing(other), thing(7.0));
+        ASSERT_EQ(c.faults.size(), 1U) << other;
+        EXPECT_NE(c.faults[0].find("layer id is of other names: of 16 x 16 pixels at (2"), std::string::npos)
+            << c.faults[0];
+    }
 }
 
 // ---- FLIP -----------------------------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@
 #include "core/image/compare.h"
 #include "core/math/problem.h"
 
+#include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -51,6 +52,16 @@ TEST_F(PictureFiles, ColourIsMultipliedByAlphaWhateverTheFormat) {
     for (size_t i = 0; i < exr.layers[0].pixels.size(); ++i)
         EXPECT_NEAR(png.find("")->pixels[i], exr.find("")->pixels[i], 0.005F) << i;
     EXPECT_TRUE(compare_pictures(png, exr, "png", "exr").alike());
+    // TIFF holds either, and says which.
+    OIIO::ImageSpec spec(1, 1, 4, OIIO::TypeDesc::FLOAT);
+    const float straight[4] = {0.8F, 0.4F, 0.2F, 0.5F};
+    for (const bool apart : {true, false}) {
+        spec.attribute("oiio:UnassociatedAlpha", int(apart));
+        const auto output = OIIO::ImageOutput::create("a.tif");
+        ASSERT_TRUE(output->open(path("a.tif"), spec) &&
+                    output->write_image(OIIO::TypeDesc::FLOAT, straight) && output->close());
+        EXPECT_EQ(read_picture(path("a.tif")).find("")->pixels[0], apart ? 0.4F : 0.8F);
+    }
     EXPECT_EQ(png.read_as, "sRGB");
     EXPECT_EQ(exr.read_as, "linear");
 }

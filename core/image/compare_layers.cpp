@@ -19,11 +19,12 @@ namespace marram {
 namespace {
 
 // Limits: core/image/compare.h says what they are.
-constexpr double layer_share = 0.03; // of a layer's range, mean difference
-constexpr double layer_bias = 0.01,
-                 layer_beyond = 0.015; // of the means; of what is beyond the other's, in the mean
-constexpr double noise_beyond = 1.25,
-                 window_beyond = 0.03; // in a window: times what noise is beyond itself, and of the range
+constexpr double layer_share = 0.03;   // of a layer's range, mean difference
+constexpr double layer_bias = 0.01;    // difference of a channel's means
+constexpr double layer_beyond = 0.015; // mean of what is beyond the other's
+constexpr double window_beyond =
+    0.03; // that in a window, less so many times what is beyond its own neighbours:
+constexpr double noise_beyond = 1.25;
 constexpr double noise_names = 1.1, spare_names = 0.05; // times what is unknown among its own, and of all
 constexpr double window_names = 0.1;                    // of a window's pixels
 constexpr int farthest = 2;                             // pixels by which a layer may turn out to be moved
@@ -69,10 +70,9 @@ std::vector<float> beyond(const Picture::Layer& mine, const Picture::Layer& othe
 
 // What a layer's numbers are beyond those around their place in the other picture: the mean of both pictures.
 struct Beyond {
-    double mean = 0.0; // of all
-    WorstWindow
-        unexplained; // less what noise explains, which is as far beyond its own neighbours: in the worst window
-    size_t channel = 0; // of that
+    double mean = 0.0;       // of all
+    WorstWindow unexplained; // less what noise explains: it is as far beyond its own neighbours
+    size_t channel = 0;      // of that window
 };
 
 Beyond beyond_of(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
@@ -216,14 +216,14 @@ std::string moved_fault(const std::string& name, Offset by) {
                        name, by.x, by.y);
 }
 
-// Of a channel's mean.
+// By how much a channel's mean is off, and may be.
 struct Bias {
-    double off = 0.0, chance = 0.0; // how far off, and its standard deviation
+    double off = 0.0, allowed = 0.0;
     size_t channel = 0;
 };
 
-// That which is farthest off.
-Bias bias_of(const Picture::Layer& a, const Picture::Layer& b) {
+// That which is farthest off for what it may be.
+Bias bias_of(const Picture::Layer& a, const Picture::Layer& b, double range) {
     const size_t channels = b.channels.size();
     const double count = double(b.pixels.size() / channels);
     Bias worst;
@@ -234,9 +234,10 @@ Bias bias_of(const Picture::Layer& a, const Picture::Layer& b) {
             sum += d;
             squares += d * d;
         }
-        const double mean = sum / count;
-        if (std::abs(mean) > worst.off)
-            worst = {std::abs(mean), std::sqrt(std::max(0.0, squares / count - mean * mean) / count), c};
+        const double mean = sum / count,
+                     error = std::sqrt(std::max(0.0, squares / count - mean * mean) / count);
+        const Bias bias{std::abs(mean), std::max(layer_bias * range, chance * error), c};
+        if (c == 0 || bias.off * worst.allowed > worst.off * bias.allowed) worst = bias;
     }
     return worst;
 }
@@ -266,11 +267,10 @@ std::string fault_of(const Picture::Layer& a, const Picture::Layer& b, const Lay
     const auto channel = [&](size_t c) {
         return b.channels.size() > 1 ? b.name + "." + b.channels[c] : b.name;
     };
-    const Bias bias = bias_of(a, b);
-    if (bias.off > std::max(layer_bias * result.range, chance * bias.chance))
-        return fmt::format(
-            "layer {} is off by {:.3g} in its mean, {:.3g} is allowed (a hundredth of its range)",
-            channel(bias.channel), bias.off, layer_bias * result.range);
+    const Bias bias = bias_of(a, b, result.range);
+    if (bias.off > bias.allowed)
+        return fmt::format("layer {} is off by {:.3g} in its mean, {:.3g} is allowed", channel(bias.channel),
+                           bias.off, bias.allowed);
     const Beyond beyond = beyond_of(a, b, frame);
     const WorstWindow& worst = beyond.unexplained;
     if (worst.mean > window_beyond * result.range)

@@ -263,7 +263,7 @@ PiecePoint piece_at(const CurveGeometry& curves, const Control<4>& control, size
 
 // A flat piece turns to each ray as the ribbon does.
 void set_ribbon_piece(const Vec3d& seen, const Vec3d& direction, const PiecePoint& piece,
-                      const Vec3d& tangent, const Vec3d& side, SurfacePoint& point) {
+                      const Vec3d& tangent, SurfacePoint& point) {
     const double length = point.piece, radius = std::abs(piece.value[3]); // splines may swing below 0
     const Vec3d along = length > 0.0 ? Vec3d(piece.chord / length) : tangent;
     const Vec3d across = across_ray(along, direction), axis = piece.value.head<3>();
@@ -272,12 +272,13 @@ void set_ribbon_piece(const Vec3d& seen, const Vec3d& direction, const PiecePoin
     point.from_axis = w.cast<float>();
     point.position = axis + w;
     point.geometric_normal = across.cross(along).cast<float>();
-    point.normal = side.cross(tangent).cast<float>();
+    point.normal = point.geometric_normal;
 }
 
-// A round piece is a cone with a ball at either end. at_end: on the ball that the strand begins or ends with.
+// A round piece is a cone with a ball at either end, and shaded as such: by the curve's own normals, light that goes to one side by
+// them and to the other by the piece would be lost, a hundredth of all. Where the bend at a corner would be seen there are more pieces.
 void set_round_piece(const Vec3d& seen, const PiecePoint& piece, const Vec3d& tangent, float along,
-                     bool at_end, SurfacePoint& point) {
+                     SurfacePoint& point) {
     const double length = point.piece, radius = std::abs(piece.value[3]);
     const Vec3d chord = length > 0.0 ? Vec3d(piece.chord / length) : tangent, axis = piece.value.head<3>();
     Vec3d out = seen - axis;
@@ -290,11 +291,7 @@ void set_round_piece(const Vec3d& seen, const PiecePoint& piece, const Vec3d& ta
     point.from_axis = (radius * out).cast<float>();
     point.position = axis + radius * out;
     point.geometric_normal = (cone ? Vec3d((out - slope * chord).normalized()) : out).cast<float>();
-    const Vec3d around = out - out.dot(tangent) * tangent;
-    const double share = around.norm();
-    point.normal = share > least_sine && !at_end
-                       ? Vec3d((around / share - slope * tangent).normalized()).cast<float>()
-                       : point.geometric_normal;
+    point.normal = point.geometric_normal;
 }
 
 void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit, double t,
@@ -342,14 +339,11 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     point.to_begin = static_cast<float>(length * (straight.along - straight.begin));
     point.to_end = static_cast<float>(length * (straight.end - straight.along));
     if (curves.shape == MARRAM_ROUND && curves.pieces > 0)
-        set_round_piece(seen, straight, tangent, hit_u,
-                        (hit_u <= 0.0F && segment == 0 && piece == 0) ||
-                            (hit_u >= 1.0F && segment + 1 == segments && piece + 1 == pieces),
-                        point);
+        set_round_piece(seen, straight, tangent, hit_u, point);
     else if (curves.shape == MARRAM_ROUND)
         set_round(seen, c, tangent, slope, extent, point);
     else if (curves.pieces > 0)
-        set_ribbon_piece(seen, direction, straight, tangent, side, point);
+        set_ribbon_piece(seen, direction, straight, tangent, point);
     else if (curves.shape == MARRAM_RIBBON)
         set_ribbon(seen, side, c, tangent, point);
     else

@@ -146,9 +146,6 @@ ShadingPoint shading_point(const Frame& frame, const SurfacePoint& at, const Vec
         point.uv_width = uv_width(frame, at, width / std::sqrt(onto));
         return point;
     }
-    // Straight pieces are shaded as the curve that they stand for. Light that goes to one side by the curve and to the other by the
-    // piece goes through the fibre; to leave it out would make white strands grey.
-    point.geometric_normal = at.normal;
     point.flat = at.shape != PointShape::round;
     point.h = at.h;
     point.strand_u = at.strand_u;

@@ -319,6 +319,9 @@ std::string compare_page(const ComparedFile& test, const ComparedFile& reference
         verdict, escaped(test.path), escaped(reference.path), page::style,
         comparison.alike() ? "alike" : "different", verdict);
     for (const std::string& fault : comparison.faults) out += fmt::format("<p>{}</p>\n", escaped(fault));
+    for (const std::string& note : comparison.notes) out += fmt::format("<p>{}</p>\n", escaped(note));
+    if (comparison.swapped)
+        out += "<p>A carries limits: B is judged by it, and numbers are relative to A.</p>\n";
     if (comparison.alike())
         out += comparison.equal ? "<p>Every number is the same.</p>\n"
                : comparison.knows_noise

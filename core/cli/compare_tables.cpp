@@ -50,6 +50,9 @@ std::string numbers(const Comparison& c, const Picture& picture) {
          c.flip_mean > c.flip_mean_limit);
     look("FLIP, 99th percentile", c.flip_99, c.flip_99_limit, std::isfinite(c.flip_99_limit),
          c.flip_99 > c.flip_99_limit);
+    look(fmt::format("FLIP, worst 16 &times; 16 pixels, at ({}, {})", c.flip_window_x, c.flip_window_y),
+         c.flip_window, c.flip_window_limit, std::isfinite(c.flip_window_limit),
+         c.flip_window > c.flip_window_limit);
     look("SSIM", c.ssim, c.ssim_limit, c.ssim_limit >= 0.0, c.ssim < c.ssim_limit);
     for (const ScaleResult& s : c.scales)
         scales += row(s.fails(),
@@ -100,6 +103,10 @@ std::string metadata(const ComparedFile& a, const ComparedFile& b) {
         "<tr><td>file</td><td>{0}</td><td>{1}</td></tr>\n<tr><td>size</td><td>{2} &times; {3}</td>"
         "<td>{2} &times; {3}</td></tr>\n",
         escaped(a.path), escaped(b.path), a.picture.width, a.picture.height);
+    const bool alike = a.picture.read_as == b.picture.read_as;
+    out += fmt::format("<tr{}><td>{}colours read as</td><td>{}</td><td>{}</td></tr>\n",
+                       alike ? "" : " class=\"other\"", alike ? "" : "&ne;&nbsp;", escaped(a.picture.read_as),
+                       escaped(b.picture.read_as));
     for (const std::string& key : keys) {
         const std::string p = value(x, key), q = value(y, key);
         out += fmt::format("<tr{}><td>{}{}</td><td><div>{}</div></td><td><div>{}</div></td></tr>\n",

@@ -290,6 +290,11 @@ MeshGeometry place_mesh(Build& build, const SceneMesh& mesh) {
                 "shorten camera.shutter, or give more tolerance",
                 mesh.name, keys, error, settings.tolerance));
     }
+    const auto outward = [&](double frame) { return mesh.transform.at(frame).linear().determinant() > 0.0; };
+    if (moves && outward(open) != outward(close))
+        build.stats.warnings.push_back(
+            mesh.name + ": turns inside out while the shutter is open: it is lit, and shines, as it is at "
+                        "the frame; keep the signs of its scale");
     return place_mesh(mesh, moves ? build.times(keys) : std::vector{open}, settings.frame);
 }
 
@@ -337,8 +342,9 @@ uint32_t chosen_motion_keys(SceneGeometry& geometry, const BuildSettings& settin
     Build build{geometry, settings, cancel, progress, stats, {}, {}, {}};
     build.world.device = make_device(build.errors);
     build_colliders(build);
-    keys_of_curves(build);
-    return stats.motion_keys;
+    uint32_t most = 2;
+    for (const uint32_t keys : keys_of_curves(build)) most = std::max(most, keys);
+    return most;
 }
 
 World build_world(SceneGeometry& geometry, const BuildSettings& settings, const std::atomic<bool>& cancel,

@@ -71,7 +71,7 @@ struct BuildStats {
 World build_world(SceneGeometry& geometry, const BuildSettings& settings, const std::atomic<bool>& cancel,
                   BuildProgress& progress, BuildStats& stats);
 
-// The greatest number of motion keys that build_world would give anything with these settings.
+// The greatest number of motion keys that build_world would give curves with these settings.
 uint32_t chosen_motion_keys(SceneGeometry& geometry, const BuildSettings& settings,
                             const std::atomic<bool>& cancel, BuildProgress& progress);
 

@@ -61,6 +61,14 @@ std::span<const Golden> goldens() {
          2,
          {}},
         room("filter", "the box filter, a pixel wide", {"film.filter=\"box\"", "film.filter_radius=0.5"}),
+        room("noise", "pixels that stop when they are good enough", {"film.noise=0.04", "film.samples=512"}),
+        {"layers",
+         "what a picture has beside its colours",
+         "golden/fur.toml",
+         20,
+         {"wind.shielding={shield=1, spread=10, rays=16}",
+          "wind.gusts.control=[{shape=\"sphere\", transform={translate=[-0.3, 0.3, 0.4], scale=0.45}}]"},
+         {"alpha", "albedo", "normal", "depth", "strand_u", "id", "shield", "gust", "envelope", "root_uv"}},
         room("round", "round strands of Catmull-Rom curves, with clumps, curl and frizz",
              {"procedural.grass.shape=\"round\"", "procedural.grass.basis=\"catmull-rom\"",
               "procedural.grass.cvs=12", "procedural.grass.clump={size=0.3, amount=0.5}",
@@ -97,6 +105,16 @@ std::span<const Golden> goldens() {
              "material.fur.tint=\"gust\"", "material.fur.tint_color=[0.9, 0.2, 0.05]"}),
         fur("control", "one gust placed by hand",
             {"wind.gusts.control=[{shape=\"sphere\", transform={translate=[-0.3, 0.3, 0.4], scale=0.45}}]"}),
+        fur("boxes", "an in/out box, placed and turned by hand, and the sphere in it that takes wind away",
+            {"wind.gusts.control=[{shape=\"box\", inner=[0.6, 0.3, 0.6], transform={translate=[0, 0.3, 0.2], "
+             "rotate=[0, "
+             "30, 0], scale=[0.7, 0.4, 0.8]}}, {shape=\"sphere\", strength=-1, transform={translate=[0.2, "
+             "0.4, 0.3], "
+             "scale=0.3}}]"}),
+        fur("anchor", "noise that stays with a body that moves",
+            {"wind.noise={amplitude=0.9, frequency=2, anchor=\"rest\"}",
+             "mesh.body.transform={keys=[{frame=1, translate=[0.6, 0, 0]}, {frame=20, translate=[0, 0, "
+             "0]}]}"}),
         fur("shield", "shelter by the body, soft-edged, tinted",
             {"wind.shielding={shield=1, spread=10, rays=16}", "material.fur.tint=\"shield\""}),
         fur("shield_cv", "shelter of each CV, fading in its wake",
@@ -146,6 +164,16 @@ std::string path_of(const Golden& golden) {
     return MARRAM_SOURCE_DIR "/scenes/golden/" + golden.name + ".exr";
 }
 
+namespace {
+
+std::vector<std::string> channels_of(uint32_t count) {
+    if (count == 1) return {"Y"};
+    const std::vector<std::string> all = {"X", "Y", "Z", "W"};
+    return {all.begin(), all.begin() + count};
+}
+
+} // namespace
+
 Stage::Stage(const Golden& golden, const std::vector<std::string>& faults) : frame_(golden.frame) {
     static const std::atomic<bool> never{false};
     Overrides overrides;
@@ -153,7 +181,8 @@ Stage::Stage(const Golden& golden, const std::vector<std::string>& faults) : fra
     overrides.settings.insert(overrides.settings.end(), faults.begin(), faults.end());
     scene_ = load(MARRAM_SOURCE_DIR "/scenes/" + golden.scene, overrides, never);
     BuildSettings settings = build_settings(scene_, frame_);
-    settings.attributes = wanted_attributes(scene_, {});
+    layers_ = golden.layers;
+    settings.attributes = wanted_attributes(scene_, layers_);
     BuildProgress progress;
     BuildStats stats;
     world_ = build_world(scene_.geometry, settings, never, progress, stats);
@@ -162,9 +191,11 @@ Stage::Stage(const Golden& golden, const std::vector<std::string>& faults) : fra
 
 Picture Stage::render(uint64_t seed, uint32_t samples) const {
     const auto [width, height] = film_size(scene_);
-    const std::vector<std::string> layers = {"beauty"};
-    Film film = make_film(width, height, layers, world_);
     RenderSettings settings = render_settings(scene_, frame_);
+    std::vector<std::string> names = {"beauty"};
+    names.insert(names.end(), layers_.begin(), layers_.end());
+    if (settings.noise > 0.0) names.emplace_back("variance"); // by which pixels know when they are done
+    Film film = make_film(width, height, names, world_);
     settings.seed = seed;
     if (samples > 0) settings.samples = samples;
     marram::render(world_, *lights_, scene_.materials, camera_at(scene_.description, frame_), settings, film);
@@ -173,6 +204,10 @@ Picture Stage::render(uint64_t seed, uint32_t samples) const {
     picture.height = int(height);
     picture.samples = int(settings.samples);
     picture.layers.push_back({"", {"R", "G", "B"}, find_layer(film, "beauty")->pixels});
+    for (const std::string& name : layers_) {
+        const FilmLayer& layer = *find_layer(film, name);
+        picture.layers.push_back({name, channels_of(layer.channels), layer.pixels});
+    }
     return picture;
 }
 
@@ -280,8 +315,11 @@ Picture made(const Golden& golden) {
 }
 
 void write(const Picture& picture, const std::string& path, const Golden& golden) {
-    const Layer layers[] = {{"", {"R", "G", "B"}, picture.layers[0].pixels.data(), false},
-                            {"variance", {"R", "G", "B"}, picture.layers[1].pixels.data(), true}};
+    std::vector<Layer> layers;
+    for (const Picture::Layer& layer : picture.layers) {
+        const bool names = layer.name == "id"; // which halves do not tell apart
+        layers.push_back({layer.name, layer.channels, layer.pixels.data(), !layer.name.empty() && !names});
+    }
     const Metadata metadata[] = {{"marram:shows", golden.shows}, {"marram:scene", golden.scene},
                                  {"marram:frame", golden.frame}, {"marram:samples", picture.samples},
                                  {"marram:seeds", seeds},        {"marram:limits", picture.limits}};

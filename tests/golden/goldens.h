@@ -23,7 +23,8 @@ struct Golden {
     std::string name, shows;
     std::string scene; // in scenes/
     double frame = 1.0;
-    std::vector<std::string> changes; // key=value
+    std::vector<std::string> changes;  // key=value
+    std::vector<std::string> layers{}; // beside the picture; they are one render's, not a mean
 };
 
 inline void PrintTo(const Golden& golden, std::ostream* out) { *out << golden.name; }
@@ -44,6 +45,7 @@ class Stage {
     LoadedScene scene_;
     World world_;
     std::unique_ptr<Lights> lights_;
+    std::vector<std::string> layers_;
     double frame_;
 };
 

@@ -47,7 +47,10 @@ int run(const std::vector<std::string>& names, bool writes, const fs::path& fold
             fmt::print("{:<12} {}\n", golden.name,
                        fs::exists(before) ? show(golden, before, after, folder) : "new: " + after);
             std::fflush(stdout);
-            if (writes) fs::copy_file(after, before, fs::copy_options::overwrite_existing);
+            if (writes) { // whole or not at all
+                fs::copy_file(after, before + ".new", fs::copy_options::overwrite_existing);
+                fs::rename(before + ".new", before);
+            }
         }
         if (fs::exists(before)) bytes += fs::file_size(before);
     }

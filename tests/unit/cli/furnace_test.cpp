@@ -24,15 +24,7 @@ Mean mean_of(const std::string& path) {
     return mean;
 }
 
-constexpr const char* white_room = R"(
-[camera]
-position = [0, 0, 4]
-target = [0, 0, 0]
-fov = 35
-[film]
-size = [24, 24]
-samples = 64
-max_depth = 1000
+const std::string white_sky = R"(
 [[light]]
 name = "sky"
 type = "sky"
@@ -43,6 +35,17 @@ ground = [1, 1, 1]
 name = "white"
 type = "diffuse"
 color = [1, 1, 1]
+)";
+
+const std::string furry_ball = R"(
+[camera]
+position = [0, 0, 4]
+target = [0, 0, 0]
+fov = 35
+[film]
+size = [24, 24]
+samples = 64
+max_depth = 1000
 [[mesh]]
 name = "ball"
 type = "sphere"
@@ -77,7 +80,8 @@ TEST(Furnace, white_strands_are_not_seen) {
             const std::string scene = folder.write(
                 "a.toml", fmt::format("{}material = \"fibre\"\nshape = \"{}\"\n[[material]]\nname = "
                                       "\"fibre\"\n{}\n",
-                                      white_room, shape, material));
+                                      furry_ball, shape, material) +
+                              white_sky);
             EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--quiet"}));
             const Mean mean = mean_of(folder / "a.exr");
             std::printf("%-18s %-16s %.4f\n", name, shape, mean.all);
@@ -88,7 +92,7 @@ TEST(Furnace, white_strands_are_not_seen) {
 // Where a strand begins and ends its straight pieces are balls; one seen from its tip is mostly that.
 TEST(Furnace, a_white_strands_ends_are_not_seen) {
     const Folder folder;
-    const std::string scene = folder.write("a.toml", R"(
+    const std::string scene = folder.write("a.toml", white_sky + R"(
 [camera]
 position = [0, 0.3, 3]
 target = [0, 0, 0]
@@ -97,16 +101,6 @@ fov = 6
 size = [24, 24]
 samples = 256
 max_depth = 1000
-[[light]]
-name = "sky"
-type = "sky"
-zenith = [1, 1, 1]
-horizon = [1, 1, 1]
-ground = [1, 1, 1]
-[[material]]
-name = "white"
-type = "diffuse"
-color = [1, 1, 1]
 [[mesh]]
 name = "ground"
 type = "plane"

@@ -120,15 +120,12 @@ LentMeshes::LentMeshes(const World& world, const SceneGeometry& geometry, std::v
     for (size_t i = 0; i < world.meshes.size(); ++i) {
         const MeshGeometry& mesh = world.meshes[i];
         Lists& list = lists_[i];
-        const auto lend = [&](const std::vector<Vec3f>& positions, std::vector<const float*>& to) {
-            to.push_back(components(positions));
-        };
         const auto pose = [&](std::vector<Vec3f> vectors, std::vector<const float*>& to) {
             to.push_back(components(posed_.emplace_back(std::move(vectors)))); // elements stay where they are
         };
         if (mesh.positions.size() == 1 || mesh.positions.size() == times_.size()) {
-            for (const auto& positions : mesh.positions) lend(positions, list.positions);
-            for (const auto& normals : mesh.normals) lend(normals, list.normals);
+            for (const auto& positions : mesh.positions) list.positions.push_back(components(positions));
+            for (const auto& normals : mesh.normals) list.normals.push_back(components(normals));
         } else {
             for (const double time : times_) {
                 pose(geometry.meshes[i].positions_at(time), list.positions);

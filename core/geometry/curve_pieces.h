@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curves traced as straight pieces: where each cubic segment, cut into a few, stays near enough to its chords. The cubic's tangents
-// are shaded.
+// Curves traced as straight pieces: where each cubic segment, cut into a few, stays near enough to its chords. Fibres that scatter
+// along their length are shaded with the cubic's tangents, surfaces with the normals of the pieces (hit.cpp).
 //
 // Embree draws a ribbon's cubic segment as four pieces of its own, one segment after the other; of straight ones it tests 4 or 8 at
 // once. Tracing takes 6 to 24 % less time, the more strands the more. Round ones are found as flat pieces and entered where

@@ -83,11 +83,13 @@ float sample_logistic(float random, float scale, float norm) {
     return std::clamp(-scale * std::log(1.0F / u - 1.0F), -pi_f, pi_f);
 }
 
-float wrap(float angle) { return angle - 2.0F * pi_f * std::round(angle / (2.0F * pi_f)); }
-
-float exit_azimuth(int p, float gamma_o, float gamma_t) {
-    return 2.0F * gamma_o + static_cast<float>(p) * (pi_f - 2.0F * gamma_t);
+// Phi_p of all lobes.
+Float4 exit_azimuths(float gamma_o, float gamma_t) {
+    return 2.0F * gamma_o + Float4{0.0F, 1.0F, 2.0F, 3.0F} * (pi_f - 2.0F * gamma_t);
 }
+
+// Of angles within ten turns of 0, to -pi ... pi.
+Float4 wrap(Float4 angle) { return angle - 2.0F * pi_f * round(angle * (0.5F / pi_f)); }
 
 Vec3f absorption_of_color(const Vec3f& color, float azimuthal_roughness) {
     const float b = azimuthal_roughness;
@@ -113,7 +115,8 @@ Vec3f color_of_absorption(const Vec3f& sigma, float azimuthal_roughness) {
 }
 
 void set_attenuation(HairBsdf& bsdf, const Vec3f& sigma, float fresnel_reflectance, float chord) {
-    const Vec3f transmitted = (-chord * sigma.array()).exp();
+    const Float4 left = exp_of_negative(-chord * Float4{sigma[0], sigma[1], sigma[2]});
+    const Vec3f transmitted(left[0], left[1], left[2]);
     const float f = fresnel_reflectance;
     bsdf.attenuation[0] = Vec3f::Constant(f);
     bsdf.attenuation[1] = (1.0F - f) * (1.0F - f) * transmitted;
@@ -204,8 +207,10 @@ HairSettings read_hair(const ParamSet& params) {
     const float v = static_cast<float>(std::pow(0.726 * m + 0.812 * m * m + 3.7 * std::pow(m, 20.0), 2.0));
     settings.variance = Float4{v, 0.25F * v, 4.0F * v, 4.0F * v};
     settings.precision = 1.0F / settings.variance;
-    for (int p = 0; p < lobe_count; ++p)
+    for (int p = 0; p < lobe_count; ++p) {
         settings.scale[p] = -1.0F / (settings.variance[p] * std::expm1(-2.0F / settings.variance[p]));
+        settings.least[p] = std::exp(-2.0F / settings.variance[p]);
+    }
     settings.logistic_scale =
         static_cast<float>(std::sqrt(pi / 8.0) * (0.265 * n + 1.194 * n * n + 5.372 * std::pow(n, 22.0)));
     settings.logistic_norm = std::tanh(0.5F * pi_f / settings.logistic_scale);
@@ -233,9 +238,11 @@ HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point) {
     constexpr float end_on = 1e-30F; // in place of 0, which only ior = 1 seen end on gives: no 0 / 0
     const float bravais = std::max(std::sqrt(bent(bsdf.cos_theta_o, eta)), end_on); // eta cos theta_t
     const float sin_gamma_t = std::clamp(h * bsdf.cos_theta_o / bravais, -1.0F, 1.0F);
-    bsdf.gamma_o = std::asin(h);
-    bsdf.gamma_t = std::asin(sin_gamma_t);
-    const float chord = 2.0F * std::sqrt((1.0F - sin_gamma_t) * (1.0F + sin_gamma_t)) * eta / bravais;
+    const Float4 sines{h, sin_gamma_t}, cosines = sqrt((1.0F - sines) * (1.0F + sines));
+    const Float4 gammas = fast_atan2(sines, cosines);
+    bsdf.gamma_o = gammas[0];
+    bsdf.gamma_t = gammas[1];
+    const float chord = 2.0F * cosines[1] * eta / bravais;
 
     Vec3f sigma = settings.base_absorption;
     bsdf.color = settings.base_color;
@@ -247,24 +254,32 @@ HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point) {
     bsdf.variance = settings.variance;
     bsdf.precision = settings.precision;
     bsdf.scale = settings.scale;
+    bsdf.least = settings.least;
     bsdf.logistic_scale = settings.logistic_scale;
     bsdf.logistic_norm = settings.logistic_norm;
-    for (int p = 0; p < lobe_count; ++p) bsdf.exit[p] = wrap(exit_azimuth(p, bsdf.gamma_o, bsdf.gamma_t));
-    set_attenuation(bsdf, sigma, fresnel(bsdf.cos_theta_o * std::sqrt((1.0F - h) * (1.0F + h)), eta), chord);
+    bsdf.exit = wrap(exit_azimuths(bsdf.gamma_o, bsdf.gamma_t));
+    set_attenuation(bsdf, sigma, fresnel(bsdf.cos_theta_o * cosines[0], eta), chord);
     set_lobe_cones(bsdf, settings);
     return bsdf;
 }
 
-BsdfValue evaluate(const HairBsdf& bsdf, const Vec3f& wi) {
-    const float sin_i = std::clamp(wi.dot(bsdf.axis), -1.0F, 1.0F);
-    const float across = wi.dot(bsdf.front), aside = wi.dot(bsdf.side);
-    const float cos_i = std::sqrt(across * across + aside * aside);
-    const float phi = fast_atan2(aside, across);
+namespace {
+
+// phi: -pi ... pi.
+BsdfValue evaluate(const HairBsdf& bsdf, float sin_i, float cos_i, float phi) {
     const Float4 lobes = longitudinal(bsdf, cos_i, sin_i) * azimuthal(bsdf, phi);
     BsdfValue result;
     for (int p = 0; p < lobe_count; ++p) result.value += lobes[p] * bsdf.attenuation[p];
     result.pdf = sum(lobes * bsdf.probability);
     return result;
+}
+
+} // namespace
+
+BsdfValue evaluate(const HairBsdf& bsdf, const Vec3f& wi) {
+    const float sin_i = std::clamp(wi.dot(bsdf.axis), -1.0F, 1.0F);
+    const float across = wi.dot(bsdf.front), aside = wi.dot(bsdf.side);
+    return evaluate(bsdf, sin_i, std::sqrt(across * across + aside * aside), fast_atan2(aside, across));
 }
 
 bool sample(const HairBsdf& bsdf, const std::array<float, 4>& random, BsdfSample& result) {
@@ -274,16 +289,18 @@ bool sample(const HairBsdf& bsdf, const std::array<float, 4>& random, BsdfSample
 
     // The angle from the lobe's mirror cone, as 1 - cos to keep small ones exact; 1 - u is never 0.
     const float v = bsdf.variance[p], u = 1.0F - random[0];
-    const float away = std::clamp(-v * std::log(u + (1.0F - u) * std::exp(-2.0F / v)), 0.0F, 2.0F);
-    const float turn = std::sqrt(away * (2.0F - away)) * std::cos(2.0F * pi_f * random[3]);
+    const float away = std::clamp(-v * std::log(u + (1.0F - u) * bsdf.least[p]), 0.0F, 2.0F);
+    const float phi = p == lobe_count - 1
+                          ? 2.0F * pi_f * random[1] - pi_f
+                          : wrap(Float4{} + bsdf.exit[p] +
+                                 sample_logistic(random[1], bsdf.logistic_scale, bsdf.logistic_norm))[0];
+    Float4 sines, cosines;
+    fast_sin_cos(Float4{phi, 2.0F * pi_f * random[3]}, sines, cosines);
+    const float turn = std::sqrt(away * (2.0F - away)) * cosines[1];
     const float sin_i = std::clamp((away - 1.0F) * bsdf.lobe_sin[p] + turn * bsdf.lobe_cos[p], -1.0F, 1.0F);
     const float cos_i = std::sqrt((1.0F - sin_i) * (1.0F + sin_i));
-    const float phi = p == lobe_count - 1 ? 2.0F * pi_f * random[1]
-                                          : bsdf.exit[p] + sample_logistic(random[1], bsdf.logistic_scale,
-                                                                           bsdf.logistic_norm);
-    result.wi =
-        (sin_i * bsdf.axis + cos_i * (std::cos(phi) * bsdf.front + std::sin(phi) * bsdf.side)).normalized();
-    const BsdfValue at = evaluate(bsdf, result.wi);
+    result.wi = (sin_i * bsdf.axis + cos_i * (cosines[0] * bsdf.front + sines[0] * bsdf.side)).normalized();
+    const BsdfValue at = evaluate(bsdf, sin_i, cos_i, phi);
     result.value = at.value;
     result.pdf = at.pdf;
     return at.pdf > 0.0F && std::isfinite(at.pdf);

@@ -51,6 +51,7 @@ struct HairSettings {
     Float4 variance{};                           // longitudinal, of R, TT, TRT, residual
     Float4 precision{};                          // 1 / v
     Float4 scale{};                              // 1 / (v (1 - exp(-2/v)))
+    Float4 least{};                              // exp(-2/v)
     float logistic_scale = 0.0F;                 // azimuthal
     float logistic_norm = 0.0F;                  // its mass in one turn
     std::array<float, 3> sin_tilt{}, cos_tilt{}; // of 2^k tilt
@@ -65,11 +66,11 @@ struct HairBsdf {
     float sin_theta_o, cos_theta_o;
     float gamma_o, gamma_t;
     float logistic_scale, logistic_norm;
-    std::array<Vec3f, 4> attenuation;  // of each lobe
-    Float4 probability;                // of sampling each lobe
-    Float4 variance, precision, scale; // as in the settings
-    Float4 lobe_sin, lobe_cos;         // theta_o, tilted, of each lobe
-    Float4 exit;                       // azimuth of each lobe, -pi ... pi; the residual has none
+    std::array<Vec3f, 4> attenuation;         // of each lobe
+    Float4 probability;                       // of sampling each lobe
+    Float4 variance, precision, scale, least; // as in the settings
+    Float4 lobe_sin, lobe_cos;                // theta_o, tilted, of each lobe
+    Float4 exit;                              // azimuth of each lobe, -pi ... pi; the residual has none
 };
 
 HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point);

@@ -385,15 +385,16 @@ double leave_fibre(const SurfacePoint& point, const Vec3d& d, double error) {
     const double along = tangent.dot(d), b = -point.from_axis.cast<double>().dot(d), r = point.radius;
     const double a = std::max((d - along * tangent).squaredNorm(), least_sine * least_sine);
     const double g = point.taper * along, cone = std::max(a - g * g, least_sine * least_sine);
+    const double passes = std::max(0.0, b / a), over_sine = 1.0 / std::sqrt(a);
     const auto distance = [&](double e) {
-        if (point.shape == PointShape::ribbon) return std::max(0.0, b / a) + e / std::sqrt(a);
+        if (point.shape == PointShape::ribbon) return passes + e * over_sine;
         const double turned = b + g * (r + e);
         return (turned + std::sqrt(turned * turned + cone * (2.0 * r * e + e * e))) / cone;
     };
     double s = distance(error);
     // A quadrilateral's ends are cut across its own tangents, not this point's: even without a way the bend over its width counts.
     const bool drawn = point.shape == PointShape::ribbon && !point.joints;
-    const double least = drawn ? r / std::sqrt(a) : 0.0;
+    const double least = drawn ? r * over_sine : 0.0;
     for (int i = 0; i < 3; ++i) {
         const double x = std::max(std::abs(s * along), least);
         s = distance(error + std::min(0.5 * point.curvature * x * (x + point.piece), r));

@@ -11,6 +11,7 @@ namespace marram {
 
 using Float4 = float __attribute__((vector_size(16)));
 using Int4 = int32_t __attribute__((vector_size(16)));
+using UInt4 = uint32_t __attribute__((vector_size(16)));
 
 inline Float4 min(Float4 a, Float4 b) { return a < b ? a : b; }
 inline Float4 max(Float4 a, Float4 b) { return a > b ? a : b; }
@@ -20,14 +21,17 @@ inline Float4 sqrt(Float4 a) {
 }
 inline float sum(Float4 a) { return (a[0] + a[1]) + (a[2] + a[3]); }
 
+// To the nearest integer, halves to the even one, for |x| < 2^22: adding 1.5 * 2^23 leaves no digits behind the point.
+constexpr float no_fraction = 12582912.0F;
+inline Float4 round(Float4 x) { return (x + no_fraction) - no_fraction; }
+
 // e^x for x <= 0, infinity included; below -87 it is 0, so that nothing comes out denormal. Error < 2e-7 relative
 // (tests/unit/math/test_float4.cpp). x = k ln 2 + r with |r| <= ln 2 / 2, and Taylor's series of e^r.
 inline Float4 exp_of_negative(Float4 x) {
-    constexpr float least = -87.0F,
-                    round_magic = 12582912.0F; // 1.5 * 2^23: adding it rounds to an integer, in the low bits
+    constexpr float least = -87.0F;
     const Float4 y = max(x, Float4{} + least);
-    const Float4 shifted = y * 1.44269504F + round_magic;
-    const Float4 k = shifted - round_magic;
+    const Float4 shifted = y * 1.44269504F + no_fraction; // k stands in the low bits
+    const Float4 k = shifted - no_fraction;
     const Float4 r =
         (y - k * 0.693359375F) - k * -2.12194440e-4F; // ln 2 in two parts, the first of few digits
     Float4 p = r * (1.0F / 5040.0F) + 1.0F / 720.0F;
@@ -45,19 +49,42 @@ inline Float4 exp_of_negative(Float4 x) {
     return x < least ? Float4{} : p * scale;
 }
 
+// sin x and cos x for |x| <= 100: the error is below 2e-7 (tests/unit/math/test_float4.cpp). x = k pi / 2 + r with |r| <= pi / 4, and
+// minimax polynomials of r (Cephes).
+inline void fast_sin_cos(Float4 x, Float4& sine, Float4& cosine) {
+    const Float4 shifted = x * 0.636619772F + no_fraction;
+    const Float4 k = shifted - no_fraction;
+    // pi / 2 in three parts, the first two of few digits
+    const Float4 r = ((x - k * 1.5703125F) - k * 4.837512969970703125e-4F) - k * 7.549789948768648e-8F;
+    const Float4 r2 = r * r;
+    const Float4 s = r + r * r2 * ((-1.9515295891e-4F * r2 + 8.3321608736e-3F) * r2 - 1.6666654611e-1F);
+    const Float4 c =
+        (1.0F - 0.5F * r2) +
+        r2 * r2 * ((2.443315711809948e-5F * r2 - 1.388731625493765e-3F) * r2 + 4.166664568298827e-2F);
+    Int4 quarter;
+    std::memcpy(&quarter, &shifted, sizeof quarter);
+    const Int4 odd = (quarter & 1) != 0;
+    sine = odd ? c : s;
+    cosine = odd ? s : c;
+    sine = (quarter & 2) != 0 ? -sine : sine;
+    cosine = ((quarter + 1) & 2) != 0 ? -cosine : cosine;
+}
+
 // atan2(y, x) without branches to be mispredicted; the error is below 4e-7 radians (tests/unit/math/test_float4.cpp), 0 at (0, 0).
 // The arc tangent of 0 ... 1: Abramowitz and Stegun 4.4.49, error 2e-8.
-inline float fast_atan2(float y, float x) {
-    const float across = std::abs(x), up = std::abs(y);
-    const float most = across > up ? across : up, least = across > up ? up : across;
-    const float t = most > 0.0F ? least / most : 0.0F, u = t * t, v = u * u, w = v * v;
-    const float low = (1.0F - 0.3333314528F * u) + v * (0.1999355085F - 0.1420889944F * u);
-    const float high = (0.1065626393F - 0.0752896400F * u) + v * (0.0429096138F - 0.0161657367F * u);
+inline Float4 fast_atan2(Float4 y, Float4 x) {
+    const Float4 across = abs(x), up = abs(y);
+    const Float4 most = max(across, up), least = min(across, up);
+    const Float4 t = most > 0.0F ? least / most : Float4{}, u = t * t, v = u * u, w = v * v;
+    const Float4 low = (1.0F - 0.3333314528F * u) + v * (0.1999355085F - 0.1420889944F * u);
+    const Float4 high = (0.1065626393F - 0.0752896400F * u) + v * (0.0429096138F - 0.0161657367F * u);
     constexpr float half_pi = 1.57079633F, all_pi = 3.14159265F;
-    float angle = t * (low + w * (high + w * 0.0028662257F));
+    Float4 angle = t * (low + w * (high + w * 0.0028662257F));
     angle = up > across ? half_pi - angle : angle;
     angle = x < 0.0F ? all_pi - angle : angle;
-    return std::copysign(angle, y);
+    return y < 0.0F ? -angle : angle;
 }
+
+inline float fast_atan2(float y, float x) { return fast_atan2(Float4{} + y, Float4{} + x)[0]; }
 
 } // namespace marram

@@ -72,7 +72,8 @@ class CameraRays {
     static void place(Ray& ray, const Eigen::Matrix3d& axes, const Vec3d& position, const Vec3d& start,
                       const Vec3d& direction) {
         ray.origin = (position + axes * start).cast<float>();
-        ray.direction = (axes * direction).normalized().cast<float>();
+        const Vec3d d = axes * direction;
+        ray.direction = (d * (1.0 / d.norm())).cast<float>();
     }
 
     // Concentric map of the square to the disc: Shirley and Chiu, 1997. It keeps strata compact.

@@ -29,8 +29,8 @@
 // from each vertex on as wide as the share of directions that the draw stands for, 1 / p (after Akenine-Moller et al.,
 // "Texture Level of Detail Strategies for Real-Time Ray Tracing", 2019). Curvature is left out.
 //
-// Random numbers: pair 0 film, 1 lens, 2 time, then four a vertex; a vertex's place is fixed, whatever it
-// draws. Passes of 1, 3, 12, 16, 16, ... samples over the whole image show something early; a pixel belongs
+// Random numbers, four to a set: 0 film and lens, 1 time (in set 0 where there is no lens), then two a vertex, one for the lights
+// and the roulette, one for the shader; a vertex's sets are fixed, whatever it draws. Passes of 1, 3, 12, 16, 16, ... samples over the whole image show something early; a pixel belongs
 // to one task in each, which adds its samples in their order. Where passes end is fixed, and so is all that is decided
 // there: a render that stops within a pass, even at other pixels than before, goes on to the same bits.
 #include "core/render/integrator.h"
@@ -54,8 +54,8 @@ namespace marram {
 
 namespace {
 
-constexpr uint32_t first_vertex_pair = 3, pairs_a_vertex = 4;
-constexpr float worth_first = 0.15F, worth_later = 0.8F; // w above, at a path's first vertex and at others
+constexpr uint32_t time_set = 1, first_vertex_set = 2, sets_a_vertex = 2;
+constexpr float worth_first = 0.3F, worth_later = 0.8F; // w above, at a path's first vertex and at others
 
 double luminance(const double* rgb) { return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]; }
 float luminance(const Vec3f& rgb) { return 0.2126F * rgb[0] + 0.7152F * rgb[1] + 0.0722F * rgb[2]; }
@@ -216,7 +216,7 @@ struct Gathered {
 };
 
 // `spread`: of the pixel's samples; 0 where it is not known.
-Gathered trace(const Frame& frame, Ray ray, float spread, Sampler& sampler, FirstHit& first,
+Gathered trace(const Frame& frame, Ray ray, float spread, const Sampler& sampler, FirstHit& first,
                RayCounts& counts) {
     Gathered light;
     Vec3f throughput = Vec3f::Ones();
@@ -248,20 +248,16 @@ Gathered trace(const Frame& frame, Ray ray, float spread, Sampler& sampler, Firs
                                   shading_point(frame, point, -ray.direction, cone.width));
         if (depth == 0 && frame.wants_albedo) first.albedo = albedo(bsdf);
         if (last) return light;
-        sampler.seek(first_vertex_pair + pairs_a_vertex * depth);
-        const Vec2f choice = sampler.next_pair();
-        if (!frame.lights.empty()) {
-            const Vec2f where = sampler.next_pair();
+        const uint32_t set = first_vertex_set + sets_a_vertex * depth;
+        const auto [where_a, where_b, choice, luck] = sampler.numbers(set);
+        if (!frame.lights.empty())
             (depth == 0 ? light.direct : light.later) +=
                 direct_light(frame, point, bsdf, ray.time, throughput, worth(frame, spread, depth),
-                             {choice.x(), where.x(), where.y()}, counts);
-        }
-        sampler.seek(first_vertex_pair + pairs_a_vertex * depth + 2);
-        const Vec2f a = sampler.next_pair(), b = sampler.next_pair();
+                             {choice, where_a, where_b}, counts);
         BsdfSample next;
-        if (!sample(bsdf, {a.x(), a.y(), b.x(), b.y()}, next)) return light;
+        if (!sample(bsdf, sampler.numbers(set + 1), next)) return light;
         throughput = throughput.cwiseProduct(next.value) / next.pdf;
-        if (depth + 1 >= frame.settings.roulette_depth && !survives(throughput, choice.y())) return light;
+        if (depth + 1 >= frame.settings.roulette_depth && !survives(throughput, luck)) return light;
         drawn = next.pdf;
         cone.growth = std::max(cone.growth, 1.0F / std::sqrt(static_cast<float>(pi) * next.pdf));
         ray = spawn(point, next.wi, ray.time);
@@ -345,13 +341,12 @@ void add_sample(const Frame& frame, const Vec3f& radiance, const FirstHit& first
     }
 }
 
-Ray camera_ray(const Frame& frame, const Film& film, uint32_t x, uint32_t y, Sampler& sampler) {
-    const Vec2f on_film = sampler.next_pair();
-    const Vec2f lens = frame.camera.has_lens() ? sampler.next_pair() : Vec2f(0.5F, 0.5F);
-    sampler.seek(2);
-    const float time = frame.moves ? sampler.next_pair().x() : 0.0F;
-    return frame.camera((x + 0.5 + frame.filter(on_film.x())) / film.width,
-                        (y + 0.5 + frame.filter(on_film.y())) / film.height, lens, time);
+Ray camera_ray(const Frame& frame, const Film& film, uint32_t x, uint32_t y, const Sampler& sampler) {
+    const auto [film_x, film_y, a, b] = sampler.numbers(0);
+    const bool has_lens = frame.camera.has_lens();
+    const float time = !frame.moves ? 0.0F : has_lens ? sampler.numbers(time_set)[0] : a;
+    return frame.camera((x + 0.5 + frame.filter(film_x)) / film.width,
+                        (y + 0.5 + frame.filter(film_y)) / film.height, {a, b}, time);
 }
 
 struct Tile {
@@ -369,38 +364,49 @@ struct Deadline {
     bool over() const { return at && Clock::now() > *at; }
 };
 
+// The pixel's samples from `begin` to `end`.
+void render_pixel(const Frame& frame, uint32_t x, uint32_t y, uint32_t begin, uint32_t end, Film& film,
+                  RenderStats& stats) {
+    const size_t at = static_cast<size_t>(y) * film.width + x;
+    film.taken[at] += end - begin;
+    double* pixel = film.sums.data() + at * film.stride;
+    const uint64_t seed = pixel_seed(frame.settings.seed, x, y);
+    for (uint32_t s = begin; s < end; ++s) {
+        const Sampler sampler(seed, s);
+        FirstHit first;
+        const Ray ray = camera_ray(frame, film, x, y, sampler);
+        Gathered found = trace(frame, ray, film.spread[at], sampler, first, stats.rays);
+        if (!(found.direct + found.later).allFinite()) {
+            ++stats.dropped_samples;
+            continue;
+        }
+        film.clamped[at] += clamp(found.later, frame.settings.clamp);
+        const Vec3f radiance = found.direct + found.later;
+        add_sample(frame, radiance, first, film, pixel);
+        const double light = luminance(radiance);
+        film.luminance[at] += light;
+        film.squares[at] += light * light;
+    }
+}
+
 // The samples up to `end` of the tile's pixels, each from where it stands.
 void render_tile(const Frame& frame, const Tile& tile, uint32_t end, Film& film, RenderStats& stats,
                  RenderProgress* progress, const Deadline& deadline) {
-    for (uint32_t y = tile.y0; y < tile.y1; ++y)
+    bool stopped = false;
+    for (uint32_t y = tile.y0; y < tile.y1 && !stopped; ++y) {
+        uint64_t passed = 0;
         for (uint32_t x = tile.x0; x < tile.x1; ++x) {
-            if (cancelled(progress) || deadline.over()) return;
+            stopped = cancelled(progress) || deadline.over();
+            if (stopped) break;
             const size_t at = static_cast<size_t>(y) * film.width + x;
             const uint32_t begin = film.reached[at];
             if (begin >= end) continue; // this pass had come so far when it was stopped
             film.reached[at] = end;
-            if (progress) progress->samples_done.fetch_add(end - begin, std::memory_order_relaxed);
-            if (film.done[at]) continue;
-            film.taken[at] += end - begin;
-            double* pixel = film.sums.data() + at * film.stride;
-            const uint64_t seed = pixel_seed(frame.settings.seed, x, y);
-            for (uint32_t s = begin; s < end; ++s) {
-                Sampler sampler(seed, s);
-                FirstHit first;
-                const Ray ray = camera_ray(frame, film, x, y, sampler);
-                Gathered found = trace(frame, ray, film.spread[at], sampler, first, stats.rays);
-                if (!(found.direct + found.later).allFinite()) {
-                    ++stats.dropped_samples;
-                    continue;
-                }
-                film.clamped[at] += clamp(found.later, frame.settings.clamp);
-                const Vec3f radiance = found.direct + found.later;
-                add_sample(frame, radiance, first, film, pixel);
-                const double light = luminance(radiance);
-                film.luminance[at] += light;
-                film.squares[at] += light * light;
-            }
+            passed += end - begin;
+            if (!film.done[at]) render_pixel(frame, x, y, begin, end, film, stats);
         }
+        if (progress) progress->samples_done.fetch_add(passed, std::memory_order_relaxed);
+    }
 }
 
 void add_stats(const RenderStats& more, RenderStats& sum) {

@@ -40,10 +40,11 @@ struct RenderSettings {
 // Shared with whoever watches. cancel and done may be read and written from any thread while render runs.
 struct RenderProgress {
     const std::atomic<bool>* cancel = nullptr; // set it and render returns within about 100 ms
-    std::atomic<uint64_t> samples_done{0};     // of width * height * samples
+    // Of width * height * samples. On a cache line of its own: threads that count would make those that look at cancel wait.
+    alignas(64) std::atomic<uint64_t> samples_done{0};
     // Called by render's own thread between two passes, while nobody writes to the film. The layers' pixels are those of
     // whoever resolved last: resolve the film to see where it stands.
-    std::function<void(Film&)> between_passes;
+    alignas(64) std::function<void(Film&)> between_passes;
 };
 
 struct RenderStats {

@@ -40,11 +40,13 @@ double mean_of(const Vec3f& color) { return color.cast<double>().sum() / 3.0; }
 // Column and row, in pixels from the image's top left corner, of a direction. Float: a direction is no more exact, and a
 // thousandth of a pixel of the widest image is not seen.
 Vec2f pixel_of(const EnvironmentLight& map, const Vec3f& d) {
+    // The second is the angle from +y; not by its cosine, which has no digits left at the poles.
+    const Float4 angles =
+        fast_atan2(Float4{d.x(), std::sqrt(d.x() * d.x() + d.z() * d.z())}, Float4{-d.z(), d.y()});
     constexpr float turn = static_cast<float>(2.0 * pi);
-    float u = 0.5F + (fast_atan2(d.x(), -d.z()) + static_cast<float>(map.rotation)) / turn;
+    float u = 0.5F + (angles[0] + static_cast<float>(map.rotation)) / turn;
     u -= std::floor(u);
-    // The angle from +y; not by its cosine, which has no digits left at the poles.
-    const float v = fast_atan2(std::sqrt(d.x() * d.x() + d.z() * d.z()), d.y()) / static_cast<float>(pi);
+    const float v = angles[1] / static_cast<float>(pi);
     return {u * static_cast<float>(map.width), v * static_cast<float>(map.height)};
 }
 
@@ -288,9 +290,10 @@ void Lights::sample_sun(const Sun& sun, float a, float b, LightSample& sample) {
     sample.pdf = sun.pdf;
     const double w = sun.delta ? 0.0 : sun.rise * a;
     const double sine = std::sqrt(w * (2.0 - w));
-    const float phi = static_cast<float>(2.0 * pi) * b;
+    Float4 sin_phi, cos_phi;
+    fast_sin_cos(Float4{} + static_cast<float>(2.0 * pi) * b, sin_phi, cos_phi);
     sample.direction =
-        (sine * (double(std::cos(phi)) * sun.x + double(std::sin(phi)) * sun.y) + (1.0 - w) * sun.direction)
+        (sine * (double(cos_phi[0]) * sun.x + double(sin_phi[0]) * sun.y) + (1.0 - w) * sun.direction)
             .normalized()
             .cast<float>();
 }
@@ -315,7 +318,9 @@ void Lights::sample_environment(const Environment& map, float a, float b, LightS
         static_cast<float>(2.0 * pi) * (column / static_cast<float>(map.image.width) - 0.5F) -
         static_cast<float>(map.image.rotation);
     const float sine = static_cast<float>(std::sqrt(std::max(0.0, 1.0 - y * y)));
-    sample.direction = Vec3f(sine * std::sin(azimuth), static_cast<float>(y), -sine * std::cos(azimuth));
+    Float4 sin_azimuth, cos_azimuth;
+    fast_sin_cos(Float4{} + azimuth, sin_azimuth, cos_azimuth);
+    sample.direction = Vec3f(sine * sin_azimuth[0], static_cast<float>(y), -sine * cos_azimuth[0]);
     const float row = fast_atan2(sine, sample.direction.y()) / static_cast<float>(pi) *
                       static_cast<float>(map.image.height);
     sample.radiance = radiance_at(map.image, {column, row});

@@ -46,4 +46,45 @@ TEST(Float4, ArcTangent) {
     for (const float x : {-1.0F, 0.0F, 1e-38F, 1.0F})
         for (const float y : {-1.0F, 0.0F, 1e-38F, 1.0F})
             EXPECT_NEAR(fast_atan2(y, x), std::atan2(y, x), 3e-7F) << y << " " << x;
+    const Float4 lanes = fast_atan2(Float4{1.0F, -1.0F, 1.0F, -1.0F}, Float4{1.0F, 1.0F, -1.0F, -1.0F});
+    for (int lane = 0; lane < 4; ++lane)
+        EXPECT_NEAR(lanes[lane], (lane % 2 == 0 ? 0.785398163F : -0.785398163F) * (lane < 2 ? 1.0F : 3.0F),
+                    3e-7F);
+}
+
+// Each lane by itself, in all quarters and at their borders.
+TEST(Float4, SineAndCosine) {
+    double worst = 0.0;
+    for (uint32_t i = 0; i < 1000000; ++i) {
+        Float4 x{};
+        for (uint32_t lane = 0; lane < 4; ++lane)
+            x[lane] = (i % 2 == 0 ? 14.0F : 200.0F) * (unit_float(mix32(4 * i + lane)) - 0.5F);
+        if (i % 10 == 0) x = round(x) * 1.57079633F; // of as many quarters: at most 100
+        x = min(max(x, Float4{} - 100.0F), Float4{} + 100.0F);
+        Float4 sine, cosine;
+        fast_sin_cos(x, sine, cosine);
+        for (int lane = 0; lane < 4; ++lane) {
+            worst = std::max(worst, std::abs(double(sine[lane]) - std::sin(double(x[lane]))));
+            worst = std::max(worst, std::abs(double(cosine[lane]) - std::cos(double(x[lane]))));
+        }
+    }
+    std::printf("error of fast_sin_cos: %.2g\n", worst);
+    EXPECT_LT(worst, 2e-7);
+    Float4 sine, cosine;
+    fast_sin_cos(Float4{}, sine, cosine);
+    EXPECT_EQ(sine[0], 0.0F);
+    EXPECT_EQ(cosine[0], 1.0F);
+}
+
+TEST(Float4, RoundsToTheNearest) {
+    const Float4 a = round(Float4{-2.5F, 0.49F, 1.5F, -0.0F}),
+                 b = round(Float4{4194303.25F, -4194303.75F, 2.5F, 0.51F});
+    EXPECT_EQ(a[0], -2.0F);
+    EXPECT_EQ(a[1], 0.0F);
+    EXPECT_EQ(a[2], 2.0F);
+    EXPECT_EQ(a[3], 0.0F);
+    EXPECT_EQ(b[0], 4194303.0F);
+    EXPECT_EQ(b[1], -4194304.0F);
+    EXPECT_EQ(b[2], 2.0F);
+    EXPECT_EQ(b[3], 1.0F);
 }

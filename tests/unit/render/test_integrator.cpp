@@ -243,7 +243,7 @@ TEST(Strategy, AllAgree) {
     sky.zenith = {0.3F, 0.4F, 0.9F};
     shot.lights = {sky, MeshLight{Vec3f(3.0F, 3.0F, 3.0F)},
                    SunLight{{0.3, 1.0, 0.5}, 20.0 * degree, Vec3f::Ones()}};
-    shot.settings.samples = 400;
+    shot.settings.samples = 2500;
     std::array<double, 3> means{};
     for (int i = 0; i < 3; ++i) {
         shot.settings.strategy = static_cast<Strategy>(i);

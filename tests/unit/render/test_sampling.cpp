@@ -9,29 +9,66 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
-#include <set>
 
 namespace marram {
 namespace {
 
+using Numbers = std::array<float, 4>;
+
+// Of a set, over samples that begin at a multiple of their number.
+std::vector<Numbers> numbers_of(uint64_t pixel, uint32_t set, uint32_t first, uint32_t count) {
+    std::vector<Numbers> all;
+    for (uint32_t s = first; s < first + count; ++s) all.push_back(Sampler(hash(1, pixel), s).numbers(set));
+    return all;
+}
+
+// How many points lie in each of the cells that bits[d] halvings of each dimension make: the fewest and the most.
+std::pair<size_t, size_t> points_a_cell(const std::vector<Numbers>& points, const std::array<int, 4>& bits) {
+    std::vector<size_t> cells(size_t(1) << (bits[0] + bits[1] + bits[2] + bits[3]));
+    for (const Numbers& point : points) {
+        size_t cell = 0;
+        for (size_t d = 0; d < 4; ++d)
+            cell = (cell << bits[d]) | static_cast<size_t>(std::ldexp(point[d], bits[d]));
+        ++cells[cell];
+    }
+    const auto [least, most] = std::ranges::minmax(cells);
+    return {least, most};
+}
+
 TEST(Sampler, FillsEveryElementaryInterval) {
-    for (uint64_t pixel = 0; pixel < 20; ++pixel)
-        for (uint32_t pair = 0; pair < 5; ++pair)
-            for (const int bits : {2, 4, 6, 8})
-                for (int split = 0; split <= bits; ++split) {
-                    std::set<std::pair<int, int>> cells;
-                    for (uint32_t s = 0; s < 1U << bits; ++s) {
-                        Sampler sampler(hash(1, pixel), s);
-                        sampler.seek(pair);
-                        const Vec2f at = sampler.next_pair();
-                        EXPECT_TRUE(at.x() >= 0.0F && at.x() < 1.0F && at.y() >= 0.0F && at.y() < 1.0F);
-                        cells.insert({static_cast<int>(std::ldexp(at.x(), split)),
-                                      static_cast<int>(std::ldexp(at.y(), bits - split))});
+    for (uint64_t pixel = 0; pixel < 10; ++pixel)
+        for (uint32_t set = 0; set < 5; ++set)
+            for (const uint32_t first : {0U, 0x10100U, 0xabcdef00U}) // every byte of the index counts
+                for (const int bits : {2, 4, 6, 8}) {
+                    if (set > 0 && bits < 4) continue; // shuffled by sixteens
+                    const std::vector<Numbers> points = numbers_of(pixel, set, first, 1U << bits);
+                    for (const Numbers& point : points)
+                        for (const float x : point) ASSERT_TRUE(x >= 0.0F && x < 1.0F);
+                    for (int split = 0; split <= bits; ++split)
+                        EXPECT_EQ(points_a_cell(points, {split, bits - split, 0, 0}),
+                                  std::pair(size_t(1), size_t(1)));
+                    for (size_t d = 0; d < 4; ++d) {
+                        std::array<int, 4> along{};
+                        along[d] = bits;
+                        EXPECT_EQ(points_a_cell(points, along), std::pair(size_t(1), size_t(1)));
                     }
-                    EXPECT_EQ(cells.size(), size_t{1} << bits);
                 }
+}
+
+// Of all four dimensions: 8 points in each of the intervals that are 8 times as large as a point's share.
+TEST(Sampler, FillsFourDimensions) {
+    for (uint64_t pixel = 0; pixel < 10; ++pixel)
+        for (uint32_t set = 0; set < 3; ++set) {
+            const std::vector<Numbers> points = numbers_of(pixel, set, 512 * set, 512);
+            for (int a = 0; a <= 6; ++a)
+                for (int b = 0; a + b <= 6; ++b)
+                    for (int c = 0; a + b + c <= 6; ++c)
+                        EXPECT_EQ(points_a_cell(points, {a, b, c, 6 - a - b - c}),
+                                  std::pair(size_t(8), size_t(8)));
+        }
 }
 
 // Root mean square error of a smooth and a discontinuous integral over 200 pixels.
@@ -40,9 +77,8 @@ double integration_error(uint32_t samples, bool random, bool smooth) {
     for (uint64_t pixel = 0; pixel < 200; ++pixel) {
         double mean = 0.0;
         for (uint32_t s = 0; s < samples; ++s) {
-            Sampler sampler(hash(2, pixel), s);
-            sampler.seek(3);
-            Vec2f at = sampler.next_pair();
+            const Numbers n = Sampler(hash(2, pixel), s).numbers(3);
+            Vec2f at(n[0], n[1]);
             if (random) {
                 const uint64_t h = hash(hash(3, pixel), s);
                 at = {unit_float(static_cast<uint32_t>(h)), unit_float(static_cast<uint32_t>(h >> 32))};
@@ -70,14 +106,41 @@ TEST(Sampler, ConvergesFasterThanRandom) {
     }
 }
 
-TEST(Sampler, PairsAreNotAlike) {
-    double correlation = 0.0;
-    for (uint32_t s = 0; s < 1024; ++s) {
-        Sampler sampler(5, s);
-        const Vec2f a = sampler.next_pair(), b = sampler.next_pair();
-        correlation += 12.0 * (a.x() - 0.5) * (b.x() - 0.5) / 1024.0;
+// Numbers of two sets, and of two pixels, are as free of each other as a random order makes them: the mean of a product varies as that
+// of free numbers does, but for the 16 that are shuffled together.
+TEST(Sampler, SetsAreFreeOfEachOther) {
+    constexpr uint32_t pixels = 4000;
+    const auto left = [](float x) { return x < 0.5F ? -1.0 : 1.0; };
+    const auto fine = [](float x) { return static_cast<int>(16.0F * x) % 2 == 0 ? -1.0 : 1.0; };
+    const auto slope = [](float x) { return std::sqrt(12.0) * (static_cast<double>(x) - 0.5); };
+    for (const uint32_t samples : {16U, 64U, 256U}) {
+        double most = 0.0;
+        for (size_t d = 0; d < 4; ++d)
+            for (size_t e = 0; e < 4; ++e) {
+                std::array<double, 4> variance{};
+                for (uint64_t pixel = 0; pixel < pixels; ++pixel) {
+                    std::array<double, 4> mean{};
+                    for (uint32_t s = 0; s < samples; ++s) {
+                        const Sampler sampler(hash(1, pixel), s);
+                        const float x = sampler.numbers(0)[d], y = sampler.numbers(3)[e],
+                                    z = Sampler(hash(2, pixel), s).numbers(3)[e];
+                        mean[0] += left(x) * left(y) / samples;
+                        mean[1] += fine(x) * fine(y) / samples;
+                        mean[2] += slope(x) * slope(y) / samples;
+                        mean[3] += slope(sampler.numbers(2)[d]) * slope(z) / samples;
+                    }
+                    for (size_t f = 0; f < 4; ++f) variance[f] += mean[f] * mean[f] * samples / pixels;
+                }
+                for (size_t f = 0; f < 4; ++f) {
+                    most = std::max(most, variance[f]);
+                    EXPECT_GT(variance[f], 0.85) << samples << " " << d << e << f;
+                    EXPECT_LT(variance[f], 1.25) << samples << " " << d << e << f;
+                }
+            }
+        std::printf("[ sampler ] %u samples: a product over two sets varies at most %.2f times as much as of "
+                    "free numbers\n",
+                    samples, most);
     }
-    EXPECT_LT(std::abs(correlation), 0.1);
 }
 
 TEST(Filter, DrawsWithItsShapeAsDensity) {
@@ -142,8 +205,8 @@ double check_light(const LightDescription& light) {
     double sum = 0.0;
     constexpr uint32_t count = 4096;
     for (uint32_t s = 0; s < count; ++s) {
-        Sampler sampler(4, s);
-        const Vec2f at = sampler.next_pair();
+        const Numbers n = Sampler(4, s).numbers(0);
+        const Vec2f at(n[0], n[1]);
         const LightSample drawn = lights.sample(Vec3d::Zero(), 0.0F, {0.5F, at.x(), at.y()});
         if (!(drawn.pdf > 0.0F)) continue;
         sum += static_cast<double>(drawn.radiance.x() / drawn.pdf) / count;
@@ -203,8 +266,8 @@ TEST(Environment, IsSampledByItsBrightness) {
         std::array<double, sectors * bands> angle{};
         double sum = 0.0, squares = 0.0;
         for (uint32_t s = 0; s < count; ++s) {
-            Sampler sampler(7, s);
-            const Vec2f at = sampler.next_pair();
+            const Numbers n = Sampler(7, s).numbers(0);
+            const Vec2f at(n[0], n[1]);
             const LightSample drawn = lights.sample(Vec3d::Zero(), 0.0F, {0.5F, at.x(), at.y()});
             ASSERT_GT(drawn.pdf, 0.0F);
             const double light = static_cast<double>(drawn.radiance.x() / drawn.pdf);

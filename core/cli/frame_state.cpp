@@ -18,9 +18,10 @@
 namespace marram {
 namespace {
 
-constexpr std::string_view mark = "marram frame state ";
-constexpr uint32_t own_channels =
-    7; // reached, taken, done, luminance, squares, clamped, spread: behind the sums
+constexpr std::string_view mark = "marram frame state ",
+                           layout = "2 "; // another number wherever channels change
+// reached, taken, done, luminance, squares, ended_blocks, block_squares, clamped, spread: behind the sums
+constexpr uint32_t own_channels = 9;
 
 void pack_row(const Film& film, int y, double* to) {
     for (size_t pixel = size_t(y) * film.width; pixel < size_t(y + 1) * film.width; ++pixel) {
@@ -30,6 +31,8 @@ void pack_row(const Film& film, int y, double* to) {
         *to++ = double(film.done[pixel]);
         *to++ = film.luminance[pixel];
         *to++ = film.squares[pixel];
+        *to++ = film.ended_blocks[pixel];
+        *to++ = film.block_squares[pixel];
         *to++ = film.clamped[pixel];
         *to++ = double(film.spread[pixel]);
     }
@@ -48,6 +51,8 @@ void unpack_row(const double* from, int y, Film& film) {
         film.done[pixel] = *from++ == 1.0;
         film.luminance[pixel] = *from++;
         film.squares[pixel] = *from++;
+        film.ended_blocks[pixel] = *from++;
+        film.block_squares[pixel] = *from++;
         film.clamped[pixel] = *from++;
         film.spread[pixel] = float(*from++);
     }
@@ -67,7 +72,7 @@ uint64_t checksum(const Film& film) {
 
 DoublesHeader header_of(const Film& film, const std::string& digest) {
     return {int(film.width), int(film.height), int(film.stride + own_channels),
-            fmt::format("{}{} ", mark, digest)};
+            fmt::format("{}{}{} ", mark, layout, digest)};
 }
 
 // nullopt where the file cannot be opened as a picture.

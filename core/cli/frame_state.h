@@ -3,8 +3,8 @@
 //
 // A TIFF of doubles (core/image/doubles.h): a pixel holds the film's sums and counts of all layers in their order, then how
 // far it got in its sequence of samples, how many it has taken, whether it is good enough for now, how its samples are spread
-// and what a clamp took of them (Film: sums, reached, taken, done, luminance, squares, clamped, spread). ImageDescription says
-// "marram frame state", the digest of the frame that it is of, and a checksum of the film that it restores: uncompressed TIFF
+// and what a clamp took of them (Film: sums, reached, taken, done, luminance, squares, ended_blocks, block_squares, clamped, spread).
+// ImageDescription says "marram frame state", the number of this layout, the digest of the frame that it is of, and a checksum of the film that it restores: uncompressed TIFF
 // does not notice that bits have changed.
 #pragma once
 

@@ -84,8 +84,21 @@ void clear(Film& film) {
     film.done.assign(pixels, 0);
     film.luminance.assign(pixels, 0.0);
     film.squares.assign(pixels, 0.0);
+    film.ended_blocks.assign(pixels, 0.0);
+    film.block_squares.assign(pixels, 0.0);
     film.clamped.assign(pixels, 0.0);
     film.spread.assign(pixels, 0.0F);
+}
+
+void add_luminance(Film& film, size_t pixel, double luminance) {
+    film.luminance[pixel] += luminance;
+    film.squares[pixel] += luminance * luminance;
+}
+
+void end_block(Film& film, size_t pixel) {
+    const double block = film.luminance[pixel] - film.ended_blocks[pixel];
+    film.block_squares[pixel] += block * block;
+    film.ended_blocks[pixel] = film.luminance[pixel];
 }
 
 SampleCount count_samples(const Film& film) {

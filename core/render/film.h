@@ -47,12 +47,21 @@ struct Film {
         reached; // samples of its sequence that it is through with: taken, or left out since it was good enough
     std::vector<uint32_t>
         taken; // of them, samples that were taken, those dropped for not being finite among them
-    std::vector<uint8_t> done; // whether the pass under way leaves it out
+    std::vector<uint8_t> done;              // whether the pass under way leaves it out
     std::vector<double> luminance, squares; // sums over samples of their luminance and of its square
-    std::vector<double> clamped;            // and of the luminance that a clamp took
+    std::vector<double> ended_blocks,
+        block_squares; // over blocks of film_block samples: of the luminance in each, and of its square
+    std::vector<double> clamped; // and of the luminance that a clamp took
     // Standard deviation of a sample's luminance around it, when the pass under way began; 0: not known.
     std::vector<float> spread;
 };
+
+// Samples of a pixel that are well spread in themselves: its sequence from a multiple of so many on.
+constexpr uint32_t film_block = 16;
+
+// A sample's luminance; the end of a block, after its last sample.
+void add_luminance(Film& film, size_t pixel, double luminance);
+void end_block(Film& film, size_t pixel);
 
 // Samples that pixels have taken.
 struct SampleCount {

@@ -36,6 +36,7 @@
 #include "core/render/integrator.h"
 
 #include "core/math/hash.h"
+#include "core/render/adaptive.h"
 #include "core/render/sampler.h"
 
 #include <tbb/blocked_range.h>
@@ -57,7 +58,6 @@ namespace {
 constexpr uint32_t time_set = 1, first_vertex_set = 2, sets_a_vertex = 2;
 constexpr float worth_first = 0.3F, worth_later = 0.8F; // w above, at a path's first vertex and at others
 
-double luminance(const double* rgb) { return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]; }
 float luminance(const Vec3f& rgb) { return 0.2126F * rgb[0] + 0.7152F * rgb[1] + 0.0722F * rgb[2]; }
 
 // Everything that is the same for all samples.
@@ -376,16 +376,15 @@ void render_pixel(const Frame& frame, uint32_t x, uint32_t y, uint32_t begin, ui
         FirstHit first;
         const Ray ray = camera_ray(frame, film, x, y, sampler);
         Gathered found = trace(frame, ray, film.spread[at], sampler, first, stats.rays);
-        if (!(found.direct + found.later).allFinite()) {
+        if ((found.direct + found.later).allFinite()) {
+            film.clamped[at] += clamp(found.later, frame.settings.clamp);
+            const Vec3f radiance = found.direct + found.later;
+            add_sample(frame, radiance, first, film, pixel);
+            add_luminance(film, at, luminance(radiance));
+        } else {
             ++stats.dropped_samples;
-            continue;
         }
-        film.clamped[at] += clamp(found.later, frame.settings.clamp);
-        const Vec3f radiance = found.direct + found.later;
-        add_sample(frame, radiance, first, film, pixel);
-        const double light = luminance(radiance);
-        film.luminance[at] += light;
-        film.squares[at] += light * light;
+        if ((s + 1) % film_block == 0) end_block(film, at);
     }
 }
 
@@ -441,74 +440,6 @@ uint32_t pass_end(uint32_t begin) {
     uint32_t end = 1;
     while (end <= begin) end *= 4;
     return end;
-}
-
-// How far the luminances of a pixel's samples lie from each other, in the mean over it and the pixels around.
-void measure_spread(Film& film) {
-    constexpr uint32_t reach = 2; // pixels: 25 of 4 samples know their deviation to a tenth
-    const uint32_t width = film.width, height = film.height;
-    const auto across = [&](uint32_t x, uint32_t size) {
-        return std::pair(x - std::min(x, reach), std::min(x + reach, size - 1));
-    };
-    std::vector<double> rows(film.spread.size()); // means along rows of samples' variances
-    for (uint32_t y = 0; y < height; ++y)
-        for (uint32_t x = 0; x < width; ++x) {
-            const auto [first, last] = across(x, width);
-            double sum = 0.0;
-            for (size_t i = size_t(y) * width + first; i <= size_t(y) * width + last; ++i) {
-                const double count = film.taken[i];
-                sum += count * variance_of_mean(film.luminance[i], film.squares[i], count);
-            }
-            rows[size_t(y) * width + x] = sum / (last - first + 1);
-        }
-    for (uint32_t y = 0; y < height; ++y)
-        for (uint32_t x = 0; x < width; ++x) {
-            const auto [first, last] = across(y, height);
-            double sum = 0.0;
-            for (uint32_t j = first; j <= last; ++j) sum += rows[size_t(j) * width + x];
-            film.spread[size_t(y) * width + x] = float(std::sqrt(sum / (last - first + 1)));
-        }
-}
-
-// The mean, in which what shines itself, the sun's disc or a lamp, counts as no more than the brightest of the rest: the greatest of
-// 95 pixels in 100; where these are black, the mean as it is.
-double mean_of_most(const std::vector<double>& brightness) {
-    std::vector<double> sorted = brightness;
-    const auto most = sorted.begin() + long(sorted.size() - 1 - sorted.size() / 20);
-    std::ranges::nth_element(sorted, most);
-    const double limit = *most > 0.0 ? *most : std::numeric_limits<double>::infinity();
-    double sum = 0.0;
-    for (const double b : brightness) sum += std::min(b, limit);
-    return sum / double(brightness.size());
-}
-
-// Which pixels are as good as asked for; a pixel that its neighbours know to be noisy goes on, since a few samples may all have missed
-// what makes the noise. False: none is left.
-bool find_noisy(Film& film, double noise) {
-    const FilmLayer* layer = find_layer(film, "variance");
-    const size_t pixels = static_cast<size_t>(film.width) * film.height;
-    std::vector<double> brightness(pixels), deviation(pixels);
-    for (size_t i = 0; i < pixels; ++i) {
-        const double* sums = film.sums.data() + i * film.stride + layer->first;
-        const double count = std::max(sums[layer->sums], 1.0);
-        double variance[3];
-        for (size_t c = 0; c < 3; ++c) variance[c] = variance_of_mean(sums[c], sums[c + 3], count);
-        brightness[i] = luminance(sums) / count;
-        deviation[i] = std::sqrt(luminance(variance));
-    }
-    const double mean = mean_of_most(brightness);
-    const auto noisy = [&](size_t i) { return deviation[i] > noise * std::max(brightness[i], 0.1 * mean); };
-    film.done.assign(pixels, 1);
-    bool any = false;
-    for (uint32_t y = 0; y < film.height; ++y)
-        for (uint32_t x = 0; x < film.width; ++x) {
-            if (!noisy(static_cast<size_t>(y) * film.width + x)) continue;
-            any = true;
-            for (uint32_t j = y - std::min(y, 1U); j <= std::min(y + 1, film.height - 1); ++j)
-                for (uint32_t i = x - std::min(x, 1U); i <= std::min(x + 1, film.width - 1); ++i)
-                    film.done[static_cast<size_t>(j) * film.width + i] = 0;
-        }
-    return any;
 }
 
 // Whether pixels are looked at before the pass that begins here: once it has begun they were, and between the ends of passes

@@ -61,6 +61,36 @@ TEST(Noise, pixels_are_done_when_they_are_as_good_as_asked_for) {
     EXPECT_LT(beyond, pixels / 50);
 }
 
+// Strata leave little of what single samples tell of edges and soft shadows: no samples are spent on that.
+TEST(Noise, strata_count) {
+    const Folder folder;
+    const auto rendered = [&](const std::string& name, const char* more, const char* value) {
+        EXPECT_DONE(
+            marram({"render", MARRAM_SOURCE_DIR "/scenes/golden/room.toml", "-o", folder / name, "--quiet",
+                    "--size", "96x64", "--spp", "1024", "--set", std::string(more) + value}));
+        return read_image(folder / name);
+    };
+    const Image finest = rendered("a.exr", "film.seed=", "5"),
+                image = rendered("b.exr", "film.noise=", "0.03");
+    const auto green = [](const Image& of, size_t pixel) {
+        const auto at = std::ranges::find(of.channel_names, "G") - of.channel_names.begin();
+        return double(of.pixels[pixel * size_t(of.channels) + size_t(at)]);
+    };
+    constexpr size_t pixels = 96 * 64;
+    double mean = 0.0, squares = 0.0;
+    for (size_t i = 0; i < pixels; ++i) mean += green(finest, i) / double(pixels);
+    for (size_t i = 0; i < pixels; ++i) {
+        const double there = green(finest, i),
+                     off = (green(image, i) - there) / std::max(there, 0.1 * mean) / 0.03;
+        squares += off * off / double(pixels);
+    }
+    const double samples = number_of(folder / "b.exr", "marram:mean_samples");
+    std::printf("a room: %.0f samples a pixel of 1024; off by %.2f of the noise asked for (rms)\n", samples,
+                std::sqrt(squares));
+    EXPECT_LT(samples, 150.0); // 314 were single samples believed
+    EXPECT_LT(std::sqrt(squares), 1.0);
+}
+
 // A lamp in the picture is no reason for noise in the rest of it.
 TEST(Noise, target_holds_beside_what_shines) {
     const Folder folder;

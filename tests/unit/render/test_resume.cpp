@@ -63,6 +63,8 @@ class Resume : public ::testing::Test {
         EXPECT_EQ(a.taken, b.taken);
         EXPECT_EQ(a.reached, b.reached);
         EXPECT_EQ(a.squares, b.squares);
+        EXPECT_EQ(a.ended_blocks, b.ended_blocks);
+        EXPECT_EQ(a.block_squares, b.block_squares);
         EXPECT_EQ(a.spread, b.spread);
         for (size_t i = 0; i < a.layers.size(); ++i)
             EXPECT_EQ(a.layers[i].pixels, b.layers[i].pixels) << a.layers[i].name;
@@ -122,6 +124,8 @@ TEST_F(Resume, WithinAPass) {
                 film.taken[i] = after.taken[i];
                 film.luminance[i] = after.luminance[i];
                 film.squares[i] = after.squares[i];
+                film.ended_blocks[i] = after.ended_blocks[i];
+                film.block_squares[i] = after.block_squares[i];
                 film.reached[i] = after.reached[i];
             }
             go_on(film, 100);

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+// When a pixel is good enough.
+//
+// Its samples tell the variance of their mean as if each were drawn by itself. They are not: strata make the mean better than that, at
+// edges by far, in dense fur by little. By how much, blocks of film_block samples tell, each well spread in itself: the variance of
+// the mean of nb blocks counts what strata within a block take away, though not what those over all blocks do, and is known from
+// nb - 1 differences only. So the ratio of the two is taken over the pixels around, and the pixel's own variance, which many more
+// samples have told, is multiplied by that.
+#include "core/render/adaptive.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace marram {
+
+namespace {
+
+double luminance(const double* rgb) { return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]; }
+
+// Of each pixel, the mean of `values` over it and those up to `reach` away.
+std::vector<double> means_around(const Film& film, const std::vector<double>& values, uint32_t reach) {
+    const uint32_t width = film.width, height = film.height;
+    const auto across = [&](uint32_t x, uint32_t size) {
+        return std::pair(x - std::min(x, reach), std::min(x + reach, size - 1));
+    };
+    std::vector<double> rows(values.size()), means(values.size());
+    for (uint32_t y = 0; y < height; ++y)
+        for (uint32_t x = 0; x < width; ++x) {
+            const auto [first, last] = across(x, width);
+            double sum = 0.0;
+            for (size_t i = size_t(y) * width + first; i <= size_t(y) * width + last; ++i) sum += values[i];
+            rows[size_t(y) * width + x] = sum / (last - first + 1);
+        }
+    for (uint32_t y = 0; y < height; ++y)
+        for (uint32_t x = 0; x < width; ++x) {
+            const auto [first, last] = across(y, height);
+            double sum = 0.0;
+            for (uint32_t j = first; j <= last; ++j) sum += rows[size_t(j) * width + x];
+            means[size_t(y) * width + x] = sum / (last - first + 1);
+        }
+    return means;
+}
+
+// The share of the variance that samples tell which strata leave.
+std::vector<double> left_by_strata(const Film& film) {
+    constexpr uint32_t reach = 3; // pixels: 49 of 2 blocks know it to a fifth
+    std::vector<double> told(film.taken.size()), left(film.taken.size());
+    for (size_t i = 0; i < told.size(); ++i) {
+        const uint32_t blocks = film.taken[i] / film_block;
+        if (blocks < 2) continue;
+        told[i] = variance_of_mean(film.luminance[i], film.squares[i], film.taken[i]);
+        left[i] =
+            variance_of_mean(film.ended_blocks[i], film.block_squares[i], blocks) / (film_block * film_block);
+    }
+    told = means_around(film, told, reach);
+    left = means_around(film, left, reach);
+    for (size_t i = 0; i < told.size(); ++i) left[i] = told[i] > 0.0 ? std::min(left[i] / told[i], 1.0) : 1.0;
+    return left;
+}
+
+// The mean, in which what shines itself, the sun's disc or a lamp, counts as no more than the brightest of the rest: the greatest of
+// 95 pixels in 100; where these are black, the mean as it is.
+double mean_of_most(const std::vector<double>& brightness) {
+    std::vector<double> sorted = brightness;
+    const auto most = sorted.begin() + long(sorted.size() - 1 - sorted.size() / 20);
+    std::ranges::nth_element(sorted, most);
+    const double limit = *most > 0.0 ? *most : std::numeric_limits<double>::infinity();
+    double sum = 0.0;
+    for (const double b : brightness) sum += std::min(b, limit);
+    return sum / double(brightness.size());
+}
+
+} // namespace
+
+// How far the luminances of a pixel's samples lie from each other, in the mean over it and the pixels around.
+void measure_spread(Film& film) {
+    constexpr uint32_t reach = 2; // pixels: 25 of 4 samples know their deviation to a tenth
+    std::vector<double> variances(film.spread.size());
+    for (size_t i = 0; i < variances.size(); ++i) {
+        const double count = film.taken[i];
+        variances[i] = count * variance_of_mean(film.luminance[i], film.squares[i], count);
+    }
+    variances = means_around(film, variances, reach);
+    for (size_t i = 0; i < variances.size(); ++i) film.spread[i] = float(std::sqrt(variances[i]));
+}
+
+// A pixel that its neighbours know to be noisy goes on, since a few samples may all have missed what makes the noise.
+bool find_noisy(Film& film, double noise) {
+    const FilmLayer* layer = find_layer(film, "variance");
+    const size_t pixels = static_cast<size_t>(film.width) * film.height;
+    const std::vector<double> left = left_by_strata(film);
+    std::vector<double> brightness(pixels), deviation(pixels);
+    for (size_t i = 0; i < pixels; ++i) {
+        const double* sums = film.sums.data() + i * film.stride + layer->first;
+        const double count = std::max(sums[layer->sums], 1.0);
+        double variance[3];
+        for (size_t c = 0; c < 3; ++c) variance[c] = variance_of_mean(sums[c], sums[c + 3], count);
+        brightness[i] = luminance(sums) / count;
+        deviation[i] = std::sqrt(luminance(variance) * left[i]);
+    }
+    const double mean = mean_of_most(brightness);
+    const auto noisy = [&](size_t i) { return deviation[i] > noise * std::max(brightness[i], 0.1 * mean); };
+    film.done.assign(pixels, 1);
+    bool any = false;
+    for (uint32_t y = 0; y < film.height; ++y)
+        for (uint32_t x = 0; x < film.width; ++x) {
+            if (!noisy(static_cast<size_t>(y) * film.width + x)) continue;
+            any = true;
+            for (uint32_t j = y - std::min(y, 1U); j <= std::min(y + 1, film.height - 1); ++j)
+                for (uint32_t i = x - std::min(x, 1U); i <= std::min(x + 1, film.width - 1); ++i)
+                    film.done[static_cast<size_t>(j) * film.width + i] = 0;
+        }
+    return any;
+}
+
+} // namespace marram

@@ -131,7 +131,7 @@ std::span<const Golden> goldens() {
         fur("steps", "the talk's sixteen steps", {"wind.collision={solver=\"steps\"}"}),
         fur("blur", "a moving ball's fur, blurred",
             {exact, "film.samples=128", "camera.shutter=[-0.5, 0.5]",
-             "mesh.body.transform={keys=[{frame=1, translate=[0.9, 0, 0]}, {frame=20, translate=[0, 0, "
+             "mesh.body.transform={keys=[{frame=1, translate=[2.4, 0, 0]}, {frame=20, translate=[0, 0, "
              "0]}]}"}),
         // The gallery.
         figure("default", 1, {"procedural.grass.density=300", "procedural.stalks.density=20"}),

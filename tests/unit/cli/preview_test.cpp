@@ -14,9 +14,13 @@ const SceneText wide{.film =
                          "size = [320, 200]\nsamples = 8\nmax_depth = 3\naovs = [\"variance\", \"normal\"]\n",
                      .groom = "count = 3000\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.02\n"};
 
-pid_t start(const std::vector<std::string>& arguments) {
+// What it prints goes to a file: it sees no terminal.
+pid_t start(const std::vector<std::string>& arguments, const std::string& out) {
     const pid_t child = ::fork();
-    if (child == 0) run_program(arguments);
+    if (child == 0) {
+        ::dup2(::open(out.c_str(), O_WRONLY | O_CREAT, 0600), STDOUT_FILENO);
+        run_program(arguments);
+    }
     return child;
 }
 
@@ -45,17 +49,21 @@ void watch(const std::string& preview, size_t states, pid_t child) {
     EXPECT_GE(reads, states);
 }
 
+// Ctrl-C then leaves all that whoever reads the output waits for: the picture's name and --stats.
 void watch_endless(const std::string& name) {
-    const Folder folder;
+    const Folder folder, streams;
     const std::string scene = folder.write("a.toml", wide);
-    const pid_t child = start(
-        {"render", scene, "-o", folder / "a.exr", "--spp", "65536", "--quiet", "--preview", folder / name});
+    const pid_t child = start({"render", scene, "-o", folder / "a.exr", "--spp", "65536", "--quiet",
+                               "--preview", folder / name, "--stats", streams / "stats.json"},
+                              streams / "out");
     watch(folder / name, 3, child);
     ::kill(child, SIGINT);
     int status = 0;
     ::waitpid(child, &status, 0);
     EXPECT_EQ(exit_code(status), 130);
     EXPECT_EQ(folder.names(), (std::set<std::string>{"a.exr.state.tif", "a.partial.exr", "a.toml", name}));
+    EXPECT_EQ(read_file(streams / "out"), folder / "a.partial.exr" + "\n");
+    EXPECT_CONTAINS(read_file(streams / "stats.json"), "\"trace\"");
 }
 
 TEST(Preview, CanBeReadAtAnyMomentAsExr) { watch_endless("p.exr"); }

@@ -5,6 +5,7 @@
 #include "program.h"
 
 #include <nlohmann/json.hpp>
+#include <sys/resource.h>
 
 #include <algorithm>
 
@@ -99,6 +100,25 @@ TEST_F(Resume, GoesOnWhenTimeWasUp) {
     const int samples = stop_by_time("0.1");
     EXPECT_FALSE(fs::exists(folder / "a.partial.exr"));
     expect_goes_on_to(samples + 23);
+}
+
+// A state is many times as large as its picture: where there is no room for it, the picture is there all the same.
+TEST_F(Resume, AStateThatCannotBeWrittenTakesNoPictureWithIt) {
+    constexpr rlim_t room = 4 << 20; // bytes a file
+    const auto in_little_room = [](std::vector<std::string> arguments) {
+        const rlimit limit{room, room};
+        ::setrlimit(RLIMIT_FSIZE, &limit);
+        ::signal(SIGXFSZ, SIG_IGN); // a write fails, as on a full disk
+        run_program(std::move(arguments));
+    };
+    const Outcome done = marram(
+        command("a.exr", {"--seconds", "0.001", "--spp", endless, "--size", "256x192"}), in_little_room);
+    EXPECT_EQ(done.code, 0) << done.err;
+    EXPECT_CONTAINS(done.err, "--resume will begin anew");
+    EXPECT_CONTAINS(done.err, state);
+    EXPECT_EQ(done.out, folder / "a.exr" + "\n");
+    EXPECT_EQ(read_image(folder / "a.exr").width, 256);
+    EXPECT_EQ(folder.names(), (std::set<std::string>{"a.exr", "a.toml"}));
 }
 
 // Not a sample is taken twice: the rays of both halves are those of the whole.

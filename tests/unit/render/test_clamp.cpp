@@ -120,7 +120,7 @@ TEST(Clamp, TakesNoMoreForTheRoulette) {
 // Pixels with more noise, where a clamp takes more, get more samples: what is told is of the picture, not of the samples.
 TEST(Clamp, TellsOfThePictureNotOfItsSamples) {
     constexpr float limit = 2.0F;
-    const Picture even = picture(limit, 256), uneven = picture(limit, 256, 6, 1, 0.05);
+    const Picture even = picture(limit, 256), uneven = picture(limit, 256, 6, 1, 0.02);
     std::printf("[ clamp ] %.4f of the light taken with 256 samples, %.4f with %.1f\n", even.stats.clamped,
                 uneven.stats.clamped, uneven.stats.mean_samples);
     EXPECT_LT(uneven.stats.mean_samples, 128.0);

@@ -42,20 +42,23 @@ std::vector<double> means_around(const Film& film, const std::vector<double>& va
     return means;
 }
 
-// The share of the variance that samples tell which strata leave.
+// The share of the variance that samples tell which strata leave. Each pixel around counts alike: by variance, the rim of a lamp,
+// which strata know well, would speak for all that is near it.
 std::vector<double> left_by_strata(const Film& film) {
     constexpr uint32_t reach = 3; // pixels: 49 of 2 blocks know it to a fifth
-    std::vector<double> told(film.taken.size()), left(film.taken.size());
-    for (size_t i = 0; i < told.size(); ++i) {
+    std::vector<double> left(film.taken.size()), known(film.taken.size());
+    for (size_t i = 0; i < left.size(); ++i) {
         const uint32_t blocks = film.taken[i] / film_block;
-        if (blocks < 2) continue;
-        told[i] = variance_of_mean(film.luminance[i], film.squares[i], film.taken[i]);
-        left[i] =
-            variance_of_mean(film.ended_blocks[i], film.block_squares[i], blocks) / (film_block * film_block);
+        const double told = variance_of_mean(film.luminance[i], film.squares[i], film.taken[i]);
+        if (blocks < 2 || !(told > 0.0)) continue;
+        known[i] = 1.0;
+        left[i] = variance_of_mean(film.ended_blocks[i], film.block_squares[i], blocks) /
+                  (told * film_block * film_block);
     }
-    told = means_around(film, told, reach);
     left = means_around(film, left, reach);
-    for (size_t i = 0; i < told.size(); ++i) left[i] = told[i] > 0.0 ? std::min(left[i] / told[i], 1.0) : 1.0;
+    known = means_around(film, known, reach);
+    for (size_t i = 0; i < left.size(); ++i)
+        left[i] = known[i] > 0.0 ? std::min(left[i] / known[i], 1.0) : 1.0;
     return left;
 }
 

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The state of a frame that was not finished: the film's samples, in a file beside its picture, for --resume to go on with.
 //
-// A TIFF of doubles (core/image/doubles.h): a pixel holds the film's sums and counts of all layers in their order, then how
-// far it got in its sequence of samples, how many it has taken, whether it is good enough for now, how its samples are spread
-// and what a clamp took of them (Film: sums, reached, taken, done, luminance, squares, ended_blocks, block_squares, clamped, spread).
-// ImageDescription says "marram frame state", the number of this layout, the digest of the frame that it is of, and a checksum of the film that it restores: uncompressed TIFF
-// does not notice that bits have changed.
+// A TIFF of doubles (core/image/doubles.h): a pixel holds the film's sums and counts of all layers in their order, then where its
+// samples stand, how they are spread and what a clamp took of them (Film: sums, reached, taken, done, luminance, squares,
+// ended_blocks, block_squares, clamped, spread). ImageDescription says "marram frame state", the number of this layout, the digest of
+// the frame that it is of, and a checksum of the film that it restores: uncompressed TIFF does not notice that bits have changed.
 #pragma once
 
 #include "core/render/film.h"

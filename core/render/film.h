@@ -49,9 +49,9 @@ struct Film {
         taken; // of them, samples that were taken, those dropped for not being finite among them
     std::vector<uint8_t> done;              // whether the pass under way leaves it out
     std::vector<double> luminance, squares; // sums over samples of their luminance and of its square
-    std::vector<double> ended_blocks,
-        block_squares; // over blocks of film_block samples: of the luminance in each, and of its square
-    std::vector<double> clamped; // and of the luminance that a clamp took
+    std::vector<double> ended_blocks;       // sum over blocks of film_block samples of the luminance in each
+    std::vector<double> block_squares;      // and of its square
+    std::vector<double> clamped;            // and of the luminance that a clamp took
     // Standard deviation of a sample's luminance around it, when the pass under way began; 0: not known.
     std::vector<float> spread;
 };

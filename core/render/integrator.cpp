@@ -30,9 +30,11 @@
 // "Texture Level of Detail Strategies for Real-Time Ray Tracing", 2019). Curvature is left out.
 //
 // Random numbers, four to a set: 0 film and lens, 1 time (in set 0 where there is no lens), then two a vertex, one for the lights
-// and the roulette, one for the shader; a vertex's sets are fixed, whatever it draws. Passes of 1, 3, 12, 16, 16, ... samples over the whole image show something early; a pixel belongs
-// to one task in each, which adds its samples in their order. Where passes end is fixed, and so is all that is decided
-// there: a render that stops within a pass, even at other pixels than before, goes on to the same bits.
+// and the roulette, one for the shader; a vertex's sets are fixed, whatever it draws.
+//
+// Passes of 1, 3, 12, 16, 16, ... samples over the whole image show something early; a pixel belongs to one task in each, which
+// adds its samples in their order. Where passes end is fixed, and so is all that is decided there: a render that stops within a
+// pass, even at other pixels than before, goes on to the same bits.
 #include "core/render/integrator.h"
 
 #include "core/math/hash.h"

@@ -223,6 +223,7 @@ Lights::Environment Lights::make(const EnvironmentLight& light) {
     if (shift == 0)
         for (size_t i = 0; i < weights.size(); ++i) weights[i] *= angle(i);
     Environment map{light, shift, columns, Distribution2D(weights, columns), {}, {}};
+    map.image.rotation = std::remainder(light.rotation, 2.0 * pi); // many turns would cost digits
     for (size_t row = 0; row <= weights.size() / columns; ++row)
         map.cosines.push_back(cosines[std::min<size_t>(row << shift, light.height)]);
     map.densities.reserve(weights.size());

@@ -288,6 +288,25 @@ TEST(Environment, IsSampledByItsBrightness) {
     }
 }
 
+TEST(Environment, ManyTurnsAreNone) {
+    EnvironmentLight map;
+    map.width = 64;
+    map.height = 32;
+    map.pixels.assign(64 * 32, Vec3f::Ones());
+    map.rotation = 0.7;
+    EnvironmentLight turned = map;
+    turned.rotation += 200.0 * pi; // 36,000 degrees: as many as a scene may ask for
+    const World world;
+    const std::vector<LightDescription> one = {map}, other = {turned};
+    const Lights a(one, world), b(other, world);
+    for (uint32_t s = 0; s < 256; ++s) {
+        const Numbers n = Sampler(8, s).numbers(0);
+        const Vec3f from = a.sample(Vec3d::Zero(), 0.0F, {n[0], n[1], n[2]}).direction,
+                    to = b.sample(Vec3d::Zero(), 0.0F, {n[0], n[1], n[2]}).direction;
+        EXPECT_LT((from - to).norm(), 1e-6F);
+    }
+}
+
 TEST(Environment, FacesWhereItShould) {
     EnvironmentLight map;
     map.width = 64;

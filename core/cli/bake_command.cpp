@@ -43,10 +43,11 @@ int bake_command(const BakeOptions& options) {
     stats.frame = options.frame.value_or(scene.description.globals.vec2("frames").x());
     const std::string output = numbered(options.output, stats.frame);
     RunFiles files(files_read(scene, options.scene));
-    for (const std::string& file : {output, options.colliders, options.stats}) files.write(file);
-    check_writable(output);
-    if (!options.colliders.empty()) check_writable(options.colliders);
-    if (!options.stats.empty()) check_writable(options.stats);
+    const std::string colliders = numbered(options.colliders, stats.frame);
+    for (const std::string& file : {output, colliders, numbered(options.stats, stats.frame)}) {
+        files.write(file);
+        if (!file.empty()) check_writable(file);
+    }
 
     BuildSettings settings = build_settings(scene, stats.frame);
     settings.shutter_open = settings.shutter_close = 0.0; // the frame itself, not what the shutter sees of it
@@ -66,11 +67,13 @@ int bake_command(const BakeOptions& options) {
             [&] { world = build_world(scene.geometry, settings, interrupted(), progress, stats.build); });
         progress.phase = "writing";
         write_curves(output, world.curves, stats.frame, settings.fps);
-        if (!options.colliders.empty()) write_colliders_obj(options.colliders, world.meshes);
+        if (!colliders.empty()) write_colliders_obj(colliders, world.meshes);
     }
     for (const std::string& warning : stats.build.warnings) fmt::print(stderr, "{}\n", warning);
     stats.total = wall_seconds() - begin;
-    if (!options.stats.empty()) write_stats(options.stats, {stats});
+    StatsFile stats_file(options.stats);
+    stats_file.add(stats);
+    stats_file.finish();
     fmt::print("{}\n", output);
     return 0;
 }

@@ -3,12 +3,17 @@
 
 #include "core/cli/commands.h"
 #include "core/cli/interrupt.h"
+#include "core/cli/memory.h"
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include <charconv>
+#include <cerrno>
 #include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
 #include <functional>
 
 namespace marram {
@@ -194,6 +199,15 @@ int report(const InputError& error) {
     return exit_bad_input;
 }
 
+// What was printed may still be in a buffer, and its disk may be full.
+void check_standard_output() {
+    const bool flushed = std::fflush(stdout) == 0; // else errno says why
+    const std::string reason = flushed ? "" : std::string(" (") + std::strerror(errno) + ")";
+    if (!flushed || std::ferror(stdout) != 0)
+        throw InputError({"standard output"}, "could not be written" + reason,
+                         "check where it goes; the files that it would have named are whole");
+}
+
 } // namespace
 
 int run(int argc, char** argv) {
@@ -217,17 +231,22 @@ int run(int argc, char** argv) {
         return report(
             InputError({"marram"}, error.what(), "see `marram --help` and `marram COMMAND --help`"));
     }
+    std::signal(SIGXFSZ, SIG_IGN); // a file beyond the size limit is a failed write, which is reported
     watch_interrupts();
     try {
-        return commands.chosen();
+        const int code = commands.chosen();
+        check_standard_output();
+        return code;
     } catch (const InputError& error) {
         return report(error);
     } catch (const Cancelled&) {
         return exit_interrupted;
     } catch (const std::bad_alloc&) {
-        return report(InputError({"marram"}, "the scene does not fit into memory",
-                                 "use fewer strands, CVs, motion keys or pixels"));
-    } catch (const std::exception& error) { // output that cannot be written, among others
+        return report(InputError(std::vector{lack_of_memory()}));
+    } catch (const std::system_error& error) { // fmt: standard output cannot be written
+        if (is_lack_of_memory(error)) return report(InputError(std::vector{lack_of_memory()}));
+        return report(InputError({"standard output"}, error.what(), "check where it goes"));
+    } catch (const std::exception& error) {
         return report(InputError({"marram"}, error.what(), "check where its output goes"));
     }
 }

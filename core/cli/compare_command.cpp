@@ -74,7 +74,7 @@ int compare_files(const CompareOptions& options) {
     print(comparison);
     if (!page.empty()) {
         const std::string text = compare_page(test, reference, comparison);
-        AtomicWriter writer(page);
+        AtomicFile writer(page);
         writer.write(text);
         writer.commit();
         fmt::print("{}\n", page);

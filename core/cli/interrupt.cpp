@@ -20,7 +20,7 @@ std::atomic<int> uncut{0};
 constexpr double grace_seconds = 0.4;
 
 [[noreturn]] void cut_off() {
-    remove_partial_files();
+    remove_temporary_files();
     _exit(exit_interrupted);
 }
 

@@ -12,7 +12,7 @@ inline constexpr int exit_interrupted = 130; // 128 + SIGINT, as shells have it
 const std::atomic<bool>& interrupted();
 
 // From here on SIGINT sets interrupted(). Work that has not come to an end `grace` later, where nothing can be saved, is
-// cut off: the process removes its partial files and leaves with exit_interrupted. A second SIGINT cuts off at once.
+// cut off: the process removes its temporary files and leaves with exit_interrupted. A second SIGINT cuts off at once.
 void watch_interrupts();
 
 // While one of these lives, an interrupt waits for the work to end by itself: a picture is being saved.

@@ -357,7 +357,7 @@ DialResult measure_pictures(Dial dial, const Session& session, double budget) {
 }
 
 void write_file(const fs::path& path, const std::string& text) {
-    AtomicWriter writer(path.string());
+    AtomicFile writer(path.string());
     writer.write(text);
     writer.commit();
 }

@@ -3,6 +3,7 @@
 #include "core/cli/frame_state.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/material_checks.h"
+#include "core/cli/memory.h"
 #include "core/cli/picture.h"
 #include "core/cli/preview.h"
 #include "core/cli/progress.h"
@@ -26,6 +27,7 @@
 #include <optional>
 #include <set>
 #include <span>
+#include <utility>
 
 namespace marram {
 namespace {
@@ -33,6 +35,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* digest_key = "marram:digest";
+constexpr const char* frame_key = "marram:frame";
 constexpr const char* unfinished = "partial"; // in its place
 
 uint64_t hash_text(uint64_t h, std::string_view text) {
@@ -65,7 +68,7 @@ uint64_t digest_of_scene(const LoadedScene& scene, const RenderOptions& options)
 struct FrameFiles {
     double frame = 0.0;
     std::string picture, preview, state; // preview: "" for none
-    std::string digest;                  // two pictures with one digest are the same picture
+    std::string digest;                  // two pictures of one frame with one digest are the same picture
     std::string samples_digest; // of two films with one, that with fewer samples can become the other
 };
 
@@ -75,10 +78,16 @@ FrameFiles files_of(double frame, const LoadedScene& scene, const RenderOptions&
     files.picture = numbered(options.output, frame);
     if (!options.preview.empty()) files.preview = numbered(options.preview, frame);
     files.state = state_name(files.picture);
-    const uint64_t h = hash(of_scene, std::bit_cast<uint64_t>(frame));
-    files.samples_digest = fmt::format("{:016x}", h);
-    files.digest = fmt::format("{:016x}", hash(h, uint64_t(scene.description.film.integer("samples"))));
+    files.samples_digest = fmt::format("{:016x}", hash(of_scene, std::bit_cast<uint64_t>(frame)));
+    // Without the frame: OpenImageIO keeps every distinct text of metadata for ever, 8 KB each.
+    files.digest = fmt::format("{:016x}", hash(of_scene, uint64_t(scene.description.film.integer("samples"))));
     return files;
+}
+
+// Whether an earlier run has left the whole picture.
+bool is_there(const FrameFiles& files) {
+    return read_metadata(files.picture, frame_key) == fmt::format("{}", files.frame) &&
+           whole_metadata(files.picture, digest_key) == files.digest;
 }
 
 // What stands in the place of an unfinished picture must be one.
@@ -94,21 +103,24 @@ void check_partial(const std::string& partial) {
 void check_outputs(const LoadedScene& scene, const std::vector<FrameFiles>& frames,
                    const RenderOptions& options) {
     RunFiles files(files_read(scene, options.scene));
-    files.write(options.stats);
-    std::set<std::string> previews;
+    std::set<std::string> previews, stats;
     for (const FrameFiles& frame : frames) {
         const std::string partial = partial_name(frame.picture);
-        for (const std::string& name : {frame.picture, partial, frame.state}) files.write(name);
+        for (const std::string& name : {frame.picture, partial, frame.state}) {
+            check_name_length(name);
+            files.write(name);
+        }
         check_writable(frame.picture);
         check_partial(partial);
         check_state_name(frame.state);
         previews.insert(frame.preview);
+        stats.insert(numbered(options.stats, frame.frame));
     }
-    for (const std::string& preview : previews) {
-        files.write(preview);
-        if (!preview.empty()) check_writable(preview);
-    }
-    if (!options.stats.empty()) check_writable(options.stats);
+    for (const auto* names : {&previews, &stats})
+        for (const std::string& name : *names) {
+            files.write(name);
+            if (!name.empty()) check_writable(name);
+        }
 }
 
 std::vector<std::string> layer_names(const LoadedScene& scene, const RenderOptions& options) {
@@ -162,7 +174,7 @@ std::vector<Metadata> metadata_of(const RenderOptions& options, double frame, co
                                   double seconds, const std::string& digest) {
     return {{"Software", std::string("marram " MARRAM_VERSION)},
             {"marram:scene", options.scene},
-            {"marram:frame", frame},
+            {frame_key, frame},
             {"marram:samples", int(samples.most)},
             {"marram:mean_samples", samples.mean},
             {"marram:seconds", seconds},
@@ -272,17 +284,25 @@ void save_frame(FrameJob& job, Preview& preview) {
     const bool whole = !render.cancelled && !render.out_of_time;
     const std::string target = render.cancelled ? partial_name(files.picture) : files.picture;
     const auto save_it = [&] { save(job, target, whole ? files.digest : unfinished); };
-    std::string lost; // why the state is: the picture is not to be lost with it
-    if (whole)
-        save_it();
-    else // at once: whoever pressed Ctrl-C waits
-        tbb::parallel_invoke(save_it, [&] {
-            try {
-                save_state(files.state, job.film, files.samples_digest);
-            } catch (const InputError& error) {
-                lost = error.what();
-            }
-        });
+    std::string lost; // why there is no state: a fault of its own, the picture is not lost with it
+    const auto keep_state = [&] {
+        try {
+            save_state(files.state, job.film, files.samples_digest);
+        } catch (const InputError& error) {
+            lost = error.what();
+        }
+    };
+    if (whole) {
+        try {
+            save_it();
+        } catch (const InputError&) { // the samples may be hours of work: --resume saves them once there is room
+            keep_state();
+            if (lost.empty()) fmt::print(stderr, "{}: kept: --resume saves the picture\n", files.state);
+            throw;
+        }
+    } else { // at once: whoever pressed Ctrl-C waits
+        tbb::parallel_invoke(save_it, keep_state);
+    }
     fmt::print("{}\n", target);
     std::fflush(stdout); // an interrupt may cut off what comes later
     if (!lost.empty()) fmt::print(stderr, "{}\n{}: --resume will begin anew\n", lost, files.picture);
@@ -339,24 +359,30 @@ int render_command(const RenderOptions& options) {
     check_outputs(scene, all_files, options);
 
     tbb::task_arena arena(threads);
-    std::vector<FrameStats> all;
+    StatsFile stats_file(options.stats);
+    bool first = true;
     for (const FrameFiles& files : all_files) {
-        if (options.resume && whole_metadata(files.picture, digest_key) == files.digest) {
+        if (options.resume && is_there(files)) {
             if (!options.quiet) fmt::print(stderr, "{}: is there already\n", files.picture);
             continue;
         }
         const auto number = &files - all_files.data() + 1;
         const std::string prefix = frames.size() > 1 ? fmt::format("{} of {}: ", number, frames.size()) : "";
-        FrameStats& stats = all.emplace_back();
+        FrameStats stats;
         stats.frame = files.frame;
         stats.threads = threads;
-        stats.load = all.size() == 1 ? load_seconds : 0.0;
+        stats.load = std::exchange(first, false) ? load_seconds : 0.0;
         bool whole = false;
         std::optional<Uncut> uncut;
         arena.execute([&] { whole = render_frame(scene, options, files, prefix, stats, uncut); });
-        if (!options.stats.empty()) write_stats(options.stats, all);
-        if (!whole) return exit_interrupted;
+        stats_file.add(stats);
+        if (!whole) {
+            stats_file.finish();
+            return exit_interrupted;
+        }
+        release_free_memory();
     }
+    stats_file.finish();
     return 0;
 }
 

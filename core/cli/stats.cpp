@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/stats.h"
 
+#include "core/cli/frames.h"
+
 #include "core/image/atomic_file.h"
 
 #include <nlohmann/json.hpp>
@@ -54,18 +56,35 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
 
 } // namespace
 
-void write_stats(const std::string& path, const std::vector<FrameStats>& frames) {
-    nlohmann::ordered_json json;
-    if (frames.size() == 1) {
-        json = to_json(frames.front());
-    } else {
-        json = nlohmann::ordered_json::array();
-        for (const FrameStats& frame : frames) json.push_back(to_json(frame));
+StatsFile::StatsFile(std::string path) : path_(std::move(path)) {}
+
+void StatsFile::write(const std::string& path, const std::vector<std::string>& frames) {
+    AtomicFile file(path);
+    if (frames.size() != 1) file.write("[\n");
+    for (size_t i = 0; i < frames.size(); ++i) {
+        if (i > 0) file.write(",\n");
+        file.write(frames[i]);
     }
-    AtomicWriter writer(path);
-    writer.write(json.dump(2));
-    writer.write("\n");
-    writer.commit();
+    file.write(frames.size() != 1 ? "\n]\n" : "\n");
+    file.commit();
+}
+
+void StatsFile::add(const FrameStats& frame) {
+    if (path_.empty()) return;
+    std::string text = to_json(frame).dump(2);
+    const std::string own = numbered(path_, frame.frame);
+    if (own != path_) return write(own, {std::move(text)});
+    frames_.push_back(std::move(text));
+    constexpr double rest = 20.0; // times what the last writing took
+    const double begin = wall_seconds();
+    if (begin - written_ < rest * cost_) return;
+    write(path_, frames_);
+    written_ = wall_seconds();
+    cost_ = written_ - begin;
+}
+
+void StatsFile::finish() {
+    if (!frames_.empty()) write(path_, frames_);
 }
 
 double wall_seconds() {

@@ -19,8 +19,22 @@ struct FrameStats {
     RenderStats render;
 };
 
-// Writes one object, or for several frames a list of them. Keys as the design fixes them; stages that did not run are 0.
-void write_stats(const std::string& path, const std::vector<FrameStats>& frames);
+// The file of --stats: one object, or for several frames a list of them. Keys as the design fixes them; stages that did not run
+// are 0. With #### in its name each frame has a file of its own. Written while a sequence renders, for at most 5 % of the
+// time, so that a run that is killed has told most of it.
+class StatsFile {
+  public:
+    explicit StatsFile(std::string path); // "": no file
+    void add(const FrameStats& frame);    // throws InputError where the file cannot be written
+    void finish();                        // writes what was added
+
+  private:
+    void write(const std::string& path, const std::vector<std::string>& frames);
+
+    std::string path_;
+    std::vector<std::string> frames_; // as JSON
+    double cost_ = 0.0, written_ = 0.0;
+};
 
 // Seconds on a clock that only goes forward.
 double wall_seconds();

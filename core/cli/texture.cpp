@@ -31,7 +31,7 @@ OIIO::TextureSystem& texture_system() {
 class FileTexture : public Texture {
   public:
     // made: the file, where it is ours.
-    FileTexture(const std::string& file, int channels, std::unique_ptr<AtomicFile> made)
+    FileTexture(const std::string& file, int channels, std::unique_ptr<TemporaryFile> made)
         : made_(std::move(made)), channels_(std::min(channels, 3)),
           handle_(texture_system().get_texture_handle(OIIO::ustring(file))) {}
     bool good() const { return handle_ && texture_system().good(handle_); }
@@ -54,7 +54,7 @@ class FileTexture : public Texture {
     }
 
   private:
-    std::unique_ptr<AtomicFile>
+    std::unique_ptr<TemporaryFile>
         made_; // never takes its name: it goes with this, and where the program is cut off
     int channels_;
     OIIO::TextureSystem::TextureHandle* handle_;
@@ -66,25 +66,32 @@ bool is_tiled(const std::string& file) {
     return input && input->spec().tile_width > 0 && input->seek_subimage(0, 1);
 }
 
-std::unique_ptr<AtomicFile> make_texture(Image& image, const std::string& file, const Place& place) {
-    static int number = 0;
+std::unique_ptr<TemporaryFile> make_texture(Image& image, const std::string& file, const Place& place) {
     std::error_code error;
     const fs::path folder = fs::temp_directory_path(error);
     if (error)
         throw InputError(place,
                          "there is no directory for temporary files to make a texture of \"" + file + "\" in",
                          "set TMPDIR to one that exists");
-    auto made =
-        std::make_unique<AtomicFile>((folder / fmt::format("marram-texture-{}.exr", number++)).string());
+    auto made = std::make_unique<TemporaryFile>(file, folder / "texture.exr");
     for (float& value : image.pixels)
         value = std::clamp(value, 0.0F, 1.0F); // before it spreads into averages
     const OIIO::ImageSpec spec(image.width, image.height, image.channels, OIIO::TypeDesc::FLOAT);
     const OIIO::ImageBuf pixels(spec, image.pixels.data());
     OIIO::ImageSpec config;
     config.set_format(OIIO::TypeDesc::HALF);
-    if (!OIIO::ImageBufAlgo::make_texture(OIIO::ImageBufAlgo::MakeTxTexture, pixels, made->partial(), config))
-        throw InputError(place, "\"" + file + "\" cannot be made into a texture: " + OIIO::geterror(),
+    const auto refuse = [&](const std::string& why) {
+        throw InputError(place, "\"" + file + "\" cannot be made into a texture: " + why,
                          "make room in the directory for temporary files, or set TMPDIR to another");
+    };
+    if (!OIIO::ImageBufAlgo::make_texture(OIIO::ImageBufAlgo::MakeTxTexture, pixels, made->name(), config))
+        refuse(OIIO::geterror());
+    if (!made->lock_again()) refuse("the file was removed while it was made");
+    try {
+        read_image(made->name(), ColorSpace::linear_data); // a full disk goes unnoticed when the writer closes its file
+    } catch (const InputError& error) {
+        refuse(error.problems.front().what);
+    }
     return made;
 }
 
@@ -97,8 +104,8 @@ std::shared_ptr<const Texture> open_texture(const std::string& file, TextureCont
         read_image(file, content == TextureContent::color ? ColorSpace::color : ColorSpace::linear_data);
     const bool ready = image.as_in_file && is_tiled(file) && // else encoded values would be averaged
                        std::ranges::all_of(image.pixels, [](float v) { return v >= 0.0F && v <= 1.0F; });
-    std::unique_ptr<AtomicFile> made = ready ? nullptr : make_texture(image, file, place);
-    const std::string path = made ? made->partial() : file;
+    std::unique_ptr<TemporaryFile> made = ready ? nullptr : make_texture(image, file, place);
+    const std::string path = made ? made->name() : file;
     auto texture = std::make_shared<FileTexture>(path, image.channels, std::move(made));
     if (!texture->good())
         throw InputError(place, "\"" + file + "\" cannot be read as a texture",

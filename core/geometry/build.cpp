@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <new>
 
 namespace marram {
 namespace {
@@ -57,9 +58,12 @@ std::shared_ptr<RTCDeviceTy> make_device(std::shared_ptr<DeviceErrors>& errors) 
     errors = std::make_shared<DeviceErrors>();
     // Tasks run in whatever arena calls; Embree must not start threads of its own or bind ours to cores.
     RTCDevice device = rtcNewDevice("set_affinity=0,start_threads=0");
-    if (!device)
-        throw InputError({"embree"}, "the ray tracing device cannot be made",
-                         "check that the processor has SSE2 and the package embree is whole");
+    if (!device) {
+        const RTCError code = rtcGetDeviceError(nullptr);
+        if (code == RTC_ERROR_UNSUPPORTED_CPU)
+            throw InputError({"embree"}, "Embree does not run on this processor", "use one that has SSE2");
+        throw std::bad_alloc(); // for all that it allocates: memory, and stacks of threads
+    }
     rtcSetDeviceErrorFunction(device, on_device_error, errors.get());
     return {device, [errors](RTCDevice d) { rtcReleaseDevice(d); }};
 }

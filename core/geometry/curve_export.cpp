@@ -68,7 +68,7 @@ class Text {
         buffer_.clear();
     }
 
-    AtomicWriter writer_;
+    AtomicFile writer_;
     fmt::basic_memory_buffer<char> buffer_;
 };
 
@@ -129,7 +129,7 @@ HairHeader hair_header(const std::string& path, std::span<const CurveGeometry> c
 
 // For each CV of all curves `count` floats, made by `pick(cv, to)`.
 template <typename Pick>
-void write_cvs(AtomicWriter& writer, std::span<const CurveGeometry> curves, size_t count, Pick pick) {
+void write_cvs(AtomicFile& writer, std::span<const CurveGeometry> curves, size_t count, Pick pick) {
     std::vector<float> row;
     for (const CurveGeometry& geometry : curves)
         for (uint64_t c = 0; c < geometry.curve_count; ++c) {
@@ -235,7 +235,7 @@ void write_basis_curves(Text& text, const CurveGeometry& geometry, const std::st
 void write_hair(const std::string& path, std::span<const CurveGeometry> curves) {
     check_curves(path, curves);
     const HairHeader header = hair_header(path, curves);
-    AtomicWriter writer(path);
+    AtomicFile writer(path);
     writer.write(&header, sizeof(header));
     if (header.flags & hair_segments)
         for (const CurveGeometry& geometry : curves) {

@@ -4,13 +4,20 @@
 #include "core/math/problem.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
+#include <sys/random.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <atomic>
 #include <cerrno>
+#include <climits>
+#include <cstdio>
 #include <cstring>
-#include <filesystem>
 #include <mutex>
 #include <set>
+#include <system_error>
 
 namespace marram {
 
@@ -18,14 +25,25 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t stream_buffer_bytes = size_t(1) << 20;
+constexpr size_t buffer_bytes = size_t(1) << 20;
+constexpr std::string_view mark = ".marram-writing-"; // followed by 8 hex digits and the target's extension
+constexpr size_t mark_digits = 8;
 
-// Partial files that are there now, for whoever has to end the process.
-std::mutex open_lock;
-std::set<std::string> open_partials;
+// Temporary files of this process, for remove_temporary_files().
+constinit std::mutex open_lock;
+std::set<std::string> open_files;
+std::atomic<bool> any_open{false}; // false also before `open_files` is made
 
 [[noreturn]] void refuse(const std::string& path, const std::string& what, const std::string& fix) {
     throw InputError(Place{path}, what, fix);
+}
+
+[[noreturn]] void refuse(const std::string& path, const char* what, int error) {
+    const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG || error == EIO;
+    const char* fix = full                      ? "check the disk, its free space and your limits"
+                      : error == ENAMETOOLONG ? "give it a shorter name"
+                                                : "check the permissions of the file and its folder";
+    refuse(path, std::string(what) + " (" + std::strerror(error) + ")", fix);
 }
 
 // Where the bytes go: an output that is a symbolic link keeps its link, the file behind it is replaced.
@@ -34,15 +52,17 @@ fs::path resolve(const std::string& path) {
     return fs::is_symlink(path, error) ? destination_of(path) : fs::path(path);
 }
 
-std::string partial_name(const fs::path& target) {
-    fs::path name = target.stem();
-    name += ".partial-" + std::to_string(::getpid());
-    name += target.extension();
-    return (target.parent_path() / name).string();
+fs::path folder_of(const fs::path& target) {
+    return target.has_parent_path() ? target.parent_path() : fs::path(".");
+}
+
+size_t longest_name(const fs::path& folder) {
+    const long limit = ::pathconf(folder.c_str(), _PC_NAME_MAX);
+    return limit > 0 ? size_t(limit) : size_t(NAME_MAX);
 }
 
 void check_folder(const std::string& path, const fs::path& target) {
-    const fs::path folder = target.has_parent_path() ? target.parent_path() : fs::path(".");
+    const fs::path folder = folder_of(target);
     std::error_code error;
     if (!fs::exists(folder, error))
         refuse(path, "the folder \"" + folder.string() + "\" does not exist",
@@ -62,6 +82,71 @@ void check_existing(const std::string& path, const fs::path& target) {
         refuse(path, "exists and may not be written", "change its permissions, or choose another output");
 }
 
+fs::path checked_target(const std::string& path) {
+    if (path.empty()) refuse("output", "no file name is given", "give the name of a file to write");
+    const fs::path target = resolve(path);
+    if (!target.has_filename()) refuse(path, "is a folder", "give the name of a file to write");
+    check_folder(path, target);
+    check_name_length(path);
+    check_existing(path, target);
+    return target;
+}
+
+// "a.exr" -> "a.marram-writing-3f2a91c0.exr"; the stem is cut where the name would be too long, never inside a character.
+std::string temporary_name(const fs::path& target) {
+    uint32_t random = 0;
+    if (::getrandom(&random, sizeof random, GRND_NONBLOCK) != ssize_t(sizeof random))
+        random = uint32_t(::getpid()) * 2654435761U;
+    static std::atomic<uint32_t> serial{0};
+    char digits[mark_digits + 1];
+    std::snprintf(digits, sizeof digits, "%08x", random + serial++);
+    std::string extension = target.extension().string();
+    constexpr size_t longest_extension = 16; // a longer one is no file type
+    if (extension.size() > longest_extension) extension.clear();
+    const std::string tail = std::string(mark) + digits + extension;
+    std::string stem = target.stem().string();
+    const size_t most = longest_name(folder_of(target));
+    size_t keep = std::min(stem.size(), most > tail.size() ? most - tail.size() : 0);
+    while (keep > 0 && keep < stem.size() && (static_cast<unsigned char>(stem[keep]) & 0xc0U) == 0x80U) --keep;
+    return (target.parent_path() / (stem.substr(0, keep) + tail)).string();
+}
+
+bool is_temporary_name(std::string_view name) {
+    const size_t at = name.rfind(mark);
+    if (at == std::string_view::npos) return false;
+    const std::string_view tail = name.substr(at + mark.size());
+    const bool ends = tail.size() == mark_digits || (tail.size() > mark_digits && tail[mark_digits] == '.');
+    return ends && tail.find('.', mark_digits + 1) == std::string_view::npos &&
+           tail.substr(0, mark_digits).find_first_not_of("0123456789abcdef") == std::string_view::npos;
+}
+
+bool same_file(int descriptor, const std::string& name) {
+    struct stat open {}, named {};
+    return ::fstat(descriptor, &open) == 0 && ::stat(name.c_str(), &named) == 0 && open.st_dev == named.st_dev &&
+           open.st_ino == named.st_ino;
+}
+
+// Whether the file is ours now: locked, and still the one that stands under its name. On a file system without locks it is
+// ours as well, since nobody can take it from us there.
+bool claim(int descriptor, const std::string& name) {
+    if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) return false;
+    return same_file(descriptor, name);
+}
+
+// Removes temporary files in the folder that no process holds.
+void sweep(const fs::path& folder) {
+    std::error_code error;
+    std::vector<std::string> found;
+    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error))
+        if (is_temporary_name(it->path().filename().string())) found.push_back(it->path().string());
+    for (const std::string& name : found) {
+        const int file = ::open(name.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+        if (file < 0) continue;
+        if (::flock(file, LOCK_EX | LOCK_NB) == 0 && same_file(file, name)) ::unlink(name.c_str());
+        ::close(file);
+    }
+}
+
 } // namespace
 
 fs::path destination_of(const std::string& path) {
@@ -78,84 +163,141 @@ fs::path destination_of(const std::string& path) {
     return error ? at.lexically_normal() : canonical;
 }
 
-void check_writable(const std::string& path) {
-    if (path.empty()) refuse("output", "no file name is given", "give the name of a file to write");
-    const fs::path target = resolve(path);
-    if (!target.has_filename()) refuse(path, "is a folder", "give the name of a file to write");
-    check_folder(path, target);
-    check_existing(path, target);
-    const std::string partial = partial_name(target);
-    const int file = ::open(partial.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
-    if (file < 0)
-        refuse(path, std::string("cannot be written (") + std::strerror(errno) + ")",
-               "check the folder's permissions, or choose another output");
-    ::close(file);
-    ::unlink(partial.c_str());
+void check_name_length(const std::string& path) {
+    const fs::path target(path);
+    const size_t most = longest_name(folder_of(target)), size = target.filename().string().size();
+    if (size > most)
+        refuse(path, "the name has " + std::to_string(size) + " bytes, " + std::to_string(most) + " are allowed",
+               "give it a shorter name");
 }
 
-AtomicFile::AtomicFile(const std::string& path) : path_(path) {
-    check_writable(path);
-    const fs::path target = resolve(path);
-    target_ = target.string();
-    partial_ = partial_name(target);
-    const std::lock_guard guard(open_lock);
-    open_partials.insert(partial_);
+void check_writable(const std::string& path) { const TemporaryFile file(path, checked_target(path)); }
+
+void remove_temporary_files() {
+    if (!any_open.load()) return;
+    const std::unique_lock guard(open_lock, std::try_to_lock); // its holder may be what crashed
+    if (guard)
+        for (const std::string& name : open_files) ::unlink(name.c_str());
 }
 
-AtomicFile::~AtomicFile() {
-    if (partial_.empty()) return;
-    ::unlink(partial_.c_str());
+TemporaryFile::TemporaryFile(const std::string& path, const fs::path& target) {
+    constexpr int most_tries = 100; // names that are taken, or files that somebody swept before they were locked
+    for (int tries = 0; tries < most_tries; ++tries) {
+        name_ = temporary_name(target);
+        descriptor_ = ::open(name_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        if (descriptor_ < 0 && errno == EEXIST) continue;
+        if (descriptor_ < 0) refuse(path, "cannot be written", errno);
+        if (claim(descriptor_, name_)) {
+            const std::lock_guard guard(open_lock);
+            open_files.insert(name_);
+            any_open = true;
+            return;
+        }
+        ::close(descriptor_);
+    }
+    refuse(path, "cannot be written", EEXIST);
+}
+
+TemporaryFile::~TemporaryFile() {
+    if (!name_.empty()) {
+        ::unlink(name_.c_str());
+        const std::lock_guard guard(open_lock);
+        open_files.erase(name_);
+    }
+    ::close(descriptor_);
+}
+
+void TemporaryFile::rename_to(const std::string& target) {
+    if (std::rename(name_.c_str(), target.c_str()) != 0)
+        throw std::system_error(errno, std::generic_category());
     const std::lock_guard guard(open_lock);
-    open_partials.erase(partial_);
+    open_files.erase(name_);
+    name_.clear();
+}
+
+bool TemporaryFile::lock_again() {
+    const int file = ::open(name_.c_str(), O_RDWR | O_CLOEXEC);
+    if (file < 0) return false;
+    ::close(descriptor_);
+    descriptor_ = file;
+    return claim(descriptor_, name_);
+}
+
+AtomicFile::AtomicFile(const std::string& path)
+    : path_(path), target_(checked_target(path).string()), file_(path, target_) {
+    sweep(folder_of(target_));
+    buffer_.reserve(buffer_bytes);
+}
+
+void AtomicFile::put_at(int64_t position, const void* bytes, size_t count) noexcept {
+    const char* from = static_cast<const char*>(bytes);
+    while (count > 0 && error_ == 0) {
+        const ssize_t written = ::pwrite(file_.descriptor(), from, count, position);
+        if (written < 0 && errno == EINTR) continue;
+        if (written <= 0) {
+            error_ = written < 0 ? errno : EIO;
+            return;
+        }
+        from += written;
+        position += written;
+        count -= size_t(written);
+    }
+}
+
+void AtomicFile::flush() noexcept {
+    put_at(buffer_begin_, buffer_.data(), buffer_.size());
+    buffer_.clear();
+}
+
+void AtomicFile::put(const void* bytes, size_t count) noexcept {
+    if (position_ != buffer_begin_ + int64_t(buffer_.size()) || buffer_.size() + count > buffer_bytes) {
+        flush();
+        buffer_begin_ = position_;
+    }
+    if (count > buffer_bytes) {
+        put_at(position_, bytes, count);
+        buffer_begin_ = position_ + int64_t(count);
+    } else {
+        const char* from = static_cast<const char*>(bytes);
+        buffer_.insert(buffer_.end(), from, from + count); // within what was reserved
+    }
+    position_ += int64_t(count);
+}
+
+size_t AtomicFile::get(void* bytes, size_t count) noexcept {
+    flush();
+    buffer_begin_ = position_;
+    const ssize_t read = ::pread(file_.descriptor(), bytes, count, position_);
+    if (read <= 0) return 0;
+    position_ += read;
+    return size_t(read);
+}
+
+int64_t AtomicFile::size() const noexcept {
+    struct stat status {};
+    const int64_t stored = ::fstat(file_.descriptor(), &status) == 0 ? int64_t(status.st_size) : 0;
+    return std::max(stored, buffer_begin_ + int64_t(buffer_.size()));
+}
+
+void AtomicFile::check() const {
+    if (error_ != 0) refuse(path_, "could not be written", error_);
+}
+
+void AtomicFile::write(const void* bytes, size_t count) {
+    put(bytes, count);
+    check();
 }
 
 void AtomicFile::commit() {
-    const int file = ::open(partial_.c_str(), O_RDONLY | O_CLOEXEC);
-    const bool flushed = file >= 0 && ::fsync(file) == 0;
-    const int reason = errno;
-    if (file >= 0) ::close(file);
-    if (!flushed)
-        refuse(path_, std::string("could not be written (") + std::strerror(reason) + ")",
-               "check the disk and its free space");
-    if (std::rename(partial_.c_str(), target_.c_str()) != 0)
-        refuse(path_, std::string("could not be replaced (") + std::strerror(errno) + ")",
-               "check the permissions of the file and its folder");
-    const std::lock_guard guard(open_lock);
-    open_partials.erase(partial_);
-    partial_.clear();
-}
-
-void remove_partial_files() {
-    const std::lock_guard guard(open_lock);
-    for (const std::string& partial : open_partials) ::unlink(partial.c_str());
-}
-
-AtomicWriter::AtomicWriter(const std::string& path) : path_(path), file_(path) {
-    stream_ = std::fopen(file_.partial().c_str(), "wbe");
-    if (!stream_)
-        refuse(path, std::string("cannot be written (") + std::strerror(errno) + ")",
-               "check the folder's permissions, or choose another output");
-    std::setvbuf(stream_, nullptr, _IOFBF, stream_buffer_bytes);
-}
-
-AtomicWriter::~AtomicWriter() {
-    if (stream_) std::fclose(stream_);
-}
-
-void AtomicWriter::write(const void* bytes, size_t count) {
-    if (count > 0 && std::fwrite(bytes, 1, count, stream_) != count)
-        refuse(path_, std::string("could not be written (") + std::strerror(errno) + ")",
-               "check the disk and its free space");
-}
-
-void AtomicWriter::commit() {
-    const bool closed = std::fclose(stream_) == 0;
-    const int reason = errno;
-    stream_ = nullptr;
-    if (!closed)
-        refuse(path_, std::string("could not be written (") + std::strerror(reason) + ")",
-               "check the disk and its free space");
-    file_.commit();
+    flush();
+    // A file system that writes later, or over a network, tells of a full disk only here.
+    if (error_ == 0 && ::fsync(file_.descriptor()) != 0) error_ = errno;
+    check();
+    try {
+        file_.rename_to(target_);
+    } catch (const std::system_error& error) {
+        refuse(path_, "could not be replaced", error.code().value());
+    }
 }
 
 } // namespace marram

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/image/doubles.h"
 
-#include "core/image/atomic_file.h"
+#include "core/image/image_output.h"
 #include "core/math/problem.h"
 
 #include <OpenImageIO/imageio.h>
@@ -53,21 +53,15 @@ OIIO::ImageSpec spec_of(const DoublesHeader& header) {
 void write_doubles(const std::string& path, const DoublesHeader& header,
                    const std::function<void(int, double*)>& row) {
     assert(header.width > 0 && header.height > 0 && header.channels > 0);
-    constexpr const char* fix = "check the disk and its free space";
-    AtomicFile file(path);
-    const std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create("tiff");
-    if (!output || !output->open(file.partial(), spec_of(header)))
-        refuse(path, "cannot be written", output ? output->geterror() : OIIO::geterror(), fix);
+    ImageWriter writer(path, spec_of(header), "tiff");
     const size_t stride = size_t(header.width) * size_t(header.channels);
     std::vector<double> strip(stride * size_t(std::min(strip_rows, header.height)));
     for (int begin = 0; begin < header.height; begin += strip_rows) {
         const int end = std::min(begin + strip_rows, header.height);
         for (int y = begin; y < end; ++y) row(y, strip.data() + stride * size_t(y - begin));
-        if (!output->write_scanlines(begin, end, 0, OIIO::TypeDesc::DOUBLE, strip.data()))
-            refuse(path, "could not be written", output->geterror(), fix);
+        writer.write_rows(begin, end, OIIO::TypeDesc::DOUBLE, strip.data());
     }
-    if (!output->close()) refuse(path, "could not be written", output->geterror(), fix);
-    file.commit();
+    writer.commit();
 }
 
 DoublesHeader read_doubles_header(const std::string& path) { return header_of(open(path)->spec()); }

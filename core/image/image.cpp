@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/image/image.h"
 
-#include "core/image/atomic_file.h"
+#include "core/image/image_output.h"
 #include "core/image/png_check.h"
 #include "core/math/problem.h"
 
@@ -274,41 +274,20 @@ std::vector<uint8_t> to_bytes(int width, int height, int channels, const float* 
     return bytes;
 }
 
-std::unique_ptr<OIIO::ImageOutput> open_output(const std::string& path, const AtomicFile& file,
-                                               const OIIO::ImageSpec& spec, const char* format) {
-    std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create(format);
-    if (!output)
-        refuse(path, fmt::format("this OpenImageIO cannot write {} files", format), "write another format");
-    if (!output->open(file.partial(), spec))
-        refuse(path, "cannot be written " + reason(output->geterror()),
-               "check the folder, or choose another output");
-    return output;
-}
-
-void close_output(const std::string& path, OIIO::ImageOutput& output, bool written) {
-    const std::string message = written ? std::string() : output.geterror();
-    if (!output.close() || !written)
-        refuse(path, "could not be written " + reason(message.empty() ? output.geterror() : message),
-               "check the disk and its free space");
-}
-
 } // namespace
 
 void write_exr(const std::string& path, int width, int height, std::span<const Layer> layers,
                std::span<const Metadata> metadata) {
     assert(width > 0 && height > 0 && !layers.empty());
     const OIIO::ImageSpec spec = exr_spec(width, height, layers, metadata);
-    AtomicFile file(path);
-    auto output = open_output(path, file, spec, "openexr");
+    ImageWriter writer(path, spec, "openexr");
     std::vector<float> strip(size_t(std::min(height, strip_rows)) * size_t(width) * size_t(spec.nchannels));
-    bool written = true;
-    for (int begin = 0; begin < height && written; begin += strip_rows) {
+    for (int begin = 0; begin < height; begin += strip_rows) {
         const int end = std::min(height, begin + strip_rows);
         interleave(layers, width, spec.nchannels, begin, end, strip);
-        written = output->write_scanlines(begin, end, 0, OIIO::TypeDesc::FLOAT, strip.data());
+        writer.write_rows(begin, end, OIIO::TypeDesc::FLOAT, strip.data());
     }
-    close_output(path, *output, written);
-    file.commit();
+    writer.commit();
 }
 
 namespace {
@@ -344,10 +323,9 @@ void write_png(const std::string& path, int width, int height, int channels, con
                double exposure_stops, std::span<const Metadata> metadata) {
     const OIIO::ImageSpec spec = png_spec(width, height, channels, metadata);
     const std::vector<uint8_t> bytes = to_bytes(width, height, channels, pixels, exposure_stops);
-    AtomicFile file(path);
-    auto output = open_output(path, file, spec, "png");
-    close_output(path, *output, output->write_image(OIIO::TypeDesc::UINT8, bytes.data()));
-    file.commit();
+    ImageWriter writer(path, spec, "png");
+    writer.write_rows(0, height, OIIO::TypeDesc::UINT8, bytes.data());
+    writer.commit();
 }
 
 Header header_of(const std::string& path) {

@@ -31,9 +31,21 @@ inline std::string to_string(const Place& place) {
     return text;
 }
 
-// "file:line:column: what is wrong: what to do", on one line.
+// The text, or its beginning and end where it has more than `most` bytes; UTF-8 characters stay whole.
+inline std::string shortened(const std::string& text, size_t most) {
+    if (text.size() <= most) return text;
+    const auto continues = [&](size_t i) { return (static_cast<unsigned char>(text[i]) & 0xc0U) == 0x80U; };
+    size_t head = most * 3 / 4, tail = text.size() - most / 8;
+    while (head > 0 && continues(head)) --head;
+    while (tail < text.size() && continues(tail)) ++tail;
+    return text.substr(0, head) + " ... " + text.substr(tail);
+}
+
+// "file:line:column: what is wrong: what to do", on one line. Long parts, which quote what was given, are shortened.
 inline std::string to_string(const Problem& problem) {
-    std::string text = to_string(problem.place) + ": " + problem.what + ": " + problem.fix;
+    constexpr size_t longest_part = 400, longest_place = 1000;
+    std::string text = shortened(to_string(problem.place), longest_place) + ": " +
+                       shortened(problem.what, longest_part) + ": " + shortened(problem.fix, longest_part);
     for (char& c : text)
         if (c == '\n' || c == '\r') c = ' ';
     return text;

@@ -359,11 +359,10 @@ bool cancelled(const RenderProgress* progress) {
     return progress && progress->cancel && progress->cancel->load(std::memory_order_relaxed);
 }
 
-using Clock = std::chrono::steady_clock;
-
 struct Deadline {
-    std::optional<Clock::time_point> at;
-    bool over() const { return at && Clock::now() > *at; }
+    const std::function<double()>& clock;
+    std::optional<double> at; // on the clock
+    bool over() const { return at && clock() >= *at; }
 };
 
 // The pixel's samples from `begin` to `end`.
@@ -450,43 +449,50 @@ bool is_between_passes(uint32_t begin, const Film& film) {
     return begin > 0 && pass_end(begin - 1) == begin && *std::ranges::max_element(film.reached) == begin;
 }
 
-// Samples that pixels take in a pass that none of them has begun.
-double samples_ahead(const Film& film, uint32_t begin, uint32_t end) {
-    return double(std::ranges::count(film.done, 0)) * double(end - begin);
+double steady_seconds() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+// How far a sweep over all pixels goes that is to be over at the deadline: to the end of the pass where there is time for it,
+// else as far as there is, at least one sample on. So when time is up no pixel has more than one sample more than another.
+uint32_t sweep_end(const Film& film, uint32_t end, double seconds_left, double seconds_a_sample) {
+    const uint32_t begin = *std::ranges::min_element(film.reached);
+    if (!(seconds_a_sample > 0.0)) return std::min(begin + 1, end); // not known yet: to learn it
+    const double pixels = double(std::ranges::count(film.done, 0)); // those that still take samples
+    const double samples = std::max(1.0, std::floor(seconds_left / (seconds_a_sample * std::max(pixels, 1.0))));
+    return samples < double(end - begin) ? begin + uint32_t(samples) : end;
 }
 
 void render_passes(const Frame& frame, Film& film, RenderStats& stats, RenderProgress* progress) {
     constexpr uint32_t enough_to_judge = 16; // samples, of a pixel's variance
     const RenderSettings& settings = frame.settings;
-    const auto since = [](Clock::time_point then) {
-        return std::chrono::duration<double>(Clock::now() - then).count();
-    };
-    const Clock::time_point start = Clock::now();
-    Deadline deadline;
-    double seconds_a_sample = 0.0; // 0: no pass has told yet
+    const std::function<double()> clock = settings.clock ? settings.clock : steady_seconds;
+    const double start = clock();
+    Deadline deadline{clock, std::nullopt};
+    double seconds_a_sample = 0.0; // 0: not known yet
     for (uint32_t begin = *std::ranges::min_element(film.reached); begin < settings.samples;) {
         const uint32_t end = std::min(pass_end(begin), settings.samples);
         if (is_between_passes(begin, film)) {
             if (begin > 1) measure_spread(film);
             if (settings.noise > 0.0 && begin >= enough_to_judge && !find_noisy(film, settings.noise)) return;
         }
-        stats.out_of_time =
-            settings.seconds > 0.0 && seconds_a_sample > 0.0 &&
-            since(start) + seconds_a_sample * samples_ahead(film, begin, end) > settings.seconds;
-        if (stats.out_of_time) return;
-        if (settings.seconds > 0.0 && begin > 0) // each pixel has something to show
-            deadline.at = start + std::chrono::duration_cast<Clock::duration>(
-                                      std::chrono::duration<double>(std::min(settings.seconds, 1e9)));
-        const uint64_t had = count_samples(film).total;
-        const Clock::time_point before = Clock::now();
-        render_pass(frame, end, film, stats, progress, deadline);
-        stats.cancelled = cancelled(progress);
-        if (stats.cancelled) return;
-        stats.out_of_time = *std::ranges::min_element(film.reached) < end;
-        if (stats.out_of_time) return;
-        const uint64_t took = count_samples(film).total - had;
-        if (took > 0) seconds_a_sample = since(before) / double(took);
-        begin = end;
+        while (begin < end) { // sweeps of one pass: more than one only where time runs out
+            if (settings.seconds > 0.0 && begin > 0) deadline.at = start + settings.seconds;
+            stats.out_of_time = deadline.over();
+            if (stats.out_of_time) return;
+            const double left = deadline.at ? *deadline.at - clock() : 0.0;
+            const uint32_t sweep = deadline.at ? sweep_end(film, end, left, seconds_a_sample) : end;
+            const uint64_t had = count_samples(film).total;
+            const double before = clock();
+            render_pass(frame, sweep, film, stats, progress, deadline);
+            stats.cancelled = cancelled(progress);
+            if (stats.cancelled) return;
+            stats.out_of_time = *std::ranges::min_element(film.reached) < sweep;
+            if (stats.out_of_time) return;
+            const uint64_t took = count_samples(film).total - had;
+            if (took > 0) seconds_a_sample = (clock() - before) / double(took);
+            begin = sweep;
+        }
         if (begin < settings.samples && progress && progress->between_passes) progress->between_passes(film);
     }
 }

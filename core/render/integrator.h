@@ -23,9 +23,10 @@ struct RenderSettings {
     // > 0: a pixel is done once the standard deviation of its mean, and those of its eight neighbours, are below this share of
     // its brightness, or of a tenth of the picture's where that is more. The film must have a layer "variance".
     double noise = 0.0;
-    // > 0: no pass begins that would probably end later, and one that is late ends where it stands. Each pixel gets one sample, however
-    // long that takes.
+    // > 0: rendering stops after this time, with fewer samples: no pixel then has more than one sample more than another, those
+    // left aside that are done by `noise`. Each pixel gets one sample, however long that takes.
     double seconds = 0.0;
+    std::function<double()> clock; // seconds, for `seconds`; any thread. Empty: the system's steady clock
     uint32_t max_depth = 16;     // surface interactions a path may have; 0: lights seen directly only
     uint32_t roulette_depth = 4; // interactions before Russian roulette may end a path
     // > 0: what a sample's path brings from its second interaction on is scaled down where its greatest channel is above this.

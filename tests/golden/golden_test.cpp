@@ -41,7 +41,7 @@ std::string page_of(const Picture& picture, const Golden& golden, const Comparis
     Picture alone = picture;
     alone.layers.push_back(*golden_frame(golden).find("variance"));
     write(alone, path + ".exr", golden);
-    AtomicWriter writer(path + ".html");
+    AtomicFile writer(path + ".html");
     writer.write(compare_page({path + ".exr", picture}, {path_of(golden), golden_frame(golden)}, comparison));
     writer.commit();
     return fs::absolute(path + ".html").string();

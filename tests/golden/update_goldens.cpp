@@ -28,7 +28,7 @@ std::string show(const Golden& golden, const std::string& before, const std::str
         return fmt::format("CANNOT BE COMPARED with what was ({}): {}", error.problems.front().what, after);
     }
     const std::string page = (folder / (golden.name + ".html")).string();
-    AtomicWriter writer(page);
+    AtomicFile writer(page);
     writer.write(compare_page(a, b, comparison));
     writer.commit();
     return fmt::format("{}: {}", comparison.alike() ? "alike" : "DIFFERENT, " + comparison.faults.front(),

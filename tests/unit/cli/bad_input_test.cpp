@@ -262,7 +262,7 @@ TEST(BadInput, OneFileUnderTwoNames) {
     RunFiles files({});
     files.write(folder / "one.exr");
     EXPECT_NO_THROW(files.write(folder / "other.exr"));
-    AtomicWriter writer(folder / "one.exr");
+    AtomicFile writer(folder / "one.exr");
     writer.write("text");
     writer.commit();
     EXPECT_TRUE(fs::is_symlink(folder / "one.exr"));

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/cli/memory.h"
+
+#include "core/image/atomic_file.h"
+
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <exception>
+#include <new>
+
+#include <malloc.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+namespace marram {
+namespace {
+
+constexpr int exit_bad_input = 2;
+constexpr const char* what = "the process has run out of memory";
+constexpr const char* fix = "use fewer strands, CVs, motion keys, pixels or threads, or allow it more memory";
+
+void say(const char* text) {
+    if (::write(STDERR_FILENO, text, std::strlen(text)) < 0) _exit(exit_bad_input); // nobody to tell
+}
+
+[[noreturn]] void end_for_lack_of_memory() {
+    say("marram: ");
+    say(what);
+    say(": ");
+    say(fix);
+    say("\n");
+    remove_temporary_files();
+    _exit(exit_bad_input);
+}
+
+// Whether a thread's stack could not be had now.
+bool memory_is_short() {
+    constexpr size_t probe = size_t(16) << 20;
+    void* at = ::mmap(nullptr, probe, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (at == MAP_FAILED) return true;
+    ::munmap(at, probe);
+    return false;
+}
+
+[[noreturn]] void on_terminate() {
+    try {
+        if (std::current_exception()) std::rethrow_exception(std::current_exception());
+    } catch (const std::bad_alloc&) {
+        end_for_lack_of_memory();
+    } catch (const std::system_error& error) {
+        if (is_lack_of_memory(error)) end_for_lack_of_memory();
+        say(error.what());
+    } catch (const std::exception& error) {
+        say(error.what());
+    } catch (...) {
+    }
+    if (memory_is_short()) end_for_lack_of_memory();
+    say("\n");
+    std::abort();
+}
+
+void on_crash(int signal) {
+    if (memory_is_short()) end_for_lack_of_memory();
+    std::signal(signal, SIG_DFL);
+    ::raise(signal);
+}
+
+} // namespace
+
+void release_free_memory() { malloc_trim(0); }
+
+void watch_for_lack_of_memory() {
+    std::set_terminate(on_terminate);
+    for (const int signal : {SIGSEGV, SIGBUS, SIGABRT}) std::signal(signal, on_crash);
+}
+
+Problem lack_of_memory() { return {{"marram"}, what, fix}; }
+
+bool is_lack_of_memory(const std::system_error& error) {
+    return error.code() == std::errc::resource_unavailable_try_again || error.code() == std::errc::not_enough_memory;
+}
+
+} // namespace marram

@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <unordered_map>
 
 namespace marram {
 
@@ -24,12 +25,15 @@ struct SceneFault : std::runtime_error {
 
 class Values {
   public:
-    Values(const MarramValue* values, uint32_t count) : values_(values, count) {}
+    // Borrows the values. What they hold must have been checked: contract_checks.h.
+    Values(const MarramValue* values, uint32_t count) {
+        by_name_.reserve(count);
+        for (uint32_t i = 0; i < count; ++i) by_name_.emplace(values[i].name, &values[i]);
+    }
 
     const MarramValue* find(std::string_view name) const {
-        for (const MarramValue& value : values_)
-            if (name == value.name) return &value;
-        return nullptr;
+        const auto found = by_name_.find(name);
+        return found == by_name_.end() ? nullptr : found->second;
     }
     // A renderer that leaves out a declared value breaks the contract; it is told which.
     const MarramValue& at(std::string_view name) const {
@@ -50,7 +54,7 @@ class Values {
     }
 
   private:
-    std::span<const MarramValue> values_;
+    std::unordered_map<std::string_view, const MarramValue*> by_name_;
 };
 
 // A radian value of a parameter in degrees.

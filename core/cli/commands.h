@@ -51,6 +51,6 @@ int render_command(const RenderOptions& options);
 int bake_command(const BakeOptions& options);
 int measure_command(const MeasureOptions& options);
 int compare_command(const CompareOptions& options); // 0 alike, 1 different
-int info_command(const std::string& subject); // "" for everything
+int info_command(const std::string& subject);       // "" for everything
 
 } // namespace marram

@@ -78,7 +78,8 @@ void watch_for_lack_of_memory() {
 Problem lack_of_memory() { return {{"marram"}, what, fix}; }
 
 bool is_lack_of_memory(const std::system_error& error) {
-    return error.code() == std::errc::resource_unavailable_try_again || error.code() == std::errc::not_enough_memory;
+    return error.code() == std::errc::resource_unavailable_try_again ||
+           error.code() == std::errc::not_enough_memory;
 }
 
 } // namespace marram

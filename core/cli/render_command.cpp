@@ -80,7 +80,8 @@ FrameFiles files_of(double frame, const LoadedScene& scene, const RenderOptions&
     files.state = state_name(files.picture);
     files.samples_digest = fmt::format("{:016x}", hash(of_scene, std::bit_cast<uint64_t>(frame)));
     // Without the frame: OpenImageIO keeps every distinct text of metadata for ever, 8 KB each.
-    files.digest = fmt::format("{:016x}", hash(of_scene, uint64_t(scene.description.film.integer("samples"))));
+    files.digest =
+        fmt::format("{:016x}", hash(of_scene, uint64_t(scene.description.film.integer("samples"))));
     return files;
 }
 
@@ -295,7 +296,8 @@ void save_frame(FrameJob& job, Preview& preview) {
     if (whole) {
         try {
             save_it();
-        } catch (const InputError&) { // the samples may be hours of work: --resume saves them once there is room
+        } catch (
+            const InputError&) { // the samples may be hours of work: --resume saves them once there is room
             keep_state();
             if (lost.empty()) fmt::print(stderr, "{}: kept: --resume saves the picture\n", files.state);
             throw;

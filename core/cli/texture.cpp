@@ -88,7 +88,8 @@ std::unique_ptr<TemporaryFile> make_texture(Image& image, const std::string& fil
         refuse(OIIO::geterror());
     if (!made->lock_again()) refuse("the file was removed while it was made");
     try {
-        read_image(made->name(), ColorSpace::linear_data); // a full disk goes unnoticed when the writer closes its file
+        read_image(made->name(),
+                   ColorSpace::linear_data); // a full disk goes unnoticed when the writer closes its file
     } catch (const InputError& error) {
         refuse(error.problems.front().what);
     }

@@ -40,9 +40,9 @@ std::atomic<bool> any_open{false}; // false also before `open_files` is made
 
 [[noreturn]] void refuse(const std::string& path, const char* what, int error) {
     const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG || error == EIO;
-    const char* fix = full                      ? "check the disk, its free space and your limits"
+    const char* fix = full                    ? "check the disk, its free space and your limits"
                       : error == ENAMETOOLONG ? "give it a shorter name"
-                                                : "check the permissions of the file and its folder";
+                                              : "check the permissions of the file and its folder";
     refuse(path, std::string(what) + " (" + std::strerror(error) + ")", fix);
 }
 
@@ -107,7 +107,8 @@ std::string temporary_name(const fs::path& target) {
     std::string stem = target.stem().string();
     const size_t most = longest_name(folder_of(target));
     size_t keep = std::min(stem.size(), most > tail.size() ? most - tail.size() : 0);
-    while (keep > 0 && keep < stem.size() && (static_cast<unsigned char>(stem[keep]) & 0xc0U) == 0x80U) --keep;
+    while (keep > 0 && keep < stem.size() && (static_cast<unsigned char>(stem[keep]) & 0xc0U) == 0x80U)
+        --keep;
     return (target.parent_path() / (stem.substr(0, keep) + tail)).string();
 }
 
@@ -121,9 +122,10 @@ bool is_temporary_name(std::string_view name) {
 }
 
 bool same_file(int descriptor, const std::string& name) {
-    struct stat open {}, named {};
-    return ::fstat(descriptor, &open) == 0 && ::stat(name.c_str(), &named) == 0 && open.st_dev == named.st_dev &&
-           open.st_ino == named.st_ino;
+    struct stat open {
+    }, named{};
+    return ::fstat(descriptor, &open) == 0 && ::stat(name.c_str(), &named) == 0 &&
+           open.st_dev == named.st_dev && open.st_ino == named.st_ino;
 }
 
 // Whether the file is ours now: locked, and still the one that stands under its name. On a file system without locks it is
@@ -167,7 +169,8 @@ void check_name_length(const std::string& path) {
     const fs::path target(path);
     const size_t most = longest_name(folder_of(target)), size = target.filename().string().size();
     if (size > most)
-        refuse(path, "the name has " + std::to_string(size) + " bytes, " + std::to_string(most) + " are allowed",
+        refuse(path,
+               "the name has " + std::to_string(size) + " bytes, " + std::to_string(most) + " are allowed",
                "give it a shorter name");
 }
 
@@ -181,7 +184,8 @@ void remove_temporary_files() {
 }
 
 TemporaryFile::TemporaryFile(const std::string& path, const fs::path& target) {
-    constexpr int most_tries = 100; // names that are taken, or files that somebody swept before they were locked
+    constexpr int most_tries =
+        100; // names that are taken, or files that somebody swept before they were locked
     for (int tries = 0; tries < most_tries; ++tries) {
         name_ = temporary_name(target);
         descriptor_ = ::open(name_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);

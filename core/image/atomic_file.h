@@ -41,7 +41,8 @@ class TemporaryFile {
 
     const std::string& name() const { return name_; }
     int descriptor() const { return descriptor_; } // open for reading and writing
-    void rename_to(const std::string& target);     // once; throws std::system_error, and the file is still temporary
+    void
+    rename_to(const std::string& target); // once; throws std::system_error, and the file is still temporary
     // After a library has replaced the file under its name. False: the file is gone.
     bool lock_again();
 
@@ -79,7 +80,7 @@ class AtomicFile {
     std::string path_;   // as given, for messages
     std::string target_; // symbolic links followed
     TemporaryFile file_;
-    std::vector<char> buffer_;   // bytes that follow buffer_begin_
+    std::vector<char> buffer_; // bytes that follow buffer_begin_
     int64_t buffer_begin_ = 0;
     int64_t position_ = 0;
     int error_ = 0; // errno of the first failure

@@ -8,7 +8,8 @@ namespace marram {
 ImageWriter::ImageWriter(const std::string& path, OIIO::ImageSpec spec, const char* format)
     : path_(path), file_(path), proxy_(path, file_), output_(OIIO::ImageOutput::create(format)) {
     if (!output_ || !output_->supports("ioproxy"))
-        throw InputError({path}, std::string("this OpenImageIO cannot write ") + format + " files to a stream",
+        throw InputError({path},
+                         std::string("this OpenImageIO cannot write ") + format + " files to a stream",
                          "install Debian's OpenImageIO, or write another format");
     OIIO::Filesystem::IOProxy* proxy = &proxy_;
     spec.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);

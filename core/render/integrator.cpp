@@ -459,7 +459,8 @@ uint32_t sweep_end(const Film& film, uint32_t end, double seconds_left, double s
     const uint32_t begin = *std::ranges::min_element(film.reached);
     if (!(seconds_a_sample > 0.0)) return std::min(begin + 1, end); // not known yet: to learn it
     const double pixels = double(std::ranges::count(film.done, 0)); // those that still take samples
-    const double samples = std::max(1.0, std::floor(seconds_left / (seconds_a_sample * std::max(pixels, 1.0))));
+    const double samples =
+        std::max(1.0, std::floor(seconds_left / (seconds_a_sample * std::max(pixels, 1.0))));
     return samples < double(end - begin) ? begin + uint32_t(samples) : end;
 }
 

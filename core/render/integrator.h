@@ -27,8 +27,8 @@ struct RenderSettings {
     // left aside that are done by `noise`. Each pixel gets one sample, however long that takes.
     double seconds = 0.0;
     std::function<double()> clock; // seconds, for `seconds`; any thread. Empty: the system's steady clock
-    uint32_t max_depth = 16;     // surface interactions a path may have; 0: lights seen directly only
-    uint32_t roulette_depth = 4; // interactions before Russian roulette may end a path
+    uint32_t max_depth = 16;       // surface interactions a path may have; 0: lights seen directly only
+    uint32_t roulette_depth = 4;   // interactions before Russian roulette may end a path
     // > 0: what a sample's path brings from its second interaction on is scaled down where its greatest channel is above this.
     // Takes fireflies, and the light that they stood for (RenderStats::clamped).
     float clamp = 0.0F;

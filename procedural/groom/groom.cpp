@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/groom/groom.h"
 
+#include "procedural/contract_checks.h"
+
 #include "procedural/groom/description.h"
 #include "procedural/groom/past.h"
 #include "procedural/groom/pilot.h"
@@ -65,8 +67,10 @@ struct GroomInstance {
     double placing_seconds = 0.0, chain_seconds = 0.0; // wall time within begin
     size_t placing_bytes = 0;
 
+    bool begun = false; // a frame, without a fault
     MarramFrame frame{};
     const MarramMesh* mesh = nullptr;
+    uint32_t placed_vertices = 0, placed_triangles = 0; // of the mesh that the roots were placed on
     uint32_t time_count = 1;
     ChainFrame chain;
     ColliderTrees trees;
@@ -112,8 +116,31 @@ MarramStatus guarded(const MarramHost& host, Body&& body) {
     return MARRAM_ERROR;
 }
 
+// The groom's own parameters and behind them the wind's as "wind.<name>". Names must live as long as the library.
+const std::vector<MarramParam>& all_params() {
+    static const std::vector<std::string> names = [] {
+        std::vector<std::string> list;
+        for (const MarramParam& param : wind_params()) list.push_back(std::string("wind.") + param.name);
+        return list;
+    }();
+    static const std::vector<MarramParam> params = [] {
+        std::vector<MarramParam> list(groom_params().begin(), groom_params().end());
+        for (size_t i = 0; i < wind_params().size(); ++i) {
+            list.push_back(wind_params()[i]);
+            list.back().name = names[i].c_str();
+        }
+        return list;
+    }();
+    return params;
+}
+
 MarramStatus create(const MarramHost* host, const MarramValue* values, uint32_t count, MarramInstance** out) {
+    if (!host || !host->message || !host->cancelled || !out) return MARRAM_ERROR; // nobody to tell
     return guarded(*host, [&] {
+        const std::vector<ContractFault> faults = value_faults(all_params(), values, count);
+        for (const ContractFault& fault : faults)
+            host->message(host->user, MARRAM_FAULT, fault.place.c_str(), fault.text.c_str());
+        if (!faults.empty()) return MARRAM_ERROR;
         auto instance = std::make_unique<GroomInstance>();
         instance->host = *host;
         const Values given(values, count);
@@ -166,6 +193,8 @@ MarramStatus place(GroomInstance& instance) {
     instance.placing_bytes = placed.peak_bytes;
     if (cancelled()) return MARRAM_CANCELLED;
     instance.placed = true;
+    instance.placed_vertices = instance.mesh->vertex_count;
+    instance.placed_triangles = instance.mesh->triangle_count;
     instance.placing_seconds = now_in_seconds() - begin;
     return MARRAM_OK;
 }
@@ -227,6 +256,29 @@ Eigen::AlignedBox3d reach_of_strands(const GroomInstance& instance) {
     const double reach =
         reach_from_root(instance, std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff()));
     return {box.min().array() - reach, box.max().array() + reach};
+}
+
+// A box around every rest CV that gusts are asked for.
+Eigen::AlignedBox3d rest_box(const GroomInstance& instance) {
+    const MarramMesh& mesh = *instance.mesh;
+    Eigen::AlignedBox3d box;
+    for (uint32_t time = 0; time < mesh.time_count; ++time)
+        extend_by_rest(instance.groom, std::span(mesh.positions[time], 3 * size_t(mesh.vertex_count)), box);
+    for (const PastSkin::Pose& pose : instance.past.poses)
+        extend_by_rest(instance.groom, pose.positions, box);
+    return box;
+}
+
+void warn_of_gusts(const GroomInstance& instance) {
+    constexpr size_t much = size_t(1) << 30;
+    const size_t bytes = instance.chain.gust_bytes();
+    if (bytes < much) return;
+    const std::string text = "gusts among the strands take " + std::to_string(bytes >> 20) + " MiB, for " +
+                             std::to_string(instance.chain.instants.size()) + " motion samples and " +
+                             std::to_string(instance.chain.past_gusts.size()) +
+                             " steps of jiggle: lower wind.gusts.num_gusts, radius_range or life_range";
+    instance.host.message(instance.host.user, MARRAM_WARNING, instance.groom.mesh_place.c_str(),
+                          text.c_str());
 }
 
 // Whether the skin has moved within the window that jiggle looks back to, at the usual step.
@@ -304,11 +356,24 @@ MarramStatus turn_dials(GroomInstance& instance) {
 MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
     GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
+        instance.begun = false;
+        if (const std::string fault = out ? frame_fault(frame) : "the output is NULL: give room for it";
+            !fault.empty())
+            throw SceneFault("", fault);
+        const bool traces = instance.wind.collision || instance.wind.shielding;
+        if (traces && !frame->colliders)
+            throw SceneFault("", "MarramFrame.colliders is NULL: lend the committed scene of all meshes");
         instance.frame = *frame;
         instance.workers.clear();
         instance.placing_seconds = 0.0;
         find_mesh(instance);
         check_uvs(instance);
+        if (instance.placed && (instance.mesh->vertex_count != instance.placed_vertices ||
+                                instance.mesh->triangle_count != instance.placed_triangles))
+            throw SceneFault(instance.groom.mesh_place,
+                             "the mesh '" + instance.groom.mesh +
+                                 "' has other triangles than when its strands were placed: keep "
+                                 "its topology, or make the groom anew");
         if (!instance.placed) {
             const MarramStatus status = place(instance);
             if (status != MARRAM_OK) return status;
@@ -336,10 +401,12 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         instance.frame.time_count = instance.time_count; // what the chain works at
         const double before = now_in_seconds();
         instance.chain = {}; // it holds the last frame's trees, which may have to go first
-        instance.chain = make_chain_frame(
-            {instance.wind, instance.groom.envelope, instance.frame, *instance.mesh, instance.width_profile,
-             instance.groom.basis, instance.past.window,
-             instance.wind.collision ? reach_of_strands(instance) : everywhere(), &instance.trees});
+        instance.chain =
+            make_chain_frame({instance.wind, instance.groom.envelope, instance.frame, *instance.mesh,
+                              instance.width_profile, instance.groom.basis, instance.past.window,
+                              instance.wind.collision ? reach_of_strands(instance) : everywhere(),
+                              instance.wind.gusts ? rest_box(instance) : everywhere(), &instance.trees});
+        warn_of_gusts(instance);
         instance.chain_seconds = instance.wind.collision ? now_in_seconds() - before : 0.0;
         *out = MarramOutput{};
         out->kind = MARRAM_CURVES;
@@ -349,12 +416,39 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         out->time_count = instance.time_count;
         out->basis = instance.groom.basis;
         out->shape = instance.groom.shape;
+        instance.begun = true;
         return MARRAM_OK;
     });
 }
 
-MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
-    const GroomInstance& instance = self(opaque);
+void check_patch(const GroomInstance& instance, uint32_t index) {
+    if (!instance.begun) throw SceneFault("", "no frame has begun: call begin first");
+    if (index >= instance.patch_count())
+        throw SceneFault("", "there is no patch " + std::to_string(index) + ": ask for 0 to " +
+                                 std::to_string(int64_t(instance.patch_count()) - 1));
+}
+
+void check_buffers(const GroomInstance& instance, const MarramPatchBuffers* buffers) {
+    bool there = buffers && buffers->vertices &&
+                 (buffers->attribute_count == 0 || (buffers->attributes && buffers->attribute_values));
+    for (uint32_t t = 0; there && t < instance.time_count; ++t) there = buffers->vertices[t] != nullptr;
+    if (there && instance.groom.shape == MARRAM_ORIENTED_RIBBON) {
+        there = buffers->normals != nullptr;
+        for (uint32_t t = 0; there && t < instance.time_count; ++t) there = buffers->normals[t] != nullptr;
+    }
+    for (uint32_t a = 0; there && a < buffers->attribute_count; ++a) {
+        if (buffers->attributes[a] >= attributes.size())
+            throw SceneFault("", "there is no attribute " + std::to_string(buffers->attributes[a]) +
+                                     ": ask for 0 to " + std::to_string(attributes.size() - 1));
+        there = buffers->attribute_values[a] != nullptr;
+    }
+    if (!there)
+        throw SceneFault(
+            "", "a buffer is NULL: give vertices for each motion sample, normals for oriented ribbons, and "
+                "values for each attribute that is asked for");
+}
+
+void find_bounds(const GroomInstance& instance, uint32_t index, MarramPatch* out) {
     const std::span<const Root> roots = instance.patch_roots(index);
     out->first_curve = uint64_t(roots.data() - instance.roots.data());
     out->curve_count = uint32_t(roots.size());
@@ -374,7 +468,16 @@ MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
         out->lower[axis] = float(lower[axis] - reach);
         out->upper[axis] = float(upper[axis] + reach);
     }
-    return MARRAM_OK;
+}
+
+MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
+    const GroomInstance& instance = self(opaque);
+    return guarded(instance.host, [&] {
+        if (!out) throw SceneFault("", "the patch is NULL: give room for it");
+        check_patch(instance, index);
+        find_bounds(instance, index, out);
+        return MARRAM_OK;
+    });
 }
 
 // One motion sample of a patch: CVs with the phantoms at both ends, four floats each.
@@ -457,6 +560,8 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
     GroomInstance& instance = self(opaque);
     if (instance.host.cancelled(instance.host.user)) return MARRAM_CANCELLED;
     return guarded(instance.host, [&] {
+        check_patch(instance, index);
+        check_buffers(instance, buffers);
         Worker& worker = instance.workers.local();
         const std::span<const Root> roots = instance.patch_roots(index);
         Strands& strands = worker.strands;
@@ -537,29 +642,12 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     sink(user, "collision.turned_angle", counts.turned_angle);
     // The most that was there at any time: candidates come and go before there is scratch.
     const size_t lasting = instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 +
-                           instance.past.bytes() + instance.trees.bytes() + scratch;
+                           instance.past.bytes() + instance.trees.bytes() + instance.chain.gust_bytes() +
+                           scratch;
     sink(user, "memory.bytes", double(std::max(lasting, instance.placing_bytes)));
 }
 
-void destroy(MarramInstance* opaque) { delete &self(opaque); }
-
-// The groom's own parameters and behind them the wind's as "wind.<name>". Names must live as long as the library.
-const std::vector<MarramParam>& all_params() {
-    static const std::vector<std::string> names = [] {
-        std::vector<std::string> list;
-        for (const MarramParam& param : wind_params()) list.push_back(std::string("wind.") + param.name);
-        return list;
-    }();
-    static const std::vector<MarramParam> params = [] {
-        std::vector<MarramParam> list(groom_params().begin(), groom_params().end());
-        for (size_t i = 0; i < wind_params().size(); ++i) {
-            list.push_back(wind_params()[i]);
-            list.back().name = names[i].c_str();
-        }
-        return list;
-    }();
-    return params;
-}
+void destroy(MarramInstance* opaque) { delete reinterpret_cast<GroomInstance*>(opaque); } // NULL is fine
 
 } // namespace
 

@@ -80,9 +80,12 @@ WideVector<Wide3f> jiggled(const PilotGroom& pilot, std::span<const Root> roots,
     MarramFrame frame = pilot.frame;
     frame.times += frame.time_count - 1;
     frame.time_count = 1;
-    const ChainFrame chain =
-        make_chain_frame({wind, pilot.groom.envelope, frame, pilot.skin, {}, pilot.groom.basis, window});
     const MarramMesh& mesh = pilot.skin;
+    Eigen::AlignedBox3d rest;
+    extend_by_rest(pilot.groom, std::span(mesh.positions[0], 3 * size_t(mesh.vertex_count)), rest);
+    ChainInput input{wind, pilot.groom.envelope, frame, pilot.skin, {}, pilot.groom.basis, window};
+    input.rest = rest;
+    const ChainFrame chain = make_chain_frame(input);
     const Surface now{mesh.positions[0], mesh.normals ? mesh.normals[0] : nullptr, mesh.triangles, mesh.uvs,
                       mesh.triangle_count};
     const auto lay_out = [&](auto, Strands& out) {

@@ -217,4 +217,16 @@ double strand_width(const Groom& groom, Root root) {
 
 double longest_strand(const Groom& groom) { return groom.length[1]; } // masks only shorten
 
+void extend_by_rest(const Groom& groom, std::span<const float> positions, Eigen::AlignedBox3d& box) {
+    Eigen::AlignedBox3d roots;
+    for (size_t v = 0; v + 2 < positions.size(); v += 3)
+        roots.extend(Eigen::Map<const Vec3f>(positions.data() + v).cast<double>());
+    if (roots.isEmpty()) return;
+    // A rest strand stays in a ball of its length about its root; its CVs are rounded to floats.
+    const double scale = std::max(roots.min().cwiseAbs().maxCoeff(), roots.max().cwiseAbs().maxCoeff());
+    const double length = longest_strand(groom), reach = length * 1.001 + 1e-6 * (scale + length);
+    box.extend(Vec3d(roots.min().array() - reach));
+    box.extend(Vec3d(roots.max().array() + reach));
+}
+
 } // namespace marram

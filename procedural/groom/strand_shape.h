@@ -29,4 +29,7 @@ double strand_width(const Groom& groom, Root root);
 // A length that no strand of the groom exceeds.
 double longest_strand(const Groom& groom);
 
+// Widens `box` by all rest CVs of strands that grow on these vertices, 3 floats each.
+void extend_by_rest(const Groom& groom, std::span<const float> positions, Eigen::AlignedBox3d& box);
+
 } // namespace marram

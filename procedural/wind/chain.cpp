@@ -18,6 +18,13 @@ StageClock& StageClock::operator+=(const StageClock& other) {
     return *this;
 }
 
+size_t ChainFrame::gust_bytes() const {
+    size_t sum = 0;
+    for (const Instant& instant : instants) sum += instant.gusts.bytes();
+    for (const GustField& field : past_gusts) sum += field.bytes();
+    return sum;
+}
+
 ChainFrame make_chain_frame(const ChainInput& input) {
     const Wind& wind = input.wind;
     const MarramFrame& frame = input.frame;
@@ -31,7 +38,7 @@ ChainFrame make_chain_frame(const ChainInput& input) {
         if (wind.shielding && wind.shielding->wake_heights)
             instant.obstacle_heights = obstacle_heights(instant.colliders);
         if (wind.gusts && bends)
-            instant.gusts = gusts_at(*wind.gusts, wind.direction, frame.times[t], frame.fps);
+            instant.gusts = gusts_at(*wind.gusts, wind.direction, frame.times[t], frame.fps, input.rest);
     }
     const bool asks_tree =
         wind.collision && (wind.collision->solver == Solver::exact || wind.collision->offset_scale);
@@ -43,7 +50,7 @@ ChainFrame make_chain_frame(const ChainInput& input) {
     }
     for (int64_t knot = chain.window.first; knot <= chain.window.last && wind.gusts && bends; ++knot)
         chain.past_gusts.push_back(
-            gusts_at(*wind.gusts, wind.direction, wind.jiggle->frame_of(knot), frame.fps));
+            gusts_at(*wind.gusts, wind.direction, wind.jiggle->frame_of(knot), frame.fps, input.rest));
     return chain;
 }
 

@@ -53,6 +53,8 @@ struct ChainFrame {
     std::vector<Instant> instants;     // [motion sample]
     JiggleWindow window;               // empty: strands do not jiggle
     std::vector<GustField> past_gusts; // [knot of the window]
+
+    size_t gust_bytes() const;
 };
 
 struct ChainInput {
@@ -64,7 +66,9 @@ struct ChainInput {
     MarramBasis basis;
     JiggleWindow window{};
     Eigen::AlignedBox3d reach =
-        everywhere();               // holds every strand at every motion sample, whatever the wind does
+        everywhere(); // holds every strand at every motion sample, whatever the wind does
+    Eigen::AlignedBox3d rest =
+        everywhere();               // holds every rest CV at every motion sample and knot of the window
     ColliderTrees* trees = nullptr; // of the frame before, to go on with where colliders rest
 };
 ChainFrame make_chain_frame(const ChainInput& input);

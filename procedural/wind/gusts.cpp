@@ -189,7 +189,23 @@ struct Passage { // what all gusts of a time share
     double frame, fps;
 };
 
-void add_gust(const Passage& passage, int64_t repetition, uint64_t index, std::vector<Influence>& out) {
+// The influences of a time that touch a box, and the box of all centres, those outside included: the order of the tree, and with it
+// that of sums, does not depend on what is kept.
+struct Alive {
+    const Eigen::AlignedBox3d& within;
+    std::vector<Influence> kept{};
+    Vec3d lower = Vec3d::Constant(infinity), upper = -lower;
+
+    void add(const Influence& influence) {
+        lower = lower.cwiseMin(influence.center);
+        upper = upper.cwiseMax(influence.center);
+        const bool touches = (influence.lower.array() <= within.max().array()).all() &&
+                             (influence.upper.array() >= within.min().array()).all();
+        if (touches) kept.push_back(influence);
+    }
+};
+
+void add_gust(const Passage& passage, int64_t repetition, uint64_t index, Alive& out) {
     const Gusts& gusts = passage.gusts;
     const uint64_t set = gusts.redraw ? static_cast<uint64_t>(repetition) : 0;
     const uint64_t key = hash(hash(gusts.seed, set), index);
@@ -204,7 +220,7 @@ void add_gust(const Passage& passage, int64_t repetition, uint64_t index, std::v
     const Vec3d place = passage.sides.level * ((draw(key, Draw::across) - 0.5) * gusts.extent->x()) +
                         passage.sides.upright * ((draw(key, Draw::up) - 0.5) * gusts.extent->y());
     const double travelled = draw(key, Draw::speed, gusts.speed) * age / passage.fps;
-    Influence& influence = out.emplace_back();
+    Influence influence;
     influence.center = passage.origin + place + passage.wind * travelled;
     influence.to_unit = Eigen::Matrix3d::Identity() * (1.0 / radius);
     influence.lumps = draw(key, Draw::radius_noise, gusts.radius_noise);
@@ -212,10 +228,10 @@ void add_gust(const Passage& passage, int64_t repetition, uint64_t index, std::v
     influence.weight = gusts.strength * swell * decay;
     influence.ramp = &gusts.ramp;
     set_bounds(influence, Vec3d::Constant(radius));
+    out.add(influence);
 }
 
-void add_procedural(const Gusts& gusts, const Vec3d& wind, double frame, double fps,
-                    std::vector<Influence>& out) {
+void add_procedural(const Gusts& gusts, const Vec3d& wind, double frame, double fps, Alive& out) {
     if (gusts.num_gusts == 0 || gusts.strength == 0.0) return;
     const Passage passage{gusts, *gusts.center - *gusts.distance * wind, wind, across(wind), frame, fps};
     int64_t first = 0, last = 0; // repetitions that may be alive
@@ -227,7 +243,7 @@ void add_procedural(const Gusts& gusts, const Vec3d& wind, double frame, double 
         for (uint32_t i = 0; i < gusts.num_gusts; ++i) add_gust(passage, repetition, i, out);
 }
 
-void add_control(const GustControl& control, double frame, std::vector<Influence>& out) {
+void add_control(const GustControl& control, double frame, Alive& out) {
     const Eigen::Affine3d transform = control.transform.at(frame);
     Influence influence;
     influence.center = transform.translation();
@@ -246,7 +262,7 @@ void add_control(const GustControl& control, double frame, std::vector<Influence
     for (int axis = 0; axis < 3; ++axis)
         half[axis] = control.box ? sides.row(axis).sum() : sides.row(axis).stableNorm();
     set_bounds(influence, half);
-    out.push_back(influence);
+    out.add(influence);
 }
 
 // ---- The tree ----
@@ -264,20 +280,16 @@ uint64_t curve_key(const Vec3d& center, const Vec3d& lower, const Vec3d& upper) 
     return key;
 }
 
-void sort_along_curve(std::vector<Influence>& influences) {
-    Vec3d lower = Vec3d::Constant(infinity), upper = -lower;
-    for (const Influence& influence : influences) {
-        lower = lower.cwiseMin(influence.center);
-        upper = upper.cwiseMax(influence.center);
-    }
+std::vector<Influence> sorted_along_curve(const Alive& alive) {
     std::vector<std::pair<uint64_t, size_t>> order;
-    for (const Influence& influence : influences)
-        order.emplace_back(curve_key(influence.center, lower, upper), order.size());
+    order.reserve(alive.kept.size());
+    for (const Influence& influence : alive.kept)
+        order.emplace_back(curve_key(influence.center, alive.lower, alive.upper), order.size());
     std::sort(order.begin(), order.end());
     std::vector<Influence> sorted;
-    sorted.reserve(influences.size());
-    for (const auto& [key, index] : order) sorted.push_back(influences[index]);
-    influences = std::move(sorted);
+    sorted.reserve(order.size());
+    for (const auto& [key, index] : order) sorted.push_back(alive.kept[index]);
+    return sorted;
 }
 
 void put_box(EightBoxes& boxes, size_t lane, const Vec3d& lower, const Vec3d& upper) {
@@ -458,14 +470,22 @@ bool gusts_move(const Gusts& gusts) {
     return sends || std::ranges::any_of(gusts.controls, keyed);
 }
 
-GustField gusts_at(const Gusts& gusts, const Vec3d& wind_direction, double frame, double fps) {
+GustField gusts_at(const Gusts& gusts, const Vec3d& wind_direction, double frame, double fps,
+                   const Eigen::AlignedBox3d& within) {
     const double when = std::clamp(frame, -latest_frame, latest_frame);
+    Alive alive{within};
+    add_procedural(gusts, wind_direction, when, fps, alive);
+    for (const GustControl& control : gusts.controls) add_control(control, when, alive);
     GustField field;
-    add_procedural(gusts, wind_direction, when, fps, field.influences);
-    for (const GustControl& control : gusts.controls) add_control(control, when, field.influences);
-    sort_along_curve(field.influences);
+    field.influences = sorted_along_curve(alive);
     build_tree(field);
     return field;
+}
+
+size_t GustField::bytes() const {
+    size_t sum = influences.capacity() * sizeof(Influence);
+    for (const auto& level : levels) sum += level.capacity() * sizeof(EightBoxes);
+    return sum;
 }
 
 size_t add_gusts(const GustField& field, Strands& strands) {

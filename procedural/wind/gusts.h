@@ -58,6 +58,7 @@
 #include "core/math/transform.h"
 #include "core/math/vec.h"
 #include "procedural/values.h"
+#include "procedural/wind/colliders.h"
 #include "procedural/wind/strands.h"
 
 #include <optional>
@@ -128,10 +129,14 @@ struct GustField {
     // levels[0][i] are the boxes of influences 8 i ... 8 i + 7, levels[l + 1][i] those around levels[l][8 i ... 8 i + 7]; the
     // last level is one node. No level where there are no influences.
     std::vector<WideVector<EightBoxes>> levels;
+
+    size_t bytes() const;
 };
 
-// Center, extent and distance must be there if num_gusts > 0 (fix_gusts). `wind_direction` is unit.
-GustField gusts_at(const Gusts& gusts, const Vec3d& wind_direction, double frame, double fps);
+// Center, extent and distance must be there if num_gusts > 0 (fix_gusts). `wind_direction` is unit. Only influences that touch the
+// box `within` are kept, about 0.3 KB each: add_gusts() gives the same bits for CVs in the box.
+GustField gusts_at(const Gusts& gusts, const Vec3d& wind_direction, double frame, double fps,
+                   const Eigen::AlignedBox3d& within = everywhere());
 
 // strands.gust += the sum of influences at each CV of strands.rest; the caller sets it to 0 before. Returns how many influences were evaluated: those whose
 // bounds touch those of the strands. Any thread.

@@ -133,6 +133,10 @@ static void make_values(const MarramProcedural* type, const Given* given, size_t
         value->type = param->type;
         value->numbers = numbers;
         value->number_count = is_text ? 0 : read_numbers(text, numbers);
+        if (param->type == MARRAM_BOOLEAN) {
+            numbers[0] = strcmp(text, "true") == 0;
+            value->number_count = 1;
+        }
         value->text = is_text ? text : param->type == MARRAM_RAMP ? "linear" : "";
         value->image = NULL;
         value->place = "null_host";
@@ -359,6 +363,124 @@ static void check_mistakes(const MarramProcedural* type, const MarramFrame* fram
     type->destroy(instance);
 }
 
+/* ---- A faulty host is told what is wrong, and nothing crashes ---- */
+
+static MarramValue* value_of(Values* values, const char* name) {
+    for (uint32_t i = 0; i < values->count; ++i)
+        if (strcmp(values->list[i].name, name) == 0) return &values->list[i];
+    fail(name, __LINE__);
+    return NULL;
+}
+
+/* One value is spoilt; the message names it, and what is allowed. */
+static void check_refused(const MarramProcedural* type, Values* values, const char* name,
+                          const char* allowed) {
+    MarramInstance* instance = NULL;
+    last_message[0] = '\0';
+    CHECK(type->create(&host, values->list, values->count, &instance) == MARRAM_ERROR && instance == NULL);
+    if (!strstr(last_message, name) || !strstr(last_message, allowed)) fail(allowed, __LINE__);
+}
+
+static void check_bad_values(const MarramProcedural* type) {
+    static Values values;
+    static const struct {
+        const char *name, *allowed;
+        size_t number_count; /* and the numbers themselves, where they are to be others */
+        double numbers[4];
+        const char* text;
+    } bad[] = {{"count", "1 to 4e+08", 1, {-5}, NULL},
+               {"count", "a whole number", 1, {2.5}, NULL},
+               {"count", "1 to 4e+08", 1, {NAN}, NULL},
+               {"count", "give 1", 0, {0}, NULL},
+               {"length", "lower number first", 2, {2, 1}, NULL},
+               {"length", "give 2", 1, {2}, NULL},
+               {"width", "0 to", 1, {-1}, NULL},
+               {"shape", "round|ribbon|oriented-ribbon", 0, {0}, "cube"},
+               {"on", "names no mesh", 0, {0}, ""},
+               {"envelope", "at least one", 0, {0}, "linear"},
+               {"envelope", "at least one", 3, {0, 1, 1}, "linear"},
+               {"envelope", "linear, smooth or constant", 4, {0, 1, 1, 1}, "cubic"},
+               {"envelope", "ascend", 4, {1, 1, 0, 1}, "linear"},
+               {"envelope", "NULL", 4, {0, 1, 1, 1}, NULL},
+               {"wind.direction", "finite", 3, {INFINITY, 0, 0}, NULL},
+               {"wind.gusts.redraw", "0 or 1", 1, {2}, NULL}};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; ++i) {
+        make_values(type, good, good_count, &values);
+        MarramValue* value = value_of(&values, bad[i].name);
+        const int is_null_text = strcmp(bad[i].allowed, "NULL") == 0;
+        value->number_count = bad[i].number_count;
+        value->numbers = bad[i].numbers;
+        if (bad[i].text || is_null_text) value->text = bad[i].text;
+        check_refused(type, &values, bad[i].name,
+                      strcmp(bad[i].allowed, "finite") == 0 ? "1e+09" : bad[i].allowed);
+    }
+    make_values(type, good, good_count, &values);
+    value_of(&values, "count")->name = "coutn";
+    check_refused(type, &values, "coutn", "declared");
+    make_values(type, good, good_count, &values);
+    value_of(&values, "count")->type = MARRAM_TEXT;
+    check_refused(type, &values, "count", "declared with type");
+    make_values(type, good, good_count, &values);
+    value_of(&values, "count")->numbers = NULL;
+    check_refused(type, &values, "count", "NULL");
+    make_values(type, good, good_count, &values);
+    value_of(&values, "count")->name = NULL;
+    check_refused(type, &values, "", "no name");
+    make_values(type, good, good_count, &values);
+    values.list[values.count] = *value_of(&values, "width");
+    ++values.count;
+    check_refused(type, &values, "width", "twice");
+    make_values(type, good, good_count, &values);
+    values.list[values.count] = *value_of(&values, "width");
+    values.list[values.count++].name = "wind.gusts.control[1].strength";
+    check_refused(type, &values, "wind.gusts.control", "without gaps");
+    CHECK(type->create(&host, NULL, 3, NULL) == MARRAM_ERROR);
+    CHECK(type->create(NULL, NULL, 0, NULL) == MARRAM_ERROR);
+}
+
+static void check_bad_frames(const MarramProcedural* type, const Values* values,
+                             const MarramFrame* good_frame) {
+    MarramInstance* instance = NULL;
+    MarramOutput output;
+    MarramPatch patch;
+    CHECK(type->create(&host, values->list, values->count, &instance) == MARRAM_OK);
+    CHECK(type->patch(instance, 0, &patch) == MARRAM_ERROR && strstr(last_message, "begin"));
+    static const double downwards[times] = {2.0, 1.0};
+    for (int fault = 0; fault < 8; ++fault) {
+        MarramFrame frame = *good_frame;
+        MarramMesh mesh = frame.meshes[0];
+        if (fault == 0) frame.pose = NULL;
+        if (fault == 1) frame.times = NULL;
+        if (fault == 2) frame.times = downwards;
+        if (fault == 3) frame.time_count = 65;
+        if (fault == 4) frame.fps = 0.0;
+        if (fault == 5) frame.meshes = NULL;
+        if (fault >= 6) frame.meshes = &mesh;
+        if (fault == 6) mesh.positions = NULL;
+        if (fault == 7) mesh.triangles = NULL;
+        last_message[0] = '\0';
+        CHECK(type->begin(instance, &frame, &output) == MARRAM_ERROR && last_message[0] != '\0');
+    }
+    CHECK(type->begin(instance, NULL, &output) == MARRAM_ERROR &&
+          type->begin(instance, good_frame, NULL) == MARRAM_ERROR);
+    MarramFrame frame = *good_frame;
+    CHECK(type->begin(instance, &frame, &output) == MARRAM_OK);
+    last_message[0] = '\0';
+    CHECK(type->patch(instance, output.patch_count, &patch) == MARRAM_ERROR && strstr(last_message, "patch"));
+    CHECK(type->patch(instance, UINT32_MAX, &patch) == MARRAM_ERROR &&
+          type->patch(instance, 0, NULL) == MARRAM_ERROR);
+    const MarramPatchBuffers none = {NULL, NULL, 0, NULL, NULL};
+    CHECK(type->tessellate(instance, 0, &none) == MARRAM_ERROR && strstr(last_message, "buffer"));
+    CHECK(type->tessellate(instance, 0, NULL) == MARRAM_ERROR);
+    CHECK(type->tessellate(instance, output.patch_count, &none) == MARRAM_ERROR &&
+          strstr(last_message, "patch"));
+    MarramMesh other = frame.meshes[0];
+    other.triangle_count = 1;
+    frame.meshes = &other;
+    CHECK(type->begin(instance, &frame, &output) == MARRAM_ERROR && strstr(last_message, "topology"));
+    type->destroy(instance);
+}
+
 /* Asked to stop before roots are placed, and between two patches. */
 static void check_cancel(const MarramProcedural* type, const Values* values, const MarramFrame* frame) {
     MarramInstance* instance = NULL;
@@ -422,6 +544,8 @@ static void run(const MarramProcedural* type, RTCDevice device, RTCGeometry squa
     free_curves(&rest);
     check_mistakes(type, frame);
     check_cancel(type, &values, frame);
+    check_bad_values(type);
+    check_bad_frames(type, &values, frame);
 }
 
 int main(int argc, char** argv) {

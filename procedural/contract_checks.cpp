@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/contract_checks.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <string_view>
+#include <unordered_map>
+#include <unordered_set>
+
+namespace marram {
+namespace {
+
+constexpr size_t key_numbers = 10; // frame, translate, rotate, scale
+constexpr size_t longest_quote = 60;
+
+// What a host gave, on one line and not too long.
+std::string quoted(std::string_view text) {
+    std::string out(text.substr(0, longest_quote));
+    for (char& c : out)
+        if (static_cast<unsigned char>(c) < 32 || c == 127) c = '?';
+    return "\"" + out + (text.size() > longest_quote ? "...\"" : "\"");
+}
+
+// "gusts.control[12].shape" -> "gusts.control[].shape" and 12; -1 where the name is in no list.
+std::string declared_name(std::string_view name, long& index) {
+    index = -1;
+    const size_t open = name.find('['), close = name.find("].", open);
+    if (open == std::string_view::npos || close == std::string_view::npos || close == open + 1)
+        return std::string(name);
+    constexpr size_t most_digits = 9;
+    const std::string_view digits = name.substr(open + 1, close - open - 1);
+    if (digits.size() > most_digits || digits.find_first_not_of("0123456789") != std::string_view::npos)
+        return std::string(name);
+    index = std::stol(std::string(digits));
+    return std::string(name.substr(0, open + 1)) + std::string(name.substr(close));
+}
+
+bool has_choice(std::string_view choices, std::string_view text) {
+    while (!choices.empty()) {
+        const size_t end = std::min(choices.find('|'), choices.size());
+        if (choices.substr(0, end) == text) return true;
+        choices.remove_prefix(std::min(end + 1, choices.size()));
+    }
+    return false;
+}
+
+std::string allowed(const MarramParam& param) {
+    const std::string unit = *param.unit ? fmt::format(" {}", param.unit) : "";
+    return fmt::format("give {:g} to {:g}{}", param.minimum, param.maximum, unit);
+}
+
+// Numbers [from, count) in steps: finite, within the declared range. "" where all are.
+std::string number_fault(const MarramParam& param, const MarramValue& value, size_t from, size_t step) {
+    for (size_t i = from; i < value.number_count; i += step) {
+        const double x = value.numbers[i];
+        if (!(std::isfinite(x) && x >= param.minimum && x <= param.maximum))
+            return fmt::format("is {:g}: {}", x, allowed(param));
+    }
+    return "";
+}
+
+std::string count_fault(const MarramValue& value, size_t count) {
+    if (value.number_count == count) return "";
+    return fmt::format("has {} numbers: give {}", value.number_count, count);
+}
+
+std::string ramp_fault(const MarramParam& param, const MarramValue& value) {
+    if (value.number_count < 2 || value.number_count % 2 != 0)
+        return fmt::format(
+            "is a ramp of {} numbers: give a position and a value for each of its knots, at least one",
+            value.number_count);
+    if (!has_choice("linear|smooth|constant", value.text))
+        return fmt::format("has the interpolation {}: give linear, smooth or constant", quoted(value.text));
+    for (size_t i = 0; i < value.number_count; i += 2) {
+        if (!std::isfinite(value.numbers[i])) return "has a position that is not finite: give a number";
+        if (i > 0 && !(value.numbers[i] > value.numbers[i - 2]))
+            return "has positions that do not ascend: sort its knots, each position once";
+    }
+    return number_fault(param, value, 1, 2);
+}
+
+std::string keys_fault(const MarramValue& value) {
+    if (value.number_count == 0 || value.number_count % key_numbers != 0)
+        return fmt::format("is a keyed transform of {} numbers: give {} a key, at least one key",
+                           value.number_count, key_numbers);
+    if (!has_choice("linear|smooth", value.text))
+        return fmt::format("has the interpolation {}: give linear or smooth", quoted(value.text));
+    for (size_t i = 0; i < value.number_count; ++i)
+        if (!std::isfinite(value.numbers[i])) return "has a number that is not finite: give finite numbers";
+    for (size_t i = key_numbers; i < value.number_count; i += key_numbers)
+        if (!(value.numbers[i] > value.numbers[i - key_numbers]))
+            return "has keys whose frames do not ascend: sort them, each frame once";
+    return "";
+}
+
+std::string image_fault(const MarramValue& value) {
+    const MarramImage* image = value.image;
+    if (image && image->pixels && image->width > 0 && image->height > 0 && image->channels > 0) return "";
+    return "has no image: read the file and hand over its pixels";
+}
+
+std::string content_fault(const MarramParam& param, const MarramValue& value) {
+    const auto numbers = [&](size_t count) {
+        const std::string fault = count_fault(value, count);
+        return fault.empty() ? number_fault(param, value, 0, 1) : fault;
+    };
+    switch (param.type) {
+    case MARRAM_BOOLEAN:
+        if (const std::string fault = count_fault(value, 1); !fault.empty()) return fault;
+        return value.numbers[0] == 0.0 || value.numbers[0] == 1.0 ? "" : "is no boolean: give 0 or 1";
+    case MARRAM_INTEGER:
+        if (const std::string fault = numbers(1); !fault.empty()) return fault;
+        return value.numbers[0] == std::floor(value.numbers[0])
+                   ? ""
+                   : fmt::format("is {:g}: give a whole number", value.numbers[0]);
+    case MARRAM_NUMBER:
+        return numbers(1);
+    case MARRAM_VEC2:
+        return numbers(2);
+    case MARRAM_VEC3:
+    case MARRAM_COLOR:
+        return numbers(3);
+    case MARRAM_RANGE:
+        if (const std::string fault = numbers(2); !fault.empty()) return fault;
+        return value.numbers[0] <= value.numbers[1] ? "" : "runs downwards: give the lower number first";
+    case MARRAM_CHOICE:
+        return has_choice(param.choices, value.text)
+                   ? ""
+                   : fmt::format("is {}: give one of {}", quoted(value.text), param.choices);
+    case MARRAM_RAMP:
+        return ramp_fault(param, value);
+    case MARRAM_KEYS:
+        return keys_fault(value);
+    case MARRAM_IMAGE:
+        return image_fault(value);
+    case MARRAM_MESH_NAME:
+        return *value.text ? "" : "names no mesh: give the name of one";
+    default:
+        return "";
+    }
+}
+
+std::string value_fault(const MarramParam& param, const MarramValue& value) {
+    if (value.type != param.type)
+        return fmt::format("has the type {}: this parameter is declared with type {} (MarramParamType)",
+                           int(value.type), int(param.type));
+    if (value.number_count > 0 && !value.numbers) return "has numbers that are NULL: point to them";
+    if (!value.text) return "has a text that is NULL: give \"\" where there is none";
+    return content_fault(param, value);
+}
+
+// Elements of lists are numbered from 0 without gaps.
+void find_gaps(const std::map<std::string, std::unordered_set<long>>& lists,
+               std::vector<ContractFault>& faults) {
+    for (const auto& [list, indices] : lists)
+        for (long i = 0; i < long(indices.size()); ++i)
+            if (!indices.contains(i)) {
+                faults.push_back(
+                    {"", fmt::format("{} elements of {} are given, but none is number {}: number them from 0 "
+                                     "without gaps",
+                                     indices.size(), list, i)});
+                break;
+            }
+}
+
+} // namespace
+
+std::vector<ContractFault> value_faults(std::span<const MarramParam> params, const MarramValue* values,
+                                        uint32_t count) {
+    std::vector<ContractFault> faults;
+    if (count > 0 && !values)
+        return {{"", "the list of values is NULL: hand over the values that are counted"}};
+    std::unordered_map<std::string_view, const MarramParam*> declared;
+    for (const MarramParam& param : params) declared.emplace(param.name, &param);
+    std::unordered_set<std::string_view> seen;
+    std::map<std::string, std::unordered_set<long>> lists;
+    for (uint32_t i = 0; i < count; ++i) {
+        const MarramValue& value = values[i];
+        const std::string place = value.place ? value.place : "";
+        if (!value.name) {
+            faults.push_back({place, fmt::format("value {} has no name: give a declared one", i)});
+            continue;
+        }
+        long index = -1;
+        const std::string name = declared_name(value.name, index);
+        const auto found = declared.find(name);
+        const auto add = [&](const std::string& text) {
+            faults.push_back({place, fmt::format("the parameter {} {}", quoted(value.name), text)});
+        };
+        if (found == declared.end()) {
+            add("is unknown: hand over declared parameters only (MarramProcedural.params)");
+            continue;
+        }
+        if (!seen.insert(value.name).second) add("is given twice: give it once");
+        if (index >= 0) lists[name.substr(0, name.find('['))].insert(index);
+        if (const std::string fault = value_fault(*found->second, value); !fault.empty()) add(fault);
+    }
+    find_gaps(lists, faults);
+    return faults;
+}
+
+std::string frame_fault(const MarramFrame* frame) {
+    constexpr uint32_t most_times = 64;
+    if (!frame) return "the frame is NULL: lend one";
+    if (!frame->pose) return "MarramFrame.pose is NULL: give a function that poses the meshes at any time";
+    if (!frame->times || frame->time_count < 1 || frame->time_count > most_times)
+        return fmt::format("there are {} motion samples: give 1 to {}", frame->times ? frame->time_count : 0,
+                           most_times);
+    for (uint32_t t = 0; t < frame->time_count; ++t)
+        if (!std::isfinite(frame->times[t]) || (t > 0 && !(frame->times[t] > frame->times[t - 1])))
+            return "the motion samples are not finite and ascending: sort them, each once";
+    if (!std::isfinite(frame->frame) || !std::isfinite(frame->bind_frame) || !(frame->fps > 0.0) ||
+        !std::isfinite(frame->fps))
+        return "frame, bind_frame or fps is no usable number: give finite ones, fps above 0";
+    if (!(frame->tolerance >= 0.0) || !std::isfinite(frame->tolerance))
+        return fmt::format("the tolerance is {:g}: give metres, 0 or more", frame->tolerance);
+    if (frame->stage != MARRAM_REST && frame->stage != MARRAM_BENT && frame->stage != MARRAM_FINAL)
+        return fmt::format("the stage is {}: give 0 to 2 (MarramStage)", int(frame->stage));
+    if (frame->mesh_count > 0 && !frame->meshes)
+        return "MarramFrame.meshes is NULL: list the meshes that are counted";
+    for (uint32_t m = 0; m < frame->mesh_count; ++m) {
+        const MarramMesh& mesh = frame->meshes[m];
+        if (!mesh.name) return fmt::format("mesh {} has no name: give it one", m);
+        const std::string of = "the mesh " + quoted(mesh.name);
+        if (mesh.time_count != 1 && mesh.time_count != frame->time_count)
+            return fmt::format("{} has {} motion samples: give 1 or the frame's {}", of, mesh.time_count,
+                               frame->time_count);
+        bool there = mesh.positions && (mesh.triangles || mesh.triangle_count == 0);
+        for (uint32_t t = 0; there && t < mesh.time_count; ++t)
+            there = (mesh.positions[t] || mesh.vertex_count == 0) &&
+                    (!mesh.normals || mesh.normals[t] || mesh.vertex_count == 0);
+        if (!there) return of + " lacks positions, normals or triangles: point to them";
+    }
+    return "";
+}
+
+} // namespace marram

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a host hands over, checked against what was declared before anything is read from it: a faulty host is told what is
+// wrong and what is allowed, and never crashes the library. Costs nothing that grows with a frame's geometry.
+#pragma once
+
+#include "core/plugin/marram_plugin.h"
+
+#include <span>
+#include <string>
+#include <vector>
+
+namespace marram {
+
+struct ContractFault {
+    std::string place; // of the value, as the host gave it
+    std::string text;  // "what is wrong: what is allowed"
+};
+
+// All faults of the values of create(): unknown or repeated names, wrong types and counts, numbers that are not finite or out of
+// range, choices that do not exist, ramps and keys that are empty or out of order, null pointers. Absent values are not looked
+// for here: whoever reads one says that it is missing (Values::at).
+std::vector<ContractFault> value_faults(std::span<const MarramParam> params, const MarramValue* values,
+                                        uint32_t count);
+
+// The first fault of a frame, "" where there is none: null pointers, motion samples that are not 1 to 64 ascending numbers, meshes
+// without positions or triangles.
+std::string frame_fault(const MarramFrame* frame);
+
+} // namespace marram

@@ -241,13 +241,11 @@ int run(int argc, char** argv) {
         return report(error);
     } catch (const Cancelled&) {
         return exit_interrupted;
-    } catch (const std::bad_alloc&) {
-        return report(InputError(std::vector{lack_of_memory()}));
-    } catch (const std::system_error& error) { // fmt: standard output cannot be written
-        if (is_lack_of_memory(error)) return report(InputError(std::vector{lack_of_memory()}));
-        return report(InputError({"standard output"}, error.what(), "check where it goes"));
     } catch (const std::exception& error) {
-        return report(InputError({"marram"}, error.what(), "check where its output goes"));
+        if (is_lack_of_memory(error)) return report(InputError(std::vector{lack_of_memory()}));
+        const bool output = dynamic_cast<const std::system_error*>(&error); // fmt, of standard output
+        return report(
+            InputError({output ? "standard output" : "marram"}, error.what(), "check where its output goes"));
     }
 }
 

@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/commands.h"
 #include "core/cli/interrupt.h"
+#include "core/cli/picture.h"
 
 #include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
 
 #include <filesystem>
 
@@ -75,6 +79,29 @@ std::vector<Topic> topics(const Schema& schema) {
     return list;
 }
 
+// Image layers: film.aovs and --aov. The same list as check_layers() accepts; each with its channels in an EXR.
+void print_layers(const Dialect& dialect) {
+    fmt::print(
+        "image layers (film.aovs, --aov), in an EXR as LAYER.CHANNEL; beauty and alpha are R, G, B, A\n");
+    const auto print = [](std::string_view name, std::string_view channels, std::string_view help) {
+        fmt::print("    {:<14} {:<8} {}\n", name, channels, help);
+    };
+    for (const LayerHelp& layer : built_in_layers()) print(layer.name, layer.channels, layer.help);
+    std::set<std::string> told; // procedurals may share names
+    for (const auto& [path, library] : dialect.libraries)
+        for (uint32_t p = 0; p < library->table().procedural_count; ++p) {
+            const MarramProcedural& procedural = library->table().procedurals[p];
+            for (uint32_t a = 0; a < procedural.attribute_count; ++a) {
+                const MarramAttribute& attribute = procedural.attributes[a];
+                constexpr std::string_view channels[] = {"Y", "U V", "X Y Z", "R G B A"};
+                if (told.insert(attribute.name).second)
+                    print(attribute.name, channels[std::clamp(attribute.components, 1U, 4U) - 1],
+                          fmt::format("of curves of a {}: {}", procedural.name, attribute.help));
+            }
+        }
+    fmt::print("\n");
+}
+
 // What a scene holds, and what it would cost by the figures measured for the renderer (README, "How fast").
 void print_scene(const std::string& file) {
     LoadedScene scene = load(file, {}, interrupted());
@@ -129,11 +156,19 @@ int info_command(const std::string& subject) {
     for (const Topic& topic : topics(dialect.schema)) {
         if (!subject.empty() && subject != topic.name) continue;
         print_table(topic.title, topic.help, topic.params);
+        if (topic.title.starts_with("[[procedural]]"))
+            fmt::print("    library (file; default: libmarram_procedural.so beside the program): the shared "
+                       "library that "
+                       "has the type\n\n");
+        found = true;
+    }
+    if (subject.empty() || subject == "layers") {
+        print_layers(dialect);
         found = true;
     }
     if (found) return 0;
-    std::string known;
-    for (const Topic& topic : topics(dialect.schema)) known += (known.empty() ? "" : ", ") + topic.name;
+    std::string known = "layers";
+    for (const Topic& topic : topics(dialect.schema)) known += ", " + topic.name;
     throw InputError({"marram info " + subject}, "there is no such thing",
                      "ask for a scene file (.toml) or one of: " + known);
 }

@@ -83,16 +83,23 @@ class Rounds {
 
     void add(size_t setting, double seconds) { seconds_[setting].push_back(seconds); }
 
+    // Ratios are of one round each, so that a machine that changes its speed between rounds spoils none. Seconds are the ratio
+    // times what the base takes: both columns tell the same.
     void finish(std::vector<SettingResult>& results) const {
+        const auto from = [&](size_t i) { // the first round warms up
+            return seconds_[i].size() > 1 && seconds_[base_].size() > 1 ? size_t(1) : size_t(0);
+        };
+        const std::vector<double>& base = seconds_[base_];
+        const double base_seconds =
+            median({base.begin() + std::ptrdiff_t(std::min(from(base_), base.size())), base.end()});
         for (size_t i = 0; i < seconds_.size(); ++i) {
-            const bool warmed = seconds_[i].size() > 1 && seconds_[base_].size() > 1;
             std::vector<double> mine, ratios;
-            for (size_t r = warmed ? 1 : 0; r < std::min(seconds_[i].size(), seconds_[base_].size()); ++r) {
+            for (size_t r = from(i); r < std::min(seconds_[i].size(), base.size()); ++r) {
                 mine.push_back(seconds_[i][r]);
-                if (seconds_[base_][r] > 0.0) ratios.push_back(seconds_[i][r] / seconds_[base_][r]);
+                if (base[r] > 0.0) ratios.push_back(seconds_[i][r] / base[r]);
             }
-            results[i].seconds = median(mine);
             results[i].ratio = median(ratios);
+            results[i].seconds = ratios.empty() ? median(mine) : results[i].ratio * base_seconds;
             results[i].rounds = int(mine.size());
         }
     }

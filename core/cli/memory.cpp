@@ -3,6 +3,7 @@
 
 #include "core/image/atomic_file.h"
 
+#include <cerrno>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
@@ -34,24 +35,21 @@ void say(const char* text) {
     _exit(exit_bad_input);
 }
 
-// Whether a thread's stack could not be had now.
-bool memory_is_short() {
-    constexpr size_t probe = size_t(16) << 20;
-    void* at = ::mmap(nullptr, probe, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    if (at == MAP_FAILED) return true;
-    ::munmap(at, probe);
-    return false;
+bool has_room_for(size_t bytes) {
+    void* at = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (at == MAP_FAILED) return false;
+    ::munmap(at, bytes);
+    return true;
 }
+
+// Whether a thread's stack could not be had now.
+bool memory_is_short() { return !has_room_for(size_t(16) << 20); }
 
 [[noreturn]] void on_terminate() {
     try {
         if (std::current_exception()) std::rethrow_exception(std::current_exception());
-    } catch (const std::bad_alloc&) {
-        end_for_lack_of_memory();
-    } catch (const std::system_error& error) {
-        if (is_lack_of_memory(error)) end_for_lack_of_memory();
-        say(error.what());
     } catch (const std::exception& error) {
+        if (is_lack_of_memory(error)) end_for_lack_of_memory();
         say(error.what());
     } catch (...) {
     }
@@ -71,15 +69,21 @@ void on_crash(int signal) {
 void release_free_memory() { malloc_trim(0); }
 
 void watch_for_lack_of_memory() {
+    // What the initialisers of shared libraries take at least (75 MiB of OpenImageIO's, GDCM's and GLib's), some of which
+    // print words of their own when they do not get it.
+    constexpr size_t initialisers = size_t(64) << 20;
+    if (!has_room_for(initialisers)) end_for_lack_of_memory();
     std::set_terminate(on_terminate);
     for (const int signal : {SIGSEGV, SIGBUS, SIGABRT}) std::signal(signal, on_crash);
 }
 
 Problem lack_of_memory() { return {{"marram"}, what, fix}; }
 
-bool is_lack_of_memory(const std::system_error& error) {
-    return error.code() == std::errc::resource_unavailable_try_again ||
-           error.code() == std::errc::not_enough_memory;
+bool is_lack_of_memory(const std::exception& error) {
+    if (dynamic_cast<const std::bad_alloc*>(&error)) return true;
+    for (const int code : {EAGAIN, ENOMEM})
+        if (std::strstr(error.what(), std::strerror(code))) return true;
+    return false;
 }
 
 } // namespace marram

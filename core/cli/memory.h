@@ -4,7 +4,7 @@
 
 #include "core/math/problem.h"
 
-#include <system_error>
+#include <exception>
 
 namespace marram {
 
@@ -20,7 +20,7 @@ void watch_for_lack_of_memory();
 // What is said of a lack of memory that was caught.
 Problem lack_of_memory();
 
-// Whether an error is one: no memory, or no thread for want of its stack.
-bool is_lack_of_memory(const std::system_error& error);
+// Whether an error is one: no memory, or no thread for want of its stack (which TBB says in words).
+bool is_lack_of_memory(const std::exception& error);
 
 } // namespace marram

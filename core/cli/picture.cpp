@@ -55,6 +55,18 @@ bool fits_half(const std::vector<float>& pixels) {
 
 } // namespace
 
+std::span<const LayerHelp> built_in_layers() {
+    static constexpr LayerHelp layers[] = {
+        {"beauty", "R G B", "the picture; always there"},
+        {"alpha", "A", "share of the pixel that something covers; always there"},
+        {"variance", "R G B", "variance of the picture's mean, for compare and film.noise"},
+        {"albedo", "R G B", "share of light that the first surface scatters"},
+        {"normal", "X Y Z", "shading normal of the first surface, towards the camera"},
+        {"depth", "Z", "distance of the first surface along the ray, m"},
+        {"strand_u", "Y", "place along the strand, 0 at the root, 1 at the tip"}};
+    return layers;
+}
+
 std::string lower_extension(const std::string& path) {
     std::string extension = fs::path(path).extension().string();
     std::ranges::transform(extension, extension.begin(),

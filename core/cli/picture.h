@@ -5,10 +5,18 @@
 #include "core/image/image.h"
 #include "core/render/film.h"
 
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace marram {
+
+// A layer that every scene has.
+struct LayerHelp {
+    std::string_view name, channels, help;
+};
+std::span<const LayerHelp> built_in_layers();
 
 // ".exr" of "A.EXR".
 std::string lower_extension(const std::string& path);

@@ -136,7 +136,8 @@ std::vector<std::string> layer_names(const LoadedScene& scene, const RenderOptio
 
 // Every layer must be one that this scene can fill; known before anything is built.
 void check_layers(const LoadedScene& scene, const RenderOptions& options) {
-    std::vector<std::string> known = {"beauty", "variance", "alpha", "albedo", "normal", "depth", "strand_u"};
+    std::vector<std::string> known;
+    for (const LayerHelp& layer : built_in_layers()) known.emplace_back(layer.name);
     for (const auto& procedural : scene.geometry.procedurals)
         for (uint32_t i = 0; i < procedural->type().attribute_count; ++i)
             known.emplace_back(procedural->type().attributes[i].name);
@@ -281,6 +282,14 @@ void save_frame(FrameJob& job, Preview& preview) {
     if (render.clamped > 0.0 && !job.options.quiet)
         fmt::print(stderr, "{}: film.clamp took {:.2g} % of the light\n", files.picture,
                    100.0 * render.clamped);
+    constexpr double dark = 0.02; // a darkening that is seen
+    const int depth = job.scene.description.film.integer("max_depth");
+    if (depth > 1 && render.cut_throughput > dark) // 0 and 1 are asked for on purpose
+        fmt::print(stderr,
+                   "{}: film.max_depth = {} ends paths that carry up to {:.2g} % of the light, the picture "
+                   "is too dark: "
+                   "raise film.max_depth\n",
+                   files.picture, depth, 100.0 * render.cut_throughput);
     job.stats.total = job.stats.load + wall_seconds() - job.begin;
     const bool whole = !render.cancelled && !render.out_of_time;
     const std::string target = render.cancelled ? partial_name(files.picture) : files.picture;

@@ -51,6 +51,7 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
     json["samples"] = {{"most", stats.render.most_samples}, {"mean", stats.render.mean_samples}}; // a pixel
     json["dropped_samples"] = stats.render.dropped_samples;
     json["clamped"] = stats.render.clamped;
+    json["cut_throughput"] = stats.render.cut_throughput; // of paths that max_depth ends
     return json;
 }
 

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <deque>
 #include <filesystem>
+#include <new>
 
 namespace marram {
 namespace {
@@ -114,9 +115,13 @@ PluginLibrary::PluginLibrary(const std::string& path, const Place& place) : path
     // A bare name would be looked for in the system's folders instead of here.
     const std::string absolute = std::filesystem::absolute(path).string();
     handle_ = dlopen(absolute.c_str(), RTLD_NOW | RTLD_LOCAL);
-    if (!handle_)
-        throw InputError(place, "cannot load the procedural library: " + std::string(dlerror()),
-                         "build it, or mend its path");
+    if (!handle_) {
+        const std::string reason = dlerror();
+        if (reason.find("failed to map segment") != std::string::npos ||
+            reason.find("annot allocate memory") != std::string::npos)
+            throw std::bad_alloc();
+        throw InputError(place, "cannot load the procedural library: " + reason, "build it, or mend its path");
+    }
     const auto entry = reinterpret_cast<MarramLibraryFunction>(dlsym(handle_, MARRAM_ENTRY_POINT));
     const std::string fix = "build it against core/plugin/marram_plugin.h of this version";
     if (!entry) {

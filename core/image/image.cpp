@@ -13,8 +13,14 @@
 #include <cassert>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <memory>
+#include <mutex>
+
+#include <fcntl.h>
+#include <unistd.h>
 
 namespace marram {
 
@@ -36,6 +42,39 @@ std::string reason(const std::string& message) {
     std::string text = message.empty() ? "no reason given" : message.substr(0, message.find('\n'));
     return "(" + text + ")";
 }
+
+// libpng prints its complaints about a PNG to stderr beside handing them to OpenImageIO, which leaves no way to stop it: while
+// one is read stderr goes nowhere. Only for PNG files, and not while rendering: other threads' words are lost, too.
+class QuietPng {
+  public:
+    explicit QuietPng(const std::string& path) {
+        std::ifstream file(path, std::ios::binary);
+        char head[4] = {};
+        if (!file.read(head, sizeof head) || std::string_view(head, 4) != "\x89PNG") return;
+        lock_ = std::unique_lock(mutex());
+        std::fflush(stderr);
+        stderr_ = ::fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 3);
+        const int nowhere = ::open("/dev/null", O_WRONLY | O_CLOEXEC);
+        if (stderr_ >= 0 && nowhere >= 0) ::dup2(nowhere, STDERR_FILENO);
+        if (nowhere >= 0) ::close(nowhere);
+    }
+    ~QuietPng() {
+        if (stderr_ < 0) return;
+        std::fflush(stderr);
+        ::dup2(stderr_, STDERR_FILENO);
+        ::close(stderr_);
+    }
+    QuietPng(const QuietPng&) = delete;
+    QuietPng& operator=(const QuietPng&) = delete;
+
+  private:
+    static std::mutex& mutex() {
+        static std::mutex one;
+        return one;
+    }
+    std::unique_lock<std::mutex> lock_;
+    int stderr_ = -1;
+};
 
 void check_is_file(const std::string& path) {
     std::error_code error;
@@ -180,6 +219,7 @@ float linear_from_srgb(float encoded) {
 }
 
 Image read_image(const std::string& path, ColorSpace space) {
+    const QuietPng quiet(path);
     InputFile input = open_image(path);
     const OIIO::ImageSpec spec = spec_of(*input);
     const std::string_view format = input->format_name();
@@ -329,6 +369,7 @@ void write_png(const std::string& path, int width, int height, int channels, con
 }
 
 Header header_of(const std::string& path) {
+    const QuietPng quiet(path);
     const InputFile input = open_image(path);
     const OIIO::ImageSpec spec = spec_of(*input);
     Header header{Extent::several, spec.width, spec.height, spec.nchannels};
@@ -339,6 +380,7 @@ Header header_of(const std::string& path) {
 }
 
 std::vector<std::pair<std::string, std::string>> read_all_metadata(const std::string& path) {
+    const QuietPng quiet(path);
     const InputFile input = open_image(path);
     std::vector<std::pair<std::string, std::string>> all;
     for (const OIIO::ParamValue& value : input->spec().extra_attribs)
@@ -383,11 +425,13 @@ std::optional<std::string> text_of(const OIIO::ImageSpec& spec, const std::strin
 } // namespace
 
 std::optional<std::string> read_metadata(const std::string& path, const std::string& key) {
+    const QuietPng quiet(path);
     const InputFile input = open_if_image(path);
     return input ? text_of(input->spec(), key) : std::nullopt;
 }
 
 std::optional<std::string> whole_metadata(const std::string& path, const std::string& key) {
+    const QuietPng quiet(path);
     const InputFile input = open_if_image(path);
     if (!input || !reads_to_its_end(*input)) return std::nullopt;
     return text_of(input->spec(), key);

@@ -46,8 +46,17 @@ inline std::string to_string(const Problem& problem) {
     constexpr size_t longest_part = 400, longest_place = 1000;
     std::string text = shortened(to_string(problem.place), longest_place) + ": " +
                        shortened(problem.what, longest_part) + ": " + shortened(problem.fix, longest_part);
-    for (char& c : text)
-        if (c == '\n' || c == '\r') c = ' ';
+    for (size_t i = 0; i < text.size(); ++i) {
+        char& c = text[i];
+        const auto byte = static_cast<unsigned char>(c);
+        const bool second = i > 0 && static_cast<unsigned char>(text[i - 1]) == 0xc2U; // U+0080 to U+009F
+        if (c == '\n' || c == '\r' || c == '\t')
+            c = ' ';
+        else if (byte < 32 || byte == 127) // a terminal would obey it
+            c = '?';
+        else if (second && byte >= 0x80U && byte <= 0x9fU)
+            text.replace(i - 1, 2, "??");
+    }
     return text;
 }
 

@@ -215,6 +215,7 @@ bool survives(Vec3f& throughput, float random) {
 // What a path brings: seen or scattered by one surface, and by more.
 struct Gathered {
     Vec3f direct = Vec3f::Zero(), later = Vec3f::Zero();
+    float cut = 0.0F; // luminance of the throughput of a path that max_depth ends
 };
 
 // `spread`: of the pixel's samples; 0 where it is not known.
@@ -244,6 +245,7 @@ Gathered trace(const Frame& frame, Ray ray, float spread, const Sampler& sampler
             first.normal =
                 point.geometric_normal.dot(ray.direction) > 0.0F ? Vec3f(-point.normal) : point.normal;
         }
+        if (last) light.cut = luminance(throughput);
         if (last && !(depth == 0 && frame.wants_albedo)) return light;
         cone.width += cone.growth * point.distance;
         const Bsdf bsdf = bsdf_at(material_of(frame, point.material),
@@ -385,6 +387,7 @@ void render_pixel(const Frame& frame, uint32_t x, uint32_t y, uint32_t begin, ui
         } else {
             ++stats.dropped_samples;
         }
+        stats.cut_throughput += double(found.cut);
         if ((s + 1) % film_block == 0) end_block(film, at);
     }
 }
@@ -414,6 +417,7 @@ void add_stats(const RenderStats& more, RenderStats& sum) {
     sum.rays.occluded += more.rays.occluded;
     sum.rays.dropped += more.rays.dropped;
     sum.dropped_samples += more.dropped_samples;
+    sum.cut_throughput += more.cut_throughput;
 }
 
 void render_pass(const Frame& frame, uint32_t end, Film& film, RenderStats& stats, RenderProgress* progress,
@@ -453,14 +457,15 @@ double steady_seconds() {
     return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-// How far a sweep over all pixels goes that is to be over at the deadline: to the end of the pass where there is time for it,
-// else as far as there is, at least one sample on. So when time is up no pixel has more than one sample more than another.
+// How far a sweep over all pixels goes that is to be over at the deadline: half as far as time would allow, at least one sample
+// on, at most to the end of the pass. So the sweep that the deadline cuts is one of a single sample, as long as samples do not
+// become twice as slow.
 uint32_t sweep_end(const Film& film, uint32_t end, double seconds_left, double seconds_a_sample) {
     const uint32_t begin = *std::ranges::min_element(film.reached);
     if (!(seconds_a_sample > 0.0)) return std::min(begin + 1, end); // not known yet: to learn it
     const double pixels = double(std::ranges::count(film.done, 0)); // those that still take samples
     const double samples =
-        std::max(1.0, std::floor(seconds_left / (seconds_a_sample * std::max(pixels, 1.0))));
+        std::max(1.0, std::floor(0.5 * seconds_left / (seconds_a_sample * std::max(pixels, 1.0))));
     return samples < double(end - begin) ? begin + uint32_t(samples) : end;
 }
 
@@ -517,12 +522,14 @@ RenderStats render(const World& world, const Lights& lights, std::span<const Mat
                 static_cast<float>(2.0 * std::tan(0.5 * camera.vertical_fov) / film.height)};
     find_attributes(frame, film);
     RenderStats stats;
+    const uint64_t had = count_samples(film).total;
     if (progress)
         progress->samples_done = std::accumulate(film.reached.begin(), film.reached.end(), uint64_t(0));
     render_passes(frame, film, stats, progress);
     const SampleCount count = count_samples(film);
     stats.most_samples = count.most;
     stats.mean_samples = count.mean;
+    if (count.total > had) stats.cut_throughput /= double(count.total - had);
     stats.clamped = clamped_share(film);
     resolve(film);
     return stats;

@@ -23,8 +23,8 @@ struct RenderSettings {
     // > 0: a pixel is done once the standard deviation of its mean, and those of its eight neighbours, are below this share of
     // its brightness, or of a tenth of the picture's where that is more. The film must have a layer "variance".
     double noise = 0.0;
-    // > 0: rendering stops after this time, with fewer samples: no pixel then has more than one sample more than another, those
-    // left aside that are done by `noise`. Each pixel gets one sample, however long that takes.
+    // > 0: rendering stops after this time, with fewer samples: no pixel then has more than one sample more than another (unless
+    // samples become twice as slow), those aside that are done by `noise`. Each pixel gets one sample, however long that takes.
     double seconds = 0.0;
     std::function<double()> clock; // seconds, for `seconds`; any thread. Empty: the system's steady clock
     uint32_t max_depth = 16;       // surface interactions a path may have; 0: lights seen directly only
@@ -51,6 +51,9 @@ struct RenderProgress {
 struct RenderStats {
     RayCounts rays;
     uint64_t dropped_samples = 0; // of this call, whose radiance was not finite: none, unless a light says so
+    // Mean luminance of the throughput of paths that settings.max_depth ends, over the samples of this call: the share of the light
+    // that is missing where light comes evenly from everywhere.
+    double cut_throughput = 0.0;
     bool cancelled = false;
     bool out_of_time = false;  // settings.seconds ended it before its samples were done
     uint32_t most_samples = 0; // that a pixel has taken, in this call and before

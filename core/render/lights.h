@@ -133,9 +133,9 @@ class Lights {
         std::vector<std::pair<uint32_t, size_t>> first_of_mesh; // geometry ID, index of its first triangle
     };
     struct Sun {
-        Vec3d direction, x, y; // orthonormal
+        Vec3d direction, x, y;   // orthonormal
         double half_angle, rise; // 1 - cos half_angle
-        Vec3f radiance; // irradiance where delta
+        Vec3f radiance;          // irradiance where delta
         float pdf;
         bool delta, visible;
     };

@@ -10,6 +10,7 @@
 #include "procedural/groom/strand_shape.h"
 #include "procedural/wind/chain.h"
 
+#include <fmt/format.h>
 #include <tbb/enumerable_thread_specific.h>
 
 #include <algorithm>
@@ -134,6 +135,17 @@ const std::vector<MarramParam>& all_params() {
     return params;
 }
 
+// Strands that nobody will see are allowed, and said.
+void warn_of_nothing(const MarramHost& host, const Values& given, const Groom& groom) {
+    const auto warn = [&](const char* name, const char* text) {
+        host.message(host.user, MARRAM_WARNING, given.at(name).place, text);
+    };
+    if (groom.width == 0.0) warn("width", "width is 0, no strand will be seen: give the diameter in metres");
+    if (std::ranges::all_of(groom.width_profile.values(), [](double share) { return share == 0.0; }))
+        warn("width_profile", "width_profile is 0 everywhere, no strand will be seen: raise a value");
+    if (groom.length[1] == 0.0) warn("length", "length is 0, no strand will be seen: give metres");
+}
+
 MarramStatus create(const MarramHost* host, const MarramValue* values, uint32_t count, MarramInstance** out) {
     if (!host || !host->message || !host->cancelled || !out) return MARRAM_ERROR; // nobody to tell
     return guarded(*host, [&] {
@@ -146,6 +158,7 @@ MarramStatus create(const MarramHost* host, const MarramValue* values, uint32_t 
         const Values given(values, count);
         instance->groom = read_groom(given);
         instance->wind = read_wind(given);
+        warn_of_nothing(*host, given, instance->groom);
         instance->left_open.cvs = instance->groom.cvs == 0;
         instance->left_open.rays = instance->wind.shielding && instance->wind.shielding->spread > 0.0 &&
                                    instance->wind.shielding->rays == 0;
@@ -269,6 +282,8 @@ Eigen::AlignedBox3d rest_box(const GroomInstance& instance) {
     return box;
 }
 
+std::string short_number(double value) { return fmt::format("{:.3g}", value); }
+
 void warn_of_gusts(const GroomInstance& instance) {
     constexpr size_t much = size_t(1) << 30;
     const size_t bytes = instance.chain.gust_bytes();
@@ -277,6 +292,26 @@ void warn_of_gusts(const GroomInstance& instance) {
                              std::to_string(instance.chain.instants.size()) + " motion samples and " +
                              std::to_string(instance.chain.past_gusts.size()) +
                              " steps of jiggle: lower wind.gusts.num_gusts, radius_range or life_range";
+    instance.host.message(instance.host.user, MARRAM_WARNING, instance.groom.mesh_place.c_str(),
+                          text.c_str());
+}
+
+// Positions are floats: far from the origin strands come to stand on a grid.
+void warn_of_rounding(const GroomInstance& instance) {
+    const MarramMesh& mesh = *instance.mesh;
+    float farthest = 0.0F;
+    for (size_t i = 0; i < 3 * size_t(mesh.vertex_count); ++i)
+        farthest = std::max(farthest, std::abs(mesh.positions[0][i]));
+    const double step = double(farthest) * 0x1p-23; // between neighbouring floats
+    const double segment = longest_strand(instance.groom) / (instance.groom.cvs - 1);
+    const double finest = instance.groom.width > 0.0 ? std::min(instance.groom.width, segment) : segment;
+    constexpr double seen = 0.1; // of a width, or of a segment
+    if (!(step > seen * finest) || !(finest > 0.0)) return;
+    const std::string text = "positions " + short_number(double(farthest)) +
+                             " m from the origin are rounded to " + short_number(step) +
+                             " m, which shows on strands " + short_number(instance.groom.width) +
+                             " m wide with segments of " + short_number(segment) +
+                             " m: move the scene to the origin, or use larger units";
     instance.host.message(instance.host.user, MARRAM_WARNING, instance.groom.mesh_place.c_str(),
                           text.c_str());
 }
@@ -407,6 +442,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
                               instance.wind.collision ? reach_of_strands(instance) : everywhere(),
                               instance.wind.gusts ? rest_box(instance) : everywhere(), &instance.trees});
         warn_of_gusts(instance);
+        warn_of_rounding(instance);
         instance.chain_seconds = instance.wind.collision ? now_in_seconds() - before : 0.0;
         *out = MarramOutput{};
         out->kind = MARRAM_CURVES;

@@ -455,6 +455,13 @@ std::vector<Candidate> spaced_candidates(const DensityShares& shares, double den
 std::vector<Candidate> counted_candidates(DensityShares shares, double area,
                                           const std::function<bool()>& cancelled, PlacedRoots& placed) {
     const Groom& groom = shares.groom;
+    const auto refuse = [&] {
+        throw SceneFault(groom.count_place, "the density masks leave no room for " +
+                                                std::to_string(groom.count) +
+                                                " strands: raise the masks or lower count");
+    };
+    const std::optional<Mask>& image = groom.density_masks.image;
+    if (image && std::ranges::none_of(image->values, [](float value) { return value > 0.0F; })) refuse();
     const ShareStatistics statistics = share_statistics(shares, area);
     if (statistics.most > 0.0) shares.full = statistics.most;
     const double mean = statistics.mean > 0.0 ? statistics.mean / shares.full : 1e-3;
@@ -471,15 +478,15 @@ std::vector<Candidate> counted_candidates(DensityShares shares, double area,
             return candidates;
         }
         // Masks leave less than the mean said; without masks it is thin parts, whose far sides are near, and small numbers.
-        const double share = double(candidates.size()) / double(groom.count);
+        const double share = double(candidates.size()) / double(groom.count), densest = 1e3 * first;
+        if (shares.masked() && density >= densest) break; // the same candidates again
         if (shares.masked())
-            density = std::min(density * std::clamp(1.1 / share, 1.2, 10.0), 1e3 * first);
+            density = std::min(density * std::clamp(1.1 / share, 1.2, 10.0), densest);
         else
             spacing = i > 8 ? 0.0 : spacing * 0.85;
     }
-    if (cancelled()) return {};
-    throw SceneFault(groom.count_place, "the density masks leave no room for " + std::to_string(groom.count) +
-                                            " strands: raise the masks or lower count");
+    if (!cancelled()) refuse();
+    return {};
 }
 
 } // namespace

@@ -289,7 +289,8 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
         counts.pushed_out += turned.pushed_out && turned.outcome != Outcome::unresolved;
         counts.unresolved += turned.outcome == Outcome::unresolved;
         counts.goal_angle += turned.goal_angle;
-        counts.turned_angle += turned.turned_angle;
+        counts.turned_angle +=
+            std::clamp(turned.turned_angle, 0.0, turned.goal_angle); // pushed back: no way at all
         if (job.trace) job.trace->push_back({strand.strand, int(k), segment, turned, strand.rounding});
         advance(scratch, progress, k, segment, turned.direction);
     }

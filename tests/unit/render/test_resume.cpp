@@ -108,6 +108,31 @@ TEST_F(Resume, WhenTimeIsUp) {
     expect_same(film, one_go(40));
 }
 
+// A clock that goes on by as much as each sample costs. What is given is used, whatever the passes are, and pixels stay even.
+TEST_F(Resume, UsesTheTimeThatItIsGiven) {
+    tbb::task_arena one_thread(1);
+    one_thread.execute([&] {
+        constexpr double cost = 0.25; // seconds a sample: powers of two, so that sums are exact
+        for (const double samples : {1.5, 2.0, 3.25, 4.0, 7.0, 15.5, 17.0, 30.0, 63.0, 100.25}) {
+            Film film = empty();
+            const double pixels = double(film.taken.size());
+            RenderSettings settings;
+            settings.samples = 4096;
+            settings.max_depth = 1;
+            settings.seconds = samples * pixels * cost;
+            settings.clock = [&] { return 1000.0 + cost * double(count_samples(film).total); };
+            const RenderStats stats =
+                render(builder_.world, Lights(lights, builder_.world), grey, camera_, settings, film);
+            EXPECT_TRUE(stats.out_of_time);
+            const double used = cost * double(count_samples(film).total) / settings.seconds;
+            EXPECT_GT(used, 0.95) << samples;
+            EXPECT_LT(used, 1.05) << samples;
+            const auto [least, most] = std::ranges::minmax_element(film.taken);
+            EXPECT_LE(*most - *least, 1U) << samples;
+        }
+    });
+}
+
 // Each pixel has had its part of the pass or not: half of them of 16 samples, half of 32 or of the 21 asked for once.
 TEST_F(Resume, WithinAPass) {
     for (const double target : {0.0, 0.02, 0.04})

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the program does where something runs out: the disk, memory, the length of a name; and that a sequence takes no more
+// memory than its first frames.
+#include "program.h"
+
+#include <nlohmann/json.hpp>
+
+#include <sys/resource.h>
+
+#include <csignal>
+
+namespace marram::testing {
+namespace {
+
+rlimit limit_of(int resource, rlim_t bytes) {
+    rlimit limit{};
+    ::getrlimit(resource, &limit);
+    limit.rlim_cur = bytes;
+    return limit;
+}
+
+// The program with one limit: RLIMIT_FSIZE or RLIMIT_AS.
+template <int resource>
+Outcome limited(const std::vector<std::string>& arguments, size_t bytes) {
+    static size_t limit = 0;
+    limit = bytes;
+    return marram(arguments, [](std::vector<std::string> given) {
+        const rlimit set = limit_of(resource, limit), none = limit_of(RLIMIT_CORE, 0);
+        ::setrlimit(RLIMIT_CORE, &none);
+        ::setrlimit(resource, &set);
+        run_program(std::move(given));
+    });
+}
+
+nlohmann::json json_of(const std::string& file) { return nlohmann::json::parse(read_file(file)); }
+
+TEST(Limits, AFullDiskIsReportedAndTheOldPictureStays) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText());
+    for (const std::string extension : {".exr", ".png"}) {
+        const std::string picture = folder / ("a" + extension), old = "an old picture";
+        folder.write("a" + extension, old);
+        const std::vector<std::string> command = {"render", scene, "-o", picture, "--quiet"};
+        const Outcome full = limited<RLIMIT_FSIZE>(command, 300);
+        EXPECT_EQ(full.code, 2);
+        EXPECT_EQ(full.out, "");
+        EXPECT_CONTAINS(full.err, picture + ": could not be written (File too large): check the disk");
+        EXPECT_EQ(read_file(picture), old);
+        EXPECT_EQ(folder.names(), (std::set<std::string>{"a.toml", "a" + extension}));
+        fs::remove(picture);
+    }
+}
+
+// The state that an earlier run has left stays where the picture cannot be saved.
+TEST(Limits, WhatCannotBeSavedIsKeptForResume) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText()), picture = folder / "a.exr";
+    const std::string reference = folder / "b.exr", state = folder / "a.exr.state.tif";
+    const auto render = [&](const std::string& file, std::vector<std::string> more) {
+        std::vector<std::string> command = {"render", scene, "-o", file, "--quiet", "--spp", "400"};
+        command.insert(command.end(), more.begin(), more.end());
+        return command;
+    };
+    ASSERT_EQ(marram(render(reference, {})).code, 0);
+    ASSERT_EQ(marram(render(picture, {"--seconds", "0.001"})).code, 0);
+    ASSERT_TRUE(fs::exists(state));
+    const std::string before = read_file(state);
+    EXPECT_EQ(limited<RLIMIT_FSIZE>(render(picture, {"--resume"}), 300).code, 2);
+    EXPECT_TRUE(read_file(state) == before) << "the state that could resume stays";
+    ASSERT_EQ(marram(render(picture, {"--resume"})).code, 0);
+    EXPECT_TRUE(same_picture(picture, reference));
+    EXPECT_FALSE(fs::exists(state));
+}
+
+TEST(Limits, StandardOutputMayBeFull) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText());
+    const Outcome outcome =
+        marram({"render", scene, "-o", folder / "a.exr"}, [](std::vector<std::string> given) {
+            ::dup2(::open("/dev/full", O_WRONLY), STDOUT_FILENO);
+            run_program(std::move(given));
+        });
+    EXPECT_EQ(outcome.code, 2);
+    EXPECT_CONTAINS(outcome.err, "standard output: could not be written");
+    EXPECT_TRUE(fs::exists(folder / "a.exr"));
+}
+
+#ifndef __SANITIZE_ADDRESS__ // which reserves terabytes of addresses
+
+// From where the loader gets along, in steps of 4 MiB: a picture, or one line and exit code 2; and the line is about memory.
+TEST(Limits, LittleMemoryIsOneLine) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText()), picture = folder / "a.exr";
+    int loader = 0, refused = 0, done = 0;
+    for (size_t mega = 300; mega < 1500 && done < 3; mega += 4) {
+        const Outcome outcome = limited<RLIMIT_AS>({"render", scene, "-o", picture, "--quiet"}, mega << 20);
+        if (outcome.code == 127) { // a shared library did not fit
+            ++loader;
+            continue;
+        }
+        EXPECT_TRUE(outcome.code == 0 || outcome.code == 2) << mega << ": " << outcome.code << outcome.err;
+        done += outcome.code == 0;
+        if (outcome.code == 0) continue;
+        ++refused;
+        EXPECT_EQ(lines(outcome.err).size(), 1U) << mega << ": " << outcome.err;
+        EXPECT_CONTAINS(outcome.err, "memory");
+        EXPECT_FALSE(fs::exists(picture));
+    }
+    std::printf("%d limits too small for the loader, %d refused, %d done\n", loader, refused, done);
+    EXPECT_GT(refused, 5);
+    EXPECT_EQ(done, 3);
+}
+
+// The whole of it for every scene: tests/bench/memory.
+TEST(Limits, ASequenceTakesNoMoreMemoryThanItsFirstFrames) {
+    const auto peak = [](const char* frames) {
+        const Folder folder;
+        const Outcome outcome = marram({"render", MARRAM_SOURCE_DIR "/scenes/golden/sheet.toml", "-o",
+                                        folder / "a.####.exr", "--frames", frames, "--size", "32x18", "--spp",
+                                        "1", "--quiet", "--stats", folder / "s.json"});
+        EXPECT_EQ(outcome.code, 0) << outcome.err;
+        return json_of(folder / "s.json").back()["memory"]["peak_bytes"].get<double>();
+    };
+    const double few = peak("1-20"), many = peak("1-300");
+    std::printf("peak after 20 frames %.1f MiB, after 300 %.1f MiB\n", few / 0x1p20, many / 0x1p20);
+    EXPECT_LT(many, 1.02 * few);
+}
+
+#endif
+
+TEST(Limits, NamesMayBeLong) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText());
+    EXPECT_EQ(marram({"render", scene, "-o", folder / (std::string(240, 'n') + ".exr"), "--quiet"}).code, 0);
+    const Outcome outcome = marram({"render", scene, "-o", folder / (std::string(250, 'n') + ".exr")});
+    EXPECT_EQ(outcome.code, 2);
+    EXPECT_CONTAINS(outcome.err, "255 are allowed: give it a shorter name");
+    const std::string text(6000, 'x');
+    for (const std::vector<std::string>& command : {std::vector<std::string>{"render", text},
+                                                    {"render", scene, "--size", text},
+                                                    {"render", scene, "--" + text},
+                                                    {"render", scene, "--set", text},
+                                                    {"compare", text, text},
+                                                    {"info", text}}) {
+        const Outcome refused = marram(command);
+        EXPECT_EQ(refused.code, 2);
+        EXPECT_LT(refused.err.size(), 2000U) << command[0];
+    }
+}
+
+TEST(Limits, StatsOfASequenceHaveAFileAFrame) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText());
+    EXPECT_DONE(marram(
+        {"render", scene, "-o", folder / "a.##.exr", "--frames", "2-3", "--stats", folder / "s.##.json"}));
+    EXPECT_EQ(json_of(folder / "s.02.json")["frame"], 2.0);
+    EXPECT_EQ(json_of(folder / "s.03.json")["frame"], 3.0);
+    EXPECT_FALSE(fs::exists(folder / "s.##.json"));
+}
+
+// What is allowed and yet hardly meant is said.
+TEST(Limits, WhatNobodyWillSeeIsSaid) {
+    const Folder folder;
+    SceneText text;
+    text.groom = "count = 10\nlength = 0.3\nwidth = 0\n";
+    Outcome outcome = marram({"render", folder.write("a.toml", text), "-o", folder / "a.exr"});
+    EXPECT_EQ(outcome.code, 0);
+    EXPECT_CONTAINS(outcome.err, "width is 0, no strand will be seen");
+
+    text = {};
+    text.more = "[[material]]\nname = \"white\"\ntype = \"diffuse\"\ncolor = 1\n[[mesh]]\nname = \"box\"\n"
+                "type = \"box\"\nsize = [9, 9, 9]\nmaterial = \"white\"\n";
+    const std::string scene = folder.write("white.toml", text);
+    outcome = marram({"render", scene, "-o", folder / "a.exr"});
+    EXPECT_EQ(outcome.code, 0);
+    EXPECT_CONTAINS(outcome.err, "film.max_depth = 3 ends paths that carry up to");
+
+    outcome = marram({"render", folder.write("far.toml", SceneText()), "-o", folder / "a.exr", "--set",
+                      "mesh.ground.transform.translate=[1e6, 0, 0]"});
+    EXPECT_EQ(outcome.code, 0);
+    EXPECT_CONTAINS(outcome.err, "m from the origin are rounded to");
+}
+
+} // namespace
+} // namespace marram::testing

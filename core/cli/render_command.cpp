@@ -282,7 +282,7 @@ void save_frame(FrameJob& job, Preview& preview) {
     if (render.clamped > 0.0 && !job.options.quiet)
         fmt::print(stderr, "{}: film.clamp took {:.2g} % of the light\n", files.picture,
                    100.0 * render.clamped);
-    constexpr double dark = 0.02; // a darkening that is seen
+    constexpr double dark = 0.05; // of the light: a darkening that is seen
     const int depth = job.scene.description.film.integer("max_depth");
     if (depth > 1 && render.cut_throughput > dark) // 0 and 1 are asked for on purpose
         fmt::print(stderr,

@@ -4,6 +4,8 @@
 #include "core/image/image.h"
 
 #include <dlfcn.h>
+#include <fmt/format.h>
+#include <unistd.h>
 
 #include <cstring>
 #include <deque>
@@ -120,7 +122,8 @@ PluginLibrary::PluginLibrary(const std::string& path, const Place& place) : path
         if (reason.find("failed to map segment") != std::string::npos ||
             reason.find("annot allocate memory") != std::string::npos)
             throw std::bad_alloc();
-        throw InputError(place, "cannot load the procedural library: " + reason, "build it, or mend its path");
+        throw InputError(place, "cannot load the procedural library: " + reason,
+                         "build it, or mend its path");
     }
     const auto entry = reinterpret_cast<MarramLibraryFunction>(dlsym(handle_, MARRAM_ENTRY_POINT));
     const std::string fix = "build it against core/plugin/marram_plugin.h of this version";
@@ -200,6 +203,8 @@ void Procedural::on_message(void* user, MarramSeverity severity, const char* pla
     const std::string where = *place ? place : to_string(procedural.place_);
     if (severity == MARRAM_FAULT)
         procedural.faults_.push_back(problem_of(where, text));
+    else if (severity == MARRAM_INFO) // now, while it helps; a progress line is drawn anew
+        fmt::print(stderr, "{}{}: {}\n", isatty(STDERR_FILENO) ? "\r\033[K" : "", where, text);
     else
         procedural.warnings_.push_back(where + ": " + text);
 }

@@ -43,6 +43,7 @@ extern "C" {
 #define MARRAM_ABI_VERSION 2u
 
 typedef enum MarramStatus { MARRAM_OK = 0, MARRAM_ERROR = 1, MARRAM_CANCELLED = 2 } MarramStatus;
+/* A renderer shows information at once, warnings with the frame that they are about; faults are why a call returns MARRAM_ERROR. */
 typedef enum MarramSeverity { MARRAM_INFO = 0, MARRAM_WARNING = 1, MARRAM_FAULT = 2 } MarramSeverity;
 
 /* ---- Parameters ------------------------------------------------------------------------------------------------- */

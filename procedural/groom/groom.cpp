@@ -68,7 +68,8 @@ struct GroomInstance {
     double placing_seconds = 0.0, chain_seconds = 0.0; // wall time within begin
     size_t placing_bytes = 0;
 
-    bool begun = false; // a frame, without a fault
+    bool begun = false;              // a frame, without a fault
+    std::optional<double> announced; // the frame whose work was said to be long
     MarramFrame frame{};
     const MarramMesh* mesh = nullptr;
     uint32_t placed_vertices = 0, placed_triangles = 0; // of the mesh that the roots were placed on
@@ -296,6 +297,25 @@ void warn_of_gusts(const GroomInstance& instance) {
                           text.c_str());
 }
 
+// Work that takes long is announced before it begins, so that who asked for it by mistake need not wait to learn it.
+void announce_long_work(GroomInstance& instance) {
+    // Thread seconds a CV of one motion sample, or of one step of jiggle: from the README's table of figures.
+    constexpr double bend = 0.08e-6, collide = 0.6e-6, announced = 10.0;
+    const double cvs = double(instance.roots.size()) * instance.groom.cvs;
+    const double samples = instance.time_count,
+                 steps = double(std::max<int64_t>(instance.past.window.count(), 0));
+    const bool collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;
+    const double seconds = cvs * (bend * (samples + steps) + (collides ? collide * samples : 0.0));
+    if (seconds < announced || instance.announced == instance.frame.frame) return;
+    instance.announced = instance.frame.frame;
+    const std::string text =
+        fmt::format("{:.3g} CVs, {} a strand, at {} motion samples and {} steps of jiggle take {:.0f} s of "
+                    "one processor or "
+                    "more: ask for fewer strands or CVs, a larger tolerance, or stronger jiggle.damping",
+                    cvs, instance.groom.cvs, samples, steps, seconds);
+    instance.host.message(instance.host.user, MARRAM_INFO, instance.groom.mesh_place.c_str(), text.c_str());
+}
+
 // Positions are floats: far from the origin strands come to stand on a grid.
 void warn_of_rounding(const GroomInstance& instance) {
     const MarramMesh& mesh = *instance.mesh;
@@ -443,6 +463,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
                               instance.wind.gusts ? rest_box(instance) : everywhere(), &instance.trees});
         warn_of_gusts(instance);
         warn_of_rounding(instance);
+        announce_long_work(instance);
         instance.chain_seconds = instance.wind.collision ? now_in_seconds() - before : 0.0;
         *out = MarramOutput{};
         out->kind = MARRAM_CURVES;

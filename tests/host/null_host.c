@@ -480,6 +480,25 @@ static void check_bad_frames(const MarramProcedural* type, const Values* values,
     type->destroy(instance);
 }
 
+/* Work that would take a minute is announced before it begins. */
+static void check_announcement(const MarramProcedural* type, const MarramFrame* frame) {
+    static Values values;
+    Given given[good_count + 1];
+    memcpy(given, good, sizeof good);
+    given[1].text = "400000";
+    given[good_count].name = "cvs";
+    given[good_count].text = "1000";
+    make_values(type, given, good_count + 1, &values);
+    MarramInstance* instance = NULL;
+    MarramOutput output;
+    CHECK(type->create(&host, values.list, values.count, &instance) == MARRAM_OK);
+    last_message[0] = '\0';
+    CHECK(type->begin(instance, frame, &output) == MARRAM_OK);
+    CHECK(strstr(last_message, "4e+08 CVs, 1000 a strand, at 2 motion samples") &&
+          strstr(last_message, "of one processor"));
+    type->destroy(instance);
+}
+
 /* Asked to stop before roots are placed, and between two patches. */
 static void check_cancel(const MarramProcedural* type, const Values* values, const MarramFrame* frame) {
     MarramInstance* instance = NULL;
@@ -545,6 +564,7 @@ static void run(const MarramProcedural* type, RTCDevice device, RTCGeometry squa
     check_cancel(type, &values, frame);
     check_bad_values(type);
     check_bad_frames(type, &values, frame);
+    check_announcement(type, frame);
 }
 
 int main(int argc, char** argv) {

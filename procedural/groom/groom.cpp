@@ -299,8 +299,8 @@ void warn_of_gusts(const GroomInstance& instance) {
 
 // Work that takes long is announced before it begins, so that who asked for it by mistake need not wait to learn it.
 void announce_long_work(GroomInstance& instance) {
-    // Thread seconds a CV of one motion sample, or of one step of jiggle: from the README's table of figures.
-    constexpr double bend = 0.08e-6, collide = 0.6e-6, announced = 10.0;
+    // Thread seconds per CV and motion sample, or step of jiggle. Contact: 1e-6 with 5 CVs a strand, 3e-6 with hundreds.
+    constexpr double bend = 0.08e-6, collide = 2e-6, announced = 10.0;
     const double cvs = double(instance.roots.size()) * instance.groom.cvs;
     const double samples = instance.time_count,
                  steps = double(std::max<int64_t>(instance.past.window.count(), 0));
@@ -314,6 +314,22 @@ void announce_long_work(GroomInstance& instance) {
                     "more: ask for fewer strands or CVs, a larger tolerance, or stronger jiggle.damping",
                     cvs, instance.groom.cvs, samples, steps, seconds);
     instance.host.message(instance.host.user, MARRAM_INFO, instance.groom.mesh_place.c_str(), text.c_str());
+}
+
+// A length in the wrong unit: every ray meets every strand, and rendering takes hours.
+void warn_of_length(const GroomInstance& instance) {
+    constexpr double much = 1e4; // times the mesh
+    constexpr size_t many = 100;
+    Eigen::AlignedBox3d box;
+    for (size_t v = 0; v < instance.mesh->vertex_count; ++v)
+        box.extend(Eigen::Map<const Vec3f>(instance.mesh->positions[0] + 3 * v).cast<double>());
+    const double length = longest_strand(instance.groom), size = box.diagonal().norm();
+    if (instance.roots.size() < many || !(length > much * size)) return;
+    const std::string text = fmt::format("strands are up to {:.3g} m long on a mesh of {:.3g} m, and "
+                                         "rendering will be slow: check the unit of length",
+                                         length, size);
+    instance.host.message(instance.host.user, MARRAM_WARNING, instance.groom.mesh_place.c_str(),
+                          text.c_str());
 }
 
 // Positions are floats: far from the origin strands come to stand on a grid.
@@ -463,6 +479,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
                               instance.wind.gusts ? rest_box(instance) : everywhere(), &instance.trees});
         warn_of_gusts(instance);
         warn_of_rounding(instance);
+        warn_of_length(instance);
         announce_long_work(instance);
         instance.chain_seconds = instance.wind.collision ? now_in_seconds() - before : 0.0;
         *out = MarramOutput{};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Renders golden frames anew and shows, before anything is replaced, what was, what is to be and how they differ: one page each, and one line
+// --list prints what `marram render` needs for each. Else: renders golden frames anew and shows, before anything is replaced, what was, what is to be and how they differ: one page each, and one line
 // on the terminal. Only with --write are the files replaced. Started by tests/golden/update.
 #include "core/cli/compare_report.h"
 #include "core/image/atomic_file.h"
@@ -60,17 +60,33 @@ int run(const std::vector<std::string>& names, bool writes, const fs::path& fold
     return bytes <= size_t(5) << 20 ? 0 : 1;
 }
 
+// Each golden as options of `marram render`, separated by tabs.
+void list() {
+    for (const Golden& golden : goldens()) {
+        fmt::print("{}\t{}\t--frame\t{}", golden.name, golden.scene, golden.frame);
+        for (const std::string& change : golden.changes) fmt::print("\t--set\t{}", change);
+        if (!golden.layers.empty()) fmt::print("\t--aov\t{}", fmt::join(golden.layers, ","));
+        fmt::print("\n");
+    }
+}
+
 } // namespace
 } // namespace marram::golden
 
 int main(int argc, char** argv) {
     std::vector<std::string> names;
-    bool writes = false;
+    bool writes = false, lists = false;
     for (int i = 1; i < argc; ++i) {
         if (std::string(argv[i]) == "--write")
             writes = true;
+        else if (std::string(argv[i]) == "--list")
+            lists = true;
         else
             names.emplace_back(argv[i]);
+    }
+    if (lists) {
+        marram::golden::list();
+        return 0;
     }
     try {
         for (const std::string& name : names) marram::golden::golden_named(name);

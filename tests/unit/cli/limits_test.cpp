@@ -179,6 +179,39 @@ TEST(Limits, WhatNobodyWillSeeIsSaid) {
                       "mesh.ground.transform.translate=[1e6, 0, 0]"});
     EXPECT_EQ(outcome.code, 0);
     EXPECT_CONTAINS(outcome.err, "m from the origin are rounded to");
+
+    outcome = marram({"bake", folder.write("long.toml", SceneText()), "-o", folder / "a.hair", "--set",
+                      "procedural.grass.length=[0.3, 1e6]"});
+    EXPECT_EQ(outcome.code, 0);
+    EXPECT_CONTAINS(outcome.err, "m long on a mesh of");
+}
+
+// A strand that hardly swings less from second to second is looked at for hours: said before that begins.
+TEST(Limits, LongWorkIsAnnounced) {
+    const Folder folder;
+    SceneText text;
+    text.wind = "speed = 6\nglobal_rotate = 1\nnoise = { amplitude = 0.5, frequency = 2 }\n"
+                "jiggle = { frequency = 2, damping = 0.001 }\n";
+    text.groom = "count = 20000\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.002\n";
+    const std::string scene = folder.write("a.toml", text);
+    EXPECT_EQ(interrupt_in("s of one processor or more", {"render", scene, "-o", folder / "a.exr"}), 130);
+    EXPECT_EQ(folder.names(), std::set<std::string>{"a.toml"});
+}
+
+// However far segments are turned out, and however near their goal was.
+TEST(Limits, TheShareOfTheWayIsAShare) {
+    const Folder folder;
+    SceneText text;
+    text.wind = "speed = 6\nglobal_rotate = 0.01\ncollision = { solver = \"exact\" }\n";
+    text.more = "[[mesh]]\nname = \"stone\"\ntype = \"sphere\"\nradius = 0.9\ndivisions = 8\n";
+    const Outcome outcome = marram(
+        {"render", folder.write("a.toml", text), "-o", folder / "a.exr", "--stats", folder / "s.json"});
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    const nlohmann::json collision = json_of(folder / "s.json")["collision"];
+    EXPECT_GT(collision["pushed_out"], 20);
+    EXPECT_GE(collision["reached"], 0.0);
+    EXPECT_LE(collision["reached"], 1.0);
+    std::printf("reached %g\n", collision["reached"].get<double>());
 }
 
 } // namespace

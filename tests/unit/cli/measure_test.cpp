@@ -64,8 +64,15 @@ TEST(Measure, turns_every_dial_of_a_scene) {
         files.insert("report/" + name + ".svg");
         ASSERT_TRUE(dials.contains(name));
         int own = 0, references = 0, front = 0;
+        const auto reference =
+            std::ranges::find(dials.at(name), "1", [](const Row& row) { return row.at("reference"); });
+        ASSERT_NE(reference, dials.at(name).end());
         for (const Row& row : dials.at(name)) {
             EXPECT_EQ(row.at("refused"), "") << row.at("setting");
+            // Both columns tell the same: seconds are those of the reference, times the ratio.
+            EXPECT_NEAR(number(row, "seconds") * number(*reference, "ratio"),
+                        number(*reference, "seconds") * number(row, "ratio"),
+                        1e-3 * number(*reference, "seconds") * number(row, "ratio"));
             EXPECT_GE(number(row, "worst"), number(row, "error"));
             own += row.at("own") == "1";
             front += row.at("front") == "1";

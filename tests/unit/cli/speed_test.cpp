@@ -35,5 +35,58 @@ TEST(Speed, OfStrandsIsSmallBesideTheBvh) {
     EXPECT_LT(extra, 8.0 * cvs);
 }
 
+// The median of three ratios, each of two runs one after the other, of a number in their statistics.
+template <typename Run>
+double median_ratio(Run&& number, const std::string& many, const std::string& few) {
+    std::vector<double> ratios;
+    for (int run = 0; run < 3; ++run) {
+        const double much = number(many), little = number(few);
+        fmt::print("{:.4g} s against {:.4g} s\n", much, little);
+        ratios.push_back(much / little);
+    }
+    std::ranges::sort(ratios);
+    return ratios[1];
+}
+
+double stat(const Folder& folder, const std::string& scene, const char* name,
+            const std::vector<std::string>& more = {}) {
+    std::vector<std::string> command = {
+        "render",    scene, "-o",      folder / "a.exr", "--size",         "4x4", "--spp", "1",
+        "--threads", "1",   "--quiet", "--stats",        folder / "a.json"};
+    command.insert(command.end(), more.begin(), more.end());
+    EXPECT_DONE(marram(command));
+    return nlohmann::json::parse(read_file(folder / "a.json"))["seconds"][name];
+}
+
+// Eight times the CVs a strand: twice the time a CV at most. It was eight times when each segment looked ahead to the tip.
+TEST(Speed, OfContactIsLinearInCvs) {
+    const Folder folder;
+    SceneText text{.groom = "count = 500\nlength = [0.3, 0.5]\nwidth = 0.002\n"};
+    text.wind = "speed = 6\nglobal_rotate = 1\nnoise = { amplitude = 0.5, frequency = 2 }\n"
+                "collision = { solver = \"exact\" }\n";
+    text.more = "[[mesh]]\nname = \"stone\"\ntype = \"sphere\"\nradius = 0.6\ndivisions = 30\n";
+    const std::string scene = folder.write("a.toml", text);
+    const auto collide = [&](const std::string& cvs) {
+        return stat(folder, scene, "collide", {"--set", "procedural.grass.cvs=" + cvs});
+    };
+    EXPECT_LT(median_ratio(collide, "640", "80"), 16.0);
+}
+
+TEST(Speed, OfLoadingIsLinearInGusts) {
+    const Folder folder;
+    const auto scene_with = [&](int gusts) {
+        SceneText text;
+        text.more = "";
+        for (int i = 0; i < gusts; ++i)
+            text.more += fmt::format("[[wind.gusts.control]]\nshape = \"sphere\"\n"
+                                     "transform = {{ translate = [{}, 0, 0] }}\n",
+                                     100 + i);
+        return folder.write(fmt::format("{}.toml", gusts), text);
+    };
+    const std::string few = scene_with(1000), many = scene_with(8000);
+    const auto load = [&](const std::string& scene) { return stat(folder, scene, "load"); };
+    EXPECT_LT(median_ratio(load, many, few), 16.0);
+}
+
 } // namespace
 } // namespace marram::testing

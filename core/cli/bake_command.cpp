@@ -2,9 +2,12 @@
 #include "core/cli/commands.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/progress.h"
-#include "core/cli/stats.h"
 #include "core/geometry/curve_export.h"
 #include "core/image/atomic_file.h"
+#include "core/math/clock.h"
+#include "core/shot/frame_name.h"
+#include "core/shot/settings.h"
+#include "core/shot/stats.h"
 
 #include <fmt/format.h>
 #include <tbb/global_control.h>
@@ -37,24 +40,24 @@ void check_formats(const BakeOptions& options) {
 int bake_command(const BakeOptions& options) {
     check_formats(options);
     const double begin = wall_seconds();
-    LoadedScene scene = load(options.scene, options.overrides, interrupted());
+    Shot shot = open_shot(options);
     FrameStats stats;
     stats.load = wall_seconds() - begin;
-    stats.frame = options.frame.value_or(scene.description.globals.vec2("frames").x());
+    stats.frame = options.frame.value_or(shot.description.globals.vec2("frames").x());
     const std::string output = numbered(options.output, stats.frame);
-    RunFiles files(files_read(scene, options.scene));
+    RunFiles files(files_read(shot, options.scene));
     const std::string colliders = numbered(options.colliders, stats.frame);
     for (const std::string& file : {output, colliders, numbered(options.stats, stats.frame)}) {
         files.write(file);
         if (!file.empty()) check_writable(file);
     }
 
-    BuildSettings settings = build_settings(scene, stats.frame);
+    BuildSettings settings = build_settings(shot, stats.frame);
     settings.shutter_open = settings.shutter_close = 0.0; // the frame itself, not what the shutter sees of it
     settings.stage = stage_of(options.stage);
     settings.curves_bvh = false;
     settings.attributes = {"id"};
-    stats.threads = options.threads > 0 ? options.threads : tbb::this_task_arena::max_concurrency();
+    stats.threads = threads_of(options);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(stats.threads));
     tbb::task_arena arena(stats.threads);
     BuildProgress progress;
@@ -64,7 +67,7 @@ int bake_command(const BakeOptions& options) {
             return ProgressState{progress.phase.load(), progress.fraction.load()};
         });
         arena.execute(
-            [&] { world = build_world(scene.geometry, settings, interrupted(), progress, stats.build); });
+            [&] { world = build_world(shot.geometry, settings, interrupted(), progress, stats.build); });
         progress.phase = "writing";
         write_curves(output, world.curves, stats.frame, settings.fps);
         if (!colliders.empty()) write_colliders_obj(colliders, world.meshes);

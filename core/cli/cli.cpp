@@ -7,6 +7,7 @@
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <tbb/task_arena.h>
 
 #include <cerrno>
 #include <charconv>
@@ -209,6 +210,16 @@ void check_standard_output() {
 }
 
 } // namespace
+
+int threads_of(const CommonOptions& options) {
+    return options.threads > 0 ? options.threads : tbb::this_task_arena::max_concurrency();
+}
+
+Shot open_shot(const CommonOptions& options) {
+    Shot shot = load_shot(options.scene, options.overrides, interrupted());
+    for (const std::string& warning : shot.warnings) fmt::print(stderr, "{}\n", warning);
+    return shot;
+}
 
 int run(int argc, char** argv) {
     CLI::App app("Wind on hair, fur and grass, applied while the renderer tessellates its scene.", "marram");

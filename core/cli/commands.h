@@ -4,8 +4,8 @@
 // To add one: its options here, its function in a file of its own, and its parser in cli.cpp.
 #pragma once
 
-#include "core/cli/assemble.h"
 #include "core/cli/frames.h"
+#include "core/shot/shot.h"
 
 #include <string>
 #include <vector>
@@ -19,6 +19,11 @@ struct CommonOptions {
     std::string stats; // JSON file, "" for none
     bool quiet = false;
 };
+
+int threads_of(const CommonOptions& options);
+
+// Loads the scene and prints its warnings.
+Shot open_shot(const CommonOptions& options);
 
 struct RenderOptions : CommonOptions {
     std::string output = "marram.png";

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/commands.h"
-#include "core/cli/compare_report.h"
+#include "core/compare/compare_page.h"
 #include "core/image/atomic_file.h"
 #include "core/math/problem.h"
 

@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include <array>
 #include <charconv>
 #include <cmath>
 
@@ -65,19 +64,6 @@ std::vector<double> frames_to_make(const FrameRequest& request, const Vec2d& sce
         return {scene_range.x()};
     }
     return whole_frames(range.first, range.second);
-}
-
-std::string numbered(const std::string& output, double frame) {
-    const size_t first = output.find('#');
-    if (first == std::string::npos) return output;
-    const size_t end = std::min(output.find_first_not_of('#', first), output.size());
-    std::array<char, 512> digits{}; // as few as tell the frame from all others
-    const char* last =
-        std::to_chars(digits.begin(), digits.end(), std::abs(frame), std::chars_format::fixed).ptr;
-    const std::string number(static_cast<const char*>(digits.data()), last);
-    const size_t whole = std::min(number.find('.'), number.size()), wide = end - first;
-    return output.substr(0, first) + (frame < 0.0 ? "-" : "") +
-           std::string(wide - std::min(wide, whole), '0') + number + output.substr(end);
 }
 
 } // namespace marram

@@ -33,7 +33,4 @@ class RunFiles {
 std::vector<double> frames_to_make(const FrameRequest& request, const Vec2d& scene_range,
                                    const std::string& output);
 
-// The output's name with its run of # replaced by the frame: "####" at 7 gives "0007", at 7.25 "0007.25", at -3 "-0003".
-std::string numbered(const std::string& output, double frame);
-
 } // namespace marram

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/commands.h"
 #include "core/cli/interrupt.h"
-#include "core/cli/picture.h"
+#include "core/shot/picture_file.h"
+#include "core/shot/settings.h"
 
 #include <fmt/format.h>
 
@@ -80,22 +81,22 @@ std::vector<Topic> topics(const Schema& schema) {
 }
 
 // Image layers: film.aovs and --aov. The same list as check_layers() accepts; each with its channels in an EXR.
-void print_layers(const Dialect& dialect) {
+void print_layers(const PluginSet& plugins) {
     fmt::print(
         "image layers (film.aovs, --aov), in an EXR as LAYER.CHANNEL; beauty and alpha are R, G, B, A\n");
     const auto print = [](std::string_view name, std::string_view channels, std::string_view help) {
         fmt::print("    {:<14} {:<8} {}\n", name, channels, help);
     };
-    for (const LayerHelp& layer : built_in_layers()) print(layer.name, layer.channels, layer.help);
+    for (const BuiltInLayer& layer : built_in_layers()) print(layer.name, layer.channel_names, layer.help);
     std::set<std::string> told; // procedurals may share names
-    for (const auto& [path, library] : dialect.libraries)
+    for (const auto& [path, library] : plugins.libraries)
         for (uint32_t p = 0; p < library->table().procedural_count; ++p) {
             const MarramProcedural& procedural = library->table().procedurals[p];
             for (uint32_t a = 0; a < procedural.attribute_count; ++a) {
                 const MarramAttribute& attribute = procedural.attributes[a];
-                constexpr std::string_view channels[] = {"Y", "U V", "X Y Z", "R G B A"};
                 if (told.insert(attribute.name).second)
-                    print(attribute.name, channels[std::clamp(attribute.components, 1U, 4U) - 1],
+                    print(attribute.name,
+                          fmt::format("{}", fmt::join(attribute_channels(attribute.components), " ")),
                           fmt::format("of curves of a {}: {}", procedural.name, attribute.help));
             }
         }
@@ -104,9 +105,11 @@ void print_layers(const Dialect& dialect) {
 
 // What a scene holds, and what it would cost by the figures measured for the renderer (README, "How fast").
 void print_scene(const std::string& file) {
-    LoadedScene scene = load(file, {}, interrupted());
+    CommonOptions options;
+    options.scene = file;
+    Shot shot = open_shot(options);
     uint64_t triangles = 0;
-    for (const SceneMesh& mesh : scene.geometry.meshes) {
+    for (const SceneMesh& mesh : shot.geometry.meshes) {
         triangles += mesh.mesh.triangles.size();
         fmt::print("mesh {}: {} vertices, {} triangles{}{}\n", mesh.name, mesh.mesh.positions.size(),
                    mesh.mesh.triangles.size(), mesh.mesh.uvs.empty() ? ", no uvs" : "",
@@ -114,21 +117,21 @@ void print_scene(const std::string& file) {
                    : mesh.moves()       ? ", moves"
                                         : "");
     }
-    const BuildSettings settings = build_settings(scene, scene.description.globals.vec2("frames").x());
+    const BuildSettings settings = build_settings(shot, shot.description.globals.vec2("frames").x());
     BuildSettings still = settings; // counted without motion
     still.curves_bvh = false;
     still.shutter_open = still.shutter_close = 0.0;
     BuildProgress progress;
     BuildStats stats;
-    const World world = build_world(scene.geometry, still, interrupted(), progress, stats);
+    const World world = build_world(shot.geometry, still, interrupted(), progress, stats);
     for (const CurveGeometry& curves : world.curves)
         fmt::print("procedural {}: {} curves of {} CVs\n", curves.name, curves.curve_count,
                    curves.cvs_per_curve);
-    const double keys = chosen_motion_keys(scene.geometry, settings, interrupted(), progress);
+    const double keys = chosen_motion_keys(shot.geometry, settings, interrupted(), progress);
     // Embree's BVH over cubic segments, medium quality: bytes and thread seconds a segment and motion step.
     constexpr double bvh_bytes = 122.0, bvh_seconds = 2e-6;
     const double segments = double(stats.segments);
-    const auto [width, height] = film_size(scene);
+    const auto [width, height] = film_size(shot);
     fmt::print("triangles: {}\ncurves: {}\nsegments: {}\n", triangles, stats.curves, stats.segments);
     fmt::print("memory: about {:.0f} MB for curves and their BVH at {} motion keys\n",
                1e-6 * (double(stats.curve_bytes) * keys + double(stats.curve_extra_bytes) +
@@ -139,7 +142,7 @@ void print_scene(const std::string& file) {
         segments * bvh_seconds * (1.0 + 0.3 * (keys - 1.0)),
         stats.expand + stats.gusts + stats.shield + stats.bend + stats.jiggle + stats.collide);
     fmt::print("film: {} x {}, {:.3g} paths\n", width, height,
-               double(width) * height * scene.description.film.integer("samples"));
+               double(width) * height * shot.description.film.integer("samples"));
     const Vec3f size = world.bounds.sizes();
     fmt::print("bounds of the meshes: {:.4g} x {:.4g} x {:.4g} m\n", size.x(), size.y(), size.z());
 }
@@ -151,9 +154,9 @@ int info_command(const std::string& subject) {
         print_scene(subject);
         return 0;
     }
-    const Dialect dialect = default_dialect();
+    const PluginSet plugins = default_plugins();
     bool found = false;
-    for (const Topic& topic : topics(dialect.schema)) {
+    for (const Topic& topic : topics(plugins.schema)) {
         if (!subject.empty() && subject != topic.name) continue;
         print_table(topic.title, topic.help, topic.params);
         if (topic.title.starts_with("[[procedural]]"))
@@ -163,12 +166,12 @@ int info_command(const std::string& subject) {
         found = true;
     }
     if (subject.empty() || subject == "layers") {
-        print_layers(dialect);
+        print_layers(plugins);
         found = true;
     }
     if (found) return 0;
     std::string known = "layers";
-    for (const Topic& topic : topics(dialect.schema)) known += ", " + topic.name;
+    for (const Topic& topic : topics(plugins.schema)) known += ", " + topic.name;
     throw InputError({"marram info " + subject}, "there is no such thing",
                      "ask for a scene file (.toml) or one of: " + known);
 }

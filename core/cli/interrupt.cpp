@@ -14,7 +14,7 @@ namespace marram {
 namespace {
 
 std::atomic<bool> stop{false};
-std::atomic<int> uncut{0};
+std::atomic<int> no_exits{0};
 
 // A second of patience is promised; sorting roots and the like takes up to this before it looks.
 constexpr double grace_seconds = 0.4;
@@ -33,7 +33,7 @@ void watch(sigset_t signals) {
     for (double waited = 0.0;; waited += 0.02) {
         timespec none{0, 0};
         const bool again = sigtimedwait(&signals, nullptr, &none) > 0;
-        if (again || (waited > grace_seconds && uncut.load() == 0)) cut_off();
+        if (again || (waited > grace_seconds && no_exits.load() == 0)) cut_off();
         nanosleep(&pause, nullptr);
     }
 }
@@ -55,7 +55,7 @@ void watch_interrupts() {
     std::thread(watch, signals).detach();
 }
 
-Uncut::Uncut() { ++uncut; }
-Uncut::~Uncut() { --uncut; }
+NoExit::NoExit() { ++no_exits; }
+NoExit::~NoExit() { --no_exits; }
 
 } // namespace marram

@@ -16,12 +16,12 @@ const std::atomic<bool>& interrupted();
 void watch_interrupts();
 
 // While one of these lives, an interrupt waits for the work to end by itself: a picture is being saved.
-class Uncut {
+class NoExit {
   public:
-    Uncut();
-    ~Uncut();
-    Uncut(const Uncut&) = delete;
-    Uncut& operator=(const Uncut&) = delete;
+    NoExit();
+    ~NoExit();
+    NoExit(const NoExit&) = delete;
+    NoExit& operator=(const NoExit&) = delete;
 };
 
 } // namespace marram

@@ -1,367 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Each dial is turned through its settings in rounds: what is compared runs side by side, minute by minute, and the median of the
-// rounds' ratios counts. The first round measures the errors and warms up: its times count only where there is no
-// second. Time is shared out evenly among the dials; one that runs out of it says what it left out.
 #include "core/cli/commands.h"
 #include "core/cli/interrupt.h"
-#include "core/cli/measure_report.h"
 #include "core/cli/progress.h"
-#include "core/cli/scene_camera.h"
-#include "core/geometry/curve_compare.h"
 #include "core/image/atomic_file.h"
+#include "core/measure/measure.h"
 
 #include <fmt/format.h>
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
-#include <algorithm>
 #include <filesystem>
-#include <mutex>
 
 namespace marram {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr int most_rounds = 7;
-constexpr const char* no_time = "not measured: no time was left, give more with --seconds";
-
-// What the progress line shows.
-class Watch {
-  public:
-    explicit Watch(double seconds) : begin_(wall_seconds()), seconds_(seconds) {}
-    void now(std::string phase) {
-        const std::lock_guard lock(mutex_);
-        phase_ = std::move(phase);
-    }
-    ProgressState state() const {
-        const std::lock_guard lock(mutex_);
-        return {phase_, (wall_seconds() - begin_) / seconds_};
-    }
-    double left() const { return begin_ + seconds_ - wall_seconds(); }
-
-  private:
-    mutable std::mutex mutex_;
-    std::string phase_ = "loading";
-    double begin_, seconds_;
-};
-
-double median(std::vector<double> values) {
-    if (values.empty()) return 0.0;
-    const auto middle = values.begin() + long(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
-
-struct Session {
-    const MeasureOptions& options;
-    double frame;
-    Watch& watch;
-    std::vector<std::string> thinned = {}; // changes that leave fewer strands
-};
-
-World build(LoadedScene& scene, const Dial& dial, const Session& session, FrameStats& stats) {
-    BuildSettings settings = build_settings(scene, session.frame);
-    if (dial.error != DialError::motion) settings.shutter_open = settings.shutter_close = 0.0;
-    settings.curves_bvh = dial.time == "strands and BVH" || dial.error == DialError::image;
-    settings.attributes =
-        dial.error == DialError::image ? wanted_attributes(scene, {}) : std::vector<std::string>{};
-    BuildProgress progress;
-    return build_world(scene.geometry, settings, interrupted(), progress, stats.build);
-}
-
-LoadedScene load_with(const MeasureOptions& options, const std::vector<std::string>& changes) {
-    Overrides overrides = options.overrides;
-    overrides.settings.insert(overrides.settings.end(), changes.begin(), changes.end());
-    return load(options.scene, overrides, interrupted());
-}
-
-// Rounds of times, and what comes of them.
-class Rounds {
-  public:
-    explicit Rounds(size_t settings, size_t base) : seconds_(settings), base_(base) {}
-
-    void add(size_t setting, double seconds) { seconds_[setting].push_back(seconds); }
-
-    // Ratios are of one round each, so that a machine that changes its speed between rounds spoils none. Seconds are the ratio
-    // times what the base takes: both columns tell the same.
-    void finish(std::vector<SettingResult>& results) const {
-        const auto from = [&](size_t i) { // the first round warms up
-            return seconds_[i].size() > 1 && seconds_[base_].size() > 1 ? size_t(1) : size_t(0);
-        };
-        const std::vector<double>& base = seconds_[base_];
-        const double base_seconds =
-            median({base.begin() + std::ptrdiff_t(std::min(from(base_), base.size())), base.end()});
-        for (size_t i = 0; i < seconds_.size(); ++i) {
-            std::vector<double> mine, ratios;
-            for (size_t r = from(i); r < std::min(seconds_[i].size(), base.size()); ++r) {
-                mine.push_back(seconds_[i][r]);
-                if (base[r] > 0.0) ratios.push_back(seconds_[i][r] / base[r]);
-            }
-            results[i].ratio = median(ratios);
-            results[i].seconds = ratios.empty() ? median(mine) : results[i].ratio * base_seconds;
-            results[i].rounds = int(mine.size());
-        }
-    }
-    // What costs nothing is nothing to compare with.
-    bool base_costs() const { return !seconds_[base_].empty() && seconds_[base_].front() > 0.0; }
-    void set_base(size_t base) { base_ = base; }
-
-  private:
-    std::vector<std::vector<double>> seconds_; // [setting][round]
-    size_t base_;
-};
-
-// The setting that times are compared with: the scene's own, or the first that can be measured.
-size_t base_of(const Dial& dial, const std::vector<SettingResult>& results) {
-    for (size_t i = 0; i < results.size(); ++i)
-        if (dial.settings[i].own && results[i].refused.empty()) return i;
-    for (size_t i = 0; i < results.size(); ++i)
-        if (results[i].refused.empty()) return i;
-    return 0;
-}
-
-// The reference, what times are compared with, then the others.
-std::vector<size_t> order_of(const Dial& dial, size_t base) {
-    std::vector<size_t> order = {dial.reference};
-    if (base != dial.reference) order.push_back(base);
-    for (size_t i = 0; i < dial.settings.size(); ++i)
-        if (i != base && i != dial.reference) order.push_back(i);
-    return order;
-}
-
-// Metres a pixel, at the distance of the camera's target.
-double pixel_of(const LoadedScene& scene, const Session& session) {
-    const BuildSettings settings = build_settings(scene, session.frame);
-    return settings.view.pixel_angle *
-           (scene.description.camera.vec3("target") - settings.view.position).norm();
-}
-
-void compare_strands(const Dial& dial, const LoadedScene& scene, const World& world, const World& reference,
-                     const Session& session, SettingResult& result) {
-    const bool motion = dial.error == DialError::motion;
-    const CurveGap gap = motion ? gap_in_motion(world, reference, build_settings(scene, session.frame).view)
-                                : gap_at_rest(world, reference);
-    const double unit = motion ? pixel_of(scene, session) : 1.0;
-    result.error = motion ? gap.most / unit : gap.rms;
-    result.worst = gap.worst / unit;
-    if (!motion) result.most = gap_in_space(world, reference).most;
-    if (dial.counts_crossing) result.crossing = strands_in_meshes(world);
-}
-
-// The rule that chooses motion keys beside what was measured: its law over the settings, and what it foresaw for the scene.
-std::string motion_rule(const DialResult& result, const LoadedScene& scene, const Session& session,
-                        const BuildStats& own) {
-    std::string rule = "Rule: the error falls with the square of the keys less one";
-    double three = 0.0, low = 1.0, high = 1.0;
-    for (size_t i = 0; i < result.settings.size(); ++i) {
-        if (!result.settings[i].refused.empty() || i == result.dial.reference) continue;
-        const int keys = std::atoi(result.dial.settings[i].label.c_str());
-        const double error = result.settings[i].error;
-        if (keys == 3) three = error;
-        if (keys <= 3 || three <= 0.0) continue;
-        const double miss = error * (keys - 1.0) * (keys - 1.0) / (4.0 * three);
-        low = std::min(low, miss);
-        high = std::max(high, miss);
-    }
-    rule += three > 0.0
-                ? fmt::format("; from 3 keys on, measured errors are {:.2f} to {:.2f} of that.", low, high)
-                : std::string(".");
-    if (own.motion_error > 0.0) {
-        const BuildSettings settings = build_settings(scene, session.frame);
-        const double unit = pixel_of(scene, session);
-        double measured = 0.0;
-        for (size_t i = 0; i < result.settings.size(); ++i)
-            if (result.dial.settings[i].own) measured = result.settings[i].error;
-        rule += fmt::format(
-            " The tolerance, {:.3g} pixels, chose {} keys: {:.3g} foreseen, {:.3g} measured; {:.2g} % of "
-            "the strands looked at jump, which no number of keys follows.",
-            settings.tolerance / unit, own.motion_keys, own.motion_error / unit, measured,
-            100.0 * own.motion_jumps);
-    }
-    return rule;
-}
-
-// The same of a dial over numbers: its law through the finest setting beside the reference, and what the tolerance chose.
-std::string dial_rule(const DialResult& result, double tolerance, const BuildStats* chosen) {
-    const Dial& dial = result.dial;
-    const auto number = [&](size_t i) { return std::strtod(dial.settings[i].label.c_str(), nullptr); };
-    const double reference = dial.law(number(dial.reference)); // it is off, too
-    double least = 0.0, factor = 0.0, low = 1.0, high = 1.0, measured = 0.0;
-    const auto each = [&](auto&& visit) {
-        for (size_t i = 0; i < result.settings.size(); ++i)
-            if (result.settings[i].refused.empty() && i != dial.reference && number(i) > 0.0)
-                visit(dial.law(number(i)) - reference, result.settings[i].most);
-    };
-    each([&](double law, double most) {
-        if (law <= 0.0 || most <= 0.0 || (least > 0.0 && law >= least)) return;
-        least = law;
-        factor = most / law;
-    });
-    each([&](double law, double most) {
-        if (law <= 0.0 || factor <= 0.0) return;
-        low = std::min(low, most / (factor * law));
-        high = std::max(high, most / (factor * law));
-    });
-    std::string rule = fmt::format("Rule: the error {}; measured errors are {:.2f} to {:.2f} of that, the "
-                                   "finest setting itself is off by about {:.2g} m.",
-                                   dial.law_words, low, high, factor * reference);
-    for (size_t i = 0; i < result.settings.size(); ++i)
-        if (dial.settings[i].label == "by the tolerance") measured = result.settings[i].most;
-    if (!chosen) return rule;
-    for (const auto& [name, value] : chosen->chosen)
-        if (name.ends_with("." + dial.name))
-            rule += fmt::format(" The tolerance chose {} = {:.6g}.", name, value);
-    return rule + fmt::format(" Of {:.3g} m allowed, 99 strands in 100 are off by less than {:.3g}.",
-                              tolerance, measured);
-}
-
-DialResult measure_strands(const Dial& dial, const Session& session, double budget) {
-    DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0, {}};
-    const double end = wall_seconds() + budget;
-    std::vector<LoadedScene> scenes(dial.settings.size());
-    for (size_t i = 0; i < dial.settings.size(); ++i) {
-        std::vector<std::string> changes = session.thinned;
-        changes.insert(changes.end(), dial.settings[i].changes.begin(), dial.settings[i].changes.end());
-        try {
-            scenes[i] = load_with(session.options, changes);
-        } catch (const InputError& error) {
-            result.settings[i].refused = "refused: " + error.problems.front().what;
-        }
-    }
-    const size_t base = base_of(dial, result.settings);
-    Rounds rounds(dial.settings.size(), base);
-    World reference;
-    BuildStats own, by_tolerance;
-    bool chosen = false;
-    const double begin = wall_seconds();
-    for (const size_t i : order_of(dial, base)) {
-        SettingResult& setting = result.settings[i];
-        if (!setting.refused.empty()) continue;
-        const bool needed = i == dial.reference || i == base;
-        if (!result.settings[dial.reference].refused.empty() && i != dial.reference)
-            setting.refused = "not measured: its reference is refused";
-        else if (!needed && wall_seconds() > end + budget) // errors matter more than rounds
-            setting.refused = no_time;
-        if (!setting.refused.empty()) continue;
-        session.watch.now(fmt::format("{}: {}", dial.name, dial.settings[i].label));
-        FrameStats stats;
-        World world;
-        try {
-            world = build(scenes[i], dial, session, stats);
-        } catch (const InputError& error) {
-            setting.refused = "refused: " + error.problems.front().what;
-            continue;
-        }
-        rounds.add(i, seconds_of(dial, stats));
-        if (dial.settings[i].own) own = stats.build;
-        if (dial.settings[i].label == "by the tolerance") by_tolerance = stats.build, chosen = true;
-        if (i == dial.reference) reference = std::move(world);
-        compare_strands(dial, scenes[i], i == dial.reference ? reference : world, reference, session,
-                        setting);
-    }
-    reference = {};
-    const double round = wall_seconds() - begin;
-    for (int r = 1; r < most_rounds && wall_seconds() + round < end; ++r)
-        for (const size_t i : order_of(dial, base)) {
-            if (!result.settings[i].refused.empty()) continue;
-            session.watch.now(fmt::format("{}: {}", dial.name, dial.settings[i].label));
-            FrameStats stats;
-            build(scenes[i], dial, session, stats);
-            rounds.add(i, seconds_of(dial, stats));
-        }
-    result.base = rounds.base_costs() ? base : dial.reference;
-    rounds.set_base(result.base);
-    rounds.finish(result.settings);
-    mark_front(result);
-    if (dial.error == DialError::motion && result.settings[base].refused.empty())
-        result.rule = motion_rule(result, scenes[base], session, own);
-    if (dial.law)
-        result.rule = dial_rule(result, build_settings(scenes[base], session.frame).tolerance,
-                                chosen ? &by_tolerance : nullptr);
-    return result;
-}
-
-struct Picture {
-    std::vector<float> pixels;
-    double seconds = 0.0;
-};
-
-DialResult measure_pictures(Dial dial, const Session& session, double budget) {
-    const double end = wall_seconds() + budget;
-    constexpr uint32_t widest = 160;
-    LoadedScene scene = load(session.options.scene, session.options.overrides, interrupted());
-    auto [width, height] = film_size(scene);
-    if (width > widest) {
-        Overrides small = session.options.overrides;
-        small.size = {widest, std::max(1U, (height * widest + width / 2) / width)};
-        scene = load(session.options.scene, small, interrupted());
-        std::tie(width, height) = film_size(scene);
-    }
-    session.watch.now(dial.name + ": strands");
-    FrameStats built;
-    const World world = build(scene, dial, session, built);
-    const Lights lights(scene.lights, world);
-    const Camera camera = camera_at(scene.description, session.frame);
-    const auto picture = [&](uint32_t samples, uint64_t seed) {
-        RenderSettings settings = render_settings(scene, session.frame);
-        settings.samples = samples;
-        settings.seed ^= seed;
-        const std::vector<std::string> layers = {"beauty"};
-        Film film = make_film(width, height, layers, world);
-        RenderProgress progress;
-        progress.cancel = &interrupted();
-        const double begin = wall_seconds();
-        const RenderStats stats = render(world, lights, scene.materials, camera, settings, film, &progress);
-        if (stats.cancelled) throw Cancelled{};
-        return Picture{find_layer(film, "beauty")->pixels, wall_seconds() - begin};
-    };
-    constexpr uint64_t other_seed = 0x5bd1e995;
-    const double per_sample = picture(1, other_seed).seconds;
-    DialSetting& finest = dial.settings[dial.reference];
-    const auto affordable = uint32_t(std::clamp(0.5 * budget / per_sample, 4.0, 65536.0));
-    if (finest.samples > affordable) { // fewer, and what comes too near to it is left out
-        finest.samples = affordable;
-        finest.label = std::to_string(affordable);
-    }
-    DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0, {}};
-    for (size_t i = 0; i < dial.settings.size(); ++i)
-        if (i != dial.reference && dial.settings[i].samples > finest.samples / 2)
-            result.settings[i].refused = no_time;
-    const size_t base = base_of(dial, result.settings);
-    Rounds rounds(dial.settings.size(), base);
-    session.watch.now(fmt::format("{}: {}", dial.name, finest.label));
-    const Picture reference = picture(finest.samples, other_seed);
-    double mean = 0.0;
-    for (const float p : reference.pixels) mean += double(p) / double(reference.pixels.size());
-    for (int r = 0; r < most_rounds; ++r) {
-        const double begin = wall_seconds();
-        for (size_t i = 0; i < dial.settings.size(); ++i) {
-            SettingResult& setting = result.settings[i];
-            if (!setting.refused.empty()) continue;
-            if (i == dial.reference) { // it would take up all the time
-                if (r == 0) rounds.add(i, reference.seconds);
-                continue;
-            }
-            session.watch.now(fmt::format("{}: {}", dial.name, dial.settings[i].label));
-            const Picture mine = picture(dial.settings[i].samples, 0);
-            rounds.add(i, mine.seconds);
-            if (r > 0 || !(mean > 0.0)) continue;
-            double squares = 0.0;
-            for (size_t p = 0; p < mine.pixels.size(); ++p) {
-                const double off = std::abs(double(mine.pixels[p]) - double(reference.pixels[p])) / mean;
-                squares += off * off;
-                setting.worst = std::max(setting.worst, off);
-            }
-            setting.error = std::sqrt(squares / double(mine.pixels.size()));
-        }
-        if (wall_seconds() + (wall_seconds() - begin) > end) break;
-    }
-    result.base = base;
-    rounds.finish(result.settings);
-    mark_front(result);
-    return result;
-}
 
 void write_file(const fs::path& path, const std::string& text) {
     AtomicFile writer(path.string());
@@ -371,7 +24,7 @@ void write_file(const fs::path& path, const std::string& text) {
 
 // What was measured, `partial` in the names where it was cut short. The paths written.
 std::vector<std::string> write_report(const Measurement& measurement, const fs::path& folder, bool partial) {
-    const Uncut uncut;
+    const NoExit no_exit;
     const std::string middle = partial ? ".partial" : "";
     std::vector<std::string> written;
     const auto put = [&](const std::string& stem, const std::string& extension, const std::string& text) {
@@ -398,48 +51,21 @@ void make_folder(const std::string& folder) {
 } // namespace
 
 int measure_command(const MeasureOptions& options) {
-    LoadedScene scene = load(options.scene, options.overrides, interrupted());
+    Shot shot = open_shot(options);
     make_folder(options.out);
-    const int threads = options.threads > 0 ? options.threads : tbb::this_task_arena::max_concurrency();
+    const int threads = threads_of(options);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
     tbb::task_arena arena(threads);
-    Watch watch(options.seconds);
-    Session session{options, options.frame.value_or(scene.description.globals.vec2("frames").x()), watch};
-    DialList list = dials_of(scene);
-    Measurement measurement{options.scene, session.frame, threads, 0, 0, 0, {}, list.left_out};
+    const double frame = options.frame.value_or(shot.description.globals.vec2("frames").x());
+    const MeasureRequest request{options.scene, options.overrides, frame, options.seconds, threads};
+    MeasureProgress progress(options.seconds);
+    Measurement measurement;
     try {
-        const ProgressLine line(options.quiet, [&] { return watch.state(); });
-        arena.execute([&] {
-            Dial all;
-            all.time = "strands and BVH";
-            FrameStats stats;
-            build(scene, all, session, stats);
-            // A round over all dials costs about a hundred times the scene's own strands; several are wanted.
-            constexpr double builds = 300.0;
-            const double share = options.seconds / builds / std::max(seconds_of(all, stats), 1e-9);
-            if (share < 1.0) {
-                session.thinned = thinned(scene, share);
-                stats = {};
-                LoadedScene fewer = load_with(options, session.thinned);
-                build(fewer, all, session, stats);
-                measurement.left_out.push_back(fmt::format(
-                    "strands: {:.2g} % of them were measured, so that there is time for every setting; "
-                    "--seconds asks for more (the picture has them all)",
-                    100.0 * share));
-            }
-            measurement.strands = stats.build.curves;
-            measurement.cvs = stats.build.cvs;
-            measurement.triangles = stats.build.triangles;
-            for (size_t i = 0; i < list.dials.size(); ++i) {
-                const Dial& dial = list.dials[i];
-                double weights = 0.0; // of the dials to come
-                for (size_t k = i; k < list.dials.size(); ++k) weights += list.dials[k].weight;
-                const double budget = std::max(watch.left(), 0.0) * dial.weight / weights;
-                measurement.dials.push_back(dial.error == DialError::image
-                                                ? measure_pictures(dial, session, budget)
-                                                : measure_strands(dial, session, budget));
-            }
+        const ProgressLine line(options.quiet, [&] {
+            const auto [phase, fraction] = progress.state();
+            return ProgressState{phase, fraction};
         });
+        arena.execute([&] { measure(shot, request, progress, interrupted(), measurement); });
     } catch (const Cancelled&) {
         for (const std::string& path : write_report(measurement, options.out, true)) fmt::print("{}\n", path);
         throw;

@@ -2,6 +2,7 @@
 #include "core/geometry/build.h"
 
 #include "core/geometry/build_state.h"
+#include "core/geometry/embree_buffer.h"
 #include "core/geometry/round_pieces.h"
 
 #include <fmt/format.h>
@@ -12,15 +13,6 @@
 
 namespace marram {
 namespace {
-
-// Embree reads up to 16 bytes past the end of a shared buffer.
-template <typename T>
-std::vector<T> with_spare_bytes(size_t size) {
-    std::vector<T> buffer;
-    buffer.reserve(size + 2);
-    buffer.resize(size);
-    return buffer;
-}
 
 // Embree drops vertices beyond 1e18 without a word; NaN fails every comparison.
 bool sound(const Vec3f& p) { return (p.array().abs() < 1e18F).all(); }
@@ -197,8 +189,8 @@ void add_procedural_mesh(Build& build, Procedural& procedural) {
     LentMeshes lent(build.world, build.geometry, build.times(2));
     const MarramOutput output = procedural.begin(lent.frame(build.settings, false));
     MeshGeometry mesh{procedural.name(), procedural.material, -1, {}, {}, {}, {}};
-    mesh.positions.push_back(with_spare_bytes<Vec3f>(output.vertex_count));
-    mesh.triangles = with_spare_bytes<std::array<uint32_t, 3>>(output.triangle_count);
+    mesh.positions.push_back(embree_buffer<Vec3f>(output.vertex_count));
+    mesh.triangles = embree_buffer<std::array<uint32_t, 3>>(output.triangle_count);
     if (output.has_uvs) mesh.uvs.resize(output.vertex_count);
     const MarramMeshBuffers buffers{components(mesh.positions[0]), components(mesh.triangles),
                                     output.has_uvs ? components(mesh.uvs) : nullptr};
@@ -302,7 +294,7 @@ MeshGeometry place_mesh(Build& build, const SceneMesh& mesh) {
 // Phase 1.
 void build_colliders(Build& build) {
     World& world = build.world;
-    const double begin = now();
+    const double begin = wall_seconds();
     build.progress.phase = "placing meshes";
     world.colliders = new_scene(build, RTC_SCENE_FLAG_NONE);
     world.scene = new_scene(build, MARRAM_SCENE_FILTER);
@@ -314,12 +306,12 @@ void build_colliders(Build& build) {
         if (procedural->type().kind == MARRAM_MESH) add_procedural_mesh(build, *procedural);
     for (size_t i = 0; i < world.meshes.size(); ++i) attach_mesh(build, world.meshes[i], unsigned(i));
     commit(build, world.colliders.get(), "building colliders");
-    build.stats.colliders += now() - begin;
+    build.stats.colliders += wall_seconds() - begin;
 }
 
 // [procedural], how many motion keys its curves are to have.
 std::vector<uint32_t> keys_of_curves(Build& build) {
-    const double begin = now();
+    const double begin = wall_seconds();
     std::vector<uint32_t> keys;
     for (const auto& procedural : build.geometry.procedurals) {
         const bool looks = build.chooses_keys() && procedural->type().kind == MARRAM_CURVES;
@@ -327,7 +319,7 @@ std::vector<uint32_t> keys_of_curves(Build& build) {
         if (!(build.open() < build.close())) keys.back() = 1;
         build.stats.motion_keys = std::max(build.stats.motion_keys, keys.back());
     }
-    if (build.chooses_keys()) build.stats.expand += now() - begin;
+    if (build.chooses_keys()) build.stats.expand += wall_seconds() - begin;
     build.world.times = build.times(std::max(build.stats.motion_keys, 2U));
     build.stats.motion_keys = uint32_t(build.world.times.size());
     return keys;
@@ -357,10 +349,10 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
     build_colliders(build);
     add_curves(build, keys_of_curves(build));
 
-    const double curves = now();
+    const double curves = wall_seconds();
     if (settings.curves_bvh) commit(build, world.scene.get(), "building the BVH");
     mark_round_pieces(world);
-    stats.curves_bvh += now() - curves;
+    stats.curves_bvh += wall_seconds() - curves;
     RTCBounds bounds{};
     rtcGetSceneBounds(settings.curves_bvh ? world.scene.get() : world.colliders.get(), &bounds);
     world.bounds = Box3f(Vec3f(bounds.lower_x, bounds.lower_y, bounds.lower_z),

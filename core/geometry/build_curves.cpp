@@ -295,26 +295,26 @@ CurveBuild make_curves(Build& build, Procedural& procedural, uint32_t keys) {
     build.progress.phase = "expanding";
     LentMeshes lent(build.world, build.geometry, build.times(keys));
     item.output = procedural.begin(lent.frame(build.settings, true));
-    const double asked = now();
+    const double asked = wall_seconds();
     item.patches.resize(item.output.patch_count);
     tbb::parallel_for(uint32_t{0}, item.output.patch_count,
                       [&](uint32_t i) { item.patches[i] = procedural.patch(i); });
     for (const MarramPatch& p : item.patches)
         build.stats.patch_bounds.emplace_back(Vec3f(p.lower), Vec3f(p.upper));
-    build.stats.expand += now() - asked;
+    build.stats.expand += wall_seconds() - asked;
     check_output(procedural, item.output);
     check_patches(item);
     if (item.output.time_count != 1 && item.output.time_count != keys)
         procedural.refuse("it hands over another number of motion samples than asked", "mend the library");
     allocate(build, item);
-    const double begin = now();
+    const double begin = wall_seconds();
     std::atomic<uint32_t> done{0};
     tbb::parallel_for(uint32_t{0}, item.output.patch_count, [&](uint32_t index) {
         if (build.cancel.load(std::memory_order_relaxed)) throw Cancelled{};
         tessellate_patch(item, index);
         build.progress.fraction = double(++done) / double(item.output.patch_count);
     });
-    account(build, item, now() - begin);
+    account(build, item, wall_seconds() - begin);
     return item;
 }
 
@@ -325,7 +325,7 @@ void add_curves(Build& build, const std::vector<uint32_t>& keys) {
     for (size_t i = 0; i < keys.size(); ++i)
         if (const auto& procedural = build.geometry.procedurals[i]; procedural->type().kind == MARRAM_CURVES)
             items.push_back(make_curves(build, *procedural, keys[i]));
-    const double begin = now();
+    const double begin = wall_seconds();
     const bool round_pay = round_pieces_pay(items);
     for (CurveBuild& item : items) {
         const auto id = unsigned(build.world.meshes.size() + build.world.curves.size());
@@ -334,7 +334,7 @@ void add_curves(Build& build, const std::vector<uint32_t>& keys) {
         build.curves.push_back(item.geometry);
         build.world.curves.push_back(std::move(item.curves));
     }
-    build.stats.curves_bvh += now() - begin;
+    build.stats.curves_bvh += wall_seconds() - begin;
 }
 
 } // namespace marram

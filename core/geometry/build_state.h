@@ -3,18 +3,12 @@
 #pragma once
 
 #include "core/geometry/build.h"
+#include "core/math/clock.h"
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
-#include <chrono>
-
 namespace marram {
-
-// Seconds since whenever.
-inline double now() {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 // body(0), ... body(count - 1), which are cheap: thousands a task.
 template <typename Body>

@@ -522,13 +522,9 @@ Ray spawn_towards(const SurfacePoint& point, const Vec3d& target, double target_
     return ray;
 }
 
-const CurveAttributeValues* find_attribute(const World& world, const SurfacePoint& point,
-                                           std::string_view name) {
-    if (point.geometry < world.meshes.size()) return nullptr;
-    for (const CurveAttributeValues& attribute :
-         world.curves[point.geometry - world.meshes.size()].attributes)
-        if (attribute.name == name) return &attribute;
-    return nullptr;
+const CurveAttributeValues* find_attribute(const CurveGeometry& curves, std::string_view name) {
+    const auto found = std::ranges::find(curves.attributes, name, &CurveAttributeValues::name);
+    return found == curves.attributes.end() ? nullptr : &*found;
 }
 
 void attribute_at(const CurveGeometry& curves, const CurveAttributeValues& attribute,

@@ -87,10 +87,10 @@ SurfacePoint mesh_point(const World& world, uint32_t mesh, uint32_t triangle, co
 // A vertex of a mesh at a ray's time, as Embree interpolates it.
 Vec3d mesh_vertex(const MeshGeometry& mesh, uint32_t vertex, float time);
 
-// A curve attribute at a point: components values, per-CV ones linear between the CVs. The point lies on a
-// curve.
-const CurveAttributeValues* find_attribute(const World& world, const SurfacePoint& point,
-                                           std::string_view name);
+// nullptr where the curves have no such attribute.
+const CurveAttributeValues* find_attribute(const CurveGeometry& curves, std::string_view name);
+
+// A curve attribute at a point on a curve: components values, per-CV ones linear between the CVs.
 void attribute_at(const CurveGeometry& curves, const CurveAttributeValues& attribute,
                   const SurfacePoint& point, float* values);
 

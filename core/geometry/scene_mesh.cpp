@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/geometry/scene_mesh.h"
 
+#include "core/geometry/embree_buffer.h"
+
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -30,12 +32,10 @@ Between between(const SceneMesh& mesh, double frame, std::vector<Vec3f> MeshShap
     return {&(a.*what), &(b.*what), (frame - a.frame) / (b.frame - a.frame)};
 }
 
-// Embree reads up to 16 bytes past the end of a shared buffer.
+// An Embree buffer of make(i).
 template <typename Make>
-std::vector<Vec3f> with_spare_bytes(size_t size, Make&& make) {
-    std::vector<Vec3f> buffer;
-    buffer.reserve(size + 2);
-    buffer.resize(size);
+std::vector<Vec3f> buffer_of(size_t size, Make&& make) {
+    std::vector<Vec3f> buffer = embree_buffer<Vec3f>(size);
     tbb::parallel_for(size_t(0), size, [&](size_t i) { buffer[i] = make(i); });
     return buffer;
 }
@@ -68,15 +68,15 @@ std::vector<Vec3d> SceneMesh::vertices_at(std::span<const size_t> vertices, doub
 std::vector<Vec3f> SceneMesh::positions_at(double frame) const {
     const Eigen::Affine3d placed = transform.at(frame);
     const Between at = between(*this, frame, &MeshShape::positions, mesh.positions);
-    return with_spare_bytes(mesh.positions.size(),
-                            [&](size_t i) -> Vec3f { return (placed * at(i)).cast<float>(); });
+    return buffer_of(mesh.positions.size(),
+                     [&](size_t i) -> Vec3f { return (placed * at(i)).cast<float>(); });
 }
 
 std::vector<Vec3f> SceneMesh::normals_at(double frame) const {
     const Eigen::Matrix3d turned =
         transform.at(frame).linear().inverse().transpose(); // outward stays outward, mirrored or not
     const Between at = between(*this, frame, &MeshShape::normals, mesh.normals);
-    return with_spare_bytes(mesh.normals.size(), [&](size_t i) -> Vec3f {
+    return buffer_of(mesh.normals.size(), [&](size_t i) -> Vec3f {
         const Vec3d normal = turned * at(i);
         // Halfway between opposite ones there is none: that of the shape before.
         return (normal.squaredNorm() > 0.0 ? normal : Vec3d(turned * (*at.first)[i].cast<double>()))

@@ -34,16 +34,16 @@ constinit std::mutex open_lock;
 std::set<std::string> open_files;
 std::atomic<bool> any_open{false}; // false also before `open_files` is made
 
-[[noreturn]] void refuse(const std::string& path, const std::string& what, const std::string& fix) {
+[[noreturn]] void refuse_output(const std::string& path, const std::string& what, const std::string& fix) {
     throw InputError(Place{path}, what, fix);
 }
 
-[[noreturn]] void refuse(const std::string& path, const char* what, int error) {
+[[noreturn]] void refuse_output(const std::string& path, const char* what, int error) {
     const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG || error == EIO;
     const char* fix = full                    ? "check the disk, its free space and your limits"
                       : error == ENAMETOOLONG ? "give it a shorter name"
                                               : "check the permissions of the file and its folder";
-    refuse(path, std::string(what) + " (" + std::strerror(error) + ")", fix);
+    refuse_output(path, std::string(what) + " (" + std::strerror(error) + ")", fix);
 }
 
 // Where the bytes go: an output that is a symbolic link keeps its link, the file behind it is replaced.
@@ -65,27 +65,29 @@ void check_folder(const std::string& path, const fs::path& target) {
     const fs::path folder = folder_of(target);
     std::error_code error;
     if (!fs::exists(folder, error))
-        refuse(path, "the folder \"" + folder.string() + "\" does not exist",
-               "make it, or choose another output");
+        refuse_output(path, "the folder \"" + folder.string() + "\" does not exist",
+                      "make it, or choose another output");
     if (!fs::is_directory(folder, error))
-        refuse(path, "\"" + folder.string() + "\" is not a folder", "choose another output");
+        refuse_output(path, "\"" + folder.string() + "\" is not a folder", "choose another output");
 }
 
 void check_existing(const std::string& path, const fs::path& target) {
     std::error_code error;
     const fs::file_status status = fs::status(target, error);
     if (!fs::exists(status)) return;
-    if (fs::is_directory(status)) refuse(path, "is a folder", "give the name of a file to write");
+    if (fs::is_directory(status)) refuse_output(path, "is a folder", "give the name of a file to write");
     if (!fs::is_regular_file(status))
-        refuse(path, "is not an ordinary file and cannot be replaced", "give the name of a file to write");
+        refuse_output(path, "is not an ordinary file and cannot be replaced",
+                      "give the name of a file to write");
     if (::access(target.c_str(), W_OK) != 0)
-        refuse(path, "exists and may not be written", "change its permissions, or choose another output");
+        refuse_output(path, "exists and may not be written",
+                      "change its permissions, or choose another output");
 }
 
 fs::path checked_target(const std::string& path) {
-    if (path.empty()) refuse("output", "no file name is given", "give the name of a file to write");
+    if (path.empty()) refuse_output("output", "no file name is given", "give the name of a file to write");
     const fs::path target = resolve(path);
-    if (!target.has_filename()) refuse(path, "is a folder", "give the name of a file to write");
+    if (!target.has_filename()) refuse_output(path, "is a folder", "give the name of a file to write");
     check_folder(path, target);
     check_name_length(path);
     check_existing(path, target);
@@ -169,9 +171,9 @@ void check_name_length(const std::string& path) {
     const fs::path target(path);
     const size_t most = longest_name(folder_of(target)), size = target.filename().string().size();
     if (size > most)
-        refuse(path,
-               "the name has " + std::to_string(size) + " bytes, " + std::to_string(most) + " are allowed",
-               "give it a shorter name");
+        refuse_output(
+            path, "the name has " + std::to_string(size) + " bytes, " + std::to_string(most) + " are allowed",
+            "give it a shorter name");
 }
 
 void check_writable(const std::string& path) { const TemporaryFile file(path, checked_target(path)); }
@@ -190,7 +192,7 @@ TemporaryFile::TemporaryFile(const std::string& path, const fs::path& target) {
         name_ = temporary_name(target);
         descriptor_ = ::open(name_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
         if (descriptor_ < 0 && errno == EEXIST) continue;
-        if (descriptor_ < 0) refuse(path, "cannot be written", errno);
+        if (descriptor_ < 0) refuse_output(path, "cannot be written", errno);
         if (claim(descriptor_, name_)) {
             const std::lock_guard guard(open_lock);
             open_files.insert(name_);
@@ -199,7 +201,7 @@ TemporaryFile::TemporaryFile(const std::string& path, const fs::path& target) {
         }
         ::close(descriptor_);
     }
-    refuse(path, "cannot be written", EEXIST);
+    refuse_output(path, "cannot be written", EEXIST);
 }
 
 TemporaryFile::~TemporaryFile() {
@@ -284,7 +286,7 @@ int64_t AtomicFile::size() const noexcept {
 }
 
 void AtomicFile::check() const {
-    if (error_ != 0) refuse(path_, "could not be written", error_);
+    if (error_ != 0) refuse_output(path_, "could not be written", error_);
 }
 
 void AtomicFile::write(const void* bytes, size_t count) {
@@ -300,7 +302,7 @@ void AtomicFile::commit() {
     try {
         file_.rename_to(target_);
     } catch (const std::system_error& error) {
-        refuse(path_, "could not be replaced", error.code().value());
+        refuse_output(path_, "could not be replaced", error.code().value());
     }
 }
 

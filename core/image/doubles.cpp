@@ -16,10 +16,10 @@ namespace marram {
 
 namespace {
 
-constexpr int strip_rows = 64; // handed to OpenImageIO at a time
+constexpr int rows_a_strip = 64; // handed to OpenImageIO at a time
 
-[[noreturn]] void refuse(const std::string& path, const std::string& what, const std::string& message,
-                         const std::string& fix) {
+[[noreturn]] void refuse_state(const std::string& path, const std::string& what, const std::string& message,
+                               const std::string& fix) {
     const std::string line = message.substr(0, message.find('\n'));
     throw InputError({path}, what + " (" + (line.empty() ? "no reason given" : line) + ")", fix);
 }
@@ -29,7 +29,7 @@ std::unique_ptr<OIIO::ImageInput> open(const std::string& path) {
     config.attribute("oiio:UnassociatedAlpha",
                      1); // a fourth channel is a number like the others: nothing is multiplied
     std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::open(path, &config);
-    if (!input) refuse(path, "cannot be read", OIIO::geterror(), "remove it");
+    if (!input) refuse_state(path, "cannot be read", OIIO::geterror(), "remove it");
     return input;
 }
 
@@ -55,9 +55,9 @@ void write_doubles(const std::string& path, const DoublesHeader& header,
     assert(header.width > 0 && header.height > 0 && header.channels > 0);
     ImageWriter writer(path, spec_of(header), "tiff");
     const size_t stride = size_t(header.width) * size_t(header.channels);
-    std::vector<double> strip(stride * size_t(std::min(strip_rows, header.height)));
-    for (int begin = 0; begin < header.height; begin += strip_rows) {
-        const int end = std::min(begin + strip_rows, header.height);
+    std::vector<double> strip(stride * size_t(std::min(rows_a_strip, header.height)));
+    for (int begin = 0; begin < header.height; begin += rows_a_strip) {
+        const int end = std::min(begin + rows_a_strip, header.height);
         for (int y = begin; y < end; ++y) row(y, strip.data() + stride * size_t(y - begin));
         writer.write_rows(begin, end, OIIO::TypeDesc::DOUBLE, strip.data());
     }
@@ -72,16 +72,16 @@ void read_doubles(const std::string& path, const DoublesHeader& header,
     const DoublesHeader found = header_of(input->spec());
     if (found.width != header.width || found.height != header.height || found.channels != header.channels ||
         found.description != header.description)
-        refuse(path, "has changed while it was read", "another header", "try again");
+        refuse_state(path, "has changed while it was read", "another header", "try again");
     const size_t stride = size_t(header.width) * size_t(header.channels);
-    std::vector<double> strip(stride * size_t(std::min(strip_rows, header.height)));
-    for (int begin = 0; begin < header.height; begin += strip_rows) {
-        const int end = std::min(begin + strip_rows, header.height);
+    std::vector<double> strip(stride * size_t(std::min(rows_a_strip, header.height)));
+    for (int begin = 0; begin < header.height; begin += rows_a_strip) {
+        const int end = std::min(begin + rows_a_strip, header.height);
         // Of a file cut short OpenImageIO's reader says so without failing.
         if (!input->read_scanlines(0, 0, begin, end, 0, 0, header.channels, OIIO::TypeDesc::DOUBLE,
                                    strip.data()) ||
             input->has_error())
-            refuse(path, "cannot be read to its end", input->geterror(), "remove it");
+            refuse_state(path, "cannot be read to its end", input->geterror(), "remove it");
         for (int y = begin; y < end; ++y) row(y, strip.data() + stride * size_t(y - begin));
     }
 }

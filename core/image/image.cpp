@@ -33,7 +33,7 @@ constexpr float greatest_half = 65504.0f;
 
 using InputFile = std::unique_ptr<OIIO::ImageInput>;
 
-[[noreturn]] void refuse(const std::string& path, const std::string& what, const std::string& fix) {
+[[noreturn]] void refuse_image(const std::string& path, const std::string& what, const std::string& fix) {
     throw InputError(Place{path}, what, fix);
 }
 
@@ -79,16 +79,16 @@ class QuietPng {
 void check_is_file(const std::string& path) {
     std::error_code error;
     const std::filesystem::file_status status = std::filesystem::status(path, error);
-    if (!std::filesystem::exists(status)) refuse(path, "there is no such file", "check the path");
+    if (!std::filesystem::exists(status)) refuse_image(path, "there is no such file", "check the path");
     if (!std::filesystem::is_regular_file(status))
-        refuse(path, "is not an ordinary file", "give the path of an image");
+        refuse_image(path, "is not an ordinary file", "give the path of an image");
     if (std::filesystem::file_size(path, error) == 0 || error)
-        refuse(path, "the file is empty", "save the image again");
+        refuse_image(path, "the file is empty", "save the image again");
 }
 
 [[noreturn]] void refuse_truncated(const std::string& path, const std::string& message) {
-    refuse(path, "cannot be read to its end, it is truncated or damaged " + reason(message),
-           "save or copy the image again");
+    refuse_image(path, "cannot be read to its end, it is truncated or damaged " + reason(message),
+                 "save or copy the image again");
 }
 
 InputFile open_image(const std::string& path) {
@@ -100,8 +100,8 @@ InputFile open_image(const std::string& path) {
                      1); // else 8-bit colour is multiplied by alpha, and rounded, before we see it
     InputFile input = OIIO::ImageInput::open(path, &config);
     if (!input)
-        refuse(path, "is not an image that can be read " + reason(OIIO::geterror()),
-               "save it again as EXR, PNG, TIFF or JPEG");
+        refuse_image(path, "is not an image that can be read " + reason(OIIO::geterror()),
+                     "save it again as EXR, PNG, TIFF or JPEG");
     return input;
 }
 
@@ -118,23 +118,27 @@ bool fills_frame(const OIIO::ImageSpec& spec) {
 }
 
 void check_spec(const std::string& path, const OIIO::ImageSpec& spec) {
-    if (spec.deep || spec.depth > 1) refuse(path, "is a deep or volume image", "save it as a flat image");
+    if (spec.deep || spec.depth > 1)
+        refuse_image(path, "is a deep or volume image", "save it as a flat image");
     if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1)
-        refuse(path, "has no pixels", "save the image again");
+        refuse_image(path, "has no pixels", "save the image again");
     if (spec.width > greatest_side || spec.height > greatest_side)
-        refuse(path,
-               fmt::format("is {} x {} pixels, more than {} a side", spec.width, spec.height, greatest_side),
-               "make it smaller");
+        refuse_image(
+            path,
+            fmt::format("is {} x {} pixels, more than {} a side", spec.width, spec.height, greatest_side),
+            "make it smaller");
     if (!fills_frame(spec))
-        refuse(path,
-               fmt::format("has {} x {} pixels at ({}, {}) that do not fill its frame of {} x {} at ({}, {})",
-                           spec.width, spec.height, spec.x, spec.y, spec.full_width, spec.full_height,
-                           spec.full_x, spec.full_y),
-               "save one whole picture, its crop removed, to a file of its own");
+        refuse_image(
+            path,
+            fmt::format("has {} x {} pixels at ({}, {}) that do not fill its frame of {} x {} at ({}, {})",
+                        spec.width, spec.height, spec.x, spec.y, spec.full_width, spec.full_height,
+                        spec.full_x, spec.full_y),
+            "save one whole picture, its crop removed, to a file of its own");
     const int64_t bytes = int64_t(spec.width) * spec.height * spec.nchannels * int64_t(sizeof(float));
     if (bytes > greatest_bytes)
-        refuse(path, fmt::format("takes {} MiB in memory, more than {}", bytes >> 20, greatest_bytes >> 20),
-               "make it smaller");
+        refuse_image(path,
+                     fmt::format("takes {} MiB in memory, more than {}", bytes >> 20, greatest_bytes >> 20),
+                     "make it smaller");
 }
 
 constexpr float srgb = 0.0f; // in place of an exponent
@@ -163,8 +167,8 @@ float exponent_of(const std::string& path, const OIIO::ImageSpec& spec, std::str
         if (exponent >= 1.0f && std::isfinite(exponent))
             return is_srgb_gamma(format, exponent) ? srgb : exponent; // below 1: stated the wrong way round
     }
-    refuse(path, "is in the colour space \"" + space + "\", which is not known here",
-           "save it again as sRGB, or linear");
+    refuse_image(path, "is in the colour space \"" + space + "\", which is not known here",
+                 "save it again as sRGB, or linear");
 }
 
 void make_linear(Image& image, int alpha_channel, float exponent) {
@@ -181,12 +185,12 @@ void check_finite(const std::string& path, const Image& image) {
     for (size_t i = 0; i < image.pixels.size(); ++i) {
         if (std::isfinite(image.pixels[i])) continue;
         const size_t pixel = i / size_t(image.channels);
-        refuse(path,
-               fmt::format("channel {} of pixel ({}, {}) is {}",
-                           image.channel_names[i % size_t(image.channels)], pixel % size_t(image.width),
-                           pixel / size_t(image.width),
-                           std::isnan(image.pixels[i]) ? "not a number" : "infinite"),
-               "mend that pixel; positions count from 0 at the top left");
+        refuse_image(path,
+                     fmt::format("channel {} of pixel ({}, {}) is {}",
+                                 image.channel_names[i % size_t(image.channels)], pixel % size_t(image.width),
+                                 pixel / size_t(image.width),
+                                 std::isnan(image.pixels[i]) ? "not a number" : "infinite"),
+                     "mend that pixel; positions count from 0 at the top left");
     }
 }
 
@@ -355,7 +359,7 @@ std::vector<unsigned char> png_bytes(int width, int height, int channels, const 
     const std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create("png");
     const bool written = output && output->open("memory.png", spec) &&
                          output->write_image(OIIO::TypeDesc::UINT8, bytes.data()) && output->close();
-    if (!written) refuse("memory.png", "could not be made", "check OpenImageIO's PNG support");
+    if (!written) refuse_image("memory.png", "could not be made", "check OpenImageIO's PNG support");
     return file;
 }
 

@@ -8,6 +8,8 @@
 // samples have told, is multiplied by that.
 #include "core/render/adaptive.h"
 
+#include "core/math/color.h"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -15,8 +17,6 @@
 namespace marram {
 
 namespace {
-
-double luminance(const double* rgb) { return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]; }
 
 // Of each pixel, the mean of `values` over it and those up to `reach` away.
 std::vector<double> means_around(const Film& film, const std::vector<double>& values, uint32_t reach) {
@@ -46,13 +46,14 @@ std::vector<double> means_around(const Film& film, const std::vector<double>& va
 // which strata know well, would speak for all that is near it.
 std::vector<double> left_by_strata(const Film& film) {
     constexpr uint32_t reach = 3; // pixels: 49 of 2 blocks know it to a fifth
-    std::vector<double> left(film.taken.size()), known(film.taken.size());
+    std::vector<double> left(film.pixels.size()), known(film.pixels.size());
     for (size_t i = 0; i < left.size(); ++i) {
-        const uint32_t blocks = film.taken[i] / film_block;
-        const double told = variance_of_mean(film.luminance[i], film.squares[i], film.taken[i]);
+        const uint32_t blocks = film.pixels[i].samples / film_block;
+        const double told =
+            variance_of_mean(film.pixels[i].luminance, film.pixels[i].squares, film.pixels[i].samples);
         if (blocks < 2 || !(told > 0.0)) continue;
         known[i] = 1.0;
-        left[i] = variance_of_mean(film.ended_blocks[i], film.block_squares[i], blocks) /
+        left[i] = variance_of_mean(film.pixels[i].ended_blocks, film.pixels[i].block_squares, blocks) /
                   (told * film_block * film_block);
     }
     left = means_around(film, left, reach);
@@ -79,13 +80,13 @@ double mean_of_most(const std::vector<double>& brightness) {
 // How far the luminances of a pixel's samples lie from each other, in the mean over it and the pixels around.
 void measure_spread(Film& film) {
     constexpr uint32_t reach = 2; // pixels: 25 of 4 samples know their deviation to a tenth
-    std::vector<double> variances(film.spread.size());
+    std::vector<double> variances(film.pixels.size());
     for (size_t i = 0; i < variances.size(); ++i) {
-        const double count = film.taken[i];
-        variances[i] = count * variance_of_mean(film.luminance[i], film.squares[i], count);
+        const double count = film.pixels[i].samples;
+        variances[i] = count * variance_of_mean(film.pixels[i].luminance, film.pixels[i].squares, count);
     }
     variances = means_around(film, variances, reach);
-    for (size_t i = 0; i < variances.size(); ++i) film.spread[i] = float(std::sqrt(variances[i]));
+    for (size_t i = 0; i < variances.size(); ++i) film.pixels[i].deviation = float(std::sqrt(variances[i]));
 }
 
 // A pixel that its neighbours know to be noisy goes on, since a few samples may all have missed what makes the noise.
@@ -99,12 +100,12 @@ bool find_noisy(Film& film, double noise) {
         const double count = std::max(sums[layer->sums], 1.0);
         double variance[3];
         for (size_t c = 0; c < 3; ++c) variance[c] = variance_of_mean(sums[c], sums[c + 3], count);
-        brightness[i] = luminance(sums) / count;
-        deviation[i] = std::sqrt(luminance(variance) * left[i]);
+        brightness[i] = luminance(sums[0], sums[1], sums[2]) / count;
+        deviation[i] = std::sqrt(luminance(variance[0], variance[1], variance[2]) * left[i]);
     }
     const double mean = mean_of_most(brightness);
     const auto noisy = [&](size_t i) { return deviation[i] > noise * std::max(brightness[i], 0.1 * mean); };
-    film.done.assign(pixels, 1);
+    for (FilmPixel& pixel : film.pixels) pixel.converged = true;
     bool any = false;
     for (uint32_t y = 0; y < film.height; ++y)
         for (uint32_t x = 0; x < film.width; ++x) {
@@ -112,7 +113,7 @@ bool find_noisy(Film& film, double noise) {
             any = true;
             for (uint32_t j = y - std::min(y, 1U); j <= std::min(y + 1, film.height - 1); ++j)
                 for (uint32_t i = x - std::min(x, 1U); i <= std::min(x + 1, film.width - 1); ++i)
-                    film.done[static_cast<size_t>(j) * film.width + i] = 0;
+                    film.pixels[static_cast<size_t>(j) * film.width + i].converged = false;
         }
     return any;
 }

@@ -7,10 +7,10 @@
 
 namespace marram {
 
-// Fills Film::spread: a standard deviation, in units of luminance. O(pixels), between two passes.
+// Fills FilmPixel::deviation: a standard deviation, in units of luminance. O(pixels), between two passes.
 void measure_spread(Film& film);
 
-// Fills Film::done: which pixels are as good as asked for; noise: a share of brightness, as RenderSettings::noise. Needs a layer
+// Fills FilmPixel::converged; noise: a share of brightness, as RenderSettings::noise. Needs a layer
 // "variance". False: none is left to be rendered. O(pixels), between two passes.
 bool find_noisy(Film& film, double noise);
 

@@ -4,31 +4,17 @@
 #include "core/render/film.h"
 
 #include <algorithm>
-#include <numeric>
 
 namespace marram {
 
 namespace {
-
-struct BuiltIn {
-    std::string_view name;
-    LayerKind kind;
-    uint32_t channels;
-};
-
-constexpr BuiltIn built_in[] = {
-    {"beauty", LayerKind::beauty, 3},     {"variance", LayerKind::variance, 3},
-    {"alpha", LayerKind::alpha, 1},       {"albedo", LayerKind::albedo, 3},
-    {"normal", LayerKind::normal, 3},     {"depth", LayerKind::depth, 1},
-    {"strand_u", LayerKind::strand_u, 1},
-};
 
 // Layer with that name, no pixels yet; channels 0 where there is none.
 FilmLayer describe(std::string_view name, const World& world) {
     FilmLayer layer;
     layer.name = name;
     layer.channels = 0;
-    for (const BuiltIn& known : built_in)
+    for (const BuiltInLayer& known : built_in_layers())
         if (known.name == name) {
             layer.kind = known.kind;
             layer.channels = known.channels;
@@ -43,7 +29,8 @@ FilmLayer describe(std::string_view name, const World& world) {
 
 std::string known_names(const World& world) {
     std::string names;
-    for (const BuiltIn& known : built_in) names += (names.empty() ? "" : ", ") + std::string(known.name);
+    for (const BuiltInLayer& known : built_in_layers())
+        names += (names.empty() ? "" : ", ") + std::string(known.name);
     for (const CurveGeometry& curves : world.curves)
         for (const CurveAttributeValues& attribute : curves.attributes)
             if (names.find(attribute.name) == std::string::npos) names += ", " + attribute.name;
@@ -51,6 +38,19 @@ std::string known_names(const World& world) {
 }
 
 } // namespace
+
+std::span<const BuiltInLayer> built_in_layers() {
+    using enum LayerKind;
+    static constexpr BuiltInLayer layers[] = {
+        {"beauty", beauty, 3, "R G B", "the picture; always there"},
+        {"alpha", alpha, 1, "A", "share of the pixel that something covers; always there"},
+        {"variance", variance, 3, "R G B", "variance of the picture's mean, for compare and film.noise"},
+        {"albedo", albedo, 3, "R G B", "share of light that the first surface scatters"},
+        {"normal", normal, 3, "X Y Z", "shading normal of the first surface, towards the camera"},
+        {"depth", depth, 1, "Z", "distance of the first surface along the ray, m"},
+        {"strand_u", strand_u, 1, "Y", "place along the strand, 0 at the root, 1 at the tip"}};
+    return layers;
+}
 
 double variance_of_mean(double sum, double squares, double count) {
     return count > 1.0 ? std::max(0.0, squares - sum * sum / count) / (count * (count - 1.0)) : 0.0;
@@ -79,43 +79,48 @@ Film make_film(uint32_t width, uint32_t height, std::span<const std::string> nam
 void clear(Film& film) {
     const size_t pixels = static_cast<size_t>(film.width) * film.height;
     film.sums.assign(pixels * film.stride, 0.0);
-    film.reached.assign(pixels, 0);
-    film.taken.assign(pixels, 0);
-    film.done.assign(pixels, 0);
-    film.luminance.assign(pixels, 0.0);
-    film.squares.assign(pixels, 0.0);
-    film.ended_blocks.assign(pixels, 0.0);
-    film.block_squares.assign(pixels, 0.0);
-    film.clamped.assign(pixels, 0.0);
-    film.spread.assign(pixels, 0.0F);
+    film.pixels.assign(pixels, {});
 }
 
-void add_luminance(Film& film, size_t pixel, double luminance) {
-    film.luminance[pixel] += luminance;
-    film.squares[pixel] += luminance * luminance;
+void add_luminance(FilmPixel& pixel, double luminance) {
+    pixel.luminance += luminance;
+    pixel.squares += luminance * luminance;
 }
 
-void end_block(Film& film, size_t pixel) {
-    const double block = film.luminance[pixel] - film.ended_blocks[pixel];
-    film.block_squares[pixel] += block * block;
-    film.ended_blocks[pixel] = film.luminance[pixel];
+void end_block(FilmPixel& pixel) {
+    const double block = pixel.luminance - pixel.ended_blocks;
+    pixel.block_squares += block * block;
+    pixel.ended_blocks = pixel.luminance;
 }
 
 SampleCount count_samples(const Film& film) {
     SampleCount count;
-    if (film.taken.empty()) return count;
-    count.most = *std::ranges::max_element(film.taken);
-    count.total = std::accumulate(film.taken.begin(), film.taken.end(), uint64_t(0));
-    count.mean = static_cast<double>(count.total) / static_cast<double>(film.taken.size());
+    for (const FilmPixel& pixel : film.pixels) {
+        count.most = std::max(count.most, pixel.samples);
+        count.total += pixel.samples;
+    }
+    if (count.total > 0)
+        count.mean = static_cast<double>(count.total) / static_cast<double>(film.pixels.size());
     return count;
+}
+
+FilmProgress progress_of(const Film& film) {
+    FilmProgress progress;
+    if (!film.pixels.empty()) progress.least = film.pixels.front().next_sample;
+    for (const FilmPixel& pixel : film.pixels) {
+        progress.sum += pixel.next_sample;
+        progress.least = std::min(progress.least, pixel.next_sample);
+        progress.greatest = std::max(progress.greatest, pixel.next_sample);
+    }
+    return progress;
 }
 
 double clamped_share(const Film& film) {
     double clamped = 0.0, all = 0.0;
-    for (size_t pixel = 0; pixel < film.taken.size(); ++pixel) {
-        if (film.taken[pixel] == 0) continue;
-        clamped += film.clamped[pixel] / film.taken[pixel];
-        all += (film.luminance[pixel] + film.clamped[pixel]) / film.taken[pixel];
+    for (const FilmPixel& pixel : film.pixels) {
+        if (pixel.samples == 0) continue;
+        clamped += pixel.clamped / pixel.samples;
+        all += (pixel.luminance + pixel.clamped) / pixel.samples;
     }
     return all > 0.0 ? clamped / all : 0.0;
 }

@@ -21,11 +21,21 @@
 
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace marram {
 
 enum class LayerKind : uint8_t { beauty, variance, alpha, albedo, normal, depth, strand_u, attribute };
+
+// A layer that every scene has.
+struct BuiltInLayer {
+    std::string_view name;
+    LayerKind kind = LayerKind::beauty;
+    uint32_t channels = 0;
+    std::string_view channel_names, help; // names: separated by spaces, as in an EXR
+};
+std::span<const BuiltInLayer> built_in_layers();
 
 struct FilmLayer {
     std::string name;
@@ -36,32 +46,50 @@ struct FilmLayer {
     std::vector<float> pixels; // filled by resolve: rows from the top, channels interleaved
 };
 
+// What a pixel keeps beside its layers' sums: all that render needs to go on with it as if it had never stopped.
+struct FilmPixel {
+    uint32_t next_sample = 0; // of its sequence: those before were taken, or skipped while it was converged
+    uint32_t samples = 0;     // taken, those that were not finite included
+    bool converged = false;   // the pass under way skips it
+    double luminance = 0.0, squares = 0.0; // sums over samples of their luminance and its square
+    double ended_blocks = 0.0;             // sum over whole blocks of film_block samples of their luminance
+    double block_squares = 0.0;            // sum over whole blocks of the square of a block's luminance
+    double clamped = 0.0;                  // luminance that a clamp took
+    float deviation =
+        0.0F; // of a sample's luminance, in its neighbourhood, when the pass under way began; 0: unknown
+    bool operator==(const FilmPixel&) const = default;
+};
+
+// Every field of a pixel, in the order of files. A field that is added goes here too.
+template <typename Pixel, typename Visit>
+void visit_fields(Pixel& pixel, Visit&& visit) {
+    visit(pixel.next_sample);
+    visit(pixel.samples);
+    visit(pixel.converged);
+    visit(pixel.luminance);
+    visit(pixel.squares);
+    visit(pixel.ended_blocks);
+    visit(pixel.block_squares);
+    visit(pixel.clamped);
+    visit(pixel.deviation);
+}
+inline constexpr uint32_t film_pixel_fields = 9;
+
 struct Film {
     uint32_t width = 0, height = 0;
     std::vector<FilmLayer> layers;
     uint32_t stride = 0;      // doubles a pixel: for each layer its sums and the number of samples that count
     std::vector<double> sums; // width * height * stride
 
-    // Where render stands, a pixel: with the sums, all that it needs to go on with a film as if it had never stopped.
-    std::vector<uint32_t>
-        reached; // samples of its sequence that it is through with: taken, or left out since it was good enough
-    std::vector<uint32_t>
-        taken; // of them, samples that were taken, those dropped for not being finite among them
-    std::vector<uint8_t> done;              // whether the pass under way leaves it out
-    std::vector<double> luminance, squares; // sums over samples of their luminance and of its square
-    std::vector<double> ended_blocks;       // sum over blocks of film_block samples of the luminance in each
-    std::vector<double> block_squares;      // and of its square
-    std::vector<double> clamped;            // and of the luminance that a clamp took
-    // Standard deviation of a sample's luminance around it, when the pass under way began; 0: not known.
-    std::vector<float> spread;
+    std::vector<FilmPixel> pixels; // width * height
 };
 
 // Samples of a pixel that are well spread in themselves: its sequence from a multiple of so many on.
 constexpr uint32_t film_block = 16;
 
 // A sample's luminance; the end of a block, after its last sample.
-void add_luminance(Film& film, size_t pixel, double luminance);
-void end_block(Film& film, size_t pixel);
+void add_luminance(FilmPixel& pixel, double luminance);
+void end_block(FilmPixel& pixel);
 
 // Samples that pixels have taken.
 struct SampleCount {
@@ -70,6 +98,13 @@ struct SampleCount {
     double mean = 0.0;  // of a pixel
 };
 SampleCount count_samples(const Film& film);
+
+// Sum, least and greatest of the pixels' next_sample.
+struct FilmProgress {
+    uint64_t sum = 0;
+    uint32_t least = 0, greatest = 0;
+};
+FilmProgress progress_of(const Film& film);
 
 // The share of the picture's light that a clamp took: of the pixels' means, however many samples each has.
 double clamped_share(const Film& film);

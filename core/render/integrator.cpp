@@ -37,6 +37,8 @@
 // pass, even at other pixels than before, goes on to the same bits.
 #include "core/render/integrator.h"
 
+#include "core/math/clock.h"
+#include "core/math/color.h"
 #include "core/math/hash.h"
 #include "core/render/adaptive.h"
 #include "core/render/sampler.h"
@@ -60,7 +62,7 @@ namespace {
 constexpr uint32_t time_set = 1, first_vertex_set = 2, sets_a_vertex = 2;
 constexpr float worth_first = 0.3F, worth_later = 0.8F; // w above, at a path's first vertex and at others
 
-float luminance(const Vec3f& rgb) { return 0.2126F * rgb[0] + 0.7152F * rgb[1] + 0.0722F * rgb[2]; }
+float luminance(const Vec3f& rgb) { return marram::luminance(rgb[0], rgb[1], rgb[2]); }
 
 // Everything that is the same for all samples.
 struct Frame {
@@ -96,12 +98,6 @@ float power_heuristic(float mine, float other) {
     return 1.0F / (1.0F + ratio * ratio);
 }
 
-const CurveAttributeValues* attribute_named(const CurveGeometry& curves, std::string_view name) {
-    for (const CurveAttributeValues& attribute : curves.attributes)
-        if (!name.empty() && attribute.name == name) return &attribute;
-    return nullptr;
-}
-
 const Material& material_of(const Frame& frame, int index) {
     const bool known = index >= 0 && static_cast<size_t>(index) < frame.materials.size();
     return known ? frame.materials[static_cast<size_t>(index)] : frame.fallback;
@@ -110,11 +106,11 @@ const Material& material_of(const Frame& frame, int index) {
 void find_attributes(Frame& frame, const Film& film) {
     for (const FilmLayer& layer : film.layers) frame.wants_albedo |= layer.kind == LayerKind::albedo;
     for (const CurveGeometry& curves : frame.world.curves) {
-        frame.tints.push_back(attribute_named(curves, material_of(frame, curves.material).tint));
-        const CurveAttributeValues* ids = attribute_named(curves, "id");
+        frame.tints.push_back(find_attribute(curves, material_of(frame, curves.material).tint));
+        const CurveAttributeValues* ids = find_attribute(curves, "id");
         frame.ids.push_back(ids && ids->components == 1 && !ids->per_cv ? ids : nullptr);
         for (const FilmLayer& layer : film.layers)
-            frame.layers.push_back(layer.kind == LayerKind::attribute ? attribute_named(curves, layer.name)
+            frame.layers.push_back(layer.kind == LayerKind::attribute ? find_attribute(curves, layer.name)
                                                                       : nullptr);
     }
 }
@@ -371,24 +367,25 @@ struct Deadline {
 void render_pixel(const Frame& frame, uint32_t x, uint32_t y, uint32_t begin, uint32_t end, Film& film,
                   RenderStats& stats) {
     const size_t at = static_cast<size_t>(y) * film.width + x;
-    film.taken[at] += end - begin;
-    double* pixel = film.sums.data() + at * film.stride;
+    FilmPixel& pixel = film.pixels[at];
+    pixel.samples += end - begin;
+    double* sums = film.sums.data() + at * film.stride;
     const uint64_t seed = pixel_seed(frame.settings.seed, x, y);
     for (uint32_t s = begin; s < end; ++s) {
         const Sampler sampler(seed, s);
         FirstHit first;
         const Ray ray = camera_ray(frame, film, x, y, sampler);
-        Gathered found = trace(frame, ray, film.spread[at], sampler, first, stats.rays);
+        Gathered found = trace(frame, ray, pixel.deviation, sampler, first, stats.rays);
         if ((found.direct + found.later).allFinite()) {
-            film.clamped[at] += clamp(found.later, frame.settings.clamp);
+            pixel.clamped += clamp(found.later, frame.settings.clamp);
             const Vec3f radiance = found.direct + found.later;
-            add_sample(frame, radiance, first, film, pixel);
-            add_luminance(film, at, luminance(radiance));
+            add_sample(frame, radiance, first, film, sums);
+            add_luminance(pixel, luminance(radiance));
         } else {
             ++stats.dropped_samples;
         }
         stats.cut_throughput += double(found.cut);
-        if ((s + 1) % film_block == 0) end_block(film, at);
+        if ((s + 1) % film_block == 0) end_block(pixel);
     }
 }
 
@@ -401,12 +398,12 @@ void render_tile(const Frame& frame, const Tile& tile, uint32_t end, Film& film,
         for (uint32_t x = tile.x0; x < tile.x1; ++x) {
             stopped = cancelled(progress) || deadline.over();
             if (stopped) break;
-            const size_t at = static_cast<size_t>(y) * film.width + x;
-            const uint32_t begin = film.reached[at];
+            FilmPixel& pixel = film.pixels[static_cast<size_t>(y) * film.width + x];
+            const uint32_t begin = pixel.next_sample;
             if (begin >= end) continue; // this pass had come so far when it was stopped
-            film.reached[at] = end;
+            pixel.next_sample = end;
             passed += end - begin;
-            if (!film.done[at]) render_pixel(frame, x, y, begin, end, film, stats);
+            if (!pixel.converged) render_pixel(frame, x, y, begin, end, film, stats);
         }
         if (progress) progress->samples_done.fetch_add(passed, std::memory_order_relaxed);
     }
@@ -450,20 +447,17 @@ uint32_t pass_end(uint32_t begin) {
 // Whether pixels are looked at before the pass that begins here: once it has begun they were, and between the ends of passes
 // never. Where none has begun it, looking again comes to the same.
 bool is_between_passes(uint32_t begin, const Film& film) {
-    return begin > 0 && pass_end(begin - 1) == begin && *std::ranges::max_element(film.reached) == begin;
-}
-
-double steady_seconds() {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+    return begin > 0 && pass_end(begin - 1) == begin && progress_of(film).greatest == begin;
 }
 
 // How far a sweep over all pixels goes that is to be over at the deadline: half as far as time would allow, at least one sample
 // on, at most to the end of the pass. So the sweep that the deadline cuts is one of a single sample, as long as samples do not
 // become twice as slow.
 uint32_t sweep_end(const Film& film, uint32_t end, double seconds_left, double seconds_a_sample) {
-    const uint32_t begin = *std::ranges::min_element(film.reached);
+    const uint32_t begin = progress_of(film).least;
     if (!(seconds_a_sample > 0.0)) return std::min(begin + 1, end); // not known yet: to learn it
-    const double pixels = double(std::ranges::count(film.done, 0)); // those that still take samples
+    const double pixels = double(
+        std::ranges::count(film.pixels, false, &FilmPixel::converged)); // those that still take samples
     const double samples =
         std::max(1.0, std::floor(0.5 * seconds_left / (seconds_a_sample * std::max(pixels, 1.0))));
     return samples < double(end - begin) ? begin + uint32_t(samples) : end;
@@ -472,11 +466,11 @@ uint32_t sweep_end(const Film& film, uint32_t end, double seconds_left, double s
 void render_passes(const Frame& frame, Film& film, RenderStats& stats, RenderProgress* progress) {
     constexpr uint32_t enough_to_judge = 16; // samples, of a pixel's variance
     const RenderSettings& settings = frame.settings;
-    const std::function<double()> clock = settings.clock ? settings.clock : steady_seconds;
+    const std::function<double()> clock = settings.clock ? settings.clock : wall_seconds;
     const double start = clock();
     Deadline deadline{clock, std::nullopt};
     double seconds_a_sample = 0.0; // 0: not known yet
-    for (uint32_t begin = *std::ranges::min_element(film.reached); begin < settings.samples;) {
+    for (uint32_t begin = progress_of(film).least; begin < settings.samples;) {
         const uint32_t end = std::min(pass_end(begin), settings.samples);
         if (is_between_passes(begin, film)) {
             if (begin > 1) measure_spread(film);
@@ -493,7 +487,7 @@ void render_passes(const Frame& frame, Film& film, RenderStats& stats, RenderPro
             render_pass(frame, sweep, film, stats, progress, deadline);
             stats.cancelled = cancelled(progress);
             if (stats.cancelled) return;
-            stats.out_of_time = *std::ranges::min_element(film.reached) < sweep;
+            stats.out_of_time = progress_of(film).least < sweep;
             if (stats.out_of_time) return;
             const uint64_t took = count_samples(film).total - had;
             if (took > 0) seconds_a_sample = (clock() - before) / double(took);
@@ -523,8 +517,7 @@ RenderStats render(const World& world, const Lights& lights, std::span<const Mat
     find_attributes(frame, film);
     RenderStats stats;
     const uint64_t had = count_samples(film).total;
-    if (progress)
-        progress->samples_done = std::accumulate(film.reached.begin(), film.reached.end(), uint64_t(0));
+    if (progress) progress->samples_done = progress_of(film).sum;
     render_passes(frame, film, stats, progress);
     const SampleCount count = count_samples(film);
     stats.most_samples = count.most;

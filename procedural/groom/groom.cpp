@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/groom/groom.h"
 
+#include "core/math/clock.h"
 #include "procedural/contract_checks.h"
 
 #include "procedural/groom/description.h"
@@ -190,12 +191,8 @@ void check_uvs(const GroomInstance& instance) {
                                  "' has no uvs for this image: give it uvs, or use masks by height or slope");
 }
 
-double now_in_seconds() {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
 MarramStatus place(GroomInstance& instance) {
-    const double begin = now_in_seconds();
+    const double begin = wall_seconds();
     instance.bind_positions.resize(3 * size_t(instance.mesh->vertex_count));
     const auto index = uint32_t(instance.mesh - instance.frame.meshes);
     const MarramStatus status = instance.frame.pose(
@@ -209,7 +206,7 @@ MarramStatus place(GroomInstance& instance) {
     instance.placed = true;
     instance.placed_vertices = instance.mesh->vertex_count;
     instance.placed_triangles = instance.mesh->triangle_count;
-    instance.placing_seconds = now_in_seconds() - begin;
+    instance.placing_seconds = wall_seconds() - begin;
     return MARRAM_OK;
 }
 
@@ -450,9 +447,9 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
             if (status != MARRAM_OK) return status;
         }
         if (const MarramStatus status = fix_gusts_once(instance); status != MARRAM_OK) return status;
-        const double open = now_in_seconds();
+        const double open = wall_seconds();
         if (const MarramStatus status = turn_dials(instance); status != MARRAM_OK) return status;
-        instance.placing_seconds += now_in_seconds() - open;
+        instance.placing_seconds += wall_seconds() - open;
         const bool blown = frame->stage != MARRAM_REST;
         bool moves = instance.mesh->time_count > 1 ||
                      (blown && (wind_moves(instance.wind) || meets_moving_meshes(instance)));
@@ -470,7 +467,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         }
         instance.time_count = moves ? frame->time_count : 1;
         instance.frame.time_count = instance.time_count; // what the chain works at
-        const double before = now_in_seconds();
+        const double before = wall_seconds();
         instance.chain = {}; // it holds the last frame's trees, which may have to go first
         instance.chain =
             make_chain_frame({instance.wind, instance.groom.envelope, instance.frame, *instance.mesh,
@@ -481,7 +478,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         warn_of_rounding(instance);
         warn_of_length(instance);
         announce_long_work(instance);
-        instance.chain_seconds = instance.wind.collision ? now_in_seconds() - before : 0.0;
+        instance.chain_seconds = instance.wind.collision ? wall_seconds() - before : 0.0;
         *out = MarramOutput{};
         out->kind = MARRAM_CURVES;
         out->curve_count = instance.roots.size();

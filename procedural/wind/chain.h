@@ -7,10 +7,10 @@
 // a list of its own that wind_params() joins to the others.
 #pragma once
 
+#include "core/math/clock.h"
 #include "procedural/wind/strands.h"
 #include "procedural/wind/wind.h"
 
-#include <chrono>
 #include <functional>
 
 namespace marram {
@@ -25,16 +25,14 @@ struct StageClock {
 // Adds the time between construction and destruction to a counter.
 class StageTimer {
   public:
-    explicit StageTimer(double& seconds) : seconds_(seconds), begin_(std::chrono::steady_clock::now()) {}
-    ~StageTimer() {
-        seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
-    }
+    explicit StageTimer(double& seconds) : seconds_(seconds), begin_(wall_seconds()) {}
+    ~StageTimer() { seconds_ += wall_seconds() - begin_; }
     StageTimer(const StageTimer&) = delete;
     StageTimer& operator=(const StageTimer&) = delete;
 
   private:
     double& seconds_;
-    std::chrono::steady_clock::time_point begin_;
+    double begin_;
 };
 
 // What all patches of a frame share; made once a frame. Borrows what it points to.

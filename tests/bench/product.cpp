@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/product.h"
 
-#include "core/cli/scene_camera.h"
 #include "core/geometry/curve_export.h"
 #include "core/plugin/embree.h"
+#include "core/shot/scene_camera.h"
+#include "core/shot/settings.h"
 #include "tests/bench/workload.h"
 
 #include <fmt/format.h>
@@ -18,12 +19,12 @@ namespace {
 
 std::atomic<bool> never{false};
 
-LoadedScene load_talk(const Coat& coat) {
+Shot load_talk(const Coat& coat) {
     Overrides overrides;
     overrides.settings = {fmt::format("procedural.fur.count={}", coat.strands),
                           fmt::format("procedural.fur.cvs={}", coat.cvs),
                           fmt::format("procedural.fur.width={}", coat.width), "camera.shutter=[0,0]"};
-    return load(MARRAM_SOURCE_DIR "/scenes/talk.toml", overrides, never);
+    return load_shot(MARRAM_SOURCE_DIR "/scenes/talk.toml", overrides, never);
 }
 
 } // namespace

@@ -3,7 +3,7 @@
 // strands as asked; and the same curves baked and read back.
 #pragma once
 
-#include "core/cli/assemble.h"
+#include "core/shot/settings.h"
 
 namespace marram::bench {
 
@@ -47,7 +47,7 @@ class Product {
 
     Coat coat_;
     double load_seconds_ = 0.0;
-    LoadedScene scene_;
+    Shot scene_;
     World world_;
     std::vector<Ray> rays_; // of primary_by_embree(), tile after tile
 };

@@ -2,7 +2,7 @@
 // Every feature's picture against its golden frame; a mere change of seed passes, and planted faults do not.
 #include "tests/golden/goldens.h"
 
-#include "core/cli/compare_report.h"
+#include "core/compare/compare_page.h"
 #include "core/geometry/curve_pieces.h"
 #include "core/geometry/round_pieces.h"
 #include "core/image/atomic_file.h"

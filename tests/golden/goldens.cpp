@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/golden/goldens.h"
 
-#include "core/cli/scene_camera.h"
-#include "core/image/flip.h"
+#include "core/compare/flip.h"
 #include "core/math/hash.h"
+#include "core/shot/scene_camera.h"
+#include "core/shot/settings.h"
 
 #include <algorithm>
 #include <atomic>
@@ -179,7 +180,7 @@ Stage::Stage(const Golden& golden, const std::vector<std::string>& faults) : fra
     Overrides overrides;
     overrides.settings = golden.changes;
     overrides.settings.insert(overrides.settings.end(), faults.begin(), faults.end());
-    scene_ = load(MARRAM_SOURCE_DIR "/scenes/" + golden.scene, overrides, never);
+    scene_ = load_shot(MARRAM_SOURCE_DIR "/scenes/" + golden.scene, overrides, never);
     BuildSettings settings = build_settings(scene_, frame_);
     layers_ = golden.layers;
     settings.attributes = wanted_attributes(scene_, layers_);

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Golden frames: what small pictures of every feature are to look like, in scenes/golden/NAME.exr. A golden is the mean of renders that
 // differ in their seed alone. With it stand the variance of one more render's difference from it, and the limits that comparison is to
-// keep, both measured from those renders: nothing is guessed (core/image/compare.h says what is compared). No limit is nearer than
+// keep, both measured from those renders: nothing is guessed (core/compare/compare.h says what is compared). No limit is nearer than
 // what chance alone passes in one of 10,000 renders.
 //
 // To add one: a line in goldens.cpp, then tests/golden/update NAME --write, and a look at what it made.
 #pragma once
 
-#include "core/cli/assemble.h"
-#include "core/image/compare.h"
+#include "core/compare/compare.h"
 #include "core/render/integrator.h"
+#include "core/shot/shot.h"
 
 #include <memory>
 #include <ostream>
@@ -42,7 +42,7 @@ class Stage {
     World& world() { return world_; } // to plant a fault by hand, before the first render
 
   private:
-    LoadedScene scene_;
+    Shot scene_;
     World world_;
     std::unique_ptr<Lights> lights_;
     std::vector<std::string> layers_;

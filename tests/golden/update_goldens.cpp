@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // --list prints what `marram render` needs for each. Else: renders golden frames anew and shows, before anything is replaced, what was, what is to be and how they differ: one page each, and one line
 // on the terminal. Only with --write are the files replaced. Started by tests/golden/update.
-#include "core/cli/compare_report.h"
+#include "core/compare/compare_page.h"
 #include "core/image/atomic_file.h"
 #include "core/math/problem.h"
 #include "tests/golden/goldens.h"

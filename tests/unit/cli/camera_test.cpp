@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Cameras that move: where they are at a frame, and how many poses the shutter needs.
-#include "core/cli/assemble.h"
-#include "core/cli/scene_camera.h"
+#include "core/shot/scene_camera.h"
+#include "core/shot/shot.h"
 #include "tests/unit/cli/program.h"
 
 namespace marram::testing {
@@ -11,8 +11,8 @@ constexpr const char* base = "[camera]\nposition = [0, 1, 5]\ntarget = [0, 1, 0]
 constexpr const char* rest = "[film]\nsize = [400, 300]\n";
 
 SceneDescription described(const Folder& folder, const std::string& camera) {
-    static const Dialect dialect = default_dialect();
-    return load_scene(folder.write("scene.toml", base + camera + rest), {}, dialect.schema);
+    static const PluginSet plugins = default_plugins();
+    return load_scene(folder.write("scene.toml", base + camera + rest), {}, plugins.schema);
 }
 
 } // namespace

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page of `marram compare --report`, opened and used in a real browser by scripts that are added to copies of it: what it says of
 // itself, and what pixels it shows.
-#include "core/cli/compare_view.h"
+#include "core/compare/page_view.h"
 #include "program.h"
 
 #include <cstdlib>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // `marram measure`: every dial that a scene has, its errors against the finest setting, and reports that say what was left out.
-#include "core/cli/measure_report.h"
+#include "core/measure/report.h"
 #include "program.h"
 
 #include <algorithm>

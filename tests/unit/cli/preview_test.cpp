@@ -2,7 +2,7 @@
 // --preview: a picture that can be looked at at any moment while a frame renders.
 #include "program.h"
 
-#include "core/cli/preview.h"
+#include "core/shot/preview.h"
 
 #include <thread>
 

@@ -2,7 +2,7 @@
 // `marram render`: pictures that depend on scene and frame alone, their names, layers, metadata and figures.
 #include "program.h"
 
-#include "core/cli/frames.h"
+#include "core/shot/frame_name.h"
 
 #include <nlohmann/json.hpp>
 

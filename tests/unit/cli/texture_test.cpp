@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Images on surfaces: what they average to, where they stand, what is refused.
-#include "core/cli/texture.h"
+#include "core/shot/texture.h"
 #include "tests/unit/cli/program.h"
 
 namespace marram::testing {

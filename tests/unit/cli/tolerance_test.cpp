@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A scene asks for one tolerance. That what follows from it holds is measured here on every scene that there is, with fewer strands.
-#include "core/cli/measure_dials.h"
 #include "core/geometry/curve_compare.h"
+#include "core/measure/dials.h"
+#include "core/shot/settings.h"
 
 #include <gtest/gtest.h>
 
@@ -26,22 +27,22 @@ std::vector<std::string> scenes() {
     return files;
 }
 
-World built(LoadedScene& scene, BuildSettings settings, BuildStats& stats) {
+World built(Shot& scene, BuildSettings settings, BuildStats& stats) {
     static const std::atomic<bool> never{false};
     settings.curves_bvh = false;
     BuildProgress progress;
     return build_world(scene.geometry, settings, never, progress, stats);
 }
 
-LoadedScene loaded(const std::string& file, const std::vector<std::string>& changes) {
+Shot loaded(const std::string& file, const std::vector<std::string>& changes) {
     static const std::atomic<bool> never{false};
     Overrides overrides;
     overrides.settings = changes;
-    return load(file, overrides, never);
+    return load_shot(file, overrides, never);
 }
 
 // What leaves a scene with no more strands than that.
-std::vector<std::string> with_about(double strands, LoadedScene& whole) {
+std::vector<std::string> with_about(double strands, Shot& whole) {
     BuildSettings at_rest = build_settings(whole, whole.description.globals.vec2("frames").x());
     at_rest.shutter_open = at_rest.shutter_close = 0.0;
     at_rest.stage = MARRAM_REST; // to count them
@@ -58,8 +59,8 @@ std::vector<std::string> with_about(double strands, LoadedScene& whole) {
 TEST(Tolerance, holds_between_the_motion_keys_of_every_scene) {
     std::printf("%-18s%13s%8s%13s%13s%13s\n", "scene", "tolerance", "keys", "foreseen", "99 in 100", "worst");
     for (const std::string& file : scenes()) {
-        LoadedScene whole = loaded(file, {});
-        LoadedScene scene = loaded(file, with_about(8000.0, whole));
+        Shot whole = loaded(file, {});
+        Shot scene = loaded(file, with_about(8000.0, whole));
         BuildStats stats;
         BuildSettings settings = build_settings(scene, whole.description.globals.vec2("frames").x());
         if (!(settings.shutter_open < settings.shutter_close))
@@ -91,7 +92,7 @@ struct OpenDial {
     bool by_tolerance = false; // the finest setting is what a tolerance of nearly nothing chooses
 };
 
-std::vector<std::string> for_grooms(const std::vector<std::string>& changes, const LoadedScene& scene) {
+std::vector<std::string> for_grooms(const std::vector<std::string>& changes, const Shot& scene) {
     std::vector<std::string> out;
     for (const std::string& change : changes)
         for (const Item& groom : scene.description.procedurals)
@@ -103,7 +104,7 @@ void expect_within_tolerance(const OpenDial& dial) {
     std::printf("%-18s%7s%28s%13s%13s\n", "scene", "frame", "chosen", "tolerance", "99 in 100");
     size_t scenes_seen = 0;
     for (const std::string& file : scenes()) {
-        LoadedScene whole = loaded(file, {});
+        Shot whole = loaded(file, {});
         if (!dial.concerns(whole.description)) continue;
         std::vector<std::string> few = with_about(1000.0, whole);
         few.push_back("wind.collision={solver=\"none\"}");
@@ -113,11 +114,11 @@ void expect_within_tolerance(const OpenDial& dial) {
             for (const std::string& change : for_grooms(changes, whole)) all.push_back(change);
             return loaded(file, all);
         };
-        LoadedScene open = with(dial.open);
+        Shot open = with(dial.open);
         if (dial.by_tolerance)
             few.push_back(whole.description.globals.has("tolerance_pixels") ? "tolerance_pixels=0.0001"
                                                                             : "tolerance=1e-7");
-        LoadedScene finest = with(dial.finest);
+        Shot finest = with(dial.finest);
         const Vec2d frames = whole.description.globals.vec2("frames");
         for (int i = 0; i < dial.frames; ++i) {
             BuildSettings still =
@@ -177,7 +178,7 @@ namespace {
 
 double chosen_in(const std::string& file, const std::vector<std::string>& changes, double frame,
                  const std::string& name) {
-    LoadedScene scene = loaded(MARRAM_SOURCE_DIR "/scenes/" + file, changes);
+    Shot scene = loaded(MARRAM_SOURCE_DIR "/scenes/" + file, changes);
     BuildStats stats;
     built(scene, build_settings(scene, frame), stats);
     EXPECT_TRUE(stats.chosen.contains(name)) << name;

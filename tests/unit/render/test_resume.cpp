@@ -60,12 +60,7 @@ class Resume : public ::testing::Test {
     }
     static void expect_same(const Film& a, const Film& b) {
         EXPECT_EQ(a.sums, b.sums);
-        EXPECT_EQ(a.taken, b.taken);
-        EXPECT_EQ(a.reached, b.reached);
-        EXPECT_EQ(a.squares, b.squares);
-        EXPECT_EQ(a.ended_blocks, b.ended_blocks);
-        EXPECT_EQ(a.block_squares, b.block_squares);
-        EXPECT_EQ(a.spread, b.spread);
+        EXPECT_TRUE(a.pixels == b.pixels);
         for (size_t i = 0; i < a.layers.size(); ++i)
             EXPECT_EQ(a.layers[i].pixels, b.layers[i].pixels) << a.layers[i].name;
     }
@@ -85,7 +80,8 @@ TEST_F(Resume, FewerSamplesBecomeMore) {
             EXPECT_FALSE(stats.cancelled);
             expect_same(film, one_go(samples));
         }
-        const std::set<uint32_t> counts(film.taken.begin(), film.taken.end());
+        std::set<uint32_t> counts;
+        for (const FilmPixel& pixel : film.pixels) counts.insert(pixel.samples);
         EXPECT_EQ(counts.size() >= 4, target > 0.0) << "pixels are done at different times";
     }
 }
@@ -101,9 +97,9 @@ TEST_F(Resume, WhenTimeIsUp) {
         return render(builder_.world, Lights(lights, builder_.world), grey, camera_, settings, film);
     };
     EXPECT_TRUE(in_no_time().out_of_time);
-    EXPECT_EQ(count_samples(film).total, film.taken.size());
+    EXPECT_EQ(count_samples(film).total, film.pixels.size());
     EXPECT_TRUE(in_no_time().out_of_time);
-    EXPECT_EQ(count_samples(film).total, film.taken.size()) << "not a sample of a pass of three";
+    EXPECT_EQ(count_samples(film).total, film.pixels.size()) << "not a sample of a pass of three";
     go_on(film, 40);
     expect_same(film, one_go(40));
 }
@@ -115,7 +111,7 @@ TEST_F(Resume, UsesTheTimeThatItIsGiven) {
         constexpr double cost = 0.25; // seconds a sample: powers of two, so that sums are exact
         for (const double samples : {1.5, 2.0, 3.25, 4.0, 7.0, 15.5, 17.0, 30.0, 63.0, 100.25}) {
             Film film = empty();
-            const double pixels = double(film.taken.size());
+            const double pixels = double(film.pixels.size());
             RenderSettings settings;
             settings.samples = 4096;
             settings.max_depth = 1;
@@ -127,8 +123,8 @@ TEST_F(Resume, UsesTheTimeThatItIsGiven) {
             const double used = cost * double(count_samples(film).total) / settings.seconds;
             EXPECT_GT(used, 0.95) << samples;
             EXPECT_LT(used, 1.05) << samples;
-            const auto [least, most] = std::ranges::minmax_element(film.taken);
-            EXPECT_LE(*most - *least, 1U) << samples;
+            const auto [least, most] = std::ranges::minmax_element(film.pixels, {}, &FilmPixel::samples);
+            EXPECT_LE(most->samples - least->samples, 1U) << samples;
         }
     });
 }
@@ -140,18 +136,15 @@ TEST_F(Resume, WithinAPass) {
             noise = target;
             const Film before = one_go(16), after = one_go(reached);
             Film film = before;
-            film.done = after.done; // as it was judged at 16
-            film.spread = after.spread;
-            for (size_t i = 0; i < film.taken.size(); ++i) {
-                if (i % 2 == 0) continue;
+            for (size_t i = 0; i < film.pixels.size(); ++i) {
+                if (i % 2 == 0) { // as it was judged at 16
+                    film.pixels[i].converged = after.pixels[i].converged;
+                    film.pixels[i].deviation = after.pixels[i].deviation;
+                    continue;
+                }
                 std::copy_n(after.sums.data() + i * film.stride, film.stride,
                             film.sums.data() + i * film.stride);
-                film.taken[i] = after.taken[i];
-                film.luminance[i] = after.luminance[i];
-                film.squares[i] = after.squares[i];
-                film.ended_blocks[i] = after.ended_blocks[i];
-                film.block_squares[i] = after.block_squares[i];
-                film.reached[i] = after.reached[i];
+                film.pixels[i] = after.pixels[i];
             }
             go_on(film, 100);
             expect_same(film, one_go(100));
@@ -167,7 +160,7 @@ TEST_F(Resume, AfterManyCancels) {
         RenderProgress progress;
         progress.cancel = &cancel;
         std::thread watcher([&] {
-            while (!over && progress.samples_done < part * samples * film.taken.size() / 20)
+            while (!over && progress.samples_done < part * samples * film.pixels.size() / 20)
                 std::this_thread::yield();
             cancel = true;
         });
@@ -208,7 +201,7 @@ TEST_F(Resume, AFilmIsShownBetweenPasses) {
     };
     go_on(film, 40, &progress);
     EXPECT_EQ(seen, (std::vector<uint32_t>{1, 4, 16, 32})); // the last is the picture
-    EXPECT_EQ(progress.samples_done, 40U * film.taken.size());
+    EXPECT_EQ(progress.samples_done, 40U * film.pixels.size());
     expect_same(film, one_go(40));
 }
 

@@ -1,0 +1,339 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/compare/compare_layers.h"
+
+#include "core/compare/windows.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <numeric>
+#include <optional>
+#include <span>
+
+namespace marram {
+namespace {
+
+// Limits: core/compare/compare.h says what they are.
+constexpr double layer_share = 0.03;   // of a layer's range, mean difference
+constexpr double layer_bias = 0.01;    // difference of a channel's means
+constexpr double layer_beyond = 0.015; // mean of what is beyond the other's
+constexpr double window_beyond =
+    0.03; // that in a window, less so many times what is beyond its own neighbours:
+constexpr double noise_beyond = 1.25;
+constexpr double noise_names = 1.1, spare_names = 0.05; // times what is unknown among its own, and of all
+constexpr double window_names = 0.1;                    // of a window's pixels
+constexpr int farthest = 2;                             // pixels by which a layer may turn out to be moved
+constexpr double chance = 4.0; // standard deviations of what is counted or correlated
+
+struct Frame {
+    int width, height;
+};
+
+// Whom a number's place is looked up in: the 3 x 3 pixels of another picture, or its 8 neighbours in its own.
+enum class Around { there, here };
+
+// Calls see(pixel, value, around) for each number of a channel and those around its place.
+void each_with_around(const Picture::Layer& mine, const Picture::Layer& other, size_t channel, Frame frame,
+                      Around where, auto&& see) {
+    const size_t channels = mine.channels.size();
+    std::array<float, 9> around;
+    for (int y = 0; y < frame.height; ++y)
+        for (int x = 0; x < frame.width; ++x) {
+            const auto pixel = [&](int i, int j) { return size_t(j) * size_t(frame.width) + size_t(i); };
+            size_t count = 0;
+            for (int j = std::max(y - 1, 0); j <= std::min(y + 1, frame.height - 1); ++j)
+                for (int i = std::max(x - 1, 0); i <= std::min(x + 1, frame.width - 1); ++i)
+                    if (where == Around::there || i != x || j != y)
+                        around[count++] = other.pixels[pixel(i, j) * channels + channel];
+            if (count > 0)
+                see(pixel(x, y), mine.pixels[pixel(x, y) * channels + channel],
+                    std::span(around.data(), count));
+        }
+}
+
+// By how much each number of a channel is less or greater than all those around its place.
+std::vector<float> beyond(const Picture::Layer& mine, const Picture::Layer& other, size_t channel,
+                          Frame frame, Around where) {
+    std::vector<float> plane(size_t(frame.width) * size_t(frame.height), 0.0F);
+    each_with_around(mine, other, channel, frame, where,
+                     [&](size_t pixel, float value, std::span<const float> around) {
+                         const auto [low, high] = std::ranges::minmax(around);
+                         plane[pixel] = std::max({0.0F, value - high, low - value});
+                     });
+    return plane;
+}
+
+// What a layer's numbers are beyond those around their place in the other picture: the mean of both pictures.
+struct Beyond {
+    double mean = 0.0;       // of all
+    WorstWindow unexplained; // less what noise explains: it is as far beyond its own neighbours
+    size_t channel = 0;      // of that window
+};
+
+Beyond beyond_of(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
+    Beyond result;
+    const size_t channels = b.channels.size();
+    for (size_t c = 0; c < channels; ++c) {
+        std::vector<float> plane = beyond(a, b, c, frame, Around::there);
+        const std::vector<float> back = beyond(b, a, c, frame, Around::there),
+                                 in_a = beyond(a, a, c, frame, Around::here),
+                                 in_b = beyond(b, b, c, frame, Around::here);
+        for (size_t i = 0; i < plane.size(); ++i) {
+            const double both = 0.5 * (double(plane[i]) + double(back[i]));
+            result.mean += both / double(b.pixels.size());
+            plane[i] = float(both - noise_beyond * 0.5 * (double(in_a[i]) + double(in_b[i])));
+        }
+        const WorstWindow worst = worst_window(plane, frame.width, frame.height);
+        if (c == 0 || worst.mean > result.unexplained.mean) {
+            result.unexplained = worst;
+            result.channel = c;
+        }
+    }
+    return result;
+}
+
+// 1 for each name (0 is none) that is none of those around its place, else 0.
+std::vector<float> unknown(const Picture::Layer& mine, const Picture::Layer& other, Frame frame,
+                           Around where) {
+    std::vector<float> plane(mine.pixels.size(), 0.0F);
+    each_with_around(mine, other, 0, frame, where,
+                     [&](size_t pixel, float name, std::span<const float> around) {
+                         const bool known = name == 0.0F || std::ranges::find(around, name) != around.end();
+                         plane[pixel] = known ? 0.0F : 1.0F;
+                     });
+    return plane;
+}
+
+// How many names are not known around their place in the other picture.
+struct Unknown {
+    double
+        share = 0.0,
+        noise =
+            0.0; // of all names in both; not known among their own neighbours, in the picture that has less
+    WorstWindow unexplained; // of a window's pixels, less what noise explains
+};
+
+Unknown unknown_of(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
+    std::vector<float> there = unknown(a, b, frame, Around::there);
+    const std::vector<float> back = unknown(b, a, frame, Around::there),
+                             in_a = unknown(a, a, frame, Around::here),
+                             in_b = unknown(b, b, frame, Around::here);
+    const auto sum = [](const std::vector<float>& plane) {
+        return std::accumulate(plane.begin(), plane.end(), 0.0);
+    };
+    const auto names = [](const Picture::Layer& layer) {
+        return std::max(1.0, double(layer.pixels.size()) - double(std::ranges::count(layer.pixels, 0.0F)));
+    };
+    Unknown result;
+    result.share = (sum(there) + sum(back)) / (names(a) + names(b));
+    result.noise = std::min(sum(in_a) / names(a), sum(in_b) / names(b));
+    for (size_t i = 0; i < there.size(); ++i)
+        there[i] = 0.5F * (there[i] + back[i] - float(noise_names) * (in_a[i] + in_b[i]));
+    result.unexplained = worst_window(there, frame.width, frame.height);
+    return result;
+}
+
+// "id", "object_id", "objectID", but not "fluid".
+bool is_called_id(const std::string& name) {
+    const size_t n = name.size();
+    if (n < 2 || std::tolower(name[n - 2]) != 'i' || std::tolower(name[n - 1]) != 'd') return false;
+    return n == 2 || !std::isalpha(static_cast<unsigned char>(name[n - 3])) ||
+           (name[n - 2] == 'I' && std::islower(static_cast<unsigned char>(name[n - 3])));
+}
+
+bool holds_names(const Picture::Layer& layer) {
+    return layer.channels.size() == 1 && is_called_id(layer.name) &&
+           std::ranges::all_of(layer.pixels, [](float v) { return v == std::floor(v); });
+}
+
+struct Offset {
+    int x = 0, y = 0;
+};
+
+// Calls see(i, j) for the numbers of a layer, and of the other moved by the offset, that lie upon each other.
+void each_pair(size_t channels, Frame frame, Offset by, auto&& see) {
+    for (int y = std::max(0, by.y); y < frame.height + std::min(0, by.y); ++y)
+        for (int x = std::max(0, by.x); x < frame.width + std::min(0, by.x); ++x)
+            for (size_t c = 0; c < channels; ++c)
+                see((size_t(y) * size_t(frame.width) + size_t(x)) * channels + c,
+                    (size_t(y - by.y) * size_t(frame.width) + size_t(x - by.x)) * channels + c);
+}
+
+// Pearson's, of all channels together.
+double correlation(const Picture::Layer& a, const Picture::Layer& b, Frame frame, Offset by) {
+    const size_t channels = a.channels.size();
+    struct Sums {
+        double n = 0.0, a = 0.0, b = 0.0, aa = 0.0, bb = 0.0, ab = 0.0;
+    };
+    std::vector<Sums> sums(channels);
+    each_pair(channels, frame, by, [&](size_t i, size_t j) {
+        Sums& s = sums[i % channels];
+        const auto u = double(a.pixels[i]), v = double(b.pixels[j]);
+        s.n += 1.0, s.a += u, s.b += v, s.aa += u * u, s.bb += v * v, s.ab += u * v;
+    });
+    double ab = 0.0, aa = 0.0, bb = 0.0;
+    for (const Sums& s : sums) {
+        if (s.n == 0.0) continue;
+        ab += s.ab - s.a * s.b / s.n;
+        aa += s.aa - s.a * s.a / s.n;
+        bb += s.bb - s.b * s.b / s.n;
+    }
+    return aa > 0.0 && bb > 0.0 ? ab / std::sqrt(aa * bb) : 0.0;
+}
+
+// The share of pixels that hold the same name, of those that hold one in either.
+double share_same(const Picture::Layer& a, const Picture::Layer& b, Frame frame, Offset by) {
+    double same = 0.0, named = 0.0;
+    each_pair(1, frame, by, [&](size_t i, size_t j) {
+        if (a.pixels[i] == 0.0F && b.pixels[j] == 0.0F) return;
+        named += 1.0;
+        same += a.pixels[i] == b.pixels[j];
+    });
+    return named > 0.0 ? same / named : 0.0;
+}
+
+// Where a layer fits the other better than in its place, by more than chance makes of so many pixels. fit: of an offset, at most 1.
+std::optional<Offset> moved_by(Frame frame, auto&& fit) {
+    const double in_place = fit(Offset{}), spare = chance / std::sqrt(double(frame.width) * frame.height);
+    double best = in_place + spare;
+    std::optional<Offset> found;
+    for (int y = -farthest; y <= farthest; ++y)
+        for (int x = -farthest; x <= farthest; ++x)
+            if (const double there = fit(Offset{x, y}); there > best) {
+                best = there;
+                found = Offset{x, y};
+            }
+    return found;
+}
+
+std::string moved_fault(const std::string& name, Offset by) {
+    return fmt::format("layer {} fits the other better when that is moved by {} pixels across and {} down",
+                       name, by.x, by.y);
+}
+
+// By how much a channel's mean is off, and may be.
+struct Bias {
+    double off = 0.0, allowed = 0.0;
+    size_t channel = 0;
+};
+
+// That which is farthest off for what it may be.
+Bias bias_of(const Picture::Layer& a, const Picture::Layer& b, double range) {
+    const size_t channels = b.channels.size();
+    const double count = double(b.pixels.size() / channels);
+    Bias worst;
+    for (size_t c = 0; c < channels; ++c) {
+        double sum = 0.0, squares = 0.0;
+        for (size_t i = c; i < b.pixels.size(); i += channels) {
+            const double d = double(a.pixels[i]) - double(b.pixels[i]);
+            sum += d;
+            squares += d * d;
+        }
+        const double mean = sum / count,
+                     error = std::sqrt(std::max(0.0, squares / count - mean * mean) / count);
+        const Bias bias{std::abs(mean), std::max(layer_bias * range, chance * error), c};
+        if (c == 0 || bias.off * worst.allowed > worst.off * bias.allowed) worst = bias;
+    }
+    return worst;
+}
+
+std::string fault_of_names(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
+    const Unknown unknown = unknown_of(a, b, frame);
+    const double halfway = 0.5 * (1.0 + unknown.noise); // to all, where strands are named differently
+    const double allowed = std::min(halfway, noise_names * unknown.noise + spare_names);
+    if (unknown.share > allowed)
+        return fmt::format("layer {} is of other names: {:.3g} of its pixels with one hold one that the "
+                           "other picture has nowhere near, {:.3g} are allowed",
+                           b.name, unknown.share, allowed);
+    const WorstWindow& worst = unknown.unexplained;
+    if (worst.mean > window_names)
+        return fmt::format(
+            "layer {} is of other names: of {} at ({}, {}) {:.3g} more than noise explains hold one "
+            "that the other picture has nowhere near, {:.3g} are allowed",
+            b.name, window_text(frame.width, frame.height), worst.x, worst.y, worst.mean, window_names);
+    const auto by = moved_by(frame, [&](Offset offset) { return share_same(a, b, frame, offset); });
+    return by ? moved_fault(b.name, *by) : "";
+}
+
+std::string fault_of(const Picture::Layer& a, const Picture::Layer& b, const LayerResult& result,
+                     Frame frame) {
+    if (b.name.empty() || result.most == 0.0) return "";
+    if (holds_names(a) && holds_names(b)) return fault_of_names(a, b, frame);
+    const auto channel = [&](size_t c) {
+        return b.channels.size() > 1 ? b.name + "." + b.channels[c] : b.name;
+    };
+    const Bias bias = bias_of(a, b, result.range);
+    if (bias.off > bias.allowed)
+        return fmt::format("layer {} is off by {:.3g} in its mean, {:.3g} is allowed", channel(bias.channel),
+                           bias.off, bias.allowed);
+    const Beyond beyond = beyond_of(a, b, frame);
+    const WorstWindow& worst = beyond.unexplained;
+    if (worst.mean > window_beyond * result.range)
+        return fmt::format(
+            "layer {} is not as in the other picture: {} at ({}, {}) are beyond what is near there "
+            "by {:.3g} in the mean more than noise explains, {:.3g} is allowed",
+            channel(beyond.channel), window_text(frame.width, frame.height), worst.x, worst.y, worst.mean,
+            window_beyond * result.range);
+    if (result.mean <= layer_share * result.range) return "";
+    if (beyond.mean > layer_beyond * result.range)
+        return fmt::format(
+            "layer {} differs by {:.3g} in the mean, {:.3g} is allowed (three hundredths of its range)",
+            b.name, result.mean, layer_share * result.range);
+    const auto by = moved_by(frame, [&](Offset offset) { return correlation(a, b, frame, offset); });
+    return by ? moved_fault(b.name, *by) : "";
+}
+
+// Of the middle 98 in 100, or how far from 0 they are: one stray number is no range. Where most are the same, as is a background, of
+// those that are not, unless these are next to none.
+double usual_range(std::vector<float> values) {
+    std::ranges::sort(values);
+    const float median = values[values.size() / 2];
+    std::vector<float> others;
+    std::ranges::copy_if(values, std::back_inserter(others), [&](float v) { return v != median; });
+    constexpr size_t next_to_none = 1000; // one in so many
+    if (others.size() * next_to_none < values.size() || others.empty()) return std::abs(double(median));
+    const double low = double(others[others.size() / 100]), high = double(others[others.size() * 99 / 100]);
+    const double spread = std::max(high, double(median)) - std::min(low, double(median));
+    return std::max(spread, std::abs(double(median)));
+}
+
+} // namespace
+
+LayerResult compare_layer(const Picture::Layer& a, const Picture::Layer& b, int width, int height) {
+    LayerResult result;
+    result.name = b.name;
+    result.channels = int(b.channels.size());
+    double squares = 0.0, sum = 0.0, mean = 0.0, low = 0.0, high = b.name.empty() ? 1.0 : 0.0;
+    for (const float v : b.pixels) {
+        low = std::min(low, double(v));
+        high = std::max(high, double(v));
+        mean += std::abs(double(v)) / double(b.pixels.size());
+    }
+    const double least = 0.01 * mean * mean + 1e-30; // so that black pixels do not count without bound
+    double relative = 0.0;
+    for (size_t i = 0; i < b.pixels.size(); ++i) {
+        const double d = double(a.pixels[i]) - double(b.pixels[i]);
+        squares += d * d;
+        sum += std::abs(d);
+        relative += d * d / (double(b.pixels[i]) * double(b.pixels[i]) + least);
+        result.most = std::max(result.most, std::abs(d));
+    }
+    const auto count = double(b.pixels.size());
+    result.range = high - low;
+    if (!b.name.empty())
+        if (const double usual = usual_range(b.pixels); usual > 0.0) result.range = usual;
+    result.rmse = std::sqrt(squares / count);
+    result.relative_mse = relative / count;
+    result.mean = sum / count;
+    result.psnr = result.rmse > 0.0 ? 20.0 * std::log10(result.range / result.rmse)
+                                    : std::numeric_limits<double>::infinity();
+    result.fault = fault_of(a, b, result, {width, height});
+    return result;
+}
+
+} // namespace marram

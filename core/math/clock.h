@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+// Wall time.
+#pragma once
+
+#include <chrono>
+
+namespace marram {
+
+// Seconds on a clock that only goes forward.
+inline double wall_seconds() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+} // namespace marram

@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/shot/frame.h"
+
+#include "core/math/hash.h"
+#include "core/shot/film_state.h"
+#include "core/shot/frame_name.h"
+#include "core/shot/picture_file.h"
+#include "core/shot/scene_camera.h"
+#include "core/shot/settings.h"
+
+#include <fmt/format.h>
+#include <tbb/parallel_invoke.h>
+
+#include <algorithm>
+#include <bit>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <span>
+
+namespace marram {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* digest_key = "marram:digest";
+constexpr const char* frame_key = "marram:frame";
+constexpr const char* unfinished = "partial"; // in place of a digest
+
+uint64_t hash_text(uint64_t h, std::string_view text) {
+    for (const char c : text) h = hash(h, static_cast<unsigned char>(c));
+    return hash(h, text.size());
+}
+
+// Metadata of a picture.
+std::vector<Metadata> metadata_of(const Frame& frame, const std::string& digest) {
+    const SampleCount samples = count_samples(frame.film);
+    const double seconds = frame.stats.load + wall_seconds() - frame.begin;
+    return {{"Software", std::string("marram " MARRAM_VERSION)},
+            {"marram:scene", frame.options.scene},
+            {frame_key, frame.files.frame},
+            {"marram:samples", int(samples.most)},
+            {"marram:mean_samples", samples.mean},
+            {"marram:seconds", seconds},
+            {"marram:version", std::string(MARRAM_VERSION)},
+            {digest_key, digest}};
+}
+
+void save(const Frame& frame, const std::string& path, const std::vector<Metadata>& metadata) {
+    save_picture(path, frame.film, frame.shot.description.film.number("exposure"), metadata);
+}
+
+// A pixel's size is that at the camera's target: a target far behind the strands makes it too coarse for all of them.
+void check_target(Frame& frame) {
+    const SceneDescription& scene = frame.shot.description;
+    if (!scene.globals.has("tolerance_pixels")) return;
+    const double target = (scene.camera.vec3("target") - scene.camera.vec3("position")).norm(),
+                 strands = median_distance(scene, frame.files.frame, frame.stats.build.patch_bounds);
+    if (strands < 0.5 * target)
+        frame.stats.build.warnings.push_back(fmt::format(
+            "{}: tolerance_pixels holds at camera.target, {:.3g} m away; half of the strands in view are "
+            "nearer than "
+            "{:.3g} m, where it is {:.2g} times as many pixels: put the target among them, or give tolerance "
+            "in metres",
+            to_string(scene.globals.at("tolerance_pixels").place), target, strands, target / strands));
+}
+
+} // namespace
+
+uint64_t shot_digest(const Shot& shot, const FrameOptions& options,
+                     const std::vector<std::string>& settings) {
+    std::ifstream file(options.scene, std::ios::binary);
+    uint64_t h = hash_text(0, std::string(std::istreambuf_iterator<char>(file), {}));
+    h = hash_text(h, MARRAM_VERSION);
+    for (const std::string& setting : settings) h = hash_text(h, setting);
+    for (const std::string& layer : options.layers) h = hash_text(h, layer);
+    const auto [width, height] = film_size(shot);
+    h = hash(hash(h, width), height);
+    const std::vector<std::string> files = files_read(shot, options.scene);
+    for (const std::string& name : std::span(files).subspan(1)) {
+        std::error_code error;
+        h = hash_text(h, name);
+        h = hash(h, uint64_t(fs::file_size(name, error)));
+        h = hash(h, uint64_t(fs::last_write_time(name, error).time_since_epoch().count()));
+    }
+    return h;
+}
+
+FrameFiles frame_files(double frame, const Shot& shot, uint64_t digest, const std::string& picture,
+                       const std::string& preview) {
+    FrameFiles files;
+    files.frame = frame;
+    files.picture = numbered(picture, frame);
+    if (!preview.empty()) files.preview = numbered(preview, frame);
+    files.state = state_name(files.picture);
+    files.samples_digest = fmt::format("{:016x}", hash(digest, std::bit_cast<uint64_t>(frame)));
+    // Without the frame: OpenImageIO keeps every distinct text of metadata for ever, 8 KB each.
+    files.digest = fmt::format("{:016x}", hash(digest, uint64_t(shot.description.film.integer("samples"))));
+    return files;
+}
+
+bool is_rendered(const FrameFiles& files) {
+    return read_metadata(files.picture, frame_key) == fmt::format("{}", files.frame) &&
+           whole_metadata(files.picture, digest_key) == files.digest;
+}
+
+void check_partial_name(const std::string& partial) {
+    std::error_code error;
+    if (fs::exists(partial, error) && read_metadata(partial, digest_key) != unfinished)
+        throw InputError({partial}, "this file stands where an unfinished picture would be written",
+                         "move it, or choose another output");
+}
+
+std::vector<std::string> layer_names(const Shot& shot, const std::vector<std::string>& more) {
+    std::vector<std::string> names = {"beauty", "alpha"};
+    for (const auto* list : {&shot.description.film.at("aovs").texts, &more})
+        for (const std::string& name : *list)
+            if (std::ranges::find(names, name) == names.end()) names.push_back(name);
+    if (shot.description.film.number("noise") > 0.0 && std::ranges::find(names, "variance") == names.end())
+        names.emplace_back("variance"); // adaptive sampling reads it
+    return names;
+}
+
+void check_layers(const Shot& shot, const std::vector<std::string>& more) {
+    std::vector<std::string> known;
+    for (const BuiltInLayer& layer : built_in_layers()) known.emplace_back(layer.name);
+    for (const auto& procedural : shot.geometry.procedurals)
+        for (uint32_t i = 0; i < procedural->type().attribute_count; ++i)
+            known.emplace_back(procedural->type().attributes[i].name);
+    std::ranges::sort(known);
+    known.erase(std::unique(known.begin(), known.end()), known.end());
+    const auto check = [&](const std::vector<std::string>& names, const Place& place) {
+        for (const std::string& name : names)
+            if (std::ranges::find(known, name) == known.end())
+                throw InputError(place, "this scene has no image layer '" + name + "'",
+                                 fmt::format("choose among {}", fmt::join(known, ", ")));
+    };
+    const ParamValue& aovs = shot.description.film.at("aovs");
+    check(aovs.texts, aovs.place);
+    for (const std::string& name : more) check({name}, {"--aov " + name});
+}
+
+World build_frame(Frame& frame) {
+    frame.settings = render_settings(frame.shot, frame.files.frame);
+    frame.settings.seconds = frame.options.seconds;
+    BuildSettings settings = build_settings(frame.shot, frame.files.frame);
+    settings.attributes = wanted_attributes(frame.shot, frame.layers);
+    World world =
+        build_world(frame.shot.geometry, settings, frame.cancel, frame.progress.build, frame.stats.build);
+    check_target(frame);
+    const auto [width, height] = film_size(frame.shot);
+    frame.film = make_film(width, height, frame.layers, world);
+    return world;
+}
+
+std::string resume_frame(Frame& frame) {
+    const FrameFiles& files = frame.files;
+    std::error_code error;
+    if (!frame.options.resume || !fs::exists(files.state, error)) return "";
+    const std::string reason =
+        load_state(files.state, files.samples_digest, frame.settings.samples, frame.film);
+    if (!reason.empty()) return fmt::format("{}: {}: the frame begins anew", files.state, reason);
+    return fmt::format("{}: goes on after {:.4g} samples a pixel", files.picture,
+                       count_samples(frame.film).mean);
+}
+
+void trace_frame(Frame& frame, const World& world, Preview& preview) {
+    const auto [width, height] = film_size(frame.shot);
+    const double begin = wall_seconds();
+    FrameProgress& progress = frame.progress;
+    progress.render.cancel = &frame.cancel;
+    progress.render.between_passes = [&](Film&) { preview.between_passes(); };
+    progress.render.samples_done = progress_of(frame.film).sum; // before it is asked how far it is
+    progress.samples = uint64_t(width) * height * frame.settings.samples;
+    const Lights lights(frame.shot.lights, world);
+    double off = 0.0;
+    const Camera camera = camera_at(frame.shot.description, frame.files.frame, &off);
+    frame.stats.camera_poses = uint32_t(camera.poses.size());
+    if (off > 1.0)
+        frame.stats.build.warnings.push_back(fmt::format(
+            "the camera turns so fast that {} poses are off by {:.3g} pixels: shorten camera.shutter",
+            camera.poses.size(), off));
+    frame.stats.render =
+        render(world, lights, frame.shot.materials, camera, frame.settings, frame.film, &progress.render);
+    frame.stats.trace = wall_seconds() - begin;
+}
+
+void save_preview(Frame& frame) {
+    resolve(frame.film);
+    std::vector<Metadata> metadata = metadata_of(frame, "preview");
+    metadata.emplace_back("marram:preview", std::string("yes"));
+    save(frame, frame.files.preview, metadata);
+}
+
+std::vector<std::string> render_warnings(const Frame& frame) {
+    const std::string& picture = frame.files.picture;
+    const RenderStats& render = frame.stats.render;
+    std::vector<std::string> warnings;
+    if (render.out_of_time)
+        warnings.push_back(
+            fmt::format("{}: time was up after {} of {} samples a pixel: give more --seconds for less noise, "
+                        "or go on with --resume",
+                        picture, render.most_samples, frame.settings.samples));
+    warnings.insert(warnings.end(), frame.stats.build.warnings.begin(), frame.stats.build.warnings.end());
+    constexpr double dark = 0.05; // of the light: a darkening that is seen
+    const int depth = frame.shot.description.film.integer("max_depth");
+    if (depth > 1 && render.cut_throughput > dark) // 0 and 1 are asked for on purpose
+        warnings.push_back(
+            fmt::format("{}: film.max_depth = {} ends paths that carry up to {:.2g} % of the light, the "
+                        "picture is too dark: raise film.max_depth",
+                        picture, depth, 100.0 * render.cut_throughput));
+    if (render.dropped_samples > 0)
+        warnings.push_back(
+            fmt::format("{}: {} samples were left out, as their light was no finite number: look for huge "
+                        "values in lights and materials",
+                        picture, render.dropped_samples));
+    return warnings;
+}
+
+SavedFrame save_frame(Frame& frame) {
+    const FrameFiles& files = frame.files;
+    const RenderStats& render = frame.stats.render;
+    frame.stats.total = frame.stats.load + wall_seconds() - frame.begin;
+    SavedFrame saved;
+    saved.whole = !render.cancelled && !render.out_of_time;
+    saved.picture = render.cancelled ? partial_name(files.picture) : files.picture;
+    const auto write_picture = [&] {
+        save(frame, saved.picture, metadata_of(frame, saved.whole ? files.digest : unfinished));
+    };
+    const auto write_state = [&] {
+        try {
+            save_state(files.state, frame.film, files.samples_digest);
+        } catch (const InputError& error) { // a fault of its own: the picture is not lost with it
+            saved.no_state = error.what();
+        }
+    };
+    if (!saved.whole) { // at once: whoever pressed Ctrl-C waits
+        tbb::parallel_invoke(write_picture, write_state);
+        return saved;
+    }
+    try {
+        write_picture();
+    } catch (const InputError& error) {
+        write_state();
+        if (!saved.no_state.empty()) throw;
+        std::vector<Problem> problems = error.problems;
+        Problem& kept = problems.emplace_back();
+        kept.place.file = files.state;
+        kept.what = "kept";
+        kept.fix = "--resume saves the picture";
+        throw InputError(std::move(problems));
+    }
+    return saved;
+}
+
+void remove_unfinished(const FrameFiles& files) {
+    std::error_code error;
+    if (!fs::remove(files.state, error)) return;
+    const std::string partial = partial_name(files.picture);
+    if (read_metadata(partial, digest_key) == unfinished) fs::remove(partial, error);
+}
+
+} // namespace marram

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/shot/picture_file.h"
+
+#include "core/math/problem.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+namespace marram {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<std::string> channel_names(const FilmLayer& layer) {
+    if (layer.kind == LayerKind::attribute) return attribute_channels(layer.channels);
+    const auto known = std::ranges::find(built_in_layers(), layer.kind, &BuiltInLayer::kind);
+    std::vector<std::string> names;
+    for (const char c : known->channel_names)
+        if (c != ' ') names.emplace_back(1, c);
+    return names;
+}
+
+// Beauty and alpha side by side, as every viewer expects them.
+std::vector<float> rgba_of(const Film& film) {
+    const FilmLayer *beauty = find_layer(film, "beauty"), *alpha = find_layer(film, "alpha");
+    std::vector<float> rgba(size_t(film.width) * film.height * 4);
+    for (size_t i = 0; i < size_t(film.width) * film.height; ++i) {
+        std::copy_n(beauty->pixels.data() + 3 * i, 3, rgba.data() + 4 * i);
+        rgba[4 * i + 3] = alpha->pixels[i];
+    }
+    return rgba;
+}
+
+// Whether half floats hold the picture: nothing brighter than the greatest, and not so dim that their smallest step, 2^-24, is more than
+// 2^-14 of the mean.
+bool fits_half(const std::vector<float>& pixels) {
+    constexpr float greatest = 65504.0F;
+    constexpr double dimmest = 0x1p-10;
+    double sum = 0.0;
+    for (const float v : pixels) {
+        if (std::abs(v) > greatest) return false;
+        sum += double(std::abs(v));
+    }
+    return sum == 0.0 || sum >= dimmest * double(pixels.size());
+}
+
+} // namespace
+
+std::vector<std::string> attribute_channels(uint32_t components) {
+    switch (components) {
+    case 1:
+        return {"Y"};
+    case 2:
+        return {"U", "V"};
+    case 3:
+        return {"X", "Y", "Z"};
+    default:
+        return {"R", "G", "B", "A"};
+    }
+}
+
+std::string lower_extension(const std::string& path) {
+    std::string extension = fs::path(path).extension().string();
+    std::ranges::transform(extension, extension.begin(),
+                           [](unsigned char c) { return char(std::tolower(c)); });
+    return extension;
+}
+
+void check_picture_name(const std::string& path) {
+    const std::string extension = lower_extension(path);
+    if (extension != ".exr" && extension != ".png")
+        throw InputError({path}, "a picture cannot be written in the format '" + extension + "'",
+                         "name it .exr or .png");
+}
+
+std::string partial_name(const std::string& path) {
+    const fs::path p(path);
+    return (p.parent_path() / (p.stem().string() + ".partial" + p.extension().string())).string();
+}
+
+void save_picture(const std::string& path, const Film& film, double exposure,
+                  const std::vector<Metadata>& metadata) {
+    const int width = int(film.width), height = int(film.height);
+    if (lower_extension(path) == ".png") {
+        write_png(path, width, height, 3, find_layer(film, "beauty")->pixels.data(), exposure, metadata);
+        return;
+    }
+    const std::vector<float> rgba = rgba_of(film);
+    std::vector<Layer> layers = {
+        {"", {"R", "G", "B", "A"}, rgba.data(), fits_half(find_layer(film, "beauty")->pixels)}};
+    for (const FilmLayer& layer : film.layers)
+        if (layer.kind != LayerKind::beauty && layer.kind != LayerKind::alpha)
+            layers.push_back({layer.name, channel_names(layer), layer.pixels.data(),
+                              layer.kind == LayerKind::albedo || layer.kind == LayerKind::normal});
+    write_exr(path, width, height, layers, metadata);
+}
+
+} // namespace marram

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/shot/scene_meshes.h"
+
+#include "core/geometry/build.h"
+#include "core/image/image.h"
+#include "core/shot/frame_name.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace marram {
+namespace {
+
+Vec2f vec2f(const ParamSet& params, std::string_view name) { return params.vec2(name).cast<float>(); }
+Vec3f vec3f(const ParamSet& params, std::string_view name) { return params.vec3(name).cast<float>(); }
+
+// Heights of an image's first channel, resampled to (squares + 1)^2 where the scene says how many.
+Mesh load_heightfield(const ParamSet& params) {
+    const Image image = read_image(params.text("image"), ColorSpace::linear_data);
+    const bool resample = params.has("divisions");
+    const int width = resample ? params.integer("divisions") + 1 : image.width;
+    const int height = resample ? params.integer("divisions") + 1 : image.height;
+    const auto pixel = [&](int x, int y) {
+        return double(image.pixels[(size_t(y) * size_t(image.width) + size_t(x)) * size_t(image.channels)]);
+    };
+    std::vector<float> heights(size_t(width) * size_t(height));
+    for (int j = 0; j < height; ++j)
+        for (int i = 0; i < width; ++i) {
+            const double x = width > 1 ? double(i) * (image.width - 1) / (width - 1) : 0.0;
+            const double y = height > 1 ? double(j) * (image.height - 1) / (height - 1) : 0.0;
+            const int x0 = std::min(int(x), image.width - 1), y0 = std::min(int(y), image.height - 1);
+            const int x1 = std::min(x0 + 1, image.width - 1), y1 = std::min(y0 + 1, image.height - 1);
+            const double fx = x - x0, fy = y - y0;
+            heights[size_t(j) * size_t(width) + size_t(i)] =
+                float((1 - fy) * ((1 - fx) * pixel(x0, y0) + fx * pixel(x1, y0)) +
+                      fy * ((1 - fx) * pixel(x0, y1) + fx * pixel(x1, y1)));
+        }
+    return heightfield_mesh(heights, width, height, vec2f(params, "size"), float(params.number("height")));
+}
+
+Mesh load_mesh_item(const Item& item) {
+    const ParamSet& params = item.params;
+    if (item.type == "file") return load_mesh(mesh_files(item).front().second, params.boolean("smooth"));
+    if (item.type == "plane") return plane_mesh(vec2f(params, "size"), params.integer("divisions"));
+    if (item.type == "box") return box_mesh(vec3f(params, "size"));
+    if (item.type == "sphere")
+        return sphere_mesh(float(params.number("radius")), params.integer("divisions"),
+                           float(params.number("bumps")), float(params.number("frequency")));
+    return load_heightfield(params);
+}
+
+} // namespace
+
+// Files of a mesh, one a frame where it deforms.
+std::vector<std::pair<double, std::string>> mesh_files(const Item& item) {
+    const ParamSet& params = item.params;
+    std::vector<std::pair<double, std::string>> files;
+    if (!params.has("file_frames")) return {{0.0, params.text("file")}};
+    const Vec2d range = params.vec2("file_frames");
+    for (double frame = range.x(); frame <= range.y(); frame += 1.0)
+        files.emplace_back(frame, numbered(params.text("file"), frame));
+    return files;
+}
+
+Mesh load_scene_mesh(const Item& item) {
+    try {
+        return load_mesh_item(item);
+    } catch (const InputError& error) {
+        std::vector<Problem> problems = error.problems;
+        for (Problem& problem : problems)
+            if (problem.place.file.empty()) problem.place = item.place;
+        throw InputError(std::move(problems));
+    }
+}
+
+// The shapes of a mesh that deforms; `first` is of the first of its files.
+std::vector<MeshShape> load_shapes(const Item& item, const Mesh& first, const std::atomic<bool>& cancel) {
+    const auto files = mesh_files(item);
+    std::vector<MeshShape> shapes;
+    if (files.size() < 2) return shapes;
+    shapes.push_back({files[0].first, first.positions, first.normals});
+    for (size_t i = 1; i < files.size(); ++i) {
+        if (cancel.load()) throw Cancelled{};
+        const auto& [frame, file] = files[i];
+        Mesh mesh = load_mesh(file, item.params.boolean("smooth"));
+        if (mesh.triangles != first.triangles || mesh.positions.size() != first.positions.size() ||
+            mesh.normals.size() != first.normals.size())
+            throw InputError(
+                {file},
+                fmt::format("has {} triangles of {} vertices that are not those of '{}', {} of {}",
+                            mesh.triangles.size(), mesh.positions.size(), files[0].second,
+                            first.triangles.size(), first.positions.size()),
+                "a mesh that deforms keeps its triangles: export every frame from the same mesh");
+        shapes.push_back({frame, std::move(mesh.positions), std::move(mesh.normals)});
+    }
+    return shapes;
+}
+
+} // namespace marram

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// The [[mesh]] tables of a scene file as meshes. Types and parameters: core/scene/schema.cpp.
+#pragma once
+
+#include "core/geometry/scene_mesh.h"
+#include "core/scene/description.h"
+
+#include <atomic>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace marram {
+
+// The files of a mesh of type "file", with their frames: one per frame if it deforms.
+std::vector<std::pair<double, std::string>> mesh_files(const Item& item);
+
+// Throws InputError with the place of the table where no file is to blame.
+Mesh load_scene_mesh(const Item& item);
+
+// All shapes of a mesh that deforms, empty for one that does not. `first` is the mesh of its first file.
+std::vector<MeshShape> load_shapes(const Item& item, const Mesh& first, const std::atomic<bool>& cancel);
+
+} // namespace marram

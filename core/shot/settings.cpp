@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/shot/settings.h"
+
+#include "core/math/hash.h"
+#include "core/shot/scene_camera.h"
+
+#include <algorithm>
+#include <bit>
+
+namespace marram {
+
+std::pair<uint32_t, uint32_t> film_size(const Shot& shot) {
+    const Vec2d size = shot.description.film.vec2("size");
+    return {uint32_t(size.x()), uint32_t(size.y())};
+}
+
+BuildSettings build_settings(const Shot& shot, double frame) {
+    const SceneDescription& description = shot.description;
+    const ParamSet& globals = description.globals;
+    BuildSettings settings;
+    settings.frame = frame;
+    settings.fps = globals.number("fps");
+    const Vec2d shutter = description.camera.vec2("shutter");
+    settings.shutter_open = shutter.x();
+    settings.shutter_close = shutter.y();
+    settings.bind_frame =
+        globals.has("bind_frame") ? globals.number("bind_frame") : globals.vec2("frames").x();
+    const Camera camera = camera_at(description, frame);
+    const auto [width, height] = film_size(shot);
+    const double half_height = std::tan(0.5 * camera.vertical_fov);
+    const auto ahead = [](const CameraPose& pose) -> Vec3d { return pose.orientation * -Vec3d::UnitZ(); };
+    settings.view = {.position = camera.poses.front().position,
+                     .forward = ahead(camera.poses.front()),
+                     .cosine = 1.0 / std::hypot(1.0, half_height, half_height * width / height),
+                     .pixel_angle = 2.0 * half_height / height};
+    constexpr size_t enough = 8; // of its poses: what comes into view between two is about as near in one
+    const size_t last = camera.poses.size() - 1, looks = std::min(last, enough);
+    for (size_t i = 1; i <= looks; ++i) {
+        const CameraPose& pose = camera.poses[i * last / looks];
+        settings.view.later.emplace_back(pose.position, ahead(pose));
+    }
+    settings.tolerance = globals.number("tolerance");
+    if (globals.has("tolerance_pixels")) {
+        settings.view.pixels_at =
+            (description.camera.vec3("target") - description.camera.vec3("position")).norm();
+        settings.tolerance =
+            globals.number("tolerance_pixels") * settings.view.pixel_angle * settings.view.pixels_at;
+    }
+    settings.motion_keys =
+        description.film.has("motion_keys") ? uint32_t(description.film.integer("motion_keys")) : 0;
+    if (description.film.has("curve_pieces"))
+        settings.curve_pieces = description.film.integer("curve_pieces");
+    return settings;
+}
+
+RenderSettings render_settings(const Shot& shot, double frame) {
+    const ParamSet& film = shot.description.film;
+    RenderSettings settings;
+    settings.samples = uint32_t(film.integer("samples"));
+    settings.max_depth = uint32_t(film.integer("max_depth"));
+    settings.noise = film.number("noise");
+    settings.clamp = float(film.number("clamp"));
+    const std::string& filter = film.text("filter");
+    settings.filter.kind = filter == "box"        ? FilterKind::box
+                           : filter == "triangle" ? FilterKind::triangle
+                           : filter == "gaussian" ? FilterKind::gaussian
+                                                  : FilterKind::blackman_harris;
+    settings.filter.radius = film.number("filter_radius");
+    settings.seed = std::bit_cast<uint64_t>(frame); // another pattern of noise each frame
+    if (const int seed = film.integer("seed"); seed != 0) settings.seed = hash(settings.seed, uint64_t(seed));
+    return settings;
+}
+
+std::vector<std::string> wanted_attributes(const Shot& shot, const std::vector<std::string>& layers) {
+    std::vector<std::string> names = layers;
+    for (const Material& material : shot.materials)
+        if (!material.tint.empty()) names.push_back(material.tint);
+    names.emplace_back("id"); // strands differ by it, whatever grows beside them
+    std::ranges::sort(names);
+    names.erase(std::unique(names.begin(), names.end()), names.end());
+    return names;
+}
+
+} // namespace marram

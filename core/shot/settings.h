@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a scene's film, camera and globals ask of the build and of the integrator.
+#pragma once
+
+#include "core/geometry/build.h"
+#include "core/render/integrator.h"
+#include "core/shot/shot.h"
+
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace marram {
+
+std::pair<uint32_t, uint32_t> film_size(const Shot& shot); // pixels
+
+BuildSettings build_settings(const Shot& shot, double frame);
+RenderSettings render_settings(const Shot& shot, double frame);
+
+// Curve attributes that materials and image layers need.
+std::vector<std::string> wanted_attributes(const Shot& shot, const std::vector<std::string>& layers);
+
+} // namespace marram

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/shot/shot.h"
+#include "core/shot/scene_camera.h"
+#include "core/shot/scene_lights.h"
+#include "core/shot/scene_meshes.h"
+#include "core/shot/texture.h"
+
+#include "core/scene/libraries.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <functional>
+#include <iterator>
+
+namespace marram {
+namespace {
+
+namespace fs = std::filesystem;
+
+void add_library(PluginSet& plugins, const std::string& key, const std::string& path, const Place& place) {
+    auto library = std::make_shared<PluginLibrary>(path, place);
+    for (ItemSchema& schema : procedural_schemas(library->table())) {
+        const auto same = [&](const ItemSchema& known) { return known.type == schema.type; };
+        if (std::ranges::none_of(plugins.schema.procedurals, same))
+            plugins.schema.procedurals.push_back(std::move(schema));
+    }
+    if (plugins.schema.wind.empty()) plugins.schema.wind = wind_specs(library->table());
+    plugins.libraries[key] = std::move(library);
+}
+
+// Runs a step and keeps what it objects to, so that all mistakes of a scene are reported together.
+class Objections {
+  public:
+    void operator()(const std::function<void()>& step) {
+        try {
+            step();
+        } catch (const InputError& error) {
+            problems_.insert(problems_.end(), error.problems.begin(), error.problems.end());
+        }
+    }
+    void raise() const {
+        if (!problems_.empty()) throw InputError(problems_);
+    }
+
+  private:
+    std::vector<Problem> problems_;
+};
+
+int index_of(const std::vector<Item>& items, const std::string& name) {
+    for (size_t i = 0; i < items.size(); ++i)
+        if (items[i].name == name) return int(i);
+    return -1;
+}
+
+int material_of(const SceneDescription& description, const Item& item) {
+    return item.params.has("material") ? index_of(description.materials, item.params.text("material")) : -1;
+}
+
+void apply(const Overrides& overrides, std::vector<std::string>& settings) {
+    settings = overrides.settings;
+    if (overrides.samples) settings.push_back("film.samples=" + std::to_string(*overrides.samples));
+    if (overrides.size)
+        settings.push_back("film.size=[" + std::to_string(overrides.size->first) + ", " +
+                           std::to_string(overrides.size->second) + "]");
+}
+
+void shine(SceneMesh& mesh, const std::vector<Item>& lights, size_t by) {
+    if (mesh.light >= 0)
+        throw InputError(lights[by].params.at("mesh").place,
+                         fmt::format("mesh \"{}\" shines already by light \"{}\"", mesh.name,
+                                     lights[size_t(mesh.light)].name),
+                         "add their radiances up in one light");
+    mesh.light = int(by);
+}
+
+void load_meshes(Shot& shot, const std::atomic<bool>& cancel, Objections& objections) {
+    const SceneDescription& description = shot.description;
+    for (const Item& item : description.meshes) {
+        if (cancel.load()) throw Cancelled{};
+        SceneMesh mesh{item.name, {}, {}, material_of(description, item), -1};
+        const ParamValue& keys = item.params.at("transform");
+        mesh.transform = KeyedTransform(keys.numbers, keys.text);
+        objections([&] {
+            mesh.mesh = load_scene_mesh(item);
+            if (item.type == "file") mesh.shapes = load_shapes(item, mesh.mesh, cancel);
+        });
+        for (size_t i = 0; i < description.lights.size(); ++i)
+            if (description.lights[i].type == "mesh" &&
+                description.lights[i].params.text("mesh") == item.name)
+                objections([&] { shine(mesh, description.lights, i); });
+        shot.geometry.meshes.push_back(std::move(mesh));
+    }
+}
+
+std::shared_ptr<PluginLibrary> library_for(const PluginSet& plugins, const Item& item) {
+    const std::string key = item.params.has("library") ? item.params.text("library") : "";
+    return plugins.libraries.at(key);
+}
+
+} // namespace
+
+std::string default_library() {
+    std::error_code error;
+    const fs::path program = fs::read_symlink("/proc/self/exe", error);
+    return ((error ? fs::path(".") : program.parent_path()) / "libmarram_procedural.so").string();
+}
+
+PluginSet default_plugins() {
+    PluginSet plugins;
+    plugins.schema = scene_schema();
+    for (const ShaderDescription& shader : shaders())
+        plugins.schema.materials.push_back({shader.name, shader.help, shader.params});
+    add_library(plugins, "", default_library(), {default_library()});
+    return plugins;
+}
+
+namespace {
+
+// Loads the libraries that the scene names, then reads the scene with all that they declare. Where a library is not there
+// its types are unknown too: that is no second mistake.
+SceneDescription describe(const std::string& file, const std::vector<std::string>& settings,
+                          PluginSet& plugins) {
+    std::vector<LibraryName> missing;
+    for (const LibraryName& library : scene_libraries(file, settings)) {
+        if (fs::exists(library.path))
+            add_library(plugins, library.path, library.path, library.place);
+        else
+            missing.push_back(library);
+    }
+    try {
+        return load_scene(file, settings, plugins.schema);
+    } catch (const InputError& error) {
+        std::vector<Problem> problems;
+        for (const LibraryName& library : missing) {
+            const auto said = [&](const Problem& p) {
+                return to_string(p.place) == to_string(library.place);
+            };
+            if (std::ranges::none_of(error.problems, said))
+                problems.push_back({library.place, "there is no file \"" + library.path + "\"",
+                                    "build the library, or mend its path"});
+        }
+        for (const Problem& problem : error.problems)
+            if (missing.empty() || problem.what.find("is no type of procedural") == std::string::npos)
+                problems.push_back(problem);
+        throw InputError(std::move(problems));
+    }
+}
+
+} // namespace
+
+Shot load_shot(const std::string& file, const Overrides& overrides, const std::atomic<bool>& cancel) {
+    Shot shot;
+    std::vector<std::string> settings;
+    apply(overrides, settings);
+    shot.plugins = std::make_unique<PluginSet>(default_plugins());
+    shot.description = describe(file, settings, *shot.plugins);
+    const SceneDescription& description = shot.description;
+
+    Objections objections;
+    for (const Item& item : description.materials)
+        objections([&] { shot.materials.push_back(make_material(item.type, item.params, open_texture)); });
+    std::vector<LightDescription> suns; // of daylight: last, so that meshes find their lights by place
+    for (const Item& item : description.lights)
+        objections([&] { shot.lights.push_back(make_light(item, suns, shot.warnings)); });
+    std::ranges::move(suns, std::back_inserter(shot.lights));
+    load_meshes(shot, cancel, objections);
+    for (const Item& item : description.procedurals)
+        objections([&] {
+            auto procedural = std::make_unique<Procedural>(library_for(*shot.plugins, item), item,
+                                                           description.wind, cancel);
+            procedural->material = material_of(description, item);
+            shot.geometry.procedurals.push_back(std::move(procedural));
+        });
+    objections([&] { camera_at(description, description.globals.vec2("frames").x()); });
+    objections.raise();
+    if (shot.lights.empty()) {
+        shot.warnings.push_back(fmt::format("{}: the scene has no light: it is lit by a plain sky", file));
+        shot.lights.push_back(SkyLight{});
+    }
+    return shot;
+}
+
+std::vector<std::string> files_read(const Shot& shot, const std::string& file) {
+    std::vector<std::string> files = {file};
+    const SceneDescription& description = shot.description;
+    for (const auto* items :
+         {&description.materials, &description.meshes, &description.lights, &description.procedurals})
+        for (const Item& item : *items)
+            for (const ParamValue& value : item.params.all())
+                if (value.spec->type == ParamType::file || value.spec->type == ParamType::image)
+                    files.push_back(value.text);
+    for (const Item& mesh : description.meshes)
+        if (mesh.params.has("file_frames"))
+            for (const auto& [frame, shape] : mesh_files(mesh)) files.push_back(shape);
+    return files;
+}
+
+} // namespace marram

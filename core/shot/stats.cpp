@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/shot/stats.h"
+
+#include "core/shot/frame_name.h"
+
+#include "core/image/atomic_file.h"
+#include "core/math/clock.h"
+
+#include <nlohmann/json.hpp>
+
+#include <sys/resource.h>
+
+namespace marram {
+namespace {
+
+nlohmann::ordered_json to_json(const FrameStats& stats) {
+    const BuildStats& build = stats.build;
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    nlohmann::ordered_json json;
+    json["frame"] = stats.frame;
+    json["threads"] = stats.threads;
+    json["curves"] = build.curves;
+    json["cvs"] = build.cvs;
+    json["segments"] = build.segments;
+    json["triangles"] = build.triangles;
+    json["seconds"] = {{"load", stats.load},           {"terrain", 0.0},
+                       {"colliders", build.colliders}, {"expand", build.expand},
+                       {"gusts", build.gusts},         {"shield", build.shield},
+                       {"bend", build.bend},           {"jiggle", build.jiggle},
+                       {"collide", build.collide},     {"curves_bvh", build.curves_bvh},
+                       {"trace", stats.trace},         {"total", stats.total}};
+    json["collision"] = {{"contacts", build.contacts},
+                         {"pushed_out", build.pushed_out},
+                         {"unresolved", build.unresolved},
+                         {"skipped_pushes", build.skipped_pushes},
+                         {"dips", build.dips},
+                         {"reached", build.collision_reached}};
+    json["motion"] = {{"keys", build.motion_keys}, // error: metres, foreseen where the keys were chosen
+                      {"error", build.motion_error},
+                      {"mesh_error", build.mesh_motion_error},
+                      {"jumps", build.motion_jumps},
+                      {"camera_poses", stats.camera_poses}};
+    json["chosen"] = build.chosen;                                      // by the tolerance
+    json["memory"] = {{"peak_bytes", uint64_t(usage.ru_maxrss) * 1024}, // of the process so far
+                      {"curve_bytes", build.curve_bytes},
+                      {"curve_extra_bytes", build.curve_extra_bytes}};
+    json["rays"] = stats.render.rays.intersect + stats.render.rays.occluded;
+    json["dropped_rays"] = stats.render.rays.dropped;
+    json["samples"] = {{"most", stats.render.most_samples}, {"mean", stats.render.mean_samples}}; // a pixel
+    json["dropped_samples"] = stats.render.dropped_samples;
+    json["clamped"] = stats.render.clamped;
+    json["cut_throughput"] = stats.render.cut_throughput; // of paths that max_depth ends
+    return json;
+}
+
+} // namespace
+
+StatsFile::StatsFile(std::string path) : path_(std::move(path)) {}
+
+void StatsFile::write(const std::string& path, const std::vector<std::string>& frames) {
+    AtomicFile file(path);
+    if (frames.size() != 1) file.write("[\n");
+    for (size_t i = 0; i < frames.size(); ++i) {
+        if (i > 0) file.write(",\n");
+        file.write(frames[i]);
+    }
+    file.write(frames.size() != 1 ? "\n]\n" : "\n");
+    file.commit();
+}
+
+void StatsFile::add(const FrameStats& frame) {
+    if (path_.empty()) return;
+    std::string text = to_json(frame).dump(2);
+    const std::string own = numbered(path_, frame.frame);
+    if (own != path_) return write(own, {std::move(text)});
+    frames_.push_back(std::move(text));
+    constexpr double rest = 20.0; // times what the last writing took
+    const double begin = wall_seconds();
+    if (begin - written_ < rest * cost_) return;
+    write(path_, frames_);
+    written_ = wall_seconds();
+    cost_ = written_ - begin;
+}
+
+void StatsFile::finish() {
+    if (!frames_.empty()) write(path_, frames_);
+}
+
+} // namespace marram

@@ -1,0 +1,599 @@
+// SPDX-License-Identifier: Apache-2.0
+// What comparison must see and what it must not, on pictures made up with known noise.
+#include "core/compare/compare.h"
+
+#include "core/compare/flip.h"
+#include "core/math/hash.h"
+#include "core/math/problem.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <functional>
+
+#include <unistd.h>
+
+namespace marram {
+namespace {
+
+constexpr int width = 96, height = 64;
+
+// A standard normal number.
+double normal(uint64_t seed, uint64_t i) {
+    const uint64_t h = hash(seed, i);
+    const double u = (double(h >> 40) + 0.5) * 0x1p-24, v = double(h & 0xffffff) * 0x1p-24;
+    return std::sqrt(-2.0 * std::log(u)) * std::cos(2.0 * 3.14159265358979 * v);
+}
+
+// A smooth picture with an edge, and what is added to it.
+Picture made(
+    uint64_t seed, double noise,
+    const std::function<double(int, int, int)>& add = [](int, int, int) { return 0.0; }) {
+    Picture picture{width, height, 64, "", {{"", {"R", "G", "B"}, {}}, {"variance", {"R", "G", "B"}, {}}}};
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x)
+            for (int c = 0; c < 3; ++c) {
+                const double base = (x > y ? 0.6 : 0.2) + 0.1 * std::sin(0.1 * x) + 0.05 * c;
+                const auto at = uint64_t((y * width + x) * 3 + c);
+                picture.layers[0].pixels.push_back(float(base + noise * normal(seed, at) + add(x, y, c)));
+                picture.layers[1].pixels.push_back(float(noise * noise));
+            }
+    return picture;
+}
+
+Comparison compared(const Picture& a, const Picture& b) { return compare_pictures(a, b, "a", "b"); }
+
+Picture without_variance(Picture picture) {
+    picture.layers.pop_back();
+    return picture;
+}
+
+} // namespace
+
+TEST(Compare, the_limit_is_students_t) {
+    EXPECT_NEAR(student_limit(0.001, 10.0), 4.587, 0.014); // from tables, two-sided
+    EXPECT_NEAR(student_limit(0.001, 30.0), 3.646, 0.005);
+    EXPECT_NEAR(student_limit(0.01, 20.0), 2.845, 0.005);
+    EXPECT_NEAR(student_limit(0.001, 1e9), 3.2905, 0.001);
+    EXPECT_NEAR(student_limit(1e-9, 1e9), 6.1094, 0.001);
+}
+
+TEST(Compare, noise_of_another_seed_is_alike) {
+    const Picture reference = made(1, 0.05);
+    int alarms = 0;
+    double whole = 0.0;
+    constexpr int seeds = 200;
+    for (int i = 0; i < seeds; ++i) {
+        const Comparison c = compared(made(uint64_t(2 + i), 0.05), reference);
+        EXPECT_TRUE(c.knows_noise);
+        EXPECT_FALSE(c.equal);
+        alarms += !c.alike();
+        whole += c.scales.back().worst;
+    }
+    EXPECT_LE(alarms, 1) << "the level is 0.001";
+    EXPECT_GT(
+        whole / seeds,
+        0.3); // deviations are deviations: the worst of three channels is about 1.3 in the mean, of seeds that
+    EXPECT_LT(whole / seeds, 2.0); // share a reference
+}
+
+TEST(Compare, small_steady_differences_add_up) {
+    const Picture reference = made(1, 0.05);
+    // A twentieth of a standard deviation everywhere; half of one in a square; twenty in a pixel.
+    const Comparison all = compared(made(2, 0.05, [](int, int, int) { return 0.005; }), reference);
+    EXPECT_FALSE(all.alike());
+    EXPECT_EQ(all.worst_scale()->size, 0);
+    const Comparison square = compared(
+        made(2, 0.05, [](int x, int y, int) { return x >= 32 && x < 48 && y >= 16 && y < 32 ? 0.05 : 0.0; }),
+        reference);
+    EXPECT_FALSE(square.alike());
+    EXPECT_EQ(square.worst_scale()->size, 16);
+    EXPECT_EQ(square.worst_scale()->x, 32);
+    EXPECT_EQ(square.worst_scale()->y, 16);
+    const Comparison pixel =
+        compared(made(2, 0.05, [](int x, int y, int) { return x == 7 && y == 9 ? 1.0 : 0.0; }), reference);
+    EXPECT_FALSE(pixel.alike());
+    EXPECT_EQ(pixel.worst_scale()->size, 1);
+    EXPECT_EQ(pixel.worst_scale()->x, 7);
+}
+
+TEST(Compare, without_variance_looks_decide) {
+    const Picture reference = without_variance(made(1, 0.002));
+    EXPECT_TRUE(compared(reference, reference).equal);
+    EXPECT_TRUE(compared(reference, reference).alike());
+    EXPECT_TRUE(compared(without_variance(made(2, 0.002)), reference).alike());
+    const Comparison off = compared(
+        without_variance(made(1, 0.002, [](int x, int, int) { return x > 60 ? 0.2 : 0.0; })), reference);
+    EXPECT_FALSE(off.alike());
+    EXPECT_FALSE(off.knows_noise);
+}
+
+// 400 pixels of 76,800: means and the 99th percentile know nothing of them.
+TEST(Compare, without_variance_a_small_thing_is_missed) {
+    constexpr int w = 320, h = 240;
+    const auto with_square = [](float r, float g, float b) {
+        Picture picture{w, h, 64, "", {{"", {"R", "G", "B"}, {}}}};
+        for (int y = 0; y < h; ++y)
+            for (int x = 0; x < w; ++x) {
+                const float base = 0.2F + 0.1F * float(x) / w;
+                const bool in = x >= 100 && x < 120 && y >= 60 && y < 80;
+                for (const float v : {r, g, b}) picture.layers[0].pixels.push_back(in ? v : base);
+            }
+        return picture;
+    };
+    for (const bool display : {false, true})
+        for (const float red : {0.5F, 0.0F}) {
+            Picture with = with_square(red, 0.0F, 0.0F), without = with_square(0.23F, 0.23F, 0.23F);
+            with.display = without.display = display;
+            const Comparison c = compared(without, with);
+            ASSERT_EQ(c.faults.size(), 1U) << red;
+            EXPECT_NE(c.faults[0].find("it looks different: mean FLIP of 16 x 16 pixels at (104, 64) is 0."),
+                      std::string::npos)
+                << c.faults[0];
+            EXPECT_GT(c.flip_window, c.flip_window_limit);
+            EXPECT_EQ(c.flip_window_x, 104);
+            EXPECT_EQ(c.flip_window_y, 64);
+        }
+    EXPECT_TRUE(std::isinf(compared(made(2, 0.05), made(1, 0.05)).flip_window_limit)) << "noise decides";
+}
+
+TEST(Compare, without_variance_light_below_zero_is_seen) {
+    const auto scaled = [](float by) {
+        Picture picture = without_variance(made(1, 0.0));
+        for (float& v : picture.layers[0].pixels) v *= by;
+        return picture;
+    };
+    EXPECT_FALSE(compared(scaled(-1.0F), scaled(0.0F)).alike());
+    EXPECT_FALSE(compared(scaled(0.0F), scaled(-1.0F)).alike());
+    EXPECT_TRUE(compared(scaled(-1.0F), scaled(-1.0F)).alike());
+    EXPECT_TRUE(compared(scaled(0.0F), scaled(0.0F)).alike());
+}
+
+TEST(Compare, the_verdict_names_the_channel) {
+    const Comparison c = compared(
+        made(2, 0.05, [](int, int, int channel) { return channel == 1 ? 0.02 : 0.0; }), made(1, 0.05));
+    ASSERT_FALSE(c.alike());
+    EXPECT_NE(c.faults[0].find("the whole picture is off in green by "), std::string::npos) << c.faults[0];
+}
+
+// Believed, but not without a word.
+TEST(Compare, much_more_noise_is_noted) {
+    EXPECT_TRUE(compared(made(2, 0.05), made(1, 0.05)).notes.empty());
+    EXPECT_TRUE(compared(made(2, 0.09), made(1, 0.05)).notes.empty());
+    const Comparison c = compared(made(2, 0.15), made(1, 0.05));
+    EXPECT_TRUE(c.alike());
+    ASSERT_EQ(c.notes.size(), 1U);
+    EXPECT_NE(c.notes[0].find("A says of itself that it is 9 times as noisy as B"), std::string::npos)
+        << c.notes[0];
+    EXPECT_TRUE(compared(without_variance(made(2, 0.15)), made(1, 0.05)).notes.empty()) << "it says nothing";
+}
+
+TEST(Compare, one_variance_serves_both) {
+    const Picture reference = made(1, 0.05);
+    const Comparison c = compared(without_variance(made(2, 0.05)), reference);
+    EXPECT_TRUE(c.knows_noise);
+    EXPECT_TRUE(c.alike());
+}
+
+// Variance, but not of how many samples: two at least.
+TEST(Compare, unknown_samples_do_not_hide_a_fault) {
+    Picture reference = made(1, 0.05), seed = made(2, 0.05), bright = made(3, 0.05);
+    for (float& v : bright.layers[0].pixels) v *= 1.2F;
+    for (Picture* picture : {&reference, &seed, &bright}) picture->samples = 0;
+    EXPECT_TRUE(compared(seed, reference).alike());
+    const Comparison c = compared(bright, reference);
+    EXPECT_FALSE(c.alike());
+    EXPECT_LT(c.scales.back().limit, 5.6) << "of 6,144 pixels the mean is well known";
+    EXPECT_FALSE(compared(without_variance(seed), reference).knows_noise);
+    EXPECT_NE(compared(without_variance(seed), reference).unknown.find("only one has"), std::string::npos);
+}
+
+// Ids of strands of which several share a pixel: another seed meets others of them, but none that is not there. More than half of the
+// picture is background.
+TEST(Compare, names_are_no_quantities) {
+    const auto ids = [](uint64_t seed, float first, int moved = 0, const char* name = "id") {
+        Picture picture = without_variance(made(1, 0.0));
+        Picture::Layer layer{name, {"Y"}, {}};
+        for (int y = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x) { // strands lie slantwise, three to a pixel
+                const auto at = uint64_t(y * width + x);
+                const uint64_t strand = uint64_t(3 * (x + moved + y / 4)) + hash(seed, at) % 3;
+                layer.pixels.push_back(x < width * 9 / 20 ? first + float(hash(7, strand) & 0xfffff) : 0.0F);
+            }
+        picture.layers.push_back(layer);
+        return picture;
+    };
+    EXPECT_TRUE(compared(ids(1, 0.0F), ids(2, 0.0F)).alike());
+    EXPECT_GT(compared(ids(1, 0.0F), ids(2, 0.0F)).layers.back().mean,
+              0.1 * compared(ids(1, 0.0F), ids(2, 0.0F)).layers.back().range);
+    EXPECT_FALSE(compared(ids(1, 1.0F), ids(1, 0.0F)).alike()) << "every strand has another name";
+    EXPECT_FALSE(compared(ids(1, 0.0F), ids(2, 0.0F, 1)).alike()) << "moved";
+    EXPECT_TRUE(compared(ids(1, 0.0F, 0, "objectID"), ids(2, 0.0F, 0, "objectID")).alike());
+    EXPECT_FALSE(compared(ids(1, 1.0F, 0, "objectID"), ids(1, 0.0F, 0, "objectID")).alike());
+    const auto depth = [](float upper, const char* name) { // whole numbers by another name are quantities
+        Picture picture = without_variance(made(1, 0.0));
+        Picture::Layer layer{name, {"Z"}, std::vector<float>(size_t(width * height), 0.0F)};
+        std::fill_n(layer.pixels.begin(), width * height / 2, upper);
+        picture.layers.push_back(layer);
+        return picture;
+    };
+    for (const char* name : {"depth", "fluid"}) {
+        EXPECT_TRUE(compared(depth(101.0F, name), depth(100.0F, name)).alike());
+        EXPECT_FALSE(compared(depth(2.0F, name), depth(3.0F, name)).alike());
+    }
+}
+
+// Where every pixel is an edge, two seeds differ by more than three hundredths; a layer that is off does too, and is different.
+TEST(Compare, layers_may_be_noisy_but_not_off) {
+    const auto along = [](uint64_t seed, double add) {
+        Picture picture = without_variance(made(1, 0.0));
+        Picture::Layer layer{"strand_u", {"Y"}, {}};
+        for (int i = 0; i < width * height; ++i)
+            layer.pixels.push_back(
+                float(0.1 + 0.8 * double(i % 5) / 4.0 + add + 0.06 * normal(seed, uint64_t(i))));
+        picture.layers.push_back(layer);
+        return picture;
+    };
+    const Comparison seeds = compared(along(1, 0.0), along(2, 0.0));
+    EXPECT_GT(seeds.layers.back().mean, 0.06 * seeds.layers.back().range);
+    EXPECT_TRUE(seeds.alike());
+    EXPECT_FALSE(compared(along(1, 0.03), along(2, 0.0)).alike());
+
+    // A chequered layer is everywhere near its inverse, and noise that is the same for both near itself moved.
+    const auto chequered = [](int odd, int moved) {
+        Picture picture = without_variance(made(1, 0.0));
+        Picture::Layer chequers{"normal", {"X"}, {}}, rough{"depth", {"Z"}, {}};
+        for (int y = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x) {
+                chequers.pixels.push_back(float((x + y + odd) % 2));
+                rough.pixels.push_back(float(1.0 + 0.2 * normal(9, uint64_t(y * 1000 + x + moved))));
+            }
+        picture.layers.push_back(chequers);
+        picture.layers.push_back(rough);
+        return picture;
+    };
+    EXPECT_TRUE(compared(chequered(0, 0), chequered(0, 0)).alike());
+    EXPECT_EQ(compared(chequered(1, 0), chequered(0, 0)).faults.size(), 1U);
+    EXPECT_EQ(compared(chequered(0, 1), chequered(0, 0)).faults.size(), 1U);
+}
+
+TEST(Compare, grey_is_not_colour) {
+    Picture colour = without_variance(made(1, 0.0)), grey = colour;
+    grey.grey = true;
+    EXPECT_THROW(compared(grey, colour), InputError);
+    EXPECT_TRUE(compared(grey, grey).equal);
+}
+
+TEST(Compare, numbers_are_what_they_say) {
+    Picture a = without_variance(made(1, 0.0)), b = a;
+    for (float& v : a.layers[0].pixels) v += 0.25F;
+    const Comparison c = compared(a, b);
+    EXPECT_NEAR(c.layers[0].rmse, 0.25, 1e-6);
+    EXPECT_NEAR(c.layers[0].psnr, 20.0 * std::log10(1.0 / 0.25), 1e-4);
+    EXPECT_NEAR(c.layers[0].most, 0.25, 1e-6);
+    EXPECT_EQ(compared(b, b).ssim, 1.0);
+}
+
+TEST(Compare, golden_limits_are_kept) {
+    Picture reference = made(1, 0.05);
+    reference.limits = to_text({{{1, 3.0}, {0, 2.5}}, 0.5, 0.9, 0.2});
+    const std::optional<Limits> read = limits_from(reference.limits);
+    ASSERT_TRUE(read.has_value());
+    EXPECT_EQ(read->deviations, (std::vector<std::pair<int, double>>{{1, 3.0}, {0, 2.5}}));
+    EXPECT_EQ(read->ssim, 0.2);
+    EXPECT_FALSE(limits_from("").has_value());
+    EXPECT_FALSE(limits_from("1:a flip 1").has_value());
+    const Comparison c = compared(made(2, 0.05), reference);
+    EXPECT_TRUE(c.golden);
+    EXPECT_EQ(c.scales.front().limit, 3.0);
+    EXPECT_EQ(c.flip_mean_limit, 0.5);
+    EXPECT_FALSE(c.alike())
+        << "of 18,432 normal numbers some are beyond 3, and its variance is that of the difference";
+}
+
+// Whichever is named first, the frame that carries limits is what the other is judged by.
+TEST(Compare, golden_limits_hold_from_either_side) {
+    Picture golden = made(1, 0.05);
+    golden.limits = to_text({{{1, 3.0}, {0, 2.5}}, 0.5, 0.9, 0.2});
+    const Picture other = made(2, 0.05);
+    const Comparison there = compared(other, golden), back = compared(golden, other);
+    EXPECT_FALSE(there.swapped);
+    EXPECT_TRUE(back.swapped);
+    EXPECT_TRUE(back.golden);
+    EXPECT_EQ(back.scales.front().limit, 3.0);
+    EXPECT_EQ(back.faults, there.faults);
+    EXPECT_FALSE(compared(golden, golden).swapped);
+    Picture few = other;
+    few.samples = 16;
+    try {
+        compared(golden, few);
+        ADD_FAILURE() << "of other samples";
+    } catch (const InputError& error) {
+        EXPECT_STREQ(error.what(),
+                     "b: has 16 samples a pixel, the golden frame a 64: render it with --spp 64");
+    }
+    golden.limits = "garbage";
+    EXPECT_THROW(compared(golden, other), InputError);
+}
+
+TEST(Compare, what_cannot_be_compared_is_refused) {
+    const Picture a = made(1, 0.01);
+    Picture small = a, alpha = a, odd = a;
+    small.height = 32;
+    alpha.layers.push_back({"alpha", {"A"}, std::vector<float>(size_t(width * height), 1.0F)});
+    odd.layers[1].channels.pop_back();
+    for (const Picture* other : {&small, &alpha, &odd}) EXPECT_THROW(compared(*other, a), InputError);
+    try {
+        compared(small, a);
+    } catch (const InputError& error) {
+        EXPECT_STREQ(error.what(), "a: is 96 x 32 pixels, b is 96 x 64: compare pictures of one size");
+    }
+}
+
+TEST(Compare, alpha_is_judged_and_the_last_pixels_are_seen) {
+    Picture a = without_variance(made(1, 0.0)), b = a;
+    a.layers.push_back({"alpha", {"A"}, std::vector<float>(size_t(width * height), 0.0F)});
+    b.layers.push_back({"alpha", {"A"}, std::vector<float>(size_t(width * height), 1.0F)});
+    EXPECT_FALSE(compared(a, b).alike());
+    Picture edge = without_variance(made(1, 0.0, [](int x, int, int) { return x == width - 1 ? 3.0 : 0.0; }));
+    EXPECT_LT(compared(edge, without_variance(made(1, 0.0))).ssim, 0.99);
+}
+
+TEST(Compare, variance_cannot_switch_judging_off) {
+    const Picture reference = made(1, 0.05);
+    Picture negative = reference, huge = reference, one = reference;
+    negative.layers[1].pixels[5] = -1.0F;
+    EXPECT_THROW(compared(negative, reference), InputError);
+    for (float& v : huge.layers[0].pixels) v = 1.0F - v;
+    for (float& v : huge.layers[1].pixels) v = 3e38F;
+    EXPECT_LT(compared(huge, reference).scales.front().worst, 1e-9);
+    Picture black = huge;
+    for (float& v : black.layers[0].pixels) v = 0.0F;
+    EXPECT_FALSE(compared(black, reference).alike()) << "it looks quite another";
+    one.samples = 1; // it knows nothing of its noise, whatever it says
+    for (float& v : one.layers[1].pixels) v = 0.0F;
+    EXPECT_TRUE(compared(one, made(2, 0.4)).knows_noise);
+    EXPECT_TRUE(compared(one, one).alike());
+}
+
+// As dim as it may be, twice as bright is different.
+TEST(Compare, dim_pictures_are_judged_too) {
+    Picture a = made(1, 0.02), b = made(2, 0.02);
+    for (Picture* picture : {&a, &b}) {
+        const double scale = picture == &a ? 1e-5 : 1.05e-5;
+        for (float& v : picture->layers[0].pixels) v = float(double(v) * scale);
+        for (float& v : picture->layers[1].pixels) v = float(double(v) * scale * scale);
+    }
+    EXPECT_FALSE(compared(b, a).alike());
+}
+
+TEST(Compare, limits_that_make_no_sense_are_none) {
+    for (const char* text :
+         {"garbage", "1:5 flip 1 1", "1:5 flip nan 1 ssim 0", "1:inf flip 1 1 ssim 0", "1:-5 flip 1 1 ssim 0",
+          "1:5x flip 1 1 ssim 0", "1:5 flip 1 1 ssim 0 more", "-1:5 flip 1 1 ssim 0"})
+        EXPECT_FALSE(limits_from(text).has_value()) << text;
+    EXPECT_TRUE(limits_from("1:5 0:4 flip 0.1 0.2 ssim 0.9").has_value());
+}
+
+TEST(Compare, layers_come_whatever_their_order) {
+    const std::string path =
+        (std::filesystem::temp_directory_path() / ("marram_layers_" + std::to_string(::getpid()) + ".exr"))
+            .string();
+    const std::vector<float> rgba = {1, 2, 3, 0.5F, 4, 5, 6, 1}, depth = {7, 8};
+    const Layer layers[] = {{"", {"B", "A", "G", "R"}, rgba.data(), false},
+                            {"depth", {"Z"}, depth.data(), false}};
+    write_exr(path, 2, 1, layers, {});
+    const Picture picture = read_picture(path);
+    std::filesystem::remove(path);
+    ASSERT_EQ(picture.layers.size(), 3U);
+    EXPECT_EQ(picture.find("")->channels, (std::vector<std::string>{"R", "G", "B"}));
+    EXPECT_EQ(picture.find("")->pixels, (std::vector<float>{0.5F, 3, 1, 1, 6, 4}));
+    EXPECT_EQ(picture.find("alpha")->pixels, (std::vector<float>{2, 5}));
+    EXPECT_EQ(picture.find("depth")->pixels, depth);
+}
+
+// ---- other layers ---------------------------------------------------------------------------------------------------
+
+namespace {
+
+// A picture with one layer more, of what `value` gives for each pixel.
+Picture with_layer(const char* name, const std::function<double(int, int)>& value) {
+    Picture picture = without_variance(made(1, 0.0));
+    Picture::Layer layer{name, {"Y"}, {}};
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) layer.pixels.push_back(float(value(x, y)));
+    picture.layers.push_back(layer);
+    return picture;
+}
+
+bool in_square(int x, int y, int side) { return x >= 30 && x < 30 + side && y >= 20 && y < 20 + side; }
+
+} // namespace
+
+// What covers less than three hundredths: as much as a layer may differ by in the mean.
+TEST(Compare, a_small_part_of_a_layer_is_missed) {
+    constexpr int side = 13; // of 96 x 64: 2.75 in 100
+    const Picture ones = with_layer("envelope", [](int x, int y) { return in_square(x, y, side); }),
+                  none = with_layer("envelope", [](int, int) { return 0.0; });
+    EXPECT_FALSE(compared(none, ones).alike());
+    EXPECT_FALSE(compared(ones, none).alike());
+    const Picture whole = with_layer("alpha", [](int, int) { return 1.0; });
+    EXPECT_FALSE(
+        compared(with_layer("alpha", [](int x, int y) { return !in_square(x, y, side); }), whole).alike());
+    EXPECT_FALSE(compared(with_layer("alpha", [](int, int) { return 0.98; }), whole).alike());
+    const auto depth = [](double of_it) {
+        return with_layer("depth",
+                          [=](int x, int y) { return in_square(x, y, 8) ? of_it : 12.0 + 0.05 * x; });
+    };
+    EXPECT_FALSE(compared(depth(2.0), depth(10.0)).alike()) << "one pixel in a hundred";
+    EXPECT_TRUE(compared(depth(2.01), depth(2.0)).alike());
+    const Comparison c = compared(depth(2.0), depth(10.0));
+    ASSERT_EQ(c.faults.size(), 1U);
+    EXPECT_NE(c.faults[0].find("layer depth is not as in the other picture: 16 x 16 pixels at (2"),
+              std::string::npos)
+        << c.faults[0];
+}
+
+// Where a layer is noise it may be other noise, but not there where it is smooth.
+TEST(Compare, a_layer_may_be_noise_only_where_it_is) {
+    const auto half_noise = [](uint64_t seed) {
+        return with_layer("strand_u", [=](int x, int y) {
+            return double(y) / height + (x < width / 2 ? 0.1 * normal(seed, uint64_t(y * width + x)) : 0.0);
+        });
+    };
+    for (uint64_t seed = 2; seed < 22; ++seed)
+        EXPECT_TRUE(compared(half_noise(seed), half_noise(1)).alike()) << seed;
+    // Blocks of 3 x 3 pixels, so that each has neighbours of its own: no noise, but another picture.
+    const auto blocks = [](uint64_t seed) {
+        return with_layer("strand_u", [=](int x, int y) {
+            return x < width / 2 || y > 20 ? 0.5 + 0.2 * normal(1, uint64_t(y * width + x))
+                                           : double(hash(seed, uint64_t(y / 3 * width + x / 3)) % 2);
+        });
+    };
+    EXPECT_TRUE(compared(blocks(3), blocks(3)).alike());
+    EXPECT_FALSE(compared(blocks(4), blocks(3)).alike());
+}
+
+// Most strands share no pixel here: what is unknown among its own neighbours says how many may be in the other picture.
+TEST(Compare, few_other_names_are_missed) {
+    const auto named = [](double renamed) {
+        return with_layer("id", [=](int x, int y) {
+            const auto strand = uint64_t(x / 2 + 100 * (y / 4));
+            const bool other = double(hash(5, uint64_t(y * width + x)) % 1000) < 1000.0 * renamed;
+            return 1.0 + double(hash(other ? 8 + uint64_t(y * width + x) : 7, strand) & 0xfffff);
+        });
+    };
+    EXPECT_TRUE(compared(named(0.0), named(0.0)).alike());
+    EXPECT_TRUE(compared(named(0.02), named(0.0)).alike());
+    EXPECT_FALSE(compared(named(0.3), named(0.0)).alike());
+    EXPECT_FALSE(compared(named(0.85), named(0.0)).alike());
+    // Where forty strands share each pixel nearly all are unknown to another seed, and still not all.
+    const auto dense = [](uint64_t seed, uint64_t names) {
+        return with_layer("id", [=](int x, int y) {
+            const uint64_t strand = uint64_t(8 * (x + 1000 * y)) + hash(seed, uint64_t(y * width + x)) % 40;
+            return 1.0 + double(hash(names, strand) & 0xffffff);
+        });
+    };
+    EXPECT_TRUE(compared(dense(2, 7), dense(1, 7)).alike());
+    EXPECT_FALSE(compared(dense(2, 8), dense(1, 7)).alike());
+    // A small thing of its own name: one pixel in a hundred.
+    const auto thing = [](double name) {
+        return with_layer("id", [=](int x, int y) { return in_square(x, y, 8) ? name : 5.0; });
+    };
+    EXPECT_TRUE(compared(thing(7.0), thing(7.0)).alike());
+    for (const double other : {0.0, 5.0, 8.0}) {
+        const Comparison c = compared(thing(other), thing(7.0));
+        ASSERT_EQ(c.faults.size(), 1U) << other;
+        EXPECT_NE(c.faults[0].find("layer id is of other names: of 16 x 16 pixels at (2"), std::string::npos)
+            << c.faults[0];
+    }
+}
+
+// ---- FLIP -----------------------------------------------------------------------------------------------------------
+
+namespace {
+
+std::vector<float> plain(float r, float g, float b) {
+    std::vector<float> rgb;
+    for (int i = 0; i < width * height; ++i) rgb.insert(rgb.end(), {r, g, b});
+    return rgb;
+}
+
+double mean_flip(const std::vector<float>& a, const std::vector<float>& b) {
+    double sum = 0.0;
+    for (const float f : flip_map(a, b, width, height)) sum += double(f) / (width * height);
+    return sum;
+}
+
+} // namespace
+
+TEST(Flip, goes_from_none_to_one) {
+    const std::vector<float> green = plain(0, 8, 0), blue = plain(0, 0, 8), grey = plain(0.4F, 0.4F, 0.4F);
+    EXPECT_EQ(mean_flip(grey, grey), 0.0);
+    EXPECT_GT(mean_flip(green, blue), 0.9);
+    EXPECT_LE(mean_flip(green, blue), 1.0);
+    double last = 0.0;
+    for (const float more : {0.01F, 0.05F, 0.2F, 1.0F}) {
+        const double now = mean_flip(plain(0.4F + more, 0.4F + more, 0.4F + more), grey);
+        EXPECT_GT(now, last);
+        last = now;
+    }
+    for (const float f : flip_map(green, blue, width, height)) EXPECT_TRUE(f >= 0.0F && f <= 1.0F);
+}
+
+// Of even pictures it is a formula, here by hand: what a display shows, not exposed for the darker one's sake.
+TEST(Flip, of_display_pictures_is_as_they_are_shown) {
+    const auto shown = [](const std::vector<float>& a, const std::vector<float>& b) {
+        double sum = 0.0;
+        for (const float f : flip_map(a, b, width, height, Range::display))
+            sum += double(f) / (width * height);
+        return sum;
+    };
+    EXPECT_NEAR(shown(plain(0, 1, 0), plain(0, 0, 1)), 1.0, 1e-4);
+    const auto lightness = [](double y) { return 116.0 * std::cbrt(y) - 16.0; };
+    // HyAB of greys is the difference of their lightnesses; that of weakened green and blue is 203.305.
+    const double most = std::pow(203.305, 0.7);
+    for (const auto& [dark, light] : {std::pair(0.2, 0.25), {0.02, 0.04}, {0.5, 0.9}}) {
+        const double apart = std::pow(lightness(light) - lightness(dark), 0.7);
+        const double expected = apart < 0.4 * most ? 0.95 / 0.4 * apart / most
+                                                   : 0.95 + (apart - 0.4 * most) / (0.6 * most) * 0.05;
+        const auto grey = [](double v) { return plain(float(v), float(v), float(v)); };
+        EXPECT_NEAR(shown(grey(dark), grey(light)), expected, 1e-3) << dark;
+    }
+    EXPECT_EQ(shown(plain(1, 1, 1), plain(7, 7, 7)), 0.0) << "a display shows both as white";
+}
+
+// What the eye does not resolve counts less: a fine checkerboard against the grey of its mean, and a coarse one.
+TEST(Flip, fine_patterns_count_less_than_coarse_ones) {
+    const auto board = [](int cell) {
+        std::vector<float> rgb;
+        for (int y = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x)
+                for (int c = 0; c < 3; ++c) rgb.push_back((x / cell + y / cell) % 2 == 0 ? 0.3F : 0.5F);
+        return rgb;
+    };
+    const std::vector<float> grey = plain(0.4F, 0.4F, 0.4F);
+    EXPECT_LT(mean_flip(board(1), grey), 0.5 * mean_flip(board(16), grey));
+}
+
+TEST(Flip, sees_an_edge_that_has_moved) {
+    const auto edge = [](int at) {
+        std::vector<float> rgb;
+        for (int y = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x)
+                for (int c = 0; c < 3; ++c) rgb.push_back(x < at ? 0.2F : 0.6F);
+        return rgb;
+    };
+    const std::vector<float> map = flip_map(edge(51), edge(48), width, height);
+    const auto at = [&](int x) { return map[size_t(32 * width + x)]; };
+    EXPECT_GT(at(49), 0.3F);
+    EXPECT_LT(at(10), 0.01F);
+}
+
+// A pixel that is very bright in both pictures changes nothing of what is seen elsewhere.
+TEST(Flip, is_not_blinded_by_one_bright_pixel) {
+    std::vector<float> a = plain(0.2F, 0.2F, 0.2F), b = plain(0.3F, 0.3F, 0.3F);
+    const double before = mean_flip(a, b);
+    for (int c = 0; c < 3; ++c) a[size_t(c)] = b[size_t(c)] = 1e9F;
+    EXPECT_GT(mean_flip(a, b), 0.9 * before);
+    // A small thing before black: the median is 0, and it is exposed for the thing itself.
+    const auto dim = [](float of_it, float bright) {
+        std::vector<float> rgb = plain(0, 0, 0);
+        for (int i = 0; i < 300; ++i) rgb[size_t(3 * (20 * width) + i)] = of_it;
+        rgb[0] = bright;
+        return rgb;
+    };
+    EXPECT_GT(mean_flip(dim(0.2F, 1e9F), dim(0.6F, 1e9F)), 0.9 * mean_flip(dim(0.2F, 0.6F), dim(0.6F, 0.6F)));
+}
+
+// Black, very bright and negative pictures give numbers.
+TEST(Flip, survives_any_range) {
+    const std::vector<float> black = plain(0, 0, 0), bright = plain(6e4F, 6e4F, 6e4F),
+                             odd = plain(-1, 0, 1e-30F);
+    for (const auto& a : {black, bright, odd})
+        for (const auto& b : {black, bright, odd})
+            for (const float f : flip_map(a, b, width, height)) ASSERT_TRUE(f >= 0.0F && f <= 1.0F);
+}
+
+} // namespace marram

@@ -19,16 +19,47 @@ DaylightLights daylight_lights(const DaylightSettings& settings, float strength)
     const Daylight daylight(settings, in_parallel);
     DaylightLights lights;
     EnvironmentLight& sky = lights.sky;
-    sky.width = image_width;
-    sky.height = image_height;
+    sky.image.width = image_width;
+    sky.image.height = image_height;
     sky.strength = strength;
     sky.rotation =
         -std::atan2(settings.direction.x(), -settings.direction.z()); // its centre column to the sun
-    sky.pixels.resize(size_t{image_width} * image_height);
+    sky.image.pixels.resize(size_t{image_width} * image_height);
     in_parallel(image_height, [&](size_t row) {
-        daylight.image_row(row, image_height, std::span(sky.pixels).subspan(row * image_width, image_width));
+        daylight.image_row(row, image_height,
+                           std::span(sky.image.pixels).subspan(row * image_width, image_width));
     });
-    lights.sun = {settings.direction, settings.angle, strength * daylight.sun_irradiance(), true};
+    const Vec3f irradiance = strength * daylight.sun_irradiance();
+    if (irradiance.maxCoeff() > 0.0F) lights.sun = {settings.direction, settings.angle, irradiance, true};
+    return lights;
+}
+
+std::vector<ParamSpec> daylight_params() {
+    using enum ParamType;
+    constexpr double any = std::numeric_limits<double>::infinity();
+    return {{"direction", vec3, "", "[1, 2, 1]", -longest_direction, longest_direction, "",
+             "towards the sun, of any length; below the horizon: dusk, then black"},
+            {"angle", number, "deg", "0.53", 0, 10, "", "the sun's angular diameter; larger: softer shadows"},
+            {"sun", boolean, "", "true", -any, any, "", "false: the sky alone"},
+            {"turbidity", number, "", "2.5", 1, 20, "",
+             "haze: 1 pure air, 2 very clear, 3 clear, 6 hazy, 10 thick"},
+            {"ozone", number, "DU", "300", 0, 1000, "", "makes dusk blue overhead; 100 to 500 on earth"},
+            {"altitude", number, "m", "100", 0, 50000, "", "of the scene above the sea"},
+            {"ground_albedo", number, "", "0.2", 0, 1, "", "share of light that the land around reflects"},
+            {"strength", number, "", "1", 0, brightest_light, "",
+             "factor on everything; at 1 the sun above the air gives 5 W/m^2"}};
+}
+
+DaylightLights make_daylight(const ParamSet& params) {
+    DaylightSettings settings;
+    settings.direction = params.vec3("direction").stableNormalized();
+    settings.angle = params.number("angle") * degree;
+    settings.turbidity = params.number("turbidity");
+    settings.ozone = params.number("ozone");
+    settings.altitude = params.number("altitude");
+    settings.ground_albedo = params.number("ground_albedo");
+    DaylightLights lights = daylight_lights(settings, float(params.number("strength")));
+    if (!params.boolean("sun")) lights.sun.reset();
     return lights;
 }
 

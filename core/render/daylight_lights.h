@@ -5,17 +5,23 @@
 // evenly, and its cost are in tests/unit/render/daylight_test.cpp.
 #pragma once
 
-#include "core/render/lights.h"
+#include "core/render/environment_light.h"
+#include "core/render/sun_light.h"
 
 #include "shaders/daylight.h"
+
+#include <optional>
 
 namespace marram {
 
 struct DaylightLights {
     EnvironmentLight sky;
-    SunLight sun;
+    std::optional<SunLight> sun; // none where it gives no light
 };
 
 DaylightLights daylight_lights(const DaylightSettings& settings, float strength);
+
+std::vector<ParamSpec> daylight_params();
+DaylightLights make_daylight(const ParamSet& params);
 
 } // namespace marram

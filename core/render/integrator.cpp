@@ -227,11 +227,12 @@ Gathered trace(const Frame& frame, Ray ray, float spread, const Sampler& sampler
         Vec3f& seen = depth <= 1 ? light.direct : light.later; // along the ray
         if (!intersect(frame.world, ray, point, depth == 0, &counts)) {
             const auto weight = [&](float light_pdf) { return found_weight(frame, drawn, light_pdf); };
-            seen += throughput.cwiseProduct(frame.lights.escaped(ray.direction, depth == 0, weight));
+            seen +=
+                throughput.cwiseProduct(frame.lights.environment_radiance(ray.direction, depth == 0, weight));
             return light;
         }
         if (point.light >= 0) {
-            const Lights::Seen lamp = frame.lights.emitted(point, ray.direction);
+            const SeenLight lamp = frame.lights.emitted(point, ray.direction);
             if (lamp.pdf >= 0.0F)
                 seen += found_weight(frame, drawn, lamp.pdf) * throughput.cwiseProduct(lamp.radiance);
         }

@@ -30,8 +30,8 @@ struct SceneDescription {
     std::vector<Item> procedurals; // [[procedural]]
 };
 
-// What may stand in a scene file. core/scene declares its own tables; the types of materials come from shaders/, those
-// of procedurals and the wind from the procedural library, handed in by whoever has loaded them.
+// What may stand in a scene file. core/scene declares its own tables; the types of materials come from shaders/, those of lights from
+// core/render, those of procedurals and the wind from the procedural library, handed in by whoever has them.
 struct ItemSchema {
     std::string type;
     std::string help;
@@ -43,7 +43,7 @@ struct Schema {
     std::vector<ItemSchema> lights, materials, meshes, procedurals;
 };
 
-// The tables that core/scene itself knows: globals, camera, film, lights, meshes. The rest is empty.
+// The tables that core/scene itself knows: globals, camera, film, meshes. The rest is empty.
 Schema scene_schema();
 
 // Reads and checks a scene file. `settings` are "key=value" overrides, applied before checking, that reach any key:

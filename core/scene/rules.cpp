@@ -61,8 +61,7 @@ void check_camera(const ParamSet& camera, Reading& reading) {
 
 void check_lights(const std::vector<Item>& lights, Reading& reading) {
     for (const Item& light : lights) {
-        const bool has_sun = light.type == "sun" || light.type == "daylight";
-        const ParamValue* direction = has_sun ? light.params.find("direction") : nullptr;
+        const ParamValue* direction = light.params.find("direction");
         if (!direction || has_direction(Vec3d(direction->numbers.data()))) continue;
         reading.report(direction->place, "the sun's direction is (nearly) zero",
                        "give the direction towards the sun");

@@ -80,46 +80,6 @@ std::vector<ParamSpec> film_params() {
     };
 }
 
-std::vector<ItemSchema> light_types() {
-    return {
-        {"sun",
-         "a disc at infinity",
-         {{"direction", vec3, "", "[1, 2, 1]", -far, far, "", "towards the sun, of any length"},
-          {"angle", number, "deg", "0.53", 0, 180, "", "angular diameter; larger: softer shadows"},
-          {"irradiance", color, "W/m^2", "3", 0, bright, "",
-           "on a surface perpendicular to it; 3.14 shows white as 1"}}},
-        {"sky",
-         "a gradient over the whole sphere",
-         {{"zenith", color, "W/(m^2 sr)", "[0.25, 0.45, 0.9]", 0, bright, "", "radiance straight above"},
-          {"horizon", color, "W/(m^2 sr)", "[0.8, 0.87, 0.95]", 0, bright, "", "radiance at the horizon"},
-          {"ground", color, "W/(m^2 sr)", "[0.2, 0.18, 0.15]", 0, bright, "", "radiance below the horizon"},
-          {"strength", number, "", "1", 0, bright, "", "factor on all three"}}},
-        {"daylight",
-         "sun and sky, computed from what the air is made of; white is sunlight above the air",
-         {{"direction", vec3, "", "[1, 2, 1]", -far, far, "",
-           "towards the sun, of any length; below the horizon: dusk, then black"},
-          {"angle", number, "deg", "0.53", 0, 10, "", "the sun's angular diameter; larger: softer shadows"},
-          {"sun", boolean, "", "true", -any, any, "", "false: the sky alone"},
-          {"turbidity", number, "", "2.5", 1, 20, "",
-           "haze: 1 pure air, 2 very clear, 3 clear, 6 hazy, 10 thick"},
-          {"ozone", number, "DU", "300", 0, 1000, "", "makes dusk blue overhead; 100 to 500 on earth"},
-          {"altitude", number, "m", "100", 0, 50000, "", "of the scene above the sea"},
-          {"ground_albedo", number, "", "0.2", 0, 1, "", "share of light that the land around reflects"},
-          {"strength", number, "", "1", 0, bright, "",
-           "factor on everything; at 1 the sun above the air gives 5 W/m^2"}}},
-        {"environment",
-         "an image around the scene, latitude by longitude",
-         {{"file", image, "", "", -any, any, "", "the image, twice as wide as high, up is up"},
-          {"strength", number, "", "1", 0, bright, "", "factor on the image"},
-          {"rotation", number, "deg", "0", -36000, 36000, "", "turn about y"}}},
-        {"mesh",
-         "a mesh that shines",
-         {{"mesh", reference, "", "", -any, any, "mesh", "the mesh"},
-          {"radiance", color, "W/(m^2 sr)", "1", 0, bright, "",
-           "the same in all directions, from the outer side"}}},
-    };
-}
-
 // What every mesh has, behind what its type has.
 ItemSchema mesh_type(const char* type, const char* help, std::vector<ParamSpec> params) {
     params.push_back({"material", reference, "", "none", -any, any, "material", "default: a plain grey"});
@@ -165,7 +125,6 @@ Schema scene_schema() {
     schema.globals = global_params();
     schema.camera = camera_params();
     schema.film = film_params();
-    schema.lights = light_types();
     schema.meshes = mesh_types();
     return schema;
 }

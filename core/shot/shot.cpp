@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/shot/shot.h"
+#include "core/shot/light_image.h"
 #include "core/shot/scene_camera.h"
-#include "core/shot/scene_lights.h"
 #include "core/shot/scene_meshes.h"
 #include "core/shot/texture.h"
 
@@ -75,6 +75,12 @@ void shine(SceneMesh& mesh, const std::vector<Item>& lights, size_t by) {
     mesh.light = int(by);
 }
 
+LightDescription make_light(const Item& item, std::vector<LightDescription>& suns,
+                            std::vector<std::string>& warnings) {
+    const auto type = std::ranges::find(light_types(), item.type, &LightType::name);
+    return type->make(item.params, light_image_reader(warnings), suns);
+}
+
 void load_meshes(Shot& shot, const std::atomic<bool>& cancel, Objections& objections) {
     const SceneDescription& description = shot.description;
     for (const Item& item : description.meshes) {
@@ -110,6 +116,8 @@ std::string default_library() {
 PluginSet default_plugins() {
     PluginSet plugins;
     plugins.schema = scene_schema();
+    for (const LightType& light : light_types())
+        plugins.schema.lights.push_back({light.name, light.help, light.params});
     for (const ShaderDescription& shader : shaders())
         plugins.schema.materials.push_back({shader.name, shader.help, shader.params});
     add_library(plugins, "", default_library(), {default_library()});

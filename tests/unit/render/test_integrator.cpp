@@ -193,12 +193,12 @@ TEST(Sun, GivesItsIrradianceAtAnyAngle) {
 
 EnvironmentLight image_of(const SkyLight& sky, uint32_t width) {
     EnvironmentLight map;
-    map.width = width;
-    map.height = width / 2;
-    for (uint32_t y = 0; y < map.height; ++y)
-        for (uint32_t x = 0; x < map.width; ++x)
-            map.pixels.push_back(sky_radiance(
-                sky, Vec3f(0.0F, static_cast<float>(std::cos(pi * (y + 0.5) / map.height)), 0.0F)));
+    map.image.width = width;
+    map.image.height = width / 2;
+    for (uint32_t y = 0; y < map.image.height; ++y)
+        for (uint32_t x = 0; x < map.image.width; ++x)
+            map.image.pixels.push_back(sky_radiance(
+                sky, Vec3f(0.0F, static_cast<float>(std::cos(pi * (y + 0.5) / map.image.height)), 0.0F)));
     return map;
 }
 

@@ -196,9 +196,9 @@ TEST(Camera, LooksWhereItIsToldAndFocuses) {
 double check_light(const LightDescription& light) {
     const EnvironmentLight* map = std::get_if<EnvironmentLight>(&light);
     float brightest = 1e-30F;
-    const float width = map ? float(map->width) : 1.0F;
+    const float width = map ? float(map->image.width) : 1.0F;
     if (map)
-        for (const Vec3f& pixel : map->pixels) brightest = std::max(brightest, map->strength * pixel.x());
+        for (const Vec3f& pixel : map->image.pixels) brightest = std::max(brightest, map->strength * pixel.x());
     const World world;
     const std::vector<LightDescription> all = {light};
     const Lights lights(all, world);
@@ -213,7 +213,7 @@ double check_light(const LightDescription& light) {
         EXPECT_NEAR(drawn.direction.norm(), 1.0F, 1e-6F);
         if (drawn.delta) continue;
         float pdf = -1.0F;
-        const Vec3f seen = lights.escaped(drawn.direction, false, [&](float p) {
+        const Vec3f seen = lights.environment_radiance(drawn.direction, false, [&](float p) {
             pdf = p;
             return 1.0F;
         });
@@ -233,13 +233,13 @@ TEST(Lights, SendWhatTheyAreToldTo) {
     EXPECT_NEAR(check_light(SunLight{{1.0, 1.0, 0.0}, 1.0, Vec3f::Ones()}),
                 2.0 * (1.0 - std::cos(0.5)) / std::pow(std::sin(0.5), 2.0), 1e-5);
     EnvironmentLight map;
-    map.width = 16;
-    map.height = 8;
+    map.image.width = 16;
+    map.image.height = 8;
     map.rotation = 1.1;
-    map.pixels.assign(16 * 8, Vec3f::Constant(0.5F));
+    map.image.pixels.assign(16 * 8, Vec3f::Constant(0.5F));
     EXPECT_NEAR(check_light(map), 2.0 * pi, 1e-4);
-    for (Vec3f& p : map.pixels) p.setZero();
-    map.pixels[3 * 16 + 5] = Vec3f::Constant(1000.0F); // a small lamp: all samples go near it
+    for (Vec3f& p : map.image.pixels) p.setZero();
+    map.image.pixels[3 * 16 + 5] = Vec3f::Constant(1000.0F); // a small lamp: all samples go near it
     const double lamp = check_light(map);
     const double angle = 2.0 * pi / 16.0 * (std::cos(3.0 * pi / 8.0) - std::cos(4.0 * pi / 8.0));
     EXPECT_NEAR(lamp / (1000.0 * angle), 1.0, 0.05);
@@ -249,15 +249,15 @@ TEST(Lights, SendWhatTheyAreToldTo) {
 // and light over density varies as little as the table promises, however fine the map needs it.
 TEST(Environment, IsSampledByItsBrightness) {
     EnvironmentLight smooth;
-    smooth.width = 300;
-    smooth.height = 150;
+    smooth.image.width = 300;
+    smooth.image.height = 150;
     smooth.rotation = 0.7;
-    for (uint32_t row = 0; row < smooth.height; ++row)
-        for (uint32_t column = 0; column < smooth.width; ++column)
-            smooth.pixels.push_back(Vec3f::Constant(
+    for (uint32_t row = 0; row < smooth.image.height; ++row)
+        for (uint32_t column = 0; column < smooth.image.width; ++column)
+            smooth.image.pixels.push_back(Vec3f::Constant(
                 static_cast<float>(1.0 + 0.4 * std::sin(2.0 * pi * column / 300.0) + 0.4 * row / 150.0)));
     EnvironmentLight sunny = smooth;
-    sunny.pixels[40 * 300 + 299] = Vec3f::Constant(2e4F);
+    sunny.image.pixels[40 * 300 + 299] = Vec3f::Constant(2e4F);
     for (const bool has_sun : {false, true}) {
         const World world;
         const std::vector<LightDescription> all = {has_sun ? sunny : smooth};
@@ -290,9 +290,9 @@ TEST(Environment, IsSampledByItsBrightness) {
 
 TEST(Environment, ManyTurnsAreNone) {
     EnvironmentLight map;
-    map.width = 64;
-    map.height = 32;
-    map.pixels.assign(64 * 32, Vec3f::Ones());
+    map.image.width = 64;
+    map.image.height = 32;
+    map.image.pixels.assign(64 * 32, Vec3f::Ones());
     map.rotation = 0.7;
     EnvironmentLight turned = map;
     turned.rotation += 200.0 * pi; // 36,000 degrees: as many as a scene may ask for
@@ -309,12 +309,12 @@ TEST(Environment, ManyTurnsAreNone) {
 
 TEST(Environment, FacesWhereItShould) {
     EnvironmentLight map;
-    map.width = 64;
-    map.height = 32;
-    map.pixels.assign(64 * 32, Vec3f::Zero());
+    map.image.width = 64;
+    map.image.height = 32;
+    map.image.pixels.assign(64 * 32, Vec3f::Zero());
     const auto put = [&](uint32_t column, uint32_t row, const Vec3f& color) { // 4 x 4 pixels about a corner
         for (uint32_t y = row - 2; y < row + 2; ++y)
-            for (uint32_t x = column - 2; x < column + 2; ++x) map.pixels[y * 64 + x] = color;
+            for (uint32_t x = column - 2; x < column + 2; ++x) map.image.pixels[y * 64 + x] = color;
     };
     put(32, 16, Vec3f(1.0F, 0.0F, 0.0F));
     put(48, 16, Vec3f(0.0F, 1.0F, 0.0F));

@@ -41,6 +41,21 @@ inline Schema test_schema() {
     constexpr double any = std::numeric_limits<double>::infinity();
     Schema schema = scene_schema();
     schema.wind = test_wind();
+    const ParamSpec direction = {"direction", ParamType::vec3, "", "[1, 2, 1]", -1e8, 1e8, "", "towards it"};
+    schema.lights = {{"sun",
+                      "a disc",
+                      {direction,
+                       {"angle", ParamType::number, "deg", "0.53", 0, 180, "", "its diameter"},
+                       {"irradiance", ParamType::color, "W/m^2", "3", 0, 1e9, "", "on what faces it"}}},
+                     {"daylight",
+                      "sun and sky",
+                      {direction, {"turbidity", ParamType::number, "", "2.5", 1, 20, "", "haze"}}},
+                     {"sky", "all around", {{"zenith", ParamType::color, "", "1", 0, 1e9, "", "above"}}},
+                     {"environment",
+                      "an image",
+                      {{"file", ParamType::image, "", "", -any, any, "", "the image"},
+                       {"strength", ParamType::number, "", "1", 0, 1e9, "", "factor"}}},
+                     {"mesh", "a mesh", {{"mesh", ParamType::reference, "", "", -any, any, "mesh", "it"}}}};
     schema.materials = {
         {"diffuse", "plain", {{"base", ParamType::color, "", "0.5", 0, 1, "", "albedo"}}},
         {"hair", "fibres", {{"melanin", ParamType::number, "", "1", 0, 10, "", "pigment"}}},

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/render/mesh_light.h"
+
+namespace marram {
+
+std::vector<ParamSpec> mesh_light_params() {
+    using enum ParamType;
+    constexpr double any = std::numeric_limits<double>::infinity();
+    return {{"mesh", reference, "", "", -any, any, "mesh", "the mesh"},
+            {"radiance", color, "W/(m^2 sr)", "1", 0, brightest_light, "",
+             "the same in all directions, from the outer side"}};
+}
+
+MeshLight make_mesh_light(const ParamSet& params) { return {color_of(params, "radiance")}; }
+
+MeshSampler::MeshSampler(const MeshLight& light, uint32_t index, const World& world)
+    : world_(&world), radiance_(light.radiance) {
+    std::vector<double> areas;
+    for (uint32_t mesh = 0; mesh < world.meshes.size(); ++mesh) {
+        if (world.meshes[mesh].light != static_cast<int>(index)) continue;
+        first_of_mesh_.emplace_back(mesh, areas.size());
+        for (uint32_t triangle = 0; triangle < world.meshes[mesh].triangles.size(); ++triangle) {
+            const float area = mesh_point(world, mesh, triangle, Vec2f::Zero(), 0.5F).area;
+            triangles_.push_back({mesh, triangle});
+            areas.push_back(std::isfinite(area) ? area : 0.0);
+        }
+    }
+    by_area_ = Distribution1D(areas);
+}
+
+double MeshSampler::power(double scene_radius) const {
+    if (triangles_.empty()) return 0.0;
+    return mean_of(radiance_) * by_area_.total() / (scene_radius * scene_radius);
+}
+
+void MeshSampler::sample(const Vec3d& from, float time, float a, float b, LightSample& sample) const {
+    sample.at_infinity = false;
+    if (triangles_.empty()) return;
+    const Distribution1D::Choice at = by_area_.sample(a);
+    const Triangle& triangle = triangles_[at.cell];
+    const float root = static_cast<float>(std::sqrt(at.within));
+    const SurfacePoint point =
+        mesh_point(*world_, triangle.mesh, triangle.triangle, {root * (1.0F - b), root * b}, time);
+    const Vec3d normal = point.geometric_normal.cast<double>();
+    sample.target = point.position + 2.0 * point.error * normal;
+    const Vec3d way = from - sample.target;
+    const double distance2 = way.squaredNorm(), cosine = way.dot(normal) / std::sqrt(distance2);
+    if (!(cosine > 0.0) || !(point.area > 0.0F)) return;
+    sample.radiance = radiance_;
+    sample.pdf = static_cast<float>(by_area_.probability(at.cell) / point.area * distance2 / cosine);
+}
+
+SeenLight MeshSampler::seen(const SurfacePoint& point, const Vec3f& direction, double choice) const {
+    const float cosine = -point.geometric_normal.dot(direction);
+    if (!(cosine > 0.0F)) return {};
+    for (const auto& [mesh, first] : first_of_mesh_) {
+        if (mesh != point.geometry) continue;
+        const double chosen = choice * by_area_.probability(first + point.primitive);
+        const double distance = point.distance;
+        return {radiance_, static_cast<float>(chosen / point.area * distance * distance / cosine)};
+    }
+    return {};
+}
+
+} // namespace marram

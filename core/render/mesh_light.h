@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// Light: mesh. A mesh that shines from its outer side.
+//
+//   mesh         -             required            its name
+//   radiance     W/(m^2 sr)    1                   the same in all directions, from the outer side
+//
+//   [[light]]
+//   name = "lamp"
+//   type = "mesh"
+//   mesh = "panel"
+//   radiance = 12
+//
+// Sampled uniformly by area over all triangles of the light as they are mid-shutter; a triangle's own area enters the density at the
+// ray's time: P(triangle) / area(t) . distance^2 / cos. Uniform point on a triangle: Turk, "Graphics Gems", 1990.
+#pragma once
+
+#include "core/render/distribution.h"
+#include "core/render/light_type.h"
+
+#include <utility>
+
+namespace marram {
+
+// The meshes whose MeshGeometry::light is this light's index shine from their front faces.
+struct MeshLight {
+    Vec3f radiance = Vec3f::Ones();
+};
+
+class MeshSampler {
+  public:
+    static constexpr bool at_infinity = false;
+    // The world must outlive the sampler.
+    MeshSampler(const MeshLight& light, uint32_t index, const World& world);
+    double power(double scene_radius) const;
+    void sample(const Vec3d& from, float time, float a, float b, LightSample& sample) const;
+    // At a point that a ray has hit. `choice`: probability with which this light is chosen, part of the density.
+    SeenLight seen(const SurfacePoint& point, const Vec3f& direction, double choice) const;
+
+  private:
+    struct Triangle {
+        uint32_t mesh, triangle;
+    };
+    const World* world_;
+    Vec3f radiance_;
+    std::vector<Triangle> triangles_;
+    Distribution1D by_area_;
+    std::vector<std::pair<uint32_t, size_t>> first_of_mesh_; // geometry ID, index of its first triangle
+};
+
+std::vector<ParamSpec> mesh_light_params();
+MeshLight make_mesh_light(const ParamSet& params);
+
+} // namespace marram

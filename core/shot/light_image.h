@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// Images of environment lights.
+#pragma once
+
+#include "core/render/light_type.h"
+
+#include <string>
+#include <vector>
+
+namespace marram {
+
+// A reader for light_types(), which adds to `warnings`.
+LightImageReader light_image_reader(std::vector<std::string>& warnings);
+
+} // namespace marram

@@ -205,4 +205,12 @@ MARRAM_INLINE Wide3d splat3(const double* v) { return {splat(v[0]), splat(v[1]),
 MARRAM_INLINE Wide3d to_double(const Wide3f& a) { return {to_double(a.x), to_double(a.y), to_double(a.z)}; }
 MARRAM_INLINE Wide3f to_float(const Wide3d& a) { return {to_float(a.x), to_float(a.y), to_float(a.z)}; }
 
+MARRAM_INLINE VUint mix32(VUint h) { // core/math/hash.h, eight at once
+    h ^= h >> 16;
+    h *= 0x7feb352dU;
+    h ^= h >> 15;
+    h *= 0x846ca68bU;
+    return h ^ (h >> 16);
+}
+
 } // namespace marram

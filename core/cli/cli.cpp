@@ -2,6 +2,7 @@
 #include "core/cli/cli.h"
 
 #include "core/cli/commands.h"
+#include "core/cli/exit_codes.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/memory.h"
 
@@ -19,8 +20,6 @@
 
 namespace marram {
 namespace {
-
-constexpr int exit_bad_input = 2;
 
 // "WxH".
 std::pair<uint32_t, uint32_t> parse_size(const std::string& text) {

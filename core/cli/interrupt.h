@@ -6,8 +6,6 @@
 
 namespace marram {
 
-inline constexpr int exit_interrupted = 130; // 128 + SIGINT, as shells have it
-
 // Set by SIGINT, SIGTERM and SIGHUP. Everything long looks at it.
 const std::atomic<bool>& interrupted();
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/memory.h"
 
+#include "core/cli/exit_codes.h"
+
 #include "core/image/atomic_file.h"
 
 #include <cerrno>
@@ -17,7 +19,6 @@
 namespace marram {
 namespace {
 
-constexpr int exit_bad_input = 2;
 constexpr const char* what = "the process has run out of memory";
 constexpr const char* fix = "use fewer strands, CVs, motion keys, pixels or threads, or allow it more memory";
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/commands.h"
+#include "core/cli/exit_codes.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/memory.h"
 #include "core/cli/progress.h"

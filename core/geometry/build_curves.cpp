@@ -2,8 +2,11 @@
 // Phase 2 of a frame: procedurals make their curves in Embree's buffers, which are attached as they are or cut into pieces.
 #include "core/geometry/build_state.h"
 #include "core/geometry/curve_pieces.h"
+#include "core/geometry/lent_meshes.h"
 #include "core/geometry/round_pieces.h"
 
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
 #include <tbb/parallel_reduce.h>
 
 #include <bit>
@@ -22,6 +25,14 @@ void check_output(const Procedural& procedural, const MarramOutput& output) {
 }
 
 namespace {
+
+// body(0), ... body(count - 1), which are cheap: thousands a task.
+template <typename Body>
+void parallel(size_t count, Body&& body) {
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, count, 8192), [&](const auto& range) {
+        for (size_t i = range.begin(); i < range.end(); ++i) body(i);
+    });
+}
 
 RTCGeometryType curve_type(const MarramOutput& output) {
     const bool bspline = output.basis == MARRAM_BSPLINE;

@@ -17,4 +17,10 @@ std::vector<T> embree_buffer(size_t size) {
     return buffer;
 }
 
+// The first component of elements that may be none at all: a mesh without vertices has no normals' memory.
+template <class Elements>
+auto components(Elements& elements) {
+    return elements.data() ? elements.data()->data() : nullptr;
+}
+
 } // namespace marram

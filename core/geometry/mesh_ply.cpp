@@ -40,7 +40,7 @@ struct Element {
     std::vector<Property> properties;
 };
 
-struct Header {
+struct PlyHeader {
     Format format = Format::ascii;
     std::vector<Element> elements;
 };
@@ -123,7 +123,7 @@ class PlyReader {
     size_t token_ = 0;    // start of the last number: where faults are
     size_t line_ = 0;     // start of the header's line
     std::string newline_; // of the header
-    Header header_;
+    PlyHeader header_;
     bool has_format_ = false;
     const Element* element_ = nullptr; // being read
     uint64_t number_ = 0;              // of its entry

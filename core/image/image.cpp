@@ -372,11 +372,11 @@ void write_png(const std::string& path, int width, int height, int channels, con
     writer.commit();
 }
 
-Header header_of(const std::string& path) {
+ImageHeader image_header(const std::string& path) {
     const QuietPng quiet(path);
     const InputFile input = open_image(path);
     const OIIO::ImageSpec spec = spec_of(*input);
-    Header header{Extent::several, spec.width, spec.height, spec.nchannels};
+    ImageHeader header{Extent::several, spec.width, spec.height, spec.nchannels};
     if (input->seek_subimage(1, 0)) return header;
     (void)input->geterror();
     header.extent = fills_frame(spec) ? Extent::whole : Extent::cropped;

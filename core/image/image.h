@@ -68,11 +68,11 @@ void write_png(const std::string& path, int width, int height, int channels, con
 
 // What a file's header says: whether it holds more than one picture (pages, parts), or one whose pixels do not fill its frame exactly.
 enum class Extent { whole, several, cropped };
-struct Header {
+struct ImageHeader {
     Extent extent = Extent::whole;
     int width = 0, height = 0, channels = 0;
 };
-Header header_of(const std::string& path); // throws InputError where it cannot be opened
+ImageHeader image_header(const std::string& path); // throws InputError where it cannot be opened
 
 // Every metadata entry of an image, as text, by name. Throws InputError where it cannot be opened.
 std::vector<std::pair<std::string, std::string>> read_all_metadata(const std::string& path);

@@ -18,7 +18,7 @@ namespace {
 // further channel is held by the file's picture and its layer in both, and once more where it is judged.
 constexpr double bytes_a_pixel = 200.0, bytes_a_channel = 24.0, greatest_bytes_to_compare = 8.0 * (1 << 30);
 
-void check_header(const std::string& path, const Header& header) {
+void check_header(const std::string& path, const ImageHeader& header) {
     if (header.extent != Extent::whole)
         throw InputError({path},
                          header.extent == Extent::several ? "holds several pictures (parts or pages)"
@@ -158,7 +158,7 @@ std::vector<float> in_order(const Picture::Layer& layer, const std::vector<std::
 }
 
 Picture read_picture(const std::string& path) {
-    check_header(path, header_of(path));
+    check_header(path, image_header(path));
     const Image image = read_image(path);
     Picture picture;
     picture.width = image.width;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Light: environment. An image all around, sampled by how bright it is where.
 //
+//   parameter    unit          default             meaning
 //   file         -             required            latitude by longitude, twice as wide as high. Rows run from +y down; the
 //                                                  middle column is where -z points, +x is to the right of it
 //   strength     -             1                   factor on the image: numbers of the file are W/(m^2 sr)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Light: mesh. A mesh that shines from its outer side.
 //
+//   parameter    unit          default             meaning
 //   mesh         -             required            its name
 //   radiance     W/(m^2 sr)    1                   the same in all directions, from the outer side
 //

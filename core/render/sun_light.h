@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Light: sun. A disc at infinity.
 //
+//   parameter    unit          default             meaning
 //   direction    -             [1, 2, 1]           towards it, of any length
 //   angle        deg           0.53                its diameter: larger makes shadows softer; 0: parallel rays, not seen
 //   irradiance   W/m^2         3                   on a surface perpendicular to it; 3.14 shows white as 1

@@ -105,7 +105,7 @@ void sort_by_cell(std::span<Candidate> list) {
 // did, both would wait for the other to go first, so equal numbers are decided by the order of the list.
 uint64_t priority(uint32_t seed, Root root) { return root_hash(seed, root, Purpose::priority); }
 
-struct Grid {
+struct DiscGrid {
     Vec3d origin;
     double unit = 1.0; // metres, >= radius
 
@@ -243,7 +243,7 @@ std::vector<uint64_t> candidate_offsets(const DensityShares& shares, double atte
     return first;
 }
 
-Grid grid_of(const Surface& bind, double radius) {
+DiscGrid grid_of(const Surface& bind, double radius) {
     Vec3d lower = Vec3d::Constant(std::numeric_limits<double>::infinity()), upper = -lower;
     for (uint32_t t = 0; t < bind.triangle_count; ++t)
         for (const Vec3d& p : bind.corners(t)) {
@@ -256,7 +256,7 @@ Grid grid_of(const Surface& bind, double radius) {
 
 // Candidates of all triangles, sorted. Where masks are 0 none are kept: blocks are counted first and filled then, so that
 // memory goes to candidates, not to masked-out ones.
-std::vector<Candidate> draw_candidates(const DensityShares& shares, const Grid& grid, double attempts,
+std::vector<Candidate> draw_candidates(const DensityShares& shares, const DiscGrid& grid, double attempts,
                                        bool spaced, const std::function<bool()>& cancelled) {
     const std::vector<uint64_t> first = candidate_offsets(shares, attempts, spaced);
     constexpr uint64_t block_size = 16384;
@@ -441,7 +441,7 @@ std::vector<Candidate> spaced_candidates(const DensityShares& shares, double den
                                          PlacedRoots& placed) {
     const double coverage = full_coverage * spacing * spacing;
     const double radius = 2.0 * std::sqrt(coverage / (pi * density));
-    const Grid grid = grid_of(shares.bind, radius);
+    const DiscGrid grid = grid_of(shares.bind, radius);
     std::vector<Candidate> candidates =
         draw_candidates(shares, grid, density * attempts_a_disc(coverage) * spare, radius > 0.0, cancelled);
     placed.peak_bytes = std::max(placed.peak_bytes, candidates.capacity() * (sizeof(Candidate) + 1));

@@ -347,14 +347,6 @@ void collect(const GustField& field, size_t level, size_t node, const Vec3d& low
 
 // ---- Evaluation ----
 
-MARRAM_INLINE VUint mix(VUint h) { // mix32 of core/math/hash.h, eight at once
-    h ^= h >> 16;
-    h *= 0x7feb352dU;
-    h ^= h >> 15;
-    h *= 0x846ca68bU;
-    return h ^ (h >> 16);
-}
-
 MARRAM_INLINE VDouble blend(VDouble t, VDouble a, VDouble b) { return a + t * (b - a); }
 
 // nu of gusts.h at |x| below 2^51.
@@ -372,9 +364,9 @@ MARRAM_INLINE VDouble value_noise(const Wide3d& x, uint32_t seed) {
         for (uint32_t j = 0; j < 2; ++j) {
             VDouble along_x[2];
             for (uint32_t i = 0; i < 2; ++i) {
-                VUint h = mix(bits_as<VUint>(cell[0]) + (seed + i));
-                h = mix(h + bits_as<VUint>(cell[1]) + j);
-                h = mix(h + bits_as<VUint>(cell[2]) + k);
+                VUint h = mix32(bits_as<VUint>(cell[0]) + (seed + i));
+                h = mix32(h + bits_as<VUint>(cell[1]) + j);
+                h = mix32(h + bits_as<VUint>(cell[2]) + k);
                 along_x[i] =
                     __builtin_convertvector(h >> (32 - noise_bits), VDouble) * (1.0 / (1U << noise_bits));
             }

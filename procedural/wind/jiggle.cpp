@@ -52,7 +52,7 @@ namespace marram {
 namespace {
 
 constexpr double initial_damping = 0.3;
-constexpr double default_share = 1e-6; // of the reach, where no tolerance is given
+constexpr double window_share = 1e-6; // of the reach, where no tolerance is given
 constexpr double most_knots = 1e5; // each costs a bend of every strand: beyond this a frame would take hours
 
 // A direction from two filtered points is good to about 1e-14 of the strand, 1e-11 of one of 1000 segments; below this
@@ -300,7 +300,7 @@ double jiggle_tail(double damping, double radians) {
 
 JiggleWindow jiggle_window(const Jiggle& jiggle, std::span<const double> times, double fps, double reach,
                            double tolerance) {
-    const double share = tolerance > 0.0 ? tolerance / reach : default_share;
+    const double share = tolerance > 0.0 ? tolerance / reach : window_share;
     const double omega = 2.0 * pi * jiggle.frequency * least_stiffness(jiggle.stiffness);
     const double memory = reach > 0.0 ? memory_radians(jiggle.damping, share) / omega * fps : 0.0; // frames
     const double first_time = times.front() - memory, last_time = times.back();

@@ -8,14 +8,6 @@
 namespace marram {
 namespace {
 
-MARRAM_INLINE VUint mix(VUint h) { // mix32 of core/math/hash.h, eight at once
-    h ^= h >> 16;
-    h *= 0x7feb352dU;
-    h ^= h >> 15;
-    h *= 0x846ca68bU;
-    return h ^ (h >> 16);
-}
-
 MARRAM_INLINE VFloat fade(VFloat t) { return t * t * t * (t * (t * 6.0F - 15.0F) + 10.0F); }
 MARRAM_INLINE VFloat mix_linear(VFloat t, VFloat a, VFloat b) { return a + t * (b - a); }
 
@@ -66,7 +58,7 @@ MARRAM_INLINE Cell cell_of(const Wide3d& p) {
 // Hash of one corner: each axis is mixed in before the next, so that planes of the lattice do not repeat.
 MARRAM_INLINE VUint corner_hash(const Cell& cell, int i, int j, int k, uint32_t seed) {
     const VUint h = (cell.corner[0][i] ^ seed) + cell.corner[1][j] * 3U;
-    return mix((h ^ (h >> 15)) * 0x2c1b3c6dU + cell.corner[2][k]);
+    return mix32((h ^ (h >> 15)) * 0x2c1b3c6dU + cell.corner[2][k]);
 }
 
 MARRAM_INLINE VFloat blend3(const Cell& cell, const VFloat v[8]) {
@@ -141,8 +133,8 @@ MARRAM_INLINE VFloat folded(VFloat noise, Fold fold) {
 }
 
 // A coordinate that a double still resolves to a quarter of a cell, else 0 (infinities too): never an index past its type.
-constexpr double farthest = 0x1p50;
-MARRAM_INLINE VDouble in_reach(VDouble x) { return vabs(x) <= farthest ? x : VDouble{}; }
+constexpr double noise_reach = 0x1p50;
+MARRAM_INLINE VDouble in_reach(VDouble x) { return vabs(x) <= noise_reach ? x : VDouble{}; }
 MARRAM_INLINE Wide3d in_reach(const Wide3d& p) { return {in_reach(p.x), in_reach(p.y), in_reach(p.z)}; }
 
 // The sum over octaves of octave(point in cells, index of the octave), its strength kept.
@@ -206,7 +198,7 @@ MARRAM_HOT void wavelet_noise(const FractalNoise& noise, const Quad* tile, const
 
 void vector_noise(const FractalNoise& noise, const Wide3d* points, int count, bool four, double w,
                   Wide3f* out) {
-    const double place = std::abs(w) <= farthest ? w : 0.0;
+    const double place = std::abs(w) <= noise_reach ? w : 0.0;
     switch (noise.type) {
     case NoiseType::perlin:
         return perlin_noise(noise, points, count, four, place, out);

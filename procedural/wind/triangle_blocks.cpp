@@ -119,7 +119,7 @@ uint32_t spread_bits(uint32_t x) { // abc -> a00b00c
 }
 
 // Cells of which a surface of so many triangles fills about one with every cell_holds.
-class Grid {
+class TriangleGrid {
   public:
     struct Cell {
         uint32_t at[4]; // the last is 0
@@ -128,7 +128,7 @@ class Grid {
         }
     };
 
-    Grid(const Box& box, size_t triangles) {
+    TriangleGrid(const Box& box, size_t triangles) {
         const size_t filled = triangles / (3 * cell_holds) + 1; // of 4^bits, more or less
         bits_ = std::min((int(std::bit_width(filled)) + 1) / 2, axis_bits);
         last_ = float((1 << bits_) - 1);
@@ -191,16 +191,17 @@ struct Runs {
 };
 
 // `all`: every triangle matters.
-void add_runs(const MarramMesh& mesh, size_t begin, size_t end, const Grid& grid, bool all, const Box& reach,
-              Runs& out) {
-    Grid::Cell cell{};
+void add_runs(const MarramMesh& mesh, size_t begin, size_t end, const TriangleGrid& grid, bool all,
+              const Box& reach, Runs& out) {
+    TriangleGrid::Cell cell{};
     uint32_t count = 0; // of the run that is open
     for (size_t t = begin; t < end; ++t) {
         if (!all && !matters(mesh, t, reach)) {
             count = 0;
             continue;
         }
-        const Grid::Cell now = grid.cell(corner(mesh, 0, t, 0), corner(mesh, 0, t, 1), corner(mesh, 0, t, 2));
+        const TriangleGrid::Cell now =
+            grid.cell(corner(mesh, 0, t, 0), corner(mesh, 0, t, 1), corner(mesh, 0, t, 2));
         if (count > 0 && count < block_most && now == cell) {
             out.runs.back().count = ++count;
             continue;
@@ -260,7 +261,7 @@ TriangleBlocks triangle_blocks(const MarramMesh& mesh, const Eigen::AlignedBox3d
     }
     result.box = {Vec3f(box.low[0], box.low[1], box.low[2]), Vec3f(box.high[0], box.high[1], box.high[2])};
 
-    const Grid grid(box, mesh.triangle_count);
+    const TriangleGrid grid(box, mesh.triangle_count);
     std::vector<Runs> parts((mesh.triangle_count + chunk - 1) / chunk);
     each_chunk(mesh.triangle_count, [&](size_t i, size_t begin, size_t end) {
         add_runs(mesh, begin, end, grid, all, near, parts[i]);

@@ -16,7 +16,7 @@ namespace {
 constexpr size_t many = 64;   // clusters, for which a sector is cut in two
 constexpr int most_cuts = 12; // of a sector
 constexpr int out_steps = 32; // of half a turn, at which a free direction is looked for
-constexpr double opposed =
+constexpr double opposed_sine =
     1e-9; // sine to exact opposition below which the arc's plane is taken from elsewhere
 
 struct Part { // of a sector, in angles
@@ -383,7 +383,7 @@ Arc arc_of(const Segment& segment) {
     const double cosine = a.dot(g);
     Vec3d axis = a.cross(g);
     double sine = axis.norm();
-    if (sine <= opposed && !(cosine > 0.0 && sine > 0.0)) {
+    if (sine <= opposed_sine && !(cosine > 0.0 && sine > 0.0)) {
         // Opposed, or the same: no plane is better than that of the strand's own lean.
         axis = a.cross(segment.lean);
         if (!(axis.squaredNorm() > 1e-12 * segment.lean.squaredNorm())) {

@@ -15,7 +15,7 @@ namespace marram::stability {
 namespace {
 
 using testing::Folder;
-using testing::Outcome; // for EXPECT_DONE
+using testing::ProgramResult; // for EXPECT_DONE
 
 // A light coat: jiggle looks back over some fifty knots.
 const CoatSpec everything{.frame = 240.0, .times = {240.0, 240.25, 240.5}, .jiggle = true};

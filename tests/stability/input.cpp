@@ -15,7 +15,7 @@ namespace marram::stability {
 namespace {
 
 using testing::Folder;
-using testing::Outcome;
+using testing::ProgramResult;
 
 const char* const bad_numbers[] = {"nan", "inf", "-inf"};
 
@@ -67,7 +67,7 @@ int unnoticed(const Bad& bad, const std::string& what) {
     const std::string scene = folder.write("a.toml", bad.text);
     folder.write("old.exr", "an old picture");
     const auto before = folder.contents();
-    const Outcome outcome = testing::marram({"render", scene, "-o", folder / "old.exr"});
+    const ProgramResult outcome = testing::marram({"render", scene, "-o", folder / "old.exr"});
     int count = 0;
     if (outcome.code != 2 || folder.contents() != before || !outcome.out.empty()) {
         ADD_FAILURE() << what << ": exit code " << outcome.code << "\n" << outcome.err;
@@ -189,7 +189,7 @@ TEST(Input, not_a_number_in_the_corners_of_a_mesh) {
             const std::string scene = folder.write(
                 "a.toml", head + "[[mesh]]\nname = \"bad\"\ntype = \"file\"\nfile = \"" + file + "\"\n");
             const auto before = folder.contents();
-            const Outcome outcome = testing::marram({"render", scene, "-o", folder / "new.exr"});
+            const ProgramResult outcome = testing::marram({"render", scene, "-o", folder / "new.exr"});
             const bool refused = outcome.code == 2 && folder.contents() == before &&
                                  outcome.err.find(file + ":") != std::string::npos;
             if (!refused)

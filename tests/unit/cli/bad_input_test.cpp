@@ -25,7 +25,7 @@ bool is_explanation(const std::string& line) {
 std::vector<std::string> refused(const Folder& folder, std::vector<std::string> command) {
     folder.write("old.exr", "an old picture");
     const auto before = folder.contents();
-    const Outcome outcome = marram(command, run_copy);
+    const ProgramResult outcome = marram(command, run_copy);
     EXPECT_EQ(outcome.code, 2) << outcome.err;
     EXPECT_EQ(outcome.out, "");
     EXPECT_TRUE(folder.contents() == before)
@@ -381,7 +381,7 @@ TEST(BadInput, LightsThatCannotShine) {
     expect_refused(SceneText{.more = environment}, "times strength, 1e+15 is allowed");
     write_map(-1.0F);
     const std::string scene = folder.write("a.toml", SceneText{.more = environment});
-    const Outcome outcome = marram({"render", scene, "-o", folder / "a.exr", "--quiet"});
+    const ProgramResult outcome = marram({"render", scene, "-o", folder / "a.exr", "--quiet"});
     EXPECT_EQ(outcome.code, 0);
     EXPECT_CONTAINS(outcome.err, "has 1 pixels that are below 0: they give no light");
 }
@@ -398,7 +398,7 @@ TEST(BadInput, CommandLines) {
     const auto refuse = [&](const std::vector<std::string>& command, const std::string& message) {
         SCOPED_TRACE(fmt::format("{}", fmt::join(command, " ")));
         const auto before = folder.contents();
-        const Outcome outcome = marram(command);
+        const ProgramResult outcome = marram(command);
         EXPECT_EQ(outcome.code, 2);
         EXPECT_CONTAINS(outcome.err, message);
         EXPECT_TRUE(folder.contents() == before)

@@ -95,7 +95,7 @@ TEST(Bake, StopsAtAStage) {
     EXPECT_EQ(read_file(folder / "bent.hair"), read_file(folder / "final.hair"));
     bake(scene, folder / "frame.hair", {"--frame", "1"});
     EXPECT_EQ(read_file(folder / "frame.hair"), read_file(folder / "final.hair")); // the scene's first frame
-    const Outcome outcome = marram({"bake", scene, "-o", folder / "x.hair", "--stage", "blown"});
+    const ProgramResult outcome = marram({"bake", scene, "-o", folder / "x.hair", "--stage", "blown"});
     EXPECT_EQ(outcome.code, 2);
     EXPECT_FALSE(fs::exists(folder / "x.hair"));
 }
@@ -170,7 +170,7 @@ TEST(Bake, RefusesWhatItCannotWrite) {
           {"-o", folder / "a.hair", "--stats", folder / "no/s.json"}}) {
         std::vector<std::string> command = {"bake", scene};
         command.insert(command.end(), more.begin(), more.end());
-        const Outcome outcome = marram(command);
+        const ProgramResult outcome = marram(command);
         EXPECT_EQ(outcome.code, 2) << more[1];
         EXPECT_EQ(lines(outcome.err).size(), 1u) << outcome.err;
     }

@@ -88,7 +88,7 @@ TEST(Camera, RefusesToBeScaledAtItsLine) {
     const std::string file =
         folder.write("scene.toml", std::string(base) + "transform = { scale = 2 }\n" + rest +
                                        "[[mesh]]\nname = \"a\"\ntype = \"box\"\n");
-    const Outcome refused = marram({"render", file, "-o", folder / "out.png"});
+    const ProgramResult refused = marram({"render", file, "-o", folder / "out.png"});
     EXPECT_EQ(refused.code, 2);
     EXPECT_TRUE(refused.err.find("scene.toml:5:") != std::string::npos &&
                 refused.err.find("scale") != std::string::npos)

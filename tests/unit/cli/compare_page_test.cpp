@@ -92,7 +92,7 @@ struct Pair {
             if (rgb == &a) metadata.insert(metadata.end(), more.begin(), more.end());
             write_exr(folder / (rgb == &a ? "a.exr" : "b.exr"), width, height, layers, metadata);
         }
-        const Outcome done =
+        const ProgramResult done =
             marram({"compare", folder / "a.exr", folder / "b.exr", "--report", folder / "report"});
         EXPECT_EQ(done.err, "");
         return read_file(folder / "report/compare.html");
@@ -113,7 +113,7 @@ TEST(ComparePage, stands_alone_and_works_in_a_browser) {
     };
     rendered("a & b.exr", "6");
     rendered("wind.exr", "0");
-    const Outcome done =
+    const ProgramResult done =
         marram({"compare", folder / "wind.exr", folder / "a & b.exr", "--report", folder / "report"});
     EXPECT_EQ(done.code, 1);
     const std::string path = folder / "report/compare.html";

@@ -10,8 +10,8 @@
 namespace marram::testing {
 namespace {
 
-Outcome rendered(const Folder& folder, const std::string& scene, const std::string& name,
-                 const std::vector<std::string>& more = {}) {
+ProgramResult rendered(const Folder& folder, const std::string& scene, const std::string& name,
+                       const std::vector<std::string>& more = {}) {
     std::vector<std::string> arguments = {"render", scene, "-o",    folder / name,   "--quiet",
                                           "--spp",  "16",  "--aov", "variance,depth"};
     arguments.insert(arguments.end(), more.begin(), more.end());
@@ -28,13 +28,13 @@ TEST(Compare, tells_noise_from_change) {
     EXPECT_EQ(rendered(folder, scene, "a.exr").code, 0);
     EXPECT_EQ(rendered(folder, scene, "seed.exr", {"--set", "film.seed=5"}).code, 0);
     EXPECT_EQ(rendered(folder, scene, "wind.exr", {"--set", "wind.speed=0"}).code, 0);
-    const Outcome same = marram({"compare", folder / "a.exr", folder / "a.exr"});
+    const ProgramResult same = marram({"compare", folder / "a.exr", folder / "a.exr"});
     EXPECT_EQ(same.code, 0);
     EXPECT_CONTAINS(same.out, "alike: every number is the same");
-    const Outcome seed = marram({"compare", folder / "seed.exr", folder / "a.exr"});
+    const ProgramResult seed = marram({"compare", folder / "seed.exr", folder / "a.exr"});
     EXPECT_EQ(seed.code, 0) << seed.out;
     EXPECT_CONTAINS(seed.out, "\nalike\n");
-    const Outcome wind = marram({"compare", folder / "wind.exr", folder / "a.exr"});
+    const ProgramResult wind = marram({"compare", folder / "wind.exr", folder / "a.exr"});
     EXPECT_EQ(wind.code, 1) << wind.out;
     EXPECT_CONTAINS(wind.out, "noise cannot explain it: ");
     EXPECT_CONTAINS(wind.out, "\ndifferent\n");
@@ -49,7 +49,7 @@ TEST(Compare, refuses_what_it_cannot_compare) {
     EXPECT_EQ(rendered(folder, scene, "a.exr").code, 0);
     folder.write("text.png", "no picture");
     const auto refused = [&](const std::vector<std::string>& arguments, const std::string& words) {
-        const Outcome done = marram(arguments);
+        const ProgramResult done = marram(arguments);
         EXPECT_EQ(done.code, 2) << words;
         EXPECT_EQ(done.out, "");
         EXPECT_CONTAINS(done.err, words);
@@ -79,12 +79,12 @@ TEST(Compare, says_how_files_were_read) {
     const Layer layer{"", {"R", "G", "B"}, rgb.data(), true};
     write_exr(folder / "a.exr", 24, 16, std::span(&layer, 1), {});
     write_png(folder / "a.png", 24, 16, 3, rgb.data(), 0.0);
-    const Outcome mixed = marram({"compare", folder / "a.png", folder / "a.exr"});
+    const ProgramResult mixed = marram({"compare", folder / "a.png", folder / "a.exr"});
     EXPECT_EQ(mixed.code, 0) << mixed.out;
     EXPECT_CONTAINS(mixed.out, "read as      A sRGB, B linear\n");
     EXPECT_CONTAINS(mixed.out, ", of linear light\n");
     EXPECT_CONTAINS(mixed.out, ", worst window ");
-    const Outcome linear = marram({"compare", folder / "a.exr", folder / "a.exr"});
+    const ProgramResult linear = marram({"compare", folder / "a.exr", folder / "a.exr"});
     EXPECT_EQ(linear.out.find("read as"), std::string::npos) << linear.out;
 }
 
@@ -99,8 +99,8 @@ TEST(Compare, a_golden_frame_is_the_reference_wherever_it_stands) {
             rgb.push_back(2.0F * image.pixels[i]);
     const Layer layer{"", {"R", "G", "B"}, rgb.data(), false};
     write_exr(folder / "a.exr", image.width, image.height, std::span(&layer, 1), {});
-    const Outcome there = marram({"compare", folder / "a.exr", golden}),
-                  back = marram({"compare", golden, folder / "a.exr"});
+    const ProgramResult there = marram({"compare", folder / "a.exr", golden}),
+                        back = marram({"compare", golden, folder / "a.exr"});
     EXPECT_EQ(there.code, 1) << there.out << there.err;
     EXPECT_EQ(back.code, 1) << back.out << back.err;
     EXPECT_CONTAINS(back.out, "golden       A carries limits: B is judged by it\n");
@@ -121,7 +121,7 @@ TEST(Compare, the_report_overwrites_no_picture) {
     const std::map<std::string, std::string> before = folder.contents();
     const auto refused = [&](const std::string& a, const std::string& b, const std::string& report,
                              const std::string& words) {
-        const Outcome done = marram({"compare", a, b, "--report", report});
+        const ProgramResult done = marram({"compare", a, b, "--report", report});
         EXPECT_EQ(done.code, 2) << words;
         EXPECT_EQ(done.out, "");
         EXPECT_CONTAINS(done.err, words);
@@ -143,7 +143,7 @@ TEST(Compare, what_does_not_fit_is_named) {
     constexpr int side = 3000; // 200 bytes a pixel: 1.8 GB
     const std::vector<float> black(size_t(side) * side * 3, 0.0F);
     write_png(folder / "a.png", side, side, 3, black.data(), 0.0);
-    const Outcome done = marram({"compare", folder / "a.png", folder / "a.png"}, [](auto arguments) {
+    const ProgramResult done = marram({"compare", folder / "a.png", folder / "a.png"}, [](auto arguments) {
         const rlimit gigabyte{1U << 30, 1U << 30};
         ::setrlimit(RLIMIT_AS, &gigabyte);
         run_program(arguments);

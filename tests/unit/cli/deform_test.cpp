@@ -95,7 +95,7 @@ TEST(Deform, files_that_do_not_fit_are_refused) {
     write_square(folder, "square.0001.obj", 0.5);
     const std::string scene = folder.write("a.toml", scene_text);
     const auto said = [&](const std::string& of) {
-        const Outcome done = marram({"render", of, "-o", folder / "a.exr", "--quiet"});
+        const ProgramResult done = marram({"render", of, "-o", folder / "a.exr", "--quiet"});
         EXPECT_EQ(done.code, 2);
         EXPECT_EQ(lines(done.err).size(), 1U) << done.err;
         return done.err;
@@ -104,7 +104,7 @@ TEST(Deform, files_that_do_not_fit_are_refused) {
     write_square(folder, "square.0002.obj", 1.5, true);
     EXPECT_CONTAINS(said(scene), "square.0002.obj: has 1 triangles");
     write_square(folder, "square.0002.obj", 1.5);
-    const Outcome over =
+    const ProgramResult over =
         marram({"render", scene, "-o", folder / "a.exr", "--quiet", "--stats", folder / "square.0002.obj"});
     EXPECT_EQ(over.code, 2);
     EXPECT_CONTAINS(over.err, "this would overwrite");

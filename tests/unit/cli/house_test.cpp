@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The rules of the house: who may include whom, what lies where, and what the plug-in shows to the world.
+#include "core/render/lights.h"
 #include "program.h"
+#include "shaders/shader.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -115,6 +117,57 @@ TEST(House, TopLevelIsAsDesigned) {
         const std::string name = entry.path().filename().string();
         EXPECT_TRUE(name.starts_with(".") || known.contains(name)) << name;
     }
+}
+
+// Unit and default by name, of the table that a page opens with: "//   name  unit  default  meaning", aligned under a line that says so.
+std::map<std::string, std::pair<std::string, std::string>> parameters_on_page(const std::string& file) {
+    std::map<std::string, std::pair<std::string, std::string>> found;
+    size_t unit = 0, initial = 0, meaning = 0; // columns
+    for (const std::string& line : lines(read_file(source / file))) {
+        if (unit == 0) {
+            if (!line.starts_with("//   parameter ")) continue;
+            unit = line.find("unit"), initial = line.find("default"), meaning = line.find("meaning");
+            continue;
+        }
+        if (!line.starts_with("//   ")) break;
+        if (line[5] == ' ' || line.find(": as in diffuse") != std::string::npos)
+            continue; // goes on; see there
+        const auto column = [&](size_t begin, size_t end) {
+            const std::string text = line.substr(std::min(begin, line.size()), end - begin);
+            return text.substr(0, text.find_last_not_of(' ') + 1);
+        };
+        const std::string of = column(unit, initial);
+        found[column(5, unit)] = {of == "1" || of == "-" ? "" : of, column(initial, meaning)};
+    }
+    return found;
+}
+
+void expect_page(const std::string& file, std::span<const ParamSpec> params,
+                 const std::set<std::string>& elsewhere) {
+    const auto page = parameters_on_page(file);
+    std::set<std::string> declared;
+    for (const ParamSpec& spec : params) {
+        declared.insert(spec.name);
+        if (elsewhere.contains(spec.name)) continue;
+        ASSERT_TRUE(page.contains(spec.name)) << file << " does not list " << spec.name;
+        const auto& [unit, initial] = page.at(spec.name);
+        EXPECT_EQ(unit, spec.unit) << file << ": " << spec.name;
+        const std::string written = spec.initial.empty() ? "required" : spec.initial;
+        EXPECT_EQ(initial, written) << file << ": " << spec.name;
+    }
+    for (const auto& [name, columns] : page)
+        EXPECT_TRUE(declared.contains(name)) << file << " lists " << name << ", which is not declared";
+}
+
+TEST(House, PagesListTheParametersThatAreDeclared) {
+    const std::set<std::string> of_strands = {"root_color", "tip_color", "variation", "tint", "tint_color"};
+    for (const ShaderDescription& shader : shaders())
+        expect_page("shaders/" + shader.name + ".h", shader.params,
+                    shader.name == "diffuse" ? std::set<std::string>() : of_strands);
+    for (const LightType& light : light_types())
+        expect_page(light.name == "daylight" ? "shaders/daylight.h"
+                                             : "core/render/" + light.name + "_light.h",
+                    light.params, {});
 }
 
 TEST(Plugin, ExportsItsEntryPointAlone) {

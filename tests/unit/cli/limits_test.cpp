@@ -21,7 +21,7 @@ rlimit limit_of(int resource, rlim_t bytes) {
 
 // The program with one limit: RLIMIT_FSIZE or RLIMIT_AS.
 template <int resource>
-Outcome limited(const std::vector<std::string>& arguments, size_t bytes) {
+ProgramResult limited(const std::vector<std::string>& arguments, size_t bytes) {
     static size_t limit = 0;
     limit = bytes;
     return marram(arguments, [](std::vector<std::string> given) {
@@ -41,7 +41,7 @@ TEST(Limits, AFullDiskIsReportedAndTheOldPictureStays) {
         const std::string picture = folder / ("a" + extension), old = "an old picture";
         folder.write("a" + extension, old);
         const std::vector<std::string> command = {"render", scene, "-o", picture, "--quiet"};
-        const Outcome full = limited<RLIMIT_FSIZE>(command, 300);
+        const ProgramResult full = limited<RLIMIT_FSIZE>(command, 300);
         EXPECT_EQ(full.code, 2);
         EXPECT_EQ(full.out, "");
         EXPECT_CONTAINS(full.err, picture + ": could not be written (File too large): check the disk");
@@ -75,7 +75,7 @@ TEST(Limits, WhatCannotBeSavedIsKeptForResume) {
 TEST(Limits, StandardOutputMayBeFull) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText());
-    const Outcome outcome =
+    const ProgramResult outcome =
         marram({"render", scene, "-o", folder / "a.exr"}, [](std::vector<std::string> given) {
             ::dup2(::open("/dev/full", O_WRONLY), STDOUT_FILENO);
             run_program(std::move(given));
@@ -93,7 +93,8 @@ TEST(Limits, LittleMemoryIsOneLine) {
     const std::string scene = folder.write("a.toml", SceneText()), picture = folder / "a.exr";
     int loader = 0, refused = 0, done = 0;
     for (size_t mega = 300; mega < 1500 && done < 3; mega += 4) {
-        const Outcome outcome = limited<RLIMIT_AS>({"render", scene, "-o", picture, "--quiet"}, mega << 20);
+        const ProgramResult outcome =
+            limited<RLIMIT_AS>({"render", scene, "-o", picture, "--quiet"}, mega << 20);
         if (outcome.code == 127) { // a shared library did not fit
             ++loader;
             continue;
@@ -115,9 +116,9 @@ TEST(Limits, LittleMemoryIsOneLine) {
 TEST(Limits, ASequenceTakesNoMoreMemoryThanItsFirstFrames) {
     const auto peak = [](const char* frames) {
         const Folder folder;
-        const Outcome outcome = marram({"render", MARRAM_SOURCE_DIR "/scenes/golden/sheet.toml", "-o",
-                                        folder / "a.####.exr", "--frames", frames, "--size", "32x18", "--spp",
-                                        "1", "--quiet", "--stats", folder / "s.json"});
+        const ProgramResult outcome = marram({"render", MARRAM_SOURCE_DIR "/scenes/golden/sheet.toml", "-o",
+                                              folder / "a.####.exr", "--frames", frames, "--size", "32x18",
+                                              "--spp", "1", "--quiet", "--stats", folder / "s.json"});
         EXPECT_EQ(outcome.code, 0) << outcome.err;
         return json_of(folder / "s.json").back()["memory"]["peak_bytes"].get<double>();
     };
@@ -132,7 +133,7 @@ TEST(Limits, NamesMayBeLong) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText());
     EXPECT_EQ(marram({"render", scene, "-o", folder / (std::string(240, 'n') + ".exr"), "--quiet"}).code, 0);
-    const Outcome outcome = marram({"render", scene, "-o", folder / (std::string(250, 'n') + ".exr")});
+    const ProgramResult outcome = marram({"render", scene, "-o", folder / (std::string(250, 'n') + ".exr")});
     EXPECT_EQ(outcome.code, 2);
     EXPECT_CONTAINS(outcome.err, "255 are allowed: give it a shorter name");
     const std::string text(6000, 'x');
@@ -142,7 +143,7 @@ TEST(Limits, NamesMayBeLong) {
                                                     {"render", scene, "--set", text},
                                                     {"compare", text, text},
                                                     {"info", text}}) {
-        const Outcome refused = marram(command);
+        const ProgramResult refused = marram(command);
         EXPECT_EQ(refused.code, 2);
         EXPECT_LT(refused.err.size(), 2000U) << command[0];
     }
@@ -163,7 +164,7 @@ TEST(Limits, WhatNobodyWillSeeIsSaid) {
     const Folder folder;
     SceneText text;
     text.groom = "count = 10\nlength = 0.3\nwidth = 0\n";
-    Outcome outcome = marram({"render", folder.write("a.toml", text), "-o", folder / "a.exr"});
+    ProgramResult outcome = marram({"render", folder.write("a.toml", text), "-o", folder / "a.exr"});
     EXPECT_EQ(outcome.code, 0);
     EXPECT_CONTAINS(outcome.err, "width is 0, no strand will be seen");
 
@@ -204,7 +205,7 @@ TEST(Limits, TheShareOfTheWayIsAShare) {
     SceneText text;
     text.wind = "speed = 6\nglobal_rotate = 0.01\ncollision = { solver = \"exact\" }\n";
     text.more = "[[mesh]]\nname = \"stone\"\ntype = \"sphere\"\nradius = 0.9\ndivisions = 8\n";
-    const Outcome outcome = marram(
+    const ProgramResult outcome = marram(
         {"render", folder.write("a.toml", text), "-o", folder / "a.exr", "--stats", folder / "s.json"});
     EXPECT_EQ(outcome.code, 0) << outcome.err;
     const nlohmann::json collision = json_of(folder / "s.json")["collision"];

@@ -51,8 +51,8 @@ const SceneText windy = {
 TEST(Measure, turns_every_dial_of_a_scene) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", windy);
-    const Outcome done = marram({"measure", scene, "--out", folder / "report", "--seconds", "100", "--set",
-                                 "camera.shutter=[-0.5, 0.5]", "--set", "film.motion_keys=5"});
+    const ProgramResult done = marram({"measure", scene, "--out", folder / "report", "--seconds", "100",
+                                       "--set", "camera.shutter=[-0.5, 0.5]", "--set", "film.motion_keys=5"});
     EXPECT_EQ(done.code, 0) << done.err;
     EXPECT_EQ(done.err, "");
     const auto dials = rows_by_dial(read_file(folder / "report/measure.csv"));
@@ -110,8 +110,9 @@ TEST(Measure, says_what_the_tolerance_chose_and_how_well_it_holds) {
     SceneText blown = windy;
     blown.wind = "speed = 6\nglobal_rotate = 1\nnoise = { amplitude = 2, frequency = 1 }\n";
     const std::string scene = folder.write("a.toml", blown);
-    const Outcome done = marram({"measure", scene, "--out", folder / "report", "--seconds", "20", "--set",
-                                 "camera.shutter=[-0.5, 0.5]", "--set", "tolerance_pixels=0.5"});
+    const ProgramResult done =
+        marram({"measure", scene, "--out", folder / "report", "--seconds", "20", "--set",
+                "camera.shutter=[-0.5, 0.5]", "--set", "tolerance_pixels=0.5"});
     EXPECT_EQ(done.code, 0) << done.err;
     const auto rows = rows_by_dial(read_file(folder / "report/measure.csv")).at("motion_keys");
     const auto own =
@@ -127,15 +128,15 @@ TEST(Measure, says_what_the_tolerance_chose_and_how_well_it_holds) {
 TEST(Measure, says_what_it_leaves_out) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});
-    const Outcome done = marram({"measure", scene, "--out", folder / "report", "--seconds", "2"});
+    const ProgramResult done = marram({"measure", scene, "--out", folder / "report", "--seconds", "2"});
     EXPECT_EQ(done.code, 0) << done.err;
     for (const std::string why :
          {"nothing jiggles", "nothing is shielded", "the shutter does not open", "has one octave"})
         EXPECT_CONTAINS(done.out, why);
-    const Outcome bare = marram({"measure", scene, "--out", folder / "report", "--seconds", "2", "--set",
-                                 "procedural.grass.count=1", "--set",
-                                 "wind.collision={ solver = \"steps\", "
-                                 "rotation_steps = 5 }"});
+    const ProgramResult bare = marram({"measure", scene, "--out", folder / "report", "--seconds", "2",
+                                       "--set", "procedural.grass.count=1", "--set",
+                                       "wind.collision={ solver = \"steps\", "
+                                       "rotation_steps = 5 }"});
     EXPECT_EQ(bare.code, 0) << bare.err;
     EXPECT_CONTAINS(bare.out, "5 steps");
     EXPECT_CONTAINS(bare.out, "refused: rotation_steps belongs to solver");
@@ -148,7 +149,7 @@ TEST(Measure, damages_nothing_where_it_cannot_write) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});
     folder.write("taken", "mine");
-    const Outcome done = marram({"measure", scene, "--out", folder / "taken"});
+    const ProgramResult done = marram({"measure", scene, "--out", folder / "taken"});
     EXPECT_EQ(done.code, 2);
     EXPECT_CONTAINS(done.err, "the folder for the report cannot be made");
     EXPECT_EQ(read_file(folder / "taken"), "mine");

@@ -143,7 +143,7 @@ TEST(Noise, target_darkens_little) {
 TEST(Noise, clamp_says_what_it_takes) {
     const Folder folder;
     const auto rendered = [&](const std::string& name, const char* clamp) {
-        const Outcome outcome =
+        const ProgramResult outcome =
             marram({"render", MARRAM_SOURCE_DIR "/scenes/golden/fur.toml", "-o", folder / name, "--frame",
                     "20", "--size", "64x48", "--spp", "64", "--set", fmt::format("film.clamp={}", clamp),
                     "--set", "procedural.fur.material=\"hair\"", "--set", "film.max_depth=8", "--stats",
@@ -204,7 +204,7 @@ TEST(Noise, dim_pictures_lose_nothing_when_they_are_saved) {
 TEST(Noise, time_is_kept_by_fewer_samples) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", noisy_grass);
-    const Outcome done =
+    const ProgramResult done =
         marram({"render", scene, "-o", folder / "a.exr", "--quiet", "--spp", "65536", "--seconds", "0.05"});
     EXPECT_EQ(done.code, 0);
     EXPECT_CONTAINS(done.err, "time was up after ");

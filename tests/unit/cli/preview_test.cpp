@@ -77,7 +77,7 @@ TEST(Preview, EndsAsThePicture) {
     const auto rendered = [&](const std::string& spp, std::vector<std::string> more) {
         more.insert(more.begin(), spp);
         more.insert(more.begin(), render.begin(), render.end());
-        const Outcome done = marram(more);
+        const ProgramResult done = marram(more);
         EXPECT_EQ(done.code, 0) << done.err;
         EXPECT_EQ(done.err, "");
         return lines(done.out).size();
@@ -118,7 +118,7 @@ TEST(Preview, IsAFileOfItsOwn) {
     const auto before = folder.contents();
     const auto refused = [&](const std::string& output, const std::string& preview,
                              const char* frames = "1-10") {
-        const Outcome done = marram(
+        const ProgramResult done = marram(
             {"render", scene, "-o", folder / output, "--frames", frames, "--preview", folder / preview});
         EXPECT_EQ(done.code, 2) << preview;
         EXPECT_EQ(lines(done.err).size(), 1u) << done.err;

@@ -72,7 +72,7 @@ class Folder {
     fs::path path_;
 };
 
-struct Outcome {
+struct ProgramResult {
     int code = -1; // 128 + signal where one ended the process
     std::string out, err;
 };
@@ -104,7 +104,7 @@ inline void run_copy(std::vector<std::string> arguments) {
 
 using Run = void (*)(std::vector<std::string> arguments);
 
-inline Outcome marram(const std::vector<std::string>& arguments, Run run = run_program) {
+inline ProgramResult marram(const std::vector<std::string>& arguments, Run run = run_program) {
     const Folder streams;
     const std::string out = streams / "out", err = streams / "err";
     std::fflush(nullptr); // or a copy would write it, too
@@ -171,7 +171,7 @@ inline std::vector<std::string> lines(const std::string& text) {
 #define EXPECT_CONTAINS(text, part) EXPECT_NE((text).find(part), std::string::npos) << (text)
 #define EXPECT_DONE(outcome)                                                                                 \
     do {                                                                                                     \
-        const Outcome done = (outcome);                                                                      \
+        const ProgramResult done = (outcome);                                                                \
         EXPECT_EQ(done.code, 0) << done.err;                                                                 \
         EXPECT_EQ(done.err, "");                                                                             \
     } while (0)

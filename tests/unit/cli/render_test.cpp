@@ -39,7 +39,7 @@ TEST(Render, NumbersFrames) {
     const Folder folder;
     const std::string scene = folder.write(
         "a.toml", SceneText{.globals = "frames = [-1, 2]\n", .film = "size = [4, 4]\nsamples = 1\n"});
-    const Outcome all = marram({"render", scene, "-o", folder / "f.####.exr"});
+    const ProgramResult all = marram({"render", scene, "-o", folder / "f.####.exr"});
     EXPECT_EQ(all.code, 0) << all.err;
     EXPECT_EQ(lines(all.out), (std::vector<std::string>{folder / "f.-0001.exr", folder / "f.0000.exr",
                                                         folder / "f.0001.exr", folder / "f.0002.exr"}));
@@ -83,7 +83,7 @@ TEST(Render, RefusesAnUnknownLayer) {
     const std::string scene = folder.write("a.toml", SceneText{});
     folder.write("a.exr", "old");
     for (const char* layers : {"no_such_layer", "depth,,normal", "depth,no_such_layer"}) {
-        const Outcome outcome = marram({"render", scene, "-o", folder / "a.exr", "--aov", layers});
+        const ProgramResult outcome = marram({"render", scene, "-o", folder / "a.exr", "--aov", layers});
         EXPECT_EQ(outcome.code, 2) << layers;
         ASSERT_EQ(lines(outcome.err).size(), 1u) << outcome.err;
         EXPECT_CONTAINS(outcome.err, "layer");
@@ -168,7 +168,7 @@ TEST(Render, SaysWhatAFrameCosts) {
 TEST(Render, SaysHowWellMotionIsFollowed) {
     const Folder folder;
     double wheel = 0.0; // its keys
-    const auto run = [&](double degrees, Outcome& done) {
+    const auto run = [&](double degrees, ProgramResult& done) {
         const std::string scene = folder.write(
             "a.toml",
             SceneText{.more = fmt::format(
@@ -183,7 +183,7 @@ TEST(Render, SaysHowWellMotionIsFollowed) {
         wheel = stats["chosen"]["wheel.motion_keys"];
         return stats["motion"];
     };
-    Outcome done;
+    ProgramResult done;
     const auto slow = run(100.0, done);
     EXPECT_EQ(done.err, "");
     // A corner 0.707 m from the axis turns by 10 degrees: the height of its arc's pieces, a quarter of it with half the angle.
@@ -202,7 +202,8 @@ TEST(Render, SaysWhereATargetFarBehindMakesPixelsCoarse) {
     const auto said = [&](const char* target) {
         const std::string scene =
             folder.write("a.toml", SceneText{.globals = "frames = [1, 10]\ntolerance_pixels = 0.5\n"});
-        const Outcome done = marram({"render", scene, "-o", folder / "a.exr", "--quiet", "--set", target});
+        const ProgramResult done =
+            marram({"render", scene, "-o", folder / "a.exr", "--quiet", "--set", target});
         EXPECT_EQ(done.code, 0) << done.err;
         return done.err;
     };
@@ -217,7 +218,7 @@ TEST(Render, ResumesWhereAFrameIsMissing) {
     const auto render = [&](std::vector<std::string> more) {
         more.insert(more.begin(),
                     {"render", scene, "-o", folder / "f.#.exr", "--frames", "1-4", "--resume", "--quiet"});
-        const Outcome outcome = marram(more);
+        const ProgramResult outcome = marram(more);
         EXPECT_EQ(outcome.code, 0) << outcome.err;
         return lines(outcome.out);
     };
@@ -263,8 +264,8 @@ TEST(Render, GrowsOnAForeignMesh) {
         "[[procedural]]\nname = \"tomb\"\ntype = \"pyramid\"\nheight = 1.5\nlibrary = ";
     const std::string hair = "[[procedural]]\nname = \"moss\"\ntype = \"groom\"\non = \"tomb\"\ncount = "
                              "200\nlength = 0.1\nwidth = 0.01\n";
-    const Outcome bare = marram({"render", folder.write("bare.toml", SceneText{}), "-o", folder / "bare.exr",
-                                 "--stats", folder / "bare.json"});
+    const ProgramResult bare = marram({"render", folder.write("bare.toml", SceneText{}), "-o",
+                                       folder / "bare.exr", "--stats", folder / "bare.json"});
     EXPECT_EQ(bare.code, 0) << bare.err;
     int n = 0;
     for (const std::string& path :
@@ -273,7 +274,7 @@ TEST(Render, GrowsOnAForeignMesh) {
         const std::string scene =
             folder.write("a.toml", SceneText{.more = hair + pyramid + "\"" + path + "\"\n"});
         const std::string picture = folder / fmt::format("{}.exr", n++);
-        const Outcome outcome = marram({"render", scene, "-o", picture, "--stats", folder / "a.json"});
+        const ProgramResult outcome = marram({"render", scene, "-o", picture, "--stats", folder / "a.json"});
         ASSERT_EQ(outcome.code, 0) << path << ": " << outcome.err;
         EXPECT_CONTAINS(read_file(folder / "a.json"), "\"curves\": 500");
         EXPECT_CONTAINS(read_file(folder / "a.json"), "\"triangles\": 8");
@@ -283,7 +284,7 @@ TEST(Render, GrowsOnAForeignMesh) {
 }
 
 TEST(Program, SaysWhatThereIs) {
-    const Outcome info = marram({"info"});
+    const ProgramResult info = marram({"info"});
     EXPECT_EQ(info.code, 0) << info.err;
     for (const char* word :
          {"groom", "density", "hair", "sun", "noise.frequency", "gusts.control[].shape",
@@ -293,7 +294,7 @@ TEST(Program, SaysWhatThereIs) {
     EXPECT_EQ(marram({"--help"}).code, 0);
     EXPECT_EQ(marram({"render", "--help"}).code, 0);
     const Folder folder;
-    const Outcome scene = marram({"info", folder.write("a.toml", SceneText{})});
+    const ProgramResult scene = marram({"info", folder.write("a.toml", SceneText{})});
     EXPECT_EQ(scene.code, 0) << scene.err;
     EXPECT_CONTAINS(scene.out, "300 curves of 5 CVs");
     EXPECT_EQ(marram({"info", "no_such_thing"}).code, 2);

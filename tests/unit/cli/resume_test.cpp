@@ -43,7 +43,7 @@ class Resume : public ::testing::Test {
     }
     // A frame that was stopped by time, which is there after its first pass. Its samples.
     int stop_by_time(const std::string& seconds = "0.001") const {
-        const Outcome done =
+        const ProgramResult done =
             marram(command("a.exr", {"--seconds", seconds, "--spp", endless, "--resume", "--quiet"}));
         EXPECT_EQ(done.code, 0) << done.err;
         EXPECT_CONTAINS(done.err, "time was up after ");
@@ -57,7 +57,7 @@ class Resume : public ::testing::Test {
         EXPECT_TRUE(fs::exists(state));
     }
     void expect_goes_on_to(int samples) const {
-        const Outcome done = marram(with_samples("a.exr", samples, {"--resume"}));
+        const ProgramResult done = marram(with_samples("a.exr", samples, {"--resume"}));
         EXPECT_EQ(done.code, 0) << done.err;
         EXPECT_CONTAINS(done.err, "goes on after ");
         expect_one_go(samples);
@@ -111,7 +111,7 @@ TEST_F(Resume, AStateThatCannotBeWrittenTakesNoPictureWithIt) {
         ::signal(SIGXFSZ, SIG_IGN); // a write fails, as on a full disk
         run_program(std::move(arguments));
     };
-    const Outcome done = marram(
+    const ProgramResult done = marram(
         command("a.exr", {"--seconds", "0.001", "--spp", endless, "--size", "256x192"}), in_little_room);
     EXPECT_EQ(done.code, 0) << done.err;
     EXPECT_CONTAINS(done.err, "--resume will begin anew");
@@ -149,12 +149,12 @@ TEST_F(Resume, BeginsAnewWhereNobodyAskedForMore) {
 }
 
 TEST_F(Resume, OtherFramesAreOtherStates) {
-    const Outcome stopped =
+    const ProgramResult stopped =
         marram(command("f.#.exr", {"--frames", "1-2", "--spp", endless, "--seconds", "0.001", "--quiet"}));
     EXPECT_EQ(stopped.code, 0) << stopped.err;
     fs::copy_file(folder / "f.1.exr.state.tif", state);
     const int samples = samples_of(folder / "f.1.exr") + 3;
-    const Outcome other = marram(with_samples("a.exr", samples, {"--frame", "2", "--resume"}));
+    const ProgramResult other = marram(with_samples("a.exr", samples, {"--frame", "2", "--resume"}));
     EXPECT_EQ(other.code, 0);
     EXPECT_CONTAINS(other.err, "is of another scene, size, layers, frame or version: the frame begins anew");
     fs::remove(folder / "f.2.exr.state.tif");
@@ -179,7 +179,7 @@ TEST_F(Resume, AStateThatDoesNotFitIsNotUsed) {
                                                         {"empty", ""}};
     for (const auto& [what, bytes] : damaged) {
         folder.write("a.exr.state.tif", bytes);
-        const Outcome done = marram(with_samples("a.exr", samples, {"--resume"}));
+        const ProgramResult done = marram(with_samples("a.exr", samples, {"--resume"}));
         EXPECT_EQ(done.code, 0) << what;
         EXPECT_EQ(done.err, state + ": is damaged or cut short: the frame begins anew\n") << what;
         expect_one_go(samples);
@@ -196,7 +196,7 @@ TEST_F(Resume, AStateOfAnotherFrameIsNotUsed) {
              {"--set", "wind.speed=3"}, {"--size", "24x40"}, {"--frame", "2"}, {"--set", "film.noise=0.1"}}) {
         folder.write("a.exr.state.tif", good);
         settings = other;
-        const Outcome done = marram(with_samples("a.exr", samples, {"--resume"}));
+        const ProgramResult done = marram(with_samples("a.exr", samples, {"--resume"}));
         EXPECT_EQ(done.code, 0) << other[1];
         EXPECT_EQ(done.err,
                   state + ": is of another scene, size, layers, frame or version: the frame begins anew\n");
@@ -213,7 +213,7 @@ TEST_F(Resume, AStateOfMoreSamplesIsNotUsed) {
     ASSERT_GE(samples, 1);
     const int more = stop_by_time("0.05");
     ASSERT_GT(more, samples);
-    const Outcome done = marram(with_samples("a.exr", more - 1, {"--resume"}));
+    const ProgramResult done = marram(with_samples("a.exr", more - 1, {"--resume"}));
     EXPECT_EQ(done.err,
               fmt::format("{}: has {} samples a pixel, more than the {} asked for: the frame begins anew\n",
                           state, more, more - 1));
@@ -227,7 +227,7 @@ TEST_F(Resume, SomebodysPictureIsLeftAlone) {
     for (const char* text : {"", "a letter to somebody"}) {
         if (*text) folder.write("a.exr.state.tif", text);
         const auto before = folder.contents();
-        const Outcome done = marram(with_samples("a.exr", 1));
+        const ProgramResult done = marram(with_samples("a.exr", 1));
         EXPECT_EQ(done.code, 2);
         EXPECT_CONTAINS(done.err,
                         state + ": this file stands where an unfinished frame's state would be written");

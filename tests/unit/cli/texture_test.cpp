@@ -75,7 +75,7 @@ TEST(Texture, PaintsAPictureAndFaultsHaveALine) {
                map + "\"\n[[mesh]]\nname = \"floor\"\ntype = \"plane\"\nsize = [2, 2]\nmaterial = \"m\"\n";
     };
     const std::string file = folder.write("scene.toml", scene("checker.png"));
-    const Outcome whole = marram({"render", file, "-o", folder / "out.exr", "--quiet"});
+    const ProgramResult whole = marram({"render", file, "-o", folder / "out.exr", "--quiet"});
     ASSERT_EQ(whole.code, 0) << whole.err;
     const Image image = read_image(folder / "out.exr");
     const auto at = [&](int x, int y) { return image.pixels[size_t((y * 64 + x) * image.channels)]; };
@@ -96,7 +96,7 @@ TEST(Texture, PaintsAPictureAndFaultsHaveALine) {
     const Layer layer{"", {"R", "G", "B"}, holed.data(), false};
     write_exr(folder / "holed.exr", 64, 64, std::span(&layer, 1), {});
     for (const char* map : {"cut.png", "text.png", "missing.png", "holed.exr"}) {
-        const Outcome refused =
+        const ProgramResult refused =
             marram({"render", folder.write("bad.toml", scene(map)), "-o", folder / "bad.exr"});
         EXPECT_EQ(refused.code, 2) << map;
         EXPECT_TRUE(refused.err.find(map) != std::string::npos) << refused.err;

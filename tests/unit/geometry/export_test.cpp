@@ -38,7 +38,7 @@ struct Curves {
     }
 };
 
-struct ExportFiles : testing::Test {
+struct ExportFiles : ::testing::Test {
     fs::path folder = fs::temp_directory_path() / ("marram_export_test_" + std::to_string(::getpid()));
     ExportFiles() { fs::create_directories(folder); }
     ~ExportFiles() override { fs::remove_all(folder); }

@@ -24,7 +24,7 @@ using Triangle = std::array<uint32_t, 3>;
 using Key = std::array<float, 3>;
 
 // A folder of this test's own that goes away with it.
-struct MeshFiles : testing::Test {
+struct MeshFiles : ::testing::Test {
     fs::path folder = fs::temp_directory_path() / ("marram_mesh_test_" + std::to_string(::getpid()));
     MeshFiles() { fs::create_directories(folder); }
     ~MeshFiles() override { fs::remove_all(folder); }

@@ -185,7 +185,7 @@ TEST_F(ImageFiles, ChannelsWithoutNamesAreGivenSome) {
     const Image image = read_image(path("colour.fits"));
     EXPECT_EQ(image.channel_names, (std::vector<std::string>{"R", "G", "B"}));
     EXPECT_EQ(image.pixels.size(), 4U * 2U * 3U);
-    EXPECT_EQ(header_of(path("colour.fits")).channels, 3);
+    EXPECT_EQ(image_header(path("colour.fits")).channels, 3);
 }
 
 // The PNG library prints its own complaints: a damaged file never gets there, whatever is asked of it.
@@ -197,7 +197,7 @@ TEST_F(ImageFiles, DamagedPngsAreNotOpened) {
     for (const std::string& bytes : {header, signature}) {
         put("damaged.png", bytes);
         testing::internal::CaptureStderr();
-        EXPECT_THROW(header_of(path("damaged.png")), InputError);
+        EXPECT_THROW(image_header(path("damaged.png")), InputError);
         EXPECT_THROW(read_image(path("damaged.png")), InputError);
         EXPECT_THROW(read_all_metadata(path("damaged.png")), InputError);
         EXPECT_EQ(testing::internal::GetCapturedStderr(), "");

@@ -16,19 +16,20 @@
 namespace marram {
 namespace {
 
-using Numbers = std::array<float, 4>;
+using NumberSet = std::array<float, 4>;
 
 // Of a set, over samples that begin at a multiple of their number.
-std::vector<Numbers> numbers_of(uint64_t pixel, uint32_t set, uint32_t first, uint32_t count) {
-    std::vector<Numbers> all;
+std::vector<NumberSet> numbers_of(uint64_t pixel, uint32_t set, uint32_t first, uint32_t count) {
+    std::vector<NumberSet> all;
     for (uint32_t s = first; s < first + count; ++s) all.push_back(Sampler(hash(1, pixel), s).numbers(set));
     return all;
 }
 
 // How many points lie in each of the cells that bits[d] halvings of each dimension make: the fewest and the most.
-std::pair<size_t, size_t> points_a_cell(const std::vector<Numbers>& points, const std::array<int, 4>& bits) {
+std::pair<size_t, size_t> points_a_cell(const std::vector<NumberSet>& points,
+                                        const std::array<int, 4>& bits) {
     std::vector<size_t> cells(size_t(1) << (bits[0] + bits[1] + bits[2] + bits[3]));
-    for (const Numbers& point : points) {
+    for (const NumberSet& point : points) {
         size_t cell = 0;
         for (size_t d = 0; d < 4; ++d)
             cell = (cell << bits[d]) | static_cast<size_t>(std::ldexp(point[d], bits[d]));
@@ -44,8 +45,8 @@ TEST(Sampler, FillsEveryElementaryInterval) {
             for (const uint32_t first : {0U, 0x10100U, 0xabcdef00U}) // every byte of the index counts
                 for (const int bits : {2, 4, 6, 8}) {
                     if (set > 0 && bits < 4) continue; // shuffled by sixteens
-                    const std::vector<Numbers> points = numbers_of(pixel, set, first, 1U << bits);
-                    for (const Numbers& point : points)
+                    const std::vector<NumberSet> points = numbers_of(pixel, set, first, 1U << bits);
+                    for (const NumberSet& point : points)
                         for (const float x : point) ASSERT_TRUE(x >= 0.0F && x < 1.0F);
                     for (int split = 0; split <= bits; ++split)
                         EXPECT_EQ(points_a_cell(points, {split, bits - split, 0, 0}),
@@ -62,7 +63,7 @@ TEST(Sampler, FillsEveryElementaryInterval) {
 TEST(Sampler, FillsFourDimensions) {
     for (uint64_t pixel = 0; pixel < 10; ++pixel)
         for (uint32_t set = 0; set < 3; ++set) {
-            const std::vector<Numbers> points = numbers_of(pixel, set, 512 * set, 512);
+            const std::vector<NumberSet> points = numbers_of(pixel, set, 512 * set, 512);
             for (int a = 0; a <= 6; ++a)
                 for (int b = 0; a + b <= 6; ++b)
                     for (int c = 0; a + b + c <= 6; ++c)
@@ -77,7 +78,7 @@ double integration_error(uint32_t samples, bool random, bool smooth) {
     for (uint64_t pixel = 0; pixel < 200; ++pixel) {
         double mean = 0.0;
         for (uint32_t s = 0; s < samples; ++s) {
-            const Numbers n = Sampler(hash(2, pixel), s).numbers(3);
+            const NumberSet n = Sampler(hash(2, pixel), s).numbers(3);
             Vec2f at(n[0], n[1]);
             if (random) {
                 const uint64_t h = hash(hash(3, pixel), s);
@@ -198,14 +199,15 @@ double check_light(const LightDescription& light) {
     float brightest = 1e-30F;
     const float width = map ? float(map->image.width) : 1.0F;
     if (map)
-        for (const Vec3f& pixel : map->image.pixels) brightest = std::max(brightest, map->strength * pixel.x());
+        for (const Vec3f& pixel : map->image.pixels)
+            brightest = std::max(brightest, map->strength * pixel.x());
     const World world;
     const std::vector<LightDescription> all = {light};
     const Lights lights(all, world);
     double sum = 0.0;
     constexpr uint32_t count = 4096;
     for (uint32_t s = 0; s < count; ++s) {
-        const Numbers n = Sampler(4, s).numbers(0);
+        const NumberSet n = Sampler(4, s).numbers(0);
         const Vec2f at(n[0], n[1]);
         const LightSample drawn = lights.sample(Vec3d::Zero(), 0.0F, {0.5F, at.x(), at.y()});
         if (!(drawn.pdf > 0.0F)) continue;
@@ -266,7 +268,7 @@ TEST(Environment, IsSampledByItsBrightness) {
         std::array<double, sectors * bands> angle{};
         double sum = 0.0, squares = 0.0;
         for (uint32_t s = 0; s < count; ++s) {
-            const Numbers n = Sampler(7, s).numbers(0);
+            const NumberSet n = Sampler(7, s).numbers(0);
             const Vec2f at(n[0], n[1]);
             const LightSample drawn = lights.sample(Vec3d::Zero(), 0.0F, {0.5F, at.x(), at.y()});
             ASSERT_GT(drawn.pdf, 0.0F);
@@ -300,7 +302,7 @@ TEST(Environment, ManyTurnsAreNone) {
     const std::vector<LightDescription> one = {map}, other = {turned};
     const Lights a(one, world), b(other, world);
     for (uint32_t s = 0; s < 256; ++s) {
-        const Numbers n = Sampler(8, s).numbers(0);
+        const NumberSet n = Sampler(8, s).numbers(0);
         const Vec3f from = a.sample(Vec3d::Zero(), 0.0F, {n[0], n[1], n[2]}).direction,
                     to = b.sample(Vec3d::Zero(), 0.0F, {n[0], n[1], n[2]}).direction;
         EXPECT_LT((from - to).norm(), 1e-6F);

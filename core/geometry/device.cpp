@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/geometry/device.h"
+
+#include "core/geometry/plugin_host.h"
+#include "core/math/problem.h"
+
+#include <new>
+
+namespace marram {
+namespace {
+
+void on_device_error(void* user, RTCError code, const char* text) {
+    DeviceErrors& errors = *static_cast<DeviceErrors*>(user);
+    const std::lock_guard guard(errors.lock);
+    if (errors.code != RTC_ERROR_NONE) return;
+    errors.code = code;
+    errors.text = text ? text : "";
+}
+
+} // namespace
+
+std::shared_ptr<RTCDeviceTy> make_device(std::shared_ptr<DeviceErrors>& errors) {
+    errors = std::make_shared<DeviceErrors>();
+    // Tasks run in whatever arena calls; Embree must not start threads of its own or bind ours to cores.
+    RTCDevice device = rtcNewDevice("set_affinity=0,start_threads=0");
+    if (!device) {
+        const RTCError code = rtcGetDeviceError(nullptr);
+        if (code == RTC_ERROR_UNSUPPORTED_CPU)
+            throw InputError({"embree"}, "Embree does not run on this processor", "use one that has SSE2");
+        throw std::bad_alloc(); // for all that it allocates: memory, and stacks of threads
+    }
+    rtcSetDeviceErrorFunction(device, on_device_error, errors.get());
+    return {device, [errors](RTCDevice d) { rtcReleaseDevice(d); }};
+}
+
+void raise(DeviceErrors& errors) {
+    const std::lock_guard guard(errors.lock);
+    if (errors.code == RTC_ERROR_NONE) return;
+    if (errors.code == RTC_ERROR_CANCELLED) throw Cancelled{};
+    const bool memory = errors.code == RTC_ERROR_OUT_OF_MEMORY;
+    throw InputError({"embree"},
+                     memory ? "the scene does not fit into memory" : "Embree failed: " + errors.text,
+                     memory ? "use fewer strands, CVs or motion keys" : "report it with the scene");
+}
+
+} // namespace marram

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// One groom between create and destroy: its description, its roots, and what holds for the frame that has begun.
+#pragma once
+
+#include "procedural/groom/description.h"
+#include "procedural/groom/past.h"
+#include "procedural/groom/roots.h"
+#include "procedural/groom/strand_shape.h"
+#include "procedural/wind/chain.h"
+
+#include <tbb/enumerable_thread_specific.h>
+
+#include <algorithm>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace marram {
+
+// CVs that one patch aims at: enough to hide the cost of a task, few enough to stay in a core's cache.
+inline constexpr int patch_cvs = 4096;
+
+inline int strands_per_patch(int cvs) {
+    return std::clamp((patch_cvs / cvs + lanes - 1) / lanes * lanes, lanes, 512);
+}
+
+struct Worker { // what a thread keeps from patch to patch
+    Strands strands;
+    ChainScratch chain;
+};
+
+// What settings that the tolerance chooses depend on, beside the description.
+struct ChosenFor {
+    double frame, first, last, tolerance;
+    MarramStage stage;
+    bool operator==(const ChosenFor&) const = default;
+};
+
+struct GroomInstance {
+    MarramHost host{};
+    Groom groom;
+    Wind wind; // both with what the tolerance has chosen for the frame
+    struct {
+        bool cvs = false, rays = false, step = false;
+    } automatic; // chosen by the tolerance
+    std::optional<ChosenFor> chosen_for;
+    std::vector<std::string> inexact; // warnings about settings that the tolerance cannot reach
+
+    std::vector<Root> roots;
+    std::vector<float> bind_positions;
+    bool placed = false;
+    double placing_seconds = 0.0, chain_seconds = 0.0; // wall time within begin
+    size_t placing_bytes = 0;
+
+    bool begun = false;              // a frame, without a fault
+    std::optional<double> announced; // the frame whose work was said to be long
+    MarramFrame frame{};
+    const MarramMesh* mesh = nullptr;
+    uint32_t placed_vertices = 0, placed_triangles = 0; // of the mesh that the roots were placed on
+    uint32_t time_count = 1;
+    ChainFrame chain;
+    ColliderTrees trees;
+    PastSkin past;
+    bool gusts_fixed = false;
+    std::vector<float> width_profile; // [cvs], half of it: radius of a strand 1 wide
+
+    tbb::enumerable_thread_specific<Worker> workers;
+
+    void warn(const std::string& text, const char* place = nullptr) const {
+        host.message(host.user, MARRAM_WARNING, place ? place : groom.mesh_place.c_str(), text.c_str());
+    }
+    GrowthPoses poses(uint32_t time) const {
+        const uint32_t t = std::min(time, mesh->time_count - 1);
+        const Surface now{mesh->positions[t], mesh->normals ? mesh->normals[t] : nullptr, mesh->triangles,
+                          mesh->uvs, mesh->triangle_count};
+        const Surface bind{bind_positions.data(), nullptr, mesh->triangles, mesh->uvs, mesh->triangle_count};
+        return {bind, now};
+    }
+    uint32_t patch_count() const {
+        const auto size = uint64_t(strands_per_patch(groom.cvs));
+        return uint32_t((roots.size() + size - 1) / size);
+    }
+    std::span<const Root> patch_roots(uint32_t patch) const {
+        const auto size = size_t(strands_per_patch(groom.cvs));
+        const size_t first = size_t(patch) * size;
+        return std::span(roots).subspan(first, std::min(size, roots.size() - first));
+    }
+};
+
+} // namespace marram

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/groom/groom_settings.h"
+
+#include "procedural/groom/pilot.h"
+
+namespace marram {
+namespace {
+
+// Whether the skin has moved within the window that jiggle looks back to, at the usual step.
+MarramStatus skin_has_moved(GroomInstance& instance, bool& moved) {
+    moved = instance.mesh->time_count > 1;
+    if (moved) return MARRAM_OK;
+    Jiggle jiggle = *instance.wind.jiggle;
+    jiggle.step = usual_jiggle_step;
+    PastSkin past;
+    const MarramStatus status = read_past(instance.frame, uint32_t(instance.mesh - instance.frame.meshes),
+                                          jiggle, longest_strand(instance.groom), past);
+    moved = past.moves();
+    return status;
+}
+
+void warn_out_of_reach(GroomInstance& instance, const std::string& what) {
+    instance.inexact.push_back(
+        what + " is not as exact as the tolerance asks for: set it by hand, or a larger tolerance");
+}
+
+} // namespace
+
+MarramStatus choose_settings(GroomInstance& instance) {
+    Groom& groom = instance.groom;
+    Wind& wind = instance.wind;
+    const auto& open = instance.automatic;
+    const MarramFrame& frame = instance.frame;
+    const double length = longest_strand(groom);
+    const double tolerance = frame.tolerance > 0.0 ? frame.tolerance : 1e-3 * length;
+    const ChosenFor now{frame.frame, frame.times[0], frame.times[frame.time_count - 1], tolerance,
+                        frame.stage};
+    const auto warn = [&] {
+        for (const std::string& text : instance.inexact) instance.warn(text);
+    };
+    if (instance.chosen_for == now) {
+        warn();
+        return MARRAM_OK;
+    }
+    instance.inexact.clear();
+    wind.noise.left_out = octaves_too_fine(wind, length, tolerance);
+    const PilotGroom pilot{groom, wind, frame, *instance.mesh, instance.roots, instance.poses(0).bind};
+    if (open.cvs) {
+        const Choice choice = cvs_for(pilot);
+        groom.cvs = int(choice.value);
+        if (!choice.enough) warn_out_of_reach(instance, "cvs = " + std::to_string(groom.cvs));
+    }
+    if (open.rays) {
+        bool enough = true;
+        wind.shielding->rays = cone_rays(*wind.shielding, length, most_turn(wind),
+                                         wind.reference_segments > 2 * groom.cvs, tolerance, enough);
+        if (!enough)
+            warn_out_of_reach(instance, "wind.shielding.rays = " + std::to_string(wind.shielding->rays));
+    }
+    instance.width_profile.clear();
+    for (int k = 0; k < groom.cvs; ++k)
+        instance.width_profile.push_back(float(0.5 * groom.width_profile(double(k) / double(groom.cvs - 1))));
+    if (open.step) {
+        wind.jiggle->step = usual_jiggle_step;
+        if (frame.stage == MARRAM_FINAL) {
+            bool moved = false;
+            if (const MarramStatus status = skin_has_moved(instance, moved); status != MARRAM_OK)
+                return status;
+            const Choice choice = jiggle_step_for(pilot, moved);
+            wind.jiggle->step = choice.value;
+            if (!choice.enough)
+                warn_out_of_reach(instance, "wind.jiggle.step = " + std::to_string(choice.value));
+        }
+    }
+    instance.chosen_for = now;
+    warn();
+    return MARRAM_OK;
+}
+
+} // namespace marram

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/groom/groom_warnings.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace marram {
+namespace {
+
+std::string short_number(double value) { return fmt::format("{:.3g}", value); }
+
+} // namespace
+
+// Strands that nobody will see are allowed, and said.
+void warn_of_nothing(const MarramHost& host, const Values& given, const Groom& groom) {
+    const auto warn = [&](const char* name, const char* text) {
+        host.message(host.user, MARRAM_WARNING, given.at(name).place, text);
+    };
+    if (groom.width == 0.0) warn("width", "width is 0, no strand will be seen: give the diameter in metres");
+    if (std::ranges::all_of(groom.width_profile.values(), [](double share) { return share == 0.0; }))
+        warn("width_profile", "width_profile is 0 everywhere, no strand will be seen: raise a value");
+    if (groom.length[1] == 0.0) warn("length", "length is 0, no strand will be seen: give metres");
+}
+
+void warn_of_gusts(const GroomInstance& instance) {
+    constexpr size_t much = size_t(1) << 30;
+    const size_t bytes = instance.chain.gust_bytes();
+    if (bytes < much) return;
+    const std::string text = "gusts among the strands take " + std::to_string(bytes >> 20) + " MiB, for " +
+                             std::to_string(instance.chain.instants.size()) + " motion samples and " +
+                             std::to_string(instance.chain.past_gusts.size()) +
+                             " steps of jiggle: lower wind.gusts.num_gusts, radius_range or life_range";
+    instance.warn(text);
+}
+
+// Work that takes long is announced before it begins, so that who asked for it by mistake need not wait to learn it.
+void announce_long_work(GroomInstance& instance) {
+    // Thread seconds per CV and motion sample, or step of jiggle. Contact: 1e-6 with 5 CVs a strand, 3e-6 with hundreds.
+    constexpr double bend = 0.08e-6, collide = 2e-6, announced = 10.0;
+    const double cvs = double(instance.roots.size()) * instance.groom.cvs;
+    const double samples = instance.time_count,
+                 steps = double(std::max<int64_t>(instance.past.window.count(), 0));
+    const bool collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;
+    const double seconds = cvs * (bend * (samples + steps) + (collides ? collide * samples : 0.0));
+    if (seconds < announced || instance.announced == instance.frame.frame) return;
+    instance.announced = instance.frame.frame;
+    const std::string text =
+        fmt::format("{:.3g} CVs, {} a strand, at {} motion samples and {} steps of jiggle take {:.0f} s of "
+                    "one processor or "
+                    "more: ask for fewer strands or CVs, a larger tolerance, or stronger jiggle.damping",
+                    cvs, instance.groom.cvs, samples, steps, seconds);
+    instance.host.message(instance.host.user, MARRAM_INFO, instance.groom.mesh_place.c_str(), text.c_str());
+}
+
+// A length in the wrong unit: every ray meets every strand, and rendering takes hours.
+void warn_of_length(const GroomInstance& instance) {
+    constexpr double much = 1e4; // times the mesh
+    constexpr size_t many = 100;
+    Eigen::AlignedBox3d box;
+    for (size_t v = 0; v < instance.mesh->vertex_count; ++v)
+        box.extend(Eigen::Map<const Vec3f>(instance.mesh->positions[0] + 3 * v).cast<double>());
+    const double length = longest_strand(instance.groom), size = box.diagonal().norm();
+    if (instance.roots.size() < many || !(length > much * size)) return;
+    const std::string text = fmt::format("strands are up to {:.3g} m long on a mesh of {:.3g} m, and "
+                                         "rendering will be slow: check the unit of length",
+                                         length, size);
+    instance.warn(text);
+}
+
+// Positions are floats: far from the origin strands come to stand on a grid.
+void warn_of_rounding(const GroomInstance& instance) {
+    const MarramMesh& mesh = *instance.mesh;
+    float farthest = 0.0F;
+    for (size_t i = 0; i < 3 * size_t(mesh.vertex_count); ++i)
+        farthest = std::max(farthest, std::abs(mesh.positions[0][i]));
+    const double step = double(farthest) * 0x1p-23; // between neighbouring floats
+    const double segment = longest_strand(instance.groom) / (instance.groom.cvs - 1);
+    const double finest = instance.groom.width > 0.0 ? std::min(instance.groom.width, segment) : segment;
+    constexpr double seen = 0.1; // of a width, or of a segment
+    if (!(step > seen * finest) || !(finest > 0.0)) return;
+    const std::string text = "positions " + short_number(double(farthest)) +
+                             " m from the origin are rounded to " + short_number(step) +
+                             " m, which shows on strands " + short_number(instance.groom.width) +
+                             " m wide with segments of " + short_number(segment) +
+                             " m: move the scene to the origin, or use larger units";
+    instance.warn(text);
+}
+
+// What collision could not do is never hidden.
+void warn_of_collisions(const GroomInstance& instance, const CollisionCounts& counts) {
+    const auto warn = [&](uint64_t count, const std::string& text) {
+        if (count > 0) instance.warn(std::to_string(count) + text);
+    };
+    const std::string of = instance.time_count > 1 ? " (all motion samples together)" : "";
+    warn(counts.unresolved,
+         " segments or roots have no free direction" + of +
+             " and keep the least bad: raise wind.collision.offset_root, or let less stand around them");
+    warn(counts.dips,
+         " drawn strands dip into a mesh by more than the tolerance" + of +
+             ": their roots stand nearer to it than they are thick, or it is too narrow for them");
+}
+
+} // namespace marram

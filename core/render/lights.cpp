@@ -12,6 +12,14 @@ namespace marram {
 std::span<const LightType> light_types() {
     using More = std::vector<LightDescription>;
     static const std::vector<LightType> types = {
+        {"sun", "a disc at infinity", sun_params(),
+         [](const ParamSet& params, const LightImageReader&, More&) -> LightDescription {
+             return make_sun(params);
+         }},
+        {"sky", "a gradient over the whole sphere", sky_params(),
+         [](const ParamSet& params, const LightImageReader&, More&) -> LightDescription {
+             return make_sky(params);
+         }},
         {"daylight", "sun and sky, computed from what the air is made of; white is sunlight above the air",
          daylight_params(),
          [](const ParamSet& params, const LightImageReader&, More& more) -> LightDescription {
@@ -26,14 +34,6 @@ std::span<const LightType> light_types() {
         {"mesh", "a mesh that shines", mesh_light_params(),
          [](const ParamSet& params, const LightImageReader&, More&) -> LightDescription {
              return make_mesh_light(params);
-         }},
-        {"sky", "a gradient over the whole sphere", sky_params(),
-         [](const ParamSet& params, const LightImageReader&, More&) -> LightDescription {
-             return make_sky(params);
-         }},
-        {"sun", "a disc at infinity", sun_params(),
-         [](const ParamSet& params, const LightImageReader&, More&) -> LightDescription {
-             return make_sun(params);
          }},
     };
     return types;

@@ -32,7 +32,7 @@ struct LightType {
                              std::vector<LightDescription>& more);
 };
 
-// All types, in alphabetical order. Lives as long as the program.
+// All types, in the order in which help and messages list them. Lives as long as the program.
 std::span<const LightType> light_types();
 
 class Lights {

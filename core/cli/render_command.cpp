@@ -87,9 +87,8 @@ void render_frame(Frame& frame, const std::string& prefix, bool quiet, std::opti
         const ProgressLine line(quiet, state);
         world = build_frame(frame);
     }
-    const std::string resumed = resume_frame(frame);
-    const bool anew = resumed.ends_with("begins anew");
-    if (!resumed.empty() && (anew || !quiet)) fmt::print(stderr, "{}\n", resumed);
+    const ResumedFrame resumed = resume_frame(frame);
+    if (!resumed.message.empty() && (resumed.refused || !quiet)) fmt::print(stderr, "{}\n", resumed.message);
     no_exit.emplace();
     {
         const ProgressLine line(quiet, state);

@@ -153,15 +153,16 @@ World build_frame(Frame& frame) {
     return world;
 }
 
-std::string resume_frame(Frame& frame) {
+ResumedFrame resume_frame(Frame& frame) {
     const FrameFiles& files = frame.files;
     std::error_code error;
-    if (!frame.options.resume || !fs::exists(files.state, error)) return "";
+    if (!frame.options.resume || !fs::exists(files.state, error)) return {};
     const std::string reason =
         load_state(files.state, files.samples_digest, frame.settings.samples, frame.film);
-    if (!reason.empty()) return fmt::format("{}: {}: the frame begins anew", files.state, reason);
-    return fmt::format("{}: goes on after {:.4g} samples a pixel", files.picture,
-                       count_samples(frame.film).mean);
+    if (!reason.empty()) return {fmt::format("{}: {}: the frame begins anew", files.state, reason), true};
+    return {fmt::format("{}: goes on after {:.4g} samples a pixel", files.picture,
+                        count_samples(frame.film).mean),
+            false};
 }
 
 void trace_frame(Frame& frame, const World& world, Preview& preview) {

@@ -83,8 +83,12 @@ struct Frame {
 // Throws InputError and Cancelled. Sets up the settings and an empty film as well.
 World build_frame(Frame& frame);
 
-// Fills the film with what an earlier run has left of this frame. Returns a line for people, "" where there is nothing to go on with.
-std::string resume_frame(Frame& frame);
+// Fills the film with what an earlier run has left of this frame, if the options ask for it.
+struct ResumedFrame {
+    std::string message;  // one line for people; "" if there is no state
+    bool refused = false; // the state is of no use: the frame begins anew
+};
+ResumedFrame resume_frame(Frame& frame);
 
 // Returns when all samples are there, time is up, or `cancel` is set.
 void trace_frame(Frame& frame, const World& world, Preview& preview);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/contract_checks.h"
 
+#include "core/math/known_part.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,6 +14,12 @@
 
 namespace marram {
 namespace {
+
+// What is wrong with something, and what to do; nothing is wrong where `what` is "".
+struct Fault {
+    std::string what, remedy;
+    explicit operator bool() const { return !what.empty(); }
+};
 
 constexpr size_t key_numbers = 10; // frame, translate, rotate, scale
 constexpr size_t longest_quote = 60;
@@ -52,103 +60,107 @@ std::string allowed(const MarramParam& param) {
     return fmt::format("give {:g} to {:g}{}", param.minimum, param.maximum, unit);
 }
 
-// Numbers [from, count) in steps: finite, within the declared range. "" where all are.
-std::string number_fault(const MarramParam& param, const MarramValue& value, size_t from, size_t step) {
+// Numbers [from, count) in steps: finite, within the declared range.
+Fault number_fault(const MarramParam& param, const MarramValue& value, size_t from, size_t step) {
     for (size_t i = from; i < value.number_count; i += step) {
         const double x = value.numbers[i];
         if (!(std::isfinite(x) && x >= param.minimum && x <= param.maximum))
-            return fmt::format("is {:g}: {}", x, allowed(param));
+            return {fmt::format("is {:g}", x), allowed(param)};
     }
-    return "";
+    return {};
 }
 
-std::string count_fault(const MarramValue& value, size_t count) {
-    if (value.number_count == count) return "";
-    return fmt::format("has {} numbers: give {}", value.number_count, count);
+Fault numbers_fault(const MarramParam& param, const MarramValue& value, size_t count) {
+    if (value.number_count != count)
+        return {fmt::format("has {} numbers", value.number_count), fmt::format("give {}", count)};
+    return number_fault(param, value, 0, 1);
 }
 
-std::string ramp_fault(const MarramParam& param, const MarramValue& value) {
+Fault ramp_fault(const MarramParam& param, const MarramValue& value) {
     if (value.number_count < 2 || value.number_count % 2 != 0)
-        return fmt::format(
-            "is a ramp of {} numbers: give a position and a value for each of its knots, at least one",
-            value.number_count);
+        return {fmt::format("is a ramp of {} numbers", value.number_count),
+                "give a position and a value for each of its knots, at least one"};
     if (!has_choice("linear|smooth|constant", value.text))
-        return fmt::format("has the interpolation {}: give linear, smooth or constant", quoted(value.text));
+        return {fmt::format("has the interpolation {}", quoted(value.text)),
+                "give linear, smooth or constant"};
     for (size_t i = 0; i < value.number_count; i += 2) {
-        if (!std::isfinite(value.numbers[i])) return "has a position that is not finite: give a number";
+        if (!std::isfinite(value.numbers[i])) return {"has a position that is not finite", "give a number"};
         if (i > 0 && !(value.numbers[i] > value.numbers[i - 2]))
-            return "has positions that do not ascend: sort its knots, each position once";
+            return {"has positions that do not ascend", "sort its knots, each position once"};
     }
     return number_fault(param, value, 1, 2);
 }
 
-std::string keys_fault(const MarramValue& value) {
+Fault keys_fault(const MarramValue& value) {
     if (value.number_count == 0 || value.number_count % key_numbers != 0)
-        return fmt::format("is a keyed transform of {} numbers: give {} a key, at least one key",
-                           value.number_count, key_numbers);
+        return {fmt::format("is a keyed transform of {} numbers", value.number_count),
+                fmt::format("give {} a key, at least one key", key_numbers)};
     if (!has_choice("linear|smooth", value.text))
-        return fmt::format("has the interpolation {}: give linear or smooth", quoted(value.text));
+        return {fmt::format("has the interpolation {}", quoted(value.text)), "give linear or smooth"};
     for (size_t i = 0; i < value.number_count; ++i)
-        if (!std::isfinite(value.numbers[i])) return "has a number that is not finite: give finite numbers";
+        if (!std::isfinite(value.numbers[i]))
+            return {"has a number that is not finite", "give finite numbers"};
     for (size_t i = key_numbers; i < value.number_count; i += key_numbers)
         if (!(value.numbers[i] > value.numbers[i - key_numbers]))
-            return "has keys whose frames do not ascend: sort them, each frame once";
-    return "";
+            return {"has keys whose frames do not ascend", "sort them, each frame once"};
+    return {};
 }
 
-std::string image_fault(const MarramValue& value) {
-    const MarramImage* image = value.image;
-    if (image && image->pixels && image->width > 0 && image->height > 0 && image->channels > 0) return "";
-    return "has no image: read the file and hand over its pixels";
+Fault grid_fault(const MarramValue& value) {
+    const MarramGrid* grid = value.grid;
+    if (grid && grid->values && grid->nx > 0 && grid->ny > 0 && grid->nz > 0 && grid->components > 0)
+        return {};
+    return {"has no image", "read the file and hand over its pixels"};
 }
 
-std::string content_fault(const MarramParam& param, const MarramValue& value) {
-    const auto numbers = [&](size_t count) {
-        const std::string fault = count_fault(value, count);
-        return fault.empty() ? number_fault(param, value, 0, 1) : fault;
-    };
+Fault content_fault(const MarramParam& param, const MarramValue& value) {
     switch (param.type) {
     case MARRAM_BOOLEAN:
-        if (const std::string fault = count_fault(value, 1); !fault.empty()) return fault;
-        return value.numbers[0] == 0.0 || value.numbers[0] == 1.0 ? "" : "is no boolean: give 0 or 1";
+        if (value.number_count != 1) return numbers_fault(param, value, 1);
+        return value.numbers[0] == 0.0 || value.numbers[0] == 1.0 ? Fault{}
+                                                                  : Fault{"is no boolean", "give 0 or 1"};
     case MARRAM_INTEGER:
-        if (const std::string fault = numbers(1); !fault.empty()) return fault;
+        if (Fault fault = numbers_fault(param, value, 1)) return fault;
         return value.numbers[0] == std::floor(value.numbers[0])
-                   ? ""
-                   : fmt::format("is {:g}: give a whole number", value.numbers[0]);
+                   ? Fault{}
+                   : Fault{fmt::format("is {:g}", value.numbers[0]), "give a whole number"};
     case MARRAM_NUMBER:
-        return numbers(1);
+        return numbers_fault(param, value, 1);
     case MARRAM_VEC2:
-        return numbers(2);
+        return numbers_fault(param, value, 2);
     case MARRAM_VEC3:
     case MARRAM_COLOR:
-        return numbers(3);
+        return numbers_fault(param, value, 3);
     case MARRAM_RANGE:
-        if (const std::string fault = numbers(2); !fault.empty()) return fault;
-        return value.numbers[0] <= value.numbers[1] ? "" : "runs downwards: give the lower number first";
+        if (Fault fault = numbers_fault(param, value, 2)) return fault;
+        return value.numbers[0] <= value.numbers[1] ? Fault{}
+                                                    : Fault{"runs downwards", "give the lower number first"};
     case MARRAM_CHOICE:
-        return has_choice(param.choices, value.text)
-                   ? ""
-                   : fmt::format("is {}: give one of {}", quoted(value.text), param.choices);
+        return has_choice(param.choices, value.text) ? Fault{}
+                                                     : Fault{fmt::format("is {}", quoted(value.text)),
+                                                             fmt::format("give one of {}", param.choices)};
     case MARRAM_RAMP:
         return ramp_fault(param, value);
     case MARRAM_KEYS:
         return keys_fault(value);
     case MARRAM_IMAGE:
-        return image_fault(value);
+    case MARRAM_TABLE:
+        return grid_fault(value);
     case MARRAM_MESH_NAME:
-        return *value.text ? "" : "names no mesh: give the name of one";
+        return *value.text ? Fault{} : Fault{"names no mesh", "give the name of one"};
+    case MARRAM_CURVES_NAME:
+        return *value.text ? Fault{} : Fault{"names no curves", "give the name of some"};
     default:
-        return "";
+        return {};
     }
 }
 
-std::string value_fault(const MarramParam& param, const MarramValue& value) {
+Fault value_fault(const MarramParam& param, const MarramValue& value) {
     if (value.type != param.type)
-        return fmt::format("has the type {}: this parameter is declared with type {} (MarramParamType)",
-                           int(value.type), int(param.type));
-    if (value.number_count > 0 && !value.numbers) return "has numbers that are NULL: point to them";
-    if (!value.text) return "has a text that is NULL: give \"\" where there is none";
+        return {fmt::format("has the type {}", int(value.type)),
+                fmt::format("this parameter is declared with type {} (MarramParamType)", int(param.type))};
+    if (value.number_count > 0 && !value.numbers) return {"has numbers that are NULL", "point to them"};
+    if (!value.text) return {"has a text that is NULL", "give \"\" where there is none"};
     return content_fault(param, value);
 }
 
@@ -158,83 +170,102 @@ void find_gaps(const std::map<std::string, std::unordered_set<long>>& lists,
     for (const auto& [list, indices] : lists)
         for (long i = 0; i < long(indices.size()); ++i)
             if (!indices.contains(i)) {
-                faults.push_back(
-                    {"", fmt::format("{} elements of {} are given, but none is number {}: number them from 0 "
-                                     "without gaps",
-                                     indices.size(), list, i)});
+                faults.push_back({"",
+                                  fmt::format("{} elements of {} are given, but none is number {}",
+                                              indices.size(), list, i),
+                                  "number them from 0 without gaps"});
                 break;
             }
 }
 
 } // namespace
 
-std::vector<ContractFault> value_faults(std::span<const MarramParam> params, const MarramValue* values,
-                                        uint32_t count) {
+std::vector<ContractFault> value_faults(std::span<const MarramParam> params,
+                                        std::span<const MarramValue> values) {
     std::vector<ContractFault> faults;
-    if (count > 0 && !values)
-        return {{"", "the list of values is NULL: hand over the values that are counted"}};
     std::unordered_map<std::string_view, const MarramParam*> declared;
     for (const MarramParam& param : params) declared.emplace(param.name, &param);
     std::unordered_set<std::string_view> seen;
     std::map<std::string, std::unordered_set<long>> lists;
-    for (uint32_t i = 0; i < count; ++i) {
+    for (size_t i = 0; i < values.size(); ++i) {
         const MarramValue& value = values[i];
         const std::string place = value.place ? value.place : "";
         if (!value.name) {
-            faults.push_back({place, fmt::format("value {} has no name: give a declared one", i)});
+            faults.push_back({place, fmt::format("value {} has no name", i), "give a declared one"});
             continue;
         }
         long index = -1;
         const std::string name = declared_name(value.name, index);
         const auto found = declared.find(name);
-        const auto add = [&](const std::string& text) {
-            faults.push_back({place, fmt::format("the parameter {} {}", quoted(value.name), text)});
+        const auto add = [&](const Fault& fault) {
+            faults.push_back(
+                {place, fmt::format("the parameter {} {}", quoted(value.name), fault.what), fault.remedy});
         };
         if (found == declared.end()) {
-            add("is unknown: hand over declared parameters only (MarramProcedural.params)");
+            add({"is unknown", "hand over declared parameters only (MarramProcedural.params)"});
             continue;
         }
-        if (!seen.insert(value.name).second) add("is given twice: give it once");
+        if (!seen.insert(value.name).second) add({"is given twice", "give it once"});
         if (index >= 0) lists[name.substr(0, name.find('['))].insert(index);
-        if (const std::string fault = value_fault(*found->second, value); !fault.empty()) add(fault);
+        if (const Fault fault = value_fault(*found->second, value)) add(fault);
     }
     find_gaps(lists, faults);
     return faults;
 }
 
-std::string frame_fault(const MarramFrame* frame) {
+namespace {
+
+Fault attribute_fault(const MarramMesh& mesh) {
+    if (mesh.attribute_count > 0 && !mesh.attributes)
+        return {"has attributes that are NULL", "list those that are counted"};
+    for (const MarramAttribute& attribute :
+         known_parts(mesh.attributes, mesh.attribute_count, mesh.attribute_stride))
+        if (!attribute.name || !attribute.values || attribute.components < 1 || attribute.components > 4 ||
+            (attribute.rate != MARRAM_PER_VERTEX && attribute.rate != MARRAM_PER_FACE))
+            return {"has an attribute without name or values, or not 1 to 4 floats a vertex or face",
+                    "fill it in"};
+    return {};
+}
+
+Fault mesh_fault(const MarramMesh& mesh, uint32_t time_count) {
+    if (mesh.time_count != 1 && mesh.time_count != time_count)
+        return {fmt::format("has {} motion samples", mesh.time_count),
+                fmt::format("give 1 or the frame's {}", time_count)};
+    bool there = mesh.positions && (mesh.triangles || mesh.triangle_count == 0);
+    for (uint32_t t = 0; there && t < mesh.time_count; ++t)
+        there = (mesh.positions[t] || mesh.vertex_count == 0) &&
+                (!mesh.normals || mesh.normals[t] || mesh.vertex_count == 0);
+    if (!there) return {"lacks positions, normals or triangles", "point to them"};
+    return attribute_fault(mesh);
+}
+
+} // namespace
+
+ContractFault frame_fault(const MarramFrame& frame, std::span<const MarramMesh> meshes) {
     constexpr uint32_t most_times = 64;
-    if (!frame) return "the frame is NULL: lend one";
-    if (!frame->pose) return "MarramFrame.pose is NULL: give a function that poses the meshes at any time";
-    if (!frame->times || frame->time_count < 1 || frame->time_count > most_times)
-        return fmt::format("there are {} motion samples: give 1 to {}", frame->times ? frame->time_count : 0,
-                           most_times);
-    for (uint32_t t = 0; t < frame->time_count; ++t)
-        if (!std::isfinite(frame->times[t]) || (t > 0 && !(frame->times[t] > frame->times[t - 1])))
-            return "the motion samples are not finite and ascending: sort them, each once";
-    if (!std::isfinite(frame->frame) || !std::isfinite(frame->bind_frame) || !(frame->fps > 0.0) ||
-        !std::isfinite(frame->fps))
-        return "frame, bind_frame or fps is no usable number: give finite ones, fps above 0";
-    if (!(frame->tolerance >= 0.0) || !std::isfinite(frame->tolerance))
-        return fmt::format("the tolerance is {:g}: give metres, 0 or more", frame->tolerance);
-    if (frame->stage != MARRAM_REST && frame->stage != MARRAM_BENT && frame->stage != MARRAM_FINAL)
-        return fmt::format("the stage is {}: give 0 to 2 (MarramStage)", int(frame->stage));
-    if (frame->mesh_count > 0 && !frame->meshes)
-        return "MarramFrame.meshes is NULL: list the meshes that are counted";
-    for (uint32_t m = 0; m < frame->mesh_count; ++m) {
-        const MarramMesh& mesh = frame->meshes[m];
-        if (!mesh.name) return fmt::format("mesh {} has no name: give it one", m);
-        const std::string of = "the mesh " + quoted(mesh.name);
-        if (mesh.time_count != 1 && mesh.time_count != frame->time_count)
-            return fmt::format("{} has {} motion samples: give 1 or the frame's {}", of, mesh.time_count,
-                               frame->time_count);
-        bool there = mesh.positions && (mesh.triangles || mesh.triangle_count == 0);
-        for (uint32_t t = 0; there && t < mesh.time_count; ++t)
-            there = (mesh.positions[t] || mesh.vertex_count == 0) &&
-                    (!mesh.normals || mesh.normals[t] || mesh.vertex_count == 0);
-        if (!there) return of + " lacks positions, normals or triangles: point to them";
+    if (!frame.pose)
+        return {"", "MarramFrame.pose is NULL", "give a function that poses the meshes at any time"};
+    if (!frame.times || frame.time_count < 1 || frame.time_count > most_times)
+        return {"", fmt::format("there are {} motion samples", frame.times ? frame.time_count : 0),
+                fmt::format("give 1 to {}", most_times)};
+    for (uint32_t t = 0; t < frame.time_count; ++t)
+        if (!std::isfinite(frame.times[t]) || (t > 0 && !(frame.times[t] > frame.times[t - 1])))
+            return {"", "the motion samples are not finite and ascending", "sort them, each once"};
+    if (!std::isfinite(frame.frame) || !std::isfinite(frame.bind_frame) || !(frame.fps > 0.0) ||
+        !std::isfinite(frame.fps))
+        return {"", "frame, bind_frame or fps is no usable number", "give finite ones, fps above 0"};
+    if (!(frame.tolerance >= 0.0) || !std::isfinite(frame.tolerance))
+        return {"", fmt::format("the tolerance is {:g}", frame.tolerance), "give metres, 0 or more"};
+    if (frame.stage != MARRAM_REST && frame.stage != MARRAM_BENT && frame.stage != MARRAM_FINAL)
+        return {"", fmt::format("the stage is {}", int(frame.stage)), "give 0 to 2 (MarramStage)"};
+    if (meshes.size() != frame.mesh_count)
+        return {"", "MarramFrame.meshes is NULL", "list the meshes that are counted"};
+    for (size_t m = 0; m < meshes.size(); ++m) {
+        if (!meshes[m].name) return {"", fmt::format("mesh {} has no name", m), "give it one"};
+        if (const Fault fault = mesh_fault(meshes[m], frame.time_count))
+            return {"", fmt::format("the mesh {} {}", quoted(meshes[m].name), fault.what), fault.remedy};
     }
-    return "";
+    return {};
 }
 
 } // namespace marram

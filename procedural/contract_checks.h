@@ -13,17 +13,17 @@ namespace marram {
 
 struct ContractFault {
     std::string place; // of the value, as the host gave it
-    std::string text;  // "what is wrong: what is allowed"
+    std::string what, remedy;
 };
 
 // All faults of the values of create(): unknown or repeated names, wrong types and counts, numbers that are not finite or out of
 // range, choices that do not exist, ramps and keys that are empty or out of order, null pointers. Absent values are not looked
 // for here: whoever reads one says that it is missing (Values::at).
-std::vector<ContractFault> value_faults(std::span<const MarramParam> params, const MarramValue* values,
-                                        uint32_t count);
+std::vector<ContractFault> value_faults(std::span<const MarramParam> params,
+                                        std::span<const MarramValue> values);
 
-// The first fault of a frame, "" where there is none: null pointers, motion samples that are not 1 to 64 ascending numbers, meshes
+// The first fault of a frame, none where what is "": null pointers, motion samples that are not 1 to 64 ascending numbers, meshes
 // without positions or triangles.
-std::string frame_fault(const MarramFrame* frame);
+ContractFault frame_fault(const MarramFrame& frame, std::span<const MarramMesh> meshes);
 
 } // namespace marram

@@ -13,11 +13,18 @@ extern "C" __attribute__((visibility("default"))) const MarramLibrary* marram_li
         groom_procedural(),
     };
     static const MarramLibrary library{MARRAM_ABI_VERSION,
+                                       MARRAM_EMBREE_MAJOR,
+                                       sizeof(MarramLibrary),
                                        "marram_procedural",
                                        MARRAM_VERSION,
                                        wind_params().data(),
                                        static_cast<uint32_t>(wind_params().size()),
+                                       sizeof(MarramParam),
                                        procedurals.data(),
-                                       static_cast<uint32_t>(procedurals.size())};
+                                       static_cast<uint32_t>(procedurals.size()),
+                                       sizeof(MarramProcedural),
+                                       groom_report_entries().data(),
+                                       static_cast<uint32_t>(groom_report_entries().size()),
+                                       sizeof(MarramReportEntry)};
     return abi == MARRAM_ABI_VERSION ? &library : nullptr;
 }

@@ -18,17 +18,26 @@ inline constexpr double beyond_wind = 1e9; // metres or metres a second; keeps p
 
 // A mistake in the scene that only the procedural can see. Caught at the border and sent to the host.
 struct SceneFault : std::runtime_error {
-    SceneFault(std::string where, const std::string& text)
-        : std::runtime_error(text), place(std::move(where)) {}
-    std::string place;
+    SceneFault(std::string name, std::string where, const std::string& what_is_wrong, std::string what_to_do)
+        : std::runtime_error(what_is_wrong), id(std::move(name)), place(std::move(where)),
+          remedy(std::move(what_to_do)) {}
+    std::string id, place, remedy; // as in MarramMessage
 };
+
+// Sends a message to the host.
+inline void send(const MarramHost& host, MarramSeverity severity, const char* id, const std::string& place,
+                 const std::string& what, const std::string& remedy) {
+    const MarramMessage message{sizeof(MarramMessage), severity,     id,
+                                place.c_str(),         what.c_str(), remedy.c_str()};
+    host.message(host.user, &message);
+}
 
 class Values {
   public:
     // Borrows the values. What they hold must have been checked: contract_checks.h.
-    Values(const MarramValue* values, uint32_t count) {
-        by_name_.reserve(count);
-        for (uint32_t i = 0; i < count; ++i) by_name_.emplace(values[i].name, &values[i]);
+    explicit Values(std::span<const MarramValue> values) {
+        by_name_.reserve(values.size());
+        for (const MarramValue& value : values) by_name_.emplace(value.name, &value);
     }
 
     const MarramValue* find(std::string_view name) const {
@@ -38,8 +47,9 @@ class Values {
     // A renderer that leaves out a declared value breaks the contract; it is told which.
     const MarramValue& at(std::string_view name) const {
         if (const MarramValue* value = find(name)) return *value;
-        throw SceneFault("", "the parameter '" + std::string(name) +
-                                 "' was not handed over: pass every declared value");
+        throw SceneFault("contract.missing_value", "",
+                         "the parameter '" + std::string(name) + "' was not handed over",
+                         "pass every declared value");
     }
     bool has(std::string_view name) const { return find(name) != nullptr; }
     double number(std::string_view name) const { return at(name).numbers[0]; }

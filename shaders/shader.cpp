@@ -10,6 +10,10 @@ Bsdf at(const GrassSettings& settings, const ShadingPoint& point) { return grass
 Bsdf at(const HairSettings& settings, const ShadingPoint& point) { return hair_at(settings, point); }
 Bsdf at(const SandSettings& settings, const ShadingPoint& point) { return sand_at(settings, point); }
 Bsdf at(const SurfaceSettings& settings, const ShadingPoint& point) { return surface_at(settings, point); }
+Bsdf at(const BlendSettings&, const ShadingPoint& point) {
+    assert(false && "a blend is one of its materials by now");
+    return diffuse_at({}, point);
+}
 
 } // namespace
 
@@ -22,6 +26,7 @@ std::span<const ShaderDescription> shaders() {
         {"sand", "rough grains with wind ripples and glints", sand_params()},
         {"surface", "matt body under a glossy boundary, with images: stone, paint, plastic, skin",
          surface_params()},
+        {"blend", "one of two materials, by an attribute: rock and sand, dry and wet", blend_params()},
     };
     return all;
 }
@@ -33,10 +38,12 @@ Material make_material(std::string_view type, const ParamSet& params, const Text
     if (type == "hair") material.settings = read_hair(params);
     if (type == "sand") material.settings = read_sand(params);
     if (type == "surface") material.settings = read_surface(params, open);
+    if (type == "blend") material.settings = read_blend(params);
     assert(shaders()[material.settings.index()].name == type && "types are checked where scenes are read");
+    if (!params.has("tint")) return material;
     const std::string& tint = params.text("tint");
     if (tint.empty())
-        throw InputError(params.at("tint").place, "tint is empty", "name a curve attribute, or leave it out");
+        throw InputError(params.at("tint").place, "tint is empty", "name an attribute, or leave it out");
     material.tint = tint == "none" ? "" : tint;
     return material;
 }

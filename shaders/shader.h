@@ -6,6 +6,7 @@
 // derivation. To add one: write its page, add its closure to Bsdf, its settings to Material and a row to shader.cpp.
 #pragma once
 
+#include "shaders/blend.h"
 #include "shaders/diffuse.h"
 #include "shaders/grass.h"
 #include "shaders/hair.h"
@@ -25,13 +26,15 @@ struct ShaderDescription {
     bool strands_only = false; // has no meaning on a mesh
 };
 
-// All shaders, in alphabetical order. Lives as long as the program.
+// All shaders, in the order of Material's settings. Lives as long as the program.
 std::span<const ShaderDescription> shaders();
 
-// A shader with its settings. `tint` names the curve attribute whose value colours, "" where there is none:
-// whoever shades looks its value up and puts it into ShadingPoint::tint.
+// A shader with its settings. `tint` names the attribute whose value colours, "" where there is none:
+// whoever shades looks its value up and puts it into ShadingPoint::tint. A blend is no shader of its own: whoever shades looks up its
+// attribute and goes on with one of its materials.
 struct Material {
-    std::variant<DiffuseSettings, GrassSettings, HairSettings, SandSettings, SurfaceSettings> settings;
+    std::variant<DiffuseSettings, GrassSettings, HairSettings, SandSettings, SurfaceSettings, BlendSettings>
+        settings;
     std::string tint;
 };
 
@@ -40,7 +43,7 @@ struct Material {
 Material make_material(std::string_view type, const ParamSet& params, const TextureOpener& open);
 
 // A shader at a point, everything that does not depend on the incident direction computed. Made on the stack.
-// It may point into the material.
+// It may point into the material, which is no blend.
 using Bsdf = std::variant<DiffuseBsdf, CoatedBsdf, HairBsdf, SandBsdf>;
 Bsdf bsdf_at(const Material& material, const ShadingPoint& point);
 

@@ -51,8 +51,8 @@ struct BsdfSample {
 //   tint = "gust"
 //   tint_color = [0.9, 0.2, 0.05]
 //
-// In a scene: scenes/run scenes/golden/fur.toml --set 'material.fur.tint="id"' --set 'material.fur.tint_color=[0.1,0.3,0.9]'. Only
-// strands carry attributes: a material with a tint that is on meshes alone is refused.
+// In a scene: scenes/run scenes/golden/fur.toml --set 'material.fur.tint="id"' --set 'material.fur.tint_color=[0.1,0.3,0.9]'. Strands
+// carry attributes, and so do meshes that procedurals make; on others a tint is refused.
 struct StrandColor {
     Vec3f color = Vec3f::Constant(0.5F);
     bool has_root = false, has_tip = false; // the gradient replaces `color`; a missing end is `color`

@@ -10,9 +10,11 @@
 #include "core/shot/stats.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <filesystem>
 
 namespace marram {
@@ -31,8 +33,26 @@ void check_formats(const BakeOptions& options) {
     if (extension != ".hair" && extension != ".usda" && extension != ".obj")
         throw InputError({options.output}, "strands cannot be written in the format '" + extension + "'",
                          "name it .hair, .usda or .obj");
-    if (!options.colliders.empty() && std::filesystem::path(options.colliders).extension() != ".obj")
-        throw InputError({options.colliders}, "colliders are written as .obj only", "name the file .obj");
+    const std::string meshes = std::filesystem::path(options.colliders).extension().string();
+    if (!options.colliders.empty() && meshes != ".obj" && meshes != ".usda")
+        throw InputError({options.colliders}, "colliders are written as .obj or .usda",
+                         "name the file .obj or .usda");
+    if (!options.attributes.empty() && extension != ".usda")
+        throw InputError({"--attributes"}, "'" + extension + "' holds no attributes",
+                         "bake strands to .usda");
+}
+
+// Throws InputError for a name that no curves of the scene carry.
+void check_attributes(const Shot& shot, const std::vector<std::string>& names) {
+    std::vector<std::string> known;
+    for (const auto& procedural : shot.geometry.procedurals)
+        if (procedural->kind() == MARRAM_CURVES)
+            for (const MarramAttribute& attribute : procedural->attributes())
+                known.emplace_back(attribute.name);
+    for (const std::string& name : names)
+        if (std::ranges::find(known, name) == known.end())
+            throw InputError({"--attributes " + name}, "no curves of the scene have this attribute",
+                             fmt::format("choose among {}", fmt::join(known, ", ")));
 }
 
 } // namespace
@@ -56,7 +76,9 @@ int bake_command(const BakeOptions& options) {
     settings.shutter_open = settings.shutter_close = 0.0; // the frame itself, not what the shutter sees of it
     settings.stage = stage_of(options.stage);
     settings.curves_bvh = false;
-    settings.attributes = {"id"};
+    settings.attributes = options.attributes;
+    settings.attributes.emplace_back("id");
+    check_attributes(shot, options.attributes);
     stats.threads = threads_of(options);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(stats.threads));
     tbb::task_arena arena(stats.threads);
@@ -70,7 +92,9 @@ int bake_command(const BakeOptions& options) {
             [&] { world = build_world(shot.geometry, settings, interrupted(), progress, stats.build); });
         progress.phase = "writing";
         write_curves(output, world.curves, stats.frame, settings.fps);
-        if (!colliders.empty()) write_colliders_obj(colliders, world.meshes);
+        if (colliders.ends_with(".obj")) write_colliders_obj(colliders, world.meshes);
+        if (colliders.ends_with(".usda"))
+            write_colliders_usda(colliders, world.meshes, stats.frame, settings.fps);
     }
     for (const std::string& warning : stats.build.warnings) fmt::print(stderr, "{}\n", warning);
     stats.total = wall_seconds() - begin;

@@ -55,7 +55,7 @@ CLI::Validator number_between(double low, double high) {
 constexpr double latest_frame = 1e9;
 
 struct Texts { // options that are checked after parsing
-    std::string size, layers;
+    std::string size, layers, attributes;
     uint32_t samples = 0;
     double frame = 0.0;
 };
@@ -68,6 +68,10 @@ void add_scene(CLI::App& command, CommonOptions& options) {
         ->allow_extra_args(false);
     command.add_option("--threads", options.threads, "threads to use; default: one a processor")
         ->check(CLI::Range(1, 1024));
+    command
+        .add_option("--state", options.overrides.state_folder,
+                    "folder where simulations keep their states; default: SCENE.states beside the scene")
+        ->type_name("DIR");
     command.add_flag("--quiet", options.quiet, "no progress line");
 }
 
@@ -154,8 +158,17 @@ void add_bake(CLI::App& app, Commands& c) {
     command->add_option("--stage", c.bake.stage, "how far through the chain")
         ->check(CLI::IsMember({"rest", "bent", "final"}))
         ->capture_default_str();
-    command->add_option("--colliders", c.bake.colliders, "write all meshes as well, .obj")->type_name("FILE");
-    command->callback([&c] { c.chosen = [&c] { return bake_command(c.bake); }; });
+    command
+        ->add_option("--colliders", c.bake.colliders,
+                     "write all meshes as well, .obj, or .usda with their attributes")
+        ->type_name("FILE");
+    command
+        ->add_option("--attributes", c.texts.attributes, "curve attributes to write besides id, .usda only")
+        ->type_name("NAME,...");
+    command->callback([&c] {
+        c.bake.attributes = split(c.texts.attributes);
+        c.chosen = [&c] { return bake_command(c.bake); };
+    });
 }
 
 void add_measure(CLI::App& app, Commands& c) {

@@ -38,7 +38,8 @@ struct BakeOptions : CommonOptions {
     std::string output;
     std::optional<double> frame;
     std::string stage = "final";
-    std::string colliders; // "" for none
+    std::string colliders;               // "" for none
+    std::vector<std::string> attributes; // of curves, besides id
 };
 
 struct MeasureOptions : CommonOptions {

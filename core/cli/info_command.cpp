@@ -14,9 +14,11 @@
 namespace marram {
 namespace {
 
-constexpr const char* type_names[] = {
-    "boolean", "integer", "number", "[a, b]", "[x, y, z]", "range",        "color",     "text",
-    "choice",  "ramp",    "file",   "image",  "name of a", "list of text", "transform", "unavailable"};
+constexpr const char* type_names[] = {"boolean",   "integer",      "number",    "[a, b]",
+                                      "[x, y, z]", "range",        "color",     "text",
+                                      "choice",    "ramp",         "file",      "image",
+                                      "name of a", "list of text", "transform", "list of [x, y, z]",
+                                      "table",     "unavailable"};
 
 std::string kind_of(const ParamSpec& spec) {
     if (spec.type == ParamType::choice) return spec.choices;
@@ -69,13 +71,22 @@ std::vector<Topic> topics(const Schema& schema) {
                                {"film", "[film]", "", schema.film},
                                {"wind", "[wind]", "", schema.wind}};
     const auto add = [&](const std::vector<ItemSchema>& items, const std::string& table) {
-        for (const ItemSchema& item : items)
-            list.push_back(
-                {item.type, fmt::format("[[{}]] type = \"{}\"", table, item.type), item.help, item.params});
+        for (const ItemSchema& item : items) {
+            const std::string title = fmt::format("[[{}]] type = \"{}\"", table, item.type);
+            const std::string why = item.unusable.empty() ? "" : " (cannot be used: " + item.unusable + ")";
+            list.push_back({item.type, title, item.help + why, item.params});
+            for (const ListSchema& inner : item.lists)
+                for (const ItemSchema& one : inner.types)
+                    list.push_back({one.type,
+                                    fmt::format("[[{}.{}]] type = \"{}\", of a {}", table, inner.name,
+                                                one.type, item.type),
+                                    one.help, one.params});
+        }
     };
     add(schema.lights, "light");
     add(schema.materials, "material");
     add(schema.meshes, "mesh");
+    add(schema.curves, "curves");
     add(schema.procedurals, "procedural");
     return list;
 }
@@ -90,16 +101,12 @@ void print_layers(const PluginSet& plugins) {
     for (const BuiltInLayer& layer : built_in_layers()) print(layer.name, layer.channel_names, layer.help);
     std::set<std::string> told; // procedurals may share names
     for (const auto& [path, library] : plugins.libraries)
-        for (uint32_t p = 0; p < library->table().procedural_count; ++p) {
-            const MarramProcedural& procedural = library->table().procedurals[p];
-            for (uint32_t a = 0; a < procedural.attribute_count; ++a) {
-                const MarramAttribute& attribute = procedural.attributes[a];
+        for (const ProceduralType& type : library->types())
+            for (const MarramAttribute& attribute : type.attributes)
                 if (told.insert(attribute.name).second)
                     print(attribute.name,
                           fmt::format("{}", fmt::join(attribute_channels(attribute.components), " ")),
-                          fmt::format("of curves of a {}: {}", procedural.name, attribute.help));
-            }
-        }
+                          fmt::format("of a {}: {}", type.calls.name, attribute.help));
     fmt::print("\n");
 }
 
@@ -126,7 +133,8 @@ void print_scene(const std::string& file) {
     const World world = build_world(shot.geometry, still, interrupted(), progress, stats);
     for (const CurveGeometry& curves : world.curves)
         fmt::print("procedural {}: {} curves of {} CVs\n", curves.name, curves.curve_count,
-                   curves.cvs_per_curve);
+                   curves.offsets.empty() ? std::to_string(curves.cvs_per_curve)
+                                          : fmt::format("{} in all", curves.offsets.back()));
     const double keys = chosen_motion_keys(shot.geometry, settings, interrupted(), progress);
     // Embree's BVH over cubic segments, medium quality: bytes and thread seconds a segment and motion step.
     constexpr double bvh_bytes = 122.0, bvh_seconds = 2e-6;
@@ -134,13 +142,12 @@ void print_scene(const std::string& file) {
     const auto [width, height] = film_size(shot);
     fmt::print("triangles: {}\ncurves: {}\nsegments: {}\n", triangles, stats.curves, stats.segments);
     fmt::print("memory: about {:.0f} MB for curves and their BVH at {} motion keys\n",
-               1e-6 * (double(stats.curve_bytes) * keys + double(stats.curve_extra_bytes) +
-                       segments * bvh_bytes * keys),
+               1e-6 * (double(stats.curve_bytes) * keys + double(stats.attribute_bytes) +
+                       stats.report("memory.curve_extra_bytes") + segments * bvh_bytes * keys),
                keys);
     fmt::print(
         "build: about {:.1f} s of one processor for the BVH, {:.2f} s of all of them for the strands\n",
-        segments * bvh_seconds * (1.0 + 0.3 * (keys - 1.0)),
-        stats.expand + stats.gusts + stats.shield + stats.bend + stats.jiggle + stats.collide);
+        segments * bvh_seconds * (1.0 + 0.3 * (keys - 1.0)), strand_seconds(stats.report));
     fmt::print("film: {} x {}, {:.3g} paths\n", width, height,
                double(width) * height * shot.description.film.integer("samples"));
     const Vec3f size = world.bounds.sizes();

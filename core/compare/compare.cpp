@@ -368,17 +368,17 @@ void judge_looks(const std::vector<float>& a, const std::vector<float>& b,
     result.ssim_limit = limits ? limits->ssim : looks_decide ? plain_ssim : -1.0;
     const auto see = [&](bool fine, const std::string& what, double value, double limit, const char* bound) {
         if (!fine)
-            result.faults.push_back(fmt::format("it looks different: {} is {:.3g}, {} {:.3g} is allowed",
+            result.faults.push_back(fmt::format("it looks different: {} {:.3g} is {} the limit of {:.3g}",
                                                 what, value, bound, limit));
     };
     see(result.flip_mean <= result.flip_mean_limit, "mean FLIP", result.flip_mean, result.flip_mean_limit,
-        "at most");
+        "above");
     see(result.flip_99 <= result.flip_99_limit, "the 99th percentile of FLIP", result.flip_99,
-        result.flip_99_limit, "at most");
+        result.flip_99_limit, "above");
     see(result.flip_window <= result.flip_window_limit,
         fmt::format("mean FLIP of {} at ({}, {})", window_text(width, height), worst.x, worst.y),
-        result.flip_window, result.flip_window_limit, "at most");
-    see(result.ssim >= result.ssim_limit, "SSIM", result.ssim, result.ssim_limit, "at least");
+        result.flip_window, result.flip_window_limit, "above");
+    see(result.ssim >= result.ssim_limit, "SSIM", result.ssim, result.ssim_limit, "below");
 }
 
 // FLIP and SSIM take light below 0 for none.

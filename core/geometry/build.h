@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The two-phase build of a frame: meshes and what makes meshes become the collider scene; what makes curves reads it,
-// patch by patch, and writes its CVs straight into Embree's buffers; the world scene attaches the same colliders again
-// and the curves.
+// The build of a frame. Procedurals are made in the order of their dependencies: each is lent the geometry that it names, and the
+// collider scene of the meshes that it traces, of which there is one for each distinct set. What makes meshes adds to them; what makes
+// curves writes its CVs, patch by patch, straight into Embree's buffers. The world scene attaches the same mesh geometries again, or
+// render meshes in their places, and the curves.
 #pragma once
 
 #include "core/geometry/motion_keys.h"
 #include "core/geometry/plugin_host.h"
+#include "core/geometry/report.h"
 #include "core/geometry/scene_mesh.h"
 #include "core/geometry/view.h"
 #include "core/geometry/world.h"
@@ -13,6 +15,7 @@
 #include <atomic>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,7 +24,19 @@ namespace marram {
 // What stays the same from frame to frame.
 struct SceneGeometry {
     std::vector<SceneMesh> meshes;
-    std::vector<std::unique_ptr<Procedural>> procedurals; // in the scene's order
+    std::vector<std::unique_ptr<Procedural>> procedurals{}; // in the scene's order
+    std::vector<SceneCurves> curves{};
+    std::map<std::pair<std::string, uint64_t>, StateStore>
+        states{};                                    // by procedural and the digest of what they depend on
+    std::vector<MarramReportEntry> report_entries{}; // of all libraries, whether the scene uses them or not
+};
+
+// The camera that render meshes are made for, at instants of the shutter. Directions and ups are unit vectors at right angles.
+struct CameraSamples {
+    std::vector<double> times; // frames
+    std::vector<Vec3d> positions, directions, ups;
+    double fov = 1.0; // radians, vertical
+    uint32_t width = 1, height = 1;
 };
 
 struct BuildSettings {
@@ -33,10 +48,12 @@ struct BuildSettings {
     MarramStage stage = MARRAM_FINAL;
     double tolerance = 0.0; // metres
     View view;
+    std::optional<CameraSamples> camera; // none: growth surfaces are what is seen
     std::vector<std::string> attributes; // of curves, by name; those a procedural does not have are left out
     bool curves_bvh = true;              // false: curves are made but not traced (baking)
     // Straight pieces that a segment is traced as; 0: the cubic; -1: as the tolerance allows (curve_pieces.h).
     int curve_pieces = -1;
+    std::string state_folder; // where simulations keep their states; "": in memory, for this run
 };
 
 // Watched from other threads while build_world runs.
@@ -46,23 +63,20 @@ struct BuildProgress {
 };
 
 struct BuildStats {
-    double colliders = 0.0, curves_bvh = 0.0; // wall seconds
-    // The tessellation's wall seconds, shared out among the stages of all procedurals.
-    double expand = 0.0, gusts = 0.0, shield = 0.0, bend = 0.0, jiggle = 0.0, collide = 0.0;
-    uint64_t contacts = 0, pushed_out = 0, unresolved = 0, skipped_pushes = 0, dips = 0; // of collision
-    double goal_angle = 0.0, turned_angle = 0.0; // radians that segments were to turn, and did
-    double collision_reached = 1.0;              // turned / goal: share of the way to the goal
+    // Wall seconds: of meshes that procedurals make; of the scene's meshes and collider scenes; of the BVH. Curves': see report.
+    double terrain = 0.0, colliders = 0.0, curves_bvh = 0.0;
+    Report report;            // of procedurals; curves' seconds are shared out among "seconds.<stage>"
     uint32_t motion_keys = 1; // the most that any geometry has; "fur.motion_keys" in `chosen` is one's own
     // Where the keys were chosen, of strands: what 99 in 100 are to stay below between keys, m (View::enlarged), and the share that
     // jumps within the shutter, which no number of keys follows; of the procedural where it is most.
     double motion_error = 0.0, motion_jumps = 0.0;
     double mesh_motion_error =
         0.0; // m likewise, of meshes that the shutter sees move, with the keys that there are
-    // Where the tolerance has put dials that the scene leaves to it: "fur.cvs", by procedural and dial.
+    // Where the tolerance has put what the scene leaves to it: "fur.cvs", by procedural and setting.
     std::map<std::string, double> chosen;
     uint64_t curves = 0, cvs = 0, segments = 0, triangles = 0;
-    uint64_t curve_bytes = 0;       // buffers that Embree reads: vertices, normals, indices
-    uint64_t curve_extra_bytes = 0; // ours besides: roots, scratch, attributes
+    uint64_t curve_bytes = 0;     // buffers that Embree reads: vertices, normals, indices
+    uint64_t attribute_bytes = 0; // of curves
     std::vector<std::string> warnings;
     std::vector<Box3f> patch_bounds; // as promised by the procedurals, in curve order
 };

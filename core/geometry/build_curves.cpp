@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Phase 2 of a frame: procedurals make their curves in Embree's buffers, which are attached as they are or cut into pieces.
+// Curves of a frame: how many motion keys they have; procedurals make them in Embree's buffers, which are attached as they are or cut
+// into pieces.
 #include "core/geometry/build_state.h"
 #include "core/geometry/curve_pieces.h"
-#include "core/geometry/lent_meshes.h"
+#include "core/geometry/lent_geometry.h"
 #include "core/geometry/round_pieces.h"
+
+#include <fmt/format.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -14,17 +17,32 @@
 
 namespace marram {
 
+namespace {
+
+CurveLayout layout_of(const MarramOutput& output) {
+    return {output.curve_count, output.cvs_per_curve, output.offsets};
+}
+
+// Refuses a procedural that says of its curves what cannot be.
 void check_output(const Procedural& procedural, const MarramOutput& output) {
-    if (output.cvs_per_curve < 2) procedural.refuse("its curves have fewer than 2 CVs", "mend the library");
+    if (output.offsets) {
+        if (output.offsets[0] != 0)
+            procedural.refuse("the offsets of its curves do not begin at 0", "fix the library");
+        for (uint64_t c = 0; c < output.curve_count; ++c)
+            if (output.offsets[c + 1] < output.offsets[c] + 2)
+                procedural.refuse("its curves have fewer than 2 CVs", "fix the library");
+    } else if (output.cvs_per_curve < 2) {
+        procedural.refuse("its curves have fewer than 2 CVs", "fix the library");
+    }
     if (output.shape >= MARRAM_SHAPE_COUNT || output.basis > MARRAM_CATMULL_ROM)
-        procedural.refuse("it asks for a shape or basis that the contract does not have", "mend the library");
+        procedural.refuse("it asks for a shape or basis that the contract does not have", "fix the library");
     constexpr uint64_t most = std::numeric_limits<uint32_t>::max();
-    if (output.curve_count > most / (uint64_t(output.cvs_per_curve) + 2))
+    if (output.curve_count > most ||
+        (!output.offsets && output.curve_count > most / (uint64_t(output.cvs_per_curve) + 2)) ||
+        layout_of(output).vertex_count() > most)
         procedural.refuse("its curves need more than 2^32 vertices",
                           "use fewer strands or CVs, or two procedurals");
 }
-
-namespace {
 
 // body(0), ... body(count - 1), which are cheap: thousands a task.
 template <typename Body>
@@ -47,33 +65,23 @@ RTCGeometryType curve_type(const MarramOutput& output) {
     }
 }
 
-// The curves of one procedural while they are being made.
-struct CurveBuild {
-    Procedural* procedural;
-    MarramOutput output;
-    std::vector<MarramPatch> patches;
-    std::vector<uint32_t> attributes; // indices asked for
-    CurveGeometry curves;
-    std::shared_ptr<RTCGeometryTy> geometry;
-    std::vector<float*> vertices, normals; // [time]
-};
-
 void check_patches(const CurveBuild& item) {
     const MarramOutput& output = item.output;
     const Procedural& procedural = *item.procedural;
     uint64_t next = 0;
     for (const MarramPatch& patch : item.patches) {
         if (patch.first_curve != next)
-            procedural.refuse("its patches do not follow each other", "mend the library");
+            procedural.refuse("its patches do not follow each other", "fix the library");
         next += patch.curve_count;
     }
     if (next != output.curve_count)
-        procedural.refuse("its patches do not add up to its curves", "mend the library");
+        procedural.refuse("its patches do not add up to its curves", "fix the library");
 }
 
 void allocate(Build& build, CurveBuild& item) {
     const MarramOutput& output = item.output;
-    const size_t count = output.curve_count, vertices = count * (output.cvs_per_curve + 2);
+    const CurveLayout layout = layout_of(output);
+    const size_t count = output.curve_count, vertices = layout.vertex_count();
     RTCGeometry geometry = rtcNewGeometry(build.world.device.get(), curve_type(output));
     item.geometry = {geometry, [](RTCGeometry g) { rtcReleaseGeometry(g); }};
     rtcSetGeometryTimeStepCount(geometry, output.time_count);
@@ -92,31 +100,46 @@ void allocate(Build& build, CurveBuild& item) {
     curves.basis = output.basis;
     curves.shape = output.shape;
     curves.curve_count = count;
-    curves.cvs_per_curve = output.cvs_per_curve;
+    curves.cvs_per_curve = output.offsets ? 0 : output.cvs_per_curve;
+    if (output.offsets) {
+        curves.offsets.assign(output.offsets, output.offsets + count + 1);
+        curves.curve_of_segment.reserve(layout.segment_count());
+        for (uint64_t c = 0; c < count; ++c)
+            curves.curve_of_segment.insert(curves.curve_of_segment.end(), layout.cvs(c) - 1, uint32_t(c));
+    }
     curves.vertices.assign(item.vertices.begin(), item.vertices.end());
     curves.normals.assign(item.normals.begin(), item.normals.end());
-    const MarramProcedural& type = item.procedural->type();
-    for (uint32_t a = 0; a < type.attribute_count; ++a)
-        for (const std::string& wanted : build.settings.attributes) {
-            const MarramAttribute& attribute = type.attributes[a];
-            if (wanted != attribute.name) continue;
-            item.attributes.push_back(a);
-            const size_t values =
-                count * attribute.components * (attribute.per_cv ? output.cvs_per_curve : 1);
-            curves.attributes.push_back({attribute.name, attribute.components, attribute.per_cv != 0,
-                                         std::vector<float>(values), attribute.discrete != 0});
-            build.stats.curve_extra_bytes += values * sizeof(float);
-            break;
-        }
+    const std::vector<MarramAttribute>& attributes = item.procedural->attributes();
+    // Whoever is lent the curves may ask for any.
+    const auto names_it = [&](const auto& other) { return other->names(curves.name); };
+    const bool lent = std::ranges::any_of(build.geometry.procedurals, names_it);
+    for (uint32_t a = 0; a < attributes.size(); ++a) {
+        const MarramAttribute& attribute = attributes[a];
+        if (!lent &&
+            std::ranges::find(build.settings.attributes, attribute.name) == build.settings.attributes.end())
+            continue;
+        if ((attribute.rate != MARRAM_PER_CURVE && attribute.rate != MARRAM_PER_CV) ||
+            attribute.components < 1 || attribute.components > 4)
+            item.procedural->refuse(
+                fmt::format("its attribute '{}' is not 1 to 4 floats a curve or CV", attribute.name),
+                "fix the library");
+        item.attributes.push_back(a);
+        const size_t values =
+            (attribute.rate == MARRAM_PER_CV ? layout.cv_count() : count) * attribute.components;
+        curves.attributes.push_back({attribute.name, attribute.components, attribute.rate,
+                                     std::vector<float>(values), attribute.discrete != 0});
+        build.stats.attribute_bytes += values * sizeof(float);
+    }
     build.stats.curves += count;
-    build.stats.cvs += count * output.cvs_per_curve;
-    build.stats.segments += count * (output.cvs_per_curve - 1);
+    build.stats.cvs += layout.cv_count();
+    build.stats.segments += layout.segment_count();
     build.stats.curve_bytes += vertices * output.time_count * (oriented ? 28 : 16);
 }
 
 // Whether the tolerance decides on straight pieces.
 bool may_be_pieces(const MarramOutput& output, const BuildSettings& settings) {
-    return settings.curves_bvh && settings.curve_pieces < 0 && output.shape != MARRAM_ORIENTED_RIBBON;
+    return settings.curves_bvh && settings.curve_pieces < 0 && !output.offsets &&
+           output.shape != MARRAM_ORIENTED_RIBBON;
 }
 
 bool finite(const float* values, size_t count) {
@@ -128,8 +151,9 @@ bool finite(const float* values, size_t count) {
 
 void tessellate_patch(CurveBuild& item, uint32_t index) {
     const MarramPatch& patch = item.patches[index];
-    const uint32_t cvs = item.output.cvs_per_curve;
-    const size_t first_vertex = patch.first_curve * (cvs + 2);
+    const CurveLayout layout = layout_of(item.output);
+    const size_t first_vertex = layout.first_vertex(patch.first_curve);
+    const size_t vertex_count = layout.first_vertex(patch.first_curve + patch.curve_count) - first_vertex;
     float* vertices[64];
     float* normals[64];
     float* attributes[64];
@@ -138,17 +162,18 @@ void tessellate_patch(CurveBuild& item, uint32_t index) {
         if (!item.normals.empty()) normals[t] = item.normals[t] + 3 * first_vertex;
     }
     for (size_t a = 0; a < item.attributes.size(); ++a) {
-        CurveAttributeValues& values = item.curves.attributes[a];
-        attributes[a] =
-            values.values.data() + patch.first_curve * values.components * (values.per_cv ? cvs : 1);
+        AttributeValues& values = item.curves.attributes[a];
+        const size_t first =
+            values.rate == MARRAM_PER_CV ? layout.first_cv(patch.first_curve) : patch.first_curve;
+        attributes[a] = values.values.data() + first * values.components;
     }
-    item.procedural->tessellate(index,
-                                {vertices, item.normals.empty() ? nullptr : normals,
-                                 uint32_t(item.attributes.size()), item.attributes.data(), attributes});
+    item.procedural->tessellate(
+        index, {sizeof(MarramPatchBuffers), vertices, item.normals.empty() ? nullptr : normals,
+                uint32_t(item.attributes.size()), item.attributes.data(), attributes});
     for (uint32_t t = 0; t < item.output.time_count; ++t)
-        if (!finite(vertices[t], size_t(patch.curve_count) * (cvs + 2) * 4))
+        if (!finite(vertices[t], vertex_count * 4))
             item.procedural->refuse("a CV is not a finite number",
-                                    "look for huge values in the scene, or mend the library");
+                                    "look for huge values in the scene, or fix the library");
 }
 
 // Segment k of curve c starts at vertex first + k of the `stride` that each curve has.
@@ -160,6 +185,19 @@ void put_indices(Build& build, RTCGeometry geometry, size_t curves, uint32_t seg
         for (uint32_t k = 0; k < segments; ++k) indices[curve * segments + k] = uint32_t(curve * stride + k);
     });
     build.stats.curve_bytes += curves * segments * 4;
+}
+
+// The same where curves have different CV counts.
+void put_indices(Build& build, RTCGeometry geometry, const CurveLayout& layout) {
+    const size_t segments = layout.segment_count();
+    auto* indices = static_cast<uint32_t*>(
+        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4, segments));
+    build.check_device();
+    parallel(layout.curve_count, [=](size_t curve) {
+        for (uint32_t k = 0; k + 1 < layout.cvs(curve); ++k)
+            indices[layout.first_segment(curve) + k] = uint32_t(layout.first_vertex(curve) + k);
+    });
+    build.stats.curve_bytes += segments * 4;
 }
 
 // What Embree traces in place of the cubics: straight pieces between points on them.
@@ -193,9 +231,7 @@ std::shared_ptr<RTCGeometryTy> make_pieces(Build& build, CurveBuild& item) {
     return owner;
 }
 
-uint64_t segments_of(const CurveBuild& item) {
-    return item.output.curve_count * (item.output.cvs_per_curve - 1);
-}
+uint64_t segments_of(const CurveBuild& item) { return layout_of(item.output).segment_count(); }
 
 // Each hit in the scene waits for the filter that round pieces need, so that these are to be most of what there is.
 bool round_pieces_pay(const std::vector<CurveBuild>& items) {
@@ -225,10 +261,11 @@ ChordErrors chord_errors(const CurveBuild& item, const BuildSettings& settings) 
                                 greater_of);
 }
 
-// How many pieces a segment is traced as: what is told, or by the tolerance and what pays; 0: the cubic.
+// How many pieces a segment is traced as: what is told, or by the tolerance and what pays; 0: the cubic, as which curves of different
+// CV counts are always traced.
 uint32_t choose_pieces(Build& build, const CurveBuild& item, bool round_pay) {
     const MarramOutput& output = item.output;
-    if (output.shape == MARRAM_ORIENTED_RIBBON) return 0;
+    if (output.shape == MARRAM_ORIENTED_RIBBON || output.offsets) return 0;
     if (!may_be_pieces(output, build.settings)) return uint32_t(build.settings.curve_pieces);
     const uint32_t most =
         output.shape == MARRAM_ROUND && !round_pay ? 0 : most_that_pay(output.shape, output.time_count);
@@ -238,85 +275,135 @@ uint32_t choose_pieces(Build& build, const CurveBuild& item, bool round_pay) {
 }
 
 // Gives the curves to Embree: as they are, or as pieces.
-void attach_curves(Build& build, CurveBuild& item, unsigned id, bool round_pay) {
+void attach(Build& build, CurveBuild& item, unsigned id, bool round_pay) {
     const MarramOutput& output = item.output;
     item.curves.pieces = choose_pieces(build, item, round_pay);
     std::shared_ptr<RTCGeometryTy> traced = item.geometry;
     if (item.curves.pieces > 0)
         traced = make_pieces(build, item);
+    else if (output.offsets)
+        put_indices(build, traced.get(), item.curves.layout());
     else
         put_indices(build, traced.get(), output.curve_count, output.cvs_per_curve - 1,
                     output.cvs_per_curve + 2);
+    rtcSetGeometryMask(traced.get(), MARRAM_CASTS_SHADOWS | MARRAM_SEEN_BY_CAMERA);
     rtcCommitGeometry(traced.get());
     rtcAttachGeometryByID(build.world.scene.get(), traced.get(), id);
 }
 
-// What a procedural reports, and where it is kept.
-struct ReportedStage {
-    std::string_view key;
-    double BuildStats::*seconds;
-};
-constexpr ReportedStage reported_stages[] = {
-    {"thread_seconds.expand", &BuildStats::expand}, {"thread_seconds.gusts", &BuildStats::gusts},
-    {"thread_seconds.shield", &BuildStats::shield}, {"thread_seconds.bend", &BuildStats::bend},
-    {"thread_seconds.jiggle", &BuildStats::jiggle}, {"thread_seconds.collide", &BuildStats::collide}};
-
-struct ReportedCount {
-    std::string_view key;
-    uint64_t BuildStats::*count;
-};
-constexpr ReportedCount reported_counts[] = {{"collision.contacts", &BuildStats::contacts},
-                                             {"collision.pushed_out", &BuildStats::pushed_out},
-                                             {"collision.unresolved", &BuildStats::unresolved},
-                                             {"collision.skipped_pushes", &BuildStats::skipped_pushes},
-                                             {"collision.dips", &BuildStats::dips},
-                                             {"memory.bytes", &BuildStats::curve_extra_bytes}};
-
-// Wall seconds of the tessellation are shared out by the thread seconds that the procedural reports.
-void account(Build& build, CurveBuild& item, double wall) {
+// What a procedural says after its curves are made, which took `wall` seconds.
+void take_report(Build& build, Procedural& procedural, double wall) {
     BuildStats& stats = build.stats;
-    const auto report = item.procedural->report();
-    double sum = 0.0;
-    for (const auto& [key, value] : report)
-        for (const ReportedStage& stage : reported_stages) sum += key == stage.key ? value : 0.0;
-    if (!(sum > 0.0)) stats.expand += wall;
-    for (const auto& [key, value] : report) {
-        for (const ReportedStage& stage : reported_stages)
-            if (key == stage.key && sum > 0.0) stats.*stage.seconds += wall * value / sum;
-        for (const ReportedCount& entry : reported_counts)
-            if (key == entry.key) stats.*entry.count += uint64_t(value);
-        constexpr std::string_view chosen = "chosen.";
-        if (key.starts_with(chosen))
-            stats.chosen[item.procedural->name() + "." + key.substr(chosen.size())] = value;
-        if (key == "seconds.roots") stats.expand += value;
-        if (key == "seconds.chain") stats.collide += value;
-        if (key == "collision.goal_angle") stats.goal_angle += value;
-        if (key == "collision.turned_angle") stats.turned_angle += value;
-    }
-    stats.collision_reached = stats.goal_angle > 0.0 ? stats.turned_angle / stats.goal_angle : 1.0;
-    for (std::string& warning : item.procedural->take_warnings())
-        stats.warnings.push_back(std::move(warning));
+    stats.report.add(procedural.name(), procedural.report(), wall);
+    constexpr std::string_view chosen = "chosen.";
+    for (const auto& [path, entry] : stats.report.entries())
+        if (const auto own = entry.each.find(procedural.name());
+            path.starts_with(chosen) && own != entry.each.end())
+            stats.chosen[procedural.name() + "." + path.substr(chosen.size())] = own->second;
+    for (std::string& warning : procedural.take_warnings()) stats.warnings.push_back(std::move(warning));
 }
 
-// Has one procedural make its curves.
-CurveBuild make_curves(Build& build, Procedural& procedural, uint32_t keys) {
-    CurveBuild item{};
+// ---- how many motion keys ---------------------------------------------------------------------------------------
+
+constexpr uint32_t few_instants = 5, more_instants = 17; // at which strands are looked at
+
+// Looks at some patches of one procedural, unless it stands still.
+StrandMotion look_at_motion(Build& build, Procedural& procedural, uint32_t instants) {
+    StrandMotion motion;
+    const LentGeometry lent(build, procedural, build.times(instants)); // may build colliders
+    if (procedural.prepares()) prepare(build, procedural, lent.frame());
+    build.progress.phase = "looking at motion";
+    const MarramOutput output = procedural.begin(lent.frame());
+    check_output(procedural, output);
+    if (output.time_count != instants || output.patch_count == 0) return motion;
+    // A few percent of the work, but no fewer than four: what moves most may be anywhere.
+    const uint32_t count = std::min(output.patch_count, std::clamp(output.patch_count / 16, 4U, 64U));
+    std::vector<StrandMotion> found(count);
+    tbb::parallel_for(uint32_t{0}, count, [&](uint32_t i) {
+        if (build.cancel.load(std::memory_order_relaxed)) throw Cancelled{};
+        const auto index = uint32_t(uint64_t(i) * (output.patch_count - 1) / std::max(count - 1, 1U));
+        const MarramPatch patch = procedural.patch(index);
+        const CurveLayout layout = layout_of(output);
+        const size_t first = layout.first_vertex(patch.first_curve);
+        const size_t vertices = layout.first_vertex(patch.first_curve + patch.curve_count) - first;
+        const bool oriented = output.shape == MARRAM_ORIENTED_RIBBON;
+        std::vector<std::vector<float>> positions(instants), directions(instants);
+        std::vector<float*> at(instants), normals(instants);
+        for (uint32_t t = 0; t < instants; ++t) {
+            positions[t].resize(4 * vertices);
+            if (oriented) directions[t].resize(3 * vertices);
+            at[t] = positions[t].data();
+            normals[t] = directions[t].data();
+        }
+        procedural.tessellate(index, {sizeof(MarramPatchBuffers), at.data(),
+                                      oriented ? normals.data() : nullptr, 0, nullptr, nullptr});
+        std::vector<const float*> samples(instants);
+        for (uint64_t curve = patch.first_curve; curve < patch.first_curve + patch.curve_count; ++curve) {
+            for (uint32_t t = 0; t < instants; ++t)
+                samples[t] = at[t] + 4 * (layout.first_vertex(curve) - first + 1);
+            found[i].add(samples, layout.cvs(curve), build.settings.view);
+        }
+    });
+    for (const StrandMotion& one : found) motion.add(one);
+    procedural.take_warnings(); // they come again
+    return motion;
+}
+
+// What a strand's motion asks for, and what it grows on: it may bend its way between the instants looked at.
+uint32_t choose_keys(Build& build, Procedural& procedural) {
+    const BuildSettings& settings = build.settings;
+    StrandMotion motion = look_at_motion(build, procedural, few_instants);
+    // Strands that turn fast look like ones that jump, until they are looked at more often.
+    constexpr double hardly_any = 0.01;
+    if (motion.jumps(settings.tolerance) > hardly_any)
+        motion = look_at_motion(build, procedural, more_instants);
+    uint32_t keys = motion.keys_for(settings.tolerance);
+    for (const SceneMesh& mesh : build.geometry.meshes)
+        if (procedural.names_mesh(mesh.name))
+            keys =
+                motion_keys_for(mesh, settings.tolerance, settings.view, build.open(), build.close(), keys);
+    for (const MeshGeometry& mesh : build.world.meshes) // and those that procedurals have made
+        if (procedural.names(mesh.name)) keys = std::max(keys, uint32_t(mesh.positions.size()));
+    const double left = motion.left(keys, settings.tolerance);
+    build.stats.motion_error = std::max(build.stats.motion_error, left);
+    build.stats.motion_jumps = std::max(build.stats.motion_jumps, motion.jumps(settings.tolerance));
+    build.stats.chosen[procedural.name() + ".motion_keys"] = keys;
+    if (left > settings.tolerance)
+        build.stats.warnings.push_back(fmt::format(
+            "{}: strands move so fast that {} motion keys are off by {:.3g} m, the tolerance is {:.3g} m: "
+            "shorten camera.shutter, or give more tolerance",
+            procedural.name(), keys, left, settings.tolerance));
+    return keys;
+}
+
+} // namespace
+
+uint32_t keys_of_curves(Build& build, Procedural& procedural) {
+    if (!(build.open() < build.close())) return 1;
+    if (!build.chooses_keys()) return std::max(build.settings.motion_keys, 2U);
+    const double begin = wall_seconds();
+    const uint32_t keys = choose_keys(build, procedural);
+    build.stats.report.add("seconds.expand", wall_seconds() - begin);
+    return keys;
+}
+
+void make_curves(Build& build, Procedural& procedural, uint32_t keys) {
+    CurveBuild& item = build.items.emplace_back();
     item.procedural = &procedural;
+    const LentGeometry lent(build, procedural, build.times(keys)); // may build colliders
+    if (procedural.prepares()) prepare(build, procedural, lent.frame());
     build.progress.fraction = 0.0;
     build.progress.phase = "expanding";
-    LentMeshes lent(build.world, build.geometry, build.times(keys));
-    item.output = procedural.begin(lent.frame(build.settings, true));
+    item.output = procedural.begin(lent.frame());
+    check_output(procedural, item.output);
     const double asked = wall_seconds();
     item.patches.resize(item.output.patch_count);
     tbb::parallel_for(uint32_t{0}, item.output.patch_count,
                       [&](uint32_t i) { item.patches[i] = procedural.patch(i); });
-    for (const MarramPatch& p : item.patches)
-        build.stats.patch_bounds.emplace_back(Vec3f(p.lower), Vec3f(p.upper));
-    build.stats.expand += wall_seconds() - asked;
-    check_output(procedural, item.output);
+    build.stats.report.add("seconds.expand", wall_seconds() - asked);
     check_patches(item);
     if (item.output.time_count != 1 && item.output.time_count != keys)
-        procedural.refuse("it hands over another number of motion samples than asked", "mend the library");
+        procedural.refuse("it hands over another number of motion samples than asked", "fix the library");
     allocate(build, item);
     const double begin = wall_seconds();
     std::atomic<uint32_t> done{0};
@@ -325,23 +412,24 @@ CurveBuild make_curves(Build& build, Procedural& procedural, uint32_t keys) {
         tessellate_patch(item, index);
         build.progress.fraction = double(++done) / double(item.output.patch_count);
     });
-    account(build, item, wall_seconds() - begin);
-    return item;
+    const double wall = wall_seconds() - begin;
+    take_report(build, procedural, wall);
+    item.output.offsets = item.curves.layout().offsets; // the procedural's may go
 }
 
-} // namespace
-
-void add_curves(Build& build, const std::vector<uint32_t>& keys) {
-    std::vector<CurveBuild> items;
-    for (size_t i = 0; i < keys.size(); ++i)
-        if (const auto& procedural = build.geometry.procedurals[i]; procedural->type().kind == MARRAM_CURVES)
-            items.push_back(make_curves(build, *procedural, keys[i]));
+void attach_curves(Build& build) {
     const double begin = wall_seconds();
-    const bool round_pay = round_pieces_pay(items);
-    for (CurveBuild& item : items) {
+    // By their places in the scene, whatever the order in which they were made.
+    std::ranges::sort(build.items, {}, [&](const CurveBuild& item) {
+        return std::ranges::find_if(build.geometry.procedurals,
+                                    [&](const auto& p) { return p.get() == item.procedural; });
+    });
+    const bool round_pay = round_pieces_pay(build.items);
+    for (CurveBuild& item : build.items) {
+        for (const MarramPatch& p : item.patches)
+            build.stats.patch_bounds.emplace_back(Vec3f(p.lower), Vec3f(p.upper));
         const auto id = unsigned(build.world.meshes.size() + build.world.curves.size());
-        if (build.settings.curves_bvh && item.output.curve_count > 0)
-            attach_curves(build, item, id, round_pay);
+        if (build.settings.curves_bvh && item.output.curve_count > 0) attach(build, item, id, round_pay);
         build.curves.push_back(item.geometry);
         build.world.curves.push_back(std::move(item.curves));
     }

@@ -5,6 +5,7 @@
 #include "core/math/problem.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <bit>
 #include <cmath>
@@ -12,6 +13,7 @@
 #include <filesystem>
 #include <limits>
 #include <set>
+#include <span>
 
 namespace marram {
 
@@ -26,7 +28,7 @@ constexpr size_t chunk_bytes = size_t(1) << 16; // of text gathered before it is
 
 // The first CV of a curve at the first motion sample; the others follow, 4 floats each.
 const float* first_cv(const CurveGeometry& geometry, uint64_t curve) {
-    return geometry.vertices[0] + (curve * (geometry.cvs_per_curve + 2) + 1) * vertex_floats;
+    return geometry.vertices[0] + (geometry.layout().first_vertex(curve) + 1) * vertex_floats;
 }
 
 void check_curves(const std::string& path, std::span<const CurveGeometry> curves) {
@@ -35,12 +37,13 @@ void check_curves(const std::string& path, std::span<const CurveGeometry> curves
         if (geometry.vertices.empty() || !geometry.vertices[0])
             refuse(path, fmt::format("the curves of \"{}\" were not made", geometry.name),
                    "build the frame first");
-        if (geometry.cvs_per_curve < 2)
-            refuse(path,
-                   fmt::format("the curves of \"{}\" have {} CVs", geometry.name, geometry.cvs_per_curve),
-                   "a curve needs at least 2");
+        const CurveLayout layout = geometry.layout();
         for (uint64_t c = 0; c < geometry.curve_count; ++c)
-            for (uint64_t i = 0; i < geometry.cvs_per_curve * vertex_floats; ++i)
+            if (layout.cvs(c) < 2)
+                refuse(path, fmt::format("the curves of \"{}\" have {} CVs", geometry.name, layout.cvs(c)),
+                       "a curve needs at least 2");
+        for (uint64_t c = 0; c < geometry.curve_count; ++c)
+            for (uint64_t i = 0; i < layout.cvs(c) * vertex_floats; ++i)
                 if (!std::isfinite(first_cv(geometry, c)[i]))
                     refuse(path, fmt::format("curve {} of \"{}\" is not finite", c, geometry.name),
                            "report this: no scene should lead here");
@@ -107,17 +110,20 @@ HairHeader hair_header(const std::string& path, std::span<const CurveGeometry> c
     bool first = true;
     for (const CurveGeometry& geometry : curves) {
         if (geometry.curve_count == 0) continue;
-        const uint32_t segments = geometry.cvs_per_curve - 1;
-        if (segments > std::numeric_limits<uint16_t>::max())
-            refuse(path,
-                   fmt::format("the curves of \"{}\" have {} CVs, .hair holds 65536", geometry.name,
-                               segments + 1),
-                   "write .usda");
-        if (first) header.default_segments = segments;
-        if (segments != header.default_segments) header.flags |= hair_segments;
-        first = false;
+        const CurveLayout layout = geometry.layout();
+        for (uint64_t c = 0; c < (layout.offsets ? layout.curve_count : 1); ++c) {
+            const uint32_t segments = layout.cvs(c) - 1;
+            if (segments > std::numeric_limits<uint16_t>::max())
+                refuse(path,
+                       fmt::format("the curves of \"{}\" have {} CVs, .hair holds 65536", geometry.name,
+                                   segments + 1),
+                       "write .usda");
+            if (first) header.default_segments = segments;
+            if (segments != header.default_segments) header.flags |= hair_segments;
+            first = false;
+        }
         strands += geometry.curve_count;
-        points += geometry.curve_count * geometry.cvs_per_curve;
+        points += layout.cv_count();
     }
     if (points > std::numeric_limits<uint32_t>::max())
         refuse(path, fmt::format("{} points, .hair holds 4294967295", points),
@@ -134,9 +140,9 @@ void write_cvs(AtomicFile& writer, std::span<const CurveGeometry> curves, size_t
     for (const CurveGeometry& geometry : curves)
         for (uint64_t c = 0; c < geometry.curve_count; ++c) {
             const float* cv = first_cv(geometry, c);
-            row.resize(geometry.cvs_per_curve * count);
-            for (size_t i = 0; i < geometry.cvs_per_curve; ++i)
-                pick(cv + i * vertex_floats, row.data() + i * count);
+            const uint32_t cvs = geometry.layout().cvs(c);
+            row.resize(cvs * count);
+            for (size_t i = 0; i < cvs; ++i) pick(cv + i * vertex_floats, row.data() + i * count);
             writer.write(row.data(), row.size() * sizeof(float));
         }
 }
@@ -168,14 +174,14 @@ template <typename Visit>
 void for_each_cv(const CurveGeometry& geometry, Visit visit) {
     for (uint64_t c = 0; c < geometry.curve_count; ++c) {
         const float* cv = first_cv(geometry, c);
-        for (uint32_t i = 0; i < geometry.cvs_per_curve; ++i) visit(cv + i * vertex_floats);
+        for (uint32_t i = 0; i < geometry.layout().cvs(c); ++i) visit(cv + i * vertex_floats);
     }
 }
 
 // The box of what is drawn: a pinned curve can leave its CVs' box by no more than the phantom points do.
 void write_extent(Text& text, const CurveGeometry& geometry) {
     Box3f box;
-    const uint64_t vertices = geometry.curve_count * (geometry.cvs_per_curve + 2);
+    const uint64_t vertices = geometry.layout().vertex_count();
     for (uint64_t v = 0; v < vertices; ++v) {
         const float* vertex = geometry.vertices[0] + v * vertex_floats;
         const Vec3f centre(vertex[0], vertex[1], vertex[2]), reach = Vec3f::Constant(std::fabs(vertex[3]));
@@ -187,14 +193,27 @@ void write_extent(Text& text, const CurveGeometry& geometry) {
              box.min().z(), box.max().x(), box.max().y(), box.max().z());
 }
 
-void write_ids(Text& text, const CurveGeometry& geometry) {
-    for (const CurveAttributeValues& attribute : geometry.attributes) {
-        if (attribute.name != "id" || attribute.per_cv || attribute.components != 1 ||
-            attribute.values.size() != geometry.curve_count)
-            continue;
-        UsdArray ids(text, "int64[] primvars:id"); // an id is a whole number that travels as a float
-        for (float id : attribute.values) ids.add("{}", std::llrint(double(id)));
-        ids.end("uniform");
+// Attributes as primvars. Discrete ones of one number are whole numbers that travel as floats.
+void write_primvars(Text& text, const std::vector<AttributeValues>& attributes) {
+    static constexpr const char* types[] = {"float", "float2", "float3", "float4"};
+    std::set<std::string> taken;
+    for (const AttributeValues& attribute : attributes) {
+        const bool whole = attribute.discrete && attribute.components == 1;
+        const bool uniform = attribute.rate == MARRAM_PER_CURVE || attribute.rate == MARRAM_PER_FACE;
+        const std::string declaration =
+            fmt::format("{}[] primvars:{}", whole ? "int64" : types[attribute.components - 1],
+                        unique_name(attribute.name, "attribute", taken));
+        UsdArray values(text, declaration.c_str());
+        for (size_t i = 0; i < attribute.values.size(); i += attribute.components) {
+            const std::span one(attribute.values.data() + i, attribute.components);
+            if (whole)
+                values.add("{}", std::llrint(double(one[0])));
+            else if (one.size() == 1)
+                values.add("{}", one[0]);
+            else
+                values.add("({})", fmt::join(one, ", "));
+        }
+        values.end(uniform ? "uniform" : "vertex");
     }
 }
 
@@ -202,9 +221,10 @@ void write_ids(Text& text, const CurveGeometry& geometry) {
 void write_normals(Text& text, const CurveGeometry& geometry) {
     if (geometry.normals.empty() || !geometry.normals[0]) return;
     UsdArray normals(text, "normal3f[] normals");
+    const CurveLayout layout = geometry.layout();
     for (uint64_t c = 0; c < geometry.curve_count; ++c)
-        for (uint32_t i = 0; i < geometry.cvs_per_curve; ++i) {
-            const float* n = geometry.normals[0] + (c * (geometry.cvs_per_curve + 2) + 1 + i) * 3;
+        for (uint32_t i = 0; i < layout.cvs(c); ++i) {
+            const float* n = geometry.normals[0] + (layout.first_vertex(c) + 1 + i) * 3;
             normals.add("({}, {}, {})", n[0], n[1], n[2]);
         }
     normals.end("vertex");
@@ -215,14 +235,14 @@ void write_basis_curves(Text& text, const CurveGeometry& geometry, const std::st
     text.add("        uniform token basis = \"{}\"\n",
              geometry.basis == MARRAM_CATMULL_ROM ? "catmullRom" : "bspline");
     UsdArray counts(text, "int[] curveVertexCounts");
-    for (uint64_t c = 0; c < geometry.curve_count; ++c) counts.add("{}", geometry.cvs_per_curve);
+    for (uint64_t c = 0; c < geometry.curve_count; ++c) counts.add("{}", geometry.layout().cvs(c));
     counts.end("");
     write_extent(text, geometry);
     write_normals(text, geometry);
     UsdArray points(text, "point3f[] points");
     for_each_cv(geometry, [&](const float* cv) { points.add("({}, {}, {})", cv[0], cv[1], cv[2]); });
     points.end("");
-    write_ids(text, geometry);
+    write_primvars(text, geometry.attributes);
     text.add("        uniform token type = \"cubic\"\n");
     UsdArray widths(text, "float[] widths");
     for_each_cv(geometry, [&](const float* cv) { widths.add("{}", 2.0f * cv[3]); });
@@ -239,23 +259,33 @@ void write_hair(const std::string& path, std::span<const CurveGeometry> curves) 
     writer.write(&header, sizeof(header));
     if (header.flags & hair_segments)
         for (const CurveGeometry& geometry : curves) {
-            const uint16_t segments = uint16_t(geometry.cvs_per_curve - 1);
-            for (uint64_t c = 0; c < geometry.curve_count; ++c) writer.write(&segments, sizeof(segments));
+            for (uint64_t c = 0; c < geometry.curve_count; ++c) {
+                const auto segments = uint16_t(geometry.layout().cvs(c) - 1);
+                writer.write(&segments, sizeof(segments));
+            }
         }
     write_cvs(writer, curves, 3, [](const float* cv, float* to) { std::memcpy(to, cv, 3 * sizeof(float)); });
     write_cvs(writer, curves, 1, [](const float* cv, float* to) { *to = 2.0f * cv[3]; });
     writer.commit();
 }
 
-void write_usda(const std::string& path, std::span<const CurveGeometry> curves, double frame, double fps) {
-    check_curves(path, curves);
-    Text text(path);
-    text.add("#usda 1.0\n(\n    defaultPrim = \"marram\"\n    doc = \"Curves baked by Marram\"\n");
+namespace {
+
+void write_usda_head(Text& text, const char* what, double frame, double fps) {
+    text.add("#usda 1.0\n(\n    defaultPrim = \"marram\"\n    doc = \"{} baked by Marram\"\n", what);
     text.add(
         "    endTimeCode = {}\n    framesPerSecond = {}\n    metersPerUnit = 1\n    startTimeCode = {}\n",
         frame, fps, frame);
     text.add("    timeCodesPerSecond = {}\n    upAxis = \"Y\"\n)\n\n", fps);
     text.add("def Xform \"marram\"\n{{\n");
+}
+
+} // namespace
+
+void write_usda(const std::string& path, std::span<const CurveGeometry> curves, double frame, double fps) {
+    check_curves(path, curves);
+    Text text(path);
+    write_usda_head(text, "Curves", frame, fps);
     std::set<std::string> taken;
     for (const CurveGeometry& geometry : curves)
         write_basis_curves(text, geometry, unique_name(geometry.name, "curves", taken));
@@ -274,7 +304,7 @@ void write_curves_obj(const std::string& path, std::span<const CurveGeometry> cu
         for_each_cv(geometry, [&](const float* cv) { text.add("v {} {} {}\n", cv[0], cv[1], cv[2]); });
         for (uint64_t c = 0; c < geometry.curve_count; ++c) {
             text.add("l");
-            for (uint32_t i = 0; i < geometry.cvs_per_curve; ++i) text.add(" {}", first++);
+            for (uint32_t i = 0; i < geometry.layout().cvs(c); ++i) text.add(" {}", first++);
             text.add("\n");
         }
     }
@@ -287,6 +317,45 @@ void write_curves(const std::string& path, std::span<const CurveGeometry> curves
     if (extension == ".usda") return write_usda(path, curves, frame, fps);
     if (extension == ".obj") return write_curves_obj(path, curves);
     refuse(path, fmt::format("curves cannot be written as \"{}\"", extension), "use .hair, .usda or .obj");
+}
+
+namespace {
+
+void write_usd_mesh(Text& text, const MeshGeometry& mesh, const std::string& name) {
+    text.add("    def Mesh \"{}\"\n    {{\n", name);
+    UsdArray counts(text, "int[] faceVertexCounts");
+    for (size_t i = 0; i < mesh.triangles.size(); ++i) counts.add("3");
+    counts.end("");
+    UsdArray indices(text, "int[] faceVertexIndices");
+    for (const auto& t : mesh.triangles) indices.add("{}, {}, {}", t[0], t[1], t[2]);
+    indices.end("");
+    if (!mesh.normals.empty()) {
+        UsdArray normals(text, "normal3f[] normals");
+        for (const Vec3f& n : mesh.normals[0]) normals.add("({}, {}, {})", n.x(), n.y(), n.z());
+        normals.end("vertex");
+    }
+    UsdArray points(text, "point3f[] points");
+    for (const Vec3f& p : mesh.positions.at(0)) points.add("({}, {}, {})", p.x(), p.y(), p.z());
+    points.end("");
+    write_primvars(text, mesh.attributes);
+    if (!mesh.uvs.empty()) {
+        UsdArray uvs(text, "texCoord2f[] primvars:st");
+        for (const Vec2f& uv : mesh.uvs) uvs.add("({}, {})", uv.x(), uv.y());
+        uvs.end("vertex");
+    }
+    text.add("        uniform token subdivisionScheme = \"none\"\n    }}\n");
+}
+
+} // namespace
+
+void write_colliders_usda(const std::string& path, std::span<const MeshGeometry> meshes, double frame,
+                          double fps) {
+    Text text(path);
+    write_usda_head(text, "Colliders", frame, fps);
+    std::set<std::string> taken;
+    for (const MeshGeometry& mesh : meshes) write_usd_mesh(text, mesh, unique_name(mesh.name, "mesh", taken));
+    text.add("}}\n");
+    text.commit();
 }
 
 void write_colliders_obj(const std::string& path, std::span<const MeshGeometry> meshes) {

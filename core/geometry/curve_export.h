@@ -23,15 +23,18 @@ void write_curves(const std::string& path, std::span<const CurveGeometry> curves
 void write_hair(const std::string& path, std::span<const CurveGeometry> curves);
 
 // USD as text: a BasisCurves for each geometry, of type "cubic" and wrap "pinned", which adds the same
-// phantom points as Marram does and allows 2 CVs. Widths by vertex; the attribute "id", where it is there, as
-// primvars:id by curve; ribbons that carry normals as normals by vertex. Numbers in the fewest digits that
+// phantom points as Marram does and allows 2 CVs. Widths by vertex; attributes as primvars, discrete ones (id) as
+// whole numbers; ribbons that carry normals as normals by vertex. Numbers in the fewest digits that
 // give the same float back.
 void write_usda(const std::string& path, std::span<const CurveGeometry> curves, double frame, double fps);
 
 // Wavefront OBJ: an object of `l` polylines for each geometry. Widths are lost.
 void write_curves_obj(const std::string& path, std::span<const CurveGeometry> curves);
 
-// Meshes at the first motion sample, in world space, with uvs and normals where they have them.
+// Meshes at the first motion sample, in world space, with uvs and normals where they have them; as USD with their attributes as
+// primvars.
+void write_colliders_usda(const std::string& path, std::span<const MeshGeometry> meshes, double frame,
+                          double fps);
 void write_colliders_obj(const std::string& path, std::span<const MeshGeometry> meshes);
 
 } // namespace marram

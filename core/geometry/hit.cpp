@@ -157,6 +157,7 @@ void set_triangle(const MeshGeometry& mesh, uint32_t triangle, const Vec2f& bary
         if (length > 0.0F) point.normal = n / length;
     }
     point.strand_u = point.h = point.radius = 0.0F;
+    point.barycentrics = barycentrics;
     point.material = mesh.material;
     point.light = mesh.light;
 }
@@ -297,9 +298,17 @@ void set_round_piece(const Vec3d& seen, const PiecePoint& piece, const Vec3d& ta
 void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit, double t,
                SurfacePoint& point) {
     const uint32_t pieces = std::max(curves.pieces, 1U), piece = hit.primID % pieces;
-    const uint32_t segments = curves.cvs_per_curve - 1, segment = hit.primID / pieces % segments;
-    point.strand = hit.primID / pieces / segments;
-    const size_t first = static_cast<size_t>(point.strand) * (curves.cvs_per_curve + 2) + segment;
+    const CurveLayout layout = curves.layout();
+    uint32_t segments = curves.cvs_per_curve - 1, segment = 0;
+    if (layout.offsets) {
+        point.strand = curves.curve_of_segment[hit.primID];
+        segments = layout.cvs(point.strand) - 1;
+        segment = hit.primID - uint32_t(layout.first_segment(point.strand));
+    } else {
+        segment = hit.primID / pieces % segments;
+        point.strand = hit.primID / pieces / segments;
+    }
+    const size_t first = layout.first_vertex(point.strand) + segment;
     const Control<4> control = control_of<4>(curves.vertices, first, ray.time);
     const float hit_u = std::clamp(hit.u, 0.0F, 1.0F); // seen end on, Embree's may be beyond
     PiecePoint straight;
@@ -431,7 +440,6 @@ bool valid(const Ray& ray) {
 namespace {
 
 RTCRay to_embree(const Ray& ray) {
-    constexpr unsigned everything = ~0U; // mask
     return {ray.origin.x(),
             ray.origin.y(),
             ray.origin.z(),
@@ -441,7 +449,7 @@ RTCRay to_embree(const Ray& ray) {
             ray.direction.z(),
             ray.time,
             ray.tfar,
-            everything,
+            ray.mask,
             0,
             0};
 }
@@ -522,23 +530,41 @@ Ray spawn_towards(const SurfacePoint& point, const Vec3d& target, double target_
     return ray;
 }
 
-const CurveAttributeValues* find_attribute(const CurveGeometry& curves, std::string_view name) {
-    const auto found = std::ranges::find(curves.attributes, name, &CurveAttributeValues::name);
-    return found == curves.attributes.end() ? nullptr : &*found;
-}
-
-void attribute_at(const CurveGeometry& curves, const CurveAttributeValues& attribute,
-                  const SurfacePoint& point, float* values) {
+void attribute_at(const CurveGeometry& curves, const AttributeValues& attribute, const SurfacePoint& point,
+                  float* values) {
     const size_t components = attribute.components;
-    if (!attribute.per_cv) {
+    if (attribute.rate == MARRAM_PER_CURVE) {
         std::copy_n(attribute.values.data() + point.strand * components, components, values);
         return;
     }
-    const uint32_t first = std::min(static_cast<uint32_t>(point.segment_position), curves.cvs_per_curve - 2);
+    const CurveLayout layout = curves.layout();
+    const uint32_t first =
+        std::min(static_cast<uint32_t>(point.segment_position), layout.cvs(point.strand) - 2);
     const float within = point.segment_position - static_cast<float>(first);
-    const float* a = attribute.values.data() +
-                     (static_cast<size_t>(point.strand) * curves.cvs_per_curve + first) * components;
+    const float* a = attribute.values.data() + (layout.first_cv(point.strand) + first) * components;
+    if (attribute.discrete) {
+        std::copy_n(within < 0.5F ? a : a + components, components, values);
+        return;
+    }
     for (size_t i = 0; i < components; ++i) values[i] = a[i] + within * (a[i + components] - a[i]);
+}
+
+void attribute_at(const MeshGeometry& mesh, const AttributeValues& attribute, const SurfacePoint& point,
+                  float* values) {
+    const size_t components = attribute.components;
+    if (attribute.rate == MARRAM_PER_FACE) {
+        std::copy_n(attribute.values.data() + point.primitive * components, components, values);
+        return;
+    }
+    const std::array<uint32_t, 3>& corners = mesh.triangles[point.primitive];
+    const float u = point.barycentrics.x(), v = point.barycentrics.y(), w = 1.0F - u - v;
+    const auto corner = [&](size_t k) { return attribute.values.data() + size_t(corners[k]) * components; };
+    if (attribute.discrete) {
+        std::copy_n(corner(w >= u && w >= v ? 0 : u >= v ? 1 : 2), components, values);
+        return;
+    }
+    for (size_t i = 0; i < components; ++i)
+        values[i] = w * corner(0)[i] + u * corner(1)[i] + v * corner(2)[i];
 }
 
 } // namespace marram

@@ -17,6 +17,7 @@ struct Ray {
     float tnear = 0.0F;
     float tfar = std::numeric_limits<float>::infinity();
     float time = 0.0F;
+    uint32_t mask = ~0U; // of what it meets, bits of MarramRole
 };
 
 // What was traced. dropped: rays that Embree must never see (NaN, infinity, an empty interval is none of
@@ -50,8 +51,9 @@ struct SurfacePoint {
     int light = -1;
     uint32_t geometry = 0; // Embree's geometry ID
     uint32_t primitive = 0;
-    uint32_t strand = 0;           // curve of its procedural
-    float segment_position = 0.0F; // curves: segment + u, 0 ... cvs_per_curve - 1
+    Vec2f barycentrics = Vec2f::Zero(); // triangles: of the second and third corner
+    uint32_t strand = 0;                // curve of its procedural
+    float segment_position = 0.0F;      // curves: segment + u, 0 ... CVs - 1
     // What spawn needs besides, curves only.
     Vec3f from_axis = Vec3f::Zero(); // position - axis
     float curvature = 0.0F;          // 1/m, a bound
@@ -87,11 +89,11 @@ SurfacePoint mesh_point(const World& world, uint32_t mesh, uint32_t triangle, co
 // A vertex of a mesh at a ray's time, as Embree interpolates it.
 Vec3d mesh_vertex(const MeshGeometry& mesh, uint32_t vertex, float time);
 
-// nullptr where the curves have no such attribute.
-const CurveAttributeValues* find_attribute(const CurveGeometry& curves, std::string_view name);
-
-// A curve attribute at a point on a curve: components values, per-CV ones linear between the CVs.
-void attribute_at(const CurveGeometry& curves, const CurveAttributeValues& attribute,
-                  const SurfacePoint& point, float* values);
+// An attribute at a point on a curve: components values, per-CV ones linear between the CVs; discrete ones are the nearest CV's.
+void attribute_at(const CurveGeometry& curves, const AttributeValues& attribute, const SurfacePoint& point,
+                  float* values);
+// The same at a point on a mesh: per-vertex ones linear over the triangle; discrete ones are the nearest corner's.
+void attribute_at(const MeshGeometry& mesh, const AttributeValues& attribute, const SurfacePoint& point,
+                  float* values);
 
 } // namespace marram

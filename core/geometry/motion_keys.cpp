@@ -50,10 +50,10 @@ std::array<size_t, 2> bend_most(const SceneMesh& mesh, size_t shape, const View&
 }
 
 // Points of a mesh that show how far it is from where it belongs. Of a transform alone both are affine in the point, so in metres the
-// corners of its box do. In pixels what is near counts more, which any vertex may be; and each goes its own way where it deforms.
-class Looks {
+// corners of its box do. In pixels what is near counts more, which any vertex may be; where the mesh deforms, each vertex moves by itself.
+class MotionProbes {
   public:
-    Looks(const SceneMesh& mesh, const View& view, double open, double close) : mesh_(mesh) {
+    MotionProbes(const SceneMesh& mesh, const View& view, double open, double close) : mesh_(mesh) {
         const std::vector<Vec3f>& positions = mesh.mesh.positions;
         constexpr size_t enough = 1024;
         if (!mesh.shapes.empty() || view.pixels_at > 0.0)
@@ -83,18 +83,18 @@ class Looks {
     std::vector<size_t> vertices_;
 };
 
-double motion_error(const Looks& looks, const std::vector<double>& bends, const View& view, uint32_t keys,
-                    double open, double close, double enough) {
+double motion_error(const MotionProbes& probes, const std::vector<double>& bends, const View& view,
+                    uint32_t keys, double open, double close, double enough) {
     // Shares of the time between two keys at which to look: even motion is worst in the middle, no whole number of turns meets all.
     constexpr std::array shares = {0.5, 0.25, 0.75, 0.118, 0.382, 0.618, 0.882};
     const std::vector<double> times = motion_times(open, close, keys);
     double worst = 0.0;
     const auto look_between = [&](size_t key, std::span<const double> instants) {
         const double begin = times[key], length = times[key + 1] - begin;
-        const std::vector<Vec3d> a = looks.at(begin), b = looks.at(times[key + 1]);
+        const std::vector<Vec3d> a = probes.at(begin), b = probes.at(times[key + 1]);
         for (const double instant : instants) {
             const double t = (instant - begin) / length;
-            const std::vector<Vec3d> exact = looks.at(instant);
+            const std::vector<Vec3d> exact = probes.at(instant);
             for (size_t i = 0; i < exact.size(); ++i)
                 worst = std::max(worst,
                                  (exact[i] - ((1.0 - t) * a[i] + t * b[i])).norm() * view.enlarged(exact[i]));
@@ -122,22 +122,22 @@ double motion_error(const Looks& looks, const std::vector<double>& bends, const 
 double motion_error(const SceneMesh& mesh, const View& view, uint32_t keys, double open, double close,
                     double enough) {
     if (!(open < close && mesh.moves_within(open, close))) return 0.0;
-    return motion_error(Looks(mesh, view, open, close), mesh.bends_within(open, close), view, keys, open,
-                        close, enough);
+    return motion_error(MotionProbes(mesh, view, open, close), mesh.bends_within(open, close), view, keys,
+                        open, close, enough);
 }
 
 uint32_t motion_keys_for(const SceneMesh& mesh, double tolerance, const View& view, double open, double close,
                          uint32_t least) {
     if (!(open < close && mesh.moves_within(open, close))) return least;
-    const Looks looks(mesh, view, open, close);
+    const MotionProbes probes(mesh, view, open, close);
     const std::vector<double> bends = mesh.bends_within(open, close);
     for (uint32_t keys = least; keys <= most_motion_keys; ++keys)
-        if (motion_error(looks, bends, view, keys, open, close, tolerance) <= tolerance) return keys;
+        if (motion_error(probes, bends, view, keys, open, close, tolerance) <= tolerance) return keys;
     constexpr uint32_t many = 48; // below it what is smooth is twice as far off
     uint32_t best = most_motion_keys;
     double error = std::numeric_limits<double>::infinity();
     for (uint32_t keys = most_motion_keys; keys > many && keys >= least; --keys) {
-        const double with = motion_error(looks, bends, view, keys, open, close, error);
+        const double with = motion_error(probes, bends, view, keys, open, close, error);
         if (with < error) error = with, best = keys;
     }
     return best;

@@ -1,178 +1,62 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/geometry/plugin_host.h"
 
-#include "core/image/image.h"
+#include "core/math/digest.h"
+#include "core/math/known_part.h"
 
-#include <dlfcn.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <cstring>
-#include <deque>
-#include <filesystem>
-#include <new>
+#include <algorithm>
+#include <optional>
+#include <utility>
 
 namespace marram {
 namespace {
 
-ParamType type_of(MarramParamType type) {
-    switch (type) {
-    case MARRAM_BOOLEAN:
-        return ParamType::boolean;
-    case MARRAM_INTEGER:
-        return ParamType::integer;
-    case MARRAM_NUMBER:
-        return ParamType::number;
-    case MARRAM_VEC2:
-        return ParamType::vec2;
-    case MARRAM_VEC3:
-        return ParamType::vec3;
-    case MARRAM_RANGE:
-        return ParamType::range;
-    case MARRAM_COLOR:
-        return ParamType::color;
-    case MARRAM_TEXT:
-        return ParamType::text;
-    case MARRAM_CHOICE:
-        return ParamType::choice;
-    case MARRAM_RAMP:
-        return ParamType::ramp;
-    case MARRAM_IMAGE:
-        return ParamType::image;
-    case MARRAM_MESH_NAME:
-        return ParamType::reference;
-    case MARRAM_KEYS:
-        return ParamType::keys;
-    case MARRAM_UNAVAILABLE:
-        return ParamType::unavailable;
-    case MARRAM_PARAM_TYPE_COUNT:
-        break;
-    }
-    return ParamType::unavailable;
+// Fields of a message that its sender may not know, or leave NULL.
+#define MARRAM_TEXT_OF(message, field)                                                                       \
+    (MARRAM_HAS(message, field) && (message)->field ? (message)->field : "")
+
+std::string joined(const std::string& what, const std::string& remedy) {
+    return remedy.empty() ? what : what + ": " + remedy;
 }
 
-ParamSpec spec_of(const MarramParam& param) {
-    ParamSpec spec{param.name,    type_of(param.type), param.unit,    param.initial,
-                   param.minimum, param.maximum,       param.choices, param.help};
-    if (spec.type == ParamType::reference) spec.choices = "mesh|procedural"; // what it makes may be a mesh
-    return spec;
-}
-
-constexpr std::string_view wind_prefix = "wind.";
-
-// Values in the contract's form, with the storage that they point into.
-class ContractValues {
-  public:
-    void add(const MarramParam& param, std::string name, const ParamValue& value) {
-        MarramValue& out = values_.emplace_back();
-        out.name = names_.emplace_back(std::move(name)).c_str();
-        out.type = param.type;
-        out.numbers = value.numbers.data();
-        out.number_count = value.numbers.size();
-        out.text = value.text.c_str();
-        out.place = places_.emplace_back(to_string(value.place)).c_str();
-        if (param.type == MARRAM_IMAGE) out.image = image(value);
-    }
-    const MarramValue* data() const { return values_.data(); }
-    uint32_t size() const { return static_cast<uint32_t>(values_.size()); }
-
-  private:
-    const MarramImage* image(const ParamValue& value) {
-        const Image& pixels = pixels_.emplace_back(read_image(value.text, ColorSpace::linear_data));
-        return &images_.emplace_back(
-            MarramImage{static_cast<uint32_t>(pixels.width), static_cast<uint32_t>(pixels.height),
-                        static_cast<uint32_t>(pixels.channels), pixels.pixels.data()});
-    }
-    std::vector<MarramValue> values_;
-    std::deque<std::string> names_, places_;
-    std::deque<Image> pixels_;
-    std::deque<MarramImage> images_;
+// What the calls of MarramStates work on.
+struct Store {
+    StateStore& states;
+    std::optional<StoredState> loaded{};
+    std::vector<Problem> problems{};
 };
 
-// Where a parameter's values come from: the item's own, or else, for one of the wind's, what the scene says.
-void add_values(const MarramParam& param, const Item& item, const ParamSet& wind, ContractValues& out) {
-    const std::string_view name = param.name, list = list_of(name);
-    const auto add_from = [&](const ParamSet& params, std::string_view prefix) {
-        for (const ParamValue& value : params.all())
-            if (value.spec->name == name.substr(prefix.size()))
-                out.add(param, std::string(prefix) + value.name, value);
-    };
-    const bool own = list.empty() ? item.params.has(name) : item.params.find_list(list) != nullptr;
-    if (own)
-        add_from(item.params, "");
-    else if (name.starts_with(wind_prefix))
-        add_from(wind, wind_prefix);
+MarramStatus load_state(void* user, double frame, MarramState* out) {
+    Store& store = *static_cast<Store*>(user);
+    store.loaded = store.states.load(frame);
+    MarramState state{};
+    state.size = sizeof state;
+    static const char nothing = 0; // a state of no bytes is one, too
+    if (store.loaded) {
+        state.frame = store.loaded->frame;
+        state.data = store.loaded->data.empty() ? &nothing : store.loaded->data.data();
+        state.byte_count = store.loaded->data.size();
+    }
+    fill_known_part(state, out);
+    return MARRAM_OK;
 }
 
-// "what: what to do" in two.
-Problem problem_of(const std::string& place, const std::string& text) {
-    const size_t cut = text.find(": ");
-    if (cut == std::string::npos) return {{place}, text, "see `marram info`"};
-    return {{place}, text.substr(0, cut), text.substr(cut + 2)};
+MarramStatus store_state(void* user, const MarramState* given) {
+    Store& store = *static_cast<Store*>(user);
+    try {
+        const MarramState state = known_part(given);
+        store.states.store(state.frame, state.data, state.byte_count);
+        return MARRAM_OK;
+    } catch (const InputError& error) {
+        store.problems = error.problems;
+        return MARRAM_ERROR;
+    }
 }
 
 } // namespace
-
-PluginLibrary::PluginLibrary(const std::string& path, const Place& place) : path_(path) {
-    // A bare name would be looked for in the system's folders instead of here.
-    const std::string absolute = std::filesystem::absolute(path).string();
-    handle_ = dlopen(absolute.c_str(), RTLD_NOW | RTLD_LOCAL);
-    if (!handle_) {
-        const std::string reason = dlerror();
-        if (reason.find("failed to map segment") != std::string::npos ||
-            reason.find("annot allocate memory") != std::string::npos)
-            throw std::bad_alloc();
-        throw InputError(place, "cannot load the procedural library: " + reason,
-                         "build it, or mend its path");
-    }
-    const auto entry = reinterpret_cast<MarramLibraryFunction>(dlsym(handle_, MARRAM_ENTRY_POINT));
-    const std::string fix = "build it against core/plugin/marram_plugin.h of this version";
-    if (!entry) {
-        dlclose(handle_);
-        throw InputError(place, "'" + path + "' has no function " MARRAM_ENTRY_POINT, fix);
-    }
-    table_ = entry(MARRAM_ABI_VERSION);
-    if (!table_ || table_->abi != MARRAM_ABI_VERSION) {
-        const std::string found = table_ ? " " + std::to_string(table_->abi) : "";
-        dlclose(handle_);
-        throw InputError(place,
-                         "'" + path + "' speaks another version" + found + " of the contract than " +
-                             std::to_string(MARRAM_ABI_VERSION),
-                         fix);
-    }
-}
-
-PluginLibrary::~PluginLibrary() { dlclose(handle_); }
-
-const MarramProcedural* PluginLibrary::find(const std::string& type) const {
-    for (uint32_t i = 0; i < table_->procedural_count; ++i)
-        if (type == table_->procedurals[i].name) return &table_->procedurals[i];
-    return nullptr;
-}
-
-std::vector<ParamSpec> wind_specs(const MarramLibrary& library) {
-    std::vector<ParamSpec> specs;
-    for (uint32_t i = 0; i < library.wind_param_count; ++i) specs.push_back(spec_of(library.wind_params[i]));
-    return specs;
-}
-
-std::vector<ItemSchema> procedural_schemas(const MarramLibrary& library) {
-    std::vector<ItemSchema> schemas;
-    for (uint32_t i = 0; i < library.procedural_count; ++i) {
-        const MarramProcedural& procedural = library.procedurals[i];
-        ItemSchema schema{procedural.name, procedural.help, {}};
-        schema.params.push_back(
-            {"material", ParamType::reference, "", "none", {}, {}, "material", "default: a plain grey"});
-        for (uint32_t p = 0; p < procedural.param_count; ++p) {
-            ParamSpec spec = spec_of(procedural.params[p]);
-            // A list is its elements, so their defaults stay.
-            if (spec.name.starts_with(wind_prefix) && list_of(spec.name).empty()) spec.initial = "none";
-            schema.params.push_back(std::move(spec));
-        }
-        schemas.push_back(std::move(schema));
-    }
-    return schemas;
-}
 
 Procedural::Procedural(std::shared_ptr<PluginLibrary> library, const Item& item, const ParamSet& wind,
                        const std::atomic<bool>& cancel)
@@ -182,35 +66,85 @@ Procedural::Procedural(std::shared_ptr<PluginLibrary> library, const Item& item,
         throw InputError(item.place,
                          "the library '" + library_->path() + "' has no procedural '" + item.type + "'",
                          "see `marram info` for what it has");
-    ContractValues values;
-    for (uint32_t i = 0; i < type_->param_count; ++i) {
-        const MarramParam& param = type_->params[i];
-        add_values(param, item, wind, values);
-        if (param.type == MARRAM_MESH_NAME && item.params.has(param.name))
-            meshes_.push_back(item.params.text(param.name));
-    }
-    host_ = {this, on_message, on_cancelled};
-    check(type_->create(&host_, values.data(), values.size(), &instance_));
+    if (!type_->unusable.empty())
+        throw InputError(item.place, "'" + item.type + "' cannot be used: " + type_->unusable,
+                         "use a library and a program of the same version");
+    host_ = {sizeof(MarramHost), this, on_message, on_cancelled, on_progress};
+    update(item, wind, MARRAM_EVERYTHING);
 }
 
 Procedural::~Procedural() {
-    if (instance_) type_->destroy(instance_);
+    if (instance_) type_->calls.destroy(instance_);
 }
 
-void Procedural::on_message(void* user, MarramSeverity severity, const char* place, const char* text) {
+uint32_t Procedural::update(const Item& item, const ParamSet& wind, uint32_t inputs) {
+    const ContractValues values(*type_, item, wind);
+    const uint64_t digest =
+        Digest().add(library_->version()).add(type_->calls.name).add(values.digest()).value();
+    if (instance_ && digest == digest_ && inputs == MARRAM_NOTHING) return MARRAM_NOTHING;
+    uint32_t changed = MARRAM_EVERYTHING;
+    const MarramValues list = values.list();
+    if (instance_ && type_->calls.update) {
+        const MarramUpdate update{sizeof(MarramUpdate), &list, inputs};
+        check(type_->calls.update(instance_, &update, &changed));
+    } else {
+        MarramInstance* made = nullptr;
+        check(type_->calls.create(&host_, &list, &made));
+        if (instance_) type_->calls.destroy(instance_);
+        instance_ = made;
+    }
+    digest_ = digest;
+    place_ = item.place;
+    meshes_ = values.names_of(MARRAM_MESH_NAME);
+    curves_ = values.names_of(MARRAM_CURVES_NAME);
+    read_attributes();
+    return changed;
+}
+
+void Procedural::read_attributes() {
+    attributes_ = type_->attributes;
+    if (!type_->calls.attributes_of) return;
+    MarramAttributeList list{};
+    list.size = sizeof list;
+    check(type_->calls.attributes_of(instance_, &list));
+    attributes_ = known_parts(list.attributes, list.count, list.stride);
+}
+
+bool Procedural::names_mesh(const std::string& mesh) const {
+    return std::ranges::find(meshes_, mesh, &GeometryName::name) != meshes_.end();
+}
+
+bool Procedural::names_curves(const std::string& curves) const {
+    return std::ranges::find(curves_, curves, &GeometryName::name) != curves_.end();
+}
+
+void Procedural::on_message(void* user, const MarramMessage* message) {
     Procedural& procedural = *static_cast<Procedural*>(user);
     const std::lock_guard lock(procedural.messages_lock_);
-    const std::string where = *place ? place : to_string(procedural.place_);
-    if (severity == MARRAM_FAULT)
-        procedural.faults_.push_back(problem_of(where, text));
-    else if (severity == MARRAM_INFO) // now, while it helps; a progress line is drawn anew
-        fmt::print(stderr, "{}{}: {}\n", isatty(STDERR_FILENO) ? "\r\033[K" : "", where, text);
+    const std::string place = MARRAM_TEXT_OF(message, place), what = MARRAM_TEXT_OF(message, what),
+                      remedy = MARRAM_TEXT_OF(message, remedy), id = MARRAM_TEXT_OF(message, id);
+    const std::string where = !place.empty() ? place : to_string(procedural.place_);
+    if (message->severity == MARRAM_FAULT) {
+        Problem problem;
+        problem.place.file = where;
+        problem.what = what;
+        problem.fix = remedy.empty() ? "see `marram info`" : remedy;
+        problem.id = id;
+        procedural.faults_.push_back(std::move(problem));
+    } else if (message->severity == MARRAM_INFO) // now, while it helps; a progress line is drawn anew
+        fmt::print(stderr, "{}{}: {}\n", isatty(STDERR_FILENO) ? "\r\033[K" : "", where,
+                   joined(what, remedy));
     else
-        procedural.warnings_.push_back(where + ": " + text);
+        procedural.warnings_.push_back(where + ": " + joined(what, remedy));
 }
 
 int Procedural::on_cancelled(void* user) {
     return static_cast<Procedural*>(user)->cancel_->load(std::memory_order_relaxed) ? 1 : 0;
+}
+
+void Procedural::on_progress(void* user, double share, const char* words) {
+    const Procedural& procedural = *static_cast<Procedural*>(user);
+    if (procedural.progress_ && *procedural.progress_) (*procedural.progress_)(share, words ? words : "");
 }
 
 void Procedural::check(MarramStatus status) {
@@ -223,32 +157,63 @@ void Procedural::check(MarramStatus status) {
     throw InputError(std::exchange(faults_, {}));
 }
 
+void Procedural::prepare(const MarramFrame& frame, StateStore& states, const PrepareProgress& progress) {
+    Store store{states};
+    const MarramStates lent{sizeof(MarramStates), &store, load_state, store_state};
+    progress_ = &progress;
+    const MarramStatus status = type_->calls.prepare(instance_, &frame, &lent);
+    progress_ = nullptr;
+    for (std::string& warning : states.take_warnings()) {
+        const std::lock_guard lock(messages_lock_);
+        warnings_.push_back(std::move(warning));
+    }
+    if (status == MARRAM_ERROR && !store.problems.empty()) throw InputError(std::move(store.problems));
+    check(status);
+}
+
 MarramOutput Procedural::begin(const MarramFrame& frame) {
     MarramOutput output{};
-    check(type_->begin(instance_, &frame, &output));
-    if (output.kind != type_->kind)
-        refuse("it hands over another kind of output than it declares", "mend the library");
+    output.size = sizeof output;
+    check(type_->calls.begin(instance_, &frame, &output));
+    if (output.kind != type_->calls.kind)
+        refuse("it hands over another kind of output than it declares", "fix the library");
     return output;
 }
 
 MarramPatch Procedural::patch(uint32_t index) {
     MarramPatch patch{};
-    check(type_->patch(instance_, index, &patch));
+    patch.size = sizeof patch;
+    check(type_->calls.patch(instance_, index, &patch));
     return patch;
 }
 
 void Procedural::tessellate(uint32_t index, const MarramPatchBuffers& buffers) {
-    check(type_->tessellate(instance_, index, &buffers));
+    check(type_->calls.tessellate(instance_, index, &buffers));
 }
 
-void Procedural::mesh(const MarramMeshBuffers& buffers) { check(type_->mesh(instance_, &buffers)); }
+void Procedural::mesh(MarramMeshBuffers& buffers) { check(type_->calls.mesh(instance_, &buffers)); }
+
+void Procedural::pose(double frame, float* positions) {
+    check(type_->calls.pose(instance_, frame, positions));
+}
+
+MarramOutput Procedural::begin_view(const MarramView& view) {
+    MarramOutput output{};
+    output.size = sizeof output;
+    output.kind = MARRAM_MESH;
+    check(type_->calls.begin_view(instance_, &view, &output));
+    return output;
+}
+
+void Procedural::view_mesh(MarramMeshBuffers& buffers) { check(type_->calls.view_mesh(instance_, &buffers)); }
 
 std::vector<std::pair<std::string, double>> Procedural::report() {
     std::vector<std::pair<std::string, double>> entries;
-    type_->report(
+    if (!type_->calls.report) return entries;
+    type_->calls.report(
         instance_,
-        [](void* user, const char* key, double value) {
-            static_cast<std::vector<std::pair<std::string, double>>*>(user)->emplace_back(key, value);
+        [](void* user, const char* path, double value) {
+            static_cast<std::vector<std::pair<std::string, double>>*>(user)->emplace_back(path, value);
         },
         &entries);
     return entries;
@@ -257,6 +222,11 @@ std::vector<std::pair<std::string, double>> Procedural::report() {
 std::vector<std::string> Procedural::take_warnings() {
     const std::lock_guard lock(messages_lock_);
     return std::exchange(warnings_, {});
+}
+
+void Procedural::blame(const std::vector<Problem>& problems) {
+    const std::lock_guard lock(messages_lock_);
+    faults_.insert(faults_.end(), problems.begin(), problems.end());
 }
 
 void Procedural::refuse(const std::string& what, const std::string& fix) const {

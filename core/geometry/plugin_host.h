@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The renderer's end of the contract: loading procedural libraries and talking to what they make. Everything the renderer
-// knows of a procedural it learns here, through core/plugin/marram_plugin.h.
+// The renderer's end of the contract: one procedural of a scene. Everything the renderer knows of it it learns here, through
+// core/plugin/marram_plugin.h.
 #pragma once
 
-#include "core/math/params.h"
-#include "core/plugin/marram_plugin.h"
-#include "core/scene/description.h"
+#include "core/geometry/contract_values.h"
+#include "core/geometry/state_store.h"
 
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -15,38 +15,17 @@
 
 namespace marram {
 
-// A loaded procedural library. Everything taken from its tables points into it.
-class PluginLibrary {
-  public:
-    // Throws InputError, placed at `place`, for a file that is not a library, has no entry point or speaks another ABI.
-    PluginLibrary(const std::string& path, const Place& place);
-    ~PluginLibrary();
-    PluginLibrary(const PluginLibrary&) = delete;
-    PluginLibrary& operator=(const PluginLibrary&) = delete;
-
-    const MarramLibrary& table() const { return *table_; }
-    const std::string& path() const { return path_; }
-    const MarramProcedural* find(const std::string& type) const; // nullptr where the library has no such type
-
-  private:
-    std::string path_;
-    void* handle_ = nullptr;
-    const MarramLibrary* table_ = nullptr;
-};
-
-// Declarations of a library as the scene checker wants them. In procedurals the wind's parameters stand as optional ones: what
-// a procedural does not say itself is taken from the scene's [wind]; a list of tables of its own replaces the scene's.
-std::vector<ParamSpec> wind_specs(const MarramLibrary& library);
-std::vector<ItemSchema> procedural_schemas(const MarramLibrary& library);
-
 // Whoever asked for this work wants no more of it.
 struct Cancelled {};
+
+// Receives how much of a preparation is done: its share 0 ... 1, and in words.
+using PrepareProgress = std::function<void(double, const std::string&)>;
 
 // One procedural of a scene, from create to destroy.
 class Procedural {
   public:
     // Hands over the item's values and, where it has none of its own, the scene's wind. Throws InputError with what the
-    // procedural objects to, and for images that cannot be read.
+    // procedural objects to, and for images and tables that cannot be read.
     Procedural(std::shared_ptr<PluginLibrary> library, const Item& item, const ParamSet& wind,
                const std::atomic<bool>& cancel);
     ~Procedural();
@@ -54,35 +33,63 @@ class Procedural {
     Procedural& operator=(const Procedural&) = delete;
 
     const std::string& name() const { return name_; }
-    int material = -1; // index into the scene's materials
-    const MarramProcedural& type() const { return *type_; }
-    const std::vector<std::string>& meshes() const {
-        return meshes_;
-    } // that its parameters name: it grows on them
+    const Place& place() const { return place_; }
+    const PluginLibrary& library() const { return *library_; }
+    MarramOutputKind kind() const { return type_->calls.kind; }
+    const MarramProcedural& calls() const { return type_->calls; }
+    const std::vector<MarramAttribute>& attributes() const { return attributes_; }
+    // What its parameters name, each once: it depends on them.
+    const std::vector<GeometryName>& meshes() const { return meshes_; }
+    const std::vector<GeometryName>& curves() const { return curves_; }
+    bool names_mesh(const std::string& mesh) const;
+    bool names_curves(const std::string& curves) const;
+    bool names(const std::string& geometry) const { return names_mesh(geometry) || names_curves(geometry); }
+    // Of its values, with all that files hold which they name, and of the library's version.
+    uint64_t digest() const { return digest_; }
+
+    int material = -1;                 // index into the scene's materials
+    uint32_t roles = MARRAM_ALL_ROLES; // of the mesh that it makes
 
     // Each throws InputError with the procedural's own words, or Cancelled.
+    bool prepares() const { return type_->calls.prepare != nullptr; }
+    void prepare(const MarramFrame& frame, StateStore& states, const PrepareProgress& progress);
     MarramOutput begin(const MarramFrame& frame);
     MarramPatch patch(uint32_t index);
     void tessellate(uint32_t index, const MarramPatchBuffers& buffers); // from any thread
-    void mesh(const MarramMeshBuffers& buffers);
+    void mesh(MarramMeshBuffers& buffers);
+    bool has_pose() const { return type_->calls.pose != nullptr; }
+    void pose(double frame, float* positions); // from any thread
+    bool has_view() const { return type_->calls.begin_view != nullptr; }
+    MarramOutput begin_view(const MarramView& view);
+    void view_mesh(MarramMeshBuffers& buffers);
     std::vector<std::pair<std::string, double>> report();
     std::vector<std::string> take_warnings();
+    // Takes over the values of another description of the same procedural; `inputs` (MarramChange) is what has changed of the geometry
+    // that it depends on. Returns what that touches of its output. A procedural that cannot update is made anew.
+    uint32_t update(const Item& item, const ParamSet& wind, uint32_t inputs);
+    // What went wrong in a call that the procedural made: what its own failure is about.
+    void blame(const std::vector<Problem>& problems);
     // An objection of the renderer's own to what was handed over.
     [[noreturn]] void refuse(const std::string& what, const std::string& fix) const;
 
   private:
-    static void on_message(void* user, MarramSeverity severity, const char* place, const char* text);
+    static void on_message(void* user, const MarramMessage* message);
     static int on_cancelled(void* user);
+    static void on_progress(void* user, double share, const char* words);
     void check(MarramStatus status);
+    void read_attributes();
 
     std::shared_ptr<PluginLibrary> library_;
     std::string name_;
     Place place_;
-    std::vector<std::string> meshes_;
-    const MarramProcedural* type_ = nullptr;
+    std::vector<GeometryName> meshes_, curves_;
+    uint64_t digest_ = 0;
+    const ProceduralType* type_ = nullptr;
     const std::atomic<bool>* cancel_;
-    MarramHost host_{}; // lent from create to destroy
+    const PrepareProgress* progress_ = nullptr; // while prepare runs
+    MarramHost host_{};                         // lent from create to destroy
     MarramInstance* instance_ = nullptr;
+    std::vector<MarramAttribute> attributes_;
     std::mutex messages_lock_;
     std::vector<Problem> faults_;
     std::vector<std::string> warnings_;

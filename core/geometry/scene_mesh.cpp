@@ -2,10 +2,13 @@
 #include "core/geometry/scene_mesh.h"
 
 #include "core/geometry/embree_buffer.h"
+#include "core/math/digest.h"
 
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <bit>
+#include <utility>
 
 namespace marram {
 namespace {
@@ -84,5 +87,52 @@ std::vector<Vec3f> SceneMesh::normals_at(double frame) const {
             .cast<float>();
     });
 }
+
+namespace {
+
+// Vectors of Eigen's are their numbers, though not trivially copyable by name.
+template <typename T>
+std::string_view bytes_of(const std::vector<T>& values) {
+    return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)};
+}
+
+} // namespace
+
+uint32_t role_bits(const ParamSet& params) {
+    uint32_t roles = 0;
+    for (const auto& [name, bit] : {std::pair{"collides", MARRAM_COLLIDES},
+                                    {"shelters", MARRAM_SHELTERS},
+                                    {"casts_shadows", MARRAM_CASTS_SHADOWS},
+                                    {"seen_by_camera", MARRAM_SEEN_BY_CAMERA}})
+        if (!params.has(name) || params.boolean(name)) roles |= bit;
+    return roles;
+}
+
+uint64_t SceneMesh::digest() const {
+    Digest digest;
+    digest.add(bytes_of(mesh.positions))
+        .add(bytes_of(mesh.normals))
+        .add(bytes_of(mesh.uvs))
+        .add(bytes_of(mesh.triangles))
+        .add(transform.digest());
+    for (const MeshShape& shape : shapes)
+        digest.add(std::bit_cast<uint64_t>(shape.frame))
+            .add(bytes_of(shape.positions))
+            .add(bytes_of(shape.normals));
+    return digest.add(roles).value();
+}
+
+void SceneCurves::add(std::span<const Vec3d> points, bool is_closed) {
+    const auto put = [&](const Vec3d& p) {
+        vertices.insert(vertices.end(), {float(p.x()), float(p.y()), float(p.z()), 0.0F});
+    };
+    put(2.0 * points[0] - points[1]);
+    for (const Vec3d& p : points) put(p);
+    put(2.0 * points[points.size() - 1] - points[points.size() - 2]);
+    offsets.push_back(offsets.back() + points.size());
+    closed.push_back(is_closed ? 1 : 0);
+}
+
+uint64_t SceneCurves::digest() const { return Digest().add(offsets).add(vertices).add(closed).value(); }
 
 } // namespace marram

@@ -3,7 +3,9 @@
 #pragma once
 
 #include "core/geometry/mesh.h"
+#include "core/math/params.h"
 #include "core/math/transform.h"
+#include "core/plugin/marram_plugin.h"
 
 #include <span>
 #include <string>
@@ -17,6 +19,9 @@ struct MeshShape {
     std::vector<Vec3f> positions, normals; // normals: as Mesh::normals
 };
 
+// MarramRole bits, of what role_params() declares.
+uint32_t role_bits(const ParamSet& params);
+
 struct SceneMesh {
     std::string name;
     Mesh mesh; // object space
@@ -26,6 +31,7 @@ struct SceneMesh {
     // Of a mesh that deforms, by ascending frame, two or more, with mesh's triangles and as many vertices. From each to the next
     // vertices go straight; before the first and after the last they rest.
     std::vector<MeshShape> shapes{};
+    uint32_t roles = MARRAM_ALL_ROLES;
 
     bool moves() const { return transform.moves() || shapes.size() > 1; } // false: the same at every frame
     bool moves_within(double begin, double end) const;
@@ -38,6 +44,19 @@ struct SceneMesh {
     // All of them, with Embree's 16 spare bytes behind; unit normals, none where the mesh has none. Cost: 5 ns a vertex and processor.
     std::vector<Vec3f> positions_at(double frame) const;
     std::vector<Vec3f> normals_at(double frame) const;
+
+    uint64_t digest() const; // of all that it holds but name, material and light
+};
+
+// Polylines that are drawn for procedurals to use. Vertices as in MarramCurves, radius 0.
+struct SceneCurves {
+    std::string name;
+    std::vector<uint64_t> offsets{0}; // of each curve's first point, and behind the last
+    std::vector<float> vertices;      // 4 a vertex
+    std::vector<uint32_t> closed;     // [curve]
+
+    void add(std::span<const Vec3d> points, bool is_closed); // 2 points or more
+    uint64_t digest() const;
 };
 
 } // namespace marram

@@ -3,11 +3,14 @@
 // core/geometry/build.h, who reads it is the path tracer.
 #pragma once
 
+#include "core/geometry/attribute_values.h"
+#include "core/geometry/curve_layout.h"
 #include "core/geometry/mesh.h"
 #include "core/math/vec.h"
 #include "core/plugin/marram_plugin.h"
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -23,50 +26,58 @@ struct MeshGeometry {
     std::vector<Vec2f> uvs; // empty, or one a vertex
     std::vector<std::vector<Vec3f>>
         positions; // [time], one (at rest) or more, equally spaced over the shutter; spare bytes behind each
-    std::vector<std::vector<Vec3f>> normals; // [time], unit; empty: facetted
+    std::vector<std::vector<Vec3f>> normals;   // [time], unit; empty: facetted
+    std::vector<AttributeValues> attributes{}; // per vertex or per face
+    std::vector<GridValues> grids{};
+    uint32_t roles = MARRAM_ALL_ROLES;
+    uint64_t topology = 0; // digest of its triangles
 };
 
-struct CurveAttributeValues {
-    std::string name;
-    uint32_t components = 1;
-    bool per_cv = false;
-    std::vector<float> values; // curve_count * components, or curve_count * cvs_per_curve * components
-    bool discrete = false;     // a name rather than a quantity: never averaged
-};
-
-// The curves of one procedural. Its geometry ID is World::meshes.size() + its index in World::curves.
-// Curve c holds vertices [c * (cvs_per_curve + 2), ...): see MarramPatchBuffers. With s segments a curve, cvs_per_curve - 1,
-// Embree's primitive p is segment p % s of curve p / s; with n pieces a segment it is piece p % n of what p / n would be.
+// The curves of one procedural. Its geometry ID is World::meshes.size() + its index in World::curves. CurveLayout says where a curve's
+// vertices and segments stand. Embree's primitive p is segment p of all curves; with n pieces a segment it is piece p % n of segment p / n.
 struct CurveGeometry {
     std::string name;
     int material = -1;
     MarramBasis basis = MARRAM_BSPLINE;
     MarramShape shape = MARRAM_ROUND;
     uint64_t curve_count = 0;
-    uint32_t cvs_per_curve = 0;
+    uint32_t cvs_per_curve = 0;             // 0: curves differ, see offsets
+    std::vector<uint64_t> offsets;          // [curve_count + 1] of first CVs; empty where all have as many
+    std::vector<uint32_t> curve_of_segment; // where there are offsets
     uint32_t pieces = 0; // straight ones that a segment is traced as; 0: the cubic (curve_pieces.h)
     std::vector<const float*>
         vertices; // [time] x, y, z, radius; owned by Embree; one (at rest) or more, its own number
     std::vector<const float*> normals; // [time], 3 floats a vertex; oriented ribbons only
     std::vector<float*>
         round_pieces; // [time] what is traced, (segments * pieces + 1) vertices a curve; else empty
-    std::vector<CurveAttributeValues> attributes;
+    std::vector<AttributeValues> attributes;
+
+    CurveLayout layout() const {
+        return {curve_count, cvs_per_curve, offsets.empty() ? nullptr : offsets.data()};
+    }
 };
 
 struct World {
     std::shared_ptr<RTCDeviceTy> device;
-    std::shared_ptr<RTCSceneTy> colliders; // meshes only
-    std::shared_ptr<RTCSceneTy> scene;     // the same meshes and the curves: what rays are traced against
+    std::shared_ptr<RTCSceneTy> colliders; // the growth surfaces of all meshes
+    std::shared_ptr<RTCSceneTy> scene; // meshes as they are seen, and curves: what rays are traced against
     double frame = 0.0;
     // Motion samples in frames, equally spaced, of what has most of them; a ray's time 0 ... 1 runs from the first to the last.
     std::vector<double> times;
-    std::vector<MeshGeometry> meshes;
+    std::vector<MeshGeometry> meshes; // as the camera sees them: render meshes where there are
+    std::map<uint32_t, MeshGeometry> growth_surfaces; // by geometry ID, of those
     std::vector<CurveGeometry> curves;
     double reach =
         0.0;      // the greatest length of a round piece with its ball, m (round_pieces.h); 0: there are none
     Box3f bounds; // of everything at every motion sample
     std::vector<std::shared_ptr<RTCGeometryTy>>
         curve_buffers; // what the pointers in `curves` point into, attached or not
+
+    // The mesh that strands grow on and collide with.
+    const MeshGeometry& growth_surface(uint32_t mesh) const {
+        const auto found = growth_surfaces.find(mesh);
+        return found != growth_surfaces.end() ? found->second : meshes[mesh];
+    }
 };
 
 } // namespace marram

@@ -190,7 +190,7 @@ void check_finite(const std::string& path, const Image& image) {
                                  image.channel_names[i % size_t(image.channels)], pixel % size_t(image.width),
                                  pixel / size_t(image.width),
                                  std::isnan(image.pixels[i]) ? "not a number" : "infinite"),
-                     "mend that pixel; positions count from 0 at the top left");
+                     "fix that pixel; positions count from 0 at the top left");
     }
 }
 

@@ -18,21 +18,23 @@
 namespace marram {
 
 enum class ParamType {
-    boolean,     // true | false
-    integer,     // whole number
-    number,      // real number
-    vec2,        // [a, b]
-    vec3,        // [x, y, z]
-    range,       // [low, high] with low <= high; a single number stands for both
-    color,       // [r, g, b] linear, each >= 0; a single number stands for a grey
-    text,        // free string
-    choice,      // one of `choices`
-    ramp,        // [[position, value], ...] or { knots = [[...]], interpolation = "linear|smooth|constant" }
-    file,        // path of an existing file, relative to the scene file
-    image,       // path of an existing image, relative to the scene file
-    reference,   // name of another thing of the scene, its kind in `choices`: "mesh", "material"
-    texts,       // ["a", "b", ...]
-    keys,        // keyed transform: see core/math/transform.h
+    boolean, // true | false
+    integer, // whole number
+    number,  // real number
+    vec2,    // [a, b]
+    vec3,    // [x, y, z]
+    range,   // [low, high] with low <= high; a single number stands for both
+    color,   // [r, g, b] linear, each >= 0; a single number stands for a grey
+    text,    // free string
+    choice,  // one of `choices`
+    ramp,    // [[position, value], ...] or { knots = [[...]], interpolation = "linear|smooth|constant" }
+    file,    // path of an existing file, relative to the scene file
+    image,   // path of an existing image, relative to the scene file
+    reference, // name of another thing of the scene, its kind in `choices`: "mesh", "material", "mesh|procedural"
+    texts,     // ["a", "b", ...]
+    keys,      // keyed transform: see core/math/transform.h
+    points,      // [[x, y, z], ...]
+    table,       // path of an existing CSV file, relative to the scene file
     unavailable, // known to the design, not to this build: using it is an error that says so
 };
 
@@ -46,14 +48,16 @@ struct ParamSpec {
     double maximum = std::numeric_limits<double>::infinity();
     std::string
         choices; // "a|b|c" for choice; the kind for reference; "numbered" for a file that may be one a frame, by ####
-    std::string help;    // one line
+    std::string help;         // one line
+    std::string sweep{};      // values that `marram measure` tries, as in a scene: "1|4|16"
+    std::string sweep_time{}; // the report entry whose seconds it changes: "seconds.shield"; "": all stages
 };
 
 // A value with its place. Exactly what each type fills in:
 //   boolean, integer, number   numbers[0]            vec2, range   numbers[0..1]       vec3, color   numbers[0..2]
-//   text, choice, reference    text                  file, image   text = path as it can be opened
+//   text, choice, reference    text                  file, image, table   text = path as it can be opened
 //   ramp                       numbers = p0 v0 p1 v1 ..., positions ascending; text = interpolation
-//   texts                      texts
+//   texts                      texts                 points        numbers = x0 y0 z0 x1 ...
 //   keys                       numbers = 10 a key: frame, translate xyz, rotate xyz (degrees), scale xyz; frames
 //                              ascending; text = interpolation "linear|smooth"
 struct ParamValue {
@@ -116,6 +120,7 @@ class ParamSet {
     Vec2d vec2(std::string_view name) const { return Vec2d(at(name).numbers.data()); }
     Vec3d vec3(std::string_view name) const { return Vec3d(at(name).numbers.data()); }
     std::span<const ParamValue> all() const { return values_; }
+    std::span<const ParamList> lists() const { return lists_; }
 
   private:
     std::vector<ParamValue> values_;

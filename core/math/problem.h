@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is wrong with an input, where, and how to mend it. Mistakes of a user travel as an InputError that carries all
+// What is wrong with an input, where, and how to fix it. Mistakes of a user travel as an InputError that carries all
 // of them; mistakes of a programmer are asserts.
 #pragma once
 
@@ -21,6 +21,7 @@ struct Problem {
     Place place;
     std::string what; // what is wrong
     std::string fix;  // what to do about it
+    std::string id{}; // for programs: "groom.no_mesh"; "" where nobody asks
 };
 
 inline std::string to_string(const Place& place) {

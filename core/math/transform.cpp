@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/math/transform.h"
 
+#include "core/math/digest.h"
+
 #include <algorithm>
+#include <bit>
 #include <cassert>
 
 namespace marram {
@@ -52,6 +55,16 @@ std::vector<double> KeyedTransform::frames() const {
     std::vector<double> all;
     for (const Key& key : keys_) all.push_back(key.frame);
     return all;
+}
+
+uint64_t KeyedTransform::digest() const {
+    Digest digest;
+    for (const Key& key : keys_) {
+        digest.add(std::bit_cast<uint64_t>(key.frame));
+        for (const Vec3d* v : {&key.translation, &key.angles, &key.scale})
+            digest.add(v->data(), 3 * sizeof(double));
+    }
+    return digest.add(uint64_t(smooth_)).value();
 }
 
 } // namespace marram

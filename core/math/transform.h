@@ -11,7 +11,7 @@
 namespace marram {
 
 // p -> rotation * (scale * p) + translation. Angles of a key are Euler angles in degrees, applied about x, then y,
-// then z; each goes its own way from key to key, so that 0 to 720 turns twice, as animators key it.
+// then z. Each angle is interpolated by itself: 0 to 720 turns twice.
 class KeyedTransform {
   public:
     KeyedTransform() = default; // identity at all times
@@ -23,6 +23,7 @@ class KeyedTransform {
     bool moves() const; // false: at() is the same for every frame
     bool moves_within(double begin, double end) const;
     std::vector<double> frames() const; // of its keys
+    uint64_t digest() const;            // of all that at() depends on
 
   private:
     struct Key {

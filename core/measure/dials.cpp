@@ -6,7 +6,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <sstream>
 
 namespace marram {
 namespace {
@@ -41,6 +43,29 @@ bool declares(const Shot& shot, const Item& item, const std::string& key) {
             return std::ranges::any_of(schema.params,
                                        [&](const ParamSpec& spec) { return spec.name == key; });
     return false;
+}
+
+// The declaration of a key that a procedural of the scene has; nullptr: none has it.
+const ParamSpec* declaration(const Shot& shot, const std::string& key) {
+    for (const Item& item : shot.description.procedurals)
+        for (const ItemSchema& schema : shot.plugins->schema.procedurals)
+            if (schema.type == item.type)
+                for (const ParamSpec& spec : schema.params)
+                    if (spec.name == key) return &spec;
+    return nullptr;
+}
+
+// The values that a parameter is declared to be measured at.
+std::vector<double> sweep_of(const ParamSpec& spec) {
+    std::vector<double> values;
+    std::istringstream text(spec.sweep);
+    for (std::string value; std::getline(text, value, '|');) values.push_back(std::stod(value));
+    return values;
+}
+
+std::vector<double> sweep_of(const Shot& shot, const std::string& key) {
+    const ParamSpec* spec = declaration(shot, key);
+    return spec ? sweep_of(*spec) : std::vector<double>{};
 }
 
 // In every procedural that knows the key and, if that is asked, has a certain parameter.
@@ -94,9 +119,9 @@ Dial contact(const Shot& shot) {
     double own = 16.0;
     agreed(shot, "collision.rotation_steps", own);
     std::vector<std::pair<double, DialSetting>> steps;
-    for (const int n : {4, 16, 64, 256}) {
+    for (const double n : sweep_of(shot, "wind.collision.rotation_steps")) {
         std::vector<std::string> changes = in_all_grooms(shot, "wind.collision.solver", "\"steps\"");
-        for (std::string& more : in_all_grooms(shot, "wind.collision.rotation_steps", std::to_string(n)))
+        for (std::string& more : in_all_grooms(shot, "wind.collision.rotation_steps", fmt::format("{}", n)))
             changes.push_back(std::move(more));
         steps.emplace_back(n, DialSetting{fmt::format("{} steps", n), changes, false, 0});
     }
@@ -138,10 +163,10 @@ Dial shield_per(const Shot& shot) {
 
 // A dial over numbers, the finest of which stands first or last. Where the scene leaves the number to the tolerance, or its
 // grooms differ, what they have is one more setting.
-Dial with_numbers(const Shot& shot, Dial dial, const std::string& key, const std::vector<double>& values,
-                  const std::string& parameter, const std::string& only_with, bool finest_first) {
+Dial with_numbers(const Shot& shot, Dial dial, const std::string& key, const std::string& parameter,
+                  const std::string& only_with, bool finest_first) {
     std::vector<std::pair<double, DialSetting>> settings;
-    for (const double value : values)
+    for (const double value : sweep_of(shot, key))
         settings.emplace_back(
             value, DialSetting{fmt::format("{}", value),
                                in_all_grooms(shot, key, fmt::format("{}", value), only_with), false, 0});
@@ -178,10 +203,10 @@ Dial cvs(const Shot& shot) {
         authored = in_all_grooms(shot, "wind.reference_segments",
                                  std::to_string(own > 0 ? own - 1 : 7)); // 7: as the groom takes it
     std::vector<std::pair<double, DialSetting>> settings;
-    for (const int n : {5, 9, 17, 33, 65}) {
-        std::vector<std::string> changes = in_all_grooms(shot, "cvs", std::to_string(n));
+    for (const double n : sweep_of(shot, "cvs")) {
+        std::vector<std::string> changes = in_all_grooms(shot, "cvs", fmt::format("{}", n));
         changes.insert(changes.end(), authored.begin(), authored.end());
-        settings.emplace_back(n, DialSetting{std::to_string(n), changes, false, 0});
+        settings.emplace_back(n, DialSetting{fmt::format("{}", n), changes, false, 0});
     }
     if (own > 0) add_own(settings, own, std::to_string(own));
     dial.settings = without_numbers(std::move(settings));
@@ -275,17 +300,45 @@ Dial octaves(const Shot& shot, int own) {
     return dial;
 }
 
+// Any other parameter that its procedural declares to be measured: error against the last of its values.
+Dial declared(const Shot& shot, const ParamSpec& spec) {
+    constexpr std::string_view seconds = "seconds.";
+    Dial dial{spec.name, spec.help + ". Error against the last.", "strands", DialError::pose, false, {}, 0};
+    if (spec.sweep_time.starts_with(seconds)) dial.time = spec.sweep_time.substr(seconds.size());
+    for (const double value : sweep_of(spec))
+        dial.settings.push_back(
+            {fmt::format("{}", value), in_all_grooms(shot, spec.name, fmt::format("{}", value)), false, 0});
+    dial.reference = dial.settings.size() - 1;
+    dial.settings.push_back({"as it is", {}, true, 0});
+    return dial;
+}
+
+// Those that have a dial with more to it.
+constexpr std::array known_sweeps = {"wind.collision.rotation_steps", "wind.shielding.rays",
+                                     "wind.jiggle.step", "cvs"};
+
+void add_declared(const Shot& shot, DialList& list) {
+    std::vector<std::string> done(known_sweeps.begin(), known_sweeps.end());
+    for (const Item& item : shot.description.procedurals)
+        for (const ItemSchema& schema : shot.plugins->schema.procedurals)
+            for (const ParamSpec& spec : schema.params) {
+                if (schema.type != item.type || spec.sweep.empty() ||
+                    std::ranges::find(done, spec.name) != done.end())
+                    continue;
+                list.dials.push_back(declared(shot, spec));
+                done.push_back(spec.name);
+            }
+}
+
 } // namespace
 
 double seconds_of(const Dial& dial, const FrameStats& stats) {
-    const BuildStats& b = stats.build;
-    const double strands = b.expand + b.gusts + b.shield + b.bend + b.jiggle + b.collide;
-    if (dial.time == "collide") return b.collide;
-    if (dial.time == "shield") return b.shield;
-    if (dial.time == "bend") return b.bend;
-    if (dial.time == "jiggle") return b.jiggle;
     if (dial.time == "trace") return stats.trace;
-    return dial.time == "strands" ? strands : strands + b.curves_bvh;
+    if (dial.time == "terrain") return stats.build.terrain;
+    const double strands = strand_seconds(stats.build.report);
+    if (dial.time == "strands") return strands;
+    if (dial.time == "strands and BVH") return strands + stats.build.curves_bvh;
+    return stats.build.report("seconds." + dial.time);
 }
 
 DialList dials_of(const Shot& shot) {
@@ -308,8 +361,8 @@ DialList dials_of(const Shot& shot) {
                       false,
                       {},
                       0};
-            dial = with_numbers(shot, std::move(dial), "wind.shielding.rays", {1, 4, 16, 64, 256},
-                                "shielding.rays", "shielding.spread", false);
+            dial = with_numbers(shot, std::move(dial), "wind.shielding.rays", "shielding.rays",
+                                "shielding.spread", false);
             dial.weight = 3.0;
             dial.law = [](double rays) { return std::pow(rays, -0.8); };
             dial.law_words = "falls with the number of rays to the power 0.8";
@@ -328,8 +381,8 @@ DialList dials_of(const Shot& shot) {
                   false,
                   {},
                   0};
-        dial = with_numbers(shot, std::move(dial), "wind.jiggle.step", {0.125, 0.25, 0.5, 1.0, 2.0},
-                            "jiggle.step", "jiggle.frequency", true);
+        dial =
+            with_numbers(shot, std::move(dial), "wind.jiggle.step", "jiggle.step", "jiggle.frequency", true);
         dial.law = [](double step) { return step * step; };
         dial.law_words = "grows with the square of the step";
         list.dials.push_back(std::move(dial));
@@ -353,6 +406,7 @@ DialList dials_of(const Shot& shot) {
         list.dials.push_back(octaves(shot, int(own)));
     else if (strands)
         leave_out("octaves: the noise has one octave, or not the same number in all grooms");
+    if (strands) add_declared(shot, list);
     leave_out("level of detail: there is none yet");
     list.dials.push_back(samples(shot));
     return list;

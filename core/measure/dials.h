@@ -2,7 +2,8 @@
 // The dials that trade time for error, and how each is turned. A dial is a list of settings, each a few changes to the scene; what a
 // scene does not use is left out and said.
 //
-// To add a dial: a function in dials.cpp that makes one, and its line in dials_of().
+// To add a dial: give a parameter its `sweep` where it is declared, in a procedural; what needs more than its values has a function in
+// dials.cpp, and a line in dials_of().
 #pragma once
 
 #include "core/shot/shot.h"

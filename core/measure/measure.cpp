@@ -78,7 +78,7 @@ class Rounds {
             results[i].rounds = int(mine.size());
         }
     }
-    // What costs nothing is nothing to compare with.
+    // A ratio to 0 seconds has no meaning.
     bool base_costs() const { return !seconds_[base_].empty() && seconds_[base_].front() > 0.0; }
     void set_base(size_t base) { base_ = base; }
 

@@ -9,6 +9,12 @@ namespace marram {
 
 namespace {
 
+template <typename Visit>
+void for_each_attribute(const World& world, Visit&& visit) {
+    for (const MeshGeometry& mesh : world.meshes) std::ranges::for_each(mesh.attributes, visit);
+    for (const CurveGeometry& curves : world.curves) std::ranges::for_each(curves.attributes, visit);
+}
+
 // Layer with that name, no pixels yet; channels 0 where there is none.
 FilmLayer describe(std::string_view name, const World& world) {
     FilmLayer layer;
@@ -21,9 +27,9 @@ FilmLayer describe(std::string_view name, const World& world) {
             return layer;
         }
     layer.kind = LayerKind::attribute;
-    for (const CurveGeometry& curves : world.curves)
-        for (const CurveAttributeValues& attribute : curves.attributes)
-            if (attribute.name == name) layer.channels = std::max(layer.channels, attribute.components);
+    for_each_attribute(world, [&](const AttributeValues& attribute) {
+        if (attribute.name == name) layer.channels = std::max(layer.channels, attribute.components);
+    });
     return layer;
 }
 
@@ -31,9 +37,9 @@ std::string known_names(const World& world) {
     std::string names;
     for (const BuiltInLayer& known : built_in_layers())
         names += (names.empty() ? "" : ", ") + std::string(known.name);
-    for (const CurveGeometry& curves : world.curves)
-        for (const CurveAttributeValues& attribute : curves.attributes)
-            if (names.find(attribute.name) == std::string::npos) names += ", " + attribute.name;
+    for_each_attribute(world, [&](const AttributeValues& attribute) {
+        if (names.find(attribute.name) == std::string::npos) names += ", " + attribute.name;
+    });
     return names;
 }
 

@@ -12,7 +12,7 @@
 //   depth      1         mean distance along the ray to the first hit over the samples that hit, metres; 0 where
 //                        none does
 //   strand_u   1         mean position on the strand, 0 root ... 1 tip, over the samples that hit a strand
-//   any name   1 ... 4   that curve attribute, mean over the samples that hit a curve which carries it; of one that
+//   any name   1 ... 4   that attribute, mean over the samples that hit a curve or mesh which carries it; of one that
 //                        is a name (discrete: an id) the value of the first such sample
 #pragma once
 

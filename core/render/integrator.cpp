@@ -69,9 +69,9 @@ struct RenderContext {
     CameraRays camera;
     FilterSampler filter;
     Material fallback;
-    std::vector<const CurveAttributeValues*> tints;  // [curve geometry]
-    std::vector<const CurveAttributeValues*> ids;    // [curves] or nullptr: each strand's own number
-    std::vector<const CurveAttributeValues*> layers; // [curve geometry * film layers + layer]
+    std::vector<const AttributeValues*> tints;  // [geometry ID]
+    std::vector<const AttributeValues*> ids;    // [geometry ID] or nullptr: each strand's own number
+    std::vector<const AttributeValues*> layers; // [geometry ID * film layers + layer]
     bool moves;
     float pixel_angle; // radians
     bool wants_albedo = false;
@@ -101,14 +101,60 @@ const Material& material_of(const RenderContext& context, int index) {
 
 void find_attributes(RenderContext& context, const Film& film) {
     for (const FilmLayer& layer : film.layers) context.wants_albedo |= layer.kind == LayerKind::albedo;
-    for (const CurveGeometry& curves : context.world.curves) {
-        context.tints.push_back(find_attribute(curves, material_of(context, curves.material).tint));
-        const CurveAttributeValues* ids = find_attribute(curves, "id");
-        context.ids.push_back(ids && ids->components == 1 && !ids->per_cv ? ids : nullptr);
+    const auto add = [&](const std::vector<AttributeValues>& attributes, int material) {
+        context.tints.push_back(find_attribute(attributes, material_of(context, material).tint));
+        const AttributeValues* ids = find_attribute(attributes, "id");
+        context.ids.push_back(ids && ids->components == 1 && ids->rate == MARRAM_PER_CURVE ? ids : nullptr);
         for (const FilmLayer& layer : film.layers)
-            context.layers.push_back(layer.kind == LayerKind::attribute ? find_attribute(curves, layer.name)
-                                                                        : nullptr);
+            context.layers.push_back(
+                layer.kind == LayerKind::attribute ? find_attribute(attributes, layer.name) : nullptr);
+    };
+    for (const MeshGeometry& mesh : context.world.meshes) add(mesh.attributes, mesh.material);
+    for (const CurveGeometry& curves : context.world.curves) add(curves.attributes, curves.material);
+}
+
+// The value of an attribute where a ray has hit; unused components are 0.
+std::array<float, 4> value_at(const RenderContext& context, const AttributeValues& attribute,
+                              const SurfacePoint& at) {
+    std::array<float, 4> values{};
+    const World& world = context.world;
+    if (at.geometry < world.meshes.size())
+        attribute_at(world.meshes[at.geometry], attribute, at, values.data());
+    else
+        attribute_at(world.curves[at.geometry - world.meshes.size()], attribute, at, values.data());
+    return values;
+}
+
+const std::vector<AttributeValues>& attributes_of(const World& world, uint32_t geometry) {
+    return geometry < world.meshes.size() ? world.meshes[geometry].attributes
+                                          : world.curves[geometry - world.meshes.size()].attributes;
+}
+
+// The material at a point: of a blend one of its two, by a hash of where the path is and where it comes from.
+const Material& material_at(const RenderContext& context, const SurfacePoint& at, const Vec3f& wo) {
+    const Material* material = &material_of(context, at.material);
+    for (uint64_t depth = 0; const auto* blend = std::get_if<BlendSettings>(&material->settings); ++depth) {
+        const AttributeValues* attribute =
+            find_attribute(attributes_of(context.world, at.geometry), blend->attribute);
+        const double value = attribute ? double(value_at(context, *attribute, at)[0]) : 0.0;
+        uint64_t h = depth;
+        for (int axis = 0; axis < 3; ++axis)
+            h = hash(hash(h, std::bit_cast<uint64_t>(at.position[axis])), std::bit_cast<uint32_t>(wo[axis]));
+        material = &material_of(context, chosen(*blend, value, unit_double(h)));
     }
+    return *material;
+}
+
+// Ids are discrete: never average them. Hash the id to a tint in [0, 1].
+float tint_at(const RenderContext& context, const Material& material, const SurfacePoint& at) {
+    if (material.tint.empty()) return 0.0F;
+    const bool own = &material == &material_of(context, at.material); // else a part of a blend
+    const AttributeValues* tint =
+        own ? context.tints[at.geometry]
+            : find_attribute(attributes_of(context.world, at.geometry), material.tint);
+    if (!tint) return 0.0F;
+    const float value = value_at(context, *tint, at)[0];
+    return tint->discrete ? unit_float(mix32(std::bit_cast<uint32_t>(value))) : value;
 }
 
 // In uv, of a width along a triangle.
@@ -124,8 +170,8 @@ float uv_width(const RenderContext& context, const SurfacePoint& at, float width
     return at.area > 0.0F ? width * std::sqrt(area / at.area) : 0.0F;
 }
 
-ShadingPoint shading_point(const RenderContext& context, const SurfacePoint& at, const Vec3f& wo,
-                           float width) {
+ShadingPoint shading_point(const RenderContext& context, const Material& material, const SurfacePoint& at,
+                           const Vec3f& wo, float width) {
     ShadingPoint point;
     point.wo = wo;
     point.geometric_normal = at.geometric_normal;
@@ -135,6 +181,7 @@ ShadingPoint shading_point(const RenderContext& context, const SurfacePoint& at,
     point.fibre = at.shape != PointShape::triangle;
     point.position = at.position;
     point.footprint = width;
+    point.tint = tint_at(context, material, at);
     if (!point.fibre) {
         // Along the surface it is longer by the cosine one way: a square of the same area.
         const float onto = std::max(std::abs(at.geometric_normal.dot(wo)), 0.01F);
@@ -146,15 +193,9 @@ ShadingPoint shading_point(const RenderContext& context, const SurfacePoint& at,
     point.strand_u = at.strand_u;
     const uint32_t curves = at.geometry - static_cast<uint32_t>(context.world.meshes.size());
     // Strands that carry an id keep their looks when others come and go; an index does not.
-    const CurveAttributeValues* ids = context.ids[curves];
+    const AttributeValues* ids = context.ids[at.geometry];
     point.strand = static_cast<uint32_t>(
         hash(curves, ids ? std::bit_cast<uint32_t>(ids->values[at.strand]) : at.strand));
-    if (const CurveAttributeValues* tint = context.tints[curves]) {
-        std::array<float, 4> values{};
-        attribute_at(context.world.curves[curves], *tint, at, values.data());
-        // Ids are discrete: never average them. Hash the id to a tint in [0, 1].
-        point.tint = tint->discrete ? unit_float(mix32(std::bit_cast<uint32_t>(values[0]))) : values[0];
-    }
     return point;
 }
 
@@ -179,8 +220,9 @@ Vec3f direct_light(const RenderContext& context, const SurfacePoint& point, cons
         if (!(light.unused * nee_threshold < estimate)) return Vec3f::Zero();
         contribution *= nee_threshold / estimate;
     }
-    const Ray ray =
+    Ray ray =
         light.at_infinity ? spawn(point, direction, time) : spawn_towards(point, light.target, 0.0, time);
+    ray.mask = MARRAM_CASTS_SHADOWS;
     return occluded(context.world, ray, &counts) ? Vec3f::Zero() : contribution;
 }
 
@@ -242,8 +284,9 @@ PathRadiance trace(const RenderContext& context, Ray ray, float deviation, const
         if (last) light.cut_throughput = luminance(throughput);
         if (last && !(depth == 0 && context.wants_albedo)) return light;
         cone.width += cone.growth * point.distance;
-        const Bsdf bsdf = bsdf_at(material_of(context, point.material),
-                                  shading_point(context, point, -ray.direction, cone.width));
+        const Material& material = material_at(context, point, -ray.direction);
+        const Bsdf bsdf =
+            bsdf_at(material, shading_point(context, material, point, -ray.direction, cone.width));
         if (depth == 0 && context.wants_albedo) first.albedo = albedo(bsdf);
         if (last) return light;
         const uint32_t set = first_vertex_set + sets_a_vertex * depth;
@@ -260,6 +303,7 @@ PathRadiance trace(const RenderContext& context, Ray ray, float deviation, const
         bsdf_pdf = next.pdf;
         cone.growth = std::max(cone.growth, 1.0F / std::sqrt(static_cast<float>(pi) * next.pdf));
         ray = spawn(point, next.wi, ray.time);
+        ray.mask = MARRAM_CASTS_SHADOWS; // what light does not pass, indirect light does not either
     }
 }
 
@@ -289,13 +333,11 @@ void add(float value, double* sums) {
 
 void add_attribute(const RenderContext& context, const FilmLayer& layer, size_t layer_index,
                    size_t layer_count, const SurfacePoint& point, double* sums) {
-    const size_t curves = point.geometry - context.world.meshes.size();
-    const CurveAttributeValues* attribute = context.layers[curves * layer_count + layer_index];
+    const AttributeValues* attribute = context.layers[point.geometry * layer_count + layer_index];
     if (!attribute) return;
     // Discrete values cannot be averaged: a pixel keeps the first one.
     if (attribute->discrete && sums[layer.channels] > 0.0) return;
-    std::array<float, 4> values{};
-    attribute_at(context.world.curves[curves], *attribute, point, values.data());
+    const std::array<float, 4> values = value_at(context, *attribute, point);
     const std::array<double, 4> wide = {values[0], values[1], values[2], values[3]};
     add(wide.data(), layer.channels, sums);
 }
@@ -334,7 +376,7 @@ void add_sample(const RenderContext& context, const Vec3f& radiance, const First
             if (strand) add(first.point.strand_u, sums);
             break;
         case LayerKind::attribute:
-            if (strand) add_attribute(context, layer, i, film.layers.size(), first.point, sums);
+            if (first.hit) add_attribute(context, layer, i, film.layers.size(), first.point, sums);
             break;
         }
     }
@@ -345,8 +387,10 @@ Ray camera_ray(const RenderContext& context, const Film& film, uint32_t x, uint3
     const auto [film_x, film_y, a, b] = sampler.numbers(0);
     const bool has_lens = context.camera.has_lens();
     const float time = !context.moves ? 0.0F : has_lens ? sampler.numbers(time_set)[0] : a;
-    return context.camera((x + 0.5 + context.filter(film_x)) / film.width,
-                          (y + 0.5 + context.filter(film_y)) / film.height, {a, b}, time);
+    Ray ray = context.camera((x + 0.5 + context.filter(film_x)) / film.width,
+                             (y + 0.5 + context.filter(film_y)) / film.height, {a, b}, time);
+    ray.mask = MARRAM_SEEN_BY_CAMERA;
+    return ray;
 }
 
 struct Tile {

@@ -12,8 +12,8 @@
 namespace marram {
 namespace {
 
-const std::vector<std::string> table_names = {"camera",   "film", "wind",      "light",
-                                              "material", "mesh", "procedural"};
+const std::vector<std::string> table_names = {"camera",   "film", "wind",   "light",
+                                              "material", "mesh", "curves", "procedural"};
 
 // Every procedural may come from a library of its own, whether its declaration says so or not.
 const ParamSpec library_spec = {
@@ -88,12 +88,17 @@ void read_item(const toml::table& table, const std::string& kind, std::span<cons
     }
     const ItemSchema* schema = read_type(table, kind, label, schemas, reading);
     if (!schema) return;
+    if (!schema->unusable.empty())
+        return reading.report(place_of(*table.get("type"), reading),
+                              fmt::format("{} cannot be used: {}", in_quotes(schema->type), schema->unusable),
+                              "use a library and a program of the same version");
     item.type = schema->type;
     TableToRead job;
     job.table = &table;
     job.place = item.place;
     job.address = label;
     job.specs = pointers(schema->params);
+    job.lists = schema->lists;
     job.others = {"name", "type"};
     bool has_library = kind != "procedural";
     for (const ParamSpec& spec : schema->params) has_library = has_library || spec.name == library_spec.name;
@@ -152,6 +157,7 @@ SceneDescription load_scene(const std::string& file, const std::vector<std::stri
     read_items(root, "light", schema.lights, scene.lights, names, reading);
     read_items(root, "material", schema.materials, scene.materials, names, reading);
     read_items(root, "mesh", schema.meshes, scene.meshes, names, reading);
+    read_items(root, "curves", schema.curves, scene.curves, names, reading);
     read_items(root, "procedural", schema.procedurals, scene.procedurals, names, reading);
     check_names(names, reading);
     check_rules(scene, names, reading);

@@ -41,7 +41,7 @@ std::string read_file(const std::string& file) {
     return text;
 }
 
-std::string mend(std::string_view description) {
+std::string fix(std::string_view description) {
     auto says = [&](std::string_view words) { return description.find(words) != std::string_view::npos; };
     if (says("redefine")) return "say it once, in one place";
     if (says("utf-8")) return "save the file as UTF-8";
@@ -105,7 +105,7 @@ toml::table parse_scene(Reading& reading) {
         std::string what(error.description());
         constexpr std::string_view prefix = "Error while parsing ";
         if (what.starts_with(prefix)) what = fmt::format("mistake in the {}", what.substr(prefix.size()));
-        throw InputError(place_of(error.source(), reading), what, mend(what));
+        throw InputError(place_of(error.source(), reading), what, fix(what));
     }
 }
 

@@ -126,6 +126,7 @@ void check_all_references(const SceneDescription& scene, const std::vector<Name>
     check("light", scene.lights);
     check("material", scene.materials);
     check("mesh", scene.meshes);
+    check("curves", scene.curves);
     check("procedural", scene.procedurals);
 }
 
@@ -134,7 +135,8 @@ void check_all_references(const SceneDescription& scene, const std::vector<Name>
 void check_names(const std::vector<Name>& names, Reading& reading) {
     std::map<std::pair<std::string, std::string>, const Name*> first;
     for (const Name& name : names) {
-        const std::string space = name.kind == "procedural" ? "mesh" : name.kind;
+        const bool geometry = name.kind == "procedural" || name.kind == "curves";
+        const std::string space = geometry ? "mesh" : name.kind;
         const auto [entry, is_new] = first.try_emplace({space, name.name}, &name);
         if (is_new) continue;
         const Name& other = *entry->second;

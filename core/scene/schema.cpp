@@ -3,6 +3,9 @@
 // prints it.
 #include "core/scene/description.h"
 
+#include <algorithm>
+#include <iterator>
+
 namespace marram {
 namespace {
 
@@ -20,11 +23,10 @@ std::vector<ParamSpec> global_params() {
         {"bind_frame", number, "frames", "none", -late, late, "",
          "frame at which strands are rooted; default: the first of `frames`"},
         {"tolerance", number, "m", "0.001", 0, far, "",
-         "what approximations may be off by; 0: a thousandth of each strand's length, or less"},
+         "largest error that approximations may have; 0: a thousandth of each strand's length, or less"},
         {"tolerance_pixels", number, "pixels", "none", 1e-4, 1e4, "",
-         "the same, in pixels of the film as large as they are at camera.target; motion keys and straight "
-         "pieces "
-         "follow each strand's own distance, other dials let what is nearer be off by more"},
+         "the same in pixels at camera.target; motion keys and straight pieces follow each strand's own "
+         "distance, other settings allow nearer strands more"},
     };
 }
 
@@ -53,30 +55,26 @@ std::vector<ParamSpec> film_params() {
         {"filter", choice, "", "blackman-harris", -any, any, "box|triangle|gaussian|blackman-harris",
          "how samples are weighted around a pixel"},
         {"filter_radius", number, "pixels", "1.5", 0.5, 8, "",
-         "reach of the filter; 0.5 with a box is the bare pixel"},
+         "radius of the filter; 0.5 with a box is the plain pixel"},
         {"exposure", number, "stops", "0", -32, 32, "",
          "gain of PNG pictures, 2^exposure; EXR pictures stay linear"},
         {"max_depth", integer, "", "12", 0, 1024, "",
          "bounces of a path; 0: light sources only, 1: direct light"},
-        {"aovs", texts, "", "[]", -any, any, "", "image layers besides the colour"},
+        {"aovs", texts, "", "[]", -any, any, "", "image layers besides the picture"},
         {"noise", number, "", "0", 0, 1, "",
-         "a pixel is done once its standard deviation is below this share of its brightness; `samples` is "
-         "the most "
-         "then; 0: all have as many"},
+         "stop a pixel once the standard deviation of its mean is below this share of its brightness; "
+         "samples is the limit then; 0: off"},
         {"clamp", number, "W/(m^2 sr)", "0", 0, bright, "",
-         "the most that a sample may bring by way of more than one surface, in its greatest channel: takes "
-         "speckles, and the light that they stood for (its share is printed); 0: no limit"},
+         "largest indirect radiance of a sample, in its greatest channel: removes fireflies, and their light "
+         "(its share is printed); 0: off"},
         {"seed", integer, "", "0", 0, 2147483647, "",
-         "another pattern of noise in the picture; strands stay"},
+         "seed of the noise in the picture; strands do not change"},
         {"motion_keys", integer, "", "none", 2, 64, "",
          "motion samples over the shutter; default: as many as meshes and strands need to stay within the "
          "tolerance"},
         {"curve_pieces", integer, "", "none", 0, 64, "",
-         "straight pieces that each segment of a round curve or a ribbon is traced as, 0: the cubic; "
-         "default: as "
-         "few as stay within half of the tolerance and a quarter of a pixel, the cubic where more than 4 "
-         "would be "
-         "needed"},
+         "straight pieces a segment of round curves and ribbons, 0: cubic; default: the fewest within half "
+         "of the tolerance and a quarter of a pixel, cubic if more than 4 are needed"},
     };
 }
 
@@ -87,6 +85,7 @@ ItemSchema mesh_type(const char* type, const char* help, std::vector<ParamSpec> 
         {"transform", keys, "", "{}", -any, any, "",
          "{ translate, rotate, scale } or { keys = [{ frame, ... }, ...], interpolation }: scale, then "
          "rotate about x, y, z in degrees, then translate"});
+    std::ranges::move(role_params(), std::back_inserter(params));
     return {type, help, std::move(params)};
 }
 
@@ -118,7 +117,28 @@ std::vector<ItemSchema> mesh_types() {
     };
 }
 
+std::vector<ItemSchema> curves_types() {
+    const ParamSpec closed = {"closed", boolean, "", "false",
+                              -any,     any,     "", "join the last point to the first"};
+    return {{"points",
+             "a polyline through points",
+             {{"points", points, "m", "", -far, far, "", "[[x, y, z], ...], at least 2"}, closed}},
+            {"file",
+             "the polylines of a file",
+             {{"file", file, "", "", -any, any, "", "an .obj file with l elements"}, closed}}};
+}
+
 } // namespace
+
+std::vector<ParamSpec> role_params() {
+    const auto role = [](const char* name, const char* help) {
+        return ParamSpec{name, boolean, "", "true", -any, any, "", help};
+    };
+    return {role("collides", "strands do not enter it"),
+            role("shelters", "strands behind it stand in its lee"),
+            role("casts_shadows", "light does not pass through it"),
+            role("seen_by_camera", "the camera sees it")};
+}
 
 Schema scene_schema() {
     Schema schema;
@@ -126,6 +146,7 @@ Schema scene_schema() {
     schema.camera = camera_params();
     schema.film = film_params();
     schema.meshes = mesh_types();
+    schema.curves = curves_types();
     return schema;
 }
 

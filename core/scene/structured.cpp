@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The values with an inner life: ramps, keyed transforms, paths.
+// Values with parts: ramps, keyed transforms, points, paths.
 #include "core/scene/suggest.h"
 #include "core/scene/values.h"
 #include "core/scene/words.h"
@@ -169,6 +169,22 @@ bool read_keys(const toml::node& node, const ParamSpec& spec, const std::string&
         return false;
     }
     return read_keyed(*keys->as_array(), label, value, reading) && good;
+}
+
+bool read_points(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
+                 Reading& reading) {
+    const toml::array* list = node.as_array();
+    if (!list || list->empty()) {
+        reading.report(place_of(node, reading), fmt::format("{} is {}", label, found(node)),
+                       "give " + wanted(spec));
+        return false;
+    }
+    bool good = true;
+    for (size_t i = 0; i < list->size(); ++i)
+        good = read_numbers(*list->get(i), spec, 3, false, fmt::format("point {} of {}", i + 1, label),
+                            value.numbers, reading) &&
+               good;
+    return good;
 }
 
 bool read_path(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,

@@ -72,6 +72,10 @@ void report_unknown(const toml::key& key, const std::string& prefix, const Table
         }
     }
     if (prefix.empty()) {
+        for (const ListSchema& list : job.lists) {
+            add_once(all, list.name);
+            add_once(here, list.name);
+        }
         all.insert(all.end(), job.others.begin(), job.others.end());
         here.insert(here.end(), job.others.begin(), job.others.end());
     }
@@ -133,6 +137,48 @@ void take_list(const toml::key& key, const toml::node& node, const std::string& 
     given.elements.put_list({name, list->size()});
 }
 
+// The tables of a list whose elements have types of their own.
+void take_typed_list(const toml::node& node, const ListSchema& schema, const TableToRead& job, Given& given,
+                     Reading& reading) {
+    const std::string label = label_of(schema.name, job);
+    const toml::array* list = node.as_array();
+    if (!list)
+        return reading.report(place_of(node, reading), fmt::format("{} is {}", label, found(node)),
+                              "give a list of tables, each with its type, in double brackets");
+    for (size_t i = 0; i < list->size(); ++i) {
+        const toml::node& entry = *list->get(i);
+        const std::string name = fmt::format("{}[{}]", schema.name, i), shown = join(job.address, name);
+        TableToRead element;
+        element.table = entry.as_table();
+        element.place = place_of(entry, reading);
+        if (!element.table) {
+            reading.report(element.place, fmt::format("{} is {}", shown, found(entry)),
+                           "give a table with a type");
+            continue;
+        }
+        const toml::node* type = element.table->get("type");
+        if (!type) {
+            reading.report(element.place, fmt::format("{} has no type", shown),
+                           "add type = " + wanted(schema.type));
+            continue;
+        }
+        std::optional<ParamValue> value = read_value(*type, schema.type, shown + ".type", reading);
+        if (!value) continue;
+        const auto one = std::ranges::find(schema.types, value->text, &ItemSchema::type);
+        value->name = name + ".type";
+        given.elements.put(std::move(*value));
+        element.address = job.address;
+        element.prefix = name + ".";
+        element.specs = pointers(one->params);
+        element.others = {"type"};
+        const ParamSet params = read_table(element, reading);
+        for (const ParamValue& inner : params.all()) given.elements.put(inner);
+        for (const ParamList& inner : params.lists())
+            given.elements.put_list({name + "." + inner.name, inner.size});
+    }
+    given.elements.put_list({schema.name, list->size()});
+}
+
 // Nested tables make dotted names: the walk goes down as long as a declared name goes on.
 void walk(const toml::table& table, const std::string& prefix, const TableToRead& job, Given& given,
           Reading& reading) {
@@ -140,6 +186,11 @@ void walk(const toml::table& table, const std::string& prefix, const TableToRead
         const std::string name = prefix + std::string(key.str());
         if (prefix.empty() && std::find(job.others.begin(), job.others.end(), name) != job.others.end())
             continue;
+        if (const auto list = std::ranges::find(job.lists, name, &ListSchema::name);
+            prefix.empty() && list != job.lists.end()) {
+            take_typed_list(node, *list, job, given, reading);
+            continue;
+        }
         const std::string inner = name + ".", element = name + std::string(list_mark);
         const ParamSpec* exact = nullptr;
         bool nests = false, lists = false;

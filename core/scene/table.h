@@ -11,6 +11,7 @@ struct TableToRead {
     Place place;                        // of the table
     std::string address;                // as --set has it: "" for globals, "film", "mesh.hill"
     std::vector<const ParamSpec*> specs;
+    std::span<const ListSchema> lists{}; // of elements with types of their own
     // Where the table is an element of a list: how declared names begin, "gusts.control[].", and what stands for that in
     // names of values, "gusts.control[1]."
     std::string declared_prefix, prefix;

@@ -97,8 +97,11 @@ bool read_into(const toml::node& node, const ParamSpec& spec, const std::string&
         return read_ramp(node, spec, label, value, reading);
     case ParamType::keys:
         return read_keys(node, spec, label, value, reading);
+    case ParamType::points:
+        return read_points(node, spec, label, value, reading);
     case ParamType::file:
     case ParamType::image:
+    case ParamType::table:
         return read_path(node, spec, label, value, reading);
     case ParamType::unavailable:
         break; // refused by name before its value is looked at
@@ -110,7 +113,7 @@ bool read_into(const toml::node& node, const ParamSpec& spec, const std::string&
 toml::table default_table(const ParamSpec& spec) {
     const bool texty = spec.type == ParamType::text || spec.type == ParamType::choice ||
                        spec.type == ParamType::reference || spec.type == ParamType::file ||
-                       spec.type == ParamType::image;
+                       spec.type == ParamType::image || spec.type == ParamType::table;
     const bool bare = texty && spec.initial.find_first_of("\"'") != 0;
     try {
         return toml::parse(bare ? fmt::format("value = '''{}'''", spec.initial) : "value = " + spec.initial);

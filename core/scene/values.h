@@ -43,6 +43,8 @@ bool read_ramp(const toml::node& node, const ParamSpec& spec, const std::string&
                Reading& reading);
 bool read_keys(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
                Reading& reading);
+bool read_points(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
+                 Reading& reading);
 bool read_path(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
                Reading& reading);
 

@@ -68,6 +68,10 @@ std::string wanted(const ParamSpec& spec) {
         return "the path of a file, in quotes";
     case ParamType::image:
         return "the path of an image, in quotes";
+    case ParamType::points:
+        return "[[x, y, z], ...]," + (bounds(spec).empty() ? " any numbers" : " numbers" + bounds(spec));
+    case ParamType::table:
+        return "the path of a CSV file of numbers, in quotes";
     case ParamType::reference:
         return fmt::format("the name of a {}, in quotes", spec.choices);
     case ParamType::texts:

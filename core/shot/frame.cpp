@@ -94,7 +94,7 @@ FrameFiles frame_files(double frame, const Shot& shot, uint64_t digest, const st
     if (!preview.empty()) files.preview = numbered(preview, frame);
     files.state = state_name(files.picture);
     files.samples_digest = fmt::format("{:016x}", hash(digest, std::bit_cast<uint64_t>(frame)));
-    // Without the frame: OpenImageIO keeps every distinct text of metadata for ever, 8 KB each.
+    // Without the frame: OpenImageIO never frees a distinct text of metadata, 8 KB each.
     files.digest = fmt::format("{:016x}", hash(digest, uint64_t(shot.description.film.integer("samples"))));
     return files;
 }
@@ -125,8 +125,7 @@ void check_layers(const Shot& shot, const std::vector<std::string>& more) {
     std::vector<std::string> known;
     for (const BuiltInLayer& layer : built_in_layers()) known.emplace_back(layer.name);
     for (const auto& procedural : shot.geometry.procedurals)
-        for (uint32_t i = 0; i < procedural->type().attribute_count; ++i)
-            known.emplace_back(procedural->type().attributes[i].name);
+        for (const MarramAttribute& attribute : procedural->attributes()) known.emplace_back(attribute.name);
     std::ranges::sort(known);
     known.erase(std::unique(known.begin(), known.end()), known.end());
     const auto check = [&](const std::vector<std::string>& names, const Place& place) {
@@ -145,6 +144,7 @@ World build_frame(Frame& frame) {
     frame.settings.seconds = frame.options.seconds;
     BuildSettings settings = build_settings(frame.shot, frame.files.frame);
     settings.attributes = wanted_attributes(frame.shot, frame.layers);
+    settings.camera = camera_samples(frame.shot, frame.files.frame);
     World world =
         build_world(frame.shot.geometry, settings, frame.cancel, frame.progress.build, frame.stats.build);
     check_target(frame);

@@ -36,7 +36,7 @@ LightImage read(const ParamValue& file, double strength, std::vector<std::string
         throw InputError(file.place,
                          fmt::format("\"{}\" is as bright as {:.3g} times strength, {:.0e} is allowed",
                                      file.text, brightest, most),
-                         "mend its hot pixels, or use less strength");
+                         "fix its hot pixels, or use less strength");
     return light;
 }
 

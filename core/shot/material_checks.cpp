@@ -8,66 +8,93 @@
 namespace marram {
 namespace {
 
+// What a material is on: a mesh of the scene, or what a procedural makes.
+struct Place3D {
+    const Item& item;
+    const Procedural* procedural; // nullptr for a mesh of the scene
+    bool is_mesh, moves;
+};
+
+// The material and, of a blend, all that it is made of.
+std::vector<size_t> parts_of(const Shot& shot, size_t material) {
+    std::vector<size_t> parts = {material};
+    for (size_t i = 0; i < parts.size(); ++i)
+        if (const auto* blend = std::get_if<BlendSettings>(&shot.materials[parts[i]].settings))
+            for (const int part : blend->materials)
+                if (std::ranges::find(parts, size_t(part)) == parts.end()) parts.push_back(size_t(part));
+    return parts;
+}
+
 // What materials cannot do on a mesh.
-void check_on_mesh(const Item& material, const Item& item, bool moves, std::vector<std::string>& warnings) {
+void check_on_mesh(const Item& material, const Place3D& on, std::vector<std::string>& warnings) {
     const auto shader = std::ranges::find(shaders(), material.type, &ShaderDescription::name);
     if (shader->strands_only)
-        throw InputError(item.params.at("material").place,
+        throw InputError(on.item.params.at("material").place,
                          fmt::format("'{}' is a mesh, and '{}' of type {}, which strands alone can have",
-                                     item.name, material.name, material.type),
+                                     on.item.name, material.name, material.type),
                          "give it another material, such as one of type surface");
-    if (material.type == "sand" && moves)
+    if (material.type == "sand" && on.moves)
         warnings.push_back(
             fmt::format("{}: '{}' moves: its sand's ripples and glints stay where they are in the world",
-                        to_string(item.place), item.name));
+                        to_string(on.item.place), on.item.name));
+}
+
+// The attributes that a material asks for, by the parameters that name them.
+std::vector<std::pair<const char*, std::string>> wanted_attributes_of(const Material& material) {
+    std::vector<std::pair<const char*, std::string>> wanted;
+    if (!material.tint.empty()) wanted.emplace_back("tint", material.tint);
+    if (const auto* blend = std::get_if<BlendSettings>(&material.settings))
+        wanted.emplace_back("attribute", blend->attribute);
+    return wanted;
+}
+
+void check_attributes(const Item& material, const Material& settings, const Place3D& on) {
+    for (const auto& [parameter, wanted] : wanted_attributes_of(settings)) {
+        const Place& place = material.params.at(parameter).place;
+        if (!on.procedural)
+            throw InputError(
+                place,
+                fmt::format("'{}' asks for an attribute, but is on the mesh '{}', which has none",
+                            material.name, on.item.name),
+                fmt::format("leave {} out, or use the material on what a procedural makes", parameter));
+        std::vector<std::string> known;
+        for (const MarramAttribute& attribute : on.procedural->attributes())
+            if (attribute.components == 1) known.emplace_back(attribute.name);
+        if (std::ranges::find(known, wanted) == known.end())
+            throw InputError(place,
+                             fmt::format("'{}' has no attribute '{}' of one number to {} by", on.item.name,
+                                         wanted, std::string_view(parameter) == "tint" ? "tint" : "blend"),
+                             fmt::format("choose among {}", fmt::join(known, ", ")));
+    }
 }
 
 } // namespace
 
-// A material tints by an attribute that the curves it is on carry, of one number.
 std::vector<std::string> check_materials(const Shot& shot) {
     std::vector<std::string> warnings;
-    const auto& materials = shot.description.materials;
-    std::vector<const Item*> on_mesh(materials.size());
-    std::vector<bool> on_strands(materials.size());
+    const std::vector<Item>& materials = shot.description.materials;
+    // Of a tint: it may be on meshes as well, which have no attributes, as long as it is on something that has.
+    std::vector<bool> on_procedural(materials.size());
+    for (const auto& procedural : shot.geometry.procedurals)
+        if (procedural->material >= 0)
+            for (const size_t part : parts_of(shot, size_t(procedural->material))) on_procedural[part] = true;
+    const auto check = [&](int material, const Place3D& on) {
+        if (material < 0) return;
+        for (const size_t part : parts_of(shot, size_t(material))) {
+            if (on.is_mesh) check_on_mesh(materials[part], on, warnings);
+            const bool blend = std::holds_alternative<BlendSettings>(shot.materials[part].settings);
+            if (on.procedural || blend || !on_procedural[part])
+                check_attributes(materials[part], shot.materials[part], on);
+        }
+    };
     for (size_t i = 0; i < shot.geometry.meshes.size(); ++i) {
         const SceneMesh& mesh = shot.geometry.meshes[i];
-        if (mesh.material < 0) continue;
-        on_mesh[size_t(mesh.material)] = &shot.description.meshes[i];
-        check_on_mesh(materials[size_t(mesh.material)], shot.description.meshes[i], mesh.moves(), warnings);
+        check(mesh.material, {shot.description.meshes[i], nullptr, true, mesh.moves()});
     }
     for (size_t i = 0; i < shot.geometry.procedurals.size(); ++i) {
         const Procedural& procedural = *shot.geometry.procedurals[i];
-        if (procedural.material < 0) continue;
-        if (procedural.type().kind == MARRAM_MESH) {
-            on_mesh[size_t(procedural.material)] = &shot.description.procedurals[i];
-            check_on_mesh(materials[size_t(procedural.material)], shot.description.procedurals[i], false,
-                          warnings);
-        } else {
-            on_strands[size_t(procedural.material)] = true;
-        }
-    }
-    for (size_t i = 0; i < materials.size(); ++i)
-        if (!shot.materials[i].tint.empty() && on_mesh[i] && !on_strands[i])
-            throw InputError(
-                materials[i].params.at("tint").place,
-                fmt::format("'{}' tints by an attribute of strands, but is on the mesh '{}' alone",
-                            materials[i].name, on_mesh[i]->name),
-                "leave tint out");
-    for (const auto& procedural : shot.geometry.procedurals) {
-        const MarramProcedural& type = procedural->type();
-        if (procedural->material < 0 || type.kind == MARRAM_MESH) continue;
-        const std::string& tint = shot.materials[size_t(procedural->material)].tint;
-        if (tint.empty()) continue;
-        const Item& material = materials[size_t(procedural->material)];
-        std::vector<std::string> known;
-        for (uint32_t i = 0; i < type.attribute_count; ++i)
-            if (type.attributes[i].components == 1) known.emplace_back(type.attributes[i].name);
-        if (std::ranges::find(known, tint) == known.end())
-            throw InputError(
-                material.params.at("tint").place,
-                fmt::format("'{}' has no attribute '{}' of one number to tint by", procedural->name(), tint),
-                fmt::format("choose among {}", fmt::join(known, ", ")));
+        check(procedural.material,
+              {shot.description.procedurals[i], &procedural, procedural.kind() == MARRAM_MESH, false});
     }
     return warnings;
 }

@@ -6,8 +6,8 @@
 
 namespace marram {
 
-// Throws InputError for a shader of strands on a mesh, and for a tint by an attribute that no strand with this material carries;
-// warns on stderr of sand on a mesh that moves.
+// Throws InputError for a shader of strands on a mesh, and for a tint or blend by an attribute that what the material is on does not
+// carry. Returns warnings: sand on a mesh that moves.
 std::vector<std::string> check_materials(const Shot& shot);
 
 } // namespace marram

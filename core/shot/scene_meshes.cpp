@@ -2,6 +2,7 @@
 #include "core/shot/scene_meshes.h"
 
 #include "core/geometry/build.h"
+#include "core/geometry/polylines.h"
 #include "core/image/image.h"
 #include "core/shot/frame_name.h"
 
@@ -72,6 +73,26 @@ Mesh load_scene_mesh(const Item& item) {
             if (problem.place.file.empty()) problem.place = item.place;
         throw InputError(std::move(problems));
     }
+}
+
+SceneCurves load_scene_curves(const Item& item) {
+    SceneCurves curves;
+    curves.name = item.name;
+    const bool closed = item.params.boolean("closed");
+    const auto add = [&](const std::vector<Vec3d>& points, const Place& place) {
+        if (points.size() < 2) throw InputError(place, "a curve has fewer than 2 points", "give 2 or more");
+        curves.add(points, closed);
+    };
+    if (item.type == "file") {
+        const std::string& file = item.params.text("file");
+        for (const std::vector<Vec3d>& line : load_polylines(file)) add(line, {file});
+    } else {
+        const ParamValue& value = item.params.at("points");
+        std::vector<Vec3d> points;
+        for (size_t i = 0; i < value.numbers.size(); i += 3) points.emplace_back(value.numbers.data() + i);
+        add(points, value.place);
+    }
+    return curves;
 }
 
 // The shapes of a mesh that deforms; `first` is of the first of its files.

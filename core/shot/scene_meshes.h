@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The [[mesh]] tables of a scene file as meshes. Types and parameters: core/scene/schema.cpp.
+// The [[mesh]] tables of a scene file as meshes, and the [[curves]] tables. Types and parameters: core/scene/schema.cpp.
 #pragma once
 
 #include "core/geometry/scene_mesh.h"
@@ -17,6 +17,9 @@ std::vector<std::pair<double, std::string>> mesh_files(const Item& item);
 
 // Throws InputError with the place of the table where no file is to blame.
 Mesh load_scene_mesh(const Item& item);
+
+// A [[curves]] table. Throws InputError for curves of fewer than 2 points.
+SceneCurves load_scene_curves(const Item& item);
 
 // All shapes of a mesh that deforms, empty for one that does not. `first` is the mesh of its first file.
 std::vector<MeshShape> load_shapes(const Item& item, const Mesh& first, const std::atomic<bool>& cancel);

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <tuple>
 
 namespace marram {
 
@@ -39,6 +40,7 @@ BuildSettings build_settings(const Shot& shot, double frame) {
         const CameraPose& pose = camera.poses[i * last / looks];
         settings.view.later.emplace_back(pose.position, ahead(pose));
     }
+    settings.state_folder = shot.state_folder;
     settings.tolerance = globals.number("tolerance");
     if (globals.has("tolerance_pixels")) {
         settings.view.pixels_at =
@@ -51,6 +53,23 @@ BuildSettings build_settings(const Shot& shot, double frame) {
     if (description.film.has("curve_pieces"))
         settings.curve_pieces = description.film.integer("curve_pieces");
     return settings;
+}
+
+CameraSamples camera_samples(const Shot& shot, double frame) {
+    const Camera camera = camera_at(shot.description, frame);
+    const Vec2d shutter = shot.description.camera.vec2("shutter");
+    CameraSamples samples;
+    const auto last = double(std::max<size_t>(camera.poses.size() - 1, 1));
+    for (size_t i = 0; i < camera.poses.size(); ++i) {
+        const CameraPose& pose = camera.poses[i];
+        samples.times.push_back(frame + shutter.x() + (shutter.y() - shutter.x()) * double(i) / last);
+        samples.positions.push_back(pose.position);
+        samples.directions.emplace_back(pose.orientation * -Vec3d::UnitZ());
+        samples.ups.emplace_back(pose.orientation * Vec3d::UnitY());
+    }
+    samples.fov = camera.vertical_fov;
+    std::tie(samples.width, samples.height) = film_size(shot);
+    return samples;
 }
 
 RenderSettings render_settings(const Shot& shot, double frame) {
@@ -73,8 +92,11 @@ RenderSettings render_settings(const Shot& shot, double frame) {
 
 std::vector<std::string> wanted_attributes(const Shot& shot, const std::vector<std::string>& layers) {
     std::vector<std::string> names = layers;
-    for (const Material& material : shot.materials)
+    for (const Material& material : shot.materials) {
         if (!material.tint.empty()) names.push_back(material.tint);
+        if (const auto* blend = std::get_if<BlendSettings>(&material.settings))
+            names.push_back(blend->attribute);
+    }
     names.emplace_back("id"); // strands differ by it, whatever grows beside them
     std::ranges::sort(names);
     names.erase(std::unique(names.begin(), names.end()), names.end());

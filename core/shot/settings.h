@@ -15,6 +15,8 @@ namespace marram {
 std::pair<uint32_t, uint32_t> film_size(const Shot& shot); // pixels
 
 BuildSettings build_settings(const Shot& shot, double frame);
+// The camera over the shutter, for render meshes.
+CameraSamples camera_samples(const Shot& shot, double frame);
 RenderSettings render_settings(const Shot& shot, double frame);
 
 // Curve attributes that materials and image layers need.

@@ -21,12 +21,12 @@ namespace fs = std::filesystem;
 
 void add_library(PluginSet& plugins, const std::string& key, const std::string& path, const Place& place) {
     auto library = std::make_shared<PluginLibrary>(path, place);
-    for (ItemSchema& schema : procedural_schemas(library->table())) {
+    for (ItemSchema& schema : procedural_schemas(*library)) {
         const auto same = [&](const ItemSchema& known) { return known.type == schema.type; };
         if (std::ranges::none_of(plugins.schema.procedurals, same))
             plugins.schema.procedurals.push_back(std::move(schema));
     }
-    if (plugins.schema.wind.empty()) plugins.schema.wind = wind_specs(library->table());
+    if (plugins.schema.wind.empty()) plugins.schema.wind = wind_specs(*library);
     plugins.libraries[key] = std::move(library);
 }
 
@@ -73,6 +73,11 @@ void shine(SceneMesh& mesh, const std::vector<Item>& lights, size_t by) {
                                      lights[size_t(mesh.light)].name),
                          "add their radiances up in one light");
     mesh.light = int(by);
+    // A path that is sent to the light and one that finds it by chance must agree on what stands between.
+    if ((mesh.roles & MARRAM_CASTS_SHADOWS) == 0)
+        throw InputError(lights[by].params.at("mesh").place,
+                         fmt::format("mesh \"{}\" shines but casts no shadows", mesh.name),
+                         "leave its casts_shadows out");
 }
 
 LightDescription make_light(const Item& item, std::vector<LightDescription>& suns,
@@ -81,11 +86,30 @@ LightDescription make_light(const Item& item, std::vector<LightDescription>& sun
     return type->make(item.params, light_image_reader(warnings), suns);
 }
 
+// Finds the materials that blends name. Throws InputError for one that holds itself.
+void resolve_blends(Shot& shot) {
+    const std::vector<Item>& items = shot.description.materials;
+    for (size_t i = 0; i < items.size(); ++i)
+        if (auto* blend = std::get_if<BlendSettings>(&shot.materials[i].settings))
+            for (int part = 0; part < 2; ++part) blend->materials[part] = index_of(items, blend->names[part]);
+    std::function<void(size_t, size_t)> visit = [&](size_t i, size_t depth) {
+        const auto* blend = std::get_if<BlendSettings>(&shot.materials[i].settings);
+        if (!blend) return;
+        if (depth > items.size())
+            throw InputError(items[i].place,
+                             fmt::format("material \"{}\" is a blend of itself", items[i].name),
+                             "let it blend other materials");
+        for (const int part : blend->materials) visit(size_t(part), depth + 1);
+    };
+    for (size_t i = 0; i < items.size(); ++i) visit(i, 0);
+}
+
 void load_meshes(Shot& shot, const std::atomic<bool>& cancel, Objections& objections) {
     const SceneDescription& description = shot.description;
     for (const Item& item : description.meshes) {
         if (cancel.load()) throw Cancelled{};
         SceneMesh mesh{item.name, {}, {}, material_of(description, item), -1};
+        mesh.roles = role_bits(item.params);
         const ParamValue& keys = item.params.at("transform");
         mesh.transform = KeyedTransform(keys.numbers, keys.text);
         objections([&] {
@@ -147,7 +171,7 @@ SceneDescription describe(const std::string& file, const std::vector<std::string
             };
             if (std::ranges::none_of(error.problems, said))
                 problems.push_back({library.place, "there is no file \"" + library.path + "\"",
-                                    "build the library, or mend its path"});
+                                    "build the library, or correct its path"});
         }
         for (const Problem& problem : error.problems)
             if (missing.empty() || problem.what.find("is no type of procedural") == std::string::npos)
@@ -160,6 +184,8 @@ SceneDescription describe(const std::string& file, const std::vector<std::string
 
 Shot load_shot(const std::string& file, const Overrides& overrides, const std::atomic<bool>& cancel) {
     Shot shot;
+    shot.state_folder = overrides.state_folder.empty() ? fs::path(file).replace_extension(".states").string()
+                                                       : overrides.state_folder;
     std::vector<std::string> settings;
     apply(overrides, settings);
     shot.plugins = std::make_unique<PluginSet>(default_plugins());
@@ -169,16 +195,25 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
     Objections objections;
     for (const Item& item : description.materials)
         objections([&] { shot.materials.push_back(make_material(item.type, item.params, open_texture)); });
+    if (shot.materials.size() == description.materials.size()) objections([&] { resolve_blends(shot); });
     std::vector<LightDescription> suns; // of daylight: last, so that meshes find their lights by place
     for (const Item& item : description.lights)
         objections([&] { shot.lights.push_back(make_light(item, suns, shot.warnings)); });
     std::ranges::move(suns, std::back_inserter(shot.lights));
     load_meshes(shot, cancel, objections);
+    for (const Item& item : description.curves)
+        objections([&] { shot.geometry.curves.push_back(load_scene_curves(item)); });
+    for (const auto& [path, library] : shot.plugins->libraries) {
+        const std::vector<MarramReportEntry>& entries = library->report_entries();
+        shot.geometry.report_entries.insert(shot.geometry.report_entries.end(), entries.begin(),
+                                            entries.end());
+    }
     for (const Item& item : description.procedurals)
         objections([&] {
             auto procedural = std::make_unique<Procedural>(library_for(*shot.plugins, item), item,
                                                            description.wind, cancel);
             procedural->material = material_of(description, item);
+            procedural->roles = role_bits(item.params);
             shot.geometry.procedurals.push_back(std::move(procedural));
         });
     objections([&] { camera_at(description, description.globals.vec2("frames").x()); });
@@ -193,11 +228,12 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
 std::vector<std::string> files_read(const Shot& shot, const std::string& file) {
     std::vector<std::string> files = {file};
     const SceneDescription& description = shot.description;
-    for (const auto* items :
-         {&description.materials, &description.meshes, &description.lights, &description.procedurals})
+    for (const auto* items : {&description.materials, &description.meshes, &description.curves,
+                              &description.lights, &description.procedurals})
         for (const Item& item : *items)
             for (const ParamValue& value : item.params.all())
-                if (value.spec->type == ParamType::file || value.spec->type == ParamType::image)
+                if (value.spec->type == ParamType::file || value.spec->type == ParamType::image ||
+                    value.spec->type == ParamType::table)
                     files.push_back(value.text);
     for (const Item& mesh : description.meshes)
         if (mesh.params.has("file_frames"))

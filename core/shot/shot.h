@@ -33,6 +33,7 @@ struct Shot {
     std::vector<Material> materials;
     std::vector<LightDescription> lights;
     std::vector<std::string> warnings; // one line each, for people
+    std::string state_folder;          // where simulations keep their states
 };
 
 // What the command line says instead of the scene.
@@ -40,6 +41,7 @@ struct Overrides {
     std::vector<std::string> settings; // key=value
     std::optional<uint32_t> samples;
     std::optional<std::pair<uint32_t, uint32_t>> size;
+    std::string state_folder; // "": beside the scene, SCENE.states
 };
 
 // Reads everything a scene names: meshes, images, procedurals. Throws InputError with all mistakes found.

@@ -13,6 +13,26 @@
 namespace marram {
 namespace {
 
+// What procedurals report, by paths that core does not know: "collision.contacts" stands under "collision". Where core has an entry
+// of its own the two are summed.
+void add_report(const Report& report, nlohmann::ordered_json& json) {
+    for (const auto& [path, entry] : report.entries()) {
+        nlohmann::ordered_json* at = &json;
+        size_t begin = 0;
+        for (size_t dot = path.find('.'); dot != std::string::npos;
+             begin = dot + 1, dot = path.find('.', begin))
+            at = &(*at)[path.substr(begin, dot - begin)];
+        if (entry.declared.path && entry.declared.combine == MARRAM_EACH) continue; // BuildStats::chosen
+        const double value =
+            report(path) + (at->contains(path.substr(begin)) ? double((*at)[path.substr(begin)]) : 0.0);
+        const std::string_view unit = entry.declared.path ? entry.declared.unit : "";
+        if (unit == "count" || unit == "bytes")
+            (*at)[path.substr(begin)] = uint64_t(value);
+        else
+            (*at)[path.substr(begin)] = value;
+    }
+}
+
 nlohmann::ordered_json to_json(const FrameStats& stats) {
     const BuildStats& build = stats.build;
     rusage usage{};
@@ -24,18 +44,9 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
     json["cvs"] = build.cvs;
     json["segments"] = build.segments;
     json["triangles"] = build.triangles;
-    json["seconds"] = {{"load", stats.load},           {"terrain", 0.0},
-                       {"colliders", build.colliders}, {"expand", build.expand},
-                       {"gusts", build.gusts},         {"shield", build.shield},
-                       {"bend", build.bend},           {"jiggle", build.jiggle},
-                       {"collide", build.collide},     {"curves_bvh", build.curves_bvh},
+    json["seconds"] = {{"load", stats.load},           {"terrain", build.terrain},
+                       {"colliders", build.colliders}, {"curves_bvh", build.curves_bvh},
                        {"trace", stats.trace},         {"total", stats.total}};
-    json["collision"] = {{"contacts", build.contacts},
-                         {"pushed_out", build.pushed_out},
-                         {"unresolved", build.unresolved},
-                         {"skipped_pushes", build.skipped_pushes},
-                         {"dips", build.dips},
-                         {"reached", build.collision_reached}};
     json["motion"] = {{"keys", build.motion_keys}, // error: metres, foreseen where the keys were chosen
                       {"error", build.motion_error},
                       {"mesh_error", build.mesh_motion_error},
@@ -44,13 +55,14 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
     json["chosen"] = build.chosen;                                      // by the tolerance
     json["memory"] = {{"peak_bytes", uint64_t(usage.ru_maxrss) * 1024}, // of the process so far
                       {"curve_bytes", build.curve_bytes},
-                      {"curve_extra_bytes", build.curve_extra_bytes}};
+                      {"curve_extra_bytes", build.attribute_bytes}};
     json["rays"] = stats.render.rays.intersect + stats.render.rays.occluded;
     json["dropped_rays"] = stats.render.rays.dropped;
     json["samples"] = {{"most", stats.render.most_samples}, {"mean", stats.render.mean_samples}}; // a pixel
     json["dropped_samples"] = stats.render.dropped_samples;
     json["clamped"] = stats.render.clamped;
     json["cut_throughput"] = stats.render.cut_throughput; // of paths that max_depth ends
+    add_report(build.report, json);
     return json;
 }
 

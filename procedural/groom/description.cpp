@@ -23,6 +23,8 @@
 //     wind.speed = 5                  # instead of the scene's, for this groom alone
 #include "procedural/groom/description.h"
 
+#include "core/math/digest.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -37,53 +39,68 @@ constexpr std::array groom_values = {
     MarramParam{"density", MARRAM_NUMBER, "1/m^2", "none", 0, 1e12, "",
                 "strands a square metre; this or count"},
     MarramParam{"count", MARRAM_INTEGER, "", "none", 1, 400000000, "",
-                "strands in all, masks included; this or density"},
+                "number of strands, masks included; this or density"},
     MarramParam{"density_mask", MARRAM_IMAGE, "", "none", -largest, largest, "",
-                "share of the density, by uv"},
+                "scale of the density, by uv"},
     MarramParam{"density_by_height", MARRAM_RAMP, "m", "none", -largest, largest, "",
-                "share of the density over y"},
+                "scale of the density over y"},
     MarramParam{"density_by_slope", MARRAM_RAMP, "deg", "none", -largest, largest, "",
-                "share of the density over slope (0 is level)"},
+                "scale of the density over slope (0: level)"},
+    MarramParam{"density_by[].attribute", MARRAM_TEXT, "", "", -largest, largest, "",
+                "attribute of the mesh, one number, that scales the density"},
+    MarramParam{"density_by[].ramp", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest, largest, "",
+                "share of the density over the attribute"},
     MarramParam{"spacing", MARRAM_NUMBER, "", "1", 0, 1, "",
-                "0: random roots, 1: as even as a Poisson disc set"},
+                "0: random roots; 1: as even as a Poisson disc set"},
     MarramParam{"length", MARRAM_RANGE, "m", "", 0, largest, "", "shortest and longest strand"},
-    MarramParam{"length_mask", MARRAM_IMAGE, "", "none", -largest, largest, "", "share of the length, by uv"},
+    MarramParam{"length_mask", MARRAM_IMAGE, "", "none", -largest, largest, "", "scale of the length, by uv"},
     MarramParam{"length_by_height", MARRAM_RAMP, "m", "none", -largest, largest, "",
-                "share of the length over y"},
+                "scale of the length over y"},
     MarramParam{"length_by_slope", MARRAM_RAMP, "deg", "none", -largest, largest, "",
-                "share of the length over slope"},
+                "scale of the length over slope"},
+    MarramParam{"length_by[].attribute", MARRAM_TEXT, "", "", -largest, largest, "",
+                "attribute of the mesh, one number, that scales the length"},
+    MarramParam{"length_by[].ramp", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest, largest, "",
+                "share of the length over the attribute"},
     MarramParam{"comb", MARRAM_VEC3, "", "none", -largest, largest, "",
-                "direction to lean to; absent: each strand its own"},
-    MarramParam{"comb_variation", MARRAM_NUMBER, "deg", "20", 0, 180, "",
-                "strands turn away from comb by up to this"},
-    MarramParam{"lean", MARRAM_NUMBER, "deg", "10", 0, 90, "", "angle to the surface normal at the root"},
-    MarramParam{"lean_variation", MARRAM_NUMBER, "deg", "5", 0, 90, "", "the same, up or down by at most"},
-    MarramParam{"arc", MARRAM_NUMBER, "deg", "20", -720, 720, "", "further lean from root to tip"},
-    MarramParam{"arc_variation", MARRAM_NUMBER, "deg", "10", 0, 360, "", "the same, up or down by at most"},
-    MarramParam{"curl.radius", MARRAM_NUMBER, "m", "0", 0, largest, "", "of the helix at the tip"},
-    MarramParam{"curl.turns", MARRAM_NUMBER, "", "3", 0, 1000, "", "of the helix over the strand"},
-    MarramParam{"clump.size", MARRAM_NUMBER, "m", "0", 0, largest, "", "mean distance of clumps; 0: none"},
+                "direction that strands lean to; absent: each strand has its own"},
+    MarramParam{"comb_variation", MARRAM_NUMBER, "deg", "20", 0, 180, "", "largest deviation from comb"},
+    MarramParam{"lean", MARRAM_NUMBER, "deg", "10", 0, 90, "",
+                "angle between strand and surface normal at the root"},
+    MarramParam{"lean_variation", MARRAM_NUMBER, "deg", "5", 0, 90, "", "largest deviation from lean"},
+    MarramParam{"arc", MARRAM_NUMBER, "deg", "20", -720, 720, "", "how much further it leans at the tip"},
+    MarramParam{"arc_variation", MARRAM_NUMBER, "deg", "10", 0, 360, "", "largest deviation from arc"},
+    MarramParam{"curl.radius", MARRAM_NUMBER, "m", "0", 0, largest, "", "radius of the helix at the tip"},
+    MarramParam{"curl.turns", MARRAM_NUMBER, "", "3", 0, 1000, "", "turns of the helix over the strand"},
+    MarramParam{"clump.size", MARRAM_NUMBER, "m", "0", 0, largest, "",
+                "mean distance between clumps; 0: none"},
     MarramParam{"clump.amount", MARRAM_NUMBER, "", "0.5", 0, 1, "", "1: all tips of a clump meet"},
     MarramParam{"clump.profile", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest, largest, "",
                 "pull to the clump from root to tip"},
-    MarramParam{"frizz.amplitude", MARRAM_NUMBER, "m", "0", 0, largest, "", "sideways wander at the tip"},
-    MarramParam{"frizz.frequency", MARRAM_NUMBER, "", "4", 0, 1e4, "", "wanders over the strand"},
-    MarramParam{"width", MARRAM_NUMBER, "m", "", 0, largest, "", "diameter, or breadth of a ribbon"},
+    MarramParam{"frizz.amplitude", MARRAM_NUMBER, "m", "0", 0, largest, "",
+                "sideways displacement at the tip"},
+    MarramParam{"frizz.frequency", MARRAM_NUMBER, "", "4", 0, 1e4, "", "waves over the strand"},
+    MarramParam{"width", MARRAM_NUMBER, "m", "", 0, largest, "", "diameter; of a ribbon its width"},
     MarramParam{"width_profile", MARRAM_RAMP, "", "[[0, 1], [1, 0.1]]", -largest, largest, "",
-                "share of the width from root to tip"},
+                "scale of the width from root to tip"},
     MarramParam{"width_variation", MARRAM_NUMBER, "", "0.1", 0, 1, "",
-                "share by which strands are thinner than others"},
+                "largest share by which strands are thinner"},
     MarramParam{
         "cvs", MARRAM_INTEGER, "", "8", 0, 1000, "",
         "control vertices a strand; 0: as many as the tolerance asks for, bent like strands of 8 unless "
-        "wind.reference_segments says otherwise"},
+        "wind.reference_segments says otherwise",
+        "5|9|17|33|65", ""},
     MarramParam{"basis", MARRAM_CHOICE, "", "bspline", -largest, largest, "bspline|catmull-rom",
-                "B-spline is smoother, Catmull-Rom meets its CVs"},
+                "B-spline is smoother; Catmull-Rom passes through its CVs"},
     MarramParam{"shape", MARRAM_CHOICE, "", "round", -largest, largest, "round|ribbon|oriented-ribbon",
-                "tube, flat facing the camera, or flat facing its own way"},
+                "tube; flat, facing the camera; or flat, with an orientation of its own"},
     MarramParam{"envelope", MARRAM_RAMP, "", "[[0, 1]]", -largest, largest, "",
-                "share of the wind taken from root to tip"},
-    MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "another groom of the same description"},
+                "share of the wind from root to tip"},
+    MarramParam{"wind_by[].attribute", MARRAM_TEXT, "", "", -largest, largest, "",
+                "attribute of the mesh, one number, that scales the wind"},
+    MarramParam{"wind_by[].ramp", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest, largest, "",
+                "share of the wind over the attribute"},
+    MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "seed of the groom"},
 };
 
 // A ramp whose values are shares of something.
@@ -91,8 +108,8 @@ Ramp share_ramp(const Values& values, std::string_view name) {
     Ramp ramp = values.ramp(name);
     for (const double share : ramp.values())
         if (share < 0.0 || share > 1.0)
-            throw SceneFault(values.at(name).place,
-                             std::string(name) + " leaves 0 ... 1: keep its values inside");
+            throw SceneFault("groom.share_range", values.at(name).place,
+                             std::string(name) + " leaves 0 ... 1", "keep its values inside");
     return ramp;
 }
 
@@ -104,20 +121,30 @@ std::optional<Ramp> optional_ramp(const Values& values, std::string_view name) {
 std::optional<Mask> optional_mask(const Values& values, std::string_view name) {
     const MarramValue* value = values.find(name);
     if (!value) return {};
-    const MarramImage* image = value->image;
-    if (!image || !image->pixels || image->width == 0 || image->height == 0 || image->channels == 0)
-        throw SceneFault(value->place,
-                         std::string(name) + ": the image was not handed over: read it before create()");
-    Mask mask{image->width, image->height, {}, value->place};
-    const size_t pixels = size_t(image->width) * image->height;
+    const MarramGrid* image = value->grid;
+    if (!image || !image->values || image->nx == 0 || image->ny == 0 || image->components == 0)
+        throw SceneFault("contract.no_image", value->place,
+                         std::string(name) + ": the image was not handed over", "read it before create()");
+    Mask mask{image->nx, image->ny, {}, value->place};
+    const size_t pixels = size_t(image->nx) * image->ny;
     mask.values.resize(pixels);
-    for (size_t i = 0; i < pixels; ++i) mask.values[i] = image->pixels[i * image->channels];
+    for (size_t i = 0; i < pixels; ++i) mask.values[i] = image->values[i * image->components];
     return mask;
+}
+
+std::vector<AttributeFactor> read_factors(const Values& values, const std::string& list) {
+    std::vector<AttributeFactor> factors;
+    while (true) {
+        const std::string element = list + "[" + std::to_string(factors.size()) + "].";
+        if (!values.has(element + "attribute")) return factors;
+        factors.push_back({std::string(values.text(element + "attribute")),
+                           values.at(element + "attribute").place, share_ramp(values, element + "ramp")});
+    }
 }
 
 Masks read_masks(const Values& values, const std::string& of) {
     return {optional_mask(values, of + "_mask"), optional_ramp(values, of + "_by_height"),
-            optional_ramp(values, of + "_by_slope")};
+            optional_ramp(values, of + "_by_slope"), read_factors(values, of + "_by")};
 }
 
 void read_roots(const Values& values, Groom& groom) {
@@ -126,11 +153,11 @@ void read_roots(const Values& values, Groom& groom) {
     groom.mesh = values.text("on");
     groom.mesh_place = values.at("on").place;
     if (density && count)
-        throw SceneFault(count->place, "both density and count are given: keep one of them");
+        throw SceneFault("groom.density_and_count", count->place, "both density and count are given",
+                         "keep one of them");
     if (!density && !count)
-        throw SceneFault(
-            values.at("on").place,
-            "neither density nor count is given: add density = strands a square metre, or count");
+        throw SceneFault("groom.no_density", values.at("on").place, "neither density nor count is given",
+                         "add density = strands a square metre, or count");
     if (density) groom.density = density->numbers[0];
     if (count) groom.count = static_cast<uint64_t>(count->numbers[0]);
     groom.count_place = (density ? density : count)->place;
@@ -153,16 +180,72 @@ double Mask::operator()(double u, double v) const {
     return top + fy * (bottom - top);
 }
 
-double Masks::operator()(const Vec2d& uv, double height, const Vec3d& unit_normal) const {
+double AttributeFactor::operator()(const Surface& surface, uint32_t triangle, const Vec3d& weights) const {
+    return std::clamp(ramp(surface.value(surface.attributes[index], triangle, weights)), 0.0, 1.0);
+}
+
+double Masks::operator()(const Surface& bind, uint32_t triangle, const Vec3d& weights) const {
     double share = 1.0;
-    if (image) share *= std::clamp((*image)(uv.x(), uv.y()), 0.0, 1.0);
-    if (by_height) share *= std::clamp((*by_height)(height), 0.0, 1.0);
+    if (image) {
+        const Vec2d uv = bind.uv(triangle, weights);
+        share *= std::clamp((*image)(uv.x(), uv.y()), 0.0, 1.0);
+    }
+    if (by_height) share *= std::clamp((*by_height)(bind.point(triangle, weights).y()), 0.0, 1.0);
     if (by_slope) {
-        const double slope =
-            std::atan2(std::hypot(unit_normal.x(), unit_normal.z()), unit_normal.y()) / degree;
+        const Vec3d normal = plane_normal(bind.corners(triangle));
+        const double slope = std::atan2(std::hypot(normal.x(), normal.z()), normal.y()) / degree;
         share *= std::clamp((*by_slope)(slope), 0.0, 1.0);
     }
+    for (const AttributeFactor& factor : by_attribute) share *= factor(bind, triangle, weights);
     return share;
+}
+
+void find_attributes(Groom& groom, std::span<const MarramAttribute> attributes) {
+    for (auto* factors :
+         {&groom.density_masks.by_attribute, &groom.length_masks.by_attribute, &groom.wind_by_attribute})
+        for (AttributeFactor& factor : *factors) {
+            const auto found = std::ranges::find_if(
+                attributes, [&](const MarramAttribute& a) { return factor.name == a.name; });
+            if (found == attributes.end()) {
+                std::string known;
+                for (const MarramAttribute& a : attributes)
+                    if (a.components == 1) known += (known.empty() ? "" : ", ") + std::string(a.name);
+                throw SceneFault("groom.no_attribute", factor.place,
+                                 "the mesh '" + groom.mesh + "' has no attribute '" + factor.name + "'",
+                                 known.empty() ? "grow on a mesh that has attributes"
+                                               : "choose among " + known);
+            }
+            if (found->components != 1)
+                throw SceneFault("groom.wide_attribute", factor.place,
+                                 "the attribute '" + factor.name + "' has " +
+                                     std::to_string(found->components) + " numbers",
+                                 "name one that has a single number");
+            if (found->animated)
+                throw SceneFault("groom.animated_attribute", factor.place,
+                                 "the attribute '" + factor.name + "' differs from frame to frame",
+                                 "strands are placed once: name one that stays");
+            factor.index = size_t(found - attributes.begin());
+        }
+}
+
+uint64_t roots_digest(const Values& values) {
+    Digest digest;
+    for (const char* name : {"on", "density", "count", "density_mask", "density_by_height",
+                             "density_by_slope", "spacing", "seed"})
+        if (const MarramValue* value = values.find(name)) {
+            digest.add(name).add(value->text).add(value->numbers, value->number_count * sizeof(double));
+            if (const MarramGrid* grid = value->grid)
+                digest.add(grid->nx).add(grid->ny).add(grid->values, size_t(grid->nx) * grid->ny *
+                                                                         grid->components * sizeof(float));
+        }
+    for (size_t i = 0;; ++i) {
+        const std::string element = "density_by[" + std::to_string(i) + "].";
+        if (!values.has(element + "attribute")) return digest.value();
+        const MarramValue& ramp = values.at(element + "ramp");
+        digest.add(values.text(element + "attribute"))
+            .add(ramp.text)
+            .add(ramp.numbers, ramp.number_count * sizeof(double));
+    }
 }
 
 std::span<const MarramParam> groom_params() { return groom_values; }
@@ -175,7 +258,8 @@ Groom read_groom(const Values& values) {
     if (groom.combed) {
         const Vec3d comb = values.vec3("comb");
         if (!(comb.stableNorm() > 0.0))
-            throw SceneFault(values.at("comb").place, "comb is zero: give a direction, or leave it out");
+            throw SceneFault("groom.zero_comb", values.at("comb").place, "comb is zero",
+                             "give a direction, or leave it out");
         groom.comb = comb.stableNormalized();
     }
     groom.comb_variation = radians(values, "comb_variation");
@@ -195,17 +279,18 @@ Groom read_groom(const Values& values) {
     groom.width_profile = values.ramp("width_profile");
     for (const double share : groom.width_profile.values())
         if (share < 0.0)
-            throw SceneFault(values.at("width_profile").place,
-                             "width_profile goes below 0: a width cannot be negative");
+            throw SceneFault("groom.negative_width", values.at("width_profile").place,
+                             "width_profile goes below 0", "a width cannot be negative");
     groom.cvs = values.integer("cvs");
     if (groom.cvs == 1)
-        throw SceneFault(values.at("cvs").place,
-                         "cvs is 1: a strand needs 2, and 0 takes as many as the tolerance asks for");
+        throw SceneFault("groom.one_cv", values.at("cvs").place, "cvs is 1",
+                         "a strand needs 2, and 0 takes as many as the tolerance asks for");
     groom.basis = values.text("basis") == "bspline" ? MARRAM_BSPLINE : MARRAM_CATMULL_ROM;
     groom.shape = values.text("shape") == "round"    ? MARRAM_ROUND
                   : values.text("shape") == "ribbon" ? MARRAM_RIBBON
                                                      : MARRAM_ORIENTED_RIBBON;
     groom.envelope = share_ramp(values, "envelope");
+    groom.wind_by_attribute = read_factors(values, "wind_by");
     groom.seed = static_cast<uint32_t>(values.integer("seed"));
     return groom;
 }

@@ -6,6 +6,7 @@
 #include "core/math/ramp.h"
 #include "core/math/vec.h"
 #include "core/plugin/marram_plugin.h"
+#include "procedural/groom/surface.h"
 #include "procedural/values.h"
 
 #include <optional>
@@ -25,13 +26,24 @@ struct Mask {
     double operator()(double u, double v) const;
 };
 
-// A factor in [0, 1] of density or length: image by uv, height by y, slope by the angle to the vertical.
+// A factor by a ramp over an attribute of the mesh.
+struct AttributeFactor {
+    std::string name, place;
+    Ramp ramp;
+    size_t index = 0; // among the mesh's attributes, as check_attributes() has found it
+
+    double operator()(const Surface& surface, uint32_t triangle, const Vec3d& weights) const;
+};
+
+// A factor in [0, 1] of density or length: image by uv, height by y, slope by the angle to the vertical, attributes by name.
 struct Masks {
     std::optional<Mask> image;
     std::optional<Ramp> by_height; // over metres
     std::optional<Ramp> by_slope;  // over degrees from level ground
-    bool any() const { return image || by_height || by_slope; }
-    double operator()(const Vec2d& uv, double height, const Vec3d& unit_normal) const;
+    std::vector<AttributeFactor> by_attribute;
+    bool any() const { return image || by_height || by_slope || !by_attribute.empty(); }
+    // At a place on a surface at its bind pose.
+    double operator()(const Surface& bind, uint32_t triangle, const Vec3d& weights) const;
 };
 
 struct Groom {
@@ -59,10 +71,17 @@ struct Groom {
     MarramBasis basis = MARRAM_BSPLINE;
     MarramShape shape = MARRAM_ROUND;
     Ramp envelope;
+    std::vector<AttributeFactor> wind_by_attribute; // of the envelope
     uint32_t seed = 0;
 };
 
 std::span<const MarramParam> groom_params();
 Groom read_groom(const Values& values);
+
+// Of all values that decide where strands stand: where it and the mesh stay the same the roots do.
+uint64_t roots_digest(const Values& values);
+
+// Finds the attributes that the groom asks for among those of its mesh. Throws SceneFault for one that is not there or not one number.
+void find_attributes(Groom& groom, std::span<const MarramAttribute> attributes);
 
 } // namespace marram

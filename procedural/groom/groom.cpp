@@ -2,6 +2,8 @@
 #include "procedural/groom/groom.h"
 
 #include "core/math/clock.h"
+#include "core/math/digest.h"
+#include "core/math/known_part.h"
 #include "procedural/contract_checks.h"
 
 #include "procedural/groom/groom_bounds.h"
@@ -12,6 +14,7 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <cmath>
 #include <memory>
 #include <new>
@@ -29,14 +32,25 @@ MarramStatus guarded(const MarramHost& host, Body&& body) {
     try {
         return body();
     } catch (const SceneFault& fault) {
-        host.message(host.user, MARRAM_FAULT, fault.place.c_str(), fault.what());
+        send(host, MARRAM_FAULT, fault.id.c_str(), fault.place, fault.what(), fault.remedy);
     } catch (const std::bad_alloc&) {
-        host.message(host.user, MARRAM_FAULT, "",
-                     "the groom does not fit into memory: lower its density or count");
+        send(host, MARRAM_FAULT, "groom.memory", "", "the groom does not fit into memory",
+             "lower its density or count");
     } catch (const std::exception& error) {
-        host.message(host.user, MARRAM_FAULT, "", error.what());
+        send(host, MARRAM_FAULT, "groom.internal", "", error.what(), "tell its maker");
     }
     return MARRAM_ERROR;
+}
+
+uint64_t digest_of(std::span<const MarramValue> values) {
+    Digest digest;
+    for (const MarramValue& value : values) {
+        digest.add(value.name).add(value.text).add(value.numbers, value.number_count * sizeof(double));
+        if (const MarramGrid* grid = value.grid)
+            digest.add(grid->values,
+                       size_t(grid->nx) * grid->ny * grid->nz * grid->components * sizeof(float));
+    }
+    return digest.value();
 }
 
 // The groom's own parameters and behind them the wind's as "wind.<name>". Names must live as long as the library.
@@ -57,28 +71,100 @@ const std::vector<MarramParam>& all_params() {
     return params;
 }
 
-MarramStatus create(const MarramHost* host, const MarramValue* values, uint32_t count, MarramInstance** out) {
+// Sends all that is wrong with the values; false where something is.
+bool check_values(const MarramHost& host, std::span<const MarramValue> values) {
+    const std::vector<ContractFault> faults = value_faults(all_params(), values);
+    for (const ContractFault& fault : faults)
+        send(host, MARRAM_FAULT, "contract.value", fault.place, fault.what, fault.remedy);
+    return faults.empty();
+}
+
+std::vector<MarramValue> values_of(const MarramValues* given) {
+    if (!given || (given->count > 0 && !given->first))
+        throw SceneFault("contract.null_values", "", "the list of values is NULL",
+                         "hand over the values that are counted");
+    return known_parts(given->first, given->count, given->stride);
+}
+
+// What an instance is by its values alone.
+struct Description {
+    Groom groom;
+    Wind wind;
+    Automatic automatic;
+    uint64_t roots_digest = 0, digest = 0;
+};
+
+Description describe(const MarramHost& host, const Values& given, std::span<const MarramValue> values) {
+    Description description;
+    Groom& groom = description.groom = read_groom(given);
+    Wind& wind = description.wind = read_wind(given);
+    warn_of_nothing(host, given, groom);
+    description.automatic = {groom.cvs == 0,
+                             wind.shielding && wind.shielding->spread > 0.0 && wind.shielding->rays == 0,
+                             wind.jiggle && wind.jiggle->step == 0.0};
+    // A turn belongs to a segment of the strand as it is authored: where that is not said, of one of eight CVs.
+    constexpr int segments = 7;
+    if (description.automatic.cvs && wind.reference_segments == 0) wind.reference_segments = segments;
+    description.roots_digest = roots_digest(given);
+    description.digest = digest_of(values);
+    return description;
+}
+
+void take(GroomInstance& instance, Description description) {
+    instance.groom = std::move(description.groom);
+    instance.wind = std::move(description.wind);
+    instance.automatic = description.automatic;
+    instance.roots_digest = description.roots_digest;
+    instance.digest = description.digest;
+    instance.chosen_for.reset();
+    instance.gusts_fixed = instance.begun = false;
+}
+
+MarramStatus create(const MarramHost* host, const MarramValues* values, MarramInstance** out) {
     if (!host || !host->message || !host->cancelled || !out) return MARRAM_ERROR; // nobody to tell
-    return guarded(*host, [&] {
-        const std::vector<ContractFault> faults = value_faults(all_params(), values, count);
-        for (const ContractFault& fault : faults)
-            host->message(host->user, MARRAM_FAULT, fault.place.c_str(), fault.text.c_str());
-        if (!faults.empty()) return MARRAM_ERROR;
+    const MarramHost known = known_part(host);
+    return guarded(known, [&] {
+        const std::vector<MarramValue> list = values_of(values);
+        if (!check_values(known, list)) return MARRAM_ERROR;
         auto instance = std::make_unique<GroomInstance>();
-        instance->host = *host;
-        const Values given(values, count);
-        instance->groom = read_groom(given);
-        instance->wind = read_wind(given);
-        warn_of_nothing(*host, given, instance->groom);
-        instance->automatic.cvs = instance->groom.cvs == 0;
-        instance->automatic.rays = instance->wind.shielding && instance->wind.shielding->spread > 0.0 &&
-                                   instance->wind.shielding->rays == 0;
-        instance->automatic.step = instance->wind.jiggle && instance->wind.jiggle->step == 0.0;
-        // A turn belongs to a segment of the strand as it is authored: where that is not said, of one of eight CVs.
-        constexpr int segments = 7;
-        if (instance->automatic.cvs && instance->wind.reference_segments == 0)
-            instance->wind.reference_segments = segments;
+        instance->host = known;
+        take(*instance, describe(known, Values(list), list));
         *out = reinterpret_cast<MarramInstance*>(instance.release());
+        return MARRAM_OK;
+    });
+}
+
+// Roots stay where neither the mesh nor what places them has changed; the colliders' trees, which know what they were made from, stay
+// wherever the colliders do.
+MarramStatus update(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
+    GroomInstance& instance = self(opaque);
+    return guarded(instance.host, [&] {
+        if (!given || !changed)
+            throw SceneFault("contract.null_update", "", "the update is NULL",
+                             "give one, and room for what it changes");
+        const MarramUpdate update = known_part(given);
+        const std::vector<MarramValue> list = values_of(update.values);
+        if (!check_values(instance.host, list)) return MARRAM_ERROR;
+        Description description = describe(instance.host, Values(list), list);
+        const bool same_values = description.digest == instance.digest;
+        if (same_values && update.inputs == MARRAM_NOTHING) {
+            *changed = MARRAM_NOTHING;
+            return MARRAM_OK;
+        }
+        const bool same_roots = description.roots_digest == instance.roots_digest;
+        // Of the mesh only begin() knows; that it may be another is remembered.
+        const bool uses_attributes = !description.groom.density_masks.by_attribute.empty();
+        const uint32_t places =
+            MARRAM_POSITIONS | MARRAM_TOPOLOGY | (uses_attributes ? uint32_t(MARRAM_ATTRIBUTES) : 0U);
+        const bool same_mesh = (update.inputs & places) == 0;
+        const bool same_layout = same_roots && same_mesh && !description.automatic.cvs &&
+                                 !instance.automatic.cvs && description.groom.cvs == instance.groom.cvs &&
+                                 description.groom.basis == instance.groom.basis &&
+                                 description.groom.shape == instance.groom.shape;
+        *changed = same_layout ? uint32_t(MARRAM_POSITIONS | MARRAM_ATTRIBUTES) : uint32_t(MARRAM_EVERYTHING);
+        take(instance, std::move(description));
+        if (!same_roots) instance.placed = false;
+        if (!same_mesh) instance.mesh_may_differ = true;
         return MARRAM_OK;
     });
 }
@@ -86,35 +172,73 @@ MarramStatus create(const MarramHost* host, const MarramValue* values, uint32_t 
 void find_mesh(GroomInstance& instance) {
     instance.mesh = nullptr;
     for (uint32_t i = 0; i < instance.frame.mesh_count; ++i)
-        if (instance.groom.mesh == instance.frame.meshes[i].name) instance.mesh = &instance.frame.meshes[i];
+        if (instance.groom.mesh == instance.frame.meshes[i].name) instance.mesh = &instance.meshes[i];
+    instance.attributes.clear();
+    if (instance.mesh)
+        instance.attributes = known_parts(instance.mesh->attributes, instance.mesh->attribute_count,
+                                          instance.mesh->attribute_stride);
     if (!instance.mesh)
-        throw SceneFault(instance.groom.mesh_place, "there is no mesh '" + instance.groom.mesh +
-                                                        "' to grow on: name one of the scene's");
+        throw SceneFault("groom.no_mesh", instance.groom.mesh_place,
+                         "there is no mesh '" + instance.groom.mesh + "' to grow on",
+                         "name one of the scene's");
 }
 
 void check_uvs(const GroomInstance& instance) {
     for (const Masks* masks : {&instance.groom.density_masks, &instance.groom.length_masks})
         if (masks->image && !instance.mesh->uvs)
-            throw SceneFault(masks->image->place,
-                             "the mesh '" + instance.groom.mesh +
-                                 "' has no uvs for this image: give it uvs, or use masks by height or slope");
+            throw SceneFault("groom.no_uvs", masks->image->place,
+                             "the mesh '" + instance.groom.mesh + "' has no uvs for this image",
+                             "give it uvs, or use masks by height or slope");
+}
+
+// Of a mesh's triangles. A host that gives no digest is taken at its counts.
+uint64_t topology_of(const MarramMesh& mesh) {
+    return Digest().add(mesh.topology).add(mesh.vertex_count).add(mesh.triangle_count).value();
+}
+
+// All of the mesh that decides where roots stand: its triangles, their bind pose, attributes that scale the density.
+uint64_t digest_of_mesh(const GroomInstance& instance) {
+    const MarramMesh& mesh = *instance.mesh;
+    Digest digest;
+    digest.add(topology_of(mesh))
+        .add(mesh.triangles, 12 * size_t(mesh.triangle_count))
+        .add(instance.bind_positions);
+    if (mesh.uvs) digest.add(mesh.uvs, 8 * size_t(mesh.vertex_count));
+    for (const AttributeFactor& factor : instance.groom.density_masks.by_attribute) {
+        const MarramAttribute& attribute = instance.attributes[factor.index];
+        const size_t count = attribute.rate == MARRAM_PER_FACE ? mesh.triangle_count : mesh.vertex_count;
+        digest.add(attribute.values, count * sizeof(float));
+    }
+    return digest.value();
+}
+
+MarramStatus read_bind_pose(GroomInstance& instance) {
+    instance.bind_positions.resize(3 * size_t(instance.mesh->vertex_count));
+    const auto index = uint32_t(instance.mesh - instance.meshes.data());
+    return instance.frame.pose(instance.frame.pose_user, index, instance.frame.bind_frame,
+                               instance.bind_positions.data(), nullptr);
+}
+
+// After an update: roots stay where the mesh is the same after all.
+MarramStatus look_at_mesh_again(GroomInstance& instance) {
+    const MarramStatus status = read_bind_pose(instance);
+    if (status == MARRAM_OK && digest_of_mesh(instance) != instance.placed_mesh) instance.placed = false;
+    instance.mesh_may_differ = false;
+    return status;
 }
 
 MarramStatus place(GroomInstance& instance) {
     const double begin = wall_seconds();
-    instance.bind_positions.resize(3 * size_t(instance.mesh->vertex_count));
-    const auto index = uint32_t(instance.mesh - instance.frame.meshes);
-    const MarramStatus status = instance.frame.pose(
-        instance.frame.pose_user, index, instance.frame.bind_frame, instance.bind_positions.data(), nullptr);
-    if (status != MARRAM_OK) return status;
+    if (const MarramStatus status = read_bind_pose(instance); status != MARRAM_OK) return status;
     const auto cancelled = [&] { return instance.host.cancelled(instance.host.user) != 0; };
     PlacedRoots placed = place_roots(instance.groom, instance.poses(0).bind, cancelled);
     instance.roots = std::move(placed.roots);
     instance.placing_bytes = placed.peak_bytes;
     if (cancelled()) return MARRAM_CANCELLED;
     instance.placed = true;
-    instance.placed_vertices = instance.mesh->vertex_count;
-    instance.placed_triangles = instance.mesh->triangle_count;
+    instance.mesh_may_differ = false;
+    instance.placed_topology = topology_of(*instance.mesh);
+    instance.placed_mesh = digest_of_mesh(instance);
     instance.placing_seconds = wall_seconds() - begin;
     return MARRAM_OK;
 }
@@ -148,27 +272,40 @@ bool meets_moving_meshes(const GroomInstance& instance) {
     return false;
 }
 
+// Takes over what is lent for a frame, as far as it is known here. Throws SceneFault for what cannot be used.
+void lend(GroomInstance& instance, const MarramFrame* frame) {
+    if (!frame) throw SceneFault("contract.frame", "", "the frame is NULL", "lend one");
+    instance.frame = known_part(frame);
+    instance.meshes = known_parts(frame->meshes, instance.frame.mesh_count, instance.frame.mesh_stride);
+    instance.frame.meshes = instance.meshes.data();
+    instance.frame.mesh_stride = sizeof(MarramMesh);
+    if (const ContractFault fault = frame_fault(instance.frame, instance.meshes); !fault.what.empty())
+        throw SceneFault("contract.frame", fault.place, fault.what, fault.remedy);
+}
+
 MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
     GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
         instance.begun = false;
-        if (const std::string fault = out ? frame_fault(frame) : "the output is NULL: give room for it";
-            !fault.empty())
-            throw SceneFault("", fault);
+        if (!out) throw SceneFault("contract.null_output", "", "the output is NULL", "give room for it");
+        lend(instance, frame);
         const bool traces = instance.wind.collision || instance.wind.shielding;
         if (traces && !frame->colliders)
-            throw SceneFault("", "MarramFrame.colliders is NULL: lend the committed scene of all meshes");
-        instance.frame = *frame;
+            throw SceneFault("contract.no_colliders", "", "MarramFrame.colliders is NULL",
+                             "lend the committed scene of all meshes");
         instance.workers.clear();
         instance.placing_seconds = 0.0;
         find_mesh(instance);
         check_uvs(instance);
-        if (instance.placed && (instance.mesh->vertex_count != instance.placed_vertices ||
-                                instance.mesh->triangle_count != instance.placed_triangles))
-            throw SceneFault(instance.groom.mesh_place,
+        find_attributes(instance.groom, instance.attributes);
+        if (instance.placed && instance.mesh_may_differ)
+            if (const MarramStatus status = look_at_mesh_again(instance); status != MARRAM_OK) return status;
+        if (instance.placed && instance.placed_topology != topology_of(*instance.mesh))
+            throw SceneFault("groom.topology", instance.groom.mesh_place,
                              "the mesh '" + instance.groom.mesh +
-                                 "' has other triangles than when its strands were placed: keep "
-                                 "its topology, or make the groom anew");
+                                 "' has other triangles than when its strands were placed",
+                             "keep "
+                             "its topology, or make the groom anew");
         if (!instance.placed) {
             const MarramStatus status = place(instance);
             if (status != MARRAM_OK) return status;
@@ -183,7 +320,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         instance.past = {};
         if (instance.wind.jiggle && frame->stage == MARRAM_FINAL) {
             const MarramStatus status =
-                read_past(instance.frame, uint32_t(instance.mesh - instance.frame.meshes),
+                read_past(instance.frame, uint32_t(instance.mesh - instance.meshes.data()),
                           *instance.wind.jiggle, longest_strand(instance.groom), instance.past);
             if (status != MARRAM_OK) return status;
             // Where nothing has moved nothing swings.
@@ -206,24 +343,25 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         warn_of_length(instance);
         announce_long_work(instance);
         instance.chain_seconds = instance.wind.collision ? wall_seconds() - before : 0.0;
-        *out = MarramOutput{};
-        out->kind = MARRAM_CURVES;
-        out->curve_count = instance.roots.size();
-        out->cvs_per_curve = uint32_t(instance.groom.cvs);
-        out->patch_count = instance.patch_count();
-        out->time_count = instance.time_count;
-        out->basis = instance.groom.basis;
-        out->shape = instance.groom.shape;
+        MarramOutput output{};
+        output.kind = MARRAM_CURVES;
+        output.curve_count = instance.roots.size();
+        output.cvs_per_curve = uint32_t(instance.groom.cvs);
+        output.patch_count = instance.patch_count();
+        output.time_count = instance.time_count;
+        output.basis = instance.groom.basis;
+        output.shape = instance.groom.shape;
+        fill_known_part(output, out);
         instance.begun = true;
         return MARRAM_OK;
     });
 }
 
 void check_patch(const GroomInstance& instance, uint32_t index) {
-    if (!instance.begun) throw SceneFault("", "no frame has begun: call begin first");
+    if (!instance.begun) throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
     if (index >= instance.patch_count())
-        throw SceneFault("", "there is no patch " + std::to_string(index) + ": ask for 0 to " +
-                                 std::to_string(int64_t(instance.patch_count()) - 1));
+        throw SceneFault("contract.patch_range", "", "there is no patch " + std::to_string(index),
+                         "ask for 0 to " + std::to_string(int64_t(instance.patch_count()) - 1));
 }
 
 void check_buffers(const GroomInstance& instance, const MarramPatchBuffers* buffers) {
@@ -236,22 +374,25 @@ void check_buffers(const GroomInstance& instance, const MarramPatchBuffers* buff
     }
     for (uint32_t a = 0; there && a < buffers->attribute_count; ++a) {
         if (buffers->attributes[a] >= groom_attributes().size())
-            throw SceneFault("", "there is no attribute " + std::to_string(buffers->attributes[a]) +
-                                     ": ask for 0 to " + std::to_string(groom_attributes().size() - 1));
+            throw SceneFault("contract.attribute_range", "",
+                             "there is no attribute " + std::to_string(buffers->attributes[a]),
+                             "ask for 0 to " + std::to_string(groom_attributes().size() - 1));
         there = buffers->attribute_values[a] != nullptr;
     }
     if (!there)
-        throw SceneFault(
-            "", "a buffer is NULL: give vertices for each motion sample, normals for oriented ribbons, and "
-                "values for each attribute that is asked for");
+        throw SceneFault("contract.null_buffer", "", "a buffer is NULL",
+                         "give vertices for each motion sample, normals for oriented ribbons, and "
+                         "values for each attribute that is asked for");
 }
 
 MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
     const GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
-        if (!out) throw SceneFault("", "the patch is NULL: give room for it");
+        if (!out) throw SceneFault("contract.null_patch", "", "the patch is NULL", "give room for it");
         check_patch(instance, index);
-        find_patch(instance, index, out);
+        MarramPatch patch{};
+        find_patch(instance, index, &patch);
+        fill_known_part(patch, out);
         return MARRAM_OK;
     });
 }
@@ -262,7 +403,8 @@ Expand expand_of(const GroomInstance& instance, std::span<const Root> roots, Sta
                 expand(instance.groom, instance.wind, instance.poses(time), roots, strands);
             },
             [&instance, roots](int64_t knot, Strands& strands) { // on the jiggle's clock
-                const GrowthPoses then{instance.poses(0).bind, instance.past.at(knot, *instance.mesh)};
+                GrowthPoses then{instance.poses(0).bind, instance.past.at(knot, *instance.mesh)};
+                then.now.attributes = instance.attributes;
                 expand(instance.groom, instance.wind, then, roots, strands);
             }};
 }
@@ -276,6 +418,7 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
         Worker& worker = instance.workers.local();
         const std::span<const Root> roots = instance.patch_roots(index);
         Strands& strands = worker.strands;
+        strands.has_wind_share = !instance.groom.wind_by_attribute.empty();
         strands.resize(int(roots.size()), instance.groom.cvs, instance.groom.shape == MARRAM_ORIENTED_RIBBON);
         const Expand lay_out = expand_of(instance, roots, worker.chain.clock);
         if (instance.past.window.count() > 0) jiggle_patch(instance.chain, lay_out, strands, worker.chain);
@@ -293,13 +436,6 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
         }
         return MARRAM_OK;
     });
-}
-
-MarramStatus mesh(MarramInstance* opaque, const MarramMeshBuffers*) {
-    const GroomInstance& instance = self(opaque);
-    instance.host.message(instance.host.user, MARRAM_FAULT, "",
-                          "a groom makes curves: call tessellate, not mesh");
-    return MARRAM_ERROR;
 }
 
 void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
@@ -320,8 +456,8 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     if (instance.automatic.step && instance.past.window.count() > 0)
         sink(user, "chosen.jiggle_step", wind.jiggle->step);
     if (wind.noise.left_out > 0) sink(user, "chosen.octaves", wind.noise.octaves - wind.noise.left_out);
-    sink(user, "seconds.roots", instance.placing_seconds);
-    sink(user, "seconds.chain", instance.chain_seconds);
+    sink(user, "seconds.expand", instance.placing_seconds);
+    sink(user, "seconds.collide", instance.chain_seconds);
     sink(user, "thread_seconds.expand", sum.expand + sum.write);
     sink(user, "thread_seconds.gusts", sum.gusts);
     sink(user, "thread_seconds.shield", sum.shield);
@@ -339,7 +475,7 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     const size_t lasting = instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 +
                            instance.past.bytes() + instance.trees.bytes() + instance.chain.gust_bytes() +
                            scratch;
-    sink(user, "memory.bytes", double(std::max(lasting, instance.placing_bytes)));
+    sink(user, "memory.curve_extra_bytes", double(std::max(lasting, instance.placing_bytes)));
 }
 
 void destroy(MarramInstance* opaque) { delete reinterpret_cast<GroomInstance*>(opaque); } // NULL is fine
@@ -353,16 +489,52 @@ MarramProcedural groom_procedural() {
     procedural.kind = MARRAM_CURVES;
     procedural.params = all_params().data();
     procedural.param_count = uint32_t(all_params().size());
+    procedural.param_stride = sizeof(MarramParam);
     procedural.attributes = groom_attributes().data();
     procedural.attribute_count = uint32_t(groom_attributes().size());
+    procedural.attribute_stride = sizeof(MarramAttribute);
     procedural.create = create;
     procedural.begin = begin;
     procedural.patch = patch;
     procedural.tessellate = tessellate;
-    procedural.mesh = mesh;
     procedural.report = report;
     procedural.destroy = destroy;
+    procedural.update = update;
     return procedural;
+}
+
+std::span<const MarramReportEntry> groom_report_entries() {
+    static constexpr auto sum = [](const char* path, const char* unit, const char* help) {
+        return MarramReportEntry{path, unit, MARRAM_SUM, nullptr, nullptr, help};
+    };
+    static constexpr auto each = [](const char* path, const char* unit, const char* help) {
+        return MarramReportEntry{path, unit, MARRAM_EACH, nullptr, nullptr, help};
+    };
+    static constexpr std::array entries = {
+        sum("thread_seconds.expand", "thread s", "laying out strands and writing their CVs"),
+        sum("thread_seconds.gusts", "thread s", "gusts"),
+        sum("thread_seconds.shield", "thread s", "shielding"),
+        sum("thread_seconds.bend", "thread s", "bend"),
+        sum("thread_seconds.jiggle", "thread s", "jiggle"),
+        sum("thread_seconds.collide", "thread s", "collision"),
+        sum("seconds.expand", "s", "placing roots, choosing settings"),
+        sum("seconds.collide", "s", "preparing collision"),
+        sum("collision.contacts", "count", "segments that touch a mesh"),
+        sum("collision.pushed_out", "count", "segments that were turned out of a mesh"),
+        sum("collision.unresolved", "count", "segments or roots without a free direction"),
+        sum("collision.skipped_pushes", "count", "pushes that an earlier one made needless"),
+        sum("collision.dips", "count", "drawn strands that dip into a mesh by more than the tolerance"),
+        sum("collision.goal_angle", "rad", "angles that segments were to turn by"),
+        sum("collision.turned_angle", "rad", "angles that they did turn by"),
+        MarramReportEntry{"collision.reached", "1", MARRAM_RATIO, "collision.turned_angle",
+                          "collision.goal_angle", "share of the way to the goal"},
+        sum("memory.curve_extra_bytes", "bytes", "the most held at any time besides CVs"),
+        each("chosen.cvs", "1", "CVs a strand"),
+        each("chosen.shield_rays", "1", "rays a CV"),
+        each("chosen.jiggle_step", "frames", "between samples of the past"),
+        each("chosen.octaves", "1", "octaves of noise"),
+    };
+    return entries;
 }
 
 } // namespace marram

@@ -37,13 +37,17 @@ struct ChosenFor {
     bool operator==(const ChosenFor&) const = default;
 };
 
+// What the tolerance chooses.
+struct Automatic {
+    bool cvs = false, rays = false, step = false;
+};
+
 struct GroomInstance {
     MarramHost host{};
     Groom groom;
     Wind wind; // both with what the tolerance has chosen for the frame
-    struct {
-        bool cvs = false, rays = false, step = false;
-    } automatic; // chosen by the tolerance
+    Automatic automatic;
+    uint64_t digest = 0, roots_digest = 0; // of its values; of those that decide where strands stand
     std::optional<ChosenFor> chosen_for;
     std::vector<std::string> inexact; // warnings about settings that the tolerance cannot reach
 
@@ -56,8 +60,12 @@ struct GroomInstance {
     bool begun = false;              // a frame, without a fault
     std::optional<double> announced; // the frame whose work was said to be long
     MarramFrame frame{};
-    const MarramMesh* mesh = nullptr;
-    uint32_t placed_vertices = 0, placed_triangles = 0; // of the mesh that the roots were placed on
+    std::vector<MarramMesh> meshes;          // the frame's
+    const MarramMesh* mesh = nullptr;        // the one that strands grow on
+    std::vector<MarramAttribute> attributes; // its
+    // Of the mesh that the roots were placed on: digests of its triangles, and of all that places them.
+    uint64_t placed_topology = 0, placed_mesh = 0;
+    bool mesh_may_differ = false; // an update says so
     uint32_t time_count = 1;
     ChainFrame chain;
     ColliderTrees trees;
@@ -67,14 +75,16 @@ struct GroomInstance {
 
     tbb::enumerable_thread_specific<Worker> workers;
 
-    void warn(const std::string& text, const char* place = nullptr) const {
-        host.message(host.user, MARRAM_WARNING, place ? place : groom.mesh_place.c_str(), text.c_str());
+    void warn(const char* id, const std::string& what, const std::string& remedy) const {
+        send(host, MARRAM_WARNING, id, groom.mesh_place, what, remedy);
     }
     GrowthPoses poses(uint32_t time) const {
         const uint32_t t = std::min(time, mesh->time_count - 1);
-        const Surface now{mesh->positions[t], mesh->normals ? mesh->normals[t] : nullptr, mesh->triangles,
-                          mesh->uvs, mesh->triangle_count};
-        const Surface bind{bind_positions.data(), nullptr, mesh->triangles, mesh->uvs, mesh->triangle_count};
+        const Surface now{mesh->positions[t],   mesh->normals ? mesh->normals[t] : nullptr,
+                          mesh->triangles,      mesh->uvs,
+                          mesh->triangle_count, attributes};
+        const Surface bind{bind_positions.data(), nullptr,   mesh->triangles, mesh->uvs,
+                           mesh->triangle_count,  attributes};
         return {bind, now};
     }
     uint32_t patch_count() const {

@@ -13,15 +13,14 @@ MarramStatus skin_has_moved(GroomInstance& instance, bool& moved) {
     Jiggle jiggle = *instance.wind.jiggle;
     jiggle.step = usual_jiggle_step;
     PastSkin past;
-    const MarramStatus status = read_past(instance.frame, uint32_t(instance.mesh - instance.frame.meshes),
+    const MarramStatus status = read_past(instance.frame, uint32_t(instance.mesh - instance.meshes.data()),
                                           jiggle, longest_strand(instance.groom), past);
     moved = past.moves();
     return status;
 }
 
 void warn_out_of_reach(GroomInstance& instance, const std::string& what) {
-    instance.inexact.push_back(
-        what + " is not as exact as the tolerance asks for: set it by hand, or a larger tolerance");
+    instance.inexact.push_back(what + " is not as exact as the tolerance asks for");
 }
 
 } // namespace
@@ -36,7 +35,8 @@ MarramStatus choose_settings(GroomInstance& instance) {
     const ChosenFor now{frame.frame, frame.times[0], frame.times[frame.time_count - 1], tolerance,
                         frame.stage};
     const auto warn = [&] {
-        for (const std::string& text : instance.inexact) instance.warn(text);
+        for (const std::string& text : instance.inexact)
+            instance.warn("groom.inexact", text, "set it by hand, or a larger tolerance");
     };
     if (instance.chosen_for == now) {
         warn();

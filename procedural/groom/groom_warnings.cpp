@@ -14,24 +14,24 @@ std::string short_number(double value) { return fmt::format("{:.3g}", value); }
 
 // Strands that nobody will see are allowed, and said.
 void warn_of_nothing(const MarramHost& host, const Values& given, const Groom& groom) {
-    const auto warn = [&](const char* name, const char* text) {
-        host.message(host.user, MARRAM_WARNING, given.at(name).place, text);
+    const auto warn = [&](const char* name, const char* what, const char* remedy) {
+        send(host, MARRAM_WARNING, "groom.invisible", given.at(name).place, what, remedy);
     };
-    if (groom.width == 0.0) warn("width", "width is 0, no strand will be seen: give the diameter in metres");
+    if (groom.width == 0.0)
+        warn("width", "width is 0, no strand will be seen", "give the diameter in metres");
     if (std::ranges::all_of(groom.width_profile.values(), [](double share) { return share == 0.0; }))
-        warn("width_profile", "width_profile is 0 everywhere, no strand will be seen: raise a value");
-    if (groom.length[1] == 0.0) warn("length", "length is 0, no strand will be seen: give metres");
+        warn("width_profile", "width_profile is 0 everywhere, no strand will be seen", "raise a value");
+    if (groom.length[1] == 0.0) warn("length", "length is 0, no strand will be seen", "give metres");
 }
 
 void warn_of_gusts(const GroomInstance& instance) {
     constexpr size_t much = size_t(1) << 30;
     const size_t bytes = instance.chain.gust_bytes();
     if (bytes < much) return;
-    const std::string text = "gusts among the strands take " + std::to_string(bytes >> 20) + " MiB, for " +
+    const std::string what = "gusts among the strands take " + std::to_string(bytes >> 20) + " MiB, for " +
                              std::to_string(instance.chain.instants.size()) + " motion samples and " +
-                             std::to_string(instance.chain.past_gusts.size()) +
-                             " steps of jiggle: lower wind.gusts.num_gusts, radius_range or life_range";
-    instance.warn(text);
+                             std::to_string(instance.chain.past_gusts.size()) + " steps of jiggle";
+    instance.warn("gusts.memory", what, "lower wind.gusts.num_gusts, radius_range or life_range");
 }
 
 // Work that takes long is announced before it begins, so that who asked for it by mistake need not wait to learn it.
@@ -45,12 +45,12 @@ void announce_long_work(GroomInstance& instance) {
     const double seconds = cvs * (bend * (samples + steps) + (collides ? collide * samples : 0.0));
     if (seconds < announced || instance.announced == instance.frame.frame) return;
     instance.announced = instance.frame.frame;
-    const std::string text =
+    const std::string what =
         fmt::format("{:.3g} CVs, {} a strand, at {} motion samples and {} steps of jiggle take {:.0f} s of "
-                    "one processor or "
-                    "more: ask for fewer strands or CVs, a larger tolerance, or stronger jiggle.damping",
+                    "one processor or more",
                     cvs, instance.groom.cvs, samples, steps, seconds);
-    instance.host.message(instance.host.user, MARRAM_INFO, instance.groom.mesh_place.c_str(), text.c_str());
+    send(instance.host, MARRAM_INFO, "groom.long_work", instance.groom.mesh_place, what,
+         "ask for fewer strands or CVs, a larger tolerance, or stronger jiggle.damping");
 }
 
 // A length in the wrong unit: every ray meets every strand, and rendering takes hours.
@@ -62,10 +62,10 @@ void warn_of_length(const GroomInstance& instance) {
         box.extend(Eigen::Map<const Vec3f>(instance.mesh->positions[0] + 3 * v).cast<double>());
     const double length = longest_strand(instance.groom), size = box.diagonal().norm();
     if (instance.roots.size() < many || !(length > much * size)) return;
-    const std::string text = fmt::format("strands are up to {:.3g} m long on a mesh of {:.3g} m, and "
-                                         "rendering will be slow: check the unit of length",
+    const std::string what = fmt::format("strands are up to {:.3g} m long on a mesh of {:.3g} m, and "
+                                         "rendering will be slow",
                                          length, size);
-    instance.warn(text);
+    instance.warn("groom.length", what, "check the unit of length");
 }
 
 // Positions are floats: far from the origin strands come to stand on a grid.
@@ -79,26 +79,25 @@ void warn_of_rounding(const GroomInstance& instance) {
     const double finest = instance.groom.width > 0.0 ? std::min(instance.groom.width, segment) : segment;
     constexpr double seen = 0.1; // of a width, or of a segment
     if (!(step > seen * finest) || !(finest > 0.0)) return;
-    const std::string text = "positions " + short_number(double(farthest)) +
+    const std::string what = "positions " + short_number(double(farthest)) +
                              " m from the origin are rounded to " + short_number(step) +
                              " m, which shows on strands " + short_number(instance.groom.width) +
-                             " m wide with segments of " + short_number(segment) +
-                             " m: move the scene to the origin, or use larger units";
-    instance.warn(text);
+                             " m wide with segments of " + short_number(segment) + " m";
+    instance.warn("groom.rounding", what, "move the scene to the origin, or use larger units");
 }
 
 // What collision could not do is never hidden.
 void warn_of_collisions(const GroomInstance& instance, const CollisionCounts& counts) {
-    const auto warn = [&](uint64_t count, const std::string& text) {
-        if (count > 0) instance.warn(std::to_string(count) + text);
+    const auto warn = [&](uint64_t count, const char* id, const std::string& what, const char* remedy) {
+        if (count > 0) instance.warn(id, std::to_string(count) + what, remedy);
     };
     const std::string of = instance.time_count > 1 ? " (all motion samples together)" : "";
-    warn(counts.unresolved,
-         " segments or roots have no free direction" + of +
-             " and keep the least bad: raise wind.collision.offset_root, or let less stand around them");
-    warn(counts.dips,
-         " drawn strands dip into a mesh by more than the tolerance" + of +
-             ": their roots stand nearer to it than they are thick, or it is too narrow for them");
+    warn(counts.unresolved, "collision.unresolved",
+         " segments or roots have no free direction" + of,
+         "raise wind.collision.offset_root, or let less stand around them");
+    warn(counts.dips, "collision.dips", " drawn strands dip into a mesh by more than the tolerance" + of,
+         "roots are closer to the mesh than the strand radius, or the gap is too narrow: use thinner strands or raise "
+         "wind.collision.offset_root");
 }
 
 } // namespace marram

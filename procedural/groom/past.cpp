@@ -15,8 +15,9 @@ size_t PastSkin::bytes() const {
 
 Surface PastSkin::at(int64_t knot, const MarramMesh& mesh) const {
     const Pose& pose = poses[of_knot[size_t(knot - window.first)]];
-    return {pose.positions.data(), pose.normals.empty() ? nullptr : pose.normals.data(), mesh.triangles,
-            mesh.uvs, mesh.triangle_count};
+    return {pose.positions.data(), pose.normals.empty() ? nullptr : pose.normals.data(),
+            mesh.triangles,        mesh.uvs,
+            mesh.triangle_count,   {}};
 }
 
 namespace {

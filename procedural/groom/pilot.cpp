@@ -86,8 +86,9 @@ WideVector<Wide3f> jiggled(const PilotGroom& pilot, std::span<const Root> roots,
     ChainInput input{wind, pilot.groom.envelope, frame, pilot.skin, {}, pilot.groom.basis, window};
     input.rest = rest;
     const ChainFrame chain = make_chain_frame(input);
-    const Surface now{mesh.positions[0], mesh.normals ? mesh.normals[0] : nullptr, mesh.triangles, mesh.uvs,
-                      mesh.triangle_count};
+    const Surface now{mesh.positions[0],   mesh.normals ? mesh.normals[0] : nullptr,
+                      mesh.triangles,      mesh.uvs,
+                      mesh.triangle_count, pilot.bind.attributes};
     const auto lay_out = [&](auto, Strands& out) {
         expand(pilot.groom, wind, {pilot.bind, now}, roots, out);
     };

@@ -101,7 +101,7 @@ void sort_by_cell(std::span<Candidate> list) {
         for (size_t b = 0; b < next.size(); ++b) sort_bucket(b);
 }
 
-// The lower the number, the higher the priority. 64 bits of hash: two roots that share it are not worth a thought, and if they
+// The lower the number, the higher the priority. 64 bits of hash: two roots hardly ever share it; if they
 // did, both would wait for the other to go first, so equal numbers are decided by the order of the list.
 uint64_t priority(uint32_t seed, Root root) { return root_hash(seed, root, Purpose::priority); }
 
@@ -153,9 +153,7 @@ struct DensityShares {
         return at(root.triangle, weights);
     }
     double at(uint32_t triangle, const Vec3d& weights) const {
-        const double share =
-            groom.density_masks(bind.uv(triangle, weights), bind.point(triangle, weights).y(),
-                                plane_normal(bind.corners(triangle)));
+        const double share = groom.density_masks(bind, triangle, weights);
         return std::min(share / full, 1.0);
     }
     bool keeps(Root root) const { return unit_double(root_hash(groom.seed, root, Purpose::mask)) < at(root); }
@@ -456,9 +454,9 @@ std::vector<Candidate> counted_candidates(DensityShares shares, double area,
                                           const std::function<bool()>& cancelled, PlacedRoots& placed) {
     const Groom& groom = shares.groom;
     const auto refuse = [&] {
-        throw SceneFault(groom.count_place, "the density masks leave no room for " +
-                                                std::to_string(groom.count) +
-                                                " strands: raise the masks or lower count");
+        throw SceneFault("groom.masks_too_small", groom.count_place,
+                         "the density masks leave no room for " + std::to_string(groom.count) + " strands",
+                         "raise the masks or lower count");
     };
     const std::optional<Mask>& image = groom.density_masks.image;
     if (image && std::ranges::none_of(image->values, [](float value) { return value > 0.0F; })) refuse();
@@ -494,8 +492,8 @@ std::vector<Candidate> counted_candidates(DensityShares shares, double area,
 PlacedRoots place_roots(const Groom& groom, const Surface& bind, const std::function<bool()>& cancelled) {
     const double area = surface_area(bind);
     if (!(area > 0.0))
-        throw SceneFault(groom.mesh_place,
-                         "the mesh '" + groom.mesh + "' has no area: strands need a surface to grow on");
+        throw SceneFault("groom.no_area", groom.mesh_place, "the mesh '" + groom.mesh + "' has no area",
+                         "strands need a surface to grow on");
     PlacedRoots placed;
     std::vector<Candidate> candidates;
     const DensityShares shares{groom, bind};
@@ -503,9 +501,9 @@ PlacedRoots place_roots(const Groom& groom, const Surface& bind, const std::func
         candidates = counted_candidates(shares, area, cancelled, placed);
     } else if (groom.density > 0.0) {
         if (groom.density * area > 4e8)
-            throw SceneFault(groom.count_place,
-                             "density asks for " + std::to_string(groom.density * area) +
-                                 " strands: more than 4e8 do not fit, ask for fewer a square metre");
+            throw SceneFault("groom.too_many", groom.count_place,
+                             "density asks for " + std::to_string(groom.density * area) + " strands",
+                             "more than 4e8 do not fit, ask for fewer a square metre");
         candidates = spaced_candidates(shares, groom.density, 1.0, groom.spacing, cancelled, placed);
     }
     placed.roots = in_space_order(candidates);

@@ -97,9 +97,13 @@ void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Ro
 
     double length = groom.length[0] +
                     (groom.length[1] - groom.length[0]) * unit_double(root_hash(seed, root, Purpose::length));
-    if (groom.length_masks.any())
-        length *= groom.length_masks(poses.bind.uv(root.triangle, weights), bind_origin.y(),
-                                     plane_normal(poses.bind.corners(root.triangle)));
+    if (groom.length_masks.any()) length *= groom.length_masks(poses.bind, root.triangle, weights);
+    if (strands.has_wind_share) {
+        double share = 1.0;
+        for (const AttributeFactor& factor : groom.wind_by_attribute)
+            share *= factor(poses.bind, root.triangle, weights);
+        strands.wind_share[block][lane] = float(share);
+    }
     roots.length[lane] = length;
     const double lift =
         wind.collision ? root_offset(*wind.collision, length, 0.5 * width * groom.width_profile(0.0)) : 0.0;

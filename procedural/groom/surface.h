@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 namespace marram {
@@ -53,7 +54,16 @@ struct Surface {
     const uint32_t* triangles = nullptr;
     const float* uvs = nullptr;
     uint32_t triangle_count = 0;
+    std::span<const MarramAttribute> attributes{};
 
+    // Of an attribute of one number a vertex or face.
+    double value(const MarramAttribute& attribute, uint32_t triangle, const Vec3d& weights) const {
+        if (attribute.rate == MARRAM_PER_FACE) return double(attribute.values[triangle]);
+        const uint32_t* t = triangles + 3 * size_t(triangle);
+        double sum = 0.0;
+        for (int i = 0; i < 3; ++i) sum += weights[i] * double(attribute.values[t[i]]);
+        return sum;
+    }
     Vec3d vertex(uint32_t i) const {
         return {double(positions[3 * size_t(i)]), double(positions[3 * size_t(i) + 1]),
                 double(positions[3 * size_t(i) + 2])};

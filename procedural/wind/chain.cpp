@@ -68,6 +68,10 @@ MARRAM_HOT void set_envelope(const Wind& wind, const float* own, Strands& strand
             const VFloat left = one - loss * strands.shield[at];
             strands.envelope[at] = e * (left > zero ? left : zero) * own[k];
         }
+    if (!strands.has_wind_share) return;
+    for (int i = 0; i < strands.blocks; ++i)
+        for (int k = 0; k < strands.cvs; ++k)
+            strands.envelope[size_t(i) * size_t(strands.cvs) + size_t(k)] *= strands.wind_share[size_t(i)];
 }
 
 // strands.rest -> pose, from the gusts and the noise at `frame` and the shelter that strands.shield holds.
@@ -114,6 +118,7 @@ void jiggle_patch(const ChainFrame& chain, const Expand& expand, Strands& strand
     expand.at_time(0, strands);
     shelter(chain, 0, strands, scratch.clock);
     Strands& past = scratch.past;
+    past.has_wind_share = strands.has_wind_share;
     past.resize(strands.count, strands.cvs, strands.oriented);
     std::copy(strands.shield.begin(), strands.shield.end(), past.shield.begin());
     scratch.filter.begin(*wind.jiggle, chain.frame.fps, strands.cvs, strands.blocks);

@@ -7,11 +7,11 @@
 // segment by no more than the CV itself; so the next start is free by c minus that, and c_{k+1} = c_k minus that. A start
 // is never in doubt. Where the budget is used up (a thousand CVs far from the origin) the distance is measured anew.
 //
-// The drawn curve leaves the polygon (bow.h). A strand whose curve dips in too far is solved again with smaller turns, and where
+// The drawn curve leaves the polygon (drawn_segment.h). A strand whose curve dips in too far is solved again with smaller turns, and where
 // that does not help it is laid straight.
 #include "procedural/wind/collide.h"
 
-#include "procedural/wind/bow.h"
+#include "procedural/wind/drawn_segment.h"
 #include "procedural/wind/near.h"
 #include "procedural/wind/skin.h"
 
@@ -25,17 +25,15 @@ namespace {
 constexpr std::array collision_values = {
     MarramParam{
         "collision.solver", MARRAM_CHOICE, "", "none", -beyond_wind, beyond_wind, "exact|steps|none",
-        "exact: turn until the first contact; steps: the talk's fixed steps; none or absent: strands pass "
-        "through meshes"},
+        "exact: turn until the first contact; steps: the talk's fixed steps; none or absent: no collision"},
     MarramParam{"collision.rotation_steps", MARRAM_INTEGER, "", "none", 1, 1e6, "",
-                "of solver steps; default 16"},
+                "steps of solver = steps; default: 16", "4|16|64|256", "seconds.collide"},
     MarramParam{"collision.offset_root", MARRAM_NUMBER, "m", "none", 0, beyond_wind, "",
                 "height of roots above the skin; default: 1 % of the strand's length, at least 1.2 radii"},
-    MarramParam{
-        "collision.offset_scale", MARRAM_NUMBER, "", "none", 0, 10, "",
-        "bent CVs aim at no less than this share of their height at rest; default: anywhere, even inside"},
+    MarramParam{"collision.offset_scale", MARRAM_NUMBER, "", "none", 0, 10, "",
+                "minimum height of a CV above the skin, as a fraction of its rest height; default: none"},
     MarramParam{"collision.clearance", MARRAM_NUMBER, "m", "none", 0, beyond_wind, "",
-                "distance that strands keep from colliders; default: their radius"},
+                "distance that strands keep from meshes; default: their radius"},
 };
 
 } // namespace
@@ -47,8 +45,8 @@ std::optional<Collision> read_collision(const Values& values) {
         for (const MarramParam& param : collision_values) {
             const std::string name = std::string("wind.") + param.name;
             if (values.has(name))
-                throw SceneFault(values.at(name).place,
-                                 name + " is given but no solver: add wind.collision.solver = \"exact\"");
+                throw SceneFault("collision.no_solver", values.at(name).place,
+                                 name + " is given but no solver", "add wind.collision.solver = \"exact\"");
         }
         return std::nullopt;
     }
@@ -57,9 +55,9 @@ std::optional<Collision> read_collision(const Values& values) {
     collision.solver = values.text("wind.collision.solver") == "steps" ? Solver::steps : Solver::exact;
     if (values.has("wind.collision.rotation_steps")) {
         if (collision.solver != Solver::steps)
-            throw SceneFault(
-                values.at("wind.collision.rotation_steps").place,
-                "rotation_steps belongs to solver = \"steps\": remove it, exact contact has no steps");
+            throw SceneFault("collision.steps_of_exact", values.at("wind.collision.rotation_steps").place,
+                             "rotation_steps belongs to solver = \"steps\"",
+                             "remove it, exact contact has no steps");
         collision.rotation_steps = values.integer("wind.collision.rotation_steps");
     }
     const auto take = [&](const char* name, std::optional<double>& out) {
@@ -172,7 +170,8 @@ void advance(CollideScratch& scratch, Progress& progress, size_t k, const Segmen
     progress.start = stored;
 }
 
-Bow bow_of(const CollideJob& job, const StrandJob& strand, const CollideScratch& scratch, size_t k) {
+DrawnSegment drawn_segment(const CollideJob& job, const StrandJob& strand, const CollideScratch& scratch,
+                           size_t k) {
     const std::vector<Vec3f>& p = scratch.solved;
     const auto at = [&](size_t i) { return Vec3d(p[i].cast<double>()); };
     const auto bend = [&](size_t i) {
@@ -217,8 +216,8 @@ bool arrives_in_open_air(const CollideJob& job, const StrandJob& strand, const P
     }
     double gap = 0.0; // of what is drawn
     for (size_t i = k; i + 1 < scratch.rest.size(); ++i) {
-        const Bow bow = bow_of(job, strand, scratch, i);
-        gap = std::max(gap, bow.gap() + std::max(bow.r0, bow.r1));
+        const DrawnSegment drawn = drawn_segment(job, strand, scratch, i);
+        gap = std::max(gap, drawn.max_offset() + std::max(drawn.r0, drawn.r1));
     }
     Region region(std::max(bulge + so_far.clearance, gap) * (1.0 + 1e-9));
     if (scratch.swept.size() <= Region::most_points) {
@@ -307,14 +306,14 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
 // The corner at which the drawn curve dips in by more than the tolerance; -1: nowhere.
 int dipping_corner(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch) {
     for (size_t k = 0; k < std::min(scratch.open_from, scratch.solved.size() - 1); ++k) {
-        const Bow bow = bow_of(job, strand, scratch, k);
-        if (dips_in(*job.colliders, bow, scratch.clearance[k + 1], strand.tolerance, scratch.turn))
-            return int(bow.d0.squaredNorm() >= bow.d1.squaredNorm() ? k : k + 1);
+        const DrawnSegment drawn = drawn_segment(job, strand, scratch, k);
+        if (dips_in(*job.colliders, drawn, scratch.clearance[k + 1], strand.tolerance, scratch.turn))
+            return int(drawn.d0.squaredNorm() >= drawn.d1.squaredNorm() ? k : k + 1);
     }
     return -1;
 }
 
-// The last resort: the strand as one straight segment, turned out from its mean direction. It has no kinks to bow.
+// The last resort: the strand as one straight segment, turned out from its mean direction. It has no kinks, so its cubic is straight.
 bool lay_straight(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch) {
     const std::vector<Vec3d>& rest = scratch.rest;
     double length = 0.0;
@@ -358,9 +357,9 @@ void straighten(const CollideJob& job, const StrandJob& strand, CollideScratch& 
         scratch.solved = before; // it came to where nothing is free
         break;
     }
-    const std::vector<Vec3f> bowed = scratch.solved;
+    const std::vector<Vec3f> curved = scratch.solved;
     if (lay_straight(job, strand, scratch)) return;
-    scratch.solved = bowed;
+    scratch.solved = curved;
     ++counts.dips;
 }
 

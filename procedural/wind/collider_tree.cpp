@@ -47,6 +47,7 @@ std::shared_ptr<const ColliderTree::Shape> ColliderTree::make_shape(const Marram
     std::vector<uint64_t> keys; // of blocks, then of each level of nodes
     Eigen::AlignedBox3f box;
     for (uint32_t m = 0; m < frame.mesh_count; ++m) {
+        if ((frame.meshes[m].roles & MARRAM_COLLIDES) == 0) continue;
         const TriangleBlocks part = triangle_blocks(frame.meshes[m], reach);
         const auto base = uint32_t(shape->runs.size());
         shape->runs.insert(shape->runs.end(), part.runs.begin(), part.runs.end());

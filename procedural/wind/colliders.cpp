@@ -59,7 +59,7 @@ std::vector<uint64_t> key_of(const MarramFrame& frame, const Eigen::AlignedBox3d
         key.push_back(!colliders[i]->any() ? ~uint64_t(0) : moves ? colliders[i]->time_index : 0);
     for (uint32_t i = 0; i < frame.mesh_count; ++i) {
         const MarramMesh& mesh = frame.meshes[i];
-        key.insert(key.end(), {mesh.vertex_count, mesh.triangle_count, mesh.time_count});
+        key.insert(key.end(), {mesh.roles, mesh.vertex_count, mesh.triangle_count, mesh.time_count});
         add_hash(mesh.triangles, 3 * sizeof(uint32_t) * mesh.triangle_count, key);
         for (uint32_t t = 0; t < mesh.time_count; ++t)
             add_hash(mesh.positions[t], 3 * sizeof(float) * mesh.vertex_count, key);

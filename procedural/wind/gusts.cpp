@@ -36,48 +36,45 @@ constexpr const char* smooth_fall = "{ knots = [[0, 1], [1, 0]], interpolation =
 
 constexpr std::array gust_values = {
     MarramParam{"gusts.num_gusts", MARRAM_INTEGER, "", "0", 0, 1000000, "",
-                "spheres of influence that travel with the wind, in each period"},
+                "gusts in each period: spheres that travel with the wind"},
     MarramParam{"gusts.radius_range", MARRAM_RANGE, "m", "[2, 4]", 0, beyond_wind, "",
-                "of a gust, from its centre to where it ends"},
+                "smallest and largest radius of a gust"},
     MarramParam{"gusts.radius_noise_range", MARRAM_RANGE, "", "[0, 0.3]", 0, most_lumps, "",
-                "share of the radius by which its surface dents in; 0: a ball"},
+                "depth of dents in its surface, as a share of the radius; 0: a sphere"},
     MarramParam{"gusts.speed_range", MARRAM_RANGE, "m/s", "none", 0, beyond_wind, "",
-                "of a gust; default: the wind's speed"},
+                "slowest and fastest gust; default: the wind's speed"},
     MarramParam{"gusts.start_frame_range", MARRAM_RANGE, "frames", "none", -longest, longest, "",
-                "when a gust is in the plane upwind, at its full strength: it swells as long before as it "
-                "decays; default: "
-                "any time of the period"},
+                "when a gust crosses the plane upwind, at full strength; default: any time of the period"},
     MarramParam{"gusts.life_range", MARRAM_RANGE, "frames", "[120, 240]", 0, longest, "",
-                "from its start to its end"},
+                "shortest and longest time from its start to its end"},
     MarramParam{"gusts.decay_range", MARRAM_RANGE, "frames", "[24, 48]", 0, longest, "",
-                "of that, how long it takes to fade out, at least one frame"},
+                "part of that time in which it fades, 1 frame or more; it swells as long before it starts"},
     MarramParam{"gusts.period", MARRAM_NUMBER, "frames", "240", 0, longest, "",
-                "the set of gusts repeats after this, before and after for ever; 0: it comes once"},
+                "the gusts repeat after this time; 0: they come once"},
     MarramParam{"gusts.redraw", MARRAM_BOOLEAN, "", "false", -beyond_wind, beyond_wind, "",
-                "true: every repetition has gusts of its own; false: the same ones, so that cycles close"},
+                "true: each period has gusts of its own; false: the same ones, for cycles"},
     MarramParam{"gusts.center", MARRAM_VEC3, "m", "none", -beyond_wind, beyond_wind, "",
-                "that the gusts pass; default: the middle of the strands at bind_frame"},
+                "point that gusts pass; default: the middle of the strands at bind_frame"},
     MarramParam{"gusts.extent", MARRAM_VEC2, "m", "none", 0, beyond_wind, "",
-                "of the plane that they start from, level and upright; default: that of the strands"},
+                "width and height of the plane that gusts start from; default: those of the strands"},
     MarramParam{"gusts.distance", MARRAM_NUMBER, "m", "none", -beyond_wind, beyond_wind, "",
-                "of that plane from the centre, upwind; default: just outside the strands"},
+                "distance of that plane, upwind of the centre; default: just outside the strands"},
     MarramParam{"gusts.ramp", MARRAM_RAMP, "", smooth_fall, 0, 1, "",
-                "influence from a gust's centre (0) to its end (1), where it is 0"},
-    MarramParam{"gusts.strength", MARRAM_NUMBER, "", "1", 0, 10, "",
-                "factor on the influence of these gusts"},
-    MarramParam{"gusts.seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "other gusts of the same kind"},
+                "influence from the centre (0) to the surface (1), where it is 0"},
+    MarramParam{"gusts.strength", MARRAM_NUMBER, "", "1", 0, 10, "", "scale of the influence of these gusts"},
+    MarramParam{"gusts.seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "seed of the gusts"},
     MarramParam{
         "gusts.control[].shape", MARRAM_CHOICE, "", "sphere", -beyond_wind, beyond_wind, "sphere|box",
-        "a gust placed by hand: a ball of radius 1 m or a box of half side 1 m, before the transform"},
+        "a gust placed by hand: a sphere of radius 1 m or a box of half side 1 m, before its transform"},
     MarramParam{"gusts.control[].transform", MARRAM_KEYS, "", "{}", -beyond_wind, beyond_wind, "",
-                "where and how large it is, keyed"},
-    MarramParam{"gusts.control[].inner", MARRAM_VEC3, "", "none", 0, 1, "",
-                "half sides of a box's inner box, where the influence is full, as shares of the outer's; "
-                "default: 0.5"},
+                "its place, rotation and scale, keyed"},
+    MarramParam{
+        "gusts.control[].inner", MARRAM_VEC3, "", "none", 0, 1, "",
+        "half sides of the inner box, where the influence is full, as shares of the outer box; default: 0.5"},
     MarramParam{"gusts.control[].ramp", MARRAM_RAMP, "", smooth_fall, 0, 1, "",
-                "influence from the centre or inner box (0) to the end (1), where it is 0"},
+                "influence from the centre or inner box (0) to the surface (1), where it is 0"},
     MarramParam{"gusts.control[].strength", MARRAM_NUMBER, "", "1", -10, 10, "",
-                "factor on its influence; below 0 it takes wind away"},
+                "scale of its influence; below 0 it reduces the wind"},
 };
 
 // ---- Reading ----
@@ -85,11 +82,11 @@ constexpr std::array gust_values = {
 Ramp read_ramp(const Values& values, const std::string& name) {
     const Ramp ramp = values.ramp(name);
     if (ramp.interpolation() == Ramp::Interpolation::constant)
-        throw SceneFault(values.at(name).place,
-                         name + " is constant between knots, strands would jump: use linear or smooth");
+        throw SceneFault("gusts.ramp_jumps", values.at(name).place,
+                         name + " is constant between knots, strands would jump", "use linear or smooth");
     if (ramp(1.0) != 0.0)
-        throw SceneFault(values.at(name).place,
-                         name + " is not 0 at 1: end it with [1, 0], where a gust ends");
+        throw SceneFault("gusts.ramp_end", values.at(name).place, name + " is not 0 at 1",
+                         "end it with [1, 0], where a gust ends");
     return ramp;
 }
 
@@ -100,8 +97,8 @@ GustControl read_control(const Values& values, const std::string& prefix) {
     control.transform = KeyedTransform(std::span(keys.numbers, keys.number_count), keys.text);
     const std::string inner = prefix + "inner";
     if (values.has(inner) && !control.box)
-        throw SceneFault(values.at(inner).place,
-                         inner + " means nothing for a sphere: remove it, or make it a box");
+        throw SceneFault("gusts.inner_of_sphere", values.at(inner).place,
+                         inner + " means nothing for a sphere", "remove it, or make it a box");
     control.inner = values.has(inner) ? values.vec3(inner) : Vec3d::Constant(0.5);
     control.ramp = read_ramp(values, prefix + "ramp");
     control.strength = values.number(prefix + "strength");
@@ -116,15 +113,13 @@ void check_period(const Gusts& gusts, const Values& values) {
     const std::string place = values.at("wind.gusts.period").place;
     if (gusts.period == 0.0) return;
     if (gusts.period < 1.0)
-        throw SceneFault(
-            place,
-            "wind.gusts.period is shorter than a frame: give 1 or more, or 0 for gusts that come once");
+        throw SceneFault("gusts.short_period", place, "wind.gusts.period is shorter than a frame",
+                         "give 1 or more, or 0 for gusts that come once");
     const double window =
         gusts.start_frame.y() - gusts.start_frame.x() + gusts.life.y() + longest_fade(gusts);
     if (gusts.num_gusts * (window / gusts.period + 1.0) > most_draws)
-        throw SceneFault(
-            place,
-            "wind.gusts has more than 4000000 gusts at a time: use fewer, shorter lives or a longer period");
+        throw SceneFault("gusts.too_many", place, "wind.gusts has more than 4000000 gusts at a time",
+                         "use fewer, shorter lives or a longer period");
 }
 
 void read_procedural(const Values& values, Gusts& gusts) {
@@ -140,9 +135,9 @@ void read_procedural(const Values& values, Gusts& gusts) {
     else if (gusts.period > 0.0)
         gusts.start_frame = Vec2d(0.0, gusts.period);
     else
-        throw SceneFault(
-            values.at("wind.gusts.period").place,
-            "wind.gusts.period is 0 and nothing says when gusts start: give a start_frame_range or a period");
+        throw SceneFault("gusts.no_start", values.at("wind.gusts.period").place,
+                         "wind.gusts.period is 0 and nothing says when gusts start",
+                         "give a start_frame_range or a period");
     check_period(gusts, values);
     gusts.redraw = values.boolean("wind.gusts.redraw");
     gusts.strength = values.number("wind.gusts.strength");

@@ -64,30 +64,29 @@ constexpr double least_lag = 1e-60;
 
 constexpr std::array jiggle_values = {
     MarramParam{"jiggle.frequency", MARRAM_NUMBER, "Hz", "none", 0, 1e9, "",
-                "strands swing into their bent pose, this often a second where stiffness is 1; 0 or absent: "
-                "they follow at once"},
+                "natural frequency of the spring where stiffness is 1; 0 or absent: no jiggle"},
     MarramParam{"jiggle.damping", MARRAM_NUMBER, "", "none", 0, 1e3, "",
-                "damping ratio: below 1 strands overshoot, 0 never comes to rest; default: 0.3"},
+                "damping ratio: below 1 strands overshoot, at 0 they never come to rest; default: 0.3"},
     MarramParam{"jiggle.stiffness", MARRAM_RAMP, "", "none", 0, 1e9, "",
                 "scale of the frequency from root (0) to tip (1); default: [[0, 4], [1, 1]]"},
-    MarramParam{
-        "jiggle.step", MARRAM_NUMBER, "frames", "none", 1e-3, 1e3, "",
-        "time between samples of the past, linear between them; default: as long as the tolerance allows"},
+    MarramParam{"jiggle.step", MARRAM_NUMBER, "frames", "none", 1e-3, 1e3, "",
+                "time between samples of the past; default: as long as the tolerance allows",
+                "0.125|0.25|0.5|1|2", "seconds.jiggle"},
     MarramParam{"jiggle.start_frame", MARRAM_NUMBER, "frames", "none", -1e7, 1e7, "",
-                "strands are at rest in their bent pose up to here; needed where damping is 0"},
+                "strands rest in their bent pose until this frame; required if damping is 0"},
 };
 
-[[noreturn]] void refuse(const Values& values, const char* name, const std::string& text) {
-    throw SceneFault(values.at(name).place, text);
+[[noreturn]] void refuse(const Values& values, const char* name, const std::string& what,
+                         const std::string& remedy) {
+    throw SceneFault("jiggle.setting", values.at(name).place, what, remedy);
 }
 
 void refuse_without_frequency(const Values& values) {
     for (const MarramParam& param : jiggle_values) {
         const std::string name = std::string("wind.") + param.name;
         if (values.has(name))
-            refuse(values, name.c_str(),
-                   std::string(param.name) +
-                       " is given but no jiggle.frequency: add it in Hz, such as jiggle.frequency = 2");
+            refuse(values, name.c_str(), std::string(param.name) + " is given but no jiggle.frequency",
+                   "add it in Hz, such as jiggle.frequency = 2");
     }
 }
 
@@ -277,12 +276,12 @@ std::optional<Jiggle> read_jiggle(const Values& values) {
                                                            : Ramp(initial_stiffness, "linear");
     for (const double value : jiggle.stiffness.values())
         if (!(value > 0.0))
-            refuse(values, "wind.jiggle.stiffness",
-                   "jiggle.stiffness is not above 0 everywhere: it scales the frequency, keep it positive");
+            refuse(values, "wind.jiggle.stiffness", "jiggle.stiffness is not above 0 everywhere",
+                   "it scales the frequency, keep it positive");
     if (values.has("wind.jiggle.start_frame")) jiggle.start_frame = values.number("wind.jiggle.start_frame");
     if (jiggle.damping == 0.0 && !jiggle.start_frame)
-        refuse(values, "wind.jiggle.damping",
-               "jiggle.damping = 0 never forgets how it began: give jiggle.start_frame, or some damping");
+        refuse(values, "wind.jiggle.damping", "jiggle.damping = 0 never forgets how it began",
+               "give jiggle.start_frame, or some damping");
     return jiggle;
 }
 
@@ -314,11 +313,11 @@ JiggleWindow jiggle_window(const Jiggle& jiggle, std::span<const double> times, 
         first = std::max(first, start);
     }
     if (!(last - first < most_knots))
-        throw SceneFault(
-            jiggle.place,
-            "jiggle remembers more than " + std::to_string(int(most_knots)) +
-                " samples of the past here: give more jiggle.damping, a higher frequency, a longer "
-                "jiggle.step, or a jiggle.start_frame not so far back");
+        throw SceneFault("jiggle.too_long", jiggle.place,
+                         "jiggle remembers more than " + std::to_string(int(most_knots)) +
+                             " samples of the past here",
+                         "give more jiggle.damping, a higher frequency, a longer "
+                         "jiggle.step, or a jiggle.start_frame not so far back");
     return {int64_t(first), int64_t(last)};
 }
 

@@ -22,19 +22,21 @@ namespace {
 
 constexpr std::array shielding_values = {
     MarramParam{"shielding.shield", MARRAM_NUMBER, "", "none", 0, 1, "",
-                "share of the wind that a wholly sheltered strand loses. Absent: no strand is sheltered"},
+                "share of the wind that a fully sheltered strand loses; absent: no shielding"},
     MarramParam{"shielding.offset", MARRAM_NUMBER, "m", "none", 1e-9, beyond_wind, "",
-                "how far upwind meshes shelter; default: 10 m"},
+                "distance upwind in which meshes shelter; default: 10 m"},
     MarramParam{"shielding.shield_per", MARRAM_CHOICE, "", "none", -beyond_wind, beyond_wind, "curve|cv",
-                "curve (default): a strand's sheltered share slows all of it; cv: each CV for itself"},
+                "curve (default): one value a strand; cv: one value a CV"},
     MarramParam{"shielding.wake", MARRAM_NUMBER, "m", "none", 1e-9, beyond_wind, "",
-                "shelter fades to nothing this far behind a mesh; default: it does not fade"},
+                "distance behind a mesh after which shelter has faded to nothing; default: it does not fade"},
     MarramParam{"shielding.wake_heights", MARRAM_NUMBER, "", "none", 1e-9, beyond_wind, "",
-                "the same in heights of the mesh (its extent in y)"},
+                "the same, in heights of the mesh (its extent in y)"},
     MarramParam{"shielding.spread", MARRAM_NUMBER, "deg", "none", 0, 89, "",
-                "half angle of a cone that wind comes from: soft edges; default: 0, one direction"},
+                "half angle of the cone of directions that wind comes from, for soft edges; default: 0, one "
+                "direction"},
     MarramParam{"shielding.rays", MARRAM_INTEGER, "", "none", 1, 1024, "",
-                "directions in that cone, for each CV; default: as many as the tolerance asks for"},
+                "rays a CV in that cone; default: as many as the tolerance asks for", "1|4|16|64|256",
+                "seconds.shield"},
 };
 
 } // namespace
@@ -47,8 +49,8 @@ std::optional<Shielding> read_shielding(const Values& values) {
         for (const MarramParam& param : shielding_values) {
             const std::string name = std::string("wind.") + param.name;
             if (values.has(name))
-                throw SceneFault(values.at(name).place,
-                                 name + " is given but no strength: add wind.shielding.shield = 1");
+                throw SceneFault("shielding.no_strength", values.at(name).place,
+                                 name + " is given but no strength", "add wind.shielding.shield = 1");
         }
         return std::nullopt;
     }
@@ -59,16 +61,16 @@ std::optional<Shielding> read_shielding(const Values& values) {
     if (given("wind.shielding.wake")) shielding.wake = values.number("wind.shielding.wake");
     if (given("wind.shielding.wake_heights")) {
         if (shielding.wake)
-            throw SceneFault(values.at("wind.shielding.wake_heights").place,
-                             "shielding has both wake and wake_heights: keep one of them");
+            throw SceneFault("shielding.two_wakes", values.at("wind.shielding.wake_heights").place,
+                             "shielding has both wake and wake_heights", "keep one of them");
         shielding.wake_heights = values.number("wind.shielding.wake_heights");
     }
     if (given("wind.shielding.spread")) shielding.spread = radians(values, "wind.shielding.spread");
     shielding.rays = 0;
     if (given("wind.shielding.rays")) {
         if (!(shielding.spread > 0.0))
-            throw SceneFault(values.at("wind.shielding.rays").place,
-                             "shielding.rays needs a cone: add shielding.spread = 10, or remove rays");
+            throw SceneFault("shielding.rays_without_spread", values.at("wind.shielding.rays").place,
+                             "shielding.rays needs a cone", "add shielding.spread = 10, or remove rays");
         shielding.rays = values.integer("wind.shielding.rays");
     }
     if (shielding.shield == 0.0) return std::nullopt;
@@ -136,8 +138,18 @@ class Tracer {
     // `share` of what shelters the place from there is added to `out`.
     void add(const Vec3f& p, const Vec3f& d, float share, float* out) {
         RTCRayHit& next = rays_[count_];
-        next.ray = {p.x(), p.y(), p.z(), 0.0F, d.x(), d.y(), d.z(), colliders_.time, float(shielding_.offset),
-                    ~0U,   0,     0};
+        next.ray = {p.x(),
+                    p.y(),
+                    p.z(),
+                    0.0F,
+                    d.x(),
+                    d.y(),
+                    d.z(),
+                    colliders_.time,
+                    float(shielding_.offset),
+                    MARRAM_SHELTERS,
+                    0,
+                    0};
         next.hit.geomID = RTC_INVALID_GEOMETRY_ID;
         next.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
         out_[count_] = out;

@@ -7,8 +7,8 @@
 
 namespace marram {
 
-bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p, const Vec3d& facing,
-             double reach, uint32_t hint, Foot& foot) {
+bool closest_skin_point(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p,
+                        const Vec3d& facing, double reach, uint32_t hint, SkinPoint& closest) {
     bool found = false;
     double best = reach, most_along = 0.0, tie = 0.0;
     const auto consider = [&](uint32_t triangle) {
@@ -23,9 +23,9 @@ bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p,
         if (distance > best + tie) return;
         const bool nearer = distance < best - tie;
         if (found && !nearer &&
-            std::pair(std::abs(along), -double(triangle)) <= std::pair(most_along, -double(foot.triangle)))
+            std::pair(std::abs(along), -double(triangle)) <= std::pair(most_along, -double(closest.triangle)))
             return;
-        foot = {point, normal, std::copysign(distance, along), triangle};
+        closest = {point, normal, std::copysign(distance, along), triangle};
         found = true;
         best = std::min(best, distance);
         most_along = std::abs(along);
@@ -75,10 +75,10 @@ bool foot_of(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p,
 
 bool push_out(const Colliders& colliders, const MarramMesh& skin, const Vec3d& rest, const Vec3d& facing,
               double reach, double scale, uint32_t& hint, Vec3d& p) {
-    Foot at_rest, now;
-    if (!foot_of(colliders, skin, rest, facing, reach, hint, at_rest)) return false;
+    SkinPoint at_rest, now;
+    if (!closest_skin_point(colliders, skin, rest, facing, reach, hint, at_rest)) return false;
     hint = at_rest.triangle;
-    if (!foot_of(colliders, skin, p, at_rest.normal, reach, hint, now)) return false;
+    if (!closest_skin_point(colliders, skin, p, at_rest.normal, reach, hint, now)) return false;
     // Along the normal at rest, which does not change from frame to frame: by the normal below p the target would jump where p
     // comes from one triangle's side to the next's. A step gains its length where the two normals agree, less where they do not.
     constexpr int steps = 4;
@@ -86,7 +86,9 @@ bool push_out(const Colliders& colliders, const MarramMesh& skin, const Vec3d& r
     const double wanted = scale * at_rest.height;
     for (int i = 0; i < steps && now.height < (i > 0 ? enough * wanted : wanted); ++i) {
         p += at_rest.normal * (wanted - now.height);
-        if (i + 1 < steps && !foot_of(colliders, skin, p, at_rest.normal, reach, now.triangle, now)) break;
+        if (i + 1 < steps &&
+            !closest_skin_point(colliders, skin, p, at_rest.normal, reach, now.triangle, now))
+            break;
     }
     return true;
 }

@@ -15,6 +15,7 @@ struct Strands {
     int cvs = 0;    // a strand
     int blocks = 0; // of eight strands
     bool oriented = false;
+    bool has_wind_share = false; // else all take the whole wind
 
     WideVector<Wide3f> rest, pose;               // [blocks * cvs]
     WideVector<Wide3f> rest_normal, pose_normal; // [blocks * cvs] where `oriented`, else empty
@@ -24,6 +25,7 @@ struct Strands {
     WideVector<Wide3d> anchor;                   // [blocks]: where noise is sampled from
     WideVector<Wide3d> root_normal;              // [blocks]: of the skin, unit
     WideVector<VDouble> width;                   // [blocks]: of a strand, metres; its profile scales it
+    WideVector<VFloat> wind_share;               // [blocks] where has_wind_share: factor of the envelope
     WideVector<Wide3d> points;                   // [cvs] scratch
     WideVector<Wide3f> values;                   // [2 * cvs] scratch
 
@@ -52,6 +54,7 @@ struct Strands {
         anchor.resize(size_t(blocks));
         root_normal.resize(size_t(blocks));
         width.resize(size_t(blocks));
+        wind_share.resize(has_wind_share ? size_t(blocks) : 0);
         points.resize(size_t(cvs));
         values.resize(size_t(cvs) * 2);
     }

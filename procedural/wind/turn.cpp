@@ -123,7 +123,7 @@ void set_ray(RTCRay& ray, const Colliders& colliders, const Vec3d& from, const V
     ray.tnear = 0.0F;
     ray.tfar = float(length);
     ray.time = colliders.time;
-    ray.mask = ~0U;
+    ray.mask = MARRAM_COLLIDES;
     ray.id = 0;
     ray.flags = 0;
 }

@@ -13,39 +13,41 @@ namespace {
 
 constexpr std::array own_params = {
     MarramParam{"direction", MARRAM_VEC3, "", "[1, 0, 0]", -beyond_wind, beyond_wind, "",
-                "where the air goes to; any length but 0"},
+                "where the air moves to; any length but 0"},
     MarramParam{"speed", MARRAM_NUMBER, "m/s", "0", 0, beyond_wind, "",
-                "carries the noise along and, through response, bends"},
+                "moves the noise field and, through response, sets the strength of the bend"},
     MarramParam{"calm", MARRAM_NUMBER, "", "none", 0, 1, "",
-                "wind between gusts, as a share of the full envelope; default: 1 without gusts, 0 with"},
+                "background wind, 0 to 1; default: 0 (still air between gusts) if there are gusts, else 1"},
     MarramParam{"response", MARRAM_RAMP, "m/s", "[[0, 0], [10, 1]]", -beyond_wind, beyond_wind, "",
-                "speed to strength: positions in m/s, values 0 ... 1, response(0) = 0"},
+                "strength of the wind, 0 to 1, over its speed; 0 at speed 0"},
     MarramParam{"global_rotate", MARRAM_NUMBER, "", "0.6", 0, 1, "",
-                "scale of every segment's turn towards the wind"},
+                "scale of each segment's turn towards the wind"},
     MarramParam{"ramp_rotate", MARRAM_RAMP, "", "[[0, 0.2], [1, 1]]", -beyond_wind, beyond_wind, "",
                 "scale of the turn from root (0) to tip (1)"},
     MarramParam{"waviness", MARRAM_NUMBER, "", "1", -1e6, 1e6, "",
-                "how far the noise's sampling point runs ahead along the strand: ripples"},
-    MarramParam{"reference_segments", MARRAM_INTEGER, "", "0", 0, 100000, "",
-                "segments that a turn is meant for; 0: as many as the strand has (7 where cvs = 0)"},
+                "how far the point where noise is sampled moves ahead along the strand, in lengths: ripples"},
+    MarramParam{
+        "reference_segments", MARRAM_INTEGER, "", "0", 0, 100000, "",
+        "number of segments that a turn is meant for; 0: as many as the strand has (7 where cvs = 0)"},
     MarramParam{"noise.type", MARRAM_CHOICE, "", "perlin", -beyond_wind, beyond_wind, "perlin|billow|wavelet",
                 "kind of noise field"},
     MarramParam{"noise.amplitude", MARRAM_NUMBER, "", "0.5", 0, 1e6, "",
-                "strength beside the unit wind direction"},
+                "strength of the noise, relative to the unit wind direction"},
     MarramParam{"noise.frequency", MARRAM_NUMBER, "1/m", "1", 0, 1e9, "", "cells a metre"},
-    MarramParam{"noise.octaves", MARRAM_INTEGER, "", "1", 1, 16, "", "layers, each finer and weaker"},
+    MarramParam{"noise.octaves", MARRAM_INTEGER, "", "1", 1, 16, "",
+                "layers of noise, each finer and weaker"},
     MarramParam{"noise.lacunarity", MARRAM_NUMBER, "", "2", 1, 16, "",
-                "frequency ratio of one octave to the one before"},
+                "frequency of an octave over that of the one before"},
     MarramParam{"noise.gain", MARRAM_NUMBER, "", "0.5", 0, 1, "",
-                "strength ratio of one octave to the one before"},
+                "strength of an octave over that of the one before"},
     MarramParam{"noise.evolution", MARRAM_NUMBER, "1/s", "0", -1e6, 1e6, "",
-                "change of the field in place, cells a second"},
-    MarramParam{
-        "noise.anchor", MARRAM_CHOICE, "", "world", -beyond_wind, beyond_wind, "world|rest",
-        "rest: sampled where the roots are at bind_frame, so that it does not swim on a moving surface"},
-    MarramParam{"noise.seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "another field of the same kind"},
+                "rate of change of the field in place, cells a second"},
+    MarramParam{"noise.anchor", MARRAM_CHOICE, "", "world", -beyond_wind, beyond_wind, "world|rest",
+                "world: sampled where the strand is; rest: where its root is at bind_frame, so that the "
+                "field moves with the surface"},
+    MarramParam{"noise.seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "seed of the field"},
     MarramParam{"noise.loop", MARRAM_RANGE, "frames", "none", -1e7, 1e7, "",
-                "first and last frame of a cycle that closes"},
+                "first and last frame of a cycle without a seam"},
 };
 
 NoiseType noise_type(std::string_view name) {
@@ -69,27 +71,27 @@ Wind read_wind(const Values& values) {
     const Vec3d direction = values.vec3("wind.direction");
     const double length = direction.stableNorm();
     if (!(length > 0.0))
-        throw SceneFault(values.at("wind.direction").place,
-                         "the wind's direction is zero: give a vector, such as [1, 0, 0]");
+        throw SceneFault("wind.no_direction", values.at("wind.direction").place,
+                         "the wind's direction is zero", "give a vector, such as [1, 0, 0]");
     wind.direction = direction / length;
     wind.speed = values.number("wind.speed");
     wind.gusts = read_gusts(values);
     wind.calm = values.has("wind.calm") ? values.number("wind.calm") : wind.gusts ? 0.0 : 1.0;
     wind.response = values.ramp("wind.response");
     if (wind.response(0.0) != 0.0)
-        throw SceneFault(
-            values.at("wind.response").place,
-            "wind.response is not 0 at speed 0: begin the ramp with [0, 0], still air bends nothing");
+        throw SceneFault("wind.response_at_rest", values.at("wind.response").place,
+                         "wind.response is not 0 at speed 0",
+                         "begin the ramp with [0, 0], still air bends nothing");
     for (const double value : wind.response.values())
         if (value < 0.0 || value > 1.0)
-            throw SceneFault(values.at("wind.response").place,
-                             "wind.response leaves 0 ... 1: keep its values inside");
+            throw SceneFault("wind.response_range", values.at("wind.response").place,
+                             "wind.response leaves 0 ... 1", "keep its values inside");
     wind.global_rotate = values.number("wind.global_rotate");
     wind.ramp_rotate = values.ramp("wind.ramp_rotate");
     for (const double share : wind.ramp_rotate.values())
         if (share < 0.0)
-            throw SceneFault(values.at("wind.ramp_rotate").place,
-                             "wind.ramp_rotate goes below 0: strands do not turn away from the wind");
+            throw SceneFault("wind.ramp_rotate_range", values.at("wind.ramp_rotate").place,
+                             "wind.ramp_rotate goes below 0", "strands do not turn away from the wind");
     wind.waviness = values.number("wind.waviness");
     wind.reference_segments = values.integer("wind.reference_segments");
     wind.noise.type = noise_type(values.text("wind.noise.type"));
@@ -107,8 +109,8 @@ Wind read_wind(const Values& values) {
         wind.loop_begin = values.range("wind.noise.loop").x();
         wind.loop_end = values.range("wind.noise.loop").y();
         if (!(wind.loop_begin < wind.loop_end))
-            throw SceneFault(values.at("wind.noise.loop").place,
-                             "noise.loop has no length: give two different frames");
+            throw SceneFault("noise.empty_loop", values.at("wind.noise.loop").place,
+                             "noise.loop has no length", "give two different frames");
     }
     wind.shielding = read_shielding(values);
     wind.jiggle = read_jiggle(values);

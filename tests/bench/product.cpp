@@ -42,10 +42,10 @@ Product::Frame Product::run(bool traced, double frame) {
     world_ = build_world(scene_.geometry, settings, never, progress, stats);
     return {load_seconds_,
             stats.colliders,
-            stats.expand + stats.gusts + stats.shield + stats.bend + stats.jiggle + stats.collide,
+            strand_seconds(stats.report),
             stats.curves_bvh,
             stats.curve_bytes,
-            stats.curve_extra_bytes};
+            stats.attribute_bytes + uint64_t(stats.report("memory.curve_extra_bytes"))};
 }
 
 double Product::bake(const std::string& path, double frame) {

@@ -30,7 +30,7 @@ struct Lent { // meshes at some motion samples, without Embree
             for (const auto& pose : poses[i]) pointers.back().push_back(pose.data()->data());
         }
         for (size_t i = 0; i < meshes.size(); ++i)
-            lent.push_back({"mesh", uint32_t(i), uint32_t(meshes[i].positions.size()),
+            lent.push_back({"mesh", uint32_t(i), MARRAM_ALL_ROLES, uint32_t(meshes[i].positions.size()),
                             uint32_t(meshes[i].triangles.size()), uint32_t(poses[i].size()),
                             pointers[i].data(), nullptr, meshes[i].triangles.data()->data(), nullptr});
         frame.time_count = samples;

@@ -35,7 +35,7 @@ FurredWorld::FurredWorld(std::vector<Mesh> meshes, std::vector<std::vector<Posit
         rtcCommitGeometry(geometry);
         rtcAttachGeometryByID(scene, geometry, unsigned(i));
         rtcReleaseGeometry(geometry);
-        lent_.push_back({names_[i].c_str(), uint32_t(i), uint32_t(mesh.positions.size()),
+        lent_.push_back({names_[i].c_str(), uint32_t(i), MARRAM_ALL_ROLES, uint32_t(mesh.positions.size()),
                          uint32_t(mesh.triangles.size()), uint32_t(pointers.size()), pointers.data(), nullptr,
                          mesh.triangles.data()->data(), nullptr});
     }

@@ -62,13 +62,14 @@ TEST(Skin, finds_a_foot_where_faces_stand_across_the_direction_asked_for) {
     double worst = 0.0;
     for (int i = 0; i < 5000; ++i) {
         const Vec3d p = 0.6 * draw.in_cube();
-        Foot foot;
-        ASSERT_TRUE(foot_of(colliders, world.mesh(0), p, facing, 3.0, no_triangle, foot)) << p.transpose();
-        worst = std::max(
-            worst, std::abs(std::abs(foot.height) - std::abs(oracle::foot_on_skin(p, facing, set).height)));
-        Foot hinted;
-        ASSERT_TRUE(foot_of(colliders, world.mesh(0), p, facing, 3.0, 0, hinted));
-        EXPECT_EQ(hinted.height, foot.height);
+        SkinPoint closest;
+        ASSERT_TRUE(closest_skin_point(colliders, world.mesh(0), p, facing, 3.0, no_triangle, closest))
+            << p.transpose();
+        worst = std::max(worst, std::abs(std::abs(closest.height) -
+                                         std::abs(oracle::closest_on_skin(p, facing, set).height)));
+        SkinPoint hinted;
+        ASSERT_TRUE(closest_skin_point(colliders, world.mesh(0), p, facing, 3.0, 0, hinted));
+        EXPECT_EQ(hinted.height, closest.height);
     }
     EXPECT_LT(worst, 1e-12);
 }
@@ -94,9 +95,10 @@ TEST(Skin, pushed_targets_stand_high_enough_and_follow_without_jumps) {
             Vec3d p = up * 1.08 + 0.9 * length * (up * std::cos(angle) + side * std::sin(angle));
             const Vec3d asked_at = p;
             if (!push_out(colliders, world.mesh(0), rest, up, 2.0 * length, scale, hint, p)) continue;
-            Foot at_rest, now;
-            ASSERT_TRUE(foot_of(colliders, world.mesh(0), rest, up, 1.0, no_triangle, at_rest));
-            ASSERT_TRUE(foot_of(colliders, world.mesh(0), p, at_rest.normal, 1.0, no_triangle, now));
+            SkinPoint at_rest, now;
+            ASSERT_TRUE(closest_skin_point(colliders, world.mesh(0), rest, up, 1.0, no_triangle, at_rest));
+            ASSERT_TRUE(
+                closest_skin_point(colliders, world.mesh(0), p, at_rest.normal, 1.0, no_triangle, now));
             lowest = std::min(lowest, now.height / (scale * at_rest.height));
             pushed += p != asked_at;
             if (s > 0) {

@@ -5,7 +5,7 @@
 //     build/marram_fuzz --seconds 3600 --seed 7           for an hour, other cases for each seed
 //     build/marram_fuzz --seed 7 --kind mesh --case 123   one of them again; its folder is kept
 //
-// All randomness comes from seed, kind and case, so a case is the same wherever and whenever it runs.
+// All randomness comes from seed, kind and case, so a case is the same on every run and machine.
 #include "core/cli/cli.h"
 #include "core/image/image.h"
 #include "core/math/hash.h"

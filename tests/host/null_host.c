@@ -23,7 +23,7 @@ enum { times = 2, strands = 2000, most_values = 128, most_numbers = 16, spare_fl
         if (!(condition)) fail(#condition, __LINE__);                                                        \
     } while (0)
 
-static char last_message[1024];
+static char last_message[1024], last_id[64], last_place[256];
 static int cancel_asked;
 
 static void fail(const char* condition, int line) {
@@ -39,18 +39,28 @@ static void* allocate(size_t bytes) {
 
 /* ---- What the host lends ---- */
 
-static void on_message(void* user, MarramSeverity severity, const char* place, const char* text) {
+static void on_message(void* user, const MarramMessage* message) {
     (void)user;
-    (void)severity;
-    snprintf(last_message, sizeof last_message, "%s: %s", place, text);
+    snprintf(last_id, sizeof last_id, "%s", message->id);
+    snprintf(last_place, sizeof last_place, "%s", message->place);
+    snprintf(last_message, sizeof last_message, "%s: %s", message->what, message->remedy);
 }
+
+/* The last message has this id. */
+static int said(const char* id) {
+    const int same = strcmp(last_id, id) == 0;
+    if (!same) fprintf(stderr, "the last message is %s\n", last_id);
+    return same;
+}
+
+static void forget_messages(void) { last_message[0] = last_id[0] = last_place[0] = '\0'; }
 
 static int on_cancelled(void* user) {
     (void)user;
     return cancel_asked;
 }
 
-static const MarramHost host = {NULL, on_message, on_cancelled};
+static const MarramHost host = {sizeof(MarramHost), NULL, on_message, on_cancelled, NULL};
 
 static const float corners[12] = {-1, 0, 1, 1, 0, 1, 1, 0, -1, -1, 0, -1};
 static const float corner_uvs[8] = {0, 0, 1, 0, 1, 1, 0, 1};
@@ -91,7 +101,14 @@ typedef struct Values {
     MarramValue list[most_values];
     double numbers[most_values][most_numbers];
     uint32_t count;
+    MarramValues lent;
 } Values;
+
+static const MarramValues* lend(Values* values) {
+    const MarramValues lent = {sizeof(MarramValues), values->list, values->count, sizeof(MarramValue)};
+    values->lent = lent;
+    return &values->lent;
+}
 
 /* All numbers of a text in their order: enough to read "[[0, 0.2], [1, 1]]". */
 static size_t read_numbers(const char* text, double* numbers) {
@@ -120,7 +137,7 @@ static void make_values(const MarramProcedural* type, const Given* given, size_t
                         Values* values) {
     values->count = 0;
     for (uint32_t i = 0; i < type->param_count; ++i) {
-        const MarramParam* param = &type->params[i];
+        const MarramParam* param = MARRAM_AT(MarramParam, type->params, type->param_stride, i);
         const char* text = text_for(param, given, given_count);
         const int in_list = strstr(param->name, "[].") != NULL; /* lists stay absent */
         if (strcmp(text, "none") == 0 || param->type == MARRAM_UNAVAILABLE || in_list) continue;
@@ -138,7 +155,7 @@ static void make_values(const MarramProcedural* type, const Given* given, size_t
             value->number_count = 1;
         }
         value->text = is_text ? text : param->type == MARRAM_RAMP ? "linear" : "";
-        value->image = NULL;
+        value->grid = NULL;
         value->place = "null_host";
     }
 }
@@ -162,7 +179,8 @@ static size_t vertex_count(const MarramOutput* output) {
 
 static uint32_t attribute_index(const MarramProcedural* type, const char* name) {
     for (uint32_t i = 0; i < type->attribute_count; ++i)
-        if (strcmp(type->attributes[i].name, name) == 0) return i;
+        if (strcmp(MARRAM_AT(MarramAttribute, type->attributes, type->attribute_stride, i)->name, name) == 0)
+            return i;
     fail(name, __LINE__);
     return 0;
 }
@@ -177,7 +195,7 @@ static void tessellate(const MarramProcedural* type, MarramInstance* instance, C
     values[1] = curves->id + first;
     for (uint32_t t = 0; t < curves->output.time_count; ++t)
         vertices[t] = curves->vertices[t] + 4 * first * (curves->output.cvs_per_curve + 2);
-    const MarramPatchBuffers buffers = {vertices, NULL, 2, attributes, values};
+    const MarramPatchBuffers buffers = {sizeof(MarramPatchBuffers), vertices, NULL, 2, attributes, values};
     CHECK(type->tessellate(instance, patch, &buffers) == MARRAM_OK);
 }
 
@@ -186,6 +204,8 @@ static void tessellate(const MarramProcedural* type, MarramInstance* instance, C
 static void make_curves(const MarramProcedural* type, MarramInstance* instance, const MarramFrame* frame,
                         Curves* curves) {
     MarramOutput* output = &curves->output;
+    memset(output, 0, sizeof *output);
+    output->size = sizeof *output;
     CHECK(type->begin(instance, frame, output) == MARRAM_OK);
     CHECK(output->kind == MARRAM_CURVES && output->curve_count == strands && output->cvs_per_curve >= 2);
     CHECK(output->time_count == times && output->patch_count > 1);
@@ -196,6 +216,7 @@ static void make_curves(const MarramProcedural* type, MarramInstance* instance, 
     curves->id = allocate(output->curve_count * sizeof(float));
     uint64_t next = 0;
     for (uint32_t i = 0; i < output->patch_count; ++i) {
+        curves->patches[i].size = sizeof(MarramPatch);
         CHECK(type->patch(instance, i, &curves->patches[i]) == MARRAM_OK);
         CHECK(curves->patches[i].first_curve == next);
         next += curves->patches[i].curve_count;
@@ -333,7 +354,7 @@ static void count_key(void* user, const char* key, double value) {
     int* found = user;
     CHECK(isfinite(value) && value >= 0.0);
     if (strncmp(key, "seconds.", 8) == 0 || strncmp(key, "thread_seconds.", 15) == 0) ++found[0];
-    if (strcmp(key, "memory.bytes") == 0) ++found[1];
+    if (strcmp(key, "memory.curve_extra_bytes") == 0) ++found[1];
 }
 
 static void check_report(const MarramProcedural* type, MarramInstance* instance) {
@@ -350,16 +371,17 @@ static void check_mistakes(const MarramProcedural* type, const MarramFrame* fram
     bad[good_count].name = "density";
     bad[good_count].text = "100";
     make_values(type, bad, good_count + 1, &values);
-    last_message[0] = '\0';
-    CHECK(type->create(&host, values.list, values.count, &instance) == MARRAM_ERROR);
-    CHECK(strstr(last_message, "null_host: ") == last_message && strstr(last_message, "density and count"));
+    forget_messages();
+    CHECK(type->create(&host, lend(&values), &instance) == MARRAM_ERROR);
+    CHECK(said("groom.density_and_count") && strcmp(last_place, "null_host") == 0);
 
     bad[0].text = "circle";
     make_values(type, bad, good_count, &values);
-    last_message[0] = '\0';
-    CHECK(type->create(&host, values.list, values.count, &instance) == MARRAM_OK);
-    MarramOutput output;
-    CHECK(type->begin(instance, frame, &output) == MARRAM_ERROR && strstr(last_message, "circle"));
+    forget_messages();
+    CHECK(type->create(&host, lend(&values), &instance) == MARRAM_OK);
+    MarramOutput output = {sizeof(MarramOutput)};
+    CHECK(type->begin(instance, frame, &output) == MARRAM_ERROR && said("groom.no_mesh") &&
+          strstr(last_message, "circle"));
     type->destroy(instance);
 }
 
@@ -376,8 +398,9 @@ static MarramValue* value_of(Values* values, const char* name) {
 static void check_refused(const MarramProcedural* type, Values* values, const char* name,
                           const char* allowed) {
     MarramInstance* instance = NULL;
-    last_message[0] = '\0';
-    CHECK(type->create(&host, values->list, values->count, &instance) == MARRAM_ERROR && instance == NULL);
+    forget_messages();
+    CHECK(type->create(&host, lend(values), &instance) == MARRAM_ERROR && instance == NULL);
+    CHECK(said("contract.value"));
     if (!strstr(last_message, name) || !strstr(last_message, allowed)) fail(allowed, __LINE__);
 }
 
@@ -433,17 +456,20 @@ static void check_bad_values(const MarramProcedural* type) {
     values.list[values.count] = *value_of(&values, "width");
     values.list[values.count++].name = "wind.gusts.control[1].strength";
     check_refused(type, &values, "wind.gusts.control", "without gaps");
-    CHECK(type->create(&host, NULL, 3, NULL) == MARRAM_ERROR);
-    CHECK(type->create(NULL, NULL, 0, NULL) == MARRAM_ERROR);
+    MarramInstance* instance = NULL;
+    const MarramValues none = {sizeof(MarramValues), NULL, 3, sizeof(MarramValue)};
+    CHECK(type->create(&host, NULL, &instance) == MARRAM_ERROR && said("contract.null_values"));
+    CHECK(type->create(&host, &none, &instance) == MARRAM_ERROR && said("contract.null_values"));
+    CHECK(type->create(&host, lend(&values), NULL) == MARRAM_ERROR);
+    CHECK(type->create(NULL, NULL, NULL) == MARRAM_ERROR);
 }
 
-static void check_bad_frames(const MarramProcedural* type, const Values* values,
-                             const MarramFrame* good_frame) {
+static void check_bad_frames(const MarramProcedural* type, Values* values, const MarramFrame* good_frame) {
     MarramInstance* instance = NULL;
-    MarramOutput output;
-    MarramPatch patch;
-    CHECK(type->create(&host, values->list, values->count, &instance) == MARRAM_OK);
-    CHECK(type->patch(instance, 0, &patch) == MARRAM_ERROR && strstr(last_message, "begin"));
+    MarramOutput output = {sizeof(MarramOutput)};
+    MarramPatch patch = {sizeof(MarramPatch)};
+    CHECK(type->create(&host, lend(values), &instance) == MARRAM_OK);
+    CHECK(type->patch(instance, 0, &patch) == MARRAM_ERROR && said("contract.no_frame"));
     static const double downwards[times] = {2.0, 1.0};
     for (int fault = 0; fault < 8; ++fault) {
         MarramFrame frame = *good_frame;
@@ -457,26 +483,29 @@ static void check_bad_frames(const MarramProcedural* type, const Values* values,
         if (fault >= 6) frame.meshes = &mesh;
         if (fault == 6) mesh.positions = NULL;
         if (fault == 7) mesh.triangles = NULL;
-        last_message[0] = '\0';
-        CHECK(type->begin(instance, &frame, &output) == MARRAM_ERROR && last_message[0] != '\0');
+        forget_messages();
+        CHECK(type->begin(instance, &frame, &output) == MARRAM_ERROR && said("contract.frame"));
     }
     CHECK(type->begin(instance, NULL, &output) == MARRAM_ERROR &&
           type->begin(instance, good_frame, NULL) == MARRAM_ERROR);
     MarramFrame frame = *good_frame;
     CHECK(type->begin(instance, &frame, &output) == MARRAM_OK);
-    last_message[0] = '\0';
-    CHECK(type->patch(instance, output.patch_count, &patch) == MARRAM_ERROR && strstr(last_message, "patch"));
+    forget_messages();
+    CHECK(type->patch(instance, output.patch_count, &patch) == MARRAM_ERROR && said("contract.patch_range"));
     CHECK(type->patch(instance, UINT32_MAX, &patch) == MARRAM_ERROR &&
           type->patch(instance, 0, NULL) == MARRAM_ERROR);
-    const MarramPatchBuffers none = {NULL, NULL, 0, NULL, NULL};
-    CHECK(type->tessellate(instance, 0, &none) == MARRAM_ERROR && strstr(last_message, "buffer"));
+    const MarramPatchBuffers none = {sizeof(MarramPatchBuffers), NULL, NULL, 0, NULL, NULL};
+    CHECK(type->tessellate(instance, 0, &none) == MARRAM_ERROR && said("contract.null_buffer"));
     CHECK(type->tessellate(instance, 0, NULL) == MARRAM_ERROR);
     CHECK(type->tessellate(instance, output.patch_count, &none) == MARRAM_ERROR &&
-          strstr(last_message, "patch"));
+          said("contract.patch_range"));
     MarramMesh other = frame.meshes[0];
     other.triangle_count = 1;
     frame.meshes = &other;
-    CHECK(type->begin(instance, &frame, &output) == MARRAM_ERROR && strstr(last_message, "topology"));
+    CHECK(type->begin(instance, &frame, &output) == MARRAM_ERROR && said("groom.topology"));
+    other = good_frame->meshes[0];
+    other.topology += 1; /* as many triangles, but others */
+    CHECK(type->begin(instance, &frame, &output) == MARRAM_ERROR && said("groom.topology"));
     type->destroy(instance);
 }
 
@@ -490,30 +519,146 @@ static void check_announcement(const MarramProcedural* type, const MarramFrame* 
     given[good_count].text = "1000";
     make_values(type, given, good_count + 1, &values);
     MarramInstance* instance = NULL;
-    MarramOutput output;
-    CHECK(type->create(&host, values.list, values.count, &instance) == MARRAM_OK);
-    last_message[0] = '\0';
+    MarramOutput output = {sizeof(MarramOutput)};
+    CHECK(type->create(&host, lend(&values), &instance) == MARRAM_OK);
+    forget_messages();
     CHECK(type->begin(instance, frame, &output) == MARRAM_OK);
+    CHECK(said("groom.long_work"));
     CHECK(strstr(last_message, "4e+08 CVs, 1000 a strand, at 2 motion samples") &&
           strstr(last_message, "of one processor"));
     type->destroy(instance);
 }
 
 /* Asked to stop before roots are placed, and between two patches. */
-static void check_cancel(const MarramProcedural* type, const Values* values, const MarramFrame* frame) {
+static void check_cancel(const MarramProcedural* type, Values* values, const MarramFrame* frame) {
     MarramInstance* instance = NULL;
-    MarramOutput output;
-    CHECK(type->create(&host, values->list, values->count, &instance) == MARRAM_OK);
+    MarramOutput output = {sizeof(MarramOutput)};
+    CHECK(type->create(&host, lend(values), &instance) == MARRAM_OK);
     cancel_asked = 1;
     CHECK(type->begin(instance, frame, &output) == MARRAM_CANCELLED);
     cancel_asked = 0;
     Curves curves;
     make_curves(type, instance, frame, &curves);
     cancel_asked = 1;
-    const MarramPatchBuffers buffers = {curves.vertices, NULL, 0, NULL, NULL};
+    const MarramPatchBuffers buffers = {sizeof(MarramPatchBuffers), curves.vertices, NULL, 0, NULL, NULL};
     CHECK(type->tessellate(instance, 0, &buffers) == MARRAM_CANCELLED);
     cancel_asked = 0;
     free_curves(&curves);
+    type->destroy(instance);
+}
+
+/* ---- Updates ---- */
+
+static uint32_t update_with(const MarramProcedural* type, MarramInstance* instance, const char* name,
+                            const char* text, uint32_t inputs) {
+    static Values values;
+    Given given[good_count + 1];
+    memcpy(given, good, sizeof good);
+    given[good_count].name = name;
+    given[good_count].text = text;
+    make_values(type, given, good_count + 1, &values);
+    const MarramUpdate update = {sizeof(MarramUpdate), lend(&values), inputs};
+    uint32_t changed = 99;
+    CHECK(type->update(instance, &update, &changed) == MARRAM_OK);
+    return changed;
+}
+
+static int same_curves(const Curves* a, const Curves* b) {
+    return memcmp(a->vertices[0], b->vertices[0], 16 * vertex_count(&a->output)) == 0;
+}
+
+/* An instance that was told of a change is, to the bit, the one that is made with it; it says what it touched; a mistake leaves it as
+ * it was. */
+static void check_update(const MarramProcedural* type, Values* values, const MarramFrame* frame) {
+    MarramInstance *told = NULL, *fresh = NULL;
+    CHECK(type->create(&host, lend(values), &told) == MARRAM_OK);
+    Curves before, after, made;
+    make_curves(type, told, frame, &before);
+    CHECK(update_with(type, told, "", "", MARRAM_NOTHING) == MARRAM_NOTHING);
+    CHECK(update_with(type, told, "lean", "45", MARRAM_NOTHING) == (MARRAM_POSITIONS | MARRAM_ATTRIBUTES));
+    make_curves(type, told, frame, &after);
+    CHECK(!same_curves(&before, &after));
+    static Values leaning;
+    Given given[good_count + 1];
+    memcpy(given, good, sizeof good);
+    given[good_count].name = "lean";
+    given[good_count].text = "45";
+    make_values(type, given, good_count + 1, &leaning);
+    CHECK(type->create(&host, lend(&leaning), &fresh) == MARRAM_OK);
+    make_curves(type, fresh, frame, &made);
+    CHECK(same_curves(&after, &made));
+    CHECK(memcmp(before.id, after.id, strands * sizeof(float)) == 0); /* roots stay */
+    CHECK(update_with(type, told, "cvs", "5", MARRAM_NOTHING) == MARRAM_EVERYTHING);
+    CHECK(update_with(type, told, "seed", "7", MARRAM_NOTHING) == MARRAM_EVERYTHING);
+    free_curves(&after);
+    make_curves(type, told, frame, &after);
+    CHECK(memcmp(before.id, after.id, strands * sizeof(float)) != 0);
+    /* Another mesh is no mistake once it is announced. */
+    MarramMesh mesh = frame->meshes[0];
+    MarramFrame other = *frame;
+    other.meshes = &mesh;
+    mesh.topology += 1;
+    MarramOutput output = {sizeof(MarramOutput)};
+    CHECK(type->begin(told, &other, &output) == MARRAM_ERROR && said("groom.topology"));
+    CHECK(update_with(type, told, "", "", MARRAM_TOPOLOGY) == MARRAM_EVERYTHING);
+    CHECK(type->begin(told, &other, &output) == MARRAM_OK);
+    values->list[values->count] = values->list[0];
+    ++values->count; /* a value twice */
+    const MarramUpdate wrong = {sizeof(MarramUpdate), lend(values), MARRAM_NOTHING};
+    uint32_t changed = 0;
+    CHECK(type->update(told, &wrong, &changed) == MARRAM_ERROR && said("contract.value"));
+    CHECK(type->update(told, NULL, &changed) == MARRAM_ERROR && said("contract.null_update"));
+    --values->count;
+    free_curves(&after);
+    CHECK(update_with(type, told, "", "", MARRAM_TOPOLOGY) == MARRAM_EVERYTHING);
+    make_curves(type, told, frame, &after);
+    CHECK(same_curves(&before, &after));
+    free_curves(&before);
+    free_curves(&after);
+    free_curves(&made);
+    type->destroy(told);
+    type->destroy(fresh);
+}
+
+/* ---- Attributes of the mesh ---- */
+
+/* Half of the square is bare: the attribute is 0 at x = -1 and 1 at x = 1, the ramp cuts it in the middle. */
+static void check_masked(const MarramProcedural* type, const MarramFrame* frame) {
+    static const float sand[4] = {0, 1, 1, 0};
+    static const double step[4] = {0.0, 0.0, 0.5, 1.0};
+    static Values values;
+    make_values(type, good, good_count, &values);
+    const char* const names[2] = {"density_by[0].attribute", "density_by[0].ramp"};
+    for (int i = 0; i < 2; ++i) {
+        MarramValue* value = &values.list[values.count++];
+        memset(value, 0, sizeof *value);
+        value->name = names[i];
+        value->type = i == 0 ? MARRAM_TEXT : MARRAM_RAMP;
+        value->text = i == 0 ? "sand" : "constant";
+        value->numbers = step;
+        value->number_count = i == 0 ? 0 : 4;
+        value->place = "null_host";
+    }
+    MarramInstance* instance = NULL;
+    CHECK(type->create(&host, lend(&values), &instance) == MARRAM_OK);
+    MarramOutput output = {sizeof(MarramOutput)};
+    CHECK(type->begin(instance, frame, &output) == MARRAM_ERROR && said("groom.no_attribute"));
+    MarramAttribute attribute = {"sand", 1, MARRAM_PER_VERTEX, 0, "", sand, 0};
+    MarramMesh mesh = frame->meshes[0];
+    mesh.attributes = &attribute;
+    mesh.attribute_count = 1;
+    mesh.attribute_stride = sizeof attribute;
+    MarramFrame masked = *frame;
+    masked.meshes = &mesh;
+    Curves curves;
+    make_curves(type, instance, &masked, &curves);
+    for (uint64_t c = 0; c < curves.output.curve_count; ++c) CHECK(curves.root_uv[2 * c] >= 0.5F);
+    free_curves(&curves);
+    attribute.animated = 1;
+    CHECK(type->begin(instance, &masked, &output) == MARRAM_ERROR && said("groom.animated_attribute"));
+    attribute.animated = 0;
+    attribute.values = NULL;
+    CHECK(type->begin(instance, &masked, &output) == MARRAM_ERROR && said("contract.frame"));
     type->destroy(instance);
 }
 
@@ -524,9 +669,16 @@ static const MarramProcedural* find_groom(void* handle) {
     memcpy(&entry, &symbol, sizeof entry); /* C has no cast from an object pointer to a function */
     CHECK(entry(MARRAM_ABI_VERSION + 1) == NULL && entry(0) == NULL);
     const MarramLibrary* library = entry(MARRAM_ABI_VERSION);
-    CHECK(library != NULL && library->abi == MARRAM_ABI_VERSION);
-    for (uint32_t i = 0; i < library->procedural_count; ++i)
-        if (strcmp(library->procedurals[i].name, "groom") == 0) return &library->procedurals[i];
+    CHECK(library != NULL && library->abi == MARRAM_ABI_VERSION &&
+          library->embree_major == MARRAM_EMBREE_MAJOR);
+    static MarramProcedural groom; /* as far as both know it */
+    for (uint32_t i = 0; i < library->procedural_count; ++i) {
+        const size_t stride = library->procedural_stride;
+        const MarramProcedural* one = MARRAM_AT(MarramProcedural, library->procedurals, stride, i);
+        if (strcmp(one->name, "groom") != 0) continue;
+        memcpy(&groom, one, stride < sizeof groom ? stride : sizeof groom);
+        return &groom;
+    }
     fail("the library has a groom", __LINE__);
     return NULL;
 }
@@ -536,7 +688,7 @@ static void run(const MarramProcedural* type, RTCDevice device, RTCGeometry squa
     static Values values;
     make_values(type, good, good_count, &values);
     MarramInstance* instance = NULL;
-    CHECK(type->create(&host, values.list, values.count, &instance) == MARRAM_OK);
+    CHECK(type->create(&host, lend(&values), &instance) == MARRAM_OK);
     Curves bent, again, rest;
     make_curves(type, instance, frame, &bent);
     check_report(type, instance);
@@ -560,6 +712,8 @@ static void run(const MarramProcedural* type, RTCDevice device, RTCGeometry squa
     free_curves(&bent);
     free_curves(&again);
     free_curves(&rest);
+    check_update(type, &values, frame);
+    check_masked(type, frame);
     check_mistakes(type, frame);
     check_cancel(type, &values, frame);
     check_bad_values(type);
@@ -585,9 +739,15 @@ int main(int argc, char** argv) {
     RTCScene colliders = rtcNewScene(device);
     rtcAttachGeometryByID(colliders, square, 0);
     rtcCommitScene(colliders);
-    const MarramMesh mesh = {"square", 0, 4, 2, times, steps, NULL, corner_triangles, corner_uvs};
+    const MarramMesh mesh = {"square",   0,    MARRAM_ALL_ROLES,
+                             4,          2,    times,
+                             steps,      NULL, corner_triangles,
+                             corner_uvs, NULL, 0,
+                             0,          NULL, 0,
+                             0,          1};
     MarramFrame frame;
     memset(&frame, 0, sizeof frame);
+    frame.size = sizeof frame;
     frame.fps = 24.0;
     frame.frame = frame.bind_frame = 1.0;
     frame.time_count = times;
@@ -596,6 +756,7 @@ int main(int argc, char** argv) {
     frame.device = device;
     frame.colliders = colliders;
     frame.mesh_count = 1;
+    frame.mesh_stride = sizeof mesh;
     frame.meshes = &mesh;
     frame.pose = pose;
     run(find_groom(handle), device, square, &frame);

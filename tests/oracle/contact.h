@@ -8,7 +8,7 @@
 // its left end the answer: everything before it is proven free. Looking for a free angle, an interval that
 // one triangle blocks from end to end is left out, the first one proven free is the answer, and gaps narrower
 // than 1e-10 rad are not seen. A search that needs more than a million intervals (none known) throws
-// std::runtime_error rather than run for ever.
+// std::runtime_error rather than never return.
 #pragma once
 
 #include "tests/oracle/triangle_set.h"

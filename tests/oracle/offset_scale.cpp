@@ -3,17 +3,17 @@
 
 namespace marram::oracle {
 
-Foot foot_on_skin(const Vec3d& p, const Vec3d& facing, const TriangleSet& skin) {
+SkinPoint closest_on_skin(const Vec3d& p, const Vec3d& facing, const TriangleSet& skin) {
     auto normal_of = [&](int i) {
         return Vec3d(area_normal(skin.triangles()[size_t(i)]).stableNormalized());
     };
     const Nearest nearest =
         skin.nearest(p, p, TriangleSet::no_limit, [&](int i) { return normal_of(i).dot(facing) > 0.0; });
-    Foot foot;
-    if (nearest.triangle < 0) return foot;
-    foot.found = true;
-    foot.point = nearest.closest.on_triangle;
-    foot.normal = normal_of(nearest.triangle);
+    SkinPoint closest;
+    if (nearest.triangle < 0) return closest;
+    closest.found = true;
+    closest.point = nearest.closest.on_triangle;
+    closest.normal = normal_of(nearest.triangle);
     // Equally near: to some thousands of roundings of the distance and a few of the coordinates that it comes
     // from.
     const double rounding = 1e-12 * nearest.closest.distance +
@@ -24,12 +24,12 @@ Foot foot_on_skin(const Vec3d& p, const Vec3d& facing, const TriangleSet& skin) 
         const Vec3d normal = normal_of(i);
         if (!(normal.dot(facing) > 0.0)) continue;
         ++sharing;
-        const double height = std::abs(normal.dot(p - foot.point));
-        if (height > most) most = height, foot.normal = normal;
+        const double height = std::abs(normal.dot(p - closest.point));
+        if (height > most) most = height, closest.normal = normal;
     }
-    foot.on_edge = sharing > 1;
-    foot.height = std::copysign(nearest.closest.distance, foot.normal.dot(p - foot.point));
-    return foot;
+    closest.on_edge = sharing > 1;
+    closest.height = std::copysign(nearest.closest.distance, closest.normal.dot(p - closest.point));
+    return closest;
 }
 
 Pushed push_targets(const std::vector<Vec3d>& rest, const std::vector<Vec3d>& bent, const Vec3d& root_normal,
@@ -39,8 +39,9 @@ Pushed push_targets(const std::vector<Vec3d>& rest, const std::vector<Vec3d>& be
     result.push.assign(bent.size(), 0.0);
     result.on_edge.assign(bent.size(), false);
     for (size_t k = 1; k < bent.size(); ++k) {
-        const Foot below_rest = foot_on_skin(rest[k], root_normal, skin);
-        const Foot below_bent = below_rest.found ? foot_on_skin(bent[k], below_rest.normal, skin) : Foot{};
+        const SkinPoint below_rest = closest_on_skin(rest[k], root_normal, skin);
+        const SkinPoint below_bent =
+            below_rest.found ? closest_on_skin(bent[k], below_rest.normal, skin) : SkinPoint{};
         if (!below_bent.found) {
             ++result.skipped;
             continue;
@@ -51,7 +52,7 @@ Pushed push_targets(const std::vector<Vec3d>& rest, const std::vector<Vec3d>& be
         for (int step = 0; step < 4 && height < wanted * (step == 0 ? 1.0 : 0.98); ++step) {
             result.push[k] += wanted - height;
             result.cvs[k] = bent[k] + result.push[k] * below_rest.normal;
-            const Foot below = foot_on_skin(result.cvs[k], below_rest.normal, skin);
+            const SkinPoint below = closest_on_skin(result.cvs[k], below_rest.normal, skin);
             if (!below.found) break;
             result.on_edge[k] = result.on_edge[k] || below.on_edge;
             height = below.height;

@@ -94,7 +94,7 @@ TEST(OracleBend, wind_against_the_strand_turns_it_by_the_stated_axes) {
     const Vec3d segment = turned(bow[1], turn.axis, 0.1);
     EXPECT_LT(segment.x(), bow[1].x());
     for (const Vec3d& p : bend_curve(bow, bend)) EXPECT_EQ(p.z(), 0.0) << "stays in its plane";
-    // Straight: the noise decides, without noise the axis that the strand is least along.
+    // Straight: the direction of the noise decides; without noise the axis that the strand is least along.
     EXPECT_NEAR((shortest_turn(y, -y, y, y, x).axis - y.cross(x)).norm(), 0.0, 1e-15);
     EXPECT_NEAR((shortest_turn(y, -y, y, y, 2 * y).axis - y.cross(x)).norm(), 0.0, 1e-15);
     EXPECT_EQ(shortest_turn(Vec3d::Zero(), y, y, y, x).angle, 0.0);

@@ -42,14 +42,14 @@ TEST(OracleOffset, signs_are_right_around_edges_and_corners_of_a_closed_mesh) {
     int on_edge = 0;
     for (int i = 0; i < 500; ++i) {
         const Vec3d p = 2.0 * draw.in_cube(), facing = p.normalized();
-        const Foot foot = foot_on_skin(p, facing, box);
-        ASSERT_TRUE(foot.found);
+        const SkinPoint closest = closest_on_skin(p, facing, box);
+        ASSERT_TRUE(closest.found);
         const Vec3d beyond = (p.cwiseAbs() - Vec3d::Ones()).cwiseMax(0.0);
         if (p.cwiseAbs().maxCoeff() > 1.0)
-            EXPECT_NEAR(foot.height, beyond.norm(), 1e-14);
+            EXPECT_NEAR(closest.height, beyond.norm(), 1e-14);
         else
-            EXPECT_NEAR(foot.height, p.cwiseAbs().maxCoeff() - 1.0, 1e-14);
-        on_edge += foot.on_edge ? 1 : 0;
+            EXPECT_NEAR(closest.height, p.cwiseAbs().maxCoeff() - 1.0, 1e-14);
+        on_edge += closest.on_edge ? 1 : 0;
     }
     std::printf("  %d of 500 feet on edges\n", on_edge);
     EXPECT_GT(on_edge, 50);
@@ -60,8 +60,8 @@ TEST(OracleOffset, at_a_sharp_ridge_the_sign_and_the_side_are_those_of_the_right
     const double c = std::cos(10.0 * degree), s = std::sin(10.0 * degree), deep = 20.0;
     std::vector<Triangle> faces;
     for (double side : {1.0, -1.0}) {
-        const Vec3d front(0, 0, 9), back(0, 0, -9), foot(side * s * deep, -c * deep, 0);
-        faces.push_back(side > 0.0 ? Triangle{front, foot, back} : Triangle{back, foot, front});
+        const Vec3d front(0, 0, 9), back(0, 0, -9), closest(side * s * deep, -c * deep, 0);
+        faces.push_back(side > 0.0 ? Triangle{front, closest, back} : Triangle{back, closest, front});
     }
     const Vec3d normal(c, s, 0), other(-c, s, 0);
     for (int order = 0; order < 2; ++order, std::swap(faces[0], faces[1])) {
@@ -69,9 +69,9 @@ TEST(OracleOffset, at_a_sharp_ridge_the_sign_and_the_side_are_those_of_the_right
         for (double angle :
              {15.0, 90.0, 165.0}) { // nearest is the ridge; one face's plane runs above the outer two
             const Vec3d p(0.1 * std::cos(angle * degree), 0.1 * std::sin(angle * degree), 0.2);
-            const Foot foot = foot_on_skin(p, y, wedge);
-            EXPECT_TRUE(foot.on_edge);
-            EXPECT_NEAR(foot.height, 0.1, 1e-15) << angle;
+            const SkinPoint closest = closest_on_skin(p, y, wedge);
+            EXPECT_TRUE(closest.on_edge);
+            EXPECT_NEAR(closest.height, 0.1, 1e-15) << angle;
         }
         // Bent over the ridge and down beside the other face, it still belongs to the face that it grows on.
         const Vec3d rest = Vec3d(s, -c, 0) + 0.3 * normal, bent = Vec3d(-s, -c, 0) + 0.1 * other;

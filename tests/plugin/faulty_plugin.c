@@ -1,8 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Procedurals that break the contract, each in the way its parameter `fault` says. Built as it stands, and
- * with one of NO_ENTRY_POINT   nothing is exported OTHER_ABI        the table says that it is of another
- * version REFUSES          the entry point knows no version
+ * with one of
+ *   NO_ENTRY_POINT   nothing is exported
+ *   OTHER_ABI        the table says that it is of another version
+ *   OTHER_EMBREE     the table says that it was built with another Embree
+ *   REFUSES          the entry point knows no version
  */
 #define _POSIX_C_SOURCE 199309L
 #include "core/plugin/marram_plugin.h"
@@ -33,12 +36,11 @@ static int is(const MarramInstance* instance, const char* fault) {
     return strcmp(instance->fault, fault) == 0;
 }
 
-static MarramStatus create(const MarramHost* host, const MarramValue* values, uint32_t count,
-                           MarramInstance** out) {
+static MarramStatus create(const MarramHost* host, const MarramValues* values, MarramInstance** out) {
     (void)host;
     MarramInstance* instance = calloc(1, sizeof *instance);
     if (!instance) return MARRAM_ERROR;
-    if (count > 0) strncpy(instance->fault, values[0].text, sizeof instance->fault - 1);
+    if (values->count > 0) strncpy(instance->fault, values->first->text, sizeof instance->fault - 1);
     if (is(instance, "silent-create")) {
         free(instance);
         return MARRAM_ERROR;
@@ -49,7 +51,6 @@ static MarramStatus create(const MarramHost* host, const MarramValue* values, ui
 
 static MarramStatus begin_curves(MarramInstance* instance, const MarramFrame* frame, MarramOutput* out) {
     if (is(instance, "silent-begin")) return MARRAM_ERROR;
-    memset(out, 0, sizeof *out);
     out->kind = is(instance, "mesh") ? MARRAM_MESH : MARRAM_CURVES;
     out->patch_count = is(instance, "deaf") ? slow_patches : is(instance, "stuck") ? 1 : 3;
     out->curve_count = (uint64_t)out->patch_count * curves_a_patch;
@@ -98,44 +99,40 @@ static MarramStatus tessellate(MarramInstance* instance, uint32_t index, const M
 
 static MarramStatus begin_mesh(MarramInstance* instance, const MarramFrame* frame, MarramOutput* out) {
     (void)frame;
-    memset(out, 0, sizeof *out);
+    out->time_count = 1;
     out->kind = is(instance, "curves") ? MARRAM_CURVES : MARRAM_MESH;
     out->vertex_count = is(instance, "empty") ? 0 : 3;
     out->triangle_count = is(instance, "empty") ? 0 : 1;
     return MARRAM_OK;
 }
 
-static MarramStatus mesh(MarramInstance* instance, const MarramMeshBuffers* buffers) {
+static MarramStatus mesh(MarramInstance* instance, MarramMeshBuffers* buffers) {
     static const float positions[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
     if (is(instance, "silent-mesh")) return MARRAM_ERROR;
     if (is(instance, "empty")) return MARRAM_OK;
-    memcpy(buffers->positions, positions, sizeof positions);
+    memcpy(buffers->positions[0], positions, sizeof positions);
     for (uint32_t i = 0; i < 3; ++i) buffers->triangles[i] = i;
-    if (is(instance, "nan")) buffers->positions[4] = NAN;
+    if (is(instance, "nan")) buffers->positions[0][4] = NAN;
     if (is(instance, "index")) buffers->triangles[2] = 3;
     return MARRAM_OK;
-}
-
-static MarramStatus no_mesh(MarramInstance* instance, const MarramMeshBuffers* buffers) {
-    (void)instance;
-    (void)buffers;
-    return MARRAM_ERROR;
-}
-
-static void report(MarramInstance* instance, void (*sink)(void*, const char*, double), void* user) {
-    (void)instance;
-    (void)sink;
-    (void)user;
 }
 
 static void destroy(MarramInstance* instance) { free(instance); }
 
 static const MarramProcedural procedurals[] = {
-    {"faulty_curves", "curves that break the contract", MARRAM_CURVES, curve_params, 1, NULL, 0, create,
-     begin_curves, patch, tessellate, no_mesh, report, destroy},
-    {"faulty_mesh", "a mesh that breaks the contract", MARRAM_MESH, mesh_params, 1, NULL, 0, create,
-     begin_mesh, patch, tessellate, mesh, report, destroy},
+    {"faulty_curves", "curves that break the contract", MARRAM_CURVES, curve_params, 1, sizeof(MarramParam),
+     NULL, 0, 0, create, begin_curves, patch, tessellate, NULL, NULL, destroy},
+    {"faulty_mesh", "a mesh that breaks the contract", MARRAM_MESH, mesh_params, 1, sizeof(MarramParam), NULL,
+     0, 0, create, begin_mesh, NULL, NULL, mesh, NULL, destroy},
+    {"no_destroy", "a mesh that nobody can get rid of", MARRAM_MESH, mesh_params, 1, sizeof(MarramParam),
+     NULL, 0, 0, create, begin_mesh, NULL, NULL, mesh, NULL, NULL},
 };
+
+#if defined(OTHER_EMBREE)
+#define EMBREE (MARRAM_EMBREE_MAJOR + 1)
+#else
+#define EMBREE MARRAM_EMBREE_MAJOR
+#endif
 
 #if defined(OTHER_ABI)
 #define TABLE_ABI (MARRAM_ABI_VERSION + 1)
@@ -157,7 +154,20 @@ static const MarramProcedural procedurals[] = {
 
 const MarramLibrary* ENTRY_POINT(uint32_t abi);
 const MarramLibrary* ENTRY_POINT(uint32_t abi) {
-    static const MarramLibrary library = {TABLE_ABI, "faulty_plugin", "1", NULL, 0, procedurals, 2};
+    static const MarramLibrary library = {TABLE_ABI,
+                                          EMBREE,
+                                          sizeof library,
+                                          "faulty_plugin",
+                                          "1",
+                                          NULL,
+                                          0,
+                                          0,
+                                          procedurals,
+                                          3,
+                                          sizeof *procedurals,
+                                          NULL,
+                                          0,
+                                          0};
     (void)abi;
     return SPEAKS ? &library : NULL;
 }

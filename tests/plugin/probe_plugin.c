@@ -35,20 +35,20 @@ static const MarramParam params[] = {
     WIND_PARAMS("wind."),
 };
 
-static MarramStatus create(const MarramHost* host, const MarramValue* values, uint32_t count,
-                           MarramInstance** out) {
+static MarramStatus create(const MarramHost* host, const MarramValues* values, MarramInstance** out) {
     (void)host;
     MarramInstance* instance = calloc(1, sizeof *instance);
-    if (!instance || count > most_values) return MARRAM_ERROR;
-    for (uint32_t i = 0; i < count; ++i) {
+    if (!instance || values->count > most_values) return MARRAM_ERROR;
+    for (uint32_t i = 0; i < values->count; ++i) {
+        const MarramValue* value = MARRAM_AT(MarramValue, values->first, values->stride, i);
         double* numbers = instance->numbers[i];
-        strncpy(instance->names[i], values[i].name, most_name - 1);
-        for (size_t k = 0; k < values[i].number_count && k < number_count_at; ++k)
-            numbers[k] = values[i].numbers[k];
-        numbers[number_count_at] = (double)values[i].number_count;
-        numbers[text_length_at] = (double)strlen(values[i].text);
+        strncpy(instance->names[i], value->name, most_name - 1);
+        for (size_t k = 0; k < value->number_count && k < number_count_at; ++k)
+            numbers[k] = value->numbers[k];
+        numbers[number_count_at] = (double)value->number_count;
+        numbers[text_length_at] = (double)strlen(value->text);
     }
-    instance->value_count = count;
+    instance->value_count = values->count;
     *out = instance;
     return MARRAM_OK;
 }
@@ -67,7 +67,6 @@ static MarramStatus begin(MarramInstance* instance, const MarramFrame* frame, Ma
         if (frame->pose(frame->pose_user, 0, when, instance->positions, instance->normals) != MARRAM_OK)
             return MARRAM_ERROR;
     }
-    memset(out, 0, sizeof *out);
     out->kind = MARRAM_CURVES;
     out->curve_count = out->patch_count = out->time_count = 1;
     out->cvs_per_curve = 2;
@@ -77,7 +76,6 @@ static MarramStatus begin(MarramInstance* instance, const MarramFrame* frame, Ma
 static MarramStatus patch(MarramInstance* instance, uint32_t index, MarramPatch* out) {
     (void)instance;
     (void)index;
-    memset(out, 0, sizeof *out);
     out->curve_count = 1;
     out->upper[1] = 2.0F;
     return MARRAM_OK;
@@ -93,12 +91,6 @@ static MarramStatus tessellate(MarramInstance* instance, uint32_t index, const M
         v[3] = 0.01F;
     }
     return MARRAM_OK;
-}
-
-static MarramStatus no_mesh(MarramInstance* instance, const MarramMeshBuffers* buffers) {
-    (void)instance;
-    (void)buffers;
-    return MARRAM_ERROR;
 }
 
 static void report(MarramInstance* instance, void (*sink)(void*, const char*, double), void* user) {
@@ -127,18 +119,35 @@ static void report(MarramInstance* instance, void (*sink)(void*, const char*, do
 static void destroy(MarramInstance* instance) { free(instance); }
 
 static const MarramProcedural procedurals[] = {
-    {"probe", "says what it is given", MARRAM_CURVES, params, sizeof params / sizeof *params, NULL, 0, create,
-     begin, patch, tessellate, no_mesh, report, destroy},
+    {"probe", "says what it is given", MARRAM_CURVES, params, sizeof params / sizeof *params, sizeof *params,
+     NULL, 0, 0, create, begin, patch, tessellate, NULL, report, destroy},
+};
+
+static const MarramReportEntry entries[] = {
+    {"thread_seconds.expand", "thread s", MARRAM_SUM, NULL, NULL, ""},
+    {"collision.turned_angle", "rad", MARRAM_SUM, NULL, NULL, ""},
+    {"collision.goal_angle", "rad", MARRAM_SUM, NULL, NULL, ""},
+    {"collision.reached", "1", MARRAM_RATIO, "collision.turned_angle", "collision.goal_angle", ""},
+    {"value.pose_at", "frames", MARRAM_EACH, NULL, NULL, ""},
+    {"value.report", "1", MARRAM_MAXIMUM, NULL, NULL, ""},
+    {"value.wind.plain", "1", MARRAM_LAST, NULL, NULL, ""},
 };
 
 const MarramLibrary* marram_library(uint32_t abi);
 const MarramLibrary* marram_library(uint32_t abi) {
     static const MarramLibrary library = {MARRAM_ABI_VERSION,
+                                          MARRAM_EMBREE_MAJOR,
+                                          sizeof library,
                                           "probe_plugin",
                                           "1",
                                           wind_params,
                                           sizeof wind_params / sizeof *wind_params,
+                                          sizeof *wind_params,
                                           procedurals,
-                                          1};
+                                          1,
+                                          sizeof *procedurals,
+                                          entries,
+                                          sizeof entries / sizeof *entries,
+                                          sizeof *entries};
     return abi == MARRAM_ABI_VERSION ? &library : NULL;
 }

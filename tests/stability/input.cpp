@@ -119,7 +119,13 @@ TEST(Input, not_a_number_in_any_parameter_of_a_groom) {
         std::vector<Line> lines;
         for (const MarramParam& param : groom_params()) {
             const std::string value = bad_value(param.type, bad), name = param.name;
-            if (!value.empty()) lines.push_back({name, name + " = " + value});
+            const size_t list = name.find("[].");
+            if (value.empty()) continue;
+            if (list == std::string::npos)
+                lines.push_back({name, name + " = " + value});
+            else
+                lines.push_back({name, name.substr(0, list) + " = [{ attribute = \"sand\", " +
+                                           name.substr(list + 3) + " = " + value + " }]"});
         }
         tried += int(lines.size());
         passed += unnoticed(scene_of(head + plain_wind + groom_head, lines, ""), "groom, " + bad);

@@ -68,7 +68,7 @@ Scene::Scene(std::vector<Body> bodies) : bodies_(std::move(bodies)) {
         rtcCommitGeometry(geometry);
         rtcAttachGeometryByID(scene, geometry, unsigned(i));
         rtcReleaseGeometry(geometry);
-        lent_.push_back({names_[i].c_str(), uint32_t(i), uint32_t(body.positions.size()),
+        lent_.push_back({names_[i].c_str(), uint32_t(i), MARRAM_ALL_ROLES, uint32_t(body.positions.size()),
                          uint32_t(body.triangles.size()), uint32_t(pointers_[i].size()), pointers_[i].data(),
                          nullptr, body.triangles.data()->data(), nullptr});
     }

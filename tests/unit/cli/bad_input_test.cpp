@@ -277,7 +277,7 @@ TEST(BadInput, MaterialsWhereTheyMeanNothing) {
     expect_refused(SceneText{.more = material("type = \"hair\"") + ball},
                    "'ball' is a mesh, and 'm' of type hair, which strands alone can have");
     expect_refused(SceneText{.more = material("type = \"diffuse\"\ntint = \"gust\"") + ball},
-                   "'m' tints by an attribute of strands, but is on the mesh 'ball' alone");
+                   "'m' asks for an attribute, but is on the mesh 'ball', which has none");
     expect_refused(SceneText{.more = material("type = \"diffuse\"\ntint = \"\"")}, "tint is empty");
 }
 

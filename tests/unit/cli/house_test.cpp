@@ -57,6 +57,73 @@ std::vector<std::string> files_in(const std::vector<std::string>& folders) {
     return files;
 }
 
+// Words and phrases that a renderer engineer would have to look up, or read twice. Names come from pbrt's book, Embree's manual and the
+// cited papers; sentences are short and active.
+const std::vector<std::string> riddles = {"found_weight",
+                                          "turn_dials",
+                                          "Dialect",
+                                          "Uncut",
+                                          "\\bBow\\b",
+                                          "\\bFoot\\b",
+                                          "class Looks",
+                                          "escaped\\(\\)",
+                                          "\\bluck\\b",
+                                          "[Bb]ids of",
+                                          "\\bmend(s|ed|ing)?\\b",
+                                          "whenever",
+                                          "no quantity",
+                                          "What strata take",
+                                          "by way of more than one surface",
+                                          "looks decide",
+                                          "variance noise decides",
+                                          "costs nothing is nothing",
+                                          "nearer to it than they are thick",
+                                          "keep the least bad",
+                                          "aim at no less",
+                                          "as they are thick",
+                                          "worth a thought",
+                                          "goes its own way",
+                                          "\\bfor ever\\b",
+                                          "a patch pays"};
+
+TEST(House, SaysItInPlainWords) {
+    std::vector<std::string> files = {"README.md"};
+    for (const std::string& file : files_in({"core", "procedural", "shaders", "scenes", "tests"}))
+        if (is_source(file) || file.ends_with(".md") || file.ends_with(".toml")) files.push_back(file);
+    for (const std::string& riddle : riddles) {
+        const std::regex pattern(riddle);
+        for (const std::string& file : files) {
+            if (file == "tests/unit/cli/house_test.cpp") continue;
+            std::ifstream in(source / file);
+            std::string line;
+            for (int number = 1; std::getline(in, line); ++number)
+                if (std::regex_search(line, pattern)) ADD_FAILURE() << file << ":" << number << ": " << line;
+        }
+    }
+}
+
+// What is truly ours fits on a page.
+TEST(House, HasAShortGlossary) {
+    std::ifstream in(source / "procedural/README.md");
+    int terms = 0;
+    bool glossary = false;
+    for (std::string line; std::getline(in, line);) {
+        if (line.starts_with("## ")) glossary = line == "## Glossary";
+        if (glossary && line.starts_with("| ") && line.find("| word |") == std::string::npos) ++terms;
+    }
+    EXPECT_GT(terms, 10);
+    EXPECT_LE(terms, 30);
+}
+
+TEST(House, HasAReadmeForTenMinutes) {
+    std::ifstream in(source / "README.md");
+    int lines = 0;
+    for (std::string line; std::getline(in, line);) ++lines;
+    EXPECT_LE(lines, 150);
+    for (const char* folder : {"core", "procedural", "scenes", "tests"})
+        EXPECT_TRUE(fs::exists(source / folder / "README.md")) << folder;
+}
+
 TEST(House, IncludesOnlyWhatTheDesignAllows) {
     static const std::regex include("\\s*#\\s*include\\s*\"([^\"]+)\".*");
     for (const std::string& file : files_in({"core", "procedural", "shaders"})) {

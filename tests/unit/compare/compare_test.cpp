@@ -128,14 +128,14 @@ TEST(Compare, without_variance_a_small_thing_is_missed) {
             with.display = without.display = display;
             const Comparison c = compared(without, with);
             ASSERT_EQ(c.faults.size(), 1U) << red;
-            EXPECT_NE(c.faults[0].find("it looks different: mean FLIP of 16 x 16 pixels at (104, 64) is 0."),
+            EXPECT_NE(c.faults[0].find("it looks different: mean FLIP of 16 x 16 pixels at (104, 64) 0."),
                       std::string::npos)
                 << c.faults[0];
             EXPECT_GT(c.flip_window, c.flip_window_limit);
             EXPECT_EQ(c.flip_window_x, 104);
             EXPECT_EQ(c.flip_window_y, 64);
         }
-    EXPECT_TRUE(std::isinf(compared(made(2, 0.05), made(1, 0.05)).flip_window_limit)) << "noise decides";
+    EXPECT_TRUE(std::isinf(compared(made(2, 0.05), made(1, 0.05)).flip_window_limit)) << "a test of the noise decides";
 }
 
 TEST(Compare, without_variance_light_below_zero_is_seen) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "core/geometry/build.h"
+#include "core/geometry/geometry_graph.h"
 #include "core/scene/description.h"
 
 #include <filesystem>
@@ -16,6 +17,8 @@ namespace marram::testing {
 inline const std::string default_library = MARRAM_BINARY_DIR "/libmarram_procedural.so";
 inline const std::string mesh_library = MARRAM_BINARY_DIR "/libmesh_plugin.so";
 inline const std::string faulty_library = MARRAM_BINARY_DIR "/libfaulty_plugin.so";
+inline const std::string terrain_library = MARRAM_BINARY_DIR "/libterrain_plugin.so";
+inline const std::string grown_terrain_library = MARRAM_BINARY_DIR "/libgrown_terrain_plugin.so";
 
 inline Mesh builtin_mesh(const Item& item) {
     const ParamSet& params = item.params;
@@ -41,29 +44,53 @@ inline std::string write_scene(const std::string& text) {
     return file.string();
 }
 
-// A scene from its text, without camera: planes, boxes, spheres, and procedurals of the three libraries
-// above.
+// A scene from its text, without camera: planes, boxes, spheres, curves through points, and procedurals of the libraries above.
 class TestScene {
   public:
-    explicit TestScene(const std::string& text) {
+    explicit TestScene(const std::string& text, const std::string& terrain = terrain_library) {
         schema_ = scene_schema();
-        for (const std::string& path : {default_library, mesh_library, faulty_library}) {
+        for (const std::string& path : {default_library, mesh_library, faulty_library, terrain}) {
             const auto library = std::make_shared<PluginLibrary>(path, Place{});
-            for (ItemSchema& item : procedural_schemas(library->table())) {
+            for (ItemSchema& item : procedural_schemas(*library)) {
                 libraries_[item.type] = library;
                 schema_.procedurals.push_back(std::move(item));
             }
         }
-        schema_.wind = wind_specs(libraries_.at("groom")->table());
+        schema_.wind = wind_specs(*libraries_.at("groom"));
         description_ = load_scene(write_scene(text), {}, schema_);
         for (const Item& item : description_.meshes) {
             const ParamValue& keys = item.params.at("transform");
             geometry.meshes.push_back(
                 {item.name, builtin_mesh(item), KeyedTransform(keys.numbers, keys.text)});
+            geometry.meshes.back().roles = role_bits(item.params);
         }
-        for (const Item& item : description_.procedurals)
+        for (const Item& item : description_.curves) {
+            SceneCurves& curves = geometry.curves.emplace_back();
+            curves.name = item.name;
+            std::vector<Vec3d> points;
+            const std::vector<double>& numbers = item.params.at("points").numbers;
+            for (size_t i = 0; i < numbers.size(); i += 3) points.emplace_back(numbers.data() + i);
+            curves.add(points, false);
+        }
+        for (const Item& item : description_.procedurals) {
             geometry.procedurals.push_back(
                 std::make_unique<Procedural>(libraries_.at(item.type), item, description_.wind, cancel));
+            geometry.procedurals.back()->roles = role_bits(item.params);
+        }
+    }
+
+    // What `text` says of procedurals is taken over instead; returns what each says that it changes.
+    GeometryChanges update(const std::string& text) {
+        description_ = load_scene(write_scene(text), {}, schema_);
+        GeometryChanges changes;
+        update_procedurals(geometry.procedurals, description_.procedurals, description_.wind, changes);
+        return changes;
+    }
+    // The same without a word to those that depend on what changes.
+    void update_alone(const std::string& text, size_t procedural) {
+        description_ = load_scene(write_scene(text), {}, schema_);
+        geometry.procedurals[procedural]->update(description_.procedurals[procedural], description_.wind,
+                                                 MARRAM_NOTHING);
     }
 
     World build() { return build_world(geometry, settings, cancel, progress, stats = {}); }
@@ -111,10 +138,8 @@ inline Vec3f cv(const CurveGeometry& curves, size_t time, size_t c, uint32_t k) 
     return Vec3f(curves.vertices[time] + 4 * (c * (curves.cvs_per_curve + 2) + k + 1));
 }
 
-inline const CurveAttributeValues* attribute(const CurveGeometry& curves, const std::string& name) {
-    for (const CurveAttributeValues& values : curves.attributes)
-        if (values.name == name) return &values;
-    return nullptr;
+inline const AttributeValues* attribute(const CurveGeometry& curves, const std::string& name) {
+    return find_attribute(curves.attributes, name);
 }
 
 } // namespace marram::testing

@@ -20,8 +20,8 @@ struct ProbeScene {
     BuildStats stats;
 
     explicit ProbeScene(const std::string& text) {
-        schema.wind = wind_specs(library->table());
-        schema.procedurals = procedural_schemas(library->table());
+        schema.wind = wind_specs(*library);
+        schema.procedurals = procedural_schemas(*library);
         description = load_scene(write_scene(text), {}, schema);
         for (const Item& item : description.meshes) {
             const ParamValue& keys = item.params.at("transform");
@@ -132,30 +132,32 @@ TEST(Poses, OfFacettedMeshesLeaveNormalsAlone) {
 TEST(Report, SharesSecondsAndAddsCounts) {
     ProbeScene scene(probe("p", "report = 1") + probe("q", "report = 10"));
     scene.build();
-    const BuildStats& stats = scene.stats;
-    ASSERT_GT(stats.collide, 0.0);
-    const double unit = stats.collide / 6.0; // the probe reports 1 ... 6 seconds, in the chain's order
-    EXPECT_NEAR(stats.jiggle, 5.0 * unit, 1e-12);
-    EXPECT_NEAR(stats.bend, 4.0 * unit, 1e-12);
-    EXPECT_NEAR(stats.shield, 3.0 * unit, 1e-12);
-    EXPECT_NEAR(stats.gusts, 2.0 * unit, 1e-12);
-    EXPECT_GE(stats.expand, unit - 1e-12); // and the time that bounds take
-    EXPECT_EQ(stats.contacts, 22u);
-    EXPECT_EQ(stats.pushed_out, 33u);
-    EXPECT_EQ(stats.unresolved, 44u);
-    EXPECT_EQ(stats.skipped_pushes, 55u);
-    EXPECT_EQ(stats.dips, 66u);
-    EXPECT_DOUBLE_EQ(stats.collision_reached, 7.0 / 8.0);
+    const Report& report = scene.stats.report;
+    ASSERT_GT(report("seconds.collide"), 0.0);
+    const double unit =
+        report("seconds.collide") / 6.0; // the probe reports 1 ... 6 seconds, in the chain's order
+    EXPECT_NEAR(report("seconds.jiggle"), 5.0 * unit, 1e-12);
+    EXPECT_NEAR(report("seconds.bend"), 4.0 * unit, 1e-12);
+    EXPECT_NEAR(report("seconds.shield"), 3.0 * unit, 1e-12);
+    EXPECT_NEAR(report("seconds.gusts"), 2.0 * unit, 1e-12);
+    EXPECT_GE(report("seconds.expand"), unit - 1e-12); // and the time that bounds take
+    EXPECT_EQ(report("collision.contacts"), 22.0);     // nobody has declared it: a sum
+    EXPECT_EQ(report("collision.dips"), 66.0);
+    EXPECT_DOUBLE_EQ(report("collision.reached"), 7.0 / 8.0);
+    EXPECT_EQ(report("value.report"), 10.0); // the maximum
+    const auto& each = report.entries().at("value.pose_at").each;
+    EXPECT_EQ(each.size(), 2u);
+    EXPECT_TRUE(each.contains("p") && each.contains("q"));
 }
 
 TEST(Report, WithoutEntriesCountsNothing) {
     ProbeScene scene(probe("p", "report = 0"));
     scene.build();
-    const BuildStats& stats = scene.stats;
-    EXPECT_GT(stats.expand, 0.0);
-    EXPECT_EQ(stats.gusts + stats.shield + stats.bend + stats.jiggle + stats.collide, 0.0);
-    EXPECT_EQ(stats.contacts + stats.pushed_out + stats.unresolved + stats.skipped_pushes + stats.dips, 0u);
-    EXPECT_EQ(stats.collision_reached, 1.0);
+    const Report& report = scene.stats.report;
+    EXPECT_GT(report("seconds.expand"), 0.0);
+    EXPECT_EQ(strand_seconds(report), report("seconds.expand"));
+    EXPECT_EQ(report("collision.contacts"), 0.0);
+    EXPECT_EQ(report("collision.reached"), 1.0);
 }
 
 } // namespace

@@ -255,7 +255,7 @@ float to_float(const std::string& text) {
 
 TEST_F(ExportFiles, UsdFollowsItsGrammarAndReadsBackExactly) {
     Curves a("grass 1", 3, 5), b("grass-1", 2, 2, MARRAM_CATMULL_ROM), c("7", 0, 4);
-    a.geometry.attributes = {{"id", 1, false, {4.0f, 16777215.0f, 0.0f}}};
+    a.geometry.attributes = {{"id", 1, MARRAM_PER_CURVE, {4.0f, 16777215.0f, 0.0f}}};
     b.normals.assign(2 * 4 * 3, 0.5f);
     b.geometry.normals = {b.normals.data()};
     c.geometry.vertices.clear();

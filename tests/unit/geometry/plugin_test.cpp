@@ -39,21 +39,23 @@ TEST(PluginLibrary, SaysWhyItCannotBeLoaded) {
     EXPECT_CONTAINS(other, "speaks another version " + std::to_string(MARRAM_ABI_VERSION + 1));
     const std::string refuses = loading_error(MARRAM_BINARY_DIR "/librefusing_plugin.so");
     EXPECT_CONTAINS(refuses, "speaks another version of the contract");
+    const std::string embree = loading_error(MARRAM_BINARY_DIR "/libother_embree_plugin.so");
+    EXPECT_CONTAINS(embree, "was built with Embree " + std::to_string(MARRAM_EMBREE_MAJOR + 1));
 }
 
 TEST(PluginLibrary, LoadsAndFindsItsTypes) {
     const PluginLibrary library(mesh_library, {});
-    EXPECT_STREQ(library.table().name, "mesh_plugin");
+    EXPECT_EQ(library.version(), "1");
     ASSERT_NE(library.find("pyramid"), nullptr);
-    EXPECT_EQ(library.find("pyramid")->kind, MARRAM_MESH);
+    EXPECT_EQ(library.find("pyramid")->calls.kind, MARRAM_MESH);
     EXPECT_EQ(library.find("groom"), nullptr);
-    const std::vector<ItemSchema> schemas = procedural_schemas(library.table());
+    const std::vector<ItemSchema> schemas = procedural_schemas(library);
     ASSERT_EQ(schemas.size(), 1u);
     EXPECT_EQ(schemas[0].type, "pyramid");
     const auto& params = schemas[0].params;
     EXPECT_TRUE(std::any_of(params.begin(), params.end(),
                             [](const ParamSpec& p) { return p.name == "height" && p.unit == "m"; }));
-    EXPECT_TRUE(wind_specs(library.table()).empty());
+    EXPECT_TRUE(wind_specs(library).empty());
 }
 
 TEST(PluginLibrary, OfAnotherTypeIsSaid) {

@@ -112,7 +112,7 @@ TEST(OrthonormalBasis, holds_in_every_direction) {
 }
 
 TEST(Problem, is_one_line) {
-    EXPECT_EQ(to_string(Problem{{"a.toml", 3, 7}, "what\nis wrong", "mend it"}),
-              "a.toml:3:7: what is wrong: mend it");
+    EXPECT_EQ(to_string(Problem{{"a.toml", 3, 7}, "what\nis wrong", "fix it"}),
+              "a.toml:3:7: what is wrong: fix it");
     EXPECT_EQ(to_string(Problem{{"a.ply"}, "w", "f"}), "a.ply: w: f");
 }

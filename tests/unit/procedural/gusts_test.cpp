@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gusts against the definition in gusts.h, evaluated gust by gust and point by point in double by what stands there alone;
 // and what must hold of them whatever the parameters: nothing pops, nothing depends on how strands are cut into patches,
-// and a patch pays for what touches it.
+// and only gusts that overlap a patch are evaluated there.
 #include "procedural/wind/gusts.h"
 #include "procedural/wind/wind.h"
 
@@ -667,12 +667,12 @@ class HandedOver {
         set(prefix + "ramp", {0, 1, 1, 0}, "linear");
         set(prefix + "strength", {0.5});
     }
-    std::optional<Gusts> read() const { return read_gusts(Values(values_.data(), uint32_t(values_.size()))); }
+    std::optional<Gusts> read() const { return read_gusts(Values(values_)); }
     std::string fault() const {
         try {
             read();
         } catch (const SceneFault& fault) {
-            return fault.place + ": " + fault.what();
+            return fault.place + ": " + fault.what() + ": " + fault.remedy;
         }
         return "";
     }

@@ -629,7 +629,7 @@ TEST(Jiggle, undamped_strands_need_a_start_and_swing_for_ever) {
         jiggle_window(jiggle, std::array{10.0}, frame_rate, 2.0, 1e-3);
         FAIL();
     } catch (const SceneFault& fault) {
-        EXPECT_NE(std::string(fault.what()).find("jiggle.start_frame"), std::string::npos);
+        EXPECT_NE(fault.remedy.find("jiggle.start_frame"), std::string::npos);
     }
 }
 
@@ -693,13 +693,13 @@ struct Given { // what a renderer would hand over
         for (const auto& [name, list] : numbers)
             values.push_back({name.c_str(), list.size() > 1 ? MARRAM_RAMP : MARRAM_NUMBER, list.data(),
                               list.size(), "linear", nullptr, name.c_str()});
-        return read_jiggle(Values(values.data(), uint32_t(values.size())));
+        return read_jiggle(Values(values));
     }
     std::string fault() const {
         try {
             read();
         } catch (const SceneFault& fault) {
-            return fault.place + ": " + fault.what();
+            return fault.place + ": " + fault.what() + ": " + fault.remedy;
         }
         return "";
     }

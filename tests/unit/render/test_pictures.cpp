@@ -128,7 +128,7 @@ WorldBuilder tuft() {
                     Cv(0.03 * (c - 20) + 0.02 * t * i, 0.15 * i, 0.05 * (c % 5), 0.008 * (1.0 - 0.2 * i)));
     builder.curves(cvs, 5, MARRAM_ROUND, MARRAM_BSPLINE);
     CurveGeometry& curves = builder.world.curves[0];
-    CurveAttributeValues id{"id", 1, false, {}}, position{"position", 3, true, {}};
+    AttributeValues id{"id", 1, MARRAM_PER_CURVE, {}}, position{"position", 3, MARRAM_PER_CV, {}};
     for (int c = 0; c < 40; ++c) id.values.push_back(static_cast<float>(c));
     for (const Cv& cv : cvs[0])
         for (int k = 0; k < 3; ++k) position.values.push_back(static_cast<float>(cv[k]));

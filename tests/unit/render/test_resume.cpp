@@ -36,7 +36,7 @@ class Resume : public ::testing::Test {
                     cvs[size_t(t)].push_back(Cv(0.05 * (c - 15) + 0.02 * t * i, 0.15 * i, 0.05 * (c % 5),
                                                 0.008 * (1.0 - 0.2 * i)));
         builder_.curves(cvs, 5, MARRAM_ROUND, MARRAM_BSPLINE);
-        CurveAttributeValues id{"id", 1, false, {}};
+        AttributeValues id{"id", 1, MARRAM_PER_CURVE, {}};
         for (int c = 0; c < 30; ++c) id.values.push_back(float(c));
         id.discrete = true;
         builder_.world.curves[0].attributes = {id};

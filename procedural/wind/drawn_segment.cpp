@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "procedural/wind/bow.h"
+#include "procedural/wind/drawn_segment.h"
 
 #include "procedural/wind/near.h"
 
@@ -8,7 +8,7 @@ namespace {
 
 struct DipCheck {
     const Colliders& colliders;
-    const Bow& bow;
+    const DrawnSegment& drawn;
     double allowed, room; // distance to the polygon plus radius that need no look
     double tolerance;
     TurnScratch& scratch;
@@ -18,14 +18,15 @@ struct DipCheck {
 // farther than it must be from all of them by d lets it go on by d unseen, and never by less than a fifth of the tolerance,
 // since it is held to nine tenths of that.
 bool follow(const DipCheck& check, double begin, double end, const Vec3d& centre) {
-    const Bow& bow = check.bow;
+    const DrawnSegment& drawn = check.drawn;
     const std::span<const Triangles8> triangles = check.scratch.kept.blocks();
-    // No faster than this for t from 0 to 1: the segment, and away(t), whose slope is at most |D| / 2.
-    const double speed = (bow.end - bow.start).norm() + 4.0 * bow.gap() + std::abs(bow.r1 - bow.r0);
+    // No faster than this for t from 0 to 1: the segment, and offset(t), whose slope is at most |D| / 2.
+    const double speed =
+        (drawn.end - drawn.start).norm() + 4.0 * drawn.max_offset() + std::abs(drawn.r1 - drawn.r0);
     const double shortest = std::max(0.2 * check.tolerance / speed, 1.0 / 4096.0);
     for (double t = begin;; t = std::min(t, end)) {
-        const Vec3d away = bow.away(t), from = bow.on_polygon(t) - centre;
-        const double distance = away.norm(), radius = bow.radius(t);
+        const Vec3d away = drawn.offset(t), from = drawn.on_polygon(t) - centre;
+        const double distance = away.norm(), radius = drawn.radius(t);
         double open = check.room - distance - radius;
         if (open < 0.0) {
             const bool inside = crosses_any(triangles, from, from + away);
@@ -40,19 +41,19 @@ bool follow(const DipCheck& check, double begin, double end, const Vec3d& centre
     }
 }
 
-// Part of a curve: nothing near, or only triangles on the side that it does not bow to, or it is followed. A part with many
+// Part of a curve: nothing near, or only triangles on the side away from its offset, or it is followed. A part with many
 // triangles around it is cut in four.
 bool part_dips_in(const DipCheck& check, double begin, double end, int cuts) {
-    const Bow& bow = check.bow;
-    const Vec2d most = bow.most(begin, end);
-    const Vec3d b0 = bow.d0 * most[0], b1 = bow.d1 * most[1];
-    const double widest = std::max(bow.r0, bow.r1);
+    const DrawnSegment& drawn = check.drawn;
+    const Vec2d most = drawn.offset_bounds(begin, end);
+    const Vec3d b0 = drawn.d0 * most[0], b1 = drawn.d1 * most[1];
+    const double widest = std::max(drawn.r0, drawn.r1);
     if (b0.norm() + b1.norm() + widest <= check.room) return false;
-    const Vec3d centre = bow.on_polygon(0.5 * (begin + end));
+    const Vec3d centre = drawn.on_polygon(0.5 * (begin + end));
     const double distance = std::max(widest - check.allowed, 0.0);
     Region region(distance);
     for (const double t : {begin, end}) {
-        const Vec3d p = bow.on_polygon(t);
+        const Vec3d p = drawn.on_polygon(t);
         for (const Vec3d& away : {Vec3d(Vec3d::Zero()), b0, b1, Vec3d(b0 + b1)}) region.add(p + away);
     }
     constexpr size_t many = 16; // clusters
@@ -66,18 +67,18 @@ bool part_dips_in(const DipCheck& check, double begin, double end, int cuts) {
     }
     if (check.scratch.triangles.size() == 0) return false;
     const std::span<Triangles8> all = check.scratch.triangles.blocks();
-    keep_near_bulge(all, check.scratch.triangles.size(), bow.on_polygon(begin) - centre,
-                    bow.on_polygon(end) - centre, b0, b1, distance, check.scratch.kept);
+    keep_near_bulge(all, check.scratch.triangles.size(), drawn.on_polygon(begin) - centre,
+                    drawn.on_polygon(end) - centre, b0, b1, distance, check.scratch.kept);
     return check.scratch.kept.size() > 0 && follow(check, begin, end, centre);
 }
 
 } // namespace
 
-bool dips_in(const Colliders& colliders, const Bow& bow, double clearance, double tolerance,
+bool dips_in(const Colliders& colliders, const DrawnSegment& drawn, double clearance, double tolerance,
              TurnScratch& scratch) {
     const double allowed = 0.9 * tolerance, room = allowed + clearance;
-    if (bow.gap() + std::max(bow.r0, bow.r1) <= room) return false;
-    const DipCheck check{colliders, bow, allowed, room, tolerance, scratch};
+    if (drawn.max_offset() + std::max(drawn.r0, drawn.r1) <= room) return false;
+    const DipCheck check{colliders, drawn, allowed, room, tolerance, scratch};
     return part_dips_in(check, 0.0, 0.5, 0) || part_dips_in(check, 0.5, 1.0, 0);
 }
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the drawn curve of a strand's segment leaves its polygon, and whether it dips into a collider there.
+// The drawn cubic of a strand's segment: its offset from the polygon of CVs, and whether it dips into a collider there.
 //
 // With D_k = P_{k-1} - 2 P_k + P_{k+1} (0 at both ends, by the phantom CVs) a curve's segment k is
 //
 //     uniform cubic B-spline  P_k + t (P_{k+1} - P_k) + ((1-t)^3 D_k + t^3 D_{k+1}) / 6
 //     Catmull-Rom             P_k + t (P_{k+1} - P_k) - (t (1-t)^2 D_k + t^2 (1-t) D_{k+1}) / 2
 //
-// so its gap to the polygon is at most max |D| / 6 or / 8. Where gap + radius <= clearance + tolerance nothing can dip in
+// so its offset from the polygon is at most max |D| / 6 or / 8. Where offset + radius <= clearance + tolerance nothing can dip in
 // too far. Elsewhere it is looked at, point by point, each on its own side of the colliders unless the straight line from the
 // polygon meets a triangle.
 #pragma once
@@ -17,31 +17,31 @@
 
 namespace marram {
 
-struct Bow {
+struct DrawnSegment {
     Vec3d start, end, d0, d1; // the segment, and D at its two ends
     double r0, r1;            // radii there
     bool bspline;
 
     Vec3d on_polygon(double t) const { return (1.0 - t) * start + t * end; }
     double radius(double t) const { return (1.0 - t) * r0 + t * r1; }
-    Vec3d away(double t) const {
+    Vec3d offset(double t) const {
         const double s = 1.0 - t;
         return bspline ? Vec3d((s * s * s * d0 + t * t * t * d1) / 6.0)
                        : Vec3d(-0.5 * (t * s * s * d0 + t * t * s * d1));
     }
-    // away(t) between `begin` and `end` is x d0 + y d1 with x and y between 0 and these.
-    Vec2d most(double begin, double end) const {
+    // offset(t) between `begin` and `end` is x d0 + y d1 with x and y between 0 and these.
+    Vec2d offset_bounds(double begin, double end) const {
         const double s = 1.0 - begin;
         if (bspline) return {s * s * s / 6.0, end * end * end / 6.0};
         // t (1-t)^2 is greatest at 1/3, t^2 (1-t) at 2/3.
         const double t = std::clamp(1.0 / 3.0, begin, end), u = std::clamp(2.0 / 3.0, begin, end);
         return {-0.5 * t * (1.0 - t) * (1.0 - t), -0.5 * u * u * (1.0 - u)};
     }
-    double gap() const { return std::max(d0.norm(), d1.norm()) / (bspline ? 6.0 : 8.0); }
+    double max_offset() const { return std::max(d0.norm(), d1.norm()) / (bspline ? 6.0 : 8.0); }
 };
 
 // Whether the drawn curve of a segment, whose polygon is free by `clearance`, dips in by more than the tolerance.
-bool dips_in(const Colliders& colliders, const Bow& bow, double clearance, double tolerance,
+bool dips_in(const Colliders& colliders, const DrawnSegment& drawn, double clearance, double tolerance,
              TurnScratch& scratch);
 
 } // namespace marram

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Named values on geometry, and on grids: what procedurals hand over and are lent, and what shading and image layers read.
+#pragma once
+
+#include "core/plugin/marram_plugin.h"
+
+#include <algorithm>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace marram {
+
+struct AttributeValues {
+    std::string name;
+    uint32_t components = 1;
+    MarramRate rate = MARRAM_PER_CURVE;
+    std::vector<float> values; // `components` for each curve, CV, vertex or face
+    bool discrete = false;     // a name rather than a quantity: never averaged
+    bool animated = false;     // differs from frame to frame
+};
+
+// nullptr where there is no such attribute.
+inline const AttributeValues* find_attribute(const std::vector<AttributeValues>& attributes,
+                                             std::string_view name) {
+    const auto found = std::ranges::find(attributes, name, &AttributeValues::name);
+    return found == attributes.end() ? nullptr : &*found;
+}
+
+struct GridValues {
+    std::string name;
+    MarramGrid grid{}; // without name and values
+    std::vector<float> values;
+};
+
+} // namespace marram

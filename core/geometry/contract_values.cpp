@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/geometry/contract_values.h"
+
+#include "core/geometry/table_file.h"
+#include "core/math/digest.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+namespace marram {
+namespace {
+
+// The declaration of "layer[2].height" among those of its type.
+const MarramParam* declaration_of(const ParamValue& value, const ProceduralItemType& type) {
+    const auto found =
+        std::ranges::find_if(type.params, [&](const MarramParam& p) { return value.spec->name == p.name; });
+    return found == type.params.end() ? nullptr : &*found;
+}
+
+} // namespace
+
+ContractValues::ContractValues(const ProceduralType& type, const Item& item, const ParamSet& wind) {
+    for (const MarramParam& param : type.params) add_param(param, item, wind);
+    for (const ParamList& list : item.params.lists())
+        for (size_t i = 0; i < list.size; ++i) {
+            const std::string prefix = fmt::format("{}[{}].", list.name, i);
+            const ParamValue* kind = item.params.find(prefix + "type");
+            const auto one = std::ranges::find_if(type.item_types, [&](const ProceduralItemType& t) {
+                return kind && list.name == t.item.list && kind->text == t.item.type;
+            });
+            if (one == type.item_types.end()) continue; // a list of plain tables: done above
+            add(MARRAM_CHOICE, kind->name, *kind);
+            for (const ParamValue& value : item.params.all())
+                if (value.name.starts_with(prefix) && &value != kind)
+                    if (const MarramParam* param = declaration_of(value, *one))
+                        add(param->type, value.name, value);
+        }
+}
+
+// Where a parameter's values come from: the item's own, or else, for one of the wind's, what the scene says.
+void ContractValues::add_param(const MarramParam& param, const Item& item, const ParamSet& wind) {
+    const std::string_view name = param.name, list = list_of(name);
+    const auto add_from = [&](const ParamSet& params, std::string_view prefix) {
+        for (const ParamValue& value : params.all())
+            if (value.spec->name == name.substr(prefix.size()))
+                add(param.type, std::string(prefix) + value.name, value);
+    };
+    const bool own = list.empty() ? item.params.has(name) : item.params.find_list(list) != nullptr;
+    if (own)
+        add_from(item.params, "");
+    else if (name.starts_with(wind_prefix))
+        add_from(wind, wind_prefix);
+}
+
+void ContractValues::add(MarramParamType type, std::string name, const ParamValue& value) {
+    MarramValue& out = values_.emplace_back();
+    out.name = texts_.emplace_back(std::move(name)).c_str();
+    out.type = type;
+    out.numbers = value.numbers.data();
+    out.number_count = value.numbers.size();
+    out.text = value.text.c_str();
+    out.place = texts_.emplace_back(to_string(value.place)).c_str();
+    if (type == MARRAM_IMAGE) out.grid = image(value);
+    if (type == MARRAM_TABLE) out.grid = table(value, out);
+}
+
+const MarramGrid* ContractValues::image(const ParamValue& value) {
+    const Image& image = images_.emplace_back(read_image(value.text, ColorSpace::linear_data));
+    MarramGrid& grid = grids_.emplace_back();
+    grid.name = value.text.c_str();
+    grid.nx = uint32_t(image.width);
+    grid.ny = uint32_t(image.height);
+    grid.nz = 1;
+    grid.components = uint32_t(image.channels);
+    grid.origin[0] = 0.5 / image.width;
+    grid.origin[1] = 1.0 - 0.5 / image.height;
+    grid.axes[0][0] = 1.0 / image.width;
+    grid.axes[1][1] = -1.0 / image.height;
+    grid.values = image.pixels.data();
+    return &grid;
+}
+
+const MarramGrid* ContractValues::table(const ParamValue& value, MarramValue& out) {
+    TableFile table = read_table_file(value.text);
+    MarramGrid& grid = grids_.emplace_back();
+    grid.name = value.text.c_str();
+    grid.nx = uint32_t(table.columns.size());
+    grid.ny = uint32_t(table.values.size() / table.columns.size());
+    grid.nz = grid.components = 1;
+    for (int axis = 0; axis < 3; ++axis) grid.axes[axis][axis] = 1.0;
+    grid.values = numbers_.emplace_back(std::move(table.values)).data();
+    out.text = texts_.emplace_back(fmt::format("{}", fmt::join(table.columns, ","))).c_str();
+    return &grid;
+}
+
+MarramValues ContractValues::list() const {
+    return {sizeof(MarramValues), values_.data(), uint32_t(values_.size()), sizeof(MarramValue)};
+}
+
+uint64_t ContractValues::digest() const {
+    Digest digest;
+    for (const MarramValue& value : values_) {
+        digest.add(value.name).add(value.numbers, value.number_count * sizeof(double));
+        const MarramGrid* grid = value.grid;
+        if (!grid) {
+            digest.add(value.text);
+            continue;
+        }
+        digest.add(grid->nx).add(grid->ny).add(grid->components);
+        digest.add(grid->values, size_t(grid->nx) * grid->ny * grid->nz * grid->components * sizeof(float));
+    }
+    return digest.value();
+}
+
+std::vector<GeometryName> ContractValues::names_of(MarramParamType type) const {
+    std::vector<GeometryName> names;
+    for (const MarramValue& value : values_)
+        if (value.type == type && std::ranges::find(names, value.text, &GeometryName::name) == names.end())
+            names.push_back({value.text, {value.place}});
+    return names;
+}
+
+} // namespace marram

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// A procedural's values in the contract's form, with the files read that they name.
+#pragma once
+
+#include "core/geometry/plugin_library.h"
+#include "core/image/image.h"
+
+#include <deque>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace marram {
+
+// Geometry that a parameter names.
+struct GeometryName {
+    std::string name;
+    Place place;
+};
+
+class ContractValues {
+  public:
+    // The item's values and, where it has none of its own, the scene's wind. Throws InputError for files that cannot be read.
+    ContractValues(const ProceduralType& type, const Item& item, const ParamSet& wind);
+
+    MarramValues list() const; // points into this object
+    // Of names, values and the contents of files; places do not count.
+    uint64_t digest() const;
+    // Names in values of a type, each once, with the places where they stand.
+    std::vector<GeometryName> names_of(MarramParamType type) const;
+
+  private:
+    void add(MarramParamType type, std::string name, const ParamValue& value);
+    void add_param(const MarramParam& param, const Item& item, const ParamSet& wind);
+    const MarramGrid* image(const ParamValue& value);
+    const MarramGrid* table(const ParamValue& value, MarramValue& out);
+
+    std::vector<MarramValue> values_;
+    std::deque<std::string> texts_;
+    std::deque<std::vector<float>> numbers_;
+    std::deque<Image> images_;
+    std::deque<MarramGrid> grids_;
+};
+
+} // namespace marram

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/geometry/lent_geometry.h"
+
+#include "core/geometry/embree_buffer.h"
+#include "core/geometry/geometry_graph.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+namespace marram {
+namespace {
+
+void copy(const std::vector<Vec3f>& from, float* to) {
+    std::memcpy(to, from.data(), from.size() * sizeof(Vec3f));
+}
+
+std::vector<MarramAttribute> lent_attributes(const std::vector<AttributeValues>& attributes) {
+    std::vector<MarramAttribute> lent;
+    for (const AttributeValues& a : attributes)
+        lent.push_back({a.name.c_str(), a.components, a.rate, a.discrete ? 1U : 0U, "", a.values.data(),
+                        a.animated ? 1U : 0U});
+    return lent;
+}
+
+// The size of the stage's tolerance and more: what every frame has.
+MarramFrame plain_frame(const Build& build, const std::vector<double>& times) {
+    const BuildSettings& settings = build.settings;
+    MarramFrame frame{};
+    frame.size = sizeof frame;
+    frame.fps = settings.fps;
+    frame.frame = settings.frame;
+    frame.bind_frame = settings.bind_frame;
+    frame.time_count = uint32_t(times.size());
+    frame.times = times.data();
+    frame.stage = settings.stage;
+    frame.tolerance = settings.tolerance;
+    frame.device = build.world.device.get();
+    return frame;
+}
+
+} // namespace
+
+LentGeometry::LentGeometry(Build& build, Procedural& to, std::vector<double> times)
+    : build_(build), to_(to), times_(std::move(times)) {
+    std::vector<uint32_t> ids;
+    for (uint32_t id = 0; id < build.world.meshes.size(); ++id) {
+        const MeshGeometry& mesh = build.world.meshes[id];
+        if (!mesh.positions.empty() && depends_on_mesh(to, mesh.name, mesh.roles)) ids.push_back(id);
+    }
+    lists_.reserve(ids.size() + to.curves().size()); // elements stay where they are
+    for (const uint32_t id : ids) lend_mesh(id);
+    for (const GeometryName& name : to.curves()) lend_curves(name.name);
+    frame_ = plain_frame(build, times_);
+    frame_.colliders = collider_scene(build, ids);
+    frame_.meshes = meshes_.data();
+    frame_.mesh_count = uint32_t(meshes_.size());
+    frame_.mesh_stride = sizeof(MarramMesh);
+    frame_.pose = pose;
+    frame_.pose_user = this;
+    frame_.curves = curves_.data();
+    frame_.curves_count = uint32_t(curves_.size());
+    frame_.curves_stride = sizeof(MarramCurves);
+}
+
+void LentGeometry::lend_mesh(uint32_t id) {
+    const MeshGeometry& mesh = build_.world.meshes[id];
+    Lists& list = lists_.emplace_back();
+    const auto add = [&](std::vector<Vec3f> vectors, std::vector<const float*>& to) {
+        to.push_back(components(posed_.emplace_back(std::move(vectors)))); // elements stay where they are
+    };
+    if (mesh.positions.size() == 1 || mesh.positions.size() == times_.size()) {
+        for (const auto& positions : mesh.positions) list.positions.push_back(components(positions));
+        for (const auto& normals : mesh.normals) list.normals.push_back(components(normals));
+    } else {
+        for (const double time : times_) {
+            PosedMesh posed = pose_mesh(build_, id, time, !mesh.normals.empty());
+            add(std::move(posed.positions), list.positions);
+            if (!mesh.normals.empty()) add(std::move(posed.normals), list.normals);
+        }
+    }
+    list.attributes = lent_attributes(mesh.attributes);
+    for (const GridValues& values : mesh.grids) {
+        list.grids.push_back(values.grid);
+        list.grids.back().name = values.name.c_str();
+        list.grids.back().values = values.values.data();
+    }
+    MarramMesh lent{};
+    lent.name = mesh.name.c_str();
+    lent.geometry_id = id;
+    lent.roles = mesh.roles;
+    lent.vertex_count = uint32_t(mesh.positions[0].size());
+    lent.triangle_count = uint32_t(mesh.triangles.size());
+    lent.time_count = uint32_t(list.positions.size());
+    lent.positions = list.positions.data();
+    lent.normals = mesh.normals.empty() ? nullptr : list.normals.data();
+    lent.triangles = components(mesh.triangles);
+    lent.uvs = components(mesh.uvs);
+    lent.attributes = list.attributes.data();
+    lent.attribute_count = uint32_t(list.attributes.size());
+    lent.attribute_stride = sizeof(MarramAttribute);
+    lent.grids = list.grids.data();
+    lent.grid_count = uint32_t(list.grids.size());
+    lent.grid_stride = sizeof(MarramGrid);
+    lent.topology = mesh.topology;
+    meshes_.push_back(lent);
+}
+
+void LentGeometry::lend_curves(const std::string& name) {
+    MarramCurves lent{};
+    Lists& list = lists_.emplace_back();
+    const auto& drawn = build_.geometry.curves;
+    if (const auto found = std::ranges::find(drawn, name, &SceneCurves::name); found != drawn.end()) {
+        lent.name = found->name.c_str();
+        lent.curve_count = found->closed.size();
+        lent.offsets = found->offsets.data();
+        list.positions.push_back(found->vertices.data());
+        lent.closed = found->closed.data();
+        lent.basis = MARRAM_LINEAR;
+    } else {
+        const auto made = std::ranges::find_if(
+            build_.items, [&](const CurveBuild& item) { return item.curves.name == name; });
+        if (made == build_.items.end()) return; // it makes no curves: whoever names it says so
+        const CurveGeometry& curves = made->curves;
+        lent.name = curves.name.c_str();
+        lent.curve_count = curves.curve_count;
+        lent.cvs_per_curve = curves.cvs_per_curve;
+        lent.offsets = curves.layout().offsets;
+        // Other keys than theirs: they are lent as they are when the shutter opens.
+        const size_t samples = curves.vertices.size() == times_.size() ? times_.size() : 1;
+        list.positions.assign(curves.vertices.begin(), curves.vertices.begin() + std::ptrdiff_t(samples));
+        lent.basis = curves.basis;
+        list.attributes = lent_attributes(curves.attributes);
+    }
+    lent.time_count = uint32_t(list.positions.size());
+    lent.vertices = list.positions.data();
+    lent.attributes = list.attributes.data();
+    lent.attribute_count = uint32_t(list.attributes.size());
+    lent.attribute_stride = sizeof(MarramAttribute);
+    curves_.push_back(lent);
+}
+
+MarramStatus LentGeometry::pose(void* user, uint32_t index, double frame, float* positions, float* normals) {
+    LentGeometry& lent = *static_cast<LentGeometry*>(user);
+    if (index >= lent.meshes_.size() || !std::isfinite(frame)) return MARRAM_ERROR;
+    const MarramMesh& mesh = lent.meshes_[index];
+    try {
+        const PosedMesh posed = pose_mesh(lent.build_, mesh.geometry_id, frame, normals && mesh.normals);
+        copy(posed.positions, positions);
+        if (normals && mesh.normals) copy(posed.normals, normals);
+        return MARRAM_OK;
+    } catch (const Cancelled&) {
+        return MARRAM_CANCELLED;
+    } catch (const InputError& error) { // of the procedural that makes the mesh
+        lent.to_.blame(error.problems);
+        return MARRAM_ERROR;
+    }
+}
+
+} // namespace marram

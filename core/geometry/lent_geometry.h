@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// Geometry as the contract lends it to one procedural.
+#pragma once
+
+#include "core/geometry/build_state.h"
+
+#include <vector>
+
+namespace marram {
+
+// The meshes and curves that a procedural depends on, at the times of its motion keys. Meshes that move and have other keys
+// themselves are posed anew for it: a drawn one is no farther off than the tolerance.
+class LentGeometry {
+  public:
+    LentGeometry(Build& build, Procedural& to, std::vector<double> times);
+    LentGeometry(const LentGeometry&) = delete;
+    LentGeometry& operator=(const LentGeometry&) = delete;
+    const MarramFrame& frame() const { return frame_; }
+
+  private:
+    struct Lists {
+        std::vector<const float*> positions, normals;
+        std::vector<MarramAttribute> attributes;
+        std::vector<MarramGrid> grids;
+    };
+
+    void lend_mesh(uint32_t id);
+    void lend_curves(const std::string& name);
+    static MarramStatus pose(void* user, uint32_t index, double frame, float* positions, float* normals);
+
+    Build& build_;
+    Procedural& to_;
+    std::vector<double> times_;
+    std::vector<Lists> lists_;
+    std::vector<std::vector<Vec3f>> posed_; // what lists_ points to beside the world
+    std::vector<MarramMesh> meshes_;
+    std::vector<MarramCurves> curves_;
+    MarramFrame frame_{};
+};
+
+} // namespace marram

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/geometry/plugin_library.h"
+
+#include "core/math/known_part.h"
+
+#include <dlfcn.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <new>
+
+namespace marram {
+namespace {
+
+// [MarramParamType]
+constexpr std::array param_types = {
+    ParamType::boolean, ParamType::integer,     ParamType::number,    ParamType::vec2,
+    ParamType::vec3,    ParamType::range,       ParamType::color,     ParamType::text,
+    ParamType::choice,  ParamType::ramp,        ParamType::image,     ParamType::reference,
+    ParamType::keys,    ParamType::unavailable, ParamType::reference, ParamType::table};
+static_assert(param_types.size() == MARRAM_PARAM_TYPE_COUNT,
+              "a parameter type of the contract has no type here");
+
+bool is_known(const MarramParam& param) { return size_t(param.type) < param_types.size(); }
+
+ParamSpec spec_of(const MarramParam& param) {
+    ParamSpec spec{param.name,    param_types[size_t(param.type)],
+                   param.unit,    param.initial,
+                   param.minimum, param.maximum,
+                   param.choices, param.help};
+    // What a procedural makes may be a mesh, or curves.
+    if (param.type == MARRAM_MESH_NAME) spec.choices = "mesh|procedural";
+    if (param.type == MARRAM_CURVES_NAME) spec.choices = "curves|procedural";
+    if (param.sweep) spec.sweep = param.sweep;
+    if (param.sweep_time) spec.sweep_time = param.sweep_time;
+    return spec;
+}
+
+std::vector<ParamSpec> specs_of(const std::vector<MarramParam>& params) {
+    std::vector<ParamSpec> specs;
+    for (const MarramParam& param : params) specs.push_back(spec_of(param));
+    return specs;
+}
+
+std::string unusable_because(const ProceduralType& type) {
+    const MarramProcedural& calls = type.calls;
+    const auto unknown = [](const std::vector<MarramParam>& params) -> std::string {
+        const auto found = std::ranges::find_if_not(params, is_known);
+        return found == params.end()
+                   ? ""
+                   : fmt::format(
+                         "its parameter {} has a type that this version of the contract does not know",
+                         found->name);
+    };
+    if (std::string why = unknown(type.params); !why.empty()) return why;
+    for (const ProceduralItemType& item : type.item_types)
+        if (std::string why = unknown(item.params); !why.empty()) return why;
+    const bool curves = calls.kind == MARRAM_CURVES;
+    if (!curves && calls.kind != MARRAM_MESH)
+        return "it makes something that this version of the contract does not know";
+    if (!calls.create || !calls.begin || !calls.destroy || (curves && (!calls.patch || !calls.tessellate)) ||
+        (!curves && !calls.mesh) || (!calls.begin_view != !calls.view_mesh))
+        return "it lacks a function that the contract asks for";
+    return "";
+}
+
+ProceduralType read_type(const MarramProcedural& calls) {
+    ProceduralType type;
+    type.calls = calls;
+    type.params = known_parts(calls.params, calls.param_count, calls.param_stride);
+    type.attributes = known_parts(calls.attributes, calls.attribute_count, calls.attribute_stride);
+    for (const MarramItemType& item :
+         known_parts(calls.item_types, calls.item_type_count, calls.item_type_stride))
+        type.item_types.push_back({item, known_parts(item.params, item.param_count, item.param_stride)});
+    type.unusable = unusable_because(type);
+    return type;
+}
+
+// What the host asks of every mesh that a procedural makes: its roles.
+std::vector<ParamSpec> host_params(const MarramProcedural& calls) {
+    std::vector<ParamSpec> params = {
+        {"material", ParamType::reference, "", "none", {}, {}, "material", "default: a plain grey"}};
+    if (calls.kind == MARRAM_MESH) std::ranges::move(role_params(), std::back_inserter(params));
+    return params;
+}
+
+std::vector<ListSchema> lists_of(const ProceduralType& type) {
+    std::vector<ListSchema> lists;
+    for (const ProceduralItemType& item : type.item_types) {
+        auto list = std::ranges::find(lists, item.item.list, &ListSchema::name);
+        if (list == lists.end()) {
+            lists.push_back({item.item.list, {}, {}});
+            list = std::prev(lists.end());
+        }
+        list->types.push_back({item.item.type, item.item.help, specs_of(item.params)});
+    }
+    for (ListSchema& list : lists) {
+        list.type = {"type", ParamType::choice, "", "", {}, {}, "", "what this one is"};
+        for (const ItemSchema& one : list.types)
+            list.type.choices += (list.type.choices.empty() ? "" : "|") + one.type;
+    }
+    return lists;
+}
+
+} // namespace
+
+PluginLibrary::PluginLibrary(const std::string& path, const Place& place) : path_(path) {
+    // A bare name would be looked for in the system's folders instead of here.
+    const std::string absolute = std::filesystem::absolute(path).string();
+    handle_ = dlopen(absolute.c_str(), RTLD_NOW | RTLD_LOCAL);
+    if (!handle_) {
+        const std::string reason = dlerror();
+        if (reason.find("failed to map segment") != std::string::npos ||
+            reason.find("annot allocate memory") != std::string::npos)
+            throw std::bad_alloc();
+        throw InputError(place, "cannot load the procedural library: " + reason,
+                         "build it, or correct its path");
+    }
+    try {
+        read(place);
+    } catch (...) {
+        dlclose(handle_);
+        throw;
+    }
+}
+
+void PluginLibrary::read(const Place& place) {
+    const auto entry = reinterpret_cast<MarramLibraryFunction>(dlsym(handle_, MARRAM_ENTRY_POINT));
+    const std::string fix = "build it against core/plugin/marram_plugin.h of this version";
+    if (!entry) throw InputError(place, "'" + path_ + "' has no function " MARRAM_ENTRY_POINT, fix);
+    const MarramLibrary* given = entry(MARRAM_ABI_VERSION);
+    if (!given || given->abi != MARRAM_ABI_VERSION) {
+        const std::string found = given ? " " + std::to_string(given->abi) : "";
+        throw InputError(place,
+                         "'" + path_ + "' speaks another version" + found + " of the contract than " +
+                             std::to_string(MARRAM_ABI_VERSION),
+                         fix);
+    }
+    if (given->embree_major != 0 && given->embree_major != MARRAM_EMBREE_MAJOR)
+        throw InputError(place,
+                         fmt::format("'{}' was built with Embree {}, this renderer with Embree {}", path_,
+                                     given->embree_major, MARRAM_EMBREE_MAJOR),
+                         "build both with one Embree");
+    const MarramLibrary library = known_part(given);
+    version_ = library.version ? library.version : "";
+    wind_params_ = known_parts(library.wind_params, library.wind_param_count, library.wind_param_stride);
+    std::erase_if(wind_params_, [](const MarramParam& param) { return !is_known(param); });
+    report_entries_ =
+        known_parts(library.report_entries, library.report_entry_count, library.report_entry_stride);
+    for (const MarramProcedural& calls :
+         known_parts(library.procedurals, library.procedural_count, library.procedural_stride))
+        types_.push_back(read_type(calls));
+}
+
+PluginLibrary::~PluginLibrary() { dlclose(handle_); }
+
+const ProceduralType* PluginLibrary::find(const std::string& type) const {
+    const auto found =
+        std::ranges::find_if(types_, [&](const ProceduralType& t) { return type == t.calls.name; });
+    return found == types_.end() ? nullptr : &*found;
+}
+
+std::vector<ParamSpec> wind_specs(const PluginLibrary& library) { return specs_of(library.wind_params()); }
+
+std::vector<ItemSchema> procedural_schemas(const PluginLibrary& library) {
+    std::vector<ItemSchema> schemas;
+    for (const ProceduralType& type : library.types()) {
+        ItemSchema schema{type.calls.name, type.calls.help, {}};
+        schema.unusable = type.unusable;
+        if (type.unusable.empty()) {
+            schema.params = host_params(type.calls);
+            for (ParamSpec& spec : specs_of(type.params)) {
+                // A list is its elements, so their defaults stay.
+                if (spec.name.starts_with(wind_prefix) && list_of(spec.name).empty()) spec.initial = "none";
+                schema.params.push_back(std::move(spec));
+            }
+            schema.lists = lists_of(type);
+        }
+        schemas.push_back(std::move(schema));
+    }
+    return schemas;
+}
+
+} // namespace marram

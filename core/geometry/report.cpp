@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/geometry/report.h"
+
+#include <algorithm>
+
+namespace marram {
+namespace {
+
+constexpr std::string_view thread_prefix = "thread_seconds.", wall_prefix = "seconds.";
+
+void combine(Report::Entry& entry, const std::string& procedural, double value) {
+    switch (entry.declared.combine) {
+    case MARRAM_MAXIMUM:
+        entry.value = std::max(entry.value, value);
+        break;
+    case MARRAM_LAST:
+        entry.value = value;
+        break;
+    case MARRAM_EACH:
+        entry.each[procedural] = value;
+        break;
+    case MARRAM_RATIO: // worked out, never reported
+        break;
+    default:
+        entry.value += value;
+    }
+}
+
+} // namespace
+
+void Report::declare(std::span<const MarramReportEntry> entries) {
+    for (const MarramReportEntry& declared : entries) {
+        const std::string path = declared.path;
+        if (path.starts_with(thread_prefix))
+            entries_[std::string(wall_prefix) + path.substr(thread_prefix.size())];
+        else
+            entries_[path].declared = declared;
+    }
+}
+
+void Report::add(std::string_view path, double value) {
+    const auto found = entries_.find(path);
+    combine(found != entries_.end() ? found->second : entries_[std::string(path)], "", value);
+}
+
+void Report::add(const std::string& procedural, std::span<const std::pair<std::string, double>> entries,
+                 double wall) {
+    double threads = 0.0;
+    for (const auto& [path, value] : entries)
+        if (path.starts_with(thread_prefix)) threads += value;
+    if (!(threads > 0.0)) add("seconds.expand", wall);
+    for (const auto& [path, value] : entries) {
+        if (!path.starts_with(thread_prefix))
+            combine(entries_[path], procedural, value);
+        else if (threads > 0.0)
+            add(std::string(wall_prefix) + path.substr(thread_prefix.size()), wall * value / threads);
+    }
+}
+
+double Report::operator()(std::string_view path) const {
+    const auto found = entries_.find(path);
+    if (found == entries_.end()) return 0.0;
+    const MarramReportEntry& declared = found->second.declared;
+    if (declared.combine != MARRAM_RATIO || !declared.path) return found->second.value;
+    const double below = (*this)(declared.denominator);
+    return below > 0.0 ? (*this)(declared.numerator) / below : 1.0;
+}
+
+double strand_seconds(const Report& report) {
+    double sum = 0.0;
+    for (const auto& [path, entry] : report.entries())
+        if (path.starts_with(wall_prefix)) sum += entry.value;
+    return sum;
+}
+
+} // namespace marram

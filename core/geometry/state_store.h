@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the simulations of procedurals keep of their past: bytes, stamped with a frame, in files that outlive the run.
+//
+// A state is one file, FOLDER/NAME-DIGEST/FRAME.state, written whole or not at all. The digest stands for all that the state depends
+// on: the procedural's values, its inputs, the contents of files, the library's version; a change of any of them begins a new folder.
+// A file that is damaged is left out, with a warning.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace marram {
+
+struct StoredState {
+    double frame = 0.0;
+    std::vector<char> data;
+};
+
+class StateStore {
+  public:
+    // folder "": states are kept in memory, as long as the store.
+    StateStore(const std::string& folder, const std::string& name, uint64_t digest);
+
+    // The latest state at or before the frame. Cost: reading that one file.
+    std::optional<StoredState> load(double frame);
+    // Throws InputError where it cannot be written.
+    void store(double frame, const void* data, size_t byte_count);
+    std::vector<std::string> take_warnings();
+
+  private:
+    std::string file_of(double frame) const;
+
+    std::string folder_; // of this digest
+    uint64_t digest_;
+    std::map<double, std::vector<char>> memory_;
+    std::vector<std::string> warnings_;
+};
+
+} // namespace marram

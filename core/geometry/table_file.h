@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tables of numbers from CSV files: a line of column names, then a line of numbers a row, separated by commas.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace marram {
+
+struct TableFile {
+    std::vector<std::string> columns;
+    std::vector<float> values; // row by row
+};
+
+// Throws InputError with file and line for what is no number, and for rows of another length.
+TableFile read_table_file(const std::string& path);
+
+} // namespace marram

@@ -18,26 +18,23 @@ bool on_commit_progress(void* user, double fraction) {
     return !build.cancel.load(std::memory_order_relaxed);
 }
 
-// Of all that a procedural depends on: its own values, and of what it names the contents, however that came to be.
+// Digest of a procedural's values and, recursively, of all geometry that it names. It depends on contents only.
 uint64_t digest_of(const Build& build, const Procedural& procedural) {
+    const SceneGeometry& geometry = build.geometry;
     Digest digest;
-    digest.add(procedural.digest());
-    const auto add = [&](const std::string& name) {
-        digest.add(name);
-        for (const SceneMesh& mesh : build.geometry.meshes)
-            if (mesh.name == name) digest.add(mesh.digest());
-        for (const SceneCurves& curves : build.geometry.curves)
-            if (curves.name == name) digest.add(curves.digest());
-        for (const auto& other : build.geometry.procedurals)
-            if (other->name() == name) digest.add(digest_of(build, *other));
-    };
-    for (const GeometryName& name : procedural.meshes()) add(name.name);
-    for (const GeometryName& name : procedural.curves()) add(name.name);
+    digest.add(procedural.digest()).add(procedural.roles);
+    for (const SceneMesh& mesh : geometry.meshes)
+        if (depends_on_mesh(procedural, mesh.name, mesh.roles)) digest.add(mesh.name).add(mesh.digest());
+    for (const SceneCurves& curves : geometry.curves)
+        if (procedural.names_curves(curves.name)) digest.add(curves.name).add(curves.digest());
+    for (const auto& other : geometry.procedurals)
+        if (other.get() != &procedural && depends_on(procedural, *other))
+            digest.add(other->name()).add(digest_of(build, *other));
     return digest.value();
 }
 
-// Makes all meshes and curves, each procedural behind those that it depends on. with_curves: else only how many motion keys
-// they are to have is found out, of those that no other procedural needs.
+// Makes meshes and procedurals in dependency order. Without `with_curves`, curves that nothing depends on are not made; only their number of
+// motion keys is found.
 void make_all(Build& build, bool with_curves) {
     const double begin = wall_seconds();
     build.progress.phase = "placing meshes";
@@ -49,15 +46,15 @@ void make_all(Build& build, bool with_curves) {
     for (const size_t i : order_of(build.geometry.procedurals)) {
         Procedural& procedural = *build.geometry.procedurals[i];
         if (procedural.kind() == MARRAM_MESH) {
-            const double start = wall_seconds(), committing = build.stats.colliders;
+            const double start = wall_seconds(), colliders_before = build.stats.colliders;
             make_mesh(build, procedural, build.mesh_ids[i]);
-            build.stats.terrain += wall_seconds() - start - (build.stats.colliders - committing);
+            build.stats.terrain += wall_seconds() - start - (build.stats.colliders - colliders_before);
             continue;
         }
         const uint32_t keys = keys_of_curves(build, procedural);
         build.stats.motion_keys = std::max(build.stats.motion_keys, keys);
-        const auto names_it = [&](const auto& other) { return other->names(procedural.name()); };
-        if (with_curves || std::ranges::any_of(build.geometry.procedurals, names_it))
+        const auto refers_to_it = [&](const auto& other) { return other->names(procedural.name()); };
+        if (with_curves || std::ranges::any_of(build.geometry.procedurals, refers_to_it))
             make_curves(build, procedural, keys);
     }
     build.world.times = build.times(std::max(build.stats.motion_keys, 2U));
@@ -96,6 +93,7 @@ void prepare(Build& build, Procedural& procedural, const MarramFrame& frame) {
                                 .add(digest_of(build, procedural))
                                 .add(std::bit_cast<uint64_t>(frame.fps))
                                 .add(std::bit_cast<uint64_t>(frame.bind_frame))
+                                .add(std::bit_cast<uint64_t>(frame.tolerance))
                                 .value();
     StateStore& states =
         build.geometry.states
@@ -137,14 +135,15 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
     }
     attach_curves(build);
 
-    const double curves = wall_seconds();
+    const double bvh_begin = wall_seconds();
     if (settings.curves_bvh) commit(build, world.scene.get(), "building the BVH");
     mark_round_pieces(world);
-    stats.curves_bvh += wall_seconds() - curves;
+    stats.curves_bvh += wall_seconds() - bvh_begin;
     RTCBounds bounds{};
     rtcGetSceneBounds(settings.curves_bvh ? world.scene.get() : world.colliders.get(), &bounds);
     world.bounds = Box3f(Vec3f(bounds.lower_x, bounds.lower_y, bounds.lower_z),
                          Vec3f(bounds.upper_x, bounds.upper_y, bounds.upper_z));
+    for (const auto& procedural : geometry.procedurals) take_warnings(build, *procedural); // of pose()
     world.curve_buffers = std::move(build.curves);
     return std::move(build.world);
 }

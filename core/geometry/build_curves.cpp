@@ -29,7 +29,7 @@ void check_output(const Procedural& procedural, const MarramOutput& output) {
         if (output.offsets[0] != 0)
             procedural.refuse("the offsets of its curves do not begin at 0", "fix the library");
         for (uint64_t c = 0; c < output.curve_count; ++c)
-            if (output.offsets[c + 1] < output.offsets[c] + 2)
+            if (output.offsets[c + 1] < output.offsets[c] || output.offsets[c + 1] - output.offsets[c] < 2)
                 procedural.refuse("its curves have fewer than 2 CVs", "fix the library");
     } else if (output.cvs_per_curve < 2) {
         procedural.refuse("its curves have fewer than 2 CVs", "fix the library");
@@ -156,7 +156,7 @@ void tessellate_patch(CurveBuild& item, uint32_t index) {
     const size_t vertex_count = layout.first_vertex(patch.first_curve + patch.curve_count) - first_vertex;
     float* vertices[64];
     float* normals[64];
-    float* attributes[64];
+    std::vector<float*> attributes(item.attributes.size());
     for (uint32_t t = 0; t < item.output.time_count; ++t) {
         vertices[t] = item.vertices[t] + 4 * first_vertex;
         if (!item.normals.empty()) normals[t] = item.normals[t] + 3 * first_vertex;
@@ -169,7 +169,7 @@ void tessellate_patch(CurveBuild& item, uint32_t index) {
     }
     item.procedural->tessellate(
         index, {sizeof(MarramPatchBuffers), vertices, item.normals.empty() ? nullptr : normals,
-                uint32_t(item.attributes.size()), item.attributes.data(), attributes});
+                uint32_t(item.attributes.size()), item.attributes.data(), attributes.data()});
     for (uint32_t t = 0; t < item.output.time_count; ++t)
         if (!finite(vertices[t], vertex_count * 4))
             item.procedural->refuse("a CV is not a finite number",
@@ -300,7 +300,7 @@ void take_report(Build& build, Procedural& procedural, double wall) {
         if (const auto own = entry.each.find(procedural.name());
             path.starts_with(chosen) && own != entry.each.end())
             stats.chosen[procedural.name() + "." + path.substr(chosen.size())] = own->second;
-    for (std::string& warning : procedural.take_warnings()) stats.warnings.push_back(std::move(warning));
+    take_warnings(build, procedural);
 }
 
 // ---- how many motion keys ---------------------------------------------------------------------------------------
@@ -312,6 +312,7 @@ StrandMotion look_at_motion(Build& build, Procedural& procedural, uint32_t insta
     StrandMotion motion;
     const LentGeometry lent(build, procedural, build.times(instants)); // may build colliders
     if (procedural.prepares()) prepare(build, procedural, lent.frame());
+    take_warnings(build, procedural); // of the preparation, which is not done again
     build.progress.phase = "looking at motion";
     const MarramOutput output = procedural.begin(lent.frame());
     check_output(procedural, output);
@@ -323,6 +324,9 @@ StrandMotion look_at_motion(Build& build, Procedural& procedural, uint32_t insta
         if (build.cancel.load(std::memory_order_relaxed)) throw Cancelled{};
         const auto index = uint32_t(uint64_t(i) * (output.patch_count - 1) / std::max(count - 1, 1U));
         const MarramPatch patch = procedural.patch(index);
+        if (patch.first_curve > output.curve_count ||
+            patch.curve_count > output.curve_count - patch.first_curve)
+            procedural.refuse("its patches do not add up to its curves", "fix the library");
         const CurveLayout layout = layout_of(output);
         const size_t first = layout.first_vertex(patch.first_curve);
         const size_t vertices = layout.first_vertex(patch.first_curve + patch.curve_count) - first;
@@ -364,6 +368,8 @@ uint32_t choose_keys(Build& build, Procedural& procedural) {
                 motion_keys_for(mesh, settings.tolerance, settings.view, build.open(), build.close(), keys);
     for (const MeshGeometry& mesh : build.world.meshes) // and those that procedurals have made
         if (procedural.names(mesh.name)) keys = std::max(keys, uint32_t(mesh.positions.size()));
+    for (const CurveBuild& item : build.items)
+        if (procedural.names_curves(item.curves.name)) keys = std::max(keys, item.output.time_count);
     const double left = motion.left(keys, settings.tolerance);
     build.stats.motion_error = std::max(build.stats.motion_error, left);
     build.stats.motion_jumps = std::max(build.stats.motion_jumps, motion.jumps(settings.tolerance));

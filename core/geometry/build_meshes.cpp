@@ -97,6 +97,10 @@ GridValues copy_grid(const Procedural& procedural, const MarramGrid& grid) {
     if (!grid.name || !grid.values || grid.nx == 0 || grid.ny == 0 || grid.nz == 0 || grid.components == 0 ||
         grid.components > 4)
         procedural.refuse("it hands over a grid without a name or values", "fix the library");
+    const double most = 4e9; // values, 16 GB of them
+    if (double(grid.nx) * grid.ny * grid.nz * grid.components > most)
+        procedural.refuse(std::string("its grid '") + grid.name + "' has more than 4e9 values",
+                          "make it coarser");
     const size_t count = size_t(grid.nx) * grid.ny * grid.nz * grid.components;
     GridValues copy{grid.name, grid, {grid.values, grid.values + count}};
     if (!all_finite(copy.values))
@@ -213,6 +217,7 @@ void make_mesh(Build& build, Procedural& procedural, uint32_t id) {
         const std::vector<double> times = build.times(keys);
         const auto lent = build.lent.emplace_back(std::make_shared<LentGeometry>(build, procedural, times));
         if (procedural.prepares()) prepare(build, procedural, lent->frame());
+        take_warnings(build, procedural); // of the preparation, which is not done again
         build.progress.phase = "making meshes";
         const MarramOutput output = procedural.begin(lent->frame());
         if (output.time_count != 1 && output.time_count != times.size())
@@ -226,6 +231,7 @@ void make_mesh(Build& build, Procedural& procedural, uint32_t id) {
         if (build.chooses_keys() && left > build.settings.tolerance && 2 * keys - 1 <= most_motion_keys) {
             keys = 2 * keys - 1;
             build.lent.pop_back();
+            procedural.take_warnings(); // they come again
             continue;
         }
         if (moves) {
@@ -237,8 +243,7 @@ void make_mesh(Build& build, Procedural& procedural, uint32_t id) {
         break;
     }
     build.stats.report.add(procedural.name(), procedural.report(), 0.0);
-    for (std::string& warning : procedural.take_warnings())
-        build.stats.warnings.push_back(std::move(warning));
+    take_warnings(build, procedural);
 }
 
 void make_render_meshes(Build& build) {
@@ -248,6 +253,7 @@ void make_render_meshes(Build& build) {
         Procedural& procedural = *build.geometry.procedurals[i];
         if (procedural.kind() != MARRAM_MESH || !procedural.has_view()) continue;
         const MarramOutput output = procedural.begin_view(view);
+        take_warnings(build, procedural);
         if (output.triangle_count == 0) continue;
         if (output.time_count != 1)
             procedural.refuse("its render mesh moves: only a growth surface can", "fix the library");
@@ -261,8 +267,6 @@ void make_render_meshes(Build& build) {
         build.world.growth_surfaces.emplace(id, std::move(growth));
         build.world.meshes[id] = std::move(mesh);
         build.mesh_geometries[id] = nullptr; // the collider scenes keep theirs
-        for (std::string& warning : procedural.take_warnings())
-            build.stats.warnings.push_back(std::move(warning));
     }
 }
 
@@ -278,7 +282,7 @@ RTCGeometry mesh_geometry(Build& build, uint32_t id) {
     for (size_t t = 0; t < mesh.positions.size(); ++t)
         rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, unsigned(t), RTC_FORMAT_FLOAT3,
                                    mesh.positions[t].data(), 0, sizeof(Vec3f), mesh.positions[t].size());
-    rtcSetGeometryMask(geometry, mesh.roles);
+    rtcSetGeometryMask(geometry, mesh.roles | MARRAM_NAMED);
     rtcCommitGeometry(geometry);
     return geometry;
 }

@@ -61,6 +61,12 @@ void commit(Build& build, RTCScene scene, const char* phase);
 // Brings what a procedural simulates to the frame, where it does.
 void prepare(Build& build, Procedural& procedural, const MarramFrame& frame);
 
+// Moves what a procedural has warned of so far to the build's statistics.
+inline void take_warnings(Build& build, Procedural& procedural) {
+    for (std::string& warning : procedural.take_warnings())
+        build.stats.warnings.push_back(std::move(warning));
+}
+
 // ---- build_meshes.cpp
 
 // Names the meshes of the world, and makes those of the scene.

@@ -44,7 +44,10 @@ void ContractValues::add_param(const MarramParam& param, const Item& item, const
     const std::string_view name = param.name, list = list_of(name);
     const auto add_from = [&](const ParamSet& params, std::string_view prefix) {
         for (const ParamValue& value : params.all())
-            if (value.spec->name == name.substr(prefix.size()))
+            // Elements of typed lists may have parameters of the same name.
+            if (value.spec->name == name.substr(prefix.size()) &&
+                (list.empty() ? value.name == value.spec->name
+                              : value.name.starts_with(std::string(list.substr(prefix.size())) + "[")))
                 add(param.type, std::string(prefix) + value.name, value);
     };
     const bool own = list.empty() ? item.params.has(name) : item.params.find_list(list) != nullptr;
@@ -109,6 +112,7 @@ uint64_t ContractValues::digest() const {
             continue;
         }
         digest.add(grid->nx).add(grid->ny).add(grid->components);
+        if (value.type == MARRAM_TABLE) digest.add(value.text); // its columns
         digest.add(grid->values, size_t(grid->nx) * grid->ny * grid->nz * grid->components * sizeof(float));
     }
     return digest.value();

@@ -17,21 +17,22 @@ namespace {
 
 // CV k of a curve at a motion sample; the phantom vertices at both ends are skipped.
 Vec3d cv(const CurveGeometry& curves, size_t time, uint64_t curve, uint32_t k) {
-    const float* p = curves.vertices[time] + 4 * (curve * (curves.cvs_per_curve + 2) + 1 + k);
+    const float* p = curves.vertices[time] + 4 * (curves.layout().first_vertex(curve) + 1 + k);
     return {double(p[0]), double(p[1]), double(p[2])};
 }
 
 double length_of(const CurveGeometry& curves, uint64_t curve) {
     double length = 0.0;
-    for (uint32_t k = 1; k < curves.cvs_per_curve; ++k)
+    for (uint32_t k = 1; k < curves.layout().cvs(curve); ++k)
         length += (cv(curves, 0, curve, k) - cv(curves, 0, curve, k - 1)).norm();
     return length;
 }
 
 // At share u of the CVs, along the polygon.
 Vec3d on_polygon(const CurveGeometry& curves, uint64_t curve, double u) {
-    const double at = u * double(curves.cvs_per_curve - 1);
-    const uint32_t k = std::min(uint32_t(at), curves.cvs_per_curve - 2);
+    const uint32_t cvs = curves.layout().cvs(curve);
+    const double at = u * double(cvs - 1);
+    const uint32_t k = std::min(uint32_t(at), cvs - 2);
     const double t = at - double(k);
     return (1.0 - t) * cv(curves, 0, curve, k) + t * cv(curves, 0, curve, k + 1);
 }
@@ -48,12 +49,14 @@ Vec3d in_motion(const CurveGeometry& curves, double s, uint64_t curve, uint32_t 
 
 // At the first motion sample.
 double farthest_cv(const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
-    const CurveGeometry &fine = a.cvs_per_curve > b.cvs_per_curve ? a : b, &coarse = &fine == &a ? b : a;
+    const bool a_is_finer = a.layout().cvs(c) > b.layout().cvs(c);
+    const CurveGeometry &fine = a_is_finer ? a : b, &coarse = a_is_finer ? b : a;
+    const uint32_t cvs = fine.layout().cvs(c);
     double largest = 0.0;
-    for (uint32_t k = 0; k < fine.cvs_per_curve; ++k) {
-        const Vec3d there = fine.cvs_per_curve == coarse.cvs_per_curve
+    for (uint32_t k = 0; k < cvs; ++k) {
+        const Vec3d there = cvs == coarse.layout().cvs(c)
                                 ? cv(coarse, 0, c, k)
-                                : on_polygon(coarse, c, double(k) / double(fine.cvs_per_curve - 1));
+                                : on_polygon(coarse, c, double(k) / double(cvs - 1));
         largest = std::max(largest, (cv(fine, 0, c, k) - there).norm());
     }
     return largest;
@@ -127,7 +130,7 @@ CurveGap gap_in_motion(const World& mine, const World& reference, const View& vi
         double largest = 0.0;
         for (size_t time = 0; time < b.vertices.size(); ++time) {
             const double s = b.vertices.size() > 1 ? double(time) / double(b.vertices.size() - 1) : 0.0;
-            for (uint32_t k = 0; k < a.cvs_per_curve; ++k)
+            for (uint32_t k = 0; k < a.layout().cvs(c); ++k)
                 largest = std::max(largest, view.enlarged(cv(b, time, c, k)) *
                                                 (in_motion(a, s, c, k) - cv(b, time, c, k)).norm());
         }
@@ -143,7 +146,7 @@ uint64_t strands_in_meshes(const World& world) {
             tbb::blocked_range<uint64_t>(0, curves.curve_count, 256), uint64_t(0),
             [&](const auto& range, uint64_t part) {
                 for (uint64_t c = range.begin(); c < range.end(); ++c)
-                    for (uint32_t k = 0; k + 1 < curves.cvs_per_curve; ++k)
+                    for (uint32_t k = 0; k + 1 < curves.layout().cvs(c); ++k)
                         if (crossed(world, cv(curves, 0, c, k), cv(curves, 0, c, k + 1),
                                     k == 0 ? 1e-3 : 0.0)) {
                             ++part;

@@ -4,12 +4,13 @@
 #include <algorithm>
 
 namespace marram {
-namespace {
 
 bool depends_on(const Procedural& procedural, const Procedural& other) {
     if (other.kind() == MARRAM_MESH) return depends_on_mesh(procedural, other.name(), other.roles);
     return procedural.names_curves(other.name());
 }
+
+namespace {
 
 // Depth first. What is open when it is met again is a ring.
 class Sort {
@@ -89,17 +90,28 @@ std::vector<size_t> order_of(std::span<const std::unique_ptr<Procedural>> proced
 
 void update_procedurals(std::span<const std::unique_ptr<Procedural>> procedurals, std::span<const Item> items,
                         const ParamSet& wind, GeometryChanges& changes) {
+    // The graph is that of the new values.
+    for (size_t i = 0; i < procedurals.size(); ++i) {
+        const uint32_t before = procedurals[i]->roles;
+        procedurals[i]->look_at(items[i], wind);
+        if (procedurals[i]->roles != before) changes[procedurals[i]->name()] |= MARRAM_EVERYTHING;
+    }
+    // What has changed is remembered by all that depend on it before anybody can object.
+    const auto tell = [&](const std::string& name, uint32_t change) {
+        const auto made = std::ranges::find(procedurals, name, [](const auto& p) { return p->name(); });
+        for (const auto& procedural : procedurals) {
+            const bool traced = procedural->kind() == MARRAM_CURVES && procedural->name() != name &&
+                                (made == procedurals.end() || (*made)->kind() == MARRAM_MESH);
+            if (traced || procedural->names(name)) procedural->pending_inputs |= change;
+        }
+    };
+    for (const auto& [name, change] : changes) tell(name, change);
     for (const size_t i : order_of(procedurals)) {
         Procedural& procedural = *procedurals[i];
-        uint32_t inputs = MARRAM_NOTHING;
-        for (const auto& [name, change] : changes) {
-            const auto made = std::ranges::find(procedurals, name, [](const auto& p) { return p->name(); });
-            const bool traced =
-                procedural.kind() == MARRAM_CURVES && // of the scene's own it sees all that may matter
-                (made == procedurals.end() || (*made)->kind() == MARRAM_MESH);
-            if (traced || procedural.names(name)) inputs |= change;
-        }
-        changes[procedural.name()] = procedural.update(items[i], wind, inputs);
+        const uint32_t change = procedural.update(items[i], wind, procedural.pending_inputs);
+        procedural.pending_inputs = MARRAM_NOTHING;
+        changes[procedural.name()] |= change;
+        tell(procedural.name(), change);
     }
 }
 

@@ -122,13 +122,27 @@ void LentGeometry::lend_curves(const std::string& name) {
             build_.items, [&](const CurveBuild& item) { return item.curves.name == name; });
         if (made == build_.items.end()) return; // it makes no curves: whoever names it says so
         const CurveGeometry& curves = made->curves;
-        lent.name = curves.name.c_str();
+        lent.name = made->procedural->name().c_str();
         lent.curve_count = curves.curve_count;
         lent.cvs_per_curve = curves.cvs_per_curve;
         lent.offsets = curves.layout().offsets;
-        // Other keys than theirs: they are lent as they are when the shutter opens.
-        const size_t samples = curves.vertices.size() == times_.size() ? times_.size() : 1;
-        list.positions.assign(curves.vertices.begin(), curves.vertices.begin() + std::ptrdiff_t(samples));
+        const size_t own = curves.vertices.size();
+        if (own == 1 || own == times_.size()) {
+            list.positions.assign(curves.vertices.begin(), curves.vertices.end());
+        } else { // other keys than theirs: they go straight between their own
+            const size_t floats = 4 * curves.layout().vertex_count();
+            for (const double time : times_) {
+                const double at =
+                    (time - times_.front()) / (times_.back() - times_.front()) * double(own - 1);
+                const size_t key = std::min(size_t(at), own - 2);
+                const auto share = float(at - double(key));
+                std::vector<float>& blended = blended_.emplace_back(floats);
+                for (size_t i = 0; i < floats; ++i)
+                    blended[i] = curves.vertices[key][i] +
+                                 share * (curves.vertices[key + 1][i] - curves.vertices[key][i]);
+                list.positions.push_back(blended.data());
+            }
+        }
         lent.basis = curves.basis;
         list.attributes = lent_attributes(curves.attributes);
     }
@@ -151,8 +165,8 @@ MarramStatus LentGeometry::pose(void* user, uint32_t index, double frame, float*
         return MARRAM_OK;
     } catch (const Cancelled&) {
         return MARRAM_CANCELLED;
-    } catch (const InputError& error) { // of the procedural that makes the mesh
-        lent.to_.blame(error.problems);
+    } catch (...) { // of the procedural that makes the mesh, or for lack of memory
+        lent.to_.blame(std::current_exception());
         return MARRAM_ERROR;
     }
 }

@@ -4,6 +4,7 @@
 
 #include "core/geometry/build_state.h"
 
+#include <deque>
 #include <vector>
 
 namespace marram {
@@ -33,6 +34,7 @@ class LentGeometry {
     std::vector<double> times_;
     std::vector<Lists> lists_;
     std::vector<std::vector<Vec3f>> posed_; // what lists_ points to beside the world
+    std::deque<std::vector<float>> blended_;
     std::vector<MarramMesh> meshes_;
     std::vector<MarramCurves> curves_;
     MarramFrame frame_{};

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/geometry/plugin_host.h"
 
+#include "core/geometry/scene_mesh.h"
+
 #include "core/math/digest.h"
 #include "core/math/known_part.h"
 
@@ -8,6 +10,8 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <optional>
 #include <utility>
 
@@ -26,12 +30,17 @@ std::string joined(const std::string& what, const std::string& remedy) {
 struct Store {
     StateStore& states;
     std::optional<StoredState> loaded{};
-    std::vector<Problem> problems{};
+    std::exception_ptr thrown{};
 };
 
 MarramStatus load_state(void* user, double frame, MarramState* out) {
     Store& store = *static_cast<Store*>(user);
-    store.loaded = store.states.load(frame);
+    try {
+        store.loaded = store.states.load(frame);
+    } catch (...) {
+        store.thrown = std::current_exception();
+        return MARRAM_ERROR;
+    }
     MarramState state{};
     state.size = sizeof state;
     static const char nothing = 0; // a state of no bytes is one, too
@@ -46,12 +55,14 @@ MarramStatus load_state(void* user, double frame, MarramState* out) {
 
 MarramStatus store_state(void* user, const MarramState* given) {
     Store& store = *static_cast<Store*>(user);
+    if (!given) return MARRAM_ERROR;
+    const MarramState state = known_part(given);
+    if (!std::isfinite(state.frame) || (state.byte_count > 0 && !state.data)) return MARRAM_ERROR;
     try {
-        const MarramState state = known_part(given);
         store.states.store(state.frame, state.data, state.byte_count);
         return MARRAM_OK;
-    } catch (const InputError& error) {
-        store.problems = error.problems;
+    } catch (...) {
+        store.thrown = std::current_exception();
         return MARRAM_ERROR;
     }
 }
@@ -70,20 +81,43 @@ Procedural::Procedural(std::shared_ptr<PluginLibrary> library, const Item& item,
         throw InputError(item.place, "'" + item.type + "' cannot be used: " + type_->unusable,
                          "use a library and a program of the same version");
     host_ = {sizeof(MarramHost), this, on_message, on_cancelled, on_progress};
-    update(item, wind, MARRAM_EVERYTHING);
+    try {
+        update(item, wind, MARRAM_EVERYTHING);
+    } catch (...) {
+        if (instance_) type_->calls.destroy(instance_);
+        throw;
+    }
 }
 
 Procedural::~Procedural() {
     if (instance_) type_->calls.destroy(instance_);
 }
 
+void Procedural::take_names(const ContractValues& values) {
+    meshes_ = values.names_of(MARRAM_MESH_NAME);
+    curves_ = values.names_of(MARRAM_CURVES_NAME);
+}
+
+void Procedural::look_at(const Item& item, const ParamSet& wind) {
+    take_names(ContractValues(*type_, item, wind));
+    place_ = item.place;
+    roles = role_bits(item.params);
+}
+
 uint32_t Procedural::update(const Item& item, const ParamSet& wind, uint32_t inputs) {
     const ContractValues values(*type_, item, wind);
-    const uint64_t digest =
-        Digest().add(library_->version()).add(type_->calls.name).add(values.digest()).value();
+    place_ = item.place; // messages begin with it
+    take_names(values);
+    const uint64_t digest = Digest()
+                                .add(library_->name())
+                                .add(library_->version())
+                                .add(type_->calls.name)
+                                .add(values.digest())
+                                .value();
     if (instance_ && digest == digest_ && inputs == MARRAM_NOTHING) return MARRAM_NOTHING;
     uint32_t changed = MARRAM_EVERYTHING;
     const MarramValues list = values.list();
+    forget_faults();
     if (instance_ && type_->calls.update) {
         const MarramUpdate update{sizeof(MarramUpdate), &list, inputs};
         check(type_->calls.update(instance_, &update, &changed));
@@ -94,20 +128,30 @@ uint32_t Procedural::update(const Item& item, const ParamSet& wind, uint32_t inp
         instance_ = made;
     }
     digest_ = digest;
-    place_ = item.place;
-    meshes_ = values.names_of(MARRAM_MESH_NAME);
-    curves_ = values.names_of(MARRAM_CURVES_NAME);
     read_attributes();
     return changed;
 }
 
 void Procedural::read_attributes() {
     attributes_ = type_->attributes;
-    if (!type_->calls.attributes_of) return;
-    MarramAttributeList list{};
-    list.size = sizeof list;
-    check(type_->calls.attributes_of(instance_, &list));
-    attributes_ = known_parts(list.attributes, list.count, list.stride);
+    if (type_->calls.attributes_of) {
+        MarramAttributeList list{};
+        list.size = sizeof list;
+        check(type_->calls.attributes_of(instance_, &list));
+        attributes_ = known_parts(list.attributes, list.count, list.stride);
+    }
+    attribute_names_.clear(); // the procedural's own may go
+    for (MarramAttribute& attribute : attributes_) {
+        if (!attribute.name) refuse("it has an attribute without a name", "fix the library");
+        attribute.name = attribute_names_.emplace_back(attribute.name).c_str();
+        attribute.help = attribute_names_.emplace_back(attribute.help ? attribute.help : "").c_str();
+    }
+}
+
+void Procedural::forget_faults() {
+    const std::lock_guard lock(messages_lock_);
+    faults_.clear();
+    thrown_ = nullptr;
 }
 
 bool Procedural::names_mesh(const std::string& mesh) const {
@@ -118,24 +162,31 @@ bool Procedural::names_curves(const std::string& curves) const {
     return std::ranges::find(curves_, curves, &GeometryName::name) != curves_.end();
 }
 
+// Called through the procedural's C code, which no exception may pass: check() throws it later.
 void Procedural::on_message(void* user, const MarramMessage* message) {
     Procedural& procedural = *static_cast<Procedural*>(user);
     const std::lock_guard lock(procedural.messages_lock_);
-    const std::string place = MARRAM_TEXT_OF(message, place), what = MARRAM_TEXT_OF(message, what),
-                      remedy = MARRAM_TEXT_OF(message, remedy), id = MARRAM_TEXT_OF(message, id);
-    const std::string where = !place.empty() ? place : to_string(procedural.place_);
-    if (message->severity == MARRAM_FAULT) {
-        Problem problem;
-        problem.place.file = where;
-        problem.what = what;
-        problem.fix = remedy.empty() ? "see `marram info`" : remedy;
-        problem.id = id;
-        procedural.faults_.push_back(std::move(problem));
-    } else if (message->severity == MARRAM_INFO) // now, while it helps; a progress line is drawn anew
-        fmt::print(stderr, "{}{}: {}\n", isatty(STDERR_FILENO) ? "\r\033[K" : "", where,
-                   joined(what, remedy));
-    else
-        procedural.warnings_.push_back(where + ": " + joined(what, remedy));
+    try {
+        const std::string place = MARRAM_TEXT_OF(message, place), what = MARRAM_TEXT_OF(message, what),
+                          remedy = MARRAM_TEXT_OF(message, remedy), id = MARRAM_TEXT_OF(message, id);
+        const std::string where = !place.empty() ? place : to_string(procedural.place_);
+        if (message->severity == MARRAM_FAULT) {
+            Problem problem;
+            problem.place.file = where;
+            problem.what = what;
+            problem.fix = remedy.empty() ? "see `marram info`" : remedy;
+            problem.id = id;
+            procedural.faults_.push_back(std::move(problem));
+        } else if (message->severity == MARRAM_INFO) { // now, while it helps; a progress line is drawn anew
+            const std::string line = fmt::format("{}{}: {}\n", isatty(STDERR_FILENO) ? "\r\033[K" : "", where,
+                                                 joined(what, remedy));
+            std::fputs(line.c_str(), stderr);
+        } else {
+            procedural.warnings_.push_back(where + ": " + joined(what, remedy));
+        }
+    } catch (...) {
+        procedural.thrown_ = std::current_exception();
+    }
 }
 
 int Procedural::on_cancelled(void* user) {
@@ -144,20 +195,25 @@ int Procedural::on_cancelled(void* user) {
 
 void Procedural::on_progress(void* user, double share, const char* words) {
     const Procedural& procedural = *static_cast<Procedural*>(user);
-    if (procedural.progress_ && *procedural.progress_) (*procedural.progress_)(share, words ? words : "");
+    try {
+        if (procedural.progress_ && *procedural.progress_) (*procedural.progress_)(share, words ? words : "");
+    } catch (...) { // nobody is told how far it is
+    }
 }
 
 void Procedural::check(MarramStatus status) {
     if (status == MARRAM_OK) return;
     if (status == MARRAM_CANCELLED) throw Cancelled{};
     const std::lock_guard lock(messages_lock_);
+    if (thrown_) std::rethrow_exception(std::exchange(thrown_, nullptr));
     if (faults_.empty())
         faults_.push_back(
             {place_, "the procedural '" + name_ + "' failed without saying why", "ask its author"});
-    throw InputError(std::exchange(faults_, {}));
+    throw InputError(faults_); // kept: another thread may fail at the same time
 }
 
 void Procedural::prepare(const MarramFrame& frame, StateStore& states, const PrepareProgress& progress) {
+    forget_faults();
     Store store{states};
     const MarramStates lent{sizeof(MarramStates), &store, load_state, store_state};
     progress_ = &progress;
@@ -167,11 +223,12 @@ void Procedural::prepare(const MarramFrame& frame, StateStore& states, const Pre
         const std::lock_guard lock(messages_lock_);
         warnings_.push_back(std::move(warning));
     }
-    if (status == MARRAM_ERROR && !store.problems.empty()) throw InputError(std::move(store.problems));
+    if (status == MARRAM_ERROR && store.thrown) std::rethrow_exception(store.thrown);
     check(status);
 }
 
 MarramOutput Procedural::begin(const MarramFrame& frame) {
+    forget_faults();
     MarramOutput output{};
     output.size = sizeof output;
     check(type_->calls.begin(instance_, &frame, &output));
@@ -198,6 +255,7 @@ void Procedural::pose(double frame, float* positions) {
 }
 
 MarramOutput Procedural::begin_view(const MarramView& view) {
+    forget_faults();
     MarramOutput output{};
     output.size = sizeof output;
     output.kind = MARRAM_MESH;
@@ -213,7 +271,8 @@ std::vector<std::pair<std::string, double>> Procedural::report() {
     type_->calls.report(
         instance_,
         [](void* user, const char* path, double value) {
-            static_cast<std::vector<std::pair<std::string, double>>*>(user)->emplace_back(path, value);
+            if (path)
+                static_cast<std::vector<std::pair<std::string, double>>*>(user)->emplace_back(path, value);
         },
         &entries);
     return entries;
@@ -224,9 +283,9 @@ std::vector<std::string> Procedural::take_warnings() {
     return std::exchange(warnings_, {});
 }
 
-void Procedural::blame(const std::vector<Problem>& problems) {
+void Procedural::blame(std::exception_ptr thrown) {
     const std::lock_guard lock(messages_lock_);
-    faults_.insert(faults_.end(), problems.begin(), problems.end());
+    thrown_ = std::move(thrown);
 }
 
 void Procedural::refuse(const std::string& what, const std::string& fix) const {

@@ -7,6 +7,8 @@
 #include "core/geometry/state_store.h"
 
 #include <atomic>
+#include <deque>
+#include <exception>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -47,8 +49,9 @@ class Procedural {
     // Of its values, with all that files hold which they name, and of the library's version.
     uint64_t digest() const { return digest_; }
 
-    int material = -1;                 // index into the scene's materials
-    uint32_t roles = MARRAM_ALL_ROLES; // of the mesh that it makes
+    int material = -1;                        // index into the scene's materials
+    uint32_t roles = MARRAM_ALL_ROLES;        // of the mesh that it makes
+    uint32_t pending_inputs = MARRAM_NOTHING; // MarramChange of what it depends on, since its last update
 
     // Each throws InputError with the procedural's own words, or Cancelled.
     bool prepares() const { return type_->calls.prepare != nullptr; }
@@ -68,7 +71,9 @@ class Procedural {
     // that it depends on. Returns what that touches of its output. A procedural that cannot update is made anew.
     uint32_t update(const Item& item, const ParamSet& wind, uint32_t inputs);
     // What went wrong in a call that the procedural made: what its own failure is about.
-    void blame(const std::vector<Problem>& problems);
+    void blame(std::exception_ptr thrown);
+    // Takes over the place, the roles and the geometry that the item names: what the graph is made of. update() does so too.
+    void look_at(const Item& item, const ParamSet& wind);
     // An objection of the renderer's own to what was handed over.
     [[noreturn]] void refuse(const std::string& what, const std::string& fix) const;
 
@@ -78,6 +83,8 @@ class Procedural {
     static void on_progress(void* user, double share, const char* words);
     void check(MarramStatus status);
     void read_attributes();
+    void take_names(const ContractValues& values);
+    void forget_faults();
 
     std::shared_ptr<PluginLibrary> library_;
     std::string name_;
@@ -89,7 +96,9 @@ class Procedural {
     const PrepareProgress* progress_ = nullptr; // while prepare runs
     MarramHost host_{};                         // lent from create to destroy
     MarramInstance* instance_ = nullptr;
-    std::vector<MarramAttribute> attributes_;
+    std::vector<MarramAttribute> attributes_; // names point into attribute_names_
+    std::deque<std::string> attribute_names_;
+    std::exception_ptr thrown_; // in a call that the procedural made
     std::mutex messages_lock_;
     std::vector<Problem> faults_;
     std::vector<std::string> warnings_;

@@ -44,8 +44,25 @@ std::vector<ParamSpec> specs_of(const std::vector<MarramParam>& params) {
     return specs;
 }
 
+// Texts that everybody reads without a look.
+bool is_sound(const MarramParam& param) {
+    return param.name && param.unit && param.initial && param.choices && param.help;
+}
+
 std::string unusable_because(const ProceduralType& type) {
     const MarramProcedural& calls = type.calls;
+    const auto stride_is_wrong = [](uint32_t count, uint32_t stride) { return count > 0 && stride == 0; };
+    if (stride_is_wrong(calls.param_count, calls.param_stride) ||
+        stride_is_wrong(calls.attribute_count, calls.attribute_stride) ||
+        stride_is_wrong(calls.item_type_count, calls.item_type_stride))
+        return "it has an array whose stride is 0";
+    if (!std::ranges::all_of(type.params, is_sound)) return "a text of its parameters is NULL";
+    for (const ProceduralItemType& item : type.item_types)
+        if (!item.item.list || !item.item.type || !item.item.help ||
+            !std::ranges::all_of(item.params, is_sound))
+            return "a text of its lists is NULL";
+    for (const MarramAttribute& attribute : type.attributes)
+        if (!attribute.name || !attribute.help) return "a text of its attributes is NULL";
     const auto unknown = [](const std::vector<MarramParam>& params) -> std::string {
         const auto found = std::ranges::find_if_not(params, is_known);
         return found == params.end()
@@ -144,14 +161,26 @@ void PluginLibrary::read(const Place& place) {
                                      given->embree_major, MARRAM_EMBREE_MAJOR),
                          "build both with one Embree");
     const MarramLibrary library = known_part(given);
+    name_ = library.name ? library.name : "";
     version_ = library.version ? library.version : "";
+    if ((library.wind_param_count > 0 && library.wind_param_stride == 0) ||
+        (library.procedural_count > 0 && library.procedural_stride == 0) ||
+        (library.report_entry_count > 0 && library.report_entry_stride == 0))
+        throw InputError(place, "'" + path_ + "' has an array whose stride is 0",
+                         "give the size of its elements");
     wind_params_ = known_parts(library.wind_params, library.wind_param_count, library.wind_param_stride);
-    std::erase_if(wind_params_, [](const MarramParam& param) { return !is_known(param); });
+    std::erase_if(wind_params_,
+                  [](const MarramParam& param) { return !is_known(param) || !is_sound(param); });
     report_entries_ =
         known_parts(library.report_entries, library.report_entry_count, library.report_entry_stride);
     for (const MarramProcedural& calls :
-         known_parts(library.procedurals, library.procedural_count, library.procedural_stride))
+         known_parts(library.procedurals, library.procedural_count, library.procedural_stride)) {
+        if (!calls.name || !calls.help)
+            throw InputError(place, "'" + path_ + "' has a procedural without a name or help",
+                             "fix the library");
         types_.push_back(read_type(calls));
+    }
+    std::erase_if(report_entries_, [](const MarramReportEntry& entry) { return !entry.path || !entry.unit; });
 }
 
 PluginLibrary::~PluginLibrary() { dlclose(handle_); }

@@ -36,6 +36,7 @@ class PluginLibrary {
     PluginLibrary& operator=(const PluginLibrary&) = delete;
 
     const std::string& path() const { return path_; }
+    const std::string& name() const { return name_; } // its own
     const std::string& version() const { return version_; }
     const std::vector<ProceduralType>& types() const { return types_; }
     const std::vector<MarramParam>& wind_params() const { return wind_params_; }
@@ -45,7 +46,7 @@ class PluginLibrary {
   private:
     void read(const Place& place);
 
-    std::string path_, version_;
+    std::string path_, name_, version_;
     void* handle_ = nullptr;
     std::vector<ProceduralType> types_;
     std::vector<MarramParam> wind_params_;

@@ -6,14 +6,32 @@
 #include <fmt/format.h>
 #include <tiny_obj_loader.h>
 
+#include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
+#include <sstream>
 
 namespace marram {
 
 std::vector<std::vector<Vec3d>> load_polylines(const std::string& file) {
     if (std::filesystem::path(file).extension() != ".obj")
         throw InputError({file}, "is no .obj file", "convert the curves to l elements of an .obj file");
+    std::ifstream text(file); // tinyobjloader takes what it cannot parse for 0
+    std::string word;
+    int number = 1;
+    for (std::string row; std::getline(text, row); ++number) {
+        std::istringstream words(row);
+        if (!(words >> word) || word != "v") continue;
+        for (int axis = 0; axis < 3; ++axis) {
+            double value = 0.0;
+            words >> word;
+            const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+            if (!words || error != std::errc() || end != word.data() + word.size() || !std::isfinite(value))
+                throw InputError({file, number, 0}, "this vertex is not three finite numbers",
+                                 "give \"v x y z\"");
+        }
+    }
     tinyobj::attrib_t attributes;
     std::vector<tinyobj::shape_t> shapes;
     std::vector<tinyobj::material_t> unused;

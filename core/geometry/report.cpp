@@ -62,8 +62,12 @@ double Report::operator()(std::string_view path) const {
     if (found == entries_.end()) return 0.0;
     const MarramReportEntry& declared = found->second.declared;
     if (declared.combine != MARRAM_RATIO || !declared.path) return found->second.value;
-    const double below = (*this)(declared.denominator);
-    return below > 0.0 ? (*this)(declared.numerator) / below : 1.0;
+    const auto plain = [&](const char* of) { // a ratio of ratios is none
+        const auto operand = of ? entries_.find(std::string_view(of)) : entries_.end();
+        return operand == entries_.end() ? 0.0 : operand->second.value;
+    };
+    const double below = plain(declared.denominator);
+    return below > 0.0 ? plain(declared.numerator) / below : 1.0;
 }
 
 double strand_seconds(const Report& report) {

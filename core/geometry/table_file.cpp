@@ -7,9 +7,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
+#include <exception>
 #include <fstream>
 #include <memory>
 
@@ -20,13 +20,28 @@ struct Reader {
     std::string path;
     TableFile table;
     std::vector<Problem> problems;
-    int line = 1;
+    int line = 0;
+    bool has_names = false; // the first row has been read
     size_t column = 0;
 
+    std::exception_ptr thrown; // for lack of memory: it may not pass through the library's C code
+
     static void on_field(void* text, size_t length, void* user) {
-        static_cast<Reader*>(user)->field({static_cast<const char*>(text), length});
+        Reader& reader = *static_cast<Reader*>(user);
+        try {
+            reader.field({static_cast<const char*>(text), length});
+        } catch (...) {
+            reader.thrown = std::current_exception();
+        }
     }
-    static void on_row(int, void* user) { static_cast<Reader*>(user)->row(); }
+    static void on_row(int, void* user) {
+        Reader& reader = *static_cast<Reader*>(user);
+        try {
+            reader.row();
+        } catch (...) {
+            reader.thrown = std::current_exception();
+        }
+    }
 
     void report(std::string what, std::string fix) {
         constexpr size_t enough = 5;
@@ -34,7 +49,7 @@ struct Reader {
     }
 
     void field(std::string_view text) {
-        if (line == 1) {
+        if (table.values.empty() && !has_names) {
             table.columns.emplace_back(text);
             return;
         }
@@ -47,11 +62,11 @@ struct Reader {
     }
 
     void row() {
-        if (line > 1 && column != table.columns.size())
+        if (has_names && column != table.columns.size())
             report(fmt::format("has {} columns, the first line {}", column, table.columns.size()),
                    "give as many numbers as there are names");
         column = 0;
-        ++line;
+        has_names = true;
     }
 };
 
@@ -65,18 +80,20 @@ TableFile read_table_file(const std::string& path) {
     csv_parser parser;
     if (csv_init(&parser, CSV_STRICT | CSV_STRICT_FINI | CSV_APPEND_NULL) != 0) throw std::bad_alloc();
     const std::unique_ptr<csv_parser, void (*)(csv_parser*)> owner(&parser, csv_free);
-    std::array<char, 1 << 16> block;
     const auto check = [&](bool good) {
         if (!good)
             throw InputError({path, reader.line, 0},
                              fmt::format("is no CSV: {}", csv_strerror(csv_error(&parser))),
                              "separate numbers by commas, a row a line");
     };
-    while (in.read(block.data(), block.size()) || in.gcount() > 0) {
-        const auto count = size_t(in.gcount());
-        check(csv_parse(&parser, block.data(), count, Reader::on_field, Reader::on_row, &reader) == count);
+    for (std::string line; std::getline(in, line);) {
+        ++reader.line; // the library passes over empty ones
+        line += '\n';
+        check(csv_parse(&parser, line.data(), line.size(), Reader::on_field, Reader::on_row, &reader) ==
+              line.size());
     }
     check(csv_fini(&parser, Reader::on_field, Reader::on_row, &reader) == 0);
+    if (reader.thrown) std::rethrow_exception(reader.thrown);
     if (reader.table.columns.empty() || reader.table.values.empty())
         reader.report("has no numbers", "give a line of names, then lines of numbers");
     if (!reader.problems.empty()) throw InputError(std::move(reader.problems));

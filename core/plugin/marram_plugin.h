@@ -107,7 +107,9 @@ typedef enum MarramRole {
     MARRAM_SHELTERS = 2,       /* strands behind it stand in its lee */
     MARRAM_CASTS_SHADOWS = 4,  /* light does not pass it, neither direct nor indirect */
     MARRAM_SEEN_BY_CAMERA = 8, /* camera rays meet it */
-    MARRAM_ALL_ROLES = 15
+    MARRAM_ALL_ROLES = 15,
+    MARRAM_NAMED =
+        16 /* in every mask: what a procedural names it can trace by this bit, whatever its roles */
 } MarramRole;
 
 /* A triangle mesh at the motion samples of the frame. Vertices on a uv seam may stand twice. */

@@ -53,8 +53,9 @@ std::vector<double> left_by_strata(const Film& film) {
             variance_of_mean(film.pixels[i].luminance, film.pixels[i].squares, film.pixels[i].samples);
         if (blocks < 2 || !(told > 0.0)) continue;
         known[i] = 1.0;
-        left[i] = variance_of_mean(film.pixels[i].ended_blocks, film.pixels[i].block_squares, blocks) /
-                  (told * film_block * film_block);
+        left[i] =
+            variance_of_mean(film.pixels[i].block_luminance, film.pixels[i].block_luminance_squares, blocks) /
+            (told * film_block * film_block);
     }
     left = means_around(film, left, reach);
     known = means_around(film, known, reach);
@@ -86,7 +87,8 @@ void measure_spread(Film& film) {
         variances[i] = count * variance_of_mean(film.pixels[i].luminance, film.pixels[i].squares, count);
     }
     variances = means_around(film, variances, reach);
-    for (size_t i = 0; i < variances.size(); ++i) film.pixels[i].deviation = float(std::sqrt(variances[i]));
+    for (size_t i = 0; i < variances.size(); ++i)
+        film.pixels[i].luminance_stddev = float(std::sqrt(variances[i]));
 }
 
 // A pixel that its neighbours know to be noisy goes on, since a few samples may all have missed what makes the noise.

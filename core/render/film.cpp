@@ -94,9 +94,9 @@ void add_luminance(FilmPixel& pixel, double luminance) {
 }
 
 void end_block(FilmPixel& pixel) {
-    const double block = pixel.luminance - pixel.ended_blocks;
-    pixel.block_squares += block * block;
-    pixel.ended_blocks = pixel.luminance;
+    const double block = pixel.luminance - pixel.block_luminance;
+    pixel.block_luminance_squares += block * block;
+    pixel.block_luminance = pixel.luminance;
 }
 
 SampleCount count_samples(const Film& film) {

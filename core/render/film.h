@@ -41,8 +41,8 @@ struct FilmLayer {
     std::string name;
     LayerKind kind = LayerKind::beauty;
     uint32_t channels = 3;
-    uint32_t first = 0;        // of its values in a pixel's sums
-    uint32_t sums = 3;         // of which so many, and the number of samples that count
+    uint32_t first = 0;        // offset of this layer in a pixel's sums
+    uint32_t sums = 3;         // number of its sums; the layer's sample count follows them
     std::vector<float> pixels; // filled by resolve: rows from the top, channels interleaved
 };
 
@@ -52,11 +52,11 @@ struct FilmPixel {
     uint32_t samples = 0;     // taken, those that were not finite included
     bool converged = false;   // the pass under way skips it
     double luminance = 0.0, squares = 0.0; // sums over samples of their luminance and its square
-    double ended_blocks = 0.0;             // sum over whole blocks of film_block samples of their luminance
-    double block_squares = 0.0;            // sum over whole blocks of the square of a block's luminance
+    double block_luminance = 0.0;          // sum over whole blocks of film_block samples of their luminance
+    double block_luminance_squares = 0.0;  // sum over whole blocks of the square of a block's luminance
     double clamped = 0.0;                  // luminance that a clamp took
-    float deviation =
-        0.0F; // of a sample's luminance, in its neighbourhood, when the pass under way began; 0: unknown
+    // Standard deviation of a sample's luminance around this pixel, measured before the current pass; 0: unknown.
+    float luminance_stddev = 0.0F;
     bool operator==(const FilmPixel&) const = default;
 };
 
@@ -68,10 +68,10 @@ void visit_fields(Pixel& pixel, Visit&& visit) {
     visit(pixel.converged);
     visit(pixel.luminance);
     visit(pixel.squares);
-    visit(pixel.ended_blocks);
-    visit(pixel.block_squares);
+    visit(pixel.block_luminance);
+    visit(pixel.block_luminance_squares);
     visit(pixel.clamped);
-    visit(pixel.deviation);
+    visit(pixel.luminance_stddev);
 }
 inline constexpr uint32_t film_pixel_fields = 9;
 
@@ -84,7 +84,7 @@ struct Film {
     std::vector<FilmPixel> pixels; // width * height
 };
 
-// Samples of a pixel that are well spread in themselves: its sequence from a multiple of so many on.
+// Each aligned run of so many samples of a pixel's sequence is well stratified by itself.
 constexpr uint32_t film_block = 16;
 
 // A sample's luminance; the end of a block, after its last sample.
@@ -109,13 +109,13 @@ FilmProgress progress_of(const Film& film);
 // The share of the picture's light that a clamp took: of the pixels' means, however many samples each has.
 double clamped_share(const Film& film);
 
-// Of the mean of `count` numbers, from their sum and that of their squares; 0 for fewer than two.
+// Variance of the mean of `count` numbers, from their sum and sum of squares; 0 for fewer than two.
 double variance_of_mean(double sum, double squares, double count);
 
 // Channels of a layer in this world; 0: there is no such layer.
 uint32_t layer_channels(std::string_view name, const World& world);
 
-// Throws InputError (without a place) that names an unknown layer and the known ones. Names must differ.
+// Throws InputError, without a source location, that names an unknown layer and the known ones. Names must differ.
 Film make_film(uint32_t width, uint32_t height, std::span<const std::string> names, const World& world);
 
 // Forgets all samples: the film as make_film made it.

@@ -148,16 +148,16 @@ const Material& material_at(const RenderContext& context, const SurfacePoint& at
 // Ids are discrete: never average them. Hash the id to a tint in [0, 1].
 float tint_at(const RenderContext& context, const Material& material, const SurfacePoint& at) {
     if (material.tint.empty()) return 0.0F;
-    const bool own = &material == &material_of(context, at.material); // else a part of a blend
+    const bool is_base = &material == &material_of(context, at.material); // else a part of a blend
     const AttributeValues* tint =
-        own ? context.tints[at.geometry]
-            : find_attribute(attributes_of(context.world, at.geometry), material.tint);
+        is_base ? context.tints[at.geometry]
+                : find_attribute(attributes_of(context.world, at.geometry), material.tint);
     if (!tint) return 0.0F;
     const float value = value_at(context, *tint, at)[0];
     return tint->discrete ? unit_float(mix32(std::bit_cast<uint32_t>(value))) : value;
 }
 
-// In uv, of a width along a triangle.
+// Converts a width along a triangle to uv space.
 float uv_width(const RenderContext& context, const SurfacePoint& at, float width) {
     const MeshGeometry& mesh = context.world.meshes[at.geometry];
     float area = 0.5F; // of barycentrics, which stand for uvs where a mesh has none
@@ -206,13 +206,13 @@ Vec3f direct_light(const RenderContext& context, const SurfacePoint& point, cons
                    RayCounts& counts) {
     const LightSample light = context.lights.sample(point.position, time, random);
     if (!(light.pdf > 0.0F)) return Vec3f::Zero();
-    if (context.settings.strategy == Strategy::shaders_only && !light.delta) return Vec3f::Zero();
+    if (context.settings.strategy == Strategy::bsdf_sampling && !light.delta) return Vec3f::Zero();
     const Vec3f direction = light.at_infinity
                                 ? light.direction
                                 : Vec3f((light.target - point.position).normalized().cast<float>());
     const BsdfValue bsdf_value = evaluate(bsdf, direction);
     if (!(bsdf_value.value.maxCoeff() > 0.0F)) return Vec3f::Zero();
-    const bool single_strategy = light.delta || context.settings.strategy == Strategy::lights_only;
+    const bool single_strategy = light.delta || context.settings.strategy == Strategy::light_sampling;
     const float weight = single_strategy ? 1.0F : power_heuristic(light.pdf, bsdf_value.pdf);
     Vec3f contribution =
         throughput.cwiseProduct(bsdf_value.value).cwiseProduct(light.radiance) * (weight / light.pdf);
@@ -228,8 +228,8 @@ Vec3f direct_light(const RenderContext& context, const SurfacePoint& point, cons
 
 // MIS weight of light met along a direction sampled from the BSDF; bsdf_pdf < 0: a camera ray.
 float mis_weight(const RenderContext& context, float bsdf_pdf, float light_pdf) {
-    if (bsdf_pdf < 0.0F || context.settings.strategy == Strategy::shaders_only) return 1.0F;
-    if (context.settings.strategy == Strategy::lights_only && light_pdf > 0.0F) return 0.0F;
+    if (bsdf_pdf < 0.0F || context.settings.strategy == Strategy::bsdf_sampling) return 1.0F;
+    if (context.settings.strategy == Strategy::light_sampling && light_pdf > 0.0F) return 0.0F;
     return power_heuristic(bsdf_pdf, light_pdf);
 }
 
@@ -303,7 +303,8 @@ PathRadiance trace(const RenderContext& context, Ray ray, float deviation, const
         bsdf_pdf = next.pdf;
         cone.growth = std::max(cone.growth, 1.0F / std::sqrt(static_cast<float>(pi) * next.pdf));
         ray = spawn(point, next.wi, ray.time);
-        ray.mask = MARRAM_CASTS_SHADOWS; // what light does not pass, indirect light does not either
+        // Indirect rays see what shadow rays see: the two strategies of MIS must agree on visibility.
+        ray.mask = MARRAM_CASTS_SHADOWS;
     }
 }
 
@@ -419,7 +420,7 @@ void render_pixel(const RenderContext& context, uint32_t x, uint32_t y, uint32_t
         const Sampler sampler(seed, s);
         FirstHit first;
         const Ray ray = camera_ray(context, film, x, y, sampler);
-        PathRadiance path = trace(context, ray, pixel.deviation, sampler, first, stats.rays);
+        PathRadiance path = trace(context, ray, pixel.luminance_stddev, sampler, first, stats.rays);
         if ((path.direct + path.indirect).allFinite()) {
             pixel.clamped += clamp(path.indirect, context.settings.clamp);
             const Vec3f radiance = path.direct + path.indirect;
@@ -479,7 +480,7 @@ void render_pass(const RenderContext& context, uint32_t end, Film& film, RenderS
     tbb::parallel_for(tbb::blocked_range<uint32_t>(0, columns * rows, 1), body, tbb::simple_partitioner());
 }
 
-// The first end of a pass beyond `begin`, which is none itself where fewer samples were asked for once.
+// First end of a pass after `begin`. `begin` lies inside a pass if an earlier render asked for fewer samples.
 uint32_t pass_end(uint32_t begin) {
     constexpr uint32_t longest = 16; // samples: a pixel's share of a pass is what a cancel has to wait for
     if (begin >= longest) return (begin / longest + 1) * longest;
@@ -488,16 +489,15 @@ uint32_t pass_end(uint32_t begin) {
     return end;
 }
 
-// Whether pixels are looked at before the pass that begins here: once it has begun they were, and between the ends of passes
-// never. Where none has begun it, looking again comes to the same.
+// True if every pixel stands exactly at the end of a pass. Adaptive decisions are made only here, so that a resumed render repeats them
+// identically.
 bool is_between_passes(uint32_t begin, const Film& film) {
     return begin > 0 && pass_end(begin - 1) == begin && progress_of(film).greatest == begin;
 }
 
-// How far a sweep over all pixels goes that is to be over at the deadline: half as far as time would allow, at least one sample
-// on, at most to the end of the pass. So the sweep that the deadline cuts is one of a single sample, as long as samples do not
-// become twice as slow.
-uint32_t sweep_end(const Film& film, uint32_t end, double seconds_left, double seconds_a_sample) {
+// End of the next partial pass: sized for half of the time left, at least one sample, at most the end of the pass. So the deadline
+// interrupts a partial pass of a single sample, as long as samples do not become twice as slow.
+uint32_t partial_pass_end(const Film& film, uint32_t end, double seconds_left, double seconds_a_sample) {
     const uint32_t begin = progress_of(film).least;
     if (!(seconds_a_sample > 0.0)) return std::min(begin + 1, end); // not known yet: to learn it
     const double pixels = double(
@@ -520,22 +520,23 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
             if (begin > 1) measure_spread(film);
             if (settings.noise > 0.0 && begin >= enough_to_judge && !find_noisy(film, settings.noise)) return;
         }
-        while (begin < end) { // sweeps of one pass: more than one only where time runs out
+        while (begin < end) { // partial passes: more than one only where time runs out
             if (settings.seconds > 0.0 && begin > 0) deadline.at = start + settings.seconds;
             stats.out_of_time = deadline.over();
             if (stats.out_of_time) return;
             const double left = deadline.at ? *deadline.at - clock() : 0.0;
-            const uint32_t sweep = deadline.at ? sweep_end(film, end, left, seconds_a_sample) : end;
-            const uint64_t had = count_samples(film).total;
+            const uint32_t partial_end =
+                deadline.at ? partial_pass_end(film, end, left, seconds_a_sample) : end;
+            const uint64_t samples_before = count_samples(film).total;
             const double before = clock();
-            render_pass(context, sweep, film, stats, progress, deadline);
+            render_pass(context, partial_end, film, stats, progress, deadline);
             stats.cancelled = cancelled(progress);
             if (stats.cancelled) return;
-            stats.out_of_time = progress_of(film).least < sweep;
+            stats.out_of_time = progress_of(film).least < partial_end;
             if (stats.out_of_time) return;
-            const uint64_t took = count_samples(film).total - had;
-            if (took > 0) seconds_a_sample = (clock() - before) / double(took);
-            begin = sweep;
+            const uint64_t samples_taken = count_samples(film).total - samples_before;
+            if (samples_taken > 0) seconds_a_sample = (clock() - before) / double(samples_taken);
+            begin = partial_end;
         }
         if (begin < settings.samples && progress && progress->between_passes) progress->between_passes(film);
     }
@@ -560,13 +561,13 @@ RenderStats render(const World& world, const Lights& lights, std::span<const Mat
                           static_cast<float>(2.0 * std::tan(0.5 * camera.vertical_fov) / film.height)};
     find_attributes(context, film);
     RenderStats stats;
-    const uint64_t had = count_samples(film).total;
+    const uint64_t samples_before = count_samples(film).total;
     if (progress) progress->samples_done = progress_of(film).sum;
     render_passes(context, film, stats, progress);
     const SampleCount count = count_samples(film);
     stats.most_samples = count.most;
     stats.mean_samples = count.mean;
-    if (count.total > had) stats.cut_throughput /= double(count.total - had);
+    if (count.total > samples_before) stats.cut_throughput /= double(count.total - samples_before);
     stats.clamped = clamped_share(film);
     resolve(film);
     return stats;

@@ -16,7 +16,7 @@
 namespace marram {
 
 // How light is found: mis is for rendering, the other two are unbiased too and exist to check it.
-enum class Strategy { mis, lights_only, shaders_only };
+enum class Strategy { mis, light_sampling, bsdf_sampling };
 
 struct RenderSettings {
     uint32_t samples = 64; // a pixel, at most

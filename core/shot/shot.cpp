@@ -92,16 +92,19 @@ void resolve_blends(Shot& shot) {
     for (size_t i = 0; i < items.size(); ++i)
         if (auto* blend = std::get_if<BlendSettings>(&shot.materials[i].settings))
             for (int part = 0; part < 2; ++part) blend->materials[part] = index_of(items, blend->names[part]);
-    std::function<void(size_t, size_t)> visit = [&](size_t i, size_t depth) {
+    std::vector<char> open(items.size(), false), done(items.size(), false);
+    const std::function<void(size_t)> visit = [&](size_t i) {
         const auto* blend = std::get_if<BlendSettings>(&shot.materials[i].settings);
-        if (!blend) return;
-        if (depth > items.size())
+        if (!blend || done[i]) return;
+        if (open[i])
             throw InputError(items[i].place,
                              fmt::format("material \"{}\" is a blend of itself", items[i].name),
                              "let it blend other materials");
-        for (const int part : blend->materials) visit(size_t(part), depth + 1);
+        open[i] = true;
+        for (const int part : blend->materials) visit(size_t(part));
+        done[i] = true;
     };
-    for (size_t i = 0; i < items.size(); ++i) visit(i, 0);
+    for (size_t i = 0; i < items.size(); ++i) visit(i);
 }
 
 void load_meshes(Shot& shot, const std::atomic<bool>& cancel, Objections& objections) {
@@ -235,6 +238,9 @@ std::vector<std::string> files_read(const Shot& shot, const std::string& file) {
                 if (value.spec->type == ParamType::file || value.spec->type == ParamType::image ||
                     value.spec->type == ParamType::table)
                     files.push_back(value.text);
+    for (const ParamValue& value : description.wind.all())
+        if (value.spec->type == ParamType::image || value.spec->type == ParamType::table)
+            files.push_back(value.text);
     for (const Item& mesh : description.meshes)
         if (mesh.params.has("file_frames"))
             for (const auto& [frame, shape] : mesh_files(mesh)) files.push_back(shape);

@@ -26,7 +26,7 @@ namespace {
 
 GroomInstance& self(MarramInstance* instance) { return *reinterpret_cast<GroomInstance*>(instance); }
 
-// Nothing is thrown across the border.
+// No exception crosses the C ABI: errors become messages to the host.
 template <typename Body>
 MarramStatus guarded(const MarramHost& host, Body&& body) {
     try {
@@ -37,7 +37,7 @@ MarramStatus guarded(const MarramHost& host, Body&& body) {
         send(host, MARRAM_FAULT, "groom.memory", "", "the groom does not fit into memory",
              "lower its density or count");
     } catch (const std::exception& error) {
-        send(host, MARRAM_FAULT, "groom.internal", "", error.what(), "tell its maker");
+        send(host, MARRAM_FAULT, "groom.internal", "", error.what(), "report it as a bug of the library");
     }
     return MARRAM_ERROR;
 }
@@ -47,8 +47,10 @@ uint64_t digest_of(std::span<const MarramValue> values) {
     for (const MarramValue& value : values) {
         digest.add(value.name).add(value.text).add(value.numbers, value.number_count * sizeof(double));
         if (const MarramGrid* grid = value.grid)
-            digest.add(grid->values,
-                       size_t(grid->nx) * grid->ny * grid->nz * grid->components * sizeof(float));
+            digest.add(grid->nx)
+                .add(grid->ny)
+                .add(grid->components)
+                .add(grid->values, size_t(grid->nx) * grid->ny * grid->nz * grid->components * sizeof(float));
     }
     return digest.value();
 }
@@ -82,35 +84,36 @@ bool check_values(const MarramHost& host, std::span<const MarramValue> values) {
 std::vector<MarramValue> values_of(const MarramValues* given) {
     if (!given || (given->count > 0 && !given->first))
         throw SceneFault("contract.null_values", "", "the list of values is NULL",
-                         "hand over the values that are counted");
+                         "pass an array of `count` values");
     return known_parts(given->first, given->count, given->stride);
 }
 
-// What an instance is by its values alone.
-struct Description {
+// Settings parsed from the host's values.
+struct ParsedValues {
     Groom groom;
     Wind wind;
     Automatic automatic;
     uint64_t roots_digest = 0, digest = 0;
 };
 
-Description describe(const MarramHost& host, const Values& given, std::span<const MarramValue> values) {
-    Description description;
+ParsedValues describe(const MarramHost& host, const Values& given, std::span<const MarramValue> values) {
+    ParsedValues description;
     Groom& groom = description.groom = read_groom(given);
     Wind& wind = description.wind = read_wind(given);
     warn_of_nothing(host, given, groom);
     description.automatic = {groom.cvs == 0,
                              wind.shielding && wind.shielding->spread > 0.0 && wind.shielding->rays == 0,
                              wind.jiggle && wind.jiggle->step == 0.0};
-    // A turn belongs to a segment of the strand as it is authored: where that is not said, of one of eight CVs.
-    constexpr int segments = 7;
-    if (description.automatic.cvs && wind.reference_segments == 0) wind.reference_segments = segments;
+    // Turns are per segment of the authored strand. With automatic CVs and no reference_segments, a strand of 8 CVs is assumed.
+    constexpr int default_reference_segments = 7;
+    if (description.automatic.cvs && wind.reference_segments == 0)
+        wind.reference_segments = default_reference_segments;
     description.roots_digest = roots_digest(given);
     description.digest = digest_of(values);
     return description;
 }
 
-void take(GroomInstance& instance, Description description) {
+void take(GroomInstance& instance, ParsedValues description) {
     instance.groom = std::move(description.groom);
     instance.wind = std::move(description.wind);
     instance.automatic = description.automatic;
@@ -141,22 +144,22 @@ MarramStatus update(MarramInstance* opaque, const MarramUpdate* given, uint32_t*
     return guarded(instance.host, [&] {
         if (!given || !changed)
             throw SceneFault("contract.null_update", "", "the update is NULL",
-                             "give one, and room for what it changes");
+                             "pass an update and a place for the changes");
         const MarramUpdate update = known_part(given);
         const std::vector<MarramValue> list = values_of(update.values);
         if (!check_values(instance.host, list)) return MARRAM_ERROR;
-        Description description = describe(instance.host, Values(list), list);
+        ParsedValues description = describe(instance.host, Values(list), list);
         const bool same_values = description.digest == instance.digest;
         if (same_values && update.inputs == MARRAM_NOTHING) {
             *changed = MARRAM_NOTHING;
             return MARRAM_OK;
         }
         const bool same_roots = description.roots_digest == instance.roots_digest;
-        // Of the mesh only begin() knows; that it may be another is remembered.
+        // Only begin() can tell whether the mesh really changed: note that it must check.
         const bool uses_attributes = !description.groom.density_masks.by_attribute.empty();
-        const uint32_t places =
+        const uint32_t placement_inputs =
             MARRAM_POSITIONS | MARRAM_TOPOLOGY | (uses_attributes ? uint32_t(MARRAM_ATTRIBUTES) : 0U);
-        const bool same_mesh = (update.inputs & places) == 0;
+        const bool same_mesh = (update.inputs & placement_inputs) == 0;
         const bool same_layout = same_roots && same_mesh && !description.automatic.cvs &&
                                  !instance.automatic.cvs && description.groom.cvs == instance.groom.cvs &&
                                  description.groom.basis == instance.groom.basis &&
@@ -220,7 +223,7 @@ MarramStatus read_bind_pose(GroomInstance& instance) {
 }
 
 // After an update: roots stay where the mesh is the same after all.
-MarramStatus look_at_mesh_again(GroomInstance& instance) {
+MarramStatus check_mesh_again(GroomInstance& instance) {
     const MarramStatus status = read_bind_pose(instance);
     if (status == MARRAM_OK && digest_of_mesh(instance) != instance.placed_mesh) instance.placed = false;
     instance.mesh_may_differ = false;
@@ -264,17 +267,17 @@ MarramStatus fix_gusts_once(GroomInstance& instance) {
     return MARRAM_OK;
 }
 
-// Colliders that move make strands move which touch them or stand behind them.
-bool meets_moving_meshes(const GroomInstance& instance) {
+// Moving meshes move strands: by collision, and by sheltering them from the wind.
+bool affected_by_moving_meshes(const GroomInstance& instance) {
     if (!instance.wind.collision && !instance.wind.shielding) return false;
     for (uint32_t i = 0; i < instance.frame.mesh_count; ++i)
         if (instance.frame.meshes[i].time_count > 1) return true;
     return false;
 }
 
-// Takes over what is lent for a frame, as far as it is known here. Throws SceneFault for what cannot be used.
-void lend(GroomInstance& instance, const MarramFrame* frame) {
-    if (!frame) throw SceneFault("contract.frame", "", "the frame is NULL", "lend one");
+// Stores and validates the frame that the host owns. Throws SceneFault for what cannot be used.
+void borrow_frame(GroomInstance& instance, const MarramFrame* frame) {
+    if (!frame) throw SceneFault("contract.frame", "", "the frame is NULL", "pass a MarramFrame");
     instance.frame = known_part(frame);
     instance.meshes = known_parts(frame->meshes, instance.frame.mesh_count, instance.frame.mesh_stride);
     instance.frame.meshes = instance.meshes.data();
@@ -287,19 +290,20 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
     GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
         instance.begun = false;
-        if (!out) throw SceneFault("contract.null_output", "", "the output is NULL", "give room for it");
-        lend(instance, frame);
+        if (!out)
+            throw SceneFault("contract.null_output", "", "the output is NULL", "pass a non-NULL pointer");
+        borrow_frame(instance, frame);
         const bool traces = instance.wind.collision || instance.wind.shielding;
-        if (traces && !frame->colliders)
+        if (traces && !instance.frame.colliders)
             throw SceneFault("contract.no_colliders", "", "MarramFrame.colliders is NULL",
-                             "lend the committed scene of all meshes");
+                             "pass the committed scene of all meshes");
         instance.workers.clear();
         instance.placing_seconds = 0.0;
         find_mesh(instance);
         check_uvs(instance);
         find_attributes(instance.groom, instance.attributes);
         if (instance.placed && instance.mesh_may_differ)
-            if (const MarramStatus status = look_at_mesh_again(instance); status != MARRAM_OK) return status;
+            if (const MarramStatus status = check_mesh_again(instance); status != MARRAM_OK) return status;
         if (instance.placed && instance.placed_topology != topology_of(*instance.mesh))
             throw SceneFault("groom.topology", instance.groom.mesh_place,
                              "the mesh '" + instance.groom.mesh +
@@ -314,11 +318,11 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         const double open = wall_seconds();
         if (const MarramStatus status = choose_settings(instance); status != MARRAM_OK) return status;
         instance.placing_seconds += wall_seconds() - open;
-        const bool blown = frame->stage != MARRAM_REST;
+        const bool blown = instance.frame.stage != MARRAM_REST;
         bool moves = instance.mesh->time_count > 1 ||
-                     (blown && (wind_moves(instance.wind) || meets_moving_meshes(instance)));
+                     (blown && (wind_moves(instance.wind) || affected_by_moving_meshes(instance)));
         instance.past = {};
-        if (instance.wind.jiggle && frame->stage == MARRAM_FINAL) {
+        if (instance.wind.jiggle && instance.frame.stage == MARRAM_FINAL) {
             const MarramStatus status =
                 read_past(instance.frame, uint32_t(instance.mesh - instance.meshes.data()),
                           *instance.wind.jiggle, longest_strand(instance.groom), instance.past);
@@ -329,7 +333,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
             else
                 instance.past = {};
         }
-        instance.time_count = moves ? frame->time_count : 1;
+        instance.time_count = moves ? instance.frame.time_count : 1;
         instance.frame.time_count = instance.time_count; // what the chain works at
         const double before = wall_seconds();
         instance.chain = {}; // it holds the last frame's trees, which may have to go first
@@ -388,7 +392,7 @@ void check_buffers(const GroomInstance& instance, const MarramPatchBuffers* buff
 MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
     const GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
-        if (!out) throw SceneFault("contract.null_patch", "", "the patch is NULL", "give room for it");
+        if (!out) throw SceneFault("contract.null_patch", "", "the patch is NULL", "pass a non-NULL pointer");
         check_patch(instance, index);
         MarramPatch patch{};
         find_patch(instance, index, &patch);
@@ -523,15 +527,16 @@ std::span<const MarramReportEntry> groom_report_entries() {
         sum("collision.pushed_out", "count", "segments that were turned out of a mesh"),
         sum("collision.unresolved", "count", "segments or roots without a free direction"),
         sum("collision.skipped_pushes", "count", "pushes that an earlier one made needless"),
-        sum("collision.dips", "count", "drawn strands that dip into a mesh by more than the tolerance"),
+        sum("collision.dips", "count",
+            "strands whose rendered curve enters a mesh by more than the tolerance"),
         sum("collision.goal_angle", "rad", "angles that segments were to turn by"),
         sum("collision.turned_angle", "rad", "angles that they did turn by"),
         MarramReportEntry{"collision.reached", "1", MARRAM_RATIO, "collision.turned_angle",
                           "collision.goal_angle", "share of the way to the goal"},
         sum("memory.curve_extra_bytes", "bytes", "the most held at any time besides CVs"),
-        each("chosen.cvs", "1", "CVs a strand"),
-        each("chosen.shield_rays", "1", "rays a CV"),
-        each("chosen.jiggle_step", "frames", "between samples of the past"),
+        each("chosen.cvs", "1", "CVs per strand"),
+        each("chosen.shield_rays", "1", "rays per CV"),
+        each("chosen.jiggle_step", "frames", "interval between samples of the past"),
         each("chosen.octaves", "1", "octaves of noise"),
     };
     return entries;

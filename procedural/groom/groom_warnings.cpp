@@ -47,7 +47,7 @@ void announce_long_work(GroomInstance& instance) {
     instance.announced = instance.frame.frame;
     const std::string what =
         fmt::format("{:.3g} CVs, {} a strand, at {} motion samples and {} steps of jiggle take {:.0f} s of "
-                    "one processor or more",
+                    "one processor or more each frame",
                     cvs, instance.groom.cvs, samples, steps, seconds);
     send(instance.host, MARRAM_INFO, "groom.long_work", instance.groom.mesh_place, what,
          "ask for fewer strands or CVs, a larger tolerance, or stronger jiggle.damping");
@@ -92,11 +92,11 @@ void warn_of_collisions(const GroomInstance& instance, const CollisionCounts& co
         if (count > 0) instance.warn(id, std::to_string(count) + what, remedy);
     };
     const std::string of = instance.time_count > 1 ? " (all motion samples together)" : "";
-    warn(counts.unresolved, "collision.unresolved",
-         " segments or roots have no free direction" + of,
+    warn(counts.unresolved, "collision.unresolved", " segments or roots have no free direction" + of,
          "raise wind.collision.offset_root, or let less stand around them");
     warn(counts.dips, "collision.dips", " drawn strands dip into a mesh by more than the tolerance" + of,
-         "roots are closer to the mesh than the strand radius, or the gap is too narrow: use thinner strands or raise "
+         "roots are closer to the mesh than the strand radius, or the gap is too narrow: use thinner strands "
+         "or raise "
          "wind.collision.offset_root");
 }
 

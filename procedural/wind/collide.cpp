@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// From root to tip: a segment starts where the rest strand is, carried along by the turns made nearer the root, and turns by
-// the shortest arc towards the end of the bent strand's segment, until it arrives or touches; all that follows turns with
-// it. Its start is free because the segment before it was resolved (the root stands above the skin).
+// Resolves each strand against the colliders, segment by segment from root to tip. A segment starts in its rest direction, rotated by
+// all earlier turns, and rotates by the shortest arc towards its target CV until it gets there or touches a collider. Its start is free
+// because the segment before it was resolved; the root stands above the skin.
 //
-// Clearance. c_0 is less than the root's distance from every collider. Storing a CV rounds it to floats, which moves its
-// segment by no more than the CV itself; so the next start is free by c minus that, and c_{k+1} = c_k minus that. A start
-// is never in doubt. Where the budget is used up (a thousand CVs far from the origin) the distance is measured anew.
+// clearance[k] is a lower bound on the distance from CV k to every collider. Storing a CV rounds it to floats, which moves its segment by
+// no more than the CV itself; so each CV's bound is that of the one before, minus the rounding. It is measured again where it gets too
+// small (a thousand CVs far from the origin), and at the root where the first turn reports not_clear.
 //
-// The drawn curve leaves the polygon (drawn_segment.h). A strand whose curve dips in too far is solved again with smaller turns, and where
-// that does not help it is laid straight.
+// The rendered cubic deviates from its control polygon (drawn_segment.h). A strand whose cubic enters a collider by more than the
+// tolerance is solved again with smaller turns, and laid straight where that does not help.
 #include "procedural/wind/collide.h"
 
 #include "procedural/wind/drawn_segment.h"
@@ -23,11 +23,11 @@ namespace marram {
 namespace {
 
 constexpr std::array collision_values = {
-    MarramParam{
-        "collision.solver", MARRAM_CHOICE, "", "none", -beyond_wind, beyond_wind, "exact|steps|none",
-        "exact: turn until the first contact; steps: the talk's fixed steps; none or absent: no collision"},
+    MarramParam{"collision.solver", MARRAM_CHOICE, "", "none", -beyond_wind, beyond_wind, "exact|steps|none",
+                "exact: rotate until the first contact; steps: rotate in a fixed number of steps; none or "
+                "absent: no collision"},
     MarramParam{"collision.rotation_steps", MARRAM_INTEGER, "", "none", 1, 1e6, "",
-                "steps of solver = steps; default: 16", "4|16|64|256", "seconds.collide"},
+                "number of steps if solver is steps; default: 16", "4|16|64|256", "seconds.collide"},
     MarramParam{"collision.offset_root", MARRAM_NUMBER, "m", "none", 0, beyond_wind, "",
                 "height of roots above the skin; default: 1 % of the strand's length, at least 1.2 radii"},
     MarramParam{"collision.offset_scale", MARRAM_NUMBER, "", "none", 0, 10, "",
@@ -90,27 +90,28 @@ Vec3d lane_of(const Wide3f& v, int lane) { return {double(v.x[lane]), double(v.y
 
 struct StrandJob {
     size_t strand;
-    double root_radius; // of the strand; its profile scales it
-    double offset;      // of the root above the skin
-    double rounding;    // distance that storing a CV may move it
+    double width; // of the strand; radius_profile scales it
+    double root_radius;
+    double offset;   // of the root above the skin
+    double rounding; // distance that storing a CV may move it
     double tolerance;
 };
 
 double radius_at(const CollideJob& job, const StrandJob& strand, size_t k) {
     const double first = double(job.radius_profile[0]);
     return first > 0.0 ? strand.root_radius * double(job.radius_profile[k]) / first
-                       : strand.root_radius * double(job.radius_profile[k]);
+                       : strand.width * double(job.radius_profile[k]); // thin at the root
 }
 
 // The distance to keep at CV k, before what is left of the budget limits it.
 double wanted_clearance(const CollideJob& job, const StrandJob& strand, size_t k) {
     const double asked = job.settings->clearance.value_or(radius_at(job, strand, k));
-    // As far from the origin as there are few floats, at least what many CVs lose by being stored.
-    const double lost = std::min(16.0 * strand.rounding, 0.5 * strand.offset);
-    return std::max({asked, 0.125 * strand.offset, lost});
+    // A reserve for the float rounding of 16 CVs, at most half of the root offset. It matters far from the origin.
+    const double rounding_reserve = std::min(16.0 * strand.rounding, 0.5 * strand.offset);
+    return std::max({asked, 0.125 * strand.offset, rounding_reserve});
 }
 
-// What a start is free by: at most `wanted`, and less than its distance from every triangle.
+// Clearance at the start of a segment: at most `wanted`, and less than its distance from every triangle.
 double measured_clearance(const Colliders& colliders, const Vec3d& start, double wanted) {
     const NearestTriangle nearest = nearest_triangle(colliders, start, wanted * 1.25);
     return nearest.mesh ? std::min(wanted, 0.8 * nearest.distance) : wanted;
@@ -131,13 +132,14 @@ bool next_segment(const CollideScratch& scratch, const Progress& progress, size_
     const double length = d.norm();
     if (!(length > 0.0)) return false;
     const Vec3d from = progress.turned ? Vec3d(progress.carried * (d / length)) : Vec3d(d / length);
-    const Vec3d way = scratch.target[k + 1] - progress.start;
-    const Vec3d goal = way.squaredNorm() > 1e-24 * length * length ? Vec3d(way.normalized()) : from;
-    const Vec3d lean = progress.carried * (rest.back() - rest[k]);
-    segment = {progress.start, from, goal, lean, length, progress.clearance};
-    if (scratch.limit[k] < 1.0) {
+    const Vec3d to_target = scratch.target[k + 1] - progress.start;
+    const Vec3d goal =
+        to_target.squaredNorm() > 1e-24 * length * length ? Vec3d(to_target.normalized()) : from;
+    const Vec3d to_tip = progress.carried * (rest.back() - rest[k]);
+    segment = {progress.start, from, goal, to_tip, length, progress.clearance};
+    if (scratch.turn_fraction[k] < 1.0) {
         const Arc arc = arc_of(segment);
-        const double angle = arc.angle * scratch.limit[k];
+        const double angle = arc.angle * scratch.turn_fraction[k];
         segment.goal = arc.turning.direction(std::cos(angle), std::sin(angle)).normalized();
     }
     return true;
@@ -187,14 +189,14 @@ DrawnSegment drawn_segment(const CollideJob& job, const StrandJob& strand, const
             job.basis == MARRAM_BSPLINE};
 }
 
-// Looks ahead: if every segment from k on arrived, would the strand, as drawn, keep clear of everything? Then it does, and is
-// done. One question in place of many; most strands' upper parts are in open air.
+// Tests whether all segments from k on reach their targets without contact; if so, the strand is solved at once. The upper parts of most
+// strands are in open air.
 bool arrives_in_open_air(const CollideJob& job, const StrandJob& strand, const Progress& so_far, size_t k,
                          CollideScratch& scratch, CollisionCounts& counts) {
     Progress progress = so_far;
     scratch.swept.clear();
     scratch.swept.push_back(progress.start);
-    double bulge = 0.0, goal_angle = 0.0;
+    double arc_padding = 0.0, goal_angle = 0.0;
     for (size_t i = k; i + 1 < scratch.rest.size(); ++i) {
         Segment segment;
         if (!next_segment(scratch, progress, i, segment)) {
@@ -204,22 +206,23 @@ bool arrives_in_open_air(const CollideJob& job, const StrandJob& strand, const P
         const double cosine = std::clamp(segment.from.dot(segment.goal), -1.0, 1.0);
         scratch.swept.push_back(progress.start + segment.from * segment.length);
         scratch.swept.push_back(progress.start + segment.goal * segment.length);
-        // The arc between stays within its tangents' corner, unless that is too far out.
-        constexpr double wide = -0.5;
-        if (cosine > wide)
+        // The arc lies in the triangle of its end points and the intersection of their tangents. Beyond 120 degrees that point
+        // is too far away: the region is padded by the segment's length instead.
+        constexpr double min_cosine = -0.5;
+        if (cosine > min_cosine)
             scratch.swept.push_back(progress.start +
                                     (segment.from + segment.goal) * (segment.length / (1.0 + cosine)));
         else
-            bulge = std::max(bulge, segment.length);
+            arc_padding = std::max(arc_padding, segment.length);
         goal_angle += std::acos(cosine);
         advance(scratch, progress, i, segment, segment.goal);
     }
-    double gap = 0.0; // of what is drawn
+    double offset = 0.0; // of the rendered cubics from the polygon, with their radii
     for (size_t i = k; i + 1 < scratch.rest.size(); ++i) {
         const DrawnSegment drawn = drawn_segment(job, strand, scratch, i);
-        gap = std::max(gap, drawn.max_offset() + std::max(drawn.r0, drawn.r1));
+        offset = std::max(offset, drawn.max_offset() + std::max(drawn.r0, drawn.r1));
     }
-    Region region(std::max(bulge + so_far.clearance, gap) * (1.0 + 1e-9));
+    Region region(std::max(arc_padding + so_far.clearance, offset) * (1.0 + 1e-9));
     if (scratch.swept.size() <= Region::most_points) {
         for (const Vec3d& p : scratch.swept) region.add(p);
     } else {
@@ -230,7 +233,7 @@ bool arrives_in_open_air(const CollideJob& job, const StrandJob& strand, const P
     if (!surely_clear(*job.colliders, region, scratch.turn)) return false;
     counts.goal_angle += goal_angle;
     counts.turned_angle += goal_angle;
-    scratch.open_from = k;
+    scratch.clear_from = k;
     return true;
 }
 
@@ -239,31 +242,33 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
                   CollisionCounts& counts) {
     const size_t n = scratch.rest.size();
     const bool exact = job.settings->solver == Solver::exact;
-    const double enough = 2.0 * strand.rounding; // a CV may be stored elsewhere by this much
+    const double min_clearance = 2.0 * strand.rounding; // a CV may be stored elsewhere by this much
     Progress progress;
     progress.start = scratch.rest[0];
     progress.clearance =
         exact ? wanted_clearance(job, strand, 0) : 0.0; // unless something is nearer, see below
     scratch.solved[0] = progress.start.cast<float>();
     scratch.clearance[0] = progress.clearance;
-    scratch.open_from = n;
+    scratch.clear_from = n;
     // Looking ahead costs as much as the segments that are left: done again once a twelfth of those has been solved, it
     // costs no more than twelve times the solving, however many there are.
     constexpr size_t share_ahead = 12;
     size_t next_look = 0;
     bool look_ahead = true;
     for (size_t k = 0; k + 1 < n; ++k) {
-        // A root that is too near to be sure of may still stand in open air, far from the origin.
-        const bool ahead = k > 0 ? look_ahead && !job.trace && k >= next_look : progress.clearance <= enough;
+        // Where rounding leaves the root no usable clearance, looking ahead may still prove the whole strand clear.
+        const bool ahead =
+            k > 0 ? look_ahead && !job.trace && k >= next_look : progress.clearance <= min_clearance;
         if (exact && ahead) {
             if (arrives_in_open_air(job, strand, progress, k, scratch, counts)) {
-                std::fill(scratch.forced.begin() + long(k), scratch.forced.end(), char(false));
+                std::fill(scratch.pushed_out_cvs.begin() + long(k), scratch.pushed_out_cvs.end(),
+                          char(false));
                 return true;
             }
             next_look = k + std::max<size_t>(1, (n - k) / share_ahead);
         }
         Segment segment;
-        scratch.forced[k] = false;
+        scratch.pushed_out_cvs[k] = false;
         if (!next_segment(scratch, progress, k, segment)) {
             scratch.solved[k + 1] = scratch.solved[k];
             scratch.clearance[k + 1] = progress.clearance;
@@ -273,16 +278,17 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
         if (exact) {
             const double wanted = wanted_clearance(job, strand, k);
             segment.clearance = std::min(progress.clearance, wanted);
-            if (segment.clearance < std::max(enough, 1e-6 * segment.length))
+            if (segment.clearance < std::max(min_clearance, 1e-6 * segment.length))
                 segment.clearance = measured_clearance(*job.colliders, segment.pivot, wanted);
-            segment.doubted = progress.start == scratch.rest[0];
+            segment.clearance_unverified = progress.start == scratch.rest[0];
             segment.carried = k > 0;
-            turned = segment.clearance > enough ? turn_exactly(*job.colliders, segment, scratch.turn)
-                                                : Turned{segment.from, Outcome::unresolved, false, 0.0};
+            turned = segment.clearance > min_clearance
+                         ? turn_exactly(*job.colliders, segment, scratch.turn)
+                         : Turned{segment.from, Outcome::unresolved, false, 0.0};
             if (turned.outcome == Outcome::not_clear) {
                 segment.clearance = measured_clearance(*job.colliders, segment.pivot, segment.clearance);
-                if (!(segment.clearance > enough)) return false;
-                segment.doubted = false;
+                if (!(segment.clearance > min_clearance)) return false;
+                segment.clearance_unverified = false;
                 turned = turn_exactly(*job.colliders, segment, scratch.turn);
             }
             progress.clearance = turned.clearance;
@@ -290,22 +296,22 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
             turned = turn_by_steps(*job.colliders, segment, job.settings->rotation_steps);
         }
         look_ahead = turned.outcome == Outcome::arrived;
-        scratch.forced[k] = turned.pushed_out;
+        scratch.pushed_out_cvs[k] = turned.pushed_out;
         counts.contacts += turned.outcome == Outcome::contact;
         counts.pushed_out += turned.pushed_out && turned.outcome != Outcome::unresolved;
         counts.unresolved += turned.outcome == Outcome::unresolved;
         counts.goal_angle += turned.goal_angle;
         counts.turned_angle +=
-            std::clamp(turned.turned_angle, 0.0, turned.goal_angle); // pushed back: no way at all
+            std::clamp(turned.turned_angle, 0.0, turned.goal_angle); // pushed away from its goal: no progress
         if (job.trace) job.trace->push_back({strand.strand, int(k), segment, turned, strand.rounding});
         advance(scratch, progress, k, segment, turned.direction);
     }
     return true;
 }
 
-// The corner at which the drawn curve dips in by more than the tolerance; -1: nowhere.
-int dipping_corner(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch) {
-    for (size_t k = 0; k < std::min(scratch.open_from, scratch.solved.size() - 1); ++k) {
+// The CV at which the rendered cubic enters a collider by more than the tolerance; -1: none.
+int penetrating_cv(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch) {
+    for (size_t k = 0; k < std::min(scratch.clear_from, scratch.solved.size() - 1); ++k) {
         const DrawnSegment drawn = drawn_segment(job, strand, scratch, k);
         if (dips_in(*job.colliders, drawn, scratch.clearance[k + 1], strand.tolerance, scratch.turn))
             return int(drawn.d0.squaredNorm() >= drawn.d1.squaredNorm() ? k : k + 1);
@@ -331,8 +337,8 @@ bool lay_straight(const CollideJob& job, const StrandJob& strand, CollideScratch
         scratch.solved[k] = (rest[0] + turned.direction * along).cast<float>();
         scratch.clearance[k] = turned.clearance - 2.0 * strand.rounding;
     }
-    scratch.open_from = rest.size();
-    return dipping_corner(job, strand, scratch) < 0;
+    scratch.clear_from = rest.size();
+    return penetrating_cv(job, strand, scratch) < 0;
 }
 
 // Solves again with smaller turns until the drawn curve stays out: a kink is made smaller by turning less where it is, or,
@@ -344,12 +350,13 @@ void straighten(const CollideJob& job, const StrandJob& strand, CollideScratch& 
     CollideJob quiet = job;
     quiet.trace = nullptr;
     for (int i = 0; i < tries; ++i) {
-        int corner = dipping_corner(job, strand, scratch);
+        int corner = penetrating_cv(job, strand, scratch);
         if (corner < 0) return;
-        while (corner >= 0 && (scratch.limit[size_t(corner)] == 0.0 || scratch.forced[size_t(corner)]))
+        while (corner >= 0 &&
+               (scratch.turn_fraction[size_t(corner)] == 0.0 || scratch.pushed_out_cvs[size_t(corner)]))
             --corner;
         if (corner < 0) break; // the groom's own shape dips in
-        double& limit = scratch.limit[size_t(corner)];
+        double& limit = scratch.turn_fraction[size_t(corner)];
         limit = limit > smallest ? 0.5 * limit : 0.0;
         const std::vector<Vec3f> before = scratch.solved;
         CollisionCounts again;
@@ -374,14 +381,15 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
     for (size_t k = 0; k < cvs; ++k) {
         scratch.rest[k] = lane_of(rest[k], lane);
         scratch.target[k] = lane_of(pose[k], lane);
-        scratch.limit[k] = 1.0;
+        scratch.turn_fraction[k] = 1.0;
         if (k > 0) whole += (scratch.rest[k] - scratch.rest[k - 1]).norm();
         scale = std::max(scale, scratch.rest[k].cwiseAbs().maxCoeff());
     }
     if (!(whole > 0.0)) return;
     StrandJob strand{};
     strand.strand = i;
-    strand.root_radius = strands.width[block][lane] * double(job.radius_profile[0]);
+    strand.width = strands.width[block][lane];
+    strand.root_radius = strand.width * double(job.radius_profile[0]);
     strand.offset = root_offset(*job.settings, whole, strand.root_radius);
     strand.rounding = 0x1p-24 * (scale + whole);
     strand.tolerance = job.tolerance > 0.0 ? job.tolerance : 1e-3 * whole;
@@ -392,20 +400,20 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
         uint32_t hint = no_triangle;
         for (size_t k = 1; k < cvs; ++k) {
             along += (scratch.rest[k] - scratch.rest[k - 1]).norm();
-            // No CV rests higher than it is away from the skin at its root. Where nothing comes as near as that asks for to the
-            // way from rest to target, the target is high enough: mostly so. That holds around a rim, too, where a target may
+            // A CV's rest height is at most its arc length from the skin. So where no collider is within offset_scale times that of
+            // the path from rest to target, no push is needed; the usual case. That holds around a rim, too, where a target may
             // hang in the open below the skin's plane.
-            Region way(*job.settings->offset_scale * along * (1.0 + 1e-6));
-            way.add(scratch.rest[k]);
-            way.add(scratch.target[k]);
-            if (surely_clear(*job.colliders, way, scratch.turn)) continue;
+            Region swept(*job.settings->offset_scale * along * (1.0 + 1e-6));
+            swept.add(scratch.rest[k]);
+            swept.add(scratch.target[k]);
+            if (surely_clear(*job.colliders, swept, scratch.turn)) continue;
             counts.skipped_pushes +=
                 !push_out(*job.colliders, *job.skin, scratch.rest[k], facing, along * (1.0 + 1e-6),
                           *job.settings->offset_scale, hint, scratch.target[k]);
         }
     }
     if (!solve_strand(job, strand, scratch, counts)) {
-        // There is no side of the collider to be on: the groom's own shape is the least bad.
+        // The root is not outside of the colliders: keep the rest shape.
         ++counts.unresolved;
         for (size_t k = 0; k < cvs; ++k) scratch.solved[k] = scratch.rest[k].cast<float>();
     } else if (job.settings->solver == Solver::exact) {
@@ -439,8 +447,8 @@ void collide(const CollideJob& job, Strands& strands, CollideScratch& scratch, C
     scratch.rest.resize(cvs);
     scratch.target.resize(cvs);
     scratch.solved.resize(cvs);
-    scratch.limit.resize(cvs);
-    scratch.forced.assign(cvs, false);
+    scratch.turn_fraction.resize(cvs);
+    scratch.pushed_out_cvs.assign(cvs, false);
     scratch.clearance.resize(cvs);
     for (size_t i = 0; i < size_t(strands.count); ++i) collide_strand(job, strands, i, scratch, counts);
 }

@@ -63,10 +63,10 @@ struct CollideScratch {
     TurnScratch turn;
     std::vector<Vec3d> rest, target, swept;
     std::vector<Vec3f> solved;
-    std::vector<double> limit;     // share of its turn that a segment is allowed
-    std::vector<char> forced;      // a segment was turned out
-    std::vector<double> clearance; // of the segment that ends in a CV
-    size_t open_from = 0;          // the first segment of those known to be drawn in open air
+    std::vector<double> turn_fraction;        // share of its turn that a segment is allowed
+    std::vector<char> pushed_out_cvs; // a segment was turned out
+    std::vector<double> clearance;    // of the segment that ends in a CV
+    size_t clear_from = 0;            // the first segment of those known to be drawn in open air
 };
 
 // strands.rest, pose (bent) -> pose. strands.width and, for offset_scale, root_normal are read. Segments keep their rest

@@ -86,8 +86,9 @@ Sweep sweep(const Colliders& colliders, const Segment& segment, const Arc& arc, 
     while (top > 0) {
         const Part part = parts[--top];
         if (part.begin > result.first) break;
-        const bool doubted = segment.doubted && part.begin == 0.0;
-        const Region region = sector(segment.pivot, arc.turning, part, doubted ? doubt * reach : reach);
+        const bool clearance_unverified = segment.clearance_unverified && part.begin == 0.0;
+        const Region region =
+            sector(segment.pivot, arc.turning, part, clearance_unverified ? doubt * reach : reach);
         if (!gather(colliders, region, part.cuts < most_cuts ? many : SIZE_MAX, scratch)) {
             const double middle = 0.5 * (part.begin + part.end);
             parts[top++] = {middle, part.end, part.cuts + 1};
@@ -95,7 +96,7 @@ Sweep sweep(const Colliders& colliders, const Segment& segment, const Arc& arc, 
             continue;
         }
         if (scratch.triangles.size() == 0) continue;
-        if (doubted && !clear_of_pivot(scratch.triangles.blocks(), segment.clearance * doubt)) {
+        if (clearance_unverified && !clear_of_pivot(scratch.triangles.blocks(), segment.clearance * doubt)) {
             result.not_clear = true;
             return result;
         }
@@ -407,10 +408,10 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
         found = sweep(colliders, segment, arc, scratch);
     // Planes and boxes have raised the doubt, or a start that is blocked has ended the sweep before all that is near the pivot
     // was seen: now it is measured.
-    if (found.not_clear || (found.blocked_at_start && segment.doubted)) {
+    if (found.not_clear || (found.blocked_at_start && segment.clearance_unverified)) {
         if (anything_near(colliders, segment.pivot, segment.clearance * doubt, scratch))
             return {segment.from, Outcome::not_clear, false, 0.0};
-        segment.doubted = false;
+        segment.clearance_unverified = false;
         found = sweep(colliders, segment, arc, scratch);
     }
     const double goal_angle = arc.angle;

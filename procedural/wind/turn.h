@@ -14,7 +14,7 @@ struct Segment {
     Vec3d pivot, from, goal; // directions are unit vectors
     Vec3d lean; // of the strand behind it: decides the way where from and goal are opposed; may be 0
     double length, clearance;
-    bool doubted = false; // the pivot's clearance is to be checked
+    bool clearance_unverified = false; // the pivot's clearance is to be checked
     bool carried = false; // by turns nearer the root, perhaps into a collider: a ray is asked first
 };
 

@@ -252,7 +252,7 @@ static MarramStatus find_base(MarramInstance* instance, const MarramFrame* frame
     ray.ray.org_y = 1000.0F;
     ray.ray.dir_y = -1.0F;
     ray.ray.tfar = 1e6F;
-    ray.ray.mask = MARRAM_COLLIDES;
+    ray.ray.mask = MARRAM_NAMED;
     ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     marram_intersect1(frame->colliders, &ray, 0);

@@ -89,7 +89,7 @@ Problem draw_problem(Draw& draw, Kind kind) {
              : ends == 4 ? s.from
                          : draw.direction();
     s.lean = scale * draw.direction();
-    s.doubted = draw.below(2) == 0;
+    s.clearance_unverified = draw.below(2) == 0;
     const Vec3d normal = arc_of(s).turning.normal;
     const int count = 1 + int(log_uniform(draw, 1.0, 40.0));
     const Vec3d centre = s.pivot + s.length * 0.7 * draw.direction();
@@ -124,7 +124,7 @@ const char* const fault_names[] = {"contact angle",
                                    "undoubted pivot called not clear"};
 
 struct Seen {
-    int problems = 0, contacts = 0, outs = 0, grazes = 0, unresolved = 0, reduced = 0, doubted = 0;
+    int problems = 0, contacts = 0, outs = 0, grazes = 0, unresolved = 0, reduced = 0, clearance_unverified = 0;
     double worst = 0.0;
     std::array<int, Fault::count> faults{};
 };
@@ -136,9 +136,9 @@ std::optional<Fault> fault_of(const Problem& p, Seen& seen) {
     TurnScratch scratch;
     Turned turned = turn_exactly(scene.colliders(), s, scratch);
     if (turned.outcome == Outcome::not_clear) { // allowed: the pivot "may be too near"
-        ++seen.doubted;
+        ++seen.clearance_unverified;
         Segment sure = s;
-        sure.doubted = false;
+        sure.clearance_unverified = false;
         turned = turn_exactly(scene.colliders(), sure, scratch);
     }
     if (turned.outcome == Outcome::not_clear) return Fault{Fault::not_clear, 0.0};
@@ -189,7 +189,7 @@ void print(const Problem& p) {
     vec(s.goal);
     std::printf(", ");
     vec(s.lean);
-    std::printf(", %.17g, %.17g, %s}\n", s.length, s.clearance, s.doubted ? "true" : "false");
+    std::printf(", %.17g, %.17g, %s}\n", s.length, s.clearance, s.clearance_unverified ? "true" : "false");
     for (const Triangle& t : p.triangles) {
         std::printf("    {");
         vec(t.a);
@@ -239,7 +239,7 @@ void fuzz(Kind kind) {
     std::printf("  %s: %d problems, %d contacts, %d turned out (%d with less clearance), %d grazes, %d "
                 "unresolved, %d pivots looked at twice\n",
                 name.c_str(), seen.problems, seen.contacts, seen.outs, seen.reduced, seen.grazes,
-                seen.unresolved, seen.doubted);
+                seen.unresolved, seen.clearance_unverified);
     row(name + ": contact angle", seen.worst, 1e-4, "rad");
     for (int i = 0; i < Fault::count; ++i)
         none(name + ": " + fault_names[i], seen.faults[size_t(i)], "segments");

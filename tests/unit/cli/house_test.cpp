@@ -124,6 +124,24 @@ TEST(House, HasAReadmeForTenMinutes) {
         EXPECT_TRUE(fs::exists(source / folder / "README.md")) << folder;
 }
 
+// The scene in README.md is one that renders, without a word of complaint.
+TEST(House, ReadmesSceneRenders) {
+    std::ifstream in(source / "README.md");
+    std::string scene;
+    bool inside = false;
+    for (std::string line; std::getline(in, line);) {
+        if (inside && line == "```") break;
+        if (inside) scene += line + "\n";
+        inside = inside || line == "```toml";
+    }
+    Folder folder;
+    const std::string file = folder.write("lawn.toml", scene);
+    const ProgramResult result =
+        marram({"render", file, "-o", folder / "a.png", "--frame", "12", "--size", "64x36", "--spp", "1", "--quiet"});
+    EXPECT_EQ(result.code, 0) << result.err;
+    EXPECT_EQ(result.err, "");
+}
+
 TEST(House, IncludesOnlyWhatTheDesignAllows) {
     static const std::regex include("\\s*#\\s*include\\s*\"([^\"]+)\".*");
     for (const std::string& file : files_in({"core", "procedural", "shaders"})) {

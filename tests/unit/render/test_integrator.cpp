@@ -73,9 +73,9 @@ TEST(Furnace, WhiteSphereInWhiteSkyIsWhite) {
     const Triangles mesh = ball();
     builder.mesh({mesh.positions}, mesh.triangles);
     builder.commit();
-    for (const Strategy strategy : {Strategy::shaders_only, Strategy::mis}) {
+    for (const Strategy strategy : {Strategy::bsdf_sampling, Strategy::mis}) {
         Shot shot = shot_from({0.0, 0.5, 4.0}, {0.0, 0.0, 0.0}, 40.0);
-        const bool exact = strategy == Strategy::shaders_only; // every sample weighs one: not even noise
+        const bool exact = strategy == Strategy::bsdf_sampling; // every sample weighs one: not even noise
         shot.settings.samples = exact ? 16 : 1024;
         shot.settings.strategy = strategy;
         const Film film = shot(builder.world);
@@ -133,7 +133,7 @@ void add_floor(WorldBuilder& builder) {
 
 class Strategies : public ::testing::TestWithParam<Strategy> {};
 INSTANTIATE_TEST_SUITE_P(All, Strategies,
-                         ::testing::Values(Strategy::mis, Strategy::lights_only, Strategy::shaders_only),
+                         ::testing::Values(Strategy::mis, Strategy::light_sampling, Strategy::bsdf_sampling),
                          ::testing::PrintToStringParamName());
 
 TEST_P(Strategies, PlaneUnderEmittingSquare) {
@@ -150,7 +150,7 @@ TEST_P(Strategies, PlaneUnderEmittingSquare) {
     shot.settings.strategy = GetParam();
     const Film film = shot(builder.commit());
     const double expected = 4.0 * square_form_factor(0.5, 0.8) * 0.5;
-    EXPECT_NEAR(mean_of(film, "beauty") / expected, 1.0, GetParam() == Strategy::shaders_only ? 2e-2 : 5e-3);
+    EXPECT_NEAR(mean_of(film, "beauty") / expected, 1.0, GetParam() == Strategy::bsdf_sampling ? 2e-2 : 5e-3);
 }
 
 TEST_P(Strategies, PlaneUnderEmittingSphere) {
@@ -165,7 +165,7 @@ TEST_P(Strategies, PlaneUnderEmittingSphere) {
     shot.settings.strategy = GetParam();
     const Film film = shot(builder.commit());
     const double expected = 10.0 * (radius / height) * (radius / height) * 0.5; // F = sin^2 of the half-angle
-    EXPECT_NEAR(mean_of(film, "beauty") / expected, 1.0, GetParam() == Strategy::shaders_only ? 4e-2 : 1e-2);
+    EXPECT_NEAR(mean_of(film, "beauty") / expected, 1.0, GetParam() == Strategy::bsdf_sampling ? 4e-2 : 1e-2);
 }
 
 TEST_P(Strategies, BigSunOnPlane) {

@@ -139,7 +139,7 @@ TEST_F(Resume, WithinAPass) {
             for (size_t i = 0; i < film.pixels.size(); ++i) {
                 if (i % 2 == 0) { // as it was judged at 16
                     film.pixels[i].converged = after.pixels[i].converged;
-                    film.pixels[i].deviation = after.pixels[i].deviation;
+                    film.pixels[i].luminance_stddev = after.pixels[i].luminance_stddev;
                     continue;
                 }
                 std::copy_n(after.sums.data() + i * film.stride, film.stride,

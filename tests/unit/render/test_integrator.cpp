@@ -13,7 +13,7 @@
 namespace marram {
 
 void PrintTo(Strategy strategy, std::ostream* out) {
-    static constexpr const char* names[] = {"mis", "lights_only", "shaders_only"};
+    static constexpr const char* names[] = {"mis", "light_sampling", "bsdf_sampling"};
     *out << names[size_t(strategy)];
 }
 

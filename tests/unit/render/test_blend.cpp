@@ -11,7 +11,7 @@ namespace {
 using testing::Triangles;
 using testing::WorldBuilder;
 
-Material grey(float value) {
+Material grey_material(float value) {
     DiffuseSettings settings;
     settings.color.color = Vec3f::Constant(value);
     return {settings, ""};
@@ -33,7 +33,8 @@ TEST(Blend, IsTheMixtureThatTheRampSays) {
     blend.ramp = Ramp(knots, "linear");
     BlendSettings inner = blend;
     inner.materials[0] = inner.materials[1] = 1;
-    const std::vector<Material> materials = {grey(0.8F), grey(0.0F), {blend, ""}, {inner, ""}};
+    const std::vector<Material> materials = {
+        grey_material(0.8F), grey_material(0.0F), {blend, ""}, {inner, ""}};
     Camera camera;
     camera.poses = {look_at({0.0, 0.0, 100.0}, Vec3d::Zero(), Vec3d::UnitY())};
     camera.vertical_fov = 2.0 * std::atan(1.0 / 100.0);

@@ -9,7 +9,7 @@
 //   root_color    1     none                colour at the root of a strand; with tip_color it replaces color on strands
 //   tip_color     1     none                colour at the tip
 //   variation     1     0                   how much strands differ in brightness and hue, 0 ... 1
-//   tint          -     "none"              curve attribute whose value 0 ... 1 blends towards tint_color; of a name (id)
+//   tint          -     "none"              attribute whose value 0 ... 1 blends towards tint_color; of a name (id)
 //                                           each strand has a share of its own
 //   tint_color    1     [0.35, 0.2, 0.08]   what it blends towards
 //

@@ -16,27 +16,30 @@ namespace marram {
 class Report {
   public:
     struct Entry {
-        MarramReportEntry declared{}; // lives as long as its library
+        MarramReportEntry declared{}; // points into its library: valid while that is loaded
         double value = 0.0;
-        std::map<std::string, double> each; // of MARRAM_EACH, by procedural
+        std::map<std::string, double> each; // MARRAM_EACH only: value by procedural
     };
 
-    // Entries that are declared are there, with 0, whether anybody reports them or not. Twice is as once.
+    // Makes each declared entry exist with value 0, so that it is printed even if no procedural reports it.
     void declare(std::span<const MarramReportEntry> entries);
-    // What one procedural says. Of thread seconds each entry's share of `wall` seconds is added to "seconds.<stage>" instead; where it
-    // reports none, they all go to "seconds.expand". Paths that nobody has declared are sums without a unit.
+    // Adds what one procedural reports. Entries in thread seconds (summed over threads) are not added as they are: `wall`, the elapsed
+    // seconds, is divided among them in proportion, each part going to "seconds.<stage>"; without such entries all of it goes to
+    // "seconds.expand". An undeclared path is a sum without a unit.
     void add(const std::string& procedural, std::span<const std::pair<std::string, double>> entries,
              double wall);
+    // Adds core's own value to one entry, of no procedural.
     void add(std::string_view path, double value);
 
-    double operator()(std::string_view path) const; // 0 where there is no such entry; ratios are worked out
+    // The combined value; 0 where there is no such entry. A ratio is computed here, from its two parts.
+    double operator()(std::string_view path) const;
     const std::map<std::string, Entry, std::less<>>& entries() const { return entries_; }
 
   private:
     std::map<std::string, Entry, std::less<>> entries_;
 };
 
-// All "seconds.<stage>": what it took to make curves.
+// Sum of all "seconds.<stage>": elapsed seconds spent on making curves.
 double strand_seconds(const Report& report);
 
 } // namespace marram

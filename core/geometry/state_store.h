@@ -3,7 +3,7 @@
 //
 // A state is one file, FOLDER/NAME-DIGEST/FRAME.state, written whole or not at all. The digest stands for all that the state depends
 // on: the procedural's values, its inputs, the contents of files, the library's version; a change of any of them begins a new folder.
-// A file that is damaged is left out, with a warning.
+// A damaged file is skipped with a warning, as if it were not there.
 #pragma once
 
 #include <cstdint>
@@ -21,10 +21,10 @@ struct StoredState {
 
 class StateStore {
   public:
-    // folder "": states are kept in memory, as long as the store.
+    // With folder "" nothing is written: states are kept in memory and are lost with this object.
     StateStore(const std::string& folder, const std::string& name, uint64_t digest);
 
-    // The latest state at or before the frame. Cost: reading that one file.
+    // The state with the greatest frame <= `frame`; nothing if there is none. Cost: reading one file, more only past damaged ones.
     std::optional<StoredState> load(double frame);
     // Throws InputError where it cannot be written.
     void store(double frame, const void* data, size_t byte_count);

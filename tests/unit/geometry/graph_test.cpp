@@ -182,13 +182,20 @@ TEST(RenderMesh, IsMadeForTheCameraAndMovesNoStrand) {
         EXPECT_EQ(world.growth_surface(0).triangles.size(), growth);
         EXPECT_EQ(vertices_of(world.curves[0]), strands);
         EXPECT_EQ(scene.stats.triangles, before);
-        // Rays see the one, strands the other.
+        // In the middle: rays meet the triangle in the middle of the render mesh, strands that of the growth surface.
         SurfacePoint point;
-        EXPECT_TRUE(intersect(world, {Vec3f(0.01F, 5.0F, 0.02F), -Vec3f::UnitY()}, point, false));
-        RTCBounds seen{}, traced{};
-        rtcGetSceneBounds(world.scene.get(), &seen);
-        rtcGetSceneBounds(world.colliders.get(), &traced);
-        EXPECT_LE(traced.upper_y, seen.upper_y);
+        Ray ray{Vec3f(0.01F, 5.0F, 0.02F), -Vec3f::UnitY()};
+        ray.tnear = 3.99F; // behind the hair: the hill is 4 m away
+        ASSERT_TRUE(intersect(world, ray, point, false));
+        RTCRayHit collider{};
+        collider.ray = {0.01F, 5.0F, 0.02F, 0.0F, 0.0F, -1.0F, 0.0F, 0.0F, 10.0F, ~0U, 0, 0};
+        collider.hit.geomID = collider.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+        marram_intersect1(world.colliders.get(), &collider, 0);
+        ASSERT_EQ(collider.hit.geomID, 0u);
+        EXPECT_LT(collider.hit.primID, growth);
+        ASSERT_EQ(point.geometry, 0u);
+        EXPECT_EQ(point.primitive >= growth, distance == 1.0)
+            << point.primitive; // of 2, 200, 3,200 triangles
     }
 }
 

@@ -45,6 +45,7 @@ OIIO::ImageSpec spec_of(const DoublesHeader& header) {
     spec.alpha_channel = -1; // the names by default would make one of the fourth
     spec.attribute("compression", "none");
     spec.attribute("ImageDescription", header.description);
+    spec.attribute("DateTime", ""); // else OpenImageIO writes the time of day, and no two files are alike
     return spec;
 }
 

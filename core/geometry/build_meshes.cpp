@@ -78,6 +78,11 @@ bool all_finite(const std::vector<float>& values) {
 }
 
 void check_mesh(const Procedural& procedural, const MeshGeometry& mesh) {
+    constexpr float unit = 1e-3F; // of the length: shading asks for no more
+    for (const auto& normals : mesh.normals)
+        for (const Vec3f& n : normals)
+            if (!(std::abs(n.norm() - 1.0F) < unit))
+                procedural.refuse("a normal of its mesh is not of unit length", "fix the library");
     for (const auto& positions : mesh.positions)
         for (const Vec3f& p : positions)
             if (!sound(p))
@@ -117,6 +122,11 @@ void fill_mesh(Procedural& procedural, const MarramOutput& output, MeshGeometry&
         mesh.positions.push_back(embree_buffer<Vec3f>(output.vertex_count));
         positions.push_back(components(mesh.positions.back()));
     }
+    std::vector<float*> normals;
+    for (uint32_t t = 0; output.has_normals && t < output.time_count; ++t) {
+        mesh.normals.emplace_back(output.vertex_count);
+        normals.push_back(components(mesh.normals.back()));
+    }
     mesh.triangles = embree_buffer<std::array<uint32_t, 3>>(output.triangle_count);
     if (output.has_uvs) mesh.uvs.resize(output.vertex_count);
     std::vector<uint32_t> asked;
@@ -145,12 +155,14 @@ void fill_mesh(Procedural& procedural, const MarramOutput& output, MeshGeometry&
     buffers.attributes = asked.data();
     buffers.attribute_values = values.data();
     buffers.grid_stride = sizeof(MarramGrid);
+    buffers.normals = output.has_normals ? normals.data() : nullptr;
     (procedural.*fill)(buffers);
     for (const MarramGrid& grid : known_parts(buffers.grids, buffers.grid_count, buffers.grid_stride))
         mesh.grids.push_back(copy_grid(procedural, grid));
     check_mesh(procedural, mesh);
-    for (const auto& positions_at : mesh.positions)
-        mesh.normals.push_back(vertex_normals(positions_at, mesh.triangles));
+    if (!output.has_normals)
+        for (const auto& positions_at : mesh.positions)
+            mesh.normals.push_back(vertex_normals(positions_at, mesh.triangles));
     mesh.topology = topology_of(mesh);
 }
 
@@ -184,7 +196,11 @@ MarramView view_of(const Build& build, const CameraSamples& camera) {
     view.fov = camera.fov;
     view.width = camera.width;
     view.height = camera.height;
-    view.tolerance = build.settings.tolerance;
+    const View& seen = build.settings.view;
+    if (seen.pixels_at > 0.0) // a tolerance in pixels, as metres at some distance
+        view.tolerance_pixels = build.settings.tolerance / (seen.pixel_angle * seen.pixels_at);
+    else
+        view.tolerance = build.settings.tolerance;
     return view;
 }
 

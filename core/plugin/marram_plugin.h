@@ -307,7 +307,8 @@ typedef struct MarramView {
     const double* ups;        /* [time_count], unit, at right angles to the directions */
     double fov;               /* vertical angle of view */
     uint32_t width, height;   /* pixels */
-    double tolerance;         /* metres, 0: half a pixel */
+    double tolerance;         /* metres, 0: see tolerance_pixels */
+    double tolerance_pixels;  /* pixels, 0: half a one */
 } MarramView;
 
 /* ---- What a procedural hands over -------------------------------------------------------------------------------- */
@@ -333,6 +334,7 @@ typedef struct MarramOutput { /* the host sets size, and all else to zero */
     MarramShape shape;
     /* MARRAM_MESH */
     uint32_t vertex_count, triangle_count, has_uvs;
+    uint32_t has_normals; /* 0: the host makes vertex normals from the triangles */
 } MarramOutput;
 
 typedef struct MarramPatch {
@@ -363,6 +365,7 @@ typedef struct MarramMeshBuffers {
     float* const* attribute_values;
     const MarramGrid* grids; /* filled in by the procedural, whose they stay */
     uint32_t grid_count, grid_stride;
+    float* const* normals; /* [output.time_count], 3 * vertex_count, unit; NULL unless has_normals */
 } MarramMeshBuffers;
 
 typedef struct MarramAttributeList {

@@ -156,6 +156,8 @@ Fault content_fault(const MarramParam& param, const MarramValue& value) {
 }
 
 Fault value_fault(const MarramParam& param, const MarramValue& value) {
+    const bool type_of_element = std::string_view(param.name) == "type" && value.type == MARRAM_CHOICE;
+    if (type_of_element) return {}; // it was found by it
     if (value.type != param.type)
         return {fmt::format("has the type {}", int(value.type)),
                 fmt::format("this parameter is declared with type {} (MarramParamType)", int(param.type))};
@@ -178,13 +180,51 @@ void find_gaps(const std::map<std::string, std::unordered_set<long>>& lists,
             }
 }
 
+// What the host may hand over, by name.
+class Declarations {
+  public:
+    Declarations(std::span<const MarramParam> params, std::span<const MarramItemType> items,
+                 std::span<const MarramValue> values)
+        : items_(items) {
+        for (const MarramParam& param : params) plain_.emplace(param.name, &param);
+        for (const MarramValue& value : values)
+            if (value.name && value.text && std::string_view(value.name).ends_with("].type"))
+                types_.emplace(value.name, value.text);
+    }
+
+    // Of "layer[2].height", where `name` is "layer[].height": that of the type of element 2. nullptr: unknown.
+    const MarramParam* find(std::string_view given, std::string_view name) const {
+        if (const auto found = plain_.find(name); found != plain_.end()) return found->second;
+        const size_t open = name.find("[]."), close = given.find("].");
+        if (open == std::string_view::npos) return nullptr;
+        const std::string_view list = name.substr(0, open), field = name.substr(open + 3);
+        const auto type = types_.find(std::string(given.substr(0, close)) + "].type");
+        if (type == types_.end()) return nullptr;
+        for (const MarramItemType& item : items_) {
+            if (list != item.list || type->second != item.type) continue;
+            if (field == "type") return &item_type_;
+            for (uint32_t p = 0; p < item.param_count; ++p) {
+                const auto* param = MARRAM_AT(MarramParam, item.params, item.param_stride, p);
+                if (field == param->name) return param;
+            }
+        }
+        return nullptr;
+    }
+
+  private:
+    static constexpr MarramParam item_type_{"type", MARRAM_TEXT, "", "", 0, 0, "", "", nullptr, nullptr};
+    std::span<const MarramItemType> items_;
+    std::unordered_map<std::string_view, const MarramParam*> plain_;
+    std::unordered_map<std::string, std::string_view> types_; // of elements
+};
+
 } // namespace
 
 std::vector<ContractFault> value_faults(std::span<const MarramParam> params,
-                                        std::span<const MarramValue> values) {
+                                        std::span<const MarramValue> values,
+                                        std::span<const MarramItemType> items) {
     std::vector<ContractFault> faults;
-    std::unordered_map<std::string_view, const MarramParam*> declared;
-    for (const MarramParam& param : params) declared.emplace(param.name, &param);
+    const Declarations declared(params, items, values);
     std::unordered_set<std::string_view> seen;
     std::map<std::string, std::unordered_set<long>> lists;
     for (size_t i = 0; i < values.size(); ++i) {
@@ -196,18 +236,18 @@ std::vector<ContractFault> value_faults(std::span<const MarramParam> params,
         }
         long index = -1;
         const std::string name = declared_name(value.name, index);
-        const auto found = declared.find(name);
+        const MarramParam* param = declared.find(value.name, name);
         const auto add = [&](const Fault& fault) {
             faults.push_back(
                 {place, fmt::format("the parameter {} {}", quoted(value.name), fault.what), fault.remedy});
         };
-        if (found == declared.end()) {
+        if (!param) {
             add({"is unknown", "hand over declared parameters only (MarramProcedural.params)"});
             continue;
         }
         if (!seen.insert(value.name).second) add({"is given twice", "give it once"});
         if (index >= 0) lists[name.substr(0, name.find('['))].insert(index);
-        if (const Fault fault = value_fault(*found->second, value)) add(fault);
+        if (const Fault fault = value_fault(*param, value)) add(fault);
     }
     find_gaps(lists, faults);
     return faults;

@@ -19,8 +19,10 @@ struct ContractFault {
 // All faults of the values of create(): unknown or repeated names, wrong types and counts, numbers that are not finite or out of
 // range, choices that do not exist, ramps and keys that are empty or out of order, null pointers. Absent values are not looked
 // for here: whoever reads one says that it is missing (Values::at).
+// items: the types that elements of lists may have; such a value is held against what the type of its element declares.
 std::vector<ContractFault> value_faults(std::span<const MarramParam> params,
-                                        std::span<const MarramValue> values);
+                                        std::span<const MarramValue> values,
+                                        std::span<const MarramItemType> items = {});
 
 // The first fault of a frame, none where what is "": null pointers, motion samples that are not 1 to 64 ascending numbers, meshes
 // without positions or triangles.

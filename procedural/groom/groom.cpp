@@ -2,10 +2,7 @@
 #include "procedural/groom/groom.h"
 
 #include "core/math/clock.h"
-#include "core/math/digest.h"
-#include "core/math/known_part.h"
-#include "procedural/contract_checks.h"
-
+#include "procedural/border.h"
 #include "procedural/groom/groom_bounds.h"
 #include "procedural/groom/groom_instance.h"
 #include "procedural/groom/groom_output.h"
@@ -26,32 +23,14 @@ namespace {
 
 GroomInstance& self(MarramInstance* instance) { return *reinterpret_cast<GroomInstance*>(instance); }
 
-// No exception crosses the C ABI: errors become messages to the host.
 template <typename Body>
 MarramStatus guarded(const MarramHost& host, Body&& body) {
-    try {
-        return body();
-    } catch (const SceneFault& fault) {
-        send(host, MARRAM_FAULT, fault.id.c_str(), fault.place, fault.what(), fault.remedy);
-    } catch (const std::bad_alloc&) {
-        send(host, MARRAM_FAULT, "groom.memory", "", "the groom does not fit into memory",
-             "lower its density or count");
-    } catch (const std::exception& error) {
-        send(host, MARRAM_FAULT, "groom.internal", "", error.what(), "report it as a bug of the library");
-    }
-    return MARRAM_ERROR;
+    return marram::guarded(host, "groom", "lower its density or count", std::forward<Body>(body));
 }
 
 uint64_t digest_of(std::span<const MarramValue> values) {
     Digest digest;
-    for (const MarramValue& value : values) {
-        digest.add(value.name).add(value.text).add(value.numbers, value.number_count * sizeof(double));
-        if (const MarramGrid* grid = value.grid)
-            digest.add(grid->nx)
-                .add(grid->ny)
-                .add(grid->components)
-                .add(grid->values, size_t(grid->nx) * grid->ny * grid->nz * grid->components * sizeof(float));
-    }
+    for (const MarramValue& value : values) add_value(digest, value);
     return digest.value();
 }
 
@@ -71,21 +50,6 @@ const std::vector<MarramParam>& all_params() {
         return list;
     }();
     return params;
-}
-
-// Sends all that is wrong with the values; false where something is.
-bool check_values(const MarramHost& host, std::span<const MarramValue> values) {
-    const std::vector<ContractFault> faults = value_faults(all_params(), values);
-    for (const ContractFault& fault : faults)
-        send(host, MARRAM_FAULT, "contract.value", fault.place, fault.what, fault.remedy);
-    return faults.empty();
-}
-
-std::vector<MarramValue> values_of(const MarramValues* given) {
-    if (!given || (given->count > 0 && !given->first))
-        throw SceneFault("contract.null_values", "", "the list of values is NULL",
-                         "pass an array of `count` values");
-    return known_parts(given->first, given->count, given->stride);
 }
 
 // Settings parsed from the host's values.
@@ -128,7 +92,7 @@ MarramStatus create(const MarramHost* host, const MarramValues* values, MarramIn
     const MarramHost known = known_part(host);
     return guarded(known, [&] {
         const std::vector<MarramValue> list = values_of(values);
-        if (!check_values(known, list)) return MARRAM_ERROR;
+        if (!check_values(known, all_params(), list)) return MARRAM_ERROR;
         auto instance = std::make_unique<GroomInstance>();
         instance->host = known;
         take(*instance, describe(known, Values(list), list));
@@ -147,7 +111,7 @@ MarramStatus update(MarramInstance* opaque, const MarramUpdate* given, uint32_t*
                              "pass an update and a place for the changes");
         const MarramUpdate update = known_part(given);
         const std::vector<MarramValue> list = values_of(update.values);
-        if (!check_values(instance.host, list)) return MARRAM_ERROR;
+        if (!check_values(instance.host, all_params(), list)) return MARRAM_ERROR;
         ParsedValues description = describe(instance.host, Values(list), list);
         const bool same_values = description.digest == instance.digest;
         if (same_values && update.inputs == MARRAM_NOTHING) {
@@ -275,24 +239,13 @@ bool affected_by_moving_meshes(const GroomInstance& instance) {
     return false;
 }
 
-// Stores and validates the frame that the host owns. Throws SceneFault for what cannot be used.
-void borrow_frame(GroomInstance& instance, const MarramFrame* frame) {
-    if (!frame) throw SceneFault("contract.frame", "", "the frame is NULL", "pass a MarramFrame");
-    instance.frame = known_part(frame);
-    instance.meshes = known_parts(frame->meshes, instance.frame.mesh_count, instance.frame.mesh_stride);
-    instance.frame.meshes = instance.meshes.data();
-    instance.frame.mesh_stride = sizeof(MarramMesh);
-    if (const ContractFault fault = frame_fault(instance.frame, instance.meshes); !fault.what.empty())
-        throw SceneFault("contract.frame", fault.place, fault.what, fault.remedy);
-}
-
 MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
     GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
         instance.begun = false;
         if (!out)
             throw SceneFault("contract.null_output", "", "the output is NULL", "pass a non-NULL pointer");
-        borrow_frame(instance, frame);
+        instance.frame = borrowed_frame(frame, instance.meshes);
         const bool traces = instance.wind.collision || instance.wind.shielding;
         if (traces && !instance.frame.colliders)
             throw SceneFault("contract.no_colliders", "", "MarramFrame.colliders is NULL",

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// What every procedural does where the host calls it: nothing is thrown across the C ABI, values are checked before they are read.
+#pragma once
+
+#include "core/math/digest.h"
+#include "core/math/known_part.h"
+#include "procedural/contract_checks.h"
+#include "procedural/values.h"
+
+#include <new>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace marram {
+
+// Runs the body of a call. Errors become messages to the host. subject: "groom", for ids and messages.
+template <typename Body>
+MarramStatus guarded(const MarramHost& host, const char* subject, const char* less, Body&& body) {
+    const std::string name = subject;
+    try {
+        return body();
+    } catch (const SceneFault& fault) {
+        send(host, MARRAM_FAULT, fault.id.c_str(), fault.place, fault.what(), fault.remedy);
+    } catch (const std::bad_alloc&) {
+        send(host, MARRAM_FAULT, (name + ".memory").c_str(), "", "the " + name + " does not fit into memory",
+             less);
+    } catch (const std::exception& error) {
+        send(host, MARRAM_FAULT, (name + ".internal").c_str(), "", error.what(),
+             "report it as a bug of the library");
+    }
+    return MARRAM_ERROR;
+}
+
+// Adds a value: name, numbers, text, and the grid that it holds.
+inline void add_value(Digest& digest, const MarramValue& value) {
+    digest.add(value.name).add(value.text).add(value.numbers, value.number_count * sizeof(double));
+    if (const MarramGrid* grid = value.grid)
+        digest.add(grid->nx)
+            .add(grid->ny)
+            .add(grid->components)
+            .add(grid->values, size_t(grid->nx) * grid->ny * grid->nz * grid->components * sizeof(float));
+}
+
+// Sends all that is wrong with the values; false where something is.
+inline bool check_values(const MarramHost& host, std::span<const MarramParam> params,
+                         std::span<const MarramValue> values, std::span<const MarramItemType> items = {}) {
+    const std::vector<ContractFault> faults = value_faults(params, values, items);
+    for (const ContractFault& fault : faults)
+        send(host, MARRAM_FAULT, "contract.value", fault.place, fault.what, fault.remedy);
+    return faults.empty();
+}
+
+inline std::vector<MarramValue> values_of(const MarramValues* given) {
+    if (!given || (given->count > 0 && !given->first))
+        throw SceneFault("contract.null_values", "", "the list of values is NULL",
+                         "pass an array of `count` values");
+    return known_parts(given->first, given->count, given->stride);
+}
+
+// The frame that the host owns, as far as we know its fields, with its meshes. Throws SceneFault for what cannot be used.
+inline MarramFrame borrowed_frame(const MarramFrame* given, std::vector<MarramMesh>& meshes) {
+    if (!given) throw SceneFault("contract.frame", "", "the frame is NULL", "pass a MarramFrame");
+    MarramFrame frame = known_part(given);
+    meshes = known_parts(given->meshes, frame.mesh_count, frame.mesh_stride);
+    frame.meshes = meshes.data();
+    frame.mesh_stride = sizeof(MarramMesh);
+    if (const ContractFault fault = frame_fault(frame, meshes); !fault.what.empty())
+        throw SceneFault("contract.frame", fault.place, fault.what, fault.remedy);
+    return frame;
+}
+
+} // namespace marram

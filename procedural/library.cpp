@@ -3,15 +3,24 @@
 //
 // To add a procedural: give it a folder, a function that fills a MarramProcedural, and a line in the table below.
 #include "procedural/groom/groom.h"
+#include "procedural/terrain/terrain.h"
 #include "procedural/wind/wind.h"
 
 #include <array>
+#include <vector>
 
 extern "C" __attribute__((visibility("default"))) const MarramLibrary* marram_library(uint32_t abi) {
     using namespace marram;
     static const std::array procedurals = {
         groom_procedural(),
+        terrain_procedural(),
     };
+    static const std::vector<MarramReportEntry> reports = [] {
+        std::vector<MarramReportEntry> list;
+        for (const auto entries : {groom_report_entries(), terrain_report_entries()})
+            list.insert(list.end(), entries.begin(), entries.end());
+        return list;
+    }();
     static const MarramLibrary library{MARRAM_ABI_VERSION,
                                        MARRAM_EMBREE_MAJOR,
                                        sizeof(MarramLibrary),
@@ -23,8 +32,8 @@ extern "C" __attribute__((visibility("default"))) const MarramLibrary* marram_li
                                        procedurals.data(),
                                        static_cast<uint32_t>(procedurals.size()),
                                        sizeof(MarramProcedural),
-                                       groom_report_entries().data(),
-                                       static_cast<uint32_t>(groom_report_entries().size()),
+                                       reports.data(),
+                                       static_cast<uint32_t>(reports.size()),
                                        sizeof(MarramReportEntry)};
     return abi == MARRAM_ABI_VERSION ? &library : nullptr;
 }

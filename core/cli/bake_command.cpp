@@ -3,6 +3,7 @@
 #include "core/cli/interrupt.h"
 #include "core/cli/progress.h"
 #include "core/geometry/curve_export.h"
+#include "core/geometry/grid_export.h"
 #include "core/image/atomic_file.h"
 #include "core/math/clock.h"
 #include "core/shot/frame_name.h"
@@ -26,13 +27,9 @@ MarramStage stage_of(const std::string& name) {
 
 void check_formats(const BakeOptions& options) {
     const std::string extension = std::filesystem::path(options.output).extension().string();
-    if (extension == ".exr")
-        throw InputError({options.output},
-                         "baking height fields to .exr needs a terrain, which is not available in this build",
-                         "bake strands to .hair, .usda or .obj");
-    if (extension != ".hair" && extension != ".usda" && extension != ".obj")
-        throw InputError({options.output}, "strands cannot be written in the format '" + extension + "'",
-                         "name it .hair, .usda or .obj");
+    if (extension != ".hair" && extension != ".usda" && extension != ".obj" && extension != ".exr")
+        throw InputError({options.output}, "nothing is written in the format '" + extension + "'",
+                         "name it .hair, .usda or .obj for strands, .exr for the grids of a terrain");
     const std::string meshes = std::filesystem::path(options.colliders).extension().string();
     if (!options.colliders.empty() && meshes != ".obj" && meshes != ".usda")
         throw InputError({options.colliders}, "colliders are written as .obj or .usda",
@@ -40,6 +37,21 @@ void check_formats(const BakeOptions& options) {
     if (!options.attributes.empty() && extension != ".usda")
         throw InputError({"--attributes"}, "'" + extension + "' holds no attributes",
                          "bake strands to .usda");
+}
+
+// The one mesh that hands out grids.
+const MeshGeometry& mesh_with_grids(const World& world, const std::string& output) {
+    const MeshGeometry* found = nullptr;
+    for (const MeshGeometry& mesh : world.meshes) {
+        if (mesh.grids.empty()) continue;
+        if (found)
+            throw InputError({output}, "'" + found->name + "' and '" + mesh.name + "' both hand out grids",
+                             "bake a scene with one of them");
+        found = &mesh;
+    }
+    if (!found)
+        throw InputError({output}, "no mesh of the scene hands out grids", "bake a scene with a terrain");
+    return *found;
 }
 
 // Throws InputError for a name that no curves of the scene carry.
@@ -76,6 +88,7 @@ int bake_command(const BakeOptions& options) {
     settings.shutter_open = settings.shutter_close = 0.0; // the frame itself, not what the shutter sees of it
     settings.stage = stage_of(options.stage);
     settings.curves_bvh = false;
+    settings.camera.reset(); // growth surfaces, not what the camera sees of them
     settings.attributes = options.attributes;
     settings.attributes.emplace_back("id");
     check_attributes(shot, options.attributes);
@@ -91,7 +104,10 @@ int bake_command(const BakeOptions& options) {
         arena.execute(
             [&] { world = build_world(shot.geometry, settings, interrupted(), progress, stats.build); });
         progress.phase = "writing";
-        write_curves(output, world.curves, stats.frame, settings.fps);
+        if (output.ends_with(".exr"))
+            write_grids(output, mesh_with_grids(world, output));
+        else
+            write_curves(output, world.curves, stats.frame, settings.fps);
         if (colliders.ends_with(".obj")) write_colliders_obj(colliders, world.meshes);
         if (colliders.ends_with(".usda"))
             write_colliders_usda(colliders, world.meshes, stats.frame, settings.fps);

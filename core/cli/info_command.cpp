@@ -110,6 +110,18 @@ void print_layers(const PluginSet& plugins) {
     fmt::print("\n");
 }
 
+// What procedurals that make meshes report of them: the entries that begin with the procedural's type, "terrain.sand".
+void print_mesh_reports(const Shot& shot, const Report& report) {
+    std::set<std::string> types;
+    for (const auto& procedural : shot.geometry.procedurals)
+        if (procedural->kind() == MARRAM_MESH) types.insert(std::string(procedural->calls().name) + ".");
+    for (const auto& [path, entry] : report.entries())
+        for (const std::string& type : types)
+            if (path.starts_with(type))
+                fmt::print("{}: {:.6g} {}\n", path, report(path),
+                           entry.declared.unit ? entry.declared.unit : "");
+}
+
 // What a scene holds, and what it would cost by the figures measured for the renderer (README, "How fast").
 void print_scene(const std::string& file) {
     CommonOptions options;
@@ -135,6 +147,7 @@ void print_scene(const std::string& file) {
         fmt::print("procedural {}: {} curves of {} CVs\n", curves.name, curves.curve_count,
                    curves.offsets.empty() ? std::to_string(curves.cvs_per_curve)
                                           : fmt::format("{} in all", curves.offsets.back()));
+    print_mesh_reports(shot, stats.report);
     const double keys = chosen_motion_keys(shot.geometry, settings, interrupted(), progress);
     // Embree's BVH over cubic segments, medium quality: bytes and thread seconds a segment and motion step.
     constexpr double bvh_bytes = 122.0, bvh_seconds = 2e-6;

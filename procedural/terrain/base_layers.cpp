@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+// flat, noise, image: what a terrain begins with, or what is added everywhere.
+//
+// flat    the same height or thickness everywhere.
+// noise   a sum of octaves (wind/noise.h), scaled so that `amplitude` is three standard deviations: of perlin noise about three
+//         samples in a thousand lie beyond it.
+// image   heights from a file, its values v mapped to range[0] + v (range[1] - range[0]). Its first row lies at the smallest z, its
+//         first column at the smallest x; pixel centres are half a pixel within the extent. Between pixels Catmull-Rom's cubic: it
+//         goes through the pixels, continuous with its slope, and overshoots by at most an eighth of a step. Outside of the extent
+//         the layer has no share; towards its border the share falls off over `fade` metres. A pixel that is not a number is a hole:
+//         samples whose 4 x 4 pixels hold one have no share.
+//
+//     [[procedural.layer]]
+//     type = "image"
+//     file = "heights.exr"
+//     size = [512, 512]
+//     range = [0, 40]
+#include "procedural/terrain/base_layers.h"
+
+#include "core/math/hash.h"
+#include "procedural/terrain/shape_layer.h"
+#include "procedural/wind/noise.h"
+
+#include <array>
+
+namespace marram {
+
+namespace {
+
+constexpr double most_metres = 1e5;
+
+template <size_t own>
+std::array<MarramParam, own + 4> with_shape(std::array<MarramParam, own> params, const char* target) {
+    std::array<MarramParam, own + 4> all;
+    std::copy(params.begin(), params.end(), all.begin());
+    const auto shape = shape_params(target);
+    std::copy(shape.begin(), shape.end(), all.begin() + own);
+    return all;
+}
+
+class FlatLayer : public ShapeLayer {
+  public:
+    explicit FlatLayer(const LayerContext& context)
+        : ShapeLayer(read_shape(context)), height_(context.values.number("height")) {
+        domain_ = context.domain;
+    }
+
+  private:
+    void shape(int i0, int i1, int, double* own, double* share) const override {
+        std::fill_n(own, i1 - i0, height_);
+        std::fill_n(share, i1 - i0, 1.0);
+    }
+    double height_;
+};
+
+class NoiseLayer : public ShapeLayer {
+  public:
+    explicit NoiseLayer(const LayerContext& context) : ShapeLayer(read_shape(context)) {
+        domain_ = context.domain;
+        const LayerValues& values = context.values;
+        const std::string kind = values.text("kind");
+        noise_.type = kind == "billow"    ? NoiseType::billow
+                      : kind == "wavelet" ? NoiseType::wavelet
+                                          : NoiseType::perlin;
+        noise_.frequency = 1.0 / values.number("wavelength");
+        noise_.octaves = values.integer("octaves");
+        noise_.gain = values.number("gain");
+        noise_.seed = uint32_t(hash(context.seed, uint64_t(values.integer("seed"))));
+        constexpr double deviations = 3.0;
+        scale_ = values.number("amplitude") / (deviations * perlin_rms_3d);
+        offset_ = values.number("offset");
+    }
+
+  private:
+    void shape(int i0, int i1, int j, double* own, double* share) const override {
+        constexpr int most_blocks = Tiles::side / lanes;
+        std::array<Wide3d, most_blocks> points{};
+        std::array<Wide3f, most_blocks> values{};
+        const int blocks = (i1 - i0 + lanes - 1) / lanes;
+        for (int b = 0; b < blocks; ++b)
+            for (int k = 0; k < lanes; ++k) {
+                points[size_t(b)].x[k] = domain_.x(i0 + b * lanes + k);
+                points[size_t(b)].y[k] = 0.0;
+                points[size_t(b)].z[k] = domain_.z(j);
+            }
+        vector_noise(noise_, points.data(), blocks, false, 0.0, values.data());
+        for (int k = 0; k < i1 - i0; ++k) {
+            own[k] = offset_ + scale_ * double(values[size_t(k / lanes)].x[k % lanes]);
+            share[k] = 1.0;
+        }
+    }
+    FractalNoise noise_;
+    double scale_, offset_;
+};
+
+// Catmull-Rom's weights of the four pixels around a place t of the way from the second to the third.
+std::array<double, 4> cubic_weights(double t) {
+    return {t * (-0.5 + t * (1.0 - 0.5 * t)), 1.0 + t * t * (-2.5 + 1.5 * t), t * (0.5 + t * (2.0 - 1.5 * t)),
+            t * t * (-0.5 + 0.5 * t)};
+}
+
+class ImageLayer : public ShapeLayer {
+  public:
+    explicit ImageLayer(const LayerContext& context) : ShapeLayer(read_shape(context)) {
+        domain_ = context.domain;
+        const LayerValues& values = context.values;
+        const MarramGrid& grid = *values.at("file").grid;
+        nx_ = int(grid.nx);
+        nz_ = int(grid.ny);
+        pixels_.resize(size_t(nx_) * size_t(nz_));
+        const Vec2d range = values.vec2("range");
+        for (size_t p = 0; p < pixels_.size(); ++p)
+            pixels_[p] =
+                float(range.x() + double(grid.values[p * grid.components]) * (range.y() - range.x()));
+        const Vec2d domain_size(domain_.cell * (domain_.nx - 1), domain_.cell * (domain_.nz - 1));
+        size_ = values.has("size") ? values.vec2("size") : domain_size;
+        const Vec2d center =
+            values.has("center") ? values.vec2("center") : Vec2d(domain_.x0, domain_.z0) + 0.5 * domain_size;
+        begin_ = center - 0.5 * size_;
+        fade_ = values.number("fade");
+    }
+
+  private:
+    bool touches(const Rect& rect) const override {
+        return domain_.x(rect.i1 - 1) >= begin_.x() && domain_.x(rect.i0) <= begin_.x() + size_.x() &&
+               domain_.z(rect.j1 - 1) >= begin_.y() && domain_.z(rect.j0) <= begin_.y() + size_.y();
+    }
+
+    double faded(double inside) const { // metres from the border
+        if (!(fade_ > 0.0)) return 1.0;
+        const double t = std::clamp(inside / fade_, 0.0, 1.0);
+        return t * t * (3.0 - 2.0 * t);
+    }
+
+    void shape(int i0, int i1, int j, double* own, double* share) const override {
+        const double z = domain_.z(j) - begin_.y();
+        if (!(z >= 0.0 && z <= size_.y())) return;
+        for (int i = i0; i < i1; ++i) {
+            const double x = domain_.x(i) - begin_.x();
+            if (!(x >= 0.0 && x <= size_.x())) continue;
+            const double value = at(x / size_.x() * nx_ - 0.5, z / size_.y() * nz_ - 0.5);
+            if (!std::isfinite(value)) continue; // a hole
+            own[i - i0] = value;
+            share[i - i0] = faded(std::min({x, z, size_.x() - x, size_.y() - z}));
+        }
+    }
+
+    // At a place in pixels; beyond the outermost centres as at these.
+    double at(double x, double y) const {
+        x = std::clamp(x, 0.0, double(nx_ - 1));
+        y = std::clamp(y, 0.0, double(nz_ - 1));
+        const int i = std::min(int(x), std::max(nx_ - 2, 0)), j = std::min(int(y), std::max(nz_ - 2, 0));
+        const std::array<double, 4> wx = cubic_weights(x - i), wy = cubic_weights(y - j);
+        double sum = 0.0;
+        for (int b = 0; b < 4; ++b)
+            for (int a = 0; a < 4; ++a) {
+                const int column = std::clamp(i + a - 1, 0, nx_ - 1), row = std::clamp(j + b - 1, 0, nz_ - 1);
+                const float pixel = pixels_[size_t(row) * size_t(nx_) + size_t(column)];
+                sum += wx[size_t(a)] * wy[size_t(b)] * double(pixel);
+            }
+        return sum;
+    }
+
+    std::vector<float> pixels_; // metres
+    int nx_, nz_;
+    Vec2d begin_, size_;
+    double fade_;
+};
+
+template <typename Made>
+std::unique_ptr<Layer> make_base(const LayerContext& context) {
+    return std::make_unique<Made>(context);
+}
+
+} // namespace
+
+LayerType flat_layer_type() {
+    static const auto params = with_shape<1>({MarramParam{"height", MARRAM_NUMBER, "m", "1", -most_metres,
+                                                          most_metres, "", "height, or thickness of sand"}},
+                                             "\"bedrock\"");
+    return {"flat", "the same height everywhere", params, make_base<FlatLayer>};
+}
+
+LayerType noise_layer_type() {
+    static const auto params = with_shape<7>(
+        {MarramParam{"amplitude", MARRAM_NUMBER, "m", "2", 0, most_metres, "",
+                     "height above and below the mean that it seldom exceeds"},
+         MarramParam{"offset", MARRAM_NUMBER, "m", "0", -most_metres, most_metres, "", "the mean"},
+         MarramParam{"wavelength", MARRAM_NUMBER, "m", "60", 1e-3, 1e6, "", "of the coarsest octave"},
+         MarramParam{"octaves", MARRAM_INTEGER, "", "5", 1, 16, "", "each half as long as the one before"},
+         MarramParam{"gain", MARRAM_NUMBER, "", "0.45", 0, 1, "",
+                     "height of an octave over that of the one before"},
+         MarramParam{"kind", MARRAM_CHOICE, "", "\"perlin\"", 0, 0, "perlin|billow|wavelet",
+                     "billow: rounded heaps"},
+         MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "another number, another noise"}},
+        "\"bedrock\"");
+    return {"noise", "hills of fractal noise", params, make_base<NoiseLayer>};
+}
+
+LayerType image_layer_type() {
+    static const auto params = with_shape<5>(
+        {MarramParam{"file", MARRAM_IMAGE, "", "", 0, 0, "", "EXR, TIFF or PNG; its first channel"},
+         MarramParam{"size", MARRAM_VEC2, "m", "none", 1e-3, 1e7, "",
+                     "extent in x and z; absent: the terrain's"},
+         MarramParam{"center", MARRAM_VEC2, "m", "none", -1e7, 1e7, "", "x and z; absent: the terrain's"},
+         MarramParam{"range", MARRAM_VEC2, "m", "[0, 1]", -most_metres, most_metres, "",
+                     "heights of the values 0 and 1"},
+         MarramParam{"fade", MARRAM_NUMBER, "m", "0", 0, 1e6, "", "over which it fades in from its border"}},
+        "\"bedrock\"");
+    return {"image", "heights from an image", params, make_base<ImageLayer>};
+}
+
+} // namespace marram

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// The fusion layer: loose sand relaxes to its angle of repose over rock. The page of the model is in fusion.cpp.
+#pragma once
+
+#include "procedural/terrain/layer_types.h"
+
+#include <functional>
+#include <memory>
+
+namespace marram {
+
+struct FusionSettings {
+    double repose = 34.0 * degree; // radians; clamped to 1 ... 80 degrees
+    bool operator==(const FusionSettings&) const = default;
+};
+
+struct FusionResult {
+    int64_t sweeps = 0;    // over the finest grid
+    double steepest = 0.0; // radians: of the triangles whose corners all carry sand, when it ended
+    double moved = 0.0;    // sand that lies at another sample than before, metres times samples
+    bool settled = true;   // false: it ended at the bound on sweeps, or samples lie out of range
+    bool cancelled = false;
+};
+
+// Relaxes `sand` in place. Where it is cancelled, or the input is out of range, the sand is as it was.
+FusionResult relax_sand(const Domain& domain, const float* bedrock, SandUnits* sand,
+                        const FusionSettings& settings, const std::function<bool()>& cancelled);
+
+class FusionLayer : public Layer {
+  public:
+    FusionLayer(const Domain& domain, const FusionSettings& settings)
+        : domain_(domain), settings_(settings) {}
+
+    Writes writes() const override { return {.bedrock = false, .sand = true}; }
+    double reach() const override { return infinity; }
+    void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override;
+    bool evaluate_whole(const Fields& below, const LayerOutput& out,
+                        const std::function<bool()>& cancelled) const override;
+    Tiles changed_since(const Layer& before, const Domain& domain) const override;
+
+  private:
+    Domain domain_;
+    FusionSettings settings_;
+};
+
+LayerType fusion_layer_type();
+
+} // namespace marram

@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+// mask: a mask by a ramp over what is below, by name. Layers above multiply their share by it; grooms, shaders and image layers find
+// it as an attribute of the terrain.
+//
+//   by = "height"     metres: bedrock + sand
+//        "sand"       metres of sand
+//        "slope"      degrees, from central differences over two cells (one at the border)
+//        "curvature"  1/m, the Laplacian by five points: positive in hollows, negative on crests; 0 at the border
+//        "mask"       another mask (`of`)
+//        "image"      a file's first channel, stretched over the terrain, bilinear
+//        "distance"   metres to the nearest point of drawn curves (`along`), seen from above
+//
+// The ramp's values are limited to 0 ... 1. With `mask` the result is multiplied by another.
+//
+//     [[procedural.layer]]
+//     type = "mask"
+//     name = "grassy"
+//     by = "slope"
+//     ramp = [[8, 1], [20, 0]]
+#include "procedural/terrain/mask_layer.h"
+
+#include "procedural/terrain/shape_layer.h"
+
+#include <array>
+
+namespace marram {
+
+namespace {
+
+enum class MaskBy { height, sand, slope, curvature, mask, image, distance };
+
+MaskBy mask_by(std::string_view name) {
+    constexpr std::array names = {"height", "sand", "slope", "curvature", "mask", "image", "distance"};
+    for (size_t i = 0; i < names.size(); ++i)
+        if (name == names[i]) return MaskBy(i);
+    return MaskBy::height;
+}
+
+struct CurveSegment {
+    Vec2d a, b;
+};
+
+double distance_to_segment(const Vec2d& p, const CurveSegment& s) {
+    const Vec2d along = s.b - s.a;
+    const double length2 = along.squaredNorm();
+    const double t = length2 > 0.0 ? std::clamp((p - s.a).dot(along) / length2, 0.0, 1.0) : 0.0;
+    return (s.a + t * along - p).norm();
+}
+
+std::string name_of_mask(const LayerValues& values) {
+    if (values.has("name")) return values.text("name");
+    throw SceneFault("terrain.mask_name", values.place("by"), "the mask has no name",
+                     "give it one: name = \"...\"");
+}
+
+class MaskLayer : public Layer {
+  public:
+    explicit MaskLayer(const LayerContext& context) : domain_(context.domain) {
+        const LayerValues& values = context.values;
+        name_ = name_of_mask(values);
+        by_ = mask_by(values.text("by"));
+        ramp_ = values.ramp("ramp");
+        if (values.has("mask")) times_ = mask_named(context, "mask");
+        const auto need = [&](const char* parameter) {
+            if (!values.has(parameter))
+                throw SceneFault("terrain.mask_input", values.place("by"),
+                                 "a mask by " + values.text("by") + " needs '" + parameter + "'", "give it");
+        };
+        if (by_ == MaskBy::mask) need("of"), of_ = mask_named(context, "of");
+        if (by_ == MaskBy::image) need("file"), read_pixels(*values.at("file").grid);
+        if (by_ == MaskBy::distance) need("along"), read_curves(context.curves(values.text("along")));
+    }
+
+    Writes writes() const override { return {}; }
+    std::vector<std::string> mask_names() const override { return {name_}; }
+    double reach() const override {
+        return by_ == MaskBy::slope || by_ == MaskBy::curvature ? domain_.cell : 0.0;
+    }
+
+    void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override {
+        const float* of = by_ == MaskBy::mask ? find_mask(below, of_) : nullptr;
+        const float* times = times_.empty() ? nullptr : find_mask(below, times_);
+        const std::vector<CurveSegment> near = by_ == MaskBy::distance ? segments_near(rect) : segments_;
+        for (int j = rect.j0; j < rect.j1; ++j)
+            for (int i = rect.i0; i < rect.i1; ++i) {
+                const size_t sample = domain_.index(i, j);
+                const double value = of ? double(of[sample]) : measure(i, j, below, near);
+                const double mask = std::clamp(ramp_(value), 0.0, 1.0);
+                out.masks[0][sample] = float(times ? mask * double(times[sample]) : mask);
+            }
+    }
+
+  private:
+    void read_pixels(const MarramGrid& grid) {
+        nx_ = int(grid.nx);
+        nz_ = int(grid.ny);
+        pixels_.resize(size_t(nx_) * size_t(nz_));
+        for (size_t p = 0; p < pixels_.size(); ++p) pixels_[p] = grid.values[p * grid.components];
+    }
+
+    void read_curves(const std::vector<DrawnCurve>& curves) {
+        for (const DrawnCurve& curve : curves) {
+            const size_t count = curve.points.size();
+            const auto flat = [&](size_t k) { return Vec2d(curve.points[k].x(), curve.points[k].z()); };
+            for (size_t k = 0; k + 1 < count; ++k) segments_.push_back({flat(k), flat(k + 1)});
+            if (curve.closed && count > 2) segments_.push_back({flat(count - 1), flat(0)});
+            if (count == 1) segments_.push_back({flat(0), flat(0)});
+        }
+    }
+
+    // Segments that may be the nearest to a sample of the rectangle: those no farther from its centre than the nearest one, plus its
+    // diagonal.
+    std::vector<CurveSegment> segments_near(const Rect& rect) const {
+        const Vec2d a(domain_.x(rect.i0), domain_.z(rect.j0)),
+            b(domain_.x(rect.i1 - 1), domain_.z(rect.j1 - 1));
+        const Vec2d centre = 0.5 * (a + b);
+        double nearest = infinity;
+        for (const CurveSegment& s : segments_) nearest = std::min(nearest, distance_to_segment(centre, s));
+        std::vector<CurveSegment> near;
+        for (const CurveSegment& s : segments_)
+            if (distance_to_segment(centre, s) <= nearest + (b - a).norm()) near.push_back(s);
+        return near;
+    }
+
+    double slope(int i, int j, const Fields& below) const {
+        const int west = std::max(i - 1, 0), east = std::min(i + 1, domain_.nx - 1),
+                  north = std::max(j - 1, 0), south = std::min(j + 1, domain_.nz - 1);
+        const auto rise = [&](int i0, int j0, int i1, int j1) {
+            const int steps = (i1 - i0) + (j1 - j0);
+            return steps == 0 ? 0.0
+                              : (below.height(domain_.index(i1, j1)) - below.height(domain_.index(i0, j0))) /
+                                    (steps * domain_.cell);
+        };
+        return std::atan(std::hypot(rise(west, j, east, j), rise(i, north, i, south))) / degree;
+    }
+
+    double curvature(int i, int j, const Fields& below) const {
+        if (i == 0 || j == 0 || i == domain_.nx - 1 || j == domain_.nz - 1) return 0.0;
+        const auto height = [&](int a, int b) { return below.height(domain_.index(a, b)); };
+        return (height(i - 1, j) + height(i + 1, j) + height(i, j - 1) + height(i, j + 1) -
+                4.0 * height(i, j)) /
+               (domain_.cell * domain_.cell);
+    }
+
+    double pixel(int i, int j) const {
+        const auto place = [](int k, int samples, int pixels) { // pixel centres lie half a pixel within
+            const double share = samples > 1 ? double(k) / (samples - 1) : 0.5;
+            return std::clamp(share * pixels - 0.5, 0.0, double(pixels - 1));
+        };
+        const double x = place(i, domain_.nx, nx_), y = place(j, domain_.nz, nz_);
+        const int a = std::min(int(x), std::max(nx_ - 2, 0)), b = std::min(int(y), std::max(nz_ - 2, 0));
+        const int a1 = std::min(a + 1, nx_ - 1), b1 = std::min(b + 1, nz_ - 1);
+        const auto value = [&](int c, int r) { return double(pixels_[size_t(r) * size_t(nx_) + size_t(c)]); };
+        const double s = x - a, t = y - b;
+        return (1 - t) * ((1 - s) * value(a, b) + s * value(a1, b)) +
+               t * ((1 - s) * value(a, b1) + s * value(a1, b1));
+    }
+
+    double measure(int i, int j, const Fields& below, const std::vector<CurveSegment>& near) const {
+        const size_t sample = domain_.index(i, j);
+        switch (by_) {
+        case MaskBy::height:
+            return below.height(sample);
+        case MaskBy::sand:
+            return sand_metres(below.sand[sample]);
+        case MaskBy::slope:
+            return slope(i, j, below);
+        case MaskBy::curvature:
+            return curvature(i, j, below);
+        case MaskBy::image:
+            return pixel(i, j);
+        case MaskBy::mask:
+            break; // read directly
+        case MaskBy::distance:
+            break;
+        }
+        double nearest = infinity;
+        for (const CurveSegment& s : near)
+            nearest = std::min(nearest, distance_to_segment({domain_.x(i), domain_.z(j)}, s));
+        return nearest;
+    }
+
+    Domain domain_;
+    std::string name_, of_, times_;
+    MaskBy by_;
+    Ramp ramp_;
+    std::vector<float> pixels_;
+    int nx_ = 0, nz_ = 0;
+    std::vector<CurveSegment> segments_;
+};
+
+constexpr std::array mask_params = {
+    MarramParam{"by", MARRAM_CHOICE, "", "", 0, 0, "height|sand|slope|curvature|mask|image|distance",
+                "what the ramp is over"},
+    MarramParam{"ramp", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -1e9, 1e9, "",
+                "m, deg, 1/m or 0 to 1 -> the mask"},
+    MarramParam{"of", MARRAM_TEXT, "", "none", 0, 0, "", "the mask, by mask"},
+    MarramParam{"file", MARRAM_IMAGE, "", "none", 0, 0, "", "the image, by image"},
+    MarramParam{"along", MARRAM_CURVES_NAME, "", "none", 0, 0, "", "the curves, by distance"},
+    MarramParam{"mask", MARRAM_TEXT, "", "none", 0, 0, "", "name of a mask that it is multiplied by"},
+};
+
+} // namespace
+
+LayerType mask_layer_type() {
+    return {"mask", "a mask by height, slope, sand, an image, or the distance to curves", mask_params,
+            [](const LayerContext& context) -> std::unique_ptr<Layer> {
+                return std::make_unique<MaskLayer>(context);
+            },
+            [](const LayerValues& values) { return std::vector<std::string>{name_of_mask(values)}; }};
+}
+
+} // namespace marram

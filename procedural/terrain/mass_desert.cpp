@@ -1,0 +1,1108 @@
+// SPDX-License-Identifier: Apache-2.0
+// mass_desert: many dunes at once. Each is a description (crest curves with DuneSettings) that has an id and can be edited alone; its
+// surface is that of dune_shape.cpp.
+//
+// Kind. The regime chart after Wasson and Hyde (Nature 304, 1983): cover c (for the equivalent sand thickness) against variability
+// v = 1 - RDP/DP of the wind's direction. The chart has no sharp borders in the field; those used here are
+//     plants > 0.3             parabolic where c >= 0.35 and v < 0.5, else nabkha
+//     v < 0.35                 barchan for c < 0.35, barchanoid for c < 0.65, transverse above
+//     v >= 0.35                star for c >= 1.3 - v, else seif for c < 0.65, transverse above
+// c and v differ from dune to dune by at most `kind_mixing`, so that kinds mix near a border. A barchan lower than 1 m has no slip face
+// (the smallest of the field are about that high): it comes out as a dome.
+//
+// Size. The height H is uniform in its range. Of barchans and domes W = 8.6 H + 8.8 m is the width across the wind, L = 5.5 H + 10.8 m
+// the length from the stoss foot to the brink: lines through barchans of the field. Of the others:
+//     barchanoid, transverse, seif   width or length is the crest's, uniform in `ridge_length`
+//     star                           3 to 5 arms, each 4 to 6 H long; W = L = 10 H
+//     parabolic                      W as above, arms 1.2 W long upwind
+//     nabkha                         W = 5 H, a tail of 6 H downwind
+// Horns of a barchan reach `horn_length` W downwind of the brink: its crest is an arc of an ellipse.
+//
+// Profile. Slip faces are straight at `slip_angle`. A windward side is a smoothstep from the brink to the foot, whose steepest slope is
+// 1.5 H/L; where that is less than `windward_angle` it is steepened by a flat part at the brink, at most 1/7 of L. With the lines above
+// H = 4 to 8 m come to 12 degrees, lower dunes to less (2 m: 9), as in the field. A seif and the arms of a star have a
+// slip face over the upper 0.55 of both sides and a plinth of 10 degrees below.
+// DuneShape measures the distance to a curved crest by an L_p field, p = 5 (Belyaev, Fayolle, Pasko 2013), which on the
+// outer side of a bend is more than the distance. The widths are set to that field's value at the wanted foot, so that L and W are those of
+// the surface; how a barchan's windward widths fall off along its crest is fitted (barchan_widths).
+//
+// Place. Every place is a function of the seed and a cell (i, j, k), never of the area or of other dunes' edits; the id is that cell, packed:
+// 20 bits of i, 20 of j, 12 of k. Ids are unique within 2^20 cells in either direction, and exact as doubles.
+//     random   dart throwing without memory: 4 darts for every square of the least spacing, each with a hashed place, priority and
+//              spacing; a dart stays if no dart of higher priority that stays is nearer than the mean of their spacings. Whether it
+//              stays is looked up by recursion over neighbours of ever higher priority, so that the answer is that of the
+//              endless plane. Spacings above 8 times the least are taken as 8 times.
+//     cells    a lattice along the wind; neighbours of a row or a column are between both spacings apart along it
+//     across   rows across the wind, each shifted sideways and by less than half the spread of the spacing along the wind. Ridges
+//              across the wind follow each other in a row by the mean ridge length, seifs and other dunes by the mean spacing
+//     along    along each curve, both spacings as lengths along the curve
+// No two are nearer than spacing[0], along a curve or a row where the arrangement has those.
+//
+// Merging. Where dunes overlap, their thicknesses a and b meet by the smooth maximum of layer.h over k with
+//     1/k = 1/merge + 1/(2a) + 1/(2b)
+// k goes to 0 with either thickness, so that a dune changes nothing beyond its foot, and k has no crease. This is commutative but not
+// associative: dunes are taken by ascending id.
+//
+// The layer looks beyond the domain by mass_reach(), so that a part of a desert is the same as the whole there. Cost: a dune about
+// 10 us to describe and to resample, 2000 samples to find a tight box, then what DuneShape takes a sample and segment within it.
+//
+//     [[procedural.layer]]
+//     type = "mass_desert"
+//     sand_cover = 0.2
+//     height = [2, 6]
+//     spacing = [80, 140]
+//     [[procedural.layer.edit]]
+//     id = 2251801961172992
+//     move = [12, -4]
+#include "procedural/terrain/mass_desert.h"
+
+#include "core/math/digest.h"
+#include "core/math/hash.h"
+
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <numeric>
+#include <unordered_map>
+
+namespace marram {
+
+namespace {
+
+constexpr double least_height = 1e-3, most_height = 1e3, least_spacing = 0.1, most_spacing = 1e6; // metres
+
+constexpr std::array<std::string_view, 8> mass_kinds = {"barchan", "barchanoid", "transverse", "seif",
+                                                        "star",    "dome",       "parabolic",  "nabkha"};
+
+// What a hash is for: the words that tell the random numbers of one dune apart.
+enum class MassUse : uint64_t {
+    place_x,
+    place_z,
+    spacing,
+    priority,
+    density,
+    height,
+    angle, // and three more
+    cover = angle + 4,
+    variability,
+    length,
+    wave,             // and 7 more
+    crest = wave + 8, // heights along the crest, 16
+    arm = crest + 16, // 16
+    noise = arm + 16,
+    row,
+    stagger
+};
+
+// The random numbers of one dune or cell.
+struct MassHash {
+    uint64_t word;
+    double operator()(MassUse use, int more = 0) const { // in [0, 1)
+        return unit_double(hash(word, uint64_t(use) + uint64_t(more)));
+    }
+    double in(const Vec2d& range, MassUse use) const {
+        return range.x() + (range.y() - range.x()) * (*this)(use);
+    }
+    double jitter(MassUse use, int more = 0) const { return 2.0 * (*this)(use, more) - 1.0; }
+    // Mean 0, variance 1, bounded by 3.5: the sum of four uniform numbers.
+    double normal(MassUse use) const {
+        double sum = -2.0;
+        for (int i = 0; i < 4; ++i) sum += (*this)(use, i);
+        return sum * std::sqrt(3.0);
+    }
+};
+
+Vec2d mass_turned(const Vec2d& v, double angle) {
+    const double c = std::cos(angle), s = std::sin(angle);
+    return {c * v.x() - s * v.y(), s * v.x() + c * v.y()};
+}
+
+// ---- Places ----------------------------------------------------------------------------------------------------------
+
+struct MassPlace {
+    uint64_t id;
+    Vec2d at;
+    double angle; // downwind
+};
+
+uint64_t mass_id(int64_t i, int64_t j, int64_t k) {
+    constexpr uint64_t half = 1 << 19, mask = (1 << 20) - 1;
+    return ((uint64_t(i) + half) & mask) << 32 | ((uint64_t(j) + half) & mask) << 12 | (uint64_t(k) & 0xfff);
+}
+
+struct MassArea {
+    Vec2d lower, upper;
+    bool has(const Vec2d& p) const {
+        return (p.array() >= lower.array()).all() && (p.array() < upper.array()).all();
+    }
+};
+
+uint64_t mass_seed(const MassSettings& settings) {
+    return hash(settings.seed, uint64_t(settings.arrangement) + 0x6d617373);
+}
+
+int64_t mass_cell(double x, double size) { return int64_t(std::floor(x / size)); }
+
+// Dart throwing without memory: see the page.
+class MassDarts {
+  public:
+    explicit MassDarts(const MassSettings& settings)
+        : seed_(mass_seed(settings)), spacing_(settings.spacing) {
+        constexpr double most_ratio = 8.0;
+        spacing_.y() = std::min(spacing_.y(), most_ratio * spacing_.x());
+        const double ratio = spacing_.y() / spacing_.x();
+        count_ = std::max(int(std::lround(4.0 * ratio * ratio)), 4);
+    }
+
+    double cell() const { return spacing_.y(); }
+    int count() const { return count_; }
+    const Vec2d& at(int64_t i, int64_t j, int k) { return darts(i, j)[size_t(k)].at; }
+
+    bool stays(int64_t i, int64_t j, int k) {
+        Dart& dart = darts(i, j)[size_t(k)];
+        if (dart.known == Known::nothing) dart.known = beaten(i, j, dart) ? Known::goes : Known::stays;
+        return dart.known == Known::stays;
+    }
+
+  private:
+    enum class Known : char { nothing, stays, goes };
+    struct Dart {
+        Vec2d at;
+        double spacing;
+        uint64_t priority, id;
+        Known known = Known::nothing;
+        bool below(const Dart& other) const {
+            return priority != other.priority ? priority < other.priority : id < other.id;
+        }
+    };
+
+    // References stay valid: the map's nodes do not move.
+    std::vector<Dart>& darts(int64_t i, int64_t j) {
+        std::vector<Dart>& cell = cells_[mass_id(i, j, 0)];
+        if (!cell.empty()) return cell;
+        for (int k = 0; k < count_; ++k) {
+            const uint64_t id = mass_id(i, j, k);
+            const MassHash random{hash(seed_, id)};
+            const Vec2d at((double(i) + random(MassUse::place_x)) * spacing_.y(),
+                           (double(j) + random(MassUse::place_z)) * spacing_.y());
+            cell.push_back({at, random.in(spacing_, MassUse::spacing),
+                            hash(random.word, uint64_t(MassUse::priority)), id});
+        }
+        return cell;
+    }
+
+    bool beaten(int64_t i, int64_t j, const Dart& dart) {
+        for (int64_t b = j - 1; b <= j + 1; ++b)
+            for (int64_t a = i - 1; a <= i + 1; ++a) {
+                const std::vector<Dart>& others = darts(a, b);
+                for (int k = 0; k < count_; ++k) {
+                    const Dart& other = others[size_t(k)];
+                    const double apart = 0.5 * (dart.spacing + other.spacing);
+                    if (dart.below(other) && (other.at - dart.at).squaredNorm() < apart * apart &&
+                        stays(a, b, k))
+                        return true;
+                }
+            }
+        return false;
+    }
+
+    uint64_t seed_;
+    Vec2d spacing_;
+    int count_;
+    std::unordered_map<uint64_t, std::vector<Dart>> cells_;
+};
+
+void mass_too_many(double about, const std::string& place = "") {
+    throw SceneFault(
+        "mass_desert.too_many", place,
+        fmt::format("about {:.3g} dunes are asked for; the most is {:.0f}", about, most_mass_dunes),
+        "raise spacing, or give a smaller area");
+}
+
+double mass_wind_angle(const MassSettings& settings) {
+    const Vec2d& w = settings.wind;
+    return w.allFinite() && w.stableNorm() > 0.0 ? std::atan2(w.y(), w.x()) : 0.0;
+}
+
+void random_places(const MassSettings& settings, const MassArea& area, std::vector<MassPlace>& out) {
+    MassDarts darts(settings);
+    const double cell = darts.cell(), angle = mass_wind_angle(settings);
+    for (int64_t j = mass_cell(area.lower.y(), cell); j <= mass_cell(area.upper.y(), cell); ++j)
+        for (int64_t i = mass_cell(area.lower.x(), cell); i <= mass_cell(area.upper.x(), cell); ++i)
+            for (int k = 0; k < darts.count(); ++k) {
+                const Vec2d at = darts.at(i, j, k);
+                if (area.has(at) && darts.stays(i, j, k)) out.push_back({mass_id(i, j, k), at, angle});
+            }
+}
+
+MassKind mass_field_kind(const MassSettings& s) {
+    return s.kind ? *s.kind : regime_kind(s.sand_cover, s.wind_variability, s.plants);
+}
+
+// A lattice along the wind: its pitch downwind and across, how far a place leaves its node, and whether rows are shifted.
+struct MassLattice {
+    Vec2d pitch, jitter;
+    bool rows;
+};
+
+MassLattice mass_lattice(const MassSettings& s) {
+    const double mean = 0.5 * s.spacing.sum(), free = 0.25 * (s.spacing.y() - s.spacing.x());
+    if (s.arrangement == MassArrangement::cells) return {{mean, mean}, {free, free}, false};
+    const double ridge = 0.5 * s.ridge_length.sum();
+    const MassKind kind = mass_field_kind(s);
+    if (kind == MassKind::seif) return {{std::max(ridge, mean), mean}, {free, free}, true};
+    const bool ridges = kind == MassKind::transverse || kind == MassKind::barchanoid;
+    return {{mean, ridges ? std::max(ridge, mean) : mean}, {free, ridges ? 0.0 : free}, true};
+}
+
+void lattice_places(const MassSettings& settings, const MassArea& area, std::vector<MassPlace>& out) {
+    const MassLattice lattice = mass_lattice(settings);
+    const double angle = mass_wind_angle(settings);
+    const uint64_t seed = mass_seed(settings);
+    Vec2d low = Vec2d::Constant(infinity), high = -low;
+    for (const Vec2d& corner : {area.lower, area.upper, Vec2d(area.lower.x(), area.upper.y()),
+                                Vec2d(area.upper.x(), area.lower.y())}) {
+        const Vec2d p = mass_turned(corner, -angle).cwiseQuotient(lattice.pitch);
+        low = low.cwiseMin(p);
+        high = high.cwiseMax(p);
+    }
+    // A place lies within one pitch of its cell.
+    for (int64_t i = int64_t(std::floor(low.x())) - 1; i <= int64_t(std::floor(high.x())) + 1; ++i) {
+        const MassHash row{hash(seed, uint64_t(i))};
+        const double shift = lattice.rows ? row(MassUse::stagger) : 0.5;
+        for (int64_t j = int64_t(std::floor(low.y())) - 2; j <= int64_t(std::floor(high.y())) + 1; ++j) {
+            const uint64_t id = mass_id(i, j, 0);
+            const MassHash random{hash(seed, id)};
+            const double along = lattice.rows ? row.jitter(MassUse::row) : random.jitter(MassUse::place_x);
+            const Vec2d p((double(i) + 0.5) * lattice.pitch.x() + along * lattice.jitter.x(),
+                          (double(j) + shift) * lattice.pitch.y() +
+                              random.jitter(MassUse::place_z) * lattice.jitter.y());
+            const Vec2d at = mass_turned(p, angle);
+            if (area.has(at)) out.push_back({id, at, angle});
+        }
+    }
+}
+
+// Where the dune stands whose place on the curve is segment p q.
+double followed_angle(const MassSettings& settings, const Vec2d& p, const Vec2d& q) {
+    const double wind = mass_wind_angle(settings);
+    if (!settings.follow) return wind;
+    Vec2d normal(p.y() - q.y(), q.x() - p.x());
+    if (normal.dot(Vec2d(std::cos(wind), std::sin(wind))) < 0.0) normal = -normal;
+    return std::atan2(normal.y(), normal.x());
+}
+
+void curve_places(const MassSettings& settings, const MassArea& area, std::vector<MassPlace>& out) {
+    const double mean = 0.5 * settings.spacing.sum(),
+                 free = 0.25 * (settings.spacing.y() - settings.spacing.x());
+    for (size_t c = 0; c < settings.curves.size(); ++c) {
+        const std::vector<Vec2d>& curve = settings.curves[c];
+        double begin = 0.0; // length of the curve up to the segment
+        int64_t next = 0;
+        for (size_t s = 0; s + 1 < curve.size(); ++s) {
+            const double length = (curve[s + 1] - curve[s]).norm();
+            if (!std::isfinite(length)) continue;
+            while (true) {
+                const uint64_t id = mass_id(next, int64_t(c), 0);
+                const MassHash random{hash(mass_seed(settings), id)};
+                const double to =
+                    (double(next) + 0.5) * mean + free * random.jitter(MassUse::place_x) - begin;
+                if (to >= length) break;
+                ++next;
+                const double t = length > 0.0 ? std::max(to, 0.0) / length : 0.0;
+                const Vec2d at = curve[s] + t * (curve[s + 1] - curve[s]);
+                if (area.has(at)) out.push_back({id, at, followed_angle(settings, curve[s], curve[s + 1])});
+            }
+            begin += length;
+        }
+    }
+}
+
+// About how many places the area asks for, from above.
+double mass_count(const MassSettings& s, const MassArea& area) {
+    const double mean = 0.5 * s.spacing.sum();
+    if (s.arrangement == MassArrangement::along) {
+        double length = 0.0;
+        for (const std::vector<Vec2d>& curve : s.curves)
+            for (size_t p = 0; p + 1 < curve.size(); ++p) {
+                const double segment = (curve[p + 1] - curve[p]).norm();
+                if (std::isfinite(segment)) length += segment;
+            }
+        return length / mean;
+    }
+    const Vec2d size = area.upper - area.lower;
+    if (s.arrangement == MassArrangement::random) {
+        constexpr double packing = 0.7; // dunes a square of their mean spacing, where nothing more fits
+        const double reach = std::min(mean, 4.5 * s.spacing.x());
+        return packing * (size.x() / reach + 1.0) * (size.y() / reach + 1.0);
+    }
+    const MassLattice lattice = mass_lattice(s);
+    const double diagonal = size.norm(); // cells of a square around the turned area are looked at
+    return (diagonal / lattice.pitch.x() + 1.0) * (diagonal / lattice.pitch.y() + 1.0);
+}
+
+std::vector<MassPlace> mass_places(const MassSettings& settings, const MassArea& area) {
+    std::vector<MassPlace> places;
+    constexpr double farthest = 1e9; // metres: a cell's number fits its integer
+    if (!area.lower.allFinite() || !area.upper.allFinite() ||
+        !(area.lower.array() < area.upper.array()).all() || area.lower.cwiseAbs().maxCoeff() > farthest ||
+        area.upper.cwiseAbs().maxCoeff() > farthest)
+        return places;
+    if (const double about = mass_count(settings, area); about > most_mass_dunes) mass_too_many(about);
+    switch (settings.arrangement) {
+    case MassArrangement::random:
+        random_places(settings, area, places);
+        break;
+    case MassArrangement::along:
+        curve_places(settings, area, places);
+        break;
+    case MassArrangement::across:
+    case MassArrangement::cells:
+        lattice_places(settings, area, places);
+        break;
+    }
+    const uint64_t seed = mass_seed(settings);
+    std::erase_if(places, [&](const MassPlace& place) {
+        return MassHash{hash(seed, place.id)}(MassUse::density) >= settings.density;
+    });
+    std::ranges::sort(places, {}, &MassPlace::id);
+    return places;
+}
+
+// ---- Shapes: crests in metres, x downwind and y across, from the dune's place ----------------------------------------------
+
+// The distance of dune_shape.cpp from a crest, and the share of a width that it meets there, for ramps linear along each segment.
+double crest_distance(const std::vector<Vec2d>& crest, const Ramp& width, const Vec2d& at, double& share) {
+    double length = 0.0, begin = 0.0, sum = 0.0, weighted = 0.0;
+    for (size_t i = 0; i + 1 < crest.size(); ++i) length += (crest[i + 1] - crest[i]).norm();
+    for (size_t i = 0; i + 1 < crest.size(); ++i) {
+        const Vec2d edge = crest[i + 1] - crest[i];
+        const double l = edge.norm();
+        if (!(l > 0.0)) continue;
+        const Vec2d d = edge / l, to = crest[i] - at;
+        const double t0 = d.dot(to), s = d.x() * to.y() - d.y() * to.x();
+        constexpr int steps = 4; // Simpson's rule: the foot is several segments away
+        for (int k = 0; k <= steps; ++k) {
+            const double x = l * k / steps, r2 = s * s + (t0 + x) * (t0 + x);
+            const double weight = (k == 0 || k == steps ? 1.0 : k % 2 ? 4.0 : 2.0) * l / (3.0 * steps);
+            const double value = weight / (r2 * r2 * std::sqrt(r2));
+            sum += value;
+            weighted += value * width((begin + x) / length);
+        }
+        begin += l;
+    }
+    share = weighted / sum;
+    return std::pow(0.75 * sum, -0.25);
+}
+
+// slope_width with which the foot lies there.
+double width_to(const std::vector<Vec2d>& crest, const Ramp& width, const Vec2d& foot) {
+    double share = 1.0;
+    const double distance = crest_distance(crest, width, foot, share);
+    return distance / share;
+}
+
+Ramp mass_ramp(std::initializer_list<double> knots, std::string_view interpolation = "smooth") {
+    return Ramp(std::span(knots.begin(), knots.size()), interpolation);
+}
+
+double field_width(double height) { return 8.6 * height + 8.8; }
+double field_length(double height) { return 5.5 * height + 10.8; }
+
+// The windward profile: smoothstep from a flat part at the brink to the foot.
+Ramp windward_profile(const MassSettings& s, double height, double length) {
+    constexpr double steepest = 1.75; // of the profile in units of height / length: a flat part of 1/7
+    const double wanted = std::tan(s.windward_angle) * length / height;
+    const double factor = wanted > 1.5 ? std::min(wanted, steepest) : 1.5;
+    const double flat = 1.0 - 1.5 / factor;
+    return mass_ramp({flat, 1.0, 1.0, 0.0});
+}
+
+// An arc of an ellipse from (depth, -width / 2) through (0, 0) to (depth, width / 2); its ends turn 75 degrees.
+Vec2d crescent_point(double t, double width, double depth) { // t from -1 to 1
+    constexpr double end = 75.0 * degree;
+    return {depth * (1.0 - std::cos(end * t)) / (1.0 - std::cos(end)),
+            0.5 * width * std::sin(end * t) / std::sin(end)};
+}
+
+std::vector<Vec2d> crescent(double width, double depth) {
+    constexpr int segments = 16;
+    std::vector<Vec2d> crest;
+    for (int i = 0; i <= segments; ++i)
+        crest.push_back(crescent_point(2.0 * i / segments - 1.0, width, depth));
+    return crest;
+}
+
+// Windward widths along a barchan's crest, from 1 in the middle down to its ends. The flanks of a long narrow dune need the fall to be steeper:
+// its strength is fitted to the surface. With horns of 0.3 W the surface's W is within 4 % of the line for H = 2 to 20 m.
+Ramp barchan_widths(double length_over_width, double horn) {
+    constexpr int segments = 16;
+    const double r = length_over_width - 0.7, g = horn - 0.45;
+    const double fall = std::exp(std::clamp(3.8 + 10.3 * r + 1.37 * r * r + 4.04 * g, 1.0, 6.4));
+    std::vector<double> knots;
+    for (int i = 0; i <= segments; ++i) {
+        const double t = 2.0 * i / segments - 1.0;
+        knots.insert(knots.end(), {double(i) / segments, 1.0 / (1.0 + fall * t * t)});
+    }
+    return Ramp(knots, "linear");
+}
+
+void make_barchan(const MassSettings& s, MassDune& dune) {
+    const double h = dune.height;
+    dune.width = field_width(h);
+    dune.length = field_length(h);
+    DuneSettings& d = dune.settings;
+    constexpr double span = 0.88; // of the crest, share of W: the flanks reach further
+    dune.crests = {crescent(span * dune.width, s.horn_length * dune.width)};
+    d.main_curve_shape = mass_ramp({0.0, 0.0, 0.5, 1.0, 1.0, 0.0});
+    d.outer_slope_fall_off_along_curve = barchan_widths(dune.length / dune.width, s.horn_length);
+    d.slope_width = width_to(dune.crests[0], d.outer_slope_fall_off_along_curve, {-dune.length, 0.0});
+    d.outer_slope_shape = windward_profile(s, h, dune.length);
+    d.inner_slope_angle = s.slip_angle;
+}
+
+// Heights along a ridge: 0 at its ends, between `low` and 1 within.
+Ramp ridge_heights(const MassHash& random, double low) {
+    constexpr int inner = 7;
+    std::array<double, inner> heights;
+    for (int i = 0; i < inner; ++i) heights[size_t(i)] = low + (1.0 - low) * random(MassUse::crest, i);
+    heights[size_t(random(MassUse::crest, inner) * inner)] = 1.0; // one of them is the dune's height
+    std::vector<double> knots = {0.0, 0.0};
+    for (int i = 0; i < inner; ++i)
+        knots.insert(knots.end(), {(i + 1.0) / (inner + 1.0), heights[size_t(i)]});
+    knots.insert(knots.end(), {1.0, 0.0});
+    return Ramp(knots, "smooth");
+}
+
+// Sideways displacement of a ridge's crest, t from 0 to 1: two waves that differ from ridge to ridge, and 0 in the mean of many.
+double ridge_wave(const MassHash& random, double length, double sinuosity, double t) {
+    const double waves = 1.5 + random(MassUse::wave), second = 2.1 + 0.8 * random(MassUse::wave, 1);
+    const double a = 2.0 * pi * (waves * t + random(MassUse::wave, 2));
+    const double b = 2.0 * pi * (waves * second * t + random(MassUse::wave, 3));
+    return sinuosity * length / waves * (0.7 * std::sin(a) + 0.3 * std::sin(b));
+}
+
+constexpr int ridge_segments = 32;
+
+void make_transverse(const MassSettings& s, const MassHash& random, MassDune& dune) {
+    dune.width = random.in(s.ridge_length, MassUse::length);
+    dune.length = field_length(dune.height);
+    std::vector<Vec2d> crest;
+    for (int i = 0; i <= ridge_segments; ++i) {
+        const double t = double(i) / ridge_segments;
+        crest.emplace_back(ridge_wave(random, dune.width, s.sinuosity, t), (t - 0.5) * dune.width);
+    }
+    dune.crests = {std::move(crest)};
+    DuneSettings& d = dune.settings;
+    d.main_curve_shape = ridge_heights(random, 0.7);
+    d.slope_width = dune.length;
+    d.outer_slope_fall_off_along_curve = mass_ramp({0.0, 0.3, 0.12, 1.0, 0.88, 1.0, 1.0, 0.3});
+    d.outer_slope_shape = windward_profile(s, dune.height, dune.length);
+    d.inner_slope_angle = s.slip_angle;
+}
+
+// Two to four crescents, joined at their horns, where the crest is lower and points downwind.
+void make_barchanoid(const MassSettings& s, const MassHash& random, MassDune& dune) {
+    dune.width = random.in(s.ridge_length, MassUse::length);
+    dune.length = field_length(dune.height);
+    const double wanted = std::clamp(dune.width / (0.8 * field_width(dune.height)), 2.0, 4.0);
+    const int links = int(std::lround(wanted));
+    constexpr int segments = 8;
+    std::vector<Vec2d> crest;
+    std::vector<double> heights = {0.0, 0.0}, widths = {0.0, 0.2};
+    const double each = dune.width / links;
+    for (int link = 0; link < links; ++link) {
+        const double depth = s.horn_length * each * (0.8 + 0.4 * random(MassUse::wave, link));
+        for (int k = link == 0 ? 0 : 1; k <= segments; ++k) {
+            const Vec2d p = crescent_point(2.0 * k / segments - 1.0, each, depth);
+            crest.emplace_back(p.x() - depth, p.y() + (link + 0.5) * each - 0.5 * dune.width);
+        }
+        const double middle = (link + 0.5) / links, end = (link + 1.0) / links;
+        const bool last = link + 1 == links;
+        heights.insert(heights.end(),
+                       {middle, link == links / 2 ? 1.0 : 0.85 + 0.15 * random(MassUse::crest, link), end,
+                        last ? 0.0 : 0.6});
+        widths.insert(widths.end(), {middle, 1.0, end, last ? 0.2 : 0.7});
+    }
+    dune.crests = {std::move(crest)};
+    DuneSettings& d = dune.settings;
+    d.main_curve_shape = Ramp(heights, "smooth");
+    d.outer_slope_fall_off_along_curve = Ramp(widths, "smooth");
+    d.slope_width = dune.length;
+    d.outer_slope_shape = windward_profile(s, dune.height, dune.length);
+    d.inner_slope_angle = s.slip_angle;
+}
+
+// Both sides: a slip face over the upper 0.55, a plinth below. Widths go with the height, so that the angles hold all along.
+void two_slip_faces(const MassSettings& s, MassDune& dune) {
+    constexpr double face = 0.55, share = 0.25; // of the height, of the width
+    DuneSettings& d = dune.settings;
+    d.slope_width = face * dune.height / (share * std::tan(s.slip_angle));
+    d.outer_slope_mult = d.inner_slope_mult = 1.0;
+    d.inner_slope_angle = 0.0;
+    d.outer_slope_shape = d.inner_slope_shape = mass_ramp({0.0, 1.0, share, 1.0 - face, 1.0, 0.0}, "linear");
+    d.outer_slope_fall_off_along_curve = d.inner_slope_fall_off_along_curve = d.main_curve_shape;
+}
+
+void make_seif(const MassSettings& s, const MassHash& random, MassDune& dune) {
+    dune.length = random.in(s.ridge_length, MassUse::length);
+    std::vector<Vec2d> crest;
+    for (int i = 0; i <= ridge_segments; ++i) {
+        const double t = double(i) / ridge_segments;
+        crest.emplace_back((t - 0.5) * dune.length, ridge_wave(random, dune.length, s.sinuosity, t));
+    }
+    dune.crests = {std::move(crest)};
+    dune.settings.main_curve_shape = ridge_heights(random, 0.75);
+    two_slip_faces(s, dune);
+    dune.width = 2.0 * dune.settings.slope_width;
+}
+
+void make_star(const MassSettings& s, const MassHash& random, MassDune& dune) {
+    constexpr int segments = 12;
+    const int arms = 3 + int(3.0 * random(MassUse::arm));
+    const double first = 2.0 * pi * random(MassUse::arm, 1), sector = 2.0 * pi / arms;
+    dune.crests.clear();
+    for (int arm = 0; arm < arms; ++arm) {
+        const double angle = first + sector * (arm + 0.2 * random.jitter(MassUse::arm, 2 + arm));
+        const double bend = 30.0 * degree * random.jitter(MassUse::wave, arm);
+        const double length = dune.height * (5.0 + random.jitter(MassUse::arm, 8 + arm));
+        std::vector<Vec2d> crest;
+        for (int i = 0; i <= segments; ++i) {
+            const double t = double(i) / segments;
+            crest.push_back(mass_turned({length * t, 0.0}, angle + bend * t));
+        }
+        dune.crests.push_back(std::move(crest));
+    }
+    dune.settings.main_curve_shape =
+        mass_ramp({0.0, 1.0, 0.2, 0.78, 0.4, 0.58, 0.6, 0.4, 0.8, 0.22, 1.0, 0.0}, "linear");
+    two_slip_faces(s, dune);
+    dune.width = dune.length = 10.0 * dune.height;
+}
+
+// A mound around a short crest across the wind.
+void make_dome(const MassSettings&, MassDune& dune) {
+    constexpr int segments = 8;
+    dune.width = field_width(dune.height);
+    std::vector<Vec2d> crest;
+    for (int i = 0; i <= segments; ++i)
+        crest.emplace_back(0.0, dune.width * 0.3 * (double(i) / segments - 0.5));
+    DuneSettings& d = dune.settings;
+    d.slope_width = width_to(crest, Ramp(), {0.0, 0.5 * dune.width});
+    dune.crests = {std::move(crest)};
+    d.outer_slope_mult = d.inner_slope_mult = 1.0;
+    d.outer_slope_shape = d.inner_slope_shape = mass_ramp({0.0, 1.0, 1.0, 0.0});
+    dune.length = field_length(dune.height);
+}
+
+// A U whose arms point upwind, held by plants; the slip face is on the outside of its nose.
+void make_parabolic(const MassSettings& s, MassDune& dune) {
+    dune.width = field_width(dune.height);
+    dune.length = field_length(dune.height);
+    DuneSettings& d = dune.settings;
+    dune.crests = {crescent(0.8 * dune.width, -1.2 * dune.width)};
+    d.main_curve_shape = mass_ramp({0.0, 0.0, 0.25, 0.45, 0.5, 1.0, 0.75, 0.45, 1.0, 0.0});
+    d.outer_slope_fall_off_along_curve = mass_ramp({0.0, 0.1, 0.25, 0.3, 0.5, 1.0, 0.75, 0.3, 1.0, 0.1});
+    d.slope_width = dune.length;
+    d.outer_slope_shape = windward_profile(s, dune.height, dune.length);
+    d.inner_slope_angle = s.slip_angle;
+}
+
+// A mound around a tuft, with a tail in its lee.
+void make_nabkha(const MassSettings&, MassDune& dune) {
+    constexpr int segments = 8;
+    dune.width = 5.0 * dune.height;
+    dune.length = 6.0 * dune.height;
+    std::vector<Vec2d> crest;
+    for (int i = 0; i <= segments; ++i) crest.emplace_back(dune.length * i / segments, 0.0);
+    dune.crests = {std::move(crest)};
+    DuneSettings& d = dune.settings;
+    d.main_curve_shape = mass_ramp({0.0, 1.0, 1.0, 0.0});
+    d.slope_width = 0.5 * dune.width;
+    d.outer_slope_mult = d.inner_slope_mult = 1.0;
+    d.outer_slope_fall_off_along_curve = d.inner_slope_fall_off_along_curve = mass_ramp({0.0, 1.0, 1.0, 0.3});
+    d.outer_slope_shape = d.inner_slope_shape = mass_ramp({0.0, 1.0, 1.0, 0.0});
+}
+
+MassKind mass_kind(const MassSettings& s, const MassHash& random, double height) {
+    if (s.kind) return *s.kind;
+    const double cover = s.sand_cover + s.kind_mixing * random.jitter(MassUse::cover);
+    const double variability = s.wind_variability + s.kind_mixing * random.jitter(MassUse::variability);
+    const MassKind kind = regime_kind(cover, variability, s.plants);
+    constexpr double lowest_barchan = 1.0; // metres: lower ones have no slip face
+    return kind == MassKind::barchan && height < lowest_barchan ? MassKind::dome : kind;
+}
+
+void make_shape(const MassSettings& s, const MassHash& random, MassDune& dune) {
+    switch (dune.kind) {
+    case MassKind::barchan:
+        return make_barchan(s, dune);
+    case MassKind::barchanoid:
+        return make_barchanoid(s, random, dune);
+    case MassKind::transverse:
+        return make_transverse(s, random, dune);
+    case MassKind::seif:
+        return make_seif(s, random, dune);
+    case MassKind::star:
+        return make_star(s, random, dune);
+    case MassKind::dome:
+        return make_dome(s, dune);
+    case MassKind::parabolic:
+        return make_parabolic(s, dune);
+    case MassKind::nabkha:
+        return make_nabkha(s, dune);
+    }
+}
+
+// Smoothing that rounds the corners of the polyline, no more; about as many segments as it has points.
+void resample_as_drawn(MassDune& dune) {
+    double length = 0.0, segments = 0.0;
+    for (const std::vector<Vec2d>& crest : dune.crests)
+        for (size_t i = 0; i + 1 < crest.size(); ++i, segments += 1.0)
+            length += (crest[i + 1] - crest[i]).norm();
+    const double spacing = length / segments, width = dune.settings.slope_width;
+    dune.settings.smoothing = 0.5 * spacing / width;
+    dune.settings.search_accuracy = std::clamp(1.25 * width / spacing, 1.0, 8.0);
+}
+
+void apply(const DuneEdit& edit, MassDune& dune) {
+    dune.at += edit.move;
+    dune.angle += edit.rotate;
+    for (std::vector<Vec2d>& crest : dune.crests)
+        for (Vec2d& p : crest) p *= edit.scale;
+    dune.height *= edit.scale * edit.height_factor;
+    dune.width *= edit.scale;
+    dune.length *= edit.scale;
+    dune.settings.slope_width *= edit.scale;
+    dune.settings.boundary_noise *= edit.scale;
+    dune.settings.boundary_noise_length *= edit.scale;
+    dune.settings.max_height = dune.height;
+}
+
+MassDune make_dune(const MassSettings& s, const MassPlace& place, const std::vector<const DuneEdit*>& edits) {
+    const MassHash random{hash(mass_seed(s), place.id)};
+    MassDune dune;
+    dune.id = place.id;
+    dune.at = place.at;
+    dune.angle = place.angle + s.dispersion * random.normal(MassUse::angle);
+    dune.height = random.in(s.height, MassUse::height);
+    dune.kind = mass_kind(s, random, dune.height);
+    dune.settings.max_height = dune.height;
+    dune.settings.boundary_noise = s.boundary_noise;
+    dune.settings.boundary_noise_length = s.boundary_noise_length;
+    dune.settings.flip =
+        true; // crests run from left to right as seen along the wind: the windward side is on their right
+    dune.settings.seed = hash(random.word, uint64_t(MassUse::noise));
+    make_shape(s, random, dune);
+    resample_as_drawn(dune);
+    for (const DuneEdit* edit : edits) apply(*edit, dune);
+    for (std::vector<Vec2d>& crest : dune.crests)
+        for (Vec2d& p : crest) p = dune.at + mass_turned(p, dune.angle);
+    return dune;
+}
+
+// Numbers within which the formulas hold. The scene's are within them already.
+MassSettings bounded(MassSettings s) {
+    const auto range = [](Vec2d& r, double low, double high) {
+        r.x() = std::clamp(r.x(), low, high);
+        r.y() = std::clamp(r.y(), r.x(), high);
+    };
+    range(s.height, least_height, most_height);
+    range(s.spacing, least_spacing, most_spacing);
+    range(s.ridge_length, least_spacing, most_spacing);
+    s.slip_angle = std::clamp(s.slip_angle, 1.0 * degree, 80.0 * degree);
+    s.windward_angle = std::clamp(s.windward_angle, 0.0, 60.0 * degree);
+    s.horn_length = std::clamp(s.horn_length, 0.05, 2.0);
+    s.sinuosity = std::clamp(s.sinuosity, 0.0, 1.0);
+    return s;
+}
+
+} // namespace
+
+std::string_view mass_kind_name(MassKind kind) { return mass_kinds[size_t(kind)]; }
+
+MassKind regime_kind(double sand_cover, double wind_variability, double plants) {
+    constexpr double some_plants = 0.3;
+    if (plants > some_plants)
+        return sand_cover >= 0.35 && wind_variability < 0.5 ? MassKind::parabolic : MassKind::nabkha;
+    if (wind_variability < 0.35)
+        return sand_cover < 0.35   ? MassKind::barchan
+               : sand_cover < 0.65 ? MassKind::barchanoid
+                                   : MassKind::transverse;
+    if (sand_cover >= 1.3 - wind_variability) return MassKind::star;
+    return sand_cover < 0.65 ? MassKind::seif : MassKind::transverse;
+}
+
+std::vector<MassDune> generate_dunes(const MassSettings& given, const Vec2d& lower, const Vec2d& upper) {
+    const MassSettings settings = bounded(given);
+    std::vector<MassPlace> places = mass_places(settings, {lower, upper});
+    std::unordered_map<uint64_t, std::vector<const DuneEdit*>> edits;
+    for (const DuneEdit& edit : settings.edits) edits[edit.id].push_back(&edit);
+    const auto edits_of = [&](uint64_t id) {
+        const auto found = edits.find(id);
+        return found == edits.end() ? std::vector<const DuneEdit*>() : found->second;
+    };
+    std::erase_if(places, [&](const MassPlace& place) {
+        return std::ranges::any_of(edits_of(place.id), [](const DuneEdit* edit) { return edit->remove; });
+    });
+    std::vector<MassDune> dunes(places.size());
+    tbb::parallel_for(size_t(0), places.size(),
+                      [&](size_t i) { dunes[i] = make_dune(settings, places[i], edits_of(places[i].id)); });
+    return dunes;
+}
+
+double mass_reach(const MassSettings& s) {
+    const double h = s.height.y(), ridge = s.ridge_length.y();
+    // Half a ridge with its waves; a crescent's horns or a parabolic dune's arms; the arms of a star. And a slope.
+    const double crest =
+        std::max({ridge * (0.5 + s.sinuosity / 1.5), (1.3 + s.horn_length) * field_width(h), 6.0 * h});
+    return crest + std::max(2.0 * field_length(h), 2.2 * h / std::tan(s.slip_angle)) + s.boundary_noise;
+}
+
+double merged_thickness(double a, double b, double width) {
+    if (!(a > 0.0)) return b;
+    if (!(b > 0.0) || !(width > 0.0)) return std::max(a, b);
+    const double least = 2.0 * a * b;
+    return smooth_maximum(a, b, least * width / (least + width * (a + b)));
+}
+
+namespace {
+
+// Whether a dune has no height at 64 points along each side of a box.
+bool border_is_clear(const DuneShape& dune, const Vec2d& lower, const Vec2d& upper) {
+    constexpr int points = 64;
+    const Vec2d step = (upper - lower) / (points - 1.0);
+    std::array<double, points> height, mask;
+    for (const double z : {lower.y(), upper.y()}) {
+        dune.row(lower.x(), z, step.x(), points, height.data(), mask.data());
+        for (const double h : height)
+            if (h > 0.0) return false;
+    }
+    for (int j = 0; j < points; ++j) {
+        dune.row(lower.x(), lower.y() + j * step.y(), upper.x() - lower.x(), 2, height.data(), mask.data());
+        if (height[0] > 0.0 || height[1] > 0.0) return false;
+    }
+    return true;
+}
+
+// The box of the crest and of all nodes of a grid that have height, and a cell of the grid more.
+void box_of_height(const DuneShape& dune, Vec2d& lower, Vec2d& upper) {
+    constexpr int nodes = 32;
+    const Vec2d begin = dune.lower(), step = (dune.upper() - begin) / (nodes - 1.0);
+    Vec2d low = Vec2d::Constant(infinity), high = -low;
+    const auto hold = [&](const Vec2d& p) {
+        low = low.cwiseMin(p);
+        high = high.cwiseMax(p);
+    };
+    for (const Vec2d& p : dune.crest()) hold(p);
+    std::array<double, nodes> height, mask;
+    for (int j = 0; j < nodes; ++j) {
+        const double z = begin.y() + j * step.y();
+        dune.row(begin.x(), z, step.x(), nodes, height.data(), mask.data());
+        for (int i = 0; i < nodes; ++i)
+            if (height[size_t(i)] > 0.0) hold({begin.x() + i * step.x(), z});
+    }
+    lower = dune.lower().cwiseMax(low - step);
+    upper = dune.upper().cwiseMin(high + step);
+}
+
+// DuneShape's box allows for the greatest width anywhere, but a barchan's is met in the middle only and is several times its length.
+// A smaller box is taken where it pays and its border is clear: what has height is connected and holds the crest, so that nothing of
+// it lies beyond. A toe that slips between two points of the border would have to be narrower than 1/63 of the box.
+void tight_box(const DuneShape& dune, double cell, Vec2d& lower, Vec2d& upper) {
+    constexpr double worth = 4096.0; // samples; finding the box takes a thousand
+    lower = dune.lower();
+    upper = dune.upper();
+    const double area = (upper - lower).prod();
+    if (area < worth * cell * cell) return;
+    Vec2d low, high;
+    box_of_height(dune, low, high);
+    if ((high - low).prod() > 0.5 * area || !border_is_clear(dune, low, high)) return;
+    lower = low;
+    upper = high;
+}
+
+} // namespace
+
+// ---- The layer -------------------------------------------------------------------------------------------------------
+
+MassLayer::MassLayer(const ShapeSettings& shape, const Domain& domain, std::vector<MassDune> dunes,
+                     double merge)
+    : ShapeLayer(shape), merge_(merge), dunes_(std::move(dunes)) {
+    domain_ = domain;
+    std::vector<Placed> all(dunes_.size());
+    tbb::parallel_for(size_t(0), all.size(), [&](size_t i) {
+        Placed& placed = all[i];
+        placed.id = dunes_[i].id;
+        placed.lower = Vec2d::Constant(infinity);
+        placed.upper = -placed.lower;
+        Digest digest;
+        for (const std::vector<Vec2d>& crest : dunes_[i].crests) {
+            DuneShape made(crest, false, dunes_[i].settings);
+            if (made.empty()) continue;
+            digest.add(made.digest());
+            Arm arm{std::move(made), {}, {}};
+            tight_box(arm.shape, domain.cell, arm.lower, arm.upper);
+            placed.lower = placed.lower.cwiseMin(arm.lower);
+            placed.upper = placed.upper.cwiseMax(arm.upper);
+            placed.arms.push_back(std::move(arm));
+        }
+        placed.digest = digest.value();
+    });
+    const Vec2d begin(domain.x0, domain.z0), end(domain.x(domain.nx - 1), domain.z(domain.nz - 1));
+    for (Placed& placed : all)
+        if ((placed.lower.array() <= end.array()).all() && (placed.upper.array() >= begin.array()).all())
+            placed_.push_back(std::move(placed));
+    bin();
+}
+
+// Counts, then fills: each tile has its dunes by ascending id.
+void MassLayer::bin() {
+    const int columns = (domain_.nx + Tiles::side - 1) / Tiles::side,
+              rows = (domain_.nz + Tiles::side - 1) / Tiles::side;
+    tile_begin_.assign(size_t(columns) * size_t(rows) + 1, 0);
+    const double tile = Tiles::side * domain_.cell;
+    const auto visit = [&](const Placed& placed, auto&& add) {
+        const auto at = [&](double x, double begin, int count) {
+            return int(std::clamp(std::floor((x - begin) / tile), 0.0, double(count - 1)));
+        };
+        for (int row = at(placed.lower.y(), domain_.z0, rows); row <= at(placed.upper.y(), domain_.z0, rows);
+             ++row)
+            for (int c = at(placed.lower.x(), domain_.x0, columns);
+                 c <= at(placed.upper.x(), domain_.x0, columns); ++c)
+                add(size_t(row) * size_t(columns) + size_t(c));
+    };
+    for (const Placed& placed : placed_) visit(placed, [&](size_t t) { ++tile_begin_[t + 1]; });
+    std::partial_sum(tile_begin_.begin(), tile_begin_.end(), tile_begin_.begin());
+    in_tile_.resize(tile_begin_.back());
+    std::vector<uint32_t> next(tile_begin_.begin(), tile_begin_.end() - 1);
+    for (size_t i = 0; i < placed_.size(); ++i)
+        visit(placed_[i], [&](size_t t) { in_tile_[next[t]++] = uint32_t(i); });
+}
+
+bool MassLayer::touches(const Rect& rect) const {
+    const int columns = (domain_.nx + Tiles::side - 1) / Tiles::side;
+    for (int row = rect.j0 / Tiles::side; row <= (rect.j1 - 1) / Tiles::side; ++row)
+        for (int column = rect.i0 / Tiles::side; column <= (rect.i1 - 1) / Tiles::side; ++column) {
+            const size_t tile = size_t(row) * size_t(columns) + size_t(column);
+            if (tile_begin_[tile] != tile_begin_[tile + 1]) return true;
+        }
+    return false;
+}
+
+// Merges the samples [i0, i1) of a dune's row. The row starts in the tile's column `begin`, whatever i0 is: where a row starts
+// decides how its positions round.
+void MassLayer::add_row(const Arm& dune, int begin, int i0, int i1, int j, double* own) const {
+    const double z = domain_.z(j);
+    if (z < dune.lower.y() || z > dune.upper.y()) return;
+    const auto column = [&](double x) {
+        return std::clamp((x - domain_.x0) / domain_.cell, -1.0, double(domain_.nx));
+    };
+    const int first = std::max(begin, int(std::floor(column(dune.lower.x())))),
+              end = std::min(i1, int(std::floor(column(dune.upper.x()))) + 2);
+    if (first >= end || end <= i0) return;
+    std::array<double, Tiles::side> height, mask;
+    dune.shape.row(domain_.x(first), z, domain_.cell, end - first, height.data(), mask.data());
+    for (int i = std::max(first, i0); i < end; ++i)
+        own[i - i0] = merged_thickness(own[i - i0], height[size_t(i - first)], merge_);
+}
+
+void MassLayer::shape(int i0, int i1, int j, double* own, double* share) const {
+    const int columns = (domain_.nx + Tiles::side - 1) / Tiles::side;
+    for (int begin = i0 / Tiles::side * Tiles::side; begin < i1; begin += Tiles::side) {
+        const size_t tile = size_t(j / Tiles::side) * size_t(columns) + size_t(begin / Tiles::side);
+        const int from = std::max(begin, i0), to = std::min(begin + Tiles::side, i1);
+        for (uint32_t n = tile_begin_[tile]; n < tile_begin_[tile + 1]; ++n)
+            for (const Arm& dune : placed_[in_tile_[n]].arms)
+                add_row(dune, begin, from, to, j, own + (from - i0));
+    }
+    // A thickness of 0 has no share. Where combining with 0 changes what is below, the share grows with the thickness, so that the
+    // foot is no step.
+    const bool fades = settings().mode == Combine::smooth_maximum || settings().mode == Combine::replace;
+    const double full = fades ? settings().smooth : 0.0;
+    for (int k = 0; k < i1 - i0; ++k) {
+        const double t = own[k] < full ? own[k] / full : double(own[k] > 0.0);
+        share[k] = t * t * (3.0 - 2.0 * t);
+    }
+}
+
+Tiles MassLayer::changed_since(const Layer& before, const Domain& domain) const {
+    const auto* old = dynamic_cast<const MassLayer*>(&before);
+    if (!old || old->merge_ != merge_ || !(old->settings() == settings()) || !(old->domain_ == domain_))
+        return Tiles(domain, true);
+    Tiles tiles(domain);
+    auto now = placed_.begin(), then = old->placed_.begin();
+    const auto add = [&](const Placed& placed) { tiles.add_box(placed.lower, placed.upper); };
+    while (now != placed_.end() || then != old->placed_.end()) {
+        const bool only_now = then == old->placed_.end() || (now != placed_.end() && now->id < then->id);
+        const bool only_then = now == placed_.end() || (then != old->placed_.end() && then->id < now->id);
+        if (only_now) {
+            add(*now++);
+        } else if (only_then) {
+            add(*then++);
+        } else {
+            if (now->digest != then->digest) add(*now), add(*then);
+            ++now, ++then;
+        }
+    }
+    return tiles;
+}
+
+namespace {
+
+constexpr auto mass_values = std::to_array<MarramParam>({
+    {"arrangement", MARRAM_CHOICE, "", "\"random\"", 0, 0, "random|along|across|cells",
+     "evenly without a pattern; along curves; in rows across the wind; in cells of a lattice"},
+    {"along", MARRAM_CURVES_NAME, "", "none", 0, 0, "", "arrangement along: the curves"},
+    {"follow", MARRAM_BOOLEAN, "", "false", 0, 0, "",
+     "arrangement along: dunes lie across the curve, whatever the wind"},
+    {"kind", MARRAM_CHOICE, "", "\"regime\"", 0, 0,
+     "regime|barchan|barchanoid|transverse|seif|star|dome|parabolic|nabkha",
+     "regime: by sand_cover, wind_variability and plants"},
+    {"sand_cover", MARRAM_NUMBER, "", "0.2", 0, 1, "",
+     "how much sand there is: 0 bare ground, 1 sand everywhere"},
+    {"wind_variability", MARRAM_NUMBER, "", "0.1", 0, 1, "", "1 - RDP/DP: 0 one direction, 1 from all round"},
+    {"plants", MARRAM_NUMBER, "", "0", 0, 1, "", "share of the ground that plants cover"},
+    {"kind_mixing", MARRAM_NUMBER, "", "0.05", 0, 1, "",
+     "how far cover and variability differ from dune to dune, at most"},
+    {"height", MARRAM_RANGE, "m", "[2, 6]", least_height, most_height, "", "lowest and highest dune"},
+    {"spacing", MARRAM_RANGE, "m", "[80, 140]", least_spacing, most_spacing, "",
+     "distance between the middles of neighbours; none are nearer than the first"},
+    {"ridge_length", MARRAM_RANGE, "m", "[150, 300]", least_spacing, most_spacing, "",
+     "crest of transverse, barchanoid and seif dunes"},
+    {"density", MARRAM_NUMBER, "", "1", 0, 1, "", "share of the places that hold a dune"},
+    {"dispersion", MARRAM_NUMBER, "deg", "8", 0, 180, "", "standard deviation of the dunes' orientation"},
+    {"slip_angle", MARRAM_NUMBER, "deg", "33", 1, 80, "", "slope of slip faces"},
+    {"windward_angle", MARRAM_NUMBER, "deg", "12", 0, 60, "",
+     "steepest part of windward sides, as far as their length allows"},
+    {"horn_length", MARRAM_NUMBER, "", "0.3", 0.05, 2, "", "of a barchan, share of its width"},
+    {"sinuosity", MARRAM_NUMBER, "", "0.08", 0, 1, "", "how far ridges wave, share of a wave's length"},
+    {"boundary_noise", MARRAM_NUMBER, "m", "0", 0, 1e4, "", "how far a foot wanders in and out"},
+    {"boundary_noise_length", MARRAM_NUMBER, "m", "20", 1e-3, 1e5, "",
+     "along the crest, from bulge to bulge"},
+    {"merge", MARRAM_NUMBER, "m", "1", 0, 1e4, "",
+     "difference in height below which overlapping dunes blend"},
+    {"area_low", MARRAM_VEC2, "m", "none", -1e8, 1e8, "",
+     "corner of the area, x and z; absent: all of the terrain"},
+    {"area_high", MARRAM_VEC2, "m", "none", -1e8, 1e8, "", "its other corner"},
+    {"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "another number, another desert"},
+    {"edit[].id", MARRAM_NUMBER, "", "", 0, 0x1p52, "", "the dune that is edited"},
+    {"edit[].move", MARRAM_VEC2, "m", "[0, 0]", -1e6, 1e6, "", "x and z"},
+    {"edit[].rotate", MARRAM_NUMBER, "deg", "0", -360, 360, "", "from x to z"},
+    {"edit[].scale", MARRAM_NUMBER, "", "1", 0.01, 100, "", "of all its lengths"},
+    {"edit[].height_factor", MARRAM_NUMBER, "", "1", 0, 100, "", "of its height alone"},
+    {"edit[].remove", MARRAM_BOOLEAN, "", "false", 0, 0, "", "leave it out"},
+});
+
+std::vector<DuneEdit> read_edits(const LayerValues& values) {
+    std::vector<DuneEdit> edits;
+    while (true) {
+        const std::string element = "edit[" + std::to_string(edits.size()) + "].";
+        if (!values.has(element + "id")) return edits;
+        edits.push_back({uint64_t(values.number(element + "id")), values.vec2(element + "move"),
+                         values.number(element + "rotate") * degree, values.number(element + "scale"),
+                         values.number(element + "height_factor"), values.boolean(element + "remove")});
+    }
+}
+
+void read_curves(const LayerContext& context, MassSettings& settings) {
+    const bool along = settings.arrangement == MassArrangement::along;
+    if (along != context.values.has("along"))
+        throw SceneFault("mass_desert.along", context.values.place("arrangement"),
+                         along ? "the arrangement is along curves, but none are named"
+                               : "curves are named, but the arrangement is not along",
+                         "give arrangement = \"along\" and along = \"NAME\", or neither");
+    if (!along) return;
+    for (const DrawnCurve& curve : context.curves(context.values.text("along"))) {
+        std::vector<Vec2d>& points = settings.curves.emplace_back();
+        for (const Vec3d& p : curve.points) points.emplace_back(p.x(), p.z());
+        if (curve.closed && !points.empty()) points.push_back(points.front());
+    }
+}
+
+MassArrangement arrangement_named(std::string_view name) {
+    return name == "along"    ? MassArrangement::along
+           : name == "across" ? MassArrangement::across
+           : name == "cells"  ? MassArrangement::cells
+                              : MassArrangement::random;
+}
+
+MassSettings read_mass(const LayerContext& context) {
+    const LayerValues& values = context.values;
+    MassSettings s;
+    s.arrangement = arrangement_named(values.text("arrangement"));
+    const auto kind = std::ranges::find(mass_kinds, values.text("kind"));
+    if (kind != mass_kinds.end()) s.kind = MassKind(kind - mass_kinds.begin());
+    s.sand_cover = values.number("sand_cover");
+    s.wind_variability = values.number("wind_variability");
+    s.plants = values.number("plants");
+    s.kind_mixing = values.number("kind_mixing");
+    s.height = values.vec2("height");
+    s.spacing = values.vec2("spacing");
+    s.ridge_length = values.vec2("ridge_length");
+    s.density = values.number("density");
+    s.dispersion = values.number("dispersion") * degree;
+    s.slip_angle = values.number("slip_angle") * degree;
+    s.windward_angle = values.number("windward_angle") * degree;
+    s.horn_length = values.number("horn_length");
+    s.sinuosity = values.number("sinuosity");
+    s.boundary_noise = values.number("boundary_noise");
+    s.boundary_noise_length = values.number("boundary_noise_length");
+    s.wind = context.wind;
+    s.seed = hash(context.seed, uint64_t(values.integer("seed")));
+    s.follow = values.boolean("follow");
+    read_curves(context, s);
+    s.edits = read_edits(values);
+    return s;
+}
+
+// The area that is asked for, or the terrain and what reaches into it.
+MassArea read_area(const LayerContext& context, const MassSettings& settings) {
+    const Domain& domain = context.domain;
+    const Vec2d margin = Vec2d::Constant(mass_reach(settings));
+    MassArea area{Vec2d(domain.x0, domain.z0) - margin,
+                  Vec2d(domain.x(domain.nx - 1), domain.z(domain.nz - 1)) + margin};
+    if (context.values.has("area_low")) area.lower = context.values.vec2("area_low");
+    if (context.values.has("area_high")) area.upper = context.values.vec2("area_high");
+    return area;
+}
+
+void warn_of_lost_edits(const LayerContext& context, const MassSettings& settings,
+                        const std::vector<MassDune>& dunes) {
+    for (size_t e = 0; e < settings.edits.size(); ++e) {
+        const DuneEdit& edit = settings.edits[e];
+        const auto found = std::ranges::lower_bound(dunes, edit.id, {}, &MassDune::id);
+        if (edit.remove || (found != dunes.end() && found->id == edit.id)) continue;
+        const bool removed = std::ranges::any_of(
+            settings.edits, [&](const DuneEdit& other) { return other.remove && other.id == edit.id; });
+        if (!removed)
+            context.warn(context.values.place("edit[" + std::to_string(e) + "].id"),
+                         fmt::format("no dune has the id {}", edit.id),
+                         "take an id of this seed and arrangement");
+    }
+}
+
+std::unique_ptr<Layer> make_mass_layer(const LayerContext& context) {
+    const MassSettings settings = read_mass(context);
+    const MassArea area = read_area(context, settings);
+    if (const double about = mass_count(bounded(settings), area); about > most_mass_dunes)
+        mass_too_many(about, context.values.place("spacing"));
+    std::vector<MassDune> dunes = generate_dunes(settings, area.lower, area.upper);
+    warn_of_lost_edits(context, settings, dunes);
+    return std::make_unique<MassLayer>(read_shape(context), context.domain, std::move(dunes),
+                                       context.values.number("merge"));
+}
+
+} // namespace
+
+LayerType mass_desert_layer_type() {
+    static const std::vector<MarramParam> params = [] {
+        std::vector<MarramParam> all(mass_values.begin(), mass_values.end());
+        for (const MarramParam& param : shape_params("\"sand\"")) all.push_back(param);
+        return all;
+    }();
+    return {"mass_desert", "many dunes, each of which can be edited", params, make_mass_layer};
+}
+
+} // namespace marram

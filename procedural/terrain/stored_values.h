@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// A copy of the values that a host hands to create() or update(), for a procedural that reads them later.
+#pragma once
+
+#include "core/plugin/marram_plugin.h"
+
+#include <deque>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace marram {
+
+class StoredValues {
+  public:
+    StoredValues() = default;
+    // The values must have been checked: contract_checks.h.
+    explicit StoredValues(std::span<const MarramValue> values) {
+        for (MarramValue value : values) {
+            value.name = texts_.emplace_back(value.name).c_str();
+            value.text = texts_.emplace_back(value.text).c_str();
+            value.place = texts_.emplace_back(value.place ? value.place : "").c_str();
+            value.numbers = numbers_.emplace_back(value.numbers, value.numbers + value.number_count).data();
+            if (value.grid) {
+                MarramGrid grid = *value.grid;
+                const size_t count = size_t(grid.nx) * grid.ny * grid.nz * grid.components;
+                grid.values = pixels_.emplace_back(grid.values, grid.values + count).data();
+                grid.name = value.text;
+                value.grid = &grids_.emplace_back(grid);
+            }
+            values_.push_back(value);
+        }
+    }
+    StoredValues(StoredValues&&) = default;
+    StoredValues& operator=(StoredValues&&) = default;
+    StoredValues(const StoredValues&) = delete;
+
+    std::span<const MarramValue> all() const { return values_; }
+
+  private:
+    // Deques: what is stored never moves.
+    std::vector<MarramValue> values_;
+    std::deque<std::string> texts_;
+    std::deque<std::vector<double>> numbers_;
+    std::deque<std::vector<float>> pixels_;
+    std::deque<MarramGrid> grids_;
+};
+
+} // namespace marram

@@ -1,0 +1,493 @@
+// SPDX-License-Identifier: Apache-2.0
+// terrain: a desert as a stack of layers.
+//
+// What it models. A terrain is a grid of samples, `cell` metres apart, with bedrock, sand and named masks (fields.h), and an ordered
+// list of layers, each a function of what is below it (layer.h). It begins as level rock without sand; the end of the stack is the growth surface that
+// grooms grow on, that wind meets, and that strands collide with. Order matters, as in a paint program; a layer can be switched off, masked and
+// combined with what is below. An edit evaluates again only what it touches (stack.h).
+//
+//     [[curves]]
+//     name = "ridge"
+//     points = [[-30, 0, -8], [-5, 0, 6], [25, 0, -4]]
+//
+//     [[procedural]]
+//     type = "terrain"
+//     name = "desert"
+//     material = "sand"
+//     size = [120, 120]
+//     cell = 0.5
+//     [[procedural.layer]]
+//     type = "noise"                  # rock below
+//     amplitude = 2
+//     [[procedural.layer]]
+//     type = "dune"                   # sand above
+//     along = "ridge"
+//
+// Hands out, for grooms, shaders, image layers and bake: the attributes sand (m), slope (deg) and every mask, and grids of the same and of
+// bedrock and height. uv covers the terrain: u along x, v against z, so that an image lies on it as the layer "image" reads it.
+//
+// Cost: 2 * 10^6 samples of one layer take about 10 ms to a core; memory 8 bytes a sample for each layer that moves sand.
+#include "procedural/terrain/terrain.h"
+
+#include "core/math/clock.h"
+#include "procedural/border.h"
+#include "procedural/terrain/terrain_instance.h"
+#include "procedural/wind/wind.h"
+
+#include <fmt/format.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <array>
+
+namespace marram {
+
+namespace {
+
+TerrainInstance& terrain(MarramInstance* instance) { return *reinterpret_cast<TerrainInstance*>(instance); }
+
+template <typename Body>
+MarramStatus guarded_terrain(const MarramHost& host, Body&& body) {
+    return guarded(host, "terrain", "make cell larger or size smaller", std::forward<Body>(body));
+}
+
+const std::vector<MarramParam>& terrain_params() {
+    static const std::vector<MarramParam> params = [] {
+        std::vector<MarramParam> list = {
+            {"size", MARRAM_VEC2, "m", "[100, 100]", 1e-3, 1e6, "", "extent in x and z"},
+            {"center", MARRAM_VEC2, "m", "[0, 0]", -1e7, 1e7, "", "x and z of its middle"},
+            {"cell", MARRAM_NUMBER, "m", "0.5", 1e-4, 1e4, "", "from sample to sample", "0.25|0.5|1|2",
+             "seconds.terrain"},
+            {"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "of all its random numbers"},
+        };
+        for (const MarramParam& param : wind_params())
+            if (std::string_view(param.name) == "direction") {
+                list.push_back(param);
+                list.back().name = "wind.direction";
+            }
+        return list;
+    }();
+    return params;
+}
+
+constexpr size_t own_attributes = 2; // before the masks
+constexpr std::array attribute_help = {"thickness of the sand, m", "steepness, deg", "a mask of its layers"};
+
+void declare_attributes(TerrainInstance& instance, const Values& values) {
+    instance.attribute_names = {"sand", "slope"};
+    for (std::string& name : mask_names(values)) instance.attribute_names.push_back(std::move(name));
+    instance.attributes.clear();
+    for (size_t a = 0; a < instance.attribute_names.size(); ++a)
+        instance.attributes.push_back({instance.attribute_names[a].c_str(), 1, MARRAM_PER_VERTEX, 0,
+                                       attribute_help[std::min(a, own_attributes)], nullptr, 0});
+}
+
+// Takes over checked values; nothing is changed where they make no sense.
+void take_values(TerrainInstance& instance, std::span<const MarramValue> list) {
+    StoredValues stored(list);
+    const Values values(stored.all());
+    const Domain domain = read_domain(values);
+    mask_names(values); // throws where a layer is unknown
+    Digest digest;
+    for (const MarramValue& value : list) add_value(digest, value);
+    if (!instance.stack || !(domain == instance.domain)) instance.stack = std::make_unique<Stack>(domain);
+    instance.domain = domain;
+    instance.digest = digest.value();
+    instance.values = std::move(stored);
+    declare_attributes(instance, Values(instance.values.all()));
+    instance.begun = false;
+}
+
+MarramStatus create_terrain(const MarramHost* host, const MarramValues* values, MarramInstance** out) {
+    if (!host || !host->message || !host->cancelled || !out) return MARRAM_ERROR; // nobody to tell
+    const MarramHost known = known_part(host);
+    return guarded_terrain(known, [&] {
+        const std::vector<MarramValue> list = values_of(values);
+        if (!check_values(known, terrain_params(), list, layer_item_types())) return MARRAM_ERROR;
+        auto instance = std::make_unique<TerrainInstance>();
+        instance->host = known;
+        take_values(*instance, list);
+        *out = reinterpret_cast<MarramInstance*>(instance.release());
+        return MARRAM_OK;
+    });
+}
+
+MarramStatus update_terrain(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
+    TerrainInstance& instance = terrain(opaque);
+    return guarded_terrain(instance.host, [&] {
+        if (!given || !changed)
+            throw SceneFault("contract.null_update", "", "the update is NULL",
+                             "pass an update and a place for the changes");
+        const MarramUpdate update = known_part(given);
+        const std::vector<MarramValue> list = values_of(update.values);
+        if (!check_values(instance.host, terrain_params(), list, layer_item_types())) return MARRAM_ERROR;
+        const uint64_t before = instance.digest;
+        take_values(instance, list);
+        // The triangles follow the surface's ridges: their number stays, their diagonals may not.
+        const bool same = instance.digest == before && update.inputs == MARRAM_NOTHING;
+        *changed = same ? MARRAM_NOTHING : MARRAM_EVERYTHING;
+        return MARRAM_OK;
+    });
+}
+
+// ---- what is handed over ----
+
+void for_rows(const Domain& domain, const auto& body) {
+    tbb::parallel_for(0, domain.nz, [&](int j) { body(j); });
+}
+
+void find_heights(TerrainInstance& instance) {
+    const Fields fields = instance.stack->fields();
+    instance.heights.resize(instance.domain.count());
+    for_rows(instance.domain, [&](int j) {
+        for (int i = 0; i < instance.domain.nx; ++i) {
+            const size_t sample = instance.domain.index(i, j);
+            instance.heights[sample] = float(fields.height(sample));
+        }
+    });
+}
+
+// Of the height along x and z, from central differences (one-sided at the border).
+Vec2d gradient_at(const TerrainInstance& instance, int i, int j) {
+    const Domain& d = instance.domain;
+    const auto rise = [&](int i0, int j0, int i1, int j1) {
+        return (double(instance.heights[d.index(i1, j1)]) - double(instance.heights[d.index(i0, j0)])) /
+               (((i1 - i0) + (j1 - j0)) * d.cell);
+    };
+    return {rise(std::max(i - 1, 0), j, std::min(i + 1, d.nx - 1), j),
+            rise(i, std::max(j - 1, 0), i, std::min(j + 1, d.nz - 1))};
+}
+
+double slope_at(const TerrainInstance& instance, int i, int j) { // degrees
+    return std::atan(gradient_at(instance, i, j).norm()) / degree;
+}
+
+// The mask that an attribute is: of two of one name the later one.
+std::vector<const float*> mask_values(const TerrainInstance& instance, const Fields& fields) {
+    std::vector<const float*> values;
+    for (size_t a = own_attributes; a < instance.attribute_names.size(); ++a) {
+        const float* found = nullptr;
+        for (const MaskView& mask : fields.masks)
+            if (mask.name == instance.attribute_names[a]) found = mask.values;
+        values.push_back(found);
+    }
+    return values;
+}
+
+// Values of samples: of all of them where `samples` is empty, in their order.
+void write_terrain_attribute(const TerrainInstance& instance, uint32_t attribute,
+                             std::span<const uint32_t> samples, float* out) {
+    const Fields fields = instance.stack->fields();
+    const float* mask =
+        attribute < own_attributes ? nullptr : mask_values(instance, fields)[attribute - own_attributes];
+    const auto value = [&](size_t sample) {
+        if (mask) return mask[sample];
+        const int i = int(sample % size_t(instance.domain.nx)), j = int(sample / size_t(instance.domain.nx));
+        return attribute == 0 ? float(sand_metres(fields.sand[sample])) : float(slope_at(instance, i, j));
+    };
+    const size_t count = samples.empty() ? instance.domain.count() : samples.size();
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, count, 4096), [&](const auto& range) {
+        for (size_t k = range.begin(); k < range.end(); ++k) out[k] = value(samples.empty() ? k : samples[k]);
+    });
+}
+
+// The vertices of samples: of all where `samples` is empty. normals, uvs: NULL where they are not wanted.
+void write_vertices(const TerrainInstance& instance, std::span<const uint32_t> samples, float* positions,
+                    float* normals, float* uvs) {
+    const Domain& d = instance.domain;
+    const size_t count = samples.empty() ? d.count() : samples.size();
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, count, 4096), [&](const auto& range) {
+        for (size_t k = range.begin(); k < range.end(); ++k) {
+            const size_t sample = samples.empty() ? k : samples[k];
+            const int i = int(sample % size_t(d.nx)), j = int(sample / size_t(d.nx));
+            positions[3 * k] = float(d.x(i));
+            positions[3 * k + 1] = instance.heights[sample];
+            positions[3 * k + 2] = float(d.z(j));
+            if (normals) {
+                const Vec2d gradient = gradient_at(instance, i, j);
+                const Vec3f n = Vec3d(-gradient.x(), 1.0, -gradient.y()).normalized().cast<float>();
+                std::copy_n(n.data(), 3, normals + 3 * k);
+            }
+            if (!uvs) continue;
+            uvs[2 * k] = float(double(i) / (d.nx - 1));
+            uvs[2 * k + 1] = float(1.0 - double(j) / (d.nz - 1));
+        }
+    });
+}
+
+// Two triangles a cell, cut along the diagonal whose ends differ less in height: ridges and valleys stay whole.
+void write_triangles(const TerrainInstance& instance, uint32_t* triangles) {
+    const Domain& d = instance.domain;
+    const auto nx = uint32_t(d.nx);
+    tbb::parallel_for(0, d.nz - 1, [&](int j) {
+        uint32_t* out = triangles + 6 * size_t(j) * (nx - 1);
+        for (uint32_t i = 0; i + 1 < nx; ++i, out += 6) {
+            const uint32_t a = uint32_t(j) * nx + i, b = a + 1, c = a + nx, e = c + 1;
+            const auto gap = [&](uint32_t p, uint32_t q) {
+                return std::abs(instance.heights[p] - instance.heights[q]);
+            };
+            const bool across = gap(b, c) <= gap(a, e);
+            const std::array<uint32_t, 6> corners =
+                across ? std::array{a, c, b, b, c, e} : std::array{a, c, e, a, e, b};
+            std::copy(corners.begin(), corners.end(), out);
+        }
+    });
+}
+
+MarramGrid grid_of(const Domain& d, const std::string& name, const float* values) {
+    MarramGrid grid{};
+    grid.name = name.c_str();
+    grid.nx = uint32_t(d.nx);
+    grid.ny = uint32_t(d.nz);
+    grid.nz = grid.components = 1;
+    grid.origin[0] = d.x0;
+    grid.origin[2] = d.z0;
+    grid.axes[0][0] = grid.axes[1][2] = d.cell;
+    grid.axes[2][1] = 1.0;
+    grid.values = values;
+    return grid;
+}
+
+void list_grids(TerrainInstance& instance) {
+    const Fields fields = instance.stack->fields();
+    const Domain& d = instance.domain;
+    instance.grid_values.assign(1, std::vector<float>(d.count()));
+    write_terrain_attribute(instance, 0, {}, instance.grid_values[0].data());
+    instance.grid_names = {"height", "bedrock", "sand"};
+    for (size_t a = own_attributes; a < instance.attribute_names.size(); ++a)
+        instance.grid_names.push_back(instance.attribute_names[a]);
+    std::vector<const float*> values = {instance.heights.data(), fields.bedrock,
+                                        instance.grid_values[0].data()};
+    for (const float* mask : mask_values(instance, fields)) values.push_back(mask);
+    instance.grids.clear();
+    for (size_t g = 0; g < values.size(); ++g)
+        instance.grids.push_back(grid_of(d, instance.grid_names[g], values[g]));
+}
+
+MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, MarramOutput* out) {
+    TerrainInstance& instance = terrain(opaque);
+    return guarded_terrain(instance.host, [&] {
+        if (!out)
+            throw SceneFault("contract.null_output", "", "the output is NULL", "pass a non-NULL pointer");
+        std::vector<MarramMesh> meshes;
+        const MarramFrame frame = borrowed_frame(given, meshes);
+        const double begin = wall_seconds();
+        set_layers(instance, frame);
+        if (!instance.stack->evaluate([&] { return instance.host.cancelled(instance.host.user) != 0; }))
+            return MARRAM_CANCELLED;
+        find_heights(instance);
+        instance.seconds = wall_seconds() - begin;
+        const Domain& d = instance.domain;
+        MarramOutput output{};
+        output.kind = MARRAM_MESH;
+        output.time_count = 1;
+        output.vertex_count = uint32_t(d.count());
+        output.triangle_count = uint32_t(2 * size_t(d.nx - 1) * size_t(d.nz - 1));
+        output.has_uvs = 1;
+        fill_known_part(output, out);
+        instance.begun = true;
+        return MARRAM_OK;
+    });
+}
+
+void check_mesh_buffers(const TerrainInstance& instance, const MarramMeshBuffers* buffers) {
+    if (!instance.begun) throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
+    bool there = buffers && buffers->positions && buffers->positions[0] && buffers->triangles &&
+                 (buffers->attribute_count == 0 || (buffers->attributes && buffers->attribute_values));
+    for (uint32_t a = 0; there && a < buffers->attribute_count; ++a) {
+        if (buffers->attributes[a] >= instance.attributes.size())
+            throw SceneFault("contract.attribute_range", "",
+                             "there is no attribute " + std::to_string(buffers->attributes[a]),
+                             "ask for 0 to " + std::to_string(instance.attributes.size() - 1));
+        there = buffers->attribute_values[a] != nullptr;
+    }
+    if (!there)
+        throw SceneFault("contract.null_buffer", "", "a buffer is NULL",
+                         "give positions, triangles, and values for each attribute that is asked for");
+}
+
+MarramStatus mesh_terrain(MarramInstance* opaque, MarramMeshBuffers* buffers) {
+    TerrainInstance& instance = terrain(opaque);
+    return guarded_terrain(instance.host, [&] {
+        check_mesh_buffers(instance, buffers);
+        write_vertices(instance, {}, buffers->positions[0], nullptr, buffers->uvs);
+        write_triangles(instance, buffers->triangles);
+        for (uint32_t a = 0; a < buffers->attribute_count; ++a)
+            write_terrain_attribute(instance, buffers->attributes[a], {}, buffers->attribute_values[a]);
+        list_grids(instance);
+        buffers->grids = instance.grids.data();
+        buffers->grid_count = uint32_t(instance.grids.size());
+        buffers->grid_stride = sizeof(MarramGrid);
+        return MARRAM_OK;
+    });
+}
+
+// ---- the render mesh: what the camera sees of it ----
+
+// The smallest angle that a pixel of a pinhole camera spans: the one in the corner.
+double smallest_pixel(const MarramView& view) {
+    const double up = std::tan(0.5 * view.fov), pixel = 2.0 * up / view.height;
+    const double across = up * view.width / view.height;
+    return pixel / (1.0 + up * up + across * across);
+}
+
+MarramStatus begin_view_of_terrain(MarramInstance* opaque, const MarramView* given, MarramOutput* out) {
+    TerrainInstance& instance = terrain(opaque);
+    return guarded_terrain(instance.host, [&] {
+        if (!given || !out)
+            throw SceneFault("contract.null_view", "", "the view or the output is NULL", "pass both");
+        if (!instance.begun)
+            throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
+        const MarramView view = known_part(given);
+        MeshTolerance tolerance;
+        tolerance.metres = view.tolerance;
+        if (!(view.tolerance > 0.0)) {
+            constexpr double half = 0.5; // a pixel
+            tolerance.pixels = view.tolerance_pixels > 0.0 ? view.tolerance_pixels : half;
+            tolerance.pixel_angle = smallest_pixel(view);
+            for (uint32_t t = 0; t < view.time_count; ++t)
+                tolerance.cameras.emplace_back(view.positions + 3 * t);
+        }
+        instance.seen = mesh_terrain(instance.domain, instance.heights.data(), tolerance);
+        MarramOutput output{};
+        output.kind = MARRAM_MESH;
+        output.time_count = 1;
+        output.vertex_count = uint32_t(instance.seen.samples.size());
+        output.triangle_count = uint32_t(instance.seen.triangles.size() / 3);
+        output.has_uvs = output.has_normals = 1;
+        fill_known_part(output, out);
+        return MARRAM_OK;
+    });
+}
+
+MarramStatus view_mesh_of_terrain(MarramInstance* opaque, MarramMeshBuffers* buffers) {
+    TerrainInstance& instance = terrain(opaque);
+    return guarded_terrain(instance.host, [&] {
+        check_mesh_buffers(instance, buffers);
+        const RenderMesh& seen = instance.seen;
+        float* normals = MARRAM_HAS(buffers, normals) && buffers->normals ? buffers->normals[0] : nullptr;
+        write_vertices(instance, seen.samples, buffers->positions[0], normals, buffers->uvs);
+        std::copy(seen.triangles.begin(), seen.triangles.end(), buffers->triangles);
+        for (uint32_t a = 0; a < buffers->attribute_count; ++a)
+            write_terrain_attribute(instance, buffers->attributes[a], seen.samples,
+                                    buffers->attribute_values[a]);
+        instance.seen = {};
+        return MARRAM_OK;
+    });
+}
+
+MarramStatus attributes_of_terrain(MarramInstance* opaque, MarramAttributeList* out) {
+    TerrainInstance& instance = terrain(opaque);
+    return guarded_terrain(instance.host, [&] {
+        if (!out) throw SceneFault("contract.null_list", "", "the list is NULL", "pass a non-NULL pointer");
+        const MarramAttributeList list{sizeof(MarramAttributeList), instance.attributes.data(),
+                                       uint32_t(instance.attributes.size()), sizeof(MarramAttribute)};
+        fill_known_part(list, out);
+        return MARRAM_OK;
+    });
+}
+
+// What a layer did to the terrain below it.
+struct LayerChange {
+    double highest = 0.0; // metres: the greatest change of the height at a sample
+    SandUnits sand = 0;   // sum over samples
+};
+
+LayerChange change_of_layer(const TerrainInstance& instance, size_t layer) {
+    const Fields below = instance.stack->fields(layer), above = instance.stack->fields(layer + 1);
+    LayerChange change;
+    if (below.bedrock == above.bedrock && below.sand == above.sand) return change;
+    std::vector<LayerChange> rows(size_t(instance.domain.nz));
+    for_rows(instance.domain, [&](int j) {
+        LayerChange& row = rows[size_t(j)];
+        for (int i = 0; i < instance.domain.nx; ++i) {
+            const size_t sample = instance.domain.index(i, j);
+            row.highest = std::max(row.highest, std::abs(above.height(sample) - below.height(sample)));
+            row.sand += above.sand[sample] - below.sand[sample];
+        }
+    });
+    for (const LayerChange& row : rows) {
+        change.highest = std::max(change.highest, row.highest);
+        change.sand += row.sand;
+    }
+    return change;
+}
+
+double steepest_slope(const TerrainInstance& instance) {
+    std::vector<double> rows(size_t(instance.domain.nz));
+    for_rows(instance.domain, [&](int j) {
+        for (int i = 0; i < instance.domain.nx; ++i)
+            rows[size_t(j)] = std::max(rows[size_t(j)], slope_at(instance, i, j));
+    });
+    return *std::max_element(rows.begin(), rows.end());
+}
+
+void report_terrain(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
+    const TerrainInstance& instance = terrain(opaque);
+    if (!instance.begun) return;
+    const Stack& stack = *instance.stack;
+    const double area = instance.domain.cell * instance.domain.cell;
+    const std::vector<Stack::Work> work = stack.work();
+    int tiles = 0;
+    double sand = 0.0;
+    for (size_t k = 0; k < work.size(); ++k) {
+        const std::string path = fmt::format("terrain.layer[{}].{}.", k, stack.type(k));
+        const LayerChange change = change_of_layer(instance, k);
+        tiles += work[k].tiles;
+        sand += sand_metres(change.sand) * area;
+        sink(user, (path + "highest_change").c_str(), change.highest);
+        sink(user, (path + "sand").c_str(), sand_metres(change.sand) * area);
+        sink(user, (path + "seconds").c_str(), work[k].seconds);
+    }
+    sink(user, "terrain.samples", double(instance.domain.count()));
+    sink(user, "terrain.bytes", double(stack.bytes() + instance.heights.size() * sizeof(float)));
+    sink(user, "terrain.sand", sand);
+    sink(user, "terrain.steepest", steepest_slope(instance));
+    sink(user, "terrain.tiles", tiles);
+    sink(user, "terrain.seconds", instance.seconds);
+}
+
+void destroy_terrain(MarramInstance* opaque) {
+    delete reinterpret_cast<TerrainInstance*>(opaque);
+} // NULL is fine
+
+} // namespace
+
+MarramProcedural terrain_procedural() {
+    MarramProcedural procedural{};
+    procedural.name = "terrain";
+    procedural.help = "a desert as a stack of layers: rock, dunes, masks";
+    procedural.kind = MARRAM_MESH;
+    procedural.params = terrain_params().data();
+    procedural.param_count = uint32_t(terrain_params().size());
+    procedural.param_stride = sizeof(MarramParam);
+    procedural.item_types = layer_item_types().data();
+    procedural.item_type_count = uint32_t(layer_item_types().size());
+    procedural.item_type_stride = sizeof(MarramItemType);
+    procedural.attribute_stride = sizeof(MarramAttribute);
+    procedural.create = create_terrain;
+    procedural.begin = begin_terrain;
+    procedural.mesh = mesh_terrain;
+    procedural.report = report_terrain;
+    procedural.destroy = destroy_terrain;
+    procedural.attributes_of = attributes_of_terrain;
+    procedural.update = update_terrain;
+    procedural.begin_view = begin_view_of_terrain;
+    procedural.view_mesh = view_mesh_of_terrain;
+    return procedural;
+}
+
+std::span<const MarramReportEntry> terrain_report_entries() {
+    static constexpr std::array entries = {
+        MarramReportEntry{"terrain.samples", "count", MARRAM_SUM, nullptr, nullptr, "samples of the grids"},
+        MarramReportEntry{"terrain.bytes", "bytes", MARRAM_SUM, nullptr, nullptr, "kept by the layers"},
+        MarramReportEntry{"terrain.sand", "m^3", MARRAM_SUM, nullptr, nullptr, "volume of sand"},
+        MarramReportEntry{"terrain.steepest", "deg", MARRAM_MAXIMUM, nullptr, nullptr, "steepest slope"},
+        MarramReportEntry{"terrain.tiles", "count", MARRAM_SUM, nullptr, nullptr,
+                          "tiles that layers have evaluated"},
+        MarramReportEntry{"terrain.seconds", "s", MARRAM_SUM, nullptr, nullptr, "evaluating the layers"},
+    };
+    return entries;
+}
+
+} // namespace marram

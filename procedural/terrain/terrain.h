@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+// The procedural "terrain". Its page is in terrain.cpp.
+#pragma once
+
+#include "core/plugin/marram_plugin.h"
+
+#include <span>
+
+namespace marram {
+
+MarramProcedural terrain_procedural();
+std::span<const MarramReportEntry> terrain_report_entries();
+
+} // namespace marram

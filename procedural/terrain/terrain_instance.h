@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// One terrain between create and destroy.
+#pragma once
+
+#include "procedural/terrain/layer_types.h"
+#include "procedural/terrain/mesher.h"
+#include "procedural/terrain/stack.h"
+#include "procedural/terrain/stored_values.h"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace marram {
+
+struct TerrainInstance {
+    MarramHost host{};
+    StoredValues values;
+    uint64_t digest = 0; // of the values
+    Domain domain;
+    std::unique_ptr<Stack> stack;
+    std::vector<float> heights; // of the growth surface
+    RenderMesh seen;            // between begin_view() and view_mesh()
+    bool begun = false;
+    double seconds = 0.0; // of the last begin()
+
+    std::vector<std::string> attribute_names; // sand, slope, then the masks
+    std::vector<MarramAttribute> attributes;
+    std::vector<std::string> grid_names;
+    std::vector<std::vector<float>> grid_values; // bedrock and sand, as floats
+    std::vector<MarramGrid> grids;
+};
+
+// The domain that the parameters size, cell and center describe. Throws SceneFault where it has too many samples.
+Domain read_domain(const Values& values);
+
+// Gives the stack the layers that the values and the frame's curves describe: those that have not changed are kept.
+void set_layers(TerrainInstance& instance, const MarramFrame& frame);
+
+// Names of the masks that the layers will hand out, in order, each once.
+std::vector<std::string> mask_names(const Values& values);
+
+// How many layers there are, switched off or not.
+int layer_count(const Values& values);
+
+} // namespace marram

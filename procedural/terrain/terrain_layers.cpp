@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+// From the values of a scene to a stack of layers.
+#include "procedural/terrain/terrain_instance.h"
+
+#include "procedural/border.h"
+
+#include <fmt/format.h>
+
+namespace marram {
+
+namespace {
+
+constexpr double most_samples = 1e8;
+
+std::string prefix_of(int layer) { return fmt::format("layer[{}].", layer); }
+
+// All points of a drawn curve. `offset`: its first CV within the curves' CVs.
+DrawnCurve drawn_curve(const MarramCurves& curves, uint64_t c) {
+    const uint64_t first = curves.offsets ? curves.offsets[c] + 2 * c : c * (curves.cvs_per_curve + 2);
+    const uint64_t count = curves.offsets ? curves.offsets[c + 1] - curves.offsets[c] : curves.cvs_per_curve;
+    DrawnCurve drawn;
+    drawn.closed = curves.closed && curves.closed[c] != 0;
+    for (uint64_t k = 0; k < count; ++k) {
+        const float* v = curves.vertices[0] + 4 * (first + 1 + k);
+        drawn.points.emplace_back(double(v[0]), double(v[1]), double(v[2]));
+    }
+    return drawn;
+}
+
+std::vector<DrawnCurve> drawn_curves(const MarramFrame& frame, std::string_view name,
+                                     const std::string& place) {
+    for (const MarramCurves& curves : known_parts(frame.curves, frame.curves_count, frame.curves_stride)) {
+        if (!curves.name || name != curves.name) continue;
+        std::vector<DrawnCurve> list;
+        for (uint64_t c = 0; c < curves.curve_count; ++c) list.push_back(drawn_curve(curves, c));
+        return list;
+    }
+    throw SceneFault("terrain.no_curves", place, fmt::format("there are no curves '{}'", name),
+                     "name those of a [[curves]]");
+}
+
+// Of all that a layer is made from: its values, the curves that it names, and what all layers share.
+uint64_t digest_of_layer(const TerrainInstance& instance, int layer, const MarramFrame& frame,
+                         uint64_t shared) {
+    Digest digest;
+    digest.add(shared);
+    const std::string prefix = prefix_of(layer);
+    for (const MarramValue& value : instance.values.all()) {
+        if (!std::string_view(value.name).starts_with(prefix)) continue;
+        digest.add(std::string_view(value.name).substr(prefix.size())).add(value.text);
+        digest.add(value.numbers, value.number_count * sizeof(double));
+        if (const MarramGrid* grid = value.grid)
+            digest.add(grid->nx).add(grid->ny).add(grid->values,
+                                                   size_t(grid->nx) * grid->ny * grid->components * 4);
+        if (value.type != MARRAM_CURVES_NAME) continue;
+        for (const DrawnCurve& curve : drawn_curves(frame, value.text, value.place)) {
+            digest.add(uint64_t(curve.closed)).add(curve.points.size());
+            for (const Vec3d& p : curve.points) digest.add(p.data(), 3 * sizeof(double));
+        }
+    }
+    return digest.value();
+}
+
+const LayerType& type_of(const Values& values, int layer) {
+    const MarramValue& type = values.at(prefix_of(layer) + "type");
+    if (const LayerType* found = find_layer_type(type.text)) return *found;
+    throw SceneFault("terrain.layer_type", type.place, fmt::format("there is no layer type '{}'", type.text),
+                     "see marram info terrain");
+}
+
+Vec2d wind_of(const Values& values) {
+    const Vec3d direction = values.vec3("wind.direction");
+    const Vec2d level(direction.x(), direction.z());
+    const double length = level.stableNorm();
+    return length > 0.0 ? Vec2d(level / length) : Vec2d(1.0, 0.0);
+}
+
+} // namespace
+
+int layer_count(const Values& values) {
+    int count = 0;
+    while (values.has(prefix_of(count) + "type")) ++count;
+    return count;
+}
+
+std::vector<std::string> mask_names(const Values& values) {
+    std::vector<std::string> names;
+    for (int layer = 0; layer < layer_count(values); ++layer) {
+        const LayerType& type = type_of(values, layer);
+        const LayerValues own(values, layer);
+        if (!type.masks || !own.boolean("on")) continue;
+        for (const std::string& name : type.masks(own))
+            if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+    }
+    return names;
+}
+
+Domain read_domain(const Values& values) {
+    const Vec2d size(values.at("size").numbers), center(values.at("center").numbers);
+    const double cell = values.number("cell");
+    const double nx = std::round(size.x() / cell) + 1.0, nz = std::round(size.y() / cell) + 1.0;
+    if (!(nx >= 2.0 && nz >= 2.0))
+        throw SceneFault("terrain.too_small", values.at("cell").place,
+                         fmt::format("the terrain has {:g} x {:g} samples", nx, nz),
+                         "make size larger or cell smaller: 2 x 2 is the least");
+    if (!(nx * nz <= most_samples))
+        throw SceneFault(
+            "terrain.too_large", values.at("cell").place,
+            fmt::format("the terrain has {:g} x {:g} samples, more than {:g}", nx, nz, most_samples),
+            "make cell larger or size smaller");
+    Domain domain{int(nx), int(nz), cell, 0.0, 0.0};
+    domain.x0 = center.x() - 0.5 * cell * (domain.nx - 1);
+    domain.z0 = center.y() - 0.5 * cell * (domain.nz - 1);
+    return domain;
+}
+
+void set_layers(TerrainInstance& instance, const MarramFrame& frame) {
+    const Values values(instance.values.all());
+    const Vec2d wind = wind_of(values);
+    const auto seed = uint64_t(values.integer("seed"));
+    Digest shared;
+    shared.add(&instance.domain, sizeof(Domain)).add(wind.data(), 2 * sizeof(double)).add(seed);
+    std::vector<StackLayer> layers;
+    std::vector<std::string> masks;
+    for (int k = 0; k < layer_count(values); ++k) {
+        const LayerValues own(values, k);
+        if (!own.boolean("on")) continue;
+        const LayerType& type = type_of(values, k);
+        StackLayer made{type.name, digest_of_layer(instance, k, frame, shared.value()), nullptr};
+        made.layer = instance.stack->find(layers.size(), made.type, made.digest);
+        if (!made.layer) {
+            LayerContext context{own, instance.domain, wind, seed, masks, {}, {}};
+            context.curves = [&](std::string_view name) {
+                return drawn_curves(frame, name, own.place("type"));
+            };
+            context.warn = [&](const std::string& place, const std::string& what, const std::string& remedy) {
+                send(instance.host, MARRAM_WARNING, "terrain.layer", place, what, remedy);
+            };
+            made.layer = type.make(context);
+        }
+        for (const std::string& name : made.layer->mask_names()) masks.push_back(name);
+        layers.push_back(std::move(made));
+    }
+    instance.stack->set_layers(std::move(layers));
+}
+
+} // namespace marram

@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: Apache-2.0
+// The procedural "terrain" as a renderer sees it: layers in order, masks, edits, errors.
+#include "build_scene.h"
+
+#include "core/image/image.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <random>
+
+namespace marram::testing {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string desert(const std::string& layers, const std::string& more = "size = [32, 24]\ncell = 0.5") {
+    return "\n[[procedural]]\ntype = \"terrain\"\nname = \"desert\"\n" + more + "\n" + layers;
+}
+
+std::string layer(const std::string& type, const std::string& more = "") {
+    return "[[procedural.layer]]\ntype = \"" + type + "\"\n" + more + "\n";
+}
+
+const std::string ridge = "\n[[curves]]\ntype = \"points\"\nname = \"ridge\"\n"
+                          "points = [[-9, 0, -3], [0, 0, 2], [9, 0, -2]]\n";
+
+struct Made {
+    World world;
+    const MeshGeometry& mesh() const { return world.meshes.at(0); }
+    const std::vector<float>& values(const std::string& name) const {
+        const AttributeValues* found = find_attribute(mesh().attributes, name);
+        if (!found) throw std::runtime_error("no attribute " + name);
+        return found->values;
+    }
+    const GridValues& grid(const std::string& name) const {
+        for (const GridValues& grid : mesh().grids)
+            if (grid.name == name) return grid;
+        throw std::runtime_error("no grid " + name);
+    }
+};
+
+Made make(const std::string& text) {
+    TestScene scene(text);
+    return {scene.build()};
+}
+
+void expect_all(const std::vector<float>& values, float expected) {
+    for (const float value : values) ASSERT_EQ(value, expected);
+}
+
+// An EXR of one channel beside the scene.
+struct ImageFile {
+    fs::path path = fs::temp_directory_path() / ("marram_terrain_" + std::to_string(::getpid()) + ".exr");
+    ImageFile(int width, int height, const std::vector<float>& pixels) {
+        const Layer layers[] = {{"", {"Y"}, pixels.data(), false}};
+        write_exr(path.string(), width, height, layers, {});
+    }
+    ~ImageFile() { fs::remove(path); }
+};
+
+TEST(Terrain, StacksItsLayersInOrder) {
+    const Made made =
+        make(desert(layer("flat", "height = 3") + layer("flat", "target = \"sand\"\nheight = 2") +
+                    layer("flat", "height = 50\non = false")));
+    ASSERT_EQ(made.mesh().positions[0].size(), 65u * 49u);
+    for (const Vec3f& p : made.mesh().positions[0]) ASSERT_EQ(p.y(), 5.0F);
+    EXPECT_EQ(made.mesh().positions[0].front(), Vec3f(-16, 5, -12));
+    EXPECT_EQ(made.mesh().positions[0].back(), Vec3f(16, 5, 12));
+    expect_all(made.values("sand"), 2.0F);
+    expect_all(made.values("slope"), 0.0F);
+    expect_all(made.grid("bedrock").values, 3.0F);
+    const MarramGrid& grid = made.grid("height").grid;
+    EXPECT_EQ(grid.nx, 65u);
+    EXPECT_EQ(grid.ny, 49u);
+    EXPECT_EQ(grid.origin[0], -16.0);
+    EXPECT_EQ(grid.axes[1][2], 0.5);
+    for (const auto& triangle : made.mesh().triangles) { // seen from above
+        const Vec3f a = made.mesh().positions[0][triangle[0]], b = made.mesh().positions[0][triangle[1]],
+                    c = made.mesh().positions[0][triangle[2]];
+        ASSERT_GT((b - a).cross(c - a).y(), 0.0F);
+    }
+}
+
+TEST(Terrain, CombinesAsAsked) {
+    const auto sand = [](const std::string& more) {
+        return make(desert(layer("flat", "target = \"sand\"\nheight = 2") +
+                           layer("flat", "target = \"sand\"\n" + more)))
+            .values("sand")[77];
+    };
+    EXPECT_EQ(sand("height = 1.5"), 3.5F);
+    EXPECT_EQ(sand("height = -9"), 0.0F) << "never negative";
+    EXPECT_EQ(sand("height = 1.5\ncombine = \"maximum\""), 2.0F);
+    EXPECT_EQ(sand("height = 1.5\ncombine = \"replace\""), 1.5F);
+    EXPECT_EQ(sand("height = 1.5\ncombine = \"smooth_maximum\"\nsmooth = 0.25"), 2.0F);
+    EXPECT_EQ(sand("height = 2\ncombine = \"smooth_maximum\"\nsmooth = 1"), 2.25F);
+}
+
+TEST(Terrain, MasksAreRampsOverWhatIsBelow) {
+    // A plane that rises by 1/2 along x: 65 pixels over 32 m, centres half a pixel within.
+    std::vector<float> pixels(65 * 3);
+    for (int i = 0; i < 65; ++i)
+        for (int j = 0; j < 3; ++j) pixels[size_t(j * 65 + i)] = float((i + 0.5) / 65.0 * 16.0);
+    const ImageFile image(65, 3, pixels);
+    const std::string plane = layer("image", "file = \"" + image.path.string() + "\"");
+    const auto mask = [&](const std::string& by) {
+        return make(desert(plane + layer("flat", "target = \"sand\"\nheight = 0.5") +
+                           layer("mask", "name = \"m\"\n" + by)));
+    };
+    const Made height = mask("by = \"height\"\nramp = [[0, 0], [20, 1]]");
+    for (size_t v = 0; v < height.values("m").size(); ++v)
+        ASSERT_NEAR(height.values("m")[v], height.mesh().positions[0][v].y() / 20.0F, 1e-6F);
+    const Made slope = mask("by = \"slope\"\nramp = [[0, 0], [90, 1]]");
+    const float expected = float(std::atan(0.5) / degree / 90.0);
+    EXPECT_NEAR(slope.values("m")[24 * 65 + 32], expected, 1e-5F);
+    EXPECT_NEAR(slope.values("slope")[24 * 65 + 32], std::atan(0.5) / degree, 1e-3);
+    expect_all(mask("by = \"sand\"\nramp = [[0, 0], [1, 1]]").values("m"), 0.5F);
+    EXPECT_NEAR(mask("by = \"curvature\"\nramp = [[-1, 0], [1, 1]]").values("m")[24 * 65 + 32], 0.5F, 1e-4F);
+    EXPECT_EQ(mask("by = \"image\"\nramp = [[0, 0], [16, 1]]\nfile = \"" + image.path.string() + "\"")
+                  .values("m")[32],
+              0.5F);
+    const Made both = make(desert(plane + layer("mask", "name = \"a\"\nby = \"sand\"\nramp = [[0, 0.5]]") +
+                                  layer("mask", "name = \"b\"\nby = \"mask\"\nof = \"a\"\nmask = \"a\"")));
+    expect_all(both.values("b"), 0.25F);
+    const Made masked = make(desert(layer("mask", "name = \"a\"\nby = \"sand\"\nramp = [[0, 0.25]]") +
+                                    layer("flat", "target = \"sand\"\nheight = 2\nmask = \"a\"")));
+    expect_all(masked.values("sand"), 0.5F);
+}
+
+TEST(Terrain, MasksKnowTheDistanceToDrawnCurves) {
+    const Made made =
+        make(ridge + desert(layer("mask", "name = \"far\"\nby = \"distance\"\nalong = \"ridge\"\n"
+                                          "ramp = [[0, 0], [100, 1]]")));
+    const Vec2d points[] = {{-9, -3}, {0, 2}, {9, -2}};
+    for (size_t v = 0; v < made.mesh().positions[0].size(); ++v) {
+        const Vec3f& p = made.mesh().positions[0][v];
+        double nearest = 1e9;
+        for (int s = 0; s < 2; ++s)
+            for (int k = 0; k <= 2000; ++k) {
+                const Vec2d q = points[s] + k / 2000.0 * (points[s + 1] - points[s]);
+                nearest = std::min(nearest, (q - Vec2d(double(p.x()), double(p.z()))).norm());
+            }
+        ASSERT_NEAR(made.values("far")[v], nearest / 100.0, 1e-4);
+    }
+}
+
+TEST(Terrain, ImagesHaveAnExtent) {
+    const ImageFile image(8, 8, std::vector<float>(64, 1.0F));
+    const std::string file = "file = \"" + image.path.string() + "\"\n";
+    const Made part = make(desert(layer("image", file + "size = [8, 8]\ncenter = [4, 0]\nrange = [0, 3]")));
+    for (const Vec3f& p : part.mesh().positions[0]) {
+        const bool inside = p.x() >= 0 && p.x() <= 8 && std::abs(p.z()) <= 4;
+        ASSERT_EQ(p.y(), inside ? 3.0F : 0.0F) << p.transpose();
+    }
+    const Made faded = make(desert(layer("image", file + "size = [16, 16]\nfade = 4")));
+    EXPECT_NEAR(faded.mesh().positions[0][24 * 65 + 32].y(), 1.0F, 1e-6F);
+    EXPECT_NEAR(faded.mesh().positions[0][24 * 65 + 32 - 12].y(), 0.5F, 1e-6F) << "2 m within the border";
+    // One row, one column.
+    for (const auto& [width, height] : {std::pair(1, 5), std::pair(5, 1), std::pair(1, 1)}) {
+        const ImageFile thin(width, height, std::vector<float>(size_t(width * height), 0.25F));
+        const Made made = make(desert(layer("image", "file = \"" + thin.path.string() + "\"")));
+        for (const Vec3f& p : made.mesh().positions[0]) ASSERT_NEAR(p.y(), 0.25F, 1e-6F);
+    }
+}
+
+const std::string eight_layers =
+    layer("noise", "amplitude = 1.5\nwavelength = 12") + layer("flat", "target = \"sand\"\nheight = 0.3") +
+    layer("mask", "name = \"low\"\nby = \"height\"\nramp = [[0, 1], [1.5, 0]]") +
+    layer("noise", "target = \"sand\"\namplitude = 0.4\nwavelength = 5\nkind = \"billow\"\nmask = \"low\"");
+
+std::string dune(double height, const std::string& more = "") {
+    return layer("dune",
+                 "along = \"ridge\"\nslope_width = 5\nmax_height = " + std::to_string(height) + "\n" + more);
+}
+
+bool same(const Made& a, const Made& b) {
+    if (a.mesh().positions[0] != b.mesh().positions[0] || a.mesh().triangles != b.mesh().triangles)
+        return false;
+    for (size_t k = 0; k < a.mesh().attributes.size(); ++k)
+        if (a.mesh().attributes[k].values != b.mesh().attributes[k].values) return false;
+    return true;
+}
+
+// Whatever is edited in whatever order: the bits are those of a terrain made anew.
+TEST(Terrain, EditsGiveTheBitsOfAFreshOne) {
+    const std::string big = "size = [120, 100]\ncell = 0.8";
+    const auto text = [&](double height, double sand, bool mask, const std::string& more) {
+        return ridge +
+               desert(layer("noise", "amplitude = 1.5\nwavelength = 12") +
+                          layer("flat", "target = \"sand\"\nheight = " + std::to_string(sand)) +
+                          dune(height, "attributes = true\n" + more) +
+                          (mask
+                               ? layer("mask", "name = \"steep\"\nby = \"slope\"\nramp = [[0, 0], [30, 1]]")
+                               : layer("mask", "name = \"steep\"\nby = \"height\"\nramp = [[0, 0], [3, 1]]")),
+                      big);
+    };
+    TestScene scene(text(2, 0.5, true, ""));
+    scene.build();
+    const double all = scene.stats.report("terrain.tiles");
+    std::mt19937 random(5);
+    for (int edit = 0; edit < 6; ++edit) {
+        const std::string now = text(1 + double(random() % 3), edit % 4 == 3 ? 0.25 : 0.5, random() % 2 == 0,
+                                     random() % 2 ? "boundary_noise = 1" : "flip = true");
+        scene.update(now);
+        const Made edited{scene.build()};
+        ASSERT_TRUE(same(edited, make(now))) << edit;
+    }
+    scene.update(text(2, 0.5, true, ""));
+    scene.build();
+    scene.update(text(2.5, 0.5, true, ""));
+    scene.build();
+    EXPECT_LT(scene.stats.report("terrain.tiles"), 0.5 * all) << "a dune's own tiles alone";
+    EXPECT_GT(scene.stats.report("terrain.tiles"), 0.0);
+    scene.build();
+    EXPECT_EQ(scene.stats.report("terrain.tiles"), 0.0) << "nothing has changed";
+}
+
+TEST(Terrain, IsTheSameOnAnyNumberOfThreads) {
+    const std::string text = ridge + desert(eight_layers + dune(3), "size = [100, 90]\ncell = 0.5");
+    const Made two = make(text);
+    const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+    EXPECT_TRUE(same(make(text), two));
+}
+
+TEST(Terrain, GrassGrowsWhereAMaskSays) {
+    const std::string text =
+        ridge +
+        desert(dune(4, "attributes = true\nname = \"dune\"\nmask_fall_off = [[0, 1], [1, 1]]") +
+               layer("mask", "name = \"high\"\nby = \"height\"\nramp = { knots = [[0, 0], [2, 1]], "
+                             "interpolation = \"constant\" }")) +
+        groom("grass", "desert", "count = 300\ndensity_by = [{ attribute = \"high\" }]");
+    const Made made = make(text);
+    const CurveGeometry& curves = made.world.curves.at(0);
+    ASSERT_GT(curves.curve_count, 100u);
+    for (size_t c = 0; c < curves.curve_count; ++c) ASSERT_GT(cv(curves, 0, c, 0).y(), 1.0F);
+    EXPECT_FALSE(made.values("dune.dist").empty());
+}
+
+TEST(Terrain, SaysWhatIsWrongAndWhere) {
+    const auto objection = [](const std::string& text) {
+        try {
+            TestScene scene(text);
+            return scene.objection();
+        } catch (const InputError& error) { // where it is made
+            return std::string(error.what());
+        }
+    };
+    const auto expect = [&](const std::string& text, const std::string& what) {
+        const std::string said = objection(text);
+        EXPECT_NE(said.find(what), std::string::npos) << said;
+        EXPECT_NE(said.find(".toml:"), std::string::npos) << said;
+    };
+    expect(desert(layer("flat", "mask = \"m\"") + layer("mask", "name = \"m\"\nby = \"sand\"")),
+           "no layer below hands out a mask 'm'");
+    expect(desert(layer("mask", "by = \"sand\"")), "has no name");
+    expect(desert(layer("mask", "name = \"m\"\nby = \"distance\"")), "needs 'along'");
+    expect(desert("", "size = [1, 1]\ncell = 3"), "2 x 2 is the least");
+    expect(desert("", "size = [1e6, 1e6]\ncell = 1"), "make cell larger");
+}
+
+} // namespace
+} // namespace marram::testing

@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/terrain/mesher.h"
+
+#include "core/math/hash.h"
+
+#include <gtest/gtest.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <string>
+#include <utility>
+
+namespace marram {
+namespace {
+
+double mesher_noise(double x, double z, uint64_t seed) {
+    const int64_t i = int64_t(std::floor(x)), j = int64_t(std::floor(z));
+    const auto value = [&](int64_t a, int64_t b) {
+        return unit_double(hash(hash(seed, uint64_t(i + a)), uint64_t(j + b))) - 0.5;
+    };
+    const auto smooth = [](double t) { return t * t * (3.0 - 2.0 * t); };
+    const double u = smooth(x - double(i)), v = smooth(z - double(j));
+    return (value(0, 0) * (1 - u) + value(1, 0) * u) * (1 - v) +
+           (value(0, 1) * (1 - u) + value(1, 1) * u) * v;
+}
+
+std::vector<float> mesher_hills(const Domain& d) {
+    std::vector<float> heights;
+    for (int j = 0; j < d.nz; ++j)
+        for (int i = 0; i < d.nx; ++i) {
+            double h = 0.0, scale = 128.0, size = 60.0;
+            for (uint64_t octave = 0; octave < 7; ++octave, scale *= 0.5, size *= 0.45)
+                h += size * mesher_noise(i / scale, j / scale, octave);
+            heights.push_back(float(h));
+        }
+    return heights;
+}
+
+// Smooth windward flanks, sharp crests, flat ground between.
+std::vector<float> mesher_dunes(const Domain& d) {
+    std::vector<float> heights;
+    for (int j = 0; j < d.nz; ++j)
+        for (int i = 0; i < d.nx; ++i) {
+            const double phase = (i + 60.0 * mesher_noise(i / 150.0, j / 150.0, 1)) / 130.0;
+            const double t = phase - std::floor(phase);
+            const double size = std::max(0.0, 14.0 * mesher_noise(i / 300.0, j / 300.0, 2));
+            const double profile = t < 0.78 ? 0.5 - 0.5 * std::cos(pi * t / 0.78) : (1.0 - t) / 0.22;
+            heights.push_back(float(size * std::max(0.0, profile - 0.12)));
+        }
+    return heights;
+}
+
+// Every edge is used once in each direction, or lies on the border of the domain; all triangles face up and cover the domain once.
+void expect_no_cracks(const Domain& d, const RenderMesh& mesh) {
+    std::vector<std::pair<uint32_t, uint32_t>> edges;
+    int64_t area = 0;
+    for (size_t t = 0; t < mesh.triangles.size(); t += 3) {
+        int64_t i[3], j[3];
+        for (size_t k = 0; k < 3; ++k) {
+            const uint32_t v = mesh.triangles[t + k];
+            ASSERT_LT(v, mesh.samples.size());
+            ASSERT_LT(mesh.samples[v], d.count());
+            i[k] = mesh.samples[v] % uint32_t(d.nx), j[k] = mesh.samples[v] / uint32_t(d.nx);
+            edges.push_back({v, mesh.triangles[t + (k + 1) % 3]});
+        }
+        const int64_t turn = (j[1] - j[0]) * (i[2] - i[0]) - (i[1] - i[0]) * (j[2] - j[0]);
+        ASSERT_GT(turn, 0);
+        area += turn;
+    }
+    EXPECT_EQ(area, 2 * int64_t(d.nx - 1) * (d.nz - 1));
+    const auto side = [&](uint32_t v, uint32_t w) {
+        const int nx = d.nx, a = int(mesh.samples[v]), b = int(mesh.samples[w]);
+        const auto both = [](int p, int q, int value) { return p == value && q == value; };
+        return both(a % nx, b % nx, 0) || both(a % nx, b % nx, nx - 1) || both(a / nx, b / nx, 0) ||
+               both(a / nx, b / nx, d.nz - 1);
+    };
+    std::sort(edges.begin(), edges.end());
+    ASSERT_EQ(std::adjacent_find(edges.begin(), edges.end()), edges.end());
+    for (const auto& [v, w] : edges)
+        ASSERT_NE(std::binary_search(edges.begin(), edges.end(), std::pair(w, v)), side(v, w));
+    std::vector<uint32_t> sorted = mesh.samples; // no vertex twice
+    std::sort(sorted.begin(), sorted.end());
+    EXPECT_EQ(std::adjacent_find(sorted.begin(), sorted.end()), sorted.end());
+}
+
+// |height of the mesh - height of the sample| at each sample, the greatest of all triangles that hold it; -1 where none does.
+std::vector<double> mesher_errors(const Domain& d, const std::vector<float>& heights,
+                                  const RenderMesh& mesh) {
+    std::vector<double> errors(d.count(), -1.0);
+    for (size_t t = 0; t < mesh.triangles.size(); t += 3) {
+        int i[3], j[3];
+        double h[3];
+        for (size_t k = 0; k < 3; ++k) {
+            const uint32_t sample = mesh.samples[mesh.triangles[t + k]];
+            i[k] = int(sample) % d.nx, j[k] = int(sample) / d.nx, h[k] = heights[sample];
+        }
+        const double area = double(i[1] - i[0]) * (j[2] - j[0]) - double(i[2] - i[0]) * (j[1] - j[0]);
+        for (int z = *std::min_element(j, j + 3); z <= *std::max_element(j, j + 3); ++z)
+            for (int x = *std::min_element(i, i + 3); x <= *std::max_element(i, i + 3); ++x) {
+                const double u = (double(x - i[0]) * (j[2] - j[0]) - double(i[2] - i[0]) * (z - j[0])) / area;
+                const double v = (double(i[1] - i[0]) * (z - j[0]) - double(x - i[0]) * (j[1] - j[0])) / area;
+                if (u < -1e-9 || v < -1e-9 || u + v > 1.0 + 1e-9) continue; // coordinates are below 2^12
+                double& error = errors[d.index(x, z)];
+                error = std::max(error, std::abs(h[0] + u * (h[1] - h[0]) + v * (h[2] - h[0]) -
+                                                 double(heights[d.index(x, z)])));
+            }
+    }
+    return errors;
+}
+
+void expect_within(const std::vector<double>& errors, double tolerance) {
+    const auto [least, most] = std::minmax_element(errors.begin(), errors.end());
+    EXPECT_GE(*least, 0.0); // each sample is covered
+    EXPECT_LE(*most, tolerance + 1e-10);
+}
+
+RenderMesh mesher_run(const Domain& d, const std::vector<float>& heights, double metres, int threads = 2) {
+    RenderMesh mesh;
+    MeshTolerance tolerance;
+    tolerance.metres = metres;
+    tbb::task_arena(threads).execute([&] { mesh = mesh_terrain(d, heights.data(), tolerance); });
+    return mesh;
+}
+
+TEST(TerrainMesher, HoldsTheToleranceWithoutCracksAtAnySize) {
+    for (const auto& [nx, nz] :
+         {std::pair{257, 257}, {2, 2}, {3, 5}, {2, 300}, {66, 2}, {100, 37}, {65, 130}}) {
+        const Domain d{nx, nz};
+        for (const auto& heights : {mesher_hills(d), mesher_dunes(d)})
+            for (const double tolerance : {0.0, 0.05, 0.5}) {
+                SCOPED_TRACE(std::to_string(nx) + " x " + std::to_string(nz) + ", " +
+                             std::to_string(tolerance));
+                const RenderMesh mesh = mesher_run(d, heights, tolerance);
+                expect_no_cracks(d, mesh);
+                expect_within(mesher_errors(d, heights, mesh), tolerance);
+            }
+    }
+}
+
+TEST(TerrainMesher, UsesTheTolerance) {
+    const Domain d{257, 257};
+    const auto heights = mesher_hills(d);
+    const RenderMesh mesh = mesher_run(d, heights, 0.5);
+    const auto errors = mesher_errors(d, heights, mesh);
+    EXPECT_GT(*std::max_element(errors.begin(), errors.end()), 0.45);
+    EXPECT_LT(mesh.triangles.size() / 3, size_t(2 * 256 * 256 / 4));
+    EXPECT_LT(mesher_run(d, heights, 2.0).triangles.size(), mesh.triangles.size() / 2);
+}
+
+TEST(TerrainMesher, FlatAndTiltedGroundIsTwoTrianglesATile) {
+    for (const double slope : {0.0, 0.25}) {
+        const Domain d{257, 129};
+        std::vector<float> heights;
+        for (int j = 0; j < d.nz; ++j)
+            for (int i = 0; i < d.nx; ++i) heights.push_back(float(1000.0 + slope * i - 0.125 * slope * j));
+        const RenderMesh mesh = mesher_run(d, heights, 0.0);
+        EXPECT_EQ(mesh.triangles.size() / 3, 2U * 4 * 2);
+        expect_no_cracks(d, mesh);
+    }
+    const Domain small{65, 65};
+    EXPECT_EQ(mesher_run(small, std::vector<float>(small.count(), 0.0F), 0.0).triangles.size(), 6U);
+}
+
+TEST(TerrainMesher, FewerThanTwoByTwoSamplesAreEmpty) {
+    const std::vector<float> heights(9, 1.0F);
+    for (const auto& [nx, nz] : {std::pair{0, 0}, {1, 9}, {9, 1}})
+        EXPECT_TRUE(mesher_run(Domain{nx, nz}, heights, 0.1).triangles.empty());
+}
+
+TEST(TerrainMesher, SameBitsAtOneAndTwoThreads) {
+    const Domain d{300, 257};
+    const auto heights = mesher_hills(d);
+    const RenderMesh one = mesher_run(d, heights, 0.1, 1), two = mesher_run(d, heights, 0.1, 2);
+    EXPECT_EQ(one.samples, two.samples);
+    EXPECT_EQ(one.triangles, two.triangles);
+}
+
+TEST(TerrainMesher, CameraBoundsTheErrorInPixelsFromEachPosition) {
+    const Domain d{257, 257, 0.5, -20.0, 7.0};
+    const auto heights = mesher_hills(d);
+    MeshTolerance tolerance;
+    tolerance.pixels = 0.5, tolerance.pixel_angle = 1e-3;
+    tolerance.cameras = {Vec3d(-30.0, 20.0, 0.0), Vec3d(100.0, 25.0, 80.0)};
+    const RenderMesh mesh = mesh_terrain(d, heights.data(), tolerance);
+    expect_no_cracks(d, mesh);
+    const auto errors = mesher_errors(d, heights, mesh);
+    double worst = 0.0;
+    for (int j = 0; j < d.nz; ++j)
+        for (int i = 0; i < d.nx; ++i)
+            for (const Vec3d& camera : tolerance.cameras) {
+                const size_t s = d.index(i, j);
+                const double distance = (Vec3d(d.x(i), heights[s], d.z(j)) - camera).norm();
+                worst = std::max(worst, errors[s] / (distance * tolerance.pixel_angle));
+            }
+    EXPECT_LE(worst, tolerance.pixels * (1.0 + 1e-9));
+    EXPECT_GT(worst, 0.9 * tolerance.pixels);
+    tolerance.cameras.pop_back();
+    EXPECT_LT(mesh_terrain(d, heights.data(), tolerance).triangles.size(), mesh.triangles.size());
+    tolerance.metres = 5.0; // a floor above all
+    EXPECT_EQ(mesh_terrain(d, heights.data(), tolerance).triangles, mesher_run(d, heights, 5.0).triangles);
+}
+
+TEST(TerrainMesher, ExtremeParametersTerminate) {
+    const Domain d{70, 70};
+    auto heights = mesher_hills(d);
+    MeshTolerance tolerance;
+    tolerance.pixels = 1e300, tolerance.pixel_angle = 1e300;
+    tolerance.cameras = {Vec3d(1e308, -1e308, 0.0), Vec3d(0.0, double(heights[0]), 0.0)};
+    expect_no_cracks(d, mesh_terrain(d, heights.data(), tolerance));
+    tolerance.pixels = tolerance.pixel_angle = 1e-300;
+    expect_no_cracks(d, mesh_terrain(d, heights.data(), tolerance));
+    for (float& h : heights) h *= 1e36F;
+    const RenderMesh mesh = mesher_run(d, heights, 0.0);
+    expect_no_cracks(d, mesh);
+    expect_no_cracks(d, mesher_run(d, heights, -1.0));
+    EXPECT_GT(mesh.triangles.size() / 3, 8000U);
+}
+
+TEST(TerrainMesher, PrintsTrianglesAndTime) {
+    const Domain d{2048, 2048}, part{512, 512};
+    const auto dunes = mesher_dunes(part);
+    std::vector<float> heights;
+    const auto mirrored = [](int i) { return i % 1024 < 512 ? i % 512 : 511 - i % 512; };
+    for (int j = 0; j < d.nz; ++j)
+        for (int i = 0; i < d.nx; ++i) heights.push_back(dunes[part.index(mirrored(i), mirrored(j))]);
+    for (const int threads : {1, 2}) {
+        const auto start = std::chrono::steady_clock::now();
+        const RenderMesh mesh = mesher_run(d, heights, 0.01, threads);
+        const double seconds =
+            std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        std::printf("dunes 2048 x 2048, 0.01 m: %zu triangles, %d threads, %.1f ns a sample\n",
+                    mesh.triangles.size() / 3, threads, 1e9 * seconds / double(d.count()));
+        EXPECT_LT(mesh.triangles.size() / 3, d.count() / 4);
+    }
+}
+
+} // namespace
+} // namespace marram

@@ -46,6 +46,10 @@ struct LayerContext {
     std::vector<std::string> masks; // that the layers below hand out
     // The curves of that name; one that is not there is a SceneFault.
     std::function<std::vector<DrawnCurve>(std::string_view name)> curves;
+    // The mesh of that name, at the first motion sample of the frame, and the scene in which rays meet it under its geometry_id, with the
+    // mask MARRAM_NAMED; one that is not there is a SceneFault. Both live as long as the layer is being made.
+    std::function<const MarramMesh&(std::string_view name)> mesh;
+    RTCScene scene = nullptr;
     std::function<void(const std::string& place, const std::string& what, const std::string& remedy)> warn;
 };
 

@@ -8,6 +8,7 @@
 //        "curvature"  1/m, the Laplacian by five points: positive in hollows, negative on crests; 0 at the border
 //        "mask"       another mask (`of`)
 //        "image"      a file's first channel, stretched over the terrain, bilinear
+//        "noise"      perlin noise, -1 to 1 but for three samples in a thousand: patches `wavelength` metres apart
 //        "distance"   metres to the nearest point of drawn curves (`along`), seen from above
 //
 // The ramp's values are limited to 0 ... 1. With `mask` the result is multiplied by another.
@@ -19,7 +20,9 @@
 //     ramp = [[8, 1], [20, 0]]
 #include "procedural/terrain/mask_layer.h"
 
+#include "core/math/hash.h"
 #include "procedural/terrain/shape_layer.h"
+#include "procedural/wind/noise.h"
 
 #include <array>
 
@@ -27,10 +30,11 @@ namespace marram {
 
 namespace {
 
-enum class MaskBy { height, sand, slope, curvature, mask, image, distance };
+enum class MaskBy { height, sand, slope, curvature, mask, image, distance, noise };
 
 MaskBy mask_by(std::string_view name) {
-    constexpr std::array names = {"height", "sand", "slope", "curvature", "mask", "image", "distance"};
+    constexpr std::array names = {"height", "sand",  "slope",    "curvature",
+                                  "mask",   "image", "distance", "noise"};
     for (size_t i = 0; i < names.size(); ++i)
         if (name == names[i]) return MaskBy(i);
     return MaskBy::height;
@@ -68,6 +72,9 @@ class MaskLayer : public Layer {
         };
         if (by_ == MaskBy::mask) need("of"), of_ = mask_named(context, "of");
         if (by_ == MaskBy::image) need("file"), read_pixels(*values.at("file").grid);
+        noise_.frequency = 1.0 / values.number("wavelength");
+        noise_.octaves = values.integer("octaves");
+        noise_.seed = uint32_t(hash(context.seed, uint64_t(values.integer("seed"))));
         if (by_ == MaskBy::distance) need("along"), read_curves(context.curves(values.text("along")));
     }
 
@@ -156,6 +163,14 @@ class MaskLayer : public Layer {
                t * ((1 - s) * value(a, b1) + s * value(a1, b1));
     }
 
+    double noise_at(double x, double z) const {
+        constexpr double deviations = 3.0;
+        const Wide3d point{splat(x), splat(0.0), splat(z)};
+        Wide3f value{};
+        vector_noise(noise_, &point, 1, false, 0.0, &value);
+        return double(value.x[0]) / (deviations * perlin_rms_3d);
+    }
+
     double measure(int i, int j, const Fields& below, const std::vector<CurveSegment>& near) const {
         const size_t sample = domain_.index(i, j);
         switch (by_) {
@@ -169,6 +184,8 @@ class MaskLayer : public Layer {
             return curvature(i, j, below);
         case MaskBy::image:
             return pixel(i, j);
+        case MaskBy::noise:
+            return noise_at(domain_.x(i), domain_.z(j));
         case MaskBy::mask:
             break; // read directly
         case MaskBy::distance:
@@ -187,16 +204,21 @@ class MaskLayer : public Layer {
     std::vector<float> pixels_;
     int nx_ = 0, nz_ = 0;
     std::vector<CurveSegment> segments_;
+    FractalNoise noise_;
 };
 
 constexpr std::array mask_params = {
-    MarramParam{"by", MARRAM_CHOICE, "", "", 0, 0, "height|sand|slope|curvature|mask|image|distance",
+    MarramParam{"by", MARRAM_CHOICE, "", "", 0, 0, "height|sand|slope|curvature|mask|image|distance|noise",
                 "what the ramp is over"},
     MarramParam{"ramp", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -1e9, 1e9, "",
                 "m, deg, 1/m or 0 to 1 -> the mask"},
     MarramParam{"of", MARRAM_TEXT, "", "none", 0, 0, "", "the mask, by mask"},
     MarramParam{"file", MARRAM_IMAGE, "", "none", 0, 0, "", "the image, by image"},
     MarramParam{"along", MARRAM_CURVES_NAME, "", "none", 0, 0, "", "the curves, by distance"},
+    MarramParam{"wavelength", MARRAM_NUMBER, "m", "5", 1e-3, 1e6, "", "by noise: of the coarsest octave"},
+    MarramParam{"octaves", MARRAM_INTEGER, "", "3", 1, 16, "",
+                "by noise: each half as long as the one before"},
+    MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "by noise: another number, another noise"},
     MarramParam{"mask", MARRAM_TEXT, "", "none", 0, 0, "", "name of a mask that it is multiplied by"},
 };
 

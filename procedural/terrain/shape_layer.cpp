@@ -50,7 +50,11 @@ void ShapeLayer::evaluate(const Rect& rect, const Fields& below, const LayerOutp
             } else {
                 const SandUnits b = below.sand[sample];
                 const double metres = sand_metres(b);
-                const double more = combine(settings_.mode, metres, own[k], settings_.smooth) - metres;
+                const double rock = settings_.level ? double(below.bedrock[sample]) : 0.0;
+                const double thickness = std::max(own[k] - rock, 0.0);
+                const double more =
+                    combine(settings_.mode, metres, settings_.level ? thickness : own[k], settings_.smooth) -
+                    metres;
                 out.sand[sample] = s == 0.0 ? b : std::max(b + sand_units(s * more), SandUnits(0));
             }
         }
@@ -59,7 +63,8 @@ void ShapeLayer::evaluate(const Rect& rect, const Fields& below, const LayerOutp
 
 std::array<MarramParam, 4> shape_params(const char* target) {
     return {
-        MarramParam{"target", MARRAM_CHOICE, "", target, 0, 0, "sand|bedrock", "what it shapes"},
+        MarramParam{"target", MARRAM_CHOICE, "", target, 0, 0, "sand|level|bedrock",
+                    "what it shapes; level: sand up to its height"},
         MarramParam{"combine", MARRAM_CHOICE, "", "\"add\"", 0, 0, "add|maximum|replace|smooth_maximum",
                     "how its height meets what is there"},
         MarramParam{"smooth", MARRAM_NUMBER, "m", "1", 0, widest, "",
@@ -79,6 +84,7 @@ std::string mask_named(const LayerContext& context, std::string_view parameter) 
 ShapeSettings read_shape(const LayerContext& context) {
     ShapeSettings settings;
     settings.bedrock = context.values.text("target") == "bedrock";
+    settings.level = context.values.text("target") == "level";
     settings.mode = combine_mode(context.values.text("combine"));
     settings.smooth = context.values.number("smooth");
     if (context.values.has("mask")) settings.mask = mask_named(context, "mask");

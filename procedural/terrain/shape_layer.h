@@ -2,7 +2,7 @@
 // Layers that have a height of their own and combine it with what is below: flat, noise, image, dune, mass desert.
 //
 //   below   the bedrock's height, or the sand's thickness: the field that `target` names
-//   own     what the layer would put there, metres
+//   own     what the layer would put there, metres. Target "level": the thickness that makes the surface as high as that
 //   share   how much of that counts: the layer's own, times its mask, 0 to 1
 //   result  below + share * (combine(below, own) - below)
 //
@@ -17,6 +17,7 @@ namespace marram {
 
 struct ShapeSettings {
     bool bedrock = false; // target: bedrock; else sand
+    bool level = false;   // of sand: own heights are those of the surface that sand fills up to
     Combine mode = Combine::add;
     double smooth = 1.0; // metres over which a smooth maximum blends
     std::string mask;    // "": none

@@ -272,7 +272,7 @@ MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, Mar
         std::vector<MarramMesh> meshes;
         const MarramFrame frame = borrowed_frame(given, meshes);
         const double begin = wall_seconds();
-        set_layers(instance, frame);
+        set_layers(instance, frame, meshes);
         if (!instance.stack->evaluate([&] { return instance.host.cancelled(instance.host.user) != 0; }))
             return MARRAM_CANCELLED;
         find_heights(instance);

@@ -34,8 +34,8 @@ struct TerrainInstance {
 // The domain that the parameters size, cell and center describe. Throws SceneFault where it has too many samples.
 Domain read_domain(const Values& values);
 
-// Gives the stack the layers that the values and the frame's curves describe: those that have not changed are kept.
-void set_layers(TerrainInstance& instance, const MarramFrame& frame);
+// Gives the stack the layers that the values and the frame's curves and meshes describe: those that have not changed are kept.
+void set_layers(TerrainInstance& instance, const MarramFrame& frame, std::span<const MarramMesh> meshes);
 
 // Names of the masks that the layers will hand out, in order, each once.
 std::vector<std::string> mask_names(const Values& values);

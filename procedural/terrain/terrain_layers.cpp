@@ -39,9 +39,17 @@ std::vector<DrawnCurve> drawn_curves(const MarramFrame& frame, std::string_view 
                      "name those of a [[curves]]");
 }
 
+const MarramMesh& mesh_named(std::span<const MarramMesh> meshes, std::string_view name,
+                             const std::string& place) {
+    for (const MarramMesh& mesh : meshes)
+        if (mesh.name && name == mesh.name) return mesh;
+    throw SceneFault("terrain.no_mesh", place, fmt::format("there is no mesh '{}'", name),
+                     "name one of the scene's");
+}
+
 // Of all that a layer is made from: its values, the curves that it names, and what all layers share.
 uint64_t digest_of_layer(const TerrainInstance& instance, int layer, const MarramFrame& frame,
-                         uint64_t shared) {
+                         std::span<const MarramMesh> meshes, uint64_t shared) {
     Digest digest;
     digest.add(shared);
     const std::string prefix = prefix_of(layer);
@@ -52,6 +60,11 @@ uint64_t digest_of_layer(const TerrainInstance& instance, int layer, const Marra
         if (const MarramGrid* grid = value.grid)
             digest.add(grid->nx).add(grid->ny).add(grid->values,
                                                    size_t(grid->nx) * grid->ny * grid->components * 4);
+        if (value.type == MARRAM_MESH_NAME) {
+            const MarramMesh& mesh = mesh_named(meshes, value.text, value.place);
+            digest.add(mesh.positions[0], 12 * size_t(mesh.vertex_count))
+                .add(mesh.triangles, 12 * size_t(mesh.triangle_count));
+        }
         if (value.type != MARRAM_CURVES_NAME) continue;
         for (const DrawnCurve& curve : drawn_curves(frame, value.text, value.place)) {
             digest.add(uint64_t(curve.closed)).add(curve.points.size());
@@ -114,7 +127,7 @@ Domain read_domain(const Values& values) {
     return domain;
 }
 
-void set_layers(TerrainInstance& instance, const MarramFrame& frame) {
+void set_layers(TerrainInstance& instance, const MarramFrame& frame, std::span<const MarramMesh> meshes) {
     const Values values(instance.values.all());
     const Vec2d wind = wind_of(values);
     const auto seed = uint64_t(values.integer("seed"));
@@ -126,12 +139,15 @@ void set_layers(TerrainInstance& instance, const MarramFrame& frame) {
         const LayerValues own(values, k);
         if (!own.boolean("on")) continue;
         const LayerType& type = type_of(values, k);
-        StackLayer made{type.name, digest_of_layer(instance, k, frame, shared.value()), nullptr};
+        StackLayer made{type.name, digest_of_layer(instance, k, frame, meshes, shared.value()), nullptr};
         made.layer = instance.stack->find(layers.size(), made.type, made.digest);
         if (!made.layer) {
-            LayerContext context{own, instance.domain, wind, seed, masks, {}, {}};
+            LayerContext context{own, instance.domain, wind, seed, masks, {}, {}, frame.colliders, {}};
             context.curves = [&](std::string_view name) {
                 return drawn_curves(frame, name, own.place("type"));
+            };
+            context.mesh = [&](std::string_view name) -> const MarramMesh& {
+                return mesh_named(meshes, name, own.place("type"));
             };
             context.warn = [&](const std::string& place, const std::string& what, const std::string& remedy) {
                 send(instance.host, MARRAM_WARNING, "terrain.layer", place, what, remedy);

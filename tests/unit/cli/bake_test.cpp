@@ -2,6 +2,8 @@
 // `marram bake`: files that depend on scene and frame alone, and strands that keep their lengths in any wind.
 #include "program.h"
 
+#include "core/image/picture.h"
+
 #include <algorithm>
 #include <cmath>
 
@@ -157,12 +159,56 @@ INSTANTIATE_TEST_SUITE_P(All, StrandSize,
                          ::testing::Values(Case{2, 2000}, Case{3, 2000}, Case{8, 2000}, Case{1000, 40}),
                          [](const auto& info) { return fmt::format("{}_cvs", info.param.cvs); });
 
+// A terrain's grids by name; and the heights, read back as a layer, are the same.
+TEST(Bake, WritesATerrainThatReadsBack) {
+    const Folder folder;
+    const std::string head =
+        "[camera]\nposition = [0, 9, 30]\ntarget = [0, 0, 0]\n[[light]]\ntype = \"sky\"\n"
+        "[[procedural]]\ntype = \"terrain\"\nname = \"desert\"\nsize = [30, 20]\n"
+        "center = [3, -2]\ncell = 0.5\n[[procedural.layer]]\n";
+    const std::string scene = folder.write(
+        "a.toml",
+        head + "type = \"noise\"\namplitude = 2\nwavelength = 9\n[[procedural.layer]]\ntype = \"flat\"\n"
+               "target = \"sand\"\nheight = 0.25\n[[procedural.layer]]\ntype = \"mask\"\nname = \"Low\"\n"
+               "by = \"height\"\n");
+    bake(scene, folder / "a.exr", {});
+    const Picture grids = read_picture(folder / "a.exr");
+    EXPECT_EQ(grids.width, 61);
+    EXPECT_EQ(grids.height, 41);
+    std::set<std::string> names;
+    for (const Picture::Layer& layer : grids.layers)
+        for (const std::string& channel : layer.channels) names.insert(layer.name + "." + channel);
+    std::string all;
+    for (const std::string& n : names) all += n + " ";
+    for (const char* name : {"grid.height", "grid.bedrock", "grid.sand", "grid.Low"})
+        EXPECT_TRUE(names.contains(name)) << name << " in " << all;
+    const std::string back = folder.write(
+        "b.toml", head + "type = \"image\"\nfile = \"a.exr\"\nsize = [30.5, 20.5]\ncenter = [3, -2]\n");
+    bake(back, folder / "b.exr", {});
+    const Picture again = read_picture(folder / "b.exr");
+    const auto heights = [](const Picture& picture) {
+        std::vector<float> values;
+        for (const Picture::Layer& layer : picture.layers)
+            for (size_t c = 0; c < layer.channels.size(); ++c)
+                if (layer.name + "." + layer.channels[c] == "grid.height")
+                    for (size_t k = c; k < layer.pixels.size(); k += layer.channels.size())
+                        values.push_back(layer.pixels[k]);
+        return values;
+    };
+    const std::vector<float> first = heights(grids), second = heights(again);
+    ASSERT_EQ(first.size(), 61u * 41u);
+    ASSERT_EQ(second.size(), first.size());
+    for (size_t k = 0; k < first.size(); ++k) ASSERT_NEAR(first[k], second[k], 1e-6);
+    const std::string plain = folder.write("c.toml", SceneText{});
+    EXPECT_EQ(marram({"bake", plain, "-o", folder / "c.exr"}).code, 2) << "no terrain";
+    EXPECT_FALSE(folder.names().contains("c.exr"));
+}
+
 TEST(Bake, RefusesWhatItCannotWrite) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});
     for (const std::vector<std::string>& more :
          {std::vector<std::string>{"-o", folder / "a.abc"},
-          {"-o", folder / "a.exr"},
           {"-o", folder / "a"},
           {"-o", folder / "a.hair", "--colliders", folder / "c.ply"},
           {"-o", folder / "no/a.hair"},

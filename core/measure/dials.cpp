@@ -305,6 +305,7 @@ Dial declared(const Shot& shot, const ParamSpec& spec) {
     constexpr std::string_view seconds = "seconds.";
     Dial dial{spec.name, spec.help + ". Error against the last.", "strands", DialError::pose, false, {}, 0};
     if (spec.sweep_time.starts_with(seconds)) dial.time = spec.sweep_time.substr(seconds.size());
+    if (dial.time == "terrain") dial.error = DialError::surface;
     for (const double value : sweep_of(spec))
         dial.settings.push_back(
             {fmt::format("{}", value), in_all_grooms(shot, spec.name, fmt::format("{}", value)), false, 0});
@@ -407,7 +408,6 @@ DialList dials_of(const Shot& shot) {
     else if (strands)
         leave_out("octaves: the noise has one octave, or not the same number in all grooms");
     if (strands) add_declared(shot, list);
-    leave_out("level of detail: there is none yet");
     list.dials.push_back(samples(shot));
     return list;
 }

@@ -23,9 +23,10 @@ struct DialSetting {
 
 // What its error is measured on, always against the reference setting.
 enum class DialError {
-    pose,   // CVs, as shares of the strand's length
-    motion, // CVs over the shutter, in pixels of the film
-    image   // pixels, relative to the reference's mean
+    pose,    // CVs, as shares of the strand's length
+    motion,  // CVs over the shutter, in pixels of the film
+    surface, // heights of the meshes that procedurals make, in metres
+    image    // pixels, relative to the reference's mean
 };
 
 struct Dial {

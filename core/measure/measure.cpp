@@ -112,6 +112,47 @@ double pixel_of(const Shot& shot, const Session& session) {
            (shot.description.camera.vec3("target") - settings.view.position).norm();
 }
 
+// What the mesh is that others grow on, where the camera sees another.
+const MeshGeometry& growth_surface(const World& world, uint32_t id) {
+    const auto growth = world.growth_surfaces.find(id);
+    return growth == world.growth_surfaces.end() ? world.meshes[id] : growth->second;
+}
+
+// A grid of one number by row and column, between its samples bilinear, beyond its border as there.
+double grid_at(const GridValues& values, double x, double z) {
+    const MarramGrid& grid = values.grid;
+    const auto place = [](double at, double origin, double step, uint32_t count) {
+        return std::clamp((at - origin) / step, 0.0, double(count - 1));
+    };
+    const double u = place(x, grid.origin[0], grid.axes[0][0], grid.nx),
+                 v = place(z, grid.origin[2], grid.axes[1][2], grid.ny);
+    const auto i = uint32_t(u), j = uint32_t(v);
+    const uint32_t i1 = std::min(i + 1, grid.nx - 1), j1 = std::min(j + 1, grid.ny - 1);
+    const auto at = [&](uint32_t a, uint32_t b) { return double(values.values[size_t(b) * grid.nx + a]); };
+    const double s = u - i, t = v - j;
+    return (1 - t) * ((1 - s) * at(i, j) + s * at(i1, j)) + t * ((1 - s) * at(i, j1) + s * at(i1, j1));
+}
+
+// Heights of all terrains at the samples of the reference's, in metres.
+void compare_surfaces(const World& world, const World& reference, SettingResult& result) {
+    double squares = 0.0, count = 0.0;
+    for (uint32_t id = 0; id < std::min(world.meshes.size(), reference.meshes.size()); ++id) {
+        const MeshGeometry &mine = growth_surface(world, id), &exact = growth_surface(reference, id);
+        if (mine.grids.empty() || exact.grids.empty() || exact.grids[0].name != "height") continue;
+        const MarramGrid& grid = exact.grids[0].grid;
+        for (uint32_t j = 0; j < grid.ny; ++j)
+            for (uint32_t i = 0; i < grid.nx; ++i) {
+                const double gap = std::abs(grid_at(mine.grids[0], grid.origin[0] + i * grid.axes[0][0],
+                                                    grid.origin[2] + j * grid.axes[1][2]) -
+                                            double(exact.grids[0].values[size_t(j) * grid.nx + i]));
+                squares += gap * gap;
+                count += 1.0;
+                result.worst = std::max(result.worst, gap);
+            }
+    }
+    result.error = count > 0.0 ? std::sqrt(squares / count) : 0.0;
+}
+
 void compare_strands(const Dial& dial, const Shot& shot, const World& world, const World& reference,
                      const Session& session, SettingResult& result) {
     const bool motion = dial.error == DialError::motion;
@@ -232,8 +273,11 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
         if (dial.settings[i].own) own = stats.build;
         if (dial.settings[i].label == "by the tolerance") by_tolerance = stats.build, chosen = true;
         if (i == dial.reference) reference = std::move(world);
-        compare_strands(dial, scenes[i], i == dial.reference ? reference : world, reference, session,
-                        setting);
+        const World& made = i == dial.reference ? reference : world;
+        if (dial.error == DialError::surface)
+            compare_surfaces(made, reference, setting);
+        else
+            compare_strands(dial, scenes[i], made, reference, session, setting);
     }
     reference = {};
     const double round = wall_seconds() - begin;

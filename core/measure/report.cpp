@@ -35,6 +35,8 @@ std::string error_name(const Dial& dial) {
         return "error, share of a strand's length (rms)";
     case DialError::motion:
         return "error, pixels (99 strands in 100 stay below)";
+    case DialError::surface:
+        return "error, metres of height (rms)";
     default:
         return "error, relative to the mean (rms)";
     }
@@ -229,7 +231,9 @@ void mark_front(DialResult& result) {
     }
 }
 
-std::string error_unit(DialError error) { return error == DialError::motion ? "px" : "1"; }
+std::string error_unit(DialError error) {
+    return error == DialError::motion ? "px" : error == DialError::surface ? "m" : "1";
+}
 
 std::string to_table(const Measurement& m) {
     std::string out = fmt::format("{}, frame {:g}: {} strands, {} CVs, {} triangles, {} threads\n", m.scene,

@@ -8,6 +8,7 @@
 #include "procedural/terrain/mask_layer.h"
 #include "procedural/terrain/mass_desert.h"
 #include "procedural/terrain/ripples.h"
+#include "procedural/terrain/ruin.h"
 
 #include <array>
 
@@ -15,9 +16,9 @@ namespace marram {
 
 std::span<const LayerType> layer_types() {
     static const std::array types = {
-        flat_layer_type(),    noise_layer_type(),       image_layer_type(),
-        mask_layer_type(),    dune_layer_type(),        lattice_layer_type(),
-        ripples_layer_type(), mass_desert_layer_type(), fusion_layer_type(),
+        flat_layer_type(),   noise_layer_type(),   image_layer_type(),   mask_layer_type(),
+        dune_layer_type(),   lattice_layer_type(), ripples_layer_type(), mass_desert_layer_type(),
+        fusion_layer_type(), ruin_layer_type(),
     };
     return types;
 }

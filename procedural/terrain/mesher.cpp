@@ -7,9 +7,23 @@
 // A sample on an edge counts in both triangles. Samples bound nothing between them: where an edge of the mesh crosses an edge of the
 // growth surface the two can differ by more than t.
 //
+// Gradient: a renderer mixes the normals of a triangle's vertices. A long triangle with one vertex on the foot of a dune can be
+// within t of the ground and still carry the foot's normal metres out over it. With a tolerance g of the gradient
+//   e = max(e, |wa ga + wb gb + wc gc - grad h| / g),   g = gradient max(1, angle min |sample - camera| / cell),
+// grad h by central differences (to one side at the border of the domain), |.| the length of the vector in the plane. The second
+// factor is a pixel's width in cells, where there are cameras. Light of unit strength at elevation s then falls on level ground with
+// an error below g cot(s) of itself. Normals are mixed after they have unit length, which differs from mixed gradients by the second
+// order of the contrast in the triangle. A vertex has no error, so refinement ends, with every sample at the latest. Along a sharp
+// crest or foot that is what it comes to: the gradient there changes within a cell or two, and all samples of a strip become
+// vertices. Slopes are cut off at 1024, where ground is vertical; g is at least 2^-20, above the rounding of a slope's plane (below
+// 2^-23: coordinates below 2^7, slopes up to 2^10).
+// Both errors are squared then: no square root is needed, and the order of refinement is the same.
+//
 // Tiles: the grid is cut into tiles of at most 64 x 64 cells, so that a tile's heights stay in the first cache and tiles can go
-// to any thread. Each line between two corners of tiles is first simplified by itself (Douglas and Peucker 1973, with the error
+// to any thread. Each line between two corners of tiles is first simplified by itself (Douglas and Peucker 1973, with the errors
 // above); both tiles that share it take its vertices as they are, so no crack can open. No vertex is added on a tile's border later.
+// On an edge of the border both sides mix the same two gradients, whole vectors and not only their part along it: normals do not
+// jump there, and they hold g at each of its samples.
 // What borders cost in triangles is small, but a flat field still has two triangles a tile.
 //
 // Delaunay: a new vertex splits its triangle (or two, when it lies on an edge); edges opposite to it flip while the vertex beyond
@@ -20,7 +34,9 @@
 // A tile that one strip of cells fills is a tile like any other.
 //
 // Cost: n samples, v vertices: about n (scan) + 6 v triangles scanned, eight samples of a row at a time; memory 8 bytes a sample of a
-// tile and thread, and 12 bytes a triangle twice.
+// tile and thread, and 12 bytes a triangle twice. With a gradient tolerance 20 bytes a sample of a tile and thread: slopes are taken
+// from the heights when a tile is loaded, once for each sample but those on its border. Loading and scanning
+// take 1.6 times as long; the rest of the time is that of the vertices that come to it.
 #include "procedural/terrain/mesher.h"
 
 #include "procedural/simd.h"
@@ -49,12 +65,13 @@ MARRAM_INLINE int64_t mesh_turn(const MeshPoint& a, const MeshPoint& b, const Me
     return int64_t(b.j - a.j) * (c.i - a.i) - int64_t(b.i - a.i) * (c.j - a.j);
 }
 
-// The heights of a tile, and one over the tolerance of each sample. Border samples weigh 0: they are settled. Rows end in a pad
-// that a vector may read.
+// The heights of a tile, and one over the tolerance of each sample; with a gradient tolerance the slopes too, and one over the
+// square of theirs. Border samples weigh 0: they are settled. Rows end in a pad that a vector may read.
 struct MeshGrid {
     int width = 0, depth = 0, stride = 0; // cells; floats from row to row
     double threshold = 0.0;
-    std::vector<float> heights, weights;
+    bool slopes = false;
+    std::vector<float> heights, weights, slopes_x, slopes_z, slope_weights;
 };
 
 struct MeshWorst {
@@ -99,22 +116,37 @@ MARRAM_INLINE MeshWorst mesh_reduce(const MeshLanes& worst) {
     return result;
 }
 
-MARRAM_INLINE void mesh_eight(const MeshGrid& grid, int at, VDouble a, VDouble b, VDouble c, VDouble height,
-                              MeshLanes& worst) {
+// A slope over a triangle. a, b, c: at its vertices, over twice its area; each weighs what the edge opposite to it says.
+MARRAM_INLINE MeshEdge mesh_slope_plane(const MeshEdge& ea, const MeshEdge& eb, const MeshEdge& ec, double a,
+                                        double b, double c) {
     const VDouble lane = {0, 1, 2, 3, 4, 5, 6, 7};
-    VFloat sample, weight;
-    std::memcpy(&sample, grid.heights.data() + at, sizeof sample);
-    std::memcpy(&weight, grid.weights.data() + at, sizeof weight);
-    const VDouble off = vabs(height - to_double(sample)) * to_double(weight);
+    const double per_i = ea.per_i * a + eb.per_i * b + ec.per_i * c;
+    return {ea.value * a + eb.value * b + ec.value * c, per_i, ea.per_j * a + eb.per_j * b + ec.per_j * c,
+            0.0, per_i * lane};
+}
+MARRAM_INLINE VDouble mesh_eight_of(const std::vector<float>& values, int at) {
+    VFloat eight;
+    std::memcpy(&eight, values.data() + at, sizeof eight);
+    return to_double(eight);
+}
+// Square of the distance between the gradient of a triangle and that of each sample, over the square of its tolerance.
+MARRAM_INLINE VDouble mesh_slope_error(const MeshGrid& grid, int at, VDouble x, VDouble z) {
+    const VDouble dx = x - mesh_eight_of(grid.slopes_x, at), dz = z - mesh_eight_of(grid.slopes_z, at);
+    return (dx * dx + dz * dz) * mesh_eight_of(grid.slope_weights, at);
+}
+
+// Keeps the worst of each lane. a, b, c: negative outside.
+MARRAM_INLINE void mesh_keep(VDouble a, VDouble b, VDouble c, VDouble off, int at, MeshLanes& worst) {
+    const VDouble lane = {0, 1, 2, 3, 4, 5, 6, 7};
     // Two selections: a mask made by `and` from two comparisons would be taken apart lane by lane.
     const VDouble error = vmin(vmin(a, b), c) < 0.0 ? VDouble{} : off;
     worst.sample = worst.error < error ? lane + double(at) : worst.sample;
     worst.error = vmax(worst.error, error);
 }
 
-// The greatest error in a triangle, where it is beyond the threshold.
-MARRAM_HOT MeshWorst mesh_worst(const MeshGrid& grid, const MeshPoint& a, const MeshPoint& b,
-                                const MeshPoint& c) {
+template <bool slopes>
+MARRAM_INLINE MeshWorst mesh_worst_of(const MeshGrid& grid, const MeshPoint& a, const MeshPoint& b,
+                                      const MeshPoint& c) {
     const int64_t area = mesh_turn(a, b, c);
     if (area <= 1) return {0.0, -1}; // no sample but its vertices (Pick's theorem)
     const int i0 = std::min({a.i, b.i, c.i}), i1 = std::max({a.i, b.i, c.i});
@@ -123,6 +155,16 @@ MARRAM_HOT MeshWorst mesh_worst(const MeshGrid& grid, const MeshPoint& a, const 
     const double ha = a.height * scale, hb = b.height * scale, hc = c.height * scale;
     const MeshPoint start{i0, j0, 0.0};
     MeshEdge ea = mesh_edge(b, c, start), eb = mesh_edge(c, a, start), ec = mesh_edge(a, b, start);
+    MeshEdge x{}, z{};
+    if constexpr (slopes) {
+        const auto plane = [&](const std::vector<float>& v) MARRAM_ALWAYS_INLINE {
+            const auto at = [&](const MeshPoint& p) {
+                return double(v[size_t(p.j * grid.stride + p.i)]) * scale;
+            };
+            return mesh_slope_plane(ea, eb, ec, at(a), at(b), at(c));
+        };
+        x = plane(grid.slopes_x), z = plane(grid.slopes_z);
+    }
     MeshLanes worst{splat(grid.threshold), splat(-1.0)};
     for (int j = j0; j <= j1; ++j) {
         int lower = i0, upper = i1;
@@ -131,11 +173,27 @@ MARRAM_HOT MeshWorst mesh_worst(const MeshGrid& grid, const MeshPoint& a, const 
         for (int i = lower; i <= upper; i += lanes) {
             const double steps = i - i0;
             const VDouble wa = mesh_along(ea, steps), wb = mesh_along(eb, steps), wc = mesh_along(ec, steps);
-            mesh_eight(grid, j * grid.stride + i, wa, wb, wc, wa * ha + wb * hb + wc * hc, worst);
+            const int at = j * grid.stride + i;
+            const VDouble height = wa * ha + wb * hb + wc * hc;
+            VDouble off = vabs(height - mesh_eight_of(grid.heights, at)) * mesh_eight_of(grid.weights, at);
+            if constexpr (slopes)
+                off = vmax(off * off, mesh_slope_error(grid, at, mesh_along(x, steps), mesh_along(z, steps)));
+            mesh_keep(wa, wb, wc, off, at, worst);
         }
         ea.value += ea.per_j, eb.value += eb.per_j, ec.value += ec.per_j;
+        x.value += x.per_j, z.value += z.per_j;
     }
     return mesh_reduce(worst);
+}
+
+// The greatest error in a triangle, where it is beyond the threshold: of heights; of heights and slopes, squared.
+MARRAM_HOT MeshWorst mesh_worst(const MeshGrid& grid, const MeshPoint& a, const MeshPoint& b,
+                                const MeshPoint& c) {
+    return mesh_worst_of<false>(grid, a, b, c);
+}
+MARRAM_HOT MeshWorst mesh_worst_slopes(const MeshGrid& grid, const MeshPoint& a, const MeshPoint& b,
+                                       const MeshPoint& c) {
+    return mesh_worst_of<true>(grid, a, b, c);
 }
 
 struct MeshBad { // a triangle beyond the tolerance
@@ -192,8 +250,8 @@ struct MeshTile {
     }
     void scan(int t) {
         const int* v = &vertex[3 * size_t(t)];
-        const MeshWorst w =
-            mesh_worst(grid, points[size_t(v[0])], points[size_t(v[1])], points[size_t(v[2])]);
+        const MeshPoint &a = points[size_t(v[0])], &b = points[size_t(v[1])], &c = points[size_t(v[2])];
+        const MeshWorst w = grid.slopes ? mesh_worst_slopes(grid, a, b, c) : mesh_worst(grid, a, b, c);
         candidate[size_t(t)] = w.sample;
         if (w.sample < 0) return;
         bad.push_back({w.error, t, stamp[size_t(t)]});
@@ -304,12 +362,79 @@ struct MeshTile {
     }
 };
 
-// What an error is measured against. Errors times weight() are compared with `threshold`.
+// Steeper ground is vertical: its normal is within 0.001 of the horizontal.
+constexpr double mesh_steepest = 1024.0;
+// See the page.
+constexpr double mesh_least_gradient = 0x1p-20;
+
+struct MeshSlope {
+    float x, z;
+};
+
+// What is no number, on cells of no size, becomes the steepest.
+MARRAM_INLINE float mesh_rise(float from, float to, double a_step) {
+    const double slope = (double(to) - double(from)) * a_step;
+    return float(std::max(-mesh_steepest, std::min(mesh_steepest, slope)));
+}
+MARRAM_HOT void mesh_rises(const float* from, const float* to, double a_step, int count,
+                           float* __restrict out) {
+    for (int k = 0; k < count; ++k) out[k] = mesh_rise(from[k], to[k], a_step);
+}
+
+// One unit of a float's last place more: rounded to nearest it may lose half of one.
+MARRAM_INLINE VFloat mesh_above(VDouble weight) { return to_float((1.0 + 0x1p-23) * weight); }
+
+// Where the cameras are and what they ask for.
+struct MeshView {
+    const Vec3d* cameras = nullptr; // none: the tolerances are those of the nearest point
+    size_t count = 0;
+    double least = 0.0;        // tolerance of the height, m
+    double a_metre = 0.0;      // the same per metre of distance
+    double slope_weight = 0.0; // one over the square of the gradient's tolerance; 0: there is none
+    double cells2 = 0.0;       // square of a pixel's width in cells per metre of distance
+};
+// Samples on a line: (i, j), (i + di, j + dj) and so on.
+struct MeshRun {
+    int i, j, di, dj, count;
+};
+
+// One over the tolerance of each height; one over the square of each gradient's, where there is one. `heights` is read eight at a
+// time. A comparison with what is no number is false: the constant stays. With gradients one square root and one division of floats
+// serve both: three roundings of 2^-24 are less than the 2^-22 that is added.
+MARRAM_HOT void mesh_camera_weights(const MeshView& view, const Domain& domain, const MeshRun& run,
+                                    const float* heights, float* weights, float* slope_weights) {
+    const VDouble lane = {0, 1, 2, 3, 4, 5, 6, 7};
+    for (int k = 0; k < run.count; k += lanes) {
+        const VDouble steps = lane + double(k);
+        const VDouble x = domain.x0 + (run.i + run.di * steps) * domain.cell,
+                      z = domain.z0 + (run.j + run.dj * steps) * domain.cell;
+        VFloat height;
+        std::memcpy(&height, heights + k, sizeof height);
+        VDouble nearest = splat(infinity);
+        for (size_t c = 0; c < view.count; ++c) {
+            const VDouble dx = x - view.cameras[c].x(), dy = to_double(height) - view.cameras[c].y(),
+                          dz = z - view.cameras[c].z();
+            nearest = vmin(dx * dx + dy * dy + dz * dz, nearest);
+        }
+        const size_t bytes = sizeof(float) * size_t(std::min(lanes, run.count - k));
+        if (view.slope_weight == 0.0) {
+            const VFloat weight = mesh_above(1.0 / vmax(view.a_metre * vsqrt(nearest), splat(view.least)));
+            std::memcpy(weights + k, &weight, bytes);
+            continue;
+        }
+        const VDouble inverse = to_double(1.0F / vsqrt(to_float(nearest))) * (1.0 + 0x1p-22);
+        const VFloat weight = mesh_above(vmin(inverse * (1.0 / view.a_metre), splat(1.0 / view.least)));
+        const VFloat slope =
+            mesh_above(vmin(inverse * inverse * (1.0 / view.cells2), splat(1.0)) * view.slope_weight);
+        std::memcpy(weights + k, &weight, bytes), std::memcpy(slope_weights + k, &slope, bytes);
+    }
+}
+
+// What an error is measured against. Errors times weights() are compared with `threshold`.
 class MeshMeasure {
   public:
     MeshMeasure(const Domain& domain, const float* heights, const MeshTolerance& tolerance)
-        : domain_(domain), heights_(heights), cameras_(tolerance.cameras),
-          a_metre_(tolerance.pixels * tolerance.pixel_angle) {
+        : domain_(domain), heights_(heights), slopes_(tolerance.gradient > 0.0) {
         const float highest = tbb::parallel_reduce(
             tbb::blocked_range<size_t>(0, domain.count()), 0.0F,
             [&](const tbb::blocked_range<size_t>& range, float most) {
@@ -319,32 +444,52 @@ class MeshMeasure {
             },
             [](float a, float b) { return std::max(a, b); });
         // 1e-30 m: its reciprocal is a float, and on a terrain without any height there is nothing to round.
-        least_ = std::max({1e-30, 0x1p-48 * double(highest), tolerance.metres});
-        camera_ = a_metre_ > 0.0 && !cameras_.empty();
+        view_.least = std::max({1e-30, 0x1p-48 * double(highest), tolerance.metres});
+        view_.a_metre = tolerance.pixels * tolerance.pixel_angle;
+        if (view_.a_metre > 0.0)
+            view_.cameras = tolerance.cameras.data(), view_.count = tolerance.cameras.size();
+        if (!slopes_) return;
+        a_step_[0] = 1.0 / domain.cell, a_step_[1] = 0.5 / domain.cell;
+        const double gradient = std::max(tolerance.gradient, mesh_least_gradient);
+        const double cells = tolerance.pixel_angle / domain.cell;
+        view_.slope_weight = 1.0 / (gradient * gradient), view_.cells2 = cells * cells;
     }
 
-    double threshold() const { return camera_ ? 1.0 : least_; }
+    bool slopes() const { return slopes_; }
+    double threshold() const { return view_.count > 0 || slopes_ ? 1.0 : view_.least; }
     float height(int i, int j) const { return heights_[domain_.index(i, j)]; }
+    const float* heights(int i, int j) const { return heights_ + domain_.index(i, j); }
     uint32_t sample(int i, int j) const { return uint32_t(domain_.index(i, j)); }
 
-    float weight(int i, int j) const {
-        if (!camera_) return 1.0F;
-        const double x = domain_.x(i), y = height(i, j), z = domain_.z(j);
-        double nearest = infinity;
-        for (const Vec3d& camera : cameras_) {
-            const double dx = x - camera.x(), dy = y - camera.y(), dz = z - camera.z();
-            nearest = std::min(nearest, dx * dx + dy * dy + dz * dz);
-        }
-        // One unit of a float's last place more: rounded to nearest it may lose half of one.
-        return float((1.0 + 0x1p-23) / std::max(least_, a_metre_ * std::sqrt(nearest)));
+    // Central differences; to one side at the border of the domain.
+    MeshSlope slope(int i, int j) const {
+        const int i0 = std::max(i - 1, 0), i1 = std::min(i + 1, domain_.nx - 1);
+        const int j0 = std::max(j - 1, 0), j1 = std::min(j + 1, domain_.nz - 1);
+        return {mesh_rise(height(i0, j), height(i1, j), a_step_[i1 - i0 - 1]),
+                mesh_rise(height(i, j0), height(i, j1), a_step_[j1 - j0 - 1])};
+    }
+
+    // Of `count` samples from (i, j) on: the same.
+    void slopes(int i, int j, int count, float* x, float* z) const {
+        const int j0 = std::max(j - 1, 0), j1 = std::min(j + 1, domain_.nz - 1);
+        const float* row = heights(i, j);
+        mesh_rises(heights(i, j0), heights(i, j1), a_step_[j1 - j0 - 1], count, z);
+        mesh_rises(row, row + 2, a_step_[1], count - 2, x + 1);
+        x[0] = slope(i, j).x, x[count - 1] = slope(i + count - 1, j).x;
+    }
+
+    void weights(const MeshRun& run, const float* heights, float* weights, float* slope_weights) const {
+        if (view_.count > 0) return mesh_camera_weights(view_, domain_, run, heights, weights, slope_weights);
+        std::fill_n(weights, run.count, slopes_ ? mesh_above(splat(1.0 / view_.least))[0] : 1.0F);
+        if (slopes_) std::fill_n(slope_weights, run.count, mesh_above(splat(view_.slope_weight))[0]);
     }
 
   private:
     const Domain& domain_;
     const float* heights_;
-    const std::vector<Vec3d>& cameras_;
-    double a_metre_, least_ = 0.0; // tolerance per metre of distance
-    bool camera_ = false;
+    MeshView view_;
+    double a_step_[2]{}; // one over the metres of one cell, of two
+    bool slopes_;
 };
 
 // Where tiles meet: equal shares of the cells.
@@ -362,24 +507,55 @@ struct MeshLine {
     uint32_t first = 0; // vertex
 };
 
-MeshLine mesh_line(const MeshMeasure& measure, int i, int j, int di, int dj, int steps) {
-    std::vector<double> heights, weights;
-    for (int s = 0; s <= steps; ++s) {
-        heights.push_back(measure.height(i + s * di, j + s * dj));
-        weights.push_back(measure.weight(i + s * di, j + s * dj));
+// The samples of a line; with a pad that a vector may read.
+struct MeshLineSamples {
+    std::vector<float> heights, weights, slopes_x, slopes_z, slope_weights;
+
+    MeshLineSamples(const MeshMeasure& measure, const MeshRun& run) {
+        const size_t count = size_t(run.count) + lanes;
+        for (std::vector<float>* values : {&heights, &weights, &slopes_x, &slopes_z, &slope_weights})
+            values->resize(count);
+        for (int s = 0; s < run.count; ++s) {
+            const int i = run.i + s * run.di, j = run.j + s * run.dj;
+            const MeshSlope slope = measure.slopes() ? measure.slope(i, j) : MeshSlope{};
+            heights[size_t(s)] = measure.height(i, j);
+            slopes_x[size_t(s)] = slope.x, slopes_z[size_t(s)] = slope.z;
+        }
+        measure.weights(run, heights.data(), weights.data(), slope_weights.data());
     }
+    // Of sample s where samples a and b are joined; with slopes it is squared.
+    template <bool slopes>
+    double error(int a, int b, int s) const {
+        const auto off = [&](const std::vector<float>& v) {
+            return (double(v[size_t(a)]) * (b - s) + double(v[size_t(b)]) * (s - a)) / (b - a) -
+                   double(v[size_t(s)]);
+        };
+        const double height = std::abs(off(heights)) * double(weights[size_t(s)]);
+        if (!slopes) return height;
+        const double x = off(slopes_x), z = off(slopes_z);
+        return std::max(height * height, (x * x + z * z) * double(slope_weights[size_t(s)]));
+    }
+    // The worst of those between a and b; -1: none is beyond the threshold.
+    template <bool slopes>
+    int worst(int a, int b, double threshold) const {
+        int where = -1;
+        for (int s = a + 1; s < b; ++s) {
+            const double e = error<slopes>(a, b, s);
+            if (e > threshold) threshold = e, where = s;
+        }
+        return where;
+    }
+};
+
+MeshLine mesh_line(const MeshMeasure& measure, int i, int j, int di, int dj, int steps) {
+    const MeshLineSamples samples(measure, {i, j, di, dj, steps + 1});
     MeshLine line;
     std::vector<std::pair<int, int>> spans{{0, steps}};
     while (!spans.empty()) {
         const auto [a, b] = spans.back();
         spans.pop_back();
-        double worst = measure.threshold();
-        int where = -1;
-        for (int s = a + 1; s < b; ++s) {
-            const double height = (heights[size_t(a)] * (b - s) + heights[size_t(b)] * (s - a)) / (b - a);
-            const double error = std::abs(height - heights[size_t(s)]) * weights[size_t(s)];
-            if (error > worst) worst = error, where = s;
-        }
+        const int where = measure.slopes() ? samples.worst<true>(a, b, measure.threshold())
+                                           : samples.worst<false>(a, b, measure.threshold());
         if (where < 0) continue;
         line.steps.push_back(where);
         spans.push_back({a, where}), spans.push_back({where, b});
@@ -433,14 +609,21 @@ class Mesher {
         grid.threshold = measure_.threshold();
         grid.heights.assign(size_t(grid.stride) * size_t(grid.depth + 2), 0.0F);
         grid.weights.assign(grid.heights.size(), 0.0F);
-        for (int j = 0; j <= grid.depth; ++j) {
-            const size_t row = size_t(j) * size_t(grid.stride);
-            for (int i = 0; i <= grid.width; ++i)
-                grid.heights[row + size_t(i)] = measure_.height(i0 + i, j0 + j);
-            if (j == 0 || j == grid.depth) continue;
-            for (int i = 1; i < grid.width; ++i)
-                grid.weights[row + size_t(i)] = measure_.weight(i0 + i, j0 + j);
+        grid.slopes = measure_.slopes();
+        if (grid.slopes) grid.slope_weights.assign(grid.heights.size(), 0.0F);
+        grid.slopes_x.resize(grid.slope_weights.size()), grid.slopes_z.resize(grid.slope_weights.size());
+        for (int j = 0; j <= grid.depth; ++j) load_row(grid, i0, j0 + j, size_t(j) * size_t(grid.stride));
+        if (grid.width < 2) return;
+        for (int j = 1; j < grid.depth; ++j) {
+            const size_t at = size_t(j) * size_t(grid.stride) + 1;
+            measure_.weights({i0 + 1, j0 + j, 1, 0, grid.width - 1}, &grid.heights[at], &grid.weights[at],
+                             grid.slope_weights.data() + (grid.slopes ? at : 0));
         }
+    }
+
+    void load_row(MeshGrid& grid, int i0, int j, size_t row) const {
+        std::copy_n(measure_.heights(i0, j), grid.width + 1, &grid.heights[row]);
+        if (grid.slopes) measure_.slopes(i0, j, grid.width + 1, &grid.slopes_x[row], &grid.slopes_z[row]);
     }
 
     void refine(int p, MeshTile& tile) {

@@ -10,7 +10,7 @@
 
 namespace marram {
 
-// The greatest vertical distance between the mesh and a sample.
+// The greatest vertical distance between the mesh and a sample, and how far normals may be off.
 struct MeshTolerance {
     // Without a camera: the tolerance, m. With one: the least that any sample asks for, a floor for what touches the camera. 0: the
     // mesh meets every sample.
@@ -20,6 +20,10 @@ struct MeshTolerance {
     double pixels = 0.0;
     // Radians, of the pixel that spans the smallest angle (in a pinhole image the one in the corner).
     double pixel_angle = 0.0;
+    // The greatest difference between the gradient that the mesh's vertices interpolate at a sample and the sample's own, metres of
+    // rise a metre. It holds the shading of interpolated normals as the others hold the outline: at 0.02 dunes in low light look as
+    // those of the whole grid do. With a camera it grows where a pixel is wider than a cell, by as much. 0: off.
+    double gradient = 0.0;
     // Where the camera is in each motion sample. It has to be near enough in time: between two of them nothing is promised.
     std::vector<Vec3d> cameras;
 };

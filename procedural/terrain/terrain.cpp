@@ -56,7 +56,7 @@ const std::vector<MarramParam>& terrain_params() {
         std::vector<MarramParam> list = {
             {"size", MARRAM_VEC2, "m", "[100, 100]", 1e-3, 1e6, "", "extent in x and z"},
             {"center", MARRAM_VEC2, "m", "[0, 0]", -1e7, 1e7, "", "x and z of its middle"},
-            {"cell", MARRAM_NUMBER, "m", "0.5", 1e-4, 1e4, "", "from sample to sample", "0.25|0.5|1|2",
+            {"cell", MARRAM_NUMBER, "m", "0.5", 1e-4, 1e4, "", "from sample to sample", "2|1|0.5|0.25|0.125",
              "seconds.terrain"},
             {"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "of all its random numbers"},
         };
@@ -341,6 +341,9 @@ MarramStatus begin_view_of_terrain(MarramInstance* opaque, const MarramView* giv
         const MarramView view = known_part(given);
         MeshTolerance tolerance;
         tolerance.metres = view.tolerance;
+        // Shading on level ground errs by this over the tangent of the sun's height: 3.5 % at 30 degrees.
+        constexpr double slope = 0.02;
+        tolerance.gradient = slope;
         if (!(view.tolerance > 0.0)) {
             constexpr double half = 0.5; // a pixel
             tolerance.pixels = view.tolerance_pixels > 0.0 ? view.tolerance_pixels : half;

@@ -85,16 +85,15 @@ void expect_no_cracks(const Domain& d, const RenderMesh& mesh) {
     EXPECT_EQ(std::adjacent_find(sorted.begin(), sorted.end()), sorted.end());
 }
 
-// |height of the mesh - height of the sample| at each sample, the greatest of all triangles that hold it; -1 where none does.
-std::vector<double> mesher_errors(const Domain& d, const std::vector<float>& heights,
-                                  const RenderMesh& mesh) {
-    std::vector<double> errors(d.count(), -1.0);
+// visit(sample, corners, u, v) for each triangle and each sample that it holds: weights 1 - u - v, u, v of its corners.
+template <class Visit>
+void visit_triangles(const Domain& d, const RenderMesh& mesh, const Visit& visit) {
     for (size_t t = 0; t < mesh.triangles.size(); t += 3) {
+        size_t corners[3];
         int i[3], j[3];
-        double h[3];
         for (size_t k = 0; k < 3; ++k) {
             const uint32_t sample = mesh.samples[mesh.triangles[t + k]];
-            i[k] = int(sample) % d.nx, j[k] = int(sample) / d.nx, h[k] = heights[sample];
+            corners[k] = sample, i[k] = int(sample) % d.nx, j[k] = int(sample) / d.nx;
         }
         const double area = double(i[1] - i[0]) * (j[2] - j[0]) - double(i[2] - i[0]) * (j[1] - j[0]);
         for (int z = *std::min_element(j, j + 3); z <= *std::max_element(j, j + 3); ++z)
@@ -102,11 +101,42 @@ std::vector<double> mesher_errors(const Domain& d, const std::vector<float>& hei
                 const double u = (double(x - i[0]) * (j[2] - j[0]) - double(i[2] - i[0]) * (z - j[0])) / area;
                 const double v = (double(i[1] - i[0]) * (z - j[0]) - double(x - i[0]) * (j[1] - j[0])) / area;
                 if (u < -1e-9 || v < -1e-9 || u + v > 1.0 + 1e-9) continue; // coordinates are below 2^12
-                double& error = errors[d.index(x, z)];
-                error = std::max(error, std::abs(h[0] + u * (h[1] - h[0]) + v * (h[2] - h[0]) -
-                                                 double(heights[d.index(x, z)])));
+                visit(d.index(x, z), corners, u, v);
             }
     }
+}
+
+// |height of the mesh - height of the sample| at each sample, the greatest of all triangles that hold it; -1 where none does.
+std::vector<double> mesher_errors(const Domain& d, const std::vector<float>& heights,
+                                  const RenderMesh& mesh) {
+    std::vector<double> errors(d.count(), -1.0);
+    visit_triangles(d, mesh, [&](size_t sample, const size_t* corners, double u, double v) {
+        const double h[] = {heights[corners[0]], heights[corners[1]], heights[corners[2]]};
+        const double height = h[0] + u * (h[1] - h[0]) + v * (h[2] - h[0]);
+        errors[sample] = std::max(errors[sample], std::abs(height - double(heights[sample])));
+    });
+    return errors;
+}
+
+// Central differences, one-sided at the border.
+Vec2d mesher_gradient(const Domain& d, const std::vector<float>& heights, size_t sample) {
+    const int i = int(sample % size_t(d.nx)), j = int(sample / size_t(d.nx));
+    const int i0 = std::max(i - 1, 0), i1 = std::min(i + 1, d.nx - 1);
+    const int j0 = std::max(j - 1, 0), j1 = std::min(j + 1, d.nz - 1);
+    return {(double(heights[d.index(i1, j)]) - double(heights[d.index(i0, j)])) / ((i1 - i0) * d.cell),
+            (double(heights[d.index(i, j1)]) - double(heights[d.index(i, j0)])) / ((j1 - j0) * d.cell)};
+}
+
+// The same of the gradient that the vertices interpolate.
+std::vector<double> mesher_gradient_errors(const Domain& d, const std::vector<float>& heights,
+                                           const RenderMesh& mesh) {
+    std::vector<double> errors(d.count(), -1.0);
+    visit_triangles(d, mesh, [&](size_t sample, const size_t* corners, double u, double v) {
+        const Vec2d mixed = (1.0 - u - v) * mesher_gradient(d, heights, corners[0]) +
+                            u * mesher_gradient(d, heights, corners[1]) +
+                            v * mesher_gradient(d, heights, corners[2]);
+        errors[sample] = std::max(errors[sample], (mixed - mesher_gradient(d, heights, sample)).norm());
+    });
     return errors;
 }
 
@@ -116,10 +146,11 @@ void expect_within(const std::vector<double>& errors, double tolerance) {
     EXPECT_LE(*most, tolerance + 1e-10);
 }
 
-RenderMesh mesher_run(const Domain& d, const std::vector<float>& heights, double metres, int threads = 2) {
+RenderMesh mesher_run(const Domain& d, const std::vector<float>& heights, double metres, int threads = 2,
+                      double gradient = 0.0) {
     RenderMesh mesh;
     MeshTolerance tolerance;
-    tolerance.metres = metres;
+    tolerance.metres = metres, tolerance.gradient = gradient;
     tbb::task_arena(threads).execute([&] { mesh = mesh_terrain(d, heights.data(), tolerance); });
     return mesh;
 }
@@ -139,6 +170,54 @@ TEST(TerrainMesher, HoldsTheToleranceWithoutCracksAtAnySize) {
     }
 }
 
+TEST(TerrainMesher, HoldsTheGradientAtEverySample) {
+    for (const auto& [nx, nz] : {std::pair{200, 180}, {2, 2}, {3, 5}, {2, 300}, {66, 2}, {65, 130}}) {
+        const Domain d{nx, nz, 0.5};
+        for (const auto& heights : {mesher_hills(d), mesher_dunes(d)})
+            for (const double gradient : {0.03, 0.3}) {
+                SCOPED_TRACE(std::to_string(nx) + " x " + std::to_string(nz) + ", " +
+                             std::to_string(gradient));
+                const RenderMesh mesh = mesher_run(d, heights, 0.5, 2, gradient);
+                expect_no_cracks(d, mesh);
+                expect_within(mesher_errors(d, heights, mesh), 0.5);
+                expect_within(mesher_gradient_errors(d, heights, mesh), gradient);
+            }
+    }
+}
+
+// A straight foot: two planes. With heights alone triangles reach across it.
+TEST(TerrainMesher, TheGradientKeepsTheNormalsOfAFoot) {
+    const Domain d{129, 129};
+    std::vector<float> heights;
+    for (int j = 0; j < d.nz; ++j)
+        for (int i = 0; i < d.nx; ++i) heights.push_back(float(std::max(0.0, 0.5 * (i - 40.3 - 0.37 * j))));
+    const auto worst = [&](const RenderMesh& mesh) {
+        const auto errors = mesher_gradient_errors(d, heights, mesh);
+        return *std::max_element(errors.begin(), errors.end());
+    };
+    const RenderMesh off = mesher_run(d, heights, 0.2), on = mesher_run(d, heights, 0.2, 2, 0.03);
+    EXPECT_GT(worst(off), 0.2);
+    EXPECT_LE(worst(on), 0.03 + 1e-10);
+    EXPECT_GT(worst(on), 0.02);
+    EXPECT_LT(on.triangles.size() / 3, 20U * 129); // along the foot, not on the planes
+}
+
+TEST(TerrainMesher, WithoutAGradientTheMeshesAreTheSame) {
+    const auto digest = [](const RenderMesh& mesh) {
+        uint64_t value = 1;
+        for (const uint32_t v : mesh.samples) value = hash(value, v);
+        for (const uint32_t v : mesh.triangles) value = hash(value, v);
+        return value;
+    };
+    const Domain d{257, 257, 0.5, -20.0, 7.0};
+    const auto heights = mesher_hills(d);
+    EXPECT_EQ(digest(mesher_run(d, heights, 0.5)), 0xf533896c32f53787U);
+    MeshTolerance tolerance;
+    tolerance.pixels = 0.5, tolerance.pixel_angle = 1e-3;
+    tolerance.cameras = {Vec3d(-30.0, 20.0, 0.0), Vec3d(100.0, 25.0, 80.0)};
+    EXPECT_EQ(digest(mesh_terrain(d, heights.data(), tolerance)), 0x7238f56e595dabffU);
+}
+
 TEST(TerrainMesher, UsesTheTolerance) {
     const Domain d{257, 257};
     const auto heights = mesher_hills(d);
@@ -155,9 +234,11 @@ TEST(TerrainMesher, FlatAndTiltedGroundIsTwoTrianglesATile) {
         std::vector<float> heights;
         for (int j = 0; j < d.nz; ++j)
             for (int i = 0; i < d.nx; ++i) heights.push_back(float(1000.0 + slope * i - 0.125 * slope * j));
-        const RenderMesh mesh = mesher_run(d, heights, 0.0);
-        EXPECT_EQ(mesh.triangles.size() / 3, 2U * 4 * 2);
-        expect_no_cracks(d, mesh);
+        for (const double gradient : {0.0, 1e-300, 0.03}) {
+            const RenderMesh mesh = mesher_run(d, heights, 0.0, 2, gradient);
+            EXPECT_EQ(mesh.triangles.size() / 3, 2U * 4 * 2);
+            expect_no_cracks(d, mesh);
+        }
     }
     const Domain small{65, 65};
     EXPECT_EQ(mesher_run(small, std::vector<float>(small.count(), 0.0F), 0.0).triangles.size(), 6U);
@@ -175,6 +256,9 @@ TEST(TerrainMesher, SameBitsAtOneAndTwoThreads) {
     const RenderMesh one = mesher_run(d, heights, 0.1, 1), two = mesher_run(d, heights, 0.1, 2);
     EXPECT_EQ(one.samples, two.samples);
     EXPECT_EQ(one.triangles, two.triangles);
+    const RenderMesh three = mesher_run(d, heights, 0.1, 1, 0.3), four = mesher_run(d, heights, 0.1, 2, 0.3);
+    EXPECT_EQ(three.samples, four.samples);
+    EXPECT_EQ(three.triangles, four.triangles);
 }
 
 TEST(TerrainMesher, CameraBoundsTheErrorInPixelsFromEachPosition) {
@@ -202,6 +286,55 @@ TEST(TerrainMesher, CameraBoundsTheErrorInPixelsFromEachPosition) {
     EXPECT_EQ(mesh_terrain(d, heights.data(), tolerance).triangles, mesher_run(d, heights, 5.0).triangles);
 }
 
+TEST(TerrainMesher, TheGradientIsRelaxedWhereAPixelIsWiderThanACell) {
+    const Domain d{257, 193, 0.5, -20.0, 7.0};
+    const auto heights = mesher_hills(d);
+    MeshTolerance tolerance;
+    tolerance.pixels = 0.5, tolerance.pixel_angle = 0.02,
+    tolerance.gradient = 0.3; // a cell is a pixel at 25 m
+    tolerance.cameras = {Vec3d(-30.0, 20.0, 0.0), Vec3d(60.0, 25.0, 40.0)};
+    const RenderMesh mesh = mesh_terrain(d, heights.data(), tolerance);
+    expect_no_cracks(d, mesh);
+    const auto height_errors = mesher_errors(d, heights, mesh);
+    const auto errors = mesher_gradient_errors(d, heights, mesh);
+    double high = 0.0, worst_near = 0.0, worst_far = 0.0; // over what the page allows
+    for (size_t s = 0; s < d.count(); ++s) {
+        const Vec3d at(d.x(int(s) % d.nx), heights[s], d.z(int(s) / d.nx));
+        double pixel = infinity;
+        for (const Vec3d& camera : tolerance.cameras)
+            pixel = std::min(pixel, tolerance.pixel_angle * (at - camera).norm());
+        double& worst = pixel > d.cell ? worst_far : worst_near;
+        worst = std::max(worst, errors[s] / (tolerance.gradient * std::max(1.0, pixel / d.cell)));
+        high = std::max(high, height_errors[s] / (tolerance.pixels * pixel));
+    }
+    for (const double worst : {high, worst_near, worst_far}) EXPECT_LE(worst, 1.0 + 1e-9);
+    for (const double worst : {worst_near, worst_far}) EXPECT_GT(worst, 0.9);
+    tolerance.cameras = {Vec3d(0.0, 1e6, 0.0)}; // a pixel is wider than all
+    EXPECT_EQ(mesh_terrain(d, heights.data(), tolerance).triangles.size() / 3, 2U * 4 * 3);
+}
+
+TEST(TerrainMesher, ExtremeGradientsTerminate) {
+    const auto hills = mesher_hills(Domain{70, 70});
+    for (const double cell : {1.0, 1e-300, 1e300, 1e-310, 0.0})
+        for (const double gradient : {1e-300, 1e-5, 1e300, double(infinity), std::nan("")})
+            for (const float scale : {1.0F, 1e36F, 1e-40F}) {
+                const Domain d{70, 70, cell};
+                auto heights = hills;
+                for (float& h : heights) h *= scale;
+                MeshTolerance tolerance;
+                tolerance.metres = 1e38, tolerance.gradient = gradient;
+                expect_no_cracks(d, mesh_terrain(d, heights.data(), tolerance));
+                tolerance.pixels = tolerance.pixel_angle = 1e300;
+                tolerance.cameras = {Vec3d(1e308, -1e308, 0.0), Vec3d(0.0, double(heights[0]), 0.0)};
+                expect_no_cracks(d, mesh_terrain(d, heights.data(), tolerance));
+                tolerance.pixels = tolerance.pixel_angle = 1e-300;
+                expect_no_cracks(d, mesh_terrain(d, heights.data(), tolerance));
+            }
+    const Domain d{70, 70};
+    EXPECT_GT(mesher_run(d, hills, 1e9, 2, 1e-300).triangles.size() / 3, 9000U); // each sample is a vertex
+    EXPECT_EQ(mesher_run(d, hills, 1e9, 2, 1e300).triangles.size() / 3, 2U * 4);
+}
+
 TEST(TerrainMesher, ExtremeParametersTerminate) {
     const Domain d{70, 70};
     auto heights = mesher_hills(d);
@@ -225,15 +358,25 @@ TEST(TerrainMesher, PrintsTrianglesAndTime) {
     const auto mirrored = [](int i) { return i % 1024 < 512 ? i % 512 : 511 - i % 512; };
     for (int j = 0; j < d.nz; ++j)
         for (int i = 0; i < d.nx; ++i) heights.push_back(dunes[part.index(mirrored(i), mirrored(j))]);
-    for (const int threads : {1, 2}) {
+    MeshTolerance metres, pixels;
+    metres.metres = 0.01;
+    pixels.pixels = 0.5, pixels.pixel_angle = 0.6 / 1080.0, pixels.cameras = {Vec3d(1024.0, 20.0, -10.0)};
+    const auto timed = [&](const char* name, MeshTolerance tolerance, double gradient, int threads) {
+        tolerance.gradient = gradient;
+        RenderMesh mesh;
         const auto start = std::chrono::steady_clock::now();
-        const RenderMesh mesh = mesher_run(d, heights, 0.01, threads);
+        tbb::task_arena(threads).execute([&] { mesh = mesh_terrain(d, heights.data(), tolerance); });
         const double seconds =
             std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-        std::printf("dunes 2048 x 2048, 0.01 m: %zu triangles, %d threads, %.1f ns a sample\n",
-                    mesh.triangles.size() / 3, threads, 1e9 * seconds / double(d.count()));
+        std::printf("dunes 2048 x 2048, %s, gradient %.2f: %zu triangles, %d threads, %.1f ns a sample\n",
+                    name, gradient, mesh.triangles.size() / 3, threads, 1e9 * seconds / double(d.count()));
         EXPECT_LT(mesh.triangles.size() / 3, d.count() / 4);
-    }
+    };
+    for (const int threads : {1, 2})
+        for (const double gradient : {0.0, 0.03}) {
+            timed("0.01 m", metres, gradient, threads);
+            timed("half a pixel", pixels, gradient, threads);
+        }
 }
 
 } // namespace

@@ -1,0 +1,1238 @@
+// SPDX-License-Identifier: Apache-2.0
+// ruin: a mesh stands in the sand; the wind scours in front of its walls, and piles drifts behind them and in its rooms.
+//
+// Model. H is the height of a wall above the sand at its foot, at most 30 m. All is found by rays through a copy of the mesh, which lies in the
+// frame of the wind.
+// - Faces. Lines along the wind, half a cell apart; on each, level rays at up to 192 heights, half a cell apart at least, from the lowest sand at the
+//   mesh to 30 m above the highest. All hits are taken: the count of solids that the ray is in tells which are outer faces. Hits of one line that
+//   follow each other upwards form a face; an opening no taller than what stands below it does not part it. Its top is found to 1/128 of the
+//   distance of two rays. A face counts where it stands on the sand: above a gap of 1.5 rays or a quarter of its height at most.
+//   Windward faces must be steeper than 55 degrees to the horizontal: below that no reversed vortex forms (Tsoar 1983, echo and
+//   climbing dunes in a wind tunnel). Lee faces must be steeper than 34 degrees, where air separates and no sand lies.
+// - What counts of H. A wall narrower than it is high makes a vortex of its width: H = min(height, width), the width as the wind sees it. (A shadow
+//   dune is as high as half the width of its obstacle times tan(repose): Hesp 1981.) Air that separates at an obstacle upwind comes
+//   down within 6 heights (Kroy, Sauermann and Herrmann 2002): only what stands out of that shelter counts. H is averaged along the
+//   wall over H.
+// - Scour, d = distance upwind of the face (Tsoar 1983): depth min(scour_depth, 0.4 tan 32) H (1 - d / 0.4 H) c for d < 0.4 H, where c is
+//   the cosine of the angle between the wind and the face's level normal. Sand at the rim falls in at 32 degrees, which is how the pit ends
+//   at the ends of a wall. Sand that is not there is not taken: bedrock is bared.
+// - Echo dune, where the reversed vortex drops that sand: from 0.4 H to 2 H, crest of 0.16 H c at 0.8 H, cubic slopes of at most 31 and 11 degrees.
+// - Drift, x = distance behind a lee face: drift_height H (1 - smooth(x / L)), L = drift_length H, smooth(u) = u^2 (3 - 2 u). Its sides
+//   come together as it goes: they move in by min(H, width / 2) x / L, so that a narrow drift tapers to a point and a wide one keeps its width.
+// - Rooms. A sample is enclosed by walls of height h (0.25 to 16 m, powers of two) as far as level rays at h above the sand, and at 0.25 m, meet
+//   the mesh within 8 h, from outside: not where 10 of 16 do, wholly where 15 do, smooth between; h is where this share times h is
+//   greatest. Of a block of half a metre one sample is traced, and those that a wall parts from it. Enclosed neighbours
+//   without a wall between them are one room. Its sand fills up to one level: its mean height + inside * drift * (mean h); by the
+//   share, spread over half a metre, that takes the place of drifts and scour. A court wider than 16 heights of its walls is open ground.
+// - Deposits are cut down to 32 degrees, except where what is below is steeper itself: the lowest cones over the samples, by sweeps. Neither that nor
+//   the rim of a pit reaches through a wall. Both are rounded over three samples. Triangles of the grid then
+//   stay within 34 degrees on level sand, and within 36 on dunes of 15 degrees.
+// - Within the mesh the zones go on for 1.5 cells at most, so that the surface between two samples meets the face at the right height.
+//
+// Account, in whole units of sand. T is what scour takes, W what all deposits ask for. They get B = T + supply (W - T), shared out in proportion, to the
+// unit: sum after = sum before + (B - T). supply = 0: nothing comes from outside, deposits are as much lower as T is short of W. Where
+// T > W (deposits outside of the terrain) only W is taken. One share for the whole mesh: parts that should not exchange sand are layers of their own.
+//
+// Limits. The wind has one direction; dunes do not shelter. A wall set back on top of another does not add to its height. Scour goes around corners
+// only as far as its rim falls in. The mesh does not move: where its foot is bared it stands in its pit, and sand may rise within it.
+// Where the terrain below is steep itself, a fusion layer above brings sand to rest. A mesh must be closed for its inside to be known; a
+// single sheet is a wall without thickness, and so is every hit of a ray that does not end outside.
+//
+// Domain. Cells and vertices of any finite size; vertices beyond 2^20 m, and triangles without three good ones, are left out. scour, scour_depth, drift,
+// drift_height, inside, supply 0 to 1; drift_length 0.25 to 20; what lies outside is brought to the range's end. Zones below two
+// cells are not resolved: H of 5 cells is the least that scours well.
+// Cost. Rays: lines times heights, and up to 70 a traced sample within the box of the mesh, most of them for rooms. Nine rooms of 10 m on 0.25 m
+// cells: 0.75 us of one core a sample of the box around all zones. Everywhere else sand is copied. The sweeps are serial, all else is not.
+#include "procedural/terrain/ruin.h"
+
+#include "core/math/digest.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <new>
+#include <numeric>
+#include <optional>
+#include <utility>
+
+namespace marram {
+namespace {
+
+constexpr double ruin_most_height = 30.0;                       // m
+constexpr double ruin_scour_reach = 0.4, ruin_echo_reach = 2.0; // in H
+constexpr double ruin_echo_crest = 0.8, ruin_echo_height = 0.16;
+constexpr double ruin_shelter = 6.0;      // heights until separated air is down
+constexpr double ruin_farthest = 0x1p20;  // m: a float there still tells 6 cm
+constexpr int ruin_most_heights = 192;    // of rays on one line
+constexpr int ruin_most_lines = 1 << 15;  // along the wind
+constexpr double ruin_off_middle = 0.487; // where in its interval a ray lies: not on what is symmetric
+const double ruin_slope = std::tan(32.0 * degree);
+const double ruin_windward_cosine = std::cos(55.0 * degree), ruin_lee_cosine = std::cos(34.0 * degree);
+const double ruin_windward_run = 1.0 / std::tan(55.0 * degree), ruin_lee_run = 1.0 / std::tan(34.0 * degree);
+
+double ruin_smooth(double u) {
+    const double v = std::clamp(u, 0.0, 1.0);
+    return v * v * (3.0 - 2.0 * v);
+}
+
+RuinSettings ruin_within_ranges(RuinSettings s) {
+    const auto share = [](double v) { return v > 0.0 ? std::min(v, 1.0) : 0.0; };
+    s.scour = share(s.scour), s.scour_depth = share(s.scour_depth);
+    s.drift = share(s.drift), s.drift_height = share(s.drift_height);
+    s.inside = share(s.inside), s.supply = share(s.supply);
+    s.drift_length = s.drift_length > 0.25 ? std::min(s.drift_length, 20.0) : 0.25;
+    return s;
+}
+
+// ---- the mesh ----
+
+struct RuinTriangles {
+    std::vector<float> positions;
+    std::vector<uint32_t> triangles;
+};
+
+bool ruin_good(const float* p) {
+    return std::abs(p[0]) <= ruin_farthest && std::abs(p[1]) <= ruin_farthest &&
+           std::abs(p[2]) <= ruin_farthest;
+}
+
+// Those triangles whose vertices are all good.
+std::vector<uint32_t> ruin_good_triangles(const MarramMesh& mesh) {
+    std::vector<uint32_t> good;
+    const float* positions = mesh.positions ? mesh.positions[0] : nullptr;
+    if (!positions || !mesh.triangles) return good;
+    for (size_t f = 0; f < mesh.triangle_count; ++f) {
+        const uint32_t* v = mesh.triangles + 3 * f;
+        bool in = true;
+        for (int k = 0; k < 3; ++k) in = in && v[k] < mesh.vertex_count && ruin_good(positions + 3 * v[k]);
+        if (in) good.insert(good.end(), v, v + 3);
+    }
+    return good;
+}
+
+Vec2d ruin_centre(const MarramMesh& mesh, const std::vector<uint32_t>& triangles) {
+    Vec2d low = Vec2d::Constant(infinity), high = -low;
+    for (const uint32_t v : triangles) {
+        const float* p = mesh.positions[0] + 3 * size_t(v);
+        const Vec2d at(p[0], p[2]);
+        low = low.cwiseMin(at), high = high.cwiseMax(at);
+    }
+    return 0.5 * (low + high);
+}
+
+RTCScene ruin_scene_of(const RuinTriangles& mesh, RTCScene beside) {
+    const RTCDevice device =
+        beside ? rtcGetSceneDevice(beside) : rtcNewDevice("set_affinity=0,start_threads=0");
+    if (!device) throw std::bad_alloc();
+    const RTCScene scene = rtcNewScene(device);
+    // Robust: a ray along an edge meets one of both triangles.
+    rtcSetSceneFlags(scene, RTCSceneFlags(RTC_SCENE_FLAG_ROBUST | MARRAM_SCENE_FILTER));
+    const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+    void* positions = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                              3 * sizeof(float), mesh.positions.size() / 3);
+    void* triangles = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                                              3 * sizeof(uint32_t), mesh.triangles.size() / 3);
+    if (positions && triangles) {
+        std::copy(mesh.positions.begin(), mesh.positions.end(), static_cast<float*>(positions));
+        std::copy(mesh.triangles.begin(), mesh.triangles.end(), static_cast<uint32_t*>(triangles));
+        rtcSetGeometryMask(geometry, MARRAM_NAMED);
+        rtcCommitGeometry(geometry);
+        rtcAttachGeometry(scene, geometry);
+        rtcCommitScene(scene);
+    }
+    rtcReleaseGeometry(geometry);
+    rtcReleaseDevice(device); // the scene holds on to it
+    if (positions && triangles) return scene;
+    rtcReleaseScene(scene);
+    throw std::bad_alloc();
+}
+
+RTCRay ruin_ray(const Vec3d& from, const Vec3d& direction, double length) {
+    const Vec3f p = from.cast<float>(), d = direction.cast<float>();
+    RTCRay ray{};
+    ray.org_x = p.x(), ray.org_y = p.y(), ray.org_z = p.z();
+    ray.dir_x = d.x(), ray.dir_y = d.y(), ray.dir_z = d.z();
+    ray.tnear = 0.0F, ray.tfar = float(length);
+    ray.mask = MARRAM_NAMED;
+    return ray;
+}
+
+} // namespace
+
+RuinMesh::RuinMesh(const MarramMesh& mesh, const Vec2d& wind, RTCScene scene) {
+    const double speed = wind.stableNorm();
+    if (speed > 0.0 && std::isfinite(speed)) frame_.along = wind / speed;
+    frame_.across = Vec2d(-frame_.along.y(), frame_.along.x());
+    const std::vector<uint32_t> good = ruin_good_triangles(mesh);
+    if (good.empty()) return;
+    frame_.origin = ruin_centre(mesh, good);
+    RuinTriangles own;
+    std::vector<uint32_t> renumbered(mesh.vertex_count, UINT32_MAX);
+    lower_ = Vec3d::Constant(infinity), upper_ = -lower_;
+    for (const uint32_t v : good) {
+        if (renumbered[v] == UINT32_MAX) {
+            renumbered[v] = uint32_t(own.positions.size() / 3);
+            const float* p = mesh.positions[0] + 3 * size_t(v);
+            const Vec2d flat = frame_.frame(Vec2d(p[0], p[2]));
+            for (const double c : {flat.x(), double(p[1]), flat.y()}) own.positions.push_back(float(c));
+            const Vec3d at(own.positions.end()[-3], own.positions.end()[-2], own.positions.end()[-1]);
+            lower_ = lower_.cwiseMin(at), upper_ = upper_.cwiseMax(at);
+        }
+        own.triangles.push_back(renumbered[v]);
+    }
+    digest_ = Digest()
+                  .add(own.positions)
+                  .add(own.triangles)
+                  .add(&frame_.origin, sizeof(Vec2d))
+                  .add(&frame_.along, sizeof(Vec2d))
+                  .value();
+    scene_ = std::shared_ptr<RTCSceneTy>(ruin_scene_of(own, scene), [](RTCScene s) { rtcReleaseScene(s); });
+}
+
+namespace {
+
+// Notes a hit and lets the ray go on.
+void ruin_note(const RTCFilterFunctionNArguments* args) {
+    if (args->valid[0] == 0) return;
+    constexpr size_t most = 4096; // a bound on the work that one ray makes
+    auto& found = *static_cast<std::vector<RuinMesh::Hit>*>(marram_query_of(args));
+    const Vec3d n(RTCHitN_Ng_x(args->hit, args->N, 0), RTCHitN_Ng_y(args->hit, args->N, 0),
+                  RTCHitN_Ng_z(args->hit, args->N, 0));
+    const double length = n.stableNorm();
+    if (length > 0.0 && found.size() < most)
+        found.push_back({double(RTCRayN_tfar(args->ray, args->N, 0)), n / length});
+    args->valid[0] = 0;
+}
+
+} // namespace
+
+void RuinMesh::hits(const Vec3d& from, const Vec3d& direction, double length, std::vector<Hit>& found) const {
+    found.clear();
+    RTCRayHit query{};
+    query.ray = ruin_ray(from, direction, length);
+    query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    marram_intersect1_filtered(scene_.get(), &query, 0, ruin_note, &found);
+    // Of two at one place the one that enters comes first: solids that touch are one.
+    std::sort(found.begin(), found.end(), [&](const Hit& a, const Hit& b) {
+        return a.at != b.at ? a.at < b.at : a.normal.dot(direction) < b.normal.dot(direction);
+    });
+}
+
+Vec3d RuinMesh::first(const Vec3d& from, const Vec3d& direction, double length) const {
+    RTCRayHit query{};
+    query.ray = ruin_ray(from, direction, length);
+    query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    marram_intersect1(scene_.get(), &query, 0);
+    if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return Vec3d::Zero();
+    return Vec3d(query.hit.Ng_x, query.hit.Ng_y, query.hit.Ng_z).stableNormalized();
+}
+
+bool RuinMesh::occluded(const Vec3d& from, const Vec3d& direction, double length) const {
+    RTCRay ray = ruin_ray(from, direction, length);
+    marram_occluded1(scene_.get(), &ray);
+    return ray.tfar < 0.0F;
+}
+
+namespace {
+
+// ---- faces ----
+
+// The height of the terrain below at any place; beyond the border that of the border.
+struct RuinGround {
+    const Domain& domain;
+    const Fields& below;
+
+    double at(const Vec2d& p) const {
+        const double x = std::clamp((p.x() - domain.x0) / domain.cell, 0.0, double(domain.nx - 1));
+        const double z = std::clamp((p.y() - domain.z0) / domain.cell, 0.0, double(domain.nz - 1));
+        const int i = std::min(int(x), std::max(domain.nx - 2, 0)),
+                  j = std::min(int(z), std::max(domain.nz - 2, 0));
+        const int i1 = std::min(i + 1, domain.nx - 1), j1 = std::min(j + 1, domain.nz - 1);
+        const auto h = [&](int a, int b) { return below.height(domain.index(a, b)); };
+        const double u = x - i, v = z - j;
+        return (1 - v) * ((1 - u) * h(i, j) + u * h(i1, j)) + v * ((1 - u) * h(i, j1) + u * h(i1, j1));
+    }
+};
+
+struct RuinHit {
+    double s, upright, cosine; // |n_y|, |n . wind| / |n_xz|
+    bool enters;
+};
+
+// A face on one line. `height` becomes what counts of it.
+struct RuinFoot {
+    double s = 0.0, ground = 0.0, top = 0.0, cosine = 1.0;
+    double height = 0.0;              // m
+    double width = 0.0, to_end = 0.0; // of the wall, m; from here to its nearer end
+    double thickness = 0.0;           // m, of the solid behind (windward) or in front (lee)
+    int line = 0;
+};
+
+// Both kinds in order of s.
+struct RuinLine {
+    std::vector<RuinFoot> windward, lee;
+};
+
+struct RuinLines {
+    double first = 0.0, step = 1.0; // t of line l = first + l step
+    std::vector<RuinLine> lines;
+};
+
+struct RuinHeights {
+    double first = 0.0, step = 1.0;
+    int count = 0;
+    double at(int k) const { return first + k * step; }
+};
+
+// All hits along one line.
+void ruin_trace(const RuinMesh& mesh, double y, double t, std::vector<RuinMesh::Hit>& found,
+                std::vector<RuinHit>& hits) {
+    const double margin = 1.0 + 0x1p-10 * (mesh.upper().x() - mesh.lower().x());
+    const double begin = mesh.lower().x() - margin;
+    mesh.hits({begin, y, t}, {1.0, 0.0, 0.0}, mesh.upper().x() + margin - begin, found);
+    hits.clear();
+    for (const RuinMesh::Hit& hit : found) {
+        const Vec3d& n = hit.normal;
+        const double level = std::hypot(n.x(), n.z());
+        if (level > 0.0)
+            hits.push_back({begin + hit.at, std::abs(n.y()), std::abs(n.x()) / level, n.x() < 0.0});
+    }
+    // Nearer than a position is rounded, two are at one place.
+    const double rounding = 0x1p-21 * std::max(mesh.upper().x() - begin, std::abs(begin));
+    for (size_t k = 1; k < hits.size(); ++k)
+        if (hits[k].enters && !hits[k - 1].enters && hits[k].s - hits[k - 1].s <= rounding)
+            std::swap(hits[k], hits[k - 1]);
+}
+
+// Which hits are outer faces: where the count of solids that the ray is in leaves 0 or comes back to it. An exit out of nothing, and any hit
+// of a line that does not end outside, is a sheet: both a windward and a lee face.
+template <typename Take>
+void ruin_sort_hits(const std::vector<RuinHit>& hits, Take&& take) {
+    int depth = 0;
+    for (const RuinHit& hit : hits) depth = hit.enters ? depth + 1 : std::max(depth - 1, 0);
+    const bool sheets = depth != 0;
+    depth = 0;
+    for (const RuinHit& hit : hits) {
+        const bool sheet = sheets || (!hit.enters && depth == 0);
+        const bool outer = hit.enters ? depth == 0 : depth == 1;
+        if (!sheet) depth += hit.enters ? 1 : -1;
+        if (sheet || (outer && hit.enters)) take(hit, true);
+        if (sheet || (outer && !hit.enters)) take(hit, false);
+    }
+}
+
+struct RuinPoint {
+    double s, y, cosine;
+};
+using RuinChain = std::vector<RuinPoint>;
+
+// Adds a hit to the chain that it continues, or begins one.
+void ruin_link(std::vector<RuinChain>& chains, const RuinPoint& point, double run, double step) {
+    RuinChain* best = nullptr;
+    double nearest = infinity;
+    for (RuinChain& chain : chains) {
+        const RuinPoint& top = chain.back();
+        const double gap = point.y - top.y, away = std::abs(point.s - top.s);
+        if (!(gap > 0.5 * step)) continue; // of the same ray
+        if (gap > std::max(1.5 * step, top.y - chain.front().y)) continue;
+        if (away > run * gap + 0.05 * step || away >= nearest) continue;
+        best = &chain, nearest = away;
+    }
+    if (best)
+        best->push_back(point);
+    else
+        chains.push_back({point});
+}
+
+class RuinSurveyor {
+  public:
+    RuinSurveyor(const RuinMesh& mesh, const RuinGround& ground) : mesh_(mesh), ground_(ground) {
+        set_heights();
+        set_lines();
+    }
+
+    RuinLines survey();
+    double ground(double s, double t) const { return ground_.at(mesh_.frame().world(s, t)); }
+
+  private:
+    void set_heights();
+    void set_lines();
+    void trace_line(int l, RuinLine& line) const;
+    std::optional<RuinFoot> foot(const RuinChain& chain, bool windward, double t) const;
+    double refined_top(const RuinChain& chain, bool windward, double t) const;
+
+    const RuinMesh& mesh_;
+    RuinGround ground_;
+    RuinHeights heights_;
+    RuinLines lines_;
+};
+
+// Lowest and highest sand under the box of the mesh.
+void RuinSurveyor::set_heights() {
+    const Domain& d = ground_.domain;
+    const Vec3d &low = mesh_.lower(), &high = mesh_.upper();
+    Vec2d a = Vec2d::Constant(infinity), b = -a;
+    for (const double s : {low.x(), high.x()})
+        for (const double t : {low.z(), high.z()}) {
+            a = a.cwiseMin(mesh_.frame().world(s, t));
+            b = b.cwiseMax(mesh_.frame().world(s, t));
+        }
+    const auto index = [&](double metres, double origin, int count) {
+        return int(std::clamp((metres - origin) / d.cell, 0.0, double(count - 1)));
+    };
+    double least = infinity, most = -infinity;
+    for (int j = index(a.y(), d.z0, d.nz); j <= std::min(index(b.y(), d.z0, d.nz) + 1, d.nz - 1); ++j)
+        for (int i = index(a.x(), d.x0, d.nx); i <= std::min(index(b.x(), d.x0, d.nx) + 1, d.nx - 1); ++i) {
+            const double h = ground_.below.height(d.index(i, j));
+            least = std::min(least, h), most = std::max(most, h);
+        }
+    const double from = std::max(low.y(), least - d.cell);
+    const double to = std::min(high.y(), most + ruin_most_height + d.cell);
+    if (!(to > from)) return;
+    heights_.count = int(std::clamp(std::ceil((to - from) / (0.5 * d.cell)), 1.0, double(ruin_most_heights)));
+    heights_.step = (to - from) / heights_.count;
+    heights_.first = from + ruin_off_middle * heights_.step;
+}
+
+// Across the mesh, but not where nothing reaches the terrain: what lies beyond it by twice the greatest height tells no more of a width.
+void RuinSurveyor::set_lines() {
+    const Domain& d = ground_.domain;
+    double least = infinity, most = -infinity;
+    for (const double x : {d.x(0), d.x(d.nx - 1)})
+        for (const double z : {d.z(0), d.z(d.nz - 1)}) {
+            const double t = mesh_.frame().frame({x, z}).y();
+            least = std::min(least, t), most = std::max(most, t);
+        }
+    const double from = std::max(mesh_.lower().z(), least - 2.0 * ruin_most_height);
+    const double width = std::min(mesh_.upper().z(), most + 2.0 * ruin_most_height) - from;
+    if (!(width > 0.0) || heights_.count == 0) return;
+    const double count =
+        std::clamp(std::ceil(width / (0.5 * ground_.domain.cell)), 1.0, double(ruin_most_lines));
+    lines_.step = width / count;
+    lines_.first = from + ruin_off_middle * lines_.step;
+    lines_.lines.resize(size_t(count));
+}
+
+// Between the highest ray that meets the face and the next above it, by halving.
+double RuinSurveyor::refined_top(const RuinChain& chain, bool windward, double t) const {
+    const RuinPoint& last = chain.back();
+    const double run = windward ? ruin_windward_run : ruin_lee_run, reach = (run + 0.05) * heights_.step;
+    const double sign = windward ? 1.0 : -1.0;
+    double low = last.y, high = last.y + heights_.step;
+    for (int k = 0; k < 7; ++k) {
+        const double middle = 0.5 * (low + high);
+        const bool meets = mesh_.occluded({last.s - sign * reach, middle, t}, {sign, 0.0, 0.0}, 2.0 * reach);
+        (meets ? low : high) = middle;
+    }
+    return 0.5 * (low + high);
+}
+
+std::optional<RuinFoot> RuinSurveyor::foot(const RuinChain& chain, bool windward, double t) const {
+    size_t first = 0;
+    const auto above = [&](size_t k) { return chain[k].y - ground(chain[k].s, t); };
+    while (first < chain.size() && !(above(first) > 0.0)) ++first;
+    RuinFoot foot;
+    if (first == chain.size()) { // its top may still look out between two rays
+        first = chain.size() - 1;
+        foot.s = chain[first].s;
+    } else if (first == 0) {
+        foot.s = chain[0].s;
+    } else {
+        const double below = above(first - 1), over = above(first);
+        foot.s = chain[first - 1].s + (chain[first].s - chain[first - 1].s) * (-below / (over - below));
+    }
+    foot.ground = ground(foot.s, t);
+    foot.top = refined_top(chain, windward, t);
+    foot.height = foot.top - foot.ground;
+    const double gap = chain[first].y - foot.ground;
+    if (!(foot.height > 0.0) || gap > std::max(1.5 * heights_.step, 0.25 * foot.height)) return std::nullopt;
+    double sum = 0.0;
+    for (size_t k = first; k < chain.size(); ++k) sum += chain[k].cosine;
+    foot.cosine = sum / double(chain.size() - first);
+    return foot;
+}
+
+void RuinSurveyor::trace_line(int l, RuinLine& line) const {
+    const double t = lines_.first + l * lines_.step;
+    std::vector<RuinMesh::Hit> found;
+    std::vector<RuinHit> hits;
+    std::vector<RuinChain> windward, lee;
+    for (int k = 0; k < heights_.count; ++k) {
+        const double y = heights_.at(k);
+        ruin_trace(mesh_, y, t, found, hits);
+        ruin_sort_hits(hits, [&](const RuinHit& hit, bool faces_wind) {
+            if (faces_wind && hit.upright < ruin_windward_cosine)
+                ruin_link(windward, {hit.s, y, hit.cosine}, ruin_windward_run, heights_.step);
+            if (!faces_wind && hit.upright < ruin_lee_cosine)
+                ruin_link(lee, {hit.s, y, hit.cosine}, ruin_lee_run, heights_.step);
+        });
+    }
+    const auto gather = [&](const std::vector<RuinChain>& chains, bool faces_wind,
+                            std::vector<RuinFoot>& feet) {
+        for (const RuinChain& chain : chains)
+            if (std::optional<RuinFoot> face = foot(chain, faces_wind, t)) {
+                face->line = l;
+                feet.push_back(*face);
+            }
+        std::stable_sort(feet.begin(), feet.end(),
+                         [](const RuinFoot& a, const RuinFoot& b) { return a.s < b.s; });
+    };
+    gather(windward, true, line.windward);
+    gather(lee, false, line.lee);
+}
+
+// What stands in the shelter of a lee face upwind on its line loses as much of its height.
+void ruin_shelter_line(RuinLine& line) {
+    for (RuinFoot& face : line.windward) {
+        double air = face.ground;
+        for (const RuinFoot& upwind : line.lee) {
+            if (!(upwind.s < face.s)) break;
+            const double height = std::min(upwind.top - upwind.ground, ruin_most_height);
+            air = std::max(air, upwind.ground + height - (face.s - upwind.s) / ruin_shelter);
+        }
+        face.height = std::max(face.top - air, 0.0);
+    }
+}
+
+// How thick the solid behind each windward face is, and in front of each lee face: up to the next face of the other kind.
+void ruin_measure_thickness(RuinLine& line) {
+    for (RuinFoot& face : line.windward)
+        for (RuinFoot& behind : line.lee) {
+            if (behind.s < face.s) continue;
+            face.thickness = behind.s - face.s;
+            behind.thickness =
+                behind.thickness > 0.0 ? std::min(behind.thickness, face.thickness) : face.thickness;
+            break;
+        }
+}
+
+// Faces of neighbouring lines that follow each other are one wall: sets of them by union-find.
+class RuinWalls {
+  public:
+    RuinWalls(RuinLines& lines, std::vector<RuinFoot> RuinLine::*kind) : step_(lines.step) {
+        std::vector<size_t> begin;
+        for (RuinLine& line : lines.lines) {
+            begin.push_back(feet_.size());
+            for (RuinFoot& foot : line.*kind) feet_.push_back(&foot);
+        }
+        begin.push_back(feet_.size());
+        parent_.resize(feet_.size());
+        std::iota(parent_.begin(), parent_.end(), size_t(0));
+        for (size_t l = 0; l + 2 < begin.size(); ++l) join_lines(begin[l], begin[l + 1], begin[l + 2]);
+    }
+
+    void measure();
+
+  private:
+    size_t root(size_t k) {
+        while (parent_[k] != k) k = parent_[k] = parent_[parent_[k]];
+        return k;
+    }
+    // A face that the wind meets at up to 76 degrees to its normal steps by 4 steps from line to line.
+    void join_lines(size_t a, size_t b, size_t c) {
+        for (size_t p = a; p < b; ++p)
+            for (size_t q = b; q < c; ++q) {
+                if (std::abs(feet_[p]->s - feet_[q]->s) > 4.0 * step_) continue;
+                const size_t x = root(p), y = root(q);
+                parent_[std::max(x, y)] = std::min(x, y);
+            }
+    }
+    void smooth(const std::vector<RuinFoot*>& wall) const;
+
+    double step_;
+    std::vector<RuinFoot*> feet_; // line by line
+    std::vector<size_t> parent_;
+};
+
+// H becomes its mean over H along the wall.
+void RuinWalls::smooth(const std::vector<RuinFoot*>& wall) const {
+    std::vector<double> mean(wall.size());
+    tbb::parallel_for(size_t(0), wall.size(), [&](size_t k) {
+        const int reach = int(0.5 * wall[k]->height / step_);
+        double sum = 0.0, count = 0.0;
+        const auto take = [&](size_t n) {
+            if (std::abs(wall[n]->line - wall[k]->line) > reach) return false;
+            sum += wall[n]->height, count += 1.0;
+            return true;
+        };
+        for (size_t n = k; n < wall.size() && take(n); ++n) {
+        }
+        for (size_t n = k; n > 0 && take(n - 1); --n) {
+        }
+        mean[k] = sum / count;
+    });
+    for (size_t k = 0; k < wall.size(); ++k) wall[k]->height = mean[k];
+}
+
+void RuinWalls::measure() {
+    std::vector<std::vector<RuinFoot*>> walls(feet_.size());
+    for (size_t k = 0; k < feet_.size(); ++k) walls[root(k)].push_back(feet_[k]);
+    for (const std::vector<RuinFoot*>& wall : walls) {
+        if (wall.empty()) continue;
+        const int first = wall.front()->line, last = wall.back()->line;
+        for (RuinFoot* foot : wall) {
+            foot->width = (last - first + 1) * step_;
+            foot->to_end = (std::min(foot->line - first, last - foot->line) + 0.5) * step_;
+            foot->height = std::min({foot->height, foot->width, ruin_most_height});
+        }
+        smooth(wall);
+    }
+}
+
+RuinLines RuinSurveyor::survey() {
+    tbb::parallel_for(size_t(0), lines_.lines.size(), [&](size_t l) {
+        RuinLine& line = lines_.lines[l];
+        trace_line(int(l), line);
+        ruin_shelter_line(line);
+        ruin_measure_thickness(line);
+    });
+    RuinWalls(lines_, &RuinLine::windward).measure();
+    RuinWalls(lines_, &RuinLine::lee).measure();
+    return std::move(lines_);
+}
+
+// ---- the shapes of the zones ----
+
+struct RuinShape {
+    double scour = 0.0, deposit = 0.0; // metres taken, metres asked for
+};
+
+class RuinZones {
+  public:
+    RuinZones(const RuinSettings& settings, double cell) : settings_(settings), pad_(1.5 * cell) {}
+    RuinShape at(const RuinLine& line, double s) const;
+
+  private:
+    double echo(double d, const RuinFoot& face) const;
+    double scour(double d, const RuinFoot& face) const;
+    double drift(double x, const RuinFoot& face) const;
+    double pad(const RuinFoot& face) const { return std::min(pad_, 0.5 * face.thickness); }
+
+    const RuinSettings& settings_;
+    double pad_; // how far into the mesh a zone goes on, m
+};
+
+double RuinZones::scour(double d, const RuinFoot& face) const {
+    const double reach = ruin_scour_reach * face.height;
+    if (!(d < reach)) return 0.0;
+    const double depth = std::min(settings_.scour_depth * face.height, ruin_slope * reach);
+    return settings_.scour * face.cosine * depth * (1.0 - std::max(d, 0.0) / reach);
+}
+
+double RuinZones::echo(double d, const RuinFoot& face) const {
+    if (!(d > ruin_scour_reach * face.height && d < ruin_echo_reach * face.height)) return 0.0;
+    const double u = d / face.height; // in H
+    const double rise = u < ruin_echo_crest
+                            ? ruin_smooth((u - ruin_scour_reach) / (ruin_echo_crest - ruin_scour_reach))
+                            : ruin_smooth((ruin_echo_reach - u) / (ruin_echo_reach - ruin_echo_crest));
+    return settings_.scour * face.cosine *
+           std::min(ruin_echo_height * face.height * rise, ruin_slope * face.to_end);
+}
+
+double RuinZones::drift(double x, const RuinFoot& face) const {
+    const double taper = std::min(face.height, 0.5 * face.width),
+                 whole = settings_.drift_length * face.height;
+    if (!(x < whole)) return 0.0;
+    const double to_edge = face.to_end - taper * x / whole; // across the wind
+    if (!(to_edge > 0.0)) return 0.0;
+    const double length = whole * std::min(1.0, face.to_end / taper);
+    const double height = settings_.drift_height * face.height * (1.0 - ruin_smooth(x / length));
+    return settings_.drift * std::min(height, ruin_slope * to_edge);
+}
+
+// The next windward face downwind makes scour and echo, the last lee face upwind a drift. Either ends at a face of the other kind.
+RuinShape RuinZones::at(const RuinLine& line, double s) const {
+    const RuinFoot *front = nullptr, *passed = nullptr, *behind = nullptr, *ahead = nullptr;
+    for (const RuinFoot& face : line.windward) {
+        if (face.s > s) {
+            front = &face;
+            break;
+        }
+        passed = &face;
+    }
+    for (const RuinFoot& face : line.lee) {
+        if (face.s >= s) {
+            ahead = &face;
+            break;
+        }
+        behind = &face;
+    }
+    RuinShape shape;
+    if (passed && ahead && !(behind && behind->s > passed->s)) { // within: goes on a little from either side
+        const double in = s - passed->s, out = ahead->s - s;
+        if (in <= pad(*passed)) shape.scour = scour(0.0, *passed);
+        if (out <= pad(*ahead)) shape.deposit = drift(0.0, *ahead);
+        return shape;
+    }
+    double ramp = 1.0; // no drift where scour is deepest
+    if (front && !(ahead && ahead->s < front->s)) {
+        const double d = front->s - s;
+        shape.scour = scour(d, *front);
+        shape.deposit = echo(d, *front);
+        if (front->height > 0.0) ramp = std::min(1.0, d / (ruin_scour_reach * front->height));
+    }
+    if (behind && !(passed && passed->s > behind->s))
+        shape.deposit = std::max(shape.deposit, ramp * drift(s - behind->s, *behind));
+    return shape;
+}
+
+RuinShape ruin_between_lines(const RuinLines& lines, const RuinZones& zones, double s, double t) {
+    const double q = (t - lines.first) / lines.step;
+    if (!(q > -1.0 && q < double(lines.lines.size()))) return {};
+    const double floor = std::floor(q), u = q - floor;
+    const auto line = [&](double k) {
+        return k >= 0.0 && k < double(lines.lines.size()) ? zones.at(lines.lines[size_t(k)], s) : RuinShape{};
+    };
+    const RuinShape a = line(floor), b = line(floor + 1.0);
+    return {(1.0 - u) * a.scour + u * b.scour, (1.0 - u) * a.deposit + u * b.deposit};
+}
+
+// ---- on the grid ----
+
+// The samples of a rectangle.
+struct RuinGrid {
+    Rect rect;
+    int nx = 0, nz = 0;
+    std::vector<double> ground, scour, deposit; // m
+    std::vector<double> level, floor, cap;      // m: of the sweeps
+    std::vector<char> wall_x, wall_z, solid;    // a wall towards the next sample of the row, column
+    std::vector<double> room, walls;            // how enclosed, 0 to 1; m: by walls of that height
+
+    explicit RuinGrid(const Rect& r)
+        : rect(r), nx(r.i1 - r.i0), nz(r.j1 - r.j0), ground(count()), scour(count()), deposit(count()),
+          level(count()), floor(count()), cap(count()), wall_x(count()), wall_z(count()), solid(count()),
+          room(count()), walls(count()) {}
+    size_t count() const { return size_t(nx) * size_t(nz); }
+    size_t at(int i, int j) const { return size_t(j) * size_t(nx) + size_t(i); }
+};
+
+// The lowest cones over a grid: level = the least of level(seed) + rise * (distance to it in cells). Each sample keeps its seed and hands it to
+// its neighbours (Danielsson 1980, on distances), where no wall is between. Levels only fall, not below `floor`; where they are
+// infinite only to below `cap`.
+class RuinCones {
+  public:
+    RuinCones(RuinGrid& grid, double rise) : grid_(grid), rise_(rise), seed_(grid.count()) {
+        std::iota(seed_.begin(), seed_.end(), size_t(0));
+        base_ = grid.level;
+    }
+    void settle() {
+        constexpr int most = 32; // rounds: a path around as many corners
+        for (int round = 0; round < most; ++round) {
+            bool fell = false;
+            for (const int d : {0, 1, 2, 3}) fell = sweep(d & 1, d & 2) || fell;
+            if (!fell) return;
+        }
+    }
+
+  private:
+    bool sweep(bool right, bool down);
+    bool take(size_t k, int i, int j, size_t from);
+
+    RuinGrid& grid_;
+    double rise_;
+    std::vector<size_t> seed_;
+    std::vector<double> base_; // the level of a seed
+};
+
+// The seed of a neighbour, if it lies lower from here.
+bool RuinCones::take(size_t k, int i, int j, size_t from) {
+    double& level = grid_.level[k];
+    const double most = std::min(level, grid_.cap[k]);
+    if (!(grid_.level[from] < most)) return false;
+    const size_t seed = seed_[from], nx = size_t(grid_.nx);
+    if (seed == seed_[k]) return false;
+    const double x = double(i) - double(seed % nx), z = double(j) - double(seed / nx);
+    const double v = base_[seed] + rise_ * std::sqrt(x * x + z * z);
+    if (!(v < most)) return false;
+    if (v > grid_.floor[k]) {
+        level = v, seed_[k] = seed;
+        return true;
+    }
+    if (!(grid_.floor[k] < most)) return false;
+    level = base_[k] = grid_.floor[k], seed_[k] = k;
+    return true;
+}
+
+// One pass in the given directions. True: something fell.
+bool RuinCones::sweep(bool right, bool down) {
+    bool fell = false;
+    const auto nx = size_t(grid_.nx);
+    for (int y = 0; y < grid_.nz; ++y) {
+        const int j = down ? y : grid_.nz - 1 - y;
+        for (int x = 0; x < grid_.nx; ++x) {
+            const int i = right ? x : grid_.nx - 1 - x;
+            const size_t k = grid_.at(i, j);
+            if (!(grid_.level[k] > grid_.floor[k])) continue; // nothing to fall
+            if (i > 0 && !grid_.wall_x[k - 1]) fell = take(k, i, j, k - 1) || fell;
+            if (i + 1 < grid_.nx && !grid_.wall_x[k]) fell = take(k, i, j, k + 1) || fell;
+            if (j > 0 && !grid_.wall_z[k - nx]) fell = take(k, i, j, k - nx) || fell;
+            if (j + 1 < grid_.nz && !grid_.wall_z[k]) fell = take(k, i, j, k + nx) || fell;
+        }
+    }
+    return fell;
+}
+
+struct RuinRoom {
+    double share = 0.0, walls = 0.0; // how enclosed a place is, 0 to 1, by walls of that height
+};
+
+class RuinShaper {
+  public:
+    RuinShaper(const Domain& domain, const Fields& below, const RuinMesh& mesh, const RuinSettings& settings,
+               const Rect& rect)
+        : domain_(domain), below_(below), mesh_(mesh), settings_(settings), grid_(rect) {}
+
+    // False: cancelled.
+    bool shape(RuinResult& result, const std::function<bool()>& cancelled);
+    const RuinGrid& grid() const { return grid_; }
+
+  private:
+    Vec2d place(int i, int j) const {
+        return mesh_.frame().frame({domain_.x(grid_.rect.i0 + i), domain_.z(grid_.rect.j0 + j)});
+    }
+    bool near(const Vec2d& p, double margin) const {
+        return p.x() >= mesh_.lower().x() - margin && p.x() <= mesh_.upper().x() + margin &&
+               p.y() >= mesh_.lower().z() - margin && p.y() <= mesh_.upper().z() + margin;
+    }
+    template <typename F>
+    void rows(F&& f) {
+        tbb::parallel_for(0, grid_.nz, [&](int j) {
+            for (int i = 0; i < grid_.nx; ++i) f(i, j, grid_.at(i, j));
+        });
+    }
+    void read(const RuinLines& lines);
+    void find_walls();
+    bool within(const Vec2d& p, double y) const;
+    bool wall(const Vec2d& p, const Vec2d& q, double y) const;
+    RuinRoom room_at(const Vec2d& p, double ground) const;
+    double level_of(const std::vector<size_t>& room) const;
+    double around(const Vec2d& p, double y, double reach) const;
+    bool from_outside(const Vec2d& p, double y, double reach) const;
+    void find_rooms();
+    void fill_rooms(RuinResult& result);
+    std::vector<size_t> flood(size_t first, std::vector<char>& seen) const;
+    void round_off(std::vector<double>& field);
+    void settle_pit();
+    void settle_deposit();
+
+    const Domain& domain_;
+    const Fields& below_;
+    const RuinMesh& mesh_;
+    const RuinSettings& settings_;
+    RuinGrid grid_;
+};
+
+void RuinShaper::read(const RuinLines& lines) {
+    const RuinZones zones(settings_, domain_.cell);
+    rows([&](int i, int j, size_t k) {
+        const size_t sample = domain_.index(grid_.rect.i0 + i, grid_.rect.j0 + j);
+        const Vec2d p = place(i, j);
+        const RuinShape shape = ruin_between_lines(lines, zones, p.x(), p.y());
+        grid_.ground[k] = below_.height(sample);
+        grid_.scour[k] = std::min(shape.scour, sand_metres(below_.sand[sample]));
+        grid_.deposit[k] = shape.deposit;
+    });
+}
+
+bool RuinShaper::wall(const Vec2d& p, const Vec2d& q, double y) const {
+    const Vec2d way = q - p;
+    const double length = way.norm();
+    return mesh_.occluded({p.x(), y, p.y()}, {way.x() / length, 0.0, way.y() / length}, length);
+}
+
+// Whether a place is within a solid: upwards and downwind more faces are left than entered.
+bool RuinShaper::within(const Vec2d& p, double y) const {
+    static thread_local std::vector<RuinMesh::Hit> found;
+    for (const Vec3d& way : {Vec3d(0.0, 1.0, 0.0), Vec3d(1.0, 0.0, 0.0)}) {
+        mesh_.hits({p.x(), y, p.y()}, way, ruin_farthest, found);
+        int left = 0;
+        for (const RuinMesh::Hit& hit : found) left += hit.normal.dot(way) > 0.0 ? 1 : -1;
+        if (left <= 0) return false;
+    }
+    return true;
+}
+
+// Walls between neighbours, a tenth of a cell above the higher one.
+void RuinShaper::find_walls() {
+    const double above = 0.1 * domain_.cell;
+    rows([&](int i, int j, size_t k) {
+        const Vec2d p = place(i, j);
+        grid_.solid[k] = near(p, 0.0) && within(p, grid_.ground[k] + above);
+    });
+    rows([&](int i, int j, size_t k) {
+        const Vec2d p = place(i, j);
+        if (!near(p, 2.0 * domain_.cell)) return;
+        const auto look = [&](int i1, int j1, std::vector<char>& walls) {
+            if (i1 >= grid_.nx || j1 >= grid_.nz) return;
+            const size_t n = grid_.at(i1, j1);
+            walls[k] = grid_.solid[k] || grid_.solid[n] ||
+                       wall(p, place(i1, j1), std::max(grid_.ground[k], grid_.ground[n]) + above);
+        };
+        look(i + 1, j, grid_.wall_x);
+        look(i, j + 1, grid_.wall_z);
+    });
+}
+
+constexpr int ruin_directions = 16, ruin_open = 10, ruin_enclosed = 15; // of that many rays
+constexpr double ruin_least_room = 0.25, ruin_tallest_room = 16.0;      // m: of its walls above the sand
+
+// Level directions; `turn` goes round so that the first few are far apart: open ground is told by few rays.
+const std::array<Vec3d, ruin_directions> ruin_round = [] {
+    std::array<Vec3d, ruin_directions> round;
+    for (int n = 0; n < ruin_directions; ++n) {
+        const int turn = (n * 7) % ruin_directions;
+        const double angle = 2.0 * pi * (turn + ruin_off_middle) / ruin_directions;
+        round[size_t(n)] = Vec3d(std::cos(angle), 0.0, std::sin(angle));
+    }
+    return round;
+}();
+
+// How enclosed a place is, 0 to 1, by how many of 16 rays meet the mesh.
+double RuinShaper::around(const Vec2d& p, double y, double reach) const {
+    int met = ruin_directions;
+    for (const Vec3d& way : ruin_round)
+        if (!mesh_.occluded({p.x(), y, p.y()}, way, reach) && --met <= ruin_open) return 0.0;
+    return ruin_smooth(double(met - ruin_open) / (ruin_enclosed - ruin_open));
+}
+
+// Whether most of what they meet faces the place: from within a solid they meet its faces from behind.
+bool RuinShaper::from_outside(const Vec2d& p, double y, double reach) const {
+    int faces = 0;
+    for (const Vec3d& way : ruin_round) {
+        const double away = mesh_.first({p.x(), y, p.y()}, way, reach).dot(way);
+        faces += int(away < 0.0) - int(away > 0.0);
+    }
+    return faces > 0;
+}
+
+// First whether the sand is enclosed at all: near it, at any distance that counts for the tallest walls. Then by which walls most.
+RuinRoom RuinShaper::room_at(const Vec2d& p, double ground) const {
+    const double top = mesh_.upper().y() - ground;
+    RuinRoom best;
+    if (!(top > ruin_least_room)) return best;
+    const double least = around(p, ground + ruin_least_room, 8.0 * std::min(top, ruin_tallest_room));
+    if (!(least > 0.0)) return best;
+    for (double h = ruin_tallest_room; h >= ruin_least_room; h *= 0.5) {
+        if (!(h < top && h > best.share * best.walls)) continue;
+        const double share = std::min(least, around(p, ground + h, 8.0 * h));
+        if (share * h > best.share * best.walls && from_outside(p, ground + h, 8.0 * h)) best = {share, h};
+    }
+    return best;
+}
+
+// One sample in each block of half a metre is looked at, and those that a wall parts from it.
+void RuinShaper::find_rooms() {
+    const int side = int(std::clamp(std::floor(0.5 / domain_.cell), 1.0, 16.0));
+    const auto parted = [&](int i, int j, int i1, int j1) { // by rows, then by columns
+        for (int x = i; x < i1; ++x)
+            if (grid_.wall_x[grid_.at(x, j)]) return true;
+        for (int z = j; z < j1; ++z)
+            if (grid_.wall_z[grid_.at(i1, z)]) return true;
+        return false;
+    };
+    tbb::parallel_for(0, (grid_.nz + side - 1) / side, [&](int row) {
+        for (int j = row * side; j < std::min((row + 1) * side, grid_.nz); ++j)
+            for (int i = 0; i < grid_.nx; ++i) {
+                const size_t k = grid_.at(i, j);
+                const Vec2d p = place(i, j);
+                if (!near(p, 0.0) || grid_.solid[k]) continue;
+                const int i0 = i / side * side, j0 = row * side;
+                const size_t first = grid_.at(i0, j0);
+                const bool known =
+                    k != first && near(place(i0, j0), 0.0) && !grid_.solid[first] && !parted(i0, j0, i, j);
+                const RuinRoom room =
+                    known ? RuinRoom{grid_.room[first], grid_.walls[first]} : room_at(p, grid_.ground[k]);
+                grid_.room[k] = room.share, grid_.walls[k] = room.walls;
+            }
+    });
+}
+
+// All samples of the room that `first` is in.
+std::vector<size_t> RuinShaper::flood(size_t first, std::vector<char>& seen) const {
+    std::vector<size_t> room{first};
+    seen[first] = 1;
+    const auto nx = size_t(grid_.nx);
+    const auto add = [&](size_t k, char parted) {
+        if (parted || seen[k] || !(grid_.room[k] > 0.0)) return;
+        seen[k] = 1;
+        room.push_back(k);
+    };
+    for (size_t n = 0; n < room.size(); ++n) {
+        const size_t k = room[n], i = k % nx, j = k / nx;
+        if (i > 0) add(k - 1, grid_.wall_x[k - 1]);
+        if (i + 1 < nx) add(k + 1, grid_.wall_x[k]);
+        if (j > 0) add(k - nx, grid_.wall_z[k - nx]);
+        if (j + 1 < size_t(grid_.nz)) add(k + nx, grid_.wall_z[k]);
+    }
+    return room;
+}
+
+// The level that the sand of a room rises to: its mean height and a share of the mean height of the walls.
+double RuinShaper::level_of(const std::vector<size_t>& room) const {
+    double ground = 0.0, walls = 0.0, sum = 0.0;
+    for (const size_t k : room) {
+        sum += grid_.room[k];
+        ground += grid_.room[k] * grid_.ground[k], walls += grid_.room[k] * grid_.walls[k];
+    }
+    return (ground + settings_.inside * settings_.drift * walls) / sum;
+}
+
+void RuinShaper::fill_rooms(RuinResult& result) {
+    if (!(settings_.inside * settings_.drift > 0.0)) return;
+    find_rooms();
+    std::vector<char> seen(grid_.count());
+    std::vector<double>& level = grid_.walls; // times the share, from here on
+    for (size_t k = 0; k < grid_.count(); ++k) {
+        if (seen[k] || !(grid_.room[k] > 0.0)) continue;
+        const std::vector<size_t> room = flood(k, seen);
+        const bool counts = room.size() >= 4; // else a corner
+        result.rooms += counts;
+        const double rises = level_of(room);
+        for (const size_t n : room) {
+            if (!counts) grid_.room[n] = 0.0;
+            level[n] = grid_.room[n] * rises;
+        }
+    }
+    if (result.rooms == 0) return;
+    // The share goes by sixteenths and by blocks: spread over half a metre, where it is not more than 64 times 3 samples.
+    const int times = int(std::clamp(0.5 / (domain_.cell * domain_.cell), 1.0, 64.0));
+    for (int n = 0; n < times; ++n) round_off(grid_.room), round_off(level);
+    rows([&](int, int, size_t k) {
+        const double share = grid_.room[k];
+        if (!(share > 0x1p-20)) return; // a millionth of a deposit
+        const double rise = std::max(level[k] / share - grid_.ground[k], 0.0);
+        grid_.scour[k] *= 1.0 - share;
+        grid_.deposit[k] += share * (rise - grid_.deposit[k]);
+    });
+}
+
+// Sand at the rim of the scour falls into it.
+void RuinShaper::settle_pit() {
+    rows([&](int i, int j, size_t k) {
+        const size_t sample = domain_.index(grid_.rect.i0 + i, grid_.rect.j0 + j);
+        grid_.cap[k] = grid_.ground[k];
+        grid_.floor[k] = grid_.ground[k] - sand_metres(below_.sand[sample]);
+        grid_.level[k] = grid_.scour[k] > 0.0 ? grid_.ground[k] - grid_.scour[k] : infinity;
+    });
+    RuinCones(grid_, ruin_slope * domain_.cell).settle();
+    rows([&](int, int, size_t k) { grid_.scour[k] = std::max(grid_.ground[k] - grid_.level[k], 0.0); });
+    round_off(grid_.scour);
+    rows([&](int, int, size_t k) {
+        grid_.scour[k] = std::min(grid_.scour[k], grid_.ground[k] - grid_.floor[k]);
+    });
+}
+
+// Means of three samples with weights 1, 2, 1 along rows and then along columns, where no wall is between: the tips and creases of cones and
+// planes at one slope have triangles up to sqrt(2) as steep.
+void RuinShaper::round_off(std::vector<double>& field) {
+    const auto pass = [&](size_t stride, const std::vector<char>& walls, auto&& inner) {
+        std::copy(field.begin(), field.end(), grid_.level.begin());
+        rows([&](int i, int j, size_t k) {
+            const auto [has_before, has_after] = inner(i, j);
+            const double own = grid_.level[k];
+            const double before = has_before && !walls[k - stride] ? grid_.level[k - stride] : own;
+            const double after = has_after && !walls[k] ? grid_.level[k + stride] : own;
+            field[k] = 0.25 * before + 0.5 * own + 0.25 * after;
+        });
+    };
+    pass(1, grid_.wall_x, [&](int i, int) { return std::pair(i > 0, i + 1 < grid_.nx); });
+    pass(size_t(grid_.nx), grid_.wall_z, [&](int, int j) { return std::pair(j > 0, j + 1 < grid_.nz); });
+}
+
+// What is piled up is cut down to its slope.
+void RuinShaper::settle_deposit() {
+    rows([&](int, int, size_t k) {
+        grid_.floor[k] = grid_.ground[k] - grid_.scour[k];
+        grid_.cap[k] = infinity;
+        grid_.level[k] = grid_.floor[k] + grid_.deposit[k];
+    });
+    RuinCones(grid_, ruin_slope * domain_.cell).settle();
+    rows([&](int, int, size_t k) { grid_.deposit[k] = grid_.level[k] - grid_.floor[k]; });
+    round_off(grid_.deposit);
+}
+
+bool RuinShaper::shape(RuinResult& result, const std::function<bool()>& cancelled) {
+    const auto stop = [&] { return cancelled && cancelled(); };
+    RuinSurveyor surveyor(mesh_, RuinGround{domain_, below_});
+    RuinLines lines = surveyor.survey();
+    if (stop()) return false;
+    for (const RuinLine& line : lines.lines) {
+        result.windward += int(line.windward.size());
+        result.lee += int(line.lee.size());
+    }
+    read(lines);
+    find_walls();
+    if (stop()) return false;
+    fill_rooms(result);
+    if (stop()) return false;
+    settle_pit();
+    if (stop()) return false;
+    settle_deposit();
+    return !stop();
+}
+
+// ---- the account ----
+
+__extension__ using RuinWide = unsigned __int128;
+
+// part * all / whole, rounded down; part <= whole, whole > 0.
+SandUnits ruin_share(SandUnits part, SandUnits all, SandUnits whole) {
+    return SandUnits(RuinWide(part) * RuinWide(all) / RuinWide(whole));
+}
+
+// Scales counts so that their sum is `all` exactly and none grows: differences of the scaled running sum. sum(counts) = whole >= all.
+void ruin_scale(std::vector<SandUnits>& counts, SandUnits all, SandUnits whole) {
+    if (all == whole) return;
+    SandUnits running = 0, before = 0;
+    for (SandUnits& count : counts) {
+        if (count == 0) continue;
+        running += count;
+        const SandUnits now = ruin_share(running, all, whole);
+        count = now - before;
+        before = now;
+    }
+}
+
+SandUnits ruin_sum(const std::vector<SandUnits>& counts) {
+    return std::accumulate(counts.begin(), counts.end(), SandUnits(0));
+}
+
+void ruin_settle_account(const RuinGrid& grid, const Domain& domain, double supply, SandUnits* sand,
+                         RuinResult& result) {
+    std::vector<SandUnits> taken(grid.count()), given(grid.count());
+    const auto sample = [&](size_t k) {
+        return domain.index(grid.rect.i0 + int(k % size_t(grid.nx)), grid.rect.j0 + int(k / size_t(grid.nx)));
+    };
+    for (size_t k = 0; k < grid.count(); ++k) {
+        if (grid.scour[k] > 0.0) taken[k] = std::min(sand_units(grid.scour[k]), sand[sample(k)]);
+        if (grid.deposit[k] > 0.0) given[k] = sand_units(grid.deposit[k]);
+    }
+    const SandUnits from = ruin_sum(taken), wanted = ruin_sum(given);
+    result.taken = std::min(from, wanted);
+    result.supplied = SandUnits(std::floor(supply * double(wanted - result.taken)));
+    result.supplied = std::min(result.supplied, wanted - result.taken); // a double may have rounded it up
+    result.given = result.taken + result.supplied;
+    if (from > 0) ruin_scale(taken, result.taken, from);
+    if (wanted > 0) ruin_scale(given, result.given, wanted);
+    for (size_t k = 0; k < grid.count(); ++k)
+        if (taken[k] != given[k]) sand[sample(k)] += given[k] - taken[k];
+}
+
+// Samples within the box around all zones.
+Rect ruin_touched(const Domain& domain, const RuinMesh& mesh, const RuinSettings& settings) {
+    if (mesh.empty() || domain.nx < 1 || domain.nz < 1) return {};
+    const Vec3d &low = mesh.lower(), &high = mesh.upper();
+    const double height = std::min(high.y() - low.y(), ruin_most_height), side = height + 2.0 * domain.cell;
+    Vec2d a = Vec2d::Constant(infinity), b = -a;
+    for (const double s : {low.x() - ruin_echo_reach * height - side,
+                           high.x() + std::max(settings.drift_length, 1.0) * height + side})
+        for (const double t : {low.z() - side, high.z() + side}) {
+            a = a.cwiseMin(mesh.frame().world(s, t));
+            b = b.cwiseMax(mesh.frame().world(s, t));
+        }
+    const auto index = [&](double metres, double origin, int count) {
+        return int(std::clamp(std::ceil((metres - origin) / domain.cell), 0.0, double(count)));
+    };
+    return {index(a.x(), domain.x0, domain.nx), index(a.y(), domain.z0, domain.nz),
+            index(b.x(), domain.x0, domain.nx), index(b.y(), domain.z0, domain.nz)};
+}
+
+void ruin_copy(const Domain& domain, const Rect& rect, const SandUnits* from, SandUnits* to) {
+    if (rect.empty()) return;
+    tbb::parallel_for(rect.j0, rect.j1, [&](int j) {
+        const size_t first = domain.index(rect.i0, j);
+        std::copy_n(from + first, size_t(rect.i1 - rect.i0), to + first);
+    });
+}
+
+} // namespace
+
+RuinLayer::RuinLayer(const Domain& domain, const Vec2d& wind, const MarramMesh& mesh, RTCScene scene,
+                     const RuinSettings& settings)
+    : domain_(domain), settings_(ruin_within_ranges(settings)), mesh_(mesh, wind, scene),
+      touched_(ruin_touched(domain_, mesh_, settings_)) {}
+
+void RuinLayer::evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const {
+    if (out.sand) ruin_copy(domain_, rect, below.sand, out.sand);
+}
+
+RuinResult RuinLayer::move_sand(const Fields& below, SandUnits* sand,
+                                const std::function<bool()>& cancelled) const {
+    ruin_copy(domain_, {0, 0, domain_.nx, domain_.nz}, below.sand, sand);
+    RuinResult result;
+    if (touched_.empty() || !(domain_.cell > 0.0)) return result;
+    RuinShaper shaper(domain_, below, mesh_, settings_, touched_);
+    if (!shaper.shape(result, cancelled)) {
+        result.cancelled = true;
+        return result;
+    }
+    ruin_settle_account(shaper.grid(), domain_, settings_.supply, sand, result);
+    return result;
+}
+
+bool RuinLayer::evaluate_whole(const Fields& below, const LayerOutput& out,
+                               const std::function<bool()>& cancelled) const {
+    return !out.sand || !move_sand(below, out.sand, cancelled).cancelled;
+}
+
+Tiles RuinLayer::changed_since(const Layer& before, const Domain& domain) const {
+    const auto* other = dynamic_cast<const RuinLayer*>(&before);
+    if (!other || other->domain_ != domain_ || domain != domain_) return Tiles(domain, true);
+    Tiles tiles(domain);
+    if (other->settings_ == settings_ && other->mesh_.digest() == mesh_.digest()) return tiles;
+    for (const Rect& r : {touched_, other->touched_})
+        if (!r.empty())
+            tiles.add_box({domain.x(r.i0), domain.z(r.j0)}, {domain.x(r.i1 - 1), domain.z(r.j1 - 1)});
+    return tiles;
+}
+
+namespace {
+
+constexpr std::array ruin_params = {
+    MarramParam{"mesh", MARRAM_MESH_NAME, "", "", 0, 0, "", "the mesh that stands in the sand"},
+    MarramParam{
+        "scour", MARRAM_NUMBER, "", "1", 0, 1, "",
+        "how much the wind scours in front of walls steeper than 55 degrees and drops in an echo dune"},
+    MarramParam{"scour_depth", MARRAM_NUMBER, "", "0.25", 0, 1, "",
+                "at the wall, in its heights above the sand; the sand's slope allows 0.26"},
+    MarramParam{"drift", MARRAM_NUMBER, "", "1", 0, 1, "", "how much sand gathers in the lee and in rooms"},
+    MarramParam{"drift_length", MARRAM_NUMBER, "", "4", 0.25, 20, "", "in heights of the wall"},
+    MarramParam{"drift_height", MARRAM_NUMBER, "", "0.3", 0, 1, "", "at the wall, in its heights"},
+    MarramParam{"inside", MARRAM_NUMBER, "", "0.2", 0, 1, "",
+                "rise of the sand in rooms, in heights of their walls"},
+    MarramParam{
+        "supply", MARRAM_NUMBER, "", "1", 0, 1, "",
+        "share of the sand that echo dunes, drifts and rooms lack beyond what scour gives that comes from "
+        "outside; 0: no sand is added"},
+};
+
+std::unique_ptr<Layer> ruin_make(const LayerContext& context) {
+    const LayerValues& values = context.values;
+    RuinSettings settings;
+    settings.scour = values.number("scour");
+    settings.scour_depth = values.number("scour_depth");
+    settings.drift = values.number("drift");
+    settings.drift_length = values.number("drift_length");
+    settings.drift_height = values.number("drift_height");
+    settings.inside = values.number("inside");
+    settings.supply = values.number("supply");
+    const MarramMesh& mesh = context.mesh(values.text("mesh"));
+    auto layer = std::make_unique<RuinLayer>(context.domain, context.wind, mesh, context.scene, settings);
+    if (layer->touched().empty() && context.warn)
+        context.warn(values.place("mesh"), "the mesh '" + values.text("mesh") + "' is not on the terrain",
+                     "move it, or make the terrain larger");
+    return layer;
+}
+
+} // namespace
+
+LayerType ruin_layer_type() {
+    return {"ruin", "a mesh stands in the sand: scour in front of walls, drifts behind them and in rooms",
+            ruin_params, ruin_make};
+}
+
+} // namespace marram

@@ -40,6 +40,9 @@ DuneSettings read_dune(const LayerContext& context) {
     s.inner_slope_fall_off_along_curve = values.ramp("inner_slope_fall_off_along_curve");
     s.outer_slope_shape = values.ramp("outer_slope_shape");
     s.inner_slope_shape = values.ramp("inner_slope_shape");
+    s.outer_slope_stretch = values.number("outer_slope_stretch");
+    s.outer_slope_turn = values.number("outer_slope_turn") * degree;
+    s.crest_radius = values.has("crest_radius") ? values.number("crest_radius") : context.domain.cell;
     s.boundary_noise = values.number("boundary_noise");
     s.boundary_noise_length = values.number("boundary_noise_length");
     if (values.has("max_dist")) s.max_dist = values.number("max_dist");
@@ -164,7 +167,7 @@ class DuneLayer : public ShapeLayer {
             for (int k = 0; k < i1 - i0; ++k) {
                 const double h = height[size_t(k)], m = mask[size_t(k)];
                 if (!(m > 0.0)) continue;
-                own[k] = share[k] > 0.0 ? smooth_maximum(own[k], h, smooth_) : h;
+                own[k] = merged_thickness(own[k], h, smooth_);
                 share[k] = std::max(share[k], m);
             }
         }
@@ -197,6 +200,12 @@ const auto dune_values = std::to_array<MarramParam>({
      "", "height from the crest (0) to the outer foot (1), share of the crest's"},
     {"inner_slope_shape", MARRAM_RAMP, "", "[[0, 1], [0.85, 0.08], [1, 0]]", 0, 10, "",
      "height from the crest (0) to the inner foot (1), share of the crest's"},
+    {"outer_slope_stretch", MARRAM_NUMBER, "", "1", 1, 16, "",
+     "how many times further the outer side reaches along the dune's axis than across it"},
+    {"outer_slope_turn", MARRAM_NUMBER, "deg", "0", -180, 180, "",
+     "turns that axis, from x to z; at 0 it is square to the line between the curve's ends"},
+    {"crest_radius", MARRAM_NUMBER, "m", "none", 0, 1e4, "",
+     "how far the crest is rounded, so that it shows no steps of the grid; absent: one cell"},
     {"boundary_noise", MARRAM_NUMBER, "m", "0", 0, 1e4, "", "how far the foot wanders in and out"},
     {"boundary_noise_length", MARRAM_NUMBER, "m", "8", 1e-3, 1e5, "", "along the curve, from bulge to bulge"},
     {"max_dist", MARRAM_NUMBER, "m", "none", 1e-3, 1e5, "",

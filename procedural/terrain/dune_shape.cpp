@@ -44,20 +44,39 @@
 // over the wedge of 45 degrees on either side of the axis. Positive sides: with flip = false the left as seen from above, y up, x to
 // the right and z down the page: (uz, -ux) of the direction (ux, uz).
 //
-//     height = H_bar (b S_o(x_o) + (1 - b) S_i(x_i)),   x = (d / w_bar)^(1/(1 + q)),   S = 0 where x >= 1
+//     height = b H_bar S_o(x_o) + (1 - b) H_bar S_i(x_i),   x = (d / w_bar)^(1/(1 + q)),   S = 0 where x >= 1
 // with the pinch q >= 0. With inner_slope_angle > 0, w_i = H_bar / tan(angle), S_i = 1 - x, without pinch and noise: the slope is
 // that angle on a straight stretch, and steeper by the gradient of d elsewhere. Widths below eps count as eps, and the height
 // falls linearly to 0 with the greater of both below eps, so that a dune of no width has no height.
+//
+// Crest radius r: in place of d the slopes have d' = sqrt(d^2 + r^2) - r, computed as d^2 / (sqrt(d^2 + r^2) + r). The crest is rounded over
+// about r and keeps its height; a slope is what it was times d / sqrt(d^2 + r^2) (0.71 at r, 0.97 at 4 r); the foot, where d' = w, moves
+// out to sqrt(w^2 + 2 w r), by less than r. One cell of the grid hides that a sharp crest is a row of steps there.
+//
+// Stretched outer slope: outer_slope_stretch = k > 1. The outer slope takes D, b, H_bar, w_o and q from the plane that the matrix
+// M = 1 + (k - 1) b b^T makes of the ground, b the unit vector across the dune's axis: distances along the axis stay, those across it
+// count k times, so that the slope reaches k times further along the axis. The inner slope, `dist`, max_dist and sample_dir have the plain
+// distance. On the crest both planes say d = 0 and the same H, so that the slopes meet; the crest radius of the outer slope is r / k across
+// the axis. In M's plane a crest that is an arc across the axis bends k^2 times less, and D is nearer to the distance along the axis. The
+// axis is square to the line between the ends, turned by outer_slope_turn; where they are nearer than 10^-6 of the length, as those of a
+// closed curve are, k is taken as 1.
 //
 // Mask (step 5): mask_fall_off(x_m), within [0, 1]; x_m = d / max_dist, whether the foot is nearer or farther; for max_dist = 0
 // b min(x_o, 1) + (1 - b) min(x_i, 1), without pinch. 0 where x_m >= 1. sample_dir: the integral of (C - P) w, made a unit vector:
 // smooth by itself (step 7). 0 where there is neither dune nor mask, and where it is below 10^-9 D: on the crest it is rounding.
 //
-// Ranges: lengths to 10^6 m, coordinates to 10^9 m, slope_width from 1 mm, search_accuracy 1 to 64, factors to 1000, angle 0.1 to 89
-// degrees, values of ramps to 10^6. All sums are finite there.
+// Ranges: lengths to 10^6 m, coordinates to 10^9 m, slope_width from 1 mm, search_accuracy 1 to 64, outer_slope_stretch 1 to 16,
+// factors to 1000, angle 0.1 to 89 degrees, values of ramps to 10^6. All sums are finite there.
 //
-// Skipping. I <= length / (distance^2 + eps^2)^(5/2) for a run of segments and its box. Samples whose bound gives D >= reach,
-// the greatest width or max_dist, are 0 without being evaluated; the box of the dune is found by the same bound on half planes.
+// Where it is 0. With w(t) a width along the curve, w_bar^4 is not above the mean of w^4 (power means), so that
+//     F = 3/4 integral of w(t)^4 (|P - C(t)|^2 + eps^2)^(-5/2) dt <= 1     gives     w_bar <= D.
+// With ((w + r)^2 + eps^2)^2 in place of w^4 it gives (w_bar + r)^2 <= d^2, which is beyond the foot: sqrt(w^2 + 2 w r) <= w + r. Of w
+// the greatest that counts is taken: outer, inner, max_dist, eps; in a stretched plane the outer one alone, and without it in the plain
+// one. The sum is bounded over a stretch of a row by discs about the segments (half their length), so that each width counts where it
+// is. Samples that F <= 1 clears are not evaluated. F grows nowhere outside of the curve by the maximum principle (its Laplacian is not
+// below 0 for distances above 0.63 eps), so that a line beyond the curve on which F <= 1 bounds the dune: the box is four such lines,
+// found by bisection.
+// F does not know sides: it allows for the outer width on the inner side too, which makes the box of a barchan 1.5 to 2 times what it needs.
 //
 // Far field. A run of 8 segments at a distance r from its centre, r >= 10 reach and >= 10 of its radii rho, is taken as one point with
 // its length and integrals of attributes. Its share of the sum is at most 3/4 l D^4 / r^5; its own error at most 15 (rho / (r - rho))^2
@@ -66,8 +85,9 @@
 // run. Both fall as D^4. A curve that fills the plane with branches 2 reach apart is the worst: 1e-5 by the mean second moment
 // of a run. The far field is blended in over the next 10 % of r, so that no step comes of it.
 //
-// Cost: a square root and a division a segment for 8 points, 2 to 3 ns a sample and segment over the box of a dune of 20 segments with
-// AVX-512 on one thread. Building one of 20 segments: 13 us.
+// Cost: a square root and a division a segment for 8 points, 1 to 3 ns a sample and segment with AVX-512 on one thread, twice
+// that where both planes are looked at. A barchan of 16 segments on a grid of its box, all included: 0.2 us a sample that has height.
+// Building it: 30 us, most of them for the box.
 #include "procedural/terrain/dune_shape.h"
 
 #include "core/math/digest.h"
@@ -109,6 +129,9 @@ DuneSettings dune_within(DuneSettings s) {
     s.inner_slope_mult = dune_within(s.inner_slope_mult, 0.0, 1e3);
     if (s.inner_slope_angle > 0.0)
         s.inner_slope_angle = dune_within(s.inner_slope_angle, 0.1 * degree, 89.0 * degree);
+    s.outer_slope_stretch = dune_within(s.outer_slope_stretch, 1.0, 16.0);
+    s.outer_slope_turn = dune_within(s.outer_slope_turn, -pi, pi);
+    s.crest_radius = dune_within(s.crest_radius, 0.0, most);
     s.boundary_noise = dune_within(s.boundary_noise, 0.0, most);
     s.boundary_noise_length = dune_within(s.boundary_noise_length, 1e-3, most);
     s.max_dist = dune_within(s.max_dist, 0.0, most);
@@ -129,11 +152,12 @@ void dune_digest(Digest& digest, const Ramp& ramp) {
 
 uint64_t dune_digest(std::span<const Vec2d> points, bool closed, const DuneSettings& s) {
     Digest digest;
-    digest.add("dune 1").add(points.data(), points.size_bytes());
+    digest.add("dune 2").add(points.data(), points.size_bytes());
     const double numbers[] = {
-        s.max_height,        s.slope_width,    s.outer_slope_mult,      s.inner_slope_mult,
-        s.inner_slope_angle, s.boundary_noise, s.boundary_noise_length, s.max_dist,
-        s.smoothing,         s.search_accuracy};
+        s.max_height,        s.slope_width,     s.outer_slope_mult,      s.inner_slope_mult,
+        s.inner_slope_angle, s.boundary_noise,  s.boundary_noise_length, s.max_dist,
+        s.smoothing,         s.search_accuracy, s.outer_slope_stretch,   s.crest_radius,
+        s.outer_slope_turn};
     digest.add(numbers, sizeof numbers);
     digest.add(s.seed).add(uint64_t(s.flip)).add(uint64_t(closed));
     for (const Ramp* ramp :
@@ -403,43 +427,43 @@ void dune_heights_along(const DuneRules& rules, const DuneCrestPoint& a, const D
     for (int k = 0; k < 4; ++k, power *= length) out[k] = c[k] / power;
 }
 
-void dune_build_segments(const DuneRules& rules, const std::vector<DuneCrestPoint>& points, DuneParts& parts,
+void dune_build_segments(const DuneRules& rules, const std::vector<DuneCrestPoint>& points, DuneField& field,
                          double& highest) {
     const bool smooth = rules.s.main_curve_shape.interpolation() == Ramp::Interpolation::smooth;
     const bool seam = rules.closed && rules.height(0.0) != rules.height(1.0);
+    const auto in_plane = [&](const Vec2d& p) {
+        return Vec2d(field.xx * p.x() + field.xz * p.y(), field.xz * p.x() + field.zz * p.y());
+    };
     for (size_t i = 0; i + 1 < points.size(); ++i) {
         const DuneCrestPoint &a = points[i], &b = points[i + 1];
+        const Vec2d from = in_plane(a.at), step = in_plane(b.at) - from;
         DuneSegment out{};
-        out.x = a.at.x(), out.z = a.at.y(), out.along = a.along;
-        out.length = (b.at - a.at).norm();
-        out.ux = (b.at.x() - a.at.x()) / out.length, out.uz = (b.at.y() - a.at.y()) / out.length;
+        out.x = from.x(), out.z = from.y(), out.along = a.along;
+        out.length = step.norm();
+        out.ux = step.x() / out.length, out.uz = step.y() / out.length;
         const bool curved = smooth && !(seam && i + 2 == points.size());
         dune_heights_along(rules, a, b, curved, out.length, out.height, highest);
-        parts.cubic = parts.cubic || out.height[2] != 0.0 || out.height[3] != 0.0;
         out.outer[0] = a.outer_width, out.outer[1] = (b.outer_width - a.outer_width) / out.length;
         out.inner[0] = a.inner_width, out.inner[1] = (b.inner_width - a.inner_width) / out.length;
         out.pinch[0] = a.pinch, out.pinch[1] = (b.pinch - a.pinch) / out.length;
-        parts.segments.push_back(out);
+        field.segments.push_back(out);
     }
     const DuneCrestPoint& end = points.back();
+    const Vec2d at = in_plane(end.at);
     DuneSegment last{};
-    last.x = end.at.x(), last.z = end.at.y(), last.along = end.along;
+    last.x = at.x(), last.z = at.y(), last.along = end.along;
     last.height[0] = end.height, last.outer[0] = end.outer_width, last.inner[0] = end.inner_width;
     last.pinch[0] = end.pinch;
-    parts.segments.push_back(last);
+    field.segments.push_back(last);
 }
 
 double dune_integral(const double c[2], double l) { return l * (c[0] + 0.5 * l * c[1]); }
 
-DuneChunk dune_chunk(const DuneParts& parts, int first, int last) {
+DuneChunk dune_chunk(const DuneField& field, double outer_sign, int first, int last) {
     DuneChunk c{};
     c.first = first, c.last = last;
-    c.lower[0] = c.lower[1] = infinity, c.upper[0] = c.upper[1] = -infinity;
-    for (int i = first; i <= last; ++i) {
-        const DuneSegment& s = parts.segments[size_t(i)];
-        c.lower[0] = std::min(c.lower[0], s.x), c.upper[0] = std::max(c.upper[0], s.x);
-        c.lower[1] = std::min(c.lower[1], s.z), c.upper[1] = std::max(c.upper[1], s.z);
-        if (i == last) break;
+    for (int i = first; i < last; ++i) {
+        const DuneSegment& s = field.segments[size_t(i)];
         const double l = s.length;
         c.length += l;
         c.x += l * (s.x + 0.5 * l * s.ux), c.z += l * (s.z + 0.5 * l * s.uz);
@@ -447,64 +471,136 @@ DuneChunk dune_chunk(const DuneParts& parts, int first, int last) {
             l * (s.height[0] + l * (s.height[1] / 2.0 + l * (s.height[2] / 3.0 + l * s.height[3] / 4.0)));
         c.outer += dune_integral(s.outer, l), c.inner += dune_integral(s.inner, l);
         c.pinch += dune_integral(s.pinch, l);
-        const double nx = parts.outer_sign * s.uz, nz = -parts.outer_sign * s.ux;
+        const double nx = outer_sign * s.uz, nz = -outer_sign * s.ux;
         c.side_x += l * nx, c.side_z += l * nz, c.side_0 += l * (nx * s.x + nz * s.z);
     }
     c.x /= c.length, c.z /= c.length;
-    double radius = 0.0;
     for (int i = first; i <= last; ++i) {
-        const DuneSegment& s = parts.segments[size_t(i)];
-        radius = std::max(radius, std::hypot(s.x - c.x, s.z - c.z));
+        const DuneSegment& s = field.segments[size_t(i)];
+        c.radius = std::max(c.radius, std::hypot(s.x - c.x, s.z - c.z));
     }
-    const double begin = 10.0 * std::max(parts.reach, radius);
+    const double begin = 10.0 * std::max(field.reach, c.radius);
     c.far_begin = begin * begin;
     c.far_blend = 1.0 / (0.21 * c.far_begin); // to 1.1 times the distance
     return c;
 }
 
-void dune_build_chunks(DuneParts& parts) {
-    const int count = int(parts.segments.size()) - 1;
-    for (int i = 0; i < count; i += dune_run)
-        parts.chunks.push_back(dune_chunk(parts, i, std::min(i + dune_run, count)));
+// Which widths a field has to bound: see "Where it is 0" on the page.
+struct DuneBounded {
+    bool outer, inner;
+    double max_dist, crest_radius, cotangent;
+};
+
+// At least the integral of ((w + crest_radius)^2 + eps^2)^2 along a segment, w the greatest of the bounded widths. It is convex in w, and so
+// is w where it is the greater of linear functions: not above the mean of its ends.
+double dune_cover_weight(const DuneSegment& s, const DuneBounded& what, double softening2) {
+    const double l = s.length, least = std::max(std::sqrt(softening2), what.max_dist);
+    double begin = least, end = least;
+    if (what.outer) begin = std::max(begin, s.outer[0]), end = std::max(end, s.outer[0] + l * s.outer[1]);
+    if (what.inner && what.cotangent > 0.0) {
+        const double* c = s.height; // a cubic is not above the greatest point of its Bezier form
+        const double linear = l * c[1], square = l * l * c[2], cube = l * l * l * c[3];
+        const double most = std::max(
+            {c[0], c[0] + linear / 3.0, c[0] + (2.0 * linear + square) / 3.0, c[0] + linear + square + cube});
+        const bool straight = c[2] == 0.0 && c[3] == 0.0;
+        begin = std::max(begin, what.cotangent * (straight ? c[0] : most));
+        end = std::max(end, what.cotangent * (straight ? c[0] + linear : most));
+    } else if (what.inner)
+        begin = std::max(begin, s.inner[0]), end = std::max(end, s.inner[0] + l * s.inner[1]);
+    const auto power = [&](double w) {
+        const double square = (w + what.crest_radius) * (w + what.crest_radius) + softening2;
+        return square * square;
+    };
+    return 0.5 * l * (power(begin) + power(end));
 }
 
-// The greatest sum of the weights of all segments at any point of the box.
-double dune_bound(const DuneParts& parts, const double lower[2], const double upper[2], double enough) {
-    double sum = 0.0;
-    for (const DuneChunk& c : parts.chunks) {
-        const double x = std::max({c.lower[0] - upper[0], lower[0] - c.upper[0], 0.0});
-        const double z = std::max({c.lower[1] - upper[1], lower[1] - c.upper[1], 0.0});
-        const double r2 = x * x + z * z + parts.softening2;
-        sum += c.length / (r2 * r2 * std::sqrt(r2));
-        if (sum > enough) break;
+void dune_build_chunks(DuneField& field, double outer_sign, const DuneBounded& what) {
+    const int count = int(field.segments.size()) - 1;
+    for (int i = 0; i < count; i += dune_run) {
+        DuneChunk chunk = dune_chunk(field, outer_sign, i, std::min(i + dune_run, count));
+        DuneCover cover{};
+        for (int k = 0; k < lanes; ++k) {
+            const bool there = i + k < chunk.last;
+            const DuneSegment& s = field.segments[size_t(there ? i + k : chunk.last - 1)];
+            cover.x[k] = s.x + 0.5 * s.length * s.ux, cover.z[k] = s.z + 0.5 * s.length * s.uz;
+            cover.half[k] = 0.5 * s.length;
+            cover.weight[k] = there ? dune_cover_weight(s, what, field.softening2) : 0.0;
+            chunk.cover += cover.weight[k];
+        }
+        field.chunks.push_back(chunk);
+        field.covers.push_back(cover);
     }
-    return sum;
 }
 
-// Below this sum of weights the smooth distance is at least reach; 1e-9: all roundings of a sum.
-double dune_least_weight(const DuneParts& parts) {
-    const double r2 = parts.reach * parts.reach + parts.softening2;
-    return (1.0 - 1e-9) * 4.0 / (3.0 * r2 * r2);
-}
+static_assert(dune_run == lanes);
 
-// How far the dune reaches beyond the curve's box on one side of it: bisection on the bound over stretches of that side.
-double dune_margin(const DuneParts& parts, const double box[2][2], int axis, int side) {
-    const double least = dune_least_weight(parts);
+struct DuneBound {
+    // At least the sum of the page at every point of the straight way from (x0, z0) to (x1, z1); what is above `enough` is not exact.
+    MARRAM_HOT static double sum(const DuneField& field, double x0, double z0, double x1, double z1,
+                                 double enough);
+};
+
+MARRAM_HOT double DuneBound::sum(const DuneField& field, double x0, double z0, double x1, double z1,
+                                 double enough) {
+    const double ax = field.xx * x0 + field.xz * z0, az = field.xz * x0 + field.zz * z0;
+    const double wx = field.xx * (x1 - x0) + field.xz * (z1 - z0),
+                 wz = field.xz * (x1 - x0) + field.zz * (z1 - z0);
+    const double way2 = wx * wx + wz * wz, inverse = way2 > 0.0 ? 1.0 / way2 : 0.0;
     double total = 0.0;
-    for (const DuneChunk& c : parts.chunks) total += c.length;
-    double low = 0.0, high = std::pow(total / least, 0.2) * (1.0 + 1e-9);
+    for (size_t k = 0; k < field.chunks.size() && total <= enough; ++k) {
+        const DuneChunk& c = field.chunks[k];
+        const double t = std::min(std::max(((c.x - ax) * wx + (c.z - az) * wz) * inverse, 0.0), 1.0);
+        const double dx = c.x - ax - t * wx, dz = c.z - az - t * wz, r2 = dx * dx + dz * dz;
+        constexpr double far = 8.0; // radii: one disc about all of the run is too great by less than (8/7)^5
+        if (r2 > far * far * c.radius * c.radius) {
+            const double r = std::sqrt(r2) - c.radius, s2 = r * r + field.softening2;
+            total += c.cover / (s2 * s2 * std::sqrt(s2));
+            continue;
+        }
+        VDouble x, z, half, weight;
+        std::memcpy(&x, field.covers[k].x, sizeof x), std::memcpy(&z, field.covers[k].z, sizeof z);
+        std::memcpy(&half, field.covers[k].half, sizeof x),
+            std::memcpy(&weight, field.covers[k].weight, sizeof x);
+        const VDouble u = vmin(vmax(((x - ax) * wx + (z - az) * wz) * inverse, VDouble{}), splat(1.0));
+        const VDouble ex = x - ax - u * wx, ez = z - az - u * wz;
+        const VDouble r = vmax(vsqrt(ex * ex + ez * ez) - half, VDouble{}), s2 = r * r + field.softening2;
+        const VDouble share = weight / (s2 * s2 * vsqrt(s2));
+        for (int i = 0; i < lanes; ++i) total += share[i];
+    }
+    return total;
+}
+
+// Not above it: all is 0. 1e-9: all roundings of a sum.
+constexpr double dune_enough = (1.0 - 1e-9) * 4.0 / 3.0;
+
+bool dune_clear(const DuneParts& parts, double x0, double z0, double x1, double z1) {
+    return DuneBound::sum(parts.plain, x0, z0, x1, z1, dune_enough) <= dune_enough &&
+           (parts.stretched.chunks.empty() ||
+            DuneBound::sum(parts.stretched, x0, z0, x1, z1, dune_enough) <= dune_enough);
+}
+
+// Further than this from the curve all is 0. A stretched distance is not below the plain one.
+double dune_farthest(const DuneField& field) {
+    double total = 0.0;
+    for (const DuneChunk& c : field.chunks) total += c.cover;
+    return std::pow(total / dune_enough, 0.2) * (1.0 + 1e-9);
+}
+
+// How far the dune reaches beyond the curve's box on one side of it: bisection for a line that is clear. The sum grows nowhere beyond it: see
+// the page.
+double dune_margin(const DuneParts& parts, const double box[2][2], double farthest, int axis, int side) {
     const int other = 1 - axis;
-    const double extent = box[1][other] - box[0][other];
-    const int stretches = int(std::clamp(std::ceil(2.0 * extent / parts.reach), 1.0, 32.0));
-    for (int step = 0; step < 10; ++step) {
+    const double from = box[0][other] - farthest, extent = box[1][other] + farthest - from;
+    const int stretches = int(std::clamp(std::ceil(4.0 * extent / farthest), 8.0, 32.0));
+    double low = 0.0, high = farthest;
+    for (int step = 0; step < 7; ++step) {
         const double middle = 0.5 * (low + high);
+        double a[2], b[2];
+        a[axis] = b[axis] = side ? box[1][axis] + middle : box[0][axis] - middle;
         bool clear = true;
         for (int i = 0; i < stretches && clear; ++i) {
-            double lower[2], upper[2];
-            lower[axis] = upper[axis] = side ? box[1][axis] + middle : box[0][axis] - middle;
-            lower[other] = i == 0 ? -infinity : box[0][other] + extent * i / stretches;
-            upper[other] = i + 1 == stretches ? infinity : box[0][other] + extent * (i + 1) / stretches;
-            clear = dune_bound(parts, lower, upper, least) <= least;
+            a[other] = from + extent * i / stretches, b[other] = from + extent * (i + 1) / stretches;
+            clear = dune_clear(parts, a[0], a[1], b[0], b[1]);
         }
         (clear ? high : low) = middle;
     }
@@ -513,14 +609,15 @@ double dune_margin(const DuneParts& parts, const double box[2][2], int axis, int
 
 void dune_box(const DuneParts& parts, Vec2d& lower, Vec2d& upper) {
     double box[2][2] = {{infinity, infinity}, {-infinity, -infinity}};
-    for (const DuneChunk& c : parts.chunks)
-        for (int axis = 0; axis < 2; ++axis) {
-            box[0][axis] = std::min(box[0][axis], c.lower[axis]);
-            box[1][axis] = std::max(box[1][axis], c.upper[axis]);
-        }
+    for (const DuneSegment& s : parts.plain.segments) {
+        box[0][0] = std::min(box[0][0], s.x), box[1][0] = std::max(box[1][0], s.x);
+        box[0][1] = std::min(box[0][1], s.z), box[1][1] = std::max(box[1][1], s.z);
+    }
+    double farthest = dune_farthest(parts.plain);
+    if (!parts.stretched.chunks.empty()) farthest = std::max(farthest, dune_farthest(parts.stretched));
     for (int axis = 0; axis < 2; ++axis) {
-        lower[axis] = box[0][axis] - dune_margin(parts, box, axis, 0);
-        upper[axis] = box[1][axis] + dune_margin(parts, box, axis, 1);
+        lower[axis] = box[0][axis] - dune_margin(parts, box, farthest, axis, 0);
+        upper[axis] = box[1][axis] + dune_margin(parts, box, farthest, axis, 1);
     }
 }
 
@@ -596,81 +693,126 @@ MARRAM_INLINE void dune_add(const DuneSums& near, DuneSums& sums) {
 }
 
 template <bool cubic, bool directed>
-MARRAM_INLINE DuneSums dune_sums(const DuneParts& parts, const DuneSegment* segments, const DuneChunk* chunk,
-                                 const DuneChunk* end, VDouble px, VDouble pz) {
+MARRAM_INLINE DuneSums dune_sums(const DuneField& field, double sign, VDouble x, VDouble z) {
     DuneSums sums;
+    const VDouble px = field.xx * x + field.xz * z, pz = field.xz * x + field.zz * z;
+    const DuneSegment* segments = field.segments.data();
+    const DuneChunk *chunk = field.chunks.data(), *end = chunk + field.chunks.size();
     for (; chunk != end; ++chunk) {
         const DuneChunk& c = *chunk;
         const VDouble dx = px - c.x, dz = pz - c.z, r2 = dx * dx + dz * dz;
         const VDouble above = (r2 - c.far_begin) * c.far_blend;
         DuneSums near;
         if (any(above < 1.0))
-            dune_near<cubic, directed>(segments + c.first, segments + c.last, parts.softening2,
-                                       parts.outer_sign, px, pz, near);
+            dune_near<cubic, directed>(segments + c.first, segments + c.last, field.softening2, sign, px, pz,
+                                       near);
         if (any(above > 0.0)) {
             const VDouble t = vmin(vmax(above, VDouble{}), splat(1.0));
-            dune_blend(c, t * t * (3.0 - 2.0 * t), dx, dz, r2 + parts.softening2, px, pz, near, sums);
+            dune_blend(c, t * t * (3.0 - 2.0 * t), dx, dz, r2 + field.softening2, px, pz, near, sums);
         } else
             dune_add(near, sums);
     }
     return sums;
 }
 
-MARRAM_INLINE VDouble dune_ramp(const double* positions, const double* values, size_t count,
-                                Ramp::Interpolation how, VDouble x) {
-    VDouble y = splat(values[0]);
-    for (size_t k = 0; k + 1 < count; ++k) {
-        VDouble t = (x - positions[k]) / (positions[k + 1] - positions[k]);
-        if (how == Ramp::Interpolation::constant) t = VDouble{};
-        if (how == Ramp::Interpolation::smooth) t = t * t * (3.0 - 2.0 * t);
-        const VDouble here = values[k] + t * (values[k + 1] - values[k]);
-        y = x >= positions[k] ? here : y;
+MARRAM_INLINE VDouble dune_ramp(const DuneRamp& ramp, VDouble x) {
+    VDouble y = splat(ramp.values[0]);
+    for (size_t k = 0; k < ramp.values.size(); ++k) {
+        VDouble t = (x - ramp.positions[k]) * ramp.inverses[k];
+        if (ramp.smooth) t = t * t * (3.0 - 2.0 * t);
+        y = x >= ramp.positions[k] ? ramp.values[k] + t * ramp.steps[k] : y;
     }
-    return x >= positions[count - 1] ? splat(values[count - 1]) : y;
+    return y;
 }
 
 // A slope's height at `x` of its width, 0 beyond the foot.
-MARRAM_INLINE VDouble dune_slope(const Ramp& ramp, VDouble x, VDouble pinch) {
+MARRAM_INLINE VDouble dune_slope(const DuneRamp& ramp, VDouble x, VDouble pinch) {
     VDouble pinched = x;
     if (any(pinch > 0.0)) {
         constexpr double least = 1e-300; // the logarithm's domain; below it x is 0
         const VDouble power = vexp(vlog(vmin(vmax(x, splat(least)), splat(1.0))) / (1.0 + pinch));
         pinched = pinch > 0.0 ? (x > least ? power : VDouble{}) : x;
     }
-    const VDouble y = dune_ramp(ramp.positions().data(), ramp.values().data(), ramp.values().size(),
-                                ramp.interpolation(), pinched);
+    const VDouble y = dune_ramp(ramp, pinched);
     return x < 1.0 ? y : VDouble{};
 }
 
-// From the sums to what the dune says.
-MARRAM_INLINE void dune_finish(const DuneParts& parts, const DuneSums& sums, DuneLanes& out) {
-    const DuneSettings& s = parts.settings;
+// What a field says of eight points.
+struct DuneMeans {
+    VDouble D, d, share, height, outer, inner, pinch; // share: of the outer side
+};
+
+MARRAM_INLINE DuneMeans dune_means(const DuneParts& parts, double softening2, const DuneSums& sums) {
     const VDouble zero{}, one = splat(1.0), inverse = 1.0 / sums.weight;
-    const VDouble D2 = 1.0 / vsqrt(0.75 * sums.weight), D = vsqrt(D2);
-    const VDouble d = vsqrt(vmax(D2 - parts.softening2, zero));
-    const VDouble t = vmin(vmax(0.5 + sums.side * inverse / D, zero), one);
-    const VDouble b = t * t * (3.0 - 2.0 * t);
-    const VDouble h = vmax(sums.height * inverse, zero), pinch = vmax(sums.pinch * inverse, zero);
-    const VDouble wide_o = sums.outer * inverse;
-    const VDouble wide_i = parts.cotangent > 0.0 ? h * parts.cotangent : sums.inner * inverse;
-    const VDouble softening = splat(std::sqrt(parts.softening2));
-    const VDouble xo = d / vmax(wide_o, softening), xi = d / vmax(wide_i, softening);
-    const VDouble there = vmin(vmax(wide_o, wide_i) / softening, one);
-    const VDouble so = dune_slope(s.outer_slope_shape, xo, pinch);
+    DuneMeans m;
+    const VDouble D2 = 1.0 / vsqrt(0.75 * sums.weight);
+    m.D = vsqrt(D2);
+    m.d = vsqrt(vmax(D2 - softening2, zero));
+    const VDouble t = vmin(vmax(0.5 + sums.side * inverse / m.D, zero), one);
+    m.share = t * t * (3.0 - 2.0 * t);
+    m.height = vmax(sums.height * inverse, zero), m.pinch = vmax(sums.pinch * inverse, zero);
+    m.outer = sums.outer * inverse;
+    m.inner = parts.cotangent > 0.0 ? m.height * parts.cotangent : sums.inner * inverse;
+    return m;
+}
+
+// Distance from the rounded crest, in widths.
+MARRAM_INLINE VDouble dune_place(const DuneParts& parts, VDouble d, VDouble width, VDouble softening) {
+    const double r = parts.settings.crest_radius;
+    if (r > 0.0) d = d * d / (vsqrt(d * d + r * r) + r);
+    return d / vmax(width, softening);
+}
+
+// From the means, those of the outer slope and those of the inner one, to what the dune says but its direction.
+MARRAM_INLINE void dune_finish(const DuneParts& parts, const DuneMeans& o, const DuneMeans& i,
+                               double outer_softening, double inner_softening, DuneLanes& out) {
+    const DuneSettings& s = parts.settings;
+    const VDouble zero{}, one = splat(1.0), b = o.share;
+    const VDouble soft_o = splat(std::sqrt(outer_softening)), soft_i = splat(std::sqrt(inner_softening));
+    const VDouble xo = dune_place(parts, o.d, o.outer, soft_o), xi = dune_place(parts, i.d, i.inner, soft_i);
+    const VDouble there = vmin(vmax(o.outer, o.inner) / soft_o, one);
+    const VDouble so = dune_slope(parts.outer_slope, xo, o.pinch);
     const VDouble si =
-        parts.cotangent > 0.0 ? vmax(1.0 - xi, zero) : dune_slope(s.inner_slope_shape, xi, pinch);
-    out.height = h * there * (b * so + (1.0 - b) * si);
-    const VDouble xm = s.max_dist > 0.0 ? d / s.max_dist : b * vmin(xo, one) + (1.0 - b) * vmin(xi, one);
-    const VDouble mask = dune_ramp(s.mask_fall_off.positions().data(), s.mask_fall_off.values().data(),
-                                   s.mask_fall_off.values().size(), s.mask_fall_off.interpolation(), xm);
+        parts.cotangent > 0.0 ? vmax(1.0 - xi, zero) : dune_slope(parts.inner_slope, xi, i.pinch);
+    out.height = there * (b * (o.height * so) + (1.0 - b) * (i.height * si));
+    const VDouble xm = s.max_dist > 0.0 ? i.d / s.max_dist : b * vmin(xo, one) + (1.0 - b) * vmin(xi, one);
+    const VDouble mask = dune_ramp(parts.mask, xm);
     out.mask = xm < 1.0 ? vmin(vmax(mask, zero), one) : zero;
     out.outer = xo < 1.0 ? b : zero;
     out.inner = xi < 1.0 ? 1.0 - b : zero;
-    out.dist = vmin(d, splat(parts.reach));
+    const VLong in = (xo < 1.0) | (xi < 1.0) | (xm < 1.0);
+    out.dist = in ? vmin(i.d, splat(parts.reach)) : splat(parts.reach);
+}
+
+MARRAM_INLINE void dune_direct(const DuneParts& parts, const DuneSums& sums, VDouble D, DuneLanes& out) {
     const VDouble norm = vsqrt(sums.x * sums.x + sums.z * sums.z);
-    const VLong in = (norm > 1e-9 * D * sums.weight) & ((out.outer + out.inner > 0.0) | (xm < 1.0));
-    out.x = in ? sums.x / norm : zero;
-    out.z = in ? sums.z / norm : zero;
+    const VLong in = (norm > 1e-9 * D * sums.weight) & (out.dist < parts.reach);
+    out.x = in ? sums.x / norm : VDouble{};
+    out.z = in ? sums.z / norm : VDouble{};
+}
+
+// The inner slope's own distance is looked at where there is some of it, and where the mask or the direction need it.
+template <bool cubic, bool directed>
+MARRAM_INLINE void dune_evaluate(const DuneParts& parts, VDouble x, VDouble z, DuneLanes& out) {
+    const DuneField &plain = parts.plain, &stretched = parts.stretched;
+    if (stretched.chunks.empty()) {
+        const DuneSums sums = dune_sums<cubic, directed>(plain, parts.outer_sign, x, z);
+        const DuneMeans means = dune_means(parts, plain.softening2, sums);
+        dune_finish(parts, means, means, plain.softening2, plain.softening2, out);
+        if (directed) dune_direct(parts, sums, means.D, out);
+        return;
+    }
+    const DuneMeans outer =
+        dune_means(parts, stretched.softening2, dune_sums<cubic, false>(stretched, parts.outer_sign, x, z));
+    DuneMeans inner = outer;
+    if (directed || parts.settings.max_dist > 0.0 || any(outer.share < 1.0)) {
+        const DuneSums sums = dune_sums<cubic, directed>(plain, parts.outer_sign, x, z);
+        inner = dune_means(parts, plain.softening2, sums);
+        dune_finish(parts, outer, inner, stretched.softening2, plain.softening2, out);
+        if (directed) dune_direct(parts, sums, inner.D, out);
+        return;
+    }
+    dune_finish(parts, outer, inner, stretched.softening2, plain.softening2, out);
 }
 
 struct DuneEval {
@@ -682,25 +824,86 @@ struct DuneEval {
 
 MARRAM_HOT void DuneEval::heights(const DuneParts& parts, const VDouble& x, const VDouble& z,
                                   DuneLanes& out) {
-    const DuneSegment* segments = parts.segments.data();
-    const DuneChunk *chunks = parts.chunks.data(), *end = chunks + parts.chunks.size();
-    dune_finish(parts,
-                parts.cubic ? dune_sums<true, false>(parts, segments, chunks, end, x, z)
-                            : dune_sums<false, false>(parts, segments, chunks, end, x, z),
-                out);
+    if (parts.cubic)
+        dune_evaluate<true, false>(parts, x, z, out);
+    else
+        dune_evaluate<false, false>(parts, x, z, out);
 }
 
 MARRAM_HOT void DuneEval::all(const DuneParts& parts, const VDouble& x, const VDouble& z, DuneLanes& out) {
-    const DuneSegment* segments = parts.segments.data();
-    const DuneChunk *chunks = parts.chunks.data(), *end = chunks + parts.chunks.size();
-    dune_finish(parts,
-                parts.cubic ? dune_sums<true, true>(parts, segments, chunks, end, x, z)
-                            : dune_sums<false, true>(parts, segments, chunks, end, x, z),
-                out);
+    if (parts.cubic)
+        dune_evaluate<true, true>(parts, x, z, out);
+    else
+        dune_evaluate<false, true>(parts, x, z, out);
 }
 
 DuneSample dune_lane(const DuneLanes& out, int i) {
     return {out.height[i], out.mask[i], out.outer[i], out.inner[i], out.dist[i], Vec2d(out.x[i], out.z[i])};
+}
+
+// The matrix that stretches the plane across the dune's axis, which is square to the line between the ends. false: there is none.
+bool dune_stretch(const std::vector<DuneCrestPoint>& crest, const DuneSettings& s, double length,
+                  DuneField& field) {
+    const Vec2d chord = crest.back().at - crest.front().at;
+    const double k = s.outer_slope_stretch - 1.0, span = chord.norm();
+    if (!(k > 0.0) || !(span > 1e-6 * length)) return false; // ends that meet have no line
+    const double c = std::cos(s.outer_slope_turn), t = std::sin(s.outer_slope_turn);
+    const Vec2d across = Vec2d(c * chord.x() - t * chord.y(), t * chord.x() + c * chord.y()) / span;
+    field.xx = 1.0 + k * across.x() * across.x();
+    field.zz = 1.0 + k * across.y() * across.y();
+    field.xz = k * across.x() * across.y();
+    return true;
+}
+
+void dune_build_field(const DuneRules& rules, const std::vector<DuneCrestPoint>& crest, double outer_sign,
+                      const DuneBounded& what, DuneField& field) {
+    double highest = 0.0, widest = 0.0, longest = 0.0;
+    dune_build_segments(rules, crest, field, highest);
+    for (const DuneSegment& s : field.segments) {
+        longest = std::max(longest, s.length);
+        if (what.outer) widest = std::max(widest, s.outer[0]);
+        if (what.inner && !(what.cotangent > 0.0)) widest = std::max(widest, s.inner[0]);
+    }
+    if (what.inner) widest = std::max(widest, highest * what.cotangent);
+    const double softening = std::max(1e-3 * rules.spacing, 1e-5 * longest);
+    field.softening2 = softening * softening;
+    field.reach = std::max({widest + what.crest_radius, what.max_dist, softening}) * (1.0 + 1e-9);
+    dune_build_chunks(field, outer_sign, what);
+}
+
+DuneRamp dune_knots(const Ramp& ramp) {
+    DuneRamp out;
+    out.smooth = ramp.interpolation() == Ramp::Interpolation::smooth;
+    const bool constant = ramp.interpolation() == Ramp::Interpolation::constant;
+    const size_t count = ramp.values().size();
+    for (size_t k = 0; k < count; ++k) {
+        const bool last = k + 1 == count;
+        const double apart = last ? 0.0 : ramp.positions()[k + 1] - ramp.positions()[k];
+        const bool between = apart > 0.0 && !constant;
+        out.positions.push_back(ramp.positions()[k]);
+        out.values.push_back(ramp.values()[k]);
+        out.steps.push_back(between ? ramp.values()[k + 1] - ramp.values()[k] : 0.0);
+        out.inverses.push_back(between ? std::min(1.0 / apart, 1e300) : 0.0);
+    }
+    return out;
+}
+
+void dune_build(const DuneRules& rules, const std::vector<DuneCrestPoint>& crest, DuneParts& parts) {
+    const DuneSettings& s = rules.s;
+    if (s.inner_slope_angle > 0.0) parts.cotangent = 1.0 / std::tan(s.inner_slope_angle);
+    parts.outer_slope = dune_knots(s.outer_slope_shape);
+    parts.inner_slope = dune_knots(s.inner_slope_shape);
+    parts.mask = dune_knots(s.mask_fall_off);
+    const bool stretched = dune_stretch(crest, s, rules.length, parts.stretched);
+    DuneBounded what{!stretched, true, s.max_dist, s.crest_radius, parts.cotangent};
+    dune_build_field(rules, crest, parts.outer_sign, what, parts.plain);
+    if (stretched) {
+        what = {true, false, 0.0, s.crest_radius, parts.cotangent};
+        dune_build_field(rules, crest, parts.outer_sign, what, parts.stretched);
+    }
+    parts.reach = std::max(parts.plain.reach, parts.stretched.reach);
+    for (const DuneSegment& segment : parts.plain.segments)
+        parts.cubic = parts.cubic || segment.height[2] != 0.0 || segment.height[3] != 0.0;
 }
 
 } // namespace
@@ -725,17 +928,7 @@ DuneShape::DuneShape(std::span<const Vec2d> points, bool closed, const DuneSetti
         if (crest.empty() || (at - crest.back().at).norm() > 1e-12 * drawn) crest.push_back(rules.at(at, u));
     }
     if (crest.size() < 2) return;
-    double highest = 0.0, widest = 0.0, longest = 0.0;
-    dune_build_segments(rules, crest, parts_, highest);
-    for (const DuneSegment& segment : parts_.segments) {
-        longest = std::max(longest, segment.length);
-        widest = std::max({widest, segment.outer[0], s.inner_slope_angle > 0.0 ? 0.0 : segment.inner[0]});
-    }
-    if (s.inner_slope_angle > 0.0) parts_.cotangent = 1.0 / std::tan(s.inner_slope_angle);
-    const double softening = std::max(1e-3 * spacing, 1e-5 * longest);
-    parts_.softening2 = softening * softening;
-    parts_.reach = std::max({widest, highest * parts_.cotangent, s.max_dist, softening}) * (1.0 + 1e-9);
-    dune_build_chunks(parts_);
+    dune_build(rules, crest, parts_);
     Vec2d lower, upper;
     dune_box(parts_, lower, upper);
     lower_ = lower + parts_.origin, upper_ = upper + parts_.origin;
@@ -743,13 +936,13 @@ DuneShape::DuneShape(std::span<const Vec2d> points, bool closed, const DuneSetti
 
 std::vector<Vec2d> DuneShape::crest() const {
     std::vector<Vec2d> points;
-    for (const DuneSegment& s : parts_.segments) points.push_back(Vec2d(s.x, s.z) + parts_.origin);
+    for (const DuneSegment& s : parts_.plain.segments) points.push_back(Vec2d(s.x, s.z) + parts_.origin);
     return points;
 }
 
 std::vector<DuneCrestPoint> DuneShape::crest_points() const {
     std::vector<DuneCrestPoint> points;
-    for (const DuneSegment& s : parts_.segments)
+    for (const DuneSegment& s : parts_.plain.segments)
         points.push_back({Vec2d(s.x, s.z) + parts_.origin, s.along, s.height[0], s.outer[0],
                           parts_.cotangent > 0.0 ? s.height[0] * parts_.cotangent : s.inner[0], s.pinch[0]});
     return points;
@@ -775,10 +968,8 @@ bool DuneShape::misses(double x0, double x1, double z) const {
     if (!(std::max(x0, x1) >= lower_.x() && std::min(x0, x1) <= upper_.x() && z >= lower_.y() &&
           z <= upper_.y()))
         return true;
-    const double lower[2] = {std::min(x0, x1) - parts_.origin.x(), z - parts_.origin.y()};
-    const double upper[2] = {std::max(x0, x1) - parts_.origin.x(), z - parts_.origin.y()};
-    const double least = dune_least_weight(parts_);
-    return dune_bound(parts_, lower, upper, least) <= least;
+    const double row = z - parts_.origin.y();
+    return dune_clear(parts_, x0 - parts_.origin.x(), row, x1 - parts_.origin.x(), row);
 }
 
 namespace {

@@ -28,6 +28,10 @@ struct DuneSettings {
     Ramp outer_slope_shape = // height from the crest (0) to the foot (1), share of the crest's
         Ramp(std::array{0.0, 1.0, 1.0, 0.0}, "smooth");
     Ramp inner_slope_shape = Ramp(std::array{0.0, 1.0, 1.0, 0.0}, "linear");
+    // How many times further the outer slope reaches along the dune's axis than across it. Widths are those along the axis, which is
+    // square to the line from the first point to the last, and turned by outer_slope_turn (radians, from x to z).
+    double outer_slope_stretch = 1.0, outer_slope_turn = 0.0;
+    double crest_radius = 0.0;          // metres over which the crest is rounded; its height stays
     double boundary_noise = 0.0;        // metres that the foot moves in and out at most
     double boundary_noise_length = 8.0; // metres along the curve from one value to the next
     double max_dist = 0.0;              // where the mask has fallen off; 0: at the foot of the dune
@@ -41,7 +45,7 @@ struct DuneSettings {
     uint64_t seed = 0;
 };
 
-// What the dune says of one point of the ground. Outside of the dune and of its mask all is 0 but `dist`.
+// What the dune says of one point of the ground. Outside of the dune and of its mask all is 0 but `dist`, which is reach().
 struct DuneSample {
     double height = 0.0; // metres above what it stands on
     double mask = 0.0;   // 0 to 1 where the ramp is
@@ -67,21 +71,38 @@ struct DuneSegment {
 };
 // A run of segments.
 struct DuneChunk {
-    int first, last;           // segments [first, last)
-    double lower[2], upper[2]; // the box of its points
+    int first, last; // segments [first, last)
     double length;
     double far_begin,
         far_blend; // square of the distance where the far field begins; 1 / width of the blend in it
     double x, z;   // the centre
     double height, outer, inner, pinch; // integrals along it
     double side_x, side_z, side_0;      // of the side: side_x x + side_z z - side_0
+    double radius, cover;               // about the centre; the sum of its DuneCover's weights
 };
-struct DuneParts {
+// What bounds the share of a run of 8 segments in the sum that tells where the dune is 0: discs about their middles.
+struct alignas(64) DuneCover {
+    double x[lanes], z[lanes], half[lanes], weight[lanes];
+};
+// The curve in a plane where distances are measured: (x, z) goes to (xx x + xz z, xz x + zz z).
+struct DuneField {
     std::vector<DuneSegment> segments; // and one more that is the end of the last
     std::vector<DuneChunk> chunks;
-    DuneSettings settings; // within their ranges
+    std::vector<DuneCover> covers; // one for every chunk
+    double softening2 = 0.0;       // eps^2 of the page
+    double reach = 0.0;            // the greatest distance at which a slope or a mask is not 0
+    double xx = 1.0, xz = 0.0, zz = 1.0;
+};
+// A ramp as it is evaluated: from positions[k] on, values[k] + steps[k] t with t = (x - positions[k]) inverses[k].
+struct DuneRamp {
+    std::vector<double> positions, values, steps, inverses; // the last knot's step is 0
+    bool smooth = false;
+};
+struct DuneParts {
+    DuneField plain, stretched; // stretched: for the outer slope; empty where outer_slope_stretch is 1
+    DuneSettings settings;      // within their ranges
+    DuneRamp outer_slope, inner_slope, mask;
     Vec2d origin = Vec2d::Zero();
-    double softening2 = 0.0; // eps^2 of the page
     double reach = 0.0;
     double cotangent = 0.0;  // of the slip face's angle; 0: none is given
     double outer_sign = 1.0; // -1: flipped
@@ -95,11 +116,11 @@ class DuneShape {
     // last is joined to the first. Fewer than two points that differ make a shape that is empty().
     DuneShape(std::span<const Vec2d> points, bool closed, const DuneSettings& settings);
 
-    bool empty() const { return parts_.segments.empty(); }
+    bool empty() const { return parts_.plain.segments.empty(); }
     // Beyond this box the height and the mask are 0.
     const Vec2d& lower() const { return lower_; }
     const Vec2d& upper() const { return upper_; }
-    // Where `dist` is this or more, the height and the mask are 0.
+    // `dist` is never above this, and this where the height and the mask are 0.
     double reach() const { return parts_.reach; }
     // Of everything that the dune is made from: two with the same are the same dune.
     uint64_t digest() const { return digest_; }

@@ -70,7 +70,17 @@ inline double smooth_maximum(double a, double b, double width) {
     return std::max(a, b) + 0.25 * h * h * width;
 }
 
-inline double combine(Combine mode, double below, double own, double width) {
+// The same of two thicknesses (>= 0), which merges them: of one that is 0 it is the other, so that what runs out to 0 leaves no step
+// where it ends. With 1 / k = 1 / width + 1 / 2a + 1 / 2b, the smooth maximum over k.
+inline double merged_thickness(double a, double b, double width) {
+    if (!(a > 0.0)) return b;
+    if (!(b > 0.0) || !(width > 0.0)) return std::max(a, b);
+    const double least = 2.0 * a * b;
+    return smooth_maximum(a, b, least * width / (least + width * (a + b)));
+}
+
+// Of heights of bedrock, or (thickness) of sand.
+inline double combine(Combine mode, double below, double own, double width, bool thickness) {
     switch (mode) {
     case Combine::add:
         return below + own;
@@ -79,7 +89,7 @@ inline double combine(Combine mode, double below, double own, double width) {
     case Combine::replace:
         return own;
     case Combine::smooth_maximum:
-        return smooth_maximum(below, own, width);
+        return thickness ? merged_thickness(below, own, width) : smooth_maximum(below, own, width);
     }
     return below;
 }

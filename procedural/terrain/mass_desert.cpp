@@ -16,15 +16,22 @@
 //     star                           3 to 5 arms, each 4 to 6 H long; W = L = 10 H
 //     parabolic                      W as above, arms 1.2 W long upwind
 //     nabkha                         W = 5 H, a tail of 6 H downwind
-// Horns of a barchan reach `horn_length` W downwind of the brink: its crest is an arc of an ellipse.
+// Horns of a barchan reach `horn_length` W downwind of the brink, each of them up to 0.3 of that more or less: its crest is made of two arcs of
+// ellipses. The crescents of a barchanoid ridge differ in width by up to 0.35.
 //
 // Profile. Slip faces are straight at `slip_angle`. A windward side is a smoothstep from the brink to the foot, whose steepest slope is
 // 1.5 H/L; where that is less than `windward_angle` it is steepened by a flat part at the brink, at most 1/7 of L. With the lines above
-// H = 4 to 8 m come to 12 degrees, lower dunes to less (2 m: 9), as in the field. A seif and the arms of a star have a
-// slip face over the upper 0.55 of both sides and a plinth of 10 degrees below.
-// DuneShape measures the distance to a curved crest by an L_p field, p = 5 (Belyaev, Fayolle, Pasko 2013), which on the
-// outer side of a bend is more than the distance. The widths are set to that field's value at the wanted foot, so that L and W are those of
-// the surface; how a barchan's windward widths fall off along its crest is fitted (barchan_widths).
+// H = 4 to 8 m come to 12 degrees, lower dunes to less (2 m: 9), as in the field. A seif and the arms of a star have a slip face over the
+// upper 0.55 of both sides and a plinth below, a parabola that runs out flat.
+// A barchan's slices along the wind are copies of the middle one, smaller towards the horns: with the share f = 1 - x / depth of a brink
+// that is x downwind of its middle, the height is f H and the windward length f L, so that stoss foot and brink meet at the horns. (Brink and
+// windward foot are such curves in the field: Sauermann et al., "The shape of the barchan dunes of Southern Morocco", Geomorphology 36,
+// 2000.) This takes widths along the wind: the windward side is stretched along it, twice for barchans and 1.5 times for ridges
+// (outer_slope_stretch; with more, flanks get as steep as slip faces: with twice, H = 5 m comes to 29 degrees there). The flanks lie beyond
+// the crest, which is 0.93 W wide: W is within 6 % of its line for H = 2 to 20 m, L, found where the surface is 0.002 H high, 3 % short.
+// DuneShape's distance to a curved crest is not exactly the distance (see there). slope_width is set to its value at the stoss foot. A slip
+// face is within 1 degree of `slip_angle` in the middle; where the crest bends it is up to 2 degrees steeper, in the joints of a barchanoid 4.
+// `crest_radius` rounds crests over about a cell of the grid, where their steps would show in light and shadow.
 //
 // Place. Every place is a function of the seed and a cell (i, j, k), never of the area or of other dunes' edits; the id is that cell, packed:
 // 20 bits of i, 20 of j, 12 of k. Ids are unique within 2^20 cells in either direction, and exact as doubles.
@@ -44,7 +51,8 @@
 // associative: dunes are taken by ascending id.
 //
 // The layer looks beyond the domain by mass_reach(), so that a part of a desert is the same as the whole there. Cost: a dune about
-// 10 us to describe and to resample, 2000 samples to find a tight box, then what DuneShape takes a sample and segment within it.
+// 10 us to describe and 30 us to resample and to bound, then what DuneShape takes a sample and segment. 1,013 dunes of 2 to 6 m on
+// 2048^2 samples: 0.05 s and 0.4 s of both threads together.
 //
 //     [[procedural.layer]]
 //     type = "mass_desert"
@@ -373,34 +381,38 @@ std::vector<MassPlace> mass_places(const MassSettings& settings, const MassArea&
 
 // ---- Shapes: crests in metres, x downwind and y across, from the dune's place ----------------------------------------------
 
-// The distance of dune_shape.cpp from a crest, and the share of a width that it meets there, for ramps linear along each segment.
-double crest_distance(const std::vector<Vec2d>& crest, const Ramp& width, const Vec2d& at, double& share) {
+// The distance of dune_shape.cpp from a crest, with `stretch` across the wind, and the share of a width that it meets there, for
+// ramps linear along each segment.
+double crest_distance(const std::vector<Vec2d>& crest, const Ramp& width, double stretch, const Vec2d& at,
+                      double& share) {
     double length = 0.0, begin = 0.0, sum = 0.0, weighted = 0.0;
     for (size_t i = 0; i + 1 < crest.size(); ++i) length += (crest[i + 1] - crest[i]).norm();
     for (size_t i = 0; i + 1 < crest.size(); ++i) {
         const Vec2d edge = crest[i + 1] - crest[i];
-        const double l = edge.norm();
-        if (!(l > 0.0)) continue;
-        const Vec2d d = edge / l, to = crest[i] - at;
-        const double t0 = d.dot(to), s = d.x() * to.y() - d.y() * to.x();
+        const double plain = edge.norm();
+        if (!(plain > 0.0)) continue;
+        const Vec2d wide(edge.x(), stretch * edge.y());
+        const double l = wide.norm();
         constexpr int steps = 4; // Simpson's rule: the foot is several segments away
         for (int k = 0; k <= steps; ++k) {
-            const double x = l * k / steps, r2 = s * s + (t0 + x) * (t0 + x);
+            const double t = double(k) / steps;
+            const Vec2d to = crest[i] + t * edge - at;
+            const double r2 = to.x() * to.x() + stretch * stretch * to.y() * to.y();
             const double weight = (k == 0 || k == steps ? 1.0 : k % 2 ? 4.0 : 2.0) * l / (3.0 * steps);
             const double value = weight / (r2 * r2 * std::sqrt(r2));
             sum += value;
-            weighted += value * width((begin + x) / length);
+            weighted += value * width((begin + plain * t) / length);
         }
-        begin += l;
+        begin += plain;
     }
     share = weighted / sum;
     return std::pow(0.75 * sum, -0.25);
 }
 
 // slope_width with which the foot lies there.
-double width_to(const std::vector<Vec2d>& crest, const Ramp& width, const Vec2d& foot) {
+double width_to(const std::vector<Vec2d>& crest, const Ramp& width, double stretch, const Vec2d& foot) {
     double share = 1.0;
-    const double distance = crest_distance(crest, width, foot, share);
+    const double distance = crest_distance(crest, width, stretch, foot, share);
     return distance / share;
 }
 
@@ -420,6 +432,9 @@ Ramp windward_profile(const MassSettings& s, double height, double length) {
     return mass_ramp({flat, 1.0, 1.0, 0.0});
 }
 
+// How much further a windward side reaches along the wind than across it: of a barchan, of a ridge.
+constexpr double barchan_stretch = 2.0, ridge_stretch = 1.5;
+
 // An arc of an ellipse from (depth, -width / 2) through (0, 0) to (depth, width / 2); its ends turn 75 degrees.
 Vec2d crescent_point(double t, double width, double depth) { // t from -1 to 1
     constexpr double end = 75.0 * degree;
@@ -427,48 +442,59 @@ Vec2d crescent_point(double t, double width, double depth) { // t from -1 to 1
             0.5 * width * std::sin(end * t) / std::sin(end)};
 }
 
-std::vector<Vec2d> crescent(double width, double depth) {
-    constexpr int segments = 16;
+std::vector<Vec2d> crescent(double width, const Vec2d& depths, int segments) { // depths of its two halves
     std::vector<Vec2d> crest;
     for (int i = 0; i <= segments; ++i)
-        crest.push_back(crescent_point(2.0 * i / segments - 1.0, width, depth));
+        crest.push_back(crescent_point(2.0 * i / segments - 1.0, width, depths[2 * i > segments]));
     return crest;
 }
 
-// Windward widths along a barchan's crest, from 1 in the middle down to its ends. The flanks of a long narrow dune need the fall to be steeper:
-// its strength is fitted to the surface. With horns of 0.3 W the surface's W is within 4 % of the line for H = 2 to 20 m.
-Ramp barchan_widths(double length_over_width, double horn) {
-    constexpr int segments = 16;
-    const double r = length_over_width - 0.7, g = horn - 0.45;
-    const double fall = std::exp(std::clamp(3.8 + 10.3 * r + 1.37 * r * r + 4.04 * g, 1.0, 6.4));
-    std::vector<double> knots;
-    for (int i = 0; i <= segments; ++i) {
-        const double t = 2.0 * i / segments - 1.0;
-        knots.insert(knots.end(), {double(i) / segments, 1.0 / (1.0 + fall * t * t)});
+// 1 at the middle of a crescent and 0 at its ends, as x goes from 0 to its depth; a knot for each of its points.
+Ramp crescent_share(const std::vector<Vec2d>& crest) {
+    std::vector<double> arc = {0.0}, knots;
+    for (size_t i = 1; i < crest.size(); ++i) arc.push_back(arc.back() + (crest[i] - crest[i - 1]).norm());
+    for (size_t i = 0; i < crest.size(); ++i) {
+        const double depth = 2 * i > crest.size() ? crest.back().x() : crest.front().x();
+        knots.insert(knots.end(), {arc[i] / arc.back(), std::max(1.0 - crest[i].x() / depth, 0.0)});
     }
     return Ramp(knots, "linear");
 }
 
-void make_barchan(const MassSettings& s, MassDune& dune) {
+// The windward side reaches along the wind, whatever the line between the crest's ends.
+void windward_along_wind(MassDune& dune, double stretch) {
+    const Vec2d chord = dune.crests[0].back() - dune.crests[0].front();
+    dune.settings.outer_slope_stretch = stretch;
+    dune.settings.outer_slope_turn = std::atan2(chord.x(), chord.y());
+}
+
+// Slices along the wind are copies of the middle one, smaller towards the horns: height and windward length both go with
+// 1 - x / depth of the brink. So the windward foot is the brink's ellipse, drawn out from `depth` to L + depth.
+void make_barchan(const MassSettings& s, const MassHash& random, MassDune& dune) {
     const double h = dune.height;
     dune.width = field_width(h);
     dune.length = field_length(h);
     DuneSettings& d = dune.settings;
-    constexpr double span = 0.88; // of the crest, share of W: the flanks reach further
-    dune.crests = {crescent(span * dune.width, s.horn_length * dune.width)};
-    d.main_curve_shape = mass_ramp({0.0, 0.0, 0.5, 1.0, 1.0, 0.0});
-    d.outer_slope_fall_off_along_curve = barchan_widths(dune.length / dune.width, s.horn_length);
-    d.slope_width = width_to(dune.crests[0], d.outer_slope_fall_off_along_curve, {-dune.length, 0.0});
+    constexpr double unlike = 0.3; // horns of one dune are of different lengths
+    const Vec2d horns(1.0 + unlike * random.jitter(MassUse::wave),
+                      1.0 + unlike * random.jitter(MassUse::wave, 1));
+    constexpr double span = 0.93; // of the crest, share of W: the flanks reach further
+    dune.crests = {crescent(span * dune.width, s.horn_length * dune.width * horns, 16)};
+    d.main_curve_shape = d.outer_slope_fall_off_along_curve = crescent_share(dune.crests[0]);
+    windward_along_wind(dune, barchan_stretch);
+    d.slope_width =
+        width_to(dune.crests[0], d.outer_slope_fall_off_along_curve, barchan_stretch, {-dune.length, 0.0});
     d.outer_slope_shape = windward_profile(s, h, dune.length);
     d.inner_slope_angle = s.slip_angle;
 }
 
-// Heights along a ridge: 0 at its ends, between `low` and 1 within.
+// Heights along a ridge: 0 at its ends, towards which it gets lower, between `low` and 1 within.
 Ramp ridge_heights(const MassHash& random, double low) {
     constexpr int inner = 7;
+    constexpr std::array<double, inner> taper = {0.6, 0.9, 1.0, 1.0, 1.0, 0.9, 0.6};
     std::array<double, inner> heights;
-    for (int i = 0; i < inner; ++i) heights[size_t(i)] = low + (1.0 - low) * random(MassUse::crest, i);
-    heights[size_t(random(MassUse::crest, inner) * inner)] = 1.0; // one of them is the dune's height
+    for (int i = 0; i < inner; ++i)
+        heights[size_t(i)] = taper[size_t(i)] * (low + (1.0 - low) * random(MassUse::crest, i));
+    heights[2 + size_t(random(MassUse::crest, inner) * 3.0)] = 1.0; // one of them is the dune's height
     std::vector<double> knots = {0.0, 0.0};
     for (int i = 0; i < inner; ++i)
         knots.insert(knots.end(), {(i + 1.0) / (inner + 1.0), heights[size_t(i)]});
@@ -497,10 +523,21 @@ void make_transverse(const MassSettings& s, const MassHash& random, MassDune& du
     dune.crests = {std::move(crest)};
     DuneSettings& d = dune.settings;
     d.main_curve_shape = ridge_heights(random, 0.7);
+    windward_along_wind(dune, ridge_stretch);
     d.slope_width = dune.length;
     d.outer_slope_fall_off_along_curve = mass_ramp({0.0, 0.3, 0.12, 1.0, 0.88, 1.0, 1.0, 0.3});
     d.outer_slope_shape = windward_profile(s, dune.height, dune.length);
     d.inner_slope_angle = s.slip_angle;
+}
+
+// Where crescents of different widths join, shares of the ridge's width.
+std::vector<double> barchanoid_ends(const MassHash& random, int links) {
+    std::vector<double> ends = {0.0};
+    for (int link = 0; link < links; ++link)
+        ends.push_back(ends.back() + 1.0 + 0.35 * random.jitter(MassUse::arm, 8 + link));
+    for (double& end : ends) end /= ends.back();
+    ends.back() = 1.0;
+    return ends;
 }
 
 // Two to four crescents, joined at their horns, where the crest is lower and points downwind.
@@ -512,37 +549,50 @@ void make_barchanoid(const MassSettings& s, const MassHash& random, MassDune& du
     constexpr int segments = 8;
     std::vector<Vec2d> crest;
     std::vector<double> heights = {0.0, 0.0}, widths = {0.0, 0.2};
-    const double each = dune.width / links;
+    const std::vector<double> ends = barchanoid_ends(random, links);
     for (int link = 0; link < links; ++link) {
+        const double from = ends[size_t(link)], to = ends[size_t(link) + 1], each = (to - from) * dune.width;
         const double depth = s.horn_length * each * (0.8 + 0.4 * random(MassUse::wave, link));
         for (int k = link == 0 ? 0 : 1; k <= segments; ++k) {
             const Vec2d p = crescent_point(2.0 * k / segments - 1.0, each, depth);
-            crest.emplace_back(p.x() - depth, p.y() + (link + 0.5) * each - 0.5 * dune.width);
+            crest.emplace_back(p.x() - depth, p.y() + (0.5 * (from + to) - 0.5) * dune.width);
         }
-        const double middle = (link + 0.5) / links, end = (link + 1.0) / links;
         const bool last = link + 1 == links;
         heights.insert(heights.end(),
-                       {middle, link == links / 2 ? 1.0 : 0.85 + 0.15 * random(MassUse::crest, link), end,
-                        last ? 0.0 : 0.6});
-        widths.insert(widths.end(), {middle, 1.0, end, last ? 0.2 : 0.7});
+                       {0.5 * (from + to), link == links / 2 ? 1.0 : 0.8 + 0.2 * random(MassUse::crest, link),
+                        to, last ? 0.0 : 0.45 + 0.3 * random(MassUse::arm, link)});
+        widths.insert(widths.end(), {0.5 * (from + to), 1.0, to, last ? 0.2 : 0.7});
     }
     dune.crests = {std::move(crest)};
     DuneSettings& d = dune.settings;
     d.main_curve_shape = Ramp(heights, "smooth");
     d.outer_slope_fall_off_along_curve = Ramp(widths, "smooth");
+    windward_along_wind(dune, ridge_stretch);
     d.slope_width = dune.length;
     d.outer_slope_shape = windward_profile(s, dune.height, dune.length);
     d.inner_slope_angle = s.slip_angle;
 }
 
-// Both sides: a slip face over the upper 0.55, a plinth below. Widths go with the height, so that the angles hold all along.
+// A slip face over the upper 0.55 of the height, and a plinth that runs out flat.
+Ramp face_and_plinth() {
+    constexpr double face = 0.55, share = 0.22; // of the height, of the width
+    constexpr int steps = 24;                   // so many that the edges between them are not seen
+    std::vector<double> knots = {0.0, 1.0};
+    for (int i = 0; i <= steps; ++i) {
+        const double t = double(i) / steps, rest = 1.0 - t;
+        knots.insert(knots.end(), {share + (1.0 - share) * t, (1.0 - face) * rest * rest});
+    }
+    return Ramp(knots, "linear");
+}
+
+// Both sides alike. Widths go with the height, so that the angles hold all along.
 void two_slip_faces(const MassSettings& s, MassDune& dune) {
-    constexpr double face = 0.55, share = 0.25; // of the height, of the width
     DuneSettings& d = dune.settings;
-    d.slope_width = face * dune.height / (share * std::tan(s.slip_angle));
+    d.outer_slope_shape = d.inner_slope_shape = face_and_plinth();
+    const double steepness = (1.0 - d.outer_slope_shape.values()[1]) / d.outer_slope_shape.positions()[1];
+    d.slope_width = steepness * dune.height / std::tan(s.slip_angle);
     d.outer_slope_mult = d.inner_slope_mult = 1.0;
     d.inner_slope_angle = 0.0;
-    d.outer_slope_shape = d.inner_slope_shape = mass_ramp({0.0, 1.0, share, 1.0 - face, 1.0, 0.0}, "linear");
     d.outer_slope_fall_off_along_curve = d.inner_slope_fall_off_along_curve = d.main_curve_shape;
 }
 
@@ -589,7 +639,8 @@ void make_dome(const MassSettings&, MassDune& dune) {
     for (int i = 0; i <= segments; ++i)
         crest.emplace_back(0.0, dune.width * 0.3 * (double(i) / segments - 0.5));
     DuneSettings& d = dune.settings;
-    d.slope_width = width_to(crest, Ramp(), {0.0, 0.5 * dune.width});
+    d.main_curve_shape = mass_ramp({0.0, 0.9, 0.5, 1.0, 1.0, 0.9});
+    d.slope_width = width_to(crest, Ramp(), 1.0, {0.0, 0.5 * dune.width});
     dune.crests = {std::move(crest)};
     d.outer_slope_mult = d.inner_slope_mult = 1.0;
     d.outer_slope_shape = d.inner_slope_shape = mass_ramp({0.0, 1.0, 1.0, 0.0});
@@ -601,7 +652,7 @@ void make_parabolic(const MassSettings& s, MassDune& dune) {
     dune.width = field_width(dune.height);
     dune.length = field_length(dune.height);
     DuneSettings& d = dune.settings;
-    dune.crests = {crescent(0.8 * dune.width, -1.2 * dune.width)};
+    dune.crests = {crescent(0.8 * dune.width, Vec2d::Constant(-1.2 * dune.width), 32)}; // its nose is narrow
     d.main_curve_shape = mass_ramp({0.0, 0.0, 0.25, 0.45, 0.5, 1.0, 0.75, 0.45, 1.0, 0.0});
     d.outer_slope_fall_off_along_curve = mass_ramp({0.0, 0.1, 0.25, 0.3, 0.5, 1.0, 0.75, 0.3, 1.0, 0.1});
     d.slope_width = dune.length;
@@ -637,7 +688,7 @@ MassKind mass_kind(const MassSettings& s, const MassHash& random, double height)
 void make_shape(const MassSettings& s, const MassHash& random, MassDune& dune) {
     switch (dune.kind) {
     case MassKind::barchan:
-        return make_barchan(s, dune);
+        return make_barchan(s, random, dune);
     case MassKind::barchanoid:
         return make_barchanoid(s, random, dune);
     case MassKind::transverse:
@@ -663,7 +714,8 @@ void resample_as_drawn(MassDune& dune) {
             length += (crest[i + 1] - crest[i]).norm();
     const double spacing = length / segments, width = dune.settings.slope_width;
     dune.settings.smoothing = 0.5 * spacing / width;
-    dune.settings.search_accuracy = std::clamp(1.25 * width / spacing, 1.0, 8.0);
+    const double most = dune.kind == MassKind::parabolic ? 24.0 : 8.0; // its nose bends sharply
+    dune.settings.search_accuracy = std::clamp(1.25 * width / spacing, 1.0, most);
 }
 
 void apply(const DuneEdit& edit, MassDune& dune) {
@@ -689,6 +741,7 @@ MassDune make_dune(const MassSettings& s, const MassPlace& place, const std::vec
     dune.height = random.in(s.height, MassUse::height);
     dune.kind = mass_kind(s, random, dune.height);
     dune.settings.max_height = dune.height;
+    dune.settings.crest_radius = s.crest_radius;
     dune.settings.boundary_noise = s.boundary_noise;
     dune.settings.boundary_noise_length = s.boundary_noise_length;
     dune.settings.flip =
@@ -760,71 +813,6 @@ double mass_reach(const MassSettings& s) {
     return crest + std::max(2.0 * field_length(h), 2.2 * h / std::tan(s.slip_angle)) + s.boundary_noise;
 }
 
-double merged_thickness(double a, double b, double width) {
-    if (!(a > 0.0)) return b;
-    if (!(b > 0.0) || !(width > 0.0)) return std::max(a, b);
-    const double least = 2.0 * a * b;
-    return smooth_maximum(a, b, least * width / (least + width * (a + b)));
-}
-
-namespace {
-
-// Whether a dune has no height at 64 points along each side of a box.
-bool border_is_clear(const DuneShape& dune, const Vec2d& lower, const Vec2d& upper) {
-    constexpr int points = 64;
-    const Vec2d step = (upper - lower) / (points - 1.0);
-    std::array<double, points> height, mask;
-    for (const double z : {lower.y(), upper.y()}) {
-        dune.row(lower.x(), z, step.x(), points, height.data(), mask.data());
-        for (const double h : height)
-            if (h > 0.0) return false;
-    }
-    for (int j = 0; j < points; ++j) {
-        dune.row(lower.x(), lower.y() + j * step.y(), upper.x() - lower.x(), 2, height.data(), mask.data());
-        if (height[0] > 0.0 || height[1] > 0.0) return false;
-    }
-    return true;
-}
-
-// The box of the crest and of all nodes of a grid that have height, and a cell of the grid more.
-void box_of_height(const DuneShape& dune, Vec2d& lower, Vec2d& upper) {
-    constexpr int nodes = 32;
-    const Vec2d begin = dune.lower(), step = (dune.upper() - begin) / (nodes - 1.0);
-    Vec2d low = Vec2d::Constant(infinity), high = -low;
-    const auto hold = [&](const Vec2d& p) {
-        low = low.cwiseMin(p);
-        high = high.cwiseMax(p);
-    };
-    for (const Vec2d& p : dune.crest()) hold(p);
-    std::array<double, nodes> height, mask;
-    for (int j = 0; j < nodes; ++j) {
-        const double z = begin.y() + j * step.y();
-        dune.row(begin.x(), z, step.x(), nodes, height.data(), mask.data());
-        for (int i = 0; i < nodes; ++i)
-            if (height[size_t(i)] > 0.0) hold({begin.x() + i * step.x(), z});
-    }
-    lower = dune.lower().cwiseMax(low - step);
-    upper = dune.upper().cwiseMin(high + step);
-}
-
-// DuneShape's box allows for the greatest width anywhere, but a barchan's is met in the middle only and is several times its length.
-// A smaller box is taken where it pays and its border is clear: what has height is connected and holds the crest, so that nothing of
-// it lies beyond. A toe that slips between two points of the border would have to be narrower than 1/63 of the box.
-void tight_box(const DuneShape& dune, double cell, Vec2d& lower, Vec2d& upper) {
-    constexpr double worth = 4096.0; // samples; finding the box takes a thousand
-    lower = dune.lower();
-    upper = dune.upper();
-    const double area = (upper - lower).prod();
-    if (area < worth * cell * cell) return;
-    Vec2d low, high;
-    box_of_height(dune, low, high);
-    if ((high - low).prod() > 0.5 * area || !border_is_clear(dune, low, high)) return;
-    lower = low;
-    upper = high;
-}
-
-} // namespace
-
 // ---- The layer -------------------------------------------------------------------------------------------------------
 
 MassLayer::MassLayer(const ShapeSettings& shape, const Domain& domain, std::vector<MassDune> dunes,
@@ -842,11 +830,9 @@ MassLayer::MassLayer(const ShapeSettings& shape, const Domain& domain, std::vect
             DuneShape made(crest, false, dunes_[i].settings);
             if (made.empty()) continue;
             digest.add(made.digest());
-            Arm arm{std::move(made), {}, {}};
-            tight_box(arm.shape, domain.cell, arm.lower, arm.upper);
-            placed.lower = placed.lower.cwiseMin(arm.lower);
-            placed.upper = placed.upper.cwiseMax(arm.upper);
-            placed.arms.push_back(std::move(arm));
+            placed.lower = placed.lower.cwiseMin(made.lower());
+            placed.upper = placed.upper.cwiseMax(made.upper());
+            placed.arms.push_back(std::move(made));
         }
         placed.digest = digest.value();
     });
@@ -893,17 +879,17 @@ bool MassLayer::touches(const Rect& rect) const {
 
 // Merges the samples [i0, i1) of a dune's row. The row starts in the tile's column `begin`, whatever i0 is: where a row starts
 // decides how its positions round.
-void MassLayer::add_row(const Arm& dune, int begin, int i0, int i1, int j, double* own) const {
+void MassLayer::add_row(const DuneShape& dune, int begin, int i0, int i1, int j, double* own) const {
     const double z = domain_.z(j);
-    if (z < dune.lower.y() || z > dune.upper.y()) return;
+    if (z < dune.lower().y() || z > dune.upper().y()) return;
     const auto column = [&](double x) {
         return std::clamp((x - domain_.x0) / domain_.cell, -1.0, double(domain_.nx));
     };
-    const int first = std::max(begin, int(std::floor(column(dune.lower.x())))),
-              end = std::min(i1, int(std::floor(column(dune.upper.x()))) + 2);
+    const int first = std::max(begin, int(std::floor(column(dune.lower().x())))),
+              end = std::min(i1, int(std::floor(column(dune.upper().x()))) + 2);
     if (first >= end || end <= i0) return;
     std::array<double, Tiles::side> height, mask;
-    dune.shape.row(domain_.x(first), z, domain_.cell, end - first, height.data(), mask.data());
+    dune.row(domain_.x(first), z, domain_.cell, end - first, height.data(), mask.data());
     for (int i = std::max(first, i0); i < end; ++i)
         own[i - i0] = merged_thickness(own[i - i0], height[size_t(i - first)], merge_);
 }
@@ -914,12 +900,12 @@ void MassLayer::shape(int i0, int i1, int j, double* own, double* share) const {
         const size_t tile = size_t(j / Tiles::side) * size_t(columns) + size_t(begin / Tiles::side);
         const int from = std::max(begin, i0), to = std::min(begin + Tiles::side, i1);
         for (uint32_t n = tile_begin_[tile]; n < tile_begin_[tile + 1]; ++n)
-            for (const Arm& dune : placed_[in_tile_[n]].arms)
+            for (const DuneShape& dune : placed_[in_tile_[n]].arms)
                 add_row(dune, begin, from, to, j, own + (from - i0));
     }
     // A thickness of 0 has no share. Where combining with 0 changes what is below, the share grows with the thickness, so that the
     // foot is no step.
-    const bool fades = settings().mode == Combine::smooth_maximum || settings().mode == Combine::replace;
+    const bool fades = settings().mode == Combine::replace;
     const double full = fades ? settings().smooth : 0.0;
     for (int k = 0; k < i1 - i0; ++k) {
         const double t = own[k] < full ? own[k] / full : double(own[k] > 0.0);
@@ -978,6 +964,8 @@ constexpr auto mass_values = std::to_array<MarramParam>({
      "steepest part of windward sides, as far as their length allows"},
     {"horn_length", MARRAM_NUMBER, "", "0.3", 0.05, 2, "", "of a barchan, share of its width"},
     {"sinuosity", MARRAM_NUMBER, "", "0.08", 0, 1, "", "how far ridges wave, share of a wave's length"},
+    {"crest_radius", MARRAM_NUMBER, "m", "none", 0, 1e4, "",
+     "how far crests are rounded, so that they show no steps of the grid; absent: one cell"},
     {"boundary_noise", MARRAM_NUMBER, "m", "0", 0, 1e4, "", "how far a foot wanders in and out"},
     {"boundary_noise_length", MARRAM_NUMBER, "m", "20", 1e-3, 1e5, "",
      "along the crest, from bulge to bulge"},
@@ -1047,6 +1035,7 @@ MassSettings read_mass(const LayerContext& context) {
     s.windward_angle = values.number("windward_angle") * degree;
     s.horn_length = values.number("horn_length");
     s.sinuosity = values.number("sinuosity");
+    s.crest_radius = values.has("crest_radius") ? values.number("crest_radius") : context.domain.cell;
     s.boundary_noise = values.number("boundary_noise");
     s.boundary_noise_length = values.number("boundary_noise_length");
     s.wind = context.wind;

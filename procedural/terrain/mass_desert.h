@@ -41,6 +41,7 @@ struct MassSettings {
     double windward_angle = 12.0 * degree; // steepest part of the windward side, as far as the profile can
     double horn_length = 0.3;              // of a barchan, share of its width
     double sinuosity = 0.08;               // amplitude of a ridge's waves, share of their length
+    double crest_radius = 0.0;             // metres over which crests are rounded
     double boundary_noise = 0.0, boundary_noise_length = 20.0;
     Vec2d wind = Vec2d(1.0, 0.0); // unit: where the resultant wind goes to, x and z
     uint64_t seed = 0;
@@ -72,9 +73,6 @@ std::vector<MassDune> generate_dunes(const MassSettings& settings, const Vec2d& 
 // How far a dune without edits may extend from its place.
 double mass_reach(const MassSettings& settings);
 
-// A maximum of two thicknesses (>= 0) that merges them: see the page. 0 changes nothing.
-double merged_thickness(double a, double b, double width);
-
 class MassLayer : public ShapeLayer {
   public:
     // Dunes by ascending id. `merge`: metres over which two of them blend.
@@ -85,20 +83,16 @@ class MassLayer : public ShapeLayer {
     Tiles changed_since(const Layer& before, const Domain& domain) const override;
 
   private:
-    struct Arm { // a crest of a dune, and a box beyond which it has no height
-        DuneShape shape;
-        Vec2d lower, upper;
-    };
     struct Placed {
         uint64_t id = 0, digest = 0;
-        std::vector<Arm> arms;
+        std::vector<DuneShape> arms; // one for each crest
         Vec2d lower = Vec2d::Zero(), upper = Vec2d::Zero();
     };
 
     void bin();
     void shape(int i0, int i1, int j, double* own, double* share) const override;
     bool touches(const Rect& rect) const override;
-    void add_row(const Arm& dune, int begin, int i0, int i1, int j, double* own) const;
+    void add_row(const DuneShape& dune, int begin, int i0, int i1, int j, double* own) const;
 
     double merge_;
     std::vector<MassDune> dunes_;

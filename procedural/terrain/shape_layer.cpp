@@ -45,16 +45,17 @@ void ShapeLayer::evaluate(const Rect& rect, const Fields& below, const LayerOutp
             if (settings_.bedrock) {
                 const double b = double(below.bedrock[sample]);
                 out.bedrock[sample] =
-                    s == 0.0 ? below.bedrock[sample]
-                             : float(b + s * (combine(settings_.mode, b, own[k], settings_.smooth) - b));
+                    s == 0.0
+                        ? below.bedrock[sample]
+                        : float(b + s * (combine(settings_.mode, b, own[k], settings_.smooth, false) - b));
             } else {
                 const SandUnits b = below.sand[sample];
                 const double metres = sand_metres(b);
                 const double rock = settings_.level ? double(below.bedrock[sample]) : 0.0;
                 const double thickness = std::max(own[k] - rock, 0.0);
-                const double more =
-                    combine(settings_.mode, metres, settings_.level ? thickness : own[k], settings_.smooth) -
-                    metres;
+                const double more = combine(settings_.mode, metres, settings_.level ? thickness : own[k],
+                                            settings_.smooth, true) -
+                                    metres;
                 out.sand[sample] = s == 0.0 ? b : std::max(b + sand_units(s * more), SandUnits(0));
             }
         }

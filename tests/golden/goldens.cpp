@@ -150,6 +150,18 @@ std::span<const Golden> goldens() {
             {"procedural.grass.density=300", "procedural.grass.width=0.02", "material.marram.roughness=0.8"}),
         figure("fur", 1, {"film.samples=256", "procedural.fur.count=20000", "procedural.fur.width=0.005"}),
         figure("figure2", 30, {}),
+        // The desert, coarser.
+        figure("marram", 30,
+               {"procedural.dune.cell=0.4", "procedural.grass.density=120", "procedural.grass.width=0.02",
+                "material.marram.roughness=0.8"}),
+        figure("dune_ridge", 1, {"procedural.desert.cell=1"}),
+        figure("dune_letters", 1, {"procedural.desert.cell=0.5"}),
+        figure("barchans", 1, {"procedural.desert.cell=1.5"}),
+        figure("sand_sea", 1, {"procedural.desert.cell=2"}),
+        figure("rock_and_sand", 1, {"procedural.desert.cell=0.8"}),
+        figure("ruin", 1,
+               {"procedural.desert.cell=0.25", "procedural.grass.density=100", "procedural.grass.width=0.02",
+                "material.marram.roughness=0.8"}),
         figure("gust_field", 24, {"procedural.near.density=30", "procedural.far.density=7"}),
     };
     return all;

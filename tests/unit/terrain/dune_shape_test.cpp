@@ -26,55 +26,81 @@ class Quadrature {
   public:
     Quadrature(const DuneShape& dune, const DuneSettings& settings)
         : s_(settings), crest_(dune.crest_points()) {
-        Real longest = 0.0L;
-        for (size_t i = 1; i < crest_.size(); ++i)
-            longest = std::max(longest, Real((crest_[i].at - crest_[i - 1].at).norm()));
-        eps_ = std::max(1e-3L * s_.slope_width / s_.search_accuracy, 1e-5L * longest);
+        const Vec2d chord = crest_.back().at - crest_.front().at;
+        if (s_.outer_slope_stretch > 1.0 && chord.norm() > 0.0) {
+            const Vec2d across = Eigen::Rotation2Dd(s_.outer_slope_turn) * chord.normalized();
+            matrix_ += (s_.outer_slope_stretch - 1.0) * across * across.transpose();
+        }
     }
 
     DuneSample at(const Vec2d& p) const {
-        Real sum[8] = {}; // 1, height, outer, inner, pinch, side, x, z
-        for (size_t i = 1; i < crest_.size(); ++i) add_segment(crest_[i - 1], crest_[i], p, sum);
-        const Real d4 = 1.0L / (0.75L * sum[0]), distance = std::sqrt(std::sqrt(d4));
-        const Real d = std::sqrt(std::max(distance * distance - eps_ * eps_, 0.0L));
-        const Real sigma = std::clamp(0.5L + sum[5] / (sum[0] * distance), 0.0L, 1.0L);
-        const Real b = sigma * sigma * (3.0L - 2.0L * sigma), h = sum[1] / sum[0], q = sum[4] / sum[0];
-        const Real wo = sum[2] / sum[0], wi = sum[3] / sum[0];
-        const Real xo = d / std::max(wo, eps_), xi = d / std::max(wi, eps_);
-        const Real so = xo < 1.0L ? s_.outer_slope_shape(double(std::pow(xo, 1.0L / (1.0L + q)))) : 0.0;
-        Real si = xi < 1.0L ? s_.inner_slope_shape(double(std::pow(xi, 1.0L / (1.0L + q)))) : 0.0;
+        const Means o = means(p, matrix_), i = means(p, Eigen::Matrix2d::Identity());
+        const auto rounded = [&](Real d) {
+            const Real r = s_.crest_radius;
+            return std::sqrt(d * d + r * r) - r;
+        };
+        const Real b = o.share, xo = rounded(o.d) / std::max(o.outer, o.eps),
+                   xi = rounded(i.d) / std::max(i.inner, i.eps);
+        const Real so = xo < 1.0L ? s_.outer_slope_shape(double(std::pow(xo, 1.0L / (1.0L + o.pinch)))) : 0.0;
+        Real si = xi < 1.0L ? s_.inner_slope_shape(double(std::pow(xi, 1.0L / (1.0L + i.pinch)))) : 0.0;
         if (s_.inner_slope_angle > 0.0) si = std::max(1.0L - xi, 0.0L);
         const Real xm =
-            s_.max_dist > 0.0 ? d / s_.max_dist : b * std::min(xo, 1.0L) + (1.0L - b) * std::min(xi, 1.0L);
+            s_.max_dist > 0.0 ? i.d / s_.max_dist : b * std::min(xo, 1.0L) + (1.0L - b) * std::min(xi, 1.0L);
         DuneSample out;
-        out.height = double(h * (b * so + (1.0L - b) * si));
+        out.height = double(b * o.height * so + (1.0L - b) * i.height * si);
         out.mask = xm < 1.0L ? s_.mask_fall_off(double(xm)) : 0.0;
-        out.dist = double(d);
+        out.dist = double(i.d);
         out.outer = double(b);
-        const Real norm = std::hypot(sum[6], sum[7]);
-        out.sample_dir = Vec2d(double(sum[6] / norm), double(sum[7] / norm));
+        out.sample_dir = i.direction;
         return out;
     }
 
   private:
-    void add_segment(const DuneCrestPoint& a, const DuneCrestPoint& b, const Vec2d& p, Real sum[8]) const {
+    struct Means {
+        Real eps, d, share, height, outer, inner, pinch;
+        Vec2d direction;
+    };
+    Means means(const Vec2d& p, const Eigen::Matrix2d& matrix) const {
+        std::vector<DuneCrestPoint> crest = crest_;
+        Real longest = 0.0L;
+        for (size_t i = 0; i < crest.size(); ++i) {
+            crest[i].at = matrix * crest[i].at;
+            if (i > 0) longest = std::max(longest, Real((crest[i].at - crest[i - 1].at).norm()));
+        }
+        const Real eps = std::max(1e-3L * s_.slope_width / s_.search_accuracy, 1e-5L * longest);
+        Real sum[8] = {}; // 1, height, outer, inner, pinch, side, x, z
+        for (size_t i = 1; i < crest.size(); ++i) add_segment(crest[i - 1], crest[i], matrix * p, eps, sum);
+        const Real d4 = 1.0L / (0.75L * sum[0]), distance = std::sqrt(std::sqrt(d4));
+        const Real sigma = std::clamp(0.5L + sum[5] / (sum[0] * distance), 0.0L, 1.0L);
+        const Real norm = std::hypot(sum[6], sum[7]);
+        return {eps,
+                std::sqrt(std::max(distance * distance - eps * eps, 0.0L)),
+                sigma * sigma * (3.0L - 2.0L * sigma),
+                sum[1] / sum[0],
+                sum[2] / sum[0],
+                sum[3] / sum[0],
+                sum[4] / sum[0],
+                Vec2d(double(sum[6] / norm), double(sum[7] / norm))};
+    }
+    void add_segment(const DuneCrestPoint& a, const DuneCrestPoint& b, const Vec2d& p, Real eps,
+                     Real sum[8]) const {
         const Real ux = Real(b.at.x()) - a.at.x(), uz = Real(b.at.y()) - a.at.y(), l = std::hypot(ux, uz);
         const Real dx = Real(p.x()) - a.at.x(), dz = Real(p.y()) - a.at.y();
         const Real foot = (dx * ux + dz * uz) / l; // along the segment from its begin
         const Real side = (dx * uz - dz * ux) / l * (s_.flip ? -1.0L : 1.0L);
-        const Real scale = 0.5L * std::sqrt(side * side + eps_ * eps_);
+        const Real scale = 0.5L * std::sqrt(side * side + eps * eps);
         for (int way = -1; way <= 1; way += 2) { // both ways from the foot, or from the nearer end
             const Real begin = std::clamp(foot, 0.0L, l), end = way < 0 ? 0.0L : l;
             for (Real from = begin, size = scale + 0.5L * std::abs(foot - begin); way * (end - from) > 0.0L;
                  size *= 2.0L) {
                 const Real to = way < 0 ? std::max(end, from - size) : std::min(end, from + size);
-                add_panel(a, b, p, from, to, l, side, sum);
+                add_panel(a, b, p, from, to, l, side, eps, sum);
                 from = to;
             }
         }
     }
     void add_panel(const DuneCrestPoint& a, const DuneCrestPoint& b, const Vec2d& p, Real from, Real to,
-                   Real l, Real side, Real sum[8]) const {
+                   Real l, Real side, Real eps, Real sum[8]) const {
         static constexpr Real nodes[] = {0.1834346424956498049L, 0.5255324099163289858L,
                                          0.7966664774136267396L, 0.9602898564975362317L};
         static constexpr Real weights[] = {0.3626837833783619830L, 0.3137066458778872873L,
@@ -84,7 +110,7 @@ class Quadrature {
             const Real t = 0.5L * (from + to) + 0.5L * (to - from) * node, v = t / l;
             const Real x = a.at.x() + v * (b.at.x() - a.at.x()) - p.x(),
                        z = a.at.y() + v * (b.at.y() - a.at.y()) - p.y();
-            const Real r2 = x * x + z * z + eps_ * eps_;
+            const Real r2 = x * x + z * z + eps * eps;
             const Real w = weights[k / 2] * 0.5L * std::abs(to - from) / (r2 * r2 * std::sqrt(r2));
             const double u = double(a.along + v * (b.along - a.along));
             const Real h = s_.max_height * s_.main_curve_shape(u);
@@ -105,7 +131,7 @@ class Quadrature {
 
     DuneSettings s_;
     std::vector<DuneCrestPoint> crest_;
-    Real eps_ = 0.0L;
+    Eigen::Matrix2d matrix_ = Eigen::Matrix2d::Identity(); // of the plane of the outer slope
 };
 
 Points circle(double radius, int count, double turns = 1.0) {
@@ -185,6 +211,11 @@ std::vector<Case> cases() {
     flipped.flip = true, flipped.max_dist = 0.0;
     flipped.main_curve_shape =
         ramp({0.0, 0.2, 0.37, 1.0, 0.8, 0.5, 1.0, 0.2}, "smooth"); // closed: without a seam
+    DuneSettings rounded = angle, stretched = angle, narrow = rich();
+    rounded.crest_radius = 0.7;
+    stretched.outer_slope_stretch = 2.5, stretched.outer_slope_turn = 0.4, stretched.crest_radius = 0.3;
+    stretched.max_dist = 0.0;
+    narrow.outer_slope_stretch = 6.0, narrow.outer_slope_turn = -1.2;
     sharp.smoothing = 0.0;
     sharp.main_curve_shape = ramp({0.0, 0.5, 0.33, 1.0, 1.0, 0.5});
     coarse.search_accuracy = 2.0;
@@ -195,7 +226,10 @@ std::vector<Case> cases() {
             {"eight", figure_of_eight(), true, flipped},
             {"spiral", spiral(), false, rich()},
             {"circle", circle(30.0, 60), true, plain()},
-            {"coarse", arc(), false, coarse}};
+            {"coarse", arc(), false, coarse},
+            {"rounded", arc(), false, rounded},
+            {"stretched", arc(), false, stretched},
+            {"narrow", spiral(), false, narrow}};
 }
 
 TEST(DuneShape, AgreesWithQuadratureOfItsPage) {
@@ -343,7 +377,9 @@ Steepest steepest(const DuneShape& dune, const Vec2d& from, const Vec2d& to, dou
 }
 
 TEST(DuneShape, HasNoStepAndNoCrease) {
-    DuneSettings s = plain(), sharp = plain(), level = plain(), unlike = plain();
+    DuneSettings s = plain(), sharp = plain(), level = plain(), unlike = plain(), stretched = plain();
+    stretched.outer_slope_stretch = 3.0, stretched.flip = true;
+    stretched.outer_slope_mult = 2.0;
     unlike.main_curve_shape = ramp({0.0, 0.3, 1.0, 0.8});
     s.main_curve_shape = ramp({0.0, 0.6, 0.5, 1.0, 1.0, 0.6}, "smooth");
     sharp.smoothing = 0.0, level.main_curve_shape = Ramp();
@@ -364,6 +400,8 @@ TEST(DuneShape, HasNoStepAndNoCrease) {
         {"spiral", DuneShape(spiral(), false, s), {-30.0, 0.5}, {30.0, -0.7}},
         {"circle", DuneShape(circle(9.0, 60), true, level), {-25.0, 0.2}, {25.0, 0.1}},
         {"seam of unlike ends", DuneShape(circle(20.0, 60), true, unlike), {20.3, -9.0}, {20.2, 9.0}},
+        {"past a stretched end", DuneShape(arc(), false, stretched), {14.0, -6.0}, {15.5, 16.0}},
+        {"beside a stretched", DuneShape(arc(), false, stretched), {-22.0, 3.0}, {22.0, 8.0}},
         {"seam of a circle", DuneShape(circle(20.0, 60), true, s), {23.0, -9.0}, {23.2, 9.0}},
     };
     for (const Path& p : paths) {
@@ -394,6 +432,80 @@ TEST(DuneShape, SlipFaceHasItsAngle) {
     }
     EXPECT_NEAR(dune.sample({0.0, 0.0}).height, 3.0, 3e-3);
     EXPECT_EQ(dune.sample({0.0, 3.0 / std::tan(33.0 * degree) + 0.01}).height, 0.0);
+}
+
+TEST(DuneShape, CrestRadiusRoundsTheCrestAndKeepsItsHeight) {
+    DuneSettings s;
+    s.main_curve_shape = Ramp();
+    s.inner_slope_angle = 33.0 * degree;
+    s.outer_slope_shape = ramp({0.0, 1.0, 1.0, 0.0});
+    const Points straight = {{-200.0, 0.0}, {200.0, 0.0}};
+    const double tangent = std::tan(s.inner_slope_angle), foot = s.max_height / tangent;
+    for (const double r : {0.0, 0.25, 1.0}) {
+        s.crest_radius = r;
+        const DuneShape dune(straight, false, s);
+        EXPECT_NEAR(dune.sample({0.0, 0.0}).height, 3.0, 3e-3);
+        for (double z = 0.1; z < foot - 0.1; z += 0.1) { // the slope is that of the page
+            const double slope =
+                (dune.sample({0.0, z - 1e-3}).height - dune.sample({0.0, z + 1e-3}).height) / 2e-3;
+            EXPECT_NEAR(slope, tangent * z / std::hypot(z, r), 1e-3) << z;
+        }
+        for (const auto& [side, width] : {std::pair(1.0, foot), std::pair(-1.0, s.slope_width)}) {
+            const double moved = std::sqrt(width * width + 2.0 * width * r);
+            EXPECT_LE(moved, width + r);
+            EXPECT_GT(dune.sample({0.0, side * (moved - 0.01)}).height, 0.0);
+            EXPECT_EQ(dune.sample({0.0, side * (moved + 0.01)}).height, 0.0);
+        }
+        const auto height = [&](double z) { return dune.sample({0.0, z}).height; };
+        double bend = 0.0;
+        for (double z = -3.0; z < 3.0; z += 0.01)
+            bend = std::max(bend, std::abs(height(z + 0.05) - 2.0 * height(z) + height(z - 0.05)) / 0.0025);
+        std::printf("crest radius %.2f m: bend %.2f /m\n", r, bend);
+        if (r > 0.0)
+            EXPECT_LT(bend, 1.05 * tangent / r);
+        else
+            EXPECT_GT(bend, 10.0);
+    }
+}
+
+TEST(DuneShape, OuterSlopeIsStretchedAlongTheAxis) {
+    DuneSettings s;
+    s.main_curve_shape = Ramp();
+    s.outer_slope_stretch = 3.0;
+    const Points straight = {{-200.0, 10.0}, {200.0, 10.0}};
+    const auto foot = [&](const DuneShape& dune, double side) {
+        double z = 0.0;
+        while (dune.sample({0.0, 10.0 + side * z}).height > 0.0) z += 0.01;
+        return z;
+    };
+    // Across a straight crest the distance is stretched by the root of the share that the turn gives to either axis
+    for (const double turn : {0.0, 0.5, pi / 2.0}) {
+        s.outer_slope_turn = turn;
+        const DuneShape dune(straight, false, s);
+        const double c = std::cos(turn), t = std::sin(turn), k = 3.0;
+        // M = 1 + (k - 1) b b^T for b = (c, t); the distance of M P from the line of M (1, 0) is det M |P| / |M (1, 0)|
+        const double stretched = k / std::hypot(1.0 + (k - 1.0) * c * c, (k - 1.0) * c * t);
+        EXPECT_NEAR(foot(dune, -1.0), 12.0 / stretched, 0.02);
+        EXPECT_NEAR(foot(dune, 1.0), 7.2, 0.02); // the inner slope stays
+        const DuneSample beside = dune.sample({0.0, 10.0 - 2.0});
+        EXPECT_NEAR(beside.dist, 2.0, 1e-3); // so do distance and direction
+        EXPECT_NEAR((beside.sample_dir - Vec2d(0.0, 1.0)).norm(), 0.0, 1e-6);
+    }
+    s.outer_slope_turn = 0.0;
+    DuneSettings not_stretched = s;
+    not_stretched.outer_slope_stretch = 1.0;
+    const DuneShape ring(circle(20.0, 60), true, s), plain_ring(circle(20.0, 60), true, not_stretched);
+    for (uint64_t i = 0; i < 100; ++i) { // a closed curve has no axis
+        const Vec2d p = random_in(ring, i);
+        EXPECT_EQ(ring.sample(p).height, plain_ring.sample(p).height);
+    }
+    Points turned; // the dune is the same when it is turned
+    for (const Vec2d& p : arc()) turned.emplace_back(Eigen::Rotation2Dd(0.7) * p);
+    const DuneShape a(arc(), false, s), b(turned, false, s);
+    for (uint64_t i = 0; i < 200; ++i) {
+        const Vec2d p = random_in(a, i);
+        EXPECT_NEAR(a.sample(p).height, b.sample(Eigen::Rotation2Dd(0.7) * p).height, 1e-9);
+    }
 }
 
 TEST(DuneShape, DropsWhatIsNoCurve) {
@@ -484,7 +596,7 @@ TEST(DuneShape, IsNothingOutsideOfItsBox) {
                     tight.x(), tight.y());
         spare = std::max(spare, size.prod() / tight.prod());
     }
-    EXPECT_LT(spare, 4.0);
+    EXPECT_LT(spare, 1.7);
 }
 
 TEST(DuneShape, RowsHaveTheBitsOfSamples) {
@@ -546,7 +658,8 @@ TEST(DuneShape, DigestKnowsEverySetting) {
     using S = DuneSettings;
     for (double S::*number :
          {&S::max_height, &S::slope_width, &S::outer_slope_mult, &S::inner_slope_mult, &S::inner_slope_angle,
-          &S::boundary_noise, &S::boundary_noise_length, &S::max_dist, &S::smoothing, &S::search_accuracy}) {
+          &S::boundary_noise, &S::boundary_noise_length, &S::max_dist, &S::smoothing, &S::search_accuracy,
+          &S::outer_slope_stretch, &S::outer_slope_turn, &S::crest_radius}) {
         S s;
         s.*number += 0.125;
         EXPECT_NE(digest, DuneShape(points, false, s).digest());
@@ -577,7 +690,8 @@ TEST(DuneShape, IsFiniteForAnyParameters) {
         uint64_t what = 0;
         for (double S::*number : {&S::max_height, &S::slope_width, &S::outer_slope_mult, &S::inner_slope_mult,
                                   &S::inner_slope_angle, &S::boundary_noise, &S::boundary_noise_length,
-                                  &S::max_dist, &S::smoothing, &S::search_accuracy})
+                                  &S::max_dist, &S::smoothing, &S::search_accuracy, &S::outer_slope_stretch,
+                                  &S::outer_slope_turn, &S::crest_radius})
             if (hash(i, ++what) % 4 == 0) s.*number = pick(i, what + 100);
         for (Ramp S::*shape : {&S::main_curve_shape, &S::outer_slope_fall_off_along_curve,
                                &S::inner_slope_fall_off_along_curve, &S::outer_slope_shape,

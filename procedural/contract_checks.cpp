@@ -32,18 +32,29 @@ std::string quoted(std::string_view text) {
     return "\"" + out + (text.size() > longest_quote ? "...\"" : "\"");
 }
 
-// "gusts.control[12].shape" -> "gusts.control[].shape" and 12; -1 where the name is in no list.
-std::string declared_name(std::string_view name, long& index) {
-    index = -1;
-    const size_t open = name.find('['), close = name.find("].", open);
-    if (open == std::string_view::npos || close == std::string_view::npos || close == open + 1)
-        return std::string(name);
+// An element of a list, and which.
+struct ListElement {
+    std::string list; // "gusts.control", "layer[0].edit"
+    long index;
+};
+
+// "gusts.control[12].shape" -> "gusts.control[].shape", "layer[0].edit[1].id" -> "layer[].edit[].id"; and the elements that it is in.
+std::string declared_name(std::string_view name, std::vector<ListElement>& elements) {
     constexpr size_t most_digits = 9;
-    const std::string_view digits = name.substr(open + 1, close - open - 1);
-    if (digits.size() > most_digits || digits.find_first_not_of("0123456789") != std::string_view::npos)
-        return std::string(name);
-    index = std::stol(std::string(digits));
-    return std::string(name.substr(0, open + 1)) + std::string(name.substr(close));
+    std::string declared;
+    size_t begin = 0;
+    while (true) {
+        const size_t open = name.find('[', begin), close = name.find("].", open);
+        if (open == std::string_view::npos || close == std::string_view::npos) break;
+        const std::string_view digits = name.substr(open + 1, close - open - 1);
+        if (digits.empty() || digits.size() > most_digits ||
+            digits.find_first_not_of("0123456789") != std::string_view::npos)
+            break;
+        elements.push_back({std::string(name.substr(0, open)), std::stol(std::string(digits))});
+        declared += std::string(name.substr(begin, open + 1 - begin)) + "].";
+        begin = close + 2;
+    }
+    return declared + std::string(name.substr(begin));
 }
 
 bool has_choice(std::string_view choices, std::string_view text) {
@@ -234,8 +245,8 @@ std::vector<ContractFault> value_faults(std::span<const MarramParam> params,
             faults.push_back({place, fmt::format("value {} has no name", i), "give a declared one"});
             continue;
         }
-        long index = -1;
-        const std::string name = declared_name(value.name, index);
+        std::vector<ListElement> elements;
+        const std::string name = declared_name(value.name, elements);
         const MarramParam* param = declared.find(value.name, name);
         const auto add = [&](const Fault& fault) {
             faults.push_back(
@@ -246,7 +257,7 @@ std::vector<ContractFault> value_faults(std::span<const MarramParam> params,
             continue;
         }
         if (!seen.insert(value.name).second) add({"is given twice", "give it once"});
-        if (index >= 0) lists[name.substr(0, name.find('['))].insert(index);
+        for (const ListElement& element : elements) lists[element.list].insert(element.index);
         if (const Fault fault = value_fault(*param, value)) add(fault);
     }
     find_gaps(lists, faults);

@@ -150,7 +150,8 @@ void add_bake(CLI::App& app, Commands& c) {
     CLI::App* command = app.add_subcommand("bake", "write a scene's strands to a file");
     add_scene(*command, c.bake);
     add_stats(*command, c.bake);
-    command->add_option("-o,--output", c.bake.output, "strands: .hair, .usda or .obj")
+    command
+        ->add_option("-o,--output", c.bake.output, "strands: .hair, .usda or .obj; a terrain's grids: .exr")
         ->required()
         ->type_name("FILE");
     command->add_option("--frame", c.bake.frame, "frame, also a fraction of one; default: the scene's first")

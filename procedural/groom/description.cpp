@@ -184,6 +184,14 @@ double AttributeFactor::operator()(const Surface& surface, uint32_t triangle, co
     return std::clamp(ramp(surface.value(surface.attributes[index], triangle, weights)), 0.0, 1.0);
 }
 
+std::pair<double, double> AttributeFactor::range(const Surface& surface, uint32_t triangle) const {
+    const MarramAttribute& attribute = surface.attributes[index];
+    const double a = surface.value(attribute, triangle, Vec3d::UnitX()),
+                 b = surface.value(attribute, triangle, Vec3d::UnitY()),
+                 c = surface.value(attribute, triangle, Vec3d::UnitZ());
+    return {std::min({a, b, c}), std::max({a, b, c})};
+}
+
 double Masks::operator()(const Surface& bind, uint32_t triangle, const Vec3d& weights) const {
     double share = 1.0;
     if (image) {

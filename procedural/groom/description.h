@@ -33,6 +33,8 @@ struct AttributeFactor {
     size_t index = 0; // among the mesh's attributes, as check_attributes() has found it
 
     double operator()(const Surface& surface, uint32_t triangle, const Vec3d& weights) const;
+    // Least and greatest value of the attribute within a triangle.
+    std::pair<double, double> range(const Surface& surface, uint32_t triangle) const;
 };
 
 // A factor in [0, 1] of density or length: image by uv, height by y, slope by the angle to the vertical, attributes by name.

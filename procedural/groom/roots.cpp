@@ -180,6 +180,10 @@ bool may_grow(const DensityShares& shares, uint32_t triangle) {
                      high = std::max({p[0].y(), p[1].y(), p[2].y()});
         if (greatest(*masks.by_height, low, high) <= 0.0) return false;
     }
+    for (const AttributeFactor& factor : masks.by_attribute) {
+        const auto [low, high] = factor.range(shares.bind, triangle);
+        if (greatest(factor.ramp, low, high) <= 0.0) return false;
+    }
     return true;
 }
 
@@ -462,6 +466,11 @@ std::vector<Candidate> counted_candidates(DensityShares shares, double area,
     if (image && std::ranges::none_of(image->values, [](float value) { return value > 0.0F; })) refuse();
     const ShareStatistics statistics = share_statistics(shares, area);
     if (statistics.most > 0.0) shares.full = statistics.most;
+    if (!(statistics.mean > 0.0)) { // perhaps a few triangles that the sample has missed
+        bool any = false;
+        for (uint32_t t = 0; t < shares.bind.triangle_count && !any; ++t) any = may_grow(shares, t);
+        if (!any) refuse();
+    }
     const double mean = statistics.mean > 0.0 ? statistics.mean / shares.full : 1e-3;
     const double first = double(groom.count) / (area * mean);
     double density = first, spacing = groom.spacing;

@@ -7,8 +7,8 @@
 // image   heights from a file, its values v mapped to range[0] + v (range[1] - range[0]). Its first row lies at the smallest z, its
 //         first column at the smallest x; pixel centres are half a pixel within the extent. Between pixels Catmull-Rom's cubic: it
 //         goes through the pixels, continuous with its slope, and overshoots by at most an eighth of a step. Outside of the extent
-//         the layer has no share; towards its border the share falls off over `fade` metres. A pixel that is not a number is a hole:
-//         samples whose 4 x 4 pixels hold one have no share.
+//         the layer has no share; towards its border the share falls off over `fade` metres. Where a host hands over pixels that are not
+//         numbers, they are holes: samples whose 4 x 4 pixels hold one have no share. (Marram's refuses such a file.)
 //
 //     [[procedural.layer]]
 //     type = "image"
@@ -109,21 +109,33 @@ class ImageLayer : public ShapeLayer {
         nz_ = int(grid.ny);
         pixels_.resize(size_t(nx_) * size_t(nz_));
         const Vec2d range = values.vec2("range");
+        float largest = 0.0F;
         for (size_t p = 0; p < pixels_.size(); ++p)
             pixels_[p] =
                 float(range.x() + double(grid.values[p * grid.components]) * (range.y() - range.x()));
+        for (const float pixel : pixels_)
+            if (std::isfinite(pixel)) largest = std::max(largest, std::abs(pixel));
+        if (!(double(largest) <= most_metres))
+            throw SceneFault("terrain.image_range", values.place("file"),
+                             "the image makes heights of " + std::to_string(double(largest)) +
+                                 " m, more than 100 km",
+                             "give another range, or scale the image");
         const Vec2d domain_size(domain_.cell * (domain_.nx - 1), domain_.cell * (domain_.nz - 1));
         size_ = values.has("size") ? values.vec2("size") : domain_size;
         const Vec2d center =
             values.has("center") ? values.vec2("center") : Vec2d(domain_.x0, domain_.z0) + 0.5 * domain_size;
         begin_ = center - 0.5 * size_;
         fade_ = values.number("fade");
+        constexpr double share_of_cell = 1e-6; // far above the rounding of a place, far below a cell
+        slack_ = share_of_cell * domain_.cell;
     }
 
   private:
     bool touches(const Rect& rect) const override {
-        return domain_.x(rect.i1 - 1) >= begin_.x() && domain_.x(rect.i0) <= begin_.x() + size_.x() &&
-               domain_.z(rect.j1 - 1) >= begin_.y() && domain_.z(rect.j0) <= begin_.y() + size_.y();
+        return domain_.x(rect.i1 - 1) >= begin_.x() - slack_ &&
+               domain_.x(rect.i0) <= begin_.x() + size_.x() + slack_ &&
+               domain_.z(rect.j1 - 1) >= begin_.y() - slack_ &&
+               domain_.z(rect.j0) <= begin_.y() + size_.y() + slack_;
     }
 
     double faded(double inside) const { // metres from the border
@@ -134,10 +146,10 @@ class ImageLayer : public ShapeLayer {
 
     void shape(int i0, int i1, int j, double* own, double* share) const override {
         const double z = domain_.z(j) - begin_.y();
-        if (!(z >= 0.0 && z <= size_.y())) return;
+        if (!(z >= -slack_ && z <= size_.y() + slack_)) return;
         for (int i = i0; i < i1; ++i) {
             const double x = domain_.x(i) - begin_.x();
-            if (!(x >= 0.0 && x <= size_.x())) continue;
+            if (!(x >= -slack_ && x <= size_.x() + slack_)) continue;
             const double value = at(x / size_.x() * nx_ - 0.5, z / size_.y() * nz_ - 0.5);
             if (!std::isfinite(value)) continue; // a hole
             own[i - i0] = value;
@@ -164,7 +176,7 @@ class ImageLayer : public ShapeLayer {
     std::vector<float> pixels_; // metres
     int nx_, nz_;
     Vec2d begin_, size_;
-    double fade_;
+    double fade_, slack_; // slack: samples this far outside of the extent lie on its border
 };
 
 template <typename Made>

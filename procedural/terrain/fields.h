@@ -19,8 +19,10 @@ namespace marram {
 // Sand of one sample in units of 2^-32 m: 0.23 nm. Sums of 2^31 samples of 1 m fit.
 using SandUnits = int64_t;
 inline constexpr double sand_units_a_metre = 0x1p32;
-// Nearest; |metres| < 2^30.
-inline SandUnits sand_units(double metres) { return std::llrint(metres * sand_units_a_metre); }
+// The nearest number of units, within 2^30 m.
+inline SandUnits sand_units(double metres) {
+    return std::llrint(std::clamp(metres, -0x1p30, 0x1p30) * sand_units_a_metre);
+}
 inline double sand_metres(SandUnits sand) { return double(sand) * (1.0 / sand_units_a_metre); }
 
 // Where the samples lie: nx by nz of them, `cell` metres apart; sample (i, j) at (x0 + i cell, z0 + j cell).

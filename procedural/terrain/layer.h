@@ -51,6 +51,9 @@ class Layer {
         return true;
     }
 
+    // Numbers that the layer reports of itself, each with its name.
+    virtual std::vector<std::pair<std::string, double>> report() const { return {}; }
+
     // Tiles that may come out differently from those of `before`, a layer of the same type with other parameters, over the same
     // fields. `domain` as at creation.
     virtual Tiles changed_since(const Layer& before, const Domain& domain) const {

@@ -913,6 +913,18 @@ void MassLayer::shape(int i0, int i1, int j, double* own, double* share) const {
     }
 }
 
+std::vector<std::pair<std::string, double>> MassLayer::report() const {
+    std::vector<std::pair<std::string, double>> list;
+    if (!lists_) return list;
+    for (const MassDune& dune : dunes_) {
+        const std::string name = "dune[" + std::to_string(dune.id) + "].";
+        list.emplace_back(name + "x", dune.at.x());
+        list.emplace_back(name + "z", dune.at.y());
+        list.emplace_back(name + "height", dune.height);
+    }
+    return list;
+}
+
 Tiles MassLayer::changed_since(const Layer& before, const Domain& domain) const {
     const auto* old = dynamic_cast<const MassLayer*>(&before);
     if (!old || old->merge_ != merge_ || !(old->settings() == settings()) || !(old->domain_ == domain_))
@@ -975,6 +987,8 @@ constexpr auto mass_values = std::to_array<MarramParam>({
      "corner of the area, x and z; absent: all of the terrain"},
     {"area_high", MARRAM_VEC2, "m", "none", -1e8, 1e8, "", "its other corner"},
     {"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "another number, another desert"},
+    {"list", MARRAM_BOOLEAN, "", "false", 0, 0, "",
+     "report each dune's id with its x, z and height, for edits"},
     {"edit[].id", MARRAM_NUMBER, "", "", 0, 0x1p52, "", "the dune that is edited"},
     {"edit[].move", MARRAM_VEC2, "m", "[0, 0]", -1e6, 1e6, "", "x and z"},
     {"edit[].rotate", MARRAM_NUMBER, "deg", "0", -360, 360, "", "from x to z"},
@@ -1054,6 +1068,11 @@ MassArea read_area(const LayerContext& context, const MassSettings& settings) {
                   Vec2d(domain.x(domain.nx - 1), domain.z(domain.nz - 1)) + margin};
     if (context.values.has("area_low")) area.lower = context.values.vec2("area_low");
     if (context.values.has("area_high")) area.upper = context.values.vec2("area_high");
+    const char* given = context.values.has("area_low") ? "area_low" : "area_high";
+    if (!(area.lower.x() < area.upper.x() && area.lower.y() < area.upper.y()))
+        throw SceneFault("mass_desert.area", context.values.place(given),
+                         "the area is empty: its lower corner is not below its upper one",
+                         "give area_low the smaller x and z, within the terrain");
     return area;
 }
 
@@ -1079,8 +1098,10 @@ std::unique_ptr<Layer> make_mass_layer(const LayerContext& context) {
         mass_too_many(about, context.values.place("spacing"));
     std::vector<MassDune> dunes = generate_dunes(settings, area.lower, area.upper);
     warn_of_lost_edits(context, settings, dunes);
-    return std::make_unique<MassLayer>(read_shape(context), context.domain, std::move(dunes),
-                                       context.values.number("merge"));
+    auto layer = std::make_unique<MassLayer>(read_shape(context), context.domain, std::move(dunes),
+                                             context.values.number("merge"));
+    layer->list_dunes(context.values.boolean("list"));
+    return layer;
 }
 
 } // namespace

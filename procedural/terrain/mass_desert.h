@@ -81,6 +81,9 @@ class MassLayer : public ShapeLayer {
     // What it was made from: to be shown, edited and baked out.
     const std::vector<MassDune>& dunes() const { return dunes_; }
     Tiles changed_since(const Layer& before, const Domain& domain) const override;
+    // Of each dune x, z and height by its id, where the layer is asked to list them.
+    std::vector<std::pair<std::string, double>> report() const override;
+    void list_dunes(bool list) { lists_ = list; }
 
   private:
     struct Placed {
@@ -95,6 +98,7 @@ class MassLayer : public ShapeLayer {
     void add_row(const DuneShape& dune, int begin, int i0, int i1, int j, double* own) const;
 
     double merge_;
+    bool lists_ = false;
     std::vector<MassDune> dunes_;
     std::vector<Placed> placed_; // those that reach into the domain
     std::vector<uint32_t> tile_begin_,

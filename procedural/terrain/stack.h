@@ -43,6 +43,7 @@ class Stack {
     Fields fields(size_t layer) const;
     std::vector<Work> work() const;
     const std::string& type(size_t layer) const { return entries_[layer].made.type; }
+    const Layer& layer(size_t index) const { return *entries_[index].made.layer; }
     size_t bytes() const;
 
   private:

@@ -441,6 +441,7 @@ void report_terrain(MarramInstance* opaque, void (*sink)(void*, const char*, dou
         sink(user, (path + "highest_change").c_str(), change.highest);
         sink(user, (path + "sand").c_str(), sand_metres(change.sand) * area);
         sink(user, (path + "seconds").c_str(), work[k].seconds);
+        for (const auto& [name, value] : stack.layer(k).report()) sink(user, (path + name).c_str(), value);
     }
     sink(user, "terrain.samples", double(instance.domain.count()));
     sink(user, "terrain.bytes", double(stack.bytes() + instance.heights.size() * sizeof(float)));

@@ -85,6 +85,9 @@ Vec2d wind_of(const Values& values) {
     const Vec3d direction = values.vec3("wind.direction");
     const Vec2d level(direction.x(), direction.z());
     const double length = level.stableNorm();
+    if (!(direction.stableNorm() > 0.0))
+        throw SceneFault("wind.no_direction", values.at("wind.direction").place,
+                         "the wind's direction is zero", "give a vector, such as [1, 0, 0]");
     return length > 0.0 ? Vec2d(level / length) : Vec2d(1.0, 0.0);
 }
 
@@ -124,6 +127,15 @@ Domain read_domain(const Values& values) {
     Domain domain{int(nx), int(nz), cell, 0.0, 0.0};
     domain.x0 = center.x() - 0.5 * cell * (domain.nx - 1);
     domain.z0 = center.y() - 0.5 * cell * (domain.nz - 1);
+    // Vertices are floats: samples must not fall together.
+    const double farthest = center.cwiseAbs().maxCoeff() + 0.5 * size.maxCoeff();
+    const double step = farthest * double(std::numeric_limits<float>::epsilon());
+    if (!(cell > 4.0 * step))
+        throw SceneFault(
+            "terrain.too_far", values.at("cell").place,
+            fmt::format("a vertex {:g} m from the origin is a multiple of {:g} m, a cell is {:g} m", farthest,
+                        step, cell),
+            "bring the terrain nearer to the origin, or make cell larger");
     return domain;
 }
 

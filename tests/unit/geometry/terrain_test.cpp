@@ -237,6 +237,49 @@ TEST(Terrain, GrassGrowsWhereAMaskSays) {
     EXPECT_FALSE(made.values("dune.dist").empty());
 }
 
+// One dune of a field is moved, made lower, removed: by its id, which the layer lists.
+TEST(Terrain, DunesOfAFieldAreEditedById) {
+    const auto text = [](const std::string& edits) {
+        return desert(layer("mass_desert",
+                            "height = [1, 2]\nspacing = [30, 40]\nlist = true\nkind = \"dome\"\n" + edits),
+                      "size = [200, 200]\ncell = 1");
+    };
+    TestScene scene(text(""));
+    const Made before{scene.build()};
+    std::string id; // of one in the middle
+    for (const auto& [path, entry] : scene.stats.report.entries()) {
+        const size_t open = path.find("dune["), close = path.find("].x");
+        if (open == std::string::npos || close == std::string::npos) continue;
+        const double z = scene.stats.report(path.substr(0, close) + "].z");
+        if (std::abs(entry.value) < 40 && std::abs(z) < 40) id = path.substr(open + 5, close - open - 5);
+    }
+    ASSERT_FALSE(id.empty());
+    const auto differ = [&](const std::string& edits) {
+        const Made now = make(text(edits));
+        size_t count = 0;
+        for (size_t v = 0; v < now.values("sand").size(); ++v)
+            count += now.values("sand")[v] != before.values("sand")[v];
+        return count;
+    };
+    EXPECT_EQ(differ("edit = [{ id = " + id + " }]"), 0u);
+    for (const char* edit : {"remove = true", "move = [3, 0]", "height_factor = 0.5"}) {
+        const size_t count = differ("edit = [{ id = " + id + ", " + edit + " }]");
+        EXPECT_GT(count, 50u) << edit;
+        EXPECT_LT(count, 4000u) << edit << ": the others keep their bits";
+    }
+}
+
+TEST(Terrain, ImagesReachTheBorderWhateverTheRounding) {
+    const ImageFile image(1, 1, {0.5F});
+    for (const double cell : {0.9, 0.7, 0.3})
+        for (const double center : {1000.7, -33.3}) {
+            const Made made = make(desert(layer("image", "file = \"" + image.path.string() + "\""),
+                                          "size = [60, 60]\ncell = " + std::to_string(cell) + "\ncenter = [" +
+                                              std::to_string(center) + ", " + std::to_string(center) + "]"));
+            for (const Vec3f& p : made.mesh().positions[0]) ASSERT_EQ(p.y(), 0.5F);
+        }
+}
+
 TEST(Terrain, SaysWhatIsWrongAndWhere) {
     const auto objection = [](const std::string& text) {
         try {
@@ -257,6 +300,21 @@ TEST(Terrain, SaysWhatIsWrongAndWhere) {
     expect(desert(layer("mask", "name = \"m\"\nby = \"distance\"")), "needs 'along'");
     expect(desert("", "size = [1, 1]\ncell = 3"), "2 x 2 is the least");
     expect(desert("", "size = [1e6, 1e6]\ncell = 1"), "make cell larger");
+    expect(desert("", "size = [20, 20]\ncell = 0.5\ncenter = [1e7, 1e7]"), "nearer to the origin");
+    for (const char* name : {"sand", "slope", "height", "bedrock", "", "a,b"})
+        expect(desert(layer("mask", "by = \"sand\"\nname = \"" + std::string(name) + "\"")), "give");
+    const std::string field = "height = [1, 2]\nspacing = [8, 14]\n";
+    expect(desert(layer("mass_desert", field + "area_low = [5, 5]\narea_high = [0, 0]")),
+           "the area is empty");
+    expect("[wind]\ndirection = [0, 0, 0]\n" + desert(layer("mass_desert", field)),
+           "the wind's direction is zero");
+    const ImageFile huge(1, 1, {3e9F});
+    expect(desert(layer("image", "target = \"sand\"\nfile = \"" + huge.path.string() + "\"")),
+           "more than 100 km");
+    // A count that no place is left for is refused before anything is drawn.
+    expect(desert(layer("flat", "target = \"sand\"\nheight = 0")) +
+               groom("grass", "desert", "count = 2000\ndensity_by = [{ attribute = \"sand\" }]"),
+           "leave no room for 2000 strands");
 }
 
 } // namespace

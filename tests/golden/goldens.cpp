@@ -32,9 +32,10 @@ Golden figure(const std::string& name, double frame, std::vector<std::string> ch
     return {name, "the scene of that name, small", name + ".toml", frame, std::move(changes)};
 }
 
-// A scene of the desert, coarser; smaller still, for the frames of a folder that is to stay small.
+// A scene of the desert, coarser; smaller still, for the frames of a folder that is to stay small. Glints are so rare that
+// renders with other seeds do not know how bright they are: fewer here.
 Golden desert(const std::string& name, double frame, std::vector<std::string> changes) {
-    changes.insert(changes.begin(), {"film.size=[80, 60]", "film.samples=32"});
+    changes.insert(changes.begin(), {"film.size=[72, 54]", "film.samples=64", "film.clamp=2"});
     return {name, "the scene of that name, small and coarse", name + ".toml", frame, std::move(changes)};
 }
 
@@ -159,7 +160,7 @@ std::span<const Golden> goldens() {
         // The desert.
         desert("marram", 30,
                {"procedural.dune.cell=0.4", "procedural.grass.density=120", "procedural.grass.width=0.02",
-                "material.marram.roughness=0.8"}),
+                "material.sand.sparkle=0", "material.marram.roughness=0.8"}),
         desert("dune_ridge", 1, {"procedural.desert.cell=1"}),
         desert("dune_letters", 1, {"procedural.desert.cell=0.5"}),
         desert("barchans", 1, {"procedural.desert.cell=1.5"}),
@@ -167,7 +168,7 @@ std::span<const Golden> goldens() {
         desert("rock_and_sand", 1, {"procedural.desert.cell=0.8"}),
         desert("ruin", 1,
                {"procedural.desert.cell=0.25", "procedural.grass.density=100", "procedural.grass.width=0.02",
-                "material.marram.roughness=0.8"}),
+                "material.sand.sparkle=0", "material.marram.roughness=0.8"}),
         figure("gust_field", 24, {"procedural.near.density=30", "procedural.far.density=7"}),
     };
     return all;

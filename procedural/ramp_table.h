@@ -3,7 +3,7 @@
 #pragma once
 
 #include "core/math/ramp.h"
-#include "procedural/simd.h"
+#include "core/math/simd.h"
 
 namespace marram {
 

@@ -20,9 +20,9 @@
 // large it is 1. After Deliot and Belcour, "Real-Time Rendering of Glinty Appearances using Distributed Binomial Laws on
 // Anisotropic Grids", 2023, who draw their counts likewise.
 //
-// Ripples: height a m(x) f(-phi), f = sin(phi + sin(phi) / 2), whose steepest rise, 1.5, is 2.4 times its steepest descent; the phase
-// runs downwind and wanders by noise, so that the steep side is the lee. A pixel whose axes on the ground are a and b sees its slope times exp(-s^2 / 2), s^2 = (grad phi . a / 2)^2 + (grad phi . b / 2)^2:
-// crests that run away from the camera stay sharp at grazing angles. The variance of the rest goes into the grains' roughness.
+// Ripples: crests and slopes as core/math/ripples.cpp has them. A pixel whose axes on the ground are a and b sees their slope times exp(-s^2 / 2), s^2 = (k . a / 2)^2 + (k . b / 2)^2, k the
+// wave vector: crests that run away from the camera stay sharp at grazing angles. The variance of the rest goes into the grains' roughness. Where they are none of a pixel (the factor
+// below 1/256) no crest is looked for.
 #include "shaders/sand.h"
 
 #include "shaders/fresnel.h"
@@ -30,6 +30,7 @@
 #include "core/math/hash.h"
 
 #include <algorithm>
+#include <optional>
 
 namespace marram {
 
@@ -46,41 +47,6 @@ float grains_albedo(float single, float bend, float cosine) {
         s * (std::acos(c) - s * c - 2.0F / 3.0F) + 2.0F / 3.0F * s * c * (1.0F + s + s * s) / (1.0F + s);
     // tan (1 - s^3) = s (1 - s)(1 + s + s^2) / c, and (1 - s) / c = c / (1 + s)
     return std::min(single + bend / pi_f * g, 1.0F);
-}
-
-// Gradient noise in the plane and its gradient: |value| <= 0.71. K. Perlin, "Improving Noise", 2002.
-struct Noise2 {
-    double value, dx, dy;
-};
-Noise2 noise(uint64_t seed, double x, double y) {
-    const double i = std::floor(x), j = std::floor(y), u = x - i, v = y - j;
-    const auto fade = [](double t) { return t * t * t * (t * (6.0 * t - 15.0) + 10.0); };
-    const auto slope = [](double t) { return 30.0 * t * t * (t - 1.0) * (t - 1.0); };
-    double value[2][2], gx[2][2], gy[2][2];
-    for (int a = 0; a < 2; ++a)
-        for (int b = 0; b < 2; ++b) {
-            const auto column = static_cast<uint64_t>(static_cast<int64_t>(i) + a),
-                       row = static_cast<uint64_t>(static_cast<int64_t>(j) + b);
-            const double angle = 2.0 * pi * unit_double(hash(hash(seed, column), row));
-            gx[a][b] = std::cos(angle);
-            gy[a][b] = std::sin(angle);
-            value[a][b] = gx[a][b] * (u - a) + gy[a][b] * (v - b);
-        }
-    const double fu = fade(u), fv = fade(v);
-    const auto blend = [&](const double(&n)[2][2]) {
-        return (1 - fu) * ((1 - fv) * n[0][0] + fv * n[0][1]) + fu * ((1 - fv) * n[1][0] + fv * n[1][1]);
-    };
-    const double across = (1 - fv) * (value[1][0] - value[0][0]) + fv * (value[1][1] - value[0][1]);
-    const double along = (1 - fu) * (value[0][1] - value[0][0]) + fu * (value[1][1] - value[1][0]);
-    return {blend(value), blend(gx) + slope(u) * across, blend(gy) + slope(v) * along};
-}
-
-// 1 on gentle slopes, 0 from the angle on at which dry sand slides.
-float holds_ripples(float up) {
-    static const float gentle = std::cos(static_cast<float>(26.0 * degree)),
-                       steep = std::cos(static_cast<float>(34.0 * degree));
-    const float t = std::clamp((std::abs(up) - steep) / (gentle - steep), 0.0F, 1.0F);
-    return t * t * (3.0F - 2.0F * t);
 }
 
 // Poisson of that mean from one uniform number; evenly spread with the same mean and variance where it is large.
@@ -146,6 +112,10 @@ SandSettings read_sand(const ParamSet& params) {
     settings.ripple_length = static_cast<float>(params.number("ripple_length"));
     const double heading = params.number("ripple_direction") * degree;
     settings.ripple_direction = {std::cos(heading), std::sin(heading)};
+    RippleSettings ripples;
+    ripples.wavelength = static_cast<double>(settings.ripple_length);
+    ripples.height = static_cast<double>(settings.ripple_height);
+    settings.ripples = RippleField(ripples);
     settings.sparkle = static_cast<float>(params.number("sparkle"));
     settings.grain = static_cast<float>(params.number("grain"));
     settings.ior = quartz;
@@ -153,31 +123,42 @@ SandSettings read_sand(const ParamSet& params) {
     return settings;
 }
 
-Ripple ripple_at(const SandSettings& settings, const Vec3d& position, const Footprint& seen_of) {
+Ripple ripple_at(const SandSettings& settings, const ShadingPoint& at, const Footprint& seen_of) {
     Ripple ripple;
-    if (!(settings.ripple_height > 0.0F)) return ripple;
-    const double length = static_cast<double>(settings.ripple_length);
-    const Vec2d ground(position.x(), position.z()), along = settings.ripple_direction,
-                                                    across(-along.y(), along.x());
-    const double a = ground.dot(along) / length, b = ground.dot(across) / length;
-    // Crests wander by up to a wavelength over eight of them, and are higher here than there.
-    const Noise2 wide = noise(1, a / 6.0, b / 9.0), fine = noise(2, a / 2.0, b / 3.5),
-                 strong = noise(3, a / 11.0, b / 11.0);
-    const double phase = 2.0 * pi * (a + 1.1 * wide.value + 0.18 * fine.value);
-    const double da = 2.0 * pi * (1.0 + 1.1 * wide.dx / 6.0 + 0.18 * fine.dx / 2.0),
-                 db = 2.0 * pi * (1.1 * wide.dy / 9.0 + 0.18 * fine.dy / 3.5); // per wavelength
-    const Vec2d rise = (da * along + db * across) / length;                    // of the phase
-    const double wave = rise.norm();
-    const double height = 0.5 * static_cast<double>(settings.ripple_height) * (0.75 + 0.5 * strong.value);
-    const double a_half = 0.5 * rise.dot(seen_of.across.cast<double>()),
-                 b_half = 0.5 * rise.dot(seen_of.away.cast<double>());
+    RipplePoint point;
+    point.at = {at.position.x(), at.position.z()};
+    std::optional<RippleField> given;
+    if (const SurfaceRipples& own = at.ripples; own.wavelength > 0.0F) {
+        point.gradient = own.gradient.cast<double>();
+        point.strength = double(own.share);
+        const double heading = double(own.heading);
+        point.wind = {std::cos(heading), std::sin(heading)};
+        if (point.strength > 0.0)
+            given.emplace(RippleSettings{double(own.wavelength), double(own.height), double(own.repose),
+                                         uint64_t(own.seed)});
+    } else {
+        const Vec3f up =
+            at.normal.y() < 0.0F ? Vec3f(-at.normal) : at.normal; // from below its other side is seen
+        const Vec2f rise(-up.x(), -up.z());
+        if (!(up.y() > 0.0F)) return ripple;
+        point.gradient = (rise / up.y()).cast<double>();
+        point.wind = settings.ripple_direction;
+        point.strength = settings.ripple_height > 0.0F ? 1.0 : 0.0;
+    }
+    point.strength *= ripples_on_slope(point.gradient);
+    if (!(point.strength > 0.0)) return ripple;
+    const RippleField& field = given ? *given : settings.ripples;
+    const Vec2d wave = field.wave(point);
+    const double a_half = 0.5 * wave.dot(seen_of.across.cast<double>()),
+                 b_half = 0.5 * wave.dot(seen_of.away.cast<double>());
     const double seen = std::exp(-0.5 * (a_half * a_half + b_half * b_half));
-    const double rate =
-        height / length * std::cos(phase + 0.5 * std::sin(phase)) * (1.0 + 0.5 * std::cos(phase));
-    // Downwind the steep side must fall: -phase runs the profile the other way.
-    const Vec2d slope = -rate * seen * length * rise;
-    ripple.slope = slope.cast<float>();
-    ripple.hidden = static_cast<float>(0.5 * height * height * wave * wave * (1.0 - seen * seen));
+    ripple.hidden = static_cast<float>(field.slope_variance(point) * (1.0 - seen * seen));
+    constexpr double none = 1.0 / 256.0; // of slopes below 0.4
+    if (!(seen > none)) return ripple;
+    double metres = 0.0;
+    Vec2d slope = Vec2d::Zero();
+    field.displacements({&point, 1}, {&metres, 1}, {&slope, 1});
+    ripple.slope = (seen * slope).cast<float>();
     return ripple;
 }
 
@@ -230,17 +211,13 @@ SandBsdf sand_at(const SandSettings& settings, const ShadingPoint& point) {
     bsdf.width = point.footprint / std::sqrt(onto);
 
     Vec3f normal = side * point.normal;
-    Ripple ripple = ripple_at(settings, point.position, footprint_of(point, onto));
-    const float holds = holds_ripples(normal.y());
-    const Vec3f rise(holds * ripple.slope.x(), 0.0F, holds * ripple.slope.y());
-    if (holds > 0.0F) {
-        const float up = normal.y() < 0.0F ? -1.0F : 1.0F; // from below the ground's other side is seen
-        normal = (normal - up * (rise - rise.dot(normal) * normal)).normalized();
-    }
+    const Ripple ripple = ripple_at(settings, point, footprint_of(point, onto));
+    // The height along y changes by slope / normal.y: of a normal (-g, 1) / sqrt(1 + g^2) that takes the slope off.
+    const float up = normal.y() < 0.0F ? -1.0F : 1.0F;
+    normal = (normal - up * Vec3f(ripple.slope.x(), 0.0F, ripple.slope.y())).normalized();
     bsdf.normal = normal;
 
-    const float r =
-        std::min(1.0F, std::sqrt(settings.roughness * settings.roughness + holds * holds * ripple.hidden));
+    const float r = std::min(1.0F, std::sqrt(settings.roughness * settings.roughness + ripple.hidden));
     bsdf.single = 1.0F / (1.0F + (0.5F - 2.0F / (3.0F * pi_f)) * r);
     bsdf.bend = r * bsdf.single;
     bsdf.mean_albedo = bsdf.single * (1.0F + (2.0F / 3.0F - 28.0F / (15.0F * pi_f)) * r);

@@ -21,8 +21,12 @@
 //
 // Both stay where they are in the world: under a mesh that moves they stay behind, of which there is a warning.
 //
-// Ripples turn the shading normal only (their own shadows are left out), and not where the ground is steeper than 34 degrees, at which
-// dry sand slides (R. Bagnold, "The Physics of Blown Sand and Desert Dunes", 1941: they are 7 to 14 cm long and 5 to 10 mm high, the
+// A mesh that carries the attributes "ripples" and "ripple_wave", as a terrain with a layer of ripples does, has those ripples in place of the
+// material's: they know of slopes, lees and thin sand, and near the camera they are displaced.
+//
+// Shaded ripples turn the normal only (their own shadows are left out); as they fade with the distance the ground becomes brighter, by 3 % where the sun
+// is 30 degrees high, by 6 % at 14. None are where the ground is steeper than 30 degrees; on inclines
+// they bend downhill (R. Bagnold, "The Physics of Blown Sand and Desert Dunes", 1941: they are 7 to 14 cm long and 5 to 10 mm high, the
 // lee side two to three times as steep). Without ripples white loses nothing (1e-3; 1e-2 where all of it is
 // facets), and where glints are beyond number the model is reciprocal.
 #pragma once
@@ -30,6 +34,7 @@
 #include "shaders/gloss.h"
 #include "shaders/shading_point.h"
 
+#include <array>
 #include <vector>
 
 namespace marram {
@@ -39,10 +44,14 @@ struct SandSettings {
     float roughness = 0.8F;
     float ripple_height = 0.0F, ripple_length = 0.11F;
     Vec2d ripple_direction = Vec2d::UnitX(); // in x and z
+    RippleField ripples{RippleSettings{}};   // of that length and height
     float sparkle = 0.0F, grain = 0.0004F;
     float ior = 1.54F; // quartz
     GlossTable gloss;
 };
+
+// What a mesh that has ripples of its own calls them (SurfaceRipples in shading_point.h), four numbers each.
+inline constexpr std::array ripple_attributes = {"ripples", "ripple_wave"};
 
 std::vector<ParamSpec> sand_params();
 SandSettings read_sand(const ParamSet& params);
@@ -77,7 +86,7 @@ struct Ripple {
     Vec2f slope = Vec2f::Zero();
     float hidden = 0.0F;
 };
-Ripple ripple_at(const SandSettings& settings, const Vec3d& position, const Footprint& seen);
+Ripple ripple_at(const SandSettings& settings, const ShadingPoint& point, const Footprint& seen);
 
 // How much brighter facets are, as seen by a pixel of `width` at the place, than facets beyond number would be; mean 1.
 // `chance`: that a facet mirrors from wo to wi.

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "core/math/params.h"
+#include "core/math/ripples.h"
 #include "core/math/vec.h"
 
 #include <algorithm>
@@ -10,6 +11,15 @@
 #include <cstdint>
 
 namespace marram {
+
+// Ripples that a surface has of its own, as its attributes say.
+struct SurfaceRipples {
+    Vec2f gradient = Vec2f::Zero(); // of the ground along x and z, smooth
+    float share = 0.0F;             // of their height that shading adds
+    float repose = 0.6F;            // radians
+    float wavelength = 0.0F, height = 0.0F, heading = 0.0F,
+          seed = 0.0F; // m, m, radians from +x to +z; wavelength 0: there are none
+};
 
 struct ShadingPoint {
     Vec3f wo = Vec3f::UnitZ();               // unit, towards where the ray came from
@@ -26,6 +36,7 @@ struct ShadingPoint {
     float strand_u = 0.0F;          // fibres: 0 root ... 1 tip
     uint32_t strand = 0;            // fibres: a hash of which strand it is
     float tint = 0.0F;              // value of the attribute that Material::tint names, 0 where there is none
+    SurfaceRipples ripples;
 };
 
 struct BsdfValue {

@@ -127,7 +127,9 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
     world.frame = settings.frame;
     world.device = make_device(build.errors);
     make_all(build, true);
+    const double view_start = wall_seconds();
     make_render_meshes(build);
+    build.stats.terrain += wall_seconds() - view_start;
     world.scene = new_scene(build, MARRAM_SCENE_FILTER);
     for (uint32_t id = 0; id < world.meshes.size(); ++id) {
         rtcAttachGeometryByID(world.scene.get(), mesh_geometry(build, id), id);

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <sstream>
 
 namespace marram {
@@ -266,6 +267,34 @@ Dial tolerance(const Shot& shot) {
     return dial;
 }
 
+// How closely what the camera sees of a terrain follows what strands grow on.
+Dial view_detail(const Shot& shot) {
+    Dial dial{
+        "view_detail",
+        "What the scene allows the mesh that the camera sees of a terrain to be off by. Error against a "
+        "sixteenth of a pixel.",
+        "view",
+        DialError::view,
+        false,
+        {},
+        0};
+    const double own = shot.description.globals.has("tolerance_pixels")
+                           ? shot.description.globals.number("tolerance_pixels")
+                           : 0.0;
+    std::vector<std::pair<double, DialSetting>> settings;
+    for (const double pixels : {0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0})
+        settings.emplace_back(pixels, DialSetting{fmt::format("{} px", pixels),
+                                                  {fmt::format("tolerance_pixels={}", pixels)},
+                                                  false,
+                                                  0});
+    if (own > 0.0) add_own(settings, own, fmt::format("{} px", own));
+    std::ranges::reverse(settings);
+    dial.settings = without_numbers(std::move(settings));
+    dial.reference = dial.settings.size() - 1;
+    if (!(own > 0.0)) dial.settings.push_back({"as it is", {}, true, 0});
+    return dial;
+}
+
 Dial samples(const Shot& shot) {
     Dial dial{
         "samples",
@@ -300,15 +329,17 @@ Dial octaves(const Shot& shot, int own) {
     return dial;
 }
 
-// Any other parameter that its procedural declares to be measured: error against the last of its values.
-Dial declared(const Shot& shot, const ParamSpec& spec) {
+// Any other parameter that its procedural declares to be measured: error against the last of its values. change: settings that give
+// it one.
+Dial declared(const ParamSpec& spec, const std::string& name,
+              const std::function<std::vector<std::string>(const std::string& value)>& change) {
     constexpr std::string_view seconds = "seconds.";
-    Dial dial{spec.name, spec.help + ". Error against the last.", "strands", DialError::pose, false, {}, 0};
+    Dial dial{name, spec.help + ". Error against the last.", "strands", DialError::pose, false, {}, 0};
     if (spec.sweep_time.starts_with(seconds)) dial.time = spec.sweep_time.substr(seconds.size());
     if (dial.time == "terrain") dial.error = DialError::surface;
+    if (dial.time == "view") dial.error = DialError::view;
     for (const double value : sweep_of(spec))
-        dial.settings.push_back(
-            {fmt::format("{}", value), in_all_grooms(shot, spec.name, fmt::format("{}", value)), false, 0});
+        dial.settings.push_back({fmt::format("{}", value), change(fmt::format("{}", value)), false, 0});
     dial.reference = dial.settings.size() - 1;
     dial.settings.push_back({"as it is", {}, true, 0});
     return dial;
@@ -318,24 +349,54 @@ Dial declared(const Shot& shot, const ParamSpec& spec) {
 constexpr std::array known_sweeps = {"wind.collision.rotation_steps", "wind.shielding.rays",
                                      "wind.jiggle.step", "cvs"};
 
+// Elements of lists, such as layers: "layer[].search_accuracy" of all that are of one type.
+void add_declared_of_lists(const Shot& shot, const ItemSchema& schema, std::vector<std::string>& done,
+                           DialList& list) {
+    for (const ListSchema& elements : schema.lists)
+        for (const ItemSchema& type : elements.types)
+            for (const ParamSpec& spec : type.params) {
+                const std::string name = fmt::format("{}.{}", type.type, spec.name);
+                if (spec.sweep.empty() || std::ranges::find(done, name) != done.end()) continue;
+                const auto change = [&](const std::string& value) {
+                    std::vector<std::string> changes;
+                    for (const Item& item : shot.description.procedurals) {
+                        const ParamList* found = item.params.find_list(elements.name);
+                        for (size_t k = 0; item.type == schema.type && found && k < found->size; ++k) {
+                            const std::string element = fmt::format("{}[{}].", elements.name, k);
+                            if (item.params.text(element + "type") == type.type)
+                                changes.push_back(fmt::format("procedural.{}.{}{}={}", item.name, element,
+                                                              spec.name, value));
+                        }
+                    }
+                    return changes;
+                };
+                if (change("0").empty()) continue;
+                list.dials.push_back(declared(spec, name, change));
+                done.push_back(name);
+            }
+}
+
 void add_declared(const Shot& shot, DialList& list) {
     std::vector<std::string> done(known_sweeps.begin(), known_sweeps.end());
     for (const Item& item : shot.description.procedurals)
-        for (const ItemSchema& schema : shot.plugins->schema.procedurals)
+        for (const ItemSchema& schema : shot.plugins->schema.procedurals) {
+            if (schema.type != item.type) continue;
             for (const ParamSpec& spec : schema.params) {
-                if (schema.type != item.type || spec.sweep.empty() ||
-                    std::ranges::find(done, spec.name) != done.end())
-                    continue;
-                list.dials.push_back(declared(shot, spec));
+                if (spec.sweep.empty() || std::ranges::find(done, spec.name) != done.end()) continue;
+                list.dials.push_back(declared(spec, spec.name, [&](const std::string& value) {
+                    return in_all_grooms(shot, spec.name, value);
+                }));
                 done.push_back(spec.name);
             }
+            add_declared_of_lists(shot, schema, done, list);
+        }
 }
 
 } // namespace
 
 double seconds_of(const Dial& dial, const FrameStats& stats) {
     if (dial.time == "trace") return stats.trace;
-    if (dial.time == "terrain") return stats.build.terrain;
+    if (dial.time == "terrain" || dial.time == "view") return stats.build.terrain;
     const double strands = strand_seconds(stats.build.report);
     if (dial.time == "strands") return strands;
     if (dial.time == "strands and BVH") return strands + stats.build.curves_bvh;
@@ -407,7 +468,10 @@ DialList dials_of(const Shot& shot) {
         list.dials.push_back(octaves(shot, int(own)));
     else if (strands)
         leave_out("octaves: the noise has one octave, or not the same number in all grooms");
-    if (strands) add_declared(shot, list);
+    add_declared(shot, list);
+    if (std::ranges::any_of(shot.geometry.procedurals,
+                            [](const auto& procedural) { return procedural->has_view(); }))
+        list.dials.push_back(view_detail(shot));
     list.dials.push_back(samples(shot));
     return list;
 }

@@ -26,6 +26,7 @@ enum class DialError {
     pose,    // CVs, as shares of the strand's length
     motion,  // CVs over the shutter, in pixels of the film
     surface, // heights of the meshes that procedurals make, in metres
+    view,    // the same of the meshes that the camera sees in their place, in pixels at their distance
     image    // pixels, relative to the reference's mean
 };
 

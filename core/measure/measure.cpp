@@ -5,6 +5,7 @@
 #include "core/measure/measure.h"
 
 #include "core/geometry/curve_compare.h"
+#include "core/geometry/hit.h"
 #include "core/math/clock.h"
 #include "core/shot/scene_camera.h"
 #include "core/shot/settings.h"
@@ -12,6 +13,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 namespace marram {
 namespace {
@@ -37,7 +40,8 @@ struct Session {
 World build(Shot& shot, const Dial& dial, const Session& session, FrameStats& stats) {
     BuildSettings settings = build_settings(shot, session.frame);
     if (dial.error != DialError::motion) settings.shutter_open = settings.shutter_close = 0.0;
-    settings.curves_bvh = dial.time == "strands and BVH" || dial.error == DialError::image;
+    settings.curves_bvh = dial.time == "strands and BVH" || dial.error == DialError::image ||
+                          dial.error == DialError::view; // rays are traced
     settings.attributes =
         dial.error == DialError::image ? wanted_attributes(shot, {}) : std::vector<std::string>{};
     BuildProgress progress;
@@ -149,6 +153,40 @@ void compare_surfaces(const World& world, const World& reference, SettingResult&
                 count += 1.0;
                 result.worst = std::max(result.worst, gap);
             }
+    }
+    result.error = count > 0.0 ? std::sqrt(squares / count) : 0.0;
+}
+
+// The height of a mesh below a point; NaN where it has none there.
+double height_below(const World& world, uint32_t mesh, const Vec3f& from) {
+    Ray ray{from, -Vec3f::UnitY()};
+    SurfacePoint point;
+    while (intersect(world, ray, point, false)) {
+        if (point.geometry == mesh) return point.position.y();
+        // Another mesh is above it: on from there.
+        ray.tnear = std::nextafter(from.y() - float(point.position.y()), std::numeric_limits<float>::max());
+    }
+    return std::numeric_limits<double>::quiet_NaN();
+}
+
+// What the camera sees of terrains, at the vertices that it sees of the reference's: heights, in pixels at their distance.
+void compare_views(const Shot& shot, const World& world, const World& reference, const Session& session,
+                   SettingResult& result) {
+    const View view = build_settings(shot, session.frame).view;
+    double squares = 0.0, count = 0.0;
+    for (const auto& [id, growth] : reference.growth_surfaces) {
+        const MeshGeometry& exact = reference.meshes[id];
+        const float above = reference.bounds.max().y() + 1.0F;
+        for (const Vec3f& vertex : exact.positions[0]) {
+            const Vec3d way = vertex.cast<double>() - view.position;
+            if (way.dot(view.forward) < view.cosine * way.norm()) continue; // outside the film
+            const double height = height_below(world, id, {vertex.x(), above, vertex.z()});
+            if (std::isnan(height)) continue; // on the very border
+            const double gap = std::abs(height - double(vertex.y())) / (view.pixel_angle * way.norm());
+            squares += gap * gap;
+            count += 1.0;
+            result.worst = std::max(result.worst, gap);
+        }
     }
     result.error = count > 0.0 ? std::sqrt(squares / count) : 0.0;
 }
@@ -276,6 +314,8 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
         const World& made = i == dial.reference ? reference : world;
         if (dial.error == DialError::surface)
             compare_surfaces(made, reference, setting);
+        else if (dial.error == DialError::view)
+            compare_views(scenes[i], made, reference, session, setting);
         else
             compare_strands(dial, scenes[i], made, reference, session, setting);
     }

@@ -37,6 +37,8 @@ std::string error_name(const Dial& dial) {
         return "error, pixels (99 strands in 100 stay below)";
     case DialError::surface:
         return "error, metres of height (rms)";
+    case DialError::view:
+        return "error, pixels (rms)";
     default:
         return "error, relative to the mean (rms)";
     }
@@ -232,7 +234,8 @@ void mark_front(DialResult& result) {
 }
 
 std::string error_unit(DialError error) {
-    return error == DialError::motion ? "px" : error == DialError::surface ? "m" : "1";
+    if (error == DialError::motion || error == DialError::view) return "px";
+    return error == DialError::surface ? "m" : "1";
 }
 
 std::string to_table(const Measurement& m) {

@@ -69,9 +69,10 @@ struct RenderContext {
     CameraRays camera;
     FilterSampler filter;
     Material fallback;
-    std::vector<const AttributeValues*> tints;  // [geometry ID]
-    std::vector<const AttributeValues*> ids;    // [geometry ID] or nullptr: each strand's own number
-    std::vector<const AttributeValues*> layers; // [geometry ID * film layers + layer]
+    std::vector<const AttributeValues*> tints; // [geometry ID]
+    std::vector<const AttributeValues*> ids;   // [geometry ID] or nullptr: each strand's own number
+    std::vector<std::array<const AttributeValues*, 2>> ripples; // [geometry ID] of meshes: both or none
+    std::vector<const AttributeValues*> layers;                 // [geometry ID * film layers + layer]
     bool moves;
     float pixel_angle; // radians
     bool wants_albedo = false;
@@ -109,7 +110,13 @@ void find_attributes(RenderContext& context, const Film& film) {
             context.layers.push_back(
                 layer.kind == LayerKind::attribute ? find_attribute(attributes, layer.name) : nullptr);
     };
-    for (const MeshGeometry& mesh : context.world.meshes) add(mesh.attributes, mesh.material);
+    for (const MeshGeometry& mesh : context.world.meshes) {
+        add(mesh.attributes, mesh.material);
+        context.ripples.push_back({find_attribute(mesh.attributes, ripple_attributes[0]),
+                                   find_attribute(mesh.attributes, ripple_attributes[1])});
+        for (const AttributeValues* attribute : context.ripples.back())
+            if (!attribute || attribute->components != 4) context.ripples.back() = {};
+    }
     for (const CurveGeometry& curves : context.world.curves) add(curves.attributes, curves.material);
 }
 
@@ -157,6 +164,14 @@ float tint_at(const RenderContext& context, const Material& material, const Surf
     return tint->discrete ? unit_float(mix32(std::bit_cast<uint32_t>(value))) : value;
 }
 
+SurfaceRipples ripples_at(const RenderContext& context, const SurfacePoint& at) {
+    SurfaceRipples ripples;
+    const auto& [own, wave] = context.ripples[at.geometry];
+    if (!own) return ripples;
+    const std::array<float, 4> a = value_at(context, *own, at), b = value_at(context, *wave, at);
+    return {{a[0], a[1]}, a[2], a[3], b[0], b[1], b[2], b[3]};
+}
+
 // Converts a width along a triangle to uv space.
 float uv_width(const RenderContext& context, const SurfacePoint& at, float width) {
     const MeshGeometry& mesh = context.world.meshes[at.geometry];
@@ -183,6 +198,7 @@ ShadingPoint shading_point(const RenderContext& context, const Material& materia
     point.footprint = width;
     point.tint = tint_at(context, material, at);
     if (!point.fibre) {
+        if (std::holds_alternative<SandSettings>(material.settings)) point.ripples = ripples_at(context, at);
         // Along the surface it is longer by the cosine one way: a square of the same area.
         const float onto = std::max(std::abs(at.geometric_normal.dot(wo)), 0.01F);
         point.uv_width = uv_width(context, at, width / std::sqrt(onto));
@@ -553,6 +569,7 @@ RenderStats render(const World& world, const Lights& lights, std::span<const Mat
                           settings,
                           CameraRays(camera, film.width, film.height),
                           FilterSampler(settings.filter),
+                          {},
                           {},
                           {},
                           {},

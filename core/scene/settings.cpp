@@ -2,8 +2,11 @@
 #include "core/scene/parse.h"
 #include "core/scene/suggest.h"
 
-#include <algorithm>
 #include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <optional>
 
 namespace marram {
 namespace {
@@ -34,33 +37,101 @@ toml::table parse_value(std::string_view text, const std::string& source) {
     return {};
 }
 
-// The tables on the way to the last part are found, or made where there are none; then the value is put in.
-void put(toml::table& root, std::span<const std::string> path, toml::node&& value, const std::string& source,
-         std::string address, Reading& reading) {
-    toml::table* table = &root;
-    for (size_t i = 0; i + 1 < path.size(); ++i) {
-        address += (address.empty() ? "" : ".") + path[i];
-        toml::node* next = table->get(path[i]);
-        if (!next) {
-            // Made by the parser rather than by hand, so that it has a place to be named in messages.
-            toml::table made = parse_value("{}", source);
-            toml::table& empty = *made.get("value")->as_table();
-            next =
-                &table->insert_or_assign(toml::key(path[i], empty.source()), std::move(empty)).first->second;
+// One step into the tree: a key of a table or, with a number, an element of a list.
+struct Step {
+    std::string key;
+    std::optional<size_t> element;
+};
+
+// "layer[2].mask" as steps: layer, [2], mask. Nothing where it is no address.
+std::vector<Step> steps_of(const std::string& address) {
+    std::vector<Step> steps;
+    for (const std::string& part : split(address, '.')) {
+        const size_t bracket = std::min(part.find('['), part.size());
+        if (bracket == 0) return {};
+        steps.push_back({part.substr(0, bracket), {}});
+        for (size_t at = bracket; at < part.size();) {
+            const size_t end = part.find(']', at);
+            size_t number = 0;
+            const char *first = part.data() + at + 1, *last = part.data() + std::min(end, part.size());
+            const auto [stop, error] = std::from_chars(first, last, number);
+            if (part[at] != '[' || end == std::string::npos || error != std::errc() || stop != last)
+                return {};
+            steps.push_back({{}, number});
+            at = end + 1;
         }
-        if (!next->is_table()) {
-            reading.report({source, 0, 0}, fmt::format("{} is no table", clean(address)),
-                           "set it as a whole");
+    }
+    return steps;
+}
+
+// The element of a list, or nothing, which is reported.
+toml::node* element_of(toml::node& node, size_t element, const std::string& source,
+                       const std::string& address, Reading& reading) {
+    toml::array* list = node.as_array();
+    if (!list)
+        reading.report({source, 0, 0}, fmt::format("{} is no list", clean(address)),
+                       "leave out the number in brackets");
+    else if (element >= list->size())
+        reading.report(
+            {source, 0, 0},
+            fmt::format("{} has {} elements, there is no [{}]", clean(address), list->size(), element),
+            list->empty() ? "set the list as a whole" : fmt::format("give 0 to {}", list->size() - 1));
+    else
+        return list->get(element);
+    return nullptr;
+}
+
+// Made by the parser rather than by hand, so that it has a place to be named in messages.
+toml::node* make_table(toml::table& in, const std::string& key, const std::string& source) {
+    toml::table made = parse_value("{}", source);
+    toml::table& empty = *made.get("value")->as_table();
+    return &in.insert_or_assign(toml::key(key, empty.source()), std::move(empty)).first->second;
+}
+
+// The tables and lists on the way to the last step are found, tables made where there are none; then the value is put in.
+void put(toml::table& root, std::span<const Step> steps, toml::node&& value, const std::string& source,
+         std::string address, Reading& reading) {
+    toml::node* node = &root;
+    for (size_t i = 0; i < steps.size(); ++i) {
+        const Step& step = steps[i];
+        const bool last = i + 1 == steps.size();
+        if (step.element) {
+            toml::node* element = element_of(*node, *step.element, source, address, reading);
+            if (!element) return;
+            address += fmt::format("[{}]", *step.element);
+            if (last) {
+                toml::array& list = *node->as_array();
+                const auto at = list.begin() + std::ptrdiff_t(*step.element);
+                std::move(value).visit([&](auto&& own) {
+                    using Node = std::remove_cvref_t<decltype(own)>;
+                    list.insert(list.erase(at), Node(std::move(own)));
+                });
+            }
+            node = element;
+            continue;
+        }
+        toml::table* table = node->as_table();
+        if (!table) {
+            reading.report(
+                {source, 0, 0}, fmt::format("{} is no table", clean(address)),
+                node->is_array()
+                    ? fmt::format("write {}[0] for its first element, or set it as a whole", clean(address))
+                    : "set it as a whole");
             return;
         }
-        table = next->as_table();
+        address += (address.empty() ? "" : ".") + step.key;
+        if (last) {
+            const toml::key key(step.key, value.source());
+            table->erase(step.key); // so that the key's place is the setting as well
+            std::move(value).visit([&](auto&& own) {
+                using Node = std::remove_cvref_t<decltype(own)>;
+                table->insert_or_assign(key, Node(std::move(own)));
+            });
+            return;
+        }
+        node = table->get(step.key);
+        if (!node) node = make_table(*table, step.key, source);
     }
-    const toml::key key(path.back(), value.source());
-    table->erase(path.back()); // so that the key's place is the setting as well
-    std::move(value).visit([&](auto&& node) {
-        using Node = std::remove_cvref_t<decltype(node)>;
-        table->insert_or_assign(key, Node(std::move(node)));
-    });
 }
 
 // The named thing that `rest` ("hill.file") begins with; names may hold dots, the longest that fits is meant.
@@ -98,7 +169,7 @@ struct Target {
 Target find_target(toml::table& root, const std::string& address, const std::string& source,
                    Reading& reading) {
     const std::string kind = address.substr(0, address.find('.'));
-    if (kind != "light" && kind != "material" && kind != "mesh" && kind != "procedural")
+    if (kind != "light" && kind != "material" && kind != "mesh" && kind != "curves" && kind != "procedural")
         return {&root, "", address};
     const std::string rest = address.substr(std::min(kind.size() + 1, address.size()));
     std::vector<std::string> names;
@@ -127,13 +198,13 @@ void apply(toml::table& root, const std::string& setting, Reading& reading) {
 
     const Target target = find_target(root, trim(setting.substr(0, equals)), source, reading);
     if (!target.table) return;
-    const std::vector<std::string> path = split(target.key, '.');
-    const bool gap =
-        std::any_of(path.begin(), path.end(), [](const std::string& part) { return part.empty(); });
-    if (path.empty() || gap || path.size() > most_parts)
+    const std::vector<Step> steps = steps_of(target.key);
+    const bool gap = std::any_of(steps.begin(), steps.end(),
+                                 [](const Step& step) { return step.key.empty() && !step.element; });
+    if (steps.empty() || gap || steps.size() > most_parts)
         return reading.report({source, 0, 0},
                               fmt::format("{} is no key", in_quotes(setting.substr(0, equals))), example);
-    put(*target.table, path, std::move(*value.get("value")), source, target.owner, reading);
+    put(*target.table, steps, std::move(*value.get("value")), source, target.owner, reading);
 }
 
 } // namespace

@@ -96,6 +96,8 @@ std::vector<std::string> wanted_attributes(const Shot& shot, const std::vector<s
         if (!material.tint.empty()) names.push_back(material.tint);
         if (const auto* blend = std::get_if<BlendSettings>(&material.settings))
             names.push_back(blend->attribute);
+        if (std::holds_alternative<SandSettings>(material.settings))
+            names.insert(names.end(), ripple_attributes.begin(), ripple_attributes.end());
     }
     names.emplace_back("id"); // strands differ by it, whatever grows beside them
     std::ranges::sort(names);

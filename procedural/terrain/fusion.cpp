@@ -35,7 +35,7 @@
 // of one core. A face of steep rock that runs obliquely to the grid settles slowest: 800 sweeps for 512^2 samples. 16 bytes a sample, and a third of it for the coarser grids.
 #include "procedural/terrain/fusion.h"
 
-#include "procedural/simd.h"
+#include "core/math/simd.h"
 
 #include <tbb/parallel_for.h>
 

@@ -600,6 +600,9 @@ std::unique_ptr<Layer> make_lattice(const LayerContext& context) {
     const auto target =
         values.text("target") == "sand" ? LatticeLayer::Target::sand : LatticeLayer::Target::bedrock;
     const std::vector<std::string> masks = lattice_masks(values);
+    if (values.has("masks") && masks.empty())
+        throw SceneFault("terrain.no_mask", values.place("masks"), "masks names none",
+                         "name masks of earlier layers, separated by commas, or leave it out");
     for (const std::string& name : masks)
         if (std::find(context.masks.begin(), context.masks.end(), name) == context.masks.end())
             throw SceneFault("terrain.no_mask", values.place("masks"),

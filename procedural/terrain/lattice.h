@@ -2,7 +2,7 @@
 // Lattice: a drawn net of points bends the terrain below it. The page of the model is in lattice.cpp.
 #pragma once
 
-#include "procedural/simd.h"
+#include "core/math/simd.h"
 #include "procedural/terrain/layer_types.h"
 
 #include <optional>

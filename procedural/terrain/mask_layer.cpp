@@ -53,7 +53,7 @@ double distance_to_segment(const Vec2d& p, const CurveSegment& s) {
 
 // The names of a terrain's own attributes and grids, and what cannot be listed with commas between, are taken.
 void check_mask_name(const std::string& name, const std::string& place) {
-    for (const char* taken : {"sand", "slope", "height", "bedrock"})
+    for (const char* taken : {"sand", "slope", "height", "bedrock", "ripples", "ripple_wave"})
         if (name == taken)
             throw SceneFault("terrain.mask_name", place,
                              "'" + name + "' is what every terrain hands out itself",

@@ -39,7 +39,7 @@
 // take 1.6 times as long; the rest of the time is that of the vertices that come to it.
 #include "procedural/terrain/mesher.h"
 
-#include "procedural/simd.h"
+#include "core/math/simd.h"
 
 #include <tbb/blocked_range.h>
 #include <tbb/enumerable_thread_specific.h>

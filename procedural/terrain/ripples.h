@@ -1,53 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Wind ripples as displacement. The page of the model is in ripples.cpp.
+// Wind ripples on the sand of a terrain. The page of the layer is in ripples.cpp, that of the model in core/math/ripples.cpp.
 #pragma once
 
-#include "procedural/simd.h"
+#include "core/math/ripples.h"
 #include "procedural/terrain/layer_types.h"
 
 #include <cstdint>
 
 namespace marram {
 
-struct RippleSettings {
-    double wavelength = 0.11;      // metres from crest to crest, along the surface
-    double height = 0.008;         // metres from trough to crest, at right angles to the surface
-    double repose = 34.0 * degree; // radians, between 0 and pi / 2
-    uint64_t seed = 0;
-};
-
-// Across the crests and downwind, on a surface of that gradient (dh/dx, dh/dz): x and z of a unit vector
-// that lies in the surface. The wind (x, z; any length) is deflected towards the line of fall. 0 where
-// there is no wind.
-Vec2d ripple_direction(const Vec2d& wind, const Vec2d& gradient, double repose);
-
-// Share of their height that ripples have on a slope: 1 up to 26 degrees, 0 from 30 degrees on.
-double ripples_on_slope(const Vec2d& gradient);
-
-// What is known of a point of the surface.
-struct RipplePoint {
-    Vec2d at = Vec2d::Zero();       // x, z
-    Vec2d wind = Vec2d::UnitX();    // where it goes to; any length, 0: no ripples
-    Vec2d gradient = Vec2d::Zero(); // of the surface without ripples, smooth over three wavelengths
-    double strength = 1.0;          // share of the height: shelter, masks
-};
-
-class RippleField {
-  public:
-    explicit RippleField(const RippleSettings& settings);
-
-    const RippleSettings& settings() const { return settings_; }
-    // Metres along the surface's normal, within half the height up and down.
-    double displacement(const RipplePoint& point) const;
-    // The same bits, for many. Nothing is allocated.
-    void displacements(std::span<const RipplePoint> points, std::span<double> metres) const;
-
-  private:
-    RippleSettings settings_;
-    uint32_t seed_;
-};
-
-// Ripples on the sand of a grid that resolves them.
+// Ripples on the sand: of a grid that resolves them in its heights, else carried by the render mesh and by shaders.
 class RipplesLayer : public Layer {
   public:
     struct Settings {
@@ -55,6 +17,8 @@ class RipplesLayer : public Layer {
         Vec2d wind = Vec2d::UnitX();
         double shelter_reach = 30.0; // metres upwind in which crests shelter
         std::string mask;            // "": none
+        double displaced =
+            2.0; // pixels: how high on the film ripples are where displacement ends; 0: shading only
     };
     RipplesLayer(const Settings& settings, const Domain& domain);
 
@@ -65,9 +29,21 @@ class RipplesLayer : public Layer {
     double reach() const override;
     void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override;
 
+    // What ripples need to know of a sample where the grid does not hold them.
+    struct Carried {
+        Vec2f gradient = Vec2f::Zero(); // of the smooth surface
+        float strength = 0.0F;          // share of their height: sand, mask, shelter
+    };
+    // For each of `samples`, of all where there are none of them, on a finished terrain.
+    void carried(const Fields& terrain, std::span<const uint32_t> samples, std::span<Carried> out) const;
+    bool resolved() const { return resolved(settings_.ripples, domain_); }
+    const Settings& settings() const { return settings_; }
+    const RippleField& field() const { return field_; }
+
   private:
     struct Surface;
-    double shelter(const Fields& below, int i, int j) const;
+    double strength(const Fields& below, const float* mask, const Vec2d& gradient, int i, int j) const;
+    double shelter(const Fields& below, const Vec2d& gradient, int i, int j) const;
 
     Settings settings_;
     Domain domain_;

@@ -31,7 +31,7 @@
 
 #include "core/math/clock.h"
 #include "procedural/border.h"
-#include "procedural/terrain/terrain_instance.h"
+#include "procedural/terrain/surface.h"
 #include "procedural/wind/wind.h"
 
 #include <fmt/format.h>
@@ -54,7 +54,8 @@ MarramStatus guarded_terrain(const MarramHost& host, Body&& body) {
 const std::vector<MarramParam>& terrain_params() {
     static const std::vector<MarramParam> params = [] {
         std::vector<MarramParam> list = {
-            {"size", MARRAM_VEC2, "m", "[100, 100]", 1e-3, 1e6, "", "extent in x and z"},
+            {"size", MARRAM_VEC2, "m", "[100, 100]", 1e-3, 1e6, "",
+             "extent in x and z, rounded to whole cells"},
             {"center", MARRAM_VEC2, "m", "[0, 0]", -1e7, 1e7, "", "x and z of its middle"},
             {"cell", MARRAM_NUMBER, "m", "0.5", 1e-4, 1e4, "", "from sample to sample", "2|1|0.5|0.25|0.125",
              "seconds.terrain"},
@@ -68,18 +69,6 @@ const std::vector<MarramParam>& terrain_params() {
         return list;
     }();
     return params;
-}
-
-constexpr size_t own_attributes = 2; // before the masks
-constexpr std::array attribute_help = {"thickness of the sand, m", "steepness, deg", "a mask of its layers"};
-
-void declare_attributes(TerrainInstance& instance, const Values& values) {
-    instance.attribute_names = {"sand", "slope"};
-    for (std::string& name : mask_names(values)) instance.attribute_names.push_back(std::move(name));
-    instance.attributes.clear();
-    for (size_t a = 0; a < instance.attribute_names.size(); ++a)
-        instance.attributes.push_back({instance.attribute_names[a].c_str(), 1, MARRAM_PER_VERTEX, 0,
-                                       attribute_help[std::min(a, own_attributes)], nullptr, 0});
 }
 
 // Takes over checked values; nothing is changed where they make no sense.
@@ -147,74 +136,6 @@ void find_heights(TerrainInstance& instance) {
     });
 }
 
-// Of the height along x and z, from central differences (one-sided at the border).
-Vec2d gradient_at(const TerrainInstance& instance, int i, int j) {
-    const Domain& d = instance.domain;
-    const auto rise = [&](int i0, int j0, int i1, int j1) {
-        return (double(instance.heights[d.index(i1, j1)]) - double(instance.heights[d.index(i0, j0)])) /
-               (((i1 - i0) + (j1 - j0)) * d.cell);
-    };
-    return {rise(std::max(i - 1, 0), j, std::min(i + 1, d.nx - 1), j),
-            rise(i, std::max(j - 1, 0), i, std::min(j + 1, d.nz - 1))};
-}
-
-double slope_at(const TerrainInstance& instance, int i, int j) { // degrees
-    return std::atan(gradient_at(instance, i, j).norm()) / degree;
-}
-
-// The mask that an attribute is: of two of one name the later one.
-std::vector<const float*> mask_values(const TerrainInstance& instance, const Fields& fields) {
-    std::vector<const float*> values;
-    for (size_t a = own_attributes; a < instance.attribute_names.size(); ++a) {
-        const float* found = nullptr;
-        for (const MaskView& mask : fields.masks)
-            if (mask.name == instance.attribute_names[a]) found = mask.values;
-        values.push_back(found);
-    }
-    return values;
-}
-
-// Values of samples: of all of them where `samples` is empty, in their order.
-void write_terrain_attribute(const TerrainInstance& instance, uint32_t attribute,
-                             std::span<const uint32_t> samples, float* out) {
-    const Fields fields = instance.stack->fields();
-    const float* mask =
-        attribute < own_attributes ? nullptr : mask_values(instance, fields)[attribute - own_attributes];
-    const auto value = [&](size_t sample) {
-        if (mask) return mask[sample];
-        const int i = int(sample % size_t(instance.domain.nx)), j = int(sample / size_t(instance.domain.nx));
-        return attribute == 0 ? float(sand_metres(fields.sand[sample])) : float(slope_at(instance, i, j));
-    };
-    const size_t count = samples.empty() ? instance.domain.count() : samples.size();
-    tbb::parallel_for(tbb::blocked_range<size_t>(0, count, 4096), [&](const auto& range) {
-        for (size_t k = range.begin(); k < range.end(); ++k) out[k] = value(samples.empty() ? k : samples[k]);
-    });
-}
-
-// The vertices of samples: of all where `samples` is empty. normals, uvs: NULL where they are not wanted.
-void write_vertices(const TerrainInstance& instance, std::span<const uint32_t> samples, float* positions,
-                    float* normals, float* uvs) {
-    const Domain& d = instance.domain;
-    const size_t count = samples.empty() ? d.count() : samples.size();
-    tbb::parallel_for(tbb::blocked_range<size_t>(0, count, 4096), [&](const auto& range) {
-        for (size_t k = range.begin(); k < range.end(); ++k) {
-            const size_t sample = samples.empty() ? k : samples[k];
-            const int i = int(sample % size_t(d.nx)), j = int(sample / size_t(d.nx));
-            positions[3 * k] = float(d.x(i));
-            positions[3 * k + 1] = instance.heights[sample];
-            positions[3 * k + 2] = float(d.z(j));
-            if (normals) {
-                const Vec2d gradient = gradient_at(instance, i, j);
-                const Vec3f n = Vec3d(-gradient.x(), 1.0, -gradient.y()).normalized().cast<float>();
-                std::copy_n(n.data(), 3, normals + 3 * k);
-            }
-            if (!uvs) continue;
-            uvs[2 * k] = float(double(i) / (d.nx - 1));
-            uvs[2 * k + 1] = float(1.0 - double(j) / (d.nz - 1));
-        }
-    });
-}
-
 // Two triangles a cell, cut along the diagonal whose ends differ less in height: ridges and valleys stay whole.
 void write_triangles(const TerrainInstance& instance, uint32_t* triangles) {
     const Domain& d = instance.domain;
@@ -252,9 +173,9 @@ void list_grids(TerrainInstance& instance) {
     const Fields fields = instance.stack->fields();
     const Domain& d = instance.domain;
     instance.grid_values.assign(1, std::vector<float>(d.count()));
-    write_terrain_attribute(instance, 0, {}, instance.grid_values[0].data());
+    write_attribute(instance, 0, {}, instance.grid_values[0].data());
     instance.grid_names = {"height", "bedrock", "sand"};
-    for (size_t a = own_attributes; a < instance.attribute_names.size(); ++a)
+    for (size_t a = 2; a < first_ripples_attribute(instance); ++a) // masks
         instance.grid_names.push_back(instance.attribute_names[a]);
     std::vector<const float*> values = {instance.heights.data(), fields.bedrock,
                                         instance.grid_values[0].data()};
@@ -262,6 +183,20 @@ void list_grids(TerrainInstance& instance) {
     instance.grids.clear();
     for (size_t g = 0; g < values.size(); ++g)
         instance.grids.push_back(grid_of(d, instance.grid_names[g], values[g]));
+}
+
+// The layers up to date with the frame. false: cancelled.
+bool evaluate_layers(TerrainInstance& instance, const MarramFrame& frame,
+                     std::span<const MarramMesh> meshes) {
+    try {
+        set_layers(instance, frame, meshes);
+        return instance.stack->evaluate([&] { return instance.host.cancelled(instance.host.user) != 0; });
+    } catch (const std::bad_alloc&) {
+        throw SceneFault("terrain.memory", Values(instance.values.all()).at("cell").place,
+                         fmt::format("{} layers of {} x {} samples do not fit into memory",
+                                     instance.stack->work().size(), instance.domain.nx, instance.domain.nz),
+                         "make cell larger or size smaller");
+    }
 }
 
 MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, MarramOutput* out) {
@@ -272,9 +207,7 @@ MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, Mar
         std::vector<MarramMesh> meshes;
         const MarramFrame frame = borrowed_frame(given, meshes);
         const double begin = wall_seconds();
-        set_layers(instance, frame, meshes);
-        if (!instance.stack->evaluate([&] { return instance.host.cancelled(instance.host.user) != 0; }))
-            return MARRAM_CANCELLED;
+        if (!evaluate_layers(instance, frame, meshes)) return MARRAM_CANCELLED;
         find_heights(instance);
         instance.seconds = wall_seconds() - begin;
         const Domain& d = instance.domain;
@@ -290,22 +223,6 @@ MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, Mar
     });
 }
 
-void check_mesh_buffers(const TerrainInstance& instance, const MarramMeshBuffers* buffers) {
-    if (!instance.begun) throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
-    bool there = buffers && buffers->positions && buffers->positions[0] && buffers->triangles &&
-                 (buffers->attribute_count == 0 || (buffers->attributes && buffers->attribute_values));
-    for (uint32_t a = 0; there && a < buffers->attribute_count; ++a) {
-        if (buffers->attributes[a] >= instance.attributes.size())
-            throw SceneFault("contract.attribute_range", "",
-                             "there is no attribute " + std::to_string(buffers->attributes[a]),
-                             "ask for 0 to " + std::to_string(instance.attributes.size() - 1));
-        there = buffers->attribute_values[a] != nullptr;
-    }
-    if (!there)
-        throw SceneFault("contract.null_buffer", "", "a buffer is NULL",
-                         "give positions, triangles, and values for each attribute that is asked for");
-}
-
 MarramStatus mesh_terrain(MarramInstance* opaque, MarramMeshBuffers* buffers) {
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
@@ -313,7 +230,7 @@ MarramStatus mesh_terrain(MarramInstance* opaque, MarramMeshBuffers* buffers) {
         write_vertices(instance, {}, buffers->positions[0], nullptr, buffers->uvs);
         write_triangles(instance, buffers->triangles);
         for (uint32_t a = 0; a < buffers->attribute_count; ++a)
-            write_terrain_attribute(instance, buffers->attributes[a], {}, buffers->attribute_values[a]);
+            write_attribute(instance, buffers->attributes[a], {}, buffers->attribute_values[a]);
         list_grids(instance);
         buffers->grids = instance.grids.data();
         buffers->grid_count = uint32_t(instance.grids.size());
@@ -324,13 +241,6 @@ MarramStatus mesh_terrain(MarramInstance* opaque, MarramMeshBuffers* buffers) {
 
 // ---- the render mesh: what the camera sees of it ----
 
-// The smallest angle that a pixel of a pinhole camera spans: the one in the corner.
-double smallest_pixel(const MarramView& view) {
-    const double up = std::tan(0.5 * view.fov), pixel = 2.0 * up / view.height;
-    const double across = up * view.width / view.height;
-    return pixel / (1.0 + up * up + across * across);
-}
-
 MarramStatus begin_view_of_terrain(MarramInstance* opaque, const MarramView* given, MarramOutput* out) {
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
@@ -338,27 +248,7 @@ MarramStatus begin_view_of_terrain(MarramInstance* opaque, const MarramView* giv
             throw SceneFault("contract.null_view", "", "the view or the output is NULL", "pass both");
         if (!instance.begun)
             throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
-        const MarramView view = known_part(given);
-        MeshTolerance tolerance;
-        tolerance.metres = view.tolerance;
-        // Shading on level ground errs by this over the tangent of the sun's height: 3.5 % at 30 degrees.
-        constexpr double slope = 0.02;
-        tolerance.gradient = slope;
-        if (!(view.tolerance > 0.0)) {
-            constexpr double half = 0.5; // a pixel
-            tolerance.pixels = view.tolerance_pixels > 0.0 ? view.tolerance_pixels : half;
-            tolerance.pixel_angle = smallest_pixel(view);
-            for (uint32_t t = 0; t < view.time_count; ++t)
-                tolerance.cameras.emplace_back(view.positions + 3 * t);
-        }
-        instance.seen = mesh_terrain(instance.domain, instance.heights.data(), tolerance);
-        MarramOutput output{};
-        output.kind = MARRAM_MESH;
-        output.time_count = 1;
-        output.vertex_count = uint32_t(instance.seen.samples.size());
-        output.triangle_count = uint32_t(instance.seen.triangles.size() / 3);
-        output.has_uvs = output.has_normals = 1;
-        fill_known_part(output, out);
+        fill_known_part(begin_view(instance, known_part(given)), out);
         return MARRAM_OK;
     });
 }
@@ -367,14 +257,7 @@ MarramStatus view_mesh_of_terrain(MarramInstance* opaque, MarramMeshBuffers* buf
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         check_mesh_buffers(instance, buffers);
-        const RenderMesh& seen = instance.seen;
-        float* normals = MARRAM_HAS(buffers, normals) && buffers->normals ? buffers->normals[0] : nullptr;
-        write_vertices(instance, seen.samples, buffers->positions[0], normals, buffers->uvs);
-        std::copy(seen.triangles.begin(), seen.triangles.end(), buffers->triangles);
-        for (uint32_t a = 0; a < buffers->attribute_count; ++a)
-            write_terrain_attribute(instance, buffers->attributes[a], seen.samples,
-                                    buffers->attribute_values[a]);
-        instance.seen = {};
+        write_view(instance, *buffers);
         return MARRAM_OK;
     });
 }

@@ -2,8 +2,8 @@
 // One terrain between create and destroy.
 #pragma once
 
+#include "procedural/terrain/dicing.h"
 #include "procedural/terrain/layer_types.h"
-#include "procedural/terrain/mesher.h"
 #include "procedural/terrain/stack.h"
 #include "procedural/terrain/stored_values.h"
 
@@ -13,6 +13,13 @@
 
 namespace marram {
 
+// The render mesh between begin_view() and view_mesh().
+struct SeenTerrain {
+    std::vector<uint32_t> samples; // of its first vertices
+    DicedMesh mesh;
+    DisplacedRegion region; // reach 0: nothing is displaced
+};
+
 struct TerrainInstance {
     MarramHost host{};
     StoredValues values;
@@ -20,7 +27,7 @@ struct TerrainInstance {
     Domain domain;
     std::unique_ptr<Stack> stack;
     std::vector<float> heights; // of the growth surface
-    RenderMesh seen;            // between begin_view() and view_mesh()
+    SeenTerrain seen;
     bool begun = false;
     double seconds = 0.0; // of the last begin()
 

@@ -17,7 +17,7 @@
 
 #include "core/math/vec.h"
 #include "core/plugin/marram_plugin.h"
-#include "procedural/simd.h"
+#include "core/math/simd.h"
 #include "procedural/wind/triangle_blocks.h"
 
 #include <Eigen/Geometry>

@@ -67,7 +67,7 @@
 // scalar evaluation to noise_reference.h: every test that goes through all types then covers it.
 #pragma once
 
-#include "procedural/simd.h"
+#include "core/math/simd.h"
 
 #include <cstdint>
 

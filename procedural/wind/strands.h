@@ -6,7 +6,7 @@
 #pragma once
 
 #include "core/math/vec.h"
-#include "procedural/simd.h"
+#include "core/math/simd.h"
 
 namespace marram {
 

@@ -3,7 +3,7 @@
 // million triangles.
 #include "procedural/wind/triangle_blocks.h"
 
-#include "procedural/simd.h"
+#include "core/math/simd.h"
 
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_reduce.h>

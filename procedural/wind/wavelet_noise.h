@@ -51,7 +51,7 @@
 #pragma once
 
 #include "core/math/hash.h"
-#include "procedural/simd.h"
+#include "core/math/simd.h"
 
 #include <cstdint>
 #include <cstring>

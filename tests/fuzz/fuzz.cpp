@@ -221,6 +221,98 @@ clump = { size = 0.2 }
 envelope = [[0, 0.5], [1, 1]]
 )";
 
+// A layer of each kind, and a groom on what they make.
+const std::string terrain_text = R"([camera]
+position = [0, 6, 14]
+target = [0, 0, 0]
+[film]
+size = [12, 8]
+samples = 1
+max_depth = 2
+[wind]
+direction = [1, 0, 0.2]
+[[light]]
+type = "sky"
+[[material]]
+name = "soil"
+type = "sand"
+[[mesh]]
+name = "wall"
+type = "box"
+size = [0.6, 2, 3]
+[[curves]]
+name = "ridge"
+type = "points"
+points = [[-8, 0, -3], [0, 0, 2], [8, 0, -2]]
+[[curves]]
+name = "ring"
+type = "points"
+points = [[-3, 0, -3], [3, 0, -3], [0, 0, 3]]
+closed = true
+[[procedural]]
+type = "terrain"
+name = "desert"
+material = "soil"
+size = [20, 16]
+center = [1, -1]
+cell = 0.5
+seed = 3
+[[procedural.layer]]
+type = "flat"
+target = "sand"
+height = 0.5
+[[procedural.layer]]
+type = "noise"
+kind = "ridged"
+amplitude = 1
+wavelength = 8
+octaves = 3
+[[procedural.layer]]
+type = "mask"
+name = "steep"
+by = "slope"
+ramp = [[5, 0], [20, 1]]
+[[procedural.layer]]
+type = "dune"
+name = "drawn"
+along = "ridge"
+max_height = 2
+slope_width = 6
+attributes = true
+combine = "smooth_maximum"
+smooth = 0.3
+[[procedural.layer]]
+type = "mass_desert"
+kind = "barchan"
+height = [0.5, 1]
+spacing = [4, 8]
+[[procedural.layer]]
+type = "ruin"
+mesh = "wall"
+[[procedural.layer]]
+type = "fusion"
+[[procedural.layer]]
+type = "mask"
+name = "near"
+by = "distance"
+along = "ring"
+ramp = [[0, 1], [3, 0]]
+mask = "steep"
+[[procedural.layer]]
+type = "ripples"
+wavelength = 0.2
+height = 0.02
+[[procedural]]
+type = "groom"
+name = "grass"
+on = "desert"
+count = 40
+density_by = [{ attribute = "near" }]
+length = 0.4
+width = 0.02
+cvs = 4
+)";
+
 const std::string plain_scene = R"([camera]
 position = [0, 1, 4]
 target = [0, 0, 0]
@@ -272,6 +364,11 @@ Command render(const fs::path& folder, std::vector<std::string> more = {}) {
 
 Command make_scene(const Seeds&, const fs::path& folder, Random& random) {
     write_file(folder / "a.toml", mutated(scene_text, true, random));
+    return render(folder);
+}
+
+Command make_terrain(const Seeds&, const fs::path& folder, Random& random) {
+    write_file(folder / "a.toml", mutated(terrain_text, true, random));
     return render(folder);
 }
 
@@ -421,8 +518,9 @@ struct Kind {
     const char* name;
     Maker make;
 };
-constexpr Kind kinds[] = {{"scene", make_scene}, {"mesh", make_mesh}, {"image", make_image},
-                          {"state", make_state}, {"set", make_set},   {"options", make_options}};
+constexpr Kind kinds[] = {{"scene", make_scene},    {"mesh", make_mesh}, {"image", make_image},
+                          {"state", make_state},    {"set", make_set},   {"options", make_options},
+                          {"terrain", make_terrain}};
 
 // ---- One case ----------------------------------------------------------------------------------------------------
 

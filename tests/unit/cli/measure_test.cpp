@@ -125,6 +125,69 @@ TEST(Measure, says_what_the_tolerance_chose_and_how_well_it_holds) {
     EXPECT_CONTAINS(read_file(folder / "report/measure.html"), "The tolerance, 0.5 pixels, chose");
 }
 
+// A desert without a strand: its cells, a layer's own dials, and what the camera sees of it.
+TEST(Measure, turns_the_dials_of_a_terrain) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", R"(tolerance_pixels = 1
+[camera]
+position = [-14, 5, 10]
+target = [0, 0, 0]
+[film]
+size = [64, 36]
+samples = 4
+max_depth = 2
+[[light]]
+type = "sky"
+[[material]]
+name = "soil"
+type = "sand"
+[[curves]]
+name = "ridge"
+type = "points"
+points = [[-9, 0, -3], [0, 0, 4], [9, 0, -2]]
+[[procedural]]
+type = "terrain"
+name = "desert"
+material = "soil"
+size = [32, 24]
+cell = 0.5
+[[procedural.layer]]
+type = "flat"
+target = "sand"
+height = 1
+[[procedural.layer]]
+type = "dune"
+along = "ridge"
+max_height = 2
+slope_width = 6
+[[procedural.layer]]
+type = "ripples"
+wavelength = 0.5
+height = 0.05
+)");
+    const ProgramResult done = marram({"measure", scene, "--out", folder / "report", "--seconds", "20"});
+    EXPECT_EQ(done.code, 0) << done.err;
+    const auto dials = rows_by_dial(read_file(folder / "report/measure.csv"));
+    for (const std::string name : {"cell", "dune.search_accuracy", "ripples.displaced", "view_detail"}) {
+        SCOPED_TRACE(name);
+        ASSERT_TRUE(dials.contains(name)) << done.out;
+        const std::vector<Row>& rows = dials.at(name);
+        for (size_t i = 0; i < rows.size(); ++i) {
+            EXPECT_EQ(rows[i].at("refused"), "") << rows[i].at("setting");
+            if (i > 0 && rows[i].at("setting") != "as it is") {
+                EXPECT_LE(number(rows[i], "error"), number(rows[i - 1], "error")) << rows[i].at("setting");
+            }
+        }
+        EXPECT_GT(number(rows[0], "error"), 0.0);
+    }
+    // What the scene allows holds: of the mesh that is seen, in pixels.
+    for (const Row& row : dials.at("view_detail"))
+        if (row.at("setting") == "1 px") {
+            EXPECT_LT(number(row, "error"), 1.0);
+            EXPECT_EQ(row.at("own"), "1");
+        }
+}
+
 TEST(Measure, says_what_it_leaves_out) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});

@@ -3,6 +3,7 @@
 #include "build_scene.h"
 
 #include "core/image/image.h"
+#include "core/math/ripples.h"
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -235,6 +236,74 @@ TEST(Terrain, GrassGrowsWhereAMaskSays) {
     ASSERT_GT(curves.curve_count, 100u);
     for (size_t c = 0; c < curves.curve_count; ++c) ASSERT_GT(cv(curves, 0, c, 0).y(), 1.0F);
     EXPECT_FALSE(made.values("dune.dist").empty());
+}
+
+// What the grid cannot hold, the camera sees all the same: near it crests are displaced, further away what is left is said to shaders, and the
+// two together are the ripples that were asked for. The surface that strands grow on does not know of the camera.
+TEST(Terrain, RipplesPassFromDisplacementToShading) {
+    const std::string text = desert(layer("flat", "target = \"sand\"\nheight = 1") +
+                                        layer("ripples", "wavelength = 0.2\nheight = 0.02\nseed = 3"),
+                                    "size = [32, 24]\ncell = 0.5");
+    TestScene scene(text);
+    scene.settings.attributes = {"ripples", "ripple_wave", "sand"};
+    CameraSamples& camera = scene.settings.camera.emplace();
+    camera.times = {0.0};
+    camera.positions = {{-6.0, 2.5, 0.0}};
+    camera.directions = {Vec3d(1.0, -0.3, 0.0).normalized()};
+    camera.ups = {Vec3d(0.3, 1.0, 0.0).normalized()};
+    camera.fov = 0.8;
+    camera.width = 320;
+    camera.height = 180;
+    const World world = scene.build();
+    const MeshGeometry& seen = world.meshes.at(0);
+    const MeshGeometry& grown = world.growth_surface(0);
+    for (size_t v = 0; v < grown.positions[0].size(); ++v) ASSERT_EQ(grown.positions[0][v].y(), 1.0F);
+
+    const std::vector<float>& own = find_attribute(seen.attributes, "ripples")->values;
+    const std::vector<float>& wave = find_attribute(seen.attributes, "ripple_wave")->values;
+    ASSERT_EQ(own.size(), 4 * seen.positions[0].size());
+    const RippleField field({double(wave[0]), double(wave[1]), double(own[3]), uint64_t(wave[3])});
+    EXPECT_FLOAT_EQ(wave[0], 0.2F);
+    EXPECT_FLOAT_EQ(wave[1], 0.02F);
+    EXPECT_EQ(wave[2], 0.0F);
+    size_t displaced = 0, shaded = 0, between = 0;
+    double nearest = 1e9, furthest = 0.0, highest = 0.0;
+    for (size_t v = 0; v < seen.positions[0].size(); ++v) {
+        const Vec3d at = seen.positions[0][v].cast<double>();
+        const double share = double(own[4 * v + 2]), distance = (at - camera.positions[0]).norm();
+        const double whole = field.displacement({{at.x(), at.z()}, {1.0, 0.0}, {0.0, 0.0}, 1.0});
+        ASSERT_NEAR(at.y() - 1.0, (1.0 - share) * whole, 1e-6);
+        displaced += share == 0.0, shaded += share == 1.0, between += share > 0.0 && share < 1.0;
+        if (share == 1.0) nearest = std::min(nearest, distance);
+        if (share == 0.0) furthest = std::max(furthest, distance);
+        highest = std::max(highest, at.y() - 1.0);
+    }
+    EXPECT_GT(displaced, 200u);
+    EXPECT_GT(between, 1000u);
+    EXPECT_GT(shaded, 4u);
+    EXPECT_GT(highest, 0.009);
+    // 0.02 m are two pixels of some 4.4 mrad at 2.3 m: corners are smaller.
+    EXPECT_GT(furthest, 1.0);
+    EXPECT_LT(furthest, 2.0);
+    // Normals are those of what is displaced: against the triangles around them.
+    double worst = 0.0;
+    for (size_t t = 0; t < seen.triangles.size(); ++t) {
+        const auto& [a, b, c] = seen.triangles[t];
+        if (own[4 * a + 2] + own[4 * b + 2] + own[4 * c + 2] > 0.0F) continue;
+        const Vec3f flat = (seen.positions[0][b] - seen.positions[0][a])
+                               .cross(seen.positions[0][c] - seen.positions[0][a])
+                               .normalized();
+        const Vec3f mean = (seen.normals[0][a] + seen.normals[0][b] + seen.normals[0][c]).normalized();
+        worst = std::max(worst, double((flat - mean).norm()));
+    }
+    EXPECT_LT(worst, 0.12); // a triangle of an eighth of a wavelength
+    EXPECT_GT(worst, 0.001);
+    // The same triangles, bit by bit, on one thread.
+    const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+    const World again = scene.build();
+    ASSERT_EQ(again.meshes.at(0).positions[0].size(), seen.positions[0].size());
+    for (size_t v = 0; v < seen.positions[0].size(); ++v)
+        ASSERT_EQ(again.meshes.at(0).positions[0][v], seen.positions[0][v]);
 }
 
 // One dune of a field is moved, made lower, removed: by its id, which the layer lists.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The polynomials of procedural/simd.h against the C library, which errs by less than an ulp, over their whole stated domains.
-#include "procedural/simd.h"
+#include "core/math/simd.h"
 
 #include "core/math/hash.h"
 #include "core/math/ramp.h"

@@ -70,6 +70,22 @@ TEST_F(Settings, ReplaceAListOfTables) {
     EXPECT_EQ(grass.find_list("wind.gusts.control")->size, 0u);
 }
 
+TEST_F(Settings, ReachElementsOfLists) {
+    const SceneDescription scene =
+        load_scene(file,
+                   {"wind.gusts.control=[{ strength = 3 }, { shape = \"box\" }]",
+                    "wind.gusts.control[1].strength=-2", "wind.gusts.control[0]={ strength = 5 }",
+                    "procedural.grass.length=[0.2, 0.3]", "procedural.grass.length[1]=0.7"},
+                   schema);
+    EXPECT_EQ(scene.wind.find_list("gusts.control")->size, 2u);
+    EXPECT_EQ(scene.wind.number("gusts.control[0].strength"), 5);
+    EXPECT_EQ(scene.wind.number("gusts.control[1].strength"), -2);
+    EXPECT_EQ(scene.wind.text("gusts.control[1].shape"), "box");
+    EXPECT_EQ(scene.wind.at("gusts.control[1].strength").place.file,
+              "--set wind.gusts.control[1].strength=-2");
+    EXPECT_EQ(scene.procedurals[0].params.vec2("length"), Vec2d(0.2, 0.7));
+}
+
 TEST_F(Settings, AddTablesAndTheLastOneCounts) {
     file = folder.write("small.toml", small_scene);
     const SceneDescription scene =
@@ -94,7 +110,10 @@ TEST_F(Settings, ExplainTheirMistakes) {
     expect({"wind.speed="}, "--set wind.speed=: wind.speed is the text \"\"");
     expect({"wind.sped=1"}, "--set wind.sped=1: wind.sped is unknown: did you mean \"speed\"?");
     expect({"flim.samples=1"}, "--set flim.samples=1: flim is unknown: did you mean \"film\"?");
-    expect({"film.size.x=1"}, "--set film.size.x=1: film.size is no table: set it as a whole");
+    expect(
+        {"film.size.x=1"},
+        "--set film.size.x=1: film.size is no table: write film.size[0] for its first element, or set it as "
+        "a whole");
     expect({"mesh.hil.file=x.obj"},
            "--set mesh.hil.file=x.obj: no mesh is named \"hil\": did you mean \"hill\"?");
     expect({"mesh.hill=3"},
@@ -112,7 +131,18 @@ TEST_F(Settings, ExplainTheirMistakes) {
            "--set wind.gusts.control=[{ strenght = 1 }]: wind.gusts.control[0].strenght is unknown: did you "
            "mean \"strength\"?");
     expect({"wind.gusts.control=[]", "wind.gusts.control.strength=1"},
-           "--set wind.gusts.control.strength=1: wind.gusts.control is no table: set it as a whole");
+           "--set wind.gusts.control.strength=1: wind.gusts.control is no table: write "
+           "wind.gusts.control[0] for its first element");
+    expect(
+        {"wind.gusts.control=[]", "wind.gusts.control[0].strength=1"},
+        "--set wind.gusts.control[0].strength=1: wind.gusts.control has 0 elements, there is no [0]: set the "
+        "list as a whole");
+    expect({"film.size[2]=1"},
+           "--set film.size[2]=1: film.size has 2 elements, there is no [2]: give 0 to 1");
+    expect({"fps[0]=1"}, "--set fps[0]=1: fps is no list: leave out the number in brackets");
+    for (const std::string odd : {"film.size[", "film.size[]", "film.size[-1]", "film.size[0",
+                                  "film.size[1]x", "film.[0]", "film.size[99999999999999999999]"})
+        expect({odd + "=1"}, "--set " + odd + "=1: \"" + odd + "\" is no key");
     expect({"fps=30\nx=1"}, "--set fps=30?x=1: fps is the text");
     expect({"fps=\xff"}, "--set fps=\xff: the value is no UTF-8");
     expect({"camera=3"}, "--set camera=3: camera is 3: write a table [camera]");

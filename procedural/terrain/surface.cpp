@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/terrain/surface.h"
+
+#include "procedural/border.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <array>
+
+namespace marram {
+namespace {
+
+constexpr size_t own_attributes = 2; // before the masks
+constexpr std::array attribute_help = {"thickness of the sand, m", "steepness, deg", "a mask of its layers"};
+
+bool makes_ripples(const Values& values) {
+    for (int layer = 0; layer < layer_count(values); ++layer) {
+        const LayerValues own(values, layer);
+        if (own.text("type") == "ripples" && own.boolean("on")) return true;
+    }
+    return false;
+}
+
+} // namespace
+
+void declare_attributes(TerrainInstance& instance, const Values& values) {
+    instance.attribute_names = {"sand", "slope"};
+    for (std::string& name : mask_names(values)) instance.attribute_names.push_back(std::move(name));
+    const size_t masks_end = instance.attribute_names.size();
+    if (makes_ripples(values)) {
+        instance.attribute_names.emplace_back("ripples");
+        instance.attribute_names.emplace_back("ripple_wave");
+    }
+    instance.attributes.clear();
+    for (size_t a = 0; a < masks_end; ++a)
+        instance.attributes.push_back({instance.attribute_names[a].c_str(), 1, MARRAM_PER_VERTEX, 0,
+                                       attribute_help[std::min(a, own_attributes)], nullptr, 0});
+    if (masks_end == instance.attribute_names.size()) return;
+    instance.attributes.push_back(
+        {"ripples", 4, MARRAM_PER_VERTEX, 0,
+         "of ripples that shading adds: slope of the ground along x and z, share of "
+         "their height, angle of repose in radians",
+         nullptr, 0});
+    instance.attributes.push_back({"ripple_wave", 4, MARRAM_PER_VERTEX, 1,
+                                   "of all ripples: wavelength and height, m, where the wind goes to, "
+                                   "radians from +x to +z, seed",
+                                   nullptr, 0});
+}
+
+uint32_t first_ripples_attribute(const TerrainInstance& instance) {
+    const size_t count = instance.attributes.size();
+    return uint32_t(count > 0 && instance.attribute_names.back() == "ripple_wave" ? count - 2 : count);
+}
+
+const RipplesLayer* ripples_of(const TerrainInstance& instance) {
+    for (size_t layer = instance.stack->work().size(); layer > 0; --layer)
+        if (instance.stack->type(layer - 1) == "ripples")
+            return static_cast<const RipplesLayer*>(&instance.stack->layer(layer - 1));
+    return nullptr;
+}
+
+Vec2d gradient_at(const TerrainInstance& instance, int i, int j) {
+    const Domain& d = instance.domain;
+    const auto rise = [&](int i0, int j0, int i1, int j1) {
+        return (double(instance.heights[d.index(i1, j1)]) - double(instance.heights[d.index(i0, j0)])) /
+               (((i1 - i0) + (j1 - j0)) * d.cell);
+    };
+    return {rise(std::max(i - 1, 0), j, std::min(i + 1, d.nx - 1), j),
+            rise(i, std::max(j - 1, 0), i, std::min(j + 1, d.nz - 1))};
+}
+
+double slope_at(const TerrainInstance& instance, int i, int j) {
+    return std::atan(gradient_at(instance, i, j).norm()) / degree;
+}
+
+std::vector<const float*> mask_values(const TerrainInstance& instance, const Fields& fields) {
+    std::vector<const float*> values;
+    for (size_t a = own_attributes; a < first_ripples_attribute(instance); ++a) {
+        const float* found = nullptr;
+        for (const MaskView& mask : fields.masks)
+            if (mask.name == instance.attribute_names[a]) found = mask.values;
+        values.push_back(found);
+    }
+    return values;
+}
+
+void write_attribute(const TerrainInstance& instance, uint32_t attribute, std::span<const uint32_t> samples,
+                     float* out) {
+    const Fields fields = instance.stack->fields();
+    const size_t count = samples.empty() ? instance.domain.count() : samples.size();
+    if (const uint32_t first = first_ripples_attribute(instance); attribute >= first) {
+        const RipplesLayer& ripples = *ripples_of(instance);
+        std::vector<RipplesLayer::Carried> carried(count);
+        if (!ripples.resolved()) ripples.carried(fields, samples, carried);
+        write_ripples(ripples, attribute - first, carried, std::vector<float>(count, 1.0F), out);
+        return;
+    }
+    const float* mask =
+        attribute < own_attributes ? nullptr : mask_values(instance, fields)[attribute - own_attributes];
+    const auto value = [&](size_t sample) {
+        if (mask) return mask[sample];
+        const int i = int(sample % size_t(instance.domain.nx)), j = int(sample / size_t(instance.domain.nx));
+        return attribute == 0 ? float(sand_metres(fields.sand[sample])) : float(slope_at(instance, i, j));
+    };
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, count, 4096), [&](const auto& range) {
+        for (size_t k = range.begin(); k < range.end(); ++k) out[k] = value(samples.empty() ? k : samples[k]);
+    });
+}
+
+void write_vertices(const TerrainInstance& instance, std::span<const uint32_t> samples, float* positions,
+                    float* normals, float* uvs) {
+    const Domain& d = instance.domain;
+    const size_t count = samples.empty() ? d.count() : samples.size();
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, count, 4096), [&](const auto& range) {
+        for (size_t k = range.begin(); k < range.end(); ++k) {
+            const size_t sample = samples.empty() ? k : samples[k];
+            const int i = int(sample % size_t(d.nx)), j = int(sample / size_t(d.nx));
+            positions[3 * k] = float(d.x(i));
+            positions[3 * k + 1] = instance.heights[sample];
+            positions[3 * k + 2] = float(d.z(j));
+            if (normals) {
+                const Vec2d gradient = gradient_at(instance, i, j);
+                const Vec3f n = Vec3d(-gradient.x(), 1.0, -gradient.y()).normalized().cast<float>();
+                std::copy_n(n.data(), 3, normals + 3 * k);
+            }
+            if (!uvs) continue;
+            uvs[2 * k] = float(double(i) / (d.nx - 1));
+            uvs[2 * k + 1] = float(1.0 - double(j) / (d.nz - 1));
+        }
+    });
+}
+
+void write_ripples(const RipplesLayer& ripples, uint32_t which,
+                   std::span<const RipplesLayer::Carried> carried, std::span<const float> share, float* out) {
+    const RipplesLayer::Settings& settings = ripples.settings();
+    const std::array wave = {float(settings.ripples.wavelength), float(settings.ripples.height),
+                             float(std::atan2(settings.wind.y(), settings.wind.x())),
+                             float(settings.ripples.seed)};
+    for (size_t k = 0; k < carried.size(); ++k) {
+        const RipplesLayer::Carried& at = carried[k];
+        const std::array own = {at.gradient.x(), at.gradient.y(), at.strength * share[k],
+                                float(settings.ripples.repose)};
+        std::copy_n((which == ripples_attribute ? own : wave).data(), 4, out + 4 * k);
+    }
+}
+
+void check_mesh_buffers(const TerrainInstance& instance, const MarramMeshBuffers* buffers) {
+    if (!instance.begun) throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
+    bool there = buffers && buffers->positions && buffers->positions[0] && buffers->triangles &&
+                 (buffers->attribute_count == 0 || (buffers->attributes && buffers->attribute_values));
+    for (uint32_t a = 0; there && a < buffers->attribute_count; ++a) {
+        if (buffers->attributes[a] >= instance.attributes.size())
+            throw SceneFault("contract.attribute_range", "",
+                             "there is no attribute " + std::to_string(buffers->attributes[a]),
+                             "ask for 0 to " + std::to_string(instance.attributes.size() - 1));
+        there = buffers->attribute_values[a] != nullptr;
+    }
+    if (!there)
+        throw SceneFault("contract.null_buffer", "", "a buffer is NULL",
+                         "give positions, triangles, and values for each attribute that is asked for");
+}
+
+} // namespace marram

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// The render mesh of a terrain: what the camera sees of it.
+#include "procedural/terrain/surface.h"
+
+#include "procedural/border.h"
+
+#include <fmt/format.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <array>
+
+namespace marram {
+namespace {
+
+// The smallest angle that a pixel of a pinhole camera spans: the one in the corner.
+double smallest_pixel(const MarramView& view) {
+    const double up = std::tan(0.5 * view.fov), pixel = 2.0 * up / view.height;
+    const double across = up * view.width / view.height;
+    return pixel / (1.0 + up * up + across * across);
+}
+
+MeshTolerance tolerance_of(const MarramView& view) {
+    MeshTolerance tolerance;
+    tolerance.metres = view.tolerance;
+    // Shading on level ground errs by this over the tangent of the sun's height: 3.5 % at 30 degrees.
+    constexpr double slope = 0.02;
+    tolerance.gradient = slope;
+    if (view.tolerance > 0.0) return tolerance;
+    constexpr double half = 0.5; // a pixel
+    tolerance.pixels = view.tolerance_pixels > 0.0 ? view.tolerance_pixels : half;
+    tolerance.pixel_angle = smallest_pixel(view);
+    for (uint32_t t = 0; t < view.time_count; ++t) tolerance.cameras.emplace_back(view.positions + 3 * t);
+    return tolerance;
+}
+
+// Where ripples that the grid does not hold are displaced.
+DisplacedRegion displaced_region(const RipplesLayer& ripples, const MarramView& view) {
+    const RipplesLayer::Settings& settings = ripples.settings();
+    DisplacedRegion region;
+    const double up = std::tan(0.5 * view.fov), across = up * view.width / view.height;
+    region.corner = std::atan(std::sqrt(up * up + across * across));
+    region.pixel_angle = smallest_pixel(view);
+    if (settings.displaced > 0.0)
+        region.reach = settings.ripples.height / (settings.displaced * region.pixel_angle);
+    constexpr double a_wavelength = 8.0; // sides: the steep third has two to three
+    region.side = settings.ripples.wavelength / a_wavelength;
+    for (uint32_t t = 0; t < view.time_count; ++t)
+        region.cameras.push_back({Vec3d(view.positions + 3 * t), Vec3d(view.directions + 3 * t)});
+    return region;
+}
+
+// Values of vertices between two others, from those before them.
+void fill_midpoints(const DicedMesh& mesh, uint32_t components, float* values) {
+    float* out = values + size_t(mesh.first) * components;
+    for (const auto& [a, b] : mesh.midpoints)
+        for (uint32_t c = 0; c < components; ++c)
+            *out++ = 0.5F * (values[size_t(a) * components + c] + values[size_t(b) * components + c]);
+}
+
+// Normals that were averaged, made as long as they were.
+void normalize_midpoints(const DicedMesh& mesh, float* normals) {
+    for (size_t v = mesh.first; v < mesh.first + mesh.midpoints.size(); ++v) {
+        Eigen::Map<Vec3f> normal(normals + 3 * v);
+        normal.normalize(); // of two that point up: never 0
+    }
+}
+
+// Moves vertices by what is displaced of their ripples, and turns their normals (NULL: none). share: what is left to shade.
+void displace(const RipplesLayer& ripples, const DisplacedRegion& region,
+              std::span<const RipplesLayer::Carried> carried, float* positions, float* normals,
+              std::span<float> share) {
+    constexpr size_t block = 64;
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, carried.size(), block), [&](const auto& range) {
+        std::array<RipplePoint, block> points;
+        std::array<double, block> metres{};
+        std::array<Vec2d, block> slopes;
+        for (size_t first = range.begin(); first < range.end(); first += block) {
+            const size_t count = std::min(block, range.end() - first);
+            for (size_t k = 0; k < count; ++k) {
+                const size_t v = first + k;
+                const Vec3d at = Eigen::Map<const Vec3f>(positions + 3 * v).cast<double>();
+                const double displaced = region.share(at);
+                share[v] = float(1.0 - displaced);
+                points[k] = {{at.x(), at.z()},
+                             ripples.settings().wind,
+                             carried[v].gradient.cast<double>(),
+                             displaced * double(carried[v].strength)};
+            }
+            ripples.field().displacements({points.data(), count}, {metres.data(), count},
+                                          {slopes.data(), count});
+            for (size_t k = 0; k < count; ++k) {
+                if (metres[k] == 0.0 && slopes[k] == Vec2d::Zero()) continue;
+                const size_t v = first + k;
+                const Vec2d& gradient = points[k].gradient;
+                const Vec3d across = Vec3d(-gradient.x(), 1.0, -gradient.y()).normalized();
+                for (int axis = 0; axis < 3; ++axis)
+                    positions[3 * v + size_t(axis)] += float(metres[k] * across[axis]);
+                if (!normals) continue;
+                // The height along y changes by slope / across.y(): of a normal (-g, 1) / sqrt(1 + g^2) that takes `slope` off.
+                Eigen::Map<Vec3f> normal(normals + 3 * v);
+                normal = (normal.cast<double>() - Vec3d(slopes[k].x(), 0.0, slopes[k].y()))
+                             .normalized()
+                             .cast<float>();
+            }
+        }
+    });
+}
+
+} // namespace
+
+MarramOutput begin_view(TerrainInstance& instance, const MarramView& view) {
+    SeenTerrain& seen = instance.seen;
+    seen = {};
+    RenderMesh mesh = mesh_terrain(instance.domain, instance.heights.data(), tolerance_of(view));
+    const RipplesLayer* ripples = ripples_of(instance);
+    if (ripples && !ripples->resolved()) seen.region = displaced_region(*ripples, view);
+    if (seen.region.reach > 0.0) {
+        std::vector<Vec3d> positions(mesh.samples.size());
+        for (size_t v = 0; v < positions.size(); ++v) {
+            const size_t sample = mesh.samples[v], nx = size_t(instance.domain.nx);
+            positions[v] = {instance.domain.x(int(sample % nx)), double(instance.heights[sample]),
+                            instance.domain.z(int(sample / nx))};
+        }
+        seen.mesh = dice(positions, mesh.triangles, seen.region);
+        if (seen.mesh.reach < seen.region.reach)
+            send(
+                instance.host, MARRAM_WARNING, "terrain.displacement", "",
+                fmt::format("ripples are displaced within {:.3g} m of the camera, not {:.3g}: there would be "
+                            "more than {} million triangles",
+                            seen.mesh.reach, seen.region.reach, 16),
+                "ask for less by the layer's displaced");
+        seen.region.reach = seen.mesh.reach;
+    } else {
+        seen.mesh = {uint32_t(mesh.samples.size()), {}, std::move(mesh.triangles), 0.0};
+    }
+    seen.samples = std::move(mesh.samples);
+    MarramOutput output{};
+    output.kind = MARRAM_MESH;
+    output.time_count = 1;
+    output.vertex_count = uint32_t(seen.samples.size() + seen.mesh.midpoints.size());
+    output.triangle_count = uint32_t(seen.mesh.triangles.size() / 3);
+    output.has_uvs = output.has_normals = 1;
+    return output;
+}
+
+void write_view(TerrainInstance& instance, MarramMeshBuffers& buffers) {
+    const SeenTerrain& seen = instance.seen;
+    const DicedMesh& mesh = seen.mesh;
+    float* positions = buffers.positions[0];
+    float* normals = MARRAM_HAS(&buffers, normals) && buffers.normals ? buffers.normals[0] : nullptr;
+    write_vertices(instance, seen.samples, positions, normals, buffers.uvs);
+    fill_midpoints(mesh, 3, positions);
+    if (normals) fill_midpoints(mesh, 3, normals), normalize_midpoints(mesh, normals);
+    if (buffers.uvs) fill_midpoints(mesh, 2, buffers.uvs);
+    std::copy(mesh.triangles.begin(), mesh.triangles.end(), buffers.triangles);
+
+    const RipplesLayer* ripples = ripples_of(instance);
+    const uint32_t first = first_ripples_attribute(instance);
+    std::vector<RipplesLayer::Carried> carried;
+    std::vector<float> share;
+    if (ripples) {
+        carried.resize(seen.samples.size() + mesh.midpoints.size());
+        share.assign(carried.size(), 1.0F);
+        if (!ripples->resolved())
+            ripples->carried(instance.stack->fields(), seen.samples, std::span(carried).first(mesh.first));
+        for (size_t k = 0; k < mesh.midpoints.size(); ++k) {
+            const auto &a = carried[mesh.midpoints[k][0]], &b = carried[mesh.midpoints[k][1]];
+            carried[mesh.first + k] = {0.5F * (a.gradient + b.gradient), 0.5F * (a.strength + b.strength)};
+        }
+        if (seen.region.reach > 0.0) displace(*ripples, seen.region, carried, positions, normals, share);
+    }
+    for (uint32_t a = 0; a < buffers.attribute_count; ++a) {
+        const uint32_t attribute = buffers.attributes[a];
+        if (attribute >= first) {
+            write_ripples(*ripples, attribute - first, carried, share, buffers.attribute_values[a]);
+            continue;
+        }
+        write_attribute(instance, attribute, seen.samples, buffers.attribute_values[a]);
+        fill_midpoints(mesh, 1, buffers.attribute_values[a]);
+    }
+    instance.seen = {};
+}
+
+} // namespace marram

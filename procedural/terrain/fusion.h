@@ -1,35 +1,43 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fusion layer: loose sand relaxes to its angle of repose over rock. The page of the model is in fusion.cpp.
+// The fusion layer: sand drapes over rock, and loose sand relaxes to its angle of repose. The page of the model is in fusion.cpp.
 #pragma once
 
 #include "procedural/terrain/layer_types.h"
 
 #include <functional>
 #include <memory>
+#include <string>
 
 namespace marram {
 
 struct FusionSettings {
     double repose = 34.0 * degree; // radians; clamped to 1 ... 80 degrees
+    double drape = 0.0;            // metres; 0: off. See drape.cpp
+    int cycles = 256;              // repetitions of all grids at most, each of 12 sweeps of the finest
     bool operator==(const FusionSettings&) const = default;
 };
 
 struct FusionResult {
     int64_t sweeps = 0;    // over the finest grid
-    double steepest = 0.0; // radians: of the triangles whose corners all carry sand, when it ended
+    double steepest = 0.0; // radians: of the triangles whose corners all carry loose sand, when it ended
     double moved = 0.0;    // sand that lies at another sample than before, metres times samples
     bool settled = true;   // false: it ended at the bound on sweeps, or samples lie out of range
+    bool in_range = true;  // false: nothing was done
     bool cancelled = false;
 };
 
-// Relaxes `sand` in place. Where it is cancelled, or the input is out of range, the sand is as it was.
+// Relaxes `sand` in place. mask: share of the sand that is loose, 0 to 1; NULL: all. Where it is cancelled, or the input is out of
+// range, the sand is as it was.
 FusionResult relax_sand(const Domain& domain, const float* bedrock, SandUnits* sand,
-                        const FusionSettings& settings, const std::function<bool()>& cancelled);
+                        const FusionSettings& settings, const std::function<bool()>& cancelled,
+                        const float* mask = nullptr);
 
 class FusionLayer : public Layer {
   public:
-    FusionLayer(const Domain& domain, const FusionSettings& settings)
-        : domain_(domain), settings_(settings) {}
+    // mask: the name of one below; "": none. place: in the scene, for what it has to say.
+    FusionLayer(const Domain& domain, const FusionSettings& settings, std::string mask = "",
+                std::string place = "")
+        : domain_(domain), settings_(settings), mask_(std::move(mask)), place_(std::move(place)) {}
 
     Writes writes() const override { return {.bedrock = false, .sand = true}; }
     double reach() const override { return infinity; }
@@ -41,6 +49,7 @@ class FusionLayer : public Layer {
   private:
     Domain domain_;
     FusionSettings settings_;
+    std::string mask_, place_;
 };
 
 LayerType fusion_layer_type();

@@ -16,11 +16,21 @@
 
 namespace marram {
 
+// What a layer has to say of an evaluation as a whole.
+struct LayerNotes {
+    struct Warning {
+        std::string place, what, remedy; // as in MarramMessage
+    };
+    std::vector<std::pair<std::string, double>> numbers; // reported beside those of report()
+    std::vector<Warning> warnings;
+};
+
 // What a layer writes. A buffer is there only for what the layer says it writes (Writes); the others are NULL.
 struct LayerOutput {
     float* bedrock = nullptr;
     SandUnits* sand = nullptr;
     std::span<float* const> masks; // as many as Layer::mask_names()
+    LayerNotes* notes = nullptr;   // of evaluate_whole(); may be NULL
 };
 
 class Layer {

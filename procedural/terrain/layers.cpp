@@ -9,6 +9,7 @@
 #include "procedural/terrain/mass_desert.h"
 #include "procedural/terrain/ripples.h"
 #include "procedural/terrain/ruin.h"
+#include "procedural/terrain/stones.h"
 
 #include <array>
 
@@ -18,7 +19,7 @@ std::span<const LayerType> layer_types() {
     static const std::array types = {
         flat_layer_type(),   noise_layer_type(),   image_layer_type(),   mask_layer_type(),
         dune_layer_type(),   lattice_layer_type(), ripples_layer_type(), mass_desert_layer_type(),
-        fusion_layer_type(), ruin_layer_type(),
+        fusion_layer_type(), ruin_layer_type(),    stones_layer_type(),
     };
     return types;
 }

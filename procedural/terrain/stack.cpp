@@ -85,7 +85,7 @@ Fields Stack::fields(size_t layer) const {
 
 LayerOutput Stack::output(Entry& entry, std::vector<float*>& masks) const {
     for (const Buffer<float>& mask : entry.masks) masks.push_back(mask.get());
-    return {entry.bedrock.get(), entry.sand.get(), masks};
+    return {entry.bedrock.get(), entry.sand.get(), masks, &entry.notes};
 }
 
 bool Stack::evaluate(size_t index, const std::function<bool()>& cancelled) {
@@ -93,8 +93,12 @@ bool Stack::evaluate(size_t index, const std::function<bool()>& cancelled) {
     const Layer& layer = *entry.made.layer;
     const Fields below = fields(index);
     std::vector<float*> masks;
-    const LayerOutput out = output(entry, masks);
-    if (!std::isfinite(layer.reach())) return layer.evaluate_whole(below, out, cancelled);
+    LayerOutput out = output(entry, masks);
+    if (!std::isfinite(layer.reach())) {
+        entry.notes = {};
+        return layer.evaluate_whole(below, out, cancelled);
+    }
+    out.notes = nullptr; // tiles are evaluated by many threads
     const std::vector<Rect> rects = entry.stale.rects();
     std::atomic<bool> stopped = false;
     tbb::parallel_for(size_t(0), rects.size(), [&](size_t r) {
@@ -106,6 +110,7 @@ bool Stack::evaluate(size_t index, const std::function<bool()>& cancelled) {
 }
 
 bool Stack::evaluate(const std::function<bool()>& cancelled) {
+    for (Entry& entry : entries_) entry.work = {};
     for (size_t k = 0; k < entries_.size(); ++k) {
         Entry& entry = entries_[k];
         if (!std::isfinite(entry.made.layer->reach())) entry.stale = entry.stale.grown(infinity);

@@ -44,6 +44,8 @@ class Stack {
     std::vector<Work> work() const;
     const std::string& type(size_t layer) const { return entries_[layer].made.type; }
     const Layer& layer(size_t index) const { return *entries_[index].made.layer; }
+    // What the layer said when it was last evaluated as a whole.
+    const LayerNotes& notes(size_t layer) const { return entries_[layer].notes; }
     size_t bytes() const;
 
   private:
@@ -62,6 +64,7 @@ class Stack {
         std::vector<Buffer<float>> masks;
         std::vector<MaskView> views; // of all masks up to and with this layer
         Work work;
+        LayerNotes notes;
     };
 
     void allocate(Entry& entry);

@@ -199,6 +199,16 @@ bool evaluate_layers(TerrainInstance& instance, const MarramFrame& frame,
     }
 }
 
+// Of the layers that were evaluated; those of others have been sent before.
+void send_warnings(const TerrainInstance& instance) {
+    const std::vector<Stack::Work> work = instance.stack->work();
+    for (size_t k = 0; k < work.size(); ++k)
+        if (work[k].tiles > 0)
+            for (const LayerNotes::Warning& warning : instance.stack->notes(k).warnings)
+                send(instance.host, MARRAM_WARNING, "terrain.layer", warning.place, warning.what,
+                     warning.remedy);
+}
+
 MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, MarramOutput* out) {
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
@@ -207,7 +217,9 @@ MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, Mar
         std::vector<MarramMesh> meshes;
         const MarramFrame frame = borrowed_frame(given, meshes);
         const double begin = wall_seconds();
-        if (!evaluate_layers(instance, frame, meshes)) return MARRAM_CANCELLED;
+        const bool whole = evaluate_layers(instance, frame, meshes);
+        send_warnings(instance);
+        if (!whole) return MARRAM_CANCELLED;
         find_heights(instance);
         instance.seconds = wall_seconds() - begin;
         const Domain& d = instance.domain;
@@ -325,6 +337,7 @@ void report_terrain(MarramInstance* opaque, void (*sink)(void*, const char*, dou
         sink(user, (path + "sand").c_str(), sand_metres(change.sand) * area);
         sink(user, (path + "seconds").c_str(), work[k].seconds);
         for (const auto& [name, value] : stack.layer(k).report()) sink(user, (path + name).c_str(), value);
+        for (const auto& [name, value] : stack.notes(k).numbers) sink(user, (path + name).c_str(), value);
     }
     sink(user, "terrain.samples", double(instance.domain.count()));
     sink(user, "terrain.bytes", double(stack.bytes() + instance.heights.size() * sizeof(float)));

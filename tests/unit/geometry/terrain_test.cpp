@@ -338,6 +338,59 @@ TEST(Terrain, DunesOfAFieldAreEditedById) {
     }
 }
 
+const std::string stones_in_sand =
+    layer("noise", "amplitude = 3\nwavelength = 14") +
+    layer("noise", "target = \"level\"\ncombine = \"maximum\"\namplitude = 0.4\noffset = 0.3") +
+    layer("mask", "name = \"low\"\nby = \"height\"\nramp = [[0, 1], [1, 0]]") +
+    layer("stones", "density = 0.2\nsize = [1, 5]\nmask = \"low\"") +
+    layer("stones", "kind = \"outcrop\"\ndensity = 0.01\nsize = [6, 12]");
+
+TEST(Terrain, StonesAndDrapedSandAreTheSameHoweverTheyAreMade) {
+    const auto text = [&](const std::string& more) {
+        return desert(stones_in_sand + layer("fusion", "drape = 0.6\nmask = \"low\"\n" + more),
+                      "size = [80, 70]\ncell = 0.2");
+    };
+    TestScene scene(text("repose = 20"));
+    scene.build();
+    scene.update(text(""));
+    const Made edited{scene.build()};
+    EXPECT_TRUE(same(edited, make(text(""))));
+    const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+    EXPECT_TRUE(same(edited, make(text(""))));
+}
+
+TEST(Terrain, LayersSayWhatTheyDid) {
+    TestScene scene(desert(stones_in_sand + layer("fusion")));
+    scene.build();
+    // Cells of 0.5 m hold no stone below 2 m.
+    ASSERT_EQ(scene.stats.warnings.size(), 1u);
+    EXPECT_NE(scene.stats.warnings[0].find("are smaller than 4 cells of 0.5 m: they are left out"),
+              std::string::npos)
+        << scene.stats.warnings[0];
+    const double stones = scene.stats.report("terrain.layer[3].stones.stones"),
+                 small = scene.stats.report("terrain.layer[3].stones.too_small");
+    EXPECT_NEAR(stones + small, 0.2 * 32 * 24, 20);
+    EXPECT_GT(small, stones);
+    EXPECT_LT(scene.stats.report("terrain.layer[3].stones.sand"), 0.0) << "within and beneath them";
+    EXPECT_EQ(scene.stats.report("terrain.layer[5].fusion.sand"), 0.0);
+    EXPECT_EQ(scene.stats.report("terrain.layer[5].fusion.settled"), 1.0);
+    EXPECT_GT(scene.stats.report("terrain.layer[5].fusion.sweeps"), 0.0);
+}
+
+TEST(Terrain, AWarningOfAWholeLayerIsSentOnceAndStandsWhereItIs) {
+    std::string high; // beyond what sand can be counted in
+    for (int n = 0; n < 11; ++n) high += layer("flat", "height = 1e5");
+    TestScene scene(desert(high + layer("fusion")));
+    scene.build();
+    ASSERT_EQ(scene.stats.warnings.size(), 1u);
+    EXPECT_NE(scene.stats.warnings[0].find(".toml:"), std::string::npos) << scene.stats.warnings[0];
+    EXPECT_NE(scene.stats.warnings[0].find("out of range: the sand stays as it is"), std::string::npos);
+    EXPECT_EQ(scene.stats.report("terrain.layer[11].fusion.settled"), 0.0);
+    scene.build();
+    EXPECT_TRUE(scene.stats.warnings.empty()) << "nothing has changed";
+    EXPECT_EQ(scene.stats.report("terrain.layer[11].fusion.settled"), 0.0) << "it still holds";
+}
+
 TEST(Terrain, ImagesReachTheBorderWhateverTheRounding) {
     const ImageFile image(1, 1, {0.5F});
     for (const double cell : {0.9, 0.7, 0.3})
@@ -377,6 +430,10 @@ TEST(Terrain, SaysWhatIsWrongAndWhere) {
            "the area is empty");
     expect("[wind]\ndirection = [0, 0, 0]\n" + desert(layer("mass_desert", field)),
            "the wind's direction is zero");
+    expect(desert(layer("stones", "size = [3, 2]")), "give the smaller number first");
+    expect(desert(layer("stones", "density = 1e6")), "stones are too many");
+    expect(desert(layer("stones", "mask = \"m\"")), "no layer below hands out a mask 'm'");
+    expect(desert(layer("fusion", "mask = \"m\"")), "no layer below hands out a mask 'm'");
     const ImageFile huge(1, 1, {3e9F});
     expect(desert(layer("image", "target = \"sand\"\nfile = \"" + huge.path.string() + "\"")),
            "more than 100 km");

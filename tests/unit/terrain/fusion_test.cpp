@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The fusion layer against its page: sand exact, slopes bounded on both diagonals, the same bits at any thread count.
+#include "procedural/terrain/drape.h"
 #include "procedural/terrain/fusion.h"
 
 #include "core/math/hash.h"
@@ -224,6 +225,304 @@ TEST(Fusion, OutOfRangeAndCancelledLeaveTheSand) {
     scene.rock[5] = std::numeric_limits<float>::max();
     EXPECT_FALSE(relax_sand(scene.domain, scene.rock.data(), scene.sand.data(), {}, {}).settled);
     EXPECT_EQ(before, scene.sand);
+}
+
+// A face of 60 degrees with a ledge of 12 m behind a lip of 3 m, above a floor. `down`: metres along the fall.
+double pocket_rock(double down) {
+    const double tangent = std::tan(60.0 * degree);
+    if (down < -6.0) return 3.0 * tangent + (-6.0 - down) * tangent; // the face above
+    if (down < 6.0) return down < 5.0 ? 3.0 * tangent : 3.0 * tangent + 3.0 * (down - 5.0);
+    return std::max(3.0 * tangent + 3.0 - (down - 6.0) * tangent, 0.0);
+}
+constexpr double pocket_lip = 6.0;
+
+// What the pocket holds under a surface that rises from its lip by that angle, m^2; samples `step` apart.
+double pocket_capacity(double repose, double step) {
+    double sum = 0.0;
+    for (double back = step; back < 20.0; back += step) {
+        const double line = pocket_rock(pocket_lip) + back * std::tan(repose);
+        const double depth = line - pocket_rock(pocket_lip - back);
+        if (back > 11.5 && depth < 0.0) break;
+        sum += std::max(depth, 0.0) * step;
+    }
+    return sum;
+}
+
+struct Pocket {
+    double above = 0.0, inside = 0.0, beyond = 0.0; // m^2 of sand, of the middle half of the face
+};
+
+// `supply` m^2 of sand on the face above the pocket, which falls towards `angle`.
+Pocket pocket_filled(double supply, double angle) {
+    const double cell = 0.5;
+    FusionScene face(200, 200, cell);
+    const double c = std::cos(angle), s = std::sin(angle), thick = supply / 6.0;
+    const auto down = [&](int i, int j) { return ((i - 100) * c + (j - 100) * s) * cell; };
+    for (int j = 0; j < 200; ++j)
+        for (int i = 0; i < 200; ++i) {
+            const double u = down(i, j);
+            face.rock[face.domain.index(i, j)] = float(pocket_rock(u));
+            if (u < -11.0 && u >= -17.0) face.sand[face.domain.index(i, j)] = sand_units(thick);
+        }
+    fusion_expect_relaxed(face);
+    Pocket sand;
+    for (int j = 0; j < 200; ++j)
+        for (int i = 0; i < 200; ++i) {
+            const double across = ((j - 100) * c - (i - 100) * s) * cell;
+            if (std::abs(across) > 12.0) continue;
+            const double u = down(i, j), area = sand_metres(face.sand[face.domain.index(i, j)]) * cell * cell;
+            // The surface of a full pocket meets the face 1 / (1 - tan 34 / tan 60) of its way up.
+            (u > pocket_lip ? sand.beyond : u > -12.0 ? sand.inside : sand.above) += area / 24.0;
+        }
+    return sand;
+}
+
+TEST(Fusion, APocketOnASteepFaceFillsToTheAngleOfReposeAndNoFurther) {
+    const double least = pocket_capacity(33.0 * degree, 0.01), most = pocket_capacity(34.5 * degree, 0.01);
+    for (const double angle : {0.0, 90.0 * degree, 180.0 * degree, 45.0 * degree}) {
+        const Pocket half = pocket_filled(0.5 * least, angle), over = pocket_filled(1.8 * least, angle);
+        std::printf("capacity %.2f to %.2f; half: %.3f %.3f %.3f, over: %.3f %.3f %.3f\n", least, most,
+                    half.above, half.inside, half.beyond, over.above, over.inside, over.beyond);
+        EXPECT_EQ(half.above, 0.0);  // stops early
+        EXPECT_EQ(half.beyond, 0.0); // passes a lip that it does not reach
+        EXPECT_NEAR(half.inside, 0.5 * least, 0.02 * least);
+        EXPECT_EQ(over.above, 0.0);
+        EXPECT_GT(over.inside, least); // underfilled
+        EXPECT_LT(over.inside, most);  // overfilled
+        EXPECT_NEAR(over.inside + over.beyond, 1.8 * least, 0.04 * least);
+    }
+}
+
+TEST(Fusion, SaysWhereItDidNotSettle) {
+    FusionScene cliff(200, 60);
+    cliff.pile([](double x, double) { return x < 0.0 ? 30.0 : 0.0; });
+    std::vector<SandUnits> sand = cliff.sand;
+    const Fields below{cliff.rock.data(), cliff.sand.data(), {}};
+    const auto said = [&](const FusionSettings& settings) {
+        LayerNotes notes;
+        const FusionLayer layer(cliff.domain, settings, "", "desert.toml:7:1");
+        EXPECT_TRUE(layer.evaluate_whole(below, {nullptr, sand.data(), {}, &notes}, {}));
+        SandUnits lost = 0;
+        for (size_t k = 0; k < sand.size(); ++k) lost += cliff.sand[k] - sand[k];
+        EXPECT_EQ(lost, 0);
+        return notes;
+    };
+    const LayerNotes good = said({});
+    EXPECT_TRUE(good.warnings.empty());
+    ASSERT_EQ(good.numbers.size(), 4u);
+    EXPECT_EQ(good.numbers[3], std::pair(std::string("settled"), 1.0));
+    const LayerNotes bad = said({.cycles = 1});
+    ASSERT_EQ(bad.warnings.size(), 1u);
+    EXPECT_EQ(bad.warnings[0].place, "desert.toml:7:1");
+    EXPECT_NE(bad.warnings[0].what.find("12 sweeps"), std::string::npos) << bad.warnings[0].what;
+    EXPECT_EQ(bad.numbers[3].second, 0.0);
+    cliff.rock[5] = 2e6F;
+    EXPECT_NE(said({}).warnings.at(0).what.find("out of range"), std::string::npos);
+    EXPECT_EQ(sand, cliff.sand);
+}
+
+// ---- masks ----
+
+FusionScene fusion_heap() {
+    FusionScene heap(150, 150);
+    for (size_t k = 0; k < heap.rock.size(); ++k) heap.rock[k] = float(unit_double(hash(4, k / 9)));
+    heap.pile([](double x, double z) { return 30.0 - 1.4 * std::hypot(x, 0.7 * z) + std::sin(x); });
+    return heap;
+}
+
+FusionResult fusion_masked(FusionScene& scene, const std::vector<float>& mask, FusionSettings settings = {}) {
+    const std::vector<SandUnits> before = scene.sand;
+    const FusionResult result =
+        relax_sand(scene.domain, scene.rock.data(), scene.sand.data(), settings, {}, mask.data());
+    SandUnits lost = 0;
+    for (size_t k = 0; k < before.size(); ++k) {
+        lost += before[k] - scene.sand[k];
+        const double share = std::clamp(double(mask[k]), 0.0, 1.0);
+        EXPECT_GE(scene.sand[k], before[k] - SandUnits(share * double(before[k]))); // that much holds
+    }
+    EXPECT_EQ(lost, 0);
+    return result;
+}
+
+TEST(Fusion, AMaskIsTheShareThatIsLoose) {
+    const FusionScene heap = fusion_heap();
+    FusionScene all = heap, none = heap, masked = heap;
+    relax_sand(all.domain, all.rock.data(), all.sand.data(), {}, {});
+    for (const float one : {1.0F, 7.0F}) { // what is no mask counts as its end
+        masked.sand = heap.sand;
+        fusion_masked(masked, std::vector<float>(heap.sand.size(), one));
+        EXPECT_EQ(masked.sand, all.sand);
+    }
+    for (const float zero : {0.0F, -3.0F}) {
+        EXPECT_EQ(fusion_masked(none, std::vector<float>(heap.sand.size(), zero)).moved, 0.0);
+        EXPECT_EQ(none.sand, heap.sand);
+    }
+    // Half of it: what is loose comes to rest, over what holds.
+    for (const FusionSettings settings : {FusionSettings{}, FusionSettings{.drape = 3.0}}) {
+        masked.sand = heap.sand;
+        EXPECT_TRUE(fusion_masked(masked, std::vector<float>(heap.sand.size(), 0.5F), settings).settled);
+        EXPECT_NE(masked.sand, heap.sand);
+    }
+    FusionScene loose = masked;
+    for (size_t k = 0; k < heap.sand.size(); ++k) loose.sand[k] -= heap.sand[k] - heap.sand[k] / 2;
+    for (size_t k = 0; k < heap.sand.size(); ++k)
+        loose.rock[k] += float(sand_metres(heap.sand[k] - heap.sand[k] / 2));
+    EXPECT_LE(fusion_steepest_degrees(loose), 34.5);
+}
+
+TEST(Fusion, ASmallMaskMovesLittleAndAnEdgeOfItIsNoWall) {
+    const FusionScene heap = fusion_heap();
+    double total = 0.0;
+    for (const SandUnits sand : heap.sand) total += sand_metres(sand);
+    double last = 0.0;
+    for (const float share : {1e-6F, 1e-3F, 0.1F}) {
+        FusionScene scene = heap;
+        const double moved = fusion_masked(scene, std::vector<float>(heap.sand.size(), share)).moved;
+        EXPECT_LE(moved, double(share) * total);
+        EXPECT_GT(moved, last);
+        last = moved;
+    }
+    // Two masks that differ little: two results that differ little, everywhere.
+    FusionScene a = heap, b = heap;
+    std::vector<float> mask(heap.sand.size());
+    for (size_t k = 0; k < mask.size(); ++k) mask[k] = float(k % 150) / 149.0F;
+    fusion_masked(a, mask);
+    for (float& share : mask) share = std::min(share + 1e-5F, 1.0F);
+    fusion_masked(b, mask);
+    double differ = 0.0;
+    for (size_t k = 0; k < mask.size(); ++k)
+        differ = std::max(
+            differ, std::abs(a.height(int(k % 150), int(k / 150)) - b.height(int(k % 150), int(k / 150))));
+    std::printf("masks 1e-5 apart: heights differ by %.2e m at most\n", differ);
+    EXPECT_LT(differ, 0.05);
+    // Where nothing is loose sand may arrive, but none leaves.
+    FusionScene half = heap;
+    for (size_t k = 0; k < mask.size(); ++k) mask[k] = k % 150 < 75 ? 0.0F : 1.0F;
+    fusion_masked(half, mask);
+    SandUnits arrived = 0;
+    for (size_t k = 0; k < mask.size(); ++k)
+        if (mask[k] == 0.0F) arrived += half.sand[k] - heap.sand[k];
+    EXPECT_GT(arrived, 0);
+}
+
+// ---- drape ----
+
+// Level sand that meets rock of 25 degrees, which rises in a direction of the grid or across it.
+FusionScene fusion_shore(double angle, double cell = 0.1, double slope = 25.0) {
+    FusionScene shore(160, 160, cell);
+    for (int j = 0; j < 160; ++j)
+        for (int i = 0; i < 160; ++i) {
+            const double up = ((i - 80) * std::cos(angle) + (j - 80) * std::sin(angle)) * cell;
+            const double rock = up * std::tan(slope * degree);
+            shore.rock[shore.domain.index(i, j)] = float(rock);
+            shore.sand[shore.domain.index(i, j)] = sand_units(std::max(0.0, -rock));
+        }
+    return shore;
+}
+
+// The greatest second difference of the surface along x or z, in the middle.
+double fusion_kink(const FusionScene& scene) {
+    double most = 0.0;
+    for (int j = 30; j < 130; ++j)
+        for (int i = 30; i < 130; ++i) {
+            const double twice = 2.0 * scene.height(i, j);
+            most = std::max({most, std::abs(scene.height(i - 1, j) + scene.height(i + 1, j) - twice),
+                             std::abs(scene.height(i, j - 1) + scene.height(i, j + 1) - twice)});
+        }
+    return most;
+}
+
+TEST(Drape, LeavesNoKinkWhereSandMeetsRock) {
+    for (const double angle : {0.0, std::atan(0.4), 45.0 * degree, 90.0 * degree}) {
+        FusionScene shore = fusion_shore(angle), draped = shore;
+        fusion_expect_relaxed(draped, {.drape = 0.5});
+        const double seam = fusion_kink(shore), fillet = fusion_kink(draped);
+        std::printf("kink %.4f, draped %.4f\n", seam, fillet);
+        EXPECT_LT(fillet, 0.15 * seam);
+        // It climbs, but not above the level by more than the drape.
+        double highest = 0.0;
+        for (int j = 30; j < 130; ++j)
+            for (int i = 30; i < 130; ++i)
+                if (draped.sand[draped.domain.index(i, j)] > sand_units(0.001))
+                    highest = std::max(highest, draped.height(i, j));
+        EXPECT_GT(highest, 0.1);
+        EXPECT_LT(highest, 0.5);
+    }
+}
+
+TEST(Drape, ThickSandKeepsItsBits) {
+    const double drape = 0.5;
+    FusionScene shore = fusion_shore(0.3), draped = shore;
+    fusion_expect_relaxed(draped, {.drape = drape});
+    size_t kept = 0;
+    for (int j = 1; j < 159; ++j)
+        for (int i = 1; i < 159; ++i) {
+            double least = infinity; // of it and its neighbours
+            for (int n = 0; n < 9; ++n)
+                least = std::min(least,
+                                 sand_metres(shore.sand[shore.domain.index(i - 1 + n % 3, j - 1 + n / 3)]));
+            if (least < 4.0 * drape) continue;
+            ++kept;
+            ASSERT_EQ(shore.sand[shore.domain.index(i, j)], draped.sand[shore.domain.index(i, j)]);
+        }
+    EXPECT_GT(kept, 1000u);
+    // Off is off, and what is thinner than a unit is nothing.
+    for (const double none : {0.0, 1e-11}) {
+        draped.sand = shore.sand;
+        fusion_expect_relaxed(draped, {.drape = none});
+        EXPECT_EQ(draped.sand, shore.sand);
+    }
+}
+
+TEST(Drape, RoughRockIsThinnestWhereItStandsOut) {
+    FusionScene rough(128, 128, 0.2);
+    for (int j = 0; j < 128; ++j)
+        for (int i = 0; i < 128; ++i) {
+            rough.rock[rough.domain.index(i, j)] = float(0.4 * std::sin(0.3 * i) * std::sin(0.21 * j));
+            rough.sand[rough.domain.index(i, j)] = sand_units(0.3);
+        }
+    fusion_expect_relaxed(rough, {.drape = 0.8});
+    double crest = 0.0, hollow = 0.0; // mean thickness
+    int crests = 0, hollows = 0;
+    for (size_t k = 0; k < rough.sand.size(); ++k) {
+        if (rough.rock[k] > 0.3F) crest += sand_metres(rough.sand[k]), ++crests;
+        if (rough.rock[k] < -0.3F) hollow += sand_metres(rough.sand[k]), ++hollows;
+    }
+    EXPECT_LT(crest / crests, 0.25);
+    EXPECT_GT(hollow / hollows, 0.35);
+}
+
+TEST(Drape, TheSameBitsAtAnyThreadCountAndTenCellsAtMost) {
+    const auto draped = [](double drape, int threads) {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
+        FusionScene scene(200, 133, 0.1);
+        for (size_t k = 0; k < scene.rock.size(); ++k) {
+            scene.rock[k] = float(2.0 * unit_double(hash(3, k / 13)));
+            scene.sand[k] = sand_units(std::max(0.0, unit_double(hash(5, k / 40)) - 0.5));
+        }
+        fusion_expect_relaxed(scene, {.drape = drape});
+        return scene.sand;
+    };
+    EXPECT_EQ(draped(0.4, 1), draped(0.4, 2));
+    EXPECT_EQ(draped(1.0, 2), draped(1000.0, 2));
+    EXPECT_NE(draped(0.9, 2), draped(1.0, 2));
+}
+
+TEST(Drape, CancelledLeavesTheSand) {
+    const FusionScene shore = fusion_shore(0.0);
+    const Domain& d = shore.domain;
+    std::vector<double> ground(d.count()), sand(d.count());
+    for (size_t k = 0; k < d.count(); ++k) {
+        ground[k] = std::rint(double(shore.rock[k]) * sand_units_a_metre);
+        sand[k] = double(shore.sand[k]);
+    }
+    const std::vector<double> before = sand;
+    int calls = 0;
+    EXPECT_FALSE(drape_sand(d, ground.data(), sand.data(), 0.5, [&] { return ++calls > 3; }));
+    EXPECT_EQ(sand, before);
+    EXPECT_EQ(calls, 4);
+    EXPECT_TRUE(drape_sand(d, ground.data(), sand.data(), 0.5, {}));
+    EXPECT_NE(sand, before);
 }
 
 } // namespace

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stones and outcrops of bedrock, half buried. The page of the model is in stones.cpp.
+#pragma once
+
+#include "procedural/terrain/layer_types.h"
+
+#include <string>
+#include <vector>
+
+namespace marram {
+
+enum class StoneKind { stone, outcrop };
+
+// Lengths in metres, angles in radians; ranges are low and high.
+struct StoneSettings {
+    StoneKind kind = StoneKind::stone;
+    double density = 0.05;            // a square metre, of all sizes
+    Vec2d size = Vec2d(0.5, 4.0);     // longest axis
+    double size_power = 2.0;          // N(> size) goes as size^-size_power
+    double flatness = 0.4;            // 0: as high as wide; 1: a slab
+    Vec2d burial = Vec2d(0.35, 0.65); // share of the height that is below the surface
+    double tilt = 20.0 * degree;      // of the longest axis, at most
+    double roundness = 0.12;          // radius of edges, in half heights
+    double roughness = 0.1;           // displacement, in sizes
+    double bed = 0.5;                 // outcrop: mean thickness of a bed
+    double dip = 8.0 * degree;        // outcrop: of the beds
+    Vec2d dip_direction = {1.0, 0.0}; // outcrop: unit, where beds fall to
+    std::string mask;                 // "": none
+    uint64_t seed = 0;
+    bool operator==(const StoneSettings&) const = default;
+};
+
+struct Stone {
+    uint64_t id = 0;
+    Vec2d at = Vec2d::Zero(); // of its middle
+    double size = 0.0;
+    bool operator==(const Stone&) const = default;
+};
+
+struct Stones {
+    std::vector<Stone> list; // by ascending id
+    size_t too_small = 0;    // left out
+};
+
+// The most places that an area may ask for; more is a SceneFault.
+inline constexpr double most_stones = 1e7;
+
+// All stones of at least `smallest` metres whose middle is in [lower, upper). Depends on settings and area only. Throws SceneFault: `place`.
+Stones place_stones(const StoneSettings& settings, double smallest, const Vec2d& lower, const Vec2d& upper,
+                    const std::string& place = "");
+
+class StonesLayer : public Layer {
+  public:
+    // A smaller stone is left out, in cells.
+    static constexpr double least_cells = 4.0;
+
+    StonesLayer(const StoneSettings& settings, const Domain& domain, const std::string& place = "");
+
+    const Stones& stones() const { return stones_; }
+    Writes writes() const override { return {true, true}; }
+    double reach() const override { return reach_; }
+    void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override;
+    Tiles changed_since(const Layer& before, const Domain& domain) const override;
+    std::vector<std::pair<std::string, double>> report() const override;
+
+  private:
+    void bin();
+    void raise(const Rect& rect, const Fields& below, const float* mask, uint32_t stone,
+               float* bedrock) const;
+
+    StoneSettings settings_;
+    Domain domain_;
+    Stones stones_;
+    double reach_ = 0.0;
+    // Stones of tile t: in_tile_[tile_begin_[t] ... tile_begin_[t + 1])
+    std::vector<uint32_t> tile_begin_, in_tile_;
+};
+
+LayerType stones_layer_type();
+
+} // namespace marram

@@ -239,7 +239,7 @@ constexpr double pocket_lip = 6.0;
 // What the pocket holds under a surface that rises from its lip by that angle, m^2; samples `step` apart.
 double pocket_capacity(double repose, double step) {
     double sum = 0.0;
-    for (double back = step; back < 20.0; back += step) {
+    for (double back = step; back < 30.0; back += step) {
         const double line = pocket_rock(pocket_lip) + back * std::tan(repose);
         const double depth = line - pocket_rock(pocket_lip - back);
         if (back > 11.5 && depth < 0.0) break;
@@ -262,17 +262,17 @@ Pocket pocket_filled(double supply, double angle) {
         for (int i = 0; i < 200; ++i) {
             const double u = down(i, j);
             face.rock[face.domain.index(i, j)] = float(pocket_rock(u));
-            if (u < -11.0 && u >= -17.0) face.sand[face.domain.index(i, j)] = sand_units(thick);
+            if (u < -18.0 && u >= -24.0) face.sand[face.domain.index(i, j)] = sand_units(thick);
         }
     fusion_expect_relaxed(face);
     Pocket sand;
     for (int j = 0; j < 200; ++j)
         for (int i = 0; i < 200; ++i) {
             const double across = ((j - 100) * c - (i - 100) * s) * cell;
-            if (std::abs(across) > 12.0) continue;
+            if (!(across > -12.0 && across <= 12.0)) continue;
             const double u = down(i, j), area = sand_metres(face.sand[face.domain.index(i, j)]) * cell * cell;
-            // The surface of a full pocket meets the face 1 / (1 - tan 34 / tan 60) of its way up.
-            (u > pocket_lip ? sand.beyond : u > -12.0 ? sand.inside : sand.above) += area / 24.0;
+            // The surface of a full pocket rises by tan 34 from its lip and meets the face 22.5 m behind it.
+            (u > pocket_lip ? sand.beyond : u > -17.5 ? sand.inside : sand.above) += area / 24.0;
         }
     return sand;
 }
@@ -294,8 +294,11 @@ TEST(Fusion, APocketOnASteepFaceFillsToTheAngleOfReposeAndNoFurther) {
 }
 
 TEST(Fusion, SaysWhereItDidNotSettle) {
-    FusionScene cliff(200, 60);
-    cliff.pile([](double x, double) { return x < 0.0 ? 30.0 : 0.0; });
+    FusionScene cliff(120, 120); // steep rock, oblique to the grid: it takes hundreds of sweeps
+    for (int j = 0; j < 120; ++j)
+        for (int i = 0; i < 120; ++i)
+            cliff.rock[cliff.domain.index(i, j)] = float(1.7 * std::max(0.0, i + 0.4 * j - 60.0));
+    std::fill(cliff.sand.begin(), cliff.sand.end(), sand_units(0.2));
     std::vector<SandUnits> sand = cliff.sand;
     const Fields below{cliff.rock.data(), cliff.sand.data(), {}};
     const auto said = [&](const FusionSettings& settings) {
@@ -394,7 +397,7 @@ TEST(Fusion, ASmallMaskMovesLittleAndAnEdgeOfItIsNoWall) {
         differ = std::max(
             differ, std::abs(a.height(int(k % 150), int(k / 150)) - b.height(int(k % 150), int(k / 150))));
     std::printf("masks 1e-5 apart: heights differ by %.2e m at most\n", differ);
-    EXPECT_LT(differ, 0.05);
+    EXPECT_LT(differ, 1e-3);
     // Where nothing is loose sand may arrive, but none leaves.
     FusionScene half = heap;
     for (size_t k = 0; k < mask.size(); ++k) mask[k] = k % 150 < 75 ? 0.0F : 1.0F;

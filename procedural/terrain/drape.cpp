@@ -29,7 +29,7 @@
 // a spread of sqrt(2) k. Both ends compute the same f from the same numbers, so that nothing is made or lost, on any number of threads.
 //
 // k is 10 cells at most: 500 steps. Tiles in whose neighbourhood nothing moved in the last step sleep. Borders are walls.
-// Cost: 6 ns a sample and step of one core in tiles that are awake. 32 bytes a sample while it runs.
+// Cost: 80 ns a sample and step of one core in tiles that are awake, measured on a busy machine; samples that are all bare or all thick nearly nothing. 32 bytes a sample while it runs.
 #include "procedural/terrain/drape.h"
 
 #include "core/math/simd.h"
@@ -133,6 +133,19 @@ MARRAM_HOT bool drape_step(DrapeGrid& grid, const Rect& rect, double k) {
             const VLong west = here & (column > 0), east = here & (column < int64_t(grid.nx - 1));
             const VDouble zero = splat(0.0);
             const DrapeSample own = drape_sample(grid, s);
+            const size_t around[] = {s - 1, s + 1, s - grid.stride, s + grid.stride};
+            VDouble least = own.sand, most = own.sand;
+            for (const size_t n : around) {
+                const VDouble beside = drape_load(&grid.sand[n]);
+                least = vmin(least, beside), most = vmax(most, beside);
+            }
+            // All bare, or all thick: nothing flows.
+            if (!any(here & (most > 0.0) & (least < 4.0 * k))) {
+                if (i + lanes <= rect.i1) {
+                    std::memcpy(&grid.next[s], &own.sand, sizeof own.sand);
+                    continue;
+                }
+            }
             VDouble lost = west ? drape_flow(own, drape_sample(grid, s - 1), k) : zero;
             lost += east ? drape_flow(own, drape_sample(grid, s + 1), k) : zero;
             if (j > 0) lost += here ? drape_flow(own, drape_sample(grid, s - grid.stride), k) : zero;

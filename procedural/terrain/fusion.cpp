@@ -41,10 +41,13 @@
 // for what is not a number, the sand is left alone and `settled` is false; so is it if 256 repetitions do not suffice. Borders are walls.
 // A single row or column has no triangle and stays.
 //
+// Sand that slides over steep rock into a hollow comes to rest up to 2.5 degrees below repose there: the coarser grids leave it so. Never above it.
+//
 // What it says: sweeps, m^3 moved, the steepest all-sand triangle and whether it settled; a warning where it did not.
 //
 // Cost: 35 ns a sample where nothing moves (one core), of which half is copying; 2048^2 samples with 1,000 dunes of 40 degrees: 1.1 to 1.3 s
-// of one core. A face of steep rock that runs obliquely to the grid settles slowest: 800 sweeps for 512^2 samples. 16 bytes a sample, and a third of it for the coarser grids.
+// of one core. A face of steep rock that runs obliquely to the grid settles slowest: 800 sweeps for 512^2 samples; where a heap at its foot reaches over a
+// ledge of it, 256 repetitions have been seen not to do (34.64 degrees remained). 16 bytes a sample, and a third of it for the coarser grids.
 #include "procedural/terrain/fusion.h"
 
 #include "core/math/simd.h"

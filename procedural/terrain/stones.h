@@ -20,8 +20,8 @@ struct StoneSettings {
     double flatness = 0.4;            // 0: as high as wide; 1: a slab
     Vec2d burial = Vec2d(0.35, 0.65); // share of the height that is below the surface
     double tilt = 20.0 * degree;      // of the longest axis, at most
-    double roundness = 0.12;          // radius of edges, in half heights
-    double roughness = 0.1;           // displacement, in sizes
+    double roundness = 0.06;          // radius of edges, in half heights
+    double roughness = 0.06;          // displacement, in sizes
     double bed = 0.5;                 // outcrop: mean thickness of a bed
     double dip = 8.0 * degree;        // outcrop: of the beds
     Vec2d dip_direction = {1.0, 0.0}; // outcrop: unit, where beds fall to

@@ -185,8 +185,10 @@ TEST(Stones, SandGivesWayAndTheSurfaceNeverFalls) {
         ++raised;
         const double before = double(ground.bedrock[k]) + sand_metres(ground.sand[k]);
         const double after = double(made.bedrock[k]) + sand_metres(made.sand[k]);
-        if (made.sand[k] > 0) ++under, ASSERT_NEAR(after, before, 1e-9); // a buried one shows nowhere
-        if (made.sand[k] == 0) ++bare, ASSERT_GE(after, before - 1e-9);
+        ASSERT_GE(after, before - 1e-9);
+        const double most = made.sand[k] > 0 ? before + 1e-9 : infinity; // a buried one shows nowhere
+        ASSERT_LE(after, most);
+        ++(made.sand[k] > 0 ? under : bare);
     }
     EXPECT_EQ(taken, held);
     EXPECT_GT(under, 100u);
@@ -235,6 +237,7 @@ OneStone one_stone(StoneSettings settings, uint64_t seed) {
 TEST(Stones, HaveFacetsAndAreNeverBalls) {
     StoneSettings settings;
     settings.roughness = 0.0;
+    settings.roundness = 0.03;
     double least = 1.0;
     for (uint64_t seed = 0; seed < 20; ++seed) {
         const OneStone stone = one_stone(settings, seed);
@@ -244,7 +247,7 @@ TEST(Stones, HaveFacetsAndAreNeverBalls) {
         EXPECT_GT(stone.wide, 0.25 * 4.0) << seed;
     }
     std::printf("share of a stone that is flat: %.2f at least\n", least);
-    EXPECT_GT(least, 0.35);
+    EXPECT_GT(least, 0.5);
     settings.roundness = 1.0;
     EXPECT_LT(one_stone(settings, 0).flat, 0.2); // the measure tells
 }

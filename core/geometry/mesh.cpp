@@ -111,20 +111,6 @@ Vec3f normal_at(std::span<const Vec3f> positions, std::span<const Triangle> tria
 
 // ---- Loading
 
-std::string read_bytes(const std::string& path) {
-    std::error_code error;
-    const std::filesystem::file_status status = std::filesystem::status(path, error);
-    if (!std::filesystem::exists(status))
-        throw InputError(Place{path}, "there is no such file", "check the path");
-    if (!std::filesystem::is_regular_file(status))
-        throw InputError(Place{path}, "is not an ordinary file", "give the path of an .obj or .ply file");
-    std::ifstream file(path, std::ios::binary);
-    std::string bytes(file ? std::filesystem::file_size(path, error) : 0, '\0');
-    if (!file || error || !file.read(bytes.data(), std::streamsize(bytes.size())))
-        throw InputError(Place{path}, "cannot be read", "check the file's permissions");
-    return bytes;
-}
-
 // Makes the file's normals unit and fills in those that are missing.
 void finish_normals(Mesh& mesh, bool smooth) {
     size_t missing = 0;
@@ -142,13 +128,6 @@ void finish_normals(Mesh& mesh, bool smooth) {
         for (size_t v = 0; v < mesh.normals.size(); ++v)
             if (mesh.normals[v].isZero(0.0f)) mesh.normals[v] = computed[v];
     }
-}
-
-std::string lower_extension(const std::string& path) {
-    std::string extension = std::filesystem::path(path).extension().string();
-    for (char& c : extension)
-        if (c >= 'A' && c <= 'Z') c = char(c - 'A' + 'a');
-    return extension;
 }
 
 } // namespace
@@ -169,11 +148,11 @@ std::vector<Vec3f> vertex_normals(std::span<const Vec3f> positions, std::span<co
 }
 
 Mesh load_mesh(const std::string& path, bool smooth) {
-    const std::string extension = lower_extension(path);
+    const std::string extension = extension_of(path);
     if (extension != ".obj" && extension != ".ply")
         throw InputError(Place{path}, fmt::format("meshes of the type \"{}\" are not known", extension),
                          "save it as .obj or .ply");
-    std::string bytes = read_bytes(path);
+    std::string bytes = read_bytes(path, ".obj or .ply");
     Mesh mesh = extension == ".obj" ? read_obj(path, bytes) : read_ply(path, bytes);
     if (mesh.triangles.empty())
         throw InputError(Place{path}, "has no triangles",
@@ -190,6 +169,28 @@ Mesh load_mesh(const std::string& path, bool smooth) {
 }
 
 // ---- What readers share
+
+std::string read_bytes(const std::string& path, const char* kinds) {
+    std::error_code error;
+    const std::filesystem::file_status status = std::filesystem::status(path, error);
+    if (!std::filesystem::exists(status))
+        throw InputError(Place{path}, "there is no such file", "check the path");
+    if (!std::filesystem::is_regular_file(status))
+        throw InputError(Place{path}, "is not an ordinary file",
+                         fmt::format("give the path of an {} file", kinds));
+    std::ifstream file(path, std::ios::binary);
+    std::string bytes(file ? std::filesystem::file_size(path, error) : 0, '\0');
+    if (!file || error || !file.read(bytes.data(), std::streamsize(bytes.size())))
+        throw InputError(Place{path}, "cannot be read", "check the file's permissions");
+    return bytes;
+}
+
+std::string extension_of(const std::string& path) {
+    std::string extension = std::filesystem::path(path).extension().string();
+    for (char& c : extension)
+        if (c >= 'A' && c <= 'Z') c = char(c - 'A' + 'a');
+    return extension;
+}
 
 Place place_of(const std::string& path, std::string_view bytes, size_t offset) {
     const char newline = bytes.find('\n') == std::string_view::npos ? '\r' : '\n';

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the readers of mesh files share; nobody else needs it.
+// What the readers of files of meshes and of curves share; nobody else needs it.
 //
-// To add a format, write its read_<format>() here and in a file of its own, and name its extension in
+// To add a format of meshes, write its read_<format>() here and in a file of its own, and name its extension in
 // load_mesh().
 #pragma once
 
@@ -22,6 +22,11 @@ inline constexpr uint64_t greatest_count =
 // stands for one that is missing. They may overwrite `bytes`.
 Mesh read_obj(const std::string& path, std::string& bytes);
 Mesh read_ply(const std::string& path, std::string& bytes);
+
+// A whole file. kinds: ".obj or .ply". Throws InputError where there is none that can be read.
+std::string read_bytes(const std::string& path, const char* kinds);
+// ".obj" of "a.OBJ".
+std::string extension_of(const std::string& path);
 
 // The line and column of bytes[offset]. Lines end in \n, or in \r where there is no \n.
 Place place_of(const std::string& path, std::string_view bytes, size_t offset);

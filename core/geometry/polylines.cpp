@@ -1,23 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/geometry/polylines.h"
 
-#include "core/math/problem.h"
+#include "core/geometry/mesh_reader.h"
 
 #include <fmt/format.h>
 #include <tiny_obj_loader.h>
 
 #include <charconv>
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 #include <sstream>
 
 namespace marram {
 
-std::vector<std::vector<Vec3d>> load_polylines(const std::string& file) {
-    if (std::filesystem::path(file).extension() != ".obj")
-        throw InputError({file}, "is no .obj file", "convert the curves to l elements of an .obj file");
-    std::ifstream text(file); // tinyobjloader takes what it cannot parse for 0
+namespace {
+
+// tinyobjloader takes what it cannot parse for 0.
+void check_obj_vertices(const std::string& file, const std::string& bytes) {
+    std::istringstream text(bytes);
     std::string word;
     int number = 1;
     for (std::string row; std::getline(text, row); ++number) {
@@ -32,18 +31,23 @@ std::vector<std::vector<Vec3d>> load_polylines(const std::string& file) {
                                  "give \"v x y z\"");
         }
     }
+}
+
+std::vector<Polyline> read_obj_polylines(const std::string& file, const std::string& bytes) {
+    check_obj_vertices(file, bytes);
     tinyobj::attrib_t attributes;
     std::vector<tinyobj::shape_t> shapes;
     std::vector<tinyobj::material_t> unused;
     std::string warning, error;
-    if (!tinyobj::LoadObj(&attributes, &shapes, &unused, &warning, &error, file.c_str(), nullptr, false))
+    std::istringstream text(bytes);
+    if (!tinyobj::LoadObj(&attributes, &shapes, &unused, &warning, &error, &text, nullptr, false))
         throw InputError({file}, "cannot be read: " + error, "export it anew");
     const size_t points = attributes.vertices.size() / 3;
-    std::vector<std::vector<Vec3d>> lines;
+    std::vector<Polyline> lines;
     for (const tinyobj::shape_t& shape : shapes) {
         size_t next = 0;
         for (const int count : shape.lines.num_line_vertices) {
-            std::vector<Vec3d>& line = lines.emplace_back();
+            std::vector<Vec3d>& line = lines.emplace_back().points;
             for (int i = 0; i < count; ++i) {
                 const int index = shape.lines.indices[next++].vertex_index;
                 if (index < 0 || size_t(index) >= points)
@@ -52,15 +56,29 @@ std::vector<std::vector<Vec3d>> load_polylines(const std::string& file) {
                                      "check that the file is complete");
                 const auto* v = &attributes.vertices[3 * size_t(index)];
                 const Vec3d p{double(v[0]), double(v[1]), double(v[2])};
-                constexpr double most = 1e8; // as scenes may have
-                if (!(p.cwiseAbs().maxCoeff() <= most))
+                if (!(p.cwiseAbs().maxCoeff() <= greatest_curve_coordinate))
                     throw InputError({file}, fmt::format("vertex {} is beyond 1e8 m", index + 1),
                                      "scale it down");
                 line.push_back(p);
             }
         }
     }
-    if (lines.empty()) throw InputError({file}, "has no lines", "give l elements, as \"l 1 2 3\"");
+    return lines;
+}
+
+} // namespace
+
+std::vector<Polyline> load_polylines(const std::string& file) {
+    const std::string extension = extension_of(file);
+    if (extension != ".obj" && extension != ".ply" && extension != ".usda")
+        throw InputError({file}, fmt::format("curves of the type \"{}\" are not known", extension),
+                         "save them as .obj, .ply or .usda");
+    const std::string bytes = read_bytes(file, ".obj, .ply or .usda");
+    std::vector<Polyline> lines = extension == ".obj"   ? read_obj_polylines(file, bytes)
+                                  : extension == ".ply" ? read_ply_polylines(file, bytes)
+                                                        : read_usda_polylines(file, bytes);
+    if (lines.empty())
+        throw InputError({file}, "has no lines", "give l elements, as \"l 1 2 3\", edges, or a strand_id");
     return lines;
 }
 

@@ -124,8 +124,10 @@ std::vector<ItemSchema> curves_types() {
              "a polyline through points",
              {{"points", points, "m", "", -far, far, "", "[[x, y, z], ...], at least 2"}, closed}},
             {"file",
-             "the polylines of a file",
-             {{"file", file, "", "", -any, any, "", "an .obj file with l elements"}, closed}}};
+             "the curves of a file",
+             {{"file", file, "", "", -any, any, "",
+               ".obj with l elements; .ply with edges, a strand_id, or one curve; .usda with BasisCurves"},
+              closed}}};
 }
 
 } // namespace

@@ -79,18 +79,18 @@ SceneCurves load_scene_curves(const Item& item) {
     SceneCurves curves;
     curves.name = item.name;
     const bool closed = item.params.boolean("closed");
-    const auto add = [&](const std::vector<Vec3d>& points, const Place& place) {
+    const auto add = [&](const std::vector<Vec3d>& points, bool ring, const Place& place) {
         if (points.size() < 2) throw InputError(place, "a curve has fewer than 2 points", "give 2 or more");
-        curves.add(points, closed);
+        curves.add(points, closed || ring);
     };
     if (item.type == "file") {
         const std::string& file = item.params.text("file");
-        for (const std::vector<Vec3d>& line : load_polylines(file)) add(line, {file});
+        for (const Polyline& line : load_polylines(file)) add(line.points, line.closed, {file});
     } else {
         const ParamValue& value = item.params.at("points");
         std::vector<Vec3d> points;
         for (size_t i = 0; i < value.numbers.size(); i += 3) points.emplace_back(value.numbers.data() + i);
-        add(points, value.place);
+        add(points, false, value.place);
     }
     return curves;
 }

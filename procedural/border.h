@@ -32,9 +32,17 @@ MarramStatus guarded(const MarramHost& host, const char* subject, const char* le
     return MARRAM_ERROR;
 }
 
+// Adds what the file of an image says of where it lies.
+inline void add_placement(Digest& digest, const MarramPlacement* given) {
+    if (!given) return;
+    const MarramPlacement placement = known_part(given);
+    digest.add(&placement, sizeof placement);
+}
+
 // Adds a value: name, numbers, text, and the grid that it holds.
 inline void add_value(Digest& digest, const MarramValue& value) {
     digest.add(value.name).add(value.text).add(value.numbers, value.number_count * sizeof(double));
+    add_placement(digest, value.placement);
     if (const MarramGrid* grid = value.grid)
         digest.add(grid->nx)
             .add(grid->ny)

@@ -25,11 +25,35 @@ MarramStage stage_of(const std::string& name) {
     return name == "rest" ? MARRAM_REST : name == "bent" ? MARRAM_BENT : MARRAM_FINAL;
 }
 
+// What a file is written of.
+enum class Baked { strands, strands_or_surface, surface, grids };
+
+struct BakedFormat {
+    const char* extension;
+    Baked what;
+};
+constexpr BakedFormat baked_formats[] = {
+    {".hair", Baked::strands}, {".usda", Baked::strands}, {".obj", Baked::strands_or_surface},
+    {".ply", Baked::surface},  {".exr", Baked::grids},    {".png", Baked::grids},
+    {".tif", Baked::grids},    {".tiff", Baked::grids}};
+
+std::string extension_of_output(const BakeOptions& options) {
+    return std::filesystem::path(options.output).extension().string();
+}
+
+const BakedFormat* baked_format(const std::string& extension) {
+    const auto found =
+        std::ranges::find_if(baked_formats, [&](const BakedFormat& f) { return extension == f.extension; });
+    return found == std::end(baked_formats) ? nullptr : found;
+}
+
 void check_formats(const BakeOptions& options) {
-    const std::string extension = std::filesystem::path(options.output).extension().string();
-    if (extension != ".hair" && extension != ".usda" && extension != ".obj" && extension != ".exr")
-        throw InputError({options.output}, "nothing is written in the format '" + extension + "'",
-                         "name it .hair, .usda or .obj for strands, .exr for the grids of a terrain");
+    const std::string extension = extension_of_output(options);
+    if (!baked_format(extension))
+        throw InputError(
+            {options.output}, "nothing is written in the format '" + extension + "'",
+            "name it .hair, .usda or .obj for strands, .obj or .ply for the surface of a terrain, .exr, .tif "
+            "or .png for its grids");
     const std::string meshes = std::filesystem::path(options.colliders).extension().string();
     if (!options.colliders.empty() && meshes != ".obj" && meshes != ".usda")
         throw InputError({options.colliders}, "colliders are written as .obj or .usda",
@@ -52,6 +76,21 @@ const MeshGeometry& mesh_with_grids(const World& world, const std::string& outpu
     if (!found)
         throw InputError({output}, "no mesh of the scene hands out grids", "bake a scene with a terrain");
     return *found;
+}
+
+bool makes_strands(const Shot& shot) {
+    return std::ranges::any_of(shot.geometry.procedurals,
+                               [](const auto& p) { return p->kind() == MARRAM_CURVES; });
+}
+
+void write_baked(Baked what, const std::string& output, const Shot& shot, const World& world, double frame) {
+    if (what == Baked::strands_or_surface) what = makes_strands(shot) ? Baked::strands : Baked::surface;
+    if (what == Baked::strands)
+        return write_curves(output, world.curves, frame, shot.description.globals.number("fps"));
+    const MeshGeometry& mesh = mesh_with_grids(world, output);
+    if (what == Baked::grids) return write_grids(output, mesh);
+    if (output.ends_with(".ply")) return write_surface_ply(output, mesh);
+    write_colliders_obj(output, std::span(&mesh, 1));
 }
 
 // Throws InputError for a name that no curves of the scene carry.
@@ -104,10 +143,7 @@ int bake_command(const BakeOptions& options) {
         arena.execute(
             [&] { world = build_world(shot.geometry, settings, interrupted(), progress, stats.build); });
         progress.phase = "writing";
-        if (output.ends_with(".exr"))
-            write_grids(output, mesh_with_grids(world, output));
-        else
-            write_curves(output, world.curves, stats.frame, settings.fps);
+        write_baked(baked_format(extension_of_output(options))->what, output, shot, world, stats.frame);
         if (colliders.ends_with(".obj")) write_colliders_obj(colliders, world.meshes);
         if (colliders.ends_with(".usda"))
             write_colliders_usda(colliders, world.meshes, stats.frame, settings.fps);

@@ -147,11 +147,14 @@ void add_render(CLI::App& app, Commands& c) {
 }
 
 void add_bake(CLI::App& app, Commands& c) {
-    CLI::App* command = app.add_subcommand("bake", "write a scene's strands to a file");
+    CLI::App* command = app.add_subcommand("bake", "write a scene's strands, or its terrain, to a file");
     add_scene(*command, c.bake);
     add_stats(*command, c.bake);
     command
-        ->add_option("-o,--output", c.bake.output, "strands: .hair, .usda or .obj; a terrain's grids: .exr")
+        ->add_option("-o,--output", c.bake.output,
+                     "strands: .hair, .usda or .obj; a terrain's surface: .ply, or .obj where no strands are "
+                     "made; its "
+                     "height: .png (16 bits), .tif or .exr (with all its grids)")
         ->required()
         ->type_name("FILE");
     command->add_option("--frame", c.bake.frame, "frame, also a fraction of one; default: the scene's first")

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/geometry/contract_values.h"
 
+#include "core/geometry/grid_placement.h"
 #include "core/geometry/table_file.h"
 #include "core/math/digest.h"
 
@@ -65,7 +66,10 @@ void ContractValues::add(MarramParamType type, std::string name, const ParamValu
     out.number_count = value.numbers.size();
     out.text = value.text.c_str();
     out.place = texts_.emplace_back(to_string(value.place)).c_str();
-    if (type == MARRAM_IMAGE) out.grid = image(value);
+    if (type == MARRAM_IMAGE) {
+        out.grid = image(value);
+        out.placement = placement(value);
+    }
     if (type == MARRAM_TABLE) out.grid = table(value, out);
 }
 
@@ -83,6 +87,21 @@ const MarramGrid* ContractValues::image(const ParamValue& value) {
     grid.axes[1][1] = -1.0 / image.height;
     grid.values = image.pixels.data();
     return &grid;
+}
+
+const MarramPlacement* ContractValues::placement(const ParamValue& value) {
+    const FilePlacement file = read_placement(value.text);
+    if (!file.center && !file.size && !file.range) return nullptr;
+    MarramPlacement& placement = placements_.emplace_back();
+    placement.size = sizeof(MarramPlacement);
+    const auto take = [](const std::optional<Vec2d>& from, uint32_t& has, double* to) {
+        has = from.has_value();
+        if (from) std::copy_n(from->data(), 2, to);
+    };
+    take(file.center, placement.has_center, placement.center);
+    take(file.size, placement.has_extent, placement.extent);
+    take(file.range, placement.has_range, placement.range);
+    return &placement;
 }
 
 const MarramGrid* ContractValues::table(const ParamValue& value, MarramValue& out) {
@@ -112,6 +131,7 @@ uint64_t ContractValues::digest() const {
             continue;
         }
         digest.add(grid->nx).add(grid->ny).add(grid->components);
+        if (value.placement) digest.add(value.placement, sizeof(MarramPlacement));
         if (value.type == MARRAM_TABLE) digest.add(value.text); // its columns
         digest.add(grid->values, size_t(grid->nx) * grid->ny * grid->nz * grid->components * sizeof(float));
     }

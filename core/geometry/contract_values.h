@@ -33,6 +33,7 @@ class ContractValues {
     void add(MarramParamType type, std::string name, const ParamValue& value);
     void add_param(const MarramParam& param, const Item& item, const ParamSet& wind);
     const MarramGrid* image(const ParamValue& value);
+    const MarramPlacement* placement(const ParamValue& value); // nullptr where the image's file does not say
     const MarramGrid* table(const ParamValue& value, MarramValue& out);
 
     std::vector<MarramValue> values_;
@@ -40,6 +41,7 @@ class ContractValues {
     std::deque<std::vector<float>> numbers_;
     std::deque<Image> images_;
     std::deque<MarramGrid> grids_;
+    std::deque<MarramPlacement> placements_;
 };
 
 } // namespace marram

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/geometry/curve_export.h"
 
+#include "core/geometry/export_name.h"
 #include "core/image/atomic_file.h"
 #include "core/math/problem.h"
 
@@ -75,7 +76,8 @@ class Text {
     fmt::basic_memory_buffer<char> buffer_;
 };
 
-// A name that USD takes as an identifier and OBJ as one word, and that nobody else has.
+} // namespace
+
 std::string unique_name(const std::string& name, const char* fallback, std::set<std::string>& taken) {
     std::string clean;
     for (char c : name) {
@@ -89,6 +91,8 @@ std::string unique_name(const std::string& name, const char* fallback, std::set<
     for (int number = 1; !taken.insert(unique).second; ++number) unique = fmt::format("{}_{}", clean, number);
     return unique;
 }
+
+namespace {
 
 // ---- HAIR
 
@@ -360,7 +364,7 @@ void write_colliders_usda(const std::string& path, std::span<const MeshGeometry>
 
 void write_colliders_obj(const std::string& path, std::span<const MeshGeometry> meshes) {
     Text text(path);
-    text.add("# Colliders baked by Marram: y up, metres\n");
+    text.add("# Meshes baked by Marram: y up, metres\n");
     std::set<std::string> taken;
     uint64_t first = 1, first_uv = 1, first_normal = 1;
     for (const MeshGeometry& mesh : meshes) {

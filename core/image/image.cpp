@@ -336,12 +336,16 @@ void write_exr(const std::string& path, int width, int height, std::span<const L
 
 namespace {
 
+void add_texts(OIIO::ImageSpec& spec, std::span<const Metadata> metadata) { // PNG knows nothing else
+    for (const auto& [key, value] : metadata)
+        spec.attribute(key, std::visit([](const auto& v) { return fmt::format("{}", v); }, value));
+}
+
 OIIO::ImageSpec png_spec(int width, int height, int channels, std::span<const Metadata> metadata) {
     assert(width > 0 && height > 0 && (channels == 3 || channels == 4));
     OIIO::ImageSpec spec(width, height, channels, OIIO::TypeDesc::UINT8);
     spec.attribute("oiio:ColorSpace", "sRGB");
-    for (const auto& [key, value] : metadata) // PNG knows text only
-        spec.attribute(key, std::visit([](const auto& v) { return fmt::format("{}", v); }, value));
+    add_texts(spec, metadata);
     spec.attribute("oiio:UnassociatedAlpha", 1); // the division by alpha is done here, before the rounding
     return spec;
 }
@@ -372,6 +376,29 @@ void write_png(const std::string& path, int width, int height, int channels, con
     writer.commit();
 }
 
+void write_grey_png(const std::string& path, int width, int height, const uint16_t* pixels,
+                    std::span<const Metadata> metadata) {
+    assert(width > 0 && height > 0);
+    OIIO::ImageSpec spec(width, height, 1, OIIO::TypeDesc::UINT16);
+    spec.attribute("oiio:ColorSpace", "linear");
+    add_texts(spec, metadata);
+    ImageWriter writer(path, spec, "png");
+    writer.write_rows(0, height, OIIO::TypeDesc::UINT16, pixels);
+    writer.commit();
+}
+
+void write_grey_tiff(const std::string& path, int width, int height, const float* pixels,
+                     const std::string& description) {
+    assert(width > 0 && height > 0);
+    OIIO::ImageSpec spec(width, height, 1, OIIO::TypeDesc::FLOAT);
+    spec.attribute("compression", "none");
+    spec.attribute("ImageDescription", description);
+    spec.attribute("DateTime", ""); // else OpenImageIO writes the time of day
+    ImageWriter writer(path, spec, "tiff");
+    writer.write_rows(0, height, OIIO::TypeDesc::FLOAT, pixels);
+    writer.commit();
+}
+
 ImageHeader image_header(const std::string& path) {
     const QuietPng quiet(path);
     const InputFile input = open_image(path);
@@ -383,12 +410,21 @@ ImageHeader image_header(const std::string& path) {
     return header;
 }
 
+namespace {
+
+std::string text_of(const OIIO::ParamValue& value) {
+    if (value.type() == OIIO::TypeDesc::DOUBLE) return fmt::format("{}", value.get<double>());
+    return value.get_string();
+}
+
+} // namespace
+
 std::vector<std::pair<std::string, std::string>> read_all_metadata(const std::string& path) {
     const QuietPng quiet(path);
     const InputFile input = open_image(path);
     std::vector<std::pair<std::string, std::string>> all;
     for (const OIIO::ParamValue& value : input->spec().extra_attribs)
-        all.emplace_back(value.name().string(), value.get_string());
+        all.emplace_back(value.name().string(), text_of(value));
     std::ranges::sort(all);
     return all;
 }
@@ -422,8 +458,7 @@ bool reads_to_its_end(OIIO::ImageInput& input) {
 std::optional<std::string> text_of(const OIIO::ImageSpec& spec, const std::string& key) {
     const OIIO::ParamValue* value = spec.find_attribute(key);
     if (!value) return std::nullopt;
-    if (value->type() == OIIO::TypeDesc::DOUBLE) return fmt::format("{}", value->get<double>());
-    return value->get_string();
+    return text_of(*value);
 }
 
 } // namespace

@@ -3,6 +3,7 @@
 // not at all (core/image/atomic_file.h). Everything wrong with a file is an InputError that names it.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
@@ -66,6 +67,13 @@ std::vector<unsigned char> png_bytes(int width, int height, int channels, const 
 void write_png(const std::string& path, int width, int height, int channels, const float* pixels,
                double exposure_stops, std::span<const Metadata> metadata = {});
 
+// One channel, to the bit: 16-bit PNG, marked as linear, its metadata as texts; TIFF of 32-bit floats, not compressed. The bytes depend on
+// the arguments alone.
+void write_grey_png(const std::string& path, int width, int height, const uint16_t* pixels,
+                    std::span<const Metadata> metadata);
+void write_grey_tiff(const std::string& path, int width, int height, const float* pixels,
+                     const std::string& description);
+
 // What a file's header says: whether it holds more than one picture (pages, parts), or one whose pixels do not fill its frame exactly.
 enum class Extent { whole, several, cropped };
 struct ImageHeader {
@@ -74,7 +82,7 @@ struct ImageHeader {
 };
 ImageHeader image_header(const std::string& path); // throws InputError where it cannot be opened
 
-// Every metadata entry of an image, as text, by name. Throws InputError where it cannot be opened.
+// Every metadata entry of an image, as text (numbers in the fewest digits that give them back), by name. Throws InputError where it cannot be opened.
 std::vector<std::pair<std::string, std::string>> read_all_metadata(const std::string& path);
 
 // The value of a metadata entry of an image, as text (numbers in the fewest digits that give them back); nullopt where the file is

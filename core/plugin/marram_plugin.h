@@ -101,6 +101,15 @@ typedef struct MarramGrid {
     const float* values;
 } MarramGrid;
 
+/* Where the file of an image says that its pixels lie, and what they mean. */
+typedef struct MarramPlacement {
+    size_t size;
+    uint32_t has_center, has_extent, has_range; /* 0: the file does not say */
+    double center[2];                           /* metres, x and z: the middle of the image */
+    double extent[2]; /* metres, x and z, above 0: pixels and all, not from centre to centre */
+    double range[2];  /* what the values 0 and 1 stand for, such as heights in metres */
+} MarramPlacement;
+
 /* What a mesh is there for; bits. As Embree's geometry masks they say which rays meet it. */
 typedef enum MarramRole {
     MARRAM_COLLIDES = 1,       /* strands do not enter it */
@@ -213,9 +222,10 @@ typedef struct MarramValue {
     MarramParamType type;
     const double* numbers;
     size_t number_count;
-    const char* text;       /* "" where there is none */
-    const MarramGrid* grid; /* NULL where there is none */
-    const char* place;      /* "file:line:column" to begin a message with */
+    const char* text;                 /* "" where there is none */
+    const MarramGrid* grid;           /* NULL where there is none */
+    const char* place;                /* "file:line:column" to begin a message with */
+    const MarramPlacement* placement; /* of MARRAM_IMAGE; NULL where the file does not say */
 } MarramValue;
 
 /* All declared parameters, wind ones as "wind.<name>"; absent "none" ones are left out. What a procedural does not say of the
@@ -445,6 +455,10 @@ typedef struct MarramProcedural {
     MarramStatus (*prepare)(MarramInstance* instance, const MarramFrame* frame, const MarramStates* states);
     /* Takes over new values and says what that changes of the output. An error leaves the instance as it was. */
     MarramStatus (*update)(MarramInstance* instance, const MarramUpdate* update, uint32_t* changed);
+    /* What it has generated, since begin, as text of a scene that draws the same by hand: to be pasted into a scene file and edited.
+     * The sink is called for one piece of text after the other, perhaps never. */
+    MarramStatus (*describe)(MarramInstance* instance, void (*sink)(void* user, const char* text),
+                             void* user);
 } MarramProcedural;
 
 typedef struct MarramLibrary {

@@ -6,9 +6,13 @@
 //         samples in a thousand lie beyond it.
 // image   heights from a file, its values v mapped to range[0] + v (range[1] - range[0]). Its first row lies at the smallest z, its
 //         first column at the smallest x; pixel centres are half a pixel within the extent. Between pixels Catmull-Rom's cubic: it
-//         goes through the pixels, continuous with its slope, and overshoots by at most an eighth of a step. Outside of the extent
+//         goes through the pixels, continuous with its slope, and overshoots by at most an eighth of a step; a sample within a millionth
+//         of a cell of a pixel's centre is that pixel, to the bit. Outside of the extent
 //         the layer has no share; towards its border the share falls off over `fade` metres. Where a host hands over pixels that are not
 //         numbers, they are holes: samples whose 4 x 4 pixels hold one have no share. (Marram's refuses such a file.)
+//         `range`, `size` and `center`, each by itself: what the scene says wins; what it does not say comes from the file, where that says
+//         it (bake's do: grid_placement.h); what neither says is [0, 1], and the terrain's own extent. So what bake wrote is a base again, at
+//         its place, whatever terrain it lies on.
 //
 //     [[procedural.layer]]
 //     type = "image"
@@ -18,6 +22,7 @@
 #include "procedural/terrain/base_layers.h"
 
 #include "core/math/hash.h"
+#include "core/math/known_part.h"
 #include "procedural/terrain/shape_layer.h"
 #include "procedural/wind/noise.h"
 
@@ -28,6 +33,7 @@ namespace marram {
 namespace {
 
 constexpr double most_metres = 1e5;
+constexpr double least_extent = 1e-3, most_extent = 1e7; // metres, of an image
 
 template <size_t own>
 std::array<MarramParam, own + 4> with_shape(std::array<MarramParam, own> params, const char* target) {
@@ -108,7 +114,13 @@ class ImageLayer : public ShapeLayer {
         nx_ = int(grid.nx);
         nz_ = int(grid.ny);
         pixels_.resize(size_t(nx_) * size_t(nz_));
-        const Vec2d range = values.vec2("range");
+        const MarramValue& file = values.at("file");
+        const MarramPlacement said = file.placement ? known_part(file.placement) : MarramPlacement{};
+        const auto choose = [&](const char* name, uint32_t in_file, const double* files,
+                                const Vec2d& otherwise) {
+            return values.has(name) ? values.vec2(name) : in_file ? Vec2d(files) : otherwise;
+        };
+        const Vec2d range = choose("range", said.has_range, said.range, Vec2d(0.0, 1.0));
         float largest = 0.0F;
         for (size_t p = 0; p < pixels_.size(); ++p)
             pixels_[p] =
@@ -121,9 +133,15 @@ class ImageLayer : public ShapeLayer {
                                  " m, more than 100 km",
                              "give another range, or scale the image");
         const Vec2d domain_size(domain_.cell * (domain_.nx - 1), domain_.cell * (domain_.nz - 1));
-        size_ = values.has("size") ? values.vec2("size") : domain_size;
+        size_ = choose("size", said.has_extent, said.extent, domain_size);
         const Vec2d center =
-            values.has("center") ? values.vec2("center") : Vec2d(domain_.x0, domain_.z0) + 0.5 * domain_size;
+            choose("center", said.has_center, said.center, Vec2d(domain_.x0, domain_.z0) + 0.5 * domain_size);
+        if (!(size_.allFinite() && center.allFinite() && size_.minCoeff() >= least_extent &&
+              size_.maxCoeff() <= most_extent && center.cwiseAbs().maxCoeff() <= most_extent))
+            throw SceneFault(
+                "terrain.image_placement", file.place,
+                "the file says that the image lies where no terrain does, or is too small or large",
+                "give size and center");
         begin_ = center - 0.5 * size_;
         fade_ = values.number("fade");
         constexpr double share_of_cell = 1e-6; // far above the rounding of a place, far below a cell
@@ -136,6 +154,12 @@ class ImageLayer : public ShapeLayer {
                domain_.x(rect.i0) <= begin_.x() + size_.x() + slack_ &&
                domain_.z(rect.j1 - 1) >= begin_.y() - slack_ &&
                domain_.z(rect.j0) <= begin_.y() + size_.y() + slack_;
+    }
+
+    // The pixel's centre that is within the slack, else the place as it is.
+    static double snapped(double at, double slack) {
+        const double nearest = std::nearbyint(at);
+        return std::abs(at - nearest) <= slack ? nearest : at;
     }
 
     double faded(double inside) const { // metres from the border
@@ -159,6 +183,8 @@ class ImageLayer : public ShapeLayer {
 
     // At a place in pixels; beyond the outermost centres as at these.
     double at(double x, double y) const {
+        x = snapped(x, slack_ * nx_ / size_.x());
+        y = snapped(y, slack_ * nz_ / size_.y());
         x = std::clamp(x, 0.0, double(nx_ - 1));
         y = std::clamp(y, 0.0, double(nz_ - 1));
         const int i = std::min(int(x), std::max(nx_ - 2, 0)), j = std::min(int(y), std::max(nz_ - 2, 0));
@@ -176,7 +202,8 @@ class ImageLayer : public ShapeLayer {
     std::vector<float> pixels_; // metres
     int nx_, nz_;
     Vec2d begin_, size_;
-    double fade_, slack_; // slack: samples this far outside of the extent lie on its border
+    double fade_,
+        slack_; // slack: samples this near to a pixel's centre, or to the border from outside, lie on it
 };
 
 template <typename Made>
@@ -212,11 +239,12 @@ LayerType noise_layer_type() {
 LayerType image_layer_type() {
     static const auto params = with_shape<5>(
         {MarramParam{"file", MARRAM_IMAGE, "", "", 0, 0, "", "EXR, TIFF or PNG; its first channel"},
-         MarramParam{"size", MARRAM_VEC2, "m", "none", 1e-3, 1e7, "",
-                     "extent in x and z; absent: the terrain's"},
-         MarramParam{"center", MARRAM_VEC2, "m", "none", -1e7, 1e7, "", "x and z; absent: the terrain's"},
-         MarramParam{"range", MARRAM_VEC2, "m", "[0, 1]", -most_metres, most_metres, "",
-                     "heights of the values 0 and 1"},
+         MarramParam{"size", MARRAM_VEC2, "m", "none", least_extent, most_extent, "",
+                     "extent in x and z; absent: the file's, else the terrain's"},
+         MarramParam{"center", MARRAM_VEC2, "m", "none", -most_extent, most_extent, "",
+                     "x and z; absent: the file's, else the terrain's"},
+         MarramParam{"range", MARRAM_VEC2, "m", "none", -most_metres, most_metres, "",
+                     "heights of the values 0 and 1; absent: the file's, else [0, 1]"},
          MarramParam{"fade", MARRAM_NUMBER, "m", "0", 0, 1e6, "", "over which it fades in from its border"}},
         "\"bedrock\"");
     return {"image", "heights from an image", params, make_base<ImageLayer>};

@@ -2,6 +2,7 @@
 // A copy of the values that a host hands to create() or update(), for a procedural that reads them later.
 #pragma once
 
+#include "core/math/known_part.h"
 #include "core/plugin/marram_plugin.h"
 
 #include <deque>
@@ -28,6 +29,7 @@ class StoredValues {
                 grid.name = value.text;
                 value.grid = &grids_.emplace_back(grid);
             }
+            if (value.placement) value.placement = &placements_.emplace_back(known_part(value.placement));
             values_.push_back(value);
         }
     }
@@ -44,6 +46,7 @@ class StoredValues {
     std::deque<std::vector<double>> numbers_;
     std::deque<std::vector<float>> pixels_;
     std::deque<MarramGrid> grids_;
+    std::deque<MarramPlacement> placements_;
 };
 
 } // namespace marram

@@ -60,6 +60,7 @@ uint64_t digest_of_layer(const TerrainInstance& instance, int layer, const Marra
         if (const MarramGrid* grid = value.grid)
             digest.add(grid->nx).add(grid->ny).add(grid->values,
                                                    size_t(grid->nx) * grid->ny * grid->components * 4);
+        add_placement(digest, value.placement);
         if (value.type == MARRAM_MESH_NAME) {
             const MarramMesh& mesh = mesh_named(meshes, value.text, value.place);
             digest.add(mesh.positions[0], 12 * size_t(mesh.vertex_count))

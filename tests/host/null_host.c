@@ -157,6 +157,7 @@ static void make_values(const MarramProcedural* type, const Given* given, size_t
         value->text = is_text ? text : param->type == MARRAM_RAMP ? "linear" : "";
         value->grid = NULL;
         value->place = "null_host";
+        value->placement = NULL;
     }
 }
 

@@ -165,6 +165,9 @@ void print_scene(const std::string& file) {
                double(width) * height * shot.description.film.integer("samples"));
     const Vec3f size = world.bounds.sizes();
     fmt::print("bounds of the meshes: {:.4g} x {:.4g} x {:.4g} m\n", size.x(), size.y(), size.z());
+    for (const auto& procedural : shot.geometry.procedurals)
+        if (const std::string text = procedural->describe(); !text.empty())
+            fmt::print("\n# What '{}' has generated, to be edited by hand:\n{}", procedural->name(), text);
 }
 
 } // namespace

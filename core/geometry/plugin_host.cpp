@@ -278,6 +278,19 @@ std::vector<std::pair<std::string, double>> Procedural::report() {
     return entries;
 }
 
+std::string Procedural::describe() {
+    std::string text;
+    if (!type_->calls.describe) return text;
+    forget_faults();
+    check(type_->calls.describe(
+        instance_,
+        [](void* user, const char* piece) {
+            if (piece) *static_cast<std::string*>(user) += piece;
+        },
+        &text));
+    return text;
+}
+
 std::vector<std::string> Procedural::take_warnings() {
     const std::lock_guard lock(messages_lock_);
     return std::exchange(warnings_, {});

@@ -66,6 +66,8 @@ class Procedural {
     MarramOutput begin_view(const MarramView& view);
     void view_mesh(MarramMeshBuffers& buffers);
     std::vector<std::pair<std::string, double>> report();
+    // What it has generated since begin(), as text of a scene; "" where there is nothing.
+    std::string describe();
     std::vector<std::string> take_warnings();
     // Takes over the values of another description of the same procedural; `inputs` (MarramChange) is what has changed of the geometry
     // that it depends on. Returns what that touches of its output. A procedural that cannot update is made anew.

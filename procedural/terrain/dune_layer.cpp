@@ -23,6 +23,8 @@
 #include "procedural/terrain/dune_shape.h"
 #include "procedural/terrain/shape_layer.h"
 
+#include <fmt/format.h>
+
 namespace marram {
 
 namespace {
@@ -52,8 +54,7 @@ DuneSettings read_dune(const LayerContext& context) {
     s.smoothing = values.number("smoothing");
     s.search_accuracy = values.number("search_accuracy");
     s.flip = values.boolean("flip");
-    s.seed = hash(context.seed, uint64_t(values.integer("seed")));
-    return s;
+    return s; // but for its seed, which differs from curve to curve
 }
 
 // What the shape itself cannot refuse, because it makes some surface of it.
@@ -81,11 +82,11 @@ class DuneLayer : public ShapeLayer {
         if (context.values.has("name")) name_ = context.values.text("name");
         DuneSettings settings = read_dune(context);
         warn_of_steps(context, settings);
-        const uint64_t seed = settings.seed;
+        const auto seed = uint64_t(context.values.integer("seed"));
         for (const DrawnCurve& curve : context.curves(context.values.text("along"))) {
             std::vector<Vec2d> points;
             for (const Vec3d& p : curve.points) points.emplace_back(p.x(), p.z());
-            settings.seed = hash(seed, dunes_.size());
+            settings.seed = dune_noise_seed(context.seed, seed, dunes_.size());
             dunes_.emplace_back(points, curve.closed, settings);
             if (dunes_.back().empty())
                 throw SceneFault("terrain.dune_curve", context.values.place("along"),
@@ -227,7 +228,51 @@ const auto dune_values = std::to_array<MarramParam>({
     {"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "another number, another boundary noise"},
 });
 
+std::string ramp_text(const char* name, const Ramp& ramp) {
+    std::string knots;
+    for (size_t k = 0; k < ramp.positions().size(); ++k)
+        knots += fmt::format("{}[{}, {}]", k > 0 ? ", " : "", ramp.positions()[k], ramp.values()[k]);
+    constexpr const char* interpolations[] = {"constant", "linear", "smooth"}; // [Ramp::Interpolation]
+    return fmt::format("{} = {{ knots = [{}], interpolation = \"{}\" }}\n", name, knots,
+                       interpolations[size_t(ramp.interpolation())]);
+}
+
 } // namespace
+
+uint64_t dune_noise_seed(uint64_t terrain, uint64_t layer, uint64_t curve) {
+    return hash(hash(terrain, layer), curve);
+}
+
+std::string dune_text(const DuneSettings& s, uint64_t seed) {
+    std::string text;
+    const auto number = [&](const char* name, double value) {
+        text += fmt::format("{} = {}\n", name, value);
+    };
+    const auto ramp = [&](const char* name, const Ramp& value) { text += ramp_text(name, value); };
+    number("max_height", s.max_height);
+    ramp("main_curve_shape", s.main_curve_shape);
+    number("slope_width", s.slope_width);
+    number("outer_slope_mult", s.outer_slope_mult);
+    ramp("outer_slope_shape", s.outer_slope_shape);
+    ramp("outer_slope_fall_off_along_curve", s.outer_slope_fall_off_along_curve);
+    number("outer_slope_stretch", s.outer_slope_stretch);
+    number("outer_slope_turn", s.outer_slope_turn / degree);
+    number("inner_slope_mult", s.inner_slope_mult);
+    if (s.inner_slope_angle > 0.0) number("inner_slope_angle", s.inner_slope_angle / degree);
+    ramp("inner_slope_shape", s.inner_slope_shape);
+    ramp("inner_slope_fall_off_along_curve", s.inner_slope_fall_off_along_curve);
+    number("crest_radius", s.crest_radius);
+    number("boundary_noise", s.boundary_noise);
+    number("boundary_noise_length", s.boundary_noise_length);
+    if (s.max_dist > 0.0) number("max_dist", s.max_dist);
+    ramp("mask_fall_off", s.mask_fall_off);
+    ramp("crest_push", s.crest_push);
+    ramp("crest_pinch", s.crest_pinch);
+    number("smoothing", s.smoothing);
+    number("search_accuracy", s.search_accuracy);
+    text += fmt::format("flip = {}\nseed = {}\n", s.flip, seed);
+    return text;
+}
 
 LayerType dune_layer_type() {
     static const std::vector<MarramParam> params = [] {

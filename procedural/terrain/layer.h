@@ -64,6 +64,12 @@ class Layer {
     // Numbers that the layer reports of itself, each with its name.
     virtual std::vector<std::pair<std::string, double>> report() const { return {}; }
 
+    // What it has generated, as text of layers and curves that draw the same by hand. `index`: of the layer, for names.
+    virtual std::string described(size_t index, const Fields& below) const {
+        (void)index, (void)below;
+        return "";
+    }
+
     // Tiles that may come out differently from those of `before`, a layer of the same type with other parameters, over the same
     // fields. `domain` as at creation.
     virtual Tiles changed_since(const Layer& before, const Domain& domain) const {

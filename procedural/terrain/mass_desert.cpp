@@ -54,6 +54,11 @@
 // 10 us to describe and 30 us to resample and to bound, then what DuneShape takes a sample and segment. 1,013 dunes of 2 to 6 m on
 // 2048^2 samples: 0.05 s and 0.4 s of both threads together.
 //
+// Out and in. With `list`, `marram info SCENE` prints every dune as [[curves]] and a layer of type dune, edits applied, to be pasted in place
+// of the layer (below [[procedural]], as TOML has it) and edited further. Heights are those of the layer within 1e-4 of the dune's (curves
+// are floats), where the dunes stand on ground without sand, or do not overlap. With sand below them they cannot both be merged among
+// themselves and be added to it: where two overlap each is combined by itself. Drawn by "replace" their feet do not fade.
+//
 //     [[procedural.layer]]
 //     type = "mass_desert"
 //     sand_cover = 0.2
@@ -66,6 +71,7 @@
 
 #include "core/math/digest.h"
 #include "core/math/hash.h"
+#include "procedural/terrain/dune_layer.h"
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
@@ -746,7 +752,9 @@ MassDune make_dune(const MassSettings& s, const MassPlace& place, const std::vec
     dune.settings.boundary_noise_length = s.boundary_noise_length;
     dune.settings.flip =
         true; // crests run from left to right as seen along the wind: the windward side is on their right
-    dune.settings.seed = hash(random.word, uint64_t(MassUse::noise));
+    constexpr uint64_t most_seeds = 1'000'000'000; // that a layer may have
+    dune.noise_seed = hash(random.word, uint64_t(MassUse::noise)) % most_seeds;
+    dune.settings.seed = dune_noise_seed(s.terrain_seed, dune.noise_seed, 0);
     make_shape(s, random, dune);
     resample_as_drawn(dune);
     for (const DuneEdit* edit : edits) apply(*edit, dune);
@@ -925,6 +933,34 @@ std::vector<std::pair<std::string, double>> MassLayer::report() const {
     return list;
 }
 
+std::string MassLayer::described(size_t index, const Fields& below) const {
+    std::string text;
+    if (!lists_) return text;
+    // On bare ground any mode but "replace" leaves the dunes merged as they are among themselves.
+    bool bare = !settings().bedrock && settings().mode != Combine::replace;
+    for (size_t sample = 0; bare && sample < domain_.count(); ++sample) bare = below.sand[sample] == 0;
+    constexpr const char* modes[] = {"add", "maximum", "replace", "smooth_maximum"}; // [Combine]
+    const char* mode = bare ? "smooth_maximum" : modes[size_t(settings().mode)];
+    const char* target = settings().bedrock ? "bedrock" : settings().level ? "level" : "sand";
+    for (const MassDune& dune : dunes_)
+        for (size_t arm = 0; arm < dune.crests.size(); ++arm) {
+            const std::string name = fmt::format("dune_{}_{}_{}", index, dune.id, arm);
+            std::string points;
+            for (const Vec2d& p : dune.crests[arm])
+                points += fmt::format("{}[{}, 0, {}]", points.empty() ? "" : ", ", p.x(), p.y());
+            DuneSettings drawn = dune.settings;
+            drawn.mask_fall_off = Ramp(); // a field's dunes count whole
+            text += fmt::format("\n# {} {} at {:.6g}, {:.6g}\n[[curves]]\nname = \"{}\"\ntype = \"points\"\n"
+                                "points = [{}]\n\n[[procedural.layer]]\ntype = \"dune\"\nalong = \"{}\"\n{}",
+                                mass_kind_name(dune.kind), dune.id, dune.at.x(), dune.at.y(), name, points,
+                                name, dune_text(drawn, dune.noise_seed));
+            text += fmt::format("target = \"{}\"\ncombine = \"{}\"\nsmooth = {}\n", target, mode,
+                                bare ? merge_ : settings().smooth);
+            if (!settings().mask.empty()) text += fmt::format("mask = \"{}\"\n", settings().mask);
+        }
+    return text;
+}
+
 Tiles MassLayer::changed_since(const Layer& before, const Domain& domain) const {
     const auto* old = dynamic_cast<const MassLayer*>(&before);
     if (!old || old->merge_ != merge_ || !(old->settings() == settings()) || !(old->domain_ == domain_))
@@ -1054,6 +1090,7 @@ MassSettings read_mass(const LayerContext& context) {
     s.boundary_noise_length = values.number("boundary_noise_length");
     s.wind = context.wind;
     s.seed = hash(context.seed, uint64_t(values.integer("seed")));
+    s.terrain_seed = context.seed;
     s.follow = values.boolean("follow");
     read_curves(context, s);
     s.edits = read_edits(values);

@@ -45,6 +45,7 @@ struct MassSettings {
     double boundary_noise = 0.0, boundary_noise_length = 20.0;
     Vec2d wind = Vec2d(1.0, 0.0); // unit: where the resultant wind goes to, x and z
     uint64_t seed = 0;
+    uint64_t terrain_seed = 0;              // boundary noise comes from it, as that of a drawn dune does
     std::vector<std::vector<Vec2d>> curves; // arrangement along: x and z
     bool follow =
         false; // along: dunes lie across the curve, on the side that the wind goes to; else as the wind has it
@@ -54,10 +55,11 @@ struct MassSettings {
 struct MassDune {
     uint64_t id = 0;
     MassKind kind = MassKind::barchan;
-    std::vector<std::vector<Vec2d>> crests;         // 9 to 33 points each
-    DuneSettings settings;                          // of all its crests
-    Vec2d at = Vec2d::Zero();                       // middle of the crest; of a star and a nabkha the peak
-    double angle = 0.0;                             // downwind axis, from x to z
+    std::vector<std::vector<Vec2d>> crests; // 9 to 33 points each
+    DuneSettings settings;                  // of all its crests
+    uint64_t noise_seed = 0;                // what settings.seed is made from: the seed of a drawn dune
+    Vec2d at = Vec2d::Zero();               // middle of the crest; of a star and a nabkha the peak
+    double angle = 0.0;                     // downwind axis, from x to z
     double height = 0.0, width = 0.0, length = 0.0; // metres, as the page defines them
 };
 
@@ -83,6 +85,8 @@ class MassLayer : public ShapeLayer {
     Tiles changed_since(const Layer& before, const Domain& domain) const override;
     // Of each dune x, z and height by its id, where the layer is asked to list them.
     std::vector<std::pair<std::string, double>> report() const override;
+    // Their crests as curves and layers of type dune. The page says how near the heights come.
+    std::string described(size_t index, const Fields& below) const override;
     void list_dunes(bool list) { lists_ = list; }
 
   private:

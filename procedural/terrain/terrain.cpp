@@ -347,6 +347,20 @@ void report_terrain(MarramInstance* opaque, void (*sink)(void*, const char*, dou
     sink(user, "terrain.seconds", instance.seconds);
 }
 
+MarramStatus describe_terrain(MarramInstance* opaque, void (*sink)(void*, const char*), void* user) {
+    const TerrainInstance& instance = terrain(opaque);
+    return guarded_terrain(instance.host, [&] {
+        if (!sink) throw SceneFault("contract.null_sink", "", "the sink is NULL", "pass a function");
+        if (!instance.begun)
+            throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
+        for (size_t k = 0; k < instance.stack->work().size(); ++k)
+            if (const std::string text = instance.stack->layer(k).described(k, instance.stack->fields(k));
+                !text.empty())
+                sink(user, text.c_str());
+        return MARRAM_OK;
+    });
+}
+
 void destroy_terrain(MarramInstance* opaque) {
     delete reinterpret_cast<TerrainInstance*>(opaque);
 } // NULL is fine
@@ -374,6 +388,7 @@ MarramProcedural terrain_procedural() {
     procedural.update = update_terrain;
     procedural.begin_view = begin_view_of_terrain;
     procedural.view_mesh = view_mesh_of_terrain;
+    procedural.describe = describe_terrain;
     return procedural;
 }
 

@@ -384,6 +384,34 @@ Command make_mesh(const Seeds&, const fs::path& folder, Random& random) {
     return render(folder);
 }
 
+const std::string usda_text =
+    "#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = \"Z\"\n)\ndef Xform \"a\" ( kind = \"group\" )\n{\n   "
+    " double3 "
+    "xformOp:translate.timeSamples = { 1: (0, 1, 0), 2: (1, 1, 0) }\n    uniform token[] xformOpOrder = "
+    "[\"xformOp:translate\"]\n    def BasisCurves \"c\"\n    {\n        uniform token basis = \"bspline\"\n  "
+    "      int[] "
+    "curveVertexCounts = [2, 4]\n        point3f[] points = [(0, 0, 0), (1, 0.5, 0), (-1, 0, 0), (0, 2, 0), "
+    "(1, 0, 1), "
+    "(2, -1, 1e-1)]\n        uniform token type = \"cubic\"\n        float[] widths = [1] ( interpolation = "
+    "\"constant\" )\n"
+    "        uniform token wrap = \"pinned\"\n    }\n}\n";
+const std::string lines_ply =
+    "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float "
+    "z\nproperty int strand_id\nelement edge 3\nproperty int vertex1\nproperty int vertex2\n"
+    "end_header\n0 0 0 1\n1 0 0 1\n1 1 0 2\n0 1 1 2\n0 1\n1 2\n2 3\n";
+
+Command make_curves(const Seeds&, const fs::path& folder, Random& random) {
+    const bool usda = random.one_in(2);
+    const std::string name = usda ? "c.usda" : "c.ply";
+    write_file(folder / name, mutated(usda ? usda_text : lines_ply, true, random));
+    write_file(folder / "a.toml", plain_scene + "[[curves]]\nname = \"c\"\ntype = \"file\"\nfile = \"" +
+                                      name +
+                                      "\"\n[[procedural]]\ntype = \"terrain\"\nname = \"t\"\nsize = [4, "
+                                      "4]\n[[procedural.layer]]\ntype = "
+                                      "\"mask\"\nname = \"m\"\nby = \"distance\"\nalong = \"c\"\n");
+    return render(folder);
+}
+
 Command make_image(const Seeds& seeds, const fs::path& folder, Random& random) {
     const bool png = random.one_in(2);
     const std::string name = png ? "i.png" : "i.exr";
@@ -518,9 +546,9 @@ struct Kind {
     const char* name;
     Maker make;
 };
-constexpr Kind kinds[] = {{"scene", make_scene},    {"mesh", make_mesh}, {"image", make_image},
-                          {"state", make_state},    {"set", make_set},   {"options", make_options},
-                          {"terrain", make_terrain}};
+constexpr Kind kinds[] = {{"scene", make_scene},     {"mesh", make_mesh},    {"image", make_image},
+                          {"state", make_state},     {"set", make_set},      {"options", make_options},
+                          {"terrain", make_terrain}, {"curves", make_curves}};
 
 // ---- One case ----------------------------------------------------------------------------------------------------
 

@@ -204,6 +204,236 @@ TEST(Bake, WritesATerrainThatReadsBack) {
     EXPECT_FALSE(folder.names().contains("c.exr"));
 }
 
+// Heights as an EXR has them.
+std::vector<float> heights_of(const std::string& exr) {
+    std::vector<float> values;
+    for (const Picture::Layer& layer : read_picture(exr).layers)
+        for (size_t c = 0; c < layer.channels.size(); ++c)
+            if (layer.name + "." + layer.channels[c] == "grid.height")
+                for (size_t k = c; k < layer.pixels.size(); k += layer.channels.size())
+                    values.push_back(layer.pixels[k]);
+    return values;
+}
+
+std::string terrain_scene(const std::string& layers) {
+    return "[camera]\nposition = [0, 9, 30]\ntarget = [0, 0, 0]\n[[light]]\ntype = \"sky\"\n"
+           "[[procedural]]\ntype = \"terrain\"\nname = \"desert\"\nsize = [31, 20]\ncenter = [3.3, "
+           "-2.1]\ncell = 0.1\n" +
+           layers;
+}
+
+const std::string hills =
+    "[[procedural.layer]]\ntype = \"noise\"\namplitude = 20\nwavelength = 9\noffset = 300\n"
+    "[[procedural.layer]]\ntype = \"mask\"\nname = \"x\"\nby = \"slope\"\n";
+
+// Baked heights are a base again without a word of where they lie: EXR and TIFF to the bit, PNG to half of one of its steps.
+TEST(Bake, HeightsReadBackWhereTheyWere) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", terrain_scene(hills));
+    bake(scene, folder / "a.exr");
+    const std::vector<float> before = heights_of(folder / "a.exr");
+    ASSERT_EQ(before.size(), 311u * 201u);
+    const auto [low, high] = std::ranges::minmax(before);
+    for (const char* extension : {"exr", "tif", "tiff", "png"}) {
+        const std::string image = folder / fmt::format("heights.{}", extension);
+        bake(scene, image, {"--threads", "1"});
+        const std::string back = folder.write(
+            "b.toml", terrain_scene("[[procedural.layer]]\ntype = \"image\"\nfile = \"" + image + "\"\n"));
+        bake(back, folder / "b.exr");
+        const std::vector<float> after = heights_of(folder / "b.exr");
+        ASSERT_EQ(after.size(), before.size());
+        // Half a step, and the rounding of a height to a float, twice, and of a pixel.
+        const double bound =
+            std::string(extension) != "png"
+                ? 0.0
+                : (0.5 / 65535.0 + 0x1p-24) * (double(high) - double(low)) + 0x1p-23 * double(high);
+        double worst = 0.0;
+        for (size_t k = 0; k < before.size(); ++k)
+            worst = std::max(worst, std::abs(double(after[k]) - double(before[k])));
+        EXPECT_LE(worst, bound) << extension;
+        if (bound > 0.0) {
+            EXPECT_GT(worst, 0.25 / 65535.0 * (double(high) - double(low))) << "the bound is close";
+        }
+    }
+    const Image tiff = read_image(folder / "heights.tif", ColorSpace::linear_data);
+    EXPECT_EQ(tiff.channels, 1);
+    EXPECT_EQ(tiff.pixels, before);
+    const Image png = read_image(folder / "heights.png", ColorSpace::linear_data);
+    EXPECT_EQ(std::ranges::minmax(png.pixels).min, 0.0F);
+    EXPECT_EQ(std::ranges::minmax(png.pixels).max, 1.0F);
+    EXPECT_EQ(read_metadata(folder / "heights.png", "marram:range_low"), fmt::format("{}", double(low)));
+    EXPECT_EQ(read_metadata(folder / "heights.png", "marram:cell"), "0.1");
+}
+
+// What the scene says wins, each by itself.
+TEST(Bake, ASceneMovesBakedHeights) {
+    const Folder folder;
+    bake(folder.write("a.toml", terrain_scene(hills)), folder / "a.png");
+    const auto heights = [&](const std::string& more) {
+        const std::string scene = folder.write(
+            "b.toml", terrain_scene("[[procedural.layer]]\ntype = \"image\"\nfile = \"a.png\"\n" + more));
+        bake(scene, folder / "b.exr");
+        return heights_of(folder / "b.exr");
+    };
+    const std::vector<float> from_file = heights(""), scaled = heights("range = [0, 1]"),
+                             moved = heights("center = [4.3, -2.1]"), small = heights("size = [10, 10]");
+    EXPECT_EQ(std::ranges::minmax(scaled).max, 1.0F);
+    EXPECT_EQ(moved[100 * 311 + 110], from_file[100 * 311 + 100]) << "ten cells along x";
+    EXPECT_EQ(small[0], 0.0F) << "outside";
+    EXPECT_GT(small[100 * 311 + 155], 200.0F) << "the file's centre and range";
+    // A terrain elsewhere sees the file where it was baked.
+    const std::string other = folder.write(
+        "c.toml",
+        "[camera]\nposition = [0, 9, 30]\ntarget = [0, 0, 0]\n[[light]]\ntype = \"sky\"\n[[procedural]]\n"
+        "type = \"terrain\"\nname = \"desert\"\nsize = [2, 2]\ncenter = [3.3, -2.1]\ncell = 0.1\n"
+        "[[procedural.layer]]\ntype = \"image\"\nfile = \"a.png\"\n");
+    bake(other, folder / "c.exr");
+    const std::vector<float> part = heights_of(folder / "c.exr");
+    ASSERT_EQ(part.size(), 21u * 21u);
+    EXPECT_EQ(part[10 * 21 + 10], from_file[100 * 311 + 155]);
+}
+
+TEST(Bake, RefusesMetadataThatCannotBe) {
+    const Folder folder;
+    const std::vector<float> pixels(4, 1.0F);
+    const Layer layers[] = {{"", {"Y"}, pixels.data(), false}};
+    const std::string scene =
+        folder.write("a.toml", terrain_scene("[[procedural.layer]]\ntype = \"image\"\nfile = \"a.exr\"\n"));
+    const auto outcome = [&](const std::vector<Metadata>& metadata) {
+        write_exr(folder / "a.exr", 2, 2, layers, metadata);
+        return marram({"bake", scene, "-o", folder / "b.exr"});
+    };
+    EXPECT_DONE(outcome({{"marram:size_x", 5.0}})); // half of it says nothing
+    for (const auto& [size, what] : {std::pair(0.0, "marram:size_z 0"),
+                                     {-1.0, "marram:size_z -1"},
+                                     {double(INFINITY), "marram:size_z inf"},
+                                     {double(NAN), "marram:size_z"},
+                                     {1e9, "lies where no terrain does"}}) {
+        const ProgramResult result = outcome({{"marram:size_x", 5.0}, {"marram:size_z", size}});
+        EXPECT_EQ(result.code, 2);
+        EXPECT_EQ(lines(result.err).size(), 1u) << result.err;
+        EXPECT_CONTAINS(result.err, what);
+    }
+    EXPECT_EQ(outcome({{"marram:range_low", std::string("low")}, {"marram:range_high", 1.0}}).code, 2);
+}
+
+// Bytes depend on the scene alone: no time of day, no threads.
+TEST(Bake, TerrainFilesAreTheSameBytes) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", terrain_scene(hills));
+    std::map<std::string, std::string> first;
+    const auto name = [&](const std::string& extension) { return folder / ("t." + extension); };
+    const std::vector<std::string> extensions = {"exr", "tif", "png", "obj", "ply"};
+    for (const std::string& extension : extensions) {
+        bake(scene, name(extension), {"--threads", "1"});
+        first[extension] = read_file(name(extension));
+    }
+    ::sleep(1); // what holds the time of day differs now
+    for (const std::string& extension : extensions) {
+        bake(scene, name(extension), {"--threads", "2"});
+        EXPECT_TRUE(read_file(name(extension)) == first[extension]) << extension;
+    }
+}
+
+// The growth surface as a mesh: vertices are the samples; a scene with strands writes these as .obj.
+TEST(Bake, WritesATerrainsSurface) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", terrain_scene(hills));
+    bake(scene, folder / "a.exr");
+    const std::vector<float> heights = heights_of(folder / "a.exr");
+    for (const char* extension : {"obj", "ply"}) {
+        bake(scene, folder / fmt::format("a.{}", extension));
+        const std::string grown = folder.write(
+            "b.toml",
+            fmt::format("[camera]\nposition = [0, 9, 30]\ntarget = [0, 0, 0]\n[[light]]\ntype = \"sky\"\n"
+                        "[[mesh]]\ntype = \"file\"\nname = \"m\"\nfile = \"a.{}\"\n",
+                        extension));
+        const ProgramResult info = marram({"info", grown});
+        EXPECT_CONTAINS(info.out,
+                        fmt::format("mesh m: {} vertices, {} triangles\n", heights.size(), 2 * 310 * 200));
+    }
+    const std::string ply = read_file(folder / "a.ply");
+    const std::string head = ply.substr(0, ply.find("end_header\n"));
+    EXPECT_CONTAINS(
+        head,
+        "property float nz\nproperty float s\nproperty float t\nproperty float sand\nproperty float slope\n"
+        "property float x_1\nelement face");
+    float first[11];
+    std::memcpy(first, ply.data() + head.size() + std::strlen("end_header\n"), sizeof first);
+    EXPECT_EQ(first[0], float(3.3 - 15.5));
+    EXPECT_EQ(first[1], heights[0]);
+    EXPECT_EQ(first[6], 0.0F);
+    EXPECT_EQ(first[7], 1.0F);
+    EXPECT_CONTAINS(read_file(folder / "a.obj"), "\no desert\n");
+    const std::string furred = folder.write(
+        "c.toml", terrain_scene(hills) +
+                      "[[procedural]]\ntype = \"groom\"\nname = \"grass\"\non = \"desert\"\ncount = 5\n");
+    bake(furred, folder / "c.obj");
+    EXPECT_CONTAINS(read_file(folder / "c.obj"), "\nl 1 2");
+    bake(furred, folder / "c.ply");
+    EXPECT_TRUE(read_file(folder / "c.ply") == ply);
+    const std::string bare =
+        folder.write("d.toml", "[camera]\nposition = [0, 9, 30]\ntarget = [0, 0, 0]\n[[mesh]]\n"
+                               "type = \"plane\"\nname = \"m\"\n");
+    for (const char* output : {"d.obj", "d.ply", "d.png", "d.tif"}) {
+        EXPECT_EQ(marram({"bake", bare, "-o", folder / output}).code, 2) << output;
+        EXPECT_FALSE(folder.names().contains(output));
+    }
+}
+
+// A dune along a curve of a file is that along the same points in the scene.
+TEST(Bake, DunesFollowCurvesOfFiles) {
+    const Folder folder;
+    folder.write(
+        "a.ply",
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        "end_header\n-8 0 -3\n2 0 2\n12 0 -4\n");
+    folder.write(
+        "a.usda",
+        "#usda 1.0\n(metersPerUnit = 1)\ndef BasisCurves \"c\" { int[] curveVertexCounts = [3]\n"
+        "uniform token type = \"linear\"\npoint3f[] points = [(-8, 0, -3), (2, 0, 2), (12, 0, -4)] }\n");
+    folder.write("a.obj", "v -8 0 -3\nv 2 0 2\nv 12 0 -4\nl 1 2 3\n");
+    const std::string dune = "[[procedural.layer]]\ntype = \"dune\"\nalong = \"crest\"\nslope_width = 5\n";
+    const auto heights = [&](const std::string& curves) {
+        bake(folder.write("a.toml", terrain_scene(dune) + "[[curves]]\nname = \"crest\"\n" + curves),
+             folder / "a.exr");
+        return heights_of(folder / "a.exr");
+    };
+    const std::vector<float> drawn =
+        heights("type = \"points\"\npoints = [[-8, 0, -3], [2, 0, 2], [12, 0, -4]]\n");
+    EXPECT_GT(std::ranges::minmax(drawn).max, 2.0F);
+    for (const char* file : {"a.ply", "a.usda", "a.obj"})
+        EXPECT_TRUE(heights(fmt::format("type = \"file\"\nfile = \"{}\"\n", file)) == drawn) << file;
+}
+
+// A field's dunes, listed by info, pasted as layers in its place.
+TEST(Bake, AFieldsDunesReadBackAsDrawnOnes) {
+    const Folder folder;
+    const std::string head =
+        "[camera]\nposition = [0, 9, 30]\ntarget = [0, 0, 0]\n[[light]]\ntype = \"sky\"\n"
+        "[[procedural]]\ntype = \"terrain\"\nname = \"desert\"\nsize = [300, 300]\ncell = 1\nseed = 3\n";
+    for (const char* kind : {"barchan", "star", "seif", "dome", "parabolic", "barchanoid"}) {
+        const std::string scene = folder.write(
+            "a.toml",
+            head + fmt::format("[[procedural.layer]]\ntype = \"mass_desert\"\nkind = \"{}\"\nlist = true\n"
+                               "spacing = [60, 80]\nboundary_noise = 1\n",
+                               kind));
+        bake(scene, folder / "a.exr");
+        const ProgramResult info = marram({"info", scene});
+        const size_t begin = info.out.find("# What 'desert' has generated");
+        ASSERT_NE(begin, std::string::npos) << info.err;
+        bake(folder.write("b.toml", head + info.out.substr(begin)), folder / "b.exr");
+        const std::vector<float> field = heights_of(folder / "a.exr"), drawn = heights_of(folder / "b.exr");
+        ASSERT_EQ(field.size(), drawn.size());
+        double worst = 0.0;
+        for (size_t k = 0; k < field.size(); ++k)
+            worst = std::max(worst, std::abs(double(field[k]) - double(drawn[k])));
+        fmt::print("{}: drawn dunes within {:.2g} m of the field's\n", kind, worst);
+        EXPECT_GT(std::ranges::minmax(field).max, 2.0F);
+        EXPECT_LT(worst, 1e-4 * 6.0) << kind;
+    }
+}
+
 TEST(Bake, RefusesWhatItCannotWrite) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// The wind's shear stress over a smooth surface, by linear theory. The page is in shear.cpp.
+#pragma once
+
+#include "procedural/terrain/solver/transform.h"
+
+#include <memory>
+
+namespace marram {
+
+struct ShearCoefficients {
+    double in_phase = 3.5;     // A: stress in phase with the surface, per unit of slope
+    double out_of_phase = 2.0; // B: stress a quarter wave ahead of the crest
+    double cross = 1.0;        // the response across the wind over that along it
+    bool operator==(const ShearCoefficients&) const = default;
+};
+
+// Grids are rows of `columns` floats, `pitch(columns)` apart.
+class Shear {
+  public:
+    Shear(int rows, int columns, double cell);
+
+    int rows() const { return rows_.size(); }
+    int columns() const { return columns_.size(); }
+    // A multiple of 16, and not of 256: rows a multiple of 1 KB apart share few sets of the caches.
+    static int pitch(int columns) {
+        const int least = (columns + 15) / 16 * 16;
+        return least % 256 == 0 ? least + 16 : least;
+    }
+
+    // Relative perturbation of the stress of a wind that blows along the unit vector (down the rows, along the columns): `along` it and
+    // `across` it, towards (-wind_column, wind_row). The surface is periodic, in metres. Only `keep_rows` by `keep_columns` are
+    // written, with the pitch of keep_columns.
+    void perturbation(const ShearCoefficients& coefficients, double wind_row, double wind_column,
+                      const float* surface, int keep_rows, int keep_columns, float* along, float* across);
+
+  private:
+    void forward(const float* surface);
+    void convolve(const ShearCoefficients& coefficients, double wind_row, double wind_column);
+    void inverse(int keep_rows, int keep_columns, float* along, float* across);
+
+    Transform rows_, columns_; // along a column (over rows), along a row
+    double cell_;
+    size_t blocks_; // of eight wave numbers
+    WideVector<WideComplex> spectrum_, across_;
+};
+
+} // namespace marram

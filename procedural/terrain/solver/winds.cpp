@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+// Winds over time, and what they could move.
+//
+// Compass: +x is east and -z is north, so that a map seen from above has north up. Meteorology says where wind comes *from*, clockwise from
+// north; a Wind says where it goes *to*: from the angle d it blows towards (-sin d, cos d) in (x, z).
+//
+// Shear velocity from the speed U at the height z over ground of aerodynamic roughness z0, in neutral air: u* = kappa U / ln(z / z0), kappa = 0.4.
+// z0 is the roughness with sand in the air, about 1 mm (a dry flat bed has a thirtieth of the grains' diameter).
+//
+// Chaotic winds: entry n of length `seconds` draws from hash(seed, n): a normal deviate by Box and Muller for the direction, and u* = scale
+// (-ln v)^(1 / shape), scale = mean / Gamma(1 + 1 / shape), which is a Weibull distribution with that mean. There is no state.
+//
+// Drift potential: the mean over time of the saturated flux over level ground and of its vector (RDP), kg / (m s). S. Fryberger's ("Dune forms and wind
+// regime", USGS Prof. Paper 1052, 1979) is the mean of U^2 (U - U_t) over all entries times 100, U in knots at 10 m, U_t = 11.66 knots (6 m/s) by default: in
+// his units below 200 is a low, above 400 a high energy. RDP / DP is 1 for one direction and 0 for winds that cancel.
+#include "procedural/terrain/solver/winds.h"
+
+#include "core/math/hash.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace marram {
+namespace {
+
+constexpr double winds_karman = 0.4;
+constexpr double winds_knot = 1852.0 / 3600.0; // m/s
+
+// Entries that repeat: `ends` ascending, the last one the period.
+WindHistory winds_periodic(std::vector<Wind> winds, std::vector<double> ends) {
+    if (winds.empty()) return steady_wind({});
+    return [winds = std::move(winds), ends = std::move(ends)](double time) -> WindSpan {
+        const double period = ends.back();
+        double turn = std::floor(time / period);
+        const double phase = std::max(time - turn * period, 0.0);
+        size_t k = size_t(std::upper_bound(ends.begin(), ends.end(), phase) - ends.begin());
+        if (k == ends.size()) k = 0, turn += 1.0;
+        // Rounding can put the end of an entry at the time itself: then it is the next one's turn.
+        while (!(turn * period + ends[k] > time))
+            if (++k == ends.size()) k = 0, turn += 1.0;
+        return {winds[k], turn * period + ends[k]};
+    };
+}
+
+} // namespace
+
+Wind wind_from(double degrees, double shear_velocity) {
+    const double d = degrees * degree;
+    return {-std::sin(d), std::cos(d), shear_velocity};
+}
+
+double shear_velocity_of(double speed, double height, double z0) {
+    return winds_karman * speed / std::log(height / z0);
+}
+double wind_speed_of(double shear_velocity, double height, double z0) {
+    return shear_velocity * std::log(height / z0) / winds_karman;
+}
+
+WindHistory steady_wind(const Wind& wind) {
+    return [wind](double) -> WindSpan { return {wind, infinity}; };
+}
+
+WindHistory wind_sequence(std::vector<TimedWind> winds) {
+    std::vector<Wind> list;
+    std::vector<double> ends;
+    double end = 0.0;
+    for (const TimedWind& timed : winds)
+        if (timed.seconds > 0.0) list.push_back(timed.wind), ends.push_back(end += timed.seconds);
+    return winds_periodic(std::move(list), std::move(ends));
+}
+
+WindHistory chaotic_wind(const ChaoticWind& chaos) {
+    const double scale = chaos.mean / std::tgamma(1.0 + 1.0 / chaos.shape);
+    return [chaos, scale](double time) -> WindSpan {
+        double n = std::max(std::floor(time / chaos.seconds), 0.0);
+        while (!((n + 1.0) * chaos.seconds > time)) n += 1.0;
+        const uint64_t draw = hash(chaos.seed, uint64_t(n));
+        const double u = 1.0 - unit_double(hash(draw, 1)), v = unit_double(hash(draw, 2));
+        const double angle =
+            chaos.towards + chaos.spread * std::sqrt(-2.0 * std::log(u)) * std::cos(2.0 * pi * v);
+        const double w = 1.0 - unit_double(hash(draw, 3));
+        const double shear = scale * std::pow(-std::log(w), 1.0 / chaos.shape);
+        return {{std::cos(angle), std::sin(angle), shear}, (n + 1.0) * chaos.seconds};
+    };
+}
+
+std::string wind_record_problem(const WindRecord& record) {
+    if (record.time.size() != record.speed.size() || record.time.size() != record.from.size())
+        return "time, speed and direction differ in length";
+    if (record.time.size() < 2) return "needs two entries";
+    if (!(record.z0 > 0.0) || !(record.z0 < 10.0)) return "z0 must be above 0 and below 10 m";
+    for (size_t k = 0; k < record.time.size(); ++k) {
+        const std::string entry = "entry " + std::to_string(k + 1) + ": ";
+        if (!std::isfinite(record.time[k]) || !std::isfinite(record.from[k])) return entry + "not a number";
+        if (!(record.speed[k] >= 0.0) || !std::isfinite(record.speed[k]))
+            return entry + "speed below 0, or not a number";
+        if (k > 0 && !(record.time[k] > record.time[k - 1])) return entry + "time does not ascend";
+    }
+    return {};
+}
+
+WindHistory recorded_wind(const WindRecord& record) {
+    std::vector<Wind> winds;
+    std::vector<double> ends;
+    const size_t count = record.time.size();
+    for (size_t k = 0; k < count; ++k) {
+        winds.push_back(wind_from(record.from[k], shear_velocity_of(record.speed[k], 10.0, record.z0)));
+        const double last = count > 1 ? record.time[count - 1] - record.time[count - 2] : seconds_an_hour;
+        ends.push_back((k + 1 < count ? record.time[k + 1] : record.time[count - 1] + last) - record.time[0]);
+    }
+    return winds_periodic(std::move(winds), std::move(ends));
+}
+
+DriftPotential drift_potential(std::span<const TimedWind> winds, const SandPhysics& physics) {
+    DriftPotential drift;
+    double seconds = 0.0, x = 0.0, z = 0.0;
+    for (const TimedWind& timed : winds) {
+        const double q = physics.saturated_flux(timed.wind.shear_velocity) * timed.seconds;
+        seconds += timed.seconds;
+        drift.dp += q, x += q * timed.wind.towards_x, z += q * timed.wind.towards_z;
+    }
+    if (!(seconds > 0.0)) return {};
+    drift.dp /= seconds;
+    const double size = std::hypot(x, z);
+    drift.rdp = size / seconds;
+    if (size > 0.0) drift.towards_x = x / size, drift.towards_z = z / size;
+    return drift;
+}
+
+DriftPotential fryberger_drift(const WindRecord& record, double threshold) {
+    DriftPotential drift;
+    double x = 0.0, z = 0.0;
+    for (size_t k = 0; k < record.speed.size(); ++k) {
+        const double knots = record.speed[k] / winds_knot;
+        const double q =
+            100.0 * knots * knots * std::max(knots - threshold, 0.0) / double(record.speed.size());
+        const Wind wind = wind_from(record.from[k], 1.0);
+        drift.dp += q, x += q * wind.towards_x, z += q * wind.towards_z;
+    }
+    drift.rdp = std::hypot(x, z);
+    if (drift.rdp > 0.0) drift.towards_x = x / drift.rdp, drift.towards_z = z / drift.rdp;
+    return drift;
+}
+
+std::vector<TimedWind> winds_between(const WindHistory& history, double from, double to) {
+    std::vector<TimedWind> winds;
+    for (double time = from; time < to;) {
+        const WindSpan span = history(time);
+        const double until = std::min(span.until, to);
+        winds.push_back({span.wind, until - time});
+        time = until;
+    }
+    return winds;
+}
+
+std::string drift_text(const DriftPotential& drift, const char* unit) {
+    double to = std::atan2(drift.towards_x, -drift.towards_z) / degree; // clockwise from north
+    if (to < 0.0) to += 360.0;
+    char line[160];
+    std::snprintf(line, sizeof line, "DP %.4g %s, RDP %.4g %s towards %.0f deg, RDP/DP %.3f", drift.dp, unit,
+                  drift.rdp, unit, to, drift.ratio());
+    return line;
+}
+
+} // namespace marram

@@ -11,7 +11,7 @@
 // sample has, so that none gets below 0.
 //
 // Tiles of 32 x 32 quads sleep. One wakes where a quad is steeper than the static angle, or a tile beside it has moved sand; in a tile that is awake all
-// quads above the dynamic angle move. Sweeps end when all sleep, at `most_sweeps` at the latest: what is left then is for the next
+// quads above the dynamic angle plus 0.1 degrees move, towards the dynamic angle (without a slack they would come to rest unit by unit). Sweeps end when all sleep, at `most_sweeps` at the latest: what is left then is for the next
 // time step. Supply that moves down a face of n cells needs n^2 / 10 sweeps to be seen at its foot; a steady supply needs none of that, the face stands
 // a little steeper instead, in proportion to the supply: half a degree at the longest stable time step.
 //
@@ -32,6 +32,7 @@ namespace {
 
 constexpr int avalanche_side = 32;     // quads of a tile
 constexpr double avalanche_part = 0.4; // w
+constexpr double avalanche_slack = 0.1 * degree;
 
 // The greatest squared difference of heights in the quads between two rows, tile by tile.
 MARRAM_HOT void avalanche_scan(const float* upper, const float* lower, int quads, float limit, char* tiles) {
@@ -63,7 +64,7 @@ struct AvalancheGrid {
 constexpr size_t avalanche_slot = size_t(2) * avalanche_side * avalanche_side; // doubles
 
 // Moves of all quads of a tile. false: none.
-bool avalanche_moves(const AvalancheGrid& grid, int tile_row, int tile_column, double stops,
+bool avalanche_moves(const AvalancheGrid& grid, int tile_row, int tile_column, double stops, double still,
                      const float* ground, const double* sand, double* moves) {
     bool any = false;
     const int i0 = tile_row * avalanche_side, j0 = tile_column * avalanche_side;
@@ -82,7 +83,7 @@ bool avalanche_moves(const AvalancheGrid& grid, int tile_row, int tile_column, d
                          d = double(ground[lower + next]) * sand_units_a_metre + sd;
             const double gb = 0.5 * ((b - a) + (d - c)), ga = 0.5 * ((c - a) + (d - b));
             const double square = gb * gb + ga * ga;
-            if (!(square > stops * stops)) continue;
+            if (!(square > still * still)) continue;
             const double k = 0.5 * avalanche_part * (1.0 - stops / std::sqrt(square));
             const double d1 = std::trunc(std::clamp(k * (gb + ga), -0.25 * sa, 0.25 * sd));
             const double d2 = std::trunc(std::clamp(k * (ga - gb), -0.25 * sb, 0.25 * sc));
@@ -92,6 +93,15 @@ bool avalanche_moves(const AvalancheGrid& grid, int tile_row, int tile_column, d
         }
     }
     return any;
+}
+
+// Of few tiles each is done before threads could meet.
+template <typename F>
+void avalanche_each(size_t count, F&& work) {
+    if (count >= 16)
+        tbb::parallel_for(size_t(0), count, work);
+    else
+        for (size_t k = 0; k < count; ++k) work(k);
 }
 
 } // namespace
@@ -122,6 +132,7 @@ int Avalanche::run(int rows, int columns, bool periodic, double cell, const Aval
     });
 
     const double stops = std::tan(settings.stops) * cell * sand_units_a_metre;
+    const double still = std::tan(settings.stops + avalanche_slack) * cell * sand_units_a_metre;
     std::vector<int> slots(grid.tiles(), -1);
     std::vector<int> list, gathered;
     std::vector<char> moved, touched(grid.tiles());
@@ -135,10 +146,11 @@ int Avalanche::run(int rows, int columns, bool periodic, double cell, const Aval
         if (list.empty()) break;
         if (moves_.size() < list.size() * avalanche_slot) moves_.resize(list.size() * avalanche_slot);
         moved.assign(list.size(), 0);
-        tbb::parallel_for(size_t(0), list.size(), [&](size_t slot) {
+        avalanche_each(list.size(), [&](size_t slot) {
             const int tile = list[slot];
-            moved[slot] = char(avalanche_moves(grid, tile / grid.tile_columns, tile % grid.tile_columns,
-                                               stops, ground, sand, moves_.data() + slot * avalanche_slot));
+            moved[slot] =
+                char(avalanche_moves(grid, tile / grid.tile_columns, tile % grid.tile_columns, stops, still,
+                                     ground, sand, moves_.data() + slot * avalanche_slot));
         });
         // A tile's quads reach one sample into the tiles after it.
         std::fill(touched.begin(), touched.end(), char(0));
@@ -172,7 +184,7 @@ int Avalanche::run(int rows, int columns, bool periodic, double cell, const Aval
                        : moves_.data() + size_t(slot) * avalanche_slot +
                              2 * (size_t(i % avalanche_side) * avalanche_side + size_t(j % avalanche_side));
         };
-        tbb::parallel_for(size_t(0), gathered.size(), [&](size_t n) {
+        avalanche_each(gathered.size(), [&](size_t n) {
             const int ti = gathered[n] / grid.tile_columns, tj = gathered[n] % grid.tile_columns;
             const int i1 = ti + 1 == grid.tile_rows ? rows : (ti + 1) * avalanche_side;
             const int j1 = tj + 1 == grid.tile_columns ? columns : (tj + 1) * avalanche_side;

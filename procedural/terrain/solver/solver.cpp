@@ -15,7 +15,7 @@
 // which makes the step one of Adams and Bashforth, second order: Euler's would add omega^2 dt / 2 to the growth of waves that travel with omega, a
 // tenth of it at the stable step. The step: waves of wave number k change at the rate
 //
-//   |s| = Q' k^2 sqrt(A^2 + B^2) / (rho_b sqrt(1 + k^2 L_sat^2)),  Q' = dq_sat / d ln(tau)
+//   |s| = Q' k^2 / rho_b (sqrt(A^2 + B^2) / sqrt(1 + k^2 L_sat^2) + side_slope),  Q' = dq_sat / d ln(tau)
 //
 // which is greatest at k = pi / cell; with Q' at the greatest stress, dt = stability / |s|. The scheme holds up to 1 for what decays.
 //
@@ -221,7 +221,7 @@ void DuneSolver::surface() {
 }
 
 // Surface and bubbles, led from border to border where they are not periodic.
-void DuneSolver::envelope(const DuneCourse&) {
+void DuneSolver::envelope() {
     const bool periodic = settings_.border == DuneBorder::periodic;
     std::unique_ptr<Shear>& shear = shear_[transposed_ ? 1 : 0];
     if (!shear)
@@ -247,14 +247,14 @@ void DuneSolver::envelope(const DuneCourse&) {
     });
 }
 
-double DuneSolver::stable_step(double stress, double) const {
+double DuneSolver::stable_step(double stress) const {
     const SandPhysics& physics = settings_.physics;
     const double k = pi / domain_.cell, length = physics.saturation_length();
     const double response =
         physics.flux_scale * physics.air_density / physics.gravity * physics.threshold * stress;
-    const double rate = response * k * k *
-                        std::hypot(settings_.shear.in_phase, settings_.shear.out_of_phase) /
-                        (physics.bulk_density * std::sqrt(1.0 + k * k * length * length));
+    const double waves = std::hypot(settings_.shear.in_phase, settings_.shear.out_of_phase);
+    const double rate = response * k * k / physics.bulk_density *
+                        (waves / std::sqrt(1.0 + k * k * length * length) + physics.side_slope);
     return rate > 0.0 ? settings_.stability / rate : infinity;
 }
 
@@ -326,7 +326,7 @@ double DuneSolver::step(const Wind& wind, double seconds) {
     }
     {
         const SolverClock clock(times_.shear);
-        envelope(course);
+        envelope();
         shear_[transposed_ ? 1 : 0]->perturbation(settings_.shear, wind_row, wind_column, envelope_.data(),
                                                   rows_, columns_, along_.data(), across_.data());
     }
@@ -339,7 +339,7 @@ double DuneSolver::step(const Wind& wind, double seconds) {
                         wind_column, wind.shear_velocity, air, pitch(),
                         {flux_.data(), relax_.data(), turn_.data(), reach_.data()});
     }
-    const double stable = peak.flux > 0.0 ? stable_step(peak.stress, 0.0) : infinity;
+    const double stable = peak.flux > 0.0 ? stable_step(peak.stress) : infinity;
     state_.step_allowed = std::min(stable, settings_.longest_step);
     // Without flux nothing changes but what avalanches have left.
     const double length = std::min({seconds, stable, settings_.longest_step});

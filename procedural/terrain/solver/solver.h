@@ -85,8 +85,8 @@ class DuneSolver {
   private:
     void orient(bool transposed);
     void surface();
-    void envelope(const DuneCourse& course);
-    double stable_step(double stress, double response) const;
+    void envelope();
+    double stable_step(double stress) const;
     void march(const DuneCourse& course, double wind_row, const Wind& wind, double seconds);
 
     size_t pitch() const { return size_t(Shear::pitch(columns_)); }

@@ -10,6 +10,9 @@
 // streamline is higher than a tenth of a cell above the ground (in between in proportion, so that brinks move by less than a cell).
 // Along slopes of tangent s in the direction of the stress the bracket's threshold is that of a grain with friction mu (J. Iversen and
 // K. Rasmussen, Sedimentology 41, 1994): u*_t^2 (1 + s / mu) / sqrt(1 + s^2).
+// Across the stress grains roll downhill while they fly and bounce: the flux turns by an angle whose tangent is side_slope times the slope across. From the
+// balance of drag, friction and weight of grains in flight (G. Sauermann, K. Kroy, H. Herrmann, Phys. Rev. E 64, 2001: 1 / (v / (u_f sqrt(2 alpha)) + 1 / 2 alpha)
+// with alpha = 0.42, v near 1 m/s and u_f = 1.8 m/s) it is about 0.55. Nothing else in the model levels grooves along the wind.
 // Over plants (M. Raupach, D. Gillette, J. Leys, J. Geophys. Res. 98, 1993) stress is divided by 1 + plant_drag lambda.
 //
 // Relaxation. Grains need a length L_sat = 2.2 (rho_s / rho_a) d to reach equilibrium (B. Andreotti, P. Claudin, O. Pouliquen,
@@ -80,13 +83,15 @@ struct SaturationRow {
     const float *before, *here, *after; // heights; `here` has a neighbour on either side
     const float *excess, *along, *across, *plants;
     float *flux, *relax, *turn, *reach;
-    int count;                             // a multiple of 8
-    float row_slope, column_slope;         // 1 / distance of the samples that the slopes are taken from
-    float wind_row, wind_column;           // unit vector; wind_row >= 0, downwind
-    float stress, threshold, q_scale;      // shear velocities squared; kg s / m^3
-    float slope_scale, plant_drag, bubble; // bubble: 1 / height of a streamline that leaves no stress
-    float steepest_turn, side;             // side: -1 where rows are crossed backwards
-    double half_cell;                      // / L_sat
+    float *cell_turn, *gain, *rise;   // room for a row, with a neighbour before it
+    int count;                        // a multiple of 8
+    float row_slope, column_slope;    // 1 / distance of the samples that the slopes are taken from
+    float wind_row, wind_column;      // unit vector; wind_row >= 0, downwind
+    float stress, threshold, q_scale; // shear velocities squared; kg s / m^3
+    float slope_scale, side_slope, plant_drag,
+        bubble;                // bubble: 1 / height of a streamline that leaves no stress
+    float steepest_turn, side; // side: -1 where rows are crossed backwards
+    double half_cell;          // / L_sat
 };
 
 MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
@@ -102,19 +107,20 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
         const VFloat size = vsqrt(along * along + across * across);
         const VFloat inverse = size > 0.0F ? one / size : none;
         const VFloat u = size > 0.0F ? along * inverse : one, v = size > 0.0F ? across * inverse : none;
-        const VFloat down = u * row.wind_row - v * row.wind_column,
-                     side = u * row.wind_column + v * row.wind_row;
-        const VFloat limit =
-            row.steepest_turn * transport_max(down, splat_float(1e-3F)); // 1e-3: no division by 0
-        const VFloat turn =
-            transport_max(-limit, transport_min(limit, side)) / transport_max(down, splat_float(1e-3F));
-        const VFloat e_row = one / vsqrt(one + turn * turn), e_column = turn * e_row;
+        const VFloat u_row = u * row.wind_row - v * row.wind_column,
+                     u_column = u * row.wind_column + v * row.wind_row;
+        const VFloat g_row = row.row_slope * (transport_load(row.after + b) - transport_load(row.before + b));
+        const VFloat g_column =
+            row.column_slope * (transport_load(row.here + b + 1) - transport_load(row.here + b - 1));
+        const VFloat slope = u_row * g_row + u_column * g_column;
+        const VFloat down = u_row - row.side_slope * (g_row - slope * u_row);
+        const VFloat side = u_column - row.side_slope * (g_column - slope * u_column);
+        const VFloat ahead = transport_max(down, splat_float(1e-3F)); // no division by 0
+        const VFloat limit = splat_float(row.steepest_turn);
+        const VFloat turn = transport_max(-limit, transport_min(limit, side / ahead));
+        const VFloat e_row = one / vsqrt(one + turn * turn);
         VFloat stress = row.stress * size;
         if (row.plants) stress /= 1.0F + row.plant_drag * transport_load(row.plants + b);
-        const VFloat slope =
-            e_row * row.row_slope * (transport_load(row.after + b) - transport_load(row.before + b)) +
-            e_column * row.column_slope *
-                (transport_load(row.here + b + 1) - transport_load(row.here + b - 1));
         const VFloat threshold =
             row.threshold * transport_max(none, 1.0F + slope * row.slope_scale) / vsqrt(one + slope * slope);
         most = transport_max(most, stress);
@@ -127,13 +133,29 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
         const VDouble series = 0.25 - way * (1.0 / 24.0); // its next term is way^3 / 1440
         const VDouble whole = 0.5 / way - 0.5 * kept / (1.0 - kept);
         transport_store(row.reach + b, to_float(way < 0.01 ? series : whole));
-        transport_store(row.turn + b, turn);
+        transport_store(row.cell_turn + b, turn);
+        transport_store(row.gain + b, 0.5F * row.side_slope * (one - u_column * u_column) / ahead);
+        transport_store(row.rise + b, g_column);
     }
     SaturationPeak peak;
     for (int l = 0; l < lanes; ++l)
         peak.stress = std::max(peak.stress, double(most[l])),
         peak.flux = std::max(peak.flux, double(most_flux[l]));
     return peak;
+}
+
+// The turn at the face before each cell. The slope along the row is that of the face itself, or steps from one cell to the next would go unseen.
+MARRAM_HOT void transport_turns(const SaturationRow& row) {
+    const VFloat limit = splat_float(row.steepest_turn);
+    for (int b = 0; b < row.count; b += lanes) {
+        const VFloat face =
+            2.0F * row.column_slope * (transport_load(row.here + b) - transport_load(row.here + b - 1));
+        const VFloat seen = 0.5F * (transport_load(row.rise + b) + transport_load(row.rise + b - 1));
+        const VFloat turn =
+            0.5F * (transport_load(row.cell_turn + b) + transport_load(row.cell_turn + b - 1)) -
+            (transport_load(row.gain + b) + transport_load(row.gain + b - 1)) * (face - seen);
+        transport_store(row.turn + b, transport_max(-limit, transport_min(limit, turn)));
+    }
 }
 
 // Columns [first, first + count) of a row that wraps around, or is continued by its ends.
@@ -198,11 +220,10 @@ MARRAM_HOT void transport_faces(const MarchStrip& s) {
     for (int b = 0; b <= s.width; b += lanes) {
         const VDouble f0 = transport_load(s.flux + b - 2), f1 = transport_load(s.flux + b - 1);
         const VDouble f2 = transport_load(s.flux + b), f3 = transport_load(s.flux + b + 1);
-        const VDouble t0 = to_double(transport_load(s.turn + b - 2)),
-                      t1 = to_double(transport_load(s.turn + b - 1));
-        const VDouble t2 = to_double(transport_load(s.turn + b)),
-                      t3 = to_double(transport_load(s.turn + b + 1));
-        const VDouble t = (0.5 * part) * (t1 + t2), size = vmin(vabs(t), splat(1.0));
+        const VDouble t0 = to_double(transport_load(s.turn + b - 1)),
+                      t1 = to_double(transport_load(s.turn + b));
+        const VDouble t2 = to_double(transport_load(s.turn + b + 1));
+        const VDouble t = part * t1, size = vmin(vabs(t), splat(1.0));
         const VLong right = t > 0.0;
         const VDouble donor = right ? f1 : f2;
         const VDouble rise = right ? f1 - f0 : f2 - f1, next = right ? f2 - f1 : f3 - f2;
@@ -211,7 +232,7 @@ MARRAM_HOT void transport_faces(const MarchStrip& s) {
         const VDouble ahead = 0.5 * (1.0 - size) * slope;
         const VDouble value = right ? donor + ahead : donor - ahead;
         // a cell that gives to both sides gives each no more than half
-        const VDouble other = right ? t0 + t1 : -(t2 + t3);
+        const VDouble other = right ? t0 : -t2;
         const VDouble most = other < 0.0 ? 0.5 * donor : donor;
         const VDouble moved = transport_floor(vmax(none, vmin(size * value, most)));
         transport_store(s.moved + b, right ? moved : -moved);
@@ -277,7 +298,8 @@ SaturationPeak saturate(const DuneCourse& course, DuneBorder border, const SandP
         };
         const size_t at = size_t(course.row(step)) * pitch;
         WideVector<float>& line = heights.local();
-        line.resize(pitch + 2 * transport_pad);
+        const size_t room = pitch + 2 * transport_pad;
+        line.resize(4 * room);
         transport_copy(height(step), course.columns, periodic, -transport_pad,
                        course.columns + 2 * transport_pad, line.data());
         const int rows_apart = periodic ? 2 : std::min(step + 1, course.rows - 1) - std::max(step - 1, 0);
@@ -294,12 +316,18 @@ SaturationPeak saturate(const DuneCourse& course, DuneBorder border, const SandP
         row.stress = float(shear_velocity * shear_velocity);
         row.threshold = float(physics.threshold * physics.threshold);
         row.q_scale = float(physics.flux_scale * physics.air_density / physics.gravity * physics.threshold);
-        row.slope_scale = float(1.0 / physics.slope_scale), row.plant_drag = float(plant_drag);
+        row.slope_scale = float(1.0 / physics.slope_scale), row.side_slope = float(physics.side_slope),
+        row.plant_drag = float(plant_drag);
         row.bubble = float(1.0 / (transport_brink * course.cell));
         row.steepest_turn = float(March::substeps(course));
+        row.cell_turn = line.data() + room + transport_pad;
+        row.gain = row.cell_turn + room, row.rise = row.gain + room;
         row.side = course.backwards ? -1.0F : 1.0F;
         row.half_cell = 0.5 * course.cell / physics.saturation_length();
         peaks[size_t(step)] = transport_saturate(row);
+        const int before = periodic ? course.columns - 1 : 0;
+        for (float* field : {row.cell_turn, row.gain, row.rise}) field[-1] = field[before];
+        transport_turns(row);
         for (size_t b = size_t(course.columns); b < pitch; ++b)
             row.flux[b] = row.relax[b] = row.turn[b] = row.reach[b] = 0.0F;
     });

@@ -19,6 +19,7 @@ struct SandPhysics {
     double threshold = 0.22;   // shear velocity below which nothing moves on level ground, m/s
     double flux_scale = 5.0;   // of the saturated flux
     double slope_scale = 0.63; // tangent at which grains roll by themselves
+    double side_slope = 0.55;  // how far the flux turns down a slope across it: tangent per tangent
     double saturation_scale = 2.2;
     bool operator==(const SandPhysics&) const = default;
 
@@ -47,7 +48,7 @@ struct AirFields {
 struct SaturationFields {
     float* flux = nullptr;  // saturated flux through a face between rows, kg / (m s)
     float* relax = nullptr; // what of the difference to it is made up for in half a cell
-    float* turn = nullptr;  // columns a row, along the local stress
+    float* turn = nullptr;  // columns a row, at the face before each cell
     float* reach =
         nullptr; // how far before the end of half a cell it takes its exchange from, on the average; cells
 };

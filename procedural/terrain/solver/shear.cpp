@@ -15,7 +15,7 @@
 // pressure does, so cross = 1; Weng's terms give 1 to 1.5 for z0 = 0.1 mm and waves of 20 m.
 //
 // Transforms: columns in pairs as real and imaginary part; the spectrum is kept for row wave numbers 0 ... rows / 2 only; along and
-// across return as real and imaginary part of one transform. What cannot be told apart at the Nyquist wave number is left out (the imaginary part).
+// across return as real and imaginary part of one transform. At the Nyquist wave numbers, whose sign cannot be told, it is the mean of both.
 // The mean of the surface has no effect.
 //
 // Error: floats; 1e-6 of the greatest stress. Linear theory holds for slopes up to some 20 degrees.
@@ -93,6 +93,21 @@ struct ShearWaves {
     float scale; // of the transforms
 };
 
+struct ShearResponse {
+    WideComplex along, across;
+};
+MARRAM_INLINE ShearResponse shear_response(const ShearWaves& waves, VFloat k_row, float k_column,
+                                           const WideComplex& h) {
+    const float w_row = float(waves.row), w_column = float(waves.column);
+    const VFloat along = w_row * k_row + w_column * k_column, side = w_row * k_column - w_column * k_row;
+    const VFloat square = along * along + side * side, none = splat_float(0.0F);
+    const VFloat g = square > 0.0F ? waves.scale * along / vsqrt(square) : none;
+    const VFloat b = along > 0.0F ? none + waves.out_of_phase : none - waves.out_of_phase;
+    const VFloat re = g * (waves.in_phase * h.re - b * h.im), im = g * (waves.in_phase * h.im + b * h.re);
+    const VFloat s = waves.cross * side;
+    return {{re * along, im * along}, {re * s, im * s}};
+}
+
 // Eight row wave numbers, all column wave numbers: there, times the kernel, and back.
 MARRAM_HOT void shear_convolve(const Transform& transform, const ShearWaves& waves, size_t block,
                                size_t blocks, WideComplex* spectrum, WideComplex* across,
@@ -104,21 +119,18 @@ MARRAM_HOT void shear_convolve(const Transform& transform, const ShearWaves& wav
     WideComplex* const spare = x == first ? second : first;
     VFloat k_row{};
     for (int l = 0; l < lanes; ++l) k_row[l] = float(waves.row_step * double(block * 8 + size_t(l)));
-    const float w_row = float(waves.row), w_column = float(waves.column);
     for (size_t b = 0; b < n; ++b) {
         const float k_column = float(waves.column_step * (2 * b > n ? double(b) - double(n) : double(b)));
-        const VFloat along = w_row * k_row + w_column * k_column, side = w_row * k_column - w_column * k_row;
-        const VFloat square = along * along + side * side;
-        const VFloat k = vsqrt(square);
-        const VFloat none = splat_float(0.0F);
-        const VFloat g = square > 0.0F ? waves.scale * along / k : none;
-        const VFloat b_signed = along > 0.0F ? none + waves.out_of_phase : none - waves.out_of_phase;
-        const WideComplex h = x[b];
-        const VFloat re = g * (waves.in_phase * h.re - b_signed * h.im);
-        const VFloat im = g * (waves.in_phase * h.im + b_signed * h.re);
-        const VFloat s = waves.cross * side;
-        x[b] = {im * along, re * along}; // swapped: the inverse
-        third[b] = {im * s, re * s};
+        ShearResponse response = shear_response(waves, k_row, k_column, x[b]);
+        if (2 * b == n) { // either sign
+            const ShearResponse other = shear_response(waves, k_row, -k_column, x[b]);
+            response = {
+                {0.5F * (response.along.re + other.along.re), 0.5F * (response.along.im + other.along.im)},
+                {0.5F * (response.across.re + other.across.re),
+                 0.5F * (response.across.im + other.across.im)}};
+        }
+        x[b] = {response.along.im, response.along.re}; // swapped: the inverse
+        third[b] = {response.across.im, response.across.re};
     }
     const WideComplex* result = transform.run(x, spare);
     for (size_t b = 0; b < n; ++b) spectrum[b * blocks + block] = {result[b].im, result[b].re};

@@ -12,7 +12,8 @@
 //
 // For waves along the wind this is (A + i B) |k| h: the greatest stress is at a phase atan(B / A) before the crest, which is what makes
 // a flat bed unstable. Kroy et al. write A (|k| + i B k): their A B is B here. The stress acts along the wave vector, as the gradient of the
-// pressure does, so cross = 1; Weng's terms give 1 to 1.5 for z0 = 0.1 mm and waves of 20 m.
+// pressure does. What it does across is less certain: linearising |u| u gives cross = 1/2, Weng's terms for z0 = 0.1 mm and waves of 20 m give 1
+// or more. With 1/2 the horns of a barchan point outwards, with 1 sand leaves its flanks sideways; 0.75 is between.
 //
 // Transforms: columns in pairs as real and imaginary part; the spectrum is kept for row wave numbers 0 ... rows / 2 only; along and
 // across return as real and imaginary part of one transform. At the Nyquist wave numbers, whose sign cannot be told, it is the mean of both.

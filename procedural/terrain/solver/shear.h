@@ -11,7 +11,7 @@ namespace marram {
 struct ShearCoefficients {
     double in_phase = 3.5;     // A: stress in phase with the surface, per unit of slope
     double out_of_phase = 2.0; // B: stress a quarter wave ahead of the crest
-    double cross = 1.0;        // the response across the wind over that along it
+    double cross = 0.75;       // the response across the wind over that along it
     bool operator==(const ShearCoefficients&) const = default;
 };
 

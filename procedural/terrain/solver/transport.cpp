@@ -74,11 +74,6 @@ MARRAM_INLINE void transport_store(double* p, VDouble v) { std::memcpy(p, &v, si
 MARRAM_INLINE VFloat transport_min(VFloat a, VFloat b) { return a < b ? a : b; }
 MARRAM_INLINE VFloat transport_max(VFloat a, VFloat b) { return a > b ? a : b; }
 MARRAM_INLINE VDouble transport_round(VDouble x) { return (x + round_magic) - round_magic; } // |x| < 2^51
-MARRAM_INLINE VDouble transport_floor(VDouble x) {                                           // 0 <= x < 2^51
-    const VDouble r = transport_round(x);
-    return r > x ? r - 1.0 : r;
-}
-
 struct SaturationRow {
     const float *before, *here, *after; // heights; `here` has a neighbour on either side
     const float *excess, *along, *across, *plants;
@@ -213,29 +208,52 @@ MARRAM_HOT void transport_exchange(const MarchStrip& s, const float* saturated) 
     }
 }
 
+// Four doubles: comparisons and choices of eight are taken apart by compilers for AVX2.
+using MarchDouble = double __attribute__((vector_size(32), aligned(32)));
+using MarchLong = int64_t __attribute__((vector_size(32), aligned(32)));
+using MarchFloat = float __attribute__((vector_size(16), aligned(16)));
+constexpr int transport_lanes = 4;
+
+MARRAM_INLINE MarchDouble transport_load4(const double* p) {
+    MarchDouble v;
+    std::memcpy(&v, p, sizeof v);
+    return v;
+}
+MARRAM_INLINE MarchDouble transport_load4(const float* p) {
+    MarchFloat v;
+    std::memcpy(&v, p, sizeof v);
+    return __builtin_convertvector(v, MarchDouble);
+}
+MARRAM_INLINE void transport_store4(double* p, MarchDouble v) { std::memcpy(p, &v, sizeof v); }
+MARRAM_INLINE MarchDouble transport_min4(MarchDouble a, MarchDouble b) { return a < b ? a : b; }
+MARRAM_INLINE MarchDouble transport_max4(MarchDouble a, MarchDouble b) { return a > b ? a : b; }
+
 // What moves over the face between cells b - 1 and b, for b = 0 ... width.
 MARRAM_HOT void transport_faces(const MarchStrip& s) {
     const double part = 1.0 / s.substeps;
-    const VDouble none = splat(0.0);
-    for (int b = 0; b <= s.width; b += lanes) {
-        const VDouble f0 = transport_load(s.flux + b - 2), f1 = transport_load(s.flux + b - 1);
-        const VDouble f2 = transport_load(s.flux + b), f3 = transport_load(s.flux + b + 1);
-        const VDouble t0 = to_double(transport_load(s.turn + b - 1)),
-                      t1 = to_double(transport_load(s.turn + b));
-        const VDouble t2 = to_double(transport_load(s.turn + b + 1));
-        const VDouble t = part * t1, size = vmin(vabs(t), splat(1.0));
-        const VLong right = t > 0.0;
-        const VDouble donor = right ? f1 : f2;
-        const VDouble rise = right ? f1 - f0 : f2 - f1, next = right ? f2 - f1 : f3 - f2;
-        const VDouble product = rise * next;
-        const VDouble slope = product > 0.0 ? 2.0 * product / (rise + next) : none;
-        const VDouble ahead = 0.5 * (1.0 - size) * slope;
-        const VDouble value = right ? donor + ahead : donor - ahead;
+    const MarchDouble none = {}, one = none + 1.0;
+    for (int b = 0; b <= s.width; b += transport_lanes) {
+        const MarchDouble f0 = transport_load4(s.flux + b - 2), f1 = transport_load4(s.flux + b - 1);
+        const MarchDouble f2 = transport_load4(s.flux + b), f3 = transport_load4(s.flux + b + 1);
+        const MarchDouble t0 = transport_load4(s.turn + b - 1), t1 = transport_load4(s.turn + b);
+        const MarchDouble t2 = transport_load4(s.turn + b + 1);
+        const MarchDouble t = part * t1;
+        const MarchLong right = t > none;
+        const MarchDouble size = transport_min4(transport_max4(t, -t), one);
+        const MarchDouble donor = right ? f1 : f2, middle = f2 - f1;
+        const MarchDouble outer = right ? f1 - f0 : f3 - f2; // and middle: the differences beside the donor
+        const MarchDouble product = transport_max4(outer * middle, none);
+        const MarchDouble sum = outer + middle;
+        const MarchDouble slope = (product + product) / (product > none ? sum : one);
+        const MarchDouble ahead = 0.5 * (one - size) * slope;
+        const MarchDouble value = right ? donor + ahead : donor - ahead;
         // a cell that gives to both sides gives each no more than half
-        const VDouble other = right ? t0 : -t2;
-        const VDouble most = other < 0.0 ? 0.5 * donor : donor;
-        const VDouble moved = transport_floor(vmax(none, vmin(size * value, most)));
-        transport_store(s.moved + b, right ? moved : -moved);
+        const MarchDouble other = right ? t0 : -t2;
+        const MarchDouble most = other < none ? 0.5 * donor : donor;
+        const MarchDouble wanted = transport_max4(none, transport_min4(size * value, most));
+        MarchDouble moved = (wanted + round_magic) - round_magic; // rounded down, below 2^51
+        moved = moved - (moved > wanted ? one : none);
+        transport_store4(s.moved + b, right ? moved : -moved);
     }
 }
 

@@ -10,8 +10,8 @@
 namespace marram {
 
 // Lit from the north-west, 30 degrees above the horizon; bare ground is darker.
-inline bool write_dune_picture(const std::string& path, const Domain& domain, const std::vector<SandUnits>& sand,
-                               double exaggeration = 1.0) {
+inline bool write_dune_picture(const std::string& path, const Domain& domain,
+                               const std::vector<SandUnits>& sand, double exaggeration = 1.0) {
     std::FILE* file = std::fopen(path.c_str(), "wb");
     if (!file) return false;
     std::fprintf(file, "P5\n%d %d\n255\n", domain.nx, domain.nz);

@@ -1,0 +1,329 @@
+// SPDX-License-Identifier: Apache-2.0
+// Measures the dune solver against theory and the field, and prints tables.
+//
+//     dune_solver waves         growth and speed of small waves against linear theory
+//     dune_solver speed         time a cell and step, by part
+//     dune_solver barchans [n]  height, width, length and celerity of n sizes after three turnovers (6)
+//     dune_solver directions    crests of a covered bed in pairs of winds
+//     dune_solver convergence   one dune with cells of 2, 1 and 1/2 m, and the grid turned by 45 degrees
+//     dune_solver picture out.pgm hours u* [degrees]
+#include "tests/bench/dune_solver/picture.h"
+#include "tests/unit/terrain/solver/dune_waves.h"
+
+#include "core/math/hash.h"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+
+namespace marram {
+namespace {
+
+void print_waves() {
+    const DuneSettings settings;
+    const double shear_velocity = 2.0 * settings.physics.threshold;
+    double greatest = 0.0;
+    for (double k = 0.01; k < 1.0; k += 0.001)
+        greatest = std::max(greatest, dune_wave_theory(settings, shear_velocity, k).growth);
+    std::printf("waves: r = 2, k in 1 / L_sat, rates in its time; errors in %% of the greatest growth and of "
+                "the speed\n");
+    std::printf("%10s %6s %10s %10s %7s %9s %9s %7s\n", "direction", "k", "growth", "theory", "error",
+                "speed", "theory", "error");
+    struct Direction {
+        const char* name;
+        int size, row, column;
+    };
+    for (const Direction d : {Direction{"0", 48, 0, 1}, {"atan 2/5", 256, 2, 5}, {"45", 64, 1, 1}})
+        for (const double k : {0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6}) {
+            const DuneWave theory = dune_wave_theory(settings, shear_velocity, k);
+            const DuneWave wave = dune_wave_measured(settings, shear_velocity, k, d.size, d.row, d.column);
+            std::printf("%10s %6.2f %10.5f %10.5f %6.2f%% %9.4f %9.4f %6.2f%%\n", d.name, k, wave.growth,
+                        theory.growth, 100.0 * (wave.growth - theory.growth) / greatest, wave.speed,
+                        theory.speed, 100.0 * (wave.speed / theory.speed - 1.0));
+        }
+}
+
+// A covered bed of low dunes.
+std::vector<SandUnits> rough_cover(const Domain& domain, double depth, double roughness) {
+    std::vector<SandUnits> sand(domain.count());
+    for (size_t k = 0; k < sand.size(); ++k)
+        sand[k] = sand_units(depth + roughness * (unit_double(hash(7, k)) - 0.5));
+    return sand;
+}
+
+void print_speed() {
+    std::printf("speed: covered bed, 30 degrees to the grid, periodic; median of steps, ns a cell\n");
+    std::printf("%6s %10s %8s | %8s %8s %8s %8s %8s %8s\n", "size", "ms a step", "total", "surface",
+                "bubbles", "shear", "q_sat", "march", "slides");
+    for (const int n : {256, 512, 1024, 2048, 4096}) {
+        const Domain domain{n, n, 1.0, 0.0, 0.0};
+        std::vector<float> rock(domain.count(), 0.0F);
+        std::vector<SandUnits> sand(domain.count());
+        for (int j = 0; j < n; ++j)
+            for (int i = 0; i < n; ++i) {
+                const double a = 2.0 * pi * i / 32.0, b = 2.0 * pi * j / 64.0;
+                sand[domain.index(i, j)] =
+                    sand_units(5.0 + 1.2 * std::sin(a + std::sin(b)) + 0.3 * std::sin(2 * a + b));
+            }
+        DuneSolver solver(domain, {}, rock.data(), sand.data());
+        const Wind wind{std::cos(30.0 * degree), std::sin(30.0 * degree), 0.4};
+        const int steps = std::max(8, int(4e6 / double(domain.count())));
+        solver.step(wind, 1e9), solver.step(wind, 1e9);
+        const DuneTimes before = solver.times();
+        std::vector<double> times;
+        for (int k = 0; k < steps; ++k) {
+            const auto start = std::chrono::steady_clock::now();
+            solver.step(wind, 1e9);
+            times.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+        }
+        std::sort(times.begin(), times.end());
+        const double cells = 1e9 / double(domain.count()), median = times[times.size() / 2],
+                     mean = cells / steps;
+        const DuneTimes& after = solver.times();
+        std::printf("%6d %10.2f %8.1f | %8.1f %8.1f %8.1f %8.1f %8.1f %8.1f (means)\n", n, median * 1e3,
+                    median * cells, (after.surface - before.surface) * mean,
+                    (after.separation - before.separation) * mean, (after.shear - before.shear) * mean,
+                    (after.saturation - before.saturation) * mean, (after.march - before.march) * mean,
+                    (after.avalanche - before.avalanche) * mean);
+        std::fflush(stdout);
+    }
+}
+
+struct DuneFigures {
+    double height = 0.0, width = 0.0, length = 0.0,
+           stoss = 0.0;                    // metres; stoss: foot to brink along the middle
+    double volume = 0.0, x = 0.0, z = 0.0; // of the centre, by phase on a periodic grid
+};
+
+// Of the sand higher than `foot` on a periodic grid, wind along +x.
+DuneFigures measure_dune(const Domain& domain, const std::vector<SandUnits>& sand, double foot) {
+    DuneFigures f;
+    double cx = 0.0, sx = 0.0, cz = 0.0, sz = 0.0;
+    int crest_i = 0, crest_j = 0;
+    for (int j = 0; j < domain.nz; ++j)
+        for (int i = 0; i < domain.nx; ++i) {
+            const double h = sand_metres(sand[domain.index(i, j)]);
+            f.volume += h * domain.cell * domain.cell;
+            const double w = h > foot ? h : 0.0, a = 2 * pi * i / domain.nx, b = 2 * pi * j / domain.nz;
+            cx += w * std::cos(a), sx += w * std::sin(a), cz += w * std::cos(b), sz += w * std::sin(b);
+            if (h > f.height) f.height = h, crest_i = i, crest_j = j;
+        }
+    f.x = std::atan2(sx, cx) / (2 * pi) * domain.nx * domain.cell;
+    f.z = std::atan2(sz, cz) / (2 * pi) * domain.nz * domain.cell;
+    // Width: rows with sand above the foot, joined to the crest's. Stoss: from the crest upwind to the foot.
+    const auto row_has = [&](int j) {
+        for (int i = 0; i < domain.nx; ++i)
+            if (sand_metres(sand[domain.index(i, (j + domain.nz) % domain.nz)]) > foot) return true;
+        return false;
+    };
+    int up = 0, down = 0;
+    while (up < domain.nz / 2 && row_has(crest_j - up - 1)) ++up;
+    while (down < domain.nz / 2 && row_has(crest_j + down + 1)) ++down;
+    f.width = (up + down + 1) * domain.cell;
+    int n = 0;
+    while (n < domain.nx &&
+           sand_metres(sand[domain.index((crest_i - n + domain.nx) % domain.nx, crest_j)]) > foot)
+        ++n;
+    f.length = n * domain.cell;
+    return f;
+}
+
+void print_barchans(int count) {
+    DuneSettings settings;
+    const double shear_velocity = 0.5,
+                 flux = settings.physics.saturated_flux(shear_velocity) / settings.physics.bulk_density;
+    std::printf("barchans: constant volume, u* = %.2f m/s, Q = %.3g m^2/s; field: W = 8.6 H + 8.8, L = 5.5 H "
+                "+ 10.8\n",
+                shear_velocity, flux);
+    std::printf("%6s %9s %7s %7s %7s %7s %7s %9s %9s %8s\n", "cell", "volume", "H", "W", "field", "L",
+                "field", "c m/year", "Q / c m", "steps");
+    std::vector<std::array<double, 2>> points;
+    for (int k = 0; k < count; ++k) {
+        const double height = 2.5 * std::pow(1.35, k), cell = std::max(0.5, height / 4.0);
+        const int n = 128;
+        const Domain domain{n, n, cell, 0.0, 0.0};
+        std::vector<float> rock(domain.count(), 0.0F);
+        std::vector<SandUnits> sand(domain.count());
+        for (int j = 0; j < n; ++j)
+            for (int i = 0; i < n; ++i) {
+                const double x = (i - n / 2) * cell, z = (j - n / 2) * cell, r = 3.3 * height;
+                sand[domain.index(i, j)] = sand_units(
+                    std::max(0.0, 1.02 * height * std::exp(-(x * x + z * z) / (r * r)) - 0.02 * height));
+            }
+        DuneSolver solver(domain, settings, rock.data(), sand.data());
+        const WindHistory wind = steady_wind({1.0, 0.0, shear_velocity});
+        const double turnover = 8.0 * height * height / (2.0 * flux); // about L / c
+        solver.advance(wind, 3.0 * turnover);
+        DuneFigures mean, before;
+        double travelled = 0.0;
+        const int samples = 40;
+        for (int s = 0; s <= samples; ++s) {
+            solver.sand(sand);
+            const DuneFigures f = measure_dune(domain, sand, 0.04 * height);
+            mean.height += f.height / (samples + 1), mean.width += f.width / (samples + 1);
+            mean.length += f.length / (samples + 1), mean.volume = f.volume;
+            if (s > 0) travelled += std::remainder(f.x - before.x, n * cell);
+            before = f;
+            if (s < samples) solver.advance(wind, turnover / samples);
+        }
+        const double c = travelled / turnover;
+        std::printf("%6.2f %9.0f %7.2f %7.1f %7.1f %7.1f %7.1f %9.2f %9.2f %8d\n", cell, mean.volume,
+                    mean.height, mean.width, 8.6 * mean.height + 8.8, mean.length, 5.5 * mean.height + 10.8,
+                    c * seconds_a_year, flux / c, int(solver.steps()));
+        std::fflush(stdout);
+        points.push_back({mean.height, flux / c});
+    }
+    if (points.size() < 3) return;
+    double sh = 0.0, sy = 0.0, shh = 0.0, shy = 0.0, syy = 0.0;
+    for (const auto& [h, y] : points) sh += h, sy += y, shh += h * h, shy += h * y, syy += y * y;
+    const double m = double(points.size()), slope = (m * shy - sh * sy) / (m * shh - sh * sh);
+    const double r2 = std::pow(m * shy - sh * sy, 2) / ((m * shh - sh * sh) * (m * syy - sy * sy));
+    std::printf("Q / c = %.3f (H + %.2f m), R^2 %.4f\n", slope, (sy - slope * sh) / (m * slope), r2);
+}
+
+// Direction of crests (radians from +x, 0 to pi) from the tensor of gradients.
+double crest_direction(const Domain& domain, const std::vector<SandUnits>& sand) {
+    double xx = 0.0, xz = 0.0, zz = 0.0;
+    for (int j = 0; j < domain.nz; ++j)
+        for (int i = 0; i < domain.nx; ++i) {
+            const auto h = [&](int a, int b) {
+                return sand_metres(
+                    sand[domain.index((i + a + domain.nx) % domain.nx, (j + b + domain.nz) % domain.nz)]);
+            };
+            const double gx = h(1, 0) - h(-1, 0), gz = h(0, 1) - h(0, -1);
+            xx += gx * gx, xz += gx * gz, zz += gz * gz;
+        }
+    const double across = 0.5 * std::atan2(2.0 * xz, xx - zz); // direction of the strongest gradient
+    return std::fmod(across + 0.5 * pi + pi, pi);
+}
+
+void print_directions() {
+    const DuneSettings settings;
+    const double shear_velocity = 0.44, length = settings.physics.saturation_length();
+    std::printf(
+        "directions: covered bed, two equal winds in turn; crests against the greatest gross growth\n");
+    std::printf("%8s %8s %8s %8s\n", "apart", "crest", "theory", "error");
+    for (const double apart : {45.0, 75.0, 105.0, 150.0}) {
+        const double middle = 20.0 * degree; // off the grid's axes
+        std::array<double, 2> angles = {middle - 0.5 * apart * degree, middle + 0.5 * apart * degree};
+        double best = 0.0, theory = 0.0;
+        for (double a = 0.0; a < pi; a += 0.001) {
+            double sum = 0.0;
+            for (const double t : angles) {
+                const double s = std::sin(t - a);
+                sum += std::abs(s) + 1.6 * s * s;
+            }
+            if (sum > best) best = sum, theory = a;
+        }
+        const Domain domain{128, 128, length, 0.0, 0.0};
+        const std::vector<float> rock(domain.count(), 0.0F);
+        std::vector<SandUnits> sand = rough_cover(domain, 30.0, 0.2);
+        DuneSolver solver(domain, settings, rock.data(), sand.data());
+        const double turn = 24.0 * seconds_an_hour;
+        std::vector<TimedWind> winds;
+        for (const double t : angles) winds.push_back({{std::cos(t), std::sin(t), shear_velocity}, turn});
+        solver.advance(wind_sequence(winds), 4000.0 * seconds_an_hour);
+        solver.sand(sand);
+        const double crest = crest_direction(domain, sand);
+        std::printf("%8.0f %8.1f %8.1f %8.1f\n", apart, crest / degree, theory / degree,
+                    std::remainder(crest - theory, pi) / degree);
+        std::fflush(stdout);
+    }
+}
+
+// A heap in a steady wind: crest height and distance travelled.
+std::array<double, 2> travelled_heap(double cell, double angle) {
+    const int n = int(96.0 / cell);
+    const Domain domain{n, n, cell, 0.0, 0.0};
+    const std::vector<float> rock(domain.count(), 0.0F);
+    std::vector<SandUnits> sand(domain.count());
+    const double cx = std::cos(angle), cz = std::sin(angle);
+    for (int j = 0; j < n; ++j)
+        for (int i = 0; i < n; ++i) {
+            const double x = (i + 0.5) * cell - 48.0 + 15.0 * cx, z = (j + 0.5) * cell - 48.0 + 15.0 * cz;
+            sand[domain.index(i, j)] =
+                sand_units(std::max(0.0, 4.08 * std::exp(-(x * x + z * z) / 144.0) - 0.08));
+        }
+    DuneSettings settings;
+    settings.border = DuneBorder::open;
+    DuneSolver solver(domain, settings, rock.data(), sand.data());
+    solver.advance(steady_wind({cx, cz, 0.5}), 500.0 * seconds_an_hour);
+    solver.sand(sand);
+    double height = 0.0, sum = 0.0, along = 0.0;
+    for (int j = 0; j < n; ++j)
+        for (int i = 0; i < n; ++i) {
+            const double h = sand_metres(sand[domain.index(i, j)]);
+            height = std::max(height, h);
+            sum += h, along += h * (((i + 0.5) * cell - 48.0) * cx + ((j + 0.5) * cell - 48.0) * cz);
+        }
+    return {height, along / sum + 15.0};
+}
+
+void print_convergence() {
+    std::printf("convergence: a heap of 4 m after 500 h, u* = 0.5 m/s, open border\n%8s %8s %9s %11s\n",
+                "cell", "angle", "height m", "travelled m");
+    std::array<std::array<double, 2>, 3> results = {};
+    int k = 0;
+    for (const double cell : {2.0, 1.0, 0.5}) {
+        results[size_t(k)] = travelled_heap(cell, 0.0);
+        std::printf("%8.2f %8.0f %9.3f %11.3f\n", cell, 0.0, results[size_t(k)][0], results[size_t(k)][1]);
+        std::fflush(stdout);
+        ++k;
+    }
+    for (const size_t what : {0, 1})
+        std::printf("order of %s: %.2f\n", what == 0 ? "height" : "distance",
+                    std::log2(std::abs((results[0][what] - results[1][what]) /
+                                       (results[1][what] - results[2][what]))));
+    const auto turned = travelled_heap(1.0, 45.0 * degree);
+    std::printf("%8.2f %8.0f %9.3f %11.3f\n", 1.0, 45.0, turned[0], turned[1]);
+}
+
+bool picture(const char* path, double hours, double shear_velocity, double degrees) {
+    const Domain domain{256, 256, 1.0, 0.0, 0.0};
+    const std::vector<float> rock(domain.count(), 0.0F);
+    std::vector<SandUnits> sand(domain.count());
+    const double c = std::cos(degrees * degree), s = std::sin(degrees * degree);
+    for (int j = 0; j < 256; ++j)
+        for (int i = 0; i < 256; ++i) {
+            const double x = i - 128 + 60 * c, z = j - 128 + 60 * s;
+            sand[domain.index(i, j)] =
+                sand_units(std::max(0.0, 4.08 * std::exp(-(x * x + z * z) / 200.0) - 0.08));
+        }
+    DuneSettings settings;
+    settings.border = DuneBorder::open;
+    DuneSolver solver(domain, settings, rock.data(), sand.data());
+    solver.advance(steady_wind({c, s, shear_velocity}), hours * seconds_an_hour);
+    solver.sand(sand);
+    return write_dune_picture(path, domain, sand);
+}
+
+} // namespace
+} // namespace marram
+
+int main(int argc, char** argv) {
+    const auto is = [&](const char* name) { return argc > 1 && std::strcmp(argv[1], name) == 0; };
+    if (is("waves"))
+        marram::print_waves();
+    else if (is("speed"))
+        marram::print_speed();
+    else if (is("barchans"))
+        marram::print_barchans(argc > 2 ? std::atoi(argv[2]) : 6);
+    else if (is("directions"))
+        marram::print_directions();
+    else if (is("convergence"))
+        marram::print_convergence();
+    else if (is("picture") && argc > 4)
+        return marram::picture(argv[2], std::atof(argv[3]), std::atof(argv[4]),
+                               argc > 5 ? std::atof(argv[5]) : 0.0)
+                   ? 0
+                   : 1;
+    else {
+        std::puts("dune_solver waves | speed | barchans [count] | directions | convergence | picture OUT.pgm "
+                  "HOURS U* [DEGREES]");
+        return 2;
+    }
+    return 0;
+}

@@ -102,6 +102,19 @@ MARRAM_HOT bool separation_any_step(const float* from, const float* to, float st
     return sum != 0;
 }
 
+// Between each value and the next.
+MARRAM_HOT void separation_between(const float* values, float part, int count, float* out) {
+    int k = 0;
+    for (; k + lanes <= count; k += lanes) {
+        VFloat a, b;
+        std::memcpy(&a, values + k, sizeof a);
+        std::memcpy(&b, values + k + 1, sizeof b);
+        a = a + part * (b - a);
+        std::memcpy(out + k, &a, sizeof a);
+    }
+    for (; k < count; ++k) out[k] = values[k] + part * (values[k + 1] - values[k]);
+}
+
 // All bubbles of sixteen rays, seen in the direction of `step`.
 void separation_sweep(const float* height, float* excess, int length, double cell, int step, double threshold,
                       double steepest) {
@@ -161,10 +174,9 @@ void Separation::find(const DuneCourse& course, const SeparationSettings& settin
             float* const out = mine.height.data() + size_t(n) * separation_rays;
             int b = r0 + offset.whole;
             if (course.periodic) b = ((b % columns) + columns) % columns;
-            if (b >= 0 && b + separation_rays < columns) {
-                for (int l = 0; l < separation_rays; ++l)
-                    out[l] = row[b + l] + offset.part * (row[b + l + 1] - row[b + l]);
-            } else
+            if (b >= 0 && b + separation_rays < columns)
+                separation_between(row + b, offset.part, separation_rays, out);
+            else
                 for (int l = 0; l < separation_rays; ++l) {
                     int c = b + l, d = b + l + 1;
                     if (course.periodic)
@@ -195,8 +207,7 @@ void Separation::find(const DuneCourse& course, const SeparationSettings& settin
                 const float before = from[r == 0 ? columns - 1 : r - 1];
                 to[b] = std::max(from[r] + offset.part * (before - from[r]), 0.0F);
                 const int run = std::min(columns - b, columns - r);
-                for (int l = 1; l < run; ++l)
-                    to[b + l] = from[r + l] + offset.part * (from[r + l - 1] - from[r + l]);
+                separation_between(from + r, 1.0F - offset.part, run - 1, to + b + 1);
                 b += run;
                 r = 0;
             }

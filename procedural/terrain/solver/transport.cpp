@@ -123,11 +123,12 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
         most_flux = transport_max(most_flux, flux);
         transport_store(row.flux + b, flux);
         const VDouble way = row.half_cell / to_double(e_row);
-        const VDouble kept = vexp(-vmin(way, splat(700.0)));
+        const VDouble kept = vexp(-way);
         transport_store(row.relax + b, to_float(1.0 - kept));
-        const VDouble series = 0.25 - way * (1.0 / 24.0); // its next term is way^3 / 1440
-        const VDouble whole = 0.5 / way - 0.5 * kept / (1.0 - kept);
-        transport_store(row.reach + b, to_float(way < 0.01 ? series : whole));
+        transport_store(row.reach + b,
+                        to_float(row.half_cell < 0.005 // then the next term of the series is below 1e-9
+                                     ? 0.25 - way * (1.0 / 24.0)
+                                     : 0.5 / way - 0.5 * kept / (1.0 - kept)));
         transport_store(row.cell_turn + b, turn);
         transport_store(row.gain + b, 0.5F * row.side_slope * (one - u_column * u_column) / ahead);
         transport_store(row.rise + b, g_column);
@@ -341,7 +342,8 @@ SaturationPeak saturate(const DuneCourse& course, DuneBorder border, const SandP
         row.cell_turn = line.data() + room + transport_pad;
         row.gain = row.cell_turn + room, row.rise = row.gain + room;
         row.side = course.backwards ? -1.0F : 1.0F;
-        row.half_cell = 0.5 * course.cell / physics.saturation_length();
+        row.half_cell =
+            std::min(0.5 * course.cell / physics.saturation_length(), 300.0); // exp(-300): nothing is kept
         peaks[size_t(step)] = transport_saturate(row);
         const int before = periodic ? course.columns - 1 : 0;
         for (float* field : {row.cell_turn, row.gain, row.rise}) field[-1] = field[before];

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "procedural/terrain/layer.h"
+#include "procedural/terrain/simulation.h"
 #include "procedural/values.h"
 
 #include <span>
@@ -51,6 +52,9 @@ struct LayerContext {
     std::function<const MarramMesh&(std::string_view name)> mesh;
     RTCScene scene = nullptr;
     std::function<void(const std::string& place, const std::string& what, const std::string& remedy)> warn;
+    double frame = 0.0;               // of a layer that evolves
+    double wind_speed = 0.0;          // the scene's, m/s
+    Simulation* simulation = nullptr; // states of earlier frames; outlives the layer; NULL: none
 };
 
 struct LayerType {
@@ -61,6 +65,7 @@ struct LayerType {
     std::unique_ptr<Layer> (*make)(const LayerContext& context);
     // The masks that it will hand out, for what is declared before anything is made. NULL: none.
     std::vector<std::string> (*masks)(const LayerValues& values) = nullptr;
+    bool evolves = false; // with the frame, from a state of its past
 };
 
 std::span<const LayerType> layer_types();

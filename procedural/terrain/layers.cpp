@@ -2,6 +2,7 @@
 // The table of layer types: to add one, write its file and give it a line here.
 #include "procedural/terrain/base_layers.h"
 #include "procedural/terrain/dune_layer.h"
+#include "procedural/terrain/dune_solver_layer.h"
 #include "procedural/terrain/fusion.h"
 #include "procedural/terrain/lattice.h"
 #include "procedural/terrain/layer_types.h"
@@ -19,7 +20,7 @@ std::span<const LayerType> layer_types() {
     static const std::array types = {
         flat_layer_type(),   noise_layer_type(),   image_layer_type(),   mask_layer_type(),
         dune_layer_type(),   lattice_layer_type(), ripples_layer_type(), mass_desert_layer_type(),
-        fusion_layer_type(), ruin_layer_type(),    stones_layer_type(),
+        fusion_layer_type(), ruin_layer_type(),    stones_layer_type(),  dune_solver_layer_type(),
     };
     return types;
 }

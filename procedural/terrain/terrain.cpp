@@ -39,6 +39,7 @@
 #include <tbb/parallel_for.h>
 
 #include <array>
+#include <utility>
 
 namespace marram {
 
@@ -62,10 +63,12 @@ const std::vector<MarramParam>& terrain_params() {
             {"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "of all its random numbers"},
         };
         for (const MarramParam& param : wind_params())
-            if (std::string_view(param.name) == "direction") {
-                list.push_back(param);
-                list.back().name = "wind.direction";
-            }
+            for (const auto& [name, full] :
+                 {std::pair("direction", "wind.direction"), std::pair("speed", "wind.speed")})
+                if (std::string_view(param.name) == name) {
+                    list.push_back(param);
+                    list.back().name = full;
+                }
         return list;
     }();
     return params;
@@ -77,6 +80,7 @@ void take_values(TerrainInstance& instance, std::span<const MarramValue> list) {
     const Values values(stored.all());
     const Domain domain = read_domain(values);
     mask_names(values); // throws where a layer is unknown
+    evolves(values);    // and where two do
     Digest digest;
     for (const MarramValue& value : list) add_value(digest, value);
     if (!instance.stack || !(domain == instance.domain)) instance.stack = std::make_unique<Stack>(domain);
@@ -209,6 +213,31 @@ void send_warnings(const TerrainInstance& instance) {
                      warning.remedy);
 }
 
+// Evaluates the layers where there are states to go on from; begin() then finds them as they are to be.
+MarramStatus prepare_terrain(MarramInstance* opaque, const MarramFrame* given, const MarramStates* states) {
+    TerrainInstance& instance = terrain(opaque);
+    return guarded_terrain(instance.host, [&] {
+        if (!evolves(Values(instance.values.all()))) return MARRAM_OK;
+        if (!states || !states->load || !states->store)
+            throw SceneFault("contract.null_states", "", "the states are NULL",
+                             "pass functions that load and store");
+        std::vector<MarramMesh> meshes;
+        const MarramFrame frame = borrowed_frame(given, meshes);
+        const MarramStates known = known_part(states);
+        const double begin = wall_seconds();
+        struct Lent {
+            Simulation& to;
+            ~Lent() { to.states = nullptr; }
+        } const lent{instance.simulation};
+        instance.simulation = {&instance.host, &known, false};
+        const bool whole = evaluate_layers(instance, frame, meshes);
+        send_warnings(instance);
+        instance.prepared = wall_seconds() - begin;
+        if (instance.simulation.failed) return MARRAM_ERROR; // the host knows why
+        return whole ? MARRAM_OK : MARRAM_CANCELLED;
+    });
+}
+
 MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, MarramOutput* out) {
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
@@ -221,7 +250,7 @@ MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, Mar
         send_warnings(instance);
         if (!whole) return MARRAM_CANCELLED;
         find_heights(instance);
-        instance.seconds = wall_seconds() - begin;
+        instance.seconds = wall_seconds() - begin + std::exchange(instance.prepared, 0.0);
         const Domain& d = instance.domain;
         MarramOutput output{};
         output.kind = MARRAM_MESH;
@@ -380,6 +409,7 @@ MarramProcedural terrain_procedural() {
     procedural.item_type_stride = sizeof(MarramItemType);
     procedural.attribute_stride = sizeof(MarramAttribute);
     procedural.create = create_terrain;
+    procedural.prepare = prepare_terrain;
     procedural.begin = begin_terrain;
     procedural.mesh = mesh_terrain;
     procedural.report = report_terrain;

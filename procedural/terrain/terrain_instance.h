@@ -4,6 +4,7 @@
 
 #include "procedural/terrain/dicing.h"
 #include "procedural/terrain/layer_types.h"
+#include "procedural/terrain/simulation.h"
 #include "procedural/terrain/stack.h"
 #include "procedural/terrain/stored_values.h"
 
@@ -25,11 +26,12 @@ struct TerrainInstance {
     StoredValues values;
     uint64_t digest = 0; // of the values
     Domain domain;
+    Simulation simulation; // before the stack, whose layers use it
     std::unique_ptr<Stack> stack;
     std::vector<float> heights; // of the growth surface
     SeenTerrain seen;
     bool begun = false;
-    double seconds = 0.0; // of the last begin()
+    double seconds = 0.0, prepared = 0.0; // of the last begin(), and of prepare() before it
 
     std::vector<std::string> attribute_names; // sand, slope, then the masks
     std::vector<MarramAttribute> attributes;
@@ -46,6 +48,9 @@ void set_layers(TerrainInstance& instance, const MarramFrame& frame, std::span<c
 
 // Names of the masks that the layers will hand out, in order, each once.
 std::vector<std::string> mask_names(const Values& values);
+
+// Whether a layer needs its past.
+bool evolves(const Values& values);
 
 // How many layers there are, switched off or not.
 int layer_count(const Values& values);

@@ -49,9 +49,10 @@ const MarramMesh& mesh_named(std::span<const MarramMesh> meshes, std::string_vie
 
 // Of all that a layer is made from: its values, the curves that it names, and what all layers share.
 uint64_t digest_of_layer(const TerrainInstance& instance, int layer, const MarramFrame& frame,
-                         std::span<const MarramMesh> meshes, uint64_t shared) {
+                         std::span<const MarramMesh> meshes, uint64_t shared, bool with_frame) {
     Digest digest;
     digest.add(shared);
+    if (with_frame) digest.add(&frame.frame, sizeof frame.frame);
     const std::string prefix = prefix_of(layer);
     for (const MarramValue& value : instance.values.all()) {
         if (!std::string_view(value.name).starts_with(prefix)) continue;
@@ -100,6 +101,18 @@ int layer_count(const Values& values) {
     return count;
 }
 
+bool evolves(const Values& values) {
+    int found = 0;
+    for (int layer = 0; layer < layer_count(values); ++layer) {
+        const LayerValues own(values, layer);
+        if (!type_of(values, layer).evolves || !own.boolean("on")) continue;
+        if (++found > 1)
+            throw SceneFault("terrain.two_solvers", own.place("type"), "a terrain has one layer that evolves",
+                             "put a second terrain beside it, or take one of them out");
+    }
+    return found > 0;
+}
+
 std::vector<std::string> mask_names(const Values& values) {
     std::vector<std::string> names;
     for (int layer = 0; layer < layer_count(values); ++layer) {
@@ -145,17 +158,27 @@ void set_layers(TerrainInstance& instance, const MarramFrame& frame, std::span<c
     const Vec2d wind = wind_of(values);
     const auto seed = uint64_t(values.integer("seed"));
     Digest shared;
-    shared.add(&instance.domain, sizeof(Domain)).add(wind.data(), 2 * sizeof(double)).add(seed);
+    const double speed = values.number("wind.speed");
+    shared.add(&instance.domain, sizeof(Domain))
+        .add(wind.data(), 2 * sizeof(double))
+        .add(&speed, sizeof speed)
+        .add(seed);
     std::vector<StackLayer> layers;
     std::vector<std::string> masks;
     for (int k = 0; k < layer_count(values); ++k) {
         const LayerValues own(values, k);
         if (!own.boolean("on")) continue;
         const LayerType& type = type_of(values, k);
-        StackLayer made{type.name, digest_of_layer(instance, k, frame, meshes, shared.value()), nullptr};
+        StackLayer made{type.name, digest_of_layer(instance, k, frame, meshes, shared.value(), type.evolves),
+                        nullptr};
         made.layer = instance.stack->find(layers.size(), made.type, made.digest);
         if (!made.layer) {
-            LayerContext context{own, instance.domain, wind, seed, masks, {}, {}, frame.colliders, {}};
+            LayerContext context{own, instance.domain, wind, seed};
+            context.masks = masks;
+            context.frame = frame.frame;
+            context.wind_speed = values.number("wind.speed");
+            context.simulation = &instance.simulation;
+            context.scene = frame.colliders;
             context.curves = [&](std::string_view name) {
                 return drawn_curves(frame, name, own.place("type"));
             };

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "core/math/vec.h"
-#include "procedural/simd.h"
+#include "core/math/simd.h"
 
 #include <vector>
 

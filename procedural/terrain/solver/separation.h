@@ -2,7 +2,7 @@
 // Where the wind leaves the ground: bubbles behind brinks and before steep faces. The page is in separation.cpp.
 #pragma once
 
-#include "procedural/simd.h"
+#include "core/math/simd.h"
 
 #include <vector>
 

@@ -2,7 +2,7 @@
 // Fourier transforms of eight columns at once. The page is in transform.cpp.
 #pragma once
 
-#include "procedural/simd.h"
+#include "core/math/simd.h"
 
 #include <vector>
 

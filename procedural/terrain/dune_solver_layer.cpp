@@ -1,0 +1,381 @@
+// SPDX-License-Identifier: Apache-2.0
+// dune_solver: what the wind makes of the sand below in days, years, centuries.
+//
+//     [[procedural.layer]]
+//     type = "dune_solver"
+//     days_per_frame = 30
+//     speed = 9                       # m/s
+//
+// What it models. solver/solver.cpp: stress over the ground and its separation bubbles, flux that follows it over a saturation length, erosion and
+// deposition, avalanches. At the frame `start` the terrain is as the layers below make it; at frame f the wind has blown for (f - start)
+// days_per_frame. Any frame can be asked for. Rock that sticks out stands in the wind, and sand leaves it bare.
+//
+// Wind. Towards the scene's wind direction, `speed` 10 m above the ground (the scene's, where it is not given), as
+//   steady    all the time; with second_share a part of each `season` turned by second_turn: two winds make seifs
+//   chaotic   drawn anew every `hold` hours: direction with a normal distribution of `spread`, shear velocity with Weibull's, of `shape`;
+//             all directions make stars
+//   record    measured: a CSV with columns time (hours), speed (m/s at 10 m) and direction (degrees clockwise from north, *from* which it
+//             blows; +x is east, -z north); from its start again after its end
+// The report has drift potential and resultant (dp, rdp, kg / (m s)) and their ratio.
+//
+// Time and cost. A step takes about 50 ns a sample on two cores and is seconds to hours long: the finer the cells and the stronger the wind, the shorter (as
+// the square of the cell). The report says how many there were.
+//
+// States. A host that prepares frames keeps one every `keep_every` frames and one of each frame asked for; a later frame goes on from the latest
+// one. Each whole frame ends a time step, so that a frame is the same bits whichever states there were. Whatever changes in the terrain's
+// parameters or inputs begins anew, also in layers above.
+//
+// Plants. `plants` names a mask; `frontal_area` is that of plants per area of ground where it is 1. They take the stress off the
+// sand: 1 / sqrt(1 + 16 area).
+//
+// Limits. One such layer a terrain. Grooms that grow on the terrain are placed on it anew each frame; within a shutter the ground does not move.
+#include "procedural/terrain/dune_solver_layer.h"
+
+#include "procedural/terrain/shape_layer.h"
+
+#include "core/math/hash.h"
+#include "procedural/terrain/simulation.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+
+namespace marram {
+namespace {
+
+constexpr double dune_day = 86400.0;
+
+struct DuneRun {
+    DuneSettings settings;
+    WindHistory wind;
+    DriftPotential drift;
+    std::string plants; // "": none
+    double frontal_area = 0.0;
+    double frames = 0.0, seconds_a_frame = 0.0; // since the start
+    double start = 0.0;
+    int keep_every = 10;
+    std::string place;
+};
+
+class DuneSolverLayer : public Layer {
+  public:
+    DuneSolverLayer(DuneRun run, const Domain& domain, Simulation* simulation)
+        : run_(std::move(run)), domain_(domain), simulation_(simulation) {}
+
+    Writes writes() const override { return {.bedrock = false, .sand = true}; }
+    double reach() const override { return infinity; }
+    void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override;
+    bool evaluate_whole(const Fields& below, const LayerOutput& out,
+                        const std::function<bool()>& cancelled) const override;
+
+  private:
+    bool advance(DuneSolver& solver, double from, const std::function<bool()>& cancelled) const;
+
+    DuneRun run_;
+    Domain domain_;
+    Simulation* simulation_; // NULL: none
+};
+
+void DuneSolverLayer::evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const {
+    for (int j = rect.j0; j < rect.j1; ++j)
+        std::copy_n(below.sand + domain_.index(rect.i0, j), rect.i1 - rect.i0,
+                    out.sand + domain_.index(rect.i0, j));
+}
+
+// From `from`, in frames since the start. false: cancelled.
+bool DuneSolverLayer::advance(DuneSolver& solver, double from, const std::function<bool()>& cancelled) const {
+    const double end = run_.frames * run_.seconds_a_frame;
+    DuneCallbacks callbacks;
+    callbacks.cancelled = cancelled;
+    callbacks.progress = [&](const DuneProgress& progress) {
+        if (!simulation_) return;
+        const bool years = end > seconds_a_year;
+        const double unit = years ? seconds_a_year : dune_day;
+        simulation_->progress(solver.time() / end,
+                              fmt::format("{:.1f} {} of {:.1f}, {} steps", solver.time() / unit,
+                                          years ? "years" : "days", end / unit, progress.steps));
+    };
+    for (double at = from; at < run_.frames;) {
+        const double next = std::min(std::floor(at) + 1.0, run_.frames);
+        if (!solver.advance(run_.wind, next * run_.seconds_a_frame - solver.time(), callbacks)) return false;
+        at = next;
+        const bool whole = at == std::floor(at);
+        if (simulation_ && whole && (std::fmod(at, run_.keep_every) == 0.0 || at == run_.frames))
+            simulation_->store(run_.start + at, bytes_of(solver.save()));
+    }
+    return true;
+}
+
+bool DuneSolverLayer::evaluate_whole(const Fields& below, const LayerOutput& out,
+                                     const std::function<bool()>& cancelled) const {
+    if (!out.sand) return true;
+    evaluate({0, 0, domain_.nx, domain_.nz}, below, out);
+    if (!(run_.frames > 0.0) || !(run_.seconds_a_frame > 0.0)) return true;
+    const std::string problem = DuneSolver::problem(domain_, run_.settings, below.bedrock, below.sand);
+    if (!problem.empty())
+        throw SceneFault("terrain.dune_solver", run_.place, problem, "change the layers below, or the cells");
+    std::vector<float> plants;
+    if (const float* mask = run_.plants.empty() ? nullptr : find_mask(below, run_.plants)) {
+        plants.resize(domain_.count());
+        std::transform(mask, mask + plants.size(), plants.begin(),
+                       [&](float share) { return float(run_.frontal_area) * share; });
+    }
+    DuneSolver solver(domain_, run_.settings, below.bedrock, below.sand,
+                      plants.empty() ? nullptr : plants.data());
+    double from = 0.0;
+    if (simulation_) {
+        double frame = 0.0;
+        const std::vector<char> bytes = simulation_->load(run_.start + run_.frames, frame);
+        DuneState state;
+        if (!bytes.empty() && frame >= run_.start && read_bytes(bytes, domain_.count(), state)) {
+            solver.restore(state);
+            from = frame - run_.start;
+        }
+    }
+    if (!advance(solver, from, cancelled)) return false;
+    solver.sand({out.sand, domain_.count()});
+    if (!out.notes) return true;
+    const double area = domain_.cell * domain_.cell;
+    out.notes->numbers = {{"days", solver.time() / dune_day},
+                          {"steps", double(solver.steps())},
+                          {"sand_in", sand_metres(solver.in()) * area},
+                          {"sand_out", sand_metres(solver.out()) * area},
+                          {"dp", run_.drift.dp},
+                          {"rdp", run_.drift.rdp},
+                          {"rdp_dp", run_.drift.ratio()}};
+    return true;
+}
+
+// ---- From the scene -------------------------------------------------------------------------------------------------
+
+constexpr std::array dune_solver_values = {
+    MarramParam{"start", MARRAM_NUMBER, "frame", "1", -1e6, 1e6, "",
+                "frame at which the terrain is as the layers below make it"},
+    MarramParam{"days_per_frame", MARRAM_NUMBER, "days", "10", 0, 1e6, "",
+                "that the wind blows from frame to frame"},
+    MarramParam{"border", MARRAM_CHOICE, "", "\"periodic\"", 0, 0, "periodic|open|walled",
+                "what leaves on one side comes back on the other; leaves and comes in (influx); neither"},
+    MarramParam{"influx", MARRAM_NUMBER, "", "0", 0, 1, "", "over open borders, share of the saturated flux"},
+    MarramParam{"wind", MARRAM_CHOICE, "", "\"steady\"", 0, 0, "steady|chaotic|record",
+                "how it changes with time"},
+    MarramParam{"speed", MARRAM_NUMBER, "m/s", "none", 0, 150, "",
+                "10 m above the ground; of chaotic wind the mean; absent: the scene's wind.speed"},
+    MarramParam{"second_turn", MARRAM_NUMBER, "deg", "90", -360, 360, "",
+                "of a steady wind's second direction from the first, from +x towards +z"},
+    MarramParam{"second_share", MARRAM_NUMBER, "", "0", 0, 1, "", "of the time that the second wind blows"},
+    MarramParam{"season", MARRAM_NUMBER, "days", "30", 1e-3, 1e6, "", "both winds together"},
+    MarramParam{"spread", MARRAM_NUMBER, "deg", "40", 0, 1e4, "",
+                "of a chaotic wind's directions: deviation"},
+    MarramParam{"shape", MARRAM_NUMBER, "", "3", 0.5, 100, "",
+                "of Weibull's distribution: large, always alike"},
+    MarramParam{"hold", MARRAM_NUMBER, "h", "24", 1e-3, 1e6, "", "how long a chaotic wind stays as it is"},
+    MarramParam{
+        "record", MARRAM_TABLE, "", "none", 0, 0, "time|speed|direction",
+        "CSV of a measured wind: time (h), speed (m/s at 10 m), direction (deg from north, from which)"},
+    MarramParam{"plants", MARRAM_TEXT, "", "none", 0, 0, "", "name of a mask: where plants stand"},
+    MarramParam{"frontal_area", MARRAM_NUMBER, "", "0.2", 0, 100, "",
+                "of plants per area of ground, where the mask is 1"},
+    MarramParam{"repose", MARRAM_NUMBER, "deg", "34", 5, 80, "",
+                "at which sand begins to slide; it stops 1 degree below"},
+    MarramParam{"keep_every", MARRAM_INTEGER, "frames", "10", 1, 1e6, "", "states that are kept"},
+    MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "of chaotic wind"},
+};
+
+double dune_shear_velocity(const LayerContext& context) {
+    const double speed = context.values.has("speed") ? context.values.number("speed") : context.wind_speed;
+    return shear_velocity_of(speed);
+}
+
+// Columns by name, in SI units.
+WindRecord dune_record(const LayerContext& context) {
+    const LayerValues& values = context.values;
+    const std::string place = values.place(values.has("record") ? "record" : "wind");
+    if (!values.has("record"))
+        throw SceneFault("terrain.wind_record", place, "a recorded wind has no record",
+                         "give record = \"FILE.csv\"");
+    const MarramValue& value = values.at("record");
+    const MarramGrid& grid = *value.grid;
+    std::vector<std::string> names;
+    for (std::string_view text = value.text; !text.empty();) {
+        const size_t comma = std::min(text.find(','), text.size());
+        names.emplace_back(text.substr(0, comma));
+        text.remove_prefix(std::min(comma + 1, text.size()));
+    }
+    const auto column = [&](const std::string& name) {
+        const auto found = std::find(names.begin(), names.end(), name);
+        if (found == names.end())
+            throw SceneFault("terrain.wind_record", place, "the record has no column '" + name + "'",
+                             "it needs time (h), speed (m/s) and direction (deg)");
+        std::vector<double> list(grid.ny);
+        for (uint32_t row = 0; row < grid.ny; ++row)
+            list[row] = double(grid.values[size_t(row) * grid.nx + size_t(found - names.begin())]);
+        return list;
+    };
+    WindRecord record{column("time"), column("speed"), column("direction")};
+    for (double& time : record.time) time *= seconds_an_hour;
+    const std::string problem = wind_record_problem(record);
+    if (!problem.empty()) throw SceneFault("terrain.wind_record", place, problem, "mend the file");
+    return record;
+}
+
+// The wind, and how long it takes until it has been seen.
+WindHistory dune_wind(const LayerContext& context, double& known) {
+    const LayerValues& values = context.values;
+    const std::string kind = values.text("wind");
+    if (kind == "record") {
+        const WindRecord record = dune_record(context);
+        known = record.time.back() - record.time.front();
+        return recorded_wind(record);
+    }
+    const double strength = dune_shear_velocity(context),
+                 heading = std::atan2(context.wind.y(), context.wind.x());
+    if (kind == "chaotic") {
+        ChaoticWind chaos;
+        chaos.towards = heading;
+        chaos.spread = values.number("spread") * degree;
+        chaos.mean = strength;
+        chaos.shape = values.number("shape");
+        chaos.seconds = values.number("hold") * seconds_an_hour;
+        chaos.seed = hash(context.seed, uint64_t(values.integer("seed")));
+        known = 1000.0 * chaos.seconds;
+        return chaotic_wind(chaos);
+    }
+    const double share = values.number("second_share"), season = values.number("season") * dune_day;
+    known = season;
+    const SandWind first{context.wind.x(), context.wind.y(), strength};
+    if (share == 0.0) return steady_wind(first);
+    const double turned = heading + values.number("second_turn") * degree;
+    return wind_sequence(
+        {{first, (1.0 - share) * season}, {{std::cos(turned), std::sin(turned), strength}, share * season}});
+}
+
+std::unique_ptr<Layer> make_dune_solver(const LayerContext& context) {
+    const LayerValues& values = context.values;
+    DuneRun run;
+    const std::string border = values.text("border");
+    run.settings.border = border == "open"     ? DuneBorder::open
+                          : border == "walled" ? DuneBorder::walled
+                                               : DuneBorder::periodic;
+    run.settings.influx = values.number("influx");
+    run.settings.avalanche.starts = values.number("repose") * degree;
+    run.settings.avalanche.stops = run.settings.avalanche.starts - degree;
+    double known = 0.0;
+    run.wind = dune_wind(context, known);
+    run.drift = drift_potential(winds_between(run.wind, 0.0, known), run.settings.physics);
+    if (values.has("plants")) run.plants = mask_named(context, "plants");
+    run.frontal_area = values.number("frontal_area");
+    run.start = values.number("start");
+    run.frames = std::max(context.frame - run.start, 0.0);
+    run.seconds_a_frame = values.number("days_per_frame") * dune_day;
+    run.keep_every = values.integer("keep_every");
+    run.place = values.place("type");
+    if (run.drift.dp == 0.0 && context.warn)
+        context.warn(values.place("type"), "the wind is too weak to move sand: nothing changes",
+                     "give a speed above 6 m/s, or so");
+    return std::make_unique<DuneSolverLayer>(std::move(run), context.domain, context.simulation);
+}
+
+} // namespace
+
+// ---- States ---------------------------------------------------------------------------------------------------------
+
+namespace {
+
+constexpr uint64_t dune_state_format = 0x6d617272616d4401; // and the number of the format
+
+class StateWriter {
+  public:
+    template <typename T>
+    void add(const T& value) {
+        const size_t at = bytes.size();
+        bytes.resize(at + sizeof value);
+        std::memcpy(bytes.data() + at, &value, sizeof value);
+    }
+    template <typename T>
+    void add_list(const std::vector<T>& list) {
+        add(uint64_t(list.size()));
+        const size_t at = bytes.size(), size = list.size() * sizeof(T);
+        bytes.resize(at + size);
+        if (size > 0) std::memcpy(bytes.data() + at, list.data(), size);
+    }
+    std::vector<char> bytes;
+};
+
+class StateReader {
+  public:
+    explicit StateReader(std::span<const char> bytes) : left_(bytes) {}
+    template <typename T>
+    void get(T& value) {
+        whole = whole && left_.size() >= sizeof value;
+        if (!whole) return;
+        std::memcpy(&value, left_.data(), sizeof value);
+        left_ = left_.subspan(sizeof value);
+    }
+    template <typename T>
+    void get_list(std::vector<T>& list) {
+        uint64_t count = 0;
+        get(count);
+        whole = whole && count <= left_.size() / sizeof(T);
+        if (!whole) return;
+        list.resize(count);
+        if (count > 0) std::memcpy(list.data(), left_.data(), count * sizeof(T));
+        left_ = left_.subspan(count * sizeof(T));
+    }
+    bool at_end() const { return whole && left_.empty(); }
+    bool whole = true;
+
+  private:
+    std::span<const char> left_;
+};
+
+} // namespace
+
+std::vector<char> bytes_of(const DuneState& state) {
+    StateWriter out;
+    out.add(dune_state_format);
+    out.add_list(state.sand);
+    out.add_list(state.height_before);
+    for (const auto& list : state.seam_flux) out.add_list(list);
+    for (const auto& list : state.airborne) out.add_list(list);
+    out.add(state.seam_direction);
+    out.add(state.seam_saturated);
+    out.add(state.time);
+    out.add(state.step_before);
+    out.add(state.step_allowed);
+    out.add(state.steps);
+    out.add(state.in);
+    out.add(state.out);
+    return std::move(out.bytes);
+}
+
+bool read_bytes(std::span<const char> bytes, size_t samples, DuneState& state) {
+    StateReader in(bytes);
+    uint64_t format = 0;
+    in.get(format);
+    if (format != dune_state_format) return false;
+    in.get_list(state.sand);
+    in.get_list(state.height_before);
+    for (auto& list : state.seam_flux) in.get_list(list);
+    for (auto& list : state.airborne) in.get_list(list);
+    in.get(state.seam_direction);
+    in.get(state.seam_saturated);
+    in.get(state.time);
+    in.get(state.step_before);
+    in.get(state.step_allowed);
+    in.get(state.steps);
+    in.get(state.in);
+    in.get(state.out);
+    return in.at_end() && state.sand.size() == samples;
+}
+
+LayerType dune_solver_layer_type() {
+    LayerType type{"dune_solver", "dunes that the wind makes of the sand below", dune_solver_values,
+                   make_dune_solver};
+    type.evolves = true;
+    return type;
+}
+
+} // namespace marram

@@ -147,9 +147,10 @@ SeparationOffset separation_offset(const DuneCourse& course, int step) {
 void Separation::find(const DuneCourse& course, const SeparationSettings& settings, const float* height,
                       double range, size_t pitch, float* excess) {
     const int rows = course.rows, columns = course.columns;
+    const double pace = course.cell * std::hypot(1.0, course.drift); // of a ray, from row to row
     const double longest = 3.0 / (std::sqrt(2.0) * std::min(settings.lee, settings.windward)); // K at m = C
     const int warm =
-        course.periodic ? int(std::min(std::ceil(longest * range / course.cell) + 2.0, double(rows))) : 0;
+        course.periodic ? int(std::min(std::ceil(longest * range / pace) + 2.0, double(rows))) : 0;
     const int swept = int(std::ceil(std::abs(course.drift) * (rows - 1)));
     const int first = course.periodic || course.drift < 0.0 ? 0 : -swept; // ray
     const int count = columns + (course.periodic ? 0 : swept + 1);
@@ -186,9 +187,9 @@ void Separation::find(const DuneCourse& course, const SeparationSettings& settin
                     out[l] = row[c] + offset.part * (row[d] - row[c]);
                 }
         }
-        separation_sweep(mine.height.data(), mine.excess.data(), length, course.cell, 1, settings.steepest,
+        separation_sweep(mine.height.data(), mine.excess.data(), length, pace, 1, settings.steepest,
                          settings.lee);
-        separation_sweep(mine.height.data(), mine.excess.data(), length, course.cell, -1, settings.steepest,
+        separation_sweep(mine.height.data(), mine.excess.data(), length, pace, -1, settings.steepest,
                          settings.windward);
         for (int step = 0; step < rows; ++step)
             std::memcpy(rays_.data() + size_t(course.row(step)) * ray_pitch + size_t(group * separation_rays),

@@ -132,8 +132,8 @@ int solver_lanes(int columns) { return (columns + lanes - 1) / lanes * lanes; }
 
 } // namespace
 
-std::string DuneSolver::problem(const Domain& domain, const DuneSettings& settings, const float* bedrock,
-                                const SandUnits* sand) {
+std::string DuneSolver::problem(const Domain& domain, const DuneSolverSettings& settings,
+                                const float* bedrock, const SandUnits* sand) {
     if (domain.nx < 1 || domain.nz < 1) return "needs at least one sample along each axis";
     if (!(domain.cell > 0.0) || !std::isfinite(domain.cell)) return "the cell must be above 0";
     for (size_t k = 0; k < domain.count(); ++k) {
@@ -154,7 +154,7 @@ std::string DuneSolver::problem(const Domain& domain, const DuneSettings& settin
     return {};
 }
 
-DuneSolver::DuneSolver(const Domain& domain, const DuneSettings& settings, const float* bedrock,
+DuneSolver::DuneSolver(const Domain& domain, const DuneSolverSettings& settings, const float* bedrock,
                        const SandUnits* sand, const float* plants)
     : domain_(domain), settings_(settings), rows_(domain.nz), columns_(domain.nx) {
     const size_t wide =
@@ -258,7 +258,7 @@ double DuneSolver::stable_step(double stress) const {
     return rate > 0.0 ? settings_.stability / rate : infinity;
 }
 
-void DuneSolver::march(const DuneCourse& course, double wind_row, const Wind& wind, double seconds) {
+void DuneSolver::march(const DuneCourse& course, double wind_row, const SandWind& wind, double seconds) {
     const bool periodic = settings_.border == DuneBorder::periodic;
     const size_t axis = transposed_ ? 1 : 0;
     const SaturationFields air = {flux_.data(), relax_.data(), turn_.data(), reach_.data()};
@@ -311,7 +311,7 @@ void DuneSolver::march(const DuneCourse& course, double wind_row, const Wind& wi
     });
 }
 
-double DuneSolver::step(const Wind& wind, double seconds) {
+double DuneSolver::step(const SandWind& wind, double seconds) {
     const double size = std::hypot(wind.towards_x, wind.towards_z);
     const double x = size > 0.0 ? wind.towards_x / size : 1.0, z = size > 0.0 ? wind.towards_z / size : 0.0;
     orient(std::abs(x) > std::abs(z));

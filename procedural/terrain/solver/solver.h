@@ -16,7 +16,7 @@
 
 namespace marram {
 
-struct DuneSettings {
+struct DuneSolverSettings {
     SandPhysics physics;
     ShearCoefficients shear;
     SeparationSettings separation;
@@ -58,17 +58,17 @@ struct DuneTimes {
 class DuneSolver {
   public:
     // What is wrong with such a run, or nothing. Sand must be 0 to 2^18 m deep.
-    static std::string problem(const Domain& domain, const DuneSettings& settings, const float* bedrock,
+    static std::string problem(const Domain& domain, const DuneSolverSettings& settings, const float* bedrock,
                                const SandUnits* sand);
 
     // `plants`: frontal area per area of ground, or NULL. Nothing is borrowed.
-    DuneSolver(const Domain& domain, const DuneSettings& settings, const float* bedrock,
+    DuneSolver(const Domain& domain, const DuneSolverSettings& settings, const float* bedrock,
                const SandUnits* sand, const float* plants = nullptr);
 
     // Goes on for `seconds`. false: cancelled, at a whole step.
     bool advance(const WindHistory& wind, double seconds, const DuneCallbacks& callbacks = {});
     // One time step of at most `seconds`. Returns its length.
-    double step(const Wind& wind, double seconds);
+    double step(const SandWind& wind, double seconds);
 
     double time() const { return state_.time; }
     int64_t steps() const { return state_.steps; }
@@ -87,12 +87,12 @@ class DuneSolver {
     void surface();
     void envelope();
     double stable_step(double stress) const;
-    void march(const DuneCourse& course, double wind_row, const Wind& wind, double seconds);
+    void march(const DuneCourse& course, double wind_row, const SandWind& wind, double seconds);
 
     size_t pitch() const { return size_t(Shear::pitch(columns_)); }
 
     Domain domain_;
-    DuneSettings settings_;
+    DuneSolverSettings settings_;
     double reference_ = 0.0; // metres: heights are floats over it
     bool transposed_ = false;
     int rows_ = 0, columns_ = 0; // along z and x, or along x and z

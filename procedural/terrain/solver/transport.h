@@ -53,10 +53,10 @@ struct SaturationFields {
         nullptr; // how far before the end of half a cell it takes its exchange from, on the average; cells
 };
 
-struct Wind {
+struct SandWind {
     double towards_x = 1.0, towards_z = 0.0; // unit vector to which it blows
     double shear_velocity = 0.0;             // u*, m/s
-    bool operator==(const Wind&) const = default;
+    bool operator==(const SandWind&) const = default;
 };
 
 struct SaturationPeak {

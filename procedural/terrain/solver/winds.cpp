@@ -2,7 +2,7 @@
 // Winds over time, and what they could move.
 //
 // Compass: +x is east and -z is north, so that a map seen from above has north up. Meteorology says where wind comes *from*, clockwise from
-// north; a Wind says where it goes *to*: from the angle d it blows towards (-sin d, cos d) in (x, z).
+// north; a SandWind says where it goes *to*: from the angle d it blows towards (-sin d, cos d) in (x, z).
 //
 // Shear velocity from the speed U at the height z over ground of aerodynamic roughness z0, in neutral air: u* = kappa U / ln(z / z0), kappa = 0.4.
 // z0 is the roughness with sand in the air, about 1 mm (a dry flat bed has a thirtieth of the grains' diameter).
@@ -28,7 +28,7 @@ constexpr double winds_karman = 0.4;
 constexpr double winds_knot = 1852.0 / 3600.0; // m/s
 
 // Entries that repeat: `ends` ascending, the last one the period.
-WindHistory winds_periodic(std::vector<Wind> winds, std::vector<double> ends) {
+WindHistory winds_periodic(std::vector<SandWind> winds, std::vector<double> ends) {
     if (winds.empty()) return steady_wind({});
     return [winds = std::move(winds), ends = std::move(ends)](double time) -> WindSpan {
         const double period = ends.back();
@@ -45,7 +45,7 @@ WindHistory winds_periodic(std::vector<Wind> winds, std::vector<double> ends) {
 
 } // namespace
 
-Wind wind_from(double degrees, double shear_velocity) {
+SandWind wind_from(double degrees, double shear_velocity) {
     const double d = degrees * degree;
     return {-std::sin(d), std::cos(d), shear_velocity};
 }
@@ -57,12 +57,12 @@ double wind_speed_of(double shear_velocity, double height, double z0) {
     return shear_velocity * std::log(height / z0) / winds_karman;
 }
 
-WindHistory steady_wind(const Wind& wind) {
+WindHistory steady_wind(const SandWind& wind) {
     return [wind](double) -> WindSpan { return {wind, infinity}; };
 }
 
 WindHistory wind_sequence(std::vector<TimedWind> winds) {
-    std::vector<Wind> list;
+    std::vector<SandWind> list;
     std::vector<double> ends;
     double end = 0.0;
     for (const TimedWind& timed : winds)
@@ -101,7 +101,7 @@ std::string wind_record_problem(const WindRecord& record) {
 }
 
 WindHistory recorded_wind(const WindRecord& record) {
-    std::vector<Wind> winds;
+    std::vector<SandWind> winds;
     std::vector<double> ends;
     const size_t count = record.time.size();
     for (size_t k = 0; k < count; ++k) {
@@ -135,7 +135,7 @@ DriftPotential fryberger_drift(const WindRecord& record, double threshold) {
         const double knots = record.speed[k] / winds_knot;
         const double q =
             100.0 * knots * knots * std::max(knots - threshold, 0.0) / double(record.speed.size());
-        const Wind wind = wind_from(record.from[k], 1.0);
+        const SandWind wind = wind_from(record.from[k], 1.0);
         drift.dp += q, x += q * wind.towards_x, z += q * wind.towards_z;
     }
     drift.rdp = std::hypot(x, z);

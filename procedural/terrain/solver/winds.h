@@ -16,7 +16,7 @@ inline constexpr double seconds_a_year = 365.25 * 86400.0;
 
 // A wind and the time at which it ends, seconds.
 struct WindSpan {
-    Wind wind;
+    SandWind wind;
     double until = infinity;
 };
 
@@ -24,15 +24,15 @@ struct WindSpan {
 using WindHistory = std::function<WindSpan(double)>;
 
 // Compass of a scene: +x east, -z north. A direction *from* which wind blows, clockwise from north, degrees.
-Wind wind_from(double degrees, double shear_velocity);
+SandWind wind_from(double degrees, double shear_velocity);
 // Logarithmic law: the shear velocity of a wind of `speed` at `height` over ground of roughness `z0`, metres.
 double shear_velocity_of(double speed, double height = 10.0, double z0 = 1e-3);
 double wind_speed_of(double shear_velocity, double height = 10.0, double z0 = 1e-3);
 
-WindHistory steady_wind(const Wind& wind);
+WindHistory steady_wind(const SandWind& wind);
 
 struct TimedWind {
-    Wind wind;
+    SandWind wind;
     double seconds = 0.0;
 };
 // One after the other, again and again. Those of no length are left out.

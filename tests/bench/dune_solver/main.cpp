@@ -18,12 +18,13 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 
 namespace marram {
 namespace {
 
 void print_waves() {
-    const DuneSettings settings;
+    const DuneSolverSettings settings;
     const double shear_velocity = 2.0 * settings.physics.threshold;
     double greatest = 0.0;
     for (double k = 0.01; k < 1.0; k += 0.001)
@@ -55,9 +56,10 @@ std::vector<SandUnits> rough_cover(const Domain& domain, double depth, double ro
 }
 
 void print_speed() {
-    std::printf("speed: covered bed, 30 degrees to the grid, periodic; median of steps, ns a cell\n");
-    std::printf("%6s %10s %8s | %8s %8s %8s %8s %8s %8s\n", "size", "ms a step", "total", "surface",
-                "bubbles", "shear", "q_sat", "march", "slides");
+    std::printf("speed: covered bed, 30 degrees to the grid, periodic; median of steps, ns a cell; CPU: of "
+                "all cores together\n");
+    std::printf("%6s %10s %8s %8s | %8s %8s %8s %8s %8s %8s\n", "size", "ms a step", "total", "CPU",
+                "surface", "bubbles", "shear", "q_sat", "march", "slides");
     for (const int n : {256, 512, 1024, 2048, 4096}) {
         const Domain domain{n, n, 1.0, 0.0, 0.0};
         std::vector<float> rock(domain.count(), 0.0F);
@@ -69,21 +71,23 @@ void print_speed() {
                     sand_units(5.0 + 1.2 * std::sin(a + std::sin(b)) + 0.3 * std::sin(2 * a + b));
             }
         DuneSolver solver(domain, {}, rock.data(), sand.data());
-        const Wind wind{std::cos(30.0 * degree), std::sin(30.0 * degree), 0.4};
+        const SandWind wind{std::cos(30.0 * degree), std::sin(30.0 * degree), 0.4};
         const int steps = std::max(8, int(4e6 / double(domain.count())));
         solver.step(wind, 1e9), solver.step(wind, 1e9);
         const DuneTimes before = solver.times();
         std::vector<double> times;
+        const std::clock_t cpu = std::clock();
         for (int k = 0; k < steps; ++k) {
             const auto start = std::chrono::steady_clock::now();
             solver.step(wind, 1e9);
             times.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
         }
+        const double busy = double(std::clock() - cpu) / CLOCKS_PER_SEC; // of all cores together
         std::sort(times.begin(), times.end());
         const double cells = 1e9 / double(domain.count()), median = times[times.size() / 2],
                      mean = cells / steps;
         const DuneTimes& after = solver.times();
-        std::printf("%6d %10.2f %8.1f | %8.1f %8.1f %8.1f %8.1f %8.1f %8.1f (means)\n", n, median * 1e3,
+        std::printf("%6d %10.2f %8.1f %8.1f | %8.1f %8.1f %8.1f %8.1f %8.1f %8.1f (means)\n", n, median * 1e3,
                     median * cells, (after.surface - before.surface) * mean,
                     (after.separation - before.separation) * mean, (after.shear - before.shear) * mean,
                     (after.saturation - before.saturation) * mean, (after.march - before.march) * mean,
@@ -132,7 +136,7 @@ DuneFigures measure_dune(const Domain& domain, const std::vector<SandUnits>& san
 }
 
 void print_barchans(int count) {
-    DuneSettings settings;
+    DuneSolverSettings settings;
     const double shear_velocity = 0.5,
                  flux = settings.physics.saturated_flux(shear_velocity) / settings.physics.bulk_density;
     std::printf("barchans: constant volume, u* = %.2f m/s, Q = %.3g m^2/s; field: W = 8.6 H + 8.8, L = 5.5 H "
@@ -201,7 +205,7 @@ double crest_direction(const Domain& domain, const std::vector<SandUnits>& sand)
 }
 
 void print_directions() {
-    const DuneSettings settings;
+    const DuneSolverSettings settings;
     const double shear_velocity = 0.44, length = settings.physics.saturation_length();
     std::printf(
         "directions: covered bed, two equal winds in turn; crests against the greatest gross growth\n");
@@ -247,7 +251,7 @@ std::array<double, 2> travelled_heap(double cell, double angle) {
             sand[domain.index(i, j)] =
                 sand_units(std::max(0.0, 4.08 * std::exp(-(x * x + z * z) / 144.0) - 0.08));
         }
-    DuneSettings settings;
+    DuneSolverSettings settings;
     settings.border = DuneBorder::open;
     DuneSolver solver(domain, settings, rock.data(), sand.data());
     solver.advance(steady_wind({cx, cz, 0.5}), 500.0 * seconds_an_hour);
@@ -292,7 +296,7 @@ bool picture(const char* path, double hours, double shear_velocity, double degre
             sand[domain.index(i, j)] =
                 sand_units(std::max(0.0, 4.08 * std::exp(-(x * x + z * z) / 200.0) - 0.08));
         }
-    DuneSettings settings;
+    DuneSolverSettings settings;
     settings.border = DuneBorder::open;
     DuneSolver solver(domain, settings, rock.data(), sand.data());
     solver.advance(steady_wind({c, s, shear_velocity}), hours * seconds_an_hour);

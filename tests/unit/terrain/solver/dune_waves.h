@@ -15,7 +15,7 @@ struct DuneWave {
 };
 
 // omega = k^2 (A + i B) / (1 + i k), growth Im omega, speed Re omega / k; k in 1 / L_sat.
-inline DuneWave dune_wave_theory(const DuneSettings& settings, double shear_velocity, double k) {
+inline DuneWave dune_wave_theory(const DuneSolverSettings& settings, double shear_velocity, double k) {
     const double r = shear_velocity / settings.physics.threshold;
     const double a = settings.shear.in_phase,
                  b = settings.shear.out_of_phase - 1.0 / (settings.physics.slope_scale * r * r);
@@ -24,8 +24,8 @@ inline DuneWave dune_wave_theory(const DuneSettings& settings, double shear_velo
 }
 
 // A wave whose crests are across the wind: `row`, `column` of them over `size` cells along z and x.
-inline DuneWave dune_wave_measured(const DuneSettings& settings, double shear_velocity, double k, int size,
-                                   int row, int column, double turns = 0.02) {
+inline DuneWave dune_wave_measured(const DuneSolverSettings& settings, double shear_velocity, double k,
+                                   int size, int row, int column, double turns = 0.02) {
     const double length = settings.physics.saturation_length(), count = std::hypot(row, column);
     const double cell = 2.0 * pi * length / k * count / size;
     const int nx = column == 0 ? 4 : size, nz = row == 0 ? 4 : size;
@@ -38,7 +38,7 @@ inline DuneWave dune_wave_measured(const DuneSettings& settings, double shear_ve
     const double height = 1e-3 * length / k;
     for (size_t s = 0; s < sand.size(); ++s) sand[s] = sand_units(10.0 + height * std::cos(phase(s)));
     DuneSolver solver(domain, settings, rock.data(), sand.data());
-    const Wind wind{column / count, row / count, shear_velocity};
+    const SandWind wind{column / count, row / count, shear_velocity};
     const auto amplitude = [&] {
         solver.sand(sand);
         std::complex<double> sum = 0.0;

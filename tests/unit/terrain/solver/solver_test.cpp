@@ -39,8 +39,8 @@ std::vector<SandUnits> dune_sand(const DuneSolver& solver, const DuneScene& scen
 }
 
 // Runs, and checks what holds in every run. Returns the sand.
-std::vector<SandUnits> dune_run(const DuneScene& scene, const DuneSettings& settings, const WindHistory& wind,
-                                int steps, double longest = 1e7) {
+std::vector<SandUnits> dune_run(const DuneScene& scene, const DuneSolverSettings& settings,
+                                const WindHistory& wind, int steps, double longest = 1e7) {
     EXPECT_EQ(DuneSolver::problem(scene.domain, settings, scene.rock.data(), scene.sand.data()), "");
     DuneSolver solver(scene.domain, settings, scene.rock.data(), scene.sand.data());
     for (int k = 0; k < steps; ++k) {
@@ -74,7 +74,7 @@ WindHistory dune_two_winds() {
 }
 
 TEST(DuneSolver, WavesGrowAndTravelAsLinearTheorySays) {
-    const DuneSettings settings;
+    const DuneSolverSettings settings;
     const double shear_velocity = 2.0 * settings.physics.threshold;
     double greatest = 0.0;
     for (double k = 0.01; k < 1.0; k += 0.001)
@@ -101,7 +101,7 @@ TEST(DuneSolver, SandIsConservedToTheUnit) {
         for (const int size : {40, 150}) {
             DuneScene scene(size, size - 7, 1.0);
             scene.fill(dune_lumps);
-            DuneSettings settings;
+            DuneSolverSettings settings;
             settings.border = border;
             settings.influx = 0.5;
             dune_run(scene, settings, dune_two_winds(), 120);
@@ -124,7 +124,7 @@ TEST(DuneSolver, ResumesWithTheSameBits) {
     for (const DuneBorder border : {DuneBorder::periodic, DuneBorder::open}) {
         DuneScene scene(72, 60, 1.0);
         scene.fill(dune_lumps);
-        DuneSettings settings;
+        DuneSolverSettings settings;
         settings.border = border, settings.influx = 0.3;
         const auto solver = [&] {
             return DuneSolver(scene.domain, settings, scene.rock.data(), scene.sand.data());
@@ -149,7 +149,7 @@ TEST(DuneSolver, HardCases) {
             for (const DuneBorder border : {DuneBorder::periodic, DuneBorder::open, DuneBorder::walled})
                 for (const double shear_velocity : {0.0, 0.1, 0.5, 100.0}) {
                     DuneScene scene(size, size == 17 ? 13 : size, cell);
-                    DuneSettings settings;
+                    DuneSolverSettings settings;
                     settings.border = border, settings.influx = 1.0;
                     const WindHistory wind = steady_wind({-1.0, 1.0, shear_velocity});
                     dune_run(scene, settings, wind, 3); // no sand
@@ -204,7 +204,7 @@ TEST(DuneSolver, TurnedScenesGiveTheSame) {
         for (int j = 0; j < 64; ++j)
             for (int i = 0; i < 64; ++i)
                 turned.sand[turned.domain.index(63 - j, i)] = scene.sand[scene.domain.index(i, j)];
-        DuneSettings settings;
+        DuneSolverSettings settings;
         settings.border = DuneBorder::open;
         const auto a = dune_run(scene, settings, steady_wind({0.8, 0.6, 0.4}), 60, 600.0);
         const auto b = dune_run(turned, settings, steady_wind({-0.6, 0.8, 0.4}), 60, 600.0);
@@ -223,7 +223,7 @@ TEST(DuneSolver, AHeapBecomesABarchan) {
         const double r2 = (x + 30.0) * (x + 30.0) + z * z;
         return 3.5 * std::exp(-r2 / 100.0) - 0.02;
     });
-    DuneSettings settings;
+    DuneSolverSettings settings;
     settings.border = DuneBorder::open;
     DuneSolver solver(scene.domain, settings, scene.rock.data(), scene.sand.data());
     ASSERT_TRUE(solver.advance(steady_wind({1.0, 0.0, 0.5}), 420.0 * seconds_an_hour));

@@ -10,7 +10,7 @@ namespace marram {
 namespace {
 
 TEST(DuneWinds, TheCompassHasNorthAtMinusZ) {
-    const Wind north = wind_from(0.0, 1.0), east = wind_from(90.0, 1.0);
+    const SandWind north = wind_from(0.0, 1.0), east = wind_from(90.0, 1.0);
     EXPECT_NEAR(north.towards_x, 0.0, 1e-12);
     EXPECT_NEAR(north.towards_z, 1.0, 1e-12); // to the south
     EXPECT_NEAR(east.towards_x, -1.0, 1e-12); // to the west

@@ -49,7 +49,7 @@ namespace {
 constexpr double dune_day = 86400.0;
 
 struct DuneRun {
-    DuneSettings settings;
+    DuneSolverSettings settings;
     WindHistory wind;
     DriftPotential drift;
     std::string plants; // "": none
@@ -273,7 +273,7 @@ std::unique_ptr<Layer> make_dune_solver(const LayerContext& context) {
     run.keep_every = values.integer("keep_every");
     run.place = values.place("type");
     if (run.drift.dp == 0.0 && context.warn)
-        context.warn(values.place("type"), "the wind is too weak to move sand: nothing changes",
+        context.warn(values.place("type"), "the wind is too weak to move sand: it only slides",
                      "give a speed above 6 m/s, or so");
     return std::make_unique<DuneSolverLayer>(std::move(run), context.domain, context.simulation);
 }

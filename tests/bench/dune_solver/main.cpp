@@ -88,7 +88,7 @@ void print_speed() {
                      mean = cells / steps;
         const DuneTimes& after = solver.times();
         std::printf("%6d %10.2f %8.1f %8.1f | %8.1f %8.1f %8.1f %8.1f %8.1f %8.1f (means)\n", n, median * 1e3,
-                    median * cells, (after.surface - before.surface) * mean,
+                    median * cells, busy * mean, (after.surface - before.surface) * mean,
                     (after.separation - before.separation) * mean, (after.shear - before.shear) * mean,
                     (after.saturation - before.saturation) * mean, (after.march - before.march) * mean,
                     (after.avalanche - before.avalanche) * mean);

@@ -402,6 +402,82 @@ TEST(Terrain, ImagesReachTheBorderWhateverTheRounding) {
         }
 }
 
+std::string evolving(const std::string& more = "") {
+    return "[wind]\ndirection = [1, 0, 0.3]\nspeed = 10\n" +
+           desert(layer("mass_desert", "kind = \"dome\"\nheight = [1, 2]\nspacing = [14, 18]") +
+                      layer("dune_solver", "days_per_frame = 0.5\nkeep_every = 2\n" + more),
+                  "size = [47, 35]\ncell = 1");
+}
+
+std::vector<float> heights_at(TestScene& scene, double frame) {
+    scene.settings.frame = frame;
+    return Made{scene.build()}.grid("height").values;
+}
+
+// A frame is the same bits from nothing, from states of earlier frames, in memory or in files, on one thread, and after others were asked for.
+TEST(Terrain, DunesEvolveAndAnyFrameCanBeAskedFor) {
+    TestScene scene(evolving());
+    const std::vector<float> first = heights_at(scene, 1.0), fifth = heights_at(scene, 5.0);
+    EXPECT_EQ(heights_at(scene, 1.0), first);
+    EXPECT_EQ(heights_at(scene, -3.0), first); // before the start
+    double moved = 0.0, sum = 0.0, sum_first = 0.0;
+    for (size_t k = 0; k < first.size(); ++k) {
+        moved = std::max(moved, std::abs(double(fifth[k]) - double(first[k])));
+        sum += double(fifth[k]), sum_first += double(first[k]);
+    }
+    EXPECT_GT(moved, 0.05);
+    EXPECT_NEAR(sum, sum_first, 1e-3 * sum_first); // what crosses the border is on its way
+    const std::vector<float> half = heights_at(scene, 5.5);
+    EXPECT_NE(half, fifth);
+
+    TestScene other(evolving()); // never asked before
+    EXPECT_EQ(heights_at(other, 5.0), fifth);
+    const fs::path folder = fs::temp_directory_path() / ("marram_states_" + std::to_string(::getpid()));
+    for (const double before : {3.0, 4.0}) {
+        fs::remove_all(folder);
+        TestScene early(evolving());
+        early.settings.state_folder = folder.string();
+        heights_at(early, before);
+        TestScene later(evolving());
+        later.settings.state_folder = folder.string();
+        EXPECT_EQ(heights_at(later, 5.0), fifth);
+        EXPECT_EQ(heights_at(later, 5.5), half);
+    }
+    EXPECT_FALSE(fs::is_empty(folder));
+    fs::remove_all(folder);
+    const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+    TestScene alone(evolving());
+    EXPECT_EQ(heights_at(alone, 5.0), fifth);
+}
+
+TEST(Terrain, WindsOfTheSolverDiffer) {
+    TestScene steady(evolving());
+    const std::vector<float> base = heights_at(steady, 3.0);
+    for (const std::string more : {"speed = 12", "second_share = 0.5\nseason = 0.5", "wind = \"chaotic\"",
+                                   "border = \"walled\"", "border = \"open\"", "repose = 30"}) {
+        TestScene scene(evolving(more));
+        const std::vector<float> other = heights_at(scene, 3.0);
+        EXPECT_NE(other, base) << more;
+        for (const float height : other) ASSERT_TRUE(std::isfinite(height) && height >= 0.0F) << more;
+    }
+    const auto expect = [](const std::string& text, const std::string& what) {
+        std::string said;
+        try {
+            TestScene scene(text);
+            said = scene.objection();
+        } catch (const InputError& error) {
+            for (const Problem& problem : error.problems) said += to_string(problem);
+        }
+        EXPECT_NE(said.find(what), std::string::npos) << said;
+    };
+    expect(evolving("wind = \"record\""), "a recorded wind has no record: give record");
+    expect(evolving() + layer("dune_solver"), "a terrain has one layer that evolves");
+    TestScene calm(evolving("speed = 2"));
+    EXPECT_EQ(heights_at(calm, 9.0), heights_at(calm, 8.0)); // what is too steep has slid
+    ASSERT_FALSE(calm.stats.warnings.empty());
+    EXPECT_NE(calm.stats.warnings[0].find("too weak to move sand"), std::string::npos);
+}
+
 TEST(Terrain, SaysWhatIsWrongAndWhere) {
     const auto objection = [](const std::string& text) {
         try {

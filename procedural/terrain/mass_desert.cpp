@@ -933,6 +933,40 @@ std::vector<std::pair<std::string, double>> MassLayer::report() const {
     return list;
 }
 
+namespace {
+
+// The greatest distance of two resampled crests' points; infinity where one has more of them.
+double crests_apart(const DuneShape& a, const DuneShape& b) {
+    const std::vector<Vec2d> of_a = a.crest(), of_b = b.crest();
+    if (of_a.size() != of_b.size()) return infinity;
+    double apart = 0.0;
+    for (size_t i = 0; i < of_a.size(); ++i) apart = std::max(apart, (of_a[i] - of_b[i]).norm());
+    return apart;
+}
+
+// Settings with which a crest whose points are floats, as those of a scene are, is resampled at the same places. Crests are about a whole
+// number of spacings long: a rounding would make one point more or less, which a tiny change of the spacing prevents.
+DuneSettings settings_of_drawn(const std::vector<Vec2d>& crest, const DuneSettings& settings) {
+    const DuneShape own(crest, false, settings);
+    std::vector<Vec2d> floats;
+    for (const Vec2d& p : crest) floats.push_back(p.cast<float>().cast<double>());
+    DuneSettings best = settings;
+    double nearest = infinity;
+    for (const double change : {0.0, -1e-6, 1e-6, -1e-5, 1e-5, -1e-4, 1e-4}) {
+        DuneSettings tried = settings;
+        tried.search_accuracy = std::max(settings.search_accuracy * (1.0 + change), 1.0);
+        tried.smoothing = settings.smoothing / (1.0 + change);
+        const double apart = crests_apart(own, DuneShape(floats, false, tried));
+        if (apart < nearest) best = tried, nearest = apart;
+    }
+    // A field's dunes count whole, also where a stretched slope goes on beyond the foot that masks end at.
+    best.mask_fall_off = Ramp();
+    best.max_dist = own.reach();
+    return best;
+}
+
+} // namespace
+
 std::string MassLayer::described(size_t index, const Fields& below) const {
     std::string text;
     if (!lists_) return text;
@@ -948,8 +982,9 @@ std::string MassLayer::described(size_t index, const Fields& below) const {
             std::string points;
             for (const Vec2d& p : dune.crests[arm])
                 points += fmt::format("{}[{}, 0, {}]", points.empty() ? "" : ", ", p.x(), p.y());
-            DuneSettings drawn = dune.settings;
-            drawn.mask_fall_off = Ramp(); // a field's dunes count whole
+            DuneSettings drawn = settings_of_drawn(dune.crests[arm], dune.settings);
+            if (settings().mode == Combine::replace)
+                drawn.max_dist = 0.0; // or it would replace beyond the foot
             text += fmt::format("\n# {} {} at {:.6g}, {:.6g}\n[[curves]]\nname = \"{}\"\ntype = \"points\"\n"
                                 "points = [{}]\n\n[[procedural.layer]]\ntype = \"dune\"\nalong = \"{}\"\n{}",
                                 mass_kind_name(dune.kind), dune.id, dune.at.x(), dune.at.y(), name, points,

@@ -367,7 +367,8 @@ TEST(Bake, WritesATerrainsSurface) {
     EXPECT_CONTAINS(read_file(folder / "a.obj"), "\no desert\n");
     const std::string furred = folder.write(
         "c.toml", terrain_scene(hills) +
-                      "[[procedural]]\ntype = \"groom\"\nname = \"grass\"\non = \"desert\"\ncount = 5\n");
+                      "[[procedural]]\ntype = \"groom\"\nname = \"grass\"\non = \"desert\"\ncount = 5\n"
+                      "length = 0.2\nwidth = 0.01\n");
     bake(furred, folder / "c.obj");
     EXPECT_CONTAINS(read_file(folder / "c.obj"), "\nl 1 2");
     bake(furred, folder / "c.ply");

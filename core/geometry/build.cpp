@@ -86,7 +86,9 @@ std::shared_ptr<RTCSceneTy> new_scene(const Build& build, RTCSceneFlags flags) {
     return {scene, [device](RTCScene s) { rtcReleaseScene(s); }};
 }
 
-void prepare(Build& build, Procedural& procedural, const MarramFrame& frame) {
+void prepare(Build& build, Procedural& procedural, const MarramFrame& of_view) {
+    MarramFrame frame = of_view;
+    if (build.settings.view.pixels_at > 0.0) frame.tolerance = 0.0; // a camera's: the past knows of none
     build.progress.fraction = 0.0;
     build.progress.phase = "simulating";
     const uint64_t digest = Digest()

@@ -164,6 +164,7 @@ std::span<const Golden> goldens() {
         desert("dune_ridge", 1, {"procedural.desert.cell=1"}),
         desert("dune_letters", 1, {"procedural.desert.cell=0.5"}),
         desert("barchans", 1, {"procedural.desert.cell=1.5"}),
+        desert("wind_barchans", 3, {"procedural.desert.cell=4", "film.size=[48, 36]"}),
         desert("sand_sea", 1, {"procedural.desert.cell=2"}),
         desert("rock_and_sand", 1, {"procedural.desert.cell=0.8"}),
         desert("ruin", 1,
@@ -201,6 +202,7 @@ Stage::Stage(const Golden& golden, const std::vector<std::string>& faults) : fra
     overrides.settings.insert(overrides.settings.end(), faults.begin(), faults.end());
     scene_ = load_shot(MARRAM_SOURCE_DIR "/scenes/" + golden.scene, overrides, never);
     BuildSettings settings = build_settings(scene_, frame_);
+    settings.state_folder.clear(); // what an earlier build left there is not what this one makes
     layers_ = golden.layers;
     settings.attributes = wanted_attributes(scene_, layers_);
     BuildProgress progress;

@@ -258,12 +258,13 @@ double DuneSolver::stable_step(double stress) const {
     return rate > 0.0 ? settings_.stability / rate : infinity;
 }
 
-void DuneSolver::march(const DuneCourse& course, double wind_row, const SandWind& wind, double seconds) {
+void DuneSolver::march(const DuneCourse& course, double wind_row, const SandWind& wind,
+                       const SaturationPeak& peak, double seconds) {
     const bool periodic = settings_.border == DuneBorder::periodic;
     const size_t axis = transposed_ ? 1 : 0;
     const SaturationFields air = {flux_.data(), relax_.data(), turn_.data(), reach_.data()};
     March::Input input;
-    input.air = &air, input.sand = sand_.data(), input.influx = settings_.influx;
+    input.air = &air, input.sand = sand_.data(), input.influx = settings_.influx, input.turn = peak.turn;
     input.scale = seconds * sand_units_a_metre / (settings_.physics.bulk_density * domain_.cell);
     std::fill(front_.begin(), front_.end(), 0.0);
     std::vector<double>& seam = state_.seam_flux[axis];
@@ -345,7 +346,7 @@ double DuneSolver::step(const SandWind& wind, double seconds) {
     const double length = std::min({seconds, stable, settings_.longest_step});
     {
         const SolverClock clock(times_.march);
-        march(course, wind_row, wind, length);
+        march(course, wind_row, wind, peak, length);
     }
     {
         const SolverClock clock(times_.avalanche);

@@ -87,7 +87,8 @@ class DuneSolver {
     void surface();
     void envelope();
     double stable_step(double stress) const;
-    void march(const DuneCourse& course, double wind_row, const SandWind& wind, double seconds);
+    void march(const DuneCourse& course, double wind_row, const SandWind& wind, const SaturationPeak& peak,
+               double seconds);
 
     size_t pitch() const { return size_t(Shear::pitch(columns_)); }
 

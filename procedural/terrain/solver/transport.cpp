@@ -34,8 +34,8 @@
 //   y / cell = 1 / 2 D - 1 / 2 (exp(D) - 1),  D = cell / 2 e_a L_sat   (1/4 for short cells, 0 for long ones)
 //
 // along its streamline, by limited slopes of q_sat (taken at the middle of the cell the growth of waves would be wrong by k cell^2 / 12 L_sat of
-// their frequency). Second order where smooth, stable for any length of cells. Where the wind is far off the rows' normal (t above 0.6) the
-// transport takes two halves, so that t may reach 2. Fluxes are whole units of sand: rounded when they are exchanged, and no
+// their frequency). Second order where smooth, stable for any length of cells. Where the flux anywhere
+// turns by more than a column a row, the transport takes as many parts (up to 5: 79 degrees off the rows' normal). Fluxes are whole units of sand: rounded when they are exchanged, and no
 // more than a cell has is passed on. So the bed changes by exactly what crosses the faces, which is Exner's equation,
 // rho_b dh/dt = -div q, and the borders' account closes to the unit.
 //
@@ -74,6 +74,9 @@ MARRAM_INLINE void transport_store(double* p, VDouble v) { std::memcpy(p, &v, si
 MARRAM_INLINE VFloat transport_min(VFloat a, VFloat b) { return a < b ? a : b; }
 MARRAM_INLINE VFloat transport_max(VFloat a, VFloat b) { return a > b ? a : b; }
 MARRAM_INLINE VDouble transport_round(VDouble x) { return (x + round_magic) - round_magic; } // |x| < 2^51
+// A hundredth more than whole is cut off.
+int transport_substeps(double turn) { return std::clamp(int(std::ceil(turn - 0.01)), 1, int(steepest_turn)); }
+
 struct SaturationRow {
     const float *before, *here, *after; // heights; `here` has a neighbour on either side
     const float *excess, *along, *across, *plants;
@@ -91,7 +94,7 @@ struct SaturationRow {
 
 MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
     const VFloat none = splat_float(0.0F), one = splat_float(1.0F);
-    VFloat most = none, most_flux = none;
+    VFloat most = none, most_flux = none, most_turn = none;
     for (int b = 0; b < row.count; b += lanes) {
         const VFloat open =
             transport_max(none, transport_min(one, one - row.bubble * transport_load(row.excess + b)));
@@ -130,13 +133,15 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
                                      ? 0.25 - way * (1.0 / 24.0)
                                      : 0.5 / way - 0.5 * kept / (1.0 - kept)));
         transport_store(row.cell_turn + b, turn);
+        most_turn = transport_max(most_turn, flux > 0.0F ? transport_max(turn, -turn) : none);
         transport_store(row.gain + b, 0.5F * row.side_slope * (one - u_column * u_column) / ahead);
         transport_store(row.rise + b, g_column);
     }
     SaturationPeak peak;
     for (int l = 0; l < lanes; ++l)
         peak.stress = std::max(peak.stress, double(most[l])),
-        peak.flux = std::max(peak.flux, double(most_flux[l]));
+        peak.flux = std::max(peak.flux, double(most_flux[l])),
+        peak.turn = std::max(peak.turn, double(most_turn[l]));
     return peak;
 }
 
@@ -338,7 +343,7 @@ SaturationPeak saturate(const DuneCourse& course, DuneBorder border, const SandP
         row.slope_scale = float(1.0 / physics.slope_scale), row.side_slope = float(physics.side_slope),
         row.plant_drag = float(plant_drag);
         row.bubble = float(1.0 / (transport_brink * course.cell));
-        row.steepest_turn = float(March::substeps(course));
+        row.steepest_turn = float(steepest_turn);
         row.cell_turn = line.data() + room + transport_pad;
         row.gain = row.cell_turn + room, row.rise = row.gain + room;
         row.side = course.backwards ? -1.0F : 1.0F;
@@ -353,14 +358,15 @@ SaturationPeak saturate(const DuneCourse& course, DuneBorder border, const SandP
     });
     SaturationPeak peak;
     for (const SaturationPeak& row : peaks)
-        peak.stress = std::max(peak.stress, row.stress), peak.flux = std::max(peak.flux, row.flux);
+        peak.stress = std::max(peak.stress, row.stress), peak.flux = std::max(peak.flux, row.flux),
+        peak.turn = std::max(peak.turn, row.turn);
     return peak;
 }
 
 BorderFlux March::run(const DuneCourse& course, DuneBorder border, const Input& input, size_t pitch,
                       double* front, double* sand_out) {
     const bool periodic = border == DuneBorder::periodic;
-    const int columns = course.columns, substeps = March::substeps(course);
+    const int columns = course.columns, substeps = transport_substeps(input.turn);
     const int margin = transport_block_rows * 2 * substeps;
     const int strip_width = columns >= 1024 ? 256 : 128, strips = (columns + strip_width - 1) / strip_width;
     next_.resize(pitch);

@@ -62,7 +62,10 @@ struct SandWind {
 struct SaturationPeak {
     double stress = 0.0; // the greatest, as shear velocity squared
     double flux = 0.0;   // kg / (m s)
+    double turn = 0.0;   // columns a row, up to steepest_turn
 };
+// The flux turns no further than this from the rows' normal (79 degrees), columns a row.
+inline constexpr double steepest_turn = 5.0;
 // Saturated flux of every cell. `wind_row`, `wind_column`: unit vector.
 SaturationPeak saturate(const DuneCourse& course, DuneBorder border, const SandPhysics& physics,
                         double plant_drag, double wind_row, double wind_column, double shear_velocity,
@@ -81,13 +84,11 @@ class March {
         const double* sand = nullptr;
         double scale = 0.0;  // units of sand on a cell per kg / (m s): dt 2^32 / (bulk density * cell)
         double influx = 0.0; // of the saturated flux, over open borders
+        double turn = 0.0;   // the greatest of all cells
     };
     // `front`: what enters the first row, units; on return what leaves the last. `sand_out`: sand afterwards, not `sand`.
     BorderFlux run(const DuneCourse& course, DuneBorder border, const Input& input, size_t pitch,
                    double* front, double* sand_out);
-
-    // Columns a row up to which the flux can turn.
-    static int substeps(const DuneCourse& course) { return std::abs(course.drift) > 0.6 ? 2 : 1; }
 
   private:
     WideVector<double> next_;

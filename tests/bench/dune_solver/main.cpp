@@ -270,8 +270,11 @@ void print_convergence() {
     std::printf("convergence: a heap of 4 m after 500 h, u* = 0.5 m/s, open border\n%8s %8s %9s %11s\n",
                 "cell", "angle", "height m", "travelled m");
     std::array<std::array<double, 2>, 3> results = {};
-    const auto turned = travelled_heap(1.0, 45.0 * degree);
-    std::printf("%8.2f %8.0f %9.3f %11.3f\n", 1.0, 45.0, turned[0], turned[1]);
+    for (const double cell : {2.0, 1.0, 0.5}) {
+        const auto turned = travelled_heap(cell, 45.0 * degree);
+        std::printf("%8.2f %8.0f %9.3f %11.3f\n", cell, 45.0, turned[0], turned[1]);
+        std::fflush(stdout);
+    }
     int k = 0;
     for (const double cell : {2.0, 1.0, 0.5}) {
         results[size_t(k)] = travelled_heap(cell, 0.0);

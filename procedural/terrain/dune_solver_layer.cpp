@@ -217,7 +217,8 @@ WindRecord dune_record(const LayerContext& context) {
     WindRecord record{column("time"), column("speed"), column("direction")};
     for (double& time : record.time) time *= seconds_an_hour;
     const std::string problem = wind_record_problem(record);
-    if (!problem.empty()) throw SceneFault("terrain.wind_record", place, problem, "mend the file");
+    if (!problem.empty())
+        throw SceneFault("terrain.wind_record", place, "the record: " + problem, "correct the file");
     return record;
 }
 

@@ -68,6 +68,8 @@ const std::vector<MarramParam>& terrain_params() {
                 if (std::string_view(param.name) == name) {
                     list.push_back(param);
                     list.back().name = full;
+                    if (std::string_view(name) == "speed")
+                        list.back().help = "10 m above the ground: what moves the sand of a dune_solver";
                 }
         return list;
     }();

@@ -15,9 +15,9 @@
 // and 70 ns a triangle more; a question 0.1 to 0.3 us.
 #pragma once
 
+#include "core/math/simd.h"
 #include "core/math/vec.h"
 #include "core/plugin/marram_plugin.h"
-#include "core/math/simd.h"
 #include "procedural/wind/triangle_blocks.h"
 
 #include <Eigen/Geometry>

@@ -2,8 +2,8 @@
 // Exact contact of a turning segment with triangles. See contact.cpp for the derivation.
 #pragma once
 
-#include "core/math/vec.h"
 #include "core/math/simd.h"
+#include "core/math/vec.h"
 
 #include <span>
 #include <vector>

@@ -5,8 +5,8 @@
 // stages compute in double from them and round once. The lanes behind the last strand repeat it.
 #pragma once
 
-#include "core/math/vec.h"
 #include "core/math/simd.h"
+#include "core/math/vec.h"
 
 namespace marram {
 

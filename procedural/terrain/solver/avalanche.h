@@ -2,8 +2,8 @@
 // Avalanches on slip faces. The page is in avalanche.cpp.
 #pragma once
 
-#include "core/math/vec.h"
 #include "core/math/simd.h"
+#include "core/math/vec.h"
 
 #include <vector>
 

@@ -165,7 +165,7 @@ type = "ripples"
 wavelength = 0.5
 height = 0.05
 )");
-    const ProgramResult done = marram({"measure", scene, "--out", folder / "report", "--seconds", "20"});
+    const ProgramResult done = marram({"measure", scene, "--out", folder / "report", "--seconds", "8"});
     EXPECT_EQ(done.code, 0) << done.err;
     const auto dials = rows_by_dial(read_file(folder / "report/measure.csv"));
     for (const std::string name : {"cell", "dune.search_accuracy", "ripples.displaced", "view_detail"}) {

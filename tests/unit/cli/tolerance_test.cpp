@@ -34,10 +34,22 @@ World built(Shot& scene, BuildSettings settings, BuildStats& stats) {
     return build_world(scene.geometry, settings, never, progress, stats);
 }
 
+// What makes the terrains of a scene coarse: strands are looked at here, and a desert would take most of the time.
+const std::vector<std::string>& coarse_terrains(const std::string& file) {
+    static const std::atomic<bool> never{false};
+    static std::map<std::string, std::vector<std::string>> changes;
+    if (const auto found = changes.find(file); found != changes.end()) return found->second;
+    std::vector<std::string>& made = changes[file];
+    for (const Item& item : load_shot(file, {}, never).description.procedurals)
+        if (item.type == "terrain") made.push_back("procedural." + item.name + ".cell=1");
+    return made;
+}
+
 Shot loaded(const std::string& file, const std::vector<std::string>& changes) {
     static const std::atomic<bool> never{false};
     Overrides overrides;
-    overrides.settings = changes;
+    overrides.settings = coarse_terrains(file);
+    overrides.settings.insert(overrides.settings.end(), changes.begin(), changes.end());
     return load_shot(file, overrides, never);
 }
 

@@ -338,6 +338,41 @@ TEST(Terrain, DunesOfAFieldAreEditedById) {
     }
 }
 
+// What an edit of one dune in a thousand costs. Run by hand, on a quiet machine:
+// build/test_geometry --gtest_also_run_disabled_tests --gtest_filter='Terrain.DISABLED_EditOfOneDune'
+TEST(Terrain, DISABLED_EditOfOneDune) {
+    const auto text = [](const std::string& edits) {
+        return desert(
+            layer("noise", "amplitude = 20\nwavelength = 400\noctaves = 6") +
+                layer("flat", "target = \"sand\"\nheight = 2") +
+                layer("noise", "target = \"sand\"\namplitude = 1\nwavelength = 90\noctaves = 3") +
+                layer("mask", "name = \"low\"\nby = \"height\"\nramp = [[0, 1], [10, 0]]") +
+                layer("mass_desert", "height = [2, 6]\nspacing = [44, 62]\nlist = true\n" + edits) +
+                layer("noise", "target = \"sand\"\namplitude = 0.5\nwavelength = 30\nmask = \"low\"") +
+                layer("mask", "name = \"steep\"\nby = \"slope\"\nramp = [[10, 0], [30, 1]]") +
+                layer("mask", "name = \"bent\"\nby = \"curvature\"\nramp = [[-0.1, 0], [0.1, 1]]"),
+            "size = [2047, 2047]\ncell = 1");
+    };
+    TestScene scene(text(""));
+    scene.build();
+    const double whole = scene.stats.report("terrain.seconds"), tiles = scene.stats.report("terrain.tiles");
+    std::string id; // of one in the middle
+    for (const auto& [path, entry] : scene.stats.report.entries()) {
+        const size_t open = path.find("dune["), close = path.find("].x");
+        if (open == std::string::npos || close == std::string::npos) continue;
+        if (std::abs(entry.value) < 60 && std::abs(scene.stats.report(path.substr(0, close) + "].z")) < 60)
+            id = path.substr(open + 5, close - open - 5);
+    }
+    ASSERT_FALSE(id.empty());
+    for (const char* edit : {"height_factor = 0.5", "move = [20, 0]", "remove = true"}) {
+        scene.update(text("edit = [{ id = " + id + ", " + edit + " }]"));
+        scene.build();
+        std::printf("[ edit ] %s: %.1f ms and %g tiles, from nothing %.0f ms and %g\n", edit,
+                    1e3 * scene.stats.report("terrain.seconds"), scene.stats.report("terrain.tiles"),
+                    1e3 * whole, tiles);
+    }
+}
+
 const std::string stones_in_sand =
     layer("noise", "amplitude = 3\nwavelength = 14") +
     layer("noise", "target = \"level\"\ncombine = \"maximum\"\namplitude = 0.4\noffset = 0.3") +

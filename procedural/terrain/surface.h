@@ -37,7 +37,8 @@ void write_ripples(const RipplesLayer& ripples, uint32_t which,
 // Throws SceneFault where what a host gives to be filled is not whole.
 void check_mesh_buffers(const TerrainInstance& instance, const MarramMeshBuffers* buffers);
 
-// The render mesh for a view: begin_view() and view_mesh() of the contract.
+// The render mesh for a view, begin_view() and view_mesh() of the contract: the mesher's, cut fine where ripples are displaced (dicing.h). The
+// second ends what the first began. Same bits at any thread count.
 MarramOutput begin_view(TerrainInstance& instance, const MarramView& view);
 void write_view(TerrainInstance& instance, MarramMeshBuffers& buffers);
 

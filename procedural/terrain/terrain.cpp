@@ -23,8 +23,8 @@
 //     type = "dune"                   # sand above
 //     along = "ridge"
 //
-// Hands out, for grooms, shaders, image layers and bake: the attributes sand (m), slope (deg) and every mask, and grids of the same and of
-// bedrock and height. uv covers the terrain: u along x, v against z, so that an image lies on it as the layer "image" reads it.
+// Hands out, for grooms, shaders, image layers and bake: the attributes sand (m), slope (deg), every mask, and grids of the same and of
+// bedrock and height; of a ripples layer the attributes ripples and ripple_wave (ripples.cpp). uv covers the terrain: u along x, v against z, so that an image lies on it as the layer "image" reads it.
 //
 // Cost: 2 * 10^6 samples of one layer take about 10 ms to a core; memory 8 bytes a sample for each layer that moves sand.
 #include "procedural/terrain/terrain.h"

@@ -28,7 +28,7 @@
 //
 // The rows of the arrays are those that the wind crosses at less than 45 degrees: along z or along x; where that changes, arrays are transposed.
 //
-// Cost: 2 cores, 45 to 60 ns a cell and step. Memory: 76 bytes a cell.
+// Cost: 2 cores, 34 to 42 ns a cell and step from 256^2 to 4096^2 (build/dune_solver speed). Memory: 76 bytes a cell.
 #include "procedural/terrain/solver/solver.h"
 
 #include <tbb/blocked_range.h>

@@ -1,0 +1,491 @@
+// SPDX-License-Identifier: Apache-2.0
+// Wear of rock by wind-blown sand, found as a path tracer finds light: grains start upwind, fly, hit, wear what they hit, rebound.
+//
+// The stream. Q = transport (kg of sand a year and metre of width) crosses a plane upwind of the scene's box. With h above the ground and H =
+// height, the flux falls as exp(-h / H): Q / H exp(-h / H) kg a year and m^2 (measured profiles are exponential over most of their mass:
+// Anderson 1986; Kok, Parteli, Michaels and Karam 2012, who give H of 2 to 5 cm over sand; over stony ground grains bounce twice as high
+// or more: Bridges et al. 2005). Where the flux is exponential and grains fall freely, vertical velocities w must be normal with variance g H at every
+// height: exp(-(w^2 / 2 + g h) / (g H)) depends on the energy of a hop alone, so that no flight changes it, and each height is crossed
+// upwards as often as downwards. With H = 0.1 m, w is about 1 m/s: at 3 to 10 m/s grains come down at 6 to 18 degrees (5 to 15
+// are measured: Kok et al. 2012). These angles wear a plain, and level faces less than steep ones. Level speed:
+//     v(h) = bed_speed + (speed - bed_speed) (1 - exp(-h / speed_height)).
+// Speed grows with height and flux falls: the energy that a post receives is greatest above its foot, which is how pedestals form (Anderson
+// 1986). With r = speed_height / H that is at h = -speed_height ln((speed / (speed - bed_speed)) / (1 + 2 / r)).
+//
+// Flight. dv/dt = -g y + (v_air - v) / drag_time, v_air = v(h) along the wind. For one segment v_air is constant: then
+//     x(t) = x + V t + (v - V) tau (1 - exp(-t / tau)),   V = v_air - g tau y   (tau = drag_time; V is the final velocity),
+// or a parabola without drag. A chord of the time dt stays within |a| dt^2 / 8 of it, which is path_error. The first chord from a surface lasts no
+// longer than v.n / -a.n, half a hop over that surface's plane, or it would enter it. Air speed does not know of obstacles: eddies in a
+// lee do not drag grains.
+//
+// Wear of a hit at the angle A to the surface, for E = v^2 / 2 (J per kg of sand), in m^3 of rock per kg of sand:
+//     max(E sin^n A - Ec, 0) / energy_per_volume,   Ec = threshold_speed^2 / 2,   n = angle_exponent.
+// n = 0: in proportion to the energy delivered (Anderson 1986), n = 2: to that normal to the surface, as brittle rock wears (Sklar and Dietrich
+// 2004). Below the threshold grains bounce off without wear (Bridges et al. 2005). energy_per_volume = k s^2 / (2 Y): tensile strength s,
+// Young's modulus Y, k about 1e6 (Sklar and Dietrich 2004); s = 10 MPa, Y = 50 GPa give 1e9 J/m^3, and rates of 0.1 to 2 mm a year on faces
+// towards the wind for the stream of the defaults; 0.03 to 1.6 mm a year are measured on ventifacts. A surface wears by flux x f: the flux
+// through it, which goes with sin A, comes from the number of grains that hit.
+//
+// Rebound. Speed normal to the surface times -normal_restitution, along it times tangent_restitution (0.5 to 0.9 are measured on rock); then the unit direction
+// plus scatter times a random unit vector, at the same speed, turned away from the surface where it leads into it. Sand replaces a grain that lands:
+// in a stream in balance one grain leaves for each that lands (Kok et al. 2012). It leaves along the surface at bed_speed, and off it at w >= 0
+// with density w exp(-w^2 / (2 g H)), the flux of the normal distribution above. So level sand neither dims nor feeds the stream.
+//
+// A grain ends where it leaves the box (each side is counted), settles, is given up, or cannot reach the threshold any more: without drag and sand,
+// E + g (y - lowest) < Ec. The box: of the scene, within `reach` of the worn meshes' box; grains above it may come down again. The plane where
+// the stream begins is its upwind side, wider by its length times tan(spread); over level sand (ground) it is 2 H upwind of it, or its length where that is less.
+//
+// Accounts. Energies are rounded to 2^-20 J/kg at each event, and all sums are of 64-bit integers: they telescope exactly, and are the same bits
+// for any number of threads. A hit's quanta go to the corners of its triangle by barycentric weights, rounded so that their sum is kept. A vertex has a third of the
+// area of its triangles: depth = quanta 2^-20 mass_per_grain / (energy_per_volume area), the mean of rate x hat function over hat function.
+//
+// Random numbers. Path i starts at the point frac(shift + (i + 1) a) of the five-dimensional Kronecker sequence whose steps a are powers of the root of
+// x^6 = x + 1 (Roberts 2018), in 64-bit integers; shift is a hash of the seed. What happens at hit k of path i is a hash of (seed, i, k).
+//
+// Rays start off a surface by the error of the point: 2 U (c + l q), with U = 2^-23, c the greatest coordinate, l the triangle's extent, q = |e1| |e2| /
+// |e1 x e2|, as core/geometry/hit.cpp derives it. Segments overlap by the rounding of their ends, so that none slips through between two.
+//
+// Limits. Grains do not collide, do not spin, and have one size; rock does not change while it is worn. Meshes are read at their first motion sample.
+//
+// Cost. Rays of 256 grains are traced together. Per segment about 60 ns besides Embree's time.
+#include "procedural/erosion/grains.h"
+
+#include "core/math/clock.h"
+#include "core/math/hash.h"
+#include "procedural/erosion/grain_tracer.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+namespace marram {
+namespace {
+
+constexpr double grain_margin = 2.0;      // of offsets
+constexpr double grain_sliver = 1e4;      // greatest q
+constexpr size_t grain_window = 256;      // traced together
+constexpr uint64_t grain_block = 4096;    // a task
+constexpr double grain_least_rise = 0.01; // sine of a rebound's direction to the surface
+
+int64_t grain_quanta(double energy) { return std::llround(energy / grain_quantum); }
+double grain_energy(const Vec3d& v) { return 0.5 * v.squaredNorm(); }
+
+struct GrainCounts {
+    std::array<uint64_t, 6> left{};
+    uint64_t settled = 0, spent = 0, given_up = 0, worn_hits = 0, other_hits = 0, sand_hits = 0, grazes = 0,
+             rays = 0;
+    int64_t started = 0, flight = 0, sand = 0, rock = 0, ended = 0, worn = 0;
+};
+
+struct Grain {
+    Vec3d x, v;
+    Vec3d normal; // of the surface that it leaves
+    Vec3d air, acceleration;
+    double dt = 0.0;
+    double ground_at = 2.0; // share of the segment at which level sand is met
+    uint64_t path = 0;
+    int64_t energy = 0; // quanta after the last event
+    uint32_t hits = 0, segments = 0, landings = 0;
+    bool leaving = false;
+};
+
+// ---- the stream ----
+
+double grain_unit(const GrainTracer& tracer, uint64_t path, int dimension) {
+    return unit_double(tracer.shifts[size_t(dimension)] + (path + 1) * tracer.steps[size_t(dimension)]);
+}
+
+void set_sequence(GrainTracer& tracer) {
+    double root = 1.1;
+    for (int k = 0; k < 64; ++k) root = std::pow(1.0 + root, 1.0 / 6.0);
+    for (int d = 0; d < 5; ++d) {
+        tracer.steps[size_t(d)] = uint64_t(std::ldexp(std::pow(root, -(d + 1)), 64)) | 1U;
+        tracer.shifts[size_t(d)] = hash(tracer.settings.seed, 0x6772ULL + uint64_t(d));
+    }
+}
+
+Grain started_grain(const GrainTracer& tracer, uint64_t path) {
+    const GrainSettings& s = tracer.settings;
+    const GrainBox& box = tracer.box;
+    const double across = grain_unit(tracer, path, 0);
+    const double share = -std::expm1(-box.top / s.height);
+    const double h = std::min(-s.height * std::log1p(-share * grain_unit(tracer, path, 1)), box.top);
+    const auto place = std::min(size_t(across * double(grain_profile)), size_t(grain_profile) - 1);
+    const double radius = std::sqrt(-2.0 * std::log1p(-grain_unit(tracer, path, 2)));
+    const double rise = tracer.launch * radius * std::cos(2.0 * pi * grain_unit(tracer, path, 3));
+    const double yaw = s.spread * (2.0 * grain_unit(tracer, path, 4) - 1.0);
+    Grain grain;
+    grain.path = path;
+    grain.x = box.start * box.along + (box.t0 + across * (box.t1 - box.t0)) * box.across;
+    grain.x.y() = box.ground[place] + h;
+    grain.v = stream_speed(s, h) * (std::cos(yaw) * box.along + std::sin(yaw) * box.across);
+    grain.v.y() = rise;
+    grain.energy = grain_quanta(grain_energy(grain.v));
+    return grain;
+}
+
+// ---- flight ----
+
+struct GrainState {
+    Vec3d x, v;
+};
+
+GrainState flown(const GrainTracer& tracer, const Grain& grain, double t) {
+    const double tau = tracer.settings.drag_time;
+    if (tau <= 0.0) {
+        const Vec3d half = 0.5 * t * grain.acceleration;
+        return {grain.x + t * (grain.v + half), grain.v + 2.0 * half};
+    }
+    const double decay = -std::expm1(-t / tau); // 1 - exp
+    const Vec3d final_velocity = grain.v + tau * grain.acceleration;
+    return {grain.x + t * final_velocity + (tau * decay) * (grain.v - final_velocity),
+            grain.v + decay * (final_velocity - grain.v)};
+}
+
+void choose_segment(const GrainTracer& tracer, Grain& grain) {
+    const GrainSettings& s = tracer.settings;
+    grain.acceleration = Vec3d(0.0, -s.gravity, 0.0);
+    if (s.drag_time > 0.0) {
+        const double h = std::max(grain.x.y() - s.ground.value_or(tracer.box.base), 0.0);
+        grain.acceleration += (stream_speed(s, h) * tracer.box.along - grain.v) / s.drag_time;
+    }
+    const double a = grain.acceleration.norm(), v = grain.v.norm();
+    const double across_box = tracer.box.size * 1.01;
+    double dt = a > 0.0 ? std::sqrt(8.0 * tracer.sag / a) : infinity;
+    if (grain.x.y() > tracer.box.y1 && grain.v.y() > 0.0 &&
+        s.gravity > 0.0) // up to its apex nothing is there
+        dt = std::max(dt, grain.v.y() / s.gravity);
+    if (v > 0.0) dt = std::min(dt, across_box / v);
+    if (grain.leaving) {
+        const double falls = -grain.acceleration.dot(grain.normal);
+        if (falls > 0.0) dt = std::min(dt, std::max(grain.v.dot(grain.normal), 0.0) / falls);
+        grain.leaving = false;
+    }
+    grain.dt = std::min(dt, 1e6);
+}
+
+// A float ray along the chord. false: there is no way to go.
+bool set_grain_ray(const GrainTracer& tracer, Grain& grain, RTCRayHit& out) {
+    const Vec3d way = flown(tracer, grain, grain.dt).x - grain.x;
+    const double length = way.norm();
+    const double c = grain.x.cwiseAbs().maxCoeff();
+    if (!(length < grain_farthest) || !(c < grain_farthest)) return false;
+    grain.ground_at = 2.0;
+    if (tracer.settings.ground && grain.x.y() + way.y() < *tracer.settings.ground)
+        grain.ground_at = std::clamp((grain.x.y() - *tracer.settings.ground) / -way.y(), 0.0, 1.0);
+    const double overlap = length > 0.0 ? std::min(4.0 * grain_step * c / length + 1e-6, 1e3) : 0.0;
+    out.ray = {};
+    out.ray.org_x = float(grain.x.x()), out.ray.org_y = float(grain.x.y()),
+    out.ray.org_z = float(grain.x.z());
+    out.ray.dir_x = float(way.x()), out.ray.dir_y = float(way.y()), out.ray.dir_z = float(way.z());
+    out.ray.tfar = float(std::min(grain.ground_at, 1.0) + overlap);
+    out.ray.mask = tracer.settings.ray_mask;
+    out.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    out.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    return true;
+}
+
+// ---- hits ----
+
+struct GrainHit {
+    Vec3d point, normal; // normal: unit, against the path
+    double offset = 0.0;
+    const GrainMesh* mesh = nullptr; // NULL: it does not wear
+    const uint32_t* corners = nullptr;
+};
+
+GrainHit found_hit(const GrainTracer& tracer, const RTCRayHit& ray) {
+    GrainHit hit;
+    const Vec3d origin(ray.ray.org_x, ray.ray.org_y, ray.ray.org_z);
+    const Vec3d way(ray.ray.dir_x, ray.ray.dir_y, ray.ray.dir_z);
+    const auto found =
+        std::lower_bound(tracer.meshes.begin(), tracer.meshes.end(), ray.hit.geomID,
+                         [](const GrainMesh& mesh, unsigned id) { return mesh.mesh.geometry < id; });
+    const bool worn = found != tracer.meshes.end() && found->mesh.geometry == ray.hit.geomID &&
+                      ray.hit.primID < found->mesh.triangle_count;
+    if (worn) {
+        hit.mesh = &*found;
+        hit.corners = found->mesh.triangles + 3 * size_t(ray.hit.primID);
+        const auto corner = [&](int k) {
+            const float* p = found->mesh.vertices + 3 * size_t(hit.corners[k]);
+            return Vec3d(p[0], p[1], p[2]);
+        };
+        const Vec3d p0 = corner(0), e1 = corner(1) - p0, e2 = corner(2) - p0;
+        const double area = e1.cross(e2).norm(), l1 = e1.norm(), l2 = e2.norm();
+        hit.normal = area > 0.0 ? Vec3d(e1.cross(e2) / area) : Vec3d(-way.normalized());
+        hit.point = p0 + double(ray.hit.u) * e1 + double(ray.hit.v) * e2;
+        const double sliver = area > 0.0 ? std::min(l1 * l2 / area, grain_sliver) : grain_sliver;
+        hit.offset = hit.point.cwiseAbs().maxCoeff() + std::max(l1, l2) * sliver;
+    } else { // what Embree says of it
+        hit.point = origin + double(ray.ray.tfar) * way;
+        const Vec3d normal(ray.hit.Ng_x, ray.hit.Ng_y, ray.hit.Ng_z);
+        const double area = normal.norm();
+        hit.normal = area > 0.0 ? Vec3d(normal / area) : Vec3d(-way.normalized());
+        hit.offset = 2.0 * (hit.point.cwiseAbs().maxCoeff() + way.norm()) + 4.0 * std::sqrt(area);
+    }
+    hit.offset *= grain_margin * grain_step;
+    if (hit.normal.dot(way) > 0.0) hit.normal = -hit.normal;
+    return hit;
+}
+
+void add_quanta(int64_t& to, int64_t quanta) {
+    if (quanta != 0) std::atomic_ref<int64_t>(to).fetch_add(quanta, std::memory_order_relaxed);
+}
+
+void add_wear(GrainTracer& tracer, const GrainHit& hit, const RTCRayHit& ray, int64_t quanta) {
+    const double u = std::clamp(double(ray.hit.u), 0.0, 1.0), v = std::clamp(double(ray.hit.v), 0.0, 1.0 - u);
+    const int64_t at1 = std::llround(u * double(quanta)), at2 = std::llround(v * double(quanta));
+    const size_t first = hit.mesh->first_vertex;
+    add_quanta(tracer.vertex_quanta[first + hit.corners[0]], quanta - at1 - at2);
+    add_quanta(tracer.vertex_quanta[first + hit.corners[1]], at1);
+    add_quanta(tracer.vertex_quanta[first + hit.corners[2]], at2);
+    if (!tracer.triangle_quanta.empty())
+        add_quanta(tracer.triangle_quanta[hit.mesh->first_triangle + ray.hit.primID], quanta);
+}
+
+Vec3d rebound(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, const Vec3d& n) {
+    const GrainSettings& s = tracer.settings;
+    const double towards = v.dot(n);
+    const Vec3d out = s.tangent_restitution * (v - towards * n) - s.normal_restitution * towards * n;
+    const double speed = out.norm();
+    if (!(speed > 0.0) || s.scatter <= 0.0) return out;
+    const uint64_t key = hash(hash(s.seed, grain.path), 0x5000ULL + grain.hits);
+    const double z = 2.0 * unit_double(hash(key, 0)) - 1.0, angle = 2.0 * pi * unit_double(hash(key, 1));
+    const double r = std::sqrt(std::max(1.0 - z * z, 0.0));
+    Vec3d d = out / speed + s.scatter * Vec3d(r * std::cos(angle), r * std::sin(angle), z);
+    const double length = d.norm();
+    if (!(length > 1e-6)) return out;
+    d /= length;
+    double rise = d.dot(n);
+    if (rise < 0.0) d -= 2.0 * rise * n, rise = -rise;
+    if (rise < grain_least_rise) d = (d + (grain_least_rise - rise) * n).normalized();
+    return speed * d;
+}
+
+// A grain that leaves sand instead of the one that has landed.
+Vec3d from_sand(const GrainTracer& tracer, const Grain& grain, const Vec3d& n) {
+    const uint64_t key = hash(hash(tracer.settings.seed, grain.path), 0x9000ULL + grain.landings);
+    const double rise = tracer.launch * std::sqrt(-2.0 * std::log1p(-unit_double(hash(key, 0))));
+    const double yaw = tracer.settings.spread * (2.0 * unit_double(hash(key, 1)) - 1.0);
+    Vec3d level = std::cos(yaw) * tracer.box.along + std::sin(yaw) * tracer.box.across;
+    level -= level.dot(n) * n;
+    const double length = level.norm();
+    return (length > 1e-6 ? Vec3d(tracer.settings.bed_speed / length * level) : Vec3d(Vec3d::Zero())) +
+           rise * n;
+}
+
+// ---- one grain, one segment ----
+
+bool ends(GrainCounts& counts, const Grain& grain, const Vec3d& v, uint64_t& as) {
+    const int64_t energy = grain_quanta(grain_energy(v));
+    counts.flight += energy - grain.energy;
+    counts.ended += energy;
+    ++as;
+    return false;
+}
+
+bool lands(const GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Vec3d& at, const Vec3d& v,
+           const Vec3d& n) {
+    const int64_t before = grain_quanta(grain_energy(v));
+    counts.flight += before - grain.energy;
+    ++counts.sand_hits;
+    grain.x = at, grain.v = from_sand(tracer, grain, n);
+    grain.energy = grain_quanta(grain_energy(grain.v));
+    counts.sand += grain.energy - before;
+    grain.normal = n, grain.leaving = true;
+    ++grain.landings;
+    if (!(grain.v.dot(n) > 0.0)) return ends(counts, grain, grain.v, counts.settled);
+    return true;
+}
+
+bool strikes(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const GrainHit& hit,
+             const RTCRayHit& ray, const Vec3d& v) {
+    const GrainSettings& s = tracer.settings;
+    const double energy = grain_energy(v), speed = v.norm();
+    const int64_t before = grain_quanta(energy);
+    counts.flight += before - grain.energy;
+    ++(hit.mesh ? counts.worn_hits : counts.other_hits);
+    if (hit.mesh) {
+        const double sine = std::min(-v.dot(hit.normal) / speed, 1.0);
+        const int64_t worn = grain_quanta(wearing_energy(s, energy, sine));
+        counts.worn += worn;
+        add_wear(tracer, hit, ray, worn);
+    }
+    grain.x = hit.point + hit.offset * hit.normal;
+    grain.v = rebound(tracer, grain, v, hit.normal);
+    grain.energy = grain_quanta(grain_energy(grain.v));
+    counts.rock += before - grain.energy;
+    grain.normal = hit.normal, grain.leaving = true;
+    ++grain.hits;
+    const double left = grain_energy(grain.v);
+    if (left < tracer.settle || !(grain.v.dot(hit.normal) > 0.0))
+        return ends(counts, grain, grain.v, counts.settled);
+    if (s.drag_time <= 0.0 && !s.ground && s.sand.empty() &&
+        left + s.gravity * std::max(grain.x.y() - tracer.box.y0, 0.0) < tracer.threshold)
+        return ends(counts, grain, grain.v, counts.spent);
+    if (grain.hits >= s.most_hits) return ends(counts, grain, grain.v, counts.given_up);
+    return true;
+}
+
+// Flies on, a little off the surface.
+void grazes(GrainCounts& counts, Grain& grain, const GrainHit& hit, const Vec3d& v) {
+    ++counts.grazes;
+    const double lack = grain_least_rise * v.norm() - v.dot(hit.normal);
+    grain.x = hit.point + hit.offset * hit.normal;
+    grain.v = lack > 0.0 ? Vec3d(v + lack * hit.normal) : v;
+    const int64_t energy = grain_quanta(grain_energy(grain.v));
+    counts.flight += energy - grain.energy;
+    grain.energy = energy;
+    grain.normal = hit.normal, grain.leaving = true;
+}
+
+bool flies_on(const GrainTracer& tracer, GrainCounts& counts, Grain& grain) {
+    const GrainState end = flown(tracer, grain, grain.dt);
+    const GrainBox& box = tracer.box;
+    const auto leaves = [&](GrainSide side) { return ends(counts, grain, end.v, counts.left[size_t(side)]); };
+    grain.x = end.x, grain.v = end.v;
+    const double s = end.x.dot(box.along), t = end.x.dot(box.across), y = end.x.y();
+    const double edge = 4.0 * grain_step * (std::abs(s) + std::abs(t) + box.size);
+    if (s > box.s1) return leaves(GrainSide::downwind);
+    if (s < box.start - edge) return leaves(GrainSide::upwind);
+    if (t < box.t0 - edge) return leaves(GrainSide::left);
+    if (t > box.t1 + edge) return leaves(GrainSide::right);
+    if (y < box.y0) return leaves(GrainSide::below);
+    if (y > box.y1 && tracer.settings.gravity <= 0.0 && end.v.y() >= 0.0) return leaves(GrainSide::above);
+    return true;
+}
+
+// What the traced segment leads to. false: the grain has ended.
+bool advance(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const RTCRayHit& ray) {
+    ++grain.segments;
+    bool goes_on = true;
+    if (ray.hit.geomID != RTC_INVALID_GEOMETRY_ID) {
+        const GrainHit hit = found_hit(tracer, ray);
+        const Vec3d v = flown(tracer, grain, grain.dt * std::clamp(double(ray.ray.tfar), 0.0, 1.0)).v;
+        if (std::binary_search(tracer.sand.begin(), tracer.sand.end(), ray.hit.geomID)) {
+            goes_on = lands(tracer, counts, grain, hit.point + hit.offset * hit.normal, v, hit.normal);
+        } else if (v.dot(hit.normal) < 0.0) {
+            goes_on = strikes(tracer, counts, grain, hit, ray, v);
+        } else { // the chord meets what the path leaves
+            grazes(counts, grain, hit, v);
+        }
+    } else if (grain.ground_at <= 1.0) {
+        const GrainState state = flown(tracer, grain, grain.dt * grain.ground_at);
+        const Vec3d chord = flown(tracer, grain, grain.dt).x - grain.x;
+        Vec3d at = grain.x + grain.ground_at * chord;
+        at.y() = *tracer.settings.ground;
+        goes_on = lands(tracer, counts, grain, at, state.v, Vec3d::UnitY());
+    } else {
+        goes_on = flies_on(tracer, counts, grain);
+    }
+    if (goes_on && grain.segments >= tracer.settings.most_segments)
+        return ends(counts, grain, grain.v, counts.given_up);
+    return goes_on;
+}
+
+void trace_block(GrainTracer& tracer, uint64_t first, uint64_t end, GrainCounts& counts) {
+    std::vector<Grain> grains;
+    std::vector<RTCRayHit> rays(grain_window);
+    grains.reserve(grain_window);
+    uint64_t next = first;
+    while (next < end || !grains.empty()) {
+        while (next < end && grains.size() < grain_window) {
+            grains.push_back(started_grain(tracer, next++));
+            counts.started += grains.back().energy;
+        }
+        size_t alive = 0;
+        for (Grain& grain : grains) {
+            choose_segment(tracer, grain);
+            if (set_grain_ray(tracer, grain, rays[alive])) {
+                if (&grains[alive] != &grain) grains[alive] = grain;
+                ++alive;
+            } else {
+                ends(counts, grain, grain.v, counts.given_up);
+            }
+        }
+        grains.resize(alive);
+        if (alive == 0) continue;
+        if (tracer.hooks.rays) tracer.hooks.rays(std::span(rays).first(alive));
+        marram_intersect_many(tracer.scene, rays.data(), unsigned(alive));
+        counts.rays += alive;
+        size_t kept = 0;
+        for (size_t k = 0; k < alive; ++k)
+            if (advance(tracer, counts, grains[k], rays[k])) {
+                if (kept != k) grains[kept] = grains[k];
+                ++kept;
+            }
+        grains.resize(kept);
+        if (tracer.hooks.cancelled && tracer.hooks.cancelled()) return;
+    }
+}
+
+void add_counts(GrainReport& report, const GrainCounts& c) {
+    for (size_t k = 0; k < 6; ++k) report.left[k] += c.left[k];
+    report.settled += c.settled, report.spent += c.spent, report.given_up += c.given_up;
+    report.worn_hits += c.worn_hits, report.other_hits += c.other_hits, report.sand_hits += c.sand_hits;
+    report.grazes += c.grazes, report.rays += c.rays;
+    report.started += c.started, report.flight += c.flight, report.sand += c.sand;
+    report.rock += c.rock, report.ended += c.ended, report.worn += c.worn;
+}
+
+} // namespace
+
+uint64_t GrainReport::ended_grains() const {
+    uint64_t sum = settled + spent + given_up;
+    for (const uint64_t side : left) sum += side;
+    return sum;
+}
+
+double wearing_energy(const GrainSettings& s, double energy, double sine) {
+    const double n = s.angle_exponent;
+    const double share = n == 2.0 ? sine * sine : n == 0.0 ? 1.0 : std::pow(std::max(sine, 0.0), n);
+    return std::max(energy * share - 0.5 * s.threshold_speed * s.threshold_speed, 0.0);
+}
+
+double stream_speed(const GrainSettings& s, double h) {
+    return s.bed_speed - (s.speed - s.bed_speed) * std::expm1(-h / s.speed_height);
+}
+
+GrainReport trace_grains(RTCScene scene, std::span<const WornMesh> meshes, const GrainSettings& settings,
+                         std::span<double> wear, std::span<double> triangle_wear, const GrainHooks& hooks) {
+    if (const std::string fault = grain_settings_fault(settings); !fault.empty())
+        throw std::invalid_argument(fault);
+    const double begin = wall_seconds();
+    GrainTracer tracer;
+    tracer.scene = scene, tracer.settings = settings, tracer.hooks = hooks;
+    tracer.threshold = 0.5 * settings.threshold_speed * settings.threshold_speed;
+    tracer.settle = 0.5 * settings.settle_speed * settings.settle_speed;
+    tracer.launch = std::sqrt(settings.gravity * settings.height);
+    tracer.sand.assign(settings.sand.begin(), settings.sand.end());
+    std::sort(tracer.sand.begin(), tracer.sand.end());
+    take_worn_meshes(tracer, meshes, wear.size(), triangle_wear.size());
+    set_sequence(tracer);
+    std::fill(wear.begin(), wear.end(), 0.0);
+    std::fill(triangle_wear.begin(), triangle_wear.end(), 0.0);
+    GrainReport report;
+    if (!scene || !find_grain_box(tracer)) return report;
+    const uint64_t blocks = (settings.paths + grain_block - 1) / grain_block;
+    std::vector<GrainCounts> counts(blocks);
+    const auto stopped = [&] { return hooks.cancelled && hooks.cancelled(); };
+    tbb::parallel_for(uint64_t(0), blocks, [&](uint64_t k) {
+        if (!stopped())
+            trace_block(tracer, k * grain_block, std::min((k + 1) * grain_block, settings.paths), counts[k]);
+    });
+    for (const GrainCounts& c : counts) add_counts(report, c);
+    report.grains = settings.paths;
+    report.cancelled = report.ended_grains() != report.grains;
+    const double share = -std::expm1(-tracer.box.top / settings.height);
+    const double width = tracer.box.t1 - tracer.box.t0;
+    report.mass_per_grain = settings.transport * width * share / double(settings.paths);
+    const double volume = report.mass_per_grain * grain_quantum / settings.energy_per_volume;
+    report.volume = double(report.worn) * volume;
+    if (!report.cancelled) write_wear(tracer, volume, wear, triangle_wear);
+    report.seconds = wall_seconds() - begin;
+    return report;
+}
+
+} // namespace marram

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+// Measures the wear by traced grains against closed forms, and prints tables.
+//
+//     grains plates        plates at seven angles, both laws
+//     grains errors        sphere, step and cavity: error over paths, and its slope
+//     grains step          wear behind a step, strip by strip
+//     grains speed [n]     rays a second against Embree alone on the same rays; n^2 quadrilaterals (710)
+#include "tests/unit/erosion/grain_cases.h"
+
+#include "core/math/clock.h"
+#include "core/math/hash.h"
+
+#include <tbb/global_control.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <mutex>
+
+namespace marram::testing {
+namespace {
+
+void print_plates() {
+    std::printf("plates: wear over the closed form, 2^20 grains\n%8s %12s %12s\n", "angle", "n = 0", "n = 2");
+    for (const double angle : {10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0})
+        std::printf("%8.0f %12.6f %12.6f\n", angle, plate_ratio(angle * degree, 0.0, 1 << 20, 1),
+                    plate_ratio(angle * degree, 2.0, 1 << 20, 1));
+}
+
+void print_errors() {
+    const std::vector<double> dense = cavity_wear(100ULL << 20, 99);
+    struct Case {
+        const char* name;
+        std::function<double(uint64_t, uint32_t)> error;
+    };
+    const Case cases[] = {
+        {"sphere", [](uint64_t n, uint32_t seed) { return sphere_error(n, seed); }},
+        {"step", [](uint64_t n, uint32_t seed) { return step_error(step_wear(n, seed)); }},
+        {"plain", [](uint64_t n, uint32_t seed) { return step_error(step_wear(n, seed, 0.0)); }},
+        {"cavity", [&](uint64_t n, uint32_t seed) { return relative_error(cavity_wear(n, seed), dense); }},
+    };
+    const std::vector<uint64_t> paths = {1 << 12, 1 << 14, 1 << 16, 1 << 18, 1 << 20};
+    std::printf("errors: relative, area-weighted, seed 1; slope: of the root mean square of 4 seeds\n%8s",
+                "");
+    for (const uint64_t n : paths) std::printf(" %10llu", static_cast<unsigned long long>(n));
+    std::printf(" %8s\n", "slope");
+    for (const Case& c : cases) {
+        std::printf("%8s", c.name);
+        for (const uint64_t n : paths) std::printf(" %10.6f", c.error(n, 1));
+        std::printf(" %8.2f\n", error_slope(c.error, std::span(paths).first(4), 4));
+        std::fflush(stdout);
+    }
+}
+
+void print_step() {
+    const StepWear step = step_wear(1 << 20, 1);
+    std::printf("step: mm a year behind a step of 0.1 m, 2^20 grains\n%8s %12s %12s\n", "m", "wear",
+                "closed");
+    for (size_t k = 0; k < step.wear.size(); ++k)
+        std::printf("%8.3f %12.6f %12.6f\n", 0.05 * (double(k) + 0.5), 1e3 * step.wear[k],
+                    1e3 * step.expected[k]);
+}
+
+// A rough rock of n^2 quadrilaterals.
+GrainShape rough_rock(uint32_t n) {
+    GrainShape shape = grain_plate({-1.0, 0.0, -1.0}, {2.0, 0.0, 0.0}, {0.0, 0.0, 2.0}, n, n);
+    for (size_t k = 0; k < shape.vertices.size(); k += 3) {
+        const double x = shape.vertices[k], z = shape.vertices[k + 2];
+        const double r = std::hypot(x, z);
+        shape.vertices[k + 1] =
+            float(0.8 * std::exp(-4.0 * r * r) + 0.05 * std::sin(23.0 * x) * std::sin(31.0 * z) +
+                  0.002 * unit_double(hash(1, k)));
+    }
+    return shape;
+}
+
+void print_speed(uint32_t n) {
+    GrainScene scene;
+    const unsigned id = scene.add(rough_rock(n));
+    scene.commit();
+    const WornMesh mesh = scene.worn(id);
+    std::printf(
+        "speed: %zu triangles, 2^20 grains, rays a second in millions; bare: Embree alone on the same "
+        "rays\n%8s %10s %10s %10s %8s\n",
+        mesh.triangle_count, "threads", "rays", "traced", "bare", "ratio");
+    for (const int threads : {1, 2}) {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
+        for (const double drag : {0.0, 0.2})
+            for (int round = 0; round < 2; ++round) {
+                GrainSettings s;
+                s.drag_time = drag, s.seed = uint32_t(round);
+                const GrainResult alone = traced(scene, mesh, s);
+                // The same again, with Embree called twice: the difference is its time.
+                std::atomic<int64_t> nanoseconds{0};
+                GrainHooks hooks;
+                hooks.rays = [&](std::span<const RTCRayHit> rays) {
+                    thread_local std::vector<RTCRayHit> copy;
+                    copy.assign(rays.begin(), rays.end());
+                    const double begin = wall_seconds();
+                    marram_intersect_many(scene.get(), copy.data(), unsigned(copy.size()));
+                    nanoseconds += int64_t(1e9 * (wall_seconds() - begin));
+                };
+                const GrainResult again = traced(scene, mesh, s, hooks);
+                const double bare = double(again.report.rays) / (1e-9 * double(nanoseconds) / threads);
+                const double rate = double(alone.report.rays) / alone.report.seconds;
+                std::printf("%8d %10llu %10.2f %10.2f %8.2f%s\n", threads,
+                            static_cast<unsigned long long>(alone.report.rays), 1e-6 * rate, 1e-6 * bare,
+                            rate / bare, drag > 0.0 ? "  with drag" : "");
+            }
+    }
+}
+
+} // namespace
+} // namespace marram::testing
+
+int main(int argc, char** argv) {
+    using namespace marram::testing;
+    const auto asked = [&](const char* name) { return argc < 2 || std::strcmp(argv[1], name) == 0; };
+    if (asked("plates")) print_plates();
+    if (asked("step")) print_step();
+    if (asked("speed")) print_speed(argc > 2 ? uint32_t(std::atoi(argv[2])) : 710);
+    if (asked("errors")) print_errors();
+}

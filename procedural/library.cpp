@@ -2,6 +2,7 @@
 // The entry point, and the one place where a name in a scene file becomes a procedural.
 //
 // To add a procedural: give it a folder, a function that fills a MarramProcedural, and a line in the table below.
+#include "procedural/erosion/rock.h"
 #include "procedural/groom/groom.h"
 #include "procedural/terrain/terrain.h"
 #include "procedural/wind/wind.h"
@@ -14,10 +15,11 @@ extern "C" __attribute__((visibility("default"))) const MarramLibrary* marram_li
     static const std::array procedurals = {
         groom_procedural(),
         terrain_procedural(),
+        rock_procedural(),
     };
     static const std::vector<MarramReportEntry> reports = [] {
         std::vector<MarramReportEntry> list;
-        for (const auto entries : {groom_report_entries(), terrain_report_entries()})
+        for (const auto entries : {groom_report_entries(), terrain_report_entries(), rock_report_entries()})
             list.insert(list.end(), entries.begin(), entries.end());
         return list;
     }();

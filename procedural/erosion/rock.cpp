@@ -1,0 +1,531 @@
+// SPDX-License-Identifier: Apache-2.0
+// rock: a mesh with what the wind has worn of it, as attributes for shaders and grooms.
+//
+// What it models. Grains of sand are traced through the scene (grains.cpp has the model and its sources) and wear the mesh. It is handed
+// out as it is, with its uvs and normals, and with the attributes
+//     wear        0 to 1: rate / full, no more than 1
+//     wear_rate   mm of rock a year
+// The mesh that it is made from is still there: switch off its roles, as below, or it is seen as well. Grains meet the meshes that are named, no others:
+// `mesh`, those in `shelter`, and those in `sand`, where what lands is replaced by a grain of the stream. `sand_level` is level sand everywhere.
+// The wind's direction and speed are the scene's. Vertices that stand at one place count as one, so that uv seams do not show.
+//
+//     [[mesh]]
+//     name = "boulder"
+//     type = "file"
+//     file = "boulder.obj"
+//     collides = false
+//     shelters = false
+//     casts_shadows = false
+//     seen_by_camera = false
+//
+//     [[procedural]]
+//     type = "rock"
+//     name = "worn"
+//     mesh = "boulder"
+//     material = "patina"             # of type blend, attribute = "wear"
+//     sand_level = 0
+//     [[procedural.shelter]]
+//     mesh = "wall"
+//
+// With `map` it hands out both attributes as images by uv, too, which `marram bake -o wear.exr` writes: row 0 is v = 1; a pixel takes the value
+// of the triangle over its centre, and two pixels around each island are filled with their neighbours' mean.
+//
+// Cost: about a million rays a second and core; a grain takes 5 to 30. Noise of a vertex falls with the square root of the grains that hit its triangles.
+#include "procedural/erosion/rock.h"
+
+#include "procedural/border.h"
+#include "procedural/erosion/grains.h"
+#include "procedural/terrain/stored_values.h"
+#include "procedural/wind/wind.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <numeric>
+#include <string>
+#include <vector>
+
+namespace marram {
+namespace {
+
+struct RockInstance {
+    MarramHost host{};
+    StoredValues values;
+    uint64_t values_digest = 0;
+    uint64_t digest = 0; // of all that `wear` comes from; 0: nothing yet
+    std::vector<float> positions, normals, uvs;
+    std::vector<uint32_t> triangles;
+    std::vector<float> wear, rate; // a vertex
+    std::array<std::vector<float>, 2> maps;
+    std::array<MarramGrid, 2> grids{};
+    GrainReport report;
+    bool begun = false;
+};
+
+RockInstance& rock(MarramInstance* instance) { return *reinterpret_cast<RockInstance*>(instance); }
+
+template <typename Body>
+MarramStatus guarded_rock(const MarramHost& host, Body&& body) {
+    return guarded(host, "rock", "use a mesh of fewer triangles, or a smaller map", std::forward<Body>(body));
+}
+
+constexpr std::array rock_values = {
+    MarramParam{"mesh", MARRAM_MESH_NAME, "", "", 0, 0, "", "the mesh that wears"},
+    MarramParam{"sand_level", MARRAM_NUMBER, "m", "none", -1e6, 1e6, "",
+                "height of level sand everywhere; none: there is only what is named"},
+    MarramParam{"sand[].mesh", MARRAM_MESH_NAME, "", "", 0, 0, "", "a mesh of sand, which sends grains on"},
+    MarramParam{"shelter[].mesh", MARRAM_MESH_NAME, "", "", 0, 0, "", "a mesh that stops grains"},
+    MarramParam{"paths", MARRAM_INTEGER, "", "250000", 1, 0x1p28, "", "grains that are traced",
+                "16000|64000|250000|1000000|4000000", "rock.seconds"},
+    MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "of all its random numbers"},
+    MarramParam{"transport", MARRAM_NUMBER, "kg/m", "30000", 0, 1e9, "",
+                "sand that the wind carries in a year across each metre of width"},
+    MarramParam{"height", MARRAM_NUMBER, "m", "0.1", 1e-4, 1e4, "",
+                "over which the flux of sand falls by e; 0.03 over sand, 0.1 over stones"},
+    MarramParam{"speed", MARRAM_NUMBER, "m/s", "none", 0, 100, "",
+                "of grains high above the ground; none: the wind's speed"},
+    MarramParam{"bed_speed", MARRAM_NUMBER, "m/s", "1", 0, 100, "",
+                "of grains at the ground, no more than speed"},
+    MarramParam{"speed_height", MARRAM_NUMBER, "m", "0.4", 1e-4, 1e4, "",
+                "over which the grains' speed comes closer to speed by e"},
+    MarramParam{"spread", MARRAM_NUMBER, "deg", "10", 0, 45, "",
+                "greatest angle of a grain to the wind's direction"},
+    MarramParam{"drag_time", MARRAM_NUMBER, "s", "0.2", 0, 1e3, "",
+                "in which a grain's velocity comes closer to the air's by e; 0: grains fly freely"},
+    MarramParam{"threshold", MARRAM_NUMBER, "m/s", "1", 0, 100, "",
+                "grains that hit more slowly wear nothing"},
+    MarramParam{"energy_per_volume", MARRAM_NUMBER, "J/m^3", "1e9", 1e3, 1e15, "",
+                "energy that it takes to wear rock; 5e8 for weak sandstone, 4e9 for granite"},
+    MarramParam{"angle_exponent", MARRAM_NUMBER, "", "2", 0, 8, "",
+                "n of energy sin^n(angle to the surface): 2 for brittle rock, 0 for all of the energy"},
+    MarramParam{"normal_restitution", MARRAM_NUMBER, "", "0.6", 0, 1, "",
+                "speed off the surface after a rebound, over that before"},
+    MarramParam{"tangent_restitution", MARRAM_NUMBER, "", "0.85", 0, 1, "", "the same along the surface"},
+    MarramParam{"scatter", MARRAM_NUMBER, "", "0.3", 0, 1, "", "how far rebounds leave the mirror direction"},
+    MarramParam{"reach", MARRAM_NUMBER, "m", "20", 0, 1e6, "", "how far around the mesh grains are traced"},
+    MarramParam{"full", MARRAM_NUMBER, "mm", "none", 1e-9, 1e9, "",
+                "rate a year at which wear is 1; none: that of 95 % of the worn area"},
+    MarramParam{"map", MARRAM_INTEGER, "", "0", 0, 16384, "",
+                "pixels of a side of the images by uv; 0: none"},
+};
+
+const std::vector<MarramParam>& rock_params() {
+    static const std::vector<MarramParam> params = [] {
+        std::vector<MarramParam> list(rock_values.begin(), rock_values.end());
+        for (const MarramParam& param : wind_params())
+            for (const auto& [name, full] :
+                 {std::pair("direction", "wind.direction"), std::pair("speed", "wind.speed")})
+                if (std::string_view(param.name) == name) {
+                    list.push_back(param);
+                    list.back().name = full;
+                }
+        return list;
+    }();
+    return params;
+}
+
+constexpr std::array rock_attributes = {
+    MarramAttribute{"wear", 1, MARRAM_PER_VERTEX, 0, "what the wind wears, 0 to 1 of the parameter full",
+                    nullptr, 0},
+    MarramAttribute{"wear_rate", 1, MARRAM_PER_VERTEX, 0, "rock that the wind wears, mm a year", nullptr, 0},
+};
+
+// ---- values ----
+
+double rock_speed(const Values& values) {
+    return std::min(values.has("speed") ? values.number("speed") : values.number("wind.speed"), 100.0);
+}
+
+GrainSettings grain_settings_of(const Values& values) {
+    GrainSettings s;
+    s.paths = uint64_t(values.number("paths"));
+    s.seed = uint32_t(values.integer("seed"));
+    s.wind = values.vec3("wind.direction");
+    s.transport = values.number("transport");
+    s.height = values.number("height");
+    s.speed = rock_speed(values);
+    s.bed_speed = std::min(values.number("bed_speed"), s.speed);
+    s.speed_height = values.number("speed_height");
+    s.spread = radians(values, "spread");
+    s.drag_time = values.number("drag_time");
+    s.threshold_speed = values.number("threshold");
+    s.energy_per_volume = values.number("energy_per_volume");
+    s.angle_exponent = values.number("angle_exponent");
+    s.normal_restitution = values.number("normal_restitution");
+    s.tangent_restitution = values.number("tangent_restitution");
+    s.scatter = values.number("scatter");
+    s.reach = values.number("reach");
+    if (values.has("sand_level")) s.ground = values.number("sand_level");
+    s.ray_mask = MARRAM_NAMED;
+    return s;
+}
+
+const MarramMesh& rock_mesh_named(std::span<const MarramMesh> meshes, const MarramValue& value) {
+    for (const MarramMesh& mesh : meshes)
+        if (mesh.name && std::string_view(mesh.name) == value.text) return mesh;
+    throw SceneFault("rock.no_mesh", value.place, fmt::format("there is no mesh '{}'", value.text),
+                     "name one of the scene's");
+}
+
+bool is_list_mesh(std::string_view name, std::string_view list) {
+    return name.starts_with(list) && name.ends_with("].mesh");
+}
+
+// Takes over checked values.
+void take_rock_values(RockInstance& instance, std::span<const MarramValue> list) {
+    StoredValues stored(list);
+    const Values values(stored.all());
+    const Vec3d wind = values.vec3("wind.direction");
+    if (wind.x() == 0.0 && wind.z() == 0.0)
+        throw SceneFault("rock.no_wind", values.at("wind.direction").place,
+                         "the wind's direction has no level part, so that no sand is blown",
+                         "give a vector such as [1, 0, 0]");
+    const std::string_view mesh = values.text("mesh");
+    for (const MarramValue& value : stored.all())
+        if (value.text == mesh && (is_list_mesh(value.name, "sand[") || is_list_mesh(value.name, "shelter[")))
+            throw SceneFault("rock.mesh_twice", value.place, fmt::format("'{}' is the mesh that wears", mesh),
+                             "leave it out here, or name another mesh");
+    Digest digest;
+    for (const MarramValue& value : list) add_value(digest, value);
+    instance.values = std::move(stored);
+    instance.values_digest = digest.value();
+    instance.begun = false;
+}
+
+MarramStatus create_rock(const MarramHost* host, const MarramValues* values, MarramInstance** out) {
+    if (!host || !host->message || !host->cancelled || !out) return MARRAM_ERROR; // nobody to tell
+    const MarramHost known = known_part(host);
+    return guarded_rock(known, [&] {
+        const std::vector<MarramValue> list = values_of(values);
+        if (!check_values(known, rock_params(), list)) return MARRAM_ERROR;
+        auto instance = std::make_unique<RockInstance>();
+        instance->host = known;
+        take_rock_values(*instance, list);
+        *out = reinterpret_cast<MarramInstance*>(instance.release());
+        return MARRAM_OK;
+    });
+}
+
+MarramStatus update_rock(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
+    RockInstance& instance = rock(opaque);
+    return guarded_rock(instance.host, [&] {
+        if (!given || !changed)
+            throw SceneFault("contract.null_update", "", "the update is NULL",
+                             "pass an update and a place for the changes");
+        const MarramUpdate update = known_part(given);
+        const std::vector<MarramValue> list = values_of(update.values);
+        if (!check_values(instance.host, rock_params(), list)) return MARRAM_ERROR;
+        const uint64_t before = instance.values_digest;
+        const std::string mesh(Values(instance.values.all()).text("mesh"));
+        take_rock_values(instance, list);
+        *changed = update.inputs != MARRAM_NOTHING || Values(instance.values.all()).text("mesh") != mesh
+                       ? MARRAM_EVERYTHING
+                   : instance.values_digest != before ? MARRAM_ATTRIBUTES
+                                                      : MARRAM_NOTHING;
+        return MARRAM_OK;
+    });
+}
+
+// ---- wear ----
+
+// For each vertex the first one at its place.
+std::vector<uint32_t> first_at_place(const std::vector<float>& positions) {
+    const size_t count = positions.size() / 3;
+    std::vector<uint32_t> order(count), first(count);
+    std::iota(order.begin(), order.end(), 0U);
+    const auto place = [&](uint32_t v) {
+        const float* p = positions.data() + 3 * size_t(v);
+        return std::array{p[0], p[1], p[2]};
+    };
+    std::sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
+        const auto pa = place(a), pb = place(b);
+        return pa != pb ? pa < pb : a < b;
+    });
+    for (size_t k = 0; k < count; ++k)
+        first[order[k]] = k > 0 && place(order[k]) == place(order[k - 1]) ? first[order[k - 1]] : order[k];
+    return first;
+}
+
+// The rate below which the share of the worn area lies.
+double rate_of_area(const std::vector<float>& positions, const std::vector<uint32_t>& triangles,
+                    const std::vector<float>& rate, double share) {
+    std::vector<std::pair<double, double>> areas; // rate, area
+    double sum = 0.0;
+    for (size_t f = 0; f + 2 < triangles.size(); f += 3) {
+        std::array<Vec3d, 3> p;
+        double mean = 0.0;
+        for (size_t k = 0; k < 3; ++k) {
+            const size_t v = triangles[f + k];
+            p[k] = Vec3d(positions[3 * v], positions[3 * v + 1], positions[3 * v + 2]);
+            mean += double(rate[v]) / 3.0;
+        }
+        const double area = (p[1] - p[0]).cross(p[2] - p[0]).norm();
+        if (!(mean > 0.0) || !(area > 0.0)) continue;
+        areas.emplace_back(mean, area);
+        sum += area;
+    }
+    std::sort(areas.begin(), areas.end());
+    double below = 0.0;
+    for (const auto& [mean, area] : areas)
+        if ((below += area) >= share * sum) return mean;
+    return 0.0;
+}
+
+// An image by uv of a vertex attribute.
+std::vector<float> uv_map(const RockInstance& instance, const std::vector<float>& values, int size) {
+    std::vector<float> map(size_t(size) * size_t(size), 0.0F);
+    std::vector<char> known(map.size(), 0);
+    for (size_t f = 0; f + 2 < instance.triangles.size(); f += 3) {
+        std::array<Vec2d, 3> p;
+        std::array<double, 3> value;
+        for (size_t k = 0; k < 3; ++k) {
+            const size_t v = instance.triangles[f + k];
+            p[k] = Vec2d(instance.uvs[2 * v] * size - 0.5, (1.0 - instance.uvs[2 * v + 1]) * size - 0.5);
+            value[k] = values[v];
+        }
+        const Vec2d a = p[1] - p[0], b = p[2] - p[0];
+        const double area = a.x() * b.y() - a.y() * b.x();
+        if (!(std::abs(area) > 0.0) || !(std::abs(area) < infinity)) continue;
+        const Vec2d low = p[0].cwiseMin(p[1]).cwiseMin(p[2]), high = p[0].cwiseMax(p[1]).cwiseMax(p[2]);
+        const int j0 = int(std::ceil(std::clamp(low.y(), 0.0, double(size)))),
+                  j1 = int(std::floor(std::clamp(high.y(), -1.0, size - 1.0)));
+        const int i0 = int(std::ceil(std::clamp(low.x(), 0.0, double(size)))),
+                  i1 = int(std::floor(std::clamp(high.x(), -1.0, size - 1.0)));
+        for (int j = j0; j <= j1; ++j)
+            for (int i = i0; i <= i1; ++i) {
+                const Vec2d q = Vec2d(i, j) - p[0];
+                const double u = (q.x() * b.y() - q.y() * b.x()) / area,
+                             v = (a.x() * q.y() - a.y() * q.x()) / area;
+                if (u < -1e-9 || v < -1e-9 || u + v > 1.0 + 1e-9) continue;
+                const size_t at = size_t(j) * size_t(size) + size_t(i);
+                map[at] = float((1.0 - u - v) * value[0] + u * value[1] + v * value[2]);
+                known[at] = 1;
+            }
+    }
+    for (int round = 0; round < 2; ++round) { // around islands
+        const std::vector<char> before = known;
+        for (int j = 0; j < size; ++j)
+            for (int i = 0; i < size; ++i) {
+                const size_t at = size_t(j) * size_t(size) + size_t(i);
+                if (before[at]) continue;
+                float sum = 0.0F;
+                int count = 0;
+                for (const auto& [x, y] : {std::pair(i - 1, j), {i + 1, j}, {i, j - 1}, {i, j + 1}}) {
+                    if (x < 0 || y < 0 || x >= size || y >= size) continue;
+                    const size_t beside = size_t(y) * size_t(size) + size_t(x);
+                    if (before[beside]) sum += map[beside], ++count;
+                }
+                if (count > 0) map[at] = sum / float(count), known[at] = 1;
+            }
+    }
+    return map;
+}
+
+void make_maps(RockInstance& instance, const Values& values) {
+    const int size = values.integer("map");
+    if (size > 0 && instance.uvs.empty())
+        throw SceneFault("rock.no_uvs", values.at("map").place,
+                         fmt::format("the mesh '{}' has no uvs to make a map by", values.text("mesh")),
+                         "give the mesh uvs, or leave out map");
+    for (size_t k = 0; k < 2; ++k) {
+        instance.maps[k] =
+            size > 0 ? uv_map(instance, k == 0 ? instance.wear : instance.rate, size) : std::vector<float>();
+        MarramGrid& grid = instance.grids[k] = {};
+        grid.name = rock_attributes[k].name;
+        grid.nx = grid.ny = uint32_t(std::max(size, 1));
+        grid.nz = grid.components = 1;
+        const double pixel = 1.0 / std::max(size, 1);
+        grid.origin[0] = 0.5 * pixel, grid.origin[1] = 1.0 - 0.5 * pixel;
+        grid.axes[0][0] = pixel, grid.axes[1][1] = -pixel, grid.axes[2][2] = 1.0;
+        grid.values = instance.maps[k].data();
+    }
+}
+
+uint64_t digest_of_rock(const RockInstance& instance, std::span<const MarramMesh> meshes) {
+    Digest digest;
+    digest.add(instance.values_digest);
+    for (const MarramMesh& mesh : meshes)
+        digest.add(mesh.name ? mesh.name : "")
+            .add(mesh.positions[0], 12 * size_t(mesh.vertex_count))
+            .add(mesh.triangles, 12 * size_t(mesh.triangle_count));
+    return digest.value() | 1U;
+}
+
+void copy_mesh(RockInstance& instance, const MarramMesh& mesh) {
+    const size_t vertices = mesh.vertex_count;
+    instance.positions.assign(mesh.positions[0], mesh.positions[0] + 3 * vertices);
+    instance.triangles.assign(mesh.triangles, mesh.triangles + 3 * size_t(mesh.triangle_count));
+    instance.normals.clear(), instance.uvs.clear();
+    if (mesh.normals && mesh.normals[0])
+        instance.normals.assign(mesh.normals[0], mesh.normals[0] + 3 * vertices);
+    if (mesh.uvs) instance.uvs.assign(mesh.uvs, mesh.uvs + 2 * vertices);
+}
+
+// false: cancelled.
+bool wear_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
+               std::span<const MarramMesh> meshes, const MarramMesh& mesh) {
+    GrainSettings settings = grain_settings_of(values);
+    std::vector<unsigned> sand;
+    for (const MarramValue& value : instance.values.all())
+        if (is_list_mesh(value.name, "sand[")) sand.push_back(rock_mesh_named(meshes, value).geometry_id);
+    settings.sand = sand;
+    const std::vector<uint32_t> first = first_at_place(instance.positions);
+    std::vector<uint32_t> joined(instance.triangles.size());
+    std::transform(instance.triangles.begin(), instance.triangles.end(), joined.begin(),
+                   [&](uint32_t v) { return first[v]; });
+    const WornMesh worn{mesh.geometry_id, instance.positions.data(), instance.positions.size() / 3,
+                        joined.data(), joined.size() / 3};
+    std::vector<double> depth(first.size());
+    GrainHooks hooks;
+    hooks.cancelled = [&] { return instance.host.cancelled(instance.host.user) != 0; };
+    if (const std::string fault = grain_settings_fault(settings); !fault.empty())
+        throw SceneFault("rock.value", values.at("mesh").place, fault, "change that value");
+    instance.report = trace_grains(frame.colliders, std::span(&worn, 1), settings, depth, {}, hooks);
+    if (instance.report.cancelled) return false;
+    instance.rate.resize(first.size()), instance.wear.resize(first.size());
+    for (size_t v = 0; v < first.size(); ++v) instance.rate[v] = float(1e3 * depth[first[v]]); // mm
+    const double full = values.has("full")
+                            ? values.number("full")
+                            : rate_of_area(instance.positions, instance.triangles, instance.rate, 0.95);
+    for (size_t v = 0; v < first.size(); ++v)
+        instance.wear[v] = full > 0.0 ? float(std::min(double(instance.rate[v]) / full, 1.0)) : 0.0F;
+    return true;
+}
+
+void warn_of_rock(const RockInstance& instance, const Values& values, const MarramMesh& mesh) {
+    const std::string& place = values.at("mesh").place;
+    if (mesh.time_count > 1)
+        send(instance.host, MARRAM_WARNING, "rock.moves", place,
+             fmt::format("the mesh '{}' moves while the shutter is open; worn rock rests", mesh.name),
+             "use a mesh without keys");
+    if (instance.report.worn_hits == 0)
+        send(instance.host, MARRAM_WARNING, "rock.no_hits", place,
+             fmt::format("no grain has hit the mesh '{}'", mesh.name),
+             "raise height or paths, or see whether something upwind shelters all of it");
+    else if (instance.report.worn == 0)
+        send(instance.host, MARRAM_WARNING, "rock.no_wear", place,
+             fmt::format("grains hit the mesh '{}', but none above the threshold", mesh.name),
+             "raise speed or lower threshold");
+}
+
+MarramStatus begin_rock(MarramInstance* opaque, const MarramFrame* given, MarramOutput* out) {
+    RockInstance& instance = rock(opaque);
+    return guarded_rock(instance.host, [&] {
+        if (!out)
+            throw SceneFault("contract.null_output", "", "the output is NULL", "pass a non-NULL pointer");
+        std::vector<MarramMesh> meshes;
+        const MarramFrame frame = borrowed_frame(given, meshes);
+        const Values values(instance.values.all());
+        const MarramMesh& mesh = rock_mesh_named(meshes, values.at("mesh"));
+        instance.begun = false;
+        const uint64_t digest = digest_of_rock(instance, meshes);
+        copy_mesh(instance, mesh);
+        if (digest != instance.digest) {
+            instance.digest = 0;
+            if (!wear_rock(instance, values, frame, meshes, mesh)) return MARRAM_CANCELLED;
+            make_maps(instance, values);
+            instance.digest = digest;
+            warn_of_rock(instance, values, mesh);
+        }
+        MarramOutput output{};
+        output.kind = MARRAM_MESH;
+        output.time_count = 1;
+        output.vertex_count = mesh.vertex_count;
+        output.triangle_count = mesh.triangle_count;
+        output.has_uvs = instance.uvs.empty() ? 0 : 1;
+        output.has_normals = instance.normals.empty() ? 0 : 1;
+        fill_known_part(output, out);
+        instance.begun = true;
+        return MARRAM_OK;
+    });
+}
+
+void check_rock_buffers(const RockInstance& instance, const MarramMeshBuffers* buffers) {
+    if (!instance.begun) throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
+    bool there = buffers && buffers->positions && buffers->positions[0] && buffers->triangles &&
+                 (buffers->attribute_count == 0 || (buffers->attributes && buffers->attribute_values));
+    for (uint32_t a = 0; there && a < buffers->attribute_count; ++a) {
+        if (buffers->attributes[a] >= rock_attributes.size())
+            throw SceneFault("contract.attribute_range", "",
+                             fmt::format("there is no attribute {}", buffers->attributes[a]),
+                             "ask for 0 or 1");
+        there = buffers->attribute_values[a] != nullptr;
+    }
+    if (!there)
+        throw SceneFault("contract.null_buffer", "", "a buffer is NULL",
+                         "give positions, triangles, and values for each attribute that is asked for");
+}
+
+MarramStatus mesh_rock(MarramInstance* opaque, MarramMeshBuffers* buffers) {
+    RockInstance& instance = rock(opaque);
+    return guarded_rock(instance.host, [&] {
+        check_rock_buffers(instance, buffers);
+        std::copy(instance.positions.begin(), instance.positions.end(), buffers->positions[0]);
+        std::copy(instance.triangles.begin(), instance.triangles.end(), buffers->triangles);
+        if (buffers->uvs) std::copy(instance.uvs.begin(), instance.uvs.end(), buffers->uvs);
+        if (MARRAM_HAS(buffers, normals) && buffers->normals && buffers->normals[0])
+            std::copy(instance.normals.begin(), instance.normals.end(), buffers->normals[0]);
+        for (uint32_t a = 0; a < buffers->attribute_count; ++a) {
+            const std::vector<float>& values = buffers->attributes[a] == 0 ? instance.wear : instance.rate;
+            std::copy(values.begin(), values.end(), buffers->attribute_values[a]);
+        }
+        if (!instance.maps[0].empty()) {
+            buffers->grids = instance.grids.data();
+            buffers->grid_count = uint32_t(instance.grids.size());
+            buffers->grid_stride = sizeof(MarramGrid);
+        }
+        return MARRAM_OK;
+    });
+}
+
+void report_rock(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
+    const RockInstance& instance = rock(opaque);
+    if (!instance.begun) return;
+    const GrainReport& r = instance.report;
+    sink(user, "rock.grains", double(r.grains));
+    sink(user, "rock.rays", double(r.rays));
+    sink(user, "rock.hits", double(r.worn_hits));
+    sink(user, "rock.volume", r.volume);
+    sink(user, "rock.seconds", r.seconds);
+}
+
+void destroy_rock(MarramInstance* opaque) { delete reinterpret_cast<RockInstance*>(opaque); } // NULL is fine
+
+} // namespace
+
+MarramProcedural rock_procedural() {
+    MarramProcedural procedural{};
+    procedural.name = "rock";
+    procedural.help = "a mesh with what wind-blown sand wears of it";
+    procedural.kind = MARRAM_MESH;
+    procedural.params = rock_params().data();
+    procedural.param_count = uint32_t(rock_params().size());
+    procedural.param_stride = sizeof(MarramParam);
+    procedural.attributes = rock_attributes.data();
+    procedural.attribute_count = uint32_t(rock_attributes.size());
+    procedural.attribute_stride = sizeof(MarramAttribute);
+    procedural.create = create_rock;
+    procedural.begin = begin_rock;
+    procedural.mesh = mesh_rock;
+    procedural.report = report_rock;
+    procedural.destroy = destroy_rock;
+    procedural.update = update_rock;
+    return procedural;
+}
+
+std::span<const MarramReportEntry> rock_report_entries() {
+    static constexpr std::array entries = {
+        MarramReportEntry{"rock.grains", "count", MARRAM_SUM, nullptr, nullptr, "grains of sand traced"},
+        MarramReportEntry{"rock.rays", "count", MARRAM_SUM, nullptr, nullptr,
+                          "straight segments of their paths"},
+        MarramReportEntry{"rock.hits", "count", MARRAM_SUM, nullptr, nullptr, "hits on rock that wears"},
+        MarramReportEntry{"rock.volume", "m^3", MARRAM_SUM, nullptr, nullptr, "rock worn in a year"},
+        MarramReportEntry{"rock.seconds", "s", MARRAM_SUM, nullptr, nullptr, "tracing grains"},
+    };
+    return entries;
+}
+
+} // namespace marram

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: Apache-2.0
+// Wear by traced grains against closed forms. build/grains prints the whole tables.
+#include "grain_cases.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <stdexcept>
+
+namespace marram::testing {
+namespace {
+
+void expect_accounts(const GrainReport& r) {
+    EXPECT_FALSE(r.cancelled);
+    EXPECT_EQ(r.ended_grains(), r.grains);
+    EXPECT_EQ(r.started + r.flight + r.sand, r.rock + r.ended);
+}
+
+TEST(Grains, PlatesWearByFluxTimesLaw) {
+    for (const double exponent : {0.0, 2.0})
+        for (const double angle : {10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0})
+            EXPECT_NEAR(plate_ratio(angle * degree, exponent, 4096, 1), 1.0, 1e-3)
+                << angle << " degrees, exponent " << exponent;
+}
+
+TEST(Grains, BelowTheThresholdNothingWears) {
+    GrainScene scene;
+    const unsigned id = scene.add(grain_plate(Vec3d::Zero(), Vec3d(0.0, 1.0, 0.0), Vec3d(0.0, 0.0, 1.0)));
+    scene.commit();
+    GrainSettings s = even_grains(1000);
+    s.threshold_speed = s.speed * 1.001;
+    const GrainResult result = traced(scene, scene.worn(id), s);
+    EXPECT_EQ(result.report.worn_hits, 1000u);
+    EXPECT_EQ(result.report.worn, 0);
+    EXPECT_GT(result.report.rock, 0);
+    expect_accounts(result.report);
+}
+
+TEST(Grains, SphereWearsAsItsClosedForm) { EXPECT_LT(sphere_error(1 << 16, 1, 32), 0.01); }
+
+TEST(Grains, PostWearsMostAtTheKink) {
+    const auto [found, expected] = post_kink(1 << 17);
+    EXPECT_NEAR(found, expected, 0.03);
+}
+
+TEST(Grains, StepKeepsGrainsOffBehindIt) {
+    const StepWear step = step_wear(1 << 14, 1);
+    expect_accounts(step.report);
+    EXPECT_LT(step_error(step), 0.08);
+    EXPECT_EQ(step.wear[0], 0.0); // nothing comes down so steeply
+}
+
+TEST(Grains, SandKeepsTheStreamAsItIs) {
+    const StepWear plain = step_wear(1 << 14, 2, 0.0, 10);
+    expect_accounts(plain.report);
+    EXPECT_LT(step_error(plain), 0.08);
+}
+
+TEST(Grains, CavityAgreesWithManyTimesTheGrains) {
+    GrainReport report;
+    const std::vector<double> few = cavity_wear(1 << 13, 1, &report), many = cavity_wear(1 << 17, 2);
+    expect_accounts(report);
+    EXPECT_GT(report.worn_hits, report.grains / 2);
+    EXPECT_LT(relative_error(few, many), 0.09);
+}
+
+TEST(Grains, ErrorFallsAtLeastWithTheRootOfThePaths) {
+    const std::array<uint64_t, 3> paths = {1 << 9, 1 << 12, 1 << 15};
+    EXPECT_LT(error_slope([](uint64_t n, uint32_t seed) { return sphere_error(n, seed, 16); }, paths, 4),
+              -0.5);
+}
+
+TEST(Grains, SameBitsForAnyNumberOfThreads) {
+    const auto run = [](int threads) {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
+        return cavity_wear(20000, 5);
+    };
+    EXPECT_EQ(run(1), run(2));
+}
+
+TEST(Grains, EveryGrainAndItsEnergyIsAccountedFor) {
+    GrainScene scene;
+    const unsigned rock = scene.add(grain_sphere({0.0, 0.5, 0.0}, 0.6, 12));
+    scene.add(grain_plate({-2.0, 0.0, -1.5}, {0.0, 0.4, 0.0}, {0.0, 0.0, 1.5}));
+    scene.commit();
+    for (const bool ground : {false, true})
+        for (const double drag : {0.0, 0.2}) {
+            GrainSettings s;
+            s.paths = 5000, s.spread = 0.2, s.drag_time = drag, s.height = 0.3;
+            if (ground) s.ground = 0.0;
+            const GrainResult result = traced(scene, scene.worn(rock), s);
+            expect_accounts(result.report);
+            EXPECT_EQ(result.report.grains, 5000u);
+            EXPECT_GT(result.report.worn_hits, 100u);
+            EXPECT_GT(result.report.other_hits, 10u);
+            double sum = 0.0, vertices = 0.0;
+            const WornMesh mesh = scene.worn(rock);
+            std::vector<double> areas(mesh.vertex_count);
+            for (size_t f = 0; f < mesh.triangle_count; ++f) {
+                std::array<Vec3d, 3> p;
+                for (size_t k = 0; k < 3; ++k) {
+                    const float* v = mesh.vertices + 3 * size_t(mesh.triangles[3 * f + k]);
+                    p[k] = Vec3d(v[0], v[1], v[2]);
+                }
+                const double area = 0.5 * (p[1] - p[0]).cross(p[2] - p[0]).norm();
+                sum += area * result.triangles[f];
+                for (size_t k = 0; k < 3; ++k) areas[mesh.triangles[3 * f + k]] += area / 3.0;
+            }
+            for (size_t v = 0; v < areas.size(); ++v) vertices += areas[v] * result.vertices[v];
+            EXPECT_NEAR(sum / result.report.volume, 1.0, 1e-9);
+            EXPECT_NEAR(vertices / result.report.volume, 1.0, 1e-9);
+        }
+}
+
+// ---- hostile inputs ----
+
+TEST(Grains, NothingToWearOrNoWindIsNoError) {
+    GrainScene scene;
+    const unsigned id = scene.add(grain_plate(Vec3d::Zero(), Vec3d(0.0, 1.0, 0.0), Vec3d(0.0, 0.0, 1.0)));
+    scene.commit();
+    GrainSettings s = even_grains(100);
+    WornMesh none = scene.worn(id);
+    none.triangle_count = 0;
+    EXPECT_EQ(traced(scene, none, s).report.grains, 0u);
+    s.wind = Vec3d::Zero();
+    EXPECT_EQ(traced(scene, scene.worn(id), s).report.grains, 0u);
+    EXPECT_EQ(trace_grains(scene.get(), {}, even_grains(100), {}).grains, 0u);
+    GrainScene empty;
+    empty.commit();
+    EXPECT_EQ(trace_grains(empty.get(), {}, even_grains(100), {}).grains, 0u);
+}
+
+TEST(Grains, FaultySettingsAreErrors) {
+    GrainScene scene;
+    const unsigned id = scene.add(grain_plate(Vec3d::Zero(), Vec3d(0.0, 1.0, 0.0), Vec3d(0.0, 0.0, 1.0)));
+    scene.commit();
+    const double nan = std::nan("");
+    const auto fails = [&](const std::function<void(GrainSettings&)>& change) {
+        GrainSettings s = even_grains(10);
+        change(s);
+        EXPECT_NE(grain_settings_fault(s), "");
+        EXPECT_THROW(traced(scene, scene.worn(id), s), std::invalid_argument);
+    };
+    for (double GrainSettings::*field :
+         {&GrainSettings::transport, &GrainSettings::height, &GrainSettings::speed, &GrainSettings::bed_speed,
+          &GrainSettings::speed_height, &GrainSettings::spread, &GrainSettings::gravity,
+          &GrainSettings::drag_time, &GrainSettings::path_error, &GrainSettings::energy_per_volume,
+          &GrainSettings::threshold_speed, &GrainSettings::angle_exponent, &GrainSettings::normal_restitution,
+          &GrainSettings::tangent_restitution, &GrainSettings::scatter, &GrainSettings::settle_speed,
+          &GrainSettings::reach})
+        for (const double value : {nan, -1.0}) fails([&](GrainSettings& s) { s.*field = value; });
+    fails([](GrainSettings& s) { s.paths = 0; });
+    fails([&](GrainSettings& s) { s.wind.x() = nan; });
+    fails([&](GrainSettings& s) { s.ground = nan; });
+    WornMesh bad = scene.worn(id);
+    const std::array<uint32_t, 3> far = {0, 1, 99};
+    bad.triangles = far.data(), bad.triangle_count = 1;
+    EXPECT_THROW(traced(scene, bad, even_grains(10)), std::invalid_argument);
+}
+
+TEST(Grains, DegenerateTrianglesWearNothing) {
+    GrainScene scene;
+    GrainShape shape = grain_sphere({0.0, 0.5, 0.0}, 0.5, 8);
+    const auto last = uint32_t(shape.vertices.size() / 3);
+    shape.add({0.0, 0.5, 0.0}), shape.add({0.3, 0.5, 0.0}); // a segment, and a point
+    for (const uint32_t k : {last, last + 1, last + 1, last, last, last}) shape.triangles.push_back(k);
+    const unsigned id = scene.add(std::move(shape));
+    scene.commit();
+    GrainSettings s;
+    s.paths = 3000;
+    const GrainResult result = traced(scene, scene.worn(id), s);
+    expect_accounts(result.report);
+    EXPECT_GT(result.report.worn, 0);
+    EXPECT_EQ(result.triangles.back(), 0.0);
+    for (const double wear : result.vertices) EXPECT_TRUE(wear >= 0.0 && wear < infinity);
+}
+
+TEST(Grains, ScaleAndPlaceDoNotMatter) {
+    struct Case {
+        double size, away;
+        bool ground;
+    };
+    for (const Case c : {Case{1.0, 1e6, false}, Case{10.0, 1e6, true}, Case{1e-3, 0.0, false},
+                         Case{1e-3, 0.0, true}, Case{100.0, 0.0, true}}) {
+        GrainScene scene;
+        const unsigned id = scene.add(grain_sphere({c.away, 0.5 * c.size, -c.away}, 0.5 * c.size, 8));
+        scene.commit();
+        GrainSettings s;
+        s.paths = 1000, s.drag_time = 0.2, s.height = std::min(c.size, 1.0);
+        if (c.ground) s.ground = 0.0;
+        const GrainResult result = traced(scene, scene.worn(id), s);
+        expect_accounts(result.report);
+        EXPECT_GT(result.report.worn_hits, 50u) << c.size << " m, " << c.away << " m away";
+        EXPECT_LT(result.report.given_up, 100u) << c.size << " m, " << c.away << " m away";
+    }
+}
+
+TEST(Grains, CancelledWithoutWear) {
+    GrainScene scene;
+    const unsigned id = scene.add(grain_plate(Vec3d::Zero(), Vec3d(0.0, 1.0, 0.0), Vec3d(0.0, 0.0, 1.0)));
+    scene.commit();
+    GrainHooks hooks;
+    hooks.cancelled = [] { return true; };
+    const GrainResult result = traced(scene, scene.worn(id), even_grains(100000), hooks);
+    EXPECT_TRUE(result.report.cancelled);
+    for (const double wear : result.vertices) EXPECT_EQ(wear, 0.0);
+}
+
+} // namespace
+} // namespace marram::testing

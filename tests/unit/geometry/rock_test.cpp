@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// The procedural "rock" as a renderer sees it. The wear itself is tested in tests/unit/erosion.
+#include "build_scene.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace marram::testing {
+namespace {
+
+std::string rock(const std::string& more = "") {
+    return "\n[[procedural]]\ntype = \"rock\"\nname = \"worn\"\nmesh = \"ball\"\npaths = 20000\n" + more +
+           "\n";
+}
+
+const std::string ball = mesh("ball", "sphere", "radius = 1\ntransform = { translate = [0, 1, 0] }");
+const std::string wall = mesh("wall", "box", "size = [0.2, 4, 6]\ntransform = { translate = [-3, 2, 0] }");
+
+const MeshGeometry& mesh_of(const World& world, const std::string& name) {
+    for (const MeshGeometry& mesh : world.meshes)
+        if (mesh.name == name) return mesh;
+    throw std::runtime_error("no mesh " + name);
+}
+
+double mean(const World& world, const std::string& name) {
+    const AttributeValues* found = find_attribute(mesh_of(world, "worn").attributes, name);
+    if (!found) throw std::runtime_error("no attribute " + name);
+    double sum = 0.0;
+    for (const float value : found->values) {
+        EXPECT_TRUE(std::isfinite(value) && value >= 0.0F);
+        sum += double(value);
+    }
+    return sum / double(found->values.size());
+}
+
+TEST(Rock, HandsOutTheMeshWithItsWear) {
+    TestScene scene(ball + rock("sand_level = 0\nmap = 32\nspeed = 10"));
+    const World world = scene.build();
+    const MeshGeometry &source = mesh_of(world, "ball"), &worn = mesh_of(world, "worn");
+    EXPECT_EQ(worn.positions[0], source.positions[0]);
+    EXPECT_EQ(worn.triangles, source.triangles);
+    EXPECT_EQ(worn.uvs, source.uvs);
+    EXPECT_GT(mean(world, "wear"), 0.01);
+    EXPECT_GT(mean(world, "wear_rate"), 0.0);
+    const std::vector<float>& wear = find_attribute(worn.attributes, "wear")->values;
+    double windward = 0.0, lee = 0.0;
+    for (size_t v = 0; v < wear.size(); ++v) {
+        EXPECT_LE(wear[v], 1.0F);
+        (worn.positions[0][v].x() < 0.0F ? windward : lee) += double(wear[v]);
+    }
+    EXPECT_GT(windward, 5.0 * lee);
+    ASSERT_EQ(worn.grids.size(), 2u);
+    EXPECT_EQ(worn.grids[0].grid.nx, 32u);
+}
+
+TEST(Rock, IsShelteredByWhatItNamesAndByNothingElse) {
+    const auto wear = [](const std::string& more) {
+        TestScene scene(ball + wall + rock("sand_level = 0\nspeed = 10\nfull = 1\n" + more));
+        return mean(scene.build(), "wear_rate");
+    };
+    const double open = wear(""), sheltered = wear("[[procedural.shelter]]\nmesh = \"wall\"");
+    EXPECT_GT(open, 0.0);
+    EXPECT_LT(sheltered, 0.2 * open);
+}
+
+TEST(Rock, AnEditOfTheLawChangesAttributesAlone) {
+    TestScene scene(ball + rock("speed = 10"));
+    scene.build();
+    EXPECT_EQ(scene.update(ball + rock("speed = 10")).procedurals.at(0), MARRAM_NOTHING);
+    EXPECT_EQ(scene.update(ball + rock("speed = 10\nthreshold = 3")).procedurals.at(0), MARRAM_ATTRIBUTES);
+    EXPECT_GT(mean(scene.build(), "wear_rate"), 0.0);
+}
+
+TEST(Rock, FaultsNameTheirPlace) {
+    TestScene twice(ball + rock("[[procedural.shelter]]\nmesh = \"ball\""));
+    EXPECT_NE(twice.objection().find("'ball' is the mesh that wears"), std::string::npos);
+}
+
+} // namespace
+} // namespace marram::testing

@@ -67,8 +67,8 @@ TEST(Rock, IsShelteredByWhatItNamesAndByNothingElse) {
 TEST(Rock, AnEditOfTheLawChangesAttributesAlone) {
     TestScene scene(ball + rock("speed = 10"));
     scene.build();
-    EXPECT_EQ(scene.update(ball + rock("speed = 10")).procedurals.at(0), MARRAM_NOTHING);
-    EXPECT_EQ(scene.update(ball + rock("speed = 10\nthreshold = 3")).procedurals.at(0), MARRAM_ATTRIBUTES);
+    EXPECT_EQ(scene.update(ball + rock("speed = 10")).at("worn"), MARRAM_NOTHING);
+    EXPECT_EQ(scene.update(ball + rock("speed = 10\nthreshold = 3")).at("worn"), MARRAM_ATTRIBUTES);
     EXPECT_GT(mean(scene.build(), "wear_rate"), 0.0);
 }
 

@@ -28,8 +28,9 @@
 //
 // Rebound. Speed normal to the surface times -normal_restitution, along it times tangent_restitution (0.5 to 0.9 are measured on rock); then the unit direction
 // plus scatter times a random unit vector, at the same speed, turned away from the surface where it leads into it. Sand replaces a grain that lands:
-// in a stream in balance one grain leaves for each that lands (Kok et al. 2012). It leaves along the surface at bed_speed, and off it at w >= 0
-// with density w exp(-w^2 / (2 g H)), the flux of the normal distribution above. So level sand neither dims nor feeds the stream.
+// in a stream in balance one grain leaves for each that lands (Kok et al. 2012). It leaves along the surface at bed_speed, and off it at w >= 0 with
+// density w exp(-w^2 / (2 g H)), the flux of the normal distribution above. So level sand neither dims nor feeds the stream. What has hit rock
+// before leaves with no more energy than it lands with: or sand under an overhang would send up more than comes down.
 //
 // A grain ends where it leaves the box (each side is counted), settles, is given up, or cannot reach the threshold any more: without drag and sand,
 // E + g (y - lowest) < Ec. The box: of the scene, within `reach` of the worn meshes' box; grains above it may come down again. The plane where
@@ -272,16 +273,18 @@ Vec3d rebound(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, con
     return speed * d;
 }
 
-// A grain that leaves sand instead of the one that has landed.
-Vec3d from_sand(const GrainTracer& tracer, const Grain& grain, const Vec3d& n) {
+// The grain that leaves sand instead of one that lands with the velocity v.
+Vec3d from_sand(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, const Vec3d& n) {
     const uint64_t key = hash(hash(tracer.settings.seed, grain.path), 0x9000ULL + grain.landings);
     const double rise = tracer.launch * std::sqrt(-2.0 * std::log1p(-unit_double(hash(key, 0))));
     const double yaw = tracer.settings.spread * (2.0 * unit_double(hash(key, 1)) - 1.0);
     Vec3d level = std::cos(yaw) * tracer.box.along + std::sin(yaw) * tracer.box.across;
     level -= level.dot(n) * n;
     const double length = level.norm();
-    return (length > 1e-6 ? Vec3d(tracer.settings.bed_speed / length * level) : Vec3d(Vec3d::Zero())) +
-           rise * n;
+    Vec3d out = rise * n;
+    if (length > 1e-6) out += tracer.settings.bed_speed / length * level;
+    const double limit = v.norm(), speed = out.norm();
+    return grain.hits > 0 && speed > limit ? Vec3d(limit / speed * out) : out;
 }
 
 // ---- one grain, one segment ----
@@ -299,12 +302,13 @@ bool lands(const GrainTracer& tracer, GrainCounts& counts, Grain& grain, const V
     const int64_t before = grain_quanta(grain_energy(v));
     counts.flight += before - grain.energy;
     ++counts.sand_hits;
-    grain.x = at, grain.v = from_sand(tracer, grain, n);
+    grain.x = at, grain.v = from_sand(tracer, grain, v, n);
     grain.energy = grain_quanta(grain_energy(grain.v));
     counts.sand += grain.energy - before;
     grain.normal = n, grain.leaving = true;
     ++grain.landings;
-    if (!(grain.v.dot(n) > 0.0)) return ends(counts, grain, grain.v, counts.settled);
+    if (grain_energy(grain.v) < tracer.settle || !(grain.v.dot(n) > 0.0))
+        return ends(counts, grain, grain.v, counts.settled);
     return true;
 }
 

@@ -46,22 +46,22 @@ TEST(Grains, PostWearsMostAtTheKink) {
 TEST(Grains, StepKeepsGrainsOffBehindIt) {
     const StepWear step = step_wear(1 << 14, 1);
     expect_accounts(step.report);
-    EXPECT_LT(step_error(step), 0.08);
+    EXPECT_LT(step_error(step), 0.12);
     EXPECT_EQ(step.wear[0], 0.0); // nothing comes down so steeply
 }
 
 TEST(Grains, SandKeepsTheStreamAsItIs) {
     const StepWear plain = step_wear(1 << 14, 2, 0.0, 10);
     expect_accounts(plain.report);
-    EXPECT_LT(step_error(plain), 0.08);
+    EXPECT_LT(step_error(plain), 0.12);
 }
 
 TEST(Grains, CavityAgreesWithManyTimesTheGrains) {
     GrainReport report;
-    const std::vector<double> few = cavity_wear(1 << 13, 1, &report), many = cavity_wear(1 << 17, 2);
+    const std::vector<double> few = cavity_wear(1 << 14, 1, &report), many = cavity_wear(1 << 17, 2);
     expect_accounts(report);
     EXPECT_GT(report.worn_hits, report.grains / 2);
-    EXPECT_LT(relative_error(few, many), 0.09);
+    EXPECT_LT(relative_error(few, many), 0.1);
 }
 
 TEST(Grains, ErrorFallsAtLeastWithTheRootOfThePaths) {

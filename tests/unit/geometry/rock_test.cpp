@@ -47,7 +47,9 @@ TEST(Rock, HandsOutTheMeshWithItsWear) {
     double windward = 0.0, lee = 0.0;
     for (size_t v = 0; v < wear.size(); ++v) {
         EXPECT_LE(wear[v], 1.0F);
-        (worn.positions[0][v].x() < 0.0F ? windward : lee) += double(wear[v]);
+        const float x = worn.positions[0][v].x();
+        if (std::abs(x) > 1e-3F)
+            (x < 0.0F ? windward : lee) += double(wear[v]); // not the poles, which stand often
     }
     EXPECT_GT(windward, 5.0 * lee);
     ASSERT_EQ(worn.grids.size(), 2u);
@@ -73,8 +75,15 @@ TEST(Rock, AnEditOfTheLawChangesAttributesAlone) {
 }
 
 TEST(Rock, FaultsNameTheirPlace) {
-    TestScene twice(ball + rock("[[procedural.shelter]]\nmesh = \"ball\""));
-    EXPECT_NE(twice.objection().find("'ball' is the mesh that wears"), std::string::npos);
+    try {
+        TestScene scene(ball + rock("[[procedural.shelter]]\nmesh = \"ball\""));
+        FAIL() << "no error";
+    } catch (const InputError& error) {
+        const std::string text = to_string(error.problems.at(0));
+        EXPECT_NE(text.find(".toml:14:8: 'ball' is the mesh that wears: leave it out here"),
+                  std::string::npos)
+            << text;
+    }
 }
 
 } // namespace

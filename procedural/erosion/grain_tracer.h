@@ -37,7 +37,7 @@ struct GrainTracer {
     std::vector<unsigned> sand;    // ascending
     GrainBox box;
     double sag = 0.0, threshold = 0.0, settle = 0.0, launch = 0.0; // launch: sqrt(g H)
-    std::array<uint64_t, 5> steps{}, shifts{};
+    std::array<uint32_t, 5> shifts{};                              // seeds of the dimensions of a start
     std::vector<int64_t> vertex_quanta, triangle_quanta;
 };
 

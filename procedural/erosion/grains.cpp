@@ -40,8 +40,8 @@
 // for any number of threads. A hit's quanta go to the corners of its triangle by barycentric weights, rounded so that their sum is kept. A vertex has a third of the
 // area of its triangles: depth = quanta 2^-20 mass_per_grain / (energy_per_volume area), the mean of rate x hat function over hat function.
 //
-// Random numbers. Path i starts at the point frac(shift + (i + 1) a) of the five-dimensional Kronecker sequence whose steps a are powers of the root of
-// x^6 = x + 1 (Roberts 2018), in 64-bit integers; shift is a hash of the seed. What happens at hit k of path i is a hash of (seed, i, k).
+// Random numbers. Path i starts at point i of the five-dimensional Sobol sequence (Joe and Kuo 2008), Owen-scrambled by hashes of the seed; event k of a path
+// takes the first two dimensions again, scrambled and shuffled by hashes of the seed and k (Burley 2020): sobol.h.
 //
 // Rays start off a surface by the error of the point: 2 U (c + l q), with U = 2^-23, c the greatest coordinate, l the triangle's extent, q = |e1| |e2| /
 // |e1 x e2|, as core/geometry/hit.cpp derives it. Segments overlap by the rounding of their ends, so that none slips through between two.
@@ -54,6 +54,7 @@
 #include "core/math/clock.h"
 #include "core/math/hash.h"
 #include "procedural/erosion/grain_tracer.h"
+#include "procedural/erosion/sobol.h"
 
 #include <tbb/parallel_for.h>
 
@@ -102,16 +103,14 @@ struct Grain {
 // ---- the stream ----
 
 double grain_unit(const GrainTracer& tracer, uint64_t path, int dimension) {
-    return unit_double(tracer.shifts[size_t(dimension)] + (path + 1) * tracer.steps[size_t(dimension)]);
+    return sobol_point(uint32_t(path), dimension, tracer.shifts[size_t(dimension)]);
 }
 
-void set_sequence(GrainTracer& tracer) {
-    double root = 1.1;
-    for (int k = 0; k < 64; ++k) root = std::pow(1.0 + root, 1.0 / 6.0);
-    for (int d = 0; d < 5; ++d) {
-        tracer.steps[size_t(d)] = uint64_t(std::ldexp(std::pow(root, -(d + 1)), 64)) | 1U;
-        tracer.shifts[size_t(d)] = hash(tracer.settings.seed, 0x6772ULL + uint64_t(d));
-    }
+// Two numbers for event k of a path: the first two dimensions again, in an order of their own.
+std::array<double, 2> event_numbers(const GrainTracer& tracer, uint64_t path, uint32_t event) {
+    const uint64_t key = hash(tracer.settings.seed, 0x6576ULL + event);
+    const uint32_t index = owen_shuffle(uint32_t(path), uint32_t(key));
+    return {sobol_point(index, 0, uint32_t(hash(key, 1))), sobol_point(index, 1, uint32_t(hash(key, 2)))};
 }
 
 Grain started_grain(const GrainTracer& tracer, uint64_t path) {
@@ -260,8 +259,8 @@ Vec3d rebound(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, con
     const Vec3d out = s.tangent_restitution * (v - towards * n) - s.normal_restitution * towards * n;
     const double speed = out.norm();
     if (!(speed > 0.0) || s.scatter <= 0.0) return out;
-    const uint64_t key = hash(hash(s.seed, grain.path), 0x5000ULL + grain.hits);
-    const double z = 2.0 * unit_double(hash(key, 0)) - 1.0, angle = 2.0 * pi * unit_double(hash(key, 1));
+    const auto [u0, u1] = event_numbers(tracer, grain.path, 2 * grain.hits);
+    const double z = 2.0 * u0 - 1.0, angle = 2.0 * pi * u1;
     const double r = std::sqrt(std::max(1.0 - z * z, 0.0));
     Vec3d d = out / speed + s.scatter * Vec3d(r * std::cos(angle), r * std::sin(angle), z);
     const double length = d.norm();
@@ -275,9 +274,9 @@ Vec3d rebound(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, con
 
 // The grain that leaves sand instead of one that lands with the velocity v.
 Vec3d from_sand(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, const Vec3d& n) {
-    const uint64_t key = hash(hash(tracer.settings.seed, grain.path), 0x9000ULL + grain.landings);
-    const double rise = tracer.launch * std::sqrt(-2.0 * std::log1p(-unit_double(hash(key, 0))));
-    const double yaw = tracer.settings.spread * (2.0 * unit_double(hash(key, 1)) - 1.0);
+    const auto [u0, u1] = event_numbers(tracer, grain.path, 2 * grain.landings + 1);
+    const double rise = tracer.launch * std::sqrt(-2.0 * std::log1p(-u0));
+    const double yaw = tracer.settings.spread * (2.0 * u1 - 1.0);
     Vec3d level = std::cos(yaw) * tracer.box.along + std::sin(yaw) * tracer.box.across;
     level -= level.dot(n) * n;
     const double length = level.norm();
@@ -496,7 +495,7 @@ GrainReport trace_grains(RTCScene scene, std::span<const WornMesh> meshes, const
     tracer.sand.assign(settings.sand.begin(), settings.sand.end());
     std::sort(tracer.sand.begin(), tracer.sand.end());
     take_worn_meshes(tracer, meshes, wear.size(), triangle_wear.size());
-    set_sequence(tracer);
+    for (size_t d = 0; d < 5; ++d) tracer.shifts[d] = uint32_t(hash(settings.seed, 0x6772ULL + d));
     std::fill(wear.begin(), wear.end(), 0.0);
     std::fill(triangle_wear.begin(), triangle_wear.end(), 0.0);
     GrainReport report;

@@ -236,8 +236,9 @@ inline StepWear step_wear(uint64_t paths, uint32_t seed, double step = 0.1, uint
     const double spread = s.gravity * s.height, least = 0.5 * s.threshold_speed * s.threshold_speed;
     const auto density = [&](double d) {
         double energy = least;
-        for (const double x : {d, d + broad}) {
-            const double w = step > 0.0 ? step * s.speed / x + s.gravity * x / (2.0 * s.speed) : 0.0;
+        for (const double x :
+             {d, step > 0.0 ? d + broad : d}) { // without a step: hops that begin on the sand
+            const double w = step * s.speed / x + s.gravity * x / (2.0 * s.speed);
             energy = std::max(energy, 0.5 * w * w);
         }
         return flux_of(s) / s.speed / std::sqrt(2.0 * pi * spread) * spread * std::exp(-energy / spread) *

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Points of Sobol's sequence in five dimensions, Owen-scrambled: any one by its index, without a state.
+//
+// Directions of S. Joe and F. Kuo, "Constructing Sobol sequences with better two-dimensional projections", SIAM J. Sci. Comput. 2008. Nested uniform
+// scrambling by a hash of the reversed bits: B. Burley, "Practical hash-based Owen scrambling", JCGT 2020.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace marram {
+
+constexpr uint32_t reversed_bits(uint32_t x) {
+    x = ((x >> 1) & 0x55555555U) | ((x & 0x55555555U) << 1);
+    x = ((x >> 2) & 0x33333333U) | ((x & 0x33333333U) << 2);
+    x = ((x >> 4) & 0x0f0f0f0fU) | ((x & 0x0f0f0f0fU) << 4);
+    return __builtin_bswap32(x);
+}
+
+// Permutes the 2^32 numbers so that aligned blocks of powers of two stay together: a shuffle of indices, and, of a coordinate's
+// bits, Owen's scrambling.
+constexpr uint32_t owen_shuffle(uint32_t x, uint32_t seed) {
+    x = reversed_bits(x);
+    x += seed;
+    x ^= x * 0x6c50b47cU;
+    x ^= x * 0xb82f1e52U;
+    x ^= x * 0xc7afe638U;
+    x ^= x * 0x8d22f6e6U;
+    return reversed_bits(x);
+}
+
+constexpr std::array<std::array<uint32_t, 32>, 5> sobol_directions() {
+    struct Polynomial {
+        int degree;
+        uint32_t inner; // coefficients between the first and the last
+        uint32_t start[3];
+    };
+    constexpr Polynomial polynomials[4] = {{1, 0, {1}}, {2, 1, {1, 3}}, {3, 1, {1, 3, 1}}, {3, 2, {1, 1, 1}}};
+    std::array<std::array<uint32_t, 32>, 5> v{};
+    for (size_t k = 0; k < 32; ++k) v[0][k] = 1U << (31 - k);
+    for (size_t d = 1; d < 5; ++d) {
+        const Polynomial& p = polynomials[d - 1];
+        const auto n = size_t(p.degree);
+        for (size_t k = 0; k < n; ++k) v[d][k] = p.start[k] << (31 - k);
+        for (size_t k = n; k < 32; ++k) {
+            v[d][k] = v[d][k - n] ^ (v[d][k - n] >> n);
+            for (size_t j = 1; j < n; ++j)
+                if ((p.inner >> (n - 1 - j)) & 1U) v[d][k] ^= v[d][k - j];
+        }
+    }
+    return v;
+}
+
+// Coordinate `dimension` (0 to 4) of a point, in [0, 1).
+inline double sobol_point(uint32_t index, int dimension, uint32_t seed) {
+    static constexpr auto directions = sobol_directions();
+    uint32_t x = 0;
+    for (uint32_t left = index; left != 0; left &= left - 1)
+        x ^= directions[size_t(dimension)][size_t(__builtin_ctz(left))];
+    return double(owen_shuffle(x, seed)) * 0x1p-32;
+}
+
+} // namespace marram

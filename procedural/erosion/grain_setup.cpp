@@ -21,24 +21,33 @@ struct WindBounds {
     }
 };
 
-// Ground along the plane: the highest mesh below it, or base.
+// Distance to what a ray meets first, or infinity. direction: unit.
+double first_hit(const GrainTracer& tracer, const Vec3d& from, const Vec3d& direction, double length) {
+    RTCRayHit ray{};
+    ray.ray.org_x = float(from.x()), ray.ray.org_y = float(from.y()), ray.ray.org_z = float(from.z());
+    ray.ray.dir_x = float(direction.x()), ray.ray.dir_y = float(direction.y()),
+    ray.ray.dir_z = float(direction.z());
+    ray.ray.tfar = float(length);
+    ray.ray.mask = tracer.settings.ray_mask;
+    ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    marram_intersect1(tracer.scene, &ray, 1);
+    return ray.hit.geomID != RTC_INVALID_GEOMETRY_ID ? double(ray.ray.tfar) : infinity;
+}
+
+// Ground along the plane: the highest mesh a little behind it, or base. What a level ray meets just below that top is no ground, but the face of
+// something that stands there.
 void find_ground(const GrainTracer& tracer, GrainBox& box) {
     box.ground.resize(grain_profile);
-    const double height = box.y1 - box.y0 + 2.0 * box.size * 1e-3;
+    const double little = 1e-4 * box.size, high = box.y1 + 10.0 * little;
     for (int k = 0; k < grain_profile; ++k) {
         const double t = box.t0 + (k + 0.5) / grain_profile * (box.t1 - box.t0);
-        Vec3d from = std::max(box.start, box.s0 + 1e-4 * box.size) * box.along + t * box.across;
-        from.y() = box.y1 + box.size * 1e-3;
-        RTCRayHit ray{};
-        ray.ray.org_x = float(from.x()), ray.ray.org_y = float(from.y()), ray.ray.org_z = float(from.z());
-        ray.ray.dir_y = -1.0F;
-        ray.ray.tfar = float(height);
-        ray.ray.mask = tracer.settings.ray_mask;
-        ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-        marram_intersect1(tracer.scene, &ray, 1);
-        double y = ray.hit.geomID != RTC_INVALID_GEOMETRY_ID ? from.y() - double(ray.ray.tfar) : box.base;
-        if (tracer.settings.ground) y = std::max(y, *tracer.settings.ground);
-        box.ground[size_t(k)] = y + 8.0 * grain_step * from.cwiseAbs().maxCoeff();
+        Vec3d from = (box.s0 + little) * box.along + t * box.across;
+        from.y() = high;
+        double y = high - first_hit(tracer, from, -Vec3d::UnitY(), high - box.y0 + little);
+        from -= little * box.along;
+        from.y() = std::max(y - little, box.base);
+        if (!(y > box.base) || first_hit(tracer, from, box.along, little) < infinity) y = box.base;
+        box.ground[size_t(k)] = y + 8.0 * grain_step * std::max(from.cwiseAbs().maxCoeff(), std::abs(high));
     }
 }
 

@@ -48,7 +48,7 @@
 //
 // Limits. Grains do not collide, do not spin, and have one size; rock does not change while it is worn. Meshes are read at their first motion sample.
 //
-// Cost. Rays of 256 grains are traced together. Per segment about 60 ns besides Embree's time.
+// Cost. Rays of 64 grains are traced together. On a million triangles a segment takes 0.8 us of one core, Embree 0.5 of these (build/grains speed).
 #include "procedural/erosion/grains.h"
 
 #include "core/math/clock.h"
@@ -69,7 +69,7 @@ namespace {
 
 constexpr double grain_margin = 2.0;      // of offsets
 constexpr double grain_sliver = 1e4;      // greatest q
-constexpr size_t grain_window = 256;      // traced together
+constexpr size_t grain_window = 64;       // traced together
 constexpr uint64_t grain_block = 4096;    // a task
 constexpr double grain_least_rise = 0.01; // sine of a rebound's direction to the surface
 

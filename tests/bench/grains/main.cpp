@@ -40,14 +40,14 @@ void print_errors() {
         {"cavity", [&](uint64_t n, uint32_t seed) { return relative_error(cavity_wear(n, seed), dense); }},
     };
     const std::vector<uint64_t> paths = {1 << 10, 1 << 12, 1 << 14, 1 << 16};
-    std::printf("errors: relative, area-weighted, seed 1; slope: of the root mean square of 4 seeds\n%8s",
+    std::printf("errors: relative, area-weighted, seed 1; slope: of the root mean square of 16 seeds\n%8s",
                 "");
     for (const uint64_t n : paths) std::printf(" %10llu", static_cast<unsigned long long>(n));
     std::printf(" %8s\n", "slope");
     for (const Case& c : cases) {
         std::printf("%8s", c.name);
         for (const uint64_t n : paths) std::printf(" %10.6f", c.error(n, 1));
-        std::printf(" %8.2f\n", error_slope(c.error, paths, 4));
+        std::printf(" %8.2f\n", error_slope(c.error, paths, 16));
         std::fflush(stdout);
     }
 }

@@ -210,7 +210,7 @@ inline StepWear step_wear(uint64_t paths, uint32_t seed, double step = 0.1, uint
     constexpr double broad = 0.3, strip = 0.05;
     GrainScene scene;
     const Vec3d side(0.0, 0.0, 1.0);
-    const unsigned sand = scene.add(grain_plate({-4.0, 0.0, 0.0}, {4.0 - broad, 0.0, 0.0}, side));
+    const unsigned sand = scene.add(grain_plate({-1.5, 0.0, 0.0}, {1.5 - broad, 0.0, 0.0}, side));
     if (step > 0.0) {
         scene.add(grain_plate({-broad, 0.0, 0.0}, {0.0, step, 0.0}, side));
         scene.add(grain_plate({-broad, step, 0.0}, {broad, 0.0, 0.0}, side));

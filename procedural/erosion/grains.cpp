@@ -22,8 +22,8 @@
 //     max(E sin^n A - Ec, 0) / energy_per_volume,   Ec = threshold_speed^2 / 2,   n = angle_exponent.
 // n = 0: in proportion to the energy delivered (Anderson 1986), n = 2: to that normal to the surface, as brittle rock wears (Sklar and Dietrich
 // 2004). Below the threshold grains bounce off without wear (Bridges et al. 2005). energy_per_volume = k s^2 / (2 Y): tensile strength s,
-// Young's modulus Y, k about 1e6 (Sklar and Dietrich 2004); s = 10 MPa, Y = 50 GPa give 1e9 J/m^3, and rates of 0.1 to 2 mm a year on faces
-// towards the wind for the stream of the defaults; 0.03 to 1.6 mm a year are measured on ventifacts. A surface wears by flux x f: the flux
+// Young's modulus Y, k about 1e6 (Sklar and Dietrich 2004); s = 10 MPa, Y = 50 GPa give 1e9 J/m^3, and 0.5 mm a year where a face
+// towards the wind wears most, for the stream of the defaults; 0.03 to 1.6 mm a year are measured on rocks in the field. A surface wears by flux x f: the flux
 // through it, which goes with sin A, comes from the number of grains that hit.
 //
 // Rebound. Speed normal to the surface times -normal_restitution, along it times tangent_restitution (0.5 to 0.9 are measured on rock); then the unit direction

@@ -86,13 +86,15 @@ HardnessBatch hardness_batch(std::span<const float> points, size_t first) {
 }
 
 // The first component of noise of rms 1.
-VFloat hardness_noise(const HardnessBatch& batch, double length, int octaves, double footprint, uint32_t seed) {
+VFloat hardness_noise(const HardnessBatch& batch, double length, int octaves, double footprint,
+                      uint32_t seed) {
     FractalNoise noise;
     noise.frequency = 1.0 / length;
     noise.octaves = std::clamp(octaves, 1, hardness_octaves);
     noise.seed = seed;
     double shortest = length * std::exp2(1.0 - noise.octaves);
-    while (noise.left_out + 1 < noise.octaves && shortest < 2.0 * footprint) shortest *= 2.0, ++noise.left_out;
+    while (noise.left_out + 1 < noise.octaves && shortest < 2.0 * footprint)
+        shortest *= 2.0, ++noise.left_out;
     std::array<Wide3f, 1> out;
     vector_noise(noise, batch.point.data(), 1, false, 0.0, out.data());
     return out[0].x * float(1.0 / perlin_rms_3d);
@@ -120,27 +122,29 @@ void rock_hardness(const HardnessSettings& settings, std::span<const float> poin
     const BedRates fine{strata.thickness / laminae_a_bed, contrast * strata.laminae, hash(settings.seed, 2)};
     const double log_noise = std::log(std::max(settings.noise, 1.0)) / 4.0; // extremes at twice the rms
     const size_t batches = (hardness.size() + lanes - 1) / lanes;
-    tbb::parallel_for(tbb::blocked_range<size_t>(0, batches, 64), [&](const tbb::blocked_range<size_t>& range) {
-        for (size_t b = range.begin(); b < range.end(); ++b) {
-            const HardnessBatch batch = hardness_batch(points, b * lanes);
-            VFloat fold{}, noise{};
-            if (folds) fold = hardness_noise(batch, strata.fold_length, 2, footprint, settings.seed + 0x31U);
-            if (noisy)
-                noise = hardness_noise(batch, settings.noise_length, settings.noise_octaves, footprint,
-                                       settings.seed + 0x17U);
-            for (int lane = 0; lane < batch.count; ++lane) {
-                const Vec3d p(batch.point[0].x[lane], batch.point[0].y[lane], batch.point[0].z[lane]);
-                double value = settings.hardness;
-                if (beds) {
-                    const double s = across.dot(p) + strata.fold * double(fold[lane]);
-                    value /= main.mean(s, footprint) * fine.mean(s, footprint);
+    tbb::parallel_for(
+        tbb::blocked_range<size_t>(0, batches, 64), [&](const tbb::blocked_range<size_t>& range) {
+            for (size_t b = range.begin(); b < range.end(); ++b) {
+                const HardnessBatch batch = hardness_batch(points, b * lanes);
+                VFloat fold{}, noise{};
+                if (folds)
+                    fold = hardness_noise(batch, strata.fold_length, 2, footprint, settings.seed + 0x31U);
+                if (noisy)
+                    noise = hardness_noise(batch, settings.noise_length, settings.noise_octaves, footprint,
+                                           settings.seed + 0x17U);
+                for (int lane = 0; lane < batch.count; ++lane) {
+                    const Vec3d p(batch.point[0].x[lane], batch.point[0].y[lane], batch.point[0].z[lane]);
+                    double value = settings.hardness;
+                    if (beds) {
+                        const double s = across.dot(p) + strata.fold * double(fold[lane]);
+                        value /= main.mean(s, footprint) * fine.mean(s, footprint);
+                    }
+                    if (noisy) value *= std::exp(log_noise * std::clamp(double(noise[lane]), -3.0, 3.0));
+                    for (const HardnessMask& mask : settings.masks) value *= mask_factor(mask, p);
+                    hardness[b * lanes + size_t(lane)] = value;
                 }
-                if (noisy) value *= std::exp(log_noise * std::clamp(double(noise[lane]), -3.0, 3.0));
-                for (const HardnessMask& mask : settings.masks) value *= mask_factor(mask, p);
-                hardness[b * lanes + size_t(lane)] = value;
             }
-        }
-    });
+        });
 }
 
 } // namespace marram

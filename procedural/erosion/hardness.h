@@ -12,10 +12,10 @@ namespace marram {
 
 // Beds of sediment, hard and soft ones in turn.
 struct RockStrata {
-    double thickness = 0.0;     // m, mean of a bed; 0: no beds
-    double contrast = 4.0;      // of the hardest and the softest bed, 1 or more
-    double laminae = 0.0;       // 0 to 1: how much thinner beds within the beds differ, as a power of the contrast
-    double dip = 0.0;           // rad, between the beds and level
+    double thickness = 0.0; // m, mean of a bed; 0: no beds
+    double contrast = 4.0;  // of the hardest and the softest bed, 1 or more
+    double laminae = 0.0; // 0 to 1: how much thinner beds within the beds differ, as a power of the contrast
+    double dip = 0.0;     // rad, between the beds and level
     double dip_direction = 0.0; // rad about y from x towards z: where the beds go down
     double fold = 0.0;          // m, amplitude of their folds
     double fold_length = 10.0;  // m

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+// Wind erosion of rock over levels of detail, coarse first. The page is in erosion.cpp.
+#pragma once
+
+#include "core/plugin/embree.h"
+#include "procedural/erosion/grains.h"
+#include "procedural/erosion/hardness.h"
+#include "procedural/erosion/level_set.h"
+
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace marram {
+
+struct ErosionSettings {
+    int levels = 3;        // each has voxels of half the size of the one before; 1 to most_erosion_levels
+    double voxel = 0.01;   // m, of the finest level
+    double years = 1000.0; // of wind
+    double detail = 0.75;  // depth of what a level adds, in voxels of the one before, 0 to 1
+    int most_passes = 200; // of the first level
+    HardnessSettings hardness;
+};
+inline constexpr int most_erosion_levels = 6;
+
+// The first thing that is wrong: "levels: must be 1 to 6", or "".
+std::string erosion_settings_fault(const ErosionSettings& settings);
+
+// Metres a year that rock of hardness 1 loses at each vertex. `pass` counts all passes from 0. May throw.
+using RockWear = std::function<void(const LevelMesh& mesh, uint64_t pass, std::span<double> rate)>;
+
+struct ErosionHooks {
+    std::function<bool()> cancelled;                                      // asked between the steps of a pass
+    std::function<void(double share, const std::string& words)> progress; // share of the work, 0 to 1
+};
+
+struct ErosionLevel {
+    LevelSet rock;
+    int passes = 0;
+    double start = 0.0, removed = 0.0; // m^3: rock before its first pass, and what its passes took
+    size_t pieces = 0;                 // that came loose and were taken away
+    double seconds = 0.0;
+};
+
+struct ErosionResult {
+    std::vector<ErosionLevel> levels; // the coarsest first; fewer where it was cancelled
+    double years = 0.0; // that passed; less than asked for where most_passes ended it, or no rock was left
+    bool cancelled = false;
+};
+
+// Erodes a closed mesh. Throws LevelSetError for a mesh or voxels that cannot be used, std::invalid_argument for faulty settings.
+ErosionResult erode(std::span<const float> positions, std::span<const uint32_t> triangles,
+                    const ErosionSettings& settings, const RockWear& wear, const ErosionHooks& hooks = {});
+
+// One of the winds that wear a rock in turn.
+struct RockWind {
+    GrainSettings grains; // its paths are those of a pass
+    double share = 1.0;   // of the time
+};
+
+// Wear by grains that are traced to the rock and to `others`, which stand around it. Each pass takes other random numbers. Throws
+// std::invalid_argument for faulty settings. `cancelled` may be empty; after it was true rates are 0.
+RockWear grain_wear(RTCDevice device, std::vector<RockWind> winds, std::vector<RTCGeometry> others = {},
+                    std::function<bool()> cancelled = {});
+
+// Means of values at vertices over their neighbours on the surface, so that they blur as by a Gaussian whose standard deviation is
+// about 0.6 sqrt(times) edges of the mesh.
+void blur_over_surface(const LevelMesh& mesh, int times, std::span<double> values);
+
+} // namespace marram

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+// Measures the wear of rock, and prints tables.
+//
+//     rock_erosion sphere              a sphere worn evenly: error and order
+//     rock_erosion planes              planes at angles to the grid
+//     rock_erosion parity              levels against the finer ones, smoothed
+//     rock_erosion speed [n] [paths]   a pass on a grid of n^3 voxels (512, 10^7)
+//     rock_erosion ventifact OUT [voxel]    writes OUT.0.obj, OUT.1.obj, ...: one a level
+//     rock_erosion yardang OUT [voxel]
+#include "procedural/erosion/erosion.h"
+#include "tests/unit/erosion/rock_shapes.h"
+
+#include "core/math/clock.h"
+
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <ctime>
+#include <string>
+
+namespace marram::testing {
+namespace {
+
+void print_sphere() {
+    std::printf("a sphere of 1 m loses 0.5 m evenly\n%8s %8s %10s %10s %8s %10s %14s\n", "voxel", "passes",
+                "error h", "error m", "order", "spread h", "volume ratio");
+    double before = 0.0;
+    for (const int n : {10, 20, 40, 80}) {
+        const double h = 1.0 / n;
+        const SphereWear wear = wear_sphere(h);
+        std::printf("%8.4f %8d %10.4f %10.6f %8.2f %10.4f %14.5f\n", h, wear.passes, wear.error / h,
+                    wear.error, before > 0.0 ? std::log2(before / wear.error) : 0.0, wear.spread / h,
+                    wear.removed / wear.integral);
+        before = wear.error;
+    }
+}
+
+void print_planes() {
+    std::printf("planes lose 20 times 0.37 h; error of the depth in h\n%8s %8s %10s %10s %10s\n", "about x",
+                "about z", "mean", "least", "greatest");
+    for (const double x : {0.0, 0.2, 0.4636, 0.7854})
+        for (const double z : {0.0, 0.3, 0.7854}) {
+            const double h = 1.0 / 40.0;
+            const PlaneWear wear = wear_plane(x, z, h, 0.37);
+            std::printf("%8.3f %8.3f %10.5f %10.5f %10.5f\n", x, z, wear.mean / h, wear.least / h,
+                        wear.greatest / h);
+        }
+}
+
+struct RockDevice {
+    RTCDevice device = rtcNewDevice(nullptr);
+    ~RockDevice() { rtcReleaseDevice(device); }
+};
+
+GrainSettings rock_grains(double azimuth, uint64_t paths) {
+    GrainSettings grains;
+    grains.paths = paths;
+    grains.wind = Vec3d(std::cos(azimuth), 0.0, std::sin(azimuth));
+    grains.ground = 0.0;
+    grains.spread = 8.0 * degree;
+    grains.reach = 2.0;
+    return grains;
+}
+
+struct Showcase {
+    LevelMesh rock;
+    ErosionSettings settings;
+    std::vector<RockWind> winds;
+};
+
+// A boulder of layered sandstone on a plain, worn by two winds: facets that meet in a keel.
+Showcase ventifact(double voxel) {
+    Showcase show;
+    show.rock = rock_box({0.0, 0.12, 0.0}, {0.24, 0.17, 0.18},
+                         (Eigen::AngleAxisd(0.5, Vec3d::UnitY()) * Eigen::AngleAxisd(0.12, Vec3d::UnitX()))
+                             .toRotationMatrix());
+    show.settings.voxel = voxel;
+    show.settings.levels = 3;
+    show.settings.years = 250.0;
+    HardnessSettings& hard = show.settings.hardness;
+    hard.strata.thickness = 0.03, hard.strata.contrast = 1.6, hard.strata.dip = 15.0 * degree;
+    hard.noise = 1.5, hard.noise_length = 0.1;
+    for (const double azimuth : {35.0 * degree, 155.0 * degree}) {
+        RockWind wind{rock_grains(azimuth, 600000), 1.0};
+        wind.grains.height = 0.15;
+        show.winds.push_back(wind);
+    }
+    return show;
+}
+
+// A block of layered sandstone along one wind.
+Showcase yardang(double voxel) {
+    Showcase show;
+    show.rock = rock_box({0.0, 0.7, 0.0}, {3.0, 0.9, 1.1});
+    show.settings.voxel = voxel;
+    show.settings.levels = 3;
+    show.settings.years = 2500.0;
+    HardnessSettings& hard = show.settings.hardness;
+    hard.strata.thickness = 0.3, hard.strata.contrast = 5.0, hard.strata.laminae = 0.4;
+    hard.strata.dip = 6.0 * degree, hard.strata.fold = 0.06, hard.strata.fold_length = 3.0;
+    hard.noise = 2.0, hard.noise_length = 0.8;
+    RockWind wind{rock_grains(0.0, 1500000), 1.0};
+    wind.grains.height = 0.5, wind.grains.speed_height = 1.0, wind.grains.speed = 14.0,
+    wind.grains.transport = 1e5;
+    wind.grains.reach = 6.0;
+    show.winds.push_back(wind);
+    return show;
+}
+
+void write_obj(const std::string& file, const LevelMesh& mesh) {
+    std::FILE* const out = std::fopen(file.c_str(), "w");
+    if (!out) return;
+    for (size_t v = 0; v < mesh.positions.size(); v += 3)
+        std::fprintf(out, "v %.6g %.6g %.6g\n", double(mesh.positions[v]), double(mesh.positions[v + 1]),
+                     double(mesh.positions[v + 2]));
+    for (size_t v = 0; v < mesh.normals.size(); v += 3)
+        std::fprintf(out, "vn %.4f %.4f %.4f\n", double(mesh.normals[v]), double(mesh.normals[v + 1]),
+                     double(mesh.normals[v + 2]));
+    for (size_t t = 0; t < mesh.triangles.size(); t += 3) {
+        const unsigned a = mesh.triangles[t] + 1, b = mesh.triangles[t + 1] + 1,
+                       c = mesh.triangles[t + 2] + 1;
+        std::fprintf(out, "f %u//%u %u//%u %u//%u\n", a, a, b, b, c, c);
+    }
+    std::fclose(out);
+}
+
+void print_parities(ErosionResult& result) {
+    std::printf("%6s %6s %10s %10s %10s   in voxels of the coarse level\n", "coarse", "fine", "rms", "99 %",
+                "most");
+    for (size_t a = 0; a + 1 < result.levels.size(); ++a)
+        for (size_t b = a + 1; b < result.levels.size(); ++b) {
+            const LevelParity p = level_parity(result.levels[a].rock, result.levels[b].rock);
+            std::printf("%6zu %6zu %10.3f %10.3f %10.3f\n", a, b, p.rms, p.at_99, p.most);
+        }
+}
+
+void show(const Showcase& given, const std::string& out) {
+    const RockDevice device;
+    const ErosionHooks hooks{{}, [](double share, const std::string& words) {
+                                 std::fprintf(stderr, "\r%3.0f %%  %s  ", 100.0 * share, words.c_str());
+                             }};
+    ErosionResult result = erode(given.rock.positions, given.rock.triangles, given.settings,
+                                 grain_wear(device.device, given.winds), hooks);
+    std::fprintf(stderr, "\n");
+    std::printf("%6s %9s %7s %9s %9s %7s %9s %9s\n", "level", "voxel", "passes", "m^3", "removed", "pieces",
+                "vertices", "seconds");
+    for (size_t n = 0; n < result.levels.size(); ++n) {
+        ErosionLevel& level = result.levels[n];
+        if (!out.empty()) write_obj(out + "." + std::to_string(n) + ".obj", level.rock.mesh());
+        std::printf("%6zu %9.4f %7d %9.4f %9.4f %7zu %9zu %9.2f\n", n, level.rock.voxel(), level.passes,
+                    level.start, level.removed, level.pieces, level.rock.mesh().vertex_count(),
+                    level.seconds);
+    }
+    std::printf("%.0f years of %.0f\n", result.years, given.settings.years);
+    print_parities(result);
+}
+
+void print_parity() {
+    Showcase rock = ventifact(0.005);
+    rock.settings.levels = 4; // three octaves
+    show(rock, "");
+}
+
+void print_speed(int size, uint64_t paths) {
+    const double voxel = 1.0 / size;
+    const LevelMesh sphere = rock_sphere({0.0, 0.4, 0.0}, 200.0 / 512.0, 300);
+    const auto seconds = [](const char* what, auto&& body) {
+        const double begin = wall_seconds();
+        const std::clock_t cpu = std::clock();
+        body();
+        const double wall = wall_seconds() - begin;
+        std::printf("%-28s %8.2f s %8.2f s of processors\n", what, wall,
+                    double(std::clock() - cpu) / CLOCKS_PER_SEC);
+        return wall;
+    };
+    std::optional<LevelSet> rock;
+    seconds("mesh to level set",
+            [&] { rock.emplace(LevelSet::from_mesh(sphere.positions, sphere.triangles, voxel)); });
+    const RockDevice device;
+    const RockWear wear = grain_wear(device.device, {{rock_grains(0.3, paths), 1.0}});
+    std::vector<double> rate;
+    double pass = 0.0;
+    pass += seconds("extract the mesh", [&] { rate.resize(rock->mesh().vertex_count()); });
+    pass += seconds("trace the grains", [&] { wear(rock->mesh(), 0, rate); });
+    pass += seconds("blur, hardness", [&] {
+        blur_over_surface(rock->mesh(), 3, rate);
+        std::vector<double> hardness(rate.size());
+        HardnessSettings hard;
+        hard.strata.thickness = 0.05;
+        hard.noise = 2.0;
+        rock_hardness(hard, rock->mesh().positions, voxel, hardness);
+        const double most = *std::max_element(rate.begin(), rate.end());
+        for (size_t v = 0; v < rate.size(); ++v) rate[v] *= voxel / std::max(most, 1e-30) / hardness[v];
+    });
+    pass += seconds("advance, renormalise", [&] { rock->advance(rate); });
+    std::printf("%d^3, %zu vertices, %zu voxels of the band, %.0f paths: a pass takes %.2f s\n", size,
+                rate.size(), rock->active_voxels(), double(paths), pass);
+    seconds("to half the voxel size", [&] { rock->refined(0.0); });
+}
+
+} // namespace
+} // namespace marram::testing
+
+int main(int count, char** words) {
+    using namespace marram::testing;
+    const std::string what = count > 1 ? words[1] : "";
+    const auto number = [&](int n, double otherwise) { return count > n ? std::atof(words[n]) : otherwise; };
+    if (what == "sphere")
+        print_sphere();
+    else if (what == "planes")
+        print_planes();
+    else if (what == "parity")
+        print_parity();
+    else if (what == "speed")
+        print_speed(int(number(2, 512)), uint64_t(number(3, 1e7)));
+    else if (what == "ventifact" && count > 2)
+        show(ventifact(number(3, 0.004)), words[2]);
+    else if (what == "yardang" && count > 2)
+        show(yardang(number(3, 0.025)), words[2]);
+    else
+        return std::printf("rock_erosion sphere | planes | parity | speed [n] [paths] | ventifact OUT "
+                           "[voxel] | yardang OUT [voxel]\n"),
+               2;
+    return 0;
+}

@@ -10,6 +10,7 @@
 #include <functional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace marram {
@@ -55,14 +56,24 @@ ErosionResult erode(std::span<const float> positions, std::span<const uint32_t> 
 
 // One of the winds that wear a rock in turn.
 struct RockWind {
-    GrainSettings grains; // its paths are those of a pass
+    GrainSettings grains; // its paths are those of a pass; its sand is that of RockScenery
     double share = 1.0;   // of the time
 };
 
-// Wear by grains that are traced to the rock and to `others`, which stand around it. Each pass takes other random numbers. Throws
-// std::invalid_argument for faulty settings. `cancelled` may be empty; after it was true rates are 0.
-RockWear grain_wear(RTCDevice device, std::vector<RockWind> winds, std::vector<RTCGeometry> others = {},
-                    std::function<bool()> cancelled = {});
+// What stands around a rock. Geometries are those of `device`, under the ids that they have in the host's scene.
+struct RockScenery {
+    RTCDevice device = nullptr;
+    unsigned rock_id = 0;
+    std::vector<std::pair<unsigned, RTCGeometry>> others = {};
+    std::vector<unsigned> sand = {}; // ids of the others that are sand
+    std::vector<RockWind> winds = {};
+};
+
+// Wear by grains that are traced to a mesh of the rock, m a year. Each pass takes other random numbers. The report has sums over the winds.
+GrainReport wear_by_grains(const RockScenery& scenery, const LevelMesh& mesh, uint64_t pass,
+                           std::span<double> rate, const std::function<bool()>& cancelled = {});
+// The same for erode(). Throws std::invalid_argument for faulty settings. `cancelled` may be empty.
+RockWear grain_wear(RockScenery scenery, std::function<bool()> cancelled = {});
 
 // Means of values at vertices over their neighbours on the surface, so that they blur as by a Gaussian whose standard deviation is
 // about 0.6 sqrt(times) edges of the mesh.

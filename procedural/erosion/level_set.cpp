@@ -14,8 +14,8 @@
 //
 // Renormalisation, each pass. Voxels with a neighbour of the other sign keep the surface where it is: phi / |grad phi| by the
 // greatest of central and one-sided differences (Russo and Smereka, J. Comput. Phys. 163, 2000). The others take three steps of
-// phi_t = -sign(phi) (|grad phi| - 1) towards them, Godunov's flux, second-order one-sided differences (ENO). Voxels with both ends of
-// no wear at all are left alone to the bit, so that a sheltered face does not creep however many passes there are.
+// phi_t = -sign(phi) (|grad phi| - 1) towards them, Godunov's flux, second-order one-sided differences (ENO). Voxels without wear are
+// left alone to the bit, so that a sheltered face does not creep however many passes there are.
 //
 // Rock is never added: a voxel beside the surface never falls below its value before the pass, so that along every edge of the grid
 // the crossing moves inward or stays.
@@ -130,6 +130,10 @@ struct Float3 {
     Float3 operator*(float s) const { return {x * s, y * s, z * s}; }
     float dot(const Float3& o) const { return x * o.x + y * o.y + z * o.z; }
 };
+
+Float3 cross(const Float3& a, const Float3& b) {
+    return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
 
 Float3 unit(const Float3& v) {
     const float length = std::sqrt(v.dot(v));
@@ -326,26 +330,27 @@ float upwind_slope(const float* p, int x, int y) {
     return std::sqrt(square);
 }
 
-// One step of phi_t = -sign(phi) (|grad phi| - 1) of what is not beside the surface: from the leaves' values to buffer `out`.
-void relax_leaf(const Leaves& leaves, size_t n, int out,
+// One step of phi_t = -sign(phi) (|grad phi| - 1) of what is not beside the surface: from the leaves' values to buffer 2.
+void relax_leaf(const Leaves& leaves, size_t n, bool worn,
                 const openvdb::tree::ValueAccessor<const FloatTree>& accessor) {
     const Leaf& leaf = leaves.leaf(n);
     Block<2, float> phi;
     phi.gather(Neighbourhood<FloatTree>(accessor, leaf.origin()));
     constexpr int x = Block<2, float>::step_i, y = Block<2, float>::step_j;
-    float* const to = leaves.getBuffer(n, size_t(out)).data();
+    float* const to = leaves.getBuffer(n, 2).data();
     const float* const from = leaf.buffer().data();
+    const float* const before = worn ? leaves.getBuffer(n, 1).data() : nullptr;
     std::copy_n(from, leaf_size, to);
     for (auto voxel = leaf.beginValueOn(); voxel; ++voxel) {
         const int at = int(voxel.pos());
         const float* const p = phi.pointer(at >> 6, at >> 3 & 7, at & 7);
-        if (beside_surface(p, x, y)) continue;
+        if (beside_surface(p, x, y) || (before && from[at] == before[at])) continue;
         const float change = relaxing_step * (upwind_slope(p, x, y) - 1.0F);
         to[at] = *p < 0.0F ? std::min(*p + change, -1e-3F) : std::max(*p - change, 1e-3F);
     }
 }
 
-// Distances again, the surface kept. Buffer 2 is scratch. Buffer 1 holds the distances before the wear; NULL: there was none.
+// Distances again, the surface kept. Buffer 2 is scratch. With `worn` buffer 1 holds the distances before the wear: what has not changed stays.
 void renormalise(FloatTree& tree, Leaves& leaves, bool worn) {
     for_leaves(leaves, [&](size_t begin, size_t end) {
         const openvdb::tree::ValueAccessor<const FloatTree> accessor(tree);
@@ -370,7 +375,7 @@ void renormalise(FloatTree& tree, Leaves& leaves, bool worn) {
     for (int step = 0; step < relaxing_steps; ++step) {
         for_leaves(leaves, [&](size_t begin, size_t end) {
             const openvdb::tree::ValueAccessor<const FloatTree> accessor(tree);
-            for (size_t n = begin; n < end; ++n) relax_leaf(leaves, n, 2, accessor);
+            for (size_t n = begin; n < end; ++n) relax_leaf(leaves, n, worn, accessor);
         });
         leaves.swapLeafBuffer(2);
     }
@@ -624,6 +629,13 @@ void LevelSet::Data::extract() {
             }
             return square;
         };
+        const auto place = [&](uint32_t v) {
+            const float* const q = mesh.positions.data() + 3 * size_t(v);
+            return Float3{q[0], q[1], q[2]};
+        };
+        const auto face = [&](uint32_t a, uint32_t b, uint32_t c) {
+            return unit(cross(place(b) - place(a), place(c) - place(a)));
+        };
         for (size_t n = begin; n < end; ++n) {
             if (leaves.leaf(n).onVoxelCount() == 0) continue;
             block.gather(Neighbourhood<FloatTree>(accessor, leaves.leaf(n).origin()));
@@ -644,7 +656,12 @@ void LevelSet::Data::extract() {
                         continue; // at the end of the band
                     if (!inside) std::swap(around[1], around[3]);
                     const auto v = [&](int c) { return uint32_t(around[size_t(c & 3)]); };
-                    const int start = apart(v(0), v(2)) <= apart(v(1), v(3)) ? 0 : 1;
+                    int start = apart(v(0), v(2)) <= apart(v(1), v(3)) ? 0 : 1;
+                    const auto folded = [&](int from) {
+                        return face(v(from), v(from + 1), v(from + 2))
+                            .dot(face(v(from), v(from + 2), v(from + 3)));
+                    };
+                    if (folded(start) < 0.0F && folded(1 - start) > 0.0F) start = 1 - start;
                     for (const int c : {0, 1, 2, 0, 2, 3}) faces[n].push_back(v(start + c));
                 }
             }
@@ -810,6 +827,8 @@ void LevelSet::advance(std::span<const double> depth) {
     renormalise(tree, leaves, true);
     trim(tree, leaves);
     data_->changed();
+    data_->extract();
+    if (data_->mesh.triangles.empty()) tree.clear(); // what is left of a band belongs to no surface
 }
 
 LevelSet LevelSet::refined(double offset) const {

@@ -76,7 +76,7 @@ Showcase ventifact(double voxel) {
                              .toRotationMatrix());
     show.settings.voxel = voxel;
     show.settings.levels = 3;
-    show.settings.years = 250.0;
+    show.settings.years = 800.0;
     HardnessSettings& hard = show.settings.hardness;
     hard.strata.thickness = 0.03, hard.strata.contrast = 1.6, hard.strata.dip = 15.0 * degree;
     hard.noise = 1.5, hard.noise_length = 0.1;
@@ -140,7 +140,7 @@ void show(const Showcase& given, const std::string& out) {
                                  std::fprintf(stderr, "\r%3.0f %%  %s  ", 100.0 * share, words.c_str());
                              }};
     ErosionResult result = erode(given.rock.positions, given.rock.triangles, given.settings,
-                                 grain_wear(device.device, given.winds), hooks);
+                                 grain_wear({.device = device.device, .winds = given.winds}), hooks);
     std::fprintf(stderr, "\n");
     std::printf("%6s %9s %7s %9s %9s %7s %9s %9s\n", "level", "voxel", "passes", "m^3", "removed", "pieces",
                 "vertices", "seconds");
@@ -177,7 +177,7 @@ void print_speed(int size, uint64_t paths) {
     seconds("mesh to level set",
             [&] { rock.emplace(LevelSet::from_mesh(sphere.positions, sphere.triangles, voxel)); });
     const RockDevice device;
-    const RockWear wear = grain_wear(device.device, {{rock_grains(0.3, paths), 1.0}});
+    const RockWear wear = grain_wear({.device = device.device, .winds = {{rock_grains(0.3, paths), 1.0}}});
     std::vector<double> rate;
     double pass = 0.0;
     pass += seconds("extract the mesh", [&] { rate.resize(rock->mesh().vertex_count()); });

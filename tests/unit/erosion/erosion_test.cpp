@@ -40,29 +40,30 @@ ErosionResult erode_sandstone(const ErosionSettings& settings, const ErosionHook
 }
 
 TEST(Erosion, ALevelIsTheNextOnesSmoothed) {
-    ErosionResult result = erode_sandstone(layered(4, 0.0125)); // three octaves
+    ErosionResult result = erode_sandstone(layered(4, 0.02)); // three octaves
     ASSERT_EQ(result.levels.size(), 4u);
     EXPECT_DOUBLE_EQ(result.years, 150.0);
     for (const auto& [a, b] : {std::pair{0, 1}, {1, 2}, {2, 3}, {0, 3}}) {
         const LevelParity parity = level_parity(result.levels[size_t(a)].rock, result.levels[size_t(b)].rock);
         std::printf("level %d against %d: rms %.3f, 99 %% %.3f, most %.3f voxels\n", a, b, parity.rms,
                     parity.at_99, parity.most);
-        EXPECT_LT(parity.rms, 0.25);
-        EXPECT_LT(parity.at_99, 1.0);
+        EXPECT_LT(parity.rms, 0.35);
+        EXPECT_LT(parity.at_99, 0.75);
+        EXPECT_LT(parity.most, 1.0);
     }
     // A level adds what the one before could not show.
     EXPECT_GT(mesh_area(result.levels[3].rock.mesh()), 1.02 * mesh_area(result.levels[0].rock.mesh()));
 }
 
 TEST(Erosion, SoftBedsLieDeeper) {
-    ErosionSettings settings = layered(2, 0.02);
+    ErosionSettings settings = layered(2, 0.03);
     settings.hardness.strata.dip = 0.0;
     ErosionResult result = erode_sandstone(settings);
     const LevelMesh& mesh = result.levels.back().rock.mesh();
     std::vector<double> hardness(mesh.vertex_count());
     rock_hardness(settings.hardness, mesh.positions, 0.0, hardness);
     const LevelMesh& box = sandstone();
-    LevelSet before = LevelSet::from_mesh(box.positions, box.triangles, 0.08); // its band holds all depths
+    LevelSet before = LevelSet::from_mesh(box.positions, box.triangles, 0.1); // its band holds all depths
     std::vector<float> depth(mesh.vertex_count());
     before.sample(mesh.positions, depth);
     double soft = 0.0, hard = 0.0, soft_count = 0.0, hard_count = 0.0;
@@ -76,14 +77,14 @@ TEST(Erosion, SoftBedsLieDeeper) {
 }
 
 TEST(Erosion, ShelteredFacesStay) {
-    ErosionResult result = erode_sandstone(layered(3, 0.02));
+    ErosionResult result = erode_sandstone(layered(3, 0.03));
     const LevelMesh& mesh = result.levels.back().rock.mesh();
     const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.3, Vec3d::UnitY()).toRotationMatrix();
     size_t count = 0;
     for (size_t v = 0; v < mesh.vertex_count(); ++v) { // of the face in the lee, away from its edges
         const Vec3d p = turn.transpose() * (vertex_of(mesh, v) - Vec3d(0.0, 0.5, 0.0));
         if (p.x() < 0.4 || std::abs(p.y()) > 0.3 || std::abs(p.z()) > 0.2) continue;
-        EXPECT_NEAR(p.x(), 0.5, 0.03 * 0.02);
+        EXPECT_NEAR(p.x(), 0.5, 0.03 * 0.03);
         ++count;
     }
     EXPECT_GT(count, 100u);
@@ -92,23 +93,23 @@ TEST(Erosion, ShelteredFacesStay) {
 TEST(Erosion, GrainsWearWhatFacesTheWindAndSameBitsForAnyThreads) {
     const RTCDevice device = rtcNewDevice(nullptr);
     GrainSettings grains;
-    grains.paths = 40000;
+    grains.paths = 8000;
     grains.ground = 0.0;
     grains.height = 0.3;
     grains.reach = 1.0;
     ErosionSettings settings = layered(2, 0.04);
-    settings.years = 300.0;
+    settings.years = 200.0;
     const auto worn = [&](size_t threads) {
         const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
         ErosionResult result = erode(sandstone().positions, sandstone().triangles, settings,
-                                     grain_wear(device, {{grains, 1.0}}));
+                                     grain_wear({.device = device, .winds = {{grains, 1.0}}}));
         return result.levels.back().rock.mesh();
     };
     const LevelMesh one = worn(1), two = worn(2);
     EXPECT_EQ(one.positions, two.positions);
     EXPECT_EQ(one.triangles, two.triangles);
     rtcReleaseDevice(device);
-    EXPECT_LT(mesh_volume(one), 0.98 * 0.8);
+    EXPECT_LT(mesh_volume(one), 0.99 * 0.8);
     EXPECT_GT(mesh_volume(one), 0.3 * 0.8);
 }
 

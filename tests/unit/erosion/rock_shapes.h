@@ -66,7 +66,7 @@ struct SphereWear {
 
 // A unit sphere that loses half of its radius, at most 0.6 voxels a pass.
 inline SphereWear wear_sphere(double voxel) {
-    const LevelMesh sphere = rock_sphere(Vec3d::Zero(), 1.0, 180);
+    const LevelMesh sphere = rock_sphere(Vec3d::Zero(), 1.0, 120);
     LevelSet rock = LevelSet::from_mesh(sphere.positions, sphere.triangles, voxel);
     SphereWear result;
     const double before = mesh_volume(rock.mesh());
@@ -110,7 +110,7 @@ inline PlaneWear wear_plane(double turn_x, double turn_z, double voxel, double v
     for (size_t v = 0; v < mesh.vertex_count(); ++v) {
         Vec3d p = (turn.transpose() * vertex_of(mesh, v)).cwiseAbs();
         std::sort(p.data(), p.data() + 3);
-        if (p[1] > 0.2) continue;
+        if (p[1] > 0.1) continue;
         const double error = p[2] - (0.5 - result.depth);
         result.mean += error, ++count;
         result.least = std::min(result.least, error), result.greatest = std::max(result.greatest, error);

@@ -116,9 +116,9 @@ class Eroder {
     bool cancelled() const { return hooks_.cancelled && hooks_.cancelled(); }
     void tell(int level, double share) const {
         if (!hooks_.progress) return;
-        const double levels = settings_.levels;
+        const double levels = std::min(settings_.levels, settings_.stop_after);
         hooks_.progress((level + std::clamp(share, 0.0, 1.0)) / levels,
-                        fmt::format("level {} of {}", level + 1, settings_.levels));
+                        fmt::format("level {} of {}", level + 1, levels));
     }
 
     // m a year at each vertex; false: cancelled.
@@ -225,6 +225,7 @@ RTCGeometry rock_geometry(RTCDevice device, const LevelMesh& mesh) {
 std::string erosion_settings_fault(const ErosionSettings& s) {
     if (s.levels < 1 || s.levels > most_erosion_levels)
         return fmt::format("levels: must be 1 to {}", most_erosion_levels);
+    if (s.stop_after < 1) return "stop_after: must be 1 or more";
     if (!(s.voxel > 0.0) || !std::isfinite(s.voxel)) return "voxel: must be above 0";
     if (!(s.years >= 0.0) || !std::isfinite(s.years)) return "years: must be 0 or more";
     if (!(s.detail >= 0.0 && s.detail <= 1.0)) return "detail: must be 0 to 1";
@@ -239,7 +240,8 @@ ErosionResult erode(std::span<const float> positions, std::span<const uint32_t> 
     ErosionResult result;
     Eroder eroder(settings, wear, hooks);
     std::optional<LevelSet> rock_before; // of the level before, unworn
-    for (int number = 0; number < settings.levels && !result.cancelled; ++number) {
+    for (int number = 0; number < std::min(settings.levels, settings.stop_after) && !result.cancelled;
+         ++number) {
         const double begin = wall_seconds();
         LevelSet rock = LevelSet::from_mesh(positions, triangles,
                                             std::ldexp(settings.voxel, settings.levels - 1 - number));
@@ -259,6 +261,7 @@ ErosionResult erode(std::span<const float> positions, std::span<const uint32_t> 
         if (result.cancelled) break;
         level.removed = level.start - mesh_volume(level.rock.mesh());
         level.pieces = level.rock.keep_largest();
+        level.left = mesh_volume(level.rock.mesh());
         level.seconds = wall_seconds() - begin;
         result.levels.push_back(std::move(level));
         rock_before.emplace(std::move(rock));
@@ -266,13 +269,34 @@ ErosionResult erode(std::span<const float> positions, std::span<const uint32_t> 
     return result;
 }
 
-GrainReport wear_by_grains(const RockScenery& scenery, const LevelMesh& mesh, uint64_t pass,
-                           std::span<double> rate, const std::function<bool()>& cancelled) {
+GrainReport trace_winds(RTCScene scene, const WornMesh& rock, const RockScenery& scenery, uint64_t pass,
+                        std::span<double> rate, const std::function<bool()>& cancelled) {
     GrainReport sum;
     std::fill(rate.begin(), rate.end(), 0.0);
     double shares = 0.0;
     for (const RockWind& wind : scenery.winds) shares += wind.share;
-    if (mesh.triangles.empty() || !(shares > 0.0)) return sum;
+    if (!(shares > 0.0)) return sum;
+    std::vector<double> one(rate.size());
+    for (size_t n = 0; n < scenery.winds.size(); ++n) {
+        GrainSettings grains = scenery.winds[n].grains;
+        grains.sand = scenery.sand;
+        if (pass + n > 0) grains.seed = uint32_t(hash(hash(grains.seed, pass), n));
+        const double share = scenery.winds[n].share / shares;
+        const GrainReport report =
+            trace_grains(scene, std::span(&rock, 1), grains, one, {}, {.cancelled = cancelled, .rays = {}});
+        sum.cancelled = sum.cancelled || report.cancelled;
+        sum.grains += report.grains, sum.rays += report.rays, sum.worn_hits += report.worn_hits;
+        sum.worn += report.worn, sum.volume += share * report.volume, sum.seconds += report.seconds;
+        if (sum.cancelled) break;
+        for (size_t v = 0; v < rate.size(); ++v) rate[v] += share * one[v];
+    }
+    return sum;
+}
+
+GrainReport wear_by_grains(const RockScenery& scenery, const LevelMesh& mesh, uint64_t pass,
+                           std::span<double> rate, const std::function<bool()>& cancelled) {
+    std::fill(rate.begin(), rate.end(), 0.0);
+    if (mesh.triangles.empty()) return {};
     const RockScene scene(rtcNewScene(scenery.device), &rtcReleaseScene);
     const RTCGeometry rock = rock_geometry(scenery.device, mesh);
     rtcAttachGeometryByID(scene.get(), rock, scenery.rock_id);
@@ -281,21 +305,7 @@ GrainReport wear_by_grains(const RockScenery& scenery, const LevelMesh& mesh, ui
     rtcCommitScene(scene.get());
     const WornMesh worn{scenery.rock_id, mesh.positions.data(), mesh.vertex_count(), mesh.triangles.data(),
                         mesh.triangle_count()};
-    std::vector<double> one(rate.size());
-    for (size_t n = 0; n < scenery.winds.size(); ++n) {
-        GrainSettings grains = scenery.winds[n].grains;
-        grains.sand = scenery.sand;
-        grains.seed = uint32_t(hash(hash(grains.seed, pass), n));
-        const double share = scenery.winds[n].share / shares;
-        const GrainReport report = trace_grains(scene.get(), std::span(&worn, 1), grains, one, {},
-                                                {.cancelled = cancelled, .rays = {}});
-        sum.cancelled = sum.cancelled || report.cancelled;
-        sum.grains += report.grains, sum.rays += report.rays, sum.worn_hits += report.worn_hits;
-        sum.worn += report.worn, sum.volume += share * report.volume, sum.seconds += report.seconds;
-        if (sum.cancelled) break;
-        for (size_t v = 0; v < rate.size(); ++v) rate[v] += share * one[v];
-    }
-    return sum;
+    return trace_winds(scene.get(), worn, scenery, pass, rate, cancelled);
 }
 
 RockWear grain_wear(RockScenery scenery, std::function<bool()> cancelled) {

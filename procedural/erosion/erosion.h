@@ -15,7 +15,10 @@
 
 namespace marram {
 
+inline constexpr int most_erosion_levels = 6;
+
 struct ErosionSettings {
+    int stop_after = most_erosion_levels; // levels that are made: a coarse one is what a finer one shows
     int levels = 3;        // each has voxels of half the size of the one before; 1 to most_erosion_levels
     double voxel = 0.01;   // m, of the finest level
     double years = 1000.0; // of wind
@@ -23,7 +26,6 @@ struct ErosionSettings {
     int most_passes = 200; // of the first level
     HardnessSettings hardness;
 };
-inline constexpr int most_erosion_levels = 6;
 
 // The first thing that is wrong: "levels: must be 1 to 6", or "".
 std::string erosion_settings_fault(const ErosionSettings& settings);
@@ -40,6 +42,7 @@ struct ErosionLevel {
     LevelSet rock;
     int passes = 0;
     double start = 0.0, removed = 0.0; // m^3: rock before its first pass, and what its passes took
+    double left = 0.0;                 // m^3 at its end
     size_t pieces = 0;                 // that came loose and were taken away
     double seconds = 0.0;
 };
@@ -69,6 +72,9 @@ struct RockScenery {
     std::vector<RockWind> winds = {};
 };
 
+// The same wear in a scene that holds the rock: a mean over the winds, m a year.
+GrainReport trace_winds(RTCScene scene, const WornMesh& rock, const RockScenery& scenery, uint64_t pass,
+                        std::span<double> rate, const std::function<bool()>& cancelled = {});
 // Wear by grains that are traced to a mesh of the rock, m a year. Each pass takes other random numbers. The report has sums over the winds.
 GrainReport wear_by_grains(const RockScenery& scenery, const LevelMesh& mesh, uint64_t pass,
                            std::span<double> rate, const std::function<bool()>& cancelled = {});

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// rock: a mesh with what the wind has worn of it, as attributes for shaders and grooms.
+// rock: a mesh with what the wind wears of it, as attributes for shaders and grooms; with `levels` also in the shape that the wind makes of it.
 //
 // What it models. Grains of sand are traced through the scene (grains.cpp has the model and its sources) and wear the mesh. It is handed
 // out as it is, with its uvs and normals, and with the attributes
 //     wear        0 to 1: rate / full, no more than 1
 //     wear_rate   mm of rock a year
+//     hardness    what divides the wear: beds, noise, and drawn ellipsoids (hardness.cpp)
 // The mesh that it is made from is still there: switch off its roles, as below, or it is seen as well. Grains meet the meshes that are named, no others:
 // `mesh`, those in `shelter`, and those in `sand`, where what lands is replaced by a grain of the stream. `sand_level` is level sand everywhere.
 // The wind's direction and speed are the scene's. Vertices that stand at one place count as one, so that uv seams do not show.
@@ -27,14 +28,37 @@
 //     [[procedural.shelter]]
 //     mesh = "wall"
 //
+// With `levels` the mesh is eroded for `years` as a level set (erosion.cpp): it must be closed. The first level is coarse, each of the others has voxels of
+// half the size and shows the one before with finer detail. `level` stops at one of them, for a quick look; its shape is that of the last, smoothed. `winds`
+// wear it in turn instead of the scene's wind: two make a keel. The mesh that is handed out has no uvs.
+//
+//     [[procedural]]
+//     type = "rock"
+//     name = "ventifact"
+//     mesh = "boulder"
+//     sand_level = 0
+//     levels = 3
+//     voxel = 0.004
+//     years = 800
+//     strata = { thickness = 0.03, contrast = 2, dip = 15 }
+//     [[procedural.winds]]
+//     direction = [1, 0, 0.7]
+//     [[procedural.winds]]
+//     direction = [-1, 0, 0.5]
+//     [[procedural.hard]]             # a cap that shelters what is below it
+//     center = [0, 0.3, 0]
+//     radius = [0.3, 0.05, 0.3]
+//     hardness = 5
+//
 // With `map` it hands out both attributes as images by uv, too, which `marram bake -o wear.exr` writes: row 0 is v = 1; a pixel takes the value
 // of the triangle over its centre, and two pixels around each island are filled with their neighbours' mean.
 //
 // Cost: about a million rays a second and core; a grain takes 5 to 30. Noise of a vertex falls with the square root of the grains that hit its triangles.
 #include "procedural/erosion/rock.h"
 
+#include "core/math/clock.h"
 #include "procedural/border.h"
-#include "procedural/erosion/grains.h"
+#include "procedural/erosion/erosion.h"
 #include "procedural/terrain/stored_values.h"
 #include "procedural/wind/wind.h"
 
@@ -58,7 +82,9 @@ struct RockInstance {
     uint64_t digest = 0; // of all that `wear` comes from; 0: nothing yet
     std::vector<float> positions, normals, uvs;
     std::vector<uint32_t> triangles;
-    std::vector<float> wear, rate; // a vertex
+    std::vector<float> wear, rate, hardness; // a vertex
+    ErosionResult erosion;                   // its levels are empty where the mesh keeps its shape
+    double erosion_seconds = 0.0;
     std::array<std::vector<float>, 2> maps;
     std::array<MarramGrid, 2> grids{};
     GrainReport report;
@@ -108,6 +134,37 @@ constexpr std::array rock_values = {
     MarramParam{"reach", MARRAM_NUMBER, "m", "20", 0, 1e6, "", "how far around the mesh grains are traced"},
     MarramParam{"full", MARRAM_NUMBER, "mm", "none", 1e-9, 1e9, "",
                 "rate a year at which wear is 1; none: that of 95 % of the worn area"},
+    MarramParam{"winds[].direction", MARRAM_VEC3, "", "", -1e9, 1e9, "",
+                "a wind that takes the place of the scene's, in turn with the others"},
+    MarramParam{"winds[].share", MARRAM_NUMBER, "", "1", 0, 1e6, "", "of the time, beside the other winds"},
+    MarramParam{"levels", MARRAM_INTEGER, "", "0", 0, most_erosion_levels, "",
+                "of detail that it is eroded in, coarse first; 0: it keeps its shape"},
+    MarramParam{"level", MARRAM_INTEGER, "", "none", 1, most_erosion_levels, "",
+                "that is handed out; none: the last"},
+    MarramParam{"voxel", MARRAM_NUMBER, "m", "none", 1e-5, 1e4, "",
+                "of the last level; none: a 128th of the mesh's greatest extent"},
+    MarramParam{"years", MARRAM_NUMBER, "", "1000", 0, 1e9, "", "of wind"},
+    MarramParam{"detail", MARRAM_NUMBER, "", "0.75", 0, 1, "",
+                "depth of what a level adds, in voxels of the one before"},
+    MarramParam{"hardness", MARRAM_NUMBER, "", "1", 1e-3, 1e6, "", "of all of it: divides the wear"},
+    MarramParam{"strata.thickness", MARRAM_NUMBER, "m", "0", 0, 1e4, "", "mean of a bed; 0: no beds"},
+    MarramParam{"strata.contrast", MARRAM_NUMBER, "", "4", 1, 1e3, "", "of the hardest and the softest bed"},
+    MarramParam{"strata.laminae", MARRAM_NUMBER, "", "0", 0, 1, "",
+                "contrast of beds within the beds, as a power of strata.contrast"},
+    MarramParam{"strata.dip", MARRAM_NUMBER, "deg", "0", -90, 90, "", "angle of the beds to level"},
+    MarramParam{"strata.dip_direction", MARRAM_NUMBER, "deg", "0", -360, 360, "",
+                "where the beds go down, from x towards z"},
+    MarramParam{"strata.fold", MARRAM_NUMBER, "m", "0", 0, 1e4, "", "amplitude of their folds"},
+    MarramParam{"strata.fold_length", MARRAM_NUMBER, "m", "10", 1e-4, 1e6, "", "length of their folds"},
+    MarramParam{"noise.contrast", MARRAM_NUMBER, "", "1", 1, 1e3, "",
+                "of the hardest and the softest place by noise; 1: none"},
+    MarramParam{"noise.length", MARRAM_NUMBER, "m", "1", 1e-4, 1e6, "", "of the noise's coarsest octave"},
+    MarramParam{"noise.octaves", MARRAM_INTEGER, "", "3", 1, 8, "", "each half as long and as strong"},
+    MarramParam{"hard[].center", MARRAM_VEC3, "m", "", -1e7, 1e7, "", "of an ellipsoid of other hardness"},
+    MarramParam{"hard[].radius", MARRAM_VEC3, "m", "[1, 1, 1]", 1e-6, 1e7, "", "along x, y and z"},
+    MarramParam{"hard[].hardness", MARRAM_NUMBER, "", "4", 1e-3, 1e6, "", "factor of the hardness in it"},
+    MarramParam{"hard[].edge", MARRAM_NUMBER, "", "0.2", 0, 1, "",
+                "share of the radius over which it begins"},
     MarramParam{"map", MARRAM_INTEGER, "", "0", 0, 16384, "",
                 "pixels of a side of the images by uv; 0: none"},
 };
@@ -131,6 +188,8 @@ constexpr std::array rock_attributes = {
     MarramAttribute{"wear", 1, MARRAM_PER_VERTEX, 0, "what the wind wears, 0 to 1 of the parameter full",
                     nullptr, 0},
     MarramAttribute{"wear_rate", 1, MARRAM_PER_VERTEX, 0, "rock that the wind wears, mm a year", nullptr, 0},
+    MarramAttribute{"hardness", 1, MARRAM_PER_VERTEX, 0, "hardness of the rock, which divides the wear",
+                    nullptr, 0},
 };
 
 // ---- values ----
@@ -163,6 +222,54 @@ GrainSettings grain_settings_of(const Values& values) {
     return s;
 }
 
+// The winds that wear it in turn.
+std::vector<RockWind> rock_winds(const Values& values) {
+    const GrainSettings grains = grain_settings_of(values);
+    std::vector<RockWind> winds;
+    for (size_t n = 0; values.has(fmt::format("winds[{}].direction", n)); ++n) {
+        winds.push_back({grains, values.number(fmt::format("winds[{}].share", n))});
+        winds.back().grains.wind = values.vec3(fmt::format("winds[{}].direction", n));
+    }
+    if (winds.empty()) winds.push_back({grains, 1.0});
+    return winds;
+}
+
+HardnessSettings rock_hardness_settings(const Values& values) {
+    HardnessSettings s;
+    s.hardness = values.number("hardness");
+    s.strata.thickness = values.number("strata.thickness");
+    s.strata.contrast = values.number("strata.contrast");
+    s.strata.laminae = values.number("strata.laminae");
+    s.strata.dip = radians(values, "strata.dip");
+    s.strata.dip_direction = radians(values, "strata.dip_direction");
+    s.strata.fold = values.number("strata.fold");
+    s.strata.fold_length = values.number("strata.fold_length");
+    s.noise = values.number("noise.contrast");
+    s.noise_length = values.number("noise.length");
+    s.noise_octaves = values.integer("noise.octaves");
+    s.seed = uint32_t(values.integer("seed"));
+    for (size_t n = 0; values.has(fmt::format("hard[{}].center", n)); ++n) {
+        const auto name = [n](const char* field) { return fmt::format("hard[{}].{}", n, field); };
+        s.masks.push_back({values.vec3(name("center")), values.vec3(name("radius")),
+                           values.number(name("hardness")), values.number(name("edge"))});
+    }
+    return s;
+}
+
+ErosionSettings rock_erosion_settings(const Values& values, const MarramMesh& mesh) {
+    ErosionSettings s;
+    s.levels = values.integer("levels");
+    s.stop_after = values.has("level") ? std::min(values.integer("level"), s.levels) : s.levels;
+    Box3f box;
+    for (uint32_t v = 0; v < mesh.vertex_count; ++v) box.extend(Vec3f(mesh.positions[0] + 3 * size_t(v)));
+    s.voxel = values.has("voxel") || box.isEmpty() ? (values.has("voxel") ? values.number("voxel") : 1.0)
+                                                   : double(box.sizes().maxCoeff()) / 128.0;
+    s.years = values.number("years");
+    s.detail = values.number("detail");
+    s.hardness = rock_hardness_settings(values);
+    return s;
+}
+
 const MarramMesh& rock_mesh_named(std::span<const MarramMesh> meshes, const MarramValue& value) {
     for (const MarramMesh& mesh : meshes)
         if (mesh.name && std::string_view(mesh.name) == value.text) return mesh;
@@ -178,11 +285,14 @@ bool is_list_mesh(std::string_view name, std::string_view list) {
 void take_rock_values(RockInstance& instance, std::span<const MarramValue> list) {
     StoredValues stored(list);
     const Values values(stored.all());
-    const Vec3d wind = values.vec3("wind.direction");
-    if (wind.x() == 0.0 && wind.z() == 0.0)
-        throw SceneFault("rock.no_wind", values.at("wind.direction").place,
-                         "the wind's direction has no level part, so that no sand is blown",
-                         "give a vector such as [1, 0, 0]");
+    for (size_t n = 0; n < rock_winds(values).size(); ++n) {
+        const std::string own = fmt::format("winds[{}].direction", n);
+        const MarramValue& value = values.at(values.has(own) ? own : "wind.direction");
+        if (value.numbers[0] == 0.0 && value.numbers[2] == 0.0)
+            throw SceneFault("rock.no_wind", value.place,
+                             "the wind's direction has no level part, so that no sand is blown",
+                             "give a vector such as [1, 0, 0]");
+    }
     const std::string_view mesh = values.text("mesh");
     for (const MarramValue& value : stored.all())
         if (value.text == mesh && (is_list_mesh(value.name, "sand[") || is_list_mesh(value.name, "shelter[")))
@@ -221,7 +331,10 @@ MarramStatus update_rock(MarramInstance* opaque, const MarramUpdate* given, uint
         const uint64_t before = instance.values_digest;
         const std::string mesh(Values(instance.values.all()).text("mesh"));
         take_rock_values(instance, list);
-        *changed = update.inputs != MARRAM_NOTHING || Values(instance.values.all()).text("mesh") != mesh
+        const Values now(instance.values.all());
+        *changed = update.inputs != MARRAM_NOTHING || now.text("mesh") != mesh ||
+                           (instance.values_digest != before &&
+                            (now.integer("levels") > 0 || !instance.erosion.levels.empty()))
                        ? MARRAM_EVERYTHING
                    : instance.values_digest != before ? MARRAM_ATTRIBUTES
                                                       : MARRAM_NOTHING;
@@ -364,29 +477,92 @@ void copy_mesh(RockInstance& instance, const MarramMesh& mesh) {
     if (mesh.uvs) instance.uvs.assign(mesh.uvs, mesh.uvs + 2 * vertices);
 }
 
+struct RockSurroundings {
+    RockScenery scenery;
+    std::function<bool()> cancelled;
+};
+
+RockSurroundings rock_surroundings(const RockInstance& instance, const Values& values,
+                                   const MarramFrame& frame, std::span<const MarramMesh> meshes,
+                                   const MarramMesh& mesh) {
+    RockSurroundings around;
+    around.cancelled = [&instance] { return instance.host.cancelled(instance.host.user) != 0; };
+    around.scenery.device = frame.device;
+    around.scenery.rock_id = mesh.geometry_id;
+    around.scenery.winds = rock_winds(values);
+    for (const RockWind& wind : around.scenery.winds)
+        if (const std::string fault = grain_settings_fault(wind.grains); !fault.empty())
+            throw SceneFault("rock.value", values.at("mesh").place, fault, "change that value");
+    for (const MarramMesh& other : meshes)
+        if (other.geometry_id != mesh.geometry_id && frame.colliders)
+            around.scenery.others.emplace_back(other.geometry_id,
+                                               rtcGetGeometry(frame.colliders, other.geometry_id));
+    for (const MarramValue& value : instance.values.all())
+        if (is_list_mesh(value.name, "sand["))
+            around.scenery.sand.push_back(rock_mesh_named(meshes, value).geometry_id);
+    return around;
+}
+
+// The shape that the wind makes of the mesh. false: cancelled.
+bool erode_rock(RockInstance& instance, const Values& values, const RockSurroundings& around,
+                const MarramMesh& mesh) {
+    const double begin = wall_seconds();
+    ErosionHooks hooks;
+    hooks.cancelled = around.cancelled;
+    if (MARRAM_HAS(&instance.host, progress) && instance.host.progress)
+        hooks.progress = [&](double share, const std::string& words) {
+            instance.host.progress(instance.host.user, share, ("erosion: " + words).c_str());
+        };
+    try {
+        const ErosionSettings settings = rock_erosion_settings(values, mesh);
+        instance.erosion = erode({mesh.positions[0], 3 * size_t(mesh.vertex_count)},
+                                 {mesh.triangles, 3 * size_t(mesh.triangle_count)}, settings,
+                                 grain_wear(around.scenery, around.cancelled), hooks);
+        if (instance.erosion.cancelled) return false;
+        if (instance.erosion.years < settings.years)
+            send(instance.host, MARRAM_WARNING, "rock.ended_early", values.at("years").place,
+                 fmt::format("erosion ended after {:.0f} of {:.0f} years", instance.erosion.years,
+                             settings.years),
+                 "less rock is left, or larger voxels get further: lower years or raise voxel");
+    } catch (const LevelSetError& error) {
+        throw SceneFault("rock.level_set", values.at("mesh").place, error.what(),
+                         "close the mesh, or change voxel or levels");
+    }
+    LevelSet& rock = instance.erosion.levels.back().rock;
+    if (rock.mesh().triangles.empty())
+        throw SceneFault("rock.nothing_left", values.at("years").place, "the wind wears away all of the rock",
+                         "lower years, or make the rock harder");
+    instance.positions = rock.mesh().positions;
+    instance.normals = rock.mesh().normals;
+    instance.triangles = rock.mesh().triangles;
+    instance.uvs.clear();
+    instance.erosion_seconds = wall_seconds() - begin;
+    return true;
+}
+
 // false: cancelled.
 bool wear_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
-               std::span<const MarramMesh> meshes, const MarramMesh& mesh) {
-    GrainSettings settings = grain_settings_of(values);
-    std::vector<unsigned> sand;
-    for (const MarramValue& value : instance.values.all())
-        if (is_list_mesh(value.name, "sand[")) sand.push_back(rock_mesh_named(meshes, value).geometry_id);
-    settings.sand = sand;
+               const RockSurroundings& around, const MarramMesh& mesh) {
     const std::vector<uint32_t> first = first_at_place(instance.positions);
-    std::vector<uint32_t> joined(instance.triangles.size());
-    std::transform(instance.triangles.begin(), instance.triangles.end(), joined.begin(),
-                   [&](uint32_t v) { return first[v]; });
-    const WornMesh worn{mesh.geometry_id, instance.positions.data(), instance.positions.size() / 3,
-                        joined.data(), joined.size() / 3};
-    std::vector<double> depth(first.size());
-    GrainHooks hooks;
-    hooks.cancelled = [&] { return instance.host.cancelled(instance.host.user) != 0; };
-    if (const std::string fault = grain_settings_fault(settings); !fault.empty())
-        throw SceneFault("rock.value", values.at("mesh").place, fault, "change that value");
-    instance.report = trace_grains(frame.colliders, std::span(&worn, 1), settings, depth, {}, hooks);
+    std::vector<double> depth(first.size()), hardness(first.size());
+    if (!instance.erosion.levels.empty()) {
+        LevelSet& rock = instance.erosion.levels.back().rock;
+        instance.report = wear_by_grains(around.scenery, rock.mesh(), 0, depth, around.cancelled);
+        blur_over_surface(rock.mesh(), 3, depth);
+    } else {
+        std::vector<uint32_t> joined(instance.triangles.size());
+        std::transform(instance.triangles.begin(), instance.triangles.end(), joined.begin(),
+                       [&](uint32_t v) { return first[v]; });
+        const WornMesh worn{mesh.geometry_id, instance.positions.data(), instance.positions.size() / 3,
+                            joined.data(), joined.size() / 3};
+        instance.report = trace_winds(frame.colliders, worn, around.scenery, 0, depth, around.cancelled);
+    }
     if (instance.report.cancelled) return false;
+    rock_hardness(rock_hardness_settings(values), instance.positions, 0.0, hardness);
+    instance.hardness.assign(hardness.begin(), hardness.end());
     instance.rate.resize(first.size()), instance.wear.resize(first.size());
-    for (size_t v = 0; v < first.size(); ++v) instance.rate[v] = float(1e3 * depth[first[v]]); // mm
+    for (size_t v = 0; v < first.size(); ++v)
+        instance.rate[v] = float(1e3 * depth[first[v]] / hardness[v]); // mm
     const double full = values.has("full")
                             ? values.number("full")
                             : rate_of_area(instance.positions, instance.triangles, instance.rate, 0.95);
@@ -411,6 +587,36 @@ void warn_of_rock(const RockInstance& instance, const Values& values, const Marr
              "raise speed or lower threshold");
 }
 
+// All that it hands out, unless it is there already. false: cancelled.
+bool evaluate_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
+                   std::span<const MarramMesh> meshes) {
+    const MarramMesh& mesh = rock_mesh_named(meshes, values.at("mesh"));
+    const bool erodes = values.integer("levels") > 0;
+    if (!erodes) copy_mesh(instance, mesh);
+    const uint64_t digest = digest_of_rock(instance, meshes);
+    if (digest == instance.digest) return true;
+    instance.digest = 0;
+    instance.erosion = {};
+    const RockSurroundings around = rock_surroundings(instance, values, frame, meshes, mesh);
+    if (erodes && !erode_rock(instance, values, around, mesh)) return false;
+    if (!wear_rock(instance, values, frame, around, mesh)) return false;
+    make_maps(instance, values);
+    instance.digest = digest;
+    warn_of_rock(instance, values, mesh);
+    return true;
+}
+
+MarramStatus prepare_rock(MarramInstance* opaque, const MarramFrame* given, const MarramStates*) {
+    RockInstance& instance = rock(opaque);
+    return guarded_rock(instance.host, [&] {
+        std::vector<MarramMesh> meshes;
+        const MarramFrame frame = borrowed_frame(given, meshes);
+        const Values values(instance.values.all());
+        if (values.integer("levels") == 0) return MARRAM_OK; // quick enough for begin
+        return evaluate_rock(instance, values, frame, meshes) ? MARRAM_OK : MARRAM_CANCELLED;
+    });
+}
+
 MarramStatus begin_rock(MarramInstance* opaque, const MarramFrame* given, MarramOutput* out) {
     RockInstance& instance = rock(opaque);
     return guarded_rock(instance.host, [&] {
@@ -419,22 +625,13 @@ MarramStatus begin_rock(MarramInstance* opaque, const MarramFrame* given, Marram
         std::vector<MarramMesh> meshes;
         const MarramFrame frame = borrowed_frame(given, meshes);
         const Values values(instance.values.all());
-        const MarramMesh& mesh = rock_mesh_named(meshes, values.at("mesh"));
         instance.begun = false;
-        const uint64_t digest = digest_of_rock(instance, meshes);
-        copy_mesh(instance, mesh);
-        if (digest != instance.digest) {
-            instance.digest = 0;
-            if (!wear_rock(instance, values, frame, meshes, mesh)) return MARRAM_CANCELLED;
-            make_maps(instance, values);
-            instance.digest = digest;
-            warn_of_rock(instance, values, mesh);
-        }
+        if (!evaluate_rock(instance, values, frame, meshes)) return MARRAM_CANCELLED;
         MarramOutput output{};
         output.kind = MARRAM_MESH;
         output.time_count = 1;
-        output.vertex_count = mesh.vertex_count;
-        output.triangle_count = mesh.triangle_count;
+        output.vertex_count = uint32_t(instance.positions.size() / 3);
+        output.triangle_count = uint32_t(instance.triangles.size() / 3);
         output.has_uvs = instance.uvs.empty() ? 0 : 1;
         output.has_normals = instance.normals.empty() ? 0 : 1;
         fill_known_part(output, out);
@@ -451,7 +648,7 @@ void check_rock_buffers(const RockInstance& instance, const MarramMeshBuffers* b
         if (buffers->attributes[a] >= rock_attributes.size())
             throw SceneFault("contract.attribute_range", "",
                              fmt::format("there is no attribute {}", buffers->attributes[a]),
-                             "ask for 0 or 1");
+                             "ask for 0, 1 or 2");
         there = buffers->attribute_values[a] != nullptr;
     }
     if (!there)
@@ -469,7 +666,8 @@ MarramStatus mesh_rock(MarramInstance* opaque, MarramMeshBuffers* buffers) {
         if (MARRAM_HAS(buffers, normals) && buffers->normals && buffers->normals[0])
             std::copy(instance.normals.begin(), instance.normals.end(), buffers->normals[0]);
         for (uint32_t a = 0; a < buffers->attribute_count; ++a) {
-            const std::vector<float>& values = buffers->attributes[a] == 0 ? instance.wear : instance.rate;
+            const std::array all{&instance.wear, &instance.rate, &instance.hardness};
+            const std::vector<float>& values = *all[buffers->attributes[a]];
             std::copy(values.begin(), values.end(), buffers->attribute_values[a]);
         }
         if (!instance.maps[0].empty()) {
@@ -490,6 +688,13 @@ void report_rock(MarramInstance* opaque, void (*sink)(void*, const char*, double
     sink(user, "rock.hits", double(r.worn_hits));
     sink(user, "rock.volume", r.volume);
     sink(user, "rock.seconds", r.seconds);
+    if (instance.erosion.levels.empty()) return;
+    int passes = 0;
+    for (const ErosionLevel& level : instance.erosion.levels) passes += level.passes;
+    sink(user, "rock.erosion_passes", passes);
+    sink(user, "rock.erosion_removed",
+         instance.erosion.levels.front().start - instance.erosion.levels.back().left);
+    sink(user, "rock.erosion_seconds", instance.erosion_seconds);
 }
 
 void destroy_rock(MarramInstance* opaque) { delete reinterpret_cast<RockInstance*>(opaque); } // NULL is fine
@@ -513,6 +718,7 @@ MarramProcedural rock_procedural() {
     procedural.report = report_rock;
     procedural.destroy = destroy_rock;
     procedural.update = update_rock;
+    procedural.prepare = prepare_rock;
     return procedural;
 }
 
@@ -524,6 +730,10 @@ std::span<const MarramReportEntry> rock_report_entries() {
         MarramReportEntry{"rock.hits", "count", MARRAM_SUM, nullptr, nullptr, "hits on rock that wears"},
         MarramReportEntry{"rock.volume", "m^3", MARRAM_SUM, nullptr, nullptr, "rock worn in a year"},
         MarramReportEntry{"rock.seconds", "s", MARRAM_SUM, nullptr, nullptr, "tracing grains"},
+        MarramReportEntry{"rock.erosion_passes", "count", MARRAM_SUM, nullptr, nullptr,
+                          "of erosion, all levels"},
+        MarramReportEntry{"rock.erosion_removed", "m^3", MARRAM_SUM, nullptr, nullptr, "rock that is gone"},
+        MarramReportEntry{"rock.erosion_seconds", "s", MARRAM_SUM, nullptr, nullptr, "eroding"},
     };
     return entries;
 }

@@ -16,9 +16,15 @@
 //            proportion: sheltered faces stay.
 //   end      three passes with the quotient 1 take away what is left of B psi.
 // Thus a level is the next one's, smoothed, within the tolerance: the distance of C from the finer surface blurred by a Gaussian of
-// sigma = H is at most 0.35 H (rms) and 0.75 H (99 % of the vertices), measured one octave and three octaves apart (erosion_test.cpp, build/rock_erosion).
+// sigma = H / 2 is at most 0.15 H (rms) and H / 2 (99 % of the vertices), measured one octave and three octaves apart (erosion_test.cpp,
+// build/rock_erosion).
 //
-// Noise of the grains: rates are blurred over two edges before use, and every pass has its own random numbers.
+// Noise of the grains: rates are blurred over an edge before use, among vertices whose normals agree, and every pass has its own
+// random numbers.
+//
+// Edges. Where a face that wears meets one that does not, the edge goes with the former: what wears is the union of what each face loses. But a vertex
+// on the edge is hit half as often, and would stay behind as a fin. So a vertex v takes at least the depth that brings it below
+// a neighbour u's plane once that is worn by d_u:   d_v >= (d_u + n_u . (v - u)) / n_u . n_v,   where the two are convex and 0.2 < n_u . n_v < 0.9.
 //
 // Pieces that come loose vanish at the end of each level; the largest stays.
 //
@@ -49,8 +55,10 @@ namespace {
 
 constexpr double longest_step = 0.9;    // voxels a pass
 constexpr double step_quantile = 0.999; // of the vertices, whose wear sets the time step
-constexpr int noise_blur = 3;           // times, of the rates
-constexpr int level_blur = 12;          // times: sigma of two edges, a voxel of the level before
+constexpr int edge_rings = 3;
+constexpr double least_agreement = 0.2, edge_agreement = 0.9;
+constexpr int noise_blur = 3;  // times, of the rates
+constexpr int level_blur = 12; // times: sigma of two edges, a voxel of the level before
 constexpr int shaping_passes = 5, settling_passes = 3;
 constexpr double greatest_quotient = 3.0, even_share = 0.05;
 constexpr double worn_voxels = 0.25; // of the level before: less wear than that fades the detail out
@@ -59,7 +67,7 @@ constexpr double worn_voxels = 0.25; // of the level before: less wear than that
 class SurfaceNeighbours {
   public:
     explicit SurfaceNeighbours(const LevelMesh& mesh)
-        : first_(mesh.vertex_count() + 1, 0), of_(2 * mesh.triangles.size()) {
+        : mesh_(mesh), first_(mesh.vertex_count() + 1, 0), of_(2 * mesh.triangles.size()) {
         for (const uint32_t v : mesh.triangles) first_[v + 1] += 2;
         for (size_t v = 0; v + 1 < first_.size(); ++v) first_[v + 1] += first_[v];
         std::vector<uint32_t> next(first_.begin(), first_.end() - 1);
@@ -71,27 +79,55 @@ class SurfaceNeighbours {
             }
     }
 
-    void blur(int times, std::span<double> values) const {
+    // Means over neighbours; `sides`: only over those whose normals agree.
+    void blur(int times, std::span<double> values, bool sides = false) const {
+        repeat(times, values, [this, sides](std::span<const double> from, size_t v) {
+            double sum = 0.0, weights = 0.0;
+            for (uint32_t n = first_[v]; n < first_[v + 1]; ++n) {
+                const double w = sides ? std::max(2.0 * cosine(v, of_[n]) - 1.0, 0.0) : 1.0;
+                sum += w * from[of_[n]], weights += w;
+            }
+            return weights > 0.0 ? 0.5 * (from[v] + sum / weights) : from[v];
+        });
+    }
+
+    // Depths at convex edges: no less than what the faces beside them lose. See the page.
+    void wear_edges(std::span<double> depth) const {
+        repeat(edge_rings, depth, [this](std::span<const double> from, size_t v) {
+            double most = from[v];
+            for (uint32_t n = first_[v]; n < first_[v + 1]; ++n) {
+                const uint32_t u = of_[n];
+                const double agree = cosine(v, u);
+                if (!(agree > least_agreement && agree < edge_agreement) || from[u] <= most) continue;
+                const double above = height(u, v);
+                if (above < 0.0 && height(v, u) < 0.0) most = std::max(most, (from[u] + above) / agree);
+            }
+            return most;
+        });
+    }
+
+  private:
+    void repeat(int times, std::span<double> values, auto&& of) const {
         std::vector<double> other(values.size());
         for (int n = 0; n < times; ++n) {
             tbb::parallel_for(tbb::blocked_range<size_t>(0, values.size(), 4096),
                               [&](const tbb::blocked_range<size_t>& range) {
                                   for (size_t v = range.begin(); v < range.end(); ++v)
-                                      other[v] = mean(values, v);
+                                      other[v] = of(values, v);
                               });
             std::copy(other.begin(), other.end(), values.begin());
         }
     }
-
-  private:
-    double mean(std::span<const double> values, size_t v) const {
-        const uint32_t begin = first_[v], end = first_[v + 1];
-        if (begin == end) return values[v];
-        double sum = 0.0;
-        for (uint32_t n = begin; n < end; ++n) sum += values[of_[n]];
-        return 0.5 * (values[v] + sum / double(end - begin));
+    Vec3d at(const std::vector<float>& list, size_t v) const {
+        return {double(list[3 * v]), double(list[3 * v + 1]), double(list[3 * v + 2])};
+    }
+    double cosine(size_t a, size_t b) const { return at(mesh_.normals, a).dot(at(mesh_.normals, b)); }
+    // Of vertex b over the plane of vertex a.
+    double height(size_t a, size_t b) const {
+        return at(mesh_.normals, a).dot(at(mesh_.positions, b) - at(mesh_.positions, a));
     }
 
+    const LevelMesh& mesh_;
     std::vector<uint32_t> first_, of_;
 };
 
@@ -129,7 +165,7 @@ class Eroder {
         if (cancelled()) return false;
         for (double& r : rate)
             if (!(r > 0.0) || !std::isfinite(r)) r = 0.0;
-        neighbours.blur(noise_blur, rate);
+        neighbours.blur(noise_blur, rate, true);
         std::vector<double> hardness(rate.size());
         rock_hardness(settings_.hardness, mesh.positions, voxel, hardness);
         for (size_t v = 0; v < rate.size(); ++v) rate[v] /= hardness[v];
@@ -148,6 +184,7 @@ class Eroder {
             const double fastest = quantile(rate, step_quantile);
             const double step = fastest * left > longest_step * voxel ? longest_step * voxel / fastest : left;
             for (double& r : rate) r *= step;
+            neighbours.wear_edges(rate);
             level.rock.advance(rate);
             years += step;
             ++level.passes;
@@ -187,6 +224,7 @@ class Eroder {
                     shapes && over > 0.0 ? std::min((rate[v] + even) / over, greatest_quotient) : 1.0;
                 excess[v] = std::max(excess[v], 0.0) * std::clamp(lost, 0.0, 1.0) * part * quotient;
             }
+            if (shapes) neighbours.wear_edges(excess);
             level.rock.advance(excess);
             ++level.passes;
             tell(number, (pass + 1.0) / passes);

@@ -119,19 +119,21 @@ inline PlaneWear wear_plane(double turn_x, double turn_z, double voxel, double v
     return result;
 }
 
-// How far a level is from the finer one, smoothed by its own voxel size: in voxels of the coarse one.
+// How far a level is from the finer one, smoothed by half a voxel of its own: in voxels of the coarse one.
 struct LevelParity {
+    double mean = 0.0;                         // positive: the coarse level is outside of the smoothed one
     double rms = 0.0, most = 0.0, at_99 = 0.0; // of absolute values; at_99: 99 % of the vertices are below
 };
 
 inline LevelParity level_parity(LevelSet& coarse, LevelSet& fine) {
     const LevelMesh& mesh = coarse.mesh();
     std::vector<float> distance(mesh.vertex_count());
-    smoothed_distance(fine.mesh(), coarse.voxel(), mesh.positions, distance);
+    smoothed_distance(fine.mesh(), 0.5 * coarse.voxel(), mesh.positions, distance);
     LevelParity parity;
     std::vector<double> all;
     for (const float d : distance) {
         all.push_back(std::abs(double(d)) / coarse.voxel());
+        parity.mean += double(d) / coarse.voxel() / double(distance.size());
         parity.rms += all.back() * all.back() / double(distance.size());
     }
     std::sort(all.begin(), all.end());

@@ -74,6 +74,23 @@ TEST(Rock, AnEditOfTheLawChangesAttributesAlone) {
     EXPECT_GT(mean(scene.build(), "wear_rate"), 0.0);
 }
 
+TEST(Rock, IsErodedOverLevelsOfDetail) {
+    const std::string eroded = "sand_level = 0\nspeed = 12\nlevels = 2\nvoxel = 0.08\nyears = 300\n"
+                               "strata = { thickness = 0.3 }\n[[procedural.winds]]\ndirection = [0, 0, 1]\n";
+    TestScene scene(ball + rock(eroded));
+    const World world = scene.build();
+    const MeshGeometry& worn = mesh_of(world, "worn");
+    EXPECT_EQ(worn.uvs.size(), 0u);
+    float windward = 0.0F, lee = 0.0F;
+    for (const auto& p : worn.positions[0]) windward = std::min(windward, p.z()), lee = std::max(lee, p.z());
+    EXPECT_GT(windward, -0.99F);
+    EXPECT_NEAR(lee, 1.0F, 0.03F);
+    EXPECT_GT(mean(world, "hardness"), 0.3);
+    EXPECT_GT(mean(world, "wear_rate"), 0.0);
+    EXPECT_EQ(scene.update(ball + rock("level = 1\n" + eroded)).at("worn"), MARRAM_EVERYTHING);
+    EXPECT_LT(mesh_of(scene.build(), "worn").positions[0].size(), worn.positions[0].size());
+}
+
 TEST(Rock, FaultsNameTheirPlace) {
     try {
         TestScene scene(ball + rock("[[procedural.shelter]]\nmesh = \"ball\""));

@@ -33,7 +33,8 @@
 // Limits. Years count on the first level alone: finer ones are shaped by the ratio of wear at neighbouring places, not by its amount. Rock
 // thinner than a voxel of the first level is lost there, and so on all.
 //
-// Cost: that of the grains, 10^7 paths about 5 s on two cores, and 1 to 2 s beside for a grid of 512^3.
+// Cost of a pass: that of the grains, 6 s of one core for 10^6 of them around a ball of 1.5 10^6 triangles, and 3 s of one core for the
+// level set in a grid of 512^3. A level takes 8 passes, the first one as many as its depth has voxels.
 #include "procedural/erosion/erosion.h"
 
 #include "core/math/clock.h"

@@ -75,8 +75,9 @@ TEST(Rock, AnEditOfTheLawChangesAttributesAlone) {
 }
 
 TEST(Rock, IsErodedOverLevelsOfDetail) {
-    const std::string eroded = "sand_level = 0\nspeed = 12\nlevels = 2\nvoxel = 0.08\nyears = 300\n"
-                               "strata = { thickness = 0.3 }\n[[procedural.winds]]\ndirection = [0, 0, 1]\n";
+    const std::string eroded =
+        "sand_level = 0\nspeed = 12\nheight = 1\nlevels = 2\nvoxel = 0.08\nyears = 2000\n"
+        "strata = { thickness = 0.3 }\n[[procedural.winds]]\ndirection = [0, 0, 1]\n";
     TestScene scene(ball + rock(eroded));
     const World world = scene.build();
     const MeshGeometry& worn = mesh_of(world, "worn");

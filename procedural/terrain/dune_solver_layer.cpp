@@ -25,12 +25,21 @@
 // one. Each whole frame ends a time step, so that a frame is the same bits whichever states there were. Whatever changes in the terrain's
 // parameters or inputs begins anew, also in layers above.
 //
-// Plants. `plants` names a mask; `frontal_area` is that of plants per area of ground where it is 1. They take the stress off the
-// sand: 1 / sqrt(1 + 16 area).
+// Plants. `plants` names a mask: the share of the ground that they cover; `frontal_area` is that of plants per area of ground where it is 1. They take
+// the stress off the sand: 1 / sqrt(1 + 16 area). With `growth` (m a year) they start at `start_cover` of the mask, grow back up to it and `plant_height`,
+// and die where sand buries them or is blown away from under them faster than that: barchans become parabolic dunes. `cover` names
+// a mask that is handed out, the cover at this frame, which grooms and materials can follow.
+//
+//     [[procedural.layer]]
+//     type = "dune_solver"
+//     plants = "meadow"
+//     growth = 6
+//     cover = "grass"
 //
 // Limits. One such layer a terrain. Grooms that grow on the terrain are placed on it anew each frame; within a shutter the ground does not move.
 #include "procedural/terrain/dune_solver_layer.h"
 
+#include "procedural/terrain/mask_layer.h"
 #include "procedural/terrain/shape_layer.h"
 
 #include "core/math/hash.h"
@@ -52,8 +61,8 @@ struct DuneRun {
     DuneSolverSettings settings;
     WindHistory wind;
     DriftPotential drift;
-    std::string plants; // "": none
-    double frontal_area = 0.0;
+    std::string plants;                         // "": none
+    std::string cover;                          // name of the mask that is handed out; "": none
     double frames = 0.0, seconds_a_frame = 0.0; // since the start
     double start = 0.0;
     int keep_every = 10;
@@ -66,6 +75,9 @@ class DuneSolverLayer : public Layer {
         : run_(std::move(run)), domain_(domain), simulation_(simulation) {}
 
     Writes writes() const override { return {.bedrock = false, .sand = true}; }
+    std::vector<std::string> mask_names() const override {
+        return run_.cover.empty() ? std::vector<std::string>() : std::vector<std::string>{run_.cover};
+    }
     double reach() const override { return infinity; }
     void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override;
     bool evaluate_whole(const Fields& below, const LayerOutput& out,
@@ -113,30 +125,27 @@ bool DuneSolverLayer::evaluate_whole(const Fields& below, const LayerOutput& out
                                      const std::function<bool()>& cancelled) const {
     if (!out.sand) return true;
     evaluate({0, 0, domain_.nx, domain_.nz}, below, out);
-    if (!(run_.frames > 0.0) || !(run_.seconds_a_frame > 0.0)) return true;
+    const bool blown = run_.frames > 0.0 && run_.seconds_a_frame > 0.0;
+    if (!blown && run_.cover.empty()) return true;
     const std::string problem = DuneSolver::problem(domain_, run_.settings, below.bedrock, below.sand);
     if (!problem.empty())
         throw SceneFault("terrain.dune_solver", run_.place, problem, "change the layers below, or the cells");
-    std::vector<float> plants;
-    if (const float* mask = run_.plants.empty() ? nullptr : find_mask(below, run_.plants)) {
-        plants.resize(domain_.count());
-        std::transform(mask, mask + plants.size(), plants.begin(),
-                       [&](float share) { return float(run_.frontal_area) * share; });
-    }
-    DuneSolver solver(domain_, run_.settings, below.bedrock, below.sand,
-                      plants.empty() ? nullptr : plants.data());
+    const float* const plants = run_.plants.empty() ? nullptr : find_mask(below, run_.plants);
+    DuneSolver solver(domain_, run_.settings, below.bedrock, below.sand, plants);
     double from = 0.0;
-    if (simulation_) {
+    if (blown && simulation_) {
         double frame = 0.0;
         const std::vector<char> bytes = simulation_->load(run_.start + run_.frames, frame);
         DuneState state;
-        if (!bytes.empty() && frame >= run_.start && read_bytes(bytes, domain_.count(), state)) {
+        if (!bytes.empty() && frame >= run_.start && read_bytes(bytes, domain_.count(), state) &&
+            state.plant_height.empty() == !(plants && run_.settings.growth.rate > 0.0)) {
             solver.restore(state);
             from = frame - run_.start;
         }
     }
-    if (!advance(solver, from, cancelled)) return false;
+    if (blown && !advance(solver, from, cancelled)) return false;
     solver.sand({out.sand, domain_.count()});
+    if (!run_.cover.empty()) solver.cover({out.masks[0], domain_.count()});
     if (!out.notes) return true;
     const double area = domain_.cell * domain_.cell;
     out.notes->numbers = {{"days", solver.time() / dune_day},
@@ -175,9 +184,17 @@ constexpr std::array dune_solver_values = {
     MarramParam{
         "record", MARRAM_TABLE, "", "none", 0, 0, "time|speed|direction",
         "CSV of a measured wind: time (h), speed (m/s at 10 m), direction (deg from north, from which)"},
-    MarramParam{"plants", MARRAM_TEXT, "", "none", 0, 0, "", "name of a mask: where plants stand"},
+    MarramParam{"plants", MARRAM_TEXT, "", "none", 0, 0, "",
+                "name of a mask: the share of the ground that plants cover"},
     MarramParam{"frontal_area", MARRAM_NUMBER, "", "0.2", 0, 100, "",
                 "of plants per area of ground, where the mask is 1"},
+    MarramParam{"growth", MARRAM_NUMBER, "m/year", "0", 0, 1000, "",
+                "of small plants; 0: plants stay as they are"},
+    MarramParam{"plant_height", MARRAM_NUMBER, "m", "1", 0.001, 100, "", "of full-grown plants"},
+    MarramParam{"start_cover", MARRAM_NUMBER, "", "0", 0, 1, "",
+                "share of the mask that growing plants start with"},
+    MarramParam{"cover", MARRAM_TEXT, "", "none", 0, 0, "",
+                "name of the mask handed out: where plants are now"},
     MarramParam{"repose", MARRAM_NUMBER, "deg", "34", 5, 80, "",
                 "at which sand begins to slide; it stops 1 degree below"},
     MarramParam{"keep_every", MARRAM_INTEGER, "frames", "10", 1, 1e6, "", "states that are kept"},
@@ -253,6 +270,12 @@ WindHistory dune_wind(const LayerContext& context, double& known) {
         {{first, (1.0 - share) * season}, {{std::cos(turned), std::sin(turned), strength}, share * season}});
 }
 
+std::string dune_cover(const LayerValues& values) {
+    if (!values.has("cover")) return "";
+    check_mask_name(values.text("cover"), values.place("cover"));
+    return values.text("cover");
+}
+
 std::unique_ptr<Layer> make_dune_solver(const LayerContext& context) {
     const LayerValues& values = context.values;
     DuneRun run;
@@ -267,7 +290,15 @@ std::unique_ptr<Layer> make_dune_solver(const LayerContext& context) {
     run.wind = dune_wind(context, known);
     run.drift = drift_potential(winds_between(run.wind, 0.0, known), run.settings.physics);
     if (values.has("plants")) run.plants = mask_named(context, "plants");
-    run.frontal_area = values.number("frontal_area");
+    run.cover = dune_cover(values);
+    if (!run.cover.empty() && run.plants.empty())
+        throw SceneFault("terrain.dune_solver", values.place("cover"),
+                         "there are no plants whose cover could be handed out", "name a mask by plants");
+    PlantGrowth& growth = run.settings.growth;
+    growth.rate = values.number("growth") / seconds_a_year;
+    growth.height = values.number("plant_height");
+    growth.start_cover = values.number("start_cover");
+    growth.frontal_area = values.number("frontal_area");
     run.start = values.number("start");
     run.frames = std::max(context.frame - run.start, 0.0);
     run.seconds_a_frame = values.number("days_per_frame") * dune_day;
@@ -285,7 +316,7 @@ std::unique_ptr<Layer> make_dune_solver(const LayerContext& context) {
 
 namespace {
 
-constexpr uint64_t dune_state_format = 0x6d617272616d4401; // and the number of the format
+constexpr uint64_t dune_state_format = 0x6d617272616d4402; // and the number of the format
 
 class StateWriter {
   public:
@@ -339,6 +370,7 @@ std::vector<char> bytes_of(const DuneState& state) {
     out.add(dune_state_format);
     out.add_list(state.sand);
     out.add_list(state.height_before);
+    out.add_list(state.plant_height);
     for (const auto& list : state.seam_flux) out.add_list(list);
     for (const auto& list : state.airborne) out.add_list(list);
     out.add(state.seam_direction);
@@ -359,6 +391,7 @@ bool read_bytes(std::span<const char> bytes, size_t samples, DuneState& state) {
     if (format != dune_state_format) return false;
     in.get_list(state.sand);
     in.get_list(state.height_before);
+    in.get_list(state.plant_height);
     for (auto& list : state.seam_flux) in.get_list(list);
     for (auto& list : state.airborne) in.get_list(list);
     in.get(state.seam_direction);
@@ -369,12 +402,16 @@ bool read_bytes(std::span<const char> bytes, size_t samples, DuneState& state) {
     in.get(state.steps);
     in.get(state.in);
     in.get(state.out);
-    return in.at_end() && state.sand.size() == samples;
+    return in.at_end() && state.sand.size() == samples && state.height_before.size() == samples &&
+           (state.plant_height.empty() || state.plant_height.size() == samples);
 }
 
 LayerType dune_solver_layer_type() {
     LayerType type{"dune_solver", "dunes that the wind makes of the sand below", dune_solver_values,
-                   make_dune_solver};
+                   make_dune_solver, [](const LayerValues& values) {
+                       const std::string cover = dune_cover(values);
+                       return cover.empty() ? std::vector<std::string>() : std::vector<std::string>{cover};
+                   }};
     type.evolves = true;
     return type;
 }

@@ -51,19 +51,6 @@ double distance_to_segment(const Vec2d& p, const CurveSegment& s) {
     return (s.a + t * along - p).norm();
 }
 
-// The names of a terrain's own attributes and grids, and what cannot be listed with commas between, are taken.
-void check_mask_name(const std::string& name, const std::string& place) {
-    for (const char* taken : {"sand", "slope", "height", "bedrock", "ripples", "ripple_wave"})
-        if (name == taken)
-            throw SceneFault("terrain.mask_name", place,
-                             "'" + name + "' is what every terrain hands out itself",
-                             "give the mask another name");
-    const auto bad = [](char c) { return static_cast<unsigned char>(c) < ' ' || c == ','; };
-    if (name.empty() || std::any_of(name.begin(), name.end(), bad))
-        throw SceneFault("terrain.mask_name", place,
-                         "the name of a mask is empty or holds a comma or a line break", "give it another");
-}
-
 std::string name_of_mask(const LayerValues& values) {
     if (values.has("name")) {
         check_mask_name(values.text("name"), values.place("name"));
@@ -239,6 +226,19 @@ constexpr std::array mask_params = {
 };
 
 } // namespace
+
+// The names of a terrain's own attributes and grids, and what cannot be listed with commas between, are taken.
+void check_mask_name(const std::string& name, const std::string& place) {
+    for (const char* taken : {"sand", "slope", "height", "bedrock", "ripples", "ripple_wave"})
+        if (name == taken)
+            throw SceneFault("terrain.mask_name", place,
+                             "'" + name + "' is what every terrain hands out itself",
+                             "give the mask another name");
+    const auto bad = [](char c) { return static_cast<unsigned char>(c) < ' ' || c == ','; };
+    if (name.empty() || std::any_of(name.begin(), name.end(), bad))
+        throw SceneFault("terrain.mask_name", place,
+                         "the name of a mask is empty or holds a comma or a line break", "give it another");
+}
 
 LayerType mask_layer_type() {
     return {"mask", "a mask by height, slope, sand, an image, or the distance to curves", mask_params,

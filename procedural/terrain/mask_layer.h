@@ -7,5 +7,7 @@
 namespace marram {
 
 LayerType mask_layer_type();
+// Throws SceneFault where a mask cannot have that name.
+void check_mask_name(const std::string& name, const std::string& place);
 
 } // namespace marram

@@ -15,6 +15,10 @@
 // pressure does. What it does across is less certain: linearising |u| u gives cross = 1/2, Weng's terms for z0 = 0.1 mm and waves of 20 m give 1
 // or more. With 1/2 the horns of a barchan point outwards, with 1 sand leaves its flanks sideways; 0.75 is between.
 //
+// B / A decides how long a dune is for its height. A = 3.5, B = 2 (z0 of 1 mm) gives a flat bed's first waves the length that they have in nature (21 L_sat),
+// but barchans 0.55 to 0.6 times as long as the field's. With B = 1.4, cross = 1/2 and side_slope = 0.3 (transport.cpp) those of 4 to 6 m have widths and lengths
+// within 30 % of it, but first waves are half as long again and slip faces narrow. One pair of numbers without logarithms cannot do both.
+//
 // Transforms: columns in pairs as real and imaginary part; the spectrum is kept for row wave numbers 0 ... rows / 2 only; along and
 // across return as real and imaginary part of one transform. At the Nyquist wave numbers, whose sign cannot be told, it is the mean of both.
 // The mean of the surface has no effect.

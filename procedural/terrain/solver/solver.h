@@ -16,12 +16,22 @@
 
 namespace marram {
 
+// Plants that grow, are buried and blown bare. rate 0: they stay as they are.
+struct PlantGrowth {
+    double rate = 0.0;         // of their height on bare ground that is still, m/s
+    double height = 1.0;       // of those that are full grown, metres
+    double start_cover = 0.0;  // at the beginning, of the ground that they can cover
+    double frontal_area = 0.2; // per area of ground, of full grown ones
+    bool operator==(const PlantGrowth&) const = default;
+};
+
 struct DuneSolverSettings {
     SandPhysics physics;
     ShearCoefficients shear;
     SeparationSettings separation;
     AvalancheSettings avalanche;
     double plant_drag = 16.0; // of stress, per frontal area of plants on an area of ground
+    PlantGrowth growth;
     DuneBorder border = DuneBorder::periodic;
     double influx = 0.0;            // over open borders, of the saturated flux; 0 to 1
     double stability = 0.5;         // time steps, of the fastest wave's time
@@ -32,6 +42,7 @@ struct DuneSolverSettings {
 struct DuneState {
     std::vector<SandUnits> sand;                  // sample (i, j) at j * nx + i
     std::vector<float> height_before;             // of the time step before, metres over the reference
+    std::vector<float> plant_height;              // metres; empty: plants do not grow
     std::array<std::vector<double>, 2> seam_flux; // what crossed the border last, across z and x: kg / (m s)
     std::array<std::vector<SandUnits>, 2> airborne; // not yet accounted for there
     std::array<int, 2> seam_direction = {0, 0};
@@ -61,7 +72,7 @@ class DuneSolver {
     static std::string problem(const Domain& domain, const DuneSolverSettings& settings, const float* bedrock,
                                const SandUnits* sand);
 
-    // `plants`: frontal area per area of ground, or NULL. Nothing is borrowed.
+    // `plants`: the share of the ground that plants cover where they are full grown, 0 to 1, or NULL. Nothing is borrowed.
     DuneSolver(const Domain& domain, const DuneSolverSettings& settings, const float* bedrock,
                const SandUnits* sand, const float* plants = nullptr);
 
@@ -77,6 +88,8 @@ class DuneSolver {
     // Sand that a periodic border still owes; usually 0 or little. Bed + airborne - in + out never changes.
     SandUnits airborne() const;
     void sand(std::span<SandUnits> out) const;
+    // The share of the ground that plants cover; of plants only.
+    void cover(std::span<float> out) const;
     const DuneTimes& times() const { return times_; }
 
     DuneState save() const;
@@ -86,6 +99,8 @@ class DuneSolver {
     void orient(bool transposed);
     void surface();
     void envelope();
+    void set_plants();
+    void grow(double seconds);
     double stable_step(double stress) const;
     void march(const DuneCourse& course, double wind_row, const SandWind& wind, const SaturationPeak& peak,
                double seconds);
@@ -97,9 +112,13 @@ class DuneSolver {
     double reference_ = 0.0; // metres: heights are floats over it
     bool transposed_ = false;
     int rows_ = 0, columns_ = 0; // along z and x, or along x and z
-    WideVector<float> ground_, height_, before_, plants_;
+    WideVector<float> ground_, height_, before_;
+    WideVector<float> plants_;                     // frontal area per area of ground
+    WideVector<float> most_plants_, plant_height_; // where they grow: plants_ when full grown; metres
     WideVector<double> sand_, sand_next_;
-    WideVector<float> air_height_, excess_, envelope_, along_, across_, flux_, relax_, turn_, reach_;
+    WideVector<float> air_height_;
+    // What the air does, then, row by row in its place, what the march needs of it: along the wind, across, over bubbles, envelope.
+    WideVector<float> along_flux_, across_relax_, excess_turn_, envelope_reach_;
     WideVector<double> front_;
     double range_ = 0.0;                          // of air_height_
     std::array<std::unique_ptr<Shear>, 2> shear_; // by orientation

@@ -66,7 +66,8 @@ struct SaturationPeak {
 };
 // The flux turns no further than this from the rows' normal (79 degrees), columns a row.
 inline constexpr double steepest_turn = 5.0;
-// Saturated flux of every cell. `wind_row`, `wind_column`: unit vector.
+// Saturated flux of every cell. `wind_row`, `wind_column`: unit vector. Row by row: `out` may stand in the place of `air`, flux in along, relax in
+// across, turn in excess.
 SaturationPeak saturate(const DuneCourse& course, DuneBorder border, const SandPhysics& physics,
                         double plant_drag, double wind_row, double wind_column, double shear_velocity,
                         const AirFields& air, size_t pitch, const SaturationFields& out);

@@ -3,9 +3,11 @@
 //
 //     dune_solver waves         growth and speed of small waves against linear theory
 //     dune_solver speed         time a cell and step, by part
-//     dune_solver barchans [n]  height, width, length and celerity of n sizes after three turnovers (6)
+//     dune_solver barchans [n] [B]  height, width, length and celerity of n sizes after three turnovers (6)
+//     dune_solver ridges [B]    ridges across the wind: celerity against what passes the brink
 //     dune_solver directions    crests of a covered bed in pairs of winds
 //     dune_solver convergence   one dune with cells of 2, 1 and 1/2 m, and the grid turned by 45 degrees
+//     dune_solver turned cell   one dune, the grid turned by 0, 15, 30, 45 degrees
 //     dune_solver picture out.pgm hours u* [degrees]
 #include "tests/bench/dune_solver/picture.h"
 #include "tests/unit/terrain/solver/dune_waves.h"
@@ -97,51 +99,65 @@ void print_speed() {
 }
 
 struct DuneFigures {
-    double height = 0.0, width = 0.0, length = 0.0,
-           stoss = 0.0;                    // metres; stoss: foot to brink along the middle
-    double volume = 0.0, x = 0.0, z = 0.0; // of the centre, by phase on a periodic grid
+    double height = 0.0, width = 0.0, length = 0.0; // metres; length: foot to brink along the middle
+    double volume = 0.0, x = 0.0, middle = 0.0;     // x: centre of mass; middle: its row
+    double brink = 0.0, slip_foot = 0.0;            // heights
+    int brink_column = 0, slip_column = 0;          // along the middle, from the crest's column on
 };
 
 // Of the sand higher than `foot` on a periodic grid, wind along +x.
 DuneFigures measure_dune(const Domain& domain, const std::vector<SandUnits>& sand, double foot) {
     DuneFigures f;
     double cx = 0.0, sx = 0.0, cz = 0.0, sz = 0.0;
-    int crest_i = 0, crest_j = 0;
+    const auto at = [&](int i, int j) {
+        return sand_metres(sand[domain.index((i + 4 * domain.nx) % domain.nx, (j + domain.nz) % domain.nz)]);
+    };
     for (int j = 0; j < domain.nz; ++j)
         for (int i = 0; i < domain.nx; ++i) {
-            const double h = sand_metres(sand[domain.index(i, j)]);
+            const double h = at(i, j);
             f.volume += h * domain.cell * domain.cell;
             const double w = h > foot ? h : 0.0, a = 2 * pi * i / domain.nx, b = 2 * pi * j / domain.nz;
             cx += w * std::cos(a), sx += w * std::sin(a), cz += w * std::cos(b), sz += w * std::sin(b);
-            if (h > f.height) f.height = h, crest_i = i, crest_j = j;
+            f.height = std::max(f.height, h);
         }
     f.x = std::atan2(sx, cx) / (2 * pi) * domain.nx * domain.cell;
-    f.z = std::atan2(sz, cz) / (2 * pi) * domain.nz * domain.cell;
-    // Width: rows with sand above the foot, joined to the crest's. Stoss: from the crest upwind to the foot.
+    f.middle = std::atan2(sz, cz) / (2 * pi) * domain.nz;
+    const int row = (int(std::lround(f.middle)) + domain.nz) % domain.nz;
+    int crest = 0;
+    for (int i = 0; i < domain.nx; ++i)
+        if (at(i, row) > at(crest, row)) crest = i;
+    // The slip face: from the brink, where the ground begins to fall by more than 20 degrees, to where it no longer does.
+    const double steep = std::tan(20.0 * degree) * domain.cell;
+    int brink = crest;
+    while (brink < crest + domain.nx / 2 && at(brink, row) - at(brink + 1, row) < steep) ++brink;
+    int end = brink;
+    while (at(end, row) - at(end + 1, row) >= steep) ++end;
+    f.brink_column = brink, f.slip_column = end;
+    f.brink = at(brink, row), f.slip_foot = at(end, row);
+    int start = crest;
+    while (start > crest - domain.nx && at(start, row) > foot) --start;
+    f.length = (brink - start) * domain.cell;
     const auto row_has = [&](int j) {
         for (int i = 0; i < domain.nx; ++i)
-            if (sand_metres(sand[domain.index(i, (j + domain.nz) % domain.nz)]) > foot) return true;
+            if (at(i, j) > foot) return true;
         return false;
     };
     int up = 0, down = 0;
-    while (up < domain.nz / 2 && row_has(crest_j - up - 1)) ++up;
-    while (down < domain.nz / 2 && row_has(crest_j + down + 1)) ++down;
+    while (up < domain.nz / 2 && row_has(row - up - 1)) ++up;
+    while (down < domain.nz / 2 && row_has(row + down + 1)) ++down;
     f.width = (up + down + 1) * domain.cell;
-    int n = 0;
-    while (n < domain.nx &&
-           sand_metres(sand[domain.index((crest_i - n + domain.nx) % domain.nx, crest_j)]) > foot)
-        ++n;
-    f.length = n * domain.cell;
     return f;
 }
 
-void print_barchans(int count) {
+void print_barchans(int count, double out_of_phase) {
     DuneSolverSettings settings;
+    settings.shear.out_of_phase = out_of_phase;
     const double shear_velocity = 0.5,
                  flux = settings.physics.saturated_flux(shear_velocity) / settings.physics.bulk_density;
-    std::printf("barchans: constant volume, u* = %.2f m/s, Q = %.3g m^2/s; field: W = 8.6 H + 8.8, L = 5.5 H "
-                "+ 10.8\n",
-                shear_velocity, flux);
+    std::printf(
+        "barchans: constant volume, u* = %.2f m/s, Q = %.3g m^2/s, B = %.2f; field: W = 8.6 H + 8.8, L = "
+        "5.5 H + 10.8\n",
+        shear_velocity, flux, out_of_phase);
     std::printf("%6s %9s %7s %7s %7s %7s %7s %9s %9s %8s\n", "cell", "volume", "H", "W", "field", "L",
                 "field", "c m/year", "Q / c m", "steps");
     std::vector<std::array<double, 2>> points;
@@ -186,6 +202,59 @@ void print_barchans(int count) {
     const double m = double(points.size()), slope = (m * shy - sh * sy) / (m * shh - sh * sh);
     const double r2 = std::pow(m * shy - sh * sy, 2) / ((m * shh - sh * sh) * (m * syy - sy * sy));
     std::printf("Q / c = %.3f (H + %.2f m), R^2 %.4f\n", slope, (sy - slope * sh) / (m * slope), r2);
+}
+
+// Ridges across the wind: what passes the brink settles on the slip face.
+void print_ridges(double out_of_phase) {
+    DuneSolverSettings settings;
+    settings.shear.out_of_phase = out_of_phase;
+    const double shear_velocity = 0.5,
+                 flux = settings.physics.saturated_flux(shear_velocity) / settings.physics.bulk_density;
+    std::printf(
+        "ridges across the wind, periodic: c (h_brink - h_slip foot) against what settles behind the brink\n"
+        "%7s %7s %7s %9s %11s %11s %8s\n",
+        "H", "brink", "L", "c m/year", "c h m^2/y", "q_brink", "error");
+    for (const double height : {3.0, 5.0, 8.0}) {
+        const double cell = height / 8.0;
+        const Domain domain{256, 4, cell, 0.0, 0.0};
+        const std::vector<float> rock(domain.count(), 0.0F);
+        std::vector<SandUnits> sand(domain.count()), later(domain.count());
+        for (int j = 0; j < domain.nz; ++j)
+            for (int i = 0; i < domain.nx; ++i) {
+                const double x = (i - 128) * cell, r = 5.0 * height;
+                sand[domain.index(i, j)] =
+                    sand_units(std::max(0.0, 1.02 * height * std::exp(-x * x / (r * r)) - 0.02 * height));
+            }
+        DuneSolver solver(domain, settings, rock.data(), sand.data());
+        const WindHistory wind = steady_wind({1.0, 0.0, shear_velocity});
+        const double turnover = 8.0 * height * height / (2.0 * flux);
+        solver.advance(wind, 3.0 * turnover);
+        double travelled = 0.0, law = 0.0, settled = 0.0;
+        DuneFigures mean;
+        const int samples = 50;
+        const double interval = 0.5 * turnover / samples;
+        solver.sand(sand);
+        DuneFigures before = measure_dune(domain, sand, 0.02 * height);
+        for (int s = 0; s < samples; ++s) {
+            solver.advance(wind, interval);
+            solver.sand(later);
+            const DuneFigures f = measure_dune(domain, later, 0.02 * height);
+            const double moved = std::remainder(f.x - before.x, domain.nx * cell);
+            travelled += moved;
+            law += moved * (before.brink - before.slip_foot);
+            for (int i = before.brink_column + 1; i < before.brink_column + 96; ++i)
+                settled += sand_metres(later[domain.index(i % domain.nx, 0)] -
+                                       sand[domain.index(i % domain.nx, 0)]) *
+                           cell;
+            mean.height += f.height / samples, mean.brink += f.brink / samples,
+                mean.length += f.length / samples;
+            before = f, sand = later;
+        }
+        const double a_year = seconds_a_year / (interval * samples);
+        std::printf("%7.2f %7.2f %7.1f %9.2f %11.1f %11.1f %7.2f%%\n", mean.height, mean.brink, mean.length,
+                    travelled * a_year, law * a_year, settled * a_year, 100.0 * (law / settled - 1.0));
+        std::fflush(stdout);
+    }
 }
 
 // Direction of crests (radians from +x, 0 to pi) from the tensor of gradients.
@@ -288,6 +357,16 @@ void print_convergence() {
                                        (results[1][what] - results[2][what]))));
 }
 
+void print_turned(double cell) {
+    std::printf("turned: a heap of 4 m after 500 h, u* = 0.5 m/s, open border, cell %.2f m\n%8s %9s %11s\n",
+                cell, "angle", "height m", "travelled m");
+    for (const double angle : {0.0, 15.0, 30.0, 42.0, 45.0, 50.0}) {
+        const auto result = travelled_heap(cell, angle * degree);
+        std::printf("%8.0f %9.3f %11.3f\n", angle, result[0], result[1]);
+        std::fflush(stdout);
+    }
+}
+
 bool picture(const char* path, double hours, double shear_velocity, double degrees) {
     const Domain domain{256, 256, 1.0, 0.0, 0.0};
     const std::vector<float> rock(domain.count(), 0.0F);
@@ -317,18 +396,25 @@ int main(int argc, char** argv) {
     else if (is("speed"))
         marram::print_speed();
     else if (is("barchans"))
-        marram::print_barchans(argc > 2 ? std::atoi(argv[2]) : 6);
+        marram::print_barchans(argc > 2 ? std::atoi(argv[2]) : 6,
+                               argc > 3 ? std::atof(argv[3]) : marram::ShearCoefficients().out_of_phase);
     else if (is("directions"))
         marram::print_directions();
     else if (is("convergence"))
         marram::print_convergence();
+    else if (is("ridges"))
+        marram::print_ridges(argc > 2 ? std::atof(argv[2]) : marram::ShearCoefficients().out_of_phase);
+    else if (is("turned") && argc > 2)
+        marram::print_turned(std::atof(argv[2]));
     else if (is("picture") && argc > 4)
         return marram::picture(argv[2], std::atof(argv[3]), std::atof(argv[4]),
                                argc > 5 ? std::atof(argv[5]) : 0.0)
                    ? 0
                    : 1;
     else {
-        std::puts("dune_solver waves | speed | barchans [count] | directions | convergence | picture OUT.pgm "
+        std::puts("dune_solver waves | speed | barchans [COUNT] [B] | ridges [B] | directions | convergence "
+                  "| turned CELL "
+                  "| picture OUT.pgm "
                   "HOURS U* [DEGREES]");
         return 2;
     }

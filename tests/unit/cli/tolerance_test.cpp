@@ -4,6 +4,7 @@
 #include "core/measure/dials.h"
 #include "core/shot/settings.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -108,6 +109,8 @@ struct OpenDial {
     std::function<bool(const SceneDescription&)> concerns = [](const SceneDescription&) { return true; };
     int frames = 1;            // how many over the shot are looked at
     bool by_tolerance = false; // the finest setting is what a tolerance of nearly nothing chooses
+    bool by_chosen = false;    // the finest setting is eight times what each groom chooses, 1000 at most
+    double strands = 1000.0;   // of a scene
 };
 
 std::vector<std::string> for_grooms(const std::vector<std::string>& changes, const Shot& scene) {
@@ -124,7 +127,7 @@ void expect_within_tolerance(const OpenDial& dial) {
     for (const std::string& file : scenes()) {
         Shot whole = loaded(file, {});
         if (!has_strands(whole) || !dial.concerns(whole.description)) continue;
-        std::vector<std::string> few = with_about(1000.0, whole);
+        std::vector<std::string> few = with_about(dial.strands, whole);
         few.push_back("wind.collision={solver=\"none\"}");
         for (const std::string& change : for_grooms(dial.both, whole)) few.push_back(change);
         const auto with = [&](const std::vector<std::string>& changes) {
@@ -137,6 +140,14 @@ void expect_within_tolerance(const OpenDial& dial) {
             few.push_back(whole.description.globals.has("tolerance_pixels") ? "tolerance_pixels=0.0001"
                                                                             : "tolerance=1e-7");
         Shot finest = with(dial.finest);
+        const auto refine = [&](const std::map<std::string, double>& chosen) {
+            std::vector<std::string> all = few;
+            for (const auto& [name, value] : chosen)
+                if (name.ends_with(dial.name))
+                    all.push_back(
+                        fmt::format("procedural.{}={}", name, std::min(8.0 * (value - 1.0) + 1.0, 1000.0)));
+            finest = loaded(file, all);
+        };
         const Vec2d frames = whole.description.globals.vec2("frames");
         for (int i = 0; i < dial.frames; ++i) {
             BuildSettings still =
@@ -146,6 +157,7 @@ void expect_within_tolerance(const OpenDial& dial) {
             const World mine = built(open, still, stats);
             const std::map<std::string, double> chosen = stats.chosen;
             const bool warned = !stats.warnings.empty(); // that the tolerance is out of reach
+            if (dial.by_chosen) refine(chosen);
             BuildSettings exact = still;
             exact.tolerance = build_settings(finest, still.frame).tolerance;
             const CurveGap gap = gap_in_space(mine, built(finest, exact, stats = {}));
@@ -163,7 +175,10 @@ void expect_within_tolerance(const OpenDial& dial) {
 }
 
 TEST(Tolerance, chooses_cvs) {
-    expect_within_tolerance({".cvs", {"cvs=0"}, {"cvs=1000"}, {"wind.reference_segments=7"}});
+    OpenDial dial{".cvs", {"cvs=0"}, {}, {"wind.reference_segments=7"}};
+    dial.by_chosen = true;
+    dial.strands = 250.0; // of up to 1000 CVs
+    expect_within_tolerance(dial);
 }
 
 TEST(Tolerance, chooses_the_step_of_jiggle) {

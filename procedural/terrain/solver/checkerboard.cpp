@@ -25,7 +25,8 @@
 namespace marram {
 namespace {
 
-constexpr int checker_pad = 8;
+constexpr int checker_pad = 8;   // beside a row
+constexpr int checker_band = 16; // rows that are done together
 
 struct CheckerRow {
     WideVector<double> height, sand; // units; a sample before the first and one after the last
@@ -39,7 +40,8 @@ MARRAM_INLINE VDouble checker_load(const T* p) {
     return v;
 }
 
-void checker_fill(const float* ground, const float* flux, const double* sand, int columns, CheckerRow& row) {
+MARRAM_HOT void checker_fill(const float* ground, const float* flux, const double* sand, int columns,
+                             CheckerRow& row) {
     double *const h = row.height.data() + checker_pad, *const s = row.sand.data() + checker_pad,
                   *const f = row.flux.data() + checker_pad;
     for (int b = 0; b < columns; ++b) {
@@ -95,34 +97,35 @@ void damp_checkerboard(int rows, int columns, bool periodic, double part, const 
                        const float* flux, const double* sand, size_t pitch, double* sand_out) {
     const size_t room = size_t(columns) + 4 * checker_pad;
     tbb::enumerable_thread_specific<CheckerScratch> scratches;
-    tbb::parallel_for(0, rows, [&](int r) {
+    tbb::parallel_for(0, (rows + checker_band - 1) / checker_band, [&](int band) {
         CheckerScratch& mine = scratches.local();
         for (CheckerRow& row : mine.rows)
             row.height.resize(room), row.sand.resize(room), row.flux.resize(room);
-        mine.up.resize(room), mine.down.resize(room), mine.out.resize(room);
-        const auto fill = [&](int n) -> const CheckerRow& {
-            const size_t slot = size_t((n + 3) % 3);
-            CheckerRow& row = mine.rows[slot];
-            const int wrapped = (n + rows) % rows;
-            const size_t at = size_t(wrapped) * pitch;
-            checker_fill(ground + at, flux + at, sand + at, columns, row);
-            return row;
+        for (WideVector<double>* line : {&mine.up, &mine.down, &mine.out}) line->resize(room);
+        const auto line = [&](int n) -> CheckerRow& { return mine.rows[size_t((n + 3) % 3)]; };
+        const auto fill = [&](int n) {
+            const size_t at = size_t((n + rows) % rows) * pitch;
+            checker_fill(ground + at, flux + at, sand + at, columns, line(n));
         };
-        const auto moves = [&](const CheckerRow& upper, const CheckerRow& lower, bool there,
-                               WideVector<double>& out) {
-            if (!there) {
+        const auto moves = [&](int n, WideVector<double>& out) { // of rows n and n + 1
+            if (!periodic && (n < 0 || n + 1 == rows)) {
                 std::fill(out.begin(), out.end(), 0.0);
                 return;
             }
-            checker_moves(upper, lower, columns + 1, part, out.data());
+            checker_moves(line(n), line(n + 1), columns + 1, part, out.data());
             if (!periodic) out[0] = out[size_t(columns)] = 0.0;
         };
-        const CheckerRow &before = fill(r - 1), &here = fill(r), &after = fill(r + 1);
-        moves(before, here, periodic || r > 0, mine.up);
-        moves(here, after, periodic || r + 1 < rows, mine.down);
-        checker_gather(here.sand.data() + checker_pad, mine.up.data(), mine.down.data(), columns,
-                       mine.out.data());
-        std::memcpy(sand_out + size_t(r) * pitch, mine.out.data(), size_t(columns) * sizeof(double));
+        const int r0 = band * checker_band, r1 = std::min(r0 + checker_band, rows);
+        fill(r0 - 1), fill(r0);
+        moves(r0 - 1, mine.up);
+        for (int r = r0; r < r1; ++r) {
+            fill(r + 1);
+            moves(r, mine.down);
+            checker_gather(line(r).sand.data() + checker_pad, mine.up.data(), mine.down.data(), columns,
+                           mine.out.data());
+            std::memcpy(sand_out + size_t(r) * pitch, mine.out.data(), size_t(columns) * sizeof(double));
+            mine.up.swap(mine.down);
+        }
     });
 }
 

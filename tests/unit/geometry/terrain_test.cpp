@@ -510,10 +510,30 @@ TEST(Terrain, WindsOfTheSolverDiffer) {
     };
     expect(evolving("wind = \"record\""), "a recorded wind has no record: give record");
     expect(evolving() + layer("dune_solver"), "a terrain has one layer that evolves");
+    expect(evolving("cover = \"meadow\""), "there are no plants whose cover could be handed out");
+    expect(evolving("plants = \"no\""), "no layer below hands out a mask 'no'");
     TestScene calm(evolving("speed = 2"));
     EXPECT_EQ(heights_at(calm, 9.0), heights_at(calm, 8.0)); // what is too steep has slid
     ASSERT_FALSE(calm.stats.warnings.empty());
     EXPECT_NE(calm.stats.warnings[0].find("too weak to move sand"), std::string::npos);
+}
+
+// Plants grow on a still ground and die where sand moves; where they are is a mask, also before the wind has blown.
+TEST(Terrain, PlantsOfTheSolverAreAMask) {
+    const std::string text = evolving("plants = \"habitat\"\ngrowth = 20\ncover = \"meadow\"");
+    const size_t solver = text.rfind("[[procedural.layer]]", text.find("dune_solver"));
+    TestScene scene(text.substr(0, solver) +
+                    layer("mask", "name = \"habitat\"\nby = \"sand\"\nramp = [[0, 0.5], [1000, 0.5]]") +
+                    text.substr(solver));
+    const auto cover_at = [&](double frame) {
+        scene.settings.frame = frame;
+        return Made{scene.build()}.grid("meadow").values;
+    };
+    const auto first = cover_at(1.0), later = cover_at(9.0);
+    ASSERT_FALSE(first.empty());
+    EXPECT_EQ(*std::max_element(first.begin(), first.end()), 0.0F); // they start at no cover
+    EXPECT_GT(*std::max_element(later.begin(), later.end()), 0.01F);
+    EXPECT_LE(*std::max_element(later.begin(), later.end()), 0.5F);
 }
 
 TEST(Terrain, SaysWhatIsWrongAndWhere) {

@@ -46,6 +46,7 @@ class Ramp {
     std::span<const double> positions() const { return positions_; }
     std::span<const double> values() const { return values_; }
     Interpolation interpolation() const { return interpolation_; }
+    bool operator==(const Ramp&) const = default;
 
   private:
     std::vector<double> positions_, values_;

@@ -43,6 +43,7 @@ struct DuneSettings {
     double search_accuracy = 8.0; // points of the resampled curve in a slope width
     bool flip = false; // the outer side is the left one as one walks along the curve; true: the right one
     uint64_t seed = 0;
+    bool operator==(const DuneSettings&) const = default;
 };
 
 // What the dune says of one point of the ground. Outside of the dune and of its mask all is 0 but `dist`, which is reach().

@@ -823,26 +823,43 @@ double mass_reach(const MassSettings& s) {
 
 // ---- The layer -------------------------------------------------------------------------------------------------------
 
+MassLayer::Placed MassLayer::placed(const MassDune& dune) {
+    Placed placed;
+    placed.id = dune.id;
+    placed.lower = Vec2d::Constant(infinity);
+    placed.upper = -placed.lower;
+    std::vector<DuneShape> arms;
+    Digest digest;
+    for (const std::vector<Vec2d>& crest : dune.crests) {
+        DuneShape made(crest, false, dune.settings);
+        if (made.empty()) continue;
+        digest.add(made.digest());
+        placed.lower = placed.lower.cwiseMin(made.lower());
+        placed.upper = placed.upper.cwiseMax(made.upper());
+        arms.push_back(std::move(made));
+    }
+    placed.digest = digest.value();
+    placed.arms = std::make_shared<const std::vector<DuneShape>>(std::move(arms));
+    return placed;
+}
+
+const MassLayer::Placed* MassLayer::same_as(const MassDune& dune) const {
+    const auto found = std::ranges::lower_bound(dunes_, dune.id, {}, &MassDune::id);
+    if (found == dunes_.end() || found->id != dune.id || found->crests != dune.crests ||
+        !(found->settings == dune.settings))
+        return nullptr;
+    const auto there = std::ranges::lower_bound(placed_, dune.id, {}, &Placed::id);
+    return there != placed_.end() && there->id == dune.id ? &*there : nullptr;
+}
+
 MassLayer::MassLayer(const ShapeSettings& shape, const Domain& domain, std::vector<MassDune> dunes,
-                     double merge)
+                     double merge, const MassLayer* before)
     : ShapeLayer(shape), merge_(merge), dunes_(std::move(dunes)) {
     domain_ = domain;
     std::vector<Placed> all(dunes_.size());
     tbb::parallel_for(size_t(0), all.size(), [&](size_t i) {
-        Placed& placed = all[i];
-        placed.id = dunes_[i].id;
-        placed.lower = Vec2d::Constant(infinity);
-        placed.upper = -placed.lower;
-        Digest digest;
-        for (const std::vector<Vec2d>& crest : dunes_[i].crests) {
-            DuneShape made(crest, false, dunes_[i].settings);
-            if (made.empty()) continue;
-            digest.add(made.digest());
-            placed.lower = placed.lower.cwiseMin(made.lower());
-            placed.upper = placed.upper.cwiseMax(made.upper());
-            placed.arms.push_back(std::move(made));
-        }
-        placed.digest = digest.value();
+        const Placed* same = before ? before->same_as(dunes_[i]) : nullptr;
+        all[i] = same ? *same : placed(dunes_[i]);
     });
     const Vec2d begin(domain.x0, domain.z0), end(domain.x(domain.nx - 1), domain.z(domain.nz - 1));
     for (Placed& placed : all)
@@ -908,7 +925,7 @@ void MassLayer::shape(int i0, int i1, int j, double* own, double* share) const {
         const size_t tile = size_t(j / Tiles::side) * size_t(columns) + size_t(begin / Tiles::side);
         const int from = std::max(begin, i0), to = std::min(begin + Tiles::side, i1);
         for (uint32_t n = tile_begin_[tile]; n < tile_begin_[tile + 1]; ++n)
-            for (const DuneShape& dune : placed_[in_tile_[n]].arms)
+            for (const DuneShape& dune : *placed_[in_tile_[n]].arms)
                 add_row(dune, begin, from, to, j, own + (from - i0));
     }
     // A thickness of 0 has no share. Where combining with 0 changes what is below, the share grows with the thickness, so that the
@@ -1171,7 +1188,8 @@ std::unique_ptr<Layer> make_mass_layer(const LayerContext& context) {
     std::vector<MassDune> dunes = generate_dunes(settings, area.lower, area.upper);
     warn_of_lost_edits(context, settings, dunes);
     auto layer = std::make_unique<MassLayer>(read_shape(context), context.domain, std::move(dunes),
-                                             context.values.number("merge"));
+                                             context.values.number("merge"),
+                                             dynamic_cast<const MassLayer*>(context.before));
     layer->list_dunes(context.values.boolean("list"));
     return layer;
 }

@@ -6,6 +6,7 @@
 #include "procedural/terrain/dune_shape.h"
 #include "procedural/terrain/shape_layer.h"
 
+#include <memory>
 #include <optional>
 #include <string_view>
 
@@ -77,8 +78,10 @@ double mass_reach(const MassSettings& settings);
 
 class MassLayer : public ShapeLayer {
   public:
-    // Dunes by ascending id. `merge`: metres over which two of them blend.
-    MassLayer(const ShapeSettings& shape, const Domain& domain, std::vector<MassDune> dunes, double merge);
+    // Dunes by ascending id. `merge`: metres over which two of them blend. `before`: a layer whose dunes are taken over where they are the
+    // same; may be NULL.
+    MassLayer(const ShapeSettings& shape, const Domain& domain, std::vector<MassDune> dunes, double merge,
+              const MassLayer* before = nullptr);
 
     // What it was made from: to be shown, edited and baked out.
     const std::vector<MassDune>& dunes() const { return dunes_; }
@@ -92,10 +95,12 @@ class MassLayer : public ShapeLayer {
   private:
     struct Placed {
         uint64_t id = 0, digest = 0;
-        std::vector<DuneShape> arms; // one for each crest
+        std::shared_ptr<const std::vector<DuneShape>> arms; // one for each crest
         Vec2d lower = Vec2d::Zero(), upper = Vec2d::Zero();
     };
 
+    static Placed placed(const MassDune& dune);
+    const Placed* same_as(const MassDune& dune) const; // NULL: none
     void bin();
     void shape(int i0, int i1, int j, double* own, double* share) const override;
     bool touches(const Rect& rect) const override;

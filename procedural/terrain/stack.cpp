@@ -7,6 +7,7 @@
 
 #include <atomic>
 #include <new>
+#include <utility>
 
 namespace marram {
 
@@ -28,7 +29,13 @@ T* zeros(size_t count) {
 } // namespace
 
 Stack::Stack(const Domain& domain)
-    : domain_(domain), flat_(zeros<float>(domain.count())), bare_(zeros<SandUnits>(domain.count())) {}
+    : domain_(domain), flat_(zeros<float>(domain.count())), bare_(zeros<SandUnits>(domain.count())),
+      changed_(domain, true) {}
+
+std::shared_ptr<const Layer> Stack::find(size_t index, const std::string& type) const {
+    return index < entries_.size() && entries_[index].made.type == type ? entries_[index].made.layer
+                                                                        : nullptr;
+}
 
 std::shared_ptr<const Layer> Stack::find(size_t index, const std::string& type, uint64_t digest) const {
     if (index >= entries_.size()) return nullptr;
@@ -47,6 +54,7 @@ void Stack::allocate(Entry& entry) {
 void Stack::set_layers(std::vector<StackLayer> layers) {
     std::vector<Entry> before = std::move(entries_);
     entries_.clear();
+    if (layers.size() != before.size()) changed_ = Tiles(domain_, true); // one at the top may be gone
     std::vector<MaskView> views;
     for (size_t k = 0; k < layers.size(); ++k) {
         const StackLayer& given = layers[k];
@@ -121,10 +129,14 @@ bool Stack::evaluate(const std::function<bool()>& cancelled) {
         entry.work.seconds = wall_seconds() - begin;
         if (k + 1 < entries_.size())
             entries_[k + 1].stale.add(entry.stale.grown(entries_[k + 1].made.layer->reach()));
+        else
+            changed_.add(entry.stale);
         entry.stale = Tiles(domain_);
     }
     return true;
 }
+
+Tiles Stack::take_changed() { return std::exchange(changed_, Tiles(domain_)); }
 
 std::vector<Stack::Work> Stack::work() const {
     std::vector<Work> work;

@@ -28,7 +28,8 @@ class Stack {
 
     explicit Stack(const Domain& domain);
 
-    // The layer at that position now, where it has this type and digest.
+    // The layer at that position now, where it has this type (and digest).
+    std::shared_ptr<const Layer> find(size_t index, const std::string& type) const;
     std::shared_ptr<const Layer> find(size_t index, const std::string& type, uint64_t digest) const;
 
     // Other layers, bottom to top. Nothing is computed yet.
@@ -38,6 +39,8 @@ class Stack {
     bool evaluate(const std::function<bool()>& cancelled);
 
     const Domain& domain() const { return domain_; }
+    // Where the terrain above all layers may have changed since this was last asked. Valid after evaluate().
+    Tiles take_changed();
     // The terrain above all layers, or above those below `layer`. Valid after evaluate().
     Fields fields() const { return fields(entries_.size()); }
     Fields fields(size_t layer) const;
@@ -75,6 +78,7 @@ class Stack {
     Buffer<float> flat_; // zeros: pages that are only read take no memory
     Buffer<SandUnits> bare_;
     std::vector<Entry> entries_;
+    Tiles changed_;
 };
 
 } // namespace marram

@@ -131,14 +131,17 @@ void for_rows(const Domain& domain, const auto& body) {
     tbb::parallel_for(0, domain.nz, [&](int j) { body(j); });
 }
 
+// Only where layers have changed them.
 void find_heights(TerrainInstance& instance) {
     const Fields fields = instance.stack->fields();
     instance.heights.resize(instance.domain.count());
-    for_rows(instance.domain, [&](int j) {
-        for (int i = 0; i < instance.domain.nx; ++i) {
-            const size_t sample = instance.domain.index(i, j);
-            instance.heights[sample] = float(fields.height(sample));
-        }
+    const std::vector<Rect> rects = instance.stack->take_changed().rects();
+    tbb::parallel_for(size_t(0), rects.size(), [&](size_t r) {
+        for (int j = rects[r].j0; j < rects[r].j1; ++j)
+            for (int i = rects[r].i0; i < rects[r].i1; ++i) {
+                const size_t sample = instance.domain.index(i, j);
+                instance.heights[sample] = float(fields.height(sample));
+            }
     });
 }
 

@@ -215,6 +215,14 @@ TEST(Terrain, EditsGiveTheBitsOfAFreshOne) {
     EXPECT_GT(scene.stats.report("terrain.tiles"), 0.0);
     scene.build();
     EXPECT_EQ(scene.stats.report("terrain.tiles"), 0.0) << "nothing has changed";
+    // A layer at the top that is taken off, and another in its place.
+    const std::string ground = layer("noise", "amplitude = 1.5\nwavelength = 12");
+    for (const std::string& top : {layer("flat", "target = \"sand\"\nheight = 1"), std::string(),
+                                   layer("noise", "target = \"sand\"\nwavelength = 5")}) {
+        const std::string now = ridge + desert(ground + top, big);
+        scene.update(now);
+        ASSERT_TRUE(same(Made{scene.build()}, make(now))) << top;
+    }
 }
 
 TEST(Terrain, IsTheSameOnAnyNumberOfThreads) {

@@ -61,7 +61,7 @@ using Leaves = openvdb::tree::LeafManager<FloatTree>;
 
 constexpr int leaf_side = 8, leaf_size = leaf_side * leaf_side * leaf_side;
 constexpr float band = 3.0F;                // half width of the band, in voxels
-constexpr double most_voxels = 0x1p30;      // of a band: 4 GB of distances
+constexpr double most_voxels = 0x1p27;      // of a band: 16 GB with all that stands by while it is worn
 constexpr double most_voxels_away = 0x1p17; // from the origin: floats are exact to 0.8 % of a voxel there
 constexpr float least_inside_cell = 0.02F;
 constexpr int relaxing_steps = 3;
@@ -270,7 +270,7 @@ std::vector<uint32_t> checked_triangles(std::span<const float> positions, std::s
             throw LevelSetError("the voxels are larger than the rock: take smaller ones");
     }
     if (area / (voxel * voxel) * 2.0 * double(band) > most_voxels)
-        throw LevelSetError("the rock takes more than 2^30 voxels: take larger ones");
+        throw LevelSetError("the rock takes more than 2^27 voxels: take larger ones");
     return kept;
 }
 
@@ -720,7 +720,7 @@ LevelSet LevelSet::read(const std::string& file) {
     if (!(voxel > 0.0) || !std::isfinite(voxel)) throw LevelSetError(file + ": its voxels have no size");
     if (grid->activeVoxelCount() == 0) throw LevelSetError(file + " is empty");
     if (double(grid->activeVoxelCount()) > most_voxels)
-        throw LevelSetError(file + " has more than 2^30 voxels");
+        throw LevelSetError(file + " has more than 2^27 voxels");
     for (auto value = grid->cbeginValueOn(); value; ++value) {
         if (!value.isVoxelValue()) throw LevelSetError(file + " is not a narrow band: a tile is active");
         if (!std::isfinite(*value)) throw LevelSetError(file + ": a distance is not a number, or infinite");

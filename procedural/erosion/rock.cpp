@@ -261,7 +261,8 @@ ErosionSettings rock_erosion_settings(const Values& values, const MarramMesh& me
     s.levels = values.integer("levels");
     s.stop_after = values.has("level") ? std::min(values.integer("level"), s.levels) : s.levels;
     Box3f box;
-    for (uint32_t v = 0; v < mesh.vertex_count; ++v) box.extend(Vec3f(mesh.positions[0] + 3 * size_t(v)));
+    for (size_t c = 0; c < 3 * size_t(mesh.triangle_count); ++c)
+        box.extend(Vec3f(mesh.positions[0] + 3 * size_t(mesh.triangles[c])));
     s.voxel = values.has("voxel") || box.isEmpty() ? (values.has("voxel") ? values.number("voxel") : 1.0)
                                                    : double(box.sizes().maxCoeff()) / 128.0;
     s.years = values.number("years");
@@ -293,6 +294,18 @@ void take_rock_values(RockInstance& instance, std::span<const MarramValue> list)
                              "the wind's direction has no level part, so that no sand is blown",
                              "give a vector such as [1, 0, 0]");
     }
+    double share = 0.0;
+    for (const RockWind& wind : rock_winds(values)) share += wind.share;
+    if (share == 0.0)
+        throw SceneFault("rock.no_share", values.at("winds[0].share").place,
+                         "no wind has a share of the time", "give one of them a share above 0");
+    if (values.has("level") && values.integer("level") > values.integer("levels"))
+        throw SceneFault("rock.level", values.at("level").place,
+                         fmt::format("there are {} levels", values.integer("levels")),
+                         "raise levels, or lower level");
+    if (values.number("transport") == 0.0)
+        throw SceneFault("rock.no_sand", values.at("transport").place, "no sand is blown",
+                         "give transport above 0");
     const std::string_view mesh = values.text("mesh");
     for (const MarramValue& value : stored.all())
         if (value.text == mesh && (is_list_mesh(value.name, "sand[") || is_list_mesh(value.name, "shelter[")))
@@ -519,14 +532,24 @@ bool erode_rock(RockInstance& instance, const Values& values, const RockSurround
                                  {mesh.triangles, 3 * size_t(mesh.triangle_count)}, settings,
                                  grain_wear(around.scenery, around.cancelled), hooks);
         if (instance.erosion.cancelled) return false;
+        if (const size_t pieces =
+                instance.erosion.levels.empty() ? 0 : instance.erosion.levels.front().pieces)
+            send(instance.host, MARRAM_WARNING, "rock.pieces", values.at("mesh").place,
+                 fmt::format("the rock has fallen apart, or was {} pieces: the largest is kept", pieces + 1),
+                 "give each piece a rock of its own");
         if (instance.erosion.years < settings.years)
             send(instance.host, MARRAM_WARNING, "rock.ended_early", values.at("years").place,
-                 fmt::format("erosion ended after {:.0f} of {:.0f} years", instance.erosion.years,
+                 fmt::format("erosion ended after {:.3g} of {:.3g} years", instance.erosion.years,
                              settings.years),
                  "less rock is left, or larger voxels get further: lower years or raise voxel");
     } catch (const LevelSetError& error) {
-        throw SceneFault("rock.level_set", values.at("mesh").place, error.what(),
-                         "close the mesh, or change voxel or levels");
+        const std::string what = error.what();
+        const bool sizes = what.find("voxels") != std::string::npos;
+        throw SceneFault("rock.level_set", values.at(sizes && values.has("voxel") ? "voxel" : "mesh").place,
+                         sizes ? what.substr(0, what.find(':')) : what,
+                         what.find("larger than the rock") != std::string::npos ? "make voxel smaller"
+                         : sizes                                                ? "make voxel larger"
+                                                                                : "give a closed mesh");
     }
     LevelSet& rock = instance.erosion.levels.back().rock;
     if (rock.mesh().triangles.empty())

@@ -294,6 +294,10 @@ std::unique_ptr<Layer> make_dune_solver(const LayerContext& context) {
     if (!run.cover.empty() && run.plants.empty())
         throw SceneFault("terrain.dune_solver", values.place("cover"),
                          "there are no plants whose cover could be handed out", "name a mask by plants");
+    for (const char* name : {"growth", "start_cover"})
+        if (run.plants.empty() && values.number(name) > 0.0)
+            throw SceneFault("terrain.dune_solver", values.place(name),
+                             fmt::format("there are no plants for {}", name), "name a mask by plants");
     PlantGrowth& growth = run.settings.growth;
     growth.rate = values.number("growth") / seconds_a_year;
     growth.height = values.number("plant_height");
@@ -316,7 +320,7 @@ std::unique_ptr<Layer> make_dune_solver(const LayerContext& context) {
 
 namespace {
 
-constexpr uint64_t dune_state_format = 0x6d617272616d4402; // and the number of the format
+constexpr uint64_t dune_state_format = 0x6d617272616d4403; // and the number of the format
 
 class StateWriter {
   public:

@@ -45,7 +45,6 @@ struct LayerContext {
     Vec2d wind = Vec2d(1.0, 0.0);   // unit: where the scene's wind goes to, x and z
     uint64_t seed = 0;              // of the terrain
     std::vector<std::string> masks; // that the layers below hand out
-    const Layer* before = nullptr;  // of this type, at this place of the stack until now; NULL: none
     // The curves of that name; one that is not there is a SceneFault.
     std::function<std::vector<DrawnCurve>(std::string_view name)> curves;
     // The mesh of that name, at the first motion sample of the frame, and the scene in which rays meet it under its geometry_id, with the
@@ -56,6 +55,7 @@ struct LayerContext {
     double frame = 0.0;               // of a layer that evolves
     double wind_speed = 0.0;          // the scene's, m/s
     Simulation* simulation = nullptr; // states of earlier frames; outlives the layer; NULL: none
+    const Layer* before = nullptr;    // of this type, at this place of the stack until now; NULL: none
 };
 
 struct LayerType {

@@ -42,7 +42,7 @@ struct DuneSolverSettings {
 struct DuneState {
     std::vector<SandUnits> sand;                  // sample (i, j) at j * nx + i
     std::vector<float> height_before;             // of the time step before, metres over the reference
-    std::vector<float> plant_height;              // metres; empty: plants do not grow
+    std::vector<double> plant_height;             // metres; empty: plants do not grow
     std::array<std::vector<double>, 2> seam_flux; // what crossed the border last, across z and x: kg / (m s)
     std::array<std::vector<SandUnits>, 2> airborne; // not yet accounted for there
     std::array<int, 2> seam_direction = {0, 0};
@@ -113,8 +113,9 @@ class DuneSolver {
     bool transposed_ = false;
     int rows_ = 0, columns_ = 0; // along z and x, or along x and z
     WideVector<float> ground_, height_, before_;
-    WideVector<float> plants_;                     // frontal area per area of ground
-    WideVector<float> most_plants_, plant_height_; // where they grow: plants_ when full grown; metres
+    WideVector<float> plants_;        // frontal area per area of ground
+    WideVector<float> most_plants_;   // where they grow: plants_ when full grown
+    WideVector<double> plant_height_; // metres; steps change it by less than a float would notice
     WideVector<double> sand_, sand_next_;
     WideVector<float> air_height_;
     // What the air does, then, row by row in its place, what the march needs of it: along the wind, across, over bubbles, envelope.

@@ -82,7 +82,7 @@ struct SaturationRow {
     const float *excess, *along, *across, *plants;
     float *flux, *relax, *turn, *reach;
     float *cell_turn, *gain, *rise;   // room for a row, with a neighbour before it
-    int count;                        // a multiple of 8
+    int columns, count;               // count: rounded up to a multiple of 8
     float row_slope, column_slope;    // 1 / distance of the samples that the slopes are taken from
     float wind_row, wind_column;      // unit vector; wind_row >= 0, downwind
     float stress, threshold, q_scale; // shear velocities squared; kg s / m^3
@@ -121,8 +121,10 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
         if (row.plants) stress /= 1.0F + row.plant_drag * transport_load(row.plants + b);
         const VFloat threshold =
             row.threshold * transport_max(none, 1.0F + slope * row.slope_scale) / vsqrt(one + slope * slope);
+        VFloat flux = e_row * row.q_scale * transport_max(none, stress - threshold);
+        for (int l = std::max(row.columns - b, 0); l < lanes; ++l)
+            stress[l] = flux[l] = 0.0F; // beyond the row
         most = transport_max(most, stress);
-        const VFloat flux = e_row * row.q_scale * transport_max(none, stress - threshold);
         most_flux = transport_max(most_flux, flux);
         transport_store(row.flux + b, flux);
         const VDouble way = row.half_cell / to_double(e_row);
@@ -333,6 +335,7 @@ SaturationPeak saturate(const DuneCourse& course, DuneBorder border, const SandP
         row.plants = air.plants ? air.plants + at : nullptr;
         row.flux = out.flux + at, row.relax = out.relax + at, row.turn = out.turn + at,
         row.reach = out.reach + at;
+        row.columns = course.columns;
         row.count = (course.columns + lanes - 1) / lanes * lanes;
         row.row_slope = rows_apart > 0 ? float(1.0 / (rows_apart * course.cell)) : 0.0F;
         row.column_slope = float(0.5 / course.cell);

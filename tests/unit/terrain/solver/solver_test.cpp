@@ -183,6 +183,24 @@ TEST(DuneSolver, PlantsHoldSand) {
     EXPECT_EQ(dune_sand(solver, scene), scene.sand);
 }
 
+// What a solver has met before its state was saved, winds across among it, leaves no trace beside the state: sizes that fill no vectors.
+TEST(DuneSolver, ResumesAtAnySizeAfterWindsAcross) {
+    DuneScene scene(47, 29, 1.0);
+    scene.fill([](double x, double z) { return 3.0 + std::sin(0.4 * x + 0.1 * z) + std::sin(0.5 * z); });
+    DuneSolverSettings settings;
+    settings.border = DuneBorder::open;
+    const WindHistory wind = wind_sequence({{{1.0, 0.0, 0.45}, 130000.0}, {{0.0, 1.0, 0.45}, 130000.0}});
+    DuneSolver whole(scene.domain, settings, scene.rock.data(), scene.sand.data());
+    for (int part = 0; part < 4; ++part) {
+        whole.advance(wind, 170000.0);
+        DuneSolver resumed(scene.domain, settings, scene.rock.data(), scene.sand.data());
+        resumed.restore(whole.save());
+        whole.advance(wind, 90000.0), resumed.advance(wind, 90000.0);
+        EXPECT_EQ(dune_sand(whole, scene), dune_sand(resumed, scene)) << part;
+        EXPECT_EQ(whole.steps(), resumed.steps());
+    }
+}
+
 // Wind at any angle to the grid makes the same dune, without a groove along the wind that only the grid can have.
 TEST(DuneSolver, GridsTurnedByAnyAngleGiveTheSameDune) {
     DuneSolverSettings settings;

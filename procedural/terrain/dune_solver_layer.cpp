@@ -18,7 +18,7 @@
 //             blows; +x is east, -z north); from its start again after its end
 // The report has drift potential and resultant (dp, rdp, kg / (m s)) and their ratio.
 //
-// Time and cost. A step takes about 50 ns a sample on two cores and is seconds to hours long: the finer the cells and the stronger the wind, the shorter (as
+// Time and cost. A step takes about 40 ns a sample on two cores (build/dune_solver speed) and is seconds to hours long: the finer the cells and the stronger the wind, the shorter (as
 // the square of the cell). The report says how many there were.
 //
 // States. A host that prepares frames keeps one every `keep_every` frames and one of each frame asked for; a later frame goes on from the latest

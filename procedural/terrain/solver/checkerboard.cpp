@@ -11,7 +11,7 @@
 // four quads. On a smooth surface this is a difference of fourth order, cell^4 d4h/dx2dy2: second order in the cell at the rate above. It is weighted by
 // the square of the drift (columns a row), 1 at 45 degrees. Moves are whole units, at most a quarter of what a sample has.
 //
-// Cost: 4 ns a cell on one core; nothing for winds along the grid.
+// Cost: part of `march` in build/dune_solver speed; nothing for winds along the grid.
 #include "procedural/terrain/solver/checkerboard.h"
 
 #include "core/math/simd.h"

@@ -8,6 +8,7 @@
 #include "core/geometry/motion_keys.h"
 #include "core/geometry/plugin_host.h"
 #include "core/geometry/report.h"
+#include "core/geometry/scene_curves.h"
 #include "core/geometry/scene_mesh.h"
 #include "core/geometry/view.h"
 #include "core/geometry/world.h"

@@ -122,17 +122,4 @@ uint64_t SceneMesh::digest() const {
     return digest.add(roles).value();
 }
 
-void SceneCurves::add(std::span<const Vec3d> points, bool is_closed) {
-    const auto put = [&](const Vec3d& p) {
-        vertices.insert(vertices.end(), {float(p.x()), float(p.y()), float(p.z()), 0.0F});
-    };
-    put(2.0 * points[0] - points[1]);
-    for (const Vec3d& p : points) put(p);
-    put(2.0 * points[points.size() - 1] - points[points.size() - 2]);
-    offsets.push_back(offsets.back() + points.size());
-    closed.push_back(is_closed ? 1 : 0);
-}
-
-uint64_t SceneCurves::digest() const { return Digest().add(offsets).add(vertices).add(closed).value(); }
-
 } // namespace marram

@@ -48,15 +48,4 @@ struct SceneMesh {
     uint64_t digest() const; // of all that it holds but name, material and light
 };
 
-// Polylines that are drawn for procedurals to use. Vertices as in MarramCurves, radius 0.
-struct SceneCurves {
-    std::string name;
-    std::vector<uint64_t> offsets{0}; // of each curve's first point, and behind the last
-    std::vector<float> vertices;      // 4 a vertex
-    std::vector<uint32_t> closed;     // [curve]
-
-    void add(std::span<const Vec3d> points, bool is_closed); // 2 points or more
-    uint64_t digest() const;
-};
-
 } // namespace marram

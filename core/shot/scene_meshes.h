@@ -2,6 +2,7 @@
 // The [[mesh]] tables of a scene file as meshes, and the [[curves]] tables. Types and parameters: core/scene/schema.cpp.
 #pragma once
 
+#include "core/geometry/scene_curves.h"
 #include "core/geometry/scene_mesh.h"
 #include "core/scene/description.h"
 

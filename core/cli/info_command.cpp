@@ -136,6 +136,19 @@ void print_scene(const std::string& file) {
                    : mesh.moves()       ? ", moves"
                                         : "");
     }
+    for (const SceneCurves& curves : shot.geometry.curves) {
+        static constexpr const char* drawn[] = {"B-splines", "Catmull-Rom curves", "polylines"};
+        fmt::print("curves {}: {} {}, {} CVs in all{}{}\n", curves.name, curves.closed.size(),
+                   drawn[curves.basis], curves.offsets.back(),
+                   !curves.samples.empty() ? fmt::format(", {} samples", curves.samples.size())
+                   : curves.moves()        ? ", moves"
+                                           : "",
+                   curves.attributes.empty() ? "" : ", with");
+        for (const AttributeValues& attribute : curves.attributes)
+            fmt::print("    {}: {} a {}{}\n", attribute.name, attribute.components,
+                       attribute.rate == MARRAM_PER_CURVE ? "curve" : "CV",
+                       attribute.discrete ? ", discrete" : "");
+    }
     const BuildSettings settings = build_settings(shot, shot.description.globals.vec2("frames").x());
     BuildSettings still = settings; // counted without motion
     still.curves_bvh = false;

@@ -2,13 +2,13 @@
 #include "core/geometry/curve_export.h"
 
 #include "core/geometry/export_name.h"
+#include "core/geometry/hair_format.h"
 #include "core/image/atomic_file.h"
 #include "core/math/problem.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <bit>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -95,17 +95,6 @@ std::string unique_name(const std::string& name, const char* fallback, std::set<
 namespace {
 
 // ---- HAIR
-
-static_assert(std::endian::native == std::endian::little);
-
-struct HairHeader {
-    char magic[4] = {'H', 'A', 'I', 'R'};
-    uint32_t strands = 0, points = 0, flags = 0, default_segments = 0;
-    float default_thickness = 0.0f, default_transparency = 0.0f, default_color[3] = {1.0f, 1.0f, 1.0f};
-    char info[88] = "Marram: y up, metres";
-};
-static_assert(sizeof(HairHeader) == 128);
-enum HairFlag : uint32_t { hair_segments = 1, hair_points = 2, hair_thickness = 4 };
 
 HairHeader hair_header(const std::string& path, std::span<const CurveGeometry> curves) {
     HairHeader header;

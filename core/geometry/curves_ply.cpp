@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Polylines in PLY files: see polylines.h for what is read.
+// Curves in PLY files: see polylines.h for what is read.
+#include "core/geometry/curves_ply.h"
+
 #include "core/geometry/mesh_reader.h"
-#include "core/geometry/ply_file.h"
 #include "core/geometry/polylines.h"
+#include "core/geometry/strand_file.h"
 
 #include <fmt/format.h>
 
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <unordered_map>
 
 namespace marram {
@@ -28,30 +31,45 @@ int curve_slot_of(const std::string& element, const PlyProperty& property) {
     if (element == "edge")
         for (const auto& [name, slot] : of_edge)
             if (property.name == name) return slot;
+    if (element == "strand" || element == "curve")
+        if (property.name == "strand_id" || property.name == "curve_id") return curve_id;
     return ply_ignored;
+}
+
+bool is_curve_element(const PlyElement& element) {
+    return element.name == "strand" || element.name == "curve";
 }
 
 class PlyCurves {
   public:
-    PlyCurves(const std::string& path, std::string_view bytes)
-        : path_(path), file_(path, bytes, curve_slot_of) {}
-    std::vector<Polyline> read();
+    PlyCurves(const std::string& path, std::string_view bytes, bool with_columns)
+        : path_(path), file_(path, bytes, curve_slot_of), with_columns_(with_columns) {}
+    PlyCurvesContent read();
 
   private:
     static constexpr uint32_t nobody = ~0u;
 
     void check_header() const;
+    std::vector<PlyColumn> columns_of(const PlyElement& element) const;
+    int64_t read_id(const PlyProperty& property);
+    void read_column(const PlyProperty& property, PlyColumn& column);
     void read_vertices(const PlyElement& element);
+    void read_entries(const PlyElement& element);
     void read_edges(const PlyElement& element, uint64_t vertex_count);
     uint32_t read_end(const PlyProperty& property, uint64_t vertex_count);
     void join(uint32_t vertex, uint32_t other);
-    Polyline walk(uint32_t begin);
-    std::vector<Polyline> along_edges();
-    std::vector<Polyline> by_id() const;
+    void walk(uint32_t begin);
+    void along_edges();
+    void by_id();
+    void end_curve(bool closed) {
+        content_.first.push_back(content_.order.size());
+        content_.closed.push_back(closed);
+    }
 
     const std::string& path_;
     PlyFile file_;
-    std::vector<Vec3d> points_;
+    bool with_columns_;
+    PlyCurvesContent content_;
     std::vector<int64_t> ids_;                        // one a vertex, where there are
     std::vector<std::array<uint32_t, 2>> neighbours_; // of each vertex, where there are edges
 };
@@ -63,7 +81,8 @@ void PlyCurves::check_header() const {
     if (!(vertices->has(curve_x) && vertices->has(curve_y) && vertices->has(curve_z)))
         file_.fail_header("the vertices have no x, y and z", "save the curves again");
     for (const PlyElement& element : file_.elements()) {
-        if (element.count > greatest_count && (&element == vertices || &element == edges))
+        const bool is_read = &element == vertices || &element == edges || is_curve_element(element);
+        if (element.count > greatest_count && is_read)
             file_.fail_header(fmt::format("{} entries of \"{}\" are too many", element.count, element.name),
                               "split it into several files");
         for (const PlyProperty& property : element.properties)
@@ -78,34 +97,86 @@ void PlyCurves::check_header() const {
                           "export the curves alone, or read it as a [[mesh]]");
 }
 
+std::vector<PlyColumn> PlyCurves::columns_of(const PlyElement& element) const {
+    std::vector<PlyColumn> columns;
+    for (const PlyProperty& property : element.properties)
+        if (with_columns_ && property.slot == ply_ignored && !property.is_list) {
+            columns.push_back({property.name, property.type, {}, 0});
+            columns.back().values.reserve(element.count);
+        }
+    return columns;
+}
+
+int64_t PlyCurves::read_id(const PlyProperty& property) {
+    const double value = file_.read_number(property, property.type);
+    if (!std::isfinite(value))
+        file_.fail(fmt::format("\"{}\" is not a finite number", property.name), "write a finite number");
+    if (value != std::floor(value) || std::fabs(value) > 4294967295.0) // ascii may say anything
+        file_.fail(fmt::format("\"{}\" is {}", property.name, value), "write a whole number of 32 bits");
+    return int64_t(value);
+}
+
+void PlyCurves::read_column(const PlyProperty& property, PlyColumn& column) {
+    const double value = file_.read_number(property, property.type);
+    if (!std::isfinite(float(value)))
+        file_.fail(fmt::format("\"{}\" is not a finite number", property.name),
+                   "write a finite number that a float holds");
+    const bool is_whole = property.is_whole() && std::fabs(value) < 0x1p62 && value == std::floor(value);
+    column.values.push_back(is_whole ? whole_as_float(int64_t(value), column.folded) : float(value));
+}
+
 void PlyCurves::read_vertices(const PlyElement& element) {
-    points_.reserve(element.count);
+    content_.points.reserve(element.count);
+    content_.of_vertices = columns_of(element);
     if (element.has(curve_id)) ids_.reserve(element.count);
     for (uint64_t i = 0; i < element.count; ++i) {
         file_.begin_entry(element, i);
         Vec3d point = Vec3d::Zero();
+        size_t column = 0;
         for (const PlyProperty& property : element.properties) {
             if (property.slot == ply_ignored) {
-                file_.skip_property(property);
+                if (with_columns_ && !property.is_list)
+                    read_column(property, content_.of_vertices[column++]);
+                else
+                    file_.skip_property(property);
+                continue;
+            }
+            if (property.slot == curve_id) {
+                ids_.push_back(read_id(property));
                 continue;
             }
             const double value = file_.read_number(property, property.type);
             if (!std::isfinite(value))
                 file_.fail(fmt::format("\"{}\" is not a finite number", property.name),
                            "write a finite number");
-            if (property.slot == curve_id) {
-                if (value != std::floor(value) || std::fabs(value) > 4294967295.0) // ascii may say anything
-                    file_.fail(fmt::format("\"{}\" is {}", property.name, value),
-                               "write a whole number of 32 bits");
-                ids_.push_back(int64_t(value));
-                continue;
-            }
             if (std::fabs(value) > greatest_curve_coordinate)
                 file_.fail(fmt::format("the coordinate {} is beyond 1e8 m", value), "scale it down");
             point[property.slot] = value;
         }
         file_.end_entry();
-        points_.push_back(point);
+        content_.points.push_back(point);
+    }
+}
+
+// One entry a curve.
+void PlyCurves::read_entries(const PlyElement& element) {
+    if (content_.has_entries)
+        file_.fail_header("has an element \"strand\" and an element \"curve\"", "keep one of them");
+    content_.has_entries = true;
+    content_.entries = element.count;
+    content_.of_entries = columns_of(element);
+    if (element.properties.empty()) return;
+    for (uint64_t i = 0; i < element.count; ++i) {
+        file_.begin_entry(element, i);
+        size_t column = 0;
+        for (const PlyProperty& property : element.properties)
+            if (property.slot == curve_id)
+                content_.entry_ids.push_back(read_id(property));
+            else if (property.is_list)
+                file_.skip_property(property);
+            else
+                read_column(property, content_.of_entries[column++]);
+        file_.end_entry();
     }
 }
 
@@ -130,7 +201,7 @@ void PlyCurves::join(uint32_t vertex, uint32_t other) {
 }
 
 void PlyCurves::read_edges(const PlyElement& element, uint64_t vertex_count) {
-    if (points_.size() != vertex_count)
+    if (content_.points.size() != vertex_count)
         file_.fail_header("the edges stand before the vertices", "write the element \"vertex\" first");
     neighbours_.assign(vertex_count, {nobody, nobody});
     for (uint64_t i = 0; i < element.count; ++i) {
@@ -148,42 +219,52 @@ void PlyCurves::read_edges(const PlyElement& element, uint64_t vertex_count) {
 }
 
 // From an end, or around a ring. What has been walked has no neighbours any more.
-Polyline PlyCurves::walk(uint32_t begin) {
-    Polyline line;
-    line.closed = neighbours_[begin][1] != nobody;
+void PlyCurves::walk(uint32_t begin) {
+    const bool closed = neighbours_[begin][1] != nobody;
     uint32_t from = nobody, at = begin;
     while (at != nobody) {
-        line.points.push_back(points_[at]);
+        content_.order.push_back(at);
         const std::array<uint32_t, 2> both = neighbours_[at];
         neighbours_[at] = {nobody, nobody};
         const uint32_t next = both[0] == from ? both[1] : both[0];
         from = at;
         at = next == begin ? nobody : next;
     }
-    return line;
+    end_curve(closed);
 }
 
-std::vector<Polyline> PlyCurves::along_edges() {
-    std::vector<Polyline> lines;
-    for (uint32_t v = 0; v < points_.size(); ++v) // ends: one neighbour
-        if (neighbours_[v][0] != nobody && neighbours_[v][1] == nobody) lines.push_back(walk(v));
-    for (uint32_t v = 0; v < points_.size(); ++v) // what is left are rings
-        if (neighbours_[v][0] != nobody) lines.push_back(walk(v));
-    return lines;
+void PlyCurves::along_edges() {
+    for (uint32_t v = 0; v < neighbours_.size(); ++v) // ends: one neighbour
+        if (neighbours_[v][0] != nobody && neighbours_[v][1] == nobody) walk(v);
+    for (uint32_t v = 0; v < neighbours_.size(); ++v) // what is left are rings
+        if (neighbours_[v][0] != nobody) walk(v);
 }
 
-std::vector<Polyline> PlyCurves::by_id() const {
-    std::vector<Polyline> lines;
-    std::unordered_map<int64_t, size_t> line_of;
-    for (size_t v = 0; v < points_.size(); ++v) {
-        const auto [found, is_new] = line_of.emplace(ids_[v], lines.size());
-        if (is_new) lines.emplace_back();
-        lines[found->second].points.push_back(points_[v]);
+void PlyCurves::by_id() {
+    std::unordered_map<int64_t, uint32_t> curve_of;
+    std::vector<uint32_t> curves(ids_.size());
+    std::vector<uint64_t> sizes;
+    for (size_t v = 0; v < ids_.size(); ++v) {
+        if (v > 0 && ids_[v] == ids_[v - 1]) {
+            curves[v] = curves[v - 1];
+        } else {
+            const auto [found, is_new] = curve_of.emplace(ids_[v], uint32_t(sizes.size()));
+            if (is_new) {
+                sizes.push_back(0);
+                content_.ids.push_back(ids_[v]);
+            }
+            curves[v] = found->second;
+        }
+        ++sizes[curves[v]];
     }
-    return lines;
+    for (const uint64_t size : sizes) content_.first.push_back(content_.first.back() + size);
+    content_.closed.assign(sizes.size(), false);
+    content_.order.resize(ids_.size());
+    std::vector<uint64_t> next(content_.first.begin(), content_.first.end() - 1);
+    for (size_t v = 0; v < ids_.size(); ++v) content_.order[next[curves[v]]++] = uint32_t(v);
 }
 
-std::vector<Polyline> PlyCurves::read() {
+PlyCurvesContent PlyCurves::read() {
     file_.read_header();
     check_header();
     const uint64_t vertex_count = file_.find("vertex")->count;
@@ -195,20 +276,40 @@ std::vector<Polyline> PlyCurves::read() {
             read_vertices(element);
         } else if (element.name == "edge" && element.count > 0) {
             read_edges(element, vertex_count);
+        } else if (with_columns_ && is_curve_element(element)) {
+            read_entries(element);
         } else {
             file_.skip_element(element);
         }
     }
     file_.check_end();
-    if (!neighbours_.empty()) return along_edges();
-    if (!ids_.empty()) return by_id();
-    return {{std::move(points_), false}};
+    if (!neighbours_.empty()) {
+        along_edges();
+    } else if (!ids_.empty()) {
+        by_id();
+    } else {
+        content_.order.resize(content_.points.size());
+        std::iota(content_.order.begin(), content_.order.end(), 0U);
+        end_curve(false);
+    }
+    return std::move(content_);
 }
 
 } // namespace
 
+PlyCurvesContent read_ply_curves(const std::string& file, std::string_view bytes, bool with_columns) {
+    return PlyCurves(file, bytes, with_columns).read();
+}
+
 std::vector<Polyline> read_ply_polylines(const std::string& file, std::string_view bytes) {
-    return PlyCurves(file, bytes).read();
+    const PlyCurvesContent content = read_ply_curves(file, bytes, false);
+    std::vector<Polyline> lines(content.closed.size());
+    for (size_t c = 0; c < lines.size(); ++c) {
+        lines[c].closed = content.closed[c] != 0;
+        for (uint64_t i = content.first[c]; i < content.first[c + 1]; ++i)
+            lines[c].points.push_back(content.points[content.order[i]]);
+    }
+    return lines;
 }
 
 } // namespace marram

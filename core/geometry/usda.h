@@ -50,6 +50,17 @@ struct UsdaPrim {
     // The value of an attribute: the one for every time, else its earliest sample; nullptr where there is neither. `of`, where it is
     // given, is set to the statement.
     const UsdaValue* find(std::string_view name, const UsdaAttribute** of = nullptr) const;
+    // The time samples of an attribute that hold something, by ascending time; `of` as above.
+    std::vector<std::pair<double, const UsdaValue*>> samples(std::string_view name,
+                                                             const UsdaAttribute** of = nullptr) const;
+    // Of these, the last one up to a time and the first one behind it; nullptr where there is none. Cost: a binary search.
+    struct Samples {
+        const UsdaAttribute* of = nullptr; // nullptr: there are no samples
+        const std::pair<double, UsdaValue>*before = nullptr, *after = nullptr;
+    };
+    Samples samples_around(std::string_view name, double time) const;
+    // Of whichever of an attribute's statements has it; "" where none has.
+    std::string_view metadata_of(std::string_view name, std::string_view key) const;
 };
 
 struct UsdaLayer {
@@ -61,6 +72,9 @@ struct UsdaLayer {
 // Memory: of arrays about the size of the file, four times that where every number has one digit; some 150 bytes a prim or attribute;
 // nothing on a count's word.
 UsdaLayer read_usda(const std::string& path, std::string_view bytes);
+
+// How many numbers an element of a type has: 3 of "point3f", 16 of "matrix4d"; 0: the type is not known, or is one of texts.
+size_t usda_type_width(std::string_view type);
 
 // "" where there is no such key.
 std::string_view find_metadata(const std::vector<UsdaMetadata>& metadata, std::string_view key);

@@ -12,10 +12,9 @@
 
 #include "core/geometry/mesh_reader.h"
 #include "core/geometry/polylines.h"
-#include "core/geometry/usda.h"
+#include "core/geometry/usda_scene.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <array>
 #include <cmath>
@@ -23,9 +22,6 @@
 namespace marram {
 
 namespace {
-
-// Columns are images of the axes: p' = M p. USD writes matrices for rows, p' = p M.
-using Placing = Eigen::Matrix4d;
 
 std::array<double, 4> usda_weights(UsdaCurveBasis basis, double t) {
     const double r = 1.0 - t, t2 = t * t, t3 = t2 * t;
@@ -39,199 +35,46 @@ std::array<double, 4> usda_weights(UsdaCurveBasis basis, double t) {
 
 class UsdaCurvesReader {
   public:
-    UsdaCurvesReader(const std::string& path, std::string_view bytes) : path_(path), bytes_(bytes) {}
+    UsdaCurvesReader(const std::string& path, std::string_view bytes) : scene_(path, bytes) {}
     std::vector<UsdaCurves> read();
 
   private:
-    void visit(const UsdaPrim& prim, const std::string& parent, const Placing& above);
-    Placing layer_placing(const UsdaLayer& layer) const;
-    Placing placing_of(const UsdaPrim& prim, const Placing& above) const;
-    Placing op_of(const UsdaPrim& prim, std::string_view op) const;
-    void read_curves(const UsdaPrim& prim, const std::string& path, const Placing& placing);
-    void read_counts(const UsdaPrim& prim, UsdaCurves& curves) const;
-    void read_points(const UsdaPrim& prim, const Placing& placing, UsdaCurves& curves) const;
-    void read_widths(const UsdaPrim& prim, const Placing& placing, UsdaCurves& curves) const;
-    template <typename Elements>
-    const Elements* elements(const UsdaPrim& prim, std::string_view name, size_t* at = nullptr,
-                             std::string_view* interpolation = nullptr) const;
-    std::string_view choice(const UsdaPrim& prim, std::string_view name, std::string_view otherwise,
-                            std::initializer_list<std::string_view> known) const;
+    void visit(const UsdaPrim& prim, const std::string& parent, const UsdaPlacing& above);
+    void read_curves(const UsdaPrim& prim, const std::string& path, const UsdaPlacing& placing);
+    void read_points(const UsdaPrim& prim, const UsdaPlacing& placing, UsdaCurves& curves) const;
+    void read_widths(const UsdaPrim& prim, const UsdaPlacing& placing, UsdaCurves& curves) const;
 
-    [[noreturn]] void fail(size_t at, const std::string& what, const std::string& fix) const {
-        throw InputError(place_of(path_, bytes_, at), what, fix);
-    }
-
-    const std::string& path_;
-    std::string_view bytes_;
-    Placing root_ = Placing::Identity(); // of the layer
+    UsdaScene scene_;
     std::vector<UsdaCurves> all_;
 };
 
-// nullptr where the prim does not say; a fault where what it says is of another kind.
-template <typename Elements>
-const Elements* UsdaCurvesReader::elements(const UsdaPrim& prim, std::string_view name, size_t* at,
-                                           std::string_view* interpolation) const {
-    const UsdaAttribute* of = nullptr;
-    const UsdaValue* value = prim.find(name, &of);
-    if (!value) return nullptr;
-    if (at) *at = of->at;
-    if (interpolation) *interpolation = find_metadata(of->metadata, "interpolation");
-    const Elements* found = std::get_if<Elements>(value);
-    if (!found) fail(of->at, fmt::format("\"{}\" has the type {}", name, of->type), "export the curves anew");
-    return found;
-}
-
-std::string_view UsdaCurvesReader::choice(const UsdaPrim& prim, std::string_view name,
-                                          std::string_view otherwise,
-                                          std::initializer_list<std::string_view> known) const {
-    size_t at = 0;
-    const auto* texts = elements<std::vector<std::string_view>>(prim, name, &at);
-    if (!texts) return otherwise;
-    if (texts->size() == 1)
-        for (const std::string_view one : known)
-            if (one == (*texts)[0]) return one;
-    fail(at,
-         fmt::format("the {} \"{}\" of curves is not read", name,
-                     texts->empty() ? "" : (*texts)[0].substr(0, 32)),
-         fmt::format("export them with one of {}", fmt::join(known, ", ")));
-}
-
-// ---- Transforms
-
-Placing UsdaCurvesReader::layer_placing(const UsdaLayer& layer) const {
-    Placing placing = Placing::Identity();
-    const std::string_view up = find_metadata(layer.metadata, "upAxis"),
-                           unit = find_metadata(layer.metadata, "metersPerUnit");
-    if (up == "Z") {
-        placing.row(1) << 0.0, 0.0, 1.0, 0.0;
-        placing.row(2) << 0.0, -1.0, 0.0, 0.0;
-    } else if (!up.empty() && up != "Y") {
-        throw InputError({path_}, fmt::format("the upAxis is \"{}\"", up.substr(0, 32)),
-                         "export it with Y or Z up");
-    }
-    double metres = 0.01; // what USD says of a layer that does not
-    if (!unit.empty() && (parse_number(unit, metres) != NumberFault::none || !(metres > 0.0)))
-        throw InputError({path_}, fmt::format("metersPerUnit is \"{}\"", unit.substr(0, 32)),
-                         "give a number above 0, such as 1");
-    placing.topRows<3>() *= metres;
-    return placing;
-}
-
-Eigen::Matrix3d turned_about(char axis, double degrees) {
-    return Eigen::AngleAxisd(degrees * degree, Vec3d::Unit(axis - 'X')).toRotationMatrix();
-}
-
-// "xformOp:rotateXYZ:name".
-Placing UsdaCurvesReader::op_of(const UsdaPrim& prim, std::string_view op) const {
-    constexpr std::string_view head = "xformOp:";
-    size_t at = prim.at;
-    const auto* numbers = op.starts_with(head) ? elements<std::vector<double>>(prim, op, &at) : nullptr;
-    if (!numbers)
-        fail(at, fmt::format("xformOpOrder names \"{}\", which is not there", op.substr(0, 64)),
-             "export the transforms anew");
-    for (const double number : *numbers)
-        if (!std::isfinite(number))
-            fail(at, fmt::format("\"{}\" is not finite", op.substr(0, 64)), "write finite numbers");
-    const std::string_view kind = op.substr(head.size(), op.find(':', head.size()) - head.size());
-    const size_t count = numbers->size();
-    const double* n = numbers->data();
-    Placing placing = Placing::Identity();
-    if (kind == "translate" && count == 3) {
-        placing.topRightCorner<3, 1>() = Vec3d(n);
-    } else if (kind == "scale" && count == 3) {
-        placing.topLeftCorner<3, 3>() = Vec3d(n).asDiagonal();
-    } else if (kind == "orient" && count == 4 && Eigen::Map<const Vec4d>(n).stableNorm() > 0.0) {
-        placing.topLeftCorner<3, 3>() =
-            Eigen::Quaterniond(n[0], n[1], n[2], n[3]).normalized().toRotationMatrix();
-    } else if (kind == "transform" && count == 16) {
-        placing = Eigen::Map<const Placing>(n); // its rows are our columns, as Eigen stores them
-        if (placing.row(3) != Eigen::RowVector4d(0.0, 0.0, 0.0, 1.0))
-            fail(at, fmt::format("\"{}\" is a perspective", op.substr(0, 64)),
-                 "let its last column be 0, 0, 0, 1");
-    } else if (kind.starts_with("rotate") && (kind.size() == 7 || kind.size() == 9) &&
-               count == kind.size() - 6 && kind.find_first_not_of("XYZ", 6) == std::string_view::npos) {
-        Eigen::Matrix3d turn = Eigen::Matrix3d::Identity(); // the first axis turns first
-        for (size_t i = 0; i < count; ++i) turn = turned_about(kind[6 + i], n[i]) * turn;
-        placing.topLeftCorner<3, 3>() = turn;
-    } else {
-        fail(at, fmt::format("the transform \"{}\" is not read", op.substr(0, 64)),
-             "use translate, rotate, orient, scale or transform");
-    }
-    return placing;
-}
-
-Placing UsdaCurvesReader::placing_of(const UsdaPrim& prim, const Placing& above) const {
-    Placing placing = above;
-    size_t at = prim.at;
-    const auto* order = elements<std::vector<std::string_view>>(prim, "xformOpOrder", &at);
-    if (!order) return placing;
-    for (std::string_view op : *order) {
-        constexpr std::string_view invert = "!invert!";
-        if (op == "!resetXformStack!") {
-            placing = root_;
-            continue;
-        }
-        const bool inverse = op.starts_with(invert);
-        if (inverse) op.remove_prefix(invert.size());
-        Placing one = op_of(prim, op);
-        if (inverse) {
-            if (!(std::abs(one.determinant()) > 0.0))
-                fail(at, fmt::format("\"{}\" has no inverse", op.substr(0, 64)), "do not scale by 0");
-            one = one.inverse().eval();
-        }
-        placing = (placing * one).eval();
-    }
-    return placing;
-}
-
 // ---- Curves
 
-void UsdaCurvesReader::read_counts(const UsdaPrim& prim, UsdaCurves& curves) const {
+void UsdaCurvesReader::read_points(const UsdaPrim& prim, const UsdaPlacing& placing,
+                                   UsdaCurves& curves) const {
     size_t at = prim.at;
-    const auto* counts = elements<std::vector<int64_t>>(prim, "curveVertexCounts", &at);
-    if (!counts)
-        fail(at, fmt::format("the curves \"{}\" have no curveVertexCounts", curves.path),
-             "write them into this file: references are not followed");
-    curves.counts.reserve(counts->size());
-    uint64_t sum = 0;
-    for (const int64_t count : *counts) {
-        if (count < 0 || uint64_t(count) > greatest_count || curves.segments(uint32_t(count)) == 0)
-            fail(at,
-                 fmt::format("curve {} of \"{}\" has {} vertices", curves.counts.size(), curves.path, count),
-                 "see USD's BasisCurves for how many its type, basis and wrap allow");
-        curves.counts.push_back(uint32_t(count));
-        sum += uint64_t(count);
-    }
-    if (sum != curves.points.size())
-        fail(at,
-             fmt::format("curveVertexCounts of \"{}\" add up to {}, there are {} points", curves.path, sum,
-                         curves.points.size()),
-             "export the curves anew");
-}
-
-void UsdaCurvesReader::read_points(const UsdaPrim& prim, const Placing& placing, UsdaCurves& curves) const {
-    size_t at = prim.at;
-    const auto* numbers = elements<std::vector<double>>(prim, "points", &at);
+    const auto* numbers = scene_.elements<std::vector<double>>(prim, "points", &at);
     if (!numbers || numbers->size() % 3 != 0)
-        fail(at, fmt::format("the curves \"{}\" have no points", curves.path),
-             "write them into this file: references are not followed");
+        scene_.fail(at, fmt::format("the curves \"{}\" have no points", curves.path),
+                    "write them into this file: references are not followed");
     curves.points.reserve(numbers->size() / 3);
     for (size_t i = 0; i < numbers->size(); i += 3) {
         const Vec3d p =
             placing.topLeftCorner<3, 3>() * Vec3d(numbers->data() + i) + placing.topRightCorner<3, 1>();
         if (!(p.cwiseAbs().maxCoeff() <= greatest_curve_coordinate))
-            fail(at,
-                 fmt::format("point {} of \"{}\" {}", i / 3, curves.path,
-                             p.allFinite() ? "is beyond 1e8 m" : "is not three finite numbers"),
-                 "write finite numbers, and scale the curves down");
+            scene_.fail(at,
+                        fmt::format("point {} of \"{}\" {}", i / 3, curves.path,
+                                    p.allFinite() ? "is beyond 1e8 m" : "is not three finite numbers"),
+                        "write finite numbers, and scale the curves down");
         curves.points.push_back(p);
     }
 }
 
-void UsdaCurvesReader::read_widths(const UsdaPrim& prim, const Placing& placing, UsdaCurves& curves) const {
+void UsdaCurvesReader::read_widths(const UsdaPrim& prim, const UsdaPlacing& placing,
+                                   UsdaCurves& curves) const {
     size_t at = prim.at;
     std::string_view interpolation;
-    const auto* widths = elements<std::vector<double>>(prim, "widths", &at, &interpolation);
+    const auto* widths = scene_.elements<std::vector<double>>(prim, "widths", &at, &interpolation);
     if (!widths || widths->empty()) return;
     curves.width_interpolation = interpolation.empty() ? "vertex" : interpolation; // as USD has it
     const bool closed = curves.wrap == UsdaCurveWrap::periodic;
@@ -243,63 +86,93 @@ void UsdaCurvesReader::read_widths(const UsdaPrim& prim, const Placing& placing,
         for (const uint32_t count : curves.counts) expected += curves.segments(count) + (closed ? 0 : 1);
     }
     if (widths->size() != expected)
-        fail(at,
-             fmt::format("\"{}\" has {} widths where its interpolation wants {}", curves.path, widths->size(),
-                         expected),
-             "export the curves anew");
+        scene_.fail(at,
+                    fmt::format("\"{}\" has {} widths where its interpolation wants {}", curves.path,
+                                widths->size(), expected),
+                    "export the curves anew");
     const double scale = std::cbrt(std::abs(placing.topLeftCorner<3, 3>().determinant()));
     curves.widths.reserve(widths->size());
     for (const double width : *widths) {
         if (!(width >= 0.0) || !std::isfinite(width * scale))
-            fail(at,
-                 fmt::format("width {} of \"{}\" is not a finite number above 0", curves.widths.size(),
-                             curves.path),
-                 "write diameters");
+            scene_.fail(at,
+                        fmt::format("width {} of \"{}\" is not a finite number above 0", curves.widths.size(),
+                                    curves.path),
+                        "write diameters");
         curves.widths.push_back(width * scale);
     }
 }
 
-void UsdaCurvesReader::read_curves(const UsdaPrim& prim, const std::string& path, const Placing& placing) {
+void UsdaCurvesReader::read_curves(const UsdaPrim& prim, const std::string& path,
+                                   const UsdaPlacing& placing) {
     UsdaCurves curves;
     curves.path = path;
-    const std::string_view wrap = choice(prim, "wrap", "nonperiodic", {"nonperiodic", "periodic", "pinned"});
-    curves.wrap = wrap == "periodic" ? UsdaCurveWrap::periodic
-                  : wrap == "pinned" ? UsdaCurveWrap::pinned
-                                     : UsdaCurveWrap::nonperiodic;
-    if (choice(prim, "type", "cubic", {"linear", "cubic"}) == "linear") {
-        curves.basis = UsdaCurveBasis::linear;
-    } else {
-        const std::string_view basis = choice(prim, "basis", "bezier", {"bezier", "bspline", "catmullRom"});
-        curves.basis = basis == "bspline"      ? UsdaCurveBasis::bspline
-                       : basis == "catmullRom" ? UsdaCurveBasis::catmull_rom
-                                               : UsdaCurveBasis::bezier;
-    }
+    static_cast<UsdaCurveKind&>(curves) = usda_curve_kind(scene_, prim);
     read_points(prim, placing, curves);
-    read_counts(prim, curves);
+    curves.counts = usda_curve_counts(scene_, prim, path, curves, curves.points.size());
     read_widths(prim, placing, curves);
     all_.push_back(std::move(curves));
 }
 
-void UsdaCurvesReader::visit(const UsdaPrim& prim, const std::string& parent, const Placing& above) {
-    if (prim.specifier != "def" || find_metadata(prim.metadata, "active") == "false" ||
-        find_metadata(prim.metadata, "active") == "0")
-        return;
+void UsdaCurvesReader::visit(const UsdaPrim& prim, const std::string& parent, const UsdaPlacing& above) {
+    if (!is_usda_def(prim)) return;
     const std::string path = fmt::format("{}/{}", parent, prim.name);
-    const Placing placing = placing_of(prim, above);
+    const UsdaPlacing placing = scene_.placing_of(prim, above);
     if (prim.type == "BasisCurves") read_curves(prim, path, placing);
     for (const UsdaPrim& child : prim.children) visit(child, path, placing);
 }
 
 std::vector<UsdaCurves> UsdaCurvesReader::read() {
-    const UsdaLayer layer = read_usda(path_, bytes_);
-    root_ = layer_placing(layer);
-    for (const UsdaPrim& prim : layer.prims) visit(prim, "", root_);
+    for (const UsdaPrim& prim : scene_.layer().prims) visit(prim, "", scene_.root());
     return std::move(all_);
 }
 
 } // namespace
 
-uint32_t UsdaCurves::segments(uint32_t count) const {
+UsdaCurveKind usda_curve_kind(const UsdaScene& scene, const UsdaPrim& prim) {
+    UsdaCurveKind kind;
+    const std::string_view wrap =
+        scene.choice(prim, "wrap", "nonperiodic", {"nonperiodic", "periodic", "pinned"});
+    kind.wrap = wrap == "periodic" ? UsdaCurveWrap::periodic
+                : wrap == "pinned" ? UsdaCurveWrap::pinned
+                                   : UsdaCurveWrap::nonperiodic;
+    if (scene.choice(prim, "type", "cubic", {"linear", "cubic"}) == "linear") {
+        kind.basis = UsdaCurveBasis::linear;
+    } else {
+        const std::string_view basis =
+            scene.choice(prim, "basis", "bezier", {"bezier", "bspline", "catmullRom"});
+        kind.basis = basis == "bspline"      ? UsdaCurveBasis::bspline
+                     : basis == "catmullRom" ? UsdaCurveBasis::catmull_rom
+                                             : UsdaCurveBasis::bezier;
+    }
+    return kind;
+}
+
+std::vector<uint32_t> usda_curve_counts(const UsdaScene& scene, const UsdaPrim& prim, const std::string& path,
+                                        const UsdaCurveKind& kind, size_t points) {
+    size_t at = prim.at;
+    const auto* numbers = scene.elements<std::vector<int64_t>>(prim, "curveVertexCounts", &at);
+    if (!numbers)
+        scene.fail(at, fmt::format("the curves \"{}\" have no curveVertexCounts", path),
+                   "write them into this file: references are not followed");
+    std::vector<uint32_t> counts;
+    counts.reserve(numbers->size());
+    uint64_t sum = 0;
+    for (const int64_t count : *numbers) {
+        if (count < 0 || uint64_t(count) > greatest_count || kind.segments(uint32_t(count)) == 0)
+            scene.fail(at, fmt::format("curve {} of \"{}\" has {} vertices", counts.size(), path, count),
+                       "see USD's BasisCurves for how many its type, basis and wrap allow");
+        counts.push_back(uint32_t(count));
+        sum += uint64_t(count);
+    }
+    if (sum != points)
+        scene.fail(
+            at,
+            fmt::format("curveVertexCounts of \"{}\" add up to {}, there are {} points", path, sum, points),
+            "export the curves anew");
+    return counts;
+}
+
+uint32_t UsdaCurveKind::segments(uint32_t count) const {
     const bool periodic = wrap == UsdaCurveWrap::periodic, pinned = wrap == UsdaCurveWrap::pinned;
     if (basis == UsdaCurveBasis::linear) return periodic ? (count < 3 ? 0 : count) : std::max(count, 1u) - 1;
     if (basis == UsdaCurveBasis::bezier) {

@@ -70,25 +70,27 @@ void check_lights(const std::vector<Item>& lights, Reading& reading) {
 
 constexpr int most_shapes = 10'000;
 
-void check_mesh_files(const std::vector<Item>& meshes, Reading& reading) {
-    for (const Item& mesh : meshes) {
-        const ParamValue* file = mesh.type == "file" ? mesh.params.find("file") : nullptr;
+// Things of type "file" or "strands", whose files may be one a frame. endings: that can be read.
+void check_files(const std::vector<Item>& items, const char* kind, const char* type,
+                 const std::vector<std::string>& endings, Reading& reading) {
+    for (const Item& item : items) {
+        const ParamValue* file = item.type == type ? item.params.find("file") : nullptr;
         if (!file) continue;
         std::string ending = std::filesystem::path(file->text).extension().string();
         std::transform(ending.begin(), ending.end(), ending.begin(),
                        [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-        const ParamValue* frames = mesh.params.find("file_frames");
+        const ParamValue* frames = item.params.find("file_frames");
+        const std::string name = fmt::format("{}.{}", kind, clean(item.name));
         if (frames && file->text.find('#') == std::string::npos)
-            reading.report(file->place,
-                           fmt::format("mesh.{}.file is one file for all of file_frames", clean(mesh.name)),
+            reading.report(file->place, fmt::format("{}.file is one file for all of file_frames", name),
                            "put a #### where the frame's number belongs, or leave file_frames out");
         if (frames && frames->numbers[1] - frames->numbers[0] >= most_shapes)
-            reading.report(frames->place,
-                           fmt::format("mesh.{}.file_frames are more than {}", clean(mesh.name), most_shapes),
+            reading.report(frames->place, fmt::format("{}.file_frames are more than {}", name, most_shapes),
                            "all are held in memory: give those that the shot sees");
-        if (ending == ".obj" || ending == ".ply") continue;
-        reading.report(file->place, fmt::format("mesh.{}.file is no .obj and no .ply", clean(mesh.name)),
-                       "convert the mesh to one of them");
+        if (std::ranges::find(endings, ending) != endings.end()) continue;
+        std::string none;
+        for (const std::string& one : endings) none += (none.empty() ? "no " : " and no ") + one;
+        reading.report(file->place, fmt::format("{}.file is {}", name, none), "convert it to one of them");
     }
 }
 
@@ -156,7 +158,8 @@ void check_rules(const SceneDescription& scene, const std::vector<Name>& names, 
         reading.report(pixels->place, "tolerance and tolerance_pixels are both given", "keep one of them");
     check_camera(scene.camera, reading);
     check_lights(scene.lights, reading);
-    check_mesh_files(scene.meshes, reading);
+    check_files(scene.meshes, "mesh", "file", {".obj", ".ply"}, reading);
+    check_files(scene.curves, "curves", "strands", {".hair", ".usda", ".ply", ".obj"}, reading);
     check_all_references(scene, names, reading);
 }
 

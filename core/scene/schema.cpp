@@ -127,7 +127,16 @@ std::vector<ItemSchema> curves_types() {
              "the curves of a file",
              {{"file", file, "", "", -any, any, "",
                ".obj with l elements; .ply with edges, a strand_id, or one curve; .usda with BasisCurves"},
-              closed}}};
+              closed}},
+            {"strands",
+             "strands or guides that were groomed elsewhere, with widths, attributes and motion",
+             {{"file", file, "", "", -any, any, "numbered",
+               ".hair; .usda with BasisCurves; .ply with edges, a strand_id, or one curve; .obj with l "
+               "elements; #### is the frame's number"},
+              {"file_frames", range, "frames", "none", -late, late, "",
+               "first and last frame that there is a file of: strands move straight from frame to frame; all "
+               "are read"},
+              {"transform", keys, "", "{}", -any, any, "", "as of meshes"}}}};
 }
 
 } // namespace

@@ -3,12 +3,16 @@
 
 #include "core/geometry/build.h"
 #include "core/geometry/polylines.h"
+#include "core/geometry/strand_file.h"
 #include "core/image/image.h"
 #include "core/shot/frame_name.h"
 
 #include <fmt/format.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <set>
 
 namespace marram {
 namespace {
@@ -42,7 +46,7 @@ Mesh load_heightfield(const ParamSet& params) {
 
 Mesh load_mesh_item(const Item& item) {
     const ParamSet& params = item.params;
-    if (item.type == "file") return load_mesh(mesh_files(item).front().second, params.boolean("smooth"));
+    if (item.type == "file") return load_mesh(numbered_files(item).front().second, params.boolean("smooth"));
     if (item.type == "plane") return plane_mesh(vec2f(params, "size"), params.integer("divisions"));
     if (item.type == "box") return box_mesh(vec3f(params, "size"));
     if (item.type == "sphere")
@@ -53,8 +57,7 @@ Mesh load_mesh_item(const Item& item) {
 
 } // namespace
 
-// Files of a mesh, one a frame where it deforms.
-std::vector<std::pair<double, std::string>> mesh_files(const Item& item) {
+std::vector<std::pair<double, std::string>> numbered_files(const Item& item) {
     const ParamSet& params = item.params;
     std::vector<std::pair<double, std::string>> files;
     if (!params.has("file_frames")) return {{0.0, params.text("file")}};
@@ -75,7 +78,110 @@ Mesh load_scene_mesh(const Item& item) {
     }
 }
 
-SceneCurves load_scene_curves(const Item& item) {
+namespace {
+
+// As MarramCurves has them; the radius is half the width.
+std::vector<float> vertices_of(const StrandSample& sample, const std::vector<uint64_t>& offsets) {
+    const size_t curves = offsets.size() - 1;
+    std::vector<float> vertices(4 * (offsets.back() + 2 * curves));
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, curves, 1024), [&](const auto& range) {
+        for (size_t c = range.begin(); c < range.end(); ++c) {
+            const uint64_t first = offsets[c], count = offsets[c + 1] - first;
+            float* to = vertices.data() + 4 * (first + 2 * c);
+            for (uint64_t i = 0; i < count; ++i) {
+                const Vec3f& p = sample.points[first + i];
+                float* vertex = to + 4 * (i + 1);
+                for (int axis = 0; axis < 3; ++axis) vertex[axis] = p[axis];
+                vertex[3] = sample.widths.empty() ? 0.0F : 0.5F * sample.widths[first + i];
+            }
+            for (size_t k = 0; k < 4; ++k) {
+                to[k] = 2.0F * to[4 + k] - to[8 + k];
+                to[4 * (count + 1) + k] = 2.0F * to[4 * count + k] - to[4 * (count - 1) + k];
+            }
+        }
+    });
+    return vertices;
+}
+
+// Warnings of the files of one thing, each told once.
+class FileWarnings {
+  public:
+    explicit FileWarnings(std::vector<std::string>& all) : all_(all) {}
+    void add(const std::string& file, const std::string& what) {
+        if (told_.insert(what).second) all_.push_back(fmt::format("{}: {}", file, what));
+    }
+
+  private:
+    std::vector<std::string>& all_;
+    std::set<std::string> told_;
+};
+
+void check_same_strands(const std::string& file, const StrandFile& strands, const std::string& first_file,
+                        const StrandFile& first) {
+    const std::string fix = "strands that move keep their CVs: export every frame from the same groom";
+    if (strands.counts != first.counts)
+        throw InputError({file},
+                         fmt::format("has {} strands of {} CVs that are not those of '{}', {} of {}",
+                                     strands.counts.size(), strands.samples.front().points.size(), first_file,
+                                     first.counts.size(), first.samples.front().points.size()),
+                         fix);
+    if (strands.basis != first.basis)
+        throw InputError({file}, fmt::format("its strands are not drawn as those of '{}'", first_file), fix);
+    if (strands.samples.front().widths.empty() != first.samples.front().widths.empty())
+        throw InputError({file}, fmt::format("either it or '{}' has widths, the other has none", first_file),
+                         fix);
+}
+
+SceneCurves load_strands(const Item& item, double fps, const std::atomic<bool>& cancel,
+                         std::vector<std::string>& all_warnings) {
+    const auto files = numbered_files(item);
+    const std::string& first_file = files.front().second;
+    StrandFile first = load_strand_file(first_file, fps);
+    FileWarnings warnings(all_warnings);
+    for (const std::string& warning : first.warnings) warnings.add(first_file, warning);
+    SceneCurves curves;
+    curves.name = item.name;
+    curves.basis = first.basis;
+    const ParamValue& keys = item.params.at("transform");
+    curves.transform = KeyedTransform(keys.numbers, keys.text);
+    curves.offsets.reserve(first.counts.size() + 1);
+    for (const uint32_t count : first.counts) curves.offsets.push_back(curves.offsets.back() + count);
+    curves.closed.assign(first.counts.size(), 0);
+    if (files.size() == 1) {
+        for (const StrandSample& sample : first.samples)
+            curves.samples.push_back({sample.frame, vertices_of(sample, curves.offsets)});
+    } else {
+        curves.samples.push_back({files[0].first, vertices_of(first.samples.front(), curves.offsets)});
+        if (first.samples.size() > 1)
+            warnings.add(first_file,
+                         "moves by itself: of each file of file_frames the first sample is taken");
+    }
+    for (size_t i = 1; i < files.size(); ++i) {
+        if (cancel.load()) throw Cancelled{};
+        const auto& [frame, file] = files[i];
+        const StrandFile strands = load_strand_file(file, fps);
+        check_same_strands(file, strands, first_file, first);
+        for (const std::string& warning : strands.warnings) warnings.add(file, warning);
+        for (const AttributeValues& attribute : first.attributes) {
+            const AttributeValues* same = find_attribute(strands.attributes, attribute.name);
+            if (!same || same->values != attribute.values)
+                warnings.add(file, fmt::format("\"{}\" is not as in the first file, whose values are taken",
+                                               attribute.name));
+        }
+        curves.samples.push_back({frame, vertices_of(strands.samples.front(), curves.offsets)});
+    }
+    const bool rests = curves.samples.size() == 1;
+    curves.vertices = rests ? std::move(curves.samples.front().vertices) : curves.samples.front().vertices;
+    if (rests) curves.samples.clear();
+    curves.attributes = std::move(first.attributes);
+    return curves;
+}
+
+} // namespace
+
+SceneCurves load_scene_curves(const Item& item, double fps, const std::atomic<bool>& cancel,
+                              std::vector<std::string>& warnings) {
+    if (item.type == "strands") return load_strands(item, fps, cancel, warnings);
     SceneCurves curves;
     curves.name = item.name;
     const bool closed = item.params.boolean("closed");
@@ -97,7 +203,7 @@ SceneCurves load_scene_curves(const Item& item) {
 
 // The shapes of a mesh that deforms; `first` is of the first of its files.
 std::vector<MeshShape> load_shapes(const Item& item, const Mesh& first, const std::atomic<bool>& cancel) {
-    const auto files = mesh_files(item);
+    const auto files = numbered_files(item);
     std::vector<MeshShape> shapes;
     if (files.size() < 2) return shapes;
     shapes.push_back({files[0].first, first.positions, first.normals});

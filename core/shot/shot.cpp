@@ -205,7 +205,10 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
     std::ranges::move(suns, std::back_inserter(shot.lights));
     load_meshes(shot, cancel, objections);
     for (const Item& item : description.curves)
-        objections([&] { shot.geometry.curves.push_back(load_scene_curves(item)); });
+        objections([&] {
+            shot.geometry.curves.push_back(
+                load_scene_curves(item, description.globals.number("fps"), cancel, shot.warnings));
+        });
     for (const auto& [path, library] : shot.plugins->libraries) {
         const std::vector<MarramReportEntry>& entries = library->report_entries();
         shot.geometry.report_entries.insert(shot.geometry.report_entries.end(), entries.begin(),
@@ -241,9 +244,10 @@ std::vector<std::string> files_read(const Shot& shot, const std::string& file) {
     for (const ParamValue& value : description.wind.all())
         if (value.spec->type == ParamType::image || value.spec->type == ParamType::table)
             files.push_back(value.text);
-    for (const Item& mesh : description.meshes)
-        if (mesh.params.has("file_frames"))
-            for (const auto& [frame, shape] : mesh_files(mesh)) files.push_back(shape);
+    for (const auto* items : {&description.meshes, &description.curves})
+        for (const Item& item : *items)
+            if (item.params.has("file_frames"))
+                for (const auto& [frame, shape] : numbered_files(item)) files.push_back(shape);
     return files;
 }
 

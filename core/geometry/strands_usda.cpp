@@ -1,0 +1,653 @@
+// SPDX-License-Identifier: Apache-2.0
+// Strands of USD layers: see strand_file.h for what is read.
+#include "core/geometry/mesh_reader.h"
+#include "core/geometry/polylines.h"
+#include "core/geometry/strand_file.h"
+#include "core/geometry/usda_cvs.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <set>
+
+namespace marram {
+
+namespace {
+
+using Numbers = std::vector<double>;
+constexpr double greatest_deviation = 1e-3; // of a curve's length; of the curves' size where transforms turn
+constexpr uint32_t most_pieces = 8;         // of a cubic
+constexpr size_t most_attributes = 64;      // constant ones are given to every curve
+constexpr int most_halvings = 8;            // of the time between two samples of a transform
+
+// What an attribute of numbers says over time.
+struct UsdaSeries {
+    const UsdaAttribute* of = nullptr;
+    std::vector<std::pair<double, const Numbers*>> samples; // one, or by ascending time
+    bool is_there() const { return !samples.empty(); }
+};
+
+// A prim BasisCurves, below what stands above it.
+struct CurvesPrim {
+    std::string path;
+    std::vector<const UsdaPrim*> line; // from the root down to itself
+    const UsdaPrim& self() const { return *line.back(); }
+};
+
+enum class Spread { constant, uniform, varying, vertex };
+
+class UsdaStrandsReader {
+  public:
+    UsdaStrandsReader(const std::string& path, std::string_view bytes, double fps)
+        : path_(path), bytes_(bytes), scene_(path, bytes), frames_per_time_(fps / times_a_second()) {}
+    StrandFile read();
+
+  private:
+    double times_a_second() const;
+    void visit(const UsdaPrim& prim, const std::string& parent, std::vector<const UsdaPrim*>& line);
+    UsdaSeries series(const UsdaPrim& prim, std::string_view name) const;
+    const Numbers& value_at(const UsdaSeries& series, double time, Numbers& between) const;
+    std::string_view widths_name(const UsdaPrim& prim) const {
+        return series(prim, "primvars:widths").is_there() ? "primvars:widths" : "widths";
+    }
+
+    UsdaPlacing placing(const std::vector<const UsdaPrim*>& line, double time) const;
+    bool is_straight(const std::vector<const UsdaPrim*>& line, const Eigen::AlignedBox3d& box, double begin,
+                     double end) const;
+    void halve(const std::vector<const UsdaPrim*>& line, const Eigen::AlignedBox3d& box, double begin,
+               double end, int halvings, std::set<double>& times) const;
+    void find_times();
+    void check_room(size_t times, uint64_t floats) const;
+
+    StrandFile read_prim(const CurvesPrim& prim);
+    Numbers placed_points(const CurvesPrim& prim, const UsdaSeries& points, double time) const;
+    void cut(UsdaCvs& cvs, const CurvesPrim& prim, const UsdaSeries& points, StrandFile& part);
+    void read_samples(const UsdaCvs& cvs, const CurvesPrim& prim, const UsdaSeries& points, StrandFile& part);
+    std::vector<float> widths_at(const UsdaCvs& cvs, const CurvesPrim& prim, const UsdaSeries& widths,
+                                 std::string_view name, double time) const;
+
+    Spread spread_of(const UsdaPrim& prim, const UsdaAttribute& attribute, Spread otherwise) const;
+    size_t expected(const UsdaCvs& cvs, Spread spread) const;
+    Numbers spread_over_cvs(const UsdaCvs& cvs, const Numbers& values, size_t components, Spread spread,
+                            bool discrete) const;
+    void read_attributes(const UsdaCvs& cvs, const CurvesPrim& prim, StrandFile& part);
+    void read_attribute(const UsdaCvs& cvs, const CurvesPrim& prim, const UsdaAttribute& attribute,
+                        std::string name, Spread otherwise, StrandFile& part);
+    bool expand(const UsdaPrim& prim, const UsdaAttribute& attribute, size_t components,
+                Numbers& values) const;
+    void place_values(const CurvesPrim& prim, std::string_view type, Numbers& values) const;
+
+    void join(const CurvesPrim& prim, StrandFile part, StrandFile& all);
+    void rest_if_still(StrandFile& all) const;
+    void warn(std::string what) {
+        if (std::ranges::find(warnings_, what) == warnings_.end()) warnings_.push_back(std::move(what));
+    }
+
+    const std::string& path_;
+    std::string_view bytes_;
+    UsdaScene scene_;
+    double frames_per_time_;
+    std::vector<CurvesPrim> prims_;
+    std::vector<double> times_; // of the samples; one where nothing moves
+    std::vector<std::string> warnings_;
+    size_t other_curves_ = 0; // prims of curves that are not read
+};
+
+// ---- Prims, and values over time
+
+double UsdaStrandsReader::times_a_second() const {
+    double rate = 24.0; // what USD says of a layer that does not
+    for (const std::string_view key : {"framesPerSecond", "timeCodesPerSecond"}) {
+        const std::string_view given = find_metadata(scene_.layer().metadata, key);
+        if (!given.empty() && (parse_number(given, rate) != NumberFault::none || !(rate > 0.0)))
+            throw InputError({path_}, fmt::format("{} is \"{}\"", key, given.substr(0, 32)),
+                             "give a number above 0, such as 24");
+    }
+    return rate;
+}
+
+void UsdaStrandsReader::visit(const UsdaPrim& prim, const std::string& parent,
+                              std::vector<const UsdaPrim*>& line) {
+    if (!is_usda_def(prim)) return;
+    const std::string path = fmt::format("{}/{}", parent, prim.name);
+    line.push_back(&prim);
+    if (prim.type == "BasisCurves") prims_.push_back({path, line});
+    if (prim.type == "HermiteCurves" || prim.type == "NurbsCurves") ++other_curves_;
+    for (const UsdaPrim& child : prim.children) visit(child, path, line);
+    line.pop_back();
+}
+
+// Time samples where there are any, else the value for every time.
+UsdaSeries UsdaStrandsReader::series(const UsdaPrim& prim, std::string_view name) const {
+    UsdaSeries series;
+    const auto add = [&](double time, const UsdaValue& value) {
+        const auto* numbers = std::get_if<Numbers>(&value);
+        if (!numbers)
+            scene_.fail(series.of->at, fmt::format("\"{}\" has the type {}", name, series.of->type),
+                        "export the curves anew");
+        series.samples.emplace_back(time, numbers);
+    };
+    for (const auto& [time, value] : prim.samples(name, &series.of)) add(time, *value);
+    if (!series.is_there())
+        if (const UsdaValue* value = prim.find(name, &series.of)) add(0.0, *value);
+    return series;
+}
+
+// Straight between samples; before the first and behind the last it rests.
+const Numbers& UsdaStrandsReader::value_at(const UsdaSeries& series, double time, Numbers& between) const {
+    const auto next =
+        std::ranges::upper_bound(series.samples, time, {}, &std::pair<double, const Numbers*>::first);
+    if (next == series.samples.begin()) return *next->second;
+    const Numbers& a = *(next - 1)->second;
+    if (next == series.samples.end() || (next - 1)->first == time) return a;
+    const Numbers& b = *next->second;
+    if (a.size() != b.size())
+        scene_.fail(series.of->at,
+                    fmt::format("\"{}\" has {} numbers at time {} and {} at {}", series.of->name, a.size(),
+                                (next - 1)->first, b.size(), next->first),
+                    "export as many curves and vertices at every frame");
+    const double share = (time - (next - 1)->first) / (next->first - (next - 1)->first);
+    between.resize(a.size());
+    for (size_t i = 0; i < a.size(); ++i) between[i] = a[i] + share * (b[i] - a[i]);
+    return between;
+}
+
+UsdaPlacing UsdaStrandsReader::placing(const std::vector<const UsdaPrim*>& line, double time) const {
+    UsdaPlacing placing = scene_.root();
+    for (const UsdaPrim* one : line) placing = scene_.placing_of(*one, placing, time);
+    return placing;
+}
+
+// Whether what is in the box and goes straight from its place at `begin` to that at `end` stays near where the transforms have it.
+bool UsdaStrandsReader::is_straight(const std::vector<const UsdaPrim*>& line, const Eigen::AlignedBox3d& box,
+                                    double begin, double end) const {
+    const UsdaPlacing a = placing(line, begin), b = placing(line, end);
+    const double size = (a.topLeftCorner<3, 3>() * box.sizes().asDiagonal()).norm();
+    for (const double share : {0.5, 0.21, 0.83}) { // not alike: a whole turn from one to the next is seen
+        const UsdaPlacing way = placing(line, begin + share * (end - begin)) - (a + share * (b - a));
+        for (int corner = 0; corner < 8; ++corner) {
+            const Vec3d p = box.corner(Eigen::AlignedBox3d::CornerType(corner));
+            const Vec3d off = way.topLeftCorner<3, 3>() * p + way.topRightCorner<3, 1>();
+            if (!(off.norm() <= greatest_deviation * size)) return false;
+        }
+    }
+    return true;
+}
+
+void UsdaStrandsReader::halve(const std::vector<const UsdaPrim*>& line, const Eigen::AlignedBox3d& box,
+                              double begin, double end, int halvings, std::set<double>& times) const {
+    const double middle = 0.5 * (begin + end);
+    if (halvings == 0 || !(middle > begin && middle < end) || is_straight(line, box, begin, end)) return;
+    times.insert(middle);
+    halve(line, box, begin, middle, halvings - 1, times);
+    halve(line, box, middle, end, halvings - 1, times);
+}
+
+// A transform of many samples over points of one would take their product.
+void UsdaStrandsReader::check_room(size_t times, uint64_t floats) const {
+    const double bytes = double(times) * double(floats) * sizeof(float),
+                 most = std::max(256e6, 64.0 * double(bytes_.size()));
+    if (bytes > most)
+        throw InputError(
+            {path_}, fmt::format("its curves at each of {} times would take {:.0f} MB", times, 1e-6 * bytes),
+            "leave the transform's time samples out, and give the curves a transform with keys in "
+            "the scene");
+}
+
+void UsdaStrandsReader::find_times() {
+    std::set<double> times;
+    uint64_t floats = 0;                                               // of a sample
+    std::map<std::vector<const UsdaPrim*>, Eigen::AlignedBox3d> moved; // by what places it
+    for (const CurvesPrim& prim : prims_) {
+        const UsdaSeries points = series(prim.self(), "points");
+        if (!points.is_there())
+            scene_.fail(prim.self().at, fmt::format("the curves \"{}\" have no points", prim.path),
+                        "write them into this file: references are not followed");
+        const Numbers& first = *points.samples.front().second;
+        floats += first.size() / 3 * 4;
+        for (const UsdaSeries& one : {points, series(prim.self(), widths_name(prim.self()))})
+            if (one.samples.size() > 1)
+                for (const auto& [time, value] : one.samples) times.insert(time);
+        std::vector<const UsdaPrim*> line;
+        bool moves = false;
+        for (const UsdaPrim* one : prim.line) {
+            if (!one->find("xformOpOrder")) continue;
+            line.push_back(one);
+            moves = moves || scene_.placing_times(*one).size() > 1;
+        }
+        if (!moves) continue;
+        Eigen::AlignedBox3d& box = moved[line];
+        for (size_t i = 0; i + 2 < first.size(); i += 3) box.extend(Vec3d(first.data() + i));
+    }
+    std::set<double> between;
+    for (const auto& [line, box] : moved) {
+        std::set<double> own;
+        for (const UsdaPrim* one : line)
+            for (const double time : scene_.placing_times(*one)) own.insert(time);
+        times.insert(own.begin(), own.end());
+        check_room(times.size(), floats);
+        for (auto next = own.begin(); next != own.end() && std::next(next) != own.end() && !box.isEmpty();
+             ++next)
+            halve(line, box, *next, *std::next(next), most_halvings, between);
+    }
+    times.merge(between);
+    check_room(times.size(), floats);
+    times_.assign(times.begin(), times.end());
+    if (times_.empty()) times_.push_back(0.0);
+}
+
+// ---- Curves
+
+Numbers UsdaStrandsReader::placed_points(const CurvesPrim& prim, const UsdaSeries& points,
+                                         double time) const {
+    Numbers between;
+    const Numbers& given = value_at(points, time, between);
+    const UsdaPlacing place = placing(prim.line, time);
+    const bool rests = place == UsdaPlacing::Identity();
+    Numbers placed = &given == &between ? std::move(between) : given;
+    for (size_t i = 0; i + 2 < placed.size(); i += 3) {
+        Eigen::Map<Vec3d> p(placed.data() + i);
+        if (!rests) p = (place.topLeftCorner<3, 3>() * p + place.topRightCorner<3, 1>()).eval();
+        if (!(p.array().abs() <= greatest_curve_coordinate).all())
+            scene_.fail(points.of->at,
+                        fmt::format("point {} of \"{}\" {}", i / 3, prim.path,
+                                    p.allFinite() ? "is beyond 1e8 m" : "is not three finite numbers"),
+                        "write finite numbers, and scale the curves down");
+    }
+    return placed;
+}
+
+// Into as few pieces as keep the drawn curves near the file's.
+void UsdaStrandsReader::cut(UsdaCvs& cvs, const CurvesPrim& prim, const UsdaSeries& points,
+                            StrandFile& part) {
+    if (cvs.as_they_are()) return;
+    for (uint32_t pieces = 1;; pieces *= 2) {
+        cvs.cut(pieces);
+        part.deviation = 0.0;
+        bool is_near = true;
+        for (const double time : times_) {
+            const Numbers vertices = placed_points(prim, points, time);
+            const UsdaCvs::Deviation off = cvs.deviation(vertices, cvs.of_vertices(vertices, 3, false));
+            part.deviation = std::max(part.deviation, off.distance);
+            is_near = is_near && off.share <= greatest_deviation;
+            if (!is_near && pieces < most_pieces) break;
+        }
+        if (!is_near && pieces == most_pieces)
+            warn(fmt::format("the curves \"{}\" are drawn up to {:.2g} m beside the file's", prim.path,
+                             part.deviation));
+        if (is_near || pieces == most_pieces) return;
+    }
+}
+
+std::vector<float> UsdaStrandsReader::widths_at(const UsdaCvs& cvs, const CurvesPrim& prim,
+                                                const UsdaSeries& widths, std::string_view name,
+                                                double time) const {
+    Numbers between;
+    const Numbers& given = value_at(widths, time, between);
+    if (given.empty()) return {};
+    const Spread spread =
+        spread_of(prim.self(), *widths.of, name == "widths" ? Spread::vertex : Spread::constant);
+    if (given.size() != expected(cvs, spread))
+        scene_.fail(widths.of->at,
+                    fmt::format("\"{}\" has {} widths where its interpolation wants {}", prim.path,
+                                given.size(), expected(cvs, spread)),
+                    "export the curves anew");
+    const double scale = std::cbrt(std::abs(placing(prim.line, time).topLeftCorner<3, 3>().determinant()));
+    for (size_t i = 0; i < given.size(); ++i)
+        if (!(given[i] >= 0.0) || !(given[i] * scale <= greatest_curve_coordinate))
+            scene_.fail(widths.of->at,
+                        fmt::format("width {} of \"{}\" is not a finite number of 0 or more", i, prim.path),
+                        "write diameters");
+    const Numbers spread_out = spread_over_cvs(cvs, given, 1, spread, false);
+    std::vector<float> floats(spread_out.size());
+    for (size_t i = 0; i < floats.size(); ++i) // a cubic may overshoot below 0
+        floats[i] = float(std::max(spread_out[i], 0.0) * scale);
+    return floats;
+}
+
+void UsdaStrandsReader::read_samples(const UsdaCvs& cvs, const CurvesPrim& prim, const UsdaSeries& points,
+                                     StrandFile& part) {
+    const std::string_view name = widths_name(prim.self());
+    const UsdaSeries widths = series(prim.self(), name);
+    for (const double time : times_) {
+        StrandSample& sample = part.samples.emplace_back();
+        sample.frame = time * frames_per_time_;
+        const Numbers placed = cvs.of_vertices(placed_points(prim, points, time), 3, false);
+        sample.points.resize(placed.size() / 3);
+        for (size_t i = 0; i < placed.size(); ++i) sample.points.front().data()[i] = float(placed[i]);
+        if (widths.is_there()) sample.widths = widths_at(cvs, prim, widths, name, time);
+        if (sample.widths.size() != part.samples.front().widths.size())
+            scene_.fail(widths.of->at, fmt::format("\"{}\" has widths at some times alone", prim.path),
+                        "export them at every frame");
+    }
+}
+
+StrandFile UsdaStrandsReader::read_prim(const CurvesPrim& prim) {
+    StrandFile part;
+    const UsdaCurveKind kind = usda_curve_kind(scene_, prim.self());
+    const UsdaSeries points = series(prim.self(), "points");
+    if (points.samples.front().second->size() % 3 != 0)
+        scene_.fail(points.of->at, fmt::format("the points of \"{}\" are no three numbers each", prim.path),
+                    "export the curves anew");
+    for (const auto& [time, value] : prim.self().samples("curveVertexCounts"))
+        if (*value != *prim.self().find("curveVertexCounts"))
+            scene_.fail(prim.self().at,
+                        fmt::format("the curves \"{}\" have other counts from time to time", prim.path),
+                        "export as many curves and vertices at every frame");
+    for (const auto& [time, value] : points.samples)
+        if (value->size() != points.samples.front().second->size())
+            scene_.fail(points.of->at,
+                        fmt::format("\"{}\" has {} points at time {} and {} before", prim.path,
+                                    value->size() / 3, time, points.samples.front().second->size() / 3),
+                        "export as many curves and vertices at every frame");
+    UsdaCvs cvs(kind, usda_curve_counts(scene_, prim.self(), prim.path, kind,
+                                        points.samples.front().second->size() / 3));
+    cut(cvs, prim, points, part);
+    if (kind.wrap == UsdaCurveWrap::periodic)
+        warn(fmt::format("the curves \"{}\" are closed: they are opened where they begin", prim.path));
+    part.counts = cvs.cv_counts();
+    part.basis = cvs.basis();
+    read_samples(cvs, prim, points, part);
+    read_attributes(cvs, prim, part);
+    if (!prim.self().samples("velocities").empty() || prim.self().find("velocities"))
+        if (times_.size() == 1)
+            warn(fmt::format("the velocities of \"{}\" are not used: export its points at several frames",
+                             prim.path));
+    return part;
+}
+
+// ---- Attributes
+
+Spread UsdaStrandsReader::spread_of(const UsdaPrim& prim, const UsdaAttribute& attribute,
+                                    Spread otherwise) const {
+    const std::string_view given = prim.metadata_of(attribute.name, "interpolation");
+    if (given.empty()) return otherwise;
+    if (given == "constant") return Spread::constant;
+    if (given == "uniform") return Spread::uniform;
+    if (given == "varying" || given == "faceVarying") return Spread::varying;
+    if (given == "vertex") return Spread::vertex;
+    scene_.fail(
+        attribute.at,
+        fmt::format("the interpolation \"{}\" of \"{}\" is not known", given.substr(0, 32), attribute.name),
+        "write constant, uniform, varying or vertex");
+}
+
+size_t UsdaStrandsReader::expected(const UsdaCvs& cvs, Spread spread) const {
+    switch (spread) {
+    case Spread::constant:
+        return 1;
+    case Spread::uniform:
+        return cvs.curve_count();
+    case Spread::varying:
+        return cvs.joint_count();
+    case Spread::vertex:
+        break;
+    }
+    return cvs.vertex_count();
+}
+
+Numbers UsdaStrandsReader::spread_over_cvs(const UsdaCvs& cvs, const Numbers& values, size_t components,
+                                           Spread spread, bool discrete) const {
+    if (spread == Spread::vertex) return cvs.of_vertices(values, components, discrete);
+    if (spread == Spread::varying) return cvs.of_joints(values, components, discrete);
+    if (spread == Spread::uniform) return cvs.of_curves(values, components);
+    Numbers all;
+    all.reserve(cvs.cv_count() * components);
+    for (size_t cv = 0; cv < cvs.cv_count(); ++cv) all.insert(all.end(), values.begin(), values.end());
+    return all;
+}
+
+// Values by their indices, where there are some; false: they cannot be taken, and that was told.
+bool UsdaStrandsReader::expand(const UsdaPrim& prim, const UsdaAttribute& attribute, size_t components,
+                               Numbers& values) const {
+    const std::string name = fmt::format("{}:indices", attribute.name);
+    size_t at = attribute.at;
+    const auto* indices = scene_.elements<std::vector<int64_t>>(prim, name, &at);
+    if (!indices) return false;
+    Numbers expanded;
+    expanded.reserve(indices->size() * components);
+    const size_t count = values.size() / components;
+    for (const int64_t index : *indices) {
+        if (index < 0 || uint64_t(index) >= count)
+            scene_.fail(at,
+                        fmt::format("the index {} of \"{}\" names none of its {} values", index,
+                                    attribute.name, count),
+                        "export the curves anew");
+        expanded.insert(expanded.end(), values.begin() + std::ptrdiff_t(size_t(index) * components),
+                        values.begin() + std::ptrdiff_t((size_t(index) + 1) * components));
+    }
+    values = std::move(expanded);
+    return true;
+}
+
+// Points, vectors and normals stand and turn with their prim.
+void UsdaStrandsReader::place_values(const CurvesPrim& prim, std::string_view type, Numbers& values) const {
+    const bool is_point = type.starts_with("point3"), is_vector = type.starts_with("vector3"),
+               is_normal = type.starts_with("normal3");
+    if (!is_point && !is_vector && !is_normal) return;
+    const UsdaPlacing place = placing(prim.line, times_.front());
+    if (place == UsdaPlacing::Identity()) return;
+    const Eigen::Matrix3d linear = place.topLeftCorner<3, 3>();
+    if (is_normal && !(std::abs(linear.determinant()) > 0.0)) return;
+    const Eigen::Matrix3d across = is_normal ? Eigen::Matrix3d(linear.inverse().transpose()) : linear;
+    for (size_t i = 0; i + 2 < values.size(); i += 3) {
+        Eigen::Map<Vec3d> v(values.data() + i);
+        const double length = v.norm();
+        v = (across * v).eval();
+        if (is_point) v += place.topRightCorner<3, 1>();
+        if (is_normal && v.norm() > 0.0) v *= length / v.norm();
+    }
+}
+
+void UsdaStrandsReader::read_attribute(const UsdaCvs& cvs, const CurvesPrim& prim,
+                                       const UsdaAttribute& attribute, std::string name, Spread otherwise,
+                                       StrandFile& part) {
+    const UsdaPrim& self = prim.self();
+    const auto samples = self.samples(attribute.name);
+    const UsdaValue* value = samples.empty() ? self.find(attribute.name) : samples.front().second;
+    if (!value) return;
+    const auto left_out = [&](const std::string& why) {
+        warn(fmt::format("\"{}\" of \"{}\" is left out: {}", attribute.name, prim.path, why));
+    };
+    Numbers values;
+    AttributeValues result;
+    uint64_t folded = 0;
+    if (const auto* numbers = std::get_if<Numbers>(value)) {
+        values = *numbers;
+    } else if (const auto* whole = std::get_if<std::vector<int64_t>>(value)) {
+        values.reserve(whole->size());
+        for (const int64_t one : *whole) values.push_back(double(whole_as_float(one, folded)));
+        result.discrete = true;
+    } else {
+        return left_out("it holds text");
+    }
+    size_t components = usda_type_width(attribute.type);
+    double element_size = 1.0;
+    if (const std::string_view given = self.metadata_of(attribute.name, "elementSize"); !given.empty())
+        parse_number(given, element_size);
+    if (element_size >= 1.0 && element_size <= 4.0) components *= size_t(element_size);
+    if (components < 1 || components > 4 || !(element_size <= 4.0))
+        return left_out("an attribute has 1 to 4 numbers");
+    const Spread spread = spread_of(self, attribute, otherwise);
+    const bool has_indices = expand(self, attribute, components, values);
+    const size_t count = values.size() / components;
+    if (spread == Spread::constant && count != 1 && !has_indices)
+        return left_out(fmt::format("it has {} values and no interpolation but constant", count));
+    if (count != expected(cvs, spread) || values.size() % components != 0)
+        scene_.fail(attribute.at,
+                    fmt::format("\"{}\" has {} values where its interpolation wants {}", attribute.name,
+                                count, expected(cvs, spread)),
+                    "export the curves anew");
+    place_values(prim, attribute.type, values);
+    if (samples.size() > 1 &&
+        std::ranges::any_of(samples, [&](const auto& sample) { return *sample.second != *value; }))
+        warn(fmt::format("\"{}\" of \"{}\" animates: its first sample is taken", attribute.name, prim.path));
+    if (folded > 0)
+        warn(fmt::format("\"{}\" of \"{}\" has {} whole numbers beyond 2^24, which no float holds: they are "
+                         "folded into 24 bits, two may become one",
+                         attribute.name, prim.path, folded));
+
+    const bool per_curve = spread == Spread::constant || spread == Spread::uniform;
+    if (name == "st" && spread == Spread::uniform && components == 2 &&
+        self.find("primvars:root_uv") == nullptr)
+        name = "root_uv";
+    result.name = std::move(name);
+    result.components = uint32_t(components);
+    result.rate = per_curve ? MARRAM_PER_CURVE : MARRAM_PER_CV;
+    if (spread == Spread::constant) {
+        const Numbers one = values;
+        values.clear();
+        for (size_t c = 0; c < cvs.curve_count(); ++c) values.insert(values.end(), one.begin(), one.end());
+    } else if (!per_curve) {
+        values = spread_over_cvs(cvs, values, components, spread, result.discrete);
+    }
+    result.values.reserve(values.size());
+    for (const double number : values) {
+        if (!std::isfinite(float(number)))
+            scene_.fail(attribute.at, fmt::format("\"{}\" is not finite", attribute.name),
+                        "write finite numbers that a float holds");
+        result.values.push_back(float(number));
+    }
+    if (part.attributes.size() == most_attributes)
+        scene_.fail(attribute.at, fmt::format("\"{}\" has more than {} primvars", prim.path, most_attributes),
+                    "leave out those that nobody uses");
+    part.attributes.push_back(std::move(result));
+}
+
+void UsdaStrandsReader::read_attributes(const UsdaCvs& cvs, const CurvesPrim& prim, StrandFile& part) {
+    constexpr std::string_view head = "primvars:", indices = ":indices";
+    const UsdaPrim& self = prim.self();
+    std::set<std::string_view> done;
+    for (const UsdaAttribute& attribute : self.attributes) {
+        if (!done.insert(attribute.name).second) continue; // its samples, or its value
+        if (attribute.name == "ids" && !self.find("primvars:id"))
+            read_attribute(cvs, prim, attribute, "id", Spread::uniform, part);
+        if (attribute.name == "normals" && !self.find("primvars:normals"))
+            read_attribute(cvs, prim, attribute, "normal", Spread::vertex, part);
+        if (!attribute.name.starts_with(head) || attribute.name.size() == head.size()) continue;
+        const std::string_view name = attribute.name.substr(head.size());
+        const bool of_another = name.ends_with(indices) &&
+                                self.find(attribute.name.substr(0, attribute.name.size() - indices.size()));
+        if (name == "widths" || of_another) continue;
+        read_attribute(cvs, prim, attribute, name == "normals" ? "normal" : std::string(name),
+                       Spread::constant, part);
+    }
+    std::set<std::string> names;
+    for (const AttributeValues& attribute : part.attributes)
+        if (!names.insert(attribute.name).second)
+            scene_.fail(self.at,
+                        fmt::format("two primvars of \"{}\" are called \"{}\"", prim.path, attribute.name),
+                        "rename one");
+}
+
+// ---- The whole file
+
+void per_cv(AttributeValues& attribute, const std::vector<uint32_t>& counts) {
+    if (attribute.rate == MARRAM_PER_CV) return;
+    std::vector<float> values;
+    for (size_t c = 0; c < counts.size(); ++c)
+        for (uint32_t i = 0; i < counts[c]; ++i)
+            values.insert(values.end(), attribute.values.begin() + std::ptrdiff_t(c * attribute.components),
+                          attribute.values.begin() + std::ptrdiff_t((c + 1) * attribute.components));
+    attribute.values = std::move(values);
+    attribute.rate = MARRAM_PER_CV;
+}
+
+void UsdaStrandsReader::join(const CurvesPrim& prim, StrandFile part, StrandFile& all) {
+    if (all.samples.empty()) {
+        all = std::move(part);
+        return;
+    }
+    if (part.basis != all.basis) {
+        constexpr const char* names[] = {"B-splines", "Catmull-Rom curves", "polylines"};
+        scene_.fail(prim.self().at,
+                    fmt::format("the curves \"{}\" are {}, those before are {}", prim.path, names[part.basis],
+                                names[all.basis]),
+                    "split the file into one for each kind");
+    }
+    const size_t curves = all.counts.size(), cvs = all.samples.front().points.size(),
+                 more_curves = part.counts.size(), more_cvs = part.samples.front().points.size();
+    const auto lacks = [&](const std::string& name) {
+        warn(fmt::format("not all curves have \"{}\": it is 0 for those that lack it", name));
+    };
+    for (AttributeValues& attribute : part.attributes) {
+        const auto same = std::ranges::find(all.attributes, attribute.name, &AttributeValues::name);
+        if (same == all.attributes.end()) {
+            lacks(attribute.name);
+            attribute.values.insert(
+                attribute.values.begin(),
+                (attribute.rate == MARRAM_PER_CURVE ? curves : cvs) * attribute.components, 0.0F);
+            all.attributes.push_back(std::move(attribute));
+            continue;
+        }
+        if (same->components != attribute.components)
+            scene_.fail(prim.self().at,
+                        fmt::format("\"{}\" has {} numbers in \"{}\", {} before", attribute.name,
+                                    attribute.components, prim.path, same->components),
+                        "rename one of them");
+        if (same->rate != attribute.rate) {
+            per_cv(*same, all.counts);
+            per_cv(attribute, part.counts);
+        }
+        same->discrete = same->discrete && attribute.discrete;
+        same->values.insert(same->values.end(), attribute.values.begin(), attribute.values.end());
+    }
+    for (AttributeValues& attribute : all.attributes) {
+        const bool per_curve = attribute.rate == MARRAM_PER_CURVE;
+        const size_t right = (per_curve ? curves + more_curves : cvs + more_cvs) * attribute.components;
+        if (attribute.values.size() == right) continue;
+        lacks(attribute.name);
+        attribute.values.resize(right, 0.0F);
+    }
+    for (size_t i = 0; i < all.samples.size(); ++i) {
+        StrandSample &to = all.samples[i], &from = part.samples[i];
+        to.points.insert(to.points.end(), from.points.begin(), from.points.end());
+        if (to.widths.empty() && from.widths.empty()) continue;
+        if (to.widths.empty() || from.widths.empty()) lacks("widths");
+        to.widths.resize(cvs, 0.0F);
+        from.widths.resize(more_cvs, 0.0F);
+        to.widths.insert(to.widths.end(), from.widths.begin(), from.widths.end());
+    }
+    all.counts.insert(all.counts.end(), part.counts.begin(), part.counts.end());
+    all.deviation = std::max(all.deviation, part.deviation);
+}
+
+void UsdaStrandsReader::rest_if_still(StrandFile& all) const {
+    const StrandSample& first = all.samples.front();
+    const bool moves = std::ranges::any_of(all.samples, [&](const StrandSample& sample) {
+        return sample.points != first.points || sample.widths != first.widths;
+    });
+    if (!moves) all.samples.resize(1);
+}
+
+StrandFile UsdaStrandsReader::read() {
+    std::vector<const UsdaPrim*> line;
+    for (const UsdaPrim& prim : scene_.layer().prims) visit(prim, "", line);
+    if (prims_.empty())
+        throw InputError({path_}, "has no BasisCurves of its own",
+                         "export curves into this file: references and variants are not followed");
+    find_times();
+    StrandFile all;
+    for (const CurvesPrim& prim : prims_) {
+        StrandFile part = read_prim(prim);
+        if (!part.counts.empty()) join(prim, std::move(part), all);
+    }
+    if (all.samples.empty())
+        throw InputError({path_}, "its BasisCurves have no curves", "check that the strands were exported");
+    rest_if_still(all);
+    if (other_curves_ > 0)
+        warn(fmt::format("{} prims of HermiteCurves or NurbsCurves are not read", other_curves_));
+    all.warnings = std::move(warnings_);
+    return all;
+}
+
+} // namespace
+
+StrandFile read_usda_strands(const std::string& file, std::string_view bytes, double fps) {
+    return UsdaStrandsReader(file, bytes, fps).read();
+}
+
+} // namespace marram

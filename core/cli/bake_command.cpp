@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/commands.h"
 #include "core/cli/interrupt.h"
+#include "core/cli/memory.h"
 #include "core/cli/progress.h"
 #include "core/geometry/curve_export.h"
 #include "core/geometry/grid_export.h"
@@ -16,7 +17,9 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <filesystem>
+#include <set>
 
 namespace marram {
 namespace {
@@ -106,39 +109,47 @@ void check_attributes(const Shot& shot, const std::vector<std::string>& names) {
                              fmt::format("choose among {}", fmt::join(known, ", ")));
 }
 
-} // namespace
-
-int bake_command(const BakeOptions& options) {
-    check_formats(options);
-    const double begin = wall_seconds();
-    Shot shot = open_shot(options);
-    FrameStats stats;
-    stats.load = wall_seconds() - begin;
-    stats.frame = options.frame.value_or(shot.description.globals.vec2("frames").x());
-    const std::string output = numbered(options.output, stats.frame);
-    RunFiles files(files_read(shot, options.scene));
-    const std::string colliders = numbered(options.colliders, stats.frame);
-    for (const std::string& file : {output, colliders, numbered(options.stats, stats.frame)}) {
-        files.write(file);
-        if (!file.empty()) check_writable(file);
-    }
-
-    BuildSettings settings = build_settings(shot, stats.frame);
+// What every frame is built with.
+BuildSettings settings_of(const Shot& shot, const BakeOptions& options, double frame) {
+    BuildSettings settings = build_settings(shot, frame);
     settings.shutter_open = settings.shutter_close = 0.0; // the frame itself, not what the shutter sees of it
     settings.stage = stage_of(options.stage);
     settings.curves_bvh = false;
     settings.camera.reset(); // growth surfaces, not what the camera sees of them
     settings.attributes = options.attributes;
     settings.attributes.emplace_back("id");
-    check_attributes(shot, options.attributes);
-    stats.threads = threads_of(options);
-    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(stats.threads));
+    return settings;
+}
+
+// Before anything is built: every file can be written, and is none that is read or written as something else.
+void check_outputs(const Shot& shot, const std::vector<double>& frames, const BakeOptions& options) {
+    RunFiles files(files_read(shot, options.scene));
+    std::set<std::string> stats;
+    for (const double frame : frames) {
+        for (const std::string& file :
+             {numbered(options.output, frame), numbered(options.colliders, frame)}) {
+            files.write(file);
+            if (!file.empty()) check_writable(file);
+        }
+        stats.insert(numbered(options.stats, frame));
+    }
+    for (const std::string& file : stats) {
+        files.write(file);
+        if (!file.empty()) check_writable(file);
+    }
+}
+
+// `prefix` of the progress line: "2 of 5: ".
+void bake_frame(Shot& shot, const BakeOptions& options, const std::string& prefix, FrameStats& stats) {
+    const std::string output = numbered(options.output, stats.frame);
+    const std::string colliders = numbered(options.colliders, stats.frame);
+    const BuildSettings settings = settings_of(shot, options, stats.frame);
     tbb::task_arena arena(stats.threads);
     BuildProgress progress;
     World world;
     {
         const ProgressLine line(options.quiet, [&] {
-            return ProgressState{progress.phase.load(), progress.fraction.load()};
+            return ProgressState{prefix + progress.phase.load(), progress.fraction.load()};
         });
         arena.execute(
             [&] { world = build_world(shot.geometry, settings, interrupted(), progress, stats.build); });
@@ -149,11 +160,39 @@ int bake_command(const BakeOptions& options) {
             write_colliders_usda(colliders, world.meshes, stats.frame, settings.fps);
     }
     for (const std::string& warning : stats.build.warnings) fmt::print(stderr, "{}\n", warning);
-    stats.total = wall_seconds() - begin;
-    StatsFile stats_file(options.stats);
-    stats_file.add(stats);
-    stats_file.finish();
     fmt::print("{}\n", output);
+    std::fflush(stdout); // an interrupt may cut off what comes later
+}
+
+} // namespace
+
+int bake_command(const BakeOptions& options) {
+    check_formats(options);
+    const double begin = wall_seconds();
+    Shot shot = open_shot(options);
+    const double load_seconds = wall_seconds() - begin;
+    const Vec2d range = shot.description.globals.vec2("frames");
+    const std::vector<double> frames = options.frames.given()
+                                           ? frames_to_make(options.frames, range, options.output)
+                                           : std::vector{range.x()};
+    check_outputs(shot, frames, options);
+    check_attributes(shot, options.attributes);
+    const int threads = threads_of(options);
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
+    StatsFile stats_file(options.stats);
+    for (size_t i = 0; i < frames.size(); ++i) {
+        const double frame_begin = i == 0 ? begin : wall_seconds();
+        FrameStats stats;
+        stats.frame = frames[i];
+        stats.threads = threads;
+        stats.load = i == 0 ? load_seconds : 0.0;
+        bake_frame(shot, options, frames.size() > 1 ? fmt::format("{} of {}: ", i + 1, frames.size()) : "",
+                   stats);
+        stats.total = wall_seconds() - frame_begin;
+        stats_file.add(stats);
+        release_free_memory();
+    }
+    stats_file.finish();
     return 0;
 }
 

@@ -51,9 +51,6 @@ CLI::Validator number_between(double low, double high) {
             fmt::format("{:g} to {:g}", low, high)};
 }
 
-// Frames that time can be reckoned with: beyond, a frame more would be lost in the number's rounding.
-constexpr double latest_frame = 1e9;
-
 struct Texts { // options that are checked after parsing
     std::string size, layers, attributes;
     uint32_t samples = 0;
@@ -99,6 +96,10 @@ struct Commands {
     std::function<int()> chosen;
 };
 
+constexpr const char* frames_help =
+    "frames and ranges, a step after an x, such as 1-24 or 1-100x5,120; default: those of the scene where "
+    "the output has a #### for their numbers, else its first";
+
 void add_render(CLI::App& app, Commands& c) {
     CLI::App* command = app.add_subcommand("render", "render a scene to pictures");
     add_scene(*command, c.render);
@@ -109,9 +110,7 @@ void add_render(CLI::App& app, Commands& c) {
         ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
     CLI::Option* frame = command->add_option("--frame", c.texts.frame, "frame, also a fraction of one")
                              ->check(number_between(-latest_frame, latest_frame));
-    command->add_option("--frames", c.render.frames.range, "first and last frame")
-        ->type_name("A-B")
-        ->excludes(frame);
+    command->add_option("--frames", c.render.frames.list, frames_help)->type_name("LIST")->excludes(frame);
     command->add_option("--spp", c.texts.samples, "samples a pixel")->check(CLI::Range(1, 65536));
     command
         ->add_option("--seconds", c.render.seconds,
@@ -157,8 +156,16 @@ void add_bake(CLI::App& app, Commands& c) {
                      "height: .png (16 bits), .tif or .exr (with all its grids)")
         ->required()
         ->type_name("FILE");
-    command->add_option("--frame", c.bake.frame, "frame, also a fraction of one; default: the scene's first")
-        ->check(number_between(-latest_frame, latest_frame));
+    CLI::Option* frame = command
+                             ->add_option("--frame", c.bake.frames.frame,
+                                          "frame, also a fraction of one; default: the scene's first")
+                             ->check(number_between(-latest_frame, latest_frame));
+    command
+        ->add_option(
+            "--frames", c.bake.frames.list,
+            "several frames, such as 1-24 or 1-100x5,120; #### in a file's name stands for the frame")
+        ->type_name("LIST")
+        ->excludes(frame);
     command->add_option("--stage", c.bake.stage, "how far through the chain")
         ->check(CLI::IsMember({"rest", "bent", "final"}))
         ->capture_default_str();

@@ -36,7 +36,7 @@ struct RenderOptions : CommonOptions {
 
 struct BakeOptions : CommonOptions {
     std::string output;
-    std::optional<double> frame;
+    FrameRequest frames; // none given: the scene's first
     std::string stage = "final";
     std::string colliders;               // "" for none
     std::vector<std::string> attributes; // of curves, besides id

@@ -411,9 +411,14 @@ TEST(BadInput, CommandLines) {
            "does not exist: make it, or choose another output");
     refuse({"render", scene, "-o", folder / "missing/a.##.exr", "--frames", "1-2"}, "does not exist");
     refuse({"render", scene, "-o", folder / "a.exr", "--stats", folder / "missing/a.json"}, "does not exist");
-    refuse({"render", scene, "-o", folder / "a.exr", "--frames", "3-1"}, "this is no range of frames");
-    refuse({"render", scene, "-o", folder / "a.exr", "--frames", "1-x"}, "this is no range of frames");
+    refuse({"render", scene, "-o", folder / "a.exr", "--frames", "3-1"}, "3-1 goes backwards: write 1-3");
+    refuse({"render", scene, "-o", folder / "a.exr", "--frames", "1-x"},
+           "--frames 1-x:1:3: 'x' is no last frame of the range");
+    refuse({"render", scene, "-o", folder / "a.exr", "--frames", "1-3", "--frame", "1"}, "--frame");
     refuse({"render", scene, "-o", folder / "a.exr", "--frames", "1-3"}, "all frames would go to one file");
+    refuse({"bake", scene, "-o", folder / "a.hair", "--frames", "1,3"}, "all frames would go to one file");
+    refuse({"bake", scene, "-o", folder / "a.#.hair", "--frames", "1,3", "--colliders", folder / "c.obj"},
+           "this would overwrite");
     refuse({"render", scene, "-o", folder / "a.exr", "--frame", "nan"}, "frame");
     refuse({"render", scene, "-o", folder / "a.exr", "--frame", "inf"}, "frame");
     refuse({"render", scene, "-o", folder / "a.exr", "--frame", "1e300"}, "frame");

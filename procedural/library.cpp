@@ -4,6 +4,7 @@
 // To add a procedural: give it a folder, a function that fills a MarramProcedural, and a line in the table below.
 #include "procedural/erosion/rock.h"
 #include "procedural/groom/groom.h"
+#include "procedural/groom/imported.h"
 #include "procedural/terrain/terrain.h"
 #include "procedural/wind/wind.h"
 
@@ -14,12 +15,14 @@ extern "C" __attribute__((visibility("default"))) const MarramLibrary* marram_li
     using namespace marram;
     static const std::array procedurals = {
         groom_procedural(),
+        strands_procedural(),
         terrain_procedural(),
         rock_procedural(),
     };
     static const std::vector<MarramReportEntry> reports = [] {
         std::vector<MarramReportEntry> list;
-        for (const auto entries : {groom_report_entries(), terrain_report_entries(), rock_report_entries()})
+        for (const auto entries : {groom_report_entries(), strands_report_entries(), terrain_report_entries(),
+                                   rock_report_entries()})
             list.insert(list.end(), entries.begin(), entries.end());
         return list;
     }();

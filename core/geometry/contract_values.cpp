@@ -22,7 +22,9 @@ const MarramParam* declaration_of(const ParamValue& value, const ProceduralItemT
 
 } // namespace
 
-ContractValues::ContractValues(const ProceduralType& type, const Item& item, const ParamSet& wind) {
+ContractValues::ContractValues(const ProceduralType& type, const Item& item, const ParamSet& wind,
+                               const CurveAttributes& curves)
+    : curves_(curves) {
     for (const MarramParam& param : type.params) add_param(param, item, wind);
     for (const ParamList& list : item.params.lists())
         for (size_t i = 0; i < list.size; ++i) {
@@ -71,6 +73,19 @@ void ContractValues::add(MarramParamType type, std::string name, const ParamValu
         out.placement = placement(value);
     }
     if (type == MARRAM_TABLE) out.grid = table(value, out);
+    if (type == MARRAM_CURVES_NAME) add_attributes(out);
+}
+
+void ContractValues::add_attributes(MarramValue& out) {
+    const auto found = curves_.find(out.text);
+    if (found == curves_.end()) return;
+    std::vector<MarramAttribute>& list = attributes_.emplace_back();
+    for (const AttributeValues& a : found->second)
+        list.push_back(
+            {a.name.c_str(), a.components, a.rate, a.discrete ? 1U : 0U, "", nullptr, a.animated ? 1U : 0U});
+    out.attributes = list.data();
+    out.attribute_count = uint32_t(list.size());
+    out.attribute_stride = sizeof(MarramAttribute);
 }
 
 const MarramGrid* ContractValues::image(const ParamValue& value) {
@@ -125,6 +140,10 @@ uint64_t ContractValues::digest() const {
     Digest digest;
     for (const MarramValue& value : values_) {
         digest.add(value.name).add(value.numbers, value.number_count * sizeof(double));
+        for (uint32_t i = 0; i < value.attribute_count; ++i) {
+            const MarramAttribute& a = value.attributes[i];
+            digest.add(a.name).add(a.components).add(uint64_t(a.rate)).add(a.discrete);
+        }
         const MarramGrid* grid = value.grid;
         if (!grid) {
             digest.add(value.text);

@@ -2,10 +2,12 @@
 // A procedural's values in the contract's form, with the files read that they name.
 #pragma once
 
+#include "core/geometry/attribute_values.h"
 #include "core/geometry/plugin_library.h"
 #include "core/image/image.h"
 
 #include <deque>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -18,10 +20,15 @@ struct GeometryName {
     Place place;
 };
 
+// What the scene's curves carry, by their name: attributes without values.
+using CurveAttributes = std::map<std::string, std::vector<AttributeValues>>;
+
 class ContractValues {
   public:
     // The item's values and, where it has none of its own, the scene's wind. Throws InputError for files that cannot be read.
-    ContractValues(const ProceduralType& type, const Item& item, const ParamSet& wind);
+    // `curves` outlives it.
+    ContractValues(const ProceduralType& type, const Item& item, const ParamSet& wind,
+                   const CurveAttributes& curves);
 
     MarramValues list() const; // points into this object
     // Of names, values and the contents of files; places do not count.
@@ -35,13 +42,16 @@ class ContractValues {
     const MarramGrid* image(const ParamValue& value);
     const MarramPlacement* placement(const ParamValue& value); // nullptr where the image's file does not say
     const MarramGrid* table(const ParamValue& value, MarramValue& out);
+    void add_attributes(MarramValue& out);
 
+    const CurveAttributes& curves_;
     std::vector<MarramValue> values_;
     std::deque<std::string> texts_;
     std::deque<std::vector<float>> numbers_;
     std::deque<Image> images_;
     std::deque<MarramGrid> grids_;
     std::deque<MarramPlacement> placements_;
+    std::deque<std::vector<MarramAttribute>> attributes_;
 };
 
 } // namespace marram

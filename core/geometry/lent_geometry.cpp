@@ -61,6 +61,7 @@ LentGeometry::LentGeometry(Build& build, Procedural& to, std::vector<double> tim
     frame_.curves = curves_.data();
     frame_.curves_count = uint32_t(curves_.size());
     frame_.curves_stride = sizeof(MarramCurves);
+    frame_.pose_curves = pose_curves;
 }
 
 void LentGeometry::lend_mesh(uint32_t id) {
@@ -114,9 +115,18 @@ void LentGeometry::lend_curves(const std::string& name) {
         lent.name = found->name.c_str();
         lent.curve_count = found->closed.size();
         lent.offsets = found->offsets.data();
-        list.positions.push_back(found->vertices.data());
         lent.closed = found->closed.data();
-        lent.basis = MARRAM_LINEAR;
+        lent.basis = found->basis;
+        lent.moves = found->moves() ? 1 : 0;
+        list.attributes = lent_attributes(found->attributes);
+        if (found->moves_within(times_.front(), times_.back())) {
+            for (const double time : times_)
+                list.positions.push_back(blended_.emplace_back(found->vertices_at(time)).data());
+        } else if (found->moves() || !found->is_in_world()) {
+            list.positions.push_back(blended_.emplace_back(found->vertices_at(times_.front())).data());
+        } else {
+            list.positions.push_back(found->vertices.data());
+        }
     } else {
         const auto made = std::ranges::find_if(
             build_.items, [&](const CurveBuild& item) { return item.curves.name == name; });
@@ -144,6 +154,7 @@ void LentGeometry::lend_curves(const std::string& name) {
             }
         }
         lent.basis = curves.basis;
+        lent.moves = own > 1 ? 1 : 0;
         list.attributes = lent_attributes(curves.attributes);
     }
     lent.time_count = uint32_t(list.positions.size());
@@ -166,6 +177,38 @@ MarramStatus LentGeometry::pose(void* user, uint32_t index, double frame, float*
     } catch (const Cancelled&) {
         return MARRAM_CANCELLED;
     } catch (...) { // of the procedural that makes the mesh, or for lack of memory
+        lent.to_.blame(std::current_exception());
+        return MARRAM_ERROR;
+    }
+}
+
+MarramStatus LentGeometry::pose_curves(void* user, uint32_t index, double frame, uint64_t first,
+                                       uint64_t count, float* vertices) {
+    LentGeometry& lent = *static_cast<LentGeometry*>(user);
+    if (index >= lent.curves_.size() || !std::isfinite(frame)) return MARRAM_ERROR;
+    const MarramCurves& curves = lent.curves_[index];
+    if (first > curves.curve_count || count > curves.curve_count - first) return MARRAM_ERROR;
+    try {
+        const auto& drawn = lent.build_.geometry.curves;
+        if (const auto found = std::ranges::find(drawn, std::string_view(curves.name), &SceneCurves::name);
+            found != drawn.end()) {
+            found->vertices_at(frame, first, count, vertices);
+            return MARRAM_OK;
+        }
+        // Made by a procedural: straight between the motion samples, at rest outside of them.
+        const CurveLayout layout{curves.curve_count, curves.cvs_per_curve, curves.offsets};
+        const size_t begin = 4 * layout.first_vertex(first),
+                     size = 4 * layout.first_vertex(first + count) - begin;
+        const double open = lent.times_.front(), close = lent.times_.back();
+        const double share = close > open ? std::clamp((frame - open) / (close - open), 0.0, 1.0) : 0.0;
+        const double at = share * double(curves.time_count - 1);
+        const auto key = std::min(size_t(at), size_t(std::max(curves.time_count, 2U) - 2));
+        const float *a = curves.vertices[key] + begin,
+                    *b = curves.vertices[std::min(key + 1, size_t(curves.time_count - 1))] + begin;
+        const auto rest = float(at - double(key));
+        for (size_t i = 0; i < size; ++i) vertices[i] = a[i] + rest * (b[i] - a[i]);
+        return MARRAM_OK;
+    } catch (...) { // for lack of memory
         lent.to_.blame(std::current_exception());
         return MARRAM_ERROR;
     }

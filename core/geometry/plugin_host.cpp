@@ -70,9 +70,10 @@ MarramStatus store_state(void* user, const MarramState* given) {
 } // namespace
 
 Procedural::Procedural(std::shared_ptr<PluginLibrary> library, const Item& item, const ParamSet& wind,
-                       const std::atomic<bool>& cancel)
+                       const std::atomic<bool>& cancel, std::shared_ptr<const CurveAttributes> curves)
     : library_(std::move(library)), name_(item.name), place_(item.place), type_(library_->find(item.type)),
-      cancel_(&cancel) {
+      cancel_(&cancel),
+      curve_attributes_(curves ? std::move(curves) : std::make_shared<const CurveAttributes>()) {
     if (!type_)
         throw InputError(item.place,
                          "the library '" + library_->path() + "' has no procedural '" + item.type + "'",
@@ -99,13 +100,13 @@ void Procedural::take_names(const ContractValues& values) {
 }
 
 void Procedural::look_at(const Item& item, const ParamSet& wind) {
-    take_names(ContractValues(*type_, item, wind));
+    take_names(ContractValues(*type_, item, wind, *curve_attributes_));
     place_ = item.place;
     roles = role_bits(item.params);
 }
 
 uint32_t Procedural::update(const Item& item, const ParamSet& wind, uint32_t inputs) {
-    const ContractValues values(*type_, item, wind);
+    const ContractValues values(*type_, item, wind, *curve_attributes_);
     place_ = item.place; // messages begin with it
     take_names(values);
     const uint64_t digest = Digest()

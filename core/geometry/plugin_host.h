@@ -29,7 +29,7 @@ class Procedural {
     // Hands over the item's values and, where it has none of its own, the scene's wind. Throws InputError with what the
     // procedural objects to, and for images and tables that cannot be read.
     Procedural(std::shared_ptr<PluginLibrary> library, const Item& item, const ParamSet& wind,
-               const std::atomic<bool>& cancel);
+               const std::atomic<bool>& cancel, std::shared_ptr<const CurveAttributes> curves = {});
     ~Procedural();
     Procedural(const Procedural&) = delete;
     Procedural& operator=(const Procedural&) = delete;
@@ -95,8 +95,9 @@ class Procedural {
     uint64_t digest_ = 0;
     const ProceduralType* type_ = nullptr;
     const std::atomic<bool>* cancel_;
-    const PrepareProgress* progress_ = nullptr; // while prepare runs
-    MarramHost host_{};                         // lent from create to destroy
+    std::shared_ptr<const CurveAttributes> curve_attributes_; // of the scene's curves
+    const PrepareProgress* progress_ = nullptr;               // while prepare runs
+    MarramHost host_{};                                       // lent from create to destroy
     MarramInstance* instance_ = nullptr;
     std::vector<MarramAttribute> attributes_; // names point into attribute_names_
     std::deque<std::string> attribute_names_;

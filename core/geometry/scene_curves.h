@@ -9,6 +9,7 @@
 #include "core/plugin/marram_plugin.h"
 
 #include <cstdint>
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -36,13 +37,20 @@ struct SceneCurves {
 
     void add(std::span<const Vec3d> points, bool is_closed); // 2 points or more, radius 0
     CurveLayout layout() const { return {closed.size(), 0, offsets.data()}; }
+    bool is_in_world() const { // at every frame the transform leaves them where they are
+        return !transform.moves() && transform.at(0.0).matrix() == Eigen::Affine3d::Identity().matrix();
+    }
     bool moves() const { return transform.moves() || samples.size() > 1; } // false: the same at every frame
     bool moves_within(double begin, double end) const;
     // Frames between the two at which the way of a vertex may bend: of its samples, and of its transform's keys. Ascending.
     std::vector<double> bends_within(double begin, double end) const;
-    // In the world; radii are scaled as the cube root of what volumes are. Where nothing moves or is transformed: `vertices`, to the bit.
+    // Vertices of some curves in the world; radii are scaled as the cube root of what volumes are. Where nothing moves or is transformed: `vertices`, to the bit.
+    void vertices_at(double frame, uint64_t first_curve, uint64_t count, float* out) const;
     std::vector<float> vertices_at(double frame) const;
     uint64_t digest() const; // of all that it holds but its name
 };
+
+// What curves carry, by their name: attributes without values.
+std::map<std::string, std::vector<AttributeValues>> attributes_of(std::span<const SceneCurves> curves);
 
 } // namespace marram

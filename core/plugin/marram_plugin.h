@@ -158,6 +158,7 @@ typedef struct MarramCurves {
     MarramBasis basis;            /* how they are drawn: MARRAM_LINEAR through the CVs, as polylines are */
     const MarramAttribute* attributes; /* per curve or per CV */
     uint32_t attribute_count, attribute_stride;
+    uint32_t moves; /* 1: they stand elsewhere at other frames, see MarramFrame.pose_curves */
 } MarramCurves;
 
 /* ---- Parameters ------------------------------------------------------------------------------------------------- */
@@ -226,6 +227,9 @@ typedef struct MarramValue {
     const MarramGrid* grid;           /* NULL where there is none */
     const char* place;                /* "file:line:column" to begin a message with */
     const MarramPlacement* placement; /* of MARRAM_IMAGE; NULL where the file does not say */
+    /* Of MARRAM_CURVES_NAME: what the scene's curves of that name carry, without values; none where the host does not know yet. */
+    const MarramAttribute* attributes;
+    uint32_t attribute_count, attribute_stride;
 } MarramValue;
 
 /* All declared parameters, wind ones as "wind.<name>"; absent "none" ones are left out. What a procedural does not say of the
@@ -304,6 +308,13 @@ typedef struct MarramFrame { /* valid from begin until the frame's last call, re
     void* pose_user;
     const MarramCurves* curves; /* those that are named */
     uint32_t curves_count, curves_stride;
+    /*
+     * Some curves at any time (frames), also outside the shutter; any thread. `curves` is an index into them. vertices: 4 floats for
+     * each vertex of those curves. Curves that a procedural makes are known within the shutter alone, and rest before and behind it.
+     * NULL: the host cannot tell.
+     */
+    MarramStatus (*pose_curves)(void* pose_user, uint32_t curves, double frame, uint64_t first_curve,
+                                uint64_t curve_count, float* vertices);
 } MarramFrame;
 
 /* The camera, which render meshes are made for and nothing else. Any time between two samples is a straight blend. */

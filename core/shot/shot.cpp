@@ -214,10 +214,11 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
         shot.geometry.report_entries.insert(shot.geometry.report_entries.end(), entries.begin(),
                                             entries.end());
     }
+    const auto carried = std::make_shared<const CurveAttributes>(attributes_of(shot.geometry.curves));
     for (const Item& item : description.procedurals)
         objections([&] {
             auto procedural = std::make_unique<Procedural>(library_for(*shot.plugins, item), item,
-                                                           description.wind, cancel);
+                                                           description.wind, cancel, carried);
             procedural->material = material_of(description, item);
             procedural->roles = role_bits(item.params);
             shot.geometry.procedurals.push_back(std::move(procedural));

@@ -8,6 +8,7 @@
 #include "procedural/groom/groom_output.h"
 #include "procedural/groom/groom_settings.h"
 #include "procedural/groom/groom_warnings.h"
+#include "procedural/groom/strand_calls.h"
 
 #include <fmt/format.h>
 
@@ -34,21 +35,8 @@ uint64_t digest_of(std::span<const MarramValue> values) {
     return digest.value();
 }
 
-// The groom's own parameters and behind them the wind's as "wind.<name>". Names must live as long as the library.
 const std::vector<MarramParam>& all_params() {
-    static const std::vector<std::string> names = [] {
-        std::vector<std::string> list;
-        for (const MarramParam& param : wind_params()) list.push_back(std::string("wind.") + param.name);
-        return list;
-    }();
-    static const std::vector<MarramParam> params = [] {
-        std::vector<MarramParam> list(groom_params().begin(), groom_params().end());
-        for (size_t i = 0; i < wind_params().size(); ++i) {
-            list.push_back(wind_params()[i]);
-            list.back().name = names[i].c_str();
-        }
-        return list;
-    }();
+    static const std::vector<MarramParam> params = with_wind_params(groom_params());
     return params;
 }
 
@@ -210,35 +198,6 @@ MarramStatus place(GroomInstance& instance) {
     return MARRAM_OK;
 }
 
-// Gusts start across the scene's bounds at the shot's first frame, where the scene does not say where.
-MarramStatus fix_gusts_once(GroomInstance& instance) {
-    if (!instance.wind.gusts || instance.gusts_fixed) return MARRAM_OK;
-    Vec3d lower = Vec3d::Constant(std::numeric_limits<double>::infinity()), upper = -lower;
-    std::vector<float> positions;
-    for (uint32_t i = 0; i < instance.frame.mesh_count; ++i) {
-        positions.resize(3 * size_t(instance.frame.meshes[i].vertex_count));
-        const MarramStatus status = instance.frame.pose(instance.frame.pose_user, i,
-                                                        instance.frame.bind_frame, positions.data(), nullptr);
-        if (status != MARRAM_OK) return status;
-        for (size_t v = 0; v + 2 < positions.size(); v += 3) {
-            const Vec3d p(double(positions[v]), double(positions[v + 1]), double(positions[v + 2]));
-            lower = lower.cwiseMin(p);
-            upper = upper.cwiseMax(p);
-        }
-    }
-    fix_gusts(*instance.wind.gusts, lower, upper, instance.wind.direction);
-    instance.gusts_fixed = true;
-    return MARRAM_OK;
-}
-
-// Moving meshes move strands: by collision, and by sheltering them from the wind.
-bool affected_by_moving_meshes(const GroomInstance& instance) {
-    if (!instance.wind.collision && !instance.wind.shielding) return false;
-    for (uint32_t i = 0; i < instance.frame.mesh_count; ++i)
-        if (instance.frame.meshes[i].time_count > 1) return true;
-    return false;
-}
-
 MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
     GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
@@ -267,13 +226,17 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
             const MarramStatus status = place(instance);
             if (status != MARRAM_OK) return status;
         }
-        if (const MarramStatus status = fix_gusts_once(instance); status != MARRAM_OK) return status;
+        if (const MarramStatus status =
+                fix_gusts_once(instance.frame, {}, instance.wind, instance.gusts_fixed);
+            status != MARRAM_OK)
+            return status;
         const double open = wall_seconds();
         if (const MarramStatus status = choose_settings(instance); status != MARRAM_OK) return status;
         instance.placing_seconds += wall_seconds() - open;
         const bool blown = instance.frame.stage != MARRAM_REST;
-        bool moves = instance.mesh->time_count > 1 ||
-                     (blown && (wind_moves(instance.wind) || affected_by_moving_meshes(instance)));
+        bool moves =
+            instance.mesh->time_count > 1 ||
+            (blown && (wind_moves(instance.wind) || moving_meshes_matter(instance.wind, instance.frame)));
         instance.past = {};
         if (instance.wind.jiggle && instance.frame.stage == MARRAM_FINAL) {
             const MarramStatus status =
@@ -291,11 +254,11 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         const double before = wall_seconds();
         instance.chain = {}; // it holds the last frame's trees, which may have to go first
         instance.chain = make_chain_frame(
-            {instance.wind, instance.groom.envelope, instance.frame, *instance.mesh, instance.width_profile,
+            {instance.wind, instance.groom.envelope, instance.frame, instance.mesh, instance.width_profile,
              instance.groom.basis, instance.past.window,
              instance.wind.collision ? bounds_of_strands(instance) : everywhere(),
              instance.wind.gusts ? bounds_at_rest(instance) : everywhere(), &instance.trees});
-        warn_of_gusts(instance);
+        warn_of_gusts(instance.host, instance.groom.mesh_place, instance.chain);
         warn_of_rounding(instance);
         warn_of_length(instance);
         announce_long_work(instance);
@@ -319,27 +282,6 @@ void check_patch(const GroomInstance& instance, uint32_t index) {
     if (index >= instance.patch_count())
         throw SceneFault("contract.patch_range", "", "there is no patch " + std::to_string(index),
                          "ask for 0 to " + std::to_string(int64_t(instance.patch_count()) - 1));
-}
-
-void check_buffers(const GroomInstance& instance, const MarramPatchBuffers* buffers) {
-    bool there = buffers && buffers->vertices &&
-                 (buffers->attribute_count == 0 || (buffers->attributes && buffers->attribute_values));
-    for (uint32_t t = 0; there && t < instance.time_count; ++t) there = buffers->vertices[t] != nullptr;
-    if (there && instance.groom.shape == MARRAM_ORIENTED_RIBBON) {
-        there = buffers->normals != nullptr;
-        for (uint32_t t = 0; there && t < instance.time_count; ++t) there = buffers->normals[t] != nullptr;
-    }
-    for (uint32_t a = 0; there && a < buffers->attribute_count; ++a) {
-        if (buffers->attributes[a] >= groom_attributes().size())
-            throw SceneFault("contract.attribute_range", "",
-                             "there is no attribute " + std::to_string(buffers->attributes[a]),
-                             "ask for 0 to " + std::to_string(groom_attributes().size() - 1));
-        there = buffers->attribute_values[a] != nullptr;
-    }
-    if (!there)
-        throw SceneFault("contract.null_buffer", "", "a buffer is NULL",
-                         "give vertices for each motion sample, normals for oriented ribbons, and "
-                         "values for each attribute that is asked for");
 }
 
 MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
@@ -371,7 +313,8 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
     if (instance.host.cancelled(instance.host.user)) return MARRAM_CANCELLED;
     return guarded(instance.host, [&] {
         check_patch(instance, index);
-        check_buffers(instance, buffers);
+        check_buffers(buffers, instance.time_count, instance.groom.shape == MARRAM_ORIENTED_RIBBON,
+                      groom_attributes().size());
         Worker& worker = instance.workers.local();
         const std::span<const Root> roots = instance.patch_roots(index);
         Strands& strands = worker.strands;
@@ -397,16 +340,9 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
 
 void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
     GroomInstance& instance = self(opaque);
-    StageClock sum;
-    CollisionCounts counts;
     size_t scratch = 0;
-    for (const Worker& worker : instance.workers) {
-        sum += worker.chain.clock;
-        counts += worker.chain.counts;
-        scratch += worker.strands.bytes() + worker.chain.past.bytes();
-        for (const auto& pose : worker.chain.jiggled) scratch += pose.capacity() * sizeof(Wide3f);
-    }
-    warn_of_collisions(instance, counts);
+    const CollisionCounts counts = report_chain(instance.workers, sink, user, scratch);
+    warn_of_collisions(instance.host, instance.groom.mesh_place, instance.time_count > 1, counts);
     const Wind& wind = instance.wind;
     if (instance.automatic.cvs) sink(user, "chosen.cvs", instance.groom.cvs);
     if (instance.automatic.rays) sink(user, "chosen.shield_rays", wind.shielding->rays);
@@ -415,19 +351,6 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     if (wind.noise.left_out > 0) sink(user, "chosen.octaves", wind.noise.octaves - wind.noise.left_out);
     sink(user, "seconds.expand", instance.placing_seconds);
     sink(user, "seconds.collide", instance.chain_seconds);
-    sink(user, "thread_seconds.expand", sum.expand + sum.write);
-    sink(user, "thread_seconds.gusts", sum.gusts);
-    sink(user, "thread_seconds.shield", sum.shield);
-    sink(user, "thread_seconds.jiggle", sum.jiggle);
-    sink(user, "thread_seconds.bend", sum.bend);
-    sink(user, "thread_seconds.collide", sum.collide);
-    sink(user, "collision.contacts", double(counts.contacts));
-    sink(user, "collision.pushed_out", double(counts.pushed_out));
-    sink(user, "collision.unresolved", double(counts.unresolved));
-    sink(user, "collision.skipped_pushes", double(counts.skipped_pushes));
-    sink(user, "collision.dips", double(counts.dips));
-    sink(user, "collision.goal_angle", counts.goal_angle);
-    sink(user, "collision.turned_angle", counts.turned_angle);
     // The most that was there at any time: candidates come and go before there is scratch.
     const size_t lasting = instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 +
                            instance.past.bytes() + instance.trees.bytes() + instance.chain.gust_bytes() +

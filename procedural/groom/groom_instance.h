@@ -5,10 +5,9 @@
 #include "procedural/groom/description.h"
 #include "procedural/groom/past.h"
 #include "procedural/groom/roots.h"
+#include "procedural/groom/strand_calls.h"
 #include "procedural/groom/strand_shape.h"
 #include "procedural/wind/chain.h"
-
-#include <tbb/enumerable_thread_specific.h>
 
 #include <algorithm>
 #include <optional>
@@ -24,11 +23,6 @@ inline constexpr int patch_cvs = 4096;
 inline int strands_per_patch(int cvs) {
     return std::clamp((patch_cvs / cvs + lanes - 1) / lanes * lanes, lanes, 512);
 }
-
-struct Worker { // what a thread keeps from patch to patch
-    Strands strands;
-    ChainScratch chain;
-};
 
 // What settings that the tolerance chooses depend on, beside the description.
 struct ChosenFor {
@@ -73,7 +67,7 @@ struct GroomInstance {
     bool gusts_fixed = false;
     std::vector<float> width_profile; // [cvs], half of it: radius of a strand 1 wide
 
-    tbb::enumerable_thread_specific<Worker> workers;
+    Workers workers;
 
     void warn(const char* id, const std::string& what, const std::string& remedy) const {
         send(host, MARRAM_WARNING, id, groom.mesh_place, what, remedy);

@@ -66,7 +66,7 @@ MarramStatus choose_settings(GroomInstance& instance) {
             bool moved = false;
             if (const MarramStatus status = skin_has_moved(instance, moved); status != MARRAM_OK)
                 return status;
-            const Choice choice = jiggle_step_for(pilot, moved);
+            const Choice choice = jiggle_step_for(jiggle_pilot(pilot), moved);
             wind.jiggle->step = choice.value;
             if (!choice.enough)
                 warn_out_of_reach(instance, "wind.jiggle.step = " + std::to_string(choice.value));

@@ -24,16 +24,6 @@ void warn_of_nothing(const MarramHost& host, const Values& given, const Groom& g
     if (groom.length[1] == 0.0) warn("length", "length is 0, no strand will be seen", "give metres");
 }
 
-void warn_of_gusts(const GroomInstance& instance) {
-    constexpr size_t much = size_t(1) << 30;
-    const size_t bytes = instance.chain.gust_bytes();
-    if (bytes < much) return;
-    const std::string what = "gusts among the strands take " + std::to_string(bytes >> 20) + " MiB, for " +
-                             std::to_string(instance.chain.instants.size()) + " motion samples and " +
-                             std::to_string(instance.chain.past_gusts.size()) + " steps of jiggle";
-    instance.warn("gusts.memory", what, "lower wind.gusts.num_gusts, radius_range or life_range");
-}
-
 // Work that takes long is announced before it begins, so that who asked for it by mistake need not wait to learn it.
 void announce_long_work(GroomInstance& instance) {
     // Thread seconds per CV and motion sample, or step of jiggle. Contact: 1e-6 with 5 CVs a strand, 3e-6 with hundreds.
@@ -84,20 +74,6 @@ void warn_of_rounding(const GroomInstance& instance) {
                              " m, which shows on strands " + short_number(instance.groom.width) +
                              " m wide with segments of " + short_number(segment) + " m";
     instance.warn("groom.rounding", what, "move the scene to the origin, or use larger units");
-}
-
-// What collision could not do is never hidden.
-void warn_of_collisions(const GroomInstance& instance, const CollisionCounts& counts) {
-    const auto warn = [&](uint64_t count, const char* id, const std::string& what, const char* remedy) {
-        if (count > 0) instance.warn(id, std::to_string(count) + what, remedy);
-    };
-    const std::string of = instance.time_count > 1 ? " (all motion samples together)" : "";
-    warn(counts.unresolved, "collision.unresolved", " segments or roots have no free direction" + of,
-         "raise wind.collision.offset_root, or let less stand around them");
-    warn(counts.dips, "collision.dips", " drawn strands dip into a mesh by more than the tolerance" + of,
-         "roots are closer to the mesh than the strand radius, or the gap is too narrow: use thinner strands "
-         "or raise "
-         "wind.collision.offset_root");
 }
 
 } // namespace marram

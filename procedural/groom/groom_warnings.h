@@ -10,13 +10,9 @@ namespace marram {
 // Strands that nobody will see.
 void warn_of_nothing(const MarramHost& host, const Values& given, const Groom& groom);
 
-// Before a frame's work: memory for gusts, rounding far from the origin, lengths in the wrong unit, minutes of work.
-void warn_of_gusts(const GroomInstance& instance);
+// Before a frame's work: rounding far from the origin, lengths in the wrong unit, minutes of work.
 void warn_of_rounding(const GroomInstance& instance);
 void warn_of_length(const GroomInstance& instance);
 void announce_long_work(GroomInstance& instance);
-
-// After it: what collision could not do.
-void warn_of_collisions(const GroomInstance& instance, const CollisionCounts& counts);
 
 } // namespace marram

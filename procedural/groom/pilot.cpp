@@ -72,26 +72,18 @@ void blow(const PilotGroom& pilot, std::span<const Root> roots, double frame, in
 }
 
 // Where strands on a skin that rests have swung to at the frame's last motion sample.
-WideVector<Wide3f> jiggled(const PilotGroom& pilot, std::span<const Root> roots, double step,
-                           const JiggleWindow& window, Strands& strands) {
+WideVector<Wide3f> jiggled(const JigglePilot& pilot, double step, const JiggleWindow& window,
+                           Strands& strands) {
     Wind wind = pilot.wind;
     wind.collision.reset();
     wind.jiggle->step = step;
     MarramFrame frame = pilot.frame;
     frame.times += frame.time_count - 1;
     frame.time_count = 1;
-    const MarramMesh& mesh = pilot.skin;
-    Eigen::AlignedBox3d rest;
-    extend_by_rest(pilot.groom, std::span(mesh.positions[0], 3 * size_t(mesh.vertex_count)), rest);
-    ChainInput input{wind, pilot.groom.envelope, frame, pilot.skin, {}, pilot.groom.basis, window};
-    input.rest = rest;
+    ChainInput input{wind, pilot.envelope, frame, pilot.skin, {}, pilot.basis, window};
+    input.rest = pilot.rest;
     const ChainFrame chain = make_chain_frame(input);
-    const Surface now{mesh.positions[0],   mesh.normals ? mesh.normals[0] : nullptr,
-                      mesh.triangles,      mesh.uvs,
-                      mesh.triangle_count, pilot.bind.attributes};
-    const auto lay_out = [&](auto, Strands& out) {
-        expand(pilot.groom, wind, {pilot.bind, now}, roots, out);
-    };
+    const auto lay_out = [&](auto, Strands& out) { pilot.expand(wind, out); };
     ChainScratch scratch;
     jiggle_patch(chain, {lay_out, lay_out}, strands, scratch);
     return std::move(scratch.jiggled[0]);
@@ -156,32 +148,57 @@ Choice cvs_for(const PilotGroom& pilot) {
     return {double(most_segments + 1), false};
 }
 
-Choice jiggle_step_for(const PilotGroom& pilot, bool skin_moves) {
+JigglePilot jiggle_pilot(const PilotGroom& pilot) {
+    const MarramMesh& mesh = pilot.skin;
+    Eigen::AlignedBox3d rest;
+    extend_by_rest(pilot.groom, std::span(mesh.positions[0], 3 * size_t(mesh.vertex_count)), rest);
+    const Surface now{mesh.positions[0],   mesh.normals ? mesh.normals[0] : nullptr,
+                      mesh.triangles,      mesh.uvs,
+                      mesh.triangle_count, pilot.bind.attributes};
+    std::vector<Root> roots = some_of(pilot.roots, 96);
+    const size_t count = roots.size();
+    return {pilot.wind,
+            pilot.frame,
+            &pilot.skin,
+            pilot.groom.envelope,
+            pilot.groom.basis,
+            longest_strand(pilot.groom),
+            tolerance_of(pilot),
+            rest,
+            count,
+            pilot.groom.cvs,
+            false,
+            [&groom = pilot.groom, bind = pilot.bind, now, roots = std::move(roots)](const Wind& wind,
+                                                                                     Strands& out) {
+                expand(groom, wind, {bind, now}, roots, out);
+            }};
+}
+
+Choice jiggle_step_for(const JigglePilot& pilot, bool skin_moves) {
     constexpr double shortest = 1.0 / 64.0, looked_at = 0.25;
     constexpr int64_t most_knots = 2048;
-    const double tolerance = tolerance_of(pilot);
+    const double tolerance = pilot.tolerance;
     const Jiggle& jiggle = *pilot.wind.jiggle;
     const auto window_of = [&](double step) {
         Jiggle other = jiggle;
         other.step = step;
         return jiggle_window(other, {pilot.frame.times + pilot.frame.time_count - 1, 1}, pilot.frame.fps,
-                             2.0 * longest_strand(pilot.groom), pilot.frame.tolerance);
+                             2.0 * pilot.length, pilot.frame.tolerance);
     };
     const Choice usual{usual_jiggle_step, true};
-    const std::vector<Root> roots = some_of(pilot.roots, 96);
-    if (skin_moves || roots.empty() || !wind_moves(pilot.wind)) return usual;
+    if (skin_moves || pilot.count == 0 || !wind_moves(pilot.wind)) return usual;
     const JiggleWindow half = window_of(usual_jiggle_step);
     if (half.count() == 0) return usual;
     if (half.count() * 2 > most_knots) return {usual_jiggle_step, false};
     Strands strands;
-    const int cvs = pilot.groom.cvs;
-    strands.resize(int(roots.size()), cvs, false);
-    const WideVector<Wide3f> fine = jiggled(pilot, roots, looked_at, window_of(looked_at), strands);
+    strands.irregular = pilot.irregular;
+    strands.resize(int(pilot.count), pilot.cvs, false);
+    const WideVector<Wide3f> fine = jiggled(pilot, looked_at, window_of(looked_at), strands);
     // What a step is off by: a step twice as fine is off by a quarter of it.
     const auto off_by = [&](double step) {
-        const WideVector<Wide3f> coarse = jiggled(pilot, roots, step, window_of(step), strands);
+        const WideVector<Wide3f> coarse = jiggled(pilot, step, window_of(step), strands);
         const double part = looked_at / step;
-        return gap(coarse, fine, roots.size(), size_t(cvs - 1), 1) / (1.0 - part * part);
+        return gap(coarse, fine, pilot.count, size_t(pilot.cvs - 1), 1) / (1.0 - part * part);
     };
     double step = usual_jiggle_step, off = off_by(step);
     if (fine.empty()) return usual; // before jiggle.start_frame

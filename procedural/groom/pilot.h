@@ -8,6 +8,7 @@
 #include "procedural/groom/strand_shape.h"
 #include "procedural/wind/chain.h"
 
+#include <functional>
 #include <span>
 
 namespace marram {
@@ -32,11 +33,29 @@ struct Choice {
 // shot: depends on the description and the tolerance, not on the frame. Cost: 512 strands of 132 CVs.
 Choice cvs_for(const PilotGroom& pilot);
 
+// Strands of one CV count that swing on a skin that rests.
+struct JigglePilot {
+    const Wind& wind;
+    const MarramFrame& frame;
+    const MarramMesh* skin; // nullptr: they grow on nothing
+    const Ramp& envelope;
+    MarramBasis basis;
+    double length;            // no strand is longer
+    double tolerance;         // metres
+    Eigen::AlignedBox3d rest; // holds every rest CV of all strands
+    size_t count;
+    int cvs;
+    bool irregular;                                         // as Strands::irregular
+    std::function<void(const Wind& wind, Strands&)> expand; // rest strands; resizes
+};
+
+JigglePilot jiggle_pilot(const PilotGroom& pilot);
+
 // Frames between samples of the past, 1/64, 1/32, ... 2. Steps of 2, 1 and 1/2 are compared with 1/4; finer ones follow from the
 // last, with the square of the step. No more than 1/2 where jiggle has a start_frame, which is rounded down to a whole number of
 // steps, and no finer than a window of 2048 samples allows. On a skin that moves: 1/2, since its motion, which is keyed at
 // whole frames as a rule, would have to be asked for time and again. Cost: 96 strands over some 8 samples a frame.
-Choice jiggle_step_for(const PilotGroom& pilot, bool skin_moves);
+Choice jiggle_step_for(const JigglePilot& pilot, bool skin_moves);
 
 inline constexpr double usual_jiggle_step = 0.5;
 

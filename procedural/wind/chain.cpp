@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/wind/chain.h"
 
+#include "procedural/ramp_table.h"
 #include "procedural/wind/bend.h"
 
 #include <algorithm>
@@ -28,7 +29,7 @@ size_t ChainFrame::gust_bytes() const {
 ChainFrame make_chain_frame(const ChainInput& input) {
     const Wind& wind = input.wind;
     const MarramFrame& frame = input.frame;
-    ChainFrame chain{&wind, &input.point_envelope, frame, &input.skin, input.radius_profile, input.basis,
+    ChainFrame chain{&wind, &input.point_envelope, frame, input.skin, input.radius_profile, input.basis,
                      {},    input.window,          {}};
     const bool bends = frame.stage != MARRAM_REST && wind_bends(wind);
     chain.instants.resize(frame.time_count);
@@ -74,6 +75,14 @@ MARRAM_HOT void set_envelope(const Wind& wind, const float* own, Strands& strand
             strands.envelope[size_t(i) * size_t(strands.cvs) + size_t(k)] *= strands.wind_share[size_t(i)];
 }
 
+// The groom's own envelope, where CVs stand elsewhere on each strand.
+MARRAM_HOT void scale_envelope(const Ramp& own, Strands& strands) {
+    for (size_t i = 0; i < strands.envelope.size(); ++i) {
+        const VDouble share = vmin(vmax(evaluate(own, strands.u[i]), VDouble{}), splat(1.0));
+        strands.envelope[i] *= to_float(share);
+    }
+}
+
 // strands.rest -> pose, from the gusts and the noise at `frame` and the shelter that strands.shield holds.
 void bend_at(const ChainFrame& chain, const GustField* gusts, double frame, Strands& strands,
              StageClock& clock) {
@@ -85,12 +94,13 @@ void bend_at(const ChainFrame& chain, const GustField* gusts, double frame, Stra
     }
     const StageTimer timer(clock.bend);
     const double response = chain.frame.stage == MARRAM_REST ? 0.0 : wind_response(wind);
-    std::vector<float> own(size_t(strands.cvs));
-    for (int k = 0; k < strands.cvs; ++k) {
+    std::vector<float> own(size_t(strands.cvs), float(response));
+    for (int k = 0; k < strands.cvs && !strands.irregular; ++k) {
         const double u = double(k) / double(strands.cvs - 1);
         own[size_t(k)] = float(std::clamp((*chain.point_envelope)(u), 0.0, 1.0) * response);
     }
     set_envelope(wind, own.data(), strands);
+    if (strands.irregular) scale_envelope(*chain.point_envelope, strands);
     if (response > 0.0 && wind_bends(wind)) {
         bend(wind, frame, chain.frame.fps, strands);
     } else {
@@ -119,9 +129,10 @@ void jiggle_patch(const ChainFrame& chain, const Expand& expand, Strands& strand
     shelter(chain, 0, strands, scratch.clock);
     Strands& past = scratch.past;
     past.has_wind_share = strands.has_wind_share;
+    past.irregular = strands.irregular;
     past.resize(strands.count, strands.cvs, strands.oriented);
     std::copy(strands.shield.begin(), strands.shield.end(), past.shield.begin());
-    scratch.filter.begin(*wind.jiggle, chain.frame.fps, strands.cvs, strands.blocks);
+    scratch.filter.begin(*wind.jiggle, chain.frame.fps, strands.cvs, strands.blocks, strands.u);
     StageClock inner; // the bends of the past are the jiggle's cost
     const StageTimer timer(scratch.clock.jiggle);
     uint32_t next = 0;

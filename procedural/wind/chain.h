@@ -40,8 +40,8 @@ struct ChainFrame {
     const Wind* wind = nullptr;
     const Ramp* point_envelope = nullptr; // the groom's own, over u
     MarramFrame frame{};
-    const MarramMesh* skin = nullptr;
-    std::span<const float> radius_profile; // [cvs], of a strand 1 wide
+    const MarramMesh* skin = nullptr;      // nullptr: strands grow on nothing
+    std::span<const float> radius_profile; // [cvs], of a strand 1 wide, where strands are not irregular
     MarramBasis basis = MARRAM_BSPLINE;
     struct Instant {
         Colliders colliders;
@@ -59,7 +59,7 @@ struct ChainInput {
     const Wind& wind;
     const Ramp& point_envelope;
     const MarramFrame& frame;
-    const MarramMesh& skin;
+    const MarramMesh* skin; // nullptr: strands grow on nothing
     std::span<const float> radius_profile;
     MarramBasis basis;
     JiggleWindow window{};

@@ -90,22 +90,32 @@ Vec3d lane_of(const Wide3f& v, int lane) { return {double(v.x[lane]), double(v.y
 
 struct StrandJob {
     size_t strand;
-    double width; // of the strand; radius_profile scales it
-    double root_radius;
-    double offset;   // of the root above the skin
-    double rounding; // distance that storing a CV may move it
+    const double* radius; // [cvs]
+    double offset;        // of the root above the skin
+    double rounding;      // distance that storing a CV may move it
     double tolerance;
 };
 
-double radius_at(const CollideJob& job, const StrandJob& strand, size_t k) {
-    const double first = double(job.radius_profile[0]);
-    return first > 0.0 ? strand.root_radius * double(job.radius_profile[k]) / first
-                       : strand.width * double(job.radius_profile[k]); // thin at the root
+// Radii of a strand at its CVs; returns the root's.
+double read_radii(const CollideJob& job, const Strands& strands, size_t strand, std::vector<double>& radius) {
+    const auto cvs = size_t(strands.cvs);
+    const size_t block = strand / lanes;
+    const int lane = int(strand % lanes);
+    if (strands.irregular) {
+        for (size_t k = 0; k < cvs; ++k) radius[k] = double(strands.radius[block * cvs + k][lane]);
+        return radius[0];
+    }
+    const double width = strands.width[block][lane], first = double(job.radius_profile[0]);
+    const double at_root = width * first;
+    for (size_t k = 0; k < cvs; ++k)
+        radius[k] = first > 0.0 ? at_root * double(job.radius_profile[k]) / first
+                                : width * double(job.radius_profile[k]); // thin at the root
+    return at_root;
 }
 
 // The distance to keep at CV k, before what is left of the budget limits it.
 double wanted_clearance(const CollideJob& job, const StrandJob& strand, size_t k) {
-    const double asked = job.settings->clearance.value_or(radius_at(job, strand, k));
+    const double asked = job.settings->clearance.value_or(strand.radius[k]);
     // A reserve for the float rounding of 16 CVs, at most half of the root offset. It matters far from the origin.
     const double rounding_reserve = std::min(16.0 * strand.rounding, 0.5 * strand.offset);
     return std::max({asked, 0.125 * strand.offset, rounding_reserve});
@@ -184,8 +194,8 @@ DrawnSegment drawn_segment(const CollideJob& job, const StrandJob& strand, const
             at(k + 1),
             bend(k),
             bend(k + 1),
-            radius_at(job, strand, k),
-            radius_at(job, strand, k + 1),
+            strand.radius[k],
+            strand.radius[k + 1],
             job.basis == MARRAM_BSPLINE};
 }
 
@@ -388,9 +398,9 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
     if (!(whole > 0.0)) return;
     StrandJob strand{};
     strand.strand = i;
-    strand.width = strands.width[block][lane];
-    strand.root_radius = strand.width * double(job.radius_profile[0]);
-    strand.offset = root_offset(*job.settings, whole, strand.root_radius);
+    const double root_radius = read_radii(job, strands, i, scratch.radius);
+    strand.radius = scratch.radius.data();
+    strand.offset = root_offset(*job.settings, whole, root_radius);
     strand.rounding = 0x1p-24 * (scale + whole);
     strand.tolerance = job.tolerance > 0.0 ? job.tolerance : 1e-3 * whole;
     if (job.settings->offset_scale && job.skin) {
@@ -447,6 +457,7 @@ void collide(const CollideJob& job, Strands& strands, CollideScratch& scratch, C
     scratch.rest.resize(cvs);
     scratch.target.resize(cvs);
     scratch.solved.resize(cvs);
+    scratch.radius.resize(cvs);
     scratch.turn_fraction.resize(cvs);
     scratch.pushed_out_cvs.assign(cvs, false);
     scratch.clearance.resize(cvs);

@@ -53,7 +53,7 @@ struct CollideJob {
     const Collision* settings;
     const Colliders* colliders;
     const MarramMesh* skin;                // that the strands grow on
-    std::span<const float> radius_profile; // [cvs], of a strand 1 wide
+    std::span<const float> radius_profile; // [cvs], of a strand 1 wide, where strands are not irregular
     MarramBasis basis;                     // of the drawn curve
     double tolerance; // m: the drawn curve dips in by no more; 0: a thousandth of the strand's length
     std::vector<SegmentTrace>* trace = nullptr;
@@ -63,10 +63,11 @@ struct CollideScratch {
     TurnScratch turn;
     std::vector<Vec3d> rest, target, swept;
     std::vector<Vec3f> solved;
-    std::vector<double> turn_fraction;        // share of its turn that a segment is allowed
-    std::vector<char> pushed_out_cvs; // a segment was turned out
-    std::vector<double> clearance;    // of the segment that ends in a CV
-    size_t clear_from = 0;            // the first segment of those known to be drawn in open air
+    std::vector<double> radius;        // of the strand at each CV
+    std::vector<double> turn_fraction; // share of its turn that a segment is allowed
+    std::vector<char> pushed_out_cvs;  // a segment was turned out
+    std::vector<double> clearance;     // of the segment that ends in a CV
+    size_t clear_from = 0;             // the first segment of those known to be drawn in open air
 };
 
 // strands.rest, pose (bent) -> pose. strands.width and, for offset_scale, root_normal are read. Segments keep their rest

@@ -159,24 +159,40 @@ MARRAM_INLINE Wide3d without_subnormals(const Wide3d& a, const Wide3d& b) {
             vabs(a.z) + vabs(b.z) < least_lag ? zero : a.z};
 }
 
+MARRAM_INLINE WideJiggleStep wide(const JiggleStep& step) {
+    return {splat(step.c), splat(step.s), splat(step.d), splat(step.f), splat(step.g)};
+}
+MARRAM_INLINE const WideJiggleStep& wide(const WideJiggleStep& step) { return step; }
+
 // Takes the state of a block from one knot to the next.
-MARRAM_HOT void advance_block(const JiggleStep* steps, int cvs, const Wide3f* from, const Wide3f* to,
-                              Wide3d* lag, Wide3d* velocity) {
+template <typename Step>
+MARRAM_INLINE void advance_cvs(const Step* steps, int cvs, const Wide3f* from, const Wide3f* to, Wide3d* lag,
+                               Wide3d* velocity) {
     for (int k = 1; k < cvs; ++k) {
-        const JiggleStep step = steps[k];
+        const WideJiggleStep step = wide(steps[k]);
         const Wide3d moved = to_double(to[k]) - to_double(from[k]);
         const Wide3d e = lag[k], w = velocity[k];
-        const Wide3d e1 = e * splat(step.c) + w * splat(step.s) - moved * splat(step.f);
-        const Wide3d w1 = w * splat(step.d) - e * splat(step.s) + moved * splat(step.g);
+        const Wide3d e1 = e * step.c + w * step.s - moved * step.f;
+        const Wide3d w1 = w * step.d - e * step.s + moved * step.g;
         lag[k] = without_subnormals(e1, w1);
         velocity[k] = without_subnormals(w1, e1);
     }
 }
 
+MARRAM_HOT void advance_block(const JiggleStep* steps, int cvs, const Wide3f* from, const Wide3f* to,
+                              Wide3d* lag, Wide3d* velocity) {
+    advance_cvs(steps, cvs, from, to, lag, velocity);
+}
+MARRAM_HOT void advance_block(const WideJiggleStep* steps, int cvs, const Wide3f* from, const Wide3f* to,
+                              Wide3d* lag, Wide3d* velocity) {
+    advance_cvs(steps, cvs, from, to, lag, velocity);
+}
+
+template <typename Step>
 struct EmitView { // one block
     int cvs;
-    const JiggleStep* steps; // from the knot before to the time of the pose
-    double share;            // of the way from that knot to the next
+    const Step* steps; // from the knot before to the time of the pose
+    double share;      // of the way from that knot to the next
     const Wide3f *from, *to, *rest;
     const Wide3d *lag, *velocity;
     Wide3f* pose;
@@ -193,18 +209,18 @@ MARRAM_INLINE Wide3d scaled_to(const Wide3d& v, VDouble length, const Wide3d& in
     return select(good, v * (length / (good ? norm : splat(1.0))), instead);
 }
 
-MARRAM_HOT void emit_block(const EmitView& block) {
+template <typename Step>
+MARRAM_INLINE void emit_cvs(const EmitView<Step>& block) {
     const Wide3d from_root = to_double(block.from[0]), to_root = to_double(block.to[0]);
     Wide3d position = to_double(block.rest[0]), rest = position;
     Wide3d filtered{}, target{}; // offsets of CV k from the root
     VLong moves = differ(from_root, to_root) | differ(from_root, position);
     block.pose[0] = block.rest[0];
     for (int k = 1; k < block.cvs; ++k) {
-        const JiggleStep step = block.steps[k];
+        const WideJiggleStep step = wide(block.steps[k]);
         const Wide3d from = to_double(block.from[k]), to = to_double(block.to[k]);
         const Wide3d moved = (to - from) * splat(block.share);
-        const Wide3d lag =
-            block.lag[k] * splat(step.c) + block.velocity[k] * splat(step.s) - moved * splat(step.f);
+        const Wide3d lag = block.lag[k] * step.c + block.velocity[k] * step.s - moved * step.f;
         moves |= differ(from, to) | differ(lag, Wide3d{});
 
         const Wide3d from_offset = from - from_root;
@@ -227,6 +243,9 @@ MARRAM_HOT void emit_block(const EmitView& block) {
         block.pose[k] = {still ? to.x : pose.x, still ? to.y : pose.y, still ? to.z : pose.z};
     }
 }
+
+MARRAM_HOT void emit_block(const EmitView<JiggleStep>& block) { emit_cvs(block); }
+MARRAM_HOT void emit_block(const EmitView<WideJiggleStep>& block) { emit_cvs(block); }
 
 // n, turned by the shortest arc from unit a onto unit b. Opposed to within 1e-12 (the axis is then good to 1e-4 and
 // worsening) it is turned about itself.
@@ -321,7 +340,7 @@ JiggleWindow jiggle_window(const Jiggle& jiggle, std::span<const double> times, 
     return {int64_t(first), int64_t(last)};
 }
 
-void JiggleFilter::begin(const Jiggle& jiggle, double fps, int cvs, int blocks) {
+void JiggleFilter::begin(const Jiggle& jiggle, double fps, int cvs, int blocks, std::span<const VDouble> u) {
     jiggle_ = jiggle;
     fps_ = fps;
     cvs_ = cvs;
@@ -332,8 +351,14 @@ void JiggleFilter::begin(const Jiggle& jiggle, double fps, int cvs, int blocks) 
     velocity_.assign(size, Wide3d{});
     from_.resize(size);
     to_.resize(size);
-    part_.resize(size_t(cvs));
-    fill_steps(jiggle.step, whole_);
+    u_.clear();
+    const bool same_everywhere = std::ranges::all_of(
+        jiggle.stiffness.values(), [&](double value) { return value == jiggle.stiffness.values()[0]; });
+    if (!same_everywhere) u_.assign(u.begin(), u.end());
+    if (u_.empty())
+        fill_steps(jiggle.step, whole_);
+    else
+        fill_steps(jiggle.step, own_whole_);
 }
 
 void JiggleFilter::fill_steps(double frames, std::vector<JiggleStep>& steps) const {
@@ -344,12 +369,32 @@ void JiggleFilter::fill_steps(double frames, std::vector<JiggleStep>& steps) con
     }
 }
 
+void JiggleFilter::fill_steps(double frames, WideVector<WideJiggleStep>& steps) const {
+    steps.resize(u_.size());
+    for (size_t i = 0; i < u_.size(); ++i)
+        for (int lane = 0; lane < lanes; ++lane) {
+            const double omega = 2.0 * pi * jiggle_.frequency * jiggle_.stiffness(u_[i][lane]);
+            const JiggleStep step = jiggle_step(jiggle_.damping, omega * (frames / fps_));
+            WideJiggleStep& eight = steps[i];
+            eight.c[lane] = step.c;
+            eight.s[lane] = step.s;
+            eight.d[lane] = step.d;
+            eight.f[lane] = step.f;
+            eight.g[lane] = step.g;
+        }
+}
+
 void JiggleFilter::feed(int64_t knot, const Strands& bent) {
     assert(bent.cvs == cvs_ && bent.blocks == blocks_ && (fed_ == 0 || knot == knot_ + 1));
     if (fed_ == 2) {
         for (int i = 0; i < blocks_; ++i) {
             const size_t first = size_t(i) * size_t(cvs_);
-            advance_block(whole_.data(), cvs_, &from_[first], &to_[first], &lag_[first], &velocity_[first]);
+            if (u_.empty())
+                advance_block(whole_.data(), cvs_, &from_[first], &to_[first], &lag_[first],
+                              &velocity_[first]);
+            else
+                advance_block(&own_whole_[first], cvs_, &from_[first], &to_[first], &lag_[first],
+                              &velocity_[first]);
         }
     }
     std::swap(from_, to_);
@@ -372,11 +417,20 @@ void JiggleFilter::emit(double frame, const Strands& now, WideVector<Wide3f>& po
     }
     // A single knot stands at the end of a step in which nothing has moved.
     const double share = std::clamp((frame - begin) / (end - begin), 0.0, 1.0);
-    fill_steps(share * jiggle_.step, part_);
+    if (u_.empty())
+        fill_steps(share * jiggle_.step, part_);
+    else
+        fill_steps(share * jiggle_.step, own_part_);
     for (int i = 0; i < blocks_; ++i) {
         const size_t first = size_t(i) * size_t(cvs_);
-        emit_block({cvs_, part_.data(), share, &from_[first], &to_[first], &now.rest[first], &lag_[first],
-                    &velocity_[first], &pose[first]});
+        const auto emit = [&](const auto* steps) {
+            emit_block({cvs_, steps, share, &from_[first], &to_[first], &now.rest[first], &lag_[first],
+                        &velocity_[first], &pose[first]});
+        };
+        if (u_.empty())
+            emit(part_.data());
+        else
+            emit(&own_part_[first]);
     }
 }
 

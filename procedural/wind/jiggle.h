@@ -62,6 +62,11 @@ struct JiggleStep {
     double c, s, d, f, g;
 };
 
+// Eight of them.
+struct alignas(64) WideJiggleStep {
+    VDouble c, s, d, f, g;
+};
+
 // Coefficients for a step of `radians` = omega h >= 0. Error < 1e-14 (1 + radians sqrt(1 - damping^2) for damping < 1, where
 // the argument's own rounding shows).
 JiggleStep jiggle_step(double damping, double radians);
@@ -74,7 +79,8 @@ double jiggle_tail(double damping, double radians);
 // Cost: about 2 ns a CV for each knot, 10 ns for each pose, 576 bytes for eight CVs.
 class JiggleFilter {
   public:
-    void begin(const Jiggle& jiggle, double fps, int cvs, int blocks);
+    // u: [blocks * cvs] where the segments of a strand differ in length, else empty.
+    void begin(const Jiggle& jiggle, double fps, int cvs, int blocks, std::span<const VDouble> u = {});
 
     // bent.pose at the knot; knots follow one another without a gap.
     void feed(int64_t knot, const Strands& bent);
@@ -86,6 +92,7 @@ class JiggleFilter {
 
   private:
     void fill_steps(double frames, std::vector<JiggleStep>& steps) const;
+    void fill_steps(double frames, WideVector<WideJiggleStep>& steps) const;
 
     Jiggle jiggle_;
     double fps_ = 24.0;
@@ -93,8 +100,10 @@ class JiggleFilter {
     int64_t knot_ = 0, first_ = 0;         // the last and the first one fed
     int fed_ = 0;                          // 0, 1 or "2 and more"
     std::vector<JiggleStep> whole_, part_; // [cvs]: steps of every CV level, knot to knot and knot to `frame`
-    WideVector<Wide3d> lag_, velocity_;    // [blocks * cvs] at the last knot but one
-    WideVector<Wide3f> from_, to_;         // [blocks * cvs] targets at the last two knots
+    WideVector<VDouble> u_; // where stiffness differs from strand to strand at CV k, else empty
+    WideVector<WideJiggleStep> own_whole_, own_part_; // [blocks * cvs] then
+    WideVector<Wide3d> lag_, velocity_;               // [blocks * cvs] at the last knot but one
+    WideVector<Wide3f> from_, to_;                    // [blocks * cvs] targets at the last two knots
 };
 
 // Normals of jiggled oriented strands: now.pose_normal, turned segment by segment by the shortest arc from now.pose (both bent,

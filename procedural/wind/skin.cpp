@@ -9,12 +9,13 @@ namespace marram {
 
 bool closest_skin_point(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p,
                         const Vec3d& facing, double reach, uint32_t hint, SkinPoint& closest) {
+    const bool any_facing = facing == Vec3d::Zero();
     bool found = false;
     double best = reach, most_along = 0.0, tie = 0.0;
     const auto consider = [&](uint32_t triangle) {
         const auto corners = colliders.corners(skin, triangle);
         const Vec3d n = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-        if (!(n.dot(facing) > 0.0)) return;
+        if (!(any_facing ? n.squaredNorm() > 0.0 : n.dot(facing) > 0.0)) return;
         const Vec3d point = nearest_point(corners, p), normal = n.normalized();
         const double distance = (p - point).norm(), along = (p - point).dot(normal);
         // Above an edge or a corner several triangles are equally near, to rounding; the one that sees p most from its front

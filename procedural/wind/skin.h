@@ -17,7 +17,7 @@ inline constexpr uint32_t no_triangle = ~0U;
 
 // The closest point to p among triangles of `skin` that face the same way as `facing` (their normals' product is
 // positive), within `reach`; a strand that stands in an ear would else measure from the ear's other side. `hint`: a triangle
-// that is probably near; the result does not depend on it. False: none there.
+// that is probably near; the result does not depend on it. False: none there. `facing` 0: all triangles that have an area.
 bool closest_skin_point(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p,
                         const Vec3d& facing, double reach, uint32_t hint, SkinPoint& closest);
 

@@ -16,6 +16,7 @@ struct Strands {
     int blocks = 0; // of eight strands
     bool oriented = false;
     bool has_wind_share = false; // else all take the whole wind
+    bool irregular = false;      // the segments of a strand differ in length, and CVs have radii of their own
 
     WideVector<Wide3f> rest, pose;               // [blocks * cvs]
     WideVector<Wide3f> rest_normal, pose_normal; // [blocks * cvs] where `oriented`, else empty
@@ -26,16 +27,19 @@ struct Strands {
     WideVector<Wide3d> root_normal;              // [blocks]: of the skin, unit
     WideVector<VDouble> width;                   // [blocks]: of a strand, metres; its profile scales it
     WideVector<VFloat> wind_share;               // [blocks] where has_wind_share: factor of the envelope
-    WideVector<Wide3d> points;                   // [cvs] scratch
-    WideVector<Wide3f> values;                   // [2 * cvs] scratch
+    WideVector<VDouble> u;     // [blocks * cvs] where irregular, else CV k is at k / (cvs - 1)
+    WideVector<VFloat> radius; // [blocks * cvs] where irregular, metres
+    WideVector<Wide3d> points; // [cvs] scratch
+    WideVector<Wide3f> values; // [2 * cvs] scratch
 
     size_t bytes() const {
         return (rest.capacity() + pose.capacity() + rest_normal.capacity() + pose_normal.capacity() +
                 values.capacity()) *
                    sizeof(Wide3f) +
-               (envelope.capacity() + shield.capacity() + gust.capacity()) * sizeof(VFloat) +
+               (envelope.capacity() + shield.capacity() + gust.capacity() + radius.capacity()) *
+                   sizeof(VFloat) +
                (anchor.capacity() + root_normal.capacity() + points.capacity()) * sizeof(Wide3d) +
-               width.capacity() * sizeof(VDouble);
+               (width.capacity() + u.capacity()) * sizeof(VDouble);
     }
 
     void resize(int strand_count, int cvs_per_strand, bool with_normals) {
@@ -55,6 +59,8 @@ struct Strands {
         root_normal.resize(size_t(blocks));
         width.resize(size_t(blocks));
         wind_share.resize(has_wind_share ? size_t(blocks) : 0);
+        u.resize(irregular ? size : 0);
+        radius.resize(irregular ? size : 0);
         points.resize(size_t(cvs));
         values.resize(size_t(cvs) * 2);
     }

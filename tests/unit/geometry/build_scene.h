@@ -86,6 +86,15 @@ class TestScene {
         update_procedurals(geometry.procedurals, description_.procedurals, description_.wind, changes);
         return changes;
     }
+    // Makes the procedurals of `text` anew, told what geometry.curves carry now.
+    void tell_attributes(const std::string& text) {
+        description_ = load_scene(write_scene(text), {}, schema_);
+        const auto carried = std::make_shared<const CurveAttributes>(attributes_of(geometry.curves));
+        geometry.procedurals.clear();
+        for (const Item& item : description_.procedurals)
+            geometry.procedurals.push_back(std::make_unique<Procedural>(libraries_.at(item.type), item,
+                                                                        description_.wind, cancel, carried));
+    }
     // The same without a word to those that depend on what changes.
     void update_alone(const std::string& text, size_t procedural) {
         description_ = load_scene(write_scene(text), {}, schema_);

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/groom/binding.h"
+
+#include "procedural/wind/skin.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace marram {
+namespace {
+
+constexpr double far_share = 0.1; // of a strand's length
+
+Vec3d point_at(const float* v) { return {double(v[0]), double(v[1]), double(v[2])}; }
+
+// Of a point of a triangle that has an area.
+Vec3d weights_of(const std::array<Vec3d, 3>& p, const Vec3d& q) {
+    const Vec3d n = (p[1] - p[0]).cross(p[2] - p[0]);
+    const double area = n.squaredNorm();
+    Vec3d weights(0.0, (q - p[0]).cross(p[2] - p[0]).dot(n) / area,
+                  (p[1] - p[0]).cross(q - p[0]).dot(n) / area);
+    weights[1] = std::clamp(weights[1], 0.0, 1.0);
+    weights[2] = std::clamp(weights[2], 0.0, 1.0 - weights[1]);
+    weights[0] = 1.0 - weights[1] - weights[2];
+    return weights;
+}
+
+// The surface as the one collider of a frame.
+struct LoneCollider {
+    const float* positions[1];
+    MarramMesh mesh{};
+    MarramFrame frame{};
+    Colliders colliders;
+    Eigen::AlignedBox3d box;
+
+    LoneCollider(const Surface& surface, uint32_t vertex_count) : positions{surface.positions} {
+        mesh.name = "";
+        mesh.roles = MARRAM_COLLIDES;
+        mesh.vertex_count = vertex_count;
+        mesh.triangle_count = surface.triangle_count;
+        mesh.time_count = 1;
+        mesh.positions = positions;
+        mesh.triangles = surface.triangles;
+        frame.time_count = 1;
+        frame.meshes = &mesh;
+        frame.mesh_count = 1;
+        frame.mesh_stride = sizeof(MarramMesh);
+        colliders.lent = &mesh;
+        colliders.meshes = {&mesh};
+        colliders.tree = std::make_shared<const ColliderTree>(frame, everywhere(), 0);
+        for (uint32_t t = 0; t < surface.triangle_count; ++t)
+            for (const Vec3d& p : surface.corners(t)) box.extend(p);
+    }
+    LoneCollider(const LoneCollider&) = delete;
+    LoneCollider& operator=(const LoneCollider&) = delete;
+};
+
+} // namespace
+
+double curve_length(const float* vertices, uint32_t cvs) {
+    double length = 0.0;
+    for (uint32_t k = 0; k + 1 < cvs; ++k)
+        length += (point_at(vertices + 4 * (k + 1)) - point_at(vertices + 4 * k)).norm();
+    return length;
+}
+
+Binding bind_strands(const LentCurves& curves, const float* vertices, const Surface& bind,
+                     uint32_t vertex_count, const std::function<bool()>& cancelled) {
+    Binding binding;
+    binding.bonds.resize(curves.count());
+    const LoneCollider skin(bind, vertex_count);
+    tbb::parallel_for(tbb::blocked_range<uint64_t>(0, curves.count(), 256), [&](const auto& range) {
+        if (cancelled()) return;
+        uint32_t hint = no_triangle; // of the strand before: neighbours are near as a rule
+        for (uint64_t c = range.begin(); c < range.end(); ++c) {
+            const Vec3d root = point_at(vertices + 4 * (curves.first_vertex(c) + 1));
+            // Farther than this no triangle is.
+            const double reach =
+                (skin.box.exteriorDistance(root) + skin.box.diagonal().norm()) * (1.0 + 1e-9);
+            SkinPoint foot{};
+            closest_skin_point(skin.colliders, skin.mesh, root, Vec3d::Zero(), reach, hint, foot);
+            hint = foot.triangle;
+            binding.bonds[c] = {weights_of(bind.corners(foot.triangle), foot.point), foot.triangle,
+                                float(foot.height)};
+        }
+    });
+    if (cancelled()) return binding;
+    const double rounding =
+        0x1p-22 * std::max(skin.box.min().cwiseAbs().maxCoeff(), skin.box.max().cwiseAbs().maxCoeff());
+    for (uint64_t c = 0; c < curves.count(); ++c) {
+        const double height = double(binding.bonds[c].height);
+        const double length = curve_length(vertices + 4 * (curves.first_vertex(c) + 1), curves.cvs(c));
+        binding.greatest_distance = std::max(binding.greatest_distance, std::abs(height));
+        binding.mean_distance += std::abs(height) / double(curves.count());
+        if (!(length > 0.0)) ++binding.no_length;
+        if (std::abs(height) > far_share * length + rounding) ++binding.far;
+        if (height < -rounding) {
+            ++binding.inside;
+            binding.deepest = std::max(binding.deepest, -height);
+        }
+    }
+    return binding;
+}
+
+} // namespace marram

@@ -1,0 +1,785 @@
+// SPDX-License-Identifier: Apache-2.0
+// strands: curves that were groomed elsewhere, in the scene's wind.
+//
+// What it models. The CVs are those of the file, as many on each strand as it says, with its widths and all else that it carries. Strands
+// that are given a mesh (`on`) are bound to it at bind_frame, each at the point that is nearest to its root (binding.h), and ride on it
+// rigidly as it moves and deforms. Strands that animate in their file, or whose [[curves]] has a transform that moves, stand where these
+// say at every instant; the wind is added to that motion. All pass through the chain like grown ones (procedural/wind/chain.h). Their
+// order is the file's.
+//
+//     [[curves]]
+//     name = "bangs"
+//     type = "strands"
+//     file = "bangs.hair"
+//
+//     [[procedural]]
+//     type = "strands"
+//     name = "hair"
+//     curves = "bangs"
+//     on = "head"                     # absent: they stand in the world, and blow all the same
+//     material = "hair"
+//     width = 0.0001                  # where the file has none, or others are wanted
+//     wind.collision.solver = "exact"
+//
+// Every turn of the wind is one of as many segments as a strand has, unless wind.reference_segments says otherwise. Strands collide from
+// a root that stands root_offset above the skin (wind.collision.offset_root): lower ones are lifted, and how many were under the skin is
+// reported.
+#include "procedural/groom/imported.h"
+
+#include "core/math/clock.h"
+#include "procedural/border.h"
+#include "procedural/groom/groom_output.h"
+#include "procedural/groom/imported_instance.h"
+#include "procedural/groom/imported_shape.h"
+#include "procedural/groom/pilot.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+#include <map>
+#include <memory>
+
+namespace marram {
+namespace {
+
+ImportInstance& self_of(MarramInstance* instance) { return *reinterpret_cast<ImportInstance*>(instance); }
+
+template <typename Body>
+MarramStatus guarded_import(const MarramHost& host, Body&& body) {
+    return guarded(host, "strands", "import fewer of them", std::forward<Body>(body));
+}
+
+const std::vector<MarramParam>& strand_params() {
+    static const std::vector<MarramParam> params = with_wind_params(import_params());
+    return params;
+}
+
+// ---- Attributes
+
+enum ImportAttribute : uint32_t {
+    root_normal,
+    root_uv,
+    id,
+    envelope,
+    gust,
+    sheltered,
+    import_attribute_count
+};
+
+constexpr std::array own_attributes = {
+    MarramAttribute{"root_normal", 3, MARRAM_PER_CURVE, 0, "surface normal at the root", nullptr, 0},
+    MarramAttribute{"root_uv", 2, MARRAM_PER_CURVE, 0, "surface uv at the root", nullptr, 0},
+    MarramAttribute{"id", 1, MARRAM_PER_CURVE, 1, "a number below 2^24 of the strand", nullptr, 0},
+    MarramAttribute{"envelope", 1, MARRAM_PER_CV, 0, "share of the wind that reaches a CV", nullptr, 0},
+    MarramAttribute{"gust", 1, MARRAM_PER_CV, 0, "sum of the gusts at a CV; 1 is a whole one", nullptr, 0},
+    MarramAttribute{"shield", 1, MARRAM_PER_CV, 0,
+                    "sheltered share of a CV, or of its strand (see wind.shielding)", nullptr, 0},
+};
+
+// The file's go before what is made for want of them; what is computed of the surface and the wind goes before the file's.
+bool from_file(const ImportSettings& settings, const MarramAttribute& own) {
+    const std::string_view name = own.name;
+    const bool of_surface = name == "root_normal" || name == "root_uv";
+    if (name != "id" && !(of_surface && settings.mesh.empty())) return false;
+    return std::ranges::any_of(settings.carried, [&](const CarriedAttribute& a) {
+        return a.name == name && a.components == own.components && a.rate == own.rate;
+    });
+}
+
+std::vector<MarramAttribute> attributes_handed_over(const ImportSettings& settings) {
+    std::vector<MarramAttribute> list;
+    for (const MarramAttribute& own : own_attributes) {
+        const bool of_surface =
+            std::string_view(own.name) == "root_normal" || std::string_view(own.name) == "root_uv";
+        if (!(of_surface && settings.mesh.empty()) && !from_file(settings, own)) list.push_back(own);
+    }
+    for (const CarriedAttribute& a : settings.carried)
+        if (std::ranges::none_of(list, [&](const MarramAttribute& other) { return a.name == other.name; }))
+            list.push_back({a.name.c_str(), a.components, a.rate, a.discrete, "as in the file", nullptr, 0});
+    return list;
+}
+
+// ---- Values
+
+void take_values(ImportInstance& instance, const Values& given, std::span<const MarramValue> list) {
+    ImportSettings settings = read_import(given);
+    Wind wind = read_wind(given);
+    if (settings.mesh.empty() && wind.collision && wind.collision->offset_scale)
+        throw SceneFault("strands.no_skin", given.at("curves").place,
+                         "wind.collision.offset_scale needs the skin that strands grow on",
+                         "name it: on = \"...\"");
+    Digest digest;
+    for (const MarramValue& value : list) add_value(digest, value);
+    instance.settings = std::move(settings);
+    instance.wind = std::move(wind);
+    instance.automatic_rays = instance.wind.shielding && instance.wind.shielding->spread > 0.0 &&
+                              instance.wind.shielding->rays == 0;
+    instance.automatic_step = instance.wind.jiggle && instance.wind.jiggle->step == 0.0;
+    instance.attributes = attributes_handed_over(instance.settings);
+    instance.digest = digest.value();
+    instance.bound_digest = binding_digest(instance.settings);
+    instance.chosen_for.reset();
+    instance.gusts_fixed = instance.begun = false;
+}
+
+MarramStatus create_import(const MarramHost* host, const MarramValues* values, MarramInstance** out) {
+    if (!host || !host->message || !host->cancelled || !out) return MARRAM_ERROR; // nobody to tell
+    const MarramHost known = known_part(host);
+    return guarded_import(known, [&] {
+        const std::vector<MarramValue> list = values_of(values);
+        if (!check_values(known, strand_params(), list)) return MARRAM_ERROR;
+        auto instance = std::make_unique<ImportInstance>();
+        instance->host = known;
+        take_values(*instance, Values(list), list);
+        *out = reinterpret_cast<MarramInstance*>(instance.release());
+        return MARRAM_OK;
+    });
+}
+
+// Strands stay bound where neither what binds them nor the geometry has changed.
+MarramStatus update_import(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
+    ImportInstance& instance = self_of(opaque);
+    return guarded_import(instance.host, [&] {
+        if (!given || !changed)
+            throw SceneFault("contract.null_update", "", "the update is NULL",
+                             "pass an update and a place for the changes");
+        const MarramUpdate update = known_part(given);
+        const std::vector<MarramValue> list = values_of(update.values);
+        if (!check_values(instance.host, strand_params(), list)) return MARRAM_ERROR;
+        const uint64_t digest = instance.digest, bound = instance.bound_digest;
+        const MarramShape shape = instance.settings.shape;
+        const auto basis = instance.settings.basis;
+        take_values(instance, Values(list), list);
+        if (update.inputs != MARRAM_NOTHING || bound != instance.bound_digest) instance.bound = false;
+        if (instance.digest == digest && update.inputs == MARRAM_NOTHING)
+            *changed = MARRAM_NOTHING;
+        else if (instance.bound && shape == instance.settings.shape && basis == instance.settings.basis)
+            *changed = MARRAM_POSITIONS | MARRAM_ATTRIBUTES;
+        else
+            *changed = MARRAM_EVERYTHING;
+        return MARRAM_OK;
+    });
+}
+
+MarramStatus import_attributes(MarramInstance* opaque, MarramAttributeList* out) {
+    const ImportInstance& instance = self_of(opaque);
+    const MarramAttributeList list{sizeof(MarramAttributeList), instance.attributes.data(),
+                                   uint32_t(instance.attributes.size()), sizeof(MarramAttribute)};
+    fill_known_part(list, out);
+    return MARRAM_OK;
+}
+
+// ---- A frame
+
+void find_skin(ImportInstance& instance) {
+    instance.mesh = nullptr;
+    const ImportSettings& settings = instance.settings;
+    if (settings.mesh.empty()) return;
+    for (const MarramMesh& mesh : instance.meshes)
+        if (settings.mesh == mesh.name) instance.mesh = &mesh;
+    if (!instance.mesh)
+        throw SceneFault("strands.no_mesh", settings.mesh_place,
+                         "there is no mesh '" + settings.mesh + "' to bind strands to",
+                         "name one of the scene's");
+}
+
+void find_strands(ImportInstance& instance) {
+    const ImportSettings& settings = instance.settings;
+    instance.curves = find_curves(instance.frame, settings.curves, settings.curves_place);
+    const LentCurves& lent = instance.curves;
+    if (lent.curves.moves && !instance.frame.pose_curves)
+        throw SceneFault("contract.no_pose_curves", "", "MarramFrame.pose_curves is NULL",
+                         "give a function that poses curves at any time, or curves that rest");
+    instance.basis =
+        settings.basis.value_or(lent.curves.basis == MARRAM_BSPLINE ? MARRAM_BSPLINE : MARRAM_CATMULL_ROM);
+    for (const CurveFactor& factor : settings.wind_by) {
+        const MarramAttribute* found = lent.find(factor.name);
+        if (!found || found->rate != MARRAM_PER_CURVE || found->components != 1) {
+            std::string known;
+            for (const MarramAttribute& a : lent.attributes)
+                if (a.rate == MARRAM_PER_CURVE && a.components == 1)
+                    known += (known.empty() ? "" : ", ") + std::string(a.name);
+            throw SceneFault("strands.no_attribute", factor.place,
+                             "the curves '" + settings.curves + "' have no attribute '" + factor.name +
+                                 "' of one number a curve",
+                             known.empty() ? "leave it out" : "choose among " + known);
+        }
+    }
+}
+
+MarramStatus read_bind_poses(ImportInstance& instance) {
+    const MarramFrame& frame = instance.frame;
+    if (const MarramMesh* mesh = instance.mesh) {
+        instance.bind_positions.resize(3 * size_t(mesh->vertex_count));
+        instance.bind_normals.resize(mesh->normals ? instance.bind_positions.size() : 0);
+        const MarramStatus status = frame.pose(frame.pose_user, uint32_t(mesh - instance.meshes.data()),
+                                               frame.bind_frame, instance.bind_positions.data(),
+                                               mesh->normals ? instance.bind_normals.data() : nullptr);
+        if (status != MARRAM_OK) return status;
+    }
+    const LentCurves& lent = instance.curves;
+    instance.bind_vertices.clear();
+    if (!lent.curves.moves) return MARRAM_OK;
+    instance.bind_vertices.resize(4 * (lent.cv_count() + 2 * lent.count()));
+    return frame.pose_curves(frame.pose_user, lent.index, frame.bind_frame, 0, lent.count(),
+                             instance.bind_vertices.data());
+}
+
+void check_skin(const ImportInstance& instance) {
+    double area = 0.0;
+    const Surface bind = instance.bind_surface();
+    for (uint32_t t = 0; t < bind.triangle_count; ++t) area += bind.area(t);
+    if (!(area > 0.0))
+        throw SceneFault("strands.no_area", instance.settings.mesh_place,
+                         "the mesh '" + instance.settings.mesh + "' has no area",
+                         "strands need a surface to be bound to");
+}
+
+void check_widths(const ImportInstance& instance) {
+    if (instance.settings.width) return;
+    for (const ImportPatch& patch : instance.patches)
+        if (patch.widest > 0.0) return;
+    if (instance.curves.count() == 0) return;
+    throw SceneFault("strands.no_width", instance.settings.curves_place,
+                     "the curves '" + instance.settings.curves + "' have no widths",
+                     "give width = the diameter in metres");
+}
+
+void warn_of_binding(const ImportInstance& instance) {
+    const Binding& binding = instance.binding;
+    const std::string& mesh = instance.settings.mesh;
+    if (binding.far > 0)
+        instance.warn(
+            "strands.far",
+            fmt::format("{} of {} strands begin farther from '{}' than a tenth of their length, up to "
+                        "{:.3g} m",
+                        binding.far, binding.bonds.size(), mesh, binding.greatest_distance),
+            "check the units and transforms of both, and bind_frame");
+    if (binding.inside > 0 && instance.wind.collision)
+        instance.warn(
+            "strands.inside",
+            fmt::format("{} of {} strands begin inside '{}', up to {:.3g} m deep, and are lifted out",
+                        binding.inside, binding.bonds.size(), mesh, binding.deepest),
+            "move their roots to the surface where that shows");
+    if (binding.no_length > 0)
+        instance.warn("strands.no_length",
+                      fmt::format("{} of {} strands have no length", binding.no_length, binding.bonds.size()),
+                      "remove them from the file");
+}
+
+MarramStatus bind(ImportInstance& instance) {
+    const double begin = wall_seconds();
+    if (const MarramStatus status = read_bind_poses(instance); status != MARRAM_OK) return status;
+    const auto cancelled = [&] { return instance.host.cancelled(instance.host.user) != 0; };
+    make_patches(instance);
+    check_widths(instance);
+    instance.binding = {};
+    if (instance.mesh) {
+        check_skin(instance);
+        instance.binding = bind_strands(instance.curves, instance.bind_pose(), instance.bind_surface(),
+                                        instance.mesh->vertex_count, cancelled);
+    }
+    if (cancelled()) return MARRAM_CANCELLED;
+    instance.bound = true;
+    instance.bound_curves = instance.curves.count();
+    instance.bound_cvs = instance.curves.cv_count();
+    instance.bound_topology = instance.mesh ? instance.mesh->topology : 0;
+    instance.binding_seconds = wall_seconds() - begin;
+    warn_of_binding(instance);
+    return MARRAM_OK;
+}
+
+void check_still_bound(const ImportInstance& instance) {
+    if (instance.mesh && instance.bound_topology != instance.mesh->topology)
+        throw SceneFault("strands.topology", instance.settings.mesh_place,
+                         "the mesh '" + instance.settings.mesh +
+                             "' has other triangles than when strands were bound to it",
+                         "keep its topology, or make the strands anew");
+    if (instance.bound_curves != instance.curves.count() || instance.bound_cvs != instance.curves.cv_count())
+        throw SceneFault("strands.counts", instance.settings.curves_place,
+                         "the curves '" + instance.settings.curves + "' have other counts than before",
+                         "keep them, or make the strands anew");
+}
+
+// How far roots of curves that move travel: a rough idea, of a thousand of them.
+MarramStatus travel_of(const ImportInstance& instance, double& travel) {
+    const LentCurves& lent = instance.curves;
+    const MarramFrame& frame = instance.frame;
+    travel = 0.0;
+    const uint64_t step = std::max<uint64_t>(lent.count() / 1000, 1);
+    std::vector<float> now, then;
+    for (uint64_t c = 0; c < lent.count(); c += step) {
+        now.resize(4 * (size_t(lent.cvs(c)) + 2));
+        then.resize(now.size());
+        MarramStatus status =
+            frame.pose_curves(frame.pose_user, lent.index, frame.times[0], c, 1, now.data());
+        for (const double back : {1.0, 4.0, 16.0, 64.0, 256.0}) {
+            if (status == MARRAM_OK)
+                status =
+                    frame.pose_curves(frame.pose_user, lent.index, frame.times[0] - back, c, 1, then.data());
+            if (status != MARRAM_OK) return status;
+            double squared = 0.0;
+            for (size_t axis = 4; axis < 7; ++axis)
+                squared += std::pow(double(now[axis]) - double(then[axis]), 2);
+            travel = std::max(travel, std::sqrt(squared));
+        }
+    }
+    return MARRAM_OK;
+}
+
+// The window that jiggle looks back to, and the skin's poses in it.
+MarramStatus read_jiggle_past(ImportInstance& instance) {
+    instance.past = {};
+    if (!instance.wind.jiggle || instance.frame.stage != MARRAM_FINAL) return MARRAM_OK;
+    const Jiggle& jiggle = *instance.wind.jiggle;
+    const MarramFrame& frame = instance.frame;
+    double travel = 0.0;
+    if (instance.curves.curves.moves)
+        if (const MarramStatus status = travel_of(instance, travel); status != MARRAM_OK) return status;
+    const double length = instance.longest + 0.5 * travel;
+    if (instance.mesh)
+        return read_past(frame, uint32_t(instance.mesh - instance.meshes.data()), jiggle, length,
+                         instance.past);
+    instance.past.window = jiggle_window(jiggle, std::span(frame.times, frame.time_count), frame.fps,
+                                         2.0 * length, frame.tolerance);
+    return MARRAM_OK;
+}
+
+// A few strands of the CV count that most have, to choose the step of jiggle by.
+JigglePilot pilot_of(const ImportInstance& instance, double tolerance) {
+    std::map<uint32_t, uint64_t> by_cvs;
+    for (uint64_t c = 0; c < instance.curves.count(); ++c) ++by_cvs[instance.curves.cvs(c)];
+    const auto most = std::ranges::max_element(by_cvs, {}, [](const auto& one) { return one.second; });
+    const uint32_t cvs = most == by_cvs.end() ? 2 : most->first;
+    const uint64_t there = most == by_cvs.end() ? 0 : most->second, step = std::max<uint64_t>(there / 96, 1);
+    std::vector<uint32_t> some;
+    for (uint64_t c = 0, seen = 0; c < instance.curves.count() && some.size() < 96; ++c)
+        if (instance.curves.cvs(c) == cvs && seen++ % step == 0) some.push_back(uint32_t(c));
+    const size_t count = some.size();
+    Eigen::AlignedBox3d rest = bounds_of_import(instance);
+    return {instance.wind,
+            instance.frame,
+            instance.mesh,
+            instance.settings.envelope,
+            instance.basis,
+            instance.longest,
+            tolerance,
+            rest,
+            count,
+            int(cvs),
+            true,
+            [&instance, cvs, some = std::move(some)](const Wind&, Strands& out) {
+                const float* vertices = instance.bind_pose();
+                if (!instance.mesh) return expand_imported(instance, nullptr, vertices, 0, some, cvs, out);
+                const SkinPoses rests{instance.bind_surface(), instance.bind_surface()};
+                expand_imported(instance, &rests, vertices, 0, some, cvs, out);
+            }};
+}
+
+MarramStatus choose(ImportInstance& instance) {
+    Wind& wind = instance.wind;
+    const MarramFrame& frame = instance.frame;
+    const double tolerance = frame.tolerance > 0.0 ? frame.tolerance : 1e-3 * instance.longest;
+    const ImportChoice now{frame.frame, frame.times[0], frame.times[frame.time_count - 1], tolerance,
+                           frame.stage};
+    if (instance.chosen_for != now) {
+        instance.inexact.clear();
+        const auto add = [&](const std::string& what) {
+            instance.inexact.push_back(what + " is not as exact as the tolerance asks for");
+        };
+        wind.noise.left_out = octaves_too_fine(wind, instance.longest, tolerance);
+        if (instance.automatic_rays) {
+            bool enough = true;
+            wind.shielding->rays =
+                cone_rays(*wind.shielding, instance.longest, most_turn(wind),
+                          wind.reference_segments > 2 * int(instance.fewest_cvs), tolerance, enough);
+            if (!enough) add("wind.shielding.rays = " + std::to_string(wind.shielding->rays));
+        }
+        if (instance.automatic_step) {
+            wind.jiggle->step = usual_jiggle_step;
+            if (frame.stage == MARRAM_FINAL) {
+                if (const MarramStatus status = read_jiggle_past(instance); status != MARRAM_OK)
+                    return status;
+                const bool moves = instance.past.moves() || instance.curves.curves.moves != 0;
+                const Choice choice = jiggle_step_for(pilot_of(instance, tolerance), moves);
+                wind.jiggle->step = choice.value;
+                if (!choice.enough) add("wind.jiggle.step = " + std::to_string(choice.value));
+            }
+        }
+        instance.chosen_for = now;
+    }
+    for (const std::string& text : instance.inexact)
+        instance.warn("strands.inexact", text, "set it by hand, or a larger tolerance");
+    return MARRAM_OK;
+}
+
+bool strands_move(const ImportInstance& instance) {
+    const bool blown = instance.frame.stage != MARRAM_REST;
+    return (instance.mesh && instance.mesh->time_count > 1) || instance.curves.curves.time_count > 1 ||
+           (blown && (wind_moves(instance.wind) || moving_meshes_matter(instance.wind, instance.frame)));
+}
+
+MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
+    ImportInstance& instance = self_of(opaque);
+    return guarded_import(instance.host, [&] {
+        instance.begun = false;
+        if (!out)
+            throw SceneFault("contract.null_output", "", "the output is NULL", "pass a non-NULL pointer");
+        instance.frame = borrowed_frame(frame, instance.meshes);
+        if ((instance.wind.collision || instance.wind.shielding) && instance.frame.mesh_count > 0 &&
+            !instance.frame.colliders)
+            throw SceneFault("contract.no_colliders", "", "MarramFrame.colliders is NULL",
+                             "pass the committed scene of all meshes");
+        instance.workers.clear();
+        instance.binding_seconds = 0.0;
+        find_skin(instance);
+        find_strands(instance);
+        if (!instance.bound)
+            if (const MarramStatus status = bind(instance); status != MARRAM_OK) return status;
+        check_still_bound(instance);
+        MarramStatus status =
+            fix_gusts_once(instance.frame, instance.bind_box, instance.wind, instance.gusts_fixed);
+        if (status == MARRAM_OK) status = choose(instance);
+        if (status == MARRAM_OK) status = read_jiggle_past(instance);
+        if (status != MARRAM_OK) return status;
+        bool moves = strands_move(instance);
+        if (instance.past.window.count() > 0) {
+            // Where nothing has moved nothing swings.
+            if (instance.past.moves() || instance.curves.curves.moves || wind_moves(instance.wind))
+                moves = true;
+            else
+                instance.past = {};
+        }
+        instance.time_count = moves ? instance.frame.time_count : 1;
+        instance.frame.time_count = instance.time_count; // what the chain works at
+        const double before = wall_seconds();
+        instance.chain = {}; // it holds the last frame's trees, which may have to go first
+        const Eigen::AlignedBox3d reach = instance.wind.collision ? bounds_of_import(instance) : everywhere();
+        instance.chain = make_chain_frame({instance.wind,
+                                           instance.settings.envelope,
+                                           instance.frame,
+                                           instance.mesh,
+                                           {},
+                                           instance.basis,
+                                           instance.past.window,
+                                           reach,
+                                           everywhere(),
+                                           &instance.trees});
+        warn_of_gusts(instance.host, instance.settings.curves_place, instance.chain);
+        instance.chain_seconds = instance.wind.collision ? wall_seconds() - before : 0.0;
+        const MarramCurves& lent = instance.curves.curves;
+        MarramOutput output{};
+        output.kind = MARRAM_CURVES;
+        output.curve_count = lent.curve_count;
+        output.cvs_per_curve = lent.offsets ? 0 : lent.cvs_per_curve;
+        output.offsets = lent.offsets;
+        if (lent.offsets && lent.curve_count > 0) { // equal counts are traced faster
+            const uint32_t cvs = instance.curves.cvs(0);
+            bool same = true;
+            for (uint64_t c = 1; same && c < lent.curve_count; ++c) same = instance.curves.cvs(c) == cvs;
+            if (same) {
+                output.cvs_per_curve = cvs;
+                output.offsets = nullptr;
+            }
+        }
+        if (lent.curve_count == 0) output.cvs_per_curve = 2;
+        output.patch_count = uint32_t(instance.patches.size());
+        output.time_count = instance.time_count;
+        output.basis = instance.basis;
+        output.shape = instance.settings.shape;
+        fill_known_part(output, out);
+        instance.begun = true;
+        return MARRAM_OK;
+    });
+}
+
+void check_import_patch(const ImportInstance& instance, uint32_t index) {
+    if (!instance.begun) throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
+    if (index >= instance.patches.size())
+        throw SceneFault("contract.patch_range", "", "there is no patch " + std::to_string(index),
+                         "ask for 0 to " + std::to_string(int64_t(instance.patches.size()) - 1));
+}
+
+MarramStatus patch_of_import(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
+    const ImportInstance& instance = self_of(opaque);
+    return guarded_import(instance.host, [&] {
+        if (!out) throw SceneFault("contract.null_patch", "", "the patch is NULL", "pass a non-NULL pointer");
+        check_import_patch(instance, index);
+        MarramPatch patch{};
+        find_import_patch(instance, index, &patch);
+        fill_known_part(patch, out);
+        return MARRAM_OK;
+    });
+}
+
+// ---- Curves of one CV count
+
+struct Batch {
+    const ImportInstance& instance;
+    const ImportPatch& patch;
+    std::span<const uint32_t> curves; // relative to the patch
+    uint32_t cvs;
+
+    uint64_t vertex(uint32_t curve) const { // relative to the patch's first
+        return instance.curves.first_vertex(patch.first + curve) - instance.curves.first_vertex(patch.first);
+    }
+    uint64_t cv(uint32_t curve) const {
+        return instance.curves.first_cv(patch.first + curve) - instance.curves.first_cv(patch.first);
+    }
+};
+
+Expand expand_of(const Batch& batch, StageClock& clock) {
+    const ImportInstance& instance = batch.instance;
+    const auto first_float = 4 * instance.curves.first_vertex(batch.patch.first);
+    return {
+        [&instance, batch, first_float, &clock](uint32_t time, Strands& strands) {
+            const StageTimer timer(clock.expand);
+            const bool moves = instance.curves.curves.moves != 0;
+            const float* vertices = (moves ? instance.vertices(time) : instance.bind_pose()) + first_float;
+            if (!instance.mesh)
+                return expand_imported(instance, nullptr, vertices, batch.patch.first, batch.curves,
+                                       batch.cvs, strands);
+            const SkinPoses skin{instance.bind_surface(), instance.surface(time)};
+            expand_imported(instance, &skin, vertices, batch.patch.first, batch.curves, batch.cvs, strands);
+        },
+        [&instance, batch, first_float](int64_t knot, Strands& strands) { // on the jiggle's clock
+            const MarramFrame& frame = instance.frame;
+            std::vector<float> then;
+            const float* vertices = instance.bind_pose() + first_float;
+            if (instance.curves.curves.moves) {
+                const ImportPatch& patch = batch.patch;
+                then.resize(4 * (instance.curves.first_vertex(patch.first + patch.count)) - first_float);
+                const MarramStatus status = frame.pose_curves(frame.pose_user, instance.curves.index,
+                                                              instance.wind.jiggle->frame_of(knot),
+                                                              patch.first, patch.count, then.data());
+                if (status != MARRAM_OK)
+                    throw SceneFault("strands.pose", instance.settings.curves_place,
+                                     "the curves cannot be posed at an earlier frame",
+                                     "see what the renderer says of them");
+                vertices = then.data();
+            }
+            if (!instance.mesh)
+                return expand_imported(instance, nullptr, vertices, batch.patch.first, batch.curves,
+                                       batch.cvs, strands);
+            const SkinPoses skin{instance.bind_surface(), instance.past.at(knot, *instance.mesh)};
+            expand_imported(instance, &skin, vertices, batch.patch.first, batch.curves, batch.cvs, strands);
+        }};
+}
+
+void write_batch(const Batch& batch, const Strands& strands, float* out) {
+    const auto cvs = size_t(batch.cvs);
+    for (size_t i = 0; i < batch.curves.size(); ++i) {
+        const size_t first = i / lanes * cvs;
+        const auto lane = int(i % lanes);
+        float* strand = out + 4 * batch.vertex(batch.curves[i]);
+        for (size_t k = 0; k < cvs; ++k) {
+            const Wide3f& p = strands.pose[first + k];
+            float* v = strand + 4 * (k + 1);
+            v[0] = p.x[lane];
+            v[1] = p.y[lane];
+            v[2] = p.z[lane];
+            v[3] = strands.radius[first + k][lane];
+        }
+        float* tip = strand + 4 * (cvs + 1);
+        for (int c = 0; c < 4; ++c) {
+            strand[c] = 2.0F * strand[4 + c] - strand[8 + c];
+            tip[c] = 2.0F * tip[c - 4] - tip[c - 8];
+        }
+    }
+}
+
+void write_batch_normals(const Batch& batch, const Strands& strands, float* out) {
+    const auto cvs = int(batch.cvs);
+    for (size_t i = 0; i < batch.curves.size(); ++i) {
+        const Wide3f* normal = strands.pose_normal.data() + i / lanes * size_t(cvs);
+        const auto lane = int(i % lanes);
+        float* strand = out + 3 * batch.vertex(batch.curves[i]);
+        for (int k = 0; k < cvs + 2; ++k) {
+            const Wide3f& n = normal[std::clamp(k - 1, 0, cvs - 1)];
+            strand[3 * k] = n.x[lane];
+            strand[3 * k + 1] = n.y[lane];
+            strand[3 * k + 2] = n.z[lane];
+        }
+    }
+}
+
+float number_of(uint32_t seed, uint64_t curve) {
+    return float(mix64(curve * 0x9e3779b97f4a7c15ULL ^ mix64((uint64_t(seed) << 32) | 0x69647321U)) >> 40);
+}
+
+void write_own_attribute(const Batch& batch, const Strands& strands, uint32_t which, float* out) {
+    const ImportInstance& instance = batch.instance;
+    const auto cvs = size_t(batch.cvs);
+    for (size_t i = 0; i < batch.curves.size(); ++i) {
+        const uint32_t c = batch.curves[i];
+        const uint64_t curve = batch.patch.first + c;
+        const auto lane = int(i % lanes);
+        if (which == root_normal) {
+            const Wide3d& n = strands.root_normal[i / lanes];
+            out[3 * size_t(c)] = float(n.x[lane]);
+            out[3 * size_t(c) + 1] = float(n.y[lane]);
+            out[3 * size_t(c) + 2] = float(n.z[lane]);
+        } else if (which == root_uv) {
+            const Bond& bond = instance.binding.bonds[curve];
+            const Vec2d uv = instance.bind_surface().uv(bond.triangle, bond.weights);
+            out[2 * size_t(c)] = float(uv.x());
+            out[2 * size_t(c) + 1] = float(uv.y());
+        } else if (which == id) {
+            out[c] = number_of(instance.settings.seed, curve);
+        } else {
+            const WideVector<VFloat>& from = which == envelope ? strands.envelope
+                                             : which == gust   ? strands.gust
+                                                               : strands.shield;
+            float* to = out + batch.cv(c);
+            for (size_t k = 0; k < cvs; ++k) to[k] = from[i / lanes * cvs + k][lane];
+        }
+    }
+}
+
+// As the file has it.
+void write_carried(const ImportInstance& instance, const ImportPatch& patch, const MarramAttribute& declared,
+                   float* out) {
+    const LentCurves& lent = instance.curves;
+    const MarramAttribute* found = lent.find(declared.name);
+    const bool per_cv = declared.rate == MARRAM_PER_CV;
+    const uint64_t first = per_cv ? lent.first_cv(patch.first) : patch.first;
+    const uint64_t count = per_cv ? lent.first_cv(patch.first + patch.count) - first : patch.count;
+    const size_t n = declared.components;
+    if (found && found->components == n && found->rate == declared.rate)
+        std::copy_n(found->values + first * n, count * n, out);
+    else
+        std::fill_n(out, count * n, 0.0F);
+}
+
+void write_attributes(const Batch& batch, const Strands& strands, const MarramPatchBuffers* buffers) {
+    const ImportInstance& instance = batch.instance;
+    for (uint32_t a = 0; a < buffers->attribute_count; ++a) {
+        const MarramAttribute& declared = instance.attributes[buffers->attributes[a]];
+        for (uint32_t own = 0; own < import_attribute_count; ++own)
+            if (declared.name == own_attributes[own].name) // the same constant
+                write_own_attribute(batch, strands, own, buffers->attribute_values[a]);
+    }
+}
+
+MarramStatus tessellate_import(MarramInstance* opaque, uint32_t index, const MarramPatchBuffers* buffers) {
+    ImportInstance& instance = self_of(opaque);
+    if (instance.host.cancelled(instance.host.user)) return MARRAM_CANCELLED;
+    return guarded_import(instance.host, [&] {
+        check_import_patch(instance, index);
+        check_buffers(buffers, instance.time_count, instance.settings.shape == MARRAM_ORIENTED_RIBBON,
+                      instance.attributes.size());
+        Worker& worker = instance.workers.local();
+        const ImportPatch& patch = instance.patches[index];
+        Strands& strands = worker.strands;
+        strands.has_wind_share = !instance.settings.wind_by.empty();
+        strands.irregular = true;
+        const uint32_t own_times =
+            std::max(instance.mesh ? instance.mesh->time_count : 1U, instance.curves.curves.time_count);
+        for (const auto& run : patch.runs) {
+            const std::span curves(patch.order.data() + run[0], run[1] - run[0]);
+            const Batch batch{instance, patch, curves, instance.curves.cvs(patch.first + curves[0])};
+            strands.resize(int(curves.size()), int(batch.cvs),
+                           instance.settings.shape == MARRAM_ORIENTED_RIBBON);
+            const Expand lay_out = expand_of(batch, worker.chain.clock);
+            if (instance.past.window.count() > 0)
+                jiggle_patch(instance.chain, lay_out, strands, worker.chain);
+            for (uint32_t time = 0; time < instance.time_count; ++time) {
+                // Later motion samples of what rests share its rest strands.
+                if (time < own_times) lay_out.at_time(time, strands);
+                run_chain(instance.chain, time, strands, worker.chain);
+                const StageTimer timer(worker.chain.clock.write);
+                write_batch(batch, strands, buffers->vertices[time]);
+                if (strands.oriented) write_batch_normals(batch, strands, buffers->normals[time]);
+                if (time == 0) write_attributes(batch, strands, buffers);
+            }
+        }
+        for (uint32_t a = 0; a < buffers->attribute_count; ++a) {
+            const MarramAttribute& declared = instance.attributes[buffers->attributes[a]];
+            if (std::ranges::none_of(own_attributes, [&](const MarramAttribute& own) {
+                    return own.name == declared.name; // the same constant
+                }))
+                write_carried(instance, patch, declared, buffers->attribute_values[a]);
+        }
+        return MARRAM_OK;
+    });
+}
+
+void report_import(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
+    ImportInstance& instance = self_of(opaque);
+    size_t scratch = 0;
+    const CollisionCounts counts = report_chain(instance.workers, sink, user, scratch);
+    warn_of_collisions(instance.host, instance.settings.curves_place, instance.time_count > 1, counts);
+    const Wind& wind = instance.wind;
+    if (instance.automatic_rays) sink(user, "chosen.shield_rays", wind.shielding->rays);
+    if (instance.automatic_step && instance.past.window.count() > 0)
+        sink(user, "chosen.jiggle_step", wind.jiggle->step);
+    if (wind.noise.left_out > 0) sink(user, "chosen.octaves", wind.noise.octaves - wind.noise.left_out);
+    sink(user, "seconds.expand", instance.binding_seconds);
+    sink(user, "seconds.collide", instance.chain_seconds);
+    const Binding& binding = instance.binding;
+    sink(user, "binding.strands", double(binding.bonds.size()));
+    sink(user, "binding.greatest_distance", binding.greatest_distance);
+    sink(user, "binding.mean_distance", binding.mean_distance);
+    sink(user, "binding.far", double(binding.far));
+    sink(user, "binding.inside", double(binding.inside));
+    sink(user, "binding.deepest", binding.deepest);
+    sink(user, "binding.no_length", double(binding.no_length));
+    size_t lists = 0;
+    for (const ImportPatch& patch : instance.patches)
+        lists += sizeof patch + patch.order.capacity() * 4 + patch.runs.capacity() * 8;
+    sink(user, "memory.curve_extra_bytes",
+         double(binding.bonds.capacity() * sizeof(Bond) + lists +
+                (instance.bind_positions.capacity() + instance.bind_normals.capacity() +
+                 instance.bind_vertices.capacity()) *
+                    sizeof(float) +
+                instance.past.bytes() + instance.trees.bytes() + instance.chain.gust_bytes() + scratch));
+}
+
+void destroy_import(MarramInstance* opaque) {
+    delete reinterpret_cast<ImportInstance*>(opaque);
+} // NULL is fine
+
+} // namespace
+
+MarramProcedural strands_procedural() {
+    MarramProcedural procedural{};
+    procedural.name = "strands";
+    procedural.help = "hair, fur or grass that was groomed elsewhere, on a mesh or in the open, and bends in "
+                      "the scene's wind";
+    procedural.kind = MARRAM_CURVES;
+    procedural.params = strand_params().data();
+    procedural.param_count = uint32_t(strand_params().size());
+    procedural.param_stride = sizeof(MarramParam);
+    procedural.attributes = own_attributes.data();
+    procedural.attribute_count = uint32_t(own_attributes.size());
+    procedural.attribute_stride = sizeof(MarramAttribute);
+    procedural.create = create_import;
+    procedural.begin = begin_import;
+    procedural.patch = patch_of_import;
+    procedural.tessellate = tessellate_import;
+    procedural.report = report_import;
+    procedural.destroy = destroy_import;
+    procedural.update = update_import;
+    procedural.attributes_of = import_attributes;
+    return procedural;
+}
+
+std::span<const MarramReportEntry> strands_report_entries() {
+    static constexpr auto entry = [](const char* path, const char* unit, MarramCombine combine,
+                                     const char* help) {
+        return MarramReportEntry{path, unit, combine, nullptr, nullptr, help};
+    };
+    static constexpr std::array entries = {
+        entry("binding.strands", "count", MARRAM_SUM, "strands that are bound to a mesh"),
+        entry("binding.greatest_distance", "m", MARRAM_MAXIMUM, "of a root from its mesh, as in the file"),
+        entry("binding.mean_distance", "m", MARRAM_EACH, "of roots from their mesh, as in the file"),
+        entry("binding.far", "count", MARRAM_SUM, "roots farther away than a tenth of their strand's length"),
+        entry("binding.inside", "count", MARRAM_SUM, "roots under the skin, as in the file"),
+        entry("binding.deepest", "m", MARRAM_MAXIMUM, "how deep the deepest of them is"),
+        entry("binding.no_length", "count", MARRAM_SUM, "strands without length"),
+    };
+    return entries;
+}
+
+} // namespace marram

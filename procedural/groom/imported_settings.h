@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a scene says of strands that were groomed elsewhere.
+#pragma once
+
+#include "core/math/ramp.h"
+#include "core/plugin/marram_plugin.h"
+#include "procedural/values.h"
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace marram {
+
+// A factor of the wind by a ramp over an attribute of the curves.
+struct CurveFactor {
+    std::string name, place;
+    Ramp ramp;
+};
+
+// An attribute of the file that is handed on.
+struct CarriedAttribute {
+    std::string name;
+    uint32_t components;
+    MarramRate rate;
+    uint32_t discrete;
+};
+
+struct ImportSettings {
+    std::string curves, curves_place;
+    std::string mesh, mesh_place; // "": bound to nothing
+    std::optional<double> width;  // diameter, m; absent: the file's
+    Ramp width_profile;
+    double width_scale = 1.0;
+    std::optional<MarramBasis> basis; // absent: the file's, Catmull-Rom where it does not say
+    MarramShape shape = MARRAM_ROUND;
+    Ramp envelope;
+    std::vector<CurveFactor> wind_by;
+    uint32_t seed = 0;
+    std::vector<CarriedAttribute> carried;
+    std::string place; // of the table, "" as the host has it
+};
+
+std::span<const MarramParam> import_params();
+ImportSettings read_import(const Values& values);
+
+// Of what decides how strands are bound: they stay bound where it, the curves and the mesh are the same.
+uint64_t binding_digest(const ImportSettings& settings);
+
+} // namespace marram

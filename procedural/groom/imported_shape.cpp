@@ -1,0 +1,333 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/groom/imported_shape.h"
+
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_reduce.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace marram {
+namespace {
+
+Vec3d cv_at(const float* v) { return {double(v[0]), double(v[1]), double(v[2])}; }
+
+void set_eight(Wide3d& v, int lane, const Vec3d& value) {
+    v.x[lane] = value.x();
+    v.y[lane] = value.y();
+    v.z[lane] = value.z();
+}
+
+Eigen::Matrix3d matrix_of(const Frame& frame) {
+    Eigen::Matrix3d m;
+    m << frame.tangent, frame.bitangent, frame.normal;
+    return m;
+}
+
+bool same_triangle(const Surface& a, const Surface& b, uint32_t triangle) {
+    for (size_t i = 0; i < 3; ++i) {
+        const size_t v = 3 * size_t(a.triangles[3 * size_t(triangle) + i]);
+        for (size_t k = v; k < v + 3; ++k)
+            if (a.positions[k] != b.positions[k] || (a.normals && b.normals && a.normals[k] != b.normals[k]))
+                return false;
+    }
+    return true;
+}
+
+// Eight strands' motion from their file to where they stand: p -> turn (p - from) + to.
+struct alignas(64) Carry8 {
+    VDouble turn[3][3];
+    Wide3d from, to;
+};
+
+void set_carry(Carry8& carry, int lane, const Eigen::Matrix3d& turn, const Vec3d& from, const Vec3d& to) {
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) carry.turn[i][j][lane] = turn(i, j);
+    set_eight(carry.from, lane, from);
+    set_eight(carry.to, lane, to);
+}
+
+// The CVs of eight strands, side by side; `source` points to their first CVs.
+void carry_cvs(const Carry8& carry, const float* const* source, int cvs, Wide3f* rest, VFloat* radius,
+               double width_scale) {
+    for (int k = 0; k < cvs; ++k) {
+        Wide3d p{};
+        for (int lane = 0; lane < lanes; ++lane) {
+            const float* v = source[lane] + 4 * k;
+            p.x[lane] = double(v[0]);
+            p.y[lane] = double(v[1]);
+            p.z[lane] = double(v[2]);
+            radius[k][lane] = float(double(v[3]) * width_scale);
+        }
+        const Wide3d d = p - carry.from;
+        const auto row = [&](int i) {
+            return carry.turn[i][0] * d.x + carry.turn[i][1] * d.y + carry.turn[i][2] * d.z;
+        };
+        rest[k] = to_float(Wide3d{row(0), row(1), row(2)} + carry.to);
+    }
+}
+
+// u of every CV from the rest strands; 0 all along where a strand has no length.
+void set_arcs(int cvs, const Wide3f* rest, VDouble* u) {
+    u[0] = VDouble{};
+    for (int k = 0; k + 1 < cvs; ++k) {
+        const Wide3d d = to_double(rest[k + 1]) - to_double(rest[k]);
+        u[k + 1] = u[k] + vsqrt(dot(d, d));
+    }
+    const VDouble length = u[cvs - 1];
+    const VLong some = length > 0.0;
+    const VDouble scale = some ? 1.0 / (some ? length : splat(1.0)) : VDouble{};
+    for (int k = 0; k < cvs; ++k) u[k] *= scale;
+}
+
+double lowest_root(const Collision& collision, double length, double radius) {
+    return root_offset(collision, length, radius);
+}
+
+float component(const MarramAttribute& attribute, uint64_t element, uint32_t i) {
+    return attribute.values[element * attribute.components + i];
+}
+
+double wind_share_of(const ImportInstance& instance, uint64_t curve) {
+    double share = 1.0;
+    for (const CurveFactor& factor : instance.settings.wind_by)
+        if (const MarramAttribute* attribute = instance.curves.find(factor.name))
+            share *= std::clamp(factor.ramp(double(component(*attribute, curve, 0))), 0.0, 1.0);
+    return share;
+}
+
+// Across a ribbon: what the file says, else at right angles to the strand and as near to the skin's normal as can be.
+Vec3d ribbon_normal(const MarramAttribute* given, uint64_t cv, const Eigen::Matrix3d& turn,
+                    const Vec3d& tangent, const Vec3d& skin_normal) {
+    if (given) {
+        const Vec3d n = turn * Vec3d(double(component(*given, cv, 0)), double(component(*given, cv, 1)),
+                                     double(component(*given, cv, 2)));
+        if (n.squaredNorm() > 0.0) return n.normalized();
+    }
+    if (!(tangent.squaredNorm() > 0.0)) return skin_normal;
+    const Vec3d t = tangent.normalized();
+    Vec3d n = skin_normal - t * t.dot(skin_normal);
+    if (n.norm() > 1e-6) return n.normalized();
+    Vec3d unused;
+    orthonormal_basis<double>(t, n, unused);
+    return n;
+}
+
+// The width where the scene gives it.
+void set_own_widths(const ImportSettings& settings, int cvs, const VDouble* u, VFloat* radius) {
+    for (int k = 0; k < cvs; ++k)
+        for (int lane = 0; lane < lanes; ++lane)
+            radius[k][lane] =
+                float(0.5 * *settings.width * settings.width_scale * settings.width_profile(u[k][lane]));
+}
+
+} // namespace
+
+void expand_imported(const ImportInstance& instance, const SkinPoses* skin, const float* vertices,
+                     uint64_t first, std::span<const uint32_t> curves, uint32_t cvs, Strands& strands) {
+    const ImportSettings& settings = instance.settings;
+    const LentCurves& lent = instance.curves;
+    const uint64_t first_vertex = lent.first_vertex(first);
+    const auto& collision = instance.wind.collision;
+    const bool moves = lent.curves.moves != 0;
+    const MarramAttribute* given_normal = lent.find("normal");
+    if (given_normal && (given_normal->components != 3 || given_normal->rate != MARRAM_PER_CV))
+        given_normal = nullptr;
+    Eigen::Matrix3d turns[lanes];
+    Vec3d facings[lanes];
+    for (int block = 0; block < strands.blocks; ++block) {
+        const size_t at = size_t(block) * cvs;
+        Carry8 carry;
+        const float* source[lanes];
+        for (int lane = 0; lane < lanes; ++lane) {
+            const uint32_t c = curves[std::min(size_t(block) * lanes + size_t(lane), curves.size() - 1)];
+            const float* v = vertices + 4 * (lent.first_vertex(first + c) + 1 - first_vertex);
+            source[lane] = v;
+            Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+            Vec3d from = Vec3d::Zero(), to = Vec3d::Zero(), anchor = cv_at(v);
+            Vec3d facing = cv_at(v + 4) - cv_at(v); // of strands that are bound to nothing
+            facing = facing.squaredNorm() > 0.0 ? Vec3d(facing.normalized()) : Vec3d(Vec3d::UnitY());
+            if (skin) {
+                const Bond& bond = instance.binding.bonds[first + c];
+                const Frame now = frame_at(skin->now, bond.triangle, bond.weights);
+                const Vec3d foot = skin->now.point(bond.triangle, bond.weights);
+                facing = now.normal;
+                double height = double(bond.height);
+                if (moves) {
+                    height = (cv_at(v) - foot).dot(now.normal);
+                } else if (!same_triangle(skin->bind, skin->now, bond.triangle)) {
+                    const Frame bind = frame_at(skin->bind, bond.triangle, bond.weights);
+                    turn = matrix_of(now) * matrix_of(bind).transpose();
+                    from = skin->bind.point(bond.triangle, bond.weights);
+                    to = foot;
+                }
+                if (collision) {
+                    const double radius = settings.width ? 0.5 * *settings.width * settings.width_scale *
+                                                               settings.width_profile(0.0)
+                                                         : double(v[3]) * settings.width_scale;
+                    const double length = curve_length(v, cvs);
+                    const double lift = lowest_root(*collision, length, radius) - height;
+                    if (lift > 0.0 && length > 0.0) to += lift * now.normal;
+                }
+                if (!instance.wind.rest_anchored) anchor = turn * (anchor - from) + to;
+            }
+            set_carry(carry, lane, turn, from, to);
+            turns[lane] = turn;
+            facings[lane] = facing;
+            set_eight(strands.anchor[size_t(block)], lane, anchor);
+            set_eight(strands.root_normal[size_t(block)], lane, facing);
+            if (strands.has_wind_share)
+                strands.wind_share[size_t(block)][lane] = float(wind_share_of(instance, first + c));
+        }
+        carry_cvs(carry, source, int(cvs), &strands.rest[at], &strands.radius[at], settings.width_scale);
+        set_arcs(int(cvs), &strands.rest[at], &strands.u[at]);
+        if (settings.width) set_own_widths(settings, int(cvs), &strands.u[at], &strands.radius[at]);
+        strands.width[size_t(block)] = to_double(strands.radius[at]) * 2.0;
+        if (!strands.oriented) continue;
+        for (int lane = 0; lane < lanes; ++lane) {
+            const uint32_t c = curves[std::min(size_t(block) * lanes + size_t(lane), curves.size() - 1)];
+            for (uint32_t k = 0; k < cvs; ++k) {
+                const uint32_t a = std::min(k, cvs - 2);
+                const Vec3d tangent =
+                    turns[lane] * (cv_at(source[lane] + 4 * (a + 1)) - cv_at(source[lane] + 4 * a));
+                const Vec3d n = ribbon_normal(given_normal, lent.first_cv(first + c) + k, turns[lane],
+                                              tangent, facings[lane]);
+                Wide3f& normal = strands.rest_normal[at + k];
+                normal.x[lane] = float(n.x());
+                normal.y[lane] = float(n.y());
+                normal.z[lane] = float(n.z());
+            }
+        }
+    }
+}
+
+// ---- Patches and boxes
+
+void make_patches(ImportInstance& instance) {
+    constexpr uint64_t patch_cvs = 4096, patch_curves = 512;
+    const LentCurves& lent = instance.curves;
+    const float* vertices = instance.bind_pose();
+    std::vector<ImportPatch>& patches = instance.patches;
+    patches.clear();
+    for (uint64_t c = 0; c < lent.count();) {
+        uint64_t end = c;
+        while (end < lent.count() && end - c < patch_curves &&
+               (end == c || lent.first_cv(end + 1) - lent.first_cv(c) <= patch_cvs))
+            ++end;
+        patches.push_back({c, end - c, 0.0, 0.0, 0.0, {}, {}});
+        c = end;
+    }
+    std::vector<Eigen::AlignedBox3d> boxes(patches.size());
+    tbb::parallel_for(size_t{0}, patches.size(), [&](size_t p) {
+        ImportPatch& patch = patches[p];
+        patch.order.resize(patch.count);
+        std::iota(patch.order.begin(), patch.order.end(), 0U);
+        std::ranges::stable_sort(patch.order, {}, [&](uint32_t i) { return lent.cvs(patch.first + i); });
+        for (uint32_t i = 0; i < patch.order.size(); ++i) {
+            const auto cvs_of = [&](uint32_t k) { return lent.cvs(patch.first + patch.order[k]); };
+            if (i == 0 || cvs_of(i) != cvs_of(i - 1)) patch.runs.push_back({i, i});
+            patch.runs.back()[1] = i + 1;
+        }
+        for (uint64_t c = patch.first; c < patch.first + patch.count; ++c) {
+            const float* v = vertices + 4 * (lent.first_vertex(c) + 1);
+            double length = 0.0;
+            for (uint32_t k = 0; k < lent.cvs(c); ++k) {
+                boxes[p].extend(cv_at(v + 4 * k));
+                patch.widest = std::max(patch.widest, double(v[4 * k + 3]));
+                if (k == 0) continue;
+                const double segment = (cv_at(v + 4 * k) - cv_at(v + 4 * (k - 1))).norm();
+                patch.longest_segment = std::max(patch.longest_segment, segment);
+                length += segment;
+            }
+            patch.longest = std::max(patch.longest, length);
+        }
+    });
+    instance.longest = 0.0;
+    instance.bind_box = {};
+    instance.fewest_cvs = lent.count() > 0 ? UINT32_MAX : 2;
+    for (uint64_t c = 0; c < lent.count(); ++c)
+        instance.fewest_cvs = std::min(instance.fewest_cvs, lent.cvs(c));
+    for (size_t p = 0; p < patches.size(); ++p) {
+        instance.longest = std::max(instance.longest, patches[p].longest);
+        instance.bind_box.extend(boxes[p]);
+    }
+}
+
+namespace {
+
+double widest_radius(const ImportSettings& settings, double of_file) {
+    if (!settings.width) return of_file * settings.width_scale;
+    const auto shares = settings.width_profile.values();
+    return 0.5 * *settings.width * settings.width_scale * *std::ranges::max_element(shares);
+}
+
+// How far anything of a strand may be from its root: see groom_bounds.cpp.
+double import_reach(const ImportInstance& instance, double longest, double longest_segment, double widest,
+                    double scale) {
+    const double radius = widest_radius(instance.settings, widest);
+    const double beyond = instance.basis == MARRAM_CATMULL_ROM ? longest_segment / 3.0 : 0.0;
+    double clearance = 0.0;
+    if (const auto& collision = instance.wind.collision)
+        clearance = std::max(collision->clearance.value_or(0.0), lowest_root(*collision, longest, radius));
+    return (longest + beyond + radius + clearance) * (1.0 + 1e-5) + 4.0 * (scale + longest) * 0x1p-23;
+}
+
+} // namespace
+
+// The roots' box, grown by the reach. Roots that are lifted move by what they lack, which is no more than their depth and their offset.
+void find_import_patch(const ImportInstance& instance, uint32_t index, MarramPatch* out) {
+    const ImportPatch& patch = instance.patches[index];
+    const LentCurves& lent = instance.curves;
+    out->first_curve = patch.first;
+    out->curve_count = uint32_t(patch.count);
+    Eigen::AlignedBox3d box;
+    double longest = patch.longest, segment = patch.longest_segment, widest = patch.widest;
+    const bool moves = lent.curves.moves != 0;
+    for (uint32_t t = 0; moves && t < lent.curves.time_count; ++t) // lengths may change
+        for (uint64_t c = patch.first; c < patch.first + patch.count; ++c) {
+            const float* v = instance.vertices(t) + 4 * (lent.first_vertex(c) + 1);
+            longest = std::max(longest, curve_length(v, lent.cvs(c)));
+            for (uint32_t k = 0; k < lent.cvs(c); ++k) widest = std::max(widest, double(v[4 * k + 3]));
+        }
+    if (moves) segment = longest;
+    double lift = 0.0;
+    for (uint32_t t = 0; t < instance.time_count; ++t)
+        for (uint64_t c = patch.first; c < patch.first + patch.count; ++c) {
+            const Vec3d root =
+                cv_at((moves ? instance.vertices(t) : instance.bind_pose()) + 4 * (lent.first_vertex(c) + 1));
+            if (!instance.mesh) {
+                box.extend(root);
+                continue;
+            }
+            // Carried rigidly, a root stays as far from its foot as it was.
+            const Bond& bond = instance.binding.bonds[c];
+            const Vec3d foot = instance.surface(t).point(bond.triangle, bond.weights);
+            box.extend(foot);
+            if (moves) box.extend(root);
+            lift = std::max(lift, moves ? (root - foot).norm() : std::abs(double(bond.height)));
+        }
+    const double scale = std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff());
+    const double reach = import_reach(instance, longest, segment, widest, scale) + 2.0 * lift;
+    for (int axis = 0; axis < 3; ++axis) {
+        out->lower[axis] = float(box.min()[axis] - reach);
+        out->upper[axis] = float(box.max()[axis] + reach);
+    }
+}
+
+Eigen::AlignedBox3d bounds_of_import(const ImportInstance& instance) {
+    return tbb::parallel_reduce(
+        tbb::blocked_range<uint32_t>(0, uint32_t(instance.patches.size())), Eigen::AlignedBox3d(),
+        [&](const tbb::blocked_range<uint32_t>& range, Eigen::AlignedBox3d box) {
+            for (uint32_t i = range.begin(); i < range.end(); ++i) {
+                MarramPatch patch{};
+                find_import_patch(instance, i, &patch);
+                box.extend(Eigen::Map<const Vec3f>(patch.lower).cast<double>());
+                box.extend(Eigen::Map<const Vec3f>(patch.upper).cast<double>());
+            }
+            return box;
+        },
+        [](const Eigen::AlignedBox3d& a, const Eigen::AlignedBox3d& b) { return a.merged(b); });
+}
+
+} // namespace marram

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// Curves that the host lends, as the contract lays them out.
+#pragma once
+
+#include "core/plugin/marram_plugin.h"
+#include "procedural/values.h"
+
+#include <span>
+#include <string>
+#include <vector>
+
+namespace marram {
+
+struct LentCurves {
+    MarramCurves curves{};
+    uint32_t index = 0; // in MarramFrame.curves
+    std::vector<MarramAttribute> attributes{};
+
+    uint64_t count() const { return curves.curve_count; }
+    uint64_t first_cv(uint64_t c) const {
+        return curves.offsets ? curves.offsets[c] : c * curves.cvs_per_curve;
+    }
+    uint32_t cvs(uint64_t c) const {
+        return curves.offsets ? uint32_t(curves.offsets[c + 1] - curves.offsets[c]) : curves.cvs_per_curve;
+    }
+    uint64_t first_vertex(uint64_t c) const { return first_cv(c) + 2 * c; } // the one before the root
+    uint64_t cv_count() const { return first_cv(count()); }
+    const MarramAttribute* find(std::string_view name) const {
+        for (const MarramAttribute& a : attributes)
+            if (name == a.name) return &a;
+        return nullptr;
+    }
+};
+
+// The curves of that name in a frame. Throws SceneFault where there are none, and for counts, pointers and numbers that are not usable.
+// Cost: 1 ns a vertex.
+LentCurves find_curves(const MarramFrame& frame, std::string_view name, const std::string& place);
+
+} // namespace marram

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/groom/strand_calls.h"
+
+#include "procedural/values.h"
+
+#include <string>
+
+namespace marram {
+
+std::vector<MarramParam> with_wind_params(std::span<const MarramParam> own) {
+    static const std::vector<std::string> names = [] {
+        std::vector<std::string> list;
+        for (const MarramParam& param : wind_params()) list.push_back(std::string("wind.") + param.name);
+        return list;
+    }();
+    std::vector<MarramParam> list(own.begin(), own.end());
+    for (size_t i = 0; i < wind_params().size(); ++i) {
+        list.push_back(wind_params()[i]);
+        list.back().name = names[i].c_str();
+    }
+    return list;
+}
+
+MarramStatus fix_gusts_once(const MarramFrame& frame, const Eigen::AlignedBox3d& of_strands, Wind& wind,
+                            bool& fixed) {
+    if (!wind.gusts || fixed) return MARRAM_OK;
+    Eigen::AlignedBox3d box = of_strands;
+    std::vector<float> positions;
+    for (uint32_t i = 0; i < frame.mesh_count; ++i) {
+        positions.resize(3 * size_t(frame.meshes[i].vertex_count));
+        const MarramStatus status =
+            frame.pose(frame.pose_user, i, frame.bind_frame, positions.data(), nullptr);
+        if (status != MARRAM_OK) return status;
+        for (size_t v = 0; v + 2 < positions.size(); v += 3)
+            box.extend(Vec3d(double(positions[v]), double(positions[v + 1]), double(positions[v + 2])));
+    }
+    fix_gusts(*wind.gusts, box.min(), box.max(), wind.direction);
+    fixed = true;
+    return MARRAM_OK;
+}
+
+bool moving_meshes_matter(const Wind& wind, const MarramFrame& frame) {
+    if (!wind.collision && !wind.shielding) return false;
+    for (uint32_t i = 0; i < frame.mesh_count; ++i)
+        if (frame.meshes[i].time_count > 1) return true;
+    return false;
+}
+
+void check_buffers(const MarramPatchBuffers* buffers, uint32_t time_count, bool oriented,
+                   size_t attribute_count) {
+    bool there = buffers && buffers->vertices &&
+                 (buffers->attribute_count == 0 || (buffers->attributes && buffers->attribute_values));
+    for (uint32_t t = 0; there && t < time_count; ++t) there = buffers->vertices[t] != nullptr;
+    if (there && oriented) {
+        there = buffers->normals != nullptr;
+        for (uint32_t t = 0; there && t < time_count; ++t) there = buffers->normals[t] != nullptr;
+    }
+    for (uint32_t a = 0; there && a < buffers->attribute_count; ++a) {
+        if (buffers->attributes[a] >= attribute_count)
+            throw SceneFault("contract.attribute_range", "",
+                             "there is no attribute " + std::to_string(buffers->attributes[a]),
+                             "ask for 0 to " + std::to_string(attribute_count - 1));
+        there = buffers->attribute_values[a] != nullptr;
+    }
+    if (!there)
+        throw SceneFault("contract.null_buffer", "", "a buffer is NULL",
+                         "give vertices for each motion sample, normals for oriented ribbons, and "
+                         "values for each attribute that is asked for");
+}
+
+CollisionCounts report_chain(Workers& workers, ReportSink sink, void* user, size_t& scratch) {
+    StageClock sum;
+    CollisionCounts counts;
+    scratch = 0;
+    for (const Worker& worker : workers) {
+        sum += worker.chain.clock;
+        counts += worker.chain.counts;
+        scratch += worker.strands.bytes() + worker.chain.past.bytes();
+        for (const auto& pose : worker.chain.jiggled) scratch += pose.capacity() * sizeof(Wide3f);
+    }
+    sink(user, "thread_seconds.expand", sum.expand + sum.write);
+    sink(user, "thread_seconds.gusts", sum.gusts);
+    sink(user, "thread_seconds.shield", sum.shield);
+    sink(user, "thread_seconds.jiggle", sum.jiggle);
+    sink(user, "thread_seconds.bend", sum.bend);
+    sink(user, "thread_seconds.collide", sum.collide);
+    sink(user, "collision.contacts", double(counts.contacts));
+    sink(user, "collision.pushed_out", double(counts.pushed_out));
+    sink(user, "collision.unresolved", double(counts.unresolved));
+    sink(user, "collision.skipped_pushes", double(counts.skipped_pushes));
+    sink(user, "collision.dips", double(counts.dips));
+    sink(user, "collision.goal_angle", counts.goal_angle);
+    sink(user, "collision.turned_angle", counts.turned_angle);
+    return counts;
+}
+
+void warn_of_gusts(const MarramHost& host, const std::string& place, const ChainFrame& chain) {
+    constexpr size_t much = size_t(1) << 30;
+    const size_t bytes = chain.gust_bytes();
+    if (bytes < much) return;
+    const std::string what = "gusts among the strands take " + std::to_string(bytes >> 20) + " MiB, for " +
+                             std::to_string(chain.instants.size()) + " motion samples and " +
+                             std::to_string(chain.past_gusts.size()) + " steps of jiggle";
+    send(host, MARRAM_WARNING, "gusts.memory", place, what,
+         "lower wind.gusts.num_gusts, radius_range or life_range");
+}
+
+// What collision could not do is never hidden.
+void warn_of_collisions(const MarramHost& host, const std::string& place, bool all_samples,
+                        const CollisionCounts& counts) {
+    const auto warn = [&](uint64_t count, const char* id, const std::string& what, const char* remedy) {
+        if (count > 0) send(host, MARRAM_WARNING, id, place, std::to_string(count) + what, remedy);
+    };
+    const std::string of = all_samples ? " (all motion samples together)" : "";
+    warn(counts.unresolved, "collision.unresolved", " segments or roots have no free direction" + of,
+         "raise wind.collision.offset_root, or let less stand around them");
+    warn(counts.dips, "collision.dips", " drawn strands dip into a mesh by more than the tolerance" + of,
+         "roots are closer to the mesh than the strand radius, or the gap is too narrow: use thinner strands "
+         "or raise "
+         "wind.collision.offset_root");
+}
+
+} // namespace marram

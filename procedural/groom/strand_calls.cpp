@@ -24,7 +24,8 @@ std::vector<MarramParam> with_wind_params(std::span<const MarramParam> own) {
 MarramStatus fix_gusts_once(const MarramFrame& frame, const Eigen::AlignedBox3d& of_strands, Wind& wind,
                             bool& fixed) {
     if (!wind.gusts || fixed) return MARRAM_OK;
-    Eigen::AlignedBox3d box = of_strands;
+    Eigen::AlignedBox3d box;
+    if (frame.mesh_count == 0) box = of_strands;
     std::vector<float> positions;
     for (uint32_t i = 0; i < frame.mesh_count; ++i) {
         positions.resize(3 * size_t(frame.meshes[i].vertex_count));

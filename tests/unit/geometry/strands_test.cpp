@@ -88,7 +88,7 @@ TEST(Strands, AtRestAreTheFilesCurvesToTheBit) {
 // One set of strands, grown and imported: the same motion, to what storing the roots as floats makes of the noise.
 TEST(Strands, AreBlownLikeGrownOnes) {
     const std::string wind =
-        "[wind]\ndirection = [1, 0, 0.3]\nspeed = 6\nnoise.amplitude = 0.5\nnoise.frequency = 3\n"
+        "[wind]\ndirection = [1, 0, 0.3]\nspeed = 6\ncalm = 0.5\nnoise.amplitude = 0.5\nnoise.frequency = 3\n"
         "jiggle.frequency = 3\njiggle.step = 0.5\njiggle.stiffness = [[0, 3], [1, 1]]\n"
         "gusts.num_gusts = 20\ngusts.extent = [3, 3]\ngusts.distance = 2\n";
     const std::string ground = mesh("ground", "plane", "size = [2, 2]\n");

@@ -52,7 +52,9 @@ constexpr std::array groom_values = {
                 "share of the density over the attribute"},
     MarramParam{"spacing", MARRAM_NUMBER, "", "1", 0, 1, "",
                 "0: random roots; 1: as even as a Poisson disc set"},
-    MarramParam{"length", MARRAM_RANGE, "m", "", 0, largest, "", "shortest and longest strand"},
+    MarramParam{
+        "length", MARRAM_RANGE, "m", "none", 0, largest, "",
+        "shortest and longest strand; required, but of strands with guides, which have guides.length"},
     MarramParam{"length_mask", MARRAM_IMAGE, "", "none", -largest, largest, "", "scale of the length, by uv"},
     MarramParam{"length_by_height", MARRAM_RAMP, "m", "none", -largest, largest, "",
                 "scale of the length over y"},
@@ -239,7 +241,8 @@ void find_attributes(Groom& groom, std::span<const MarramAttribute> attributes) 
 uint64_t roots_digest(const Values& values) {
     Digest digest;
     for (const char* name : {"on", "density", "count", "density_mask", "density_by_height",
-                             "density_by_slope", "spacing", "seed"})
+                             "density_by_slope", "spacing", "seed", "guides.curves", "guides.blend",
+                             "guides.parting", "guides.parting_lines", "guides.length", "guides.wind"})
         if (const MarramValue* value = values.find(name)) {
             digest.add(name).add(value->text).add(value->numbers, value->number_count * sizeof(double));
             if (const MarramGrid* grid = value->grid)
@@ -256,12 +259,27 @@ uint64_t roots_digest(const Values& values) {
     }
 }
 
-std::span<const MarramParam> groom_params() { return groom_values; }
+const std::vector<MarramParam>& groom_params() {
+    static const std::vector<MarramParam> params = [] {
+        std::vector<MarramParam> list(groom_values.begin(), groom_values.end());
+        list.insert(list.end(), guide_params().begin(), guide_params().end());
+        return list;
+    }();
+    return params;
+}
 
 Groom read_groom(const Values& values) {
     Groom groom;
     read_roots(values, groom);
-    groom.length = values.range("length");
+    groom.guides = read_guides(values);
+    if (groom.guides && values.has("length"))
+        throw SceneFault("groom.length_of_guides", values.at("length").place,
+                         "length is given, but strands have guides",
+                         "give guides.length, as a share of theirs");
+    if (!groom.guides && !values.has("length"))
+        throw SceneFault("groom.no_length", values.at("on").place, "length is not given",
+                         "add length = [shortest, longest] in metres");
+    if (!groom.guides) groom.length = values.range("length");
     groom.combed = values.has("comb");
     if (groom.combed) {
         const Vec3d comb = values.vec3("comb");

@@ -6,6 +6,7 @@
 #include "core/math/ramp.h"
 #include "core/math/vec.h"
 #include "core/plugin/marram_plugin.h"
+#include "procedural/groom/guides.h"
 #include "procedural/groom/surface.h"
 #include "procedural/values.h"
 
@@ -56,7 +57,8 @@ struct Groom {
     Masks density_masks, length_masks;
     double spacing = 1.0; // 0 random, 1 as even as it gets
 
-    Vec2d length; // metres
+    std::optional<GuideSettings> guides; // what strands are children of
+    Vec2d length;                        // metres; of children 0 to the longest, as guides_of() has found it
     bool combed = false;
     Vec3d comb;                              // where strands lean to
     double comb_variation = 0.0;             // radians
@@ -77,7 +79,7 @@ struct Groom {
     uint32_t seed = 0;
 };
 
-std::span<const MarramParam> groom_params();
+const std::vector<MarramParam>& groom_params(); // those of guides among them
 Groom read_groom(const Values& values);
 
 // Of all values that decide where strands stand: where it and the mesh stay the same the roots do.

@@ -8,9 +8,11 @@
 #include "procedural/groom/groom_output.h"
 #include "procedural/groom/groom_settings.h"
 #include "procedural/groom/groom_warnings.h"
+#include "procedural/groom/guide_motion.h"
 #include "procedural/groom/strand_calls.h"
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
 #include <array>
 #include <cmath>
@@ -108,17 +110,19 @@ MarramStatus update(MarramInstance* opaque, const MarramUpdate* given, uint32_t*
         }
         const bool same_roots = description.roots_digest == instance.roots_digest;
         // Only begin() can tell whether the mesh really changed: note that it must check.
+        const bool uses_guides = description.groom.guides.has_value();
         const bool uses_attributes = !description.groom.density_masks.by_attribute.empty();
         const uint32_t placement_inputs =
             MARRAM_POSITIONS | MARRAM_TOPOLOGY | (uses_attributes ? uint32_t(MARRAM_ATTRIBUTES) : 0U);
         const bool same_mesh = (update.inputs & placement_inputs) == 0;
-        const bool same_layout = same_roots && same_mesh && !description.automatic.cvs &&
-                                 !instance.automatic.cvs && description.groom.cvs == instance.groom.cvs &&
-                                 description.groom.basis == instance.groom.basis &&
-                                 description.groom.shape == instance.groom.shape;
+        const bool same_layout =
+            same_roots && same_mesh && !(uses_guides && update.inputs != MARRAM_NOTHING) &&
+            !description.automatic.cvs && !instance.automatic.cvs &&
+            description.groom.cvs == instance.groom.cvs && description.groom.basis == instance.groom.basis &&
+            description.groom.shape == instance.groom.shape;
         *changed = same_layout ? uint32_t(MARRAM_POSITIONS | MARRAM_ATTRIBUTES) : uint32_t(MARRAM_EVERYTHING);
         take(instance, std::move(description));
-        if (!same_roots) instance.placed = false;
+        if (!same_roots || (uses_guides && update.inputs != MARRAM_NOTHING)) instance.placed = false;
         if (!same_mesh) instance.mesh_may_differ = true;
         return MARRAM_OK;
     });
@@ -169,9 +173,63 @@ uint64_t digest_of_mesh(const GroomInstance& instance) {
 
 MarramStatus read_bind_pose(GroomInstance& instance) {
     instance.bind_positions.resize(3 * size_t(instance.mesh->vertex_count));
+    const bool normals = instance.groom.guides && instance.mesh->normals;
+    instance.bind_normals.resize(normals ? instance.bind_positions.size() : 0);
     const auto index = uint32_t(instance.mesh - instance.meshes.data());
     return instance.frame.pose(instance.frame.pose_user, index, instance.frame.bind_frame,
-                               instance.bind_positions.data(), nullptr);
+                               instance.bind_positions.data(),
+                               normals ? instance.bind_normals.data() : nullptr);
+}
+
+// The guides as they stand in the bind pose, and what each strand takes of them.
+MarramStatus place_guides(GroomInstance& instance, const std::function<bool()>& cancelled) {
+    instance.guides.reset();
+    instance.blends.clear();
+    if (!instance.groom.guides) return MARRAM_OK;
+    const GuideSettings& settings = *instance.groom.guides;
+    const MarramFrame& frame = instance.frame;
+    const LentCurves curves = find_curves(frame, settings.curves, settings.place);
+    std::vector<float> vertices(4 * (curves.cv_count() + 2 * curves.count()));
+    if (!curves.curves.moves) {
+        std::copy_n(curves.curves.vertices[0], vertices.size(), vertices.begin());
+    } else if (!frame.pose_curves) {
+        throw SceneFault("contract.no_pose_curves", "", "MarramFrame.pose_curves is NULL",
+                         "give a function that poses curves at any time, or curves that rest");
+    } else {
+        const MarramStatus status = frame.pose_curves(frame.pose_user, curves.index, frame.bind_frame, 0,
+                                                      curves.count(), vertices.data());
+        if (status != MARRAM_OK) return status;
+    }
+    std::vector<std::vector<Vec3d>> lines;
+    if (!settings.lines.empty()) {
+        const LentCurves drawn = find_curves(frame, settings.lines, settings.lines_place);
+        for (uint64_t c = 0; c < drawn.count(); ++c) {
+            std::vector<Vec3d>& line = lines.emplace_back();
+            const float* v = drawn.curves.vertices[0] + 4 * (drawn.first_vertex(c) + 1);
+            for (uint32_t k = 0; k < drawn.cvs(c); ++k)
+                line.emplace_back(double(v[4 * k]), double(v[4 * k + 1]), double(v[4 * k + 2]));
+        }
+    }
+    const Surface bind{instance.bind_positions.data(),
+                       instance.bind_normals.empty() ? nullptr : instance.bind_normals.data(),
+                       instance.mesh->triangles,
+                       instance.mesh->uvs,
+                       instance.mesh->triangle_count,
+                       {}};
+    instance.guides = std::make_shared<const GuideSet>(
+        settings, curves, vertices.data(), bind, instance.mesh->vertex_count, std::move(lines), cancelled);
+    if (cancelled()) return MARRAM_CANCELLED;
+    instance.blends.resize(instance.roots.size());
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, instance.roots.size(), 256), [&](const auto& range) {
+        if (cancelled()) return;
+        for (size_t i = range.begin(); i < range.end(); ++i) {
+            const Root root = instance.roots[i];
+            const Vec3d weights = root_weights(instance.groom.seed, root);
+            instance.blends[i] = instance.guides->blend_at(bind.point(root.triangle, weights),
+                                                           frame_at(bind, root.triangle, weights).normal);
+        }
+    });
+    return cancelled() ? MARRAM_CANCELLED : MARRAM_OK;
 }
 
 // After an update: roots stay where the mesh is the same after all.
@@ -190,6 +248,7 @@ MarramStatus place(GroomInstance& instance) {
     instance.roots = std::move(placed.roots);
     instance.placing_bytes = placed.peak_bytes;
     if (cancelled()) return MARRAM_CANCELLED;
+    if (const MarramStatus status = place_guides(instance, cancelled); status != MARRAM_OK) return status;
     instance.placed = true;
     instance.mesh_may_differ = false;
     instance.placed_topology = topology_of(*instance.mesh);
@@ -226,6 +285,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
             const MarramStatus status = place(instance);
             if (status != MARRAM_OK) return status;
         }
+        if (instance.guides) instance.groom.length = {0.0, instance.guides->longest()};
         if (const MarramStatus status =
                 fix_gusts_once(instance.frame, {}, instance.wind, instance.gusts_fixed);
             status != MARRAM_OK)
@@ -262,6 +322,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         warn_of_rounding(instance);
         warn_of_length(instance);
         announce_long_work(instance);
+        blow_guides(instance);
         instance.chain_seconds = instance.wind.collision ? wall_seconds() - before : 0.0;
         MarramOutput output{};
         output.kind = MARRAM_CURVES;
@@ -299,12 +360,15 @@ MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
 Expand expand_of(const GroomInstance& instance, std::span<const Root> roots, StageClock& clock) {
     return {[&instance, roots, &clock](uint32_t time, Strands& strands) {
                 const StageTimer timer(clock.expand);
-                expand(instance.groom, instance.wind, instance.poses(time), roots, strands);
+                const auto guided = instance.guided(roots);
+                expand(instance.groom, instance.wind, instance.poses(time), roots, strands,
+                       guided ? &*guided : nullptr);
             },
             [&instance, roots](int64_t knot, Strands& strands) { // on the jiggle's clock
                 GrowthPoses then{instance.poses(0).bind, instance.past.at(knot, *instance.mesh)};
                 then.now.attributes = instance.attributes;
-                expand(instance.groom, instance.wind, then, roots, strands);
+                const auto guided = instance.guided(roots);
+                expand(instance.groom, instance.wind, then, roots, strands, guided ? &*guided : nullptr);
             }};
 }
 
@@ -321,11 +385,21 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
         strands.has_wind_share = !instance.groom.wind_by_attribute.empty();
         strands.resize(int(roots.size()), instance.groom.cvs, instance.groom.shape == MARRAM_ORIENTED_RIBBON);
         const Expand lay_out = expand_of(instance, roots, worker.chain.clock);
-        if (instance.past.window.count() > 0) jiggle_patch(instance.chain, lay_out, strands, worker.chain);
+        const bool follows = !instance.guide_motion.times.empty();
+        if (instance.past.window.count() > 0 && !follows)
+            jiggle_patch(instance.chain, lay_out, strands, worker.chain);
         for (uint32_t time = 0; time < instance.time_count; ++time) {
             // Later motion samples of a resting mesh share its rest strands.
             if (time < instance.mesh->time_count) lay_out.at_time(time, strands);
-            run_chain(instance.chain, time, strands, worker.chain);
+            if (follows) {
+                {
+                    const StageTimer timer(worker.chain.clock.bend);
+                    follow_guides(instance, roots, time, strands);
+                }
+                collide_pose(instance.chain, time, strands, worker.chain);
+            } else {
+                run_chain(instance.chain, time, strands, worker.chain);
+            }
             const StageTimer timer(worker.chain.clock.write);
             write_vertices(instance, roots, strands, buffers->vertices[time]);
             if (strands.oriented) write_normals(strands, roots.size(), buffers->normals[time]);
@@ -353,8 +427,9 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     sink(user, "seconds.collide", instance.chain_seconds);
     // The most that was there at any time: candidates come and go before there is scratch.
     const size_t lasting = instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 +
-                           instance.past.bytes() + instance.trees.bytes() + instance.chain.gust_bytes() +
-                           scratch;
+                           instance.blends.capacity() * sizeof(GuideBlend) +
+                           (instance.guides ? instance.guides->bytes() : 0) + instance.past.bytes() +
+                           instance.trees.bytes() + instance.chain.gust_bytes() + scratch;
     sink(user, "memory.curve_extra_bytes", double(std::max(lasting, instance.placing_bytes)));
 }
 

@@ -36,6 +36,12 @@ struct Automatic {
     bool cvs = false, rays = false, step = false;
 };
 
+// How the wind moves the guides, where children follow them.
+struct GuideMotion {
+    Wind wind;                      // of guides: without collision
+    std::vector<BlownGuides> times; // [motion sample]; empty: the wind blows every strand for itself
+};
+
 struct GroomInstance {
     MarramHost host{};
     Groom groom;
@@ -47,6 +53,10 @@ struct GroomInstance {
 
     std::vector<Root> roots;
     std::vector<float> bind_positions;
+    std::shared_ptr<const GuideSet> guides; // nullptr: none
+    std::vector<GuideBlend> blends;         // [root] where there are guides
+    std::vector<float> bind_normals;        // likewise, where the mesh has normals
+    GuideMotion guide_motion;
     bool placed = false;
     double placing_seconds = 0.0, chain_seconds = 0.0; // wall time within begin
     size_t placing_bytes = 0;
@@ -80,6 +90,17 @@ struct GroomInstance {
         const Surface bind{bind_positions.data(), nullptr,   mesh->triangles, mesh->uvs,
                            mesh->triangle_count,  attributes};
         return {bind, now};
+    }
+    // Where there are guides; of roots whose first is `first`.
+    std::optional<Guided> guided(size_t first, size_t count) const {
+        if (!guides) return std::nullopt;
+        const Surface bind{bind_positions.data(), bind_normals.empty() ? nullptr : bind_normals.data(),
+                           mesh->triangles,       mesh->uvs,
+                           mesh->triangle_count,  {}};
+        return Guided{*guides, std::span(blends).subspan(first, count), bind};
+    }
+    std::optional<Guided> guided(std::span<const Root> of) const {
+        return guided(size_t(of.data() - roots.data()), of.size());
     }
     uint32_t patch_count() const {
         const auto size = uint64_t(strands_per_patch(groom.cvs));

@@ -44,7 +44,13 @@ MarramStatus choose_settings(GroomInstance& instance) {
     }
     instance.inexact.clear();
     wind.noise.left_out = octaves_too_fine(wind, length, tolerance);
-    const PilotGroom pilot{groom, wind, frame, *instance.mesh, instance.roots, instance.poses(0).bind};
+    const PilotGroom pilot{groom,
+                           wind,
+                           frame,
+                           *instance.mesh,
+                           instance.roots,
+                           instance.poses(0).bind,
+                           instance.guided(0, instance.roots.size())};
     if (open.cvs) {
         const Choice choice = cvs_for(pilot);
         groom.cvs = int(choice.value);

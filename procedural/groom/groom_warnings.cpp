@@ -21,7 +21,8 @@ void warn_of_nothing(const MarramHost& host, const Values& given, const Groom& g
         warn("width", "width is 0, no strand will be seen", "give the diameter in metres");
     if (std::ranges::all_of(groom.width_profile.values(), [](double share) { return share == 0.0; }))
         warn("width_profile", "width_profile is 0 everywhere, no strand will be seen", "raise a value");
-    if (groom.length[1] == 0.0) warn("length", "length is 0, no strand will be seen", "give metres");
+    if (!groom.guides && groom.length[1] == 0.0)
+        warn("length", "length is 0, no strand will be seen", "give metres");
 }
 
 // Work that takes long is announced before it begins, so that who asked for it by mistake need not wait to learn it.

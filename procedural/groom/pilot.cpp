@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <vector>
 
 namespace marram {
@@ -17,12 +18,24 @@ double tolerance_of(const PilotGroom& pilot) {
     return pilot.frame.tolerance > 0.0 ? pilot.frame.tolerance : default_share * longest_strand(pilot.groom);
 }
 
-std::vector<Root> some_of(std::span<const Root> roots, size_t most) {
-    const size_t count = std::min(most, roots.size());
-    std::vector<Root> some;
-    for (size_t i = 0; i < count; ++i) some.push_back(roots[i * roots.size() / count]);
-    return some;
-}
+// Some of a groom's roots, with what they take of its guides.
+struct SomeRoots {
+    std::vector<Root> roots;
+    std::vector<GuideBlend> blends;
+    std::optional<Guided> guided; // points into blends
+
+    SomeRoots(const PilotGroom& pilot, size_t most) {
+        const size_t count = std::min(most, pilot.roots.size());
+        for (size_t i = 0; i < count; ++i) {
+            roots.push_back(pilot.roots[i * pilot.roots.size() / count]);
+            if (pilot.guided) blends.push_back(pilot.guided->blends[i * pilot.roots.size() / count]);
+        }
+        if (pilot.guided) guided.emplace(Guided{pilot.guided->set, blends, pilot.guided->bind});
+    }
+    SomeRoots(const SomeRoots&) = delete;
+    SomeRoots& operator=(const SomeRoots&) = delete;
+    const Guided* how() const { return guided ? &*guided : nullptr; }
+};
 
 // What 99 in 100 stay below; of fewer than a hundred the greatest.
 double most_of(std::vector<double>& distances) {
@@ -57,9 +70,9 @@ double gap(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, siz
     return most_of(distances);
 }
 
-void blow(const PilotGroom& pilot, std::span<const Root> roots, double frame, int cvs, Strands& strands) {
-    strands.resize(int(roots.size()), cvs, false);
-    expand(pilot.groom, pilot.wind, {pilot.bind, pilot.bind}, roots, strands);
+void blow(const PilotGroom& pilot, const SomeRoots& some, double frame, int cvs, Strands& strands) {
+    strands.resize(int(some.roots.size()), cvs, false);
+    expand(pilot.groom, pilot.wind, {pilot.bind, pilot.bind}, some.roots, strands, some.how());
     const double response = wind_response(pilot.wind);
     for (size_t i = 0; i < strands.envelope.size(); ++i) {
         const double u = double(i % size_t(cvs)) / double(cvs - 1);
@@ -121,19 +134,19 @@ Choice cvs_for(const PilotGroom& pilot) {
     int levels = 5; // the finest has 2^levels as many segments as the fewest
     while (levels > 1 && least << levels > 1024) --levels;
     const int finest = least << levels;
-    const std::vector<Root> roots = some_of(pilot.roots, 171);
+    const SomeRoots some(pilot, 171);
     std::vector<double> times_segments(
         static_cast<size_t>(levels)); // the law's factor, as seen from each number
     Strands strands;
     for (const double moment : moments) {
         const double frame = pilot.frame.bind_frame + moment;
-        blow(pilot, roots, frame, finest + 1, strands);
+        blow(pilot, some, frame, finest + 1, strands);
         const WideVector<Wide3f> fine = strands.pose;
         for (int level = 0; level < levels; ++level) {
             const int segments = least << level;
-            blow(pilot, roots, frame, segments + 1, strands);
+            blow(pilot, some, frame, segments + 1, strands);
             const double apart =
-                gap(strands.pose, fine, roots.size(), size_t(segments), size_t(finest / segments));
+                gap(strands.pose, fine, some.roots.size(), size_t(segments), size_t(finest / segments));
             double& seen = times_segments[size_t(level)];
             seen = std::max(seen, apart / (1.0 / segments - 1.0 / finest)); // the finest is off, too
         }
@@ -155,8 +168,7 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot) {
     const Surface now{mesh.positions[0],   mesh.normals ? mesh.normals[0] : nullptr,
                       mesh.triangles,      mesh.uvs,
                       mesh.triangle_count, pilot.bind.attributes};
-    std::vector<Root> roots = some_of(pilot.roots, 96);
-    const size_t count = roots.size();
+    const auto some = std::make_shared<const SomeRoots>(pilot, 96);
     return {pilot.wind,
             pilot.frame,
             &pilot.skin,
@@ -165,12 +177,11 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot) {
             longest_strand(pilot.groom),
             tolerance_of(pilot),
             rest,
-            count,
+            some->roots.size(),
             pilot.groom.cvs,
             false,
-            [&groom = pilot.groom, bind = pilot.bind, now, roots = std::move(roots)](const Wind& wind,
-                                                                                     Strands& out) {
-                expand(groom, wind, {bind, now}, roots, out);
+            [&groom = pilot.groom, bind = pilot.bind, now, some](const Wind& wind, Strands& out) {
+                expand(groom, wind, {bind, now}, some->roots, out, some->how());
             }};
 }
 

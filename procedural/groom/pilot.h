@@ -20,6 +20,7 @@ struct PilotGroom {
     const MarramMesh& skin;
     std::span<const Root> roots;
     Surface bind;
+    std::optional<Guided> guided{}; // its blends are those of the roots
 };
 
 struct Choice {

@@ -13,6 +13,8 @@
 // and each segment is then laid with length s in the direction of the displaced difference. So curl and frizz shorten a
 // strand's reach, never its length, and all segments are equally long.
 //
+// With guides C_k is what they make of it (guides.h), in the same frame with A the skin's tangent; E = S x the line's direction, unit.
+//
 // Clumps are the cells of a jittered lattice at the bind pose (S. Worley, "A Cellular Texture Basis Function", SIGGRAPH
 // 1996): a root belongs to the nearest of the points in the 27 lattice cells around it.
 #include "procedural/groom/strand_shape.h"
@@ -77,14 +79,40 @@ double azimuth(const Groom& groom, const Surface& bind, Root root) {
     return (defined ? std::atan2(y, x) + groom.comb_variation * draw : pi * draw);
 }
 
-void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Root root, int lane,
-              Roots8& roots, Strands& strands, size_t block) {
+// The centre line of a child in its frame, for one lane of `centre`.
+void set_centre(const Guided& guided, const GuideBlend& blend, std::span<const Vec3f> guides, Root root,
+                const Vec3d& weights, int cvs, int lane, Wide3f* centre) {
+    const Frame frame = frame_at(guided.bind, root.triangle, weights);
+    Eigen::Matrix3d to_frame;
+    to_frame << frame.tangent, frame.bitangent, frame.normal;
+    Eigen::Matrix3d turns[most_blended];
+    for (int i = 0; i < most_blended; ++i)
+        if (blend.weight[i] > 0.0F)
+            turns[i] = double(blend.weight[i]) *
+                       (to_frame.transpose() * shortest_turn(guided.normals.empty()
+                                                                 ? guided.set.normal(blend.guide[i])
+                                                                 : guided.normals[blend.guide[i]],
+                                                             frame.normal));
+    for (int k = 0; k < cvs; ++k) {
+        Vec3d sum = Vec3d::Zero();
+        for (int i = 0; i < most_blended; ++i)
+            if (blend.weight[i] > 0.0F)
+                sum += turns[i] * guides[blend.guide[i] * size_t(cvs) + size_t(k)].cast<double>();
+        centre[k].x[lane] = float(sum.x());
+        centre[k].y[lane] = float(sum.y());
+        centre[k].z[lane] = float(sum.z());
+    }
+}
+
+void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Root root,
+              const GuideBlend* blend, const Guided* guided, int lane, Roots8& roots, Strands& strands,
+              size_t block) {
     const uint32_t seed = groom.seed;
     const Vec3d weights = root_weights(seed, root);
     const Frame frame = frame_at(poses.now, root.triangle, weights);
     const Vec3d origin = poses.now.point(root.triangle, weights);
     const Vec3d bind_origin = poses.bind.point(root.triangle, weights);
-    const double angle = azimuth(groom, poses.bind, root);
+    const double angle = blend ? 0.0 : azimuth(groom, poses.bind, root);
     const Vec3d along = std::cos(angle) * frame.tangent + std::sin(angle) * frame.bitangent;
     const Vec3d side = frame.normal.cross(along);
     set_lane(roots.along, lane, along);
@@ -95,8 +123,8 @@ void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Ro
     const double width = strand_width(groom, root);
     strands.width[block][lane] = width;
 
-    double length = groom.length[0] +
-                    (groom.length[1] - groom.length[0]) * unit_double(root_hash(seed, root, Purpose::length));
+    const Vec2d range = blend ? Vec2d(guided->set.length_of(*blend) * groom.guides->length) : groom.length;
+    double length = range[0] + (range[1] - range[0]) * unit_double(root_hash(seed, root, Purpose::length));
     if (groom.length_masks.any()) length *= groom.length_masks(poses.bind, root.triangle, weights);
     if (strands.has_wind_share) {
         double share = 1.0;
@@ -141,8 +169,16 @@ struct ShapeStep { // what is the same for all strands at CV k
     double u, u_middle, clump, frizz;
 };
 
+// v scaled to `length`, `instead` where it has none.
+MARRAM_INLINE Wide3d with_length(const Wide3d& v, VDouble length, const Wide3d& instead) {
+    const VDouble squared = dot(v, v);
+    const VLong some = squared > 1e-300;
+    return select(some, v * (length / vsqrt(some ? squared : splat(1.0))), instead);
+}
+
+// `guides`: centre lines in the frame, or nullptr.
 MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep* steps, int cvs,
-                        const Wide3f* frizz, Wide3f* rest, Wide3f* normals) {
+                        const Wide3f* frizz, const Wide3f* guides, Wide3f* rest, Wide3f* normals) {
     const VDouble step = roots.length / double(cvs - 1);
     const bool curls = groom.curl_radius > 0.0 && groom.curl_turns > 0.0;
     Wide3d centre{}, previous{}, position{}; // in the frame (A, S, N), from the root
@@ -152,7 +188,13 @@ MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep
     for (int k = 1; k < cvs; ++k) {
         VDouble sine, cosine;
         sincos(roots.lean + roots.arc * steps[k].u_middle, sine, cosine);
-        const Wide3d straight{sine * step, VDouble{}, cosine * step};
+        Wide3d straight{sine * step, VDouble{}, cosine * step};
+        Wide3d across_e{cosine, VDouble{}, -sine}, across_s{VDouble{}, splat(1.0), VDouble{}};
+        if (guides) {
+            straight = with_length(to_double(guides[k]) - to_double(guides[k - 1]), step, straight);
+            across_e = with_length(cross(across_s, straight), splat(1.0), across_e);
+            across_s = with_length(cross(straight, across_e), splat(1.0), across_s);
+        }
         centre = centre + straight;
         Wide3d displaced = centre;
         displaced.x += roots.clump_along * steps[k].clump;
@@ -161,8 +203,7 @@ MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep
             VDouble s, c;
             sincos(roots.phase + 2.0 * pi * groom.curl_turns * steps[k].u, s, c);
             const double radius = groom.curl_radius * steps[k].u;
-            const VDouble across = c * radius;
-            displaced = displaced + Wide3d{cosine * across, s * radius, -sine * across};
+            displaced = displaced + across_e * (c * radius) + across_s * (s * radius);
         }
         if (frizz) {
             displaced.x += to_double(frizz[k].x) * steps[k].frizz;
@@ -192,8 +233,12 @@ MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep
 } // namespace
 
 void expand(const Groom& groom, const Wind& wind, const GrowthPoses& poses, std::span<const Root> roots,
-            Strands& strands) {
+            Strands& strands, const Guided* guided) {
     const int cvs = strands.cvs;
+    const auto rest_guides = guided && guided->offsets.empty() ? guided->set.resampled(cvs) : nullptr;
+    const std::span<const Vec3f> guides =
+        rest_guides ? std::span(*rest_guides) : (guided ? guided->offsets : std::span<const Vec3f>());
+    Wide3f* centres = guided ? strands.values.data() + cvs : nullptr; // behind those of frizz
     std::vector<ShapeStep> steps(static_cast<size_t>(cvs));
     for (int k = 0; k < cvs; ++k) {
         const double u = double(k) / double(cvs - 1);
@@ -205,11 +250,15 @@ void expand(const Groom& groom, const Wind& wind, const GrowthPoses& poses, std:
         Roots8 eight;
         for (int lane = 0; lane < lanes; ++lane) {
             const size_t i = std::min(size_t(block) * lanes + size_t(lane), roots.size() - 1);
-            set_root(groom, wind, poses, roots[i], lane, eight, strands, size_t(block));
+            const GuideBlend* blend = guided ? &guided->blends[i] : nullptr;
+            set_root(groom, wind, poses, roots[i], blend, guided, lane, eight, strands, size_t(block));
+            if (blend)
+                set_centre(*guided, *blend, guides, roots[i], root_weights(groom.seed, roots[i]), cvs, lane,
+                           centres);
         }
         if (frizzy) frizz_values(groom, eight, strands);
         const size_t first = size_t(block) * size_t(cvs);
-        lay_out(groom, eight, steps.data(), cvs, frizzy ? strands.values.data() : nullptr,
+        lay_out(groom, eight, steps.data(), cvs, frizzy ? strands.values.data() : nullptr, centres,
                 strands.rest.data() + first, strands.oriented ? strands.rest_normal.data() + first : nullptr);
     }
 }

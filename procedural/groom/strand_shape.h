@@ -20,8 +20,9 @@ struct GrowthPoses {
 // says, root_normal and width. Where strands collide their roots stand above the skin by root_offset().
 // strands must have been resized to roots.size(). Segments of a strand are equally long; the whole is as long as asked.
 // Cost: about 0.3 us a root + 15 ns a CV of a plain strand, single thread.
+// guided: of a groom with guides. Its blends are of `roots`.
 void expand(const Groom& groom, const Wind& wind, const GrowthPoses& poses, std::span<const Root> roots,
-            Strands& strands);
+            Strands& strands, const Guided* guided = nullptr);
 
 // Radius at CV k is strand_width * profile[k] / 2.
 double strand_width(const Groom& groom, Root root);

@@ -153,7 +153,6 @@ void jiggle_patch(const ChainFrame& chain, const Expand& expand, Strands& strand
 }
 
 void run_chain(const ChainFrame& chain, uint32_t time, Strands& strands, ChainScratch& scratch) {
-    const Wind& wind = *chain.wind;
     const ChainFrame::Instant& instant = chain.instants[time];
     shelter(chain, time, strands, scratch.clock);
     bend_at(chain, instant.gusts.levels.empty() ? nullptr : &instant.gusts, chain.frame.times[time], strands,
@@ -165,12 +164,17 @@ void run_chain(const ChainFrame& chain, uint32_t time, Strands& strands, ChainSc
         if (strands.oriented) jiggle_normals(strands, jiggled, strands.pose_normal);
         std::copy(jiggled.begin(), jiggled.end(), strands.pose.begin());
     }
-    if (wind.collision) {
-        const StageTimer timer(scratch.clock.collide);
-        const CollideJob job{&*wind.collision,     &instant.colliders, chain.skin,
-                             chain.radius_profile, chain.basis,        chain.frame.tolerance};
-        collide(job, strands, scratch.collide, scratch.counts);
-    }
+    collide_pose(chain, time, strands, scratch);
+}
+
+void collide_pose(const ChainFrame& chain, uint32_t time, Strands& strands, ChainScratch& scratch) {
+    const Wind& wind = *chain.wind;
+    if (!wind.collision || chain.frame.stage != MARRAM_FINAL) return;
+    const StageTimer timer(scratch.clock.collide);
+    const CollideJob job{&*wind.collision, &chain.instants[time].colliders,
+                         chain.skin,       chain.radius_profile,
+                         chain.basis,      chain.frame.tolerance};
+    collide(job, strands, scratch.collide, scratch.counts);
 }
 
 } // namespace marram

@@ -100,4 +100,7 @@ void jiggle_patch(const ChainFrame& chain, const Expand& expand, Strands& strand
 // pose is the rest pose bit for bit, collision aside.
 void run_chain(const ChainFrame& chain, uint32_t time, Strands& strands, ChainScratch& scratch);
 
+// Its last stage alone: pose -> pose, where the scene asks for collision and the frame for its final stage.
+void collide_pose(const ChainFrame& chain, uint32_t time, Strands& strands, ChainScratch& scratch);
+
 } // namespace marram

@@ -124,7 +124,7 @@ Workload::Workload(const Size& size)
 }
 
 ChainFrame Workload::frame_chain() {
-    return make_chain_frame({wind_, whole_, world_.frame(), world_.mesh(0), profile_, MARRAM_BSPLINE});
+    return make_chain_frame({wind_, whole_, world_.frame(), &world_.mesh(0), profile_, MARRAM_BSPLINE});
 }
 
 double Workload::run_chain() {

@@ -79,7 +79,7 @@ inline Fur blow(const FurredWorld& world, const FurOptions& options, bool traced
     fur.patches = grow(fur.groom, fur.wind, world.surface(0));
     const Ramp whole;
     ChainFrame chain =
-        make_chain_frame({fur.wind, whole, world.frame(), world.mesh(0), fur.profile, options.basis});
+        make_chain_frame({fur.wind, whole, world.frame(), &world.mesh(0), fur.profile, options.basis});
     chain.frame.stage = MARRAM_BENT;
     ChainScratch scratch;
     const Colliders colliders = world.colliders();

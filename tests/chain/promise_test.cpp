@@ -111,7 +111,7 @@ void keeps_the_promise(const char* name, std::vector<Mesh> meshes, FurOptions op
             // The targets: bent, not collided.
             const Ramp whole;
             ChainFrame chain = make_chain_frame(
-                {bent.wind, whole, world.frame(), world.mesh(0), bent.profile, options.basis});
+                {bent.wind, whole, world.frame(), &world.mesh(0), bent.profile, options.basis});
             chain.frame.stage = MARRAM_BENT;
             ChainScratch scratch;
             for (Strands& strands : bent.patches) run_chain(chain, 0, strands, scratch);
@@ -169,7 +169,7 @@ Kept between_keys(const Stage& stage, size_t keys, const FurOptions& options) {
     MarramFrame frame = world.frame();
     frame.tolerance = options.tolerance;
     const ChainFrame chain =
-        make_chain_frame({fur.wind, whole, frame, world.mesh(0), fur.profile, options.basis});
+        make_chain_frame({fur.wind, whole, frame, &world.mesh(0), fur.profile, options.basis});
     ChainScratch scratch;
     std::vector<std::vector<Strands>> solved;
     for (uint32_t key = 0; key < keys; ++key) {

@@ -188,7 +188,7 @@ Swung error_of_held_shelter(const Stage& stage, double spread) {
     const JiggleWindow window = jiggle_window(jiggle, std::span(&now, 1), 24.0, 1.0, 1e-6);
     const MarramFrame frame = framed(world, now);
     const ChainFrame chain =
-        make_chain_frame({wind, whole, frame, world.mesh(0), profile, MARRAM_BSPLINE, window});
+        make_chain_frame({wind, whole, frame, &world.mesh(0), profile, MARRAM_BSPLINE, window});
 
     std::vector<Strands> truth = grow(groom, wind, {at_rest.surface(0), world.surface(0)});
     std::vector<JiggleFilter> filters(truth.size());
@@ -198,7 +198,7 @@ Swung error_of_held_shelter(const Stage& stage, double spread) {
         const double time = jiggle.frame_of(knot);
         const FurredWorld then(stage(time));
         const MarramFrame past = framed(then, time);
-        const ChainFrame there = make_chain_frame({wind, whole, past, then.mesh(0), profile, MARRAM_BSPLINE});
+        const ChainFrame there = make_chain_frame({wind, whole, past, &then.mesh(0), profile, MARRAM_BSPLINE});
         ChainScratch scratch;
         history.push_back(grow(groom, wind, {at_rest.surface(0), then.surface(0)}));
         for (size_t p = 0; p < truth.size(); ++p) {

@@ -59,7 +59,7 @@ TEST(Stages, bend_agrees_with_the_oracle) {
         b.wind.noise_amplitude = 0.0;
         b.wind.reference_segments = seed == 2 ? 12 : 0;
         const ChainFrame chain = make_chain_frame(
-            {b.wind, b.envelope, b.world.frame(), b.world.mesh(0), b.profile, MARRAM_BSPLINE});
+            {b.wind, b.envelope, b.world.frame(), &b.world.mesh(0), b.profile, MARRAM_BSPLINE});
         ChainScratch scratch;
         for (Strands& s : grow(b.groom, b.wind, b.world.surface(0))) {
             run_chain(chain, 0, s, scratch);
@@ -219,7 +219,7 @@ TEST(Stages, poses_converge_as_cvs_are_added) {
         const Ramp whole;
         const std::vector<float> profile(size_t(cvs[c]), 0.5F);
         const ChainFrame chain =
-            make_chain_frame({wind, whole, world.frame(), world.mesh(0), profile, MARRAM_BSPLINE});
+            make_chain_frame({wind, whole, world.frame(), &world.mesh(0), profile, MARRAM_BSPLINE});
         ChainScratch scratch;
         for (Strands& s : grow(groom, wind, world.surface(0))) {
             run_chain(chain, 0, s, scratch);

@@ -60,7 +60,7 @@ Costs costs(const FurredWorld& world, double global_rotate) {
     std::vector<float> profile;
     for (int k = 0; k < 5; ++k) profile.push_back(float(0.5 * groom.width_profile(k / 4.0)));
     const Ramp whole;
-    ChainFrame chain = make_chain_frame({wind, whole, world.frame(), world.mesh(0), profile, MARRAM_BSPLINE});
+    ChainFrame chain = make_chain_frame({wind, whole, world.frame(), &world.mesh(0), profile, MARRAM_BSPLINE});
     chain.frame.stage = MARRAM_BENT;
     ChainScratch scratch;
     std::vector<Strands> bent = grow(groom, wind, world.surface(0));

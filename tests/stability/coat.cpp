@@ -87,7 +87,7 @@ Coat::Coat(const CoatSpec& spec) : spec_(spec) {
     const JiggleWindow window =
         spec.jiggle ? jiggle_window(*wind_.jiggle, times_, frame_.fps, 2.0 * longest(), 0.0) : JiggleWindow{};
     chain_ =
-        make_chain_frame({wind_, groom_.envelope, frame_, world_->mesh(0), profile_, groom_.basis, window});
+        make_chain_frame({wind_, groom_.envelope, frame_, &world_->mesh(0), profile_, groom_.basis, window});
 }
 
 Expand Coat::expand_of(std::span<const Root> roots) const {

@@ -385,5 +385,54 @@ TEST(Strands, DoNotEnterTheSkin) {
         << "the wind bends them";
 }
 
+// ---- Guides
+
+const std::string children =
+    "\n[[procedural]]\ntype = \"groom\"\nname = \"hair\"\non = \"ground\"\ncount = 2000\n"
+    "width = 0.002\ncvs = 7\nguides.curves = \"file\"\n";
+
+// Guides of one shape, on a lattice over the ground.
+void fill_with_guides(SceneCurves& file) {
+    file = {};
+    file.name = "file";
+    for (int i = 0; i < 100; ++i) {
+        const Vec3f root(float(i % 10) * 0.4F - 1.8F, 0.0F, float(i / 10) * 0.4F - 1.8F);
+        std::vector<Vec3f> points;
+        for (int k = 0; k < 5; ++k)
+            points.push_back(root + Vec3f(0.02F * float(k * k) / 4.0F, 0.06F * float(k), 0.0F));
+        add_curve(file, points, std::vector<float>(5, 0.001F));
+    }
+}
+
+// Where nothing of the wind is smaller than the guides' distances, children that follow are where the wind would blow them.
+TEST(Guides, ChildrenThatFollowThemAreBlownAsTheyWouldBe) {
+    const std::string wind = "[wind]\nspeed = 6\nglobal_rotate = 0.7\nnoise.amplitude = 0\n"
+                             "jiggle.frequency = 2\njiggle.step = 0.5\n";
+    const std::string ground = mesh("ground", "plane", "size = [4, 4]\n");
+    std::vector<std::vector<float>> poses;
+    for (const char* how : {"strands", "guides"}) {
+        TestScene scene(ground + drawn + children + "guides.wind = \"" + how + "\"\n" + wind);
+        fill_with_guides(scene.geometry.curves[0]);
+        scene.settings.attributes = {"envelope"};
+        const World world = scene.build();
+        const CurveGeometry& made = world.curves[0];
+        ASSERT_EQ(made.curve_count, 2000u);
+        poses.emplace_back(made.vertices[0], made.vertices[0] + 4 * made.layout().vertex_count());
+        for (const float share : attribute(made, "envelope")->values) EXPECT_NEAR(share, 0.6F, 1e-6F);
+    }
+    EXPECT_LT(apart(poses[0].data(), poses[1]), 2e-5);
+    TestScene calm(ground + drawn + children);
+    fill_with_guides(calm.geometry.curves[0]);
+    EXPECT_GT(apart(calm.build().curves[0].vertices[0], poses[1]), 0.05) << "there is wind";
+}
+
+TEST(Guides, ObjectionsSayWhatToDo) {
+    const std::string ground = mesh("ground", "plane", "size = [4, 4]\n");
+    EXPECT_THROW(TestScene(ground + drawn + children + "length = [1, 2]\n"), InputError);
+    TestScene none(ground + drawn + children);
+    for (float& x : none.geometry.curves[0].vertices) x = 0.0F;
+    EXPECT_NE(none.objection().find("have no guide with a length"), std::string::npos) << none.objection();
+}
+
 } // namespace
 } // namespace marram::testing

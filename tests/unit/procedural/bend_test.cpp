@@ -130,9 +130,9 @@ void run(const Wind& wind, Strands& strands, double frame = 10.0) {
     instant.times = &frame;
     instant.stage = MARRAM_FINAL;
     const Ramp whole;
-    const MarramMesh no_skin{};
+
     ChainScratch scratch;
-    run_chain(make_chain_frame({wind, whole, instant, no_skin, {}, MARRAM_BSPLINE}), 0, strands, scratch);
+    run_chain(make_chain_frame({wind, whole, instant, nullptr, {}, MARRAM_BSPLINE}), 0, strands, scratch);
 }
 
 } // namespace

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/groom/guide_motion.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <numeric>
+
+namespace marram {
+namespace {
+
+constexpr size_t guides_at_once = 256;
+
+Eigen::Matrix3d axes_of(const Frame& frame) {
+    Eigen::Matrix3d m;
+    m << frame.tangent, frame.bitangent, frame.normal;
+    return m;
+}
+
+// Rest strands of some guides on the skin as it is in `now`.
+void expand_guides(const GroomInstance& instance, const Surface& bind, const Surface& now, size_t first,
+                   Strands& strands) {
+    const GuideSet& set = *instance.guides;
+    const auto cvs = size_t(strands.cvs);
+    const auto offsets = set.resampled(strands.cvs);
+    for (int block = 0; block < strands.blocks; ++block)
+        for (int lane = 0; lane < lanes; ++lane) {
+            const size_t i = std::min(size_t(block) * lanes + size_t(lane), size_t(strands.count) - 1);
+            const GuideSet::Guide& guide = set.guide(first + i);
+            const Frame frame = frame_at(now, guide.triangle, guide.weights);
+            const Eigen::Matrix3d turn =
+                axes_of(frame) * axes_of(frame_at(bind, guide.triangle, guide.weights)).transpose();
+            const Vec3d root = now.point(guide.triangle, guide.weights);
+            const Vec3d anchor = instance.wind.rest_anchored ? guide.root : root;
+            const auto put = [lane](Wide3d& v, const Vec3d& value) {
+                v.x[lane] = value.x();
+                v.y[lane] = value.y();
+                v.z[lane] = value.z();
+            };
+            put(strands.anchor[size_t(block)], anchor);
+            put(strands.root_normal[size_t(block)], frame.normal);
+            strands.width[size_t(block)][lane] = 0.0;
+            if (strands.has_wind_share) {
+                double share = 1.0;
+                for (const AttributeFactor& factor : instance.groom.wind_by_attribute)
+                    share *= factor(now, guide.triangle, guide.weights);
+                strands.wind_share[size_t(block)][lane] = float(share);
+            }
+            for (size_t k = 0; k < cvs; ++k) {
+                const Vec3d p = root + turn * (*offsets)[(first + i) * cvs + k].cast<double>();
+                Wide3f& rest = strands.rest[size_t(block) * cvs + k];
+                rest.x[lane] = float(p.x());
+                rest.y[lane] = float(p.y());
+                rest.z[lane] = float(p.z());
+            }
+        }
+}
+
+void keep(const Strands& strands, size_t first, BlownGuides& out) {
+    const auto cvs = size_t(strands.cvs);
+    for (size_t i = 0; i < size_t(strands.count); ++i)
+        for (size_t k = 0; k < cvs; ++k) {
+            const size_t from = i / lanes * cvs, at = (first + i) * cvs + k;
+            const auto lane = int(i % lanes);
+            const Wide3f &p = strands.pose[from + k], &root = strands.pose[from];
+            out.offsets[at] = {p.x[lane] - root.x[lane], p.y[lane] - root.y[lane], p.z[lane] - root.z[lane]};
+            out.envelope[at] = strands.envelope[from + k][lane];
+            out.gust[at] = strands.gust[from + k][lane];
+            out.shield[at] = strands.shield[from + k][lane];
+        }
+}
+
+} // namespace
+
+void blow_guides(GroomInstance& instance) {
+    GuideMotion& motion = instance.guide_motion;
+    motion.times.clear();
+    if (!instance.guides || !instance.groom.guides->carry_wind || instance.frame.stage == MARRAM_REST ||
+        !wind_bends(instance.wind))
+        return;
+    const GuideSet& set = *instance.guides;
+    const auto guided = instance.guided(0, 0);
+    motion.wind = instance.wind;
+    motion.wind.collision.reset();
+    const ChainFrame chain =
+        make_chain_frame({motion.wind, instance.groom.envelope, instance.frame, instance.mesh,
+                          instance.width_profile, instance.groom.basis, instance.past.window});
+    const size_t size = set.count() * size_t(instance.groom.cvs);
+    for (uint32_t t = 0; t < instance.time_count; ++t) {
+        BlownGuides& at = motion.times.emplace_back();
+        at.offsets.resize(size);
+        at.envelope.resize(size);
+        at.gust.resize(size);
+        at.shield.resize(size);
+        const Surface now = instance.poses(t).now;
+        for (size_t g = 0; g < set.count(); ++g)
+            at.normals.push_back(frame_at(now, set.guide(g).triangle, set.guide(g).weights).normal);
+    }
+    const size_t batches = (set.count() + guides_at_once - 1) / guides_at_once;
+    tbb::parallel_for(size_t{0}, batches, [&](size_t batch) {
+        const size_t first = batch * guides_at_once, count = std::min(guides_at_once, set.count() - first);
+        Worker& worker = instance.workers.local();
+        Strands& strands = worker.strands;
+        strands.irregular = false;
+        strands.has_wind_share = !instance.groom.wind_by_attribute.empty();
+        strands.resize(int(count), instance.groom.cvs, false);
+        const Expand lay_out{[&](uint32_t time, Strands& out) {
+                                 expand_guides(instance, guided->bind, instance.poses(time).now, first, out);
+                             },
+                             [&](int64_t knot, Strands& out) {
+                                 Surface then = instance.past.at(knot, *instance.mesh);
+                                 then.attributes = instance.attributes;
+                                 expand_guides(instance, guided->bind, then, first, out);
+                             }};
+        if (instance.past.window.count() > 0) jiggle_patch(chain, lay_out, strands, worker.chain);
+        for (uint32_t time = 0; time < instance.time_count; ++time) {
+            if (time < instance.mesh->time_count) lay_out.at_time(time, strands);
+            run_chain(chain, time, strands, worker.chain);
+            keep(strands, first, motion.times[time]);
+        }
+    });
+}
+
+void follow_guides(const GroomInstance& instance, std::span<const Root> roots, uint32_t time,
+                   Strands& strands) {
+    const BlownGuides& blown = instance.guide_motion.times[time];
+    const std::optional<Guided> at_rest = instance.guided(roots);
+    const Guided guided{at_rest->set, at_rest->blends, instance.poses(time).now, blown.offsets,
+                        blown.normals};
+    std::swap(strands.rest, strands.pose);
+    std::swap(strands.rest_normal, strands.pose_normal);
+    expand(instance.groom, instance.wind, instance.poses(time), roots, strands, &guided);
+    std::swap(strands.rest, strands.pose);
+    std::swap(strands.rest_normal, strands.pose_normal);
+    const auto cvs = size_t(strands.cvs);
+    for (size_t i = 0; i < size_t(strands.blocks) * lanes; ++i) {
+        const GuideBlend& blend = at_rest->blends[std::min(i, roots.size() - 1)];
+        const auto lane = int(i % lanes);
+        for (size_t k = 0; k < cvs; ++k) {
+            float envelope = 0.0F, gust = 0.0F, shield = 0.0F;
+            for (int b = 0; b < most_blended; ++b) {
+                if (!(blend.weight[b] > 0.0F)) continue;
+                const size_t at = blend.guide[b] * cvs + k;
+                envelope += blend.weight[b] * blown.envelope[at];
+                gust += blend.weight[b] * blown.gust[at];
+                shield += blend.weight[b] * blown.shield[at];
+            }
+            const size_t to = i / lanes * cvs + k;
+            strands.envelope[to][lane] = envelope;
+            strands.gust[to][lane] = gust;
+            strands.shield[to][lane] = shield;
+        }
+    }
+}
+
+} // namespace marram

@@ -56,6 +56,25 @@ const ParamSpec* declaration(const Shot& shot, const std::string& key) {
     return nullptr;
 }
 
+// The same as a scene has them.
+std::vector<std::string> texts_of_sweep(const ParamSpec& spec) {
+    std::vector<std::string> values;
+    std::istringstream text(spec.sweep);
+    for (std::string value; std::getline(text, value, '|');)
+        values.push_back(spec.type == ParamType::choice ? fmt::format("\"{}\"", value) : value);
+    return values;
+}
+
+// Whether an item gives anything of the table that a parameter is in, such as "guides" of "guides.wind"; the wind's and those that
+// are in no table are always there.
+bool has_table_of(const Item& item, const std::string& name) {
+    const size_t dot = name.rfind('.');
+    if (dot == std::string::npos || name.starts_with("wind.")) return true;
+    return std::ranges::any_of(item.params.all(), [&](const ParamValue& value) {
+        return value.given && value.name.starts_with(name.substr(0, dot + 1));
+    });
+}
+
 // The values that a parameter is declared to be measured at.
 std::vector<double> sweep_of(const ParamSpec& spec) {
     std::vector<double> values;
@@ -338,8 +357,8 @@ Dial declared(const ParamSpec& spec, const std::string& name,
     if (spec.sweep_time.starts_with(seconds)) dial.time = spec.sweep_time.substr(seconds.size());
     if (dial.time == "terrain") dial.error = DialError::surface;
     if (dial.time == "view") dial.error = DialError::view;
-    for (const double value : sweep_of(spec))
-        dial.settings.push_back({fmt::format("{}", value), change(fmt::format("{}", value)), false, 0});
+    for (const std::string& value : texts_of_sweep(spec))
+        dial.settings.push_back({value, change(value), false, 0});
     dial.reference = dial.settings.size() - 1;
     dial.settings.push_back({"as it is", {}, true, 0});
     return dial;
@@ -382,7 +401,9 @@ void add_declared(const Shot& shot, DialList& list) {
         for (const ItemSchema& schema : shot.plugins->schema.procedurals) {
             if (schema.type != item.type) continue;
             for (const ParamSpec& spec : schema.params) {
-                if (spec.sweep.empty() || std::ranges::find(done, spec.name) != done.end()) continue;
+                if (spec.sweep.empty() || !has_table_of(item, spec.name) ||
+                    std::ranges::find(done, spec.name) != done.end())
+                    continue;
                 list.dials.push_back(declared(spec, spec.name, [&](const std::string& value) {
                     return in_all_grooms(shot, spec.name, value);
                 }));
@@ -407,7 +428,7 @@ DialList dials_of(const Shot& shot) {
     DialList list;
     const SceneDescription& description = shot.description;
     const auto leave_out = [&](const std::string& why) { list.left_out.push_back(why); };
-    const auto grows = [&](const Item& item) { return declares(shot, item, "cvs"); };
+    const auto grows = [&](const Item& item) { return declares(shot, item, "wind.collision.solver"); };
     const bool strands = std::ranges::any_of(description.procedurals, grows);
     if (!strands)
         leave_out(
@@ -462,7 +483,7 @@ DialList dials_of(const Shot& shot) {
         list.dials.push_back(motion_keys(build.motion_keys));
     else if (strands)
         leave_out("motion_keys: the shutter does not open (camera.shutter)");
-    if (strands) list.dials.push_back(cvs(shot));
+    if (declaration(shot, "cvs")) list.dials.push_back(cvs(shot));
     double own = 0.0;
     if (strands && agreed(shot, "noise.octaves", own) && own > 1.0)
         list.dials.push_back(octaves(shot, int(own)));

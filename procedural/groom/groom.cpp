@@ -369,7 +369,8 @@ Expand expand_of(const GroomInstance& instance, std::span<const Root> roots, Sta
                 then.now.attributes = instance.attributes;
                 const auto guided = instance.guided(roots);
                 expand(instance.groom, instance.wind, then, roots, strands, guided ? &*guided : nullptr);
-            }};
+            },
+            [&instance](int64_t knot) { return instance.past.rests_at(knot); }};
 }
 
 MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatchBuffers* buffers) {

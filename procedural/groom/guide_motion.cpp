@@ -111,7 +111,8 @@ void blow_guides(GroomInstance& instance) {
                                  Surface then = instance.past.at(knot, *instance.mesh);
                                  then.attributes = instance.attributes;
                                  expand_guides(instance, guided->bind, then, first, out);
-                             }};
+                             },
+                             [&](int64_t knot) { return instance.past.rests_at(knot); }};
         if (instance.past.window.count() > 0) jiggle_patch(chain, lay_out, strands, worker.chain);
         for (uint32_t time = 0; time < instance.time_count; ++time) {
             if (time < instance.mesh->time_count) lay_out.at_time(time, strands);

@@ -564,6 +564,9 @@ Expand expand_of(const Batch& batch, StageClock& clock) {
                                        batch.cvs, strands);
             const SkinPoses skin{instance.bind_surface(), instance.past.at(knot, *instance.mesh)};
             expand_imported(instance, &skin, vertices, batch.patch.first, batch.curves, batch.cvs, strands);
+        },
+        [&instance](int64_t knot) {
+            return !instance.curves.curves.moves && (!instance.mesh || instance.past.rests_at(knot));
         }};
 }
 

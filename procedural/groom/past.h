@@ -15,6 +15,11 @@ struct PastSkin {
     std::vector<Pose> poses;       // each once, however long the skin rested in it
     std::vector<uint32_t> of_knot; // [knot of the window] -> poses
 
+    // The same as at the knot before.
+    bool rests_at(int64_t knot) const {
+        const auto at = size_t(knot - window.first);
+        return at > 0 && of_knot[at] == of_knot[at - 1];
+    }
     bool moves() const { return poses.size() > 1; }
     size_t bytes() const;
     Surface at(int64_t knot, const MarramMesh& mesh) const;

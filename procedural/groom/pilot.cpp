@@ -98,7 +98,7 @@ WideVector<Wide3f> jiggled(const JigglePilot& pilot, double step, const JiggleWi
     const ChainFrame chain = make_chain_frame(input);
     const auto lay_out = [&](auto, Strands& out) { pilot.expand(wind, out); };
     ChainScratch scratch;
-    jiggle_patch(chain, {lay_out, lay_out}, strands, scratch);
+    jiggle_patch(chain, {lay_out, lay_out, [](int64_t) { return true; }}, strands, scratch);
     return std::move(scratch.jiggled[0]);
 }
 

@@ -137,7 +137,8 @@ void jiggle_patch(const ChainFrame& chain, const Expand& expand, Strands& strand
     const StageTimer timer(scratch.clock.jiggle);
     uint32_t next = 0;
     for (int64_t knot = chain.window.first; knot <= chain.window.last; ++knot) {
-        expand.at_knot(knot, past);
+        if (knot == chain.window.first || !expand.as_before || !expand.as_before(knot))
+            expand.at_knot(knot, past);
         const auto at = size_t(knot - chain.window.first);
         bend_at(chain, at < chain.past_gusts.size() ? &chain.past_gusts[at] : nullptr,
                 wind.jiggle->frame_of(knot), past, inner);

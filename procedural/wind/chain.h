@@ -86,6 +86,8 @@ struct ChainScratch {
 struct Expand {
     std::function<void(uint32_t time, Strands&)> at_time;
     std::function<void(int64_t knot, Strands&)> at_knot;
+    // Whether they are at a knot what they were at the one before, as on a skin that rests. May be empty: never.
+    std::function<bool(int64_t knot)> as_before{};
 };
 
 // Where the chain jiggles: the patch's poses at all motion samples, from the bends of the past, into scratch.jiggled. What

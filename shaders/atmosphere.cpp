@@ -205,7 +205,7 @@ double aerosol_phase(double cosine) {
            coarse_share * henyey_greenstein(cosine, coarse_cosine);
 }
 
-Atmosphere::Atmosphere(const AirSettings& settings, const Loop& loop) : settings_(settings) {
+Atmosphere::Atmosphere(const AirSettings& settings, const Loop& loop, bool scatters) : settings_(settings) {
     for (int band = 0; band < band_count; ++band) {
         const double wavelength = wavelength_of(band);
         const double haze = std::pow(wavelength / zenith_wavelength, -angstrom_exponent);
@@ -216,7 +216,7 @@ Atmosphere::Atmosphere(const AirSettings& settings, const Loop& loop) : settings
         ozone_[band] = static_cast<float>(1e-25 * ozone_cross_section[static_cast<size_t>(band)] * molecules);
     }
     make_columns(loop);
-    make_field(loop);
+    if (scatters) make_field(loop);
 }
 
 void Atmosphere::make_columns(const Loop& loop) {

@@ -115,15 +115,15 @@ Vec3f Daylight::radiance(const Vec3d& direction) const {
     return parts_of(atmosphere_.scattered(path, sun_cosine_, view_sun)).radiance(view_sun);
 }
 
-Vec3f Daylight::sun_irradiance() const {
-    const double elevation = std::asin(sun_cosine_), radius = 0.5 * settings_.angle;
+Vec3f sun_irradiance(const DaylightSettings& settings, const Atmosphere& air) {
+    const double elevation = std::asin(settings.direction.normalized().y()), radius = 0.5 * settings.angle;
     Spectrum sum = Spectrum::Zero();
     for (int i = 0; i < sun_strips; ++i) { // level strips; the sky is at its steepest where the sun sets
         const double low = -1.0 + 2.0 * i / sun_strips, high = low + 2.0 / sun_strips;
         const auto below = [](double x) { return (std::acos(-x) + x * std::sqrt(1.0 - x * x)) / pi; };
         const double share = below(std::min(high, 1.0)) - below(low);
         const double at = std::sin(elevation + 0.5 * (low + high) * radius);
-        sum += atmosphere_.transmittance(settings_.altitude, at) * static_cast<float>(share);
+        sum += air.transmittance(settings.altitude, at) * static_cast<float>(share);
     }
     return sun_above_air * color_of(sum).cwiseMax(0.0F);
 }

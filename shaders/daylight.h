@@ -54,6 +54,10 @@ AirSettings air_of(const DaylightSettings& settings);
 // Linear sRGB of a spectrum relative to the sun's: all ones give white. Components may be negative.
 Vec3f color_of(const Spectrum& spectrum);
 
+// On a plane that faces the sun: the mean over the part of its disc that is above the horizon, times that part. `air` may be one that
+// only transmits.
+Vec3f sun_irradiance(const DaylightSettings& settings, const Atmosphere& air);
+
 class Daylight {
   public:
     explicit Daylight(const DaylightSettings& settings, const Loop& loop = one_by_one);
@@ -61,8 +65,7 @@ class Daylight {
     // Of sky and ground, without the sun's disc; y is up. W/(m2 sr), never negative.
     Vec3f radiance(const Vec3d& direction) const;
 
-    // On a plane that faces the sun: the mean over the part of its disc that is above the horizon, times that part.
-    Vec3f sun_irradiance() const;
+    Vec3f sun_irradiance() const { return marram::sun_irradiance(settings_, atmosphere_); }
 
     // One row of a latitude-longitude image, rows from the top (+y), the sun above or below its centre. Costs far
     // less than radiance() for each pixel: what lies along a path is computed at 17 azimuths and interpolated, the

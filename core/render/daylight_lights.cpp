@@ -2,6 +2,9 @@
 #include "core/render/daylight_lights.h"
 
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <vector>
 
 namespace marram {
 
@@ -12,24 +15,35 @@ constexpr uint32_t image_width = 1536, image_height = 768;
 
 } // namespace
 
-DaylightLights daylight_lights(const DaylightSettings& settings, float strength) {
-    const Loop in_parallel = [](size_t count, const std::function<void(size_t)>& body) {
-        tbb::parallel_for(size_t{0}, count, body);
-    };
+namespace {
+
+void in_parallel(size_t count, const std::function<void(size_t)>& body) {
+    // Isolated: who waits for the sky must not take up work that waits for it, too.
+    tbb::this_task_arena::isolate([&] { tbb::parallel_for(size_t{0}, count, body); });
+}
+
+std::vector<Vec3f> sky_image(const DaylightSettings& settings) {
     const Daylight daylight(settings, in_parallel);
+    std::vector<Vec3f> pixels(size_t{image_width} * image_height);
+    in_parallel(image_height, [&](size_t row) {
+        daylight.image_row(row, image_height, std::span(pixels).subspan(row * image_width, image_width));
+    });
+    return pixels;
+}
+
+} // namespace
+
+DaylightLights daylight_lights(const DaylightSettings& settings, float strength) {
     DaylightLights lights;
     EnvironmentLight& sky = lights.sky;
     sky.image.width = image_width;
     sky.image.height = image_height;
+    sky.image.pixels = SharedPixels([settings] { return sky_image(settings); });
     sky.strength = strength;
     sky.rotation =
         -std::atan2(settings.direction.x(), -settings.direction.z()); // its centre column to the sun
-    sky.image.pixels.resize(size_t{image_width} * image_height);
-    in_parallel(image_height, [&](size_t row) {
-        daylight.image_row(row, image_height,
-                           std::span(sky.image.pixels).subspan(row * image_width, image_width));
-    });
-    const Vec3f irradiance = strength * daylight.sun_irradiance();
+    const Vec3f irradiance =
+        strength * sun_irradiance(settings, Atmosphere(air_of(settings), in_parallel, false));
     if (irradiance.maxCoeff() > 0.0F) lights.sun = {settings.direction, settings.angle, irradiance, true};
     return lights;
 }

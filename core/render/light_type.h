@@ -5,7 +5,10 @@
 #include "core/geometry/hit.h"
 #include "core/math/params.h"
 
+#include <atomic>
 #include <functional>
+#include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -29,9 +32,53 @@ struct SeenLight {
 };
 
 // An image for a light: latitude by longitude, rows from the top; strength scales it. Throws InputError at the parameter's place.
+// Pixels that all copies share until one of them is edited. They may be computed when they are first looked at: scenes are read for
+// their geometry alone, too.
+class SharedPixels {
+  public:
+    using Make = std::function<std::vector<Vec3f>()>;
+    SharedPixels() : shared_(std::make_shared<Shared>()) {}
+    explicit SharedPixels(Make make) : shared_(std::make_shared<Shared>(std::move(make))) {}
+
+    const std::vector<Vec3f>& get() const {
+        if (!shared_->there.load(std::memory_order_acquire)) shared_->compute();
+        return shared_->pixels;
+    }
+    const Vec3f& operator[](size_t i) const { return get()[i]; }
+    size_t size() const { return get().size(); }
+    auto begin() const { return get().cbegin(); }
+    auto end() const { return get().cend(); }
+    std::vector<Vec3f>& edit() {
+        if (shared_.use_count() > 1) {
+            auto own = std::make_shared<Shared>();
+            own->pixels = get();
+            shared_ = std::move(own);
+        }
+        get();
+        return shared_->pixels;
+    }
+
+  private:
+    struct Shared {
+        Shared() : there(true) {}
+        explicit Shared(Make how) : make(std::move(how)) {}
+        void compute() {
+            const std::lock_guard guard(lock);
+            if (there.load()) return;
+            pixels = make();
+            there.store(true, std::memory_order_release);
+        }
+        std::vector<Vec3f> pixels;
+        std::atomic<bool> there{false};
+        std::mutex lock;
+        Make make;
+    };
+    std::shared_ptr<Shared> shared_;
+};
+
 struct LightImage {
     uint32_t width = 0, height = 0;
-    std::vector<Vec3f> pixels; // finite and >= 0
+    SharedPixels pixels; // finite and >= 0
 };
 using LightImageReader = std::function<LightImage(const ParamValue& file, double strength)>;
 

@@ -167,13 +167,15 @@ ResumedFrame resume_frame(Frame& frame) {
 
 void trace_frame(Frame& frame, const World& world, Preview& preview) {
     const auto [width, height] = film_size(frame.shot);
+    const double before = wall_seconds();
+    const Lights lights(frame.shot.lights, world); // the first time a sky is computed
     const double begin = wall_seconds();
+    frame.stats.load += begin - before;
     FrameProgress& progress = frame.progress;
     progress.render.cancel = &frame.cancel;
     progress.render.between_passes = [&](Film&) { preview.between_passes(); };
     progress.render.samples_done = progress_of(frame.film).sum; // before it is asked how far it is
     progress.samples = uint64_t(width) * height * frame.settings.samples;
-    const Lights lights(frame.shot.lights, world);
     double off = 0.0;
     const Camera camera = camera_at(frame.shot.description, frame.files.frame, &off);
     frame.stats.camera_poses = uint32_t(camera.poses.size());

@@ -19,14 +19,16 @@ LightImage read(const ParamValue& file, double strength, std::vector<std::string
                                      file.text, image.width, image.height),
                          "convert it to a latitude-longitude map");
     LightImage light{uint32_t(image.width), uint32_t(image.height), {}};
+    std::vector<Vec3f>& pixels = light.pixels.edit();
+    pixels.reserve(size_t(image.width) * size_t(image.height));
     size_t negative = 0;
     float brightest = 0.0F;
     for (size_t i = 0; i < size_t(image.width) * size_t(image.height); ++i) {
         const float* p = image.pixels.data() + i * size_t(image.channels);
         const Vec3f color = image.channels >= 3 ? Vec3f(p[0], p[1], p[2]) : Vec3f::Constant(p[0]);
         negative += color.minCoeff() < 0.0F;
-        light.pixels.push_back(color.cwiseMax(0.0F));
-        brightest = std::max(brightest, light.pixels.back().maxCoeff());
+        pixels.push_back(color.cwiseMax(0.0F));
+        brightest = std::max(brightest, pixels.back().maxCoeff());
     }
     if (negative > 0)
         warnings.push_back(fmt::format("{}: \"{}\" has {} pixels that are below 0: they give no light",

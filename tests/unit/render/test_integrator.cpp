@@ -197,7 +197,7 @@ EnvironmentLight image_of(const SkyLight& sky, uint32_t width) {
     map.image.height = width / 2;
     for (uint32_t y = 0; y < map.image.height; ++y)
         for (uint32_t x = 0; x < map.image.width; ++x)
-            map.image.pixels.push_back(sky_radiance(
+            map.image.pixels.edit().push_back(sky_radiance(
                 sky, Vec3f(0.0F, static_cast<float>(std::cos(pi * (y + 0.5) / map.image.height)), 0.0F)));
     return map;
 }

@@ -238,10 +238,10 @@ TEST(Lights, SendWhatTheyAreToldTo) {
     map.image.width = 16;
     map.image.height = 8;
     map.rotation = 1.1;
-    map.image.pixels.assign(16 * 8, Vec3f::Constant(0.5F));
+    map.image.pixels.edit().assign(16 * 8, Vec3f::Constant(0.5F));
     EXPECT_NEAR(check_light(map), 2.0 * pi, 1e-4);
-    for (Vec3f& p : map.image.pixels) p.setZero();
-    map.image.pixels[3 * 16 + 5] = Vec3f::Constant(1000.0F); // a small lamp: all samples go near it
+    for (Vec3f& p : map.image.pixels.edit()) p.setZero();
+    map.image.pixels.edit()[3 * 16 + 5] = Vec3f::Constant(1000.0F); // a small lamp: all samples go near it
     const double lamp = check_light(map);
     const double angle = 2.0 * pi / 16.0 * (std::cos(3.0 * pi / 8.0) - std::cos(4.0 * pi / 8.0));
     EXPECT_NEAR(lamp / (1000.0 * angle), 1.0, 0.05);
@@ -256,10 +256,10 @@ TEST(Environment, IsSampledByItsBrightness) {
     smooth.rotation = 0.7;
     for (uint32_t row = 0; row < smooth.image.height; ++row)
         for (uint32_t column = 0; column < smooth.image.width; ++column)
-            smooth.image.pixels.push_back(Vec3f::Constant(
+            smooth.image.pixels.edit().push_back(Vec3f::Constant(
                 static_cast<float>(1.0 + 0.4 * std::sin(2.0 * pi * column / 300.0) + 0.4 * row / 150.0)));
     EnvironmentLight sunny = smooth;
-    sunny.image.pixels[40 * 300 + 299] = Vec3f::Constant(2e4F);
+    sunny.image.pixels.edit()[40 * 300 + 299] = Vec3f::Constant(2e4F);
     for (const bool has_sun : {false, true}) {
         const World world;
         const std::vector<LightDescription> all = {has_sun ? sunny : smooth};
@@ -294,7 +294,7 @@ TEST(Environment, ManyTurnsAreNone) {
     EnvironmentLight map;
     map.image.width = 64;
     map.image.height = 32;
-    map.image.pixels.assign(64 * 32, Vec3f::Ones());
+    map.image.pixels.edit().assign(64 * 32, Vec3f::Ones());
     map.rotation = 0.7;
     EnvironmentLight turned = map;
     turned.rotation += 200.0 * pi; // 36,000 degrees: as many as a scene may ask for
@@ -313,10 +313,10 @@ TEST(Environment, FacesWhereItShould) {
     EnvironmentLight map;
     map.image.width = 64;
     map.image.height = 32;
-    map.image.pixels.assign(64 * 32, Vec3f::Zero());
+    map.image.pixels.edit().assign(64 * 32, Vec3f::Zero());
     const auto put = [&](uint32_t column, uint32_t row, const Vec3f& color) { // 4 x 4 pixels about a corner
         for (uint32_t y = row - 2; y < row + 2; ++y)
-            for (uint32_t x = column - 2; x < column + 2; ++x) map.image.pixels[y * 64 + x] = color;
+            for (uint32_t x = column - 2; x < column + 2; ++x) map.image.pixels.edit()[y * 64 + x] = color;
     };
     put(32, 16, Vec3f(1.0F, 0.0F, 0.0F));
     put(48, 16, Vec3f(0.0F, 1.0F, 0.0F));

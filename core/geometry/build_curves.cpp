@@ -317,8 +317,8 @@ StrandMotion look_at_motion(Build& build, Procedural& procedural, uint32_t insta
     const MarramOutput output = procedural.begin(lent.frame());
     check_output(procedural, output);
     if (output.time_count != instants || output.patch_count == 0) return motion;
-    // A few percent of the work, but no fewer than four: what moves most may be anywhere.
-    const uint32_t count = std::min(output.patch_count, std::clamp(output.patch_count / 16, 4U, 64U));
+    // A few percent of the work, but no fewer than sixteen: what moves most may be anywhere.
+    const uint32_t count = std::min(output.patch_count, std::clamp(output.patch_count / 16, 16U, 64U));
     std::vector<StrandMotion> found(count);
     tbb::parallel_for(uint32_t{0}, count, [&](uint32_t i) {
         if (build.cancel.load(std::memory_order_relaxed)) throw Cancelled{};

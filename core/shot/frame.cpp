@@ -25,7 +25,8 @@ namespace fs = std::filesystem;
 
 constexpr const char* digest_key = "marram:digest";
 constexpr const char* frame_key = "marram:frame";
-constexpr const char* unfinished = "partial"; // in place of a digest
+constexpr const char* layer_key = "marram:layer"; // of a layer's picture: name and range
+constexpr const char* unfinished = "partial";     // in place of a digest
 
 uint64_t hash_text(uint64_t h, std::string_view text) {
     for (const char c : text) h = hash(h, static_cast<unsigned char>(c));
@@ -87,12 +88,14 @@ uint64_t shot_digest(const Shot& shot, const FrameOptions& options,
 }
 
 FrameFiles frame_files(double frame, const Shot& shot, uint64_t digest, const std::string& picture,
-                       const std::string& preview) {
+                       const std::string& preview, const std::vector<LayerPicture>& layers) {
     FrameFiles files;
     files.frame = frame;
     files.picture = numbered(picture, frame);
     if (!preview.empty()) files.preview = numbered(preview, frame);
     files.state = state_name(files.picture);
+    files.layers = layers;
+    for (LayerPicture& layer : files.layers) layer.file = numbered(layer.file, frame);
     files.samples_digest = fmt::format("{:016x}", hash(digest, std::bit_cast<uint64_t>(frame)));
     // Without the frame: OpenImageIO never frees a distinct text of metadata, 8 KB each.
     files.digest = fmt::format("{:016x}", hash(digest, uint64_t(shot.description.film.integer("samples"))));
@@ -100,8 +103,16 @@ FrameFiles frame_files(double frame, const Shot& shot, uint64_t digest, const st
 }
 
 bool is_rendered(const FrameFiles& files) {
-    return read_metadata(files.picture, frame_key) == fmt::format("{}", files.frame) &&
-           whole_metadata(files.picture, digest_key) == files.digest;
+    const auto is_whole = [&](const std::string& file) {
+        return read_metadata(file, frame_key) == fmt::format("{}", files.frame) &&
+               whole_metadata(file, digest_key) == files.digest;
+    };
+    return std::ranges::all_of(files.layers,
+                               [&](const LayerPicture& layer) {
+                                   return read_metadata(layer.file, layer_key) == layer_text(layer) &&
+                                          is_whole(layer.file);
+                               }) &&
+           is_whole(files.picture);
 }
 
 void check_partial_name(const std::string& partial) {
@@ -121,7 +132,7 @@ std::vector<std::string> layer_names(const Shot& shot, const std::vector<std::st
     return names;
 }
 
-void check_layers(const Shot& shot, const std::vector<std::string>& more) {
+void check_layers(const Shot& shot, const std::vector<std::string>& more, const std::string& option) {
     std::vector<std::string> known;
     for (const BuiltInLayer& layer : built_in_layers()) known.emplace_back(layer.name);
     for (const auto& procedural : shot.geometry.procedurals)
@@ -136,7 +147,7 @@ void check_layers(const Shot& shot, const std::vector<std::string>& more) {
     };
     const ParamValue& aovs = shot.description.film.at("aovs");
     check(aovs.texts, aovs.place);
-    for (const std::string& name : more) check({name}, {"--aov " + name});
+    for (const std::string& name : more) check({name}, {option + " " + name});
 }
 
 World build_frame(Frame& frame) {
@@ -228,7 +239,15 @@ SavedFrame save_frame(Frame& frame) {
     saved.whole = !render.cancelled && !render.out_of_time;
     saved.picture = render.cancelled ? partial_name(files.picture) : files.picture;
     const auto write_picture = [&] {
-        save(frame, saved.picture, metadata_of(frame, saved.whole ? files.digest : unfinished));
+        const std::vector<Metadata> metadata = metadata_of(frame, saved.whole ? files.digest : unfinished);
+        for (const LayerPicture& layer : files.layers) {
+            if (render.cancelled) break; // --resume writes them
+            std::vector<Metadata> more = metadata;
+            more.emplace_back(layer_key, layer_text(layer));
+            save_layer_picture(layer, frame.film, frame.shot.description.film.number("exposure"), more);
+            saved.layers.push_back(layer.file);
+        }
+        save(frame, saved.picture, metadata);
     };
     const auto write_state = [&] {
         try {

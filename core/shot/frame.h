@@ -13,6 +13,7 @@
 
 #include "core/image/image.h"
 #include "core/math/clock.h"
+#include "core/shot/layer_picture.h"
 #include "core/shot/preview.h"
 #include "core/shot/shot.h"
 #include "core/shot/stats.h"
@@ -35,6 +36,7 @@ struct FrameOptions {
 struct FrameFiles {
     double frame = 0.0;
     std::string picture, preview, state; // preview: "" for none
+    std::vector<LayerPicture> layers;    // written with the picture, unless it is interrupted
     std::string digest;                  // two pictures of one frame with one digest are the same picture
     std::string samples_digest; // of two films with one, that with fewer samples can become the other
 };
@@ -44,11 +46,11 @@ struct FrameFiles {
 // edited meanwhile is not what they are made of.
 uint64_t shot_digest(const Shot& shot, const FrameOptions& options, const std::vector<std::string>& settings);
 
-// `picture` and `preview` are names with #### for the frame.
+// `picture`, `preview` and the files of `layers` are names with #### for the frame.
 FrameFiles frame_files(double frame, const Shot& shot, uint64_t digest, const std::string& picture,
-                       const std::string& preview);
+                       const std::string& preview, const std::vector<LayerPicture>& layers = {});
 
-// Whether an earlier run has left the whole picture.
+// Whether an earlier run has left the whole picture, and those of its layers.
 bool is_rendered(const FrameFiles& files);
 
 // Throws InputError where a file that is no unfinished picture stands under its name.
@@ -57,8 +59,9 @@ void check_partial_name(const std::string& partial);
 // Names of the film's layers: the scene's, those asked for, and those that sampling needs.
 std::vector<std::string> layer_names(const Shot& shot, const std::vector<std::string>& more);
 
-// Throws InputError unless the shot can fill all layers. More are named by `more`, as "--aov" in messages.
-void check_layers(const Shot& shot, const std::vector<std::string>& more);
+// Throws InputError unless the shot can fill all layers. More are named by `more`, which messages call `option`.
+void check_layers(const Shot& shot, const std::vector<std::string>& more,
+                  const std::string& option = "--aov");
 
 // How far a frame is; read while other threads work.
 struct FrameProgress {
@@ -100,7 +103,8 @@ void save_preview(Frame& frame);
 std::vector<std::string> render_warnings(const Frame& frame);
 
 struct SavedFrame {
-    std::string picture;  // the name it got
+    std::vector<std::string> layers; // pictures of layers
+    std::string picture;             // the name it got
     std::string no_state; // why the film's state could not be saved; "" where it could, or need not
     bool whole = false;
 };

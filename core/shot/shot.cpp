@@ -151,12 +151,10 @@ PluginSet default_plugins() {
     return plugins;
 }
 
-namespace {
-
 // Loads the libraries that the scene names, then reads the scene with all that they declare. Where a library is not there
 // its types are unknown too: that is no second mistake.
-SceneDescription describe(const std::string& file, const std::vector<std::string>& settings,
-                          PluginSet& plugins) {
+SceneDescription describe_scene(const std::string& file, const std::vector<std::string>& settings,
+                                PluginSet& plugins) {
     std::vector<LibraryName> missing;
     for (const LibraryName& library : scene_libraries(file, settings)) {
         if (fs::exists(library.path))
@@ -183,8 +181,6 @@ SceneDescription describe(const std::string& file, const std::vector<std::string
     }
 }
 
-} // namespace
-
 Shot load_shot(const std::string& file, const Overrides& overrides, const std::atomic<bool>& cancel) {
     Shot shot;
     shot.state_folder = overrides.state_folder.empty() ? fs::path(file).replace_extension(".states").string()
@@ -192,7 +188,7 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
     std::vector<std::string> settings;
     apply(overrides, settings);
     shot.plugins = std::make_unique<PluginSet>(default_plugins());
-    shot.description = describe(file, settings, *shot.plugins);
+    shot.description = describe_scene(file, settings, *shot.plugins);
     const SceneDescription& description = shot.description;
 
     Objections objections;

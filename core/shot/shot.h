@@ -25,6 +25,11 @@ struct PluginSet {
 };
 PluginSet default_plugins();
 
+// Reads a scene file alone, and adds the libraries that it names to `plugins`, which must outlive the description. Throws
+// InputError with all mistakes found.
+SceneDescription describe_scene(const std::string& file, const std::vector<std::string>& settings,
+                                PluginSet& plugins);
+
 // A scene, loaded. Pointers within point into the dialect, which lives as long.
 struct Shot {
     std::unique_ptr<PluginSet> plugins;

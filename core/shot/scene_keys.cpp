@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/shot/scene_keys.h"
+
+#include <algorithm>
+#include <set>
+
+namespace marram {
+namespace {
+
+using Keys = std::set<std::string>;
+
+// Of a list's elements none: how many there are, a scene says.
+void add_declared(Keys& keys, const std::string& prefix, const std::vector<ParamSpec>& params) {
+    for (const ParamSpec& spec : params)
+        if (spec.type != ParamType::unavailable && list_of(spec.name).empty())
+            keys.insert(prefix + spec.name);
+}
+
+void add_tables(Keys& keys, const Schema& schema) {
+    add_declared(keys, "", schema.globals);
+    add_declared(keys, "camera.", schema.camera);
+    add_declared(keys, "film.", schema.film);
+    add_declared(keys, "wind.", schema.wind);
+}
+
+void add_values(Keys& keys, const std::string& prefix, const ParamSet& params) {
+    for (const ParamValue& value : params.all()) keys.insert(prefix + value.name);
+}
+
+// Things without a name cannot be addressed.
+void add_items(Keys& keys, const std::string& kind, const std::vector<Item>& items,
+               const std::vector<ItemSchema>& types) {
+    for (const Item& item : items) {
+        if (item.name.empty()) continue;
+        const std::string prefix = kind + "." + item.name + ".";
+        const auto type = std::ranges::find(types, item.type, &ItemSchema::type);
+        if (type != types.end()) add_declared(keys, prefix, type->params);
+        add_values(keys, prefix, item.params);
+    }
+}
+
+} // namespace
+
+std::vector<std::string> keys_of_tables(const Schema& schema) {
+    Keys keys;
+    add_tables(keys, schema);
+    return {keys.begin(), keys.end()};
+}
+
+std::vector<std::string> keys_of_scene(const SceneDescription& description, const Schema& schema) {
+    Keys keys;
+    add_tables(keys, schema);
+    add_values(keys, "", description.globals);
+    add_values(keys, "camera.", description.camera);
+    add_values(keys, "film.", description.film);
+    add_values(keys, "wind.", description.wind);
+    add_items(keys, "light", description.lights, schema.lights);
+    add_items(keys, "material", description.materials, schema.materials);
+    add_items(keys, "mesh", description.meshes, schema.meshes);
+    add_items(keys, "curves", description.curves, schema.curves);
+    add_items(keys, "procedural", description.procedurals, schema.procedurals);
+    return {keys.begin(), keys.end()};
+}
+
+} // namespace marram

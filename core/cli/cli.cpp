@@ -4,6 +4,7 @@
 #include "core/cli/commands.h"
 #include "core/cli/exit_codes.h"
 #include "core/cli/interrupt.h"
+#include "core/cli/layer_option.h"
 #include "core/cli/memory.h"
 
 #include <CLI/CLI.hpp>
@@ -52,7 +53,8 @@ CLI::Validator number_between(double low, double high) {
 }
 
 struct Texts { // options that are checked after parsing
-    std::string size, layers, attributes;
+    std::string size, layers, attributes, shell;
+    std::vector<std::string> pictures;
     uint32_t samples = 0;
     double frame = 0.0;
 };
@@ -91,7 +93,9 @@ struct Commands {
     BakeOptions bake;
     MeasureOptions measure;
     CompareOptions compare;
-    std::string subject;
+    InfoOptions info;
+    SheetOptions sheet;
+    ManOptions man;
     Texts texts;
     std::function<int()> chosen;
 };
@@ -125,6 +129,14 @@ void add_render(CLI::App& app, Commands& c) {
         ->type_name("NAME,...");
     command
         ->add_option(
+            "--png", c.texts.pictures,
+            "a layer as a PNG of its own, the values from BLACK to WHITE as black to white, such as "
+            "depth:0-20=depth.####.png; normals and what goes from 0 to 1 need no range; an EXR holds "
+            "the layer as well")
+        ->type_name("LAYER:BLACK-WHITE=FILE")
+        ->allow_extra_args(false);
+    command
+        ->add_option(
             "--preview", c.render.preview,
             "picture to watch while a frame renders, .exr or .png: written after the first pass, then "
             "less and less often")
@@ -140,6 +152,8 @@ void add_render(CLI::App& app, Commands& c) {
         c.chosen = [&c, one_frame] {
             if (one_frame) c.render.frames.frame = c.texts.frame;
             if (!c.texts.size.empty()) c.render.overrides.size = parse_size(c.texts.size);
+            for (const std::string& text : c.texts.pictures)
+                c.render.pictures.push_back(parse_layer_picture(text));
             return render_command(c.render);
         };
     });
@@ -218,6 +232,72 @@ void add_compare(CLI::App& app, Commands& c) {
     command->callback([&c] { c.chosen = [&c] { return compare_command(c.compare); }; });
 }
 
+void add_info(CLI::App& app, Commands& c) {
+    CLI::App* command =
+        app.add_subcommand("info", "what there is: procedurals, shaders, parameters, what a scene holds");
+    command->add_option("subject", c.info.subject,
+                        "a procedural, shader or table, or a scene file; default: everything");
+    command->add_flag("--keys", c.info.keys,
+                      "only the keys that --set changes, of a scene or of every scene, one a line");
+    command->callback([&c] { c.chosen = [&c] { return info_command(c.info); }; });
+}
+
+void add_sheet(CLI::App& app, Commands& c) {
+    CLI::App* command =
+        app.add_subcommand("sheet", "many pictures on one, in rows and columns, with captions");
+    command->add_option("pictures", c.sheet.pictures, "pictures, in this order")
+        ->required()
+        ->type_name("FILE");
+    command->add_option("-o,--output", c.sheet.output, "the sheet, .png")
+        ->type_name("FILE")
+        ->capture_default_str();
+    command
+        ->add_option("--columns", c.sheet.layout.columns, "pictures in a row; default: about as many as rows")
+        ->check(CLI::Range(1, 1000));
+    command->add_option("--width", c.sheet.layout.width, "width of the sheet, pixels")
+        ->check(CLI::Range(48, 65535))
+        ->capture_default_str();
+    command
+        ->add_option("--captions", c.sheet.captions,
+                     "names of files, or frames; auto: frames where the pictures are frames of one scene")
+        ->check(CLI::IsMember({"auto", "name", "frame", "none"}))
+        ->capture_default_str();
+    command
+        ->add_option("--font", c.sheet.layout.font,
+                     "font of the captions; default: DejaVu Sans, or what is there")
+        ->type_name("FILE");
+    command
+        ->add_option("--exposure", c.sheet.layout.exposure,
+                     "stops, for pictures of linear light (EXR); default: 0")
+        ->check(number_between(-100.0, 100.0));
+    command->add_flag("--quiet", c.sheet.quiet, "no progress line");
+    command->callback([&c] { c.chosen = [&c] { return sheet_command(c.sheet); }; });
+}
+
+void add_completion(CLI::App& app, Commands& c) {
+    CLI::App* command =
+        app.add_subcommand("completion", "print a script that completes command lines in a shell");
+    command->add_option("shell", c.texts.shell, "the shell")
+        ->required()
+        ->check(CLI::IsMember({"bash", "zsh"}));
+    command->callback([&c, &app] {
+        c.chosen = [&c, &app] { return completion_command(c.texts.shell, program_text(app)); };
+    });
+}
+
+// After all others, which it knows by name.
+void add_man(CLI::App& app, Commands& c) {
+    CLI::App* command = app.add_subcommand("man", "print a manual page, for `man -l -`");
+    std::vector<std::string> names;
+    for (const CLI::App* other : app.get_subcommands({})) names.push_back(other->get_name());
+    command->add_option("command", c.man.command, "the command; default: the program")
+        ->check(CLI::IsMember(names));
+    command->add_option("--out", c.man.folder, "write the page, or all of them, to this folder instead")
+        ->type_name("DIR");
+    command->callback(
+        [&c, &app] { c.chosen = [&c, &app] { return man_command(c.man, program_text(app)); }; });
+}
+
 int report(const InputError& error) {
     for (const Problem& problem : error.problems) fmt::print(stderr, "{}\n", to_string(problem));
     return exit_bad_input;
@@ -251,13 +331,12 @@ int run(int argc, char** argv) {
     Commands commands;
     add_render(app, commands);
     add_bake(app, commands);
-    CLI::App* info =
-        app.add_subcommand("info", "what there is: procedurals, shaders, parameters, what a scene holds");
-    info->add_option("subject", commands.subject,
-                     "a procedural, shader or table, or a scene file; default: everything");
-    info->callback([&commands] { commands.chosen = [&commands] { return info_command(commands.subject); }; });
+    add_info(app, commands);
     add_compare(app, commands);
     add_measure(app, commands);
+    add_sheet(app, commands);
+    add_completion(app, commands);
+    add_man(app, commands);
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) {

@@ -4,7 +4,11 @@
 // To add one: its options here, its function in a file of its own, and its parser in cli.cpp.
 #pragma once
 
+#include "core/cli/command_text.h"
+#include "core/cli/exit_codes.h"
 #include "core/cli/frames.h"
+#include "core/image/sheet.h"
+#include "core/shot/layer_picture.h"
 #include "core/shot/shot.h"
 
 #include <string>
@@ -28,7 +32,8 @@ Shot open_shot(const CommonOptions& options);
 struct RenderOptions : CommonOptions {
     std::string output = "marram.png";
     FrameRequest frames;
-    std::vector<std::string> layers; // besides those of the scene
+    std::vector<std::string> layers;    // besides those of the scene
+    std::vector<LayerPicture> pictures; // of layers, which the film gets as well
     bool resume = false;
     std::string preview;  // "" for none
     double seconds = 0.0; // for tracing a frame; 0: as long as it takes
@@ -53,10 +58,34 @@ struct CompareOptions {
     std::string report; // folder, "" for none
 };
 
+struct InfoOptions {
+    std::string subject; // "" for everything
+    bool keys = false;   // only the keys that --set changes
+};
+
+struct SheetOptions {
+    std::vector<std::string> pictures;
+    std::string output = "sheet.png";
+    std::string captions = "auto"; // name, frame, none
+    SheetLayout layout;
+    bool quiet = false;
+};
+
+struct ManOptions {
+    std::string command; // "": the program
+    std::string folder;  // for all pages, as files; "": the page is printed
+};
+
 int render_command(const RenderOptions& options);
 int bake_command(const BakeOptions& options);
 int measure_command(const MeasureOptions& options);
 int compare_command(const CompareOptions& options); // 0 alike, 1 different
-int info_command(const std::string& subject);       // "" for everything
+int info_command(const InfoOptions& options);
+int sheet_command(const SheetOptions& options);
+int completion_command(const std::string& shell, const ProgramText& text); // "bash" or "zsh"
+int man_command(const ManOptions& options, const ProgramText& text);
+
+// What `info` can be asked for, and image layers: info_command.cpp.
+CompletionWords completion_words();
 
 } // namespace marram

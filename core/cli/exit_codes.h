@@ -1,10 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// Exit codes of `marram`, besides 0 (done, alike) and 1 (different).
+// Exit codes of `marram`.
 #pragma once
 
 namespace marram {
 
+inline constexpr int exit_done = 0;
+inline constexpr int exit_different = 1;
 inline constexpr int exit_bad_input = 2;
 inline constexpr int exit_interrupted = 130; // 128 + SIGINT, as shells have it
+
+struct ExitCode {
+    int code;
+    const char* meaning;
+};
+inline constexpr ExitCode exit_codes[] = {
+    {exit_done, "done; of marram compare: the pictures are alike"},
+    {exit_different, "marram compare: the pictures are different"},
+    {exit_bad_input,
+     "bad input: stderr has one line for each mistake, file:line:column: what is wrong: what to do"},
+    {exit_interrupted, "interrupted: what was there is saved under a name that says partial"}};
 
 } // namespace marram

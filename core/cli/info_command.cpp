@@ -2,6 +2,7 @@
 #include "core/cli/commands.h"
 #include "core/cli/interrupt.h"
 #include "core/shot/picture_file.h"
+#include "core/shot/scene_keys.h"
 #include "core/shot/settings.h"
 
 #include <fmt/format.h>
@@ -94,7 +95,7 @@ std::vector<Topic> topics(const Schema& schema) {
 // Image layers: film.aovs and --aov. The same list as check_layers() accepts; each with its channels in an EXR.
 void print_layers(const PluginSet& plugins) {
     fmt::print(
-        "image layers (film.aovs, --aov), in an EXR as LAYER.CHANNEL; beauty and alpha are R, G, B, A\n");
+        "image layers (film.aovs, --aov, --png), in an EXR as LAYER.CHANNEL; beauty and alpha are R, G, B, A\n");
     const auto print = [](std::string_view name, std::string_view channels, std::string_view help) {
         fmt::print("    {:<14} {:<8} {}\n", name, channels, help);
     };
@@ -183,10 +184,44 @@ void print_scene(const std::string& file) {
             fmt::print("\n# What '{}' has generated, to be edited by hand:\n{}", procedural->name(), text);
 }
 
+// Reads the scene file alone: what it names is not loaded.
+void print_keys(const std::string& scene) {
+    PluginSet plugins = default_plugins();
+    const std::vector<std::string> keys =
+        scene.empty() ? keys_of_tables(plugins.schema)
+                      : keys_of_scene(describe_scene(scene, {}, plugins), plugins.schema);
+    for (const std::string& key : keys) fmt::print("{}\n", key);
+}
+
+bool is_scene(const std::string& subject) { return std::filesystem::path(subject).extension() == ".toml"; }
+
 } // namespace
 
-int info_command(const std::string& subject) {
-    if (std::filesystem::path(subject).extension() == ".toml") {
+CompletionWords completion_words() {
+    const PluginSet plugins = default_plugins();
+    CompletionWords words{{"layers"}, {}};
+    for (const Topic& topic : topics(plugins.schema))
+        if (std::ranges::find(words.subjects, topic.name) == words.subjects.end())
+            words.subjects.push_back(topic.name);
+    for (const BuiltInLayer& layer : built_in_layers()) words.layers.emplace_back(layer.name);
+    for (const auto& [path, library] : plugins.libraries)
+        for (const ProceduralType& type : library->types())
+            for (const MarramAttribute& attribute : type.attributes)
+                if (std::ranges::find(words.layers, attribute.name) == words.layers.end())
+                    words.layers.emplace_back(attribute.name);
+    return words;
+}
+
+int info_command(const InfoOptions& options) {
+    const std::string& subject = options.subject;
+    if (options.keys) {
+        if (!subject.empty() && !is_scene(subject))
+            throw InputError({"marram info --keys " + subject}, "this is no scene",
+                             "name a scene file (.toml), or none");
+        print_keys(subject);
+        return 0;
+    }
+    if (is_scene(subject)) {
         print_scene(subject);
         return 0;
     }

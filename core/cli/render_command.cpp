@@ -15,6 +15,7 @@
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <optional>
 #include <set>
 #include <utility>
@@ -34,6 +35,10 @@ void check_outputs(const Shot& shot, const std::vector<FrameFiles>& frames, cons
             files.write(name);
         }
         check_writable(frame.picture);
+        for (const LayerPicture& layer : frame.layers) {
+            files.write(layer.file);
+            check_writable(layer.file);
+        }
         check_partial_name(partial);
         check_state_name(frame.state);
         previews.insert(frame.preview);
@@ -46,13 +51,40 @@ void check_outputs(const Shot& shot, const std::vector<FrameFiles>& frames, cons
         }
 }
 
+void check_layer_pictures(const Shot& shot, const RenderOptions& options, size_t frames) {
+    for (const LayerPicture& picture : options.pictures) {
+        check_layers(shot, {picture.layer}, "--png");
+        if (!picture.range && !natural_range(picture.layer))
+            throw InputError({"--png " + picture.layer}, "this layer has no range of its own",
+                             "say which values are black and white, such as " + picture.layer +
+                                 ":0-20=" + picture.file);
+        if (lower_extension(picture.file) != ".png")
+            throw InputError({picture.file}, "--png writes no other format", "name it .png");
+        if (frames > 1 && picture.file.find('#') == std::string::npos)
+            throw InputError({"--png " + picture.layer},
+                             "all frames would go to one file, '" + picture.file + "'",
+                             "put a #### where the frame's number belongs");
+    }
+}
+
 // Before anything is built.
-void check_contents(const Shot& shot, const RenderOptions& options) {
+void check_contents(const Shot& shot, const RenderOptions& options, size_t frames) {
     check_layers(shot, options.layers);
+    check_layer_pictures(shot, options, frames);
     if (!options.layers.empty() && lower_extension(options.output) == ".png")
         throw InputError({"--aov " + options.layers.front()}, "a PNG holds the picture alone",
-                         "write an .exr");
+                         "write an .exr, or the layer to a file of its own with --png");
     for (const std::string& warning : check_materials(shot)) fmt::print(stderr, "{}\n", warning);
+}
+
+// What the film holds besides the scene's layers.
+std::vector<std::string> more_layers(const Shot& shot, const RenderOptions& options) {
+    std::vector<std::string> more = options.layers;
+    for (const LayerPicture& picture : options.pictures) {
+        const std::vector<std::string> there = layer_names(shot, more);
+        if (std::ranges::find(there, picture.layer) == there.end()) more.push_back(picture.layer);
+    }
+    return more;
 }
 
 ProgressState state_of(const FrameProgress& progress, const std::string& prefix) {
@@ -69,6 +101,7 @@ void save(Frame& frame, Preview& preview, bool quiet) {
         fmt::print(stderr, "{}: film.clamp took {:.2g} % of the light\n", frame.files.picture,
                    100.0 * render.clamped);
     const SavedFrame saved = save_frame(frame);
+    for (const std::string& layer : saved.layers) fmt::print("{}\n", layer);
     fmt::print("{}\n", saved.picture);
     std::fflush(stdout); // an interrupt may cut off what comes later
     if (!saved.no_state.empty())
@@ -108,14 +141,16 @@ int render_command(const RenderOptions& options) {
     const double begin = wall_seconds();
     Shot shot = open_shot(options);
     const double load_seconds = wall_seconds() - begin;
-    check_contents(shot, options);
     const std::vector<double> frames =
         frames_to_make(options.frames, shot.description.globals.vec2("frames"), options.output);
-    const FrameOptions frame_options{options.scene, options.layers, options.seconds, options.resume};
+    check_contents(shot, options, frames.size());
+    const std::vector<std::string> layers = more_layers(shot, options);
+    const FrameOptions frame_options{options.scene, layers, options.seconds, options.resume};
     const uint64_t digest = shot_digest(shot, frame_options, options.overrides.settings);
     std::vector<FrameFiles> all_files;
     for (const double frame : frames)
-        all_files.push_back(frame_files(frame, shot, digest, options.output, options.preview));
+        all_files.push_back(
+            frame_files(frame, shot, digest, options.output, options.preview, options.pictures));
     check_outputs(shot, all_files, options);
 
     tbb::task_arena arena(threads);
@@ -134,7 +169,7 @@ int render_command(const RenderOptions& options) {
         stats.load = std::exchange(first, false) ? load_seconds : 0.0;
         std::optional<NoExit> no_exit;
         arena.execute([&] {
-            Frame frame{shot, frame_options, files, layer_names(shot, options.layers), interrupted(), stats};
+            Frame frame{shot, frame_options, files, layer_names(shot, layers), interrupted(), stats};
             render_frame(frame, prefix, options.quiet, no_exit);
         });
         stats_file.add(stats);

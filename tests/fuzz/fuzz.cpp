@@ -525,11 +525,11 @@ Command make_set(const Seeds&, const fs::path& folder, Random& random) {
 Command make_options(const Seeds&, const fs::path& folder, Random& random) {
     static const std::vector<std::string> options = {
         "--frame",   "--frames", "--spp", "--size",   "--threads", "--aov", "--seconds",
-        "--preview", "--stats",  "-o",    "--resume", "--quiet",   "--set", "--nothing"};
+        "--preview", "--stats",  "-o",    "--resume", "--quiet",   "--set", "--nothing", "--png"};
     static const std::vector<std::string> values = {
         "1",    "0",   "-1",       "1-3",    "3-1",   "8x8",    "0x8",     "x",         "",
         "1e99", "nan", "depth,id", "depth,", "a.png", "a.exr",  "/",       "/dev/null", "\xff",
-        "2.5",  "##",  "4",        "8x",     "-5-4",  "beauty", "p.##.exr",  "1-9x4,2", "1-2x"};
+        "2.5",  "##",  "4",        "8x",     "-5-4",  "beauty", "p.##.exr",  "1-9x4,2", "1-2x", "depth:0-1", "normal=/dev/null", "depth:1-x=d"};
     write_file(folder / "a.toml", scene_text);
     Command command = render(folder, {"--size", "8x6"});
     for (size_t n = 1 + random.below(3); n > 0; --n) {

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/cli/commands.h"
+#include "core/cli/interrupt.h"
+#include "core/cli/progress.h"
+#include "core/image/atomic_file.h"
+#include "core/image/sheet.h"
+#include "core/shot/picture_file.h"
+
+#include <fmt/format.h>
+
+#include <atomic>
+
+namespace marram {
+namespace {
+
+std::vector<std::string> captions_of(const SheetOptions& options) {
+    if (options.captions == "name") return name_captions(options.pictures);
+    if (options.captions == "frame") return frame_captions(options.pictures);
+    if (options.captions == "none") return std::vector<std::string>(options.pictures.size());
+    return sheet_captions(options.pictures);
+}
+
+} // namespace
+
+int sheet_command(const SheetOptions& options) {
+    if (lower_extension(options.output) != ".png")
+        throw InputError({options.output}, "a sheet is written as PNG", "name it .png");
+    RunFiles files(options.pictures);
+    files.write(options.output);
+    check_writable(options.output);
+    const std::vector<std::string> captions = captions_of(options);
+    std::vector<SheetPicture> pictures;
+    for (size_t i = 0; i < captions.size(); ++i) pictures.push_back({options.pictures[i], captions[i]});
+    std::atomic<size_t> done{0};
+    std::string warning;
+    {
+        const ProgressLine line(options.quiet, [&] {
+            return ProgressState{"reading", double(done.load()) / double(pictures.size())};
+        });
+        warning = write_sheet(options.output, pictures, options.layout, [&](size_t i) {
+            if (interrupted()) throw Cancelled();
+            done = i;
+        });
+    }
+    if (!warning.empty()) fmt::print(stderr, "{}\n", warning);
+    fmt::print("{}\n", options.output);
+    return 0;
+}
+
+} // namespace marram

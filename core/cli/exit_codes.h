@@ -14,8 +14,8 @@ struct ExitCode {
     const char* meaning;
 };
 inline constexpr ExitCode exit_codes[] = {
-    {exit_done, "done; of marram compare: the pictures are alike"},
-    {exit_different, "marram compare: the pictures are different"},
+    {exit_done, "done; the pictures of marram compare are alike"},
+    {exit_different, "the pictures of marram compare are different"},
     {exit_bad_input,
      "bad input: stderr has one line for each mistake, file:line:column: what is wrong: what to do"},
     {exit_interrupted, "interrupted: what was there is saved under a name that says partial"}};

@@ -527,9 +527,10 @@ Command make_options(const Seeds&, const fs::path& folder, Random& random) {
         "--frame",   "--frames", "--spp", "--size",   "--threads", "--aov", "--seconds",
         "--preview", "--stats",  "-o",    "--resume", "--quiet",   "--set", "--nothing", "--png"};
     static const std::vector<std::string> values = {
+        "depth:0-1", "normal=/dev/null", "depth:1-x=d",
         "1",    "0",   "-1",       "1-3",    "3-1",   "8x8",    "0x8",     "x",         "",
         "1e99", "nan", "depth,id", "depth,", "a.png", "a.exr",  "/",       "/dev/null", "\xff",
-        "2.5",  "##",  "4",        "8x",     "-5-4",  "beauty", "p.##.exr",  "1-9x4,2", "1-2x", "depth:0-1", "normal=/dev/null", "depth:1-x=d"};
+        "2.5",  "##",  "4",        "8x",     "-5-4",  "beauty", "p.##.exr",  "1-9x4,2", "1-2x"};
     write_file(folder / "a.toml", scene_text);
     Command command = render(folder, {"--size", "8x6"});
     for (size_t n = 1 + random.below(3); n > 0; --n) {

@@ -47,7 +47,7 @@
 #ifndef MARRAM_PLUGIN_H
 #define MARRAM_PLUGIN_H
 
-#include "core/plugin/embree.h"
+#include "embree.h" /* beside this file: so it is found in the source tree and where it is installed */
 
 #include <stddef.h>
 #include <stdint.h>

@@ -32,6 +32,19 @@ MarramStatus guarded(const MarramHost& host, const char* subject, const char* le
     return MARRAM_ERROR;
 }
 
+// Whether there is a host to be told of errors, and a place for the instance; says so where it can.
+inline bool can_create(const MarramHost* host, MarramInstance** out) {
+    if (!host || !MARRAM_HAS(host, message) || !host->message) return false; // nobody to tell
+    const MarramHost known = known_part(host);
+    if (!known.cancelled)
+        send(known, MARRAM_FAULT, "contract.null_callback", "", "MarramHost.cancelled is NULL",
+             "give a function that returns 0");
+    if (!out)
+        send(known, MARRAM_FAULT, "contract.null_output", "", "there is no place for the instance",
+             "pass a non-NULL pointer");
+    return known.cancelled && out;
+}
+
 // Adds what the file of an image says of where it lies.
 inline void add_placement(Digest& digest, const MarramPlacement* given) {
     if (!given) return;
@@ -70,12 +83,31 @@ inline std::vector<MarramValue> values_of(const MarramValues* given) {
 inline MarramFrame borrowed_frame(const MarramFrame* given, std::vector<MarramMesh>& meshes) {
     if (!given) throw SceneFault("contract.frame", "", "the frame is NULL", "pass a MarramFrame");
     MarramFrame frame = known_part(given);
-    meshes = known_parts(given->meshes, frame.mesh_count, frame.mesh_stride);
+    meshes = known_parts(frame.meshes, frame.mesh_count, frame.mesh_stride);
     frame.meshes = meshes.data();
     frame.mesh_stride = sizeof(MarramMesh);
-    if (const ContractFault fault = frame_fault(frame, meshes); !fault.what.empty())
+    const std::vector<MarramCurves> curves =
+        known_parts(frame.curves, frame.curves_count, frame.curves_stride);
+    if (const ContractFault fault = frame_fault(frame, meshes, curves); !fault.what.empty())
         throw SceneFault("contract.frame", fault.place, fault.what, fault.remedy);
     return frame;
+}
+
+// A mesh of a borrowed frame at any time, MarramFrame.pose: MARRAM_OK or MARRAM_CANCELLED. Throws SceneFault where the host cannot do it.
+inline MarramStatus pose_lent_mesh(const MarramFrame& frame, uint32_t mesh, double time, float* positions,
+                                   float* normals) {
+    const MarramStatus status = frame.pose(frame.pose_user, mesh, time, positions, normals);
+    if (status == MARRAM_CANCELLED) return status;
+    const size_t count = 3 * size_t(frame.meshes[mesh].vertex_count);
+    const std::string which =
+        "the mesh '" + std::string(frame.meshes[mesh].name) + "' at frame " + std::to_string(time);
+    if (status != MARRAM_OK)
+        throw SceneFault("contract.pose", "", "the host does not pose " + which,
+                         "let MarramFrame.pose answer for any time");
+    if (!usable_coordinates(positions, count) || (normals && !usable_coordinates(normals, count)))
+        throw SceneFault("contract.pose", "", "the host poses " + which + " with numbers that are not finite",
+                         "give finite positions and normals");
+    return MARRAM_OK;
 }
 
 } // namespace marram

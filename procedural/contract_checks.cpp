@@ -2,11 +2,13 @@
 #include "procedural/contract_checks.h"
 
 #include "core/math/known_part.h"
+#include "core/math/vec.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <string_view>
 #include <unordered_map>
@@ -119,9 +121,16 @@ Fault keys_fault(const MarramValue& value) {
 
 Fault grid_fault(const MarramValue& value) {
     const MarramGrid* grid = value.grid;
-    if (grid && grid->values && grid->nx > 0 && grid->ny > 0 && grid->nz > 0 && grid->components > 0)
-        return {};
-    return {"has no image", "read the file and hand over its pixels"};
+    if (!grid || !grid->values || grid->nx < 1 || grid->ny < 1 || grid->nz < 1)
+        return {"has no image", "read the file and hand over its pixels"};
+    const uint32_t most = value.type == MARRAM_TABLE ? 1 : 4;
+    if (grid->components < 1 || grid->components > most)
+        return {fmt::format("has {} components", grid->components), fmt::format("give 1 to {}", most)};
+    if (value.type == MARRAM_TABLE &&
+        size_t(std::ranges::count(std::string_view(value.text), ',')) + 1 != grid->nx)
+        return {fmt::format("is a table of {} columns with the names {}", grid->nx, quoted(value.text)),
+                "name each column"};
+    return {};
 }
 
 Fault content_fault(const MarramParam& param, const MarramValue& value) {
@@ -266,16 +275,55 @@ std::vector<ContractFault> value_faults(std::span<const MarramParam> params,
 
 namespace {
 
+// Embree drops vertices a little above this without a word, and refuses rays that are not finite with an abort.
+constexpr float greatest_coordinate = 1e18F;
+
+// A loop without a branch, which is vectorised: false for what is not a number, too.
+bool within(const float* numbers, size_t count, float most) {
+    unsigned beyond = 0;
+    for (size_t i = 0; i < count; ++i) beyond |= unsigned(!(std::fabs(numbers[i]) <= most));
+    return beyond == 0;
+}
+
+bool finite(const float* numbers, size_t count) {
+    return within(numbers, count, std::numeric_limits<float>::max());
+}
+
 Fault attribute_fault(const MarramMesh& mesh) {
     if (mesh.attribute_count > 0 && !mesh.attributes)
         return {"has attributes that are NULL", "list those that are counted"};
     for (const MarramAttribute& attribute :
-         known_parts(mesh.attributes, mesh.attribute_count, mesh.attribute_stride))
+         known_parts(mesh.attributes, mesh.attribute_count, mesh.attribute_stride)) {
         if (!attribute.name || !attribute.values || attribute.components < 1 || attribute.components > 4 ||
             (attribute.rate != MARRAM_PER_VERTEX && attribute.rate != MARRAM_PER_FACE))
             return {"has an attribute without name or values, or not 1 to 4 floats a vertex or face",
                     "fill it in"};
+        const size_t count = attribute.rate == MARRAM_PER_FACE ? mesh.triangle_count : mesh.vertex_count;
+        if (!finite(attribute.values, attribute.components * count))
+            return {fmt::format("has an attribute {} that is not finite", quoted(attribute.name)),
+                    "give finite numbers"};
+    }
     return {};
+}
+
+// What is wrong with the numbers of a mesh that is there.
+Fault mesh_content_fault(const MarramMesh& mesh) {
+    const size_t vertices = mesh.vertex_count;
+    for (uint32_t t = 0; t < mesh.time_count; ++t) {
+        if (!usable_coordinates(mesh.positions[t], 3 * vertices))
+            return {fmt::format("has a vertex that is not finite, or beyond {:g} m", greatest_coordinate),
+                    "give finite positions near the origin"};
+        if (mesh.normals && !finite(mesh.normals[t], 3 * vertices))
+            return {"has a normal that is not finite", "give unit vectors"};
+    }
+    if (mesh.uvs && !finite(mesh.uvs, 2 * vertices))
+        return {"has a uv that is not finite", "give finite uvs"};
+    uint32_t most = 0;
+    for (size_t i = 0; i < 3 * size_t(mesh.triangle_count); ++i) most = std::max(most, mesh.triangles[i]);
+    if (mesh.triangle_count > 0 && most >= mesh.vertex_count)
+        return {fmt::format("has a triangle with vertex {} of {}", most, mesh.vertex_count),
+                "count vertices from 0"};
+    return attribute_fault(mesh);
 }
 
 Fault mesh_fault(const MarramMesh& mesh, uint32_t time_count) {
@@ -287,21 +335,79 @@ Fault mesh_fault(const MarramMesh& mesh, uint32_t time_count) {
         there = (mesh.positions[t] || mesh.vertex_count == 0) &&
                 (!mesh.normals || mesh.normals[t] || mesh.vertex_count == 0);
     if (!there) return {"lacks positions, normals or triangles", "point to them"};
-    return attribute_fault(mesh);
+    return mesh_content_fault(mesh);
+}
+
+Fault curves_fault(const MarramCurves& curves, uint32_t time_count) {
+    if (curves.time_count != 1 && curves.time_count != time_count)
+        return {fmt::format("have {} motion samples", curves.time_count),
+                fmt::format("give 1 or the frame's {}", time_count)};
+    if (curves.curve_count == 0) return {};
+    bool there = curves.vertices != nullptr;
+    for (uint32_t t = 0; there && t < curves.time_count; ++t) there = curves.vertices[t] != nullptr;
+    if (!there) return {"lack vertices", "point to them"};
+    uint64_t cvs = curves.curve_count * curves.cvs_per_curve;
+    if (curves.offsets) {
+        bool ascend = curves.offsets[0] == 0;
+        for (uint64_t c = 0; ascend && c < curves.curve_count; ++c)
+            ascend = curves.offsets[c + 1] > curves.offsets[c];
+        if (!ascend) return {"have offsets that do not ascend from 0", "give each curve its CVs"};
+        cvs = curves.offsets[curves.curve_count];
+    } else if (curves.cvs_per_curve < 1) {
+        return {"have no CVs", "give cvs_per_curve or offsets"};
+    }
+    for (uint32_t t = 0; t < curves.time_count; ++t)
+        if (!usable_coordinates(curves.vertices[t], 4 * (cvs + 2 * curves.curve_count)))
+            return {fmt::format("have a vertex that is not finite, or beyond {:g} m", greatest_coordinate),
+                    "give finite positions near the origin"};
+    return {};
+}
+
+// Equal steps over the shutter, as exactly as doubles of frames can tell.
+bool equally_spaced(const double* times, uint32_t count) {
+    if (count < 3) return true;
+    constexpr double share = 1e-3; // of a step
+    const double step = (times[count - 1] - times[0]) / (count - 1);
+    for (uint32_t t = 1; t + 1 < count; ++t)
+        if (!(std::fabs(times[t] - times[0] - t * step) <= share * step)) return false;
+    return true;
+}
+
+ContractFault times_fault(const double* times, uint32_t count) {
+    constexpr uint32_t most_times = 64;
+    if (!times || count < 1 || count > most_times)
+        return {"", fmt::format("there are {} motion samples", times ? count : 0),
+                fmt::format("give 1 to {}", most_times)};
+    for (uint32_t t = 0; t < count; ++t)
+        if (!std::isfinite(times[t]) || (t > 0 && !(times[t] > times[t - 1])))
+            return {"", "the motion samples are not finite and ascending", "sort them, each once"};
+    return {};
+}
+
+// Embree's scenes know their device.
+ContractFault device_fault(const MarramFrame& frame) {
+    if (!frame.colliders || !frame.device) return {};
+    const RTCDevice device = rtcGetSceneDevice(frame.colliders);
+    const bool same = device == frame.device;
+    rtcReleaseDevice(device);
+    if (same) return {};
+    return {"", "MarramFrame.colliders is a scene of another device than MarramFrame.device",
+            "make both with one RTCDevice"};
 }
 
 } // namespace
 
-ContractFault frame_fault(const MarramFrame& frame, std::span<const MarramMesh> meshes) {
-    constexpr uint32_t most_times = 64;
+bool usable_coordinates(const float* numbers, size_t count) {
+    return within(numbers, count, greatest_coordinate);
+}
+
+ContractFault frame_fault(const MarramFrame& frame, std::span<const MarramMesh> meshes,
+                          std::span<const MarramCurves> curves) {
     if (!frame.pose)
         return {"", "MarramFrame.pose is NULL", "give a function that poses the meshes at any time"};
-    if (!frame.times || frame.time_count < 1 || frame.time_count > most_times)
-        return {"", fmt::format("there are {} motion samples", frame.times ? frame.time_count : 0),
-                fmt::format("give 1 to {}", most_times)};
-    for (uint32_t t = 0; t < frame.time_count; ++t)
-        if (!std::isfinite(frame.times[t]) || (t > 0 && !(frame.times[t] > frame.times[t - 1])))
-            return {"", "the motion samples are not finite and ascending", "sort them, each once"};
+    if (ContractFault fault = times_fault(frame.times, frame.time_count); !fault.what.empty()) return fault;
+    if (!equally_spaced(frame.times, frame.time_count))
+        return {"", "the motion samples are not equally spaced", "give equal steps over the shutter"};
     if (!std::isfinite(frame.frame) || !std::isfinite(frame.bind_frame) || !(frame.fps > 0.0) ||
         !std::isfinite(frame.fps))
         return {"", "frame, bind_frame or fps is no usable number", "give finite ones, fps above 0"};
@@ -311,11 +417,43 @@ ContractFault frame_fault(const MarramFrame& frame, std::span<const MarramMesh> 
         return {"", fmt::format("the stage is {}", int(frame.stage)), "give 0 to 2 (MarramStage)"};
     if (meshes.size() != frame.mesh_count)
         return {"", "MarramFrame.meshes is NULL", "list the meshes that are counted"};
+    if (curves.size() != frame.curves_count)
+        return {"", "MarramFrame.curves is NULL", "list the curves that are counted"};
     for (size_t m = 0; m < meshes.size(); ++m) {
         if (!meshes[m].name) return {"", fmt::format("mesh {} has no name", m), "give it one"};
         if (const Fault fault = mesh_fault(meshes[m], frame.time_count))
             return {"", fmt::format("the mesh {} {}", quoted(meshes[m].name), fault.what), fault.remedy};
     }
+    for (size_t c = 0; c < curves.size(); ++c) {
+        if (!curves[c].name) return {"", fmt::format("curves {} have no name", c), "give them one"};
+        if (const Fault fault = curves_fault(curves[c], frame.time_count))
+            return {"", fmt::format("the curves {} {}", quoted(curves[c].name), fault.what), fault.remedy};
+    }
+    return device_fault(frame);
+}
+
+ContractFault view_fault(const MarramView& view) {
+    if (ContractFault fault = times_fault(view.times, view.time_count); !fault.what.empty()) return fault;
+    if (!view.positions || !view.directions || !view.ups)
+        return {"", "the view lacks positions, directions or ups", "give one of each a motion sample"};
+    constexpr double farthest = 1e18, shortest = 0.5; // of a unit vector
+    for (uint32_t t = 0; t < view.time_count; ++t) {
+        const double *p = view.positions + 3 * t, *d = view.directions + 3 * t, *u = view.ups + 3 * t;
+        bool good = std::hypot(d[0], d[1], d[2]) >= shortest && std::hypot(u[0], u[1], u[2]) >= shortest;
+        for (int i = 0; i < 3; ++i)
+            good = good && std::fabs(p[i]) <= farthest && std::isfinite(d[i]) && std::isfinite(u[i]);
+        if (!good)
+            return {"", "the view has a position or direction that is no usable vector",
+                    "give finite positions and unit directions"};
+    }
+    if (!(view.fov > 0.0 && view.fov < pi))
+        return {"", fmt::format("the view's angle is {:g}", view.fov), "give radians between 0 and pi"};
+    if (view.width < 1 || view.height < 1)
+        return {"", fmt::format("the view has {} x {} pixels", view.width, view.height),
+                "give at least 1 x 1"};
+    if (!(view.tolerance >= 0.0 && view.tolerance_pixels >= 0.0) || !std::isfinite(view.tolerance) ||
+        !std::isfinite(view.tolerance_pixels))
+        return {"", "the view's tolerance is no usable number", "give metres or pixels, 0 or more"};
     return {};
 }
 

@@ -319,7 +319,7 @@ void take_rock_values(RockInstance& instance, std::span<const MarramValue> list)
 }
 
 MarramStatus create_rock(const MarramHost* host, const MarramValues* values, MarramInstance** out) {
-    if (!host || !host->message || !host->cancelled || !out) return MARRAM_ERROR; // nobody to tell
+    if (!can_create(host, out)) return MARRAM_ERROR;
     const MarramHost known = known_part(host);
     return guarded_rock(known, [&] {
         const std::vector<MarramValue> list = values_of(values);
@@ -333,6 +333,7 @@ MarramStatus create_rock(const MarramHost* host, const MarramValues* values, Mar
 }
 
 MarramStatus update_rock(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     RockInstance& instance = rock(opaque);
     return guarded_rock(instance.host, [&] {
         if (!given || !changed)
@@ -615,6 +616,11 @@ bool evaluate_rock(RockInstance& instance, const Values& values, const MarramFra
                    std::span<const MarramMesh> meshes) {
     const MarramMesh& mesh = rock_mesh_named(meshes, values.at("mesh"));
     const bool erodes = values.integer("levels") > 0;
+    if (!frame.colliders)
+        throw SceneFault("contract.no_colliders", "", "MarramFrame.colliders is NULL",
+                         "pass the committed scene of all meshes");
+    if (erodes && !frame.device)
+        throw SceneFault("contract.no_device", "", "MarramFrame.device is NULL", "pass Embree's device");
     if (!erodes) copy_mesh(instance, mesh);
     const uint64_t digest = digest_of_rock(instance, meshes);
     if (digest == instance.digest) return true;
@@ -630,6 +636,7 @@ bool evaluate_rock(RockInstance& instance, const Values& values, const MarramFra
 }
 
 MarramStatus prepare_rock(MarramInstance* opaque, const MarramFrame* given, const MarramStates*) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     RockInstance& instance = rock(opaque);
     return guarded_rock(instance.host, [&] {
         std::vector<MarramMesh> meshes;
@@ -641,14 +648,15 @@ MarramStatus prepare_rock(MarramInstance* opaque, const MarramFrame* given, cons
 }
 
 MarramStatus begin_rock(MarramInstance* opaque, const MarramFrame* given, MarramOutput* out) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     RockInstance& instance = rock(opaque);
     return guarded_rock(instance.host, [&] {
         if (!out)
             throw SceneFault("contract.null_output", "", "the output is NULL", "pass a non-NULL pointer");
+        instance.begun = false;
         std::vector<MarramMesh> meshes;
         const MarramFrame frame = borrowed_frame(given, meshes);
         const Values values(instance.values.all());
-        instance.begun = false;
         if (!evaluate_rock(instance, values, frame, meshes)) return MARRAM_CANCELLED;
         MarramOutput output{};
         output.kind = MARRAM_MESH;
@@ -680,6 +688,7 @@ void check_rock_buffers(const RockInstance& instance, const MarramMeshBuffers* b
 }
 
 MarramStatus mesh_rock(MarramInstance* opaque, MarramMeshBuffers* buffers) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     RockInstance& instance = rock(opaque);
     return guarded_rock(instance.host, [&] {
         check_rock_buffers(instance, buffers);
@@ -703,6 +712,7 @@ MarramStatus mesh_rock(MarramInstance* opaque, MarramMeshBuffers* buffers) {
 }
 
 void report_rock(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
+    if (!opaque || !sink) return;
     const RockInstance& instance = rock(opaque);
     if (!instance.begun) return;
     const GrainReport& r = instance.report;

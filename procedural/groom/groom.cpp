@@ -78,7 +78,7 @@ void take(GroomInstance& instance, ParsedValues description) {
 }
 
 MarramStatus create(const MarramHost* host, const MarramValues* values, MarramInstance** out) {
-    if (!host || !host->message || !host->cancelled || !out) return MARRAM_ERROR; // nobody to tell
+    if (!can_create(host, out)) return MARRAM_ERROR;
     const MarramHost known = known_part(host);
     return guarded(known, [&] {
         const std::vector<MarramValue> list = values_of(values);
@@ -94,6 +94,7 @@ MarramStatus create(const MarramHost* host, const MarramValues* values, MarramIn
 // Roots stay where neither the mesh nor what places them has changed; the colliders' trees, which know what they were made from, stay
 // wherever the colliders do.
 MarramStatus update(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
         if (!given || !changed)
@@ -176,9 +177,8 @@ MarramStatus read_bind_pose(GroomInstance& instance) {
     const bool normals = instance.groom.guides && instance.mesh->normals;
     instance.bind_normals.resize(normals ? instance.bind_positions.size() : 0);
     const auto index = uint32_t(instance.mesh - instance.meshes.data());
-    return instance.frame.pose(instance.frame.pose_user, index, instance.frame.bind_frame,
-                               instance.bind_positions.data(),
-                               normals ? instance.bind_normals.data() : nullptr);
+    return pose_lent_mesh(instance.frame, index, instance.frame.bind_frame, instance.bind_positions.data(),
+                          normals ? instance.bind_normals.data() : nullptr);
 }
 
 // The guides as they stand in the bind pose, and what each strand takes of them.
@@ -258,6 +258,7 @@ MarramStatus place(GroomInstance& instance) {
 }
 
 MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
         instance.begun = false;
@@ -346,6 +347,7 @@ void check_patch(const GroomInstance& instance, uint32_t index) {
 }
 
 MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     const GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
         if (!out) throw SceneFault("contract.null_patch", "", "the patch is NULL", "pass a non-NULL pointer");
@@ -374,6 +376,7 @@ Expand expand_of(const GroomInstance& instance, std::span<const Root> roots, Sta
 }
 
 MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatchBuffers* buffers) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     GroomInstance& instance = self(opaque);
     if (instance.host.cancelled(instance.host.user)) return MARRAM_CANCELLED;
     return guarded(instance.host, [&] {
@@ -414,6 +417,7 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
 }
 
 void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
+    if (!opaque || !sink) return;
     GroomInstance& instance = self(opaque);
     size_t scratch = 0;
     const CollisionCounts counts = report_chain(instance.workers, sink, user, scratch);

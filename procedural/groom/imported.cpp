@@ -124,7 +124,7 @@ void take_values(ImportInstance& instance, const Values& given, std::span<const 
 }
 
 MarramStatus create_import(const MarramHost* host, const MarramValues* values, MarramInstance** out) {
-    if (!host || !host->message || !host->cancelled || !out) return MARRAM_ERROR; // nobody to tell
+    if (!can_create(host, out)) return MARRAM_ERROR;
     const MarramHost known = known_part(host);
     return guarded_import(known, [&] {
         const std::vector<MarramValue> list = values_of(values);
@@ -139,6 +139,7 @@ MarramStatus create_import(const MarramHost* host, const MarramValues* values, M
 
 // Strands stay bound where neither what binds them nor the geometry has changed.
 MarramStatus update_import(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     ImportInstance& instance = self_of(opaque);
     return guarded_import(instance.host, [&] {
         if (!given || !changed)
@@ -163,6 +164,7 @@ MarramStatus update_import(MarramInstance* opaque, const MarramUpdate* given, ui
 }
 
 MarramStatus import_attributes(MarramInstance* opaque, MarramAttributeList* out) {
+    if (!opaque || !out) return MARRAM_ERROR; // nobody to tell
     const ImportInstance& instance = self_of(opaque);
     const MarramAttributeList list{sizeof(MarramAttributeList), instance.attributes.data(),
                                    uint32_t(instance.attributes.size()), sizeof(MarramAttribute)};
@@ -213,9 +215,9 @@ MarramStatus read_bind_poses(ImportInstance& instance) {
     if (const MarramMesh* mesh = instance.mesh) {
         instance.bind_positions.resize(3 * size_t(mesh->vertex_count));
         instance.bind_normals.resize(mesh->normals ? instance.bind_positions.size() : 0);
-        const MarramStatus status = frame.pose(frame.pose_user, uint32_t(mesh - instance.meshes.data()),
-                                               frame.bind_frame, instance.bind_positions.data(),
-                                               mesh->normals ? instance.bind_normals.data() : nullptr);
+        const MarramStatus status = pose_lent_mesh(frame, uint32_t(mesh - instance.meshes.data()),
+                                                   frame.bind_frame, instance.bind_positions.data(),
+                                                   mesh->normals ? instance.bind_normals.data() : nullptr);
         if (status != MARRAM_OK) return status;
     }
     const LentCurves& lent = instance.curves;
@@ -421,6 +423,7 @@ bool strands_move(const ImportInstance& instance) {
 }
 
 MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     ImportInstance& instance = self_of(opaque);
     return guarded_import(instance.host, [&] {
         instance.begun = false;
@@ -502,6 +505,7 @@ void check_import_patch(const ImportInstance& instance, uint32_t index) {
 }
 
 MarramStatus patch_of_import(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     const ImportInstance& instance = self_of(opaque);
     return guarded_import(instance.host, [&] {
         if (!out) throw SceneFault("contract.null_patch", "", "the patch is NULL", "pass a non-NULL pointer");
@@ -666,6 +670,7 @@ void write_attributes(const Batch& batch, const Strands& strands, const MarramPa
 }
 
 MarramStatus tessellate_import(MarramInstance* opaque, uint32_t index, const MarramPatchBuffers* buffers) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     ImportInstance& instance = self_of(opaque);
     if (instance.host.cancelled(instance.host.user)) return MARRAM_CANCELLED;
     return guarded_import(instance.host, [&] {
@@ -709,6 +714,7 @@ MarramStatus tessellate_import(MarramInstance* opaque, uint32_t index, const Mar
 }
 
 void report_import(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
+    if (!opaque || !sink) return;
     ImportInstance& instance = self_of(opaque);
     size_t scratch = 0;
     const CollisionCounts counts = report_chain(instance.workers, sink, user, scratch);

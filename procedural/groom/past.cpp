@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/groom/past.h"
 
+#include "procedural/border.h"
+
 #include <algorithm>
 #include <span>
 
@@ -27,8 +29,7 @@ MarramStatus pose_at(const MarramFrame& frame, uint32_t mesh, double time, PastS
     const bool smooth = frame.meshes[mesh].normals != nullptr;
     pose.positions.resize(size);
     pose.normals.resize(smooth ? size : 0);
-    return frame.pose(frame.pose_user, mesh, time, pose.positions.data(),
-                      smooth ? pose.normals.data() : nullptr);
+    return pose_lent_mesh(frame, mesh, time, pose.positions.data(), smooth ? pose.normals.data() : nullptr);
 }
 
 double farthest(const std::vector<float>& a, const std::vector<float>& b) {

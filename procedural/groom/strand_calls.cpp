@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/groom/strand_calls.h"
 
-#include "procedural/values.h"
+#include "procedural/border.h"
 
 #include <string>
 
@@ -29,8 +29,7 @@ MarramStatus fix_gusts_once(const MarramFrame& frame, const Eigen::AlignedBox3d&
     std::vector<float> positions;
     for (uint32_t i = 0; i < frame.mesh_count; ++i) {
         positions.resize(3 * size_t(frame.meshes[i].vertex_count));
-        const MarramStatus status =
-            frame.pose(frame.pose_user, i, frame.bind_frame, positions.data(), nullptr);
+        const MarramStatus status = pose_lent_mesh(frame, i, frame.bind_frame, positions.data(), nullptr);
         if (status != MARRAM_OK) return status;
         for (size_t v = 0; v + 2 < positions.size(); v += 3)
             box.extend(Vec3d(double(positions[v]), double(positions[v + 1]), double(positions[v + 2])));

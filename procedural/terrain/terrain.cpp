@@ -94,7 +94,7 @@ void take_values(TerrainInstance& instance, std::span<const MarramValue> list) {
 }
 
 MarramStatus create_terrain(const MarramHost* host, const MarramValues* values, MarramInstance** out) {
-    if (!host || !host->message || !host->cancelled || !out) return MARRAM_ERROR; // nobody to tell
+    if (!can_create(host, out)) return MARRAM_ERROR;
     const MarramHost known = known_part(host);
     return guarded_terrain(known, [&] {
         const std::vector<MarramValue> list = values_of(values);
@@ -108,6 +108,7 @@ MarramStatus create_terrain(const MarramHost* host, const MarramValues* values, 
 }
 
 MarramStatus update_terrain(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         if (!given || !changed)
@@ -220,6 +221,7 @@ void send_warnings(const TerrainInstance& instance) {
 
 // Evaluates the layers where there are states to go on from; begin() then finds them as they are to be.
 MarramStatus prepare_terrain(MarramInstance* opaque, const MarramFrame* given, const MarramStates* states) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         if (!evolves(Values(instance.values.all()))) return MARRAM_OK;
@@ -244,10 +246,13 @@ MarramStatus prepare_terrain(MarramInstance* opaque, const MarramFrame* given, c
 }
 
 MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, MarramOutput* out) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         if (!out)
             throw SceneFault("contract.null_output", "", "the output is NULL", "pass a non-NULL pointer");
+        instance.begun = false;
+        instance.seen = {};
         std::vector<MarramMesh> meshes;
         const MarramFrame frame = borrowed_frame(given, meshes);
         const double begin = wall_seconds();
@@ -270,6 +275,7 @@ MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, Mar
 }
 
 MarramStatus mesh_terrain(MarramInstance* opaque, MarramMeshBuffers* buffers) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         check_mesh_buffers(instance, buffers);
@@ -288,20 +294,27 @@ MarramStatus mesh_terrain(MarramInstance* opaque, MarramMeshBuffers* buffers) {
 // ---- the render mesh: what the camera sees of it ----
 
 MarramStatus begin_view_of_terrain(MarramInstance* opaque, const MarramView* given, MarramOutput* out) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         if (!given || !out)
             throw SceneFault("contract.null_view", "", "the view or the output is NULL", "pass both");
         if (!instance.begun)
             throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
-        fill_known_part(begin_view(instance, known_part(given)), out);
+        const MarramView view = known_part(given);
+        if (const ContractFault fault = view_fault(view); !fault.what.empty())
+            throw SceneFault("contract.view", fault.place, fault.what, fault.remedy);
+        fill_known_part(begin_view(instance, view), out);
         return MARRAM_OK;
     });
 }
 
 MarramStatus view_mesh_of_terrain(MarramInstance* opaque, MarramMeshBuffers* buffers) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
+        if (instance.seen.samples.empty())
+            throw SceneFault("contract.no_view", "", "no view has begun", "call begin_view first");
         check_mesh_buffers(instance, buffers);
         write_view(instance, *buffers);
         return MARRAM_OK;
@@ -309,6 +322,7 @@ MarramStatus view_mesh_of_terrain(MarramInstance* opaque, MarramMeshBuffers* buf
 }
 
 MarramStatus attributes_of_terrain(MarramInstance* opaque, MarramAttributeList* out) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         if (!out) throw SceneFault("contract.null_list", "", "the list is NULL", "pass a non-NULL pointer");
@@ -355,6 +369,7 @@ double steepest_slope(const TerrainInstance& instance) {
 }
 
 void report_terrain(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
+    if (!opaque || !sink) return;
     const TerrainInstance& instance = terrain(opaque);
     if (!instance.begun) return;
     const Stack& stack = *instance.stack;
@@ -382,6 +397,7 @@ void report_terrain(MarramInstance* opaque, void (*sink)(void*, const char*, dou
 }
 
 MarramStatus describe_terrain(MarramInstance* opaque, void (*sink)(void*, const char*), void* user) {
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     const TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         if (!sink) throw SceneFault("contract.null_sink", "", "the sink is NULL", "pass a function");

@@ -1,0 +1,964 @@
+// SPDX-License-Identifier: Apache-2.0
+// Our library under a host that makes mistakes: each is an error with a message that has an id, none is a crash, and what was right before
+// is right after it. Seeded.
+#include "build_scene.h"
+
+#include "core/geometry/plugin_library.h"
+#include "core/plugin/marram_host.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+#include <random>
+
+namespace marram::testing {
+namespace {
+
+constexpr uint32_t times_there = 3;
+constexpr float not_a_number = std::numeric_limits<float>::quiet_NaN();
+
+// ---- A good host ----
+
+struct Messages {
+    std::vector<std::string> faults; // ids
+    std::string last;                // what the last one says
+    static void take(void* user, const MarramMessage* message) {
+        if (message->severity != MARRAM_FAULT) return;
+        auto& list = static_cast<Messages*>(user)->faults;
+        list.emplace_back(message->id);
+        static_cast<Messages*>(user)->last = message->what;
+        EXPECT_NE(list.back(), "");
+        EXPECT_STRNE(message->what, "");
+        EXPECT_EQ(list.back().find("internal"), std::string::npos) << message->what;
+    }
+};
+
+// A lent mesh in Embree, at the motion samples. It moves along x; bad_pose spoils what pose() says.
+struct LentMesh {
+    std::string name;
+    std::vector<float> positions[times_there], uvs;
+    std::vector<uint32_t> triangles;
+    const float* steps[times_there] = {};
+    std::vector<float> attribute_values;
+    MarramAttribute attribute{};
+
+    LentMesh(std::string its_name, const Mesh& mesh, bool moves, const double* times)
+        : name(std::move(its_name)) {
+        for (uint32_t t = 0; t < times_there; ++t) {
+            for (const Vec3f& p : mesh.positions)
+                positions[t].insert(positions[t].end(),
+                                    {p.x() + (moves ? 0.01F * float(times[t]) : 0.0F), p.y(), p.z()});
+            positions[t].resize(positions[t].size() + 4); // Embree reads behind them
+            steps[t] = positions[t].data();
+        }
+        for (const auto& triangle : mesh.triangles)
+            triangles.insert(triangles.end(), triangle.begin(), triangle.end());
+        for (const Vec2f& uv : mesh.uvs) uvs.insert(uvs.end(), {uv.x(), uv.y()});
+        attribute_values.assign(mesh.positions.size(), 0.5F);
+        attribute = {"rock", 1, MARRAM_PER_VERTEX, 0, "", attribute_values.data(), 0};
+        time_count = moves ? times_there : 1;
+        vertices = uint32_t(mesh.positions.size());
+    }
+    uint32_t time_count = 1, vertices = 0;
+
+    MarramMesh lent(uint32_t id) const {
+        MarramMesh mesh{};
+        mesh.name = name.c_str();
+        mesh.geometry_id = id;
+        mesh.roles = MARRAM_ALL_ROLES;
+        mesh.vertex_count = vertices;
+        mesh.triangle_count = uint32_t(triangles.size() / 3);
+        mesh.time_count = time_count;
+        mesh.positions = steps;
+        mesh.triangles = triangles.data();
+        mesh.uvs = uvs.empty() ? nullptr : uvs.data();
+        mesh.attributes = &attribute;
+        mesh.attribute_count = 1;
+        mesh.attribute_stride = sizeof attribute;
+        mesh.topology = 7;
+        return mesh;
+    }
+    void attach(RTCDevice device, RTCScene scene, uint32_t id) const {
+        const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+        rtcSetGeometryTimeStepCount(geometry, time_count);
+        for (uint32_t t = 0; t < time_count; ++t)
+            rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, t, RTC_FORMAT_FLOAT3, steps[t], 0,
+                                       12, vertices);
+        std::memcpy(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12,
+                                            triangles.size() / 3),
+                    triangles.data(), triangles.size() * sizeof(uint32_t));
+        rtcSetGeometryMask(geometry, MARRAM_ALL_ROLES | MARRAM_NAMED);
+        rtcCommitGeometry(geometry);
+        rtcAttachGeometryByID(scene, geometry, id);
+        rtcReleaseGeometry(geometry);
+    }
+};
+
+class LentWorld {
+  public:
+    LentWorld() {
+        meshes.emplace_back("ground", plane_mesh(Vec2f(4, 4), 3), true, times);
+        meshes.emplace_back("boulder", box_mesh(Vec3f(0.5F, 0.5F, 0.5F)), false, times);
+        for (uint32_t id = 0; id < meshes.size(); ++id) meshes[id].attach(device.get(), scene.get(), id);
+        rtcCommitScene(scene.get());
+        rtcCommitScene(other_scene.get());
+        for (uint32_t id = 0; id < meshes.size(); ++id) lent[id] = meshes[id].lent(id);
+        const float line[] = {-1, 0, 0, 0.1F, 0, 0, 0, 0.1F, 1, 0, 0, 0.1F, 2, 0, 0, 0.1F, 3, 0, 0, 0.1F};
+        line_vertices.assign(std::begin(line), std::end(line));
+        curve_steps[0] = line_vertices.data();
+        curves.name = "line";
+        curves.curve_count = 1;
+        curves.offsets = offsets;
+        curves.time_count = 1;
+        curves.vertices = curve_steps;
+        curves.basis = MARRAM_LINEAR;
+    }
+
+    // Points into this object.
+    MarramFrame frame() {
+        MarramFrame frame{};
+        frame.size = sizeof frame;
+        frame.fps = 24.0;
+        frame.frame = frame.bind_frame = 1.0;
+        frame.time_count = times_there;
+        frame.times = times;
+        frame.stage = MARRAM_FINAL;
+        frame.device = device.get();
+        frame.colliders = scene.get();
+        frame.meshes = lent;
+        frame.mesh_count = 2;
+        frame.mesh_stride = sizeof(MarramMesh);
+        frame.pose = pose;
+        frame.pose_user = this;
+        frame.curves = &curves;
+        frame.curves_count = 1;
+        frame.curves_stride = sizeof curves;
+        return frame;
+    }
+
+    enum class BadPose { none, fails, not_finite };
+    BadPose bad_pose = BadPose::none;
+
+    const double times[times_there] = {1.0, 1.25, 1.5};
+    std::shared_ptr<RTCDeviceTy> device{rtcNewDevice(nullptr), rtcReleaseDevice},
+        other_device{rtcNewDevice(nullptr), rtcReleaseDevice};
+    std::shared_ptr<RTCSceneTy> scene{rtcNewScene(device.get()), rtcReleaseScene},
+        other_scene{rtcNewScene(other_device.get()), rtcReleaseScene};
+    std::vector<LentMesh> meshes = [] {
+        std::vector<LentMesh> none;
+        none.reserve(2); // they stay where they are
+        return none;
+    }();
+    MarramMesh lent[2];
+    std::vector<float> line_vertices;
+    const float* curve_steps[1];
+    const uint64_t offsets[2] = {0, 3};
+    MarramCurves curves{};
+
+  private:
+    static MarramStatus pose(void* user, uint32_t index, double frame, float* positions, float*) {
+        const LentWorld& world = *static_cast<LentWorld*>(user);
+        if (world.bad_pose == BadPose::fails || index > 1) return MARRAM_ERROR;
+        const LentMesh& mesh = world.meshes[index];
+        for (size_t v = 0; v < mesh.vertices; ++v) {
+            std::copy_n(mesh.steps[0] + 3 * v, 3, positions + 3 * v);
+            if (mesh.time_count > 1) positions[3 * v] += 0.01F * float(frame - world.times[0]);
+        }
+        if (world.bad_pose == BadPose::not_finite) positions[4] = not_a_number;
+        return MARRAM_OK;
+    }
+};
+
+using OwnedValues = std::unique_ptr<MarramHostValues, decltype(&marram_values_free)>;
+
+// What makes each procedural do all that it can on the world above, small.
+std::vector<std::pair<const char*, const char*>> settings_of(const std::string& type) {
+    if (type == "groom")
+        return {{"on", "ground"},
+                {"count", "60"},
+                {"length", "[0.1, 0.3]"},
+                {"width", "0.01"},
+                {"cvs", "5"},
+                {"density_by[0].attribute", "rock"},
+                {"wind.speed", "6"},
+                {"wind.gusts.num_gusts", "4"},
+                {"wind.gusts.radius_range", "[0.3, 1]"},
+                {"wind.gusts.control[0].strength", "0.5"},
+                {"wind.shielding.shield", "0.5"},
+                {"wind.jiggle.frequency", "3"},
+                {"wind.collision.solver", "exact"}};
+    if (type == "terrain")
+        return {{"size", "[8, 8]"},           {"cell", "0.5"},
+                {"layer[0].type", "noise"},   {"layer[1].type", "dune"},
+                {"layer[1].along", "line"},   {"layer[2].type", "ruin"},
+                {"layer[2].mesh", "boulder"}, {"layer[3].type", "mask"},
+                {"layer[3].name", "high"},    {"layer[3].by", "height"},
+                {"layer[4].type", "ripples"}};
+    return {{"mesh", "boulder"},  {"sand[0].mesh", "ground"}, {"paths", "200"},
+            {"sand_level", "-1"}, {"wind.speed", "10"},       {"winds[0].direction", "[1, 0, 0]"}};
+}
+
+// ---- A procedural, called with good and bad arguments ----
+
+class Called {
+  public:
+    Called(const ProceduralType& type, LentWorld& world)
+        : type(type), calls(type.calls), world(world),
+          values(marram_values_new(&type.calls), marram_values_free) {
+        host = {sizeof(MarramHost), &messages, Messages::take, [](void*) { return 0; }, nullptr};
+        for (const auto& [name, text] : settings_of(calls.name))
+            EXPECT_EQ(marram_set(values.get(), name, text), MARRAM_OK) << name;
+        good = marram_values_finish(values.get(), &host);
+        if (!good) throw std::runtime_error("a good value is refused: " + messages.last);
+    }
+    ~Called() { destroy(); }
+
+    void create() {
+        destroy();
+        expect_ok(calls.create(&host, good, &instance));
+    }
+    void destroy() {
+        if (instance) calls.destroy(instance);
+        instance = nullptr;
+    }
+    MarramStatus begin(const MarramFrame& frame) {
+        output = {};
+        output.size = sizeof output;
+        return calls.begin(instance, &frame, &output);
+    }
+    // All that a good frame hands over, as bytes.
+    std::string evaluate() {
+        expect_ok(begin(world.frame()));
+        return calls.kind == MARRAM_CURVES ? curves() : surface(output, calls.mesh);
+    }
+    std::string view_mesh() {
+        MarramOutput seen{};
+        seen.size = sizeof seen;
+        const MarramView view = good_view();
+        expect_ok(calls.begin_view(instance, &view, &seen));
+        return surface(seen, calls.view_mesh);
+    }
+
+    void expect_ok(MarramStatus status) {
+        EXPECT_EQ(status, MARRAM_OK) << calls.name << ": " << messages.last;
+        messages.faults.clear();
+    }
+    // An error, and a message that says why.
+    void expect_error(MarramStatus status, const std::string& id, const std::string& what) {
+        EXPECT_EQ(status, MARRAM_ERROR) << calls.name << ": " << what;
+        ASSERT_FALSE(messages.faults.empty()) << calls.name << ": " << what;
+        if (!id.empty()) {
+            EXPECT_EQ(messages.faults.back(), id) << calls.name << ": " << what;
+        }
+        messages.faults.clear();
+    }
+
+    MarramView good_view() const {
+        static const double position[] = {0, 2, 6}, direction[] = {0, 0, -1}, up[] = {0, 1, 0}, time = 1.0;
+        MarramView view{};
+        view.size = sizeof view;
+        view.frame = 1.0;
+        view.time_count = 1;
+        view.times = &time, view.positions = position, view.directions = direction, view.ups = up;
+        view.fov = 1.0;
+        view.width = 64, view.height = 36;
+        return view;
+    }
+
+    const ProceduralType& type;
+    const MarramProcedural& calls;
+    LentWorld& world;
+    Messages messages;
+    MarramHost host{};
+    OwnedValues values;
+    const MarramValues* good = nullptr;
+    MarramInstance* instance = nullptr;
+    MarramOutput output{};
+
+  private:
+    std::string curves() {
+        const size_t floats = 4 * output.curve_count * (output.cvs_per_curve + 2);
+        std::vector<std::vector<float>> vertices(output.time_count, std::vector<float>(floats + 4));
+        for (uint32_t p = 0; p < output.patch_count; ++p) {
+            MarramPatch patch{};
+            patch.size = sizeof patch;
+            expect_ok(calls.patch(instance, p, &patch));
+            std::vector<float*> to;
+            for (auto& step : vertices)
+                to.push_back(step.data() + 4 * patch.first_curve * (output.cvs_per_curve + 2));
+            const MarramPatchBuffers buffers{
+                sizeof(MarramPatchBuffers), to.data(), nullptr, 0, nullptr, nullptr};
+            expect_ok(calls.tessellate(instance, p, &buffers));
+        }
+        std::string bytes;
+        for (const auto& step : vertices)
+            bytes.append(reinterpret_cast<const char*>(step.data()), floats * sizeof(float));
+        EXPECT_EQ(bytes.empty(), output.curve_count == 0);
+        return bytes;
+    }
+    std::string surface(const MarramOutput& out, MarramStatus (*write)(MarramInstance*, MarramMeshBuffers*)) {
+        std::vector<float> positions(3 * size_t(out.vertex_count)), uvs(2 * size_t(out.vertex_count)),
+            normals(positions.size());
+        std::vector<uint32_t> triangles(3 * size_t(out.triangle_count));
+        float *steps[] = {positions.data()}, *normal_steps[] = {normals.data()};
+        MarramMeshBuffers buffers{};
+        buffers.size = sizeof buffers;
+        buffers.positions = steps;
+        buffers.triangles = triangles.data();
+        buffers.uvs = out.has_uvs ? uvs.data() : nullptr;
+        buffers.normals = out.has_normals ? normal_steps : nullptr;
+        expect_ok(write(instance, &buffers));
+        return std::string(reinterpret_cast<const char*>(positions.data()),
+                           positions.size() * sizeof(float)) +
+               std::string(reinterpret_cast<const char*>(triangles.data()),
+                           triangles.size() * sizeof(uint32_t));
+    }
+};
+
+// ---- Values ----
+
+// Values that are certainly wrong, and what they point to.
+struct WrongValues {
+    std::vector<MarramValue> list;
+    std::vector<double> numbers;
+    std::string text;
+    MarramValues lent{};
+    std::string what;
+};
+
+// Of "layer[4].seed": that of the type of element 4.
+const MarramParam* declaration(const ProceduralType& type, const std::vector<MarramValue>& list,
+                               const std::string& name) {
+    std::string declared;
+    for (size_t i = 0; i < name.size(); ++i) {
+        declared += name[i];
+        while (name[i] == '[' && name[i + 1] != ']') ++i;
+    }
+    for (const MarramParam& param : type.params)
+        if (declared == param.name) return &param;
+    const std::string of_type = name.substr(0, name.find("].") + 2) + "type";
+    for (const ProceduralItemType& item : type.item_types)
+        for (const MarramValue& value : list)
+            if (of_type == value.name && std::string_view(value.text) == item.item.type)
+                for (const MarramParam& param : item.params)
+                    if (declared == std::string(item.item.list) + "[]." + param.name) return &param;
+    return nullptr;
+}
+
+// One value spoilt; false where this fault does not suit it.
+bool spoil(const ProceduralType& type, WrongValues& wrong, size_t index, int fault) {
+    MarramValue& value = wrong.list[index];
+    const MarramParam* param = declaration(type, wrong.list, value.name);
+    const bool is_type = std::string_view(value.name).ends_with("].type"); // of an element
+    wrong.numbers.assign(value.numbers, value.numbers + value.number_count);
+    wrong.text = value.text;
+    wrong.what = fmt::format("{} with fault {}", value.name, fault);
+    const bool numeric =
+        param && value.number_count > 0 && value.type != MARRAM_KEYS && value.type != MARRAM_RAMP;
+    const bool named =
+        value.type == MARRAM_CHOICE || value.type == MARRAM_MESH_NAME || value.type == MARRAM_CURVES_NAME;
+    switch (fault) {
+    case 0: // not a number
+    case 1:
+        if (value.number_count == 0) return false;
+        wrong.numbers.back() = fault == 0 ? std::nan("") : HUGE_VAL;
+        break;
+    case 2: // out of range
+        if (!numeric || !(param->maximum < 1e300)) return false;
+        wrong.numbers[0] = value.type == MARRAM_BOOLEAN ? 2.0 : 2.0 * std::fabs(param->maximum) + 1.0;
+        break;
+    case 3: // negative counts among them
+        if (!numeric || !(param->minimum > -1e300)) return false;
+        wrong.numbers[0] = value.type == MARRAM_BOOLEAN ? -1.0 : -2.0 * std::fabs(param->minimum) - 1.0;
+        break;
+    case 4: // one number too many
+        if (value.number_count == 0) return false;
+        wrong.numbers.push_back(wrong.numbers.back());
+        break;
+    case 5: // none: an empty ramp, too
+        if (value.number_count == 0) return false;
+        wrong.numbers.clear();
+        break;
+    case 6:
+        if (value.number_count == 0) return false;
+        value.numbers = nullptr;
+        return true;
+    case 7:
+        value.text = nullptr;
+        return true;
+    case 8: // another type
+        if (is_type) return false;
+        value.type = MarramParamType((int(value.type) + 1) % MARRAM_PARAM_TYPE_COUNT);
+        return true;
+    case 9:
+        value.name = nullptr;
+        return true;
+    case 10:
+        wrong.text = std::string(value.name) + "x";
+        value.name = wrong.text.c_str();
+        return true;
+    case 11: { // twice
+        const MarramValue copy = value;
+        wrong.list.push_back(copy);
+        return true;
+    }
+    case 12: // an unknown choice, interpolation, type of element; a name of nothing
+        if (!named && value.type != MARRAM_RAMP && value.type != MARRAM_KEYS) return false;
+        wrong.text = value.type == MARRAM_MESH_NAME || value.type == MARRAM_CURVES_NAME ? "" : "nonsense";
+        break;
+    case 13: // downwards
+        if (value.type != MARRAM_RANGE && value.type != MARRAM_RAMP) return false;
+        if (value.type == MARRAM_RANGE && wrong.numbers[0] == wrong.numbers[1]) return false;
+        if (value.type == MARRAM_RAMP && wrong.numbers.size() < 4) return false;
+        std::swap(wrong.numbers[0], wrong.numbers[value.type == MARRAM_RANGE ? 1 : 2]);
+        break;
+    default: // not whole
+        if (value.type != MARRAM_INTEGER) return false;
+        wrong.numbers[0] += 0.5;
+        break;
+    }
+    value.numbers = wrong.numbers.data();
+    value.number_count = wrong.numbers.size();
+    value.text = wrong.text.c_str();
+    return true;
+}
+constexpr int value_faults_there = 15;
+
+bool make_wrong(const Called& called, size_t index, int fault, WrongValues& wrong) {
+    wrong.list.clear();
+    for (uint32_t i = 0; i < called.good->count; ++i)
+        wrong.list.push_back(*MARRAM_AT(MarramValue, called.good->first, called.good->stride, i));
+    if (!spoil(called.type, wrong, index, fault)) return false;
+    wrong.lent = {sizeof(MarramValues), wrong.list.data(), uint32_t(wrong.list.size()), sizeof(MarramValue)};
+    return true;
+}
+
+// ---- Frames ----
+
+struct FrameFault {
+    const char* what;
+    const char* id;
+    std::function<void(LentWorld&, MarramFrame&)> spoil; // what it changes of the world is put back
+    bool traces_only = false;                            // only where the procedural traces, or poses
+};
+
+// Copies of what a fault changes, for one frame.
+struct Spoilt {
+    MarramMesh meshes[2];
+    MarramCurves curves{};
+    std::vector<float> floats;
+    std::vector<uint32_t> triangles;
+    const float* steps[times_there];
+    uint64_t offsets[2];
+    double times[times_there];
+};
+
+std::vector<FrameFault> frame_faults(Spoilt& s) {
+    const auto in_mesh = [&s](auto change) {
+        return [&s, change](LentWorld& world, MarramFrame& frame) {
+            std::copy_n(world.lent, 2, s.meshes);
+            change(s.meshes[0], world.meshes[0]);
+            frame.meshes = s.meshes;
+        };
+    };
+    const auto in_curves = [&s](auto change) {
+        return [&s, change](LentWorld& world, MarramFrame& frame) {
+            s.curves = world.curves;
+            change(s.curves, world);
+            frame.curves = &s.curves;
+        };
+    };
+    const auto in_times = [&s](double a, double b, double c) {
+        return [&s, a, b, c](LentWorld&, MarramFrame& frame) {
+            s.times[0] = a, s.times[1] = b, s.times[2] = c;
+            frame.times = s.times;
+        };
+    };
+    const auto vertex = [&s](float x) {
+        return [&s, x](MarramMesh& mesh, const LentMesh& own) {
+            s.floats = own.positions[1];
+            s.floats[5] = x;
+            std::copy_n(own.steps, times_there, s.steps);
+            s.steps[1] = s.floats.data();
+            mesh.positions = s.steps;
+        };
+    };
+    return {
+        {"no pose", "contract.frame", [](LentWorld&, MarramFrame& f) { f.pose = nullptr; }},
+        {"no times", "contract.frame", [](LentWorld&, MarramFrame& f) { f.times = nullptr; }},
+        {"no samples", "contract.frame", [](LentWorld&, MarramFrame& f) { f.time_count = 0; }},
+        {"too many samples", "contract.frame", [](LentWorld&, MarramFrame& f) { f.time_count = 65; }},
+        {"unequal steps", "contract.frame", in_times(1.0, 1.1, 1.5)},
+        {"equal times", "contract.frame", in_times(1.0, 1.0, 1.0)},
+        {"downward times", "contract.frame", in_times(1.5, 1.25, 1.0)},
+        {"a time that is none", "contract.frame", in_times(1.0, std::nan(""), 1.5)},
+        {"fps 0", "contract.frame", [](LentWorld&, MarramFrame& f) { f.fps = 0.0; }},
+        {"an infinite frame", "contract.frame", [](LentWorld&, MarramFrame& f) { f.frame = HUGE_VAL; }},
+        {"no bind frame", "contract.frame", [](LentWorld&, MarramFrame& f) { f.bind_frame = std::nan(""); }},
+        {"a negative tolerance", "contract.frame", [](LentWorld&, MarramFrame& f) { f.tolerance = -1.0; }},
+        {"an unknown stage", "contract.frame", [](LentWorld&, MarramFrame& f) { f.stage = MarramStage(3); }},
+        {"no meshes", "contract.frame", [](LentWorld&, MarramFrame& f) { f.meshes = nullptr; }},
+        {"no stride", "contract.frame", [](LentWorld&, MarramFrame& f) { f.mesh_stride = 0; }},
+        {"no curves", "contract.frame", [](LentWorld&, MarramFrame& f) { f.curves = nullptr; }},
+        {"two devices", "contract.frame",
+         [](LentWorld& w, MarramFrame& f) { f.colliders = w.other_scene.get(); }},
+        {"two devices", "contract.frame",
+         [](LentWorld& w, MarramFrame& f) { f.device = w.other_device.get(); }},
+        {"a struct of nothing", "contract.frame", [](LentWorld&, MarramFrame& f) { f.size = sizeof f.size; }},
+        {"a mesh without a name", "contract.frame", in_mesh([](MarramMesh& m, auto&) { m.name = nullptr; })},
+        {"a mesh without positions", "contract.frame",
+         in_mesh([](MarramMesh& m, auto&) { m.positions = nullptr; })},
+        {"a mesh without triangles", "contract.frame",
+         in_mesh([](MarramMesh& m, auto&) { m.triangles = nullptr; })},
+        {"a mesh with two samples of three", "contract.frame",
+         in_mesh([](MarramMesh& m, auto&) { m.time_count = 2; })},
+        {"a mesh without a sample", "contract.frame", in_mesh([&s](MarramMesh& m, const LentMesh& own) {
+             std::copy_n(own.steps, times_there, s.steps);
+             s.steps[2] = nullptr;
+             m.positions = s.steps;
+         })},
+        {"a vertex that is no number", "contract.frame", in_mesh(vertex(not_a_number))},
+        {"a vertex that is infinite", "contract.frame",
+         in_mesh(vertex(-std::numeric_limits<float>::infinity()))},
+        {"a vertex that Embree drops", "contract.frame", in_mesh(vertex(1e20F))},
+        {"a triangle beyond the vertices", "contract.frame",
+         in_mesh([&s](MarramMesh& m, const LentMesh& own) {
+             s.triangles = own.triangles;
+             s.triangles.back() = own.vertices;
+             m.triangles = s.triangles.data();
+         })},
+        {"a uv that is no number", "contract.frame", in_mesh([&s](MarramMesh& m, const LentMesh& own) {
+             s.floats = own.uvs;
+             s.floats[1] = not_a_number;
+             m.uvs = s.floats.data();
+         })},
+        {"attributes that are not there", "contract.frame",
+         in_mesh([](MarramMesh& m, auto&) { m.attributes = nullptr; })},
+        {"attributes without a stride", "contract.frame",
+         in_mesh([](MarramMesh& m, auto&) { m.attribute_stride = 0; })},
+        {"curves without a name", "contract.frame",
+         in_curves([](MarramCurves& c, auto&) { c.name = nullptr; })},
+        {"curves without vertices", "contract.frame",
+         in_curves([](MarramCurves& c, auto&) { c.vertices = nullptr; })},
+        {"curves without CVs", "contract.frame",
+         in_curves([](MarramCurves& c, auto&) { c.offsets = nullptr; })},
+        {"curves with samples of their own", "contract.frame",
+         in_curves([](MarramCurves& c, auto&) { c.time_count = 2; })},
+        {"offsets that descend", "contract.frame", in_curves([&s](MarramCurves& c, auto&) {
+             s.offsets[0] = 0, s.offsets[1] = 0;
+             c.offsets = s.offsets;
+         })},
+        {"a curve that is no number", "contract.frame", in_curves([&s](MarramCurves& c, LentWorld& w) {
+             s.floats = w.line_vertices;
+             s.floats[6] = not_a_number;
+             s.steps[0] = s.floats.data();
+             c.vertices = s.steps;
+         })},
+        {"no colliders", "contract.no_colliders", [](LentWorld&, MarramFrame& f) { f.colliders = nullptr; },
+         true},
+        {"a pose that fails", "contract.pose",
+         [](LentWorld& w, MarramFrame&) { w.bad_pose = LentWorld::BadPose::fails; }, true},
+        {"a pose that is no number", "contract.pose",
+         [](LentWorld& w, MarramFrame&) { w.bad_pose = LentWorld::BadPose::not_finite; }, true},
+    };
+}
+
+bool concerns(const FrameFault& fault, const std::string& type) {
+    return !fault.traces_only || type == "groom" ||
+           (type == "rock" && std::string_view(fault.id) == "contract.no_colliders");
+}
+
+// ---- Tests ----
+
+class FaultyHost : public ::testing::Test {
+  protected:
+    std::shared_ptr<PluginLibrary> library = std::make_shared<PluginLibrary>(default_library, Place{});
+    LentWorld world;
+};
+
+TEST_F(FaultyHost, IsToldOfWrongValues) {
+    size_t told = 0;
+    for (const ProceduralType& type : library->types()) {
+        Called called(type, world);
+        called.create();
+        const std::string before = called.evaluate();
+        WrongValues wrong;
+        for (uint32_t i = 0; i < called.good->count; ++i)
+            for (int fault = 0; fault < value_faults_there; ++fault) {
+                if (!make_wrong(called, i, fault, wrong)) continue;
+                MarramInstance* none = nullptr;
+                called.expect_error(called.calls.create(&called.host, &wrong.lent, &none), "contract.value",
+                                    wrong.what);
+                EXPECT_EQ(none, nullptr);
+                const MarramUpdate update{sizeof(MarramUpdate), &wrong.lent, MARRAM_NOTHING};
+                uint32_t changed = 0;
+                called.expect_error(called.calls.update(called.instance, &update, &changed), "contract.value",
+                                    wrong.what);
+                ++told;
+            }
+        EXPECT_EQ(called.evaluate(), before) << type.calls.name; // nothing was taken over
+    }
+    EXPECT_GT(told, 1000u);
+}
+
+TEST_F(FaultyHost, IsToldOfNullPointers) {
+    for (const ProceduralType& type : library->types()) {
+        Called called(type, world);
+        const MarramProcedural& calls = called.calls;
+        MarramInstance* instance = nullptr;
+        const MarramValues none{sizeof(MarramValues), nullptr, 3, sizeof(MarramValue)};
+        MarramValues no_stride = *called.good;
+        no_stride.stride = 0;
+        called.expect_error(calls.create(&called.host, nullptr, &instance), "contract.null_values",
+                            "no values");
+        called.expect_error(calls.create(&called.host, &none, &instance), "contract.null_values", "no list");
+        called.expect_error(calls.create(&called.host, &no_stride, &instance), "contract.value", "no stride");
+        called.expect_error(calls.create(&called.host, called.good, nullptr), "contract.null_output",
+                            "no place");
+        MarramHost host = called.host;
+        host.cancelled = nullptr;
+        called.expect_error(calls.create(&host, called.good, &instance), "contract.null_callback",
+                            "no cancelled()");
+        host.message = nullptr; // nobody to tell
+        EXPECT_EQ(calls.create(&host, called.good, &instance), MARRAM_ERROR);
+        EXPECT_EQ(calls.create(nullptr, called.good, &instance), MARRAM_ERROR);
+        host = called.host;
+        host.size = sizeof host.size;
+        EXPECT_EQ(calls.create(&host, called.good, &instance), MARRAM_ERROR);
+        EXPECT_EQ(instance, nullptr);
+
+        // No instance, as after a create() that failed.
+        MarramFrame frame = world.frame();
+        MarramOutput output{};
+        output.size = sizeof output;
+        uint32_t changed = 0;
+        const MarramUpdate update{sizeof(MarramUpdate), called.good, MARRAM_NOTHING};
+        EXPECT_EQ(calls.begin(nullptr, &frame, &output), MARRAM_ERROR);
+        EXPECT_EQ(calls.update(nullptr, &update, &changed), MARRAM_ERROR);
+        if (calls.prepare) {
+            EXPECT_EQ(calls.prepare(nullptr, &frame, nullptr), MARRAM_ERROR);
+        }
+        if (calls.patch) {
+            EXPECT_EQ(calls.patch(nullptr, 0, nullptr), MARRAM_ERROR);
+        }
+        if (calls.tessellate) {
+            EXPECT_EQ(calls.tessellate(nullptr, 0, nullptr), MARRAM_ERROR);
+        }
+        if (calls.mesh) {
+            EXPECT_EQ(calls.mesh(nullptr, nullptr), MARRAM_ERROR);
+        }
+        if (calls.begin_view) {
+            EXPECT_EQ(calls.begin_view(nullptr, nullptr, nullptr), MARRAM_ERROR);
+        }
+        if (calls.view_mesh) {
+            EXPECT_EQ(calls.view_mesh(nullptr, nullptr), MARRAM_ERROR);
+        }
+        if (calls.attributes_of) {
+            EXPECT_EQ(calls.attributes_of(nullptr, nullptr), MARRAM_ERROR);
+        }
+        if (calls.describe) {
+            EXPECT_EQ(calls.describe(nullptr, nullptr, nullptr), MARRAM_ERROR);
+        }
+        calls.report(nullptr, nullptr, nullptr);
+        calls.destroy(nullptr);
+
+        called.create();
+        called.expect_error(calls.begin(called.instance, nullptr, &output), "contract.frame", "no frame");
+        called.expect_error(calls.begin(called.instance, &frame, nullptr), "contract.null_output",
+                            "no output");
+        called.expect_error(calls.update(called.instance, nullptr, &changed), "contract.null_update",
+                            "no update");
+        called.expect_error(calls.update(called.instance, &update, nullptr), "contract.null_update",
+                            "no place");
+        if (calls.attributes_of)
+            called.expect_error(calls.attributes_of(called.instance, nullptr), "contract.null_list",
+                                "no list");
+        const std::string before = called.evaluate();
+        calls.report(called.instance, nullptr, nullptr);
+        if (calls.describe)
+            called.expect_error(calls.describe(called.instance, nullptr, nullptr), "contract.null_sink",
+                                "no sink");
+        if (calls.mesh)
+            called.expect_error(calls.mesh(called.instance, nullptr), "contract.null_buffer", "no buffers");
+        if (calls.tessellate)
+            called.expect_error(calls.tessellate(called.instance, 0, nullptr), "contract.null_buffer",
+                                "no buffers");
+        EXPECT_EQ(called.evaluate(), before);
+    }
+}
+
+TEST_F(FaultyHost, IsToldOfWrongFrames) {
+    for (const ProceduralType& type : library->types()) {
+        Called called(type, world);
+        Spoilt spoilt;
+        for (const FrameFault& fault : frame_faults(spoilt)) {
+            if (!concerns(fault, type.calls.name)) continue;
+            called.create(); // what needs poses asks for them at first
+            MarramFrame frame = world.frame();
+            fault.spoil(world, frame);
+            called.expect_error(called.begin(frame), fault.id, fault.what);
+            world.bad_pose = LentWorld::BadPose::none;
+        }
+        called.create();
+        const std::string before = called.evaluate();
+        for (const FrameFault& fault : frame_faults(spoilt)) {
+            if (!concerns(fault, type.calls.name) || std::string_view(fault.id) != "contract.frame") continue;
+            MarramFrame frame = world.frame();
+            fault.spoil(world, frame);
+            called.expect_error(called.begin(frame), fault.id, fault.what);
+        }
+        EXPECT_EQ(called.evaluate(), before) << type.calls.name;
+    }
+}
+
+TEST_F(FaultyHost, IsToldOfCallsOutOfOrder) {
+    for (const ProceduralType& type : library->types()) {
+        Called called(type, world);
+        const MarramProcedural& calls = called.calls;
+        called.create();
+        const auto sink = [](void*, const char*, double) {};
+        MarramPatch patch{};
+        patch.size = sizeof patch;
+        float* none[1] = {nullptr};
+        MarramPatchBuffers buffers{sizeof(MarramPatchBuffers), none, nullptr, 0, nullptr, nullptr};
+        MarramMeshBuffers mesh_buffers{};
+        mesh_buffers.size = sizeof mesh_buffers;
+        mesh_buffers.positions = none;
+        const MarramView view = called.good_view();
+        MarramOutput output{};
+        output.size = sizeof output;
+        const auto too_early = [&] {
+            calls.report(called.instance, sink, nullptr);
+            if (calls.patch)
+                called.expect_error(calls.patch(called.instance, 0, &patch), "contract.no_frame", "patch");
+            if (calls.tessellate)
+                called.expect_error(calls.tessellate(called.instance, 0, &buffers), "contract.no_frame",
+                                    "tessellate");
+            if (calls.mesh)
+                called.expect_error(calls.mesh(called.instance, &mesh_buffers), "contract.no_frame", "mesh");
+            if (calls.begin_view)
+                called.expect_error(calls.begin_view(called.instance, &view, &output), "contract.no_frame",
+                                    "begin_view");
+            if (calls.describe)
+                called.expect_error(calls.describe(
+                                        called.instance, [](void*, const char*) {}, nullptr),
+                                    "contract.no_frame", "describe");
+            if (calls.view_mesh)
+                called.expect_error(calls.view_mesh(called.instance, &mesh_buffers), "contract.no_view",
+                                    "view_mesh");
+        };
+        too_early();
+        const std::string before = called.evaluate();
+        if (calls.view_mesh) { // a view comes after its begin_view, once
+            called.expect_error(calls.view_mesh(called.instance, &mesh_buffers), "contract.no_view",
+                                "view_mesh");
+            const std::string seen = called.view_mesh();
+            called.expect_error(calls.view_mesh(called.instance, &mesh_buffers), "contract.no_view",
+                                "view_mesh");
+            EXPECT_EQ(called.view_mesh(), seen);
+        }
+        MarramFrame frame = world.frame();
+        frame.fps = -1.0;
+        called.expect_error(called.begin(frame), "contract.frame",
+                            "a bad frame"); // and what was begun is over
+        too_early();
+        called.expect_ok(called.begin(world.frame()));
+        called.expect_ok(called.begin(world.frame())); // twice is no mistake
+        EXPECT_EQ(called.evaluate(), before);
+        const MarramUpdate update{sizeof(MarramUpdate), called.good, MARRAM_EVERYTHING};
+        uint32_t changed = 0;
+        called.expect_ok(calls.update(called.instance, &update, &changed));
+        too_early();
+        EXPECT_EQ(called.evaluate(), before);
+    }
+}
+
+TEST_F(FaultyHost, IsToldOfWrongBuffers) {
+    for (const ProceduralType& type : library->types()) {
+        Called called(type, world);
+        const MarramProcedural& calls = called.calls;
+        called.create();
+        const std::string before = called.evaluate();
+        float* none[times_there] = {};
+        const uint32_t beyond = 1000;
+        float value = 0;
+        float *values[] = {&value}, *no_values[] = {nullptr};
+        const uint32_t first = 0;
+        if (calls.tessellate) {
+            std::vector<float> room(4 * called.output.curve_count * (called.output.cvs_per_curve + 2) + 4);
+            float* steps[times_there] = {room.data(), room.data(), room.data()};
+            const auto refuses = [&](const MarramPatchBuffers& buffers, const char* id) {
+                called.expect_error(calls.tessellate(called.instance, 0, &buffers), id, id);
+            };
+            refuses({sizeof(MarramPatchBuffers), nullptr, nullptr, 0, nullptr, nullptr},
+                    "contract.null_buffer");
+            refuses({sizeof(MarramPatchBuffers), none, nullptr, 0, nullptr, nullptr}, "contract.null_buffer");
+            refuses({sizeof(MarramPatchBuffers), steps, nullptr, 1, nullptr, values}, "contract.null_buffer");
+            refuses({sizeof(MarramPatchBuffers), steps, nullptr, 1, &first, nullptr}, "contract.null_buffer");
+            refuses({sizeof(MarramPatchBuffers), steps, nullptr, 1, &first, no_values},
+                    "contract.null_buffer");
+            refuses({sizeof(MarramPatchBuffers), steps, nullptr, 1, &beyond, values},
+                    "contract.attribute_range");
+            MarramPatch patch{};
+            patch.size = sizeof patch;
+            for (const uint32_t index : {called.output.patch_count, 0xFFFFFFFFU}) {
+                called.expect_error(calls.patch(called.instance, index, &patch), "contract.patch_range",
+                                    "patch");
+                const MarramPatchBuffers buffers{
+                    sizeof(MarramPatchBuffers), steps, nullptr, 0, nullptr, nullptr};
+                called.expect_error(calls.tessellate(called.instance, index, &buffers),
+                                    "contract.patch_range", "patch");
+            }
+            called.expect_error(calls.patch(called.instance, 0, nullptr), "contract.null_patch", "patch");
+        } else {
+            std::vector<float> positions(3 * size_t(called.output.vertex_count));
+            std::vector<uint32_t> triangles(3 * size_t(called.output.triangle_count));
+            float* steps[] = {positions.data()};
+            for (int fault = 0; fault < 6; ++fault) {
+                MarramMeshBuffers buffers{};
+                buffers.size = sizeof buffers;
+                buffers.positions = fault == 0 ? nullptr : fault == 1 ? none : steps;
+                buffers.triangles = fault == 2 ? nullptr : triangles.data();
+                buffers.attribute_count = 1;
+                buffers.attributes = fault == 3 ? nullptr : fault == 4 ? &beyond : &first;
+                buffers.attribute_values = fault == 5 ? no_values : values;
+                called.expect_error(calls.mesh(called.instance, &buffers),
+                                    fault == 4 ? "contract.attribute_range" : "contract.null_buffer", "mesh");
+            }
+        }
+        EXPECT_EQ(called.evaluate(), before);
+    }
+}
+
+TEST_F(FaultyHost, IsToldOfWrongViews) {
+    Called called(*library->find("terrain"), world);
+    called.create();
+    called.evaluate();
+    const double bad[] = {std::nan(""), 0, 0}, zero[] = {0, 0, 0};
+    const std::vector<std::function<void(MarramView&)>> faults = {
+        [](MarramView& v) { v.times = nullptr; },
+        [](MarramView& v) { v.time_count = 0; },
+        [](MarramView& v) { v.time_count = 65; },
+        [](MarramView& v) { v.positions = nullptr; },
+        [](MarramView& v) { v.directions = nullptr; },
+        [](MarramView& v) { v.ups = nullptr; },
+        [&](MarramView& v) { v.positions = bad; },
+        [&](MarramView& v) { v.directions = bad; },
+        [&](MarramView& v) { v.directions = zero; },
+        [&](MarramView& v) { v.ups = zero; },
+        [](MarramView& v) { v.fov = 0.0; },
+        [](MarramView& v) { v.fov = 4.0; },
+        [](MarramView& v) { v.fov = std::nan(""); },
+        [](MarramView& v) { v.width = 0; },
+        [](MarramView& v) { v.height = 0; },
+        [](MarramView& v) { v.tolerance = -1.0; },
+        [](MarramView& v) { v.tolerance_pixels = HUGE_VAL; },
+        [](MarramView& v) { v.size = sizeof v.size; }};
+    const std::string before = called.view_mesh();
+    for (size_t i = 0; i < faults.size(); ++i) {
+        MarramView view = called.good_view();
+        faults[i](view);
+        MarramOutput output{};
+        output.size = sizeof output;
+        called.expect_error(called.calls.begin_view(called.instance, &view, &output), "contract.view",
+                            fmt::format("view {}", i));
+    }
+    MarramOutput output{};
+    called.expect_error(called.calls.begin_view(called.instance, nullptr, &output), "contract.null_view",
+                        "no view");
+    EXPECT_EQ(called.view_mesh(), before);
+}
+
+// Good and bad calls in any order: each is fine, or an error that says why; a good frame is the same at the end as at the beginning.
+TEST_F(FaultyHost, OfAnyKindDoesNoHarm) {
+    std::mt19937 random(20250118);
+    const auto any = [&](size_t count) { return size_t(random() % count); };
+    for (const ProceduralType& type : library->types()) {
+        Called called(type, world);
+        const MarramProcedural& calls = called.calls;
+        Spoilt spoilt;
+        const std::vector<FrameFault> faults = frame_faults(spoilt);
+        WrongValues wrong;
+        called.create();
+        const std::string before = called.evaluate();
+        size_t errors = 0;
+        const auto note = [&](MarramStatus status, const char* what) {
+            EXPECT_NE(status, MARRAM_CANCELLED) << what;
+            EXPECT_EQ(status == MARRAM_ERROR, !called.messages.faults.empty())
+                << type.calls.name << ": " << what;
+            errors += status == MARRAM_ERROR;
+            called.messages.faults.clear();
+        };
+        for (int step = 0; step < 400; ++step) {
+            uint32_t changed = 0;
+            switch (any(8)) {
+            case 0:
+                if (any(4) == 0) called.create();
+                break;
+            case 1: { // a value left out: fine where it may be absent
+                WrongValues less;
+                for (uint32_t i = 0; i < called.good->count; ++i)
+                    if (any(40) > 0)
+                        less.list.push_back(
+                            *MARRAM_AT(MarramValue, called.good->first, called.good->stride, i));
+                less.lent = {sizeof(MarramValues), less.list.data(), uint32_t(less.list.size()),
+                             sizeof(MarramValue)};
+                const MarramUpdate update{sizeof(MarramUpdate), &less.lent, uint32_t(any(8))};
+                note(calls.update(called.instance, &update, &changed), "update with less");
+                break;
+            }
+            case 2: {
+                if (!make_wrong(called, any(called.good->count), int(any(value_faults_there)), wrong)) break;
+                const MarramUpdate update{sizeof(MarramUpdate), &wrong.lent, uint32_t(any(8))};
+                note(calls.update(called.instance, &update, &changed), wrong.what.c_str());
+                break;
+            }
+            case 3:
+            case 4: {
+                MarramFrame frame = world.frame();
+                frame.frame += double(any(3));
+                frame.stage = MarramStage(any(3));
+                const FrameFault& fault = faults[any(faults.size())];
+                if (any(2) == 0) fault.spoil(world, frame);
+                if (calls.prepare && any(2) == 0)
+                    note(calls.prepare(called.instance, &frame, nullptr), "prepare");
+                note(called.begin(frame), fault.what);
+                world.bad_pose = LentWorld::BadPose::none;
+                break;
+            }
+            case 5: {
+                MarramView view = called.good_view();
+                if (any(2) == 0) view.fov = -1.0;
+                MarramOutput seen{};
+                seen.size = any(4) == 0 ? sizeof seen.size : sizeof seen;
+                if (calls.begin_view) note(calls.begin_view(called.instance, &view, &seen), "begin_view");
+                break;
+            }
+            case 6: {
+                MarramPatch patch{};
+                patch.size = any(4) == 0 ? sizeof patch.size : sizeof patch;
+                if (calls.patch) note(calls.patch(called.instance, uint32_t(any(3)), &patch), "patch");
+                if (calls.mesh) note(calls.mesh(called.instance, nullptr), "mesh");
+                break;
+            }
+            default:
+                calls.report(
+                    called.instance, [](void*, const char*, double) {}, nullptr);
+                if (calls.tessellate)
+                    note(calls.tessellate(called.instance, uint32_t(any(3)), nullptr), "tessellate");
+                if (calls.view_mesh) note(calls.view_mesh(called.instance, nullptr), "view_mesh");
+                break;
+            }
+        }
+        EXPECT_GT(errors, 100u);
+        const MarramUpdate update{sizeof(MarramUpdate), called.good, MARRAM_EVERYTHING};
+        uint32_t changed = 0;
+        called.expect_ok(calls.update(called.instance, &update, &changed));
+        EXPECT_EQ(called.evaluate(), before) << type.calls.name;
+    }
+}
+
+} // namespace
+} // namespace marram::testing

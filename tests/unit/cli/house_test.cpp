@@ -164,7 +164,7 @@ TEST(House, IncludesOnlyWhatTheDesignAllows) {
 }
 
 TEST(House, NamesEmbreeInOnePlace) {
-    static const std::regex embree("\\s*#\\s*include\\s*[<\"]embree.*");
+    static const std::regex embree("\\s*#\\s*include\\s*[<\"]embree[0-9]*/.*");
     size_t found = 0;
     for (const std::string& file : files_in({"core", "procedural", "shaders", "tests"})) {
         if (!is_source(file)) continue;

@@ -231,9 +231,10 @@ int info_command(const InfoOptions& options) {
         if (!subject.empty() && subject != topic.name) continue;
         print_table(topic.title, topic.help, topic.params);
         if (topic.title.starts_with("[[procedural]]"))
-            fmt::print("    library (file; default: libmarram_procedural.so beside the program): the shared "
-                       "library that "
-                       "has the type\n\n");
+            fmt::print("    library (file; default: libmarram_procedural.so; without a folder it is looked "
+                       "for beside the "
+                       "scene, in MARRAM_PLUGIN_PATH and where the program is installed): the shared "
+                       "library that has the type\n\n");
         found = true;
     }
     if (subject.empty() || subject == "layers") {

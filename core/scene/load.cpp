@@ -17,7 +17,7 @@ const std::vector<std::string> table_names = {"camera",   "film", "wind",   "lig
 
 // Every procedural may come from a library of its own, whether its declaration says so or not.
 const ParamSpec library_spec = {
-    "library", ParamType::file, "", "none", {}, {}, "", "shared library it comes from"};
+    "library", ParamType::file, "", "none", {}, {}, "library", "shared library it comes from"};
 
 // The table of this name, or nothing; a list or a value in its place is reported.
 const toml::table* single_table(const toml::table& root, const std::string& name, Reading& reading) {

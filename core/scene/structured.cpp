@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Values with parts: ramps, keyed transforms, points, paths.
+#include "core/scene/libraries.h"
 #include "core/scene/suggest.h"
 #include "core/scene/values.h"
 #include "core/scene/words.h"
@@ -197,7 +198,10 @@ bool read_path(const toml::node& node, const ParamSpec& spec, const std::string&
     const auto* text = node.as_string();
     if (!text || text->get().empty() || text->get().find('\0') != std::string::npos)
         return fail(fmt::format("{} is {}", label, found(node)), "give " + wanted(spec));
-    const fs::path path = fs::path(reading.file).parent_path() / text->get();
+    const bool library = spec.choices == "library";
+    const fs::path folder = fs::path(reading.file).parent_path();
+    const fs::path path =
+        library ? fs::path(library_path(folder.string(), text->get())) : folder / text->get();
     const std::string shown = in_quotes(text->get());
     std::error_code error;
     const fs::file_status status = fs::status(path, error);
@@ -208,8 +212,9 @@ bool read_path(const toml::node& node, const ParamSpec& spec, const std::string&
         }
         const std::string near = nearest_file(path);
         return fail(fmt::format("{}: there is no file {}", label, shown),
-                    near.empty() ? "check the path, it is relative to the scene file's folder"
-                                 : fmt::format("did you mean {}?", in_quotes(near)));
+                    !near.empty() ? fmt::format("did you mean {}?", in_quotes(near))
+                    : library ? "check the path, relative to the scene file's folder, or MARRAM_PLUGIN_PATH"
+                              : "check the path, it is relative to the scene file's folder");
     }
     if (status.type() == fs::file_type::directory)
         return fail(fmt::format("{}: {} is a directory", label, shown), "name a file in it");

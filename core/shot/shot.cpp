@@ -135,9 +135,9 @@ std::shared_ptr<PluginLibrary> library_for(const PluginSet& plugins, const Item&
 } // namespace
 
 std::string default_library() {
-    std::error_code error;
-    const fs::path program = fs::read_symlink("/proc/self/exe", error);
-    return ((error ? fs::path(".") : program.parent_path()) / "libmarram_procedural.so").string();
+    const std::string name = "libmarram_procedural.so";
+    const std::vector<std::string> folders = plugin_folders();
+    return library_path(folders.empty() ? "." : folders.front(), name);
 }
 
 PluginSet default_plugins() {
@@ -171,8 +171,9 @@ SceneDescription describe_scene(const std::string& file, const std::vector<std::
                 return to_string(p.place) == to_string(library.place);
             };
             if (std::ranges::none_of(error.problems, said))
-                problems.push_back({library.place, "there is no file \"" + library.path + "\"",
-                                    "build the library, or correct its path"});
+                problems.push_back(
+                    {library.place, "there is no file \"" + library.path + "\"",
+                     "build the library, correct its path, or name its folder in MARRAM_PLUGIN_PATH"});
         }
         for (const Problem& problem : error.problems)
             if (missing.empty() || problem.what.find("is no type of procedural") == std::string::npos)

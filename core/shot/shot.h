@@ -15,7 +15,7 @@
 
 namespace marram {
 
-// The default procedural library: beside the program.
+// The default procedural library: the first in plugin_folders() (core/scene/libraries.h).
 std::string default_library();
 
 // Everything a scene file may say, given the libraries that it names. The first library is the default one.

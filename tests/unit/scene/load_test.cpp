@@ -334,5 +334,30 @@ TEST(SceneLibraries, NamesEachOnce) {
     EXPECT_EQ(libraries[1].path, "/y.so");
 }
 
+// Beside the scene first, then in the folders of MARRAM_PLUGIN_PATH in their order; a path with a folder is taken at its word.
+TEST(SceneLibraries, AreLookedForInTheSearchPath) {
+    const Folder scene, first, second;
+    const auto found = [&](const char* name) { return library_path(scene.path(), name); };
+    ASSERT_EQ(setenv("MARRAM_PLUGIN_PATH", (first.path() + "::/nowhere:" + second.path()).c_str(), 1), 0);
+    EXPECT_EQ(found("x.so"), scene.path() + "/x.so"); // nowhere: what is missing is the scene's
+    second.write("x.so", "");
+    EXPECT_EQ(found("x.so"), second.path() + "/x.so");
+    first.write("x.so", "");
+    EXPECT_EQ(found("x.so"), first.path() + "/x.so");
+    EXPECT_EQ(found("./x.so"), scene.path() + "/./x.so");
+    const auto libraries = scene_libraries(scene.write("a.toml", "[[procedural]]\nlibrary = \"x.so\"\n"), {});
+    ASSERT_EQ(libraries.size(), 1u);
+    EXPECT_EQ(libraries[0].path, first.path() + "/x.so");
+    scene.write("x.so", "");
+    EXPECT_EQ(found("x.so"), scene.path() + "/x.so");
+    const std::vector<std::string> folders = plugin_folders();
+    ASSERT_EQ(folders.size(), 5u); // the three, the program's own, and where it is installed from there
+    EXPECT_EQ(folders[0], first.path());
+    EXPECT_EQ(folders[2], second.path());
+    EXPECT_TRUE(folders[4].ends_with("/marram")) << folders[4];
+    unsetenv("MARRAM_PLUGIN_PATH");
+    EXPECT_EQ(plugin_folders().size(), 2u);
+}
+
 } // namespace
 } // namespace marram

@@ -1,0 +1,227 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A host of about 200 lines, with Embree alone: grass in the wind on a square of ground, traced into a picture.
+ *
+ *   host meadow.ppm strands.bin
+ *
+ * strands.bin holds x, y, z of all control vertices, then their diameters: 32-bit floats, as a .hair file has them behind its header.
+ * meadow.toml beside this file is the same scene for marram. The comments count the steps of ../README.md.
+ */
+#include <marram/marram_host.h>
+
+#include <dlfcn.h>
+
+enum {
+    width = 320,
+    height = 180,
+    ground_id = 0,
+    grass_id = 1,
+    spare_floats = 4 /* Embree reads behind buffers */
+};
+
+static void on_message(void* user, const MarramMessage* m) {
+    (void)user;
+    fprintf(stderr, "%s%s%s%s%s\n", m->place, *m->place ? ": " : "", m->what, *m->remedy ? ": " : "",
+            m->remedy);
+}
+
+static int on_cancelled(void* user) {
+    (void)user;
+    return 0;
+}
+
+static const MarramHost host = {.size = sizeof host, .message = on_message, .cancelled = on_cancelled};
+
+static void* check(void* pointer, const char* what) {
+    if (!pointer) {
+        fprintf(stderr, "host: %s\n", what);
+        exit(1);
+    }
+    return pointer;
+}
+
+static void ok(MarramStatus status) {
+    if (status != MARRAM_OK) exit(1); /* on_message has said why */
+}
+
+/* ---- The ground: two triangles that rest ---- */
+
+static const float corners[12 + spare_floats] = {-2, 0, -2, 2, 0, -2, -2, 0, 2, 2, 0, 2};
+static const float* const samples[1] = {corners};
+static const uint32_t triangles[6] = {0, 2, 1, 1, 2, 3};
+
+static MarramStatus pose(void* user, uint32_t mesh, double frame, float* positions, float* normals) {
+    (void)user, (void)mesh, (void)frame, (void)normals;
+    memcpy(positions, corners, 12 * sizeof(float));
+    return MARRAM_OK;
+}
+
+static RTCGeometry make_ground(RTCDevice device) {
+    RTCGeometry ground = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+    rtcSetSharedGeometryBuffer(ground, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, corners, 0, 12, 4);
+    rtcSetSharedGeometryBuffer(ground, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, triangles, 0, 12, 2);
+    rtcSetGeometryMask(ground, MARRAM_ALL_ROLES | MARRAM_NAMED);
+    rtcCommitGeometry(ground);
+    return ground;
+}
+
+/* ---- The grass ---- */
+
+static MarramProcedural load_groom(const char* file) {
+    MarramProcedural groom;
+    MarramLibraryFunction entry = NULL;
+    void* library = dlopen(file, RTLD_NOW | RTLD_LOCAL); /* step 1; it stays loaded */
+    if (!library) fprintf(stderr, "%s\n", dlerror());
+    void* symbol = check(library ? dlsym(library, MARRAM_ENTRY_POINT) : NULL, "no procedural library");
+    memcpy(&entry, &symbol, sizeof entry); /* C has no cast from an object pointer to a function */
+    ok(marram_find_procedural(entry(MARRAM_ABI_VERSION), "groom", &host, &groom));
+    return groom;
+}
+
+static MarramInstance* make_grass(const MarramProcedural* groom) {
+    MarramInstance* grass = NULL;
+    MarramHostValues* values = check(marram_values_new(groom), "out of memory"); /* step 2 */
+    marram_set(values, "on", "ground");
+    marram_set_number(values, "count", 2000);
+    marram_set(values, "length", "[0.15, 0.3]");
+    marram_set(values, "width", "0.01");
+    marram_set(values, "wind.direction", "[1, 0, 0.3]");
+    marram_set(values, "wind.speed", "7");
+    marram_set(values, "wind.global_rotate", "0.8");
+    marram_set(values, "wind.gusts.num_gusts", "40");
+    marram_set(values, "wind.gusts.radius_range", "[0.3, 1]");
+    marram_set(values, "wind.gusts.control[0].transform", "{ translate = [0.5, 0, 0.5] }");
+    marram_set(values, "wind.gusts.control[0].strength", "0.5");
+    marram_set(values, "wind.jiggle.frequency", "2");
+    marram_set(values, "wind.collision.solver", "exact");
+    const MarramValues* all = marram_values_finish(values, &host); /* step 3 */
+    if (!all) exit(1);
+    ok(groom->create(&host, all, &grass));
+    marram_values_free(values);
+    return grass;
+}
+
+/* Control vertices of all curves, 4 floats each, one before each root and one behind each tip. */
+static float* make_curves(const MarramProcedural* groom, MarramInstance* grass, const MarramFrame* frame,
+                          MarramOutput* output) {
+    memset(output, 0, sizeof *output);
+    output->size = sizeof *output;
+    ok(groom->begin(grass, frame, output)); /* step 5 */
+    const size_t floats = 4 * (size_t)(output->cvs_per_curve + 2);
+    float* vertices =
+        check(calloc(output->curve_count * floats + spare_floats, sizeof(float)), "out of memory");
+    for (uint32_t i = 0; i < output->patch_count; ++i) { /* step 6: in parallel, if you like */
+        MarramPatch patch = {.size = sizeof patch};
+        ok(groom->patch(grass, i, &patch));
+        float* step = vertices + floats * patch.first_curve;
+        const MarramPatchBuffers buffers = {.size = sizeof buffers, .vertices = &step};
+        ok(groom->tessellate(grass, i, &buffers));
+    }
+    return vertices;
+}
+
+static RTCGeometry make_grass_geometry(RTCDevice device, const MarramOutput* output, const float* vertices) {
+    const unsigned cvs = output->cvs_per_curve, curves = (unsigned)output->curve_count;
+    RTCGeometry hair =
+        rtcNewGeometry(device, RTC_GEOMETRY_TYPE_ROUND_BSPLINE_CURVE); /* output->basis and shape */
+    rtcSetSharedGeometryBuffer(hair, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, vertices, 0, 16,
+                               curves * (cvs + 2));
+    unsigned* index =
+        rtcSetNewGeometryBuffer(hair, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4, curves * (cvs - 1));
+    for (unsigned c = 0; c < curves; ++c) /* a segment begins at each CV but the last */
+        for (unsigned k = 0; k + 1 < cvs; ++k) *index++ = c * (cvs + 2) + k;
+    rtcCommitGeometry(hair);
+    return hair;
+}
+
+/* ---- What comes out ---- */
+
+static void write_strands(const char* file, const MarramOutput* output, const float* vertices) {
+    FILE* out = check(fopen(file, "wb"), "cannot write the strands");
+    const size_t cvs = output->cvs_per_curve;
+    for (int part = 0; part < 2; ++part) /* positions, then diameters */
+        for (size_t c = 0; c < output->curve_count; ++c)
+            for (size_t k = 1; k <= cvs; ++k) {
+                const float *v = vertices + 4 * (c * (cvs + 2) + k), diameter = 2 * v[3];
+                fwrite(part == 0 ? v : &diameter, sizeof(float), part == 0 ? 3 : 1, out);
+            }
+    if (fclose(out) != 0) check(NULL, "cannot write the strands");
+}
+
+static void write_picture(const char* file, RTCScene world) {
+    FILE* out = check(fopen(file, "wb"), "cannot write the picture");
+    fprintf(out, "P6\n%d %d\n255\n", width, height);
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) {
+            static const float colors[3][3] = {
+                {150, 120, 80}, {90, 160, 60}, {150, 180, 220}}; /* ground, grass, sky */
+            struct RTCRayHit ray;
+            memset(&ray, 0, sizeof ray);
+            ray.ray.org_y = 0.9F, ray.ray.org_z = 3.0F;
+            ray.ray.dir_x = ((float)x + 0.5F - width / 2.0F) / height;
+            ray.ray.dir_y = (height / 2.0F - (float)y - 0.5F) / height - 0.25F;
+            ray.ray.dir_z = -1.0F;
+            ray.ray.tfar = 100.0F;
+            ray.ray.mask = ~0U;
+            ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+            marram_intersect1(world, &ray, 1);
+            const unsigned id = ray.hit.geomID;
+            const float *n = &ray.hit.Ng_x, *color = colors[id == ground_id ? 0 : id == grass_id ? 1 : 2];
+            const float light = 0.48F * n[0] + 0.6F * n[1] + 0.64F * n[2],
+                        size = sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+            const float share = size > 0.0F ? 0.35F + 0.65F * fabsf(light) / size : 1.0F;
+            for (int i = 0; i < 3; ++i) fputc((int)(share * color[i]), out);
+        }
+    if (fclose(out) != 0) check(NULL, "cannot write the picture");
+}
+
+int main(int argc, char** argv) {
+    if (argc != 3) {
+        fprintf(stderr, "usage: host PICTURE.ppm STRANDS.bin\n");
+        return 2;
+    }
+    static const double time = 12.0; /* one motion sample: frame 12 */
+    const MarramProcedural groom = load_groom(PLUGIN);
+    MarramInstance* grass = make_grass(&groom);
+    RTCDevice device = check(rtcNewDevice(NULL), "no Embree device");
+    RTCScene colliders = rtcNewScene(device), world = rtcNewScene(device);
+    RTCGeometry ground = make_ground(device);
+    rtcAttachGeometryByID(colliders, ground, ground_id); /* step 4: what is lent */
+    rtcCommitScene(colliders);
+    const MarramMesh mesh = {.name = "ground",
+                             .geometry_id = ground_id,
+                             .roles = MARRAM_ALL_ROLES,
+                             .vertex_count = 4,
+                             .triangle_count = 2,
+                             .time_count = 1,
+                             .positions = samples,
+                             .triangles = triangles};
+    const MarramFrame frame = {.size = sizeof frame,
+                               .fps = 24,
+                               .frame = time,
+                               .bind_frame = 1,
+                               .time_count = 1,
+                               .times = &time,
+                               .stage = MARRAM_FINAL,
+                               .tolerance = 1e-3, /* what a scene of marram asks for where it says nothing */
+                               .device = device,
+                               .colliders = colliders,
+                               .meshes = &mesh,
+                               .mesh_count = 1,
+                               .mesh_stride = sizeof mesh,
+                               .pose = pose};
+    MarramOutput output;
+    float* vertices = make_curves(&groom, grass, &frame, &output);
+    RTCGeometry hair = make_grass_geometry(device, &output, vertices); /* step 7 */
+    rtcAttachGeometryByID(world, ground, ground_id);
+    rtcAttachGeometryByID(world, hair, grass_id);
+    rtcCommitScene(world);
+    write_picture(argv[1], world);
+    write_strands(argv[2], &output, vertices);
+    groom.destroy(grass);
+    rtcReleaseGeometry(ground), rtcReleaseGeometry(hair);
+    rtcReleaseScene(colliders), rtcReleaseScene(world);
+    rtcReleaseDevice(device);
+    free(vertices);
+    return 0;
+}

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+# What is installed, in three parts, each a Debian package of its own: the program, the plug-in, and what hosts of the plug-in are built with.
+# README.md beside this file tells of it. Nothing that is installed holds a path of this machine.
+set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY ON) # tests are not built for it
+
+file(STRINGS core/plugin/marram_plugin.h marram_ABI_VERSION REGEX "^#define MARRAM_ABI_VERSION")
+string(REGEX MATCH "[0-9]+" marram_ABI_VERSION "${marram_ABI_VERSION}")
+string(REGEX MATCH "^[0-9]+" marram_EMBREE_MAJOR "${embree_VERSION}")
+set(marram_CONFIG_FOLDER ${CMAKE_INSTALL_LIBDIR}/cmake/marram)
+file(RELATIVE_PATH marram_PREFIX_FROM_PKGCONFIG ${CMAKE_INSTALL_FULL_LIBDIR}/pkgconfig ${CMAKE_INSTALL_PREFIX})
+# embree.h takes the newest Embree that there is: a host is to take the one that the plug-in was built with.
+set(marram_DEFINITIONS "")
+if(marram_EMBREE_MAJOR EQUAL 3)
+  set(marram_DEFINITIONS MARRAM_EMBREE3)
+  set(marram_PKGCONFIG_DEFINITIONS -DMARRAM_EMBREE3)
+endif()
+
+install(TARGETS marram RUNTIME COMPONENT program)
+install(TARGETS marram_procedural LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/marram COMPONENT plugin)
+install(FILES core/plugin/embree.h core/plugin/marram_plugin.h core/plugin/marram_host.h
+        DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/marram COMPONENT development)
+
+include(CMakePackageConfigHelpers)
+configure_package_config_file(core/plugin/marram-config.cmake.in ${CMAKE_BINARY_DIR}/installed/marram-config.cmake
+                              INSTALL_DESTINATION ${marram_CONFIG_FOLDER}
+                              PATH_VARS CMAKE_INSTALL_INCLUDEDIR CMAKE_INSTALL_LIBDIR)
+write_basic_package_version_file(${CMAKE_BINARY_DIR}/installed/marram-config-version.cmake COMPATIBILITY SameMinorVersion)
+configure_file(core/plugin/marram.pc.in ${CMAKE_BINARY_DIR}/installed/marram.pc @ONLY)
+install(FILES ${CMAKE_BINARY_DIR}/installed/marram-config.cmake ${CMAKE_BINARY_DIR}/installed/marram-config-version.cmake
+        DESTINATION ${marram_CONFIG_FOLDER} COMPONENT development)
+install(FILES ${CMAKE_BINARY_DIR}/installed/marram.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
+
+# Packages: `cpack` in the build folder.
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME marram)
+set(CPACK_PACKAGE_CONTACT "Marram maintainers <maintainers@localhost>" CACHE STRING "who maintains the Debian packages")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_COMPONENTS_GROUPING IGNORE)
+set(CPACK_COMPONENTS_ALL program plugin development)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(marram_PROGRAM_PACKAGE marram)
+set(marram_PLUGIN_PACKAGE libmarram-procedural)
+set(marram_DEVELOPMENT_PACKAGE libmarram-procedural-dev)
+set(CPACK_COMPONENT_PROGRAM_DESCRIPTION "path tracer with wind on hair, fur and grass at render time
+Renders and bakes scenes whose grooms are expanded and blown while the
+scene is built.")
+set(CPACK_COMPONENT_PLUGIN_DESCRIPTION "wind on hair, fur and grass, and deserts, for any renderer
+The procedural library that marram loads. Other renderers load it, too: it
+needs Embree, and nothing of marram.")
+set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "wind on hair, fur and grass: headers for renderers
+The contract between a renderer and a procedural library as C headers, with
+CMake and pkg-config files and an example of a host.")
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION graphics)
+set(CPACK_DEBIAN_PLUGIN_PACKAGE_SECTION libs)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
+# Dependencies on libraries are found by dpkg-shlibdeps; those on each other are these.
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "libmarram-procedural (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libmarram-procedural (= ${PROJECT_VERSION}), libembree-dev")
+foreach(part PROGRAM PLUGIN DEVELOPMENT)
+  set(CPACK_DEBIAN_${part}_PACKAGE_NAME ${marram_${part}_PACKAGE})
+  string(TOLOWER ${part} component)
+  install(FILES .LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${marram_${part}_PACKAGE} RENAME copyright COMPONENT ${component})
+endforeach()
+install(FILES core/plugin/README.md DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${marram_DEVELOPMENT_PACKAGE} COMPONENT development)
+install(DIRECTORY core/plugin/example DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${marram_DEVELOPMENT_PACKAGE} COMPONENT development)
+include(CPack)

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+# Installs into a folder, moves that, and builds and runs core/plugin/example against it: its control vertices are those that the installed
+# program bakes, to the bit. cmake -D SOURCE=... -D BUILD=... -D WORK=... -D CC=... -D CXX=... -P installed.cmake
+cmake_minimum_required(VERSION 3.25)
+
+# Runs a command; its output is there in `out`. CODE is the exit code that is wanted, ENV what is set for it.
+function(run code)
+  cmake_parse_arguments(PARSE_ARGV 1 run "" "FOLDER" "ENV;COMMAND")
+  if(NOT run_FOLDER)
+    set(run_FOLDER ${WORK})
+  endif()
+  execute_process(COMMAND ${CMAKE_COMMAND} -E env --unset=MARRAM_PLUGIN_PATH ${run_ENV} ${run_COMMAND} WORKING_DIRECTORY ${run_FOLDER}
+                  RESULT_VARIABLE result OUTPUT_VARIABLE out ERROR_VARIABLE out)
+  if(NOT result STREQUAL code)
+    message(FATAL_ERROR "exit code ${result}, not ${code}, of ${run_ENV} ${run_COMMAND}\n${out}")
+  endif()
+  set(out "${out}" PARENT_SCOPE)
+endfunction()
+
+function(expect text part)
+  string(FIND "${text}" "${part}" at)
+  if(at EQUAL -1)
+    message(FATAL_ERROR "\"${part}\" is not in\n${text}")
+  endif()
+endfunction()
+
+file(REMOVE_RECURSE ${WORK})
+file(MAKE_DIRECTORY ${WORK}/plugins)
+run(0 COMMAND ${CMAKE_COMMAND} --install ${BUILD} --prefix ${WORK}/first)
+file(RENAME ${WORK}/first ${WORK}/prefix)
+set(prefix ${WORK}/prefix)
+set(program ${prefix}/bin/marram)
+set(plugin ${prefix}/lib/marram/libmarram_procedural.so)
+
+# No path of this machine is in it, and no library is looked for elsewhere than the system does.
+run(1 COMMAND grep -rlF -e ${BUILD} -e ${SOURCE} ${prefix})
+foreach(binary ${program} ${plugin})
+  run(0 COMMAND readelf -d ${binary})
+  if(out MATCHES "RPATH|RUNPATH")
+    message(FATAL_ERROR "${binary} has a RUNPATH:\n${out}")
+  endif()
+endforeach()
+
+# Each header by itself, as C99 and as C++20, with what pkg-config says.
+run(0 ENV PKG_CONFIG_PATH=${prefix}/lib/pkgconfig COMMAND pkg-config --cflags marram)
+separate_arguments(flags UNIX_COMMAND "${out}")
+run(0 ENV PKG_CONFIG_PATH=${prefix}/lib/pkgconfig COMMAND pkg-config --variable=plugin marram)
+string(STRIP "${out}" out)
+file(REAL_PATH "${out}" found)
+if(NOT found STREQUAL plugin)
+  message(FATAL_ERROR "pkg-config says the plug-in is ${found}")
+endif()
+foreach(header embree marram_plugin marram_host)
+  file(WRITE ${WORK}/${header}.c "#include <marram/${header}.h>\nint main(void) { return 0; }\n")
+  file(COPY_FILE ${WORK}/${header}.c ${WORK}/${header}.cpp)
+  run(0 COMMAND ${CC} -std=c99 -Wall -Wextra -Wpedantic -Werror -fsyntax-only ${flags} ${header}.c)
+  run(0 COMMAND ${CXX} -std=c++20 -Wall -Wextra -Wpedantic -Werror -fsyntax-only ${flags} ${header}.cpp)
+endforeach()
+
+# The example, as an engineer would build it.
+set(example ${prefix}/share/doc/libmarram-procedural-dev/example)
+run(0 COMMAND ${CMAKE_COMMAND} -S ${example} -B ${WORK}/example -G Ninja -DCMAKE_C_COMPILER=${CC} -DCMAKE_BUILD_TYPE=Release
+              "-DCMAKE_C_FLAGS=-Wall -Wextra -Wpedantic -Werror" -DCMAKE_PREFIX_PATH=${prefix})
+run(0 COMMAND ${CMAKE_COMMAND} --build ${WORK}/example)
+run(0 COMMAND ${WORK}/example/host meadow.ppm strands.bin)
+file(SIZE ${WORK}/meadow.ppm size)
+if(NOT size EQUAL 172815) # "P6\n320 180\n255\n" and 3 bytes a pixel
+  message(FATAL_ERROR "the picture has ${size} bytes")
+endif()
+run(0 COMMAND ${program} bake ${example}/meadow.toml -o meadow.hair --frame 12 --quiet)
+file(SIZE ${WORK}/meadow.hair baked)
+file(SIZE ${WORK}/strands.bin strands)
+math(EXPR strands "${strands} + 128") # the header of .hair
+if(NOT baked EQUAL strands OR strands LESS 256000)
+  message(FATAL_ERROR "${baked} bytes were baked, ${strands} are the host's")
+endif()
+run(0 COMMAND cmp -i 128:0 meadow.hair strands.bin)
+
+# The search path: for a library that a scene names, and for the program's own.
+set(pyramid "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0, 0]\n[[procedural]]\nname = \"tomb\"\ntype = \"pyramid\"\nlibrary = \"libmesh_plugin.so\"\n")
+string(APPEND pyramid "[[procedural]]\nname = \"grass\"\ntype = \"groom\"\non = \"tomb\"\ncount = 10\nlength = 0.1\nwidth = 0.01\n")
+file(WRITE ${WORK}/pyramid.toml "${pyramid}")
+file(COPY ${BUILD}/libmesh_plugin.so DESTINATION ${WORK}/plugins)
+run(2 COMMAND ${program} bake pyramid.toml -o pyramid.hair --quiet)
+expect("${out}" "pyramid.toml:7:11: there is no file")
+expect("${out}" "MARRAM_PLUGIN_PATH")
+run(0 ENV MARRAM_PLUGIN_PATH=/nowhere::${WORK}/plugins COMMAND ${program} bake pyramid.toml -o pyramid.hair --quiet)
+file(RENAME ${plugin} ${WORK}/plugins/libmarram_procedural.so)
+run(2 COMMAND ${program} info groom)
+expect("${out}" "libmarram_procedural.so")
+run(0 ENV MARRAM_PLUGIN_PATH=${WORK}/plugins COMMAND ${program} info groom)

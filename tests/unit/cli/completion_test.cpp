@@ -180,7 +180,7 @@ TEST(InfoKeys, AreWhatSettingsTake) {
     const std::vector<std::string> tables = lines(printed({"info", "--keys"}));
     EXPECT_TRUE(std::ranges::includes(keys, tables));
     const auto refuse = [&](const std::string& subject, const std::string& message) {
-        const ProgramResult refused = marram({"info", "--keys", subject});
+        const ProgramResult refused = marram({"info", "--keys", subject}, run_copy);
         EXPECT_EQ(refused.code, 2);
         EXPECT_EQ(refused.out, "");
         EXPECT_CONTAINS(refused.err, message);
@@ -215,13 +215,13 @@ TEST(ManPages, AreRoffWithoutWarnings) {
 }
 
 TEST(ManPages, AreOfCommandsThatAre) {
-    const ProgramResult refused = marram({"man", "rendr"});
+    const ProgramResult refused = marram({"man", "rendr"}, run_copy);
     EXPECT_EQ(refused.code, 2);
     EXPECT_EQ(refused.out, "");
     EXPECT_CONTAINS(refused.err, "rendr");
     const Folder folder;
     const std::string file = folder.write("file", "");
-    EXPECT_EQ(marram({"man", "--out", file}).code, 2);
+    EXPECT_EQ(marram({"man", "--out", file}, run_copy).code, 2);
     EXPECT_EQ(read_file(file), "");
 }
 

@@ -146,7 +146,7 @@ TEST(LayerPictures, AreRefusedBeforeAnythingIsWritten) {
     const auto before = folder.contents();
     const auto refuse = [&](std::vector<std::string> more, const std::string& message) {
         more.insert(more.begin(), {"render", scene, "-o", folder / "a.exr"});
-        const ProgramResult refused = marram(more);
+        const ProgramResult refused = marram(more, run_copy);
         EXPECT_EQ(refused.code, 2);
         EXPECT_EQ(lines(refused.err).size(), 1u) << refused.err;
         EXPECT_CONTAINS(refused.err, message);

@@ -38,7 +38,7 @@ TEST(SheetCommand, RefusesWithoutTouchingAFile) {
     const auto before = folder.contents();
     const auto refuse = [&](std::vector<std::string> more, const std::string& message) {
         more.insert(more.begin(), "sheet");
-        const ProgramResult refused = marram(more);
+        const ProgramResult refused = marram(more, run_copy);
         EXPECT_EQ(refused.code, 2);
         EXPECT_EQ(lines(refused.err).size(), 1u) << refused.err;
         EXPECT_CONTAINS(refused.err, message);

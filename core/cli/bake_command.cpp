@@ -19,6 +19,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
 #include <set>
 
 namespace marram {
@@ -29,16 +30,20 @@ MarramStage stage_of(const std::string& name) {
 }
 
 // What a file is written of.
-enum class Baked { strands, strands_or_surface, surface, grids };
+enum class Baked { strands, strands_or_surface, surface_or_strands, grids };
 
 struct BakedFormat {
     const char* extension;
     Baked what;
 };
-constexpr BakedFormat baked_formats[] = {
-    {".hair", Baked::strands}, {".usda", Baked::strands}, {".obj", Baked::strands_or_surface},
-    {".ply", Baked::surface},  {".exr", Baked::grids},    {".png", Baked::grids},
-    {".tif", Baked::grids},    {".tiff", Baked::grids}};
+constexpr BakedFormat baked_formats[] = {{".hair", Baked::strands},
+                                         {".usda", Baked::strands},
+                                         {".obj", Baked::strands_or_surface},
+                                         {".ply", Baked::surface_or_strands},
+                                         {".exr", Baked::grids},
+                                         {".png", Baked::grids},
+                                         {".tif", Baked::grids},
+                                         {".tiff", Baked::grids}};
 
 std::string extension_of_output(const BakeOptions& options) {
     return std::filesystem::path(options.output).extension().string();
@@ -53,17 +58,17 @@ const BakedFormat* baked_format(const std::string& extension) {
 void check_formats(const BakeOptions& options) {
     const std::string extension = extension_of_output(options);
     if (!baked_format(extension))
-        throw InputError(
-            {options.output}, "nothing is written in the format '" + extension + "'",
-            "name it .hair, .usda or .obj for strands, .obj or .ply for the surface of a terrain, .exr, .tif "
-            "or .png for its grids");
+        throw InputError({options.output}, "nothing is written in the format '" + extension + "'",
+                         "name it .hair, .usda, .ply or .obj for strands, .obj or .ply for the surface of a "
+                         "terrain, .exr, "
+                         ".tif or .png for its grids");
     const std::string meshes = std::filesystem::path(options.colliders).extension().string();
     if (!options.colliders.empty() && meshes != ".obj" && meshes != ".usda")
         throw InputError({options.colliders}, "colliders are written as .obj or .usda",
                          "name the file .obj or .usda");
-    if (!options.attributes.empty() && extension != ".usda")
+    if (!options.attributes.empty() && extension != ".usda" && extension != ".ply")
         throw InputError({"--attributes"}, "'" + extension + "' holds no attributes",
-                         "bake strands to .usda");
+                         "bake strands to .usda or .ply");
 }
 
 // The one mesh that hands out grids.
@@ -86,12 +91,22 @@ bool makes_strands(const Shot& shot) {
                                [](const auto& p) { return p->kind() == MARRAM_CURVES; });
 }
 
-void write_baked(Baked what, const std::string& output, const Shot& shot, const World& world, double frame) {
-    if (what == Baked::strands_or_surface) what = makes_strands(shot) ? Baked::strands : Baked::surface;
-    if (what == Baked::strands)
-        return write_curves(output, world.curves, frame, shot.description.globals.number("fps"));
+bool has_grids(const World& world) {
+    return std::ranges::any_of(world.meshes, [](const MeshGeometry& mesh) { return !mesh.grids.empty(); });
+}
+
+void write_baked(Baked what, const std::string& output, const Shot& shot, const World& world,
+                 const BakeOptions& options) {
+    const bool strands = what == Baked::strands ||
+                         (what == Baked::strands_or_surface && makes_strands(shot)) ||
+                         (what == Baked::surface_or_strands && makes_strands(shot) && !has_grids(world));
+    if (strands)
+        return write_curves(output, world.curves, world.frame, shot.description.globals.number("fps"));
     const MeshGeometry& mesh = mesh_with_grids(world, output);
     if (what == Baked::grids) return write_grids(output, mesh);
+    if (!options.attributes.empty())
+        throw InputError({"--attributes"}, "'" + output + "' is the surface of '" + mesh.name + "'",
+                         "bake strands to .usda, or leave --attributes out");
     if (output.ends_with(".ply")) return write_surface_ply(output, mesh);
     write_colliders_obj(output, std::span(&mesh, 1));
 }
@@ -121,13 +136,27 @@ BuildSettings settings_of(const Shot& shot, const BakeOptions& options, double f
     return settings;
 }
 
+// A .usda holds all frames, as time samples, unless its name has a place for their numbers.
+bool holds_all_frames(const BakeOptions& options) {
+    return extension_of_output(options) == ".usda" && options.output.find('#') == std::string::npos;
+}
+
+std::vector<double> frames_to_bake(const BakeOptions& options, const Vec2d& range) {
+    if (!options.frames.given()) return {range.x()};
+    if (!holds_all_frames(options)) return frames_to_make(options.frames, range, options.output);
+    std::vector<double> frames = frames_to_make(options.frames, range, options.output + "#");
+    std::ranges::sort(frames);
+    return frames;
+}
+
 // Before anything is built: every file can be written, and is none that is read or written as something else.
 void check_outputs(const Shot& shot, const std::vector<double>& frames, const BakeOptions& options) {
     RunFiles files(files_read(shot, options.scene));
     std::set<std::string> stats;
     for (const double frame : frames) {
+        const bool is_written = frame == frames.front() || !holds_all_frames(options);
         for (const std::string& file :
-             {numbered(options.output, frame), numbered(options.colliders, frame)}) {
+             {is_written ? numbered(options.output, frame) : "", numbered(options.colliders, frame)}) {
             files.write(file);
             if (!file.empty()) check_writable(file);
         }
@@ -139,8 +168,9 @@ void check_outputs(const Shot& shot, const std::vector<double>& frames, const Ba
     }
 }
 
-// `prefix` of the progress line: "2 of 5: ".
-void bake_frame(Shot& shot, const BakeOptions& options, const std::string& prefix, FrameStats& stats) {
+// `prefix` of the progress line: "2 of 5: ". `sequence`: the file of all frames, where there is one.
+void bake_frame(Shot& shot, const BakeOptions& options, const std::string& prefix, UsdaSequence* sequence,
+                std::set<std::string>& warnings, FrameStats& stats) {
     const std::string output = numbered(options.output, stats.frame);
     const std::string colliders = numbered(options.colliders, stats.frame);
     const BuildSettings settings = settings_of(shot, options, stats.frame);
@@ -154,12 +184,17 @@ void bake_frame(Shot& shot, const BakeOptions& options, const std::string& prefi
         arena.execute(
             [&] { world = build_world(shot.geometry, settings, interrupted(), progress, stats.build); });
         progress.phase = "writing";
-        write_baked(baked_format(extension_of_output(options))->what, output, shot, world, stats.frame);
+        if (sequence)
+            sequence->add(world.curves, stats.frame);
+        else
+            write_baked(baked_format(extension_of_output(options))->what, output, shot, world, options);
         if (colliders.ends_with(".obj")) write_colliders_obj(colliders, world.meshes);
         if (colliders.ends_with(".usda"))
             write_colliders_usda(colliders, world.meshes, stats.frame, settings.fps);
     }
-    for (const std::string& warning : stats.build.warnings) fmt::print(stderr, "{}\n", warning);
+    for (const std::string& warning : stats.build.warnings)
+        if (warnings.insert(warning).second) fmt::print(stderr, "{}\n", warning);
+    if (sequence) return;
     fmt::print("{}\n", output);
     std::fflush(stdout); // an interrupt may cut off what comes later
 }
@@ -172,14 +207,16 @@ int bake_command(const BakeOptions& options) {
     Shot shot = open_shot(options);
     const double load_seconds = wall_seconds() - begin;
     const Vec2d range = shot.description.globals.vec2("frames");
-    const std::vector<double> frames = options.frames.given()
-                                           ? frames_to_make(options.frames, range, options.output)
-                                           : std::vector{range.x()};
+    const std::vector<double> frames = frames_to_bake(options, range);
     check_outputs(shot, frames, options);
     check_attributes(shot, options.attributes);
     const int threads = threads_of(options);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
     StatsFile stats_file(options.stats);
+    std::set<std::string> warnings; // each told once
+    std::optional<UsdaSequence> sequence;
+    if (frames.size() > 1 && holds_all_frames(options))
+        sequence.emplace(options.output, shot.description.globals.number("fps"));
     for (size_t i = 0; i < frames.size(); ++i) {
         const double frame_begin = i == 0 ? begin : wall_seconds();
         FrameStats stats;
@@ -187,10 +224,14 @@ int bake_command(const BakeOptions& options) {
         stats.threads = threads;
         stats.load = i == 0 ? load_seconds : 0.0;
         bake_frame(shot, options, frames.size() > 1 ? fmt::format("{} of {}: ", i + 1, frames.size()) : "",
-                   stats);
+                   sequence ? &*sequence : nullptr, warnings, stats);
         stats.total = wall_seconds() - frame_begin;
         stats_file.add(stats);
         release_free_memory();
+    }
+    if (sequence) {
+        sequence->commit();
+        fmt::print("{}\n", options.output);
     }
     stats_file.finish();
     return 0;

@@ -164,10 +164,11 @@ void add_bake(CLI::App& app, Commands& c) {
     add_scene(*command, c.bake);
     add_stats(*command, c.bake);
     command
-        ->add_option("-o,--output", c.bake.output,
-                     "strands: .hair, .usda or .obj; a terrain's surface: .ply, or .obj where no strands are "
-                     "made; its "
-                     "height: .png (16 bits), .tif or .exr (with all its grids)")
+        ->add_option(
+            "-o,--output", c.bake.output,
+            "strands: .hair, .usda (several frames in one file, unless its name has a ####), .ply or "
+            ".obj; a terrain's surface: .ply, or .obj where no strands are made; its height: .png "
+            "(16 bits), .tif or .exr (with all its grids)")
         ->required()
         ->type_name("FILE");
     CLI::Option* frame = command
@@ -188,7 +189,8 @@ void add_bake(CLI::App& app, Commands& c) {
                      "write all meshes as well, .obj, or .usda with their attributes")
         ->type_name("FILE");
     command
-        ->add_option("--attributes", c.texts.attributes, "curve attributes to write besides id, .usda only")
+        ->add_option("--attributes", c.texts.attributes,
+                     "curve attributes to write besides id, .usda and .ply only")
         ->type_name("NAME,...");
     command->callback([&c] {
         c.bake.attributes = split(c.texts.attributes);

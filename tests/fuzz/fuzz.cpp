@@ -400,7 +400,53 @@ const std::string lines_ply =
     "z\nproperty int strand_id\nelement edge 3\nproperty int vertex1\nproperty int vertex2\n"
     "end_header\n0 0 0 1\n1 0 0 1\n1 1 0 2\n0 1 1 2\n0 1\n1 2\n2 3\n";
 
+std::string hair_binary() {
+    std::string bytes = "HAIR";
+    const auto put = [&](auto number) {
+        bytes.append(reinterpret_cast<const char*>(&number), sizeof number);
+    };
+    for (const uint32_t word : {2U, 5U, 31U, 0U}) put(word);
+    for (const float value : {0.1F, 0.0F, 1.0F, 0.5F, 1.0F}) put(value);
+    bytes.resize(128);
+    for (const uint16_t segments : {1, 2}) put(segments);
+    for (int i = 0; i < 5 * (3 + 1 + 1 + 3); ++i) put(0.1F * float(i));
+    return bytes;
+}
+
+const std::string strands_usda =
+    "#usda 1.0\n(\n    metersPerUnit = 1\n    timeCodesPerSecond = 12\n)\ndef Xform \"a\"\n{\n    float "
+    "xformOp:rotateY.timeSamples = { 1: 0, 2: 90 }\n    uniform token[] xformOpOrder = "
+    "[\"xformOp:rotateY\"]\n    def BasisCurves \"c\"\n    {\n        uniform token basis = \"bezier\"\n    "
+    "    int[] curveVertexCounts = [4, 4]\n        point3f[] points.timeSamples = { 1: [(0, 0, 0), (1, 0.5, "
+    "0), (-1, 0, 0), (0, 2, 0), (1, 0, 1), (2, -1, 1e-1), (3, 0, 0), (4, 1, 0)], 3: [(0, 0, 0), (1, 0.5, 0), "
+    "(-1, 0, 0), (0, 2, 0), (1, 0, 1), (2, -1, 1e-1), (3, 0, 0), (4, 2, 0)] }\n        int64[] ids = [7, "
+    "99999999999]\n        float[] widths = [0.1, 0.2] ( interpolation = \"uniform\" )\n        color3f[] "
+    "primvars:tint = [(0, 1, 0), (1, 0, 0)] ( interpolation = \"vertex\" )\n        int[] "
+    "primvars:tint:indices = [0, 1, 0, 1, 0, 1, 0, 1]\n        float primvars:wet = 1\n        float[] "
+    "primvars:v = [1, 2, 3, 4] ( interpolation = \"varying\" )\n    }\n}\n";
+const std::string strands_ply =
+    "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float "
+    "z\nproperty float width\nproperty int strand_id\nproperty uchar red\nproperty uchar green\nproperty "
+    "uchar blue\nproperty float a_0\nproperty float a_1\nelement strand 2\nproperty int "
+    "strand_id\nproperty float length\nend_header\n0 0 0 1 1 9 8 7 1 2\n1 0 0 1 1 9 8 7 3 4\n1 1 0 1 2 9 8 7 "
+    "5 6\n0 1 1 1 2 9 8 7 7 8\n2 0.5\n1 0.25\n";
+
+// Strands of a file, which are read though nobody uses them.
+Command make_strands(const fs::path& folder, Random& random) {
+    static const std::pair<const char*, std::string> files[] = {
+        {"c.hair", hair_binary()},
+        {"c.usda", strands_usda},
+        {"c.ply", strands_ply},
+        {"c.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\nl 1 2 3\nl -1 -2\nl 4/1 1/2\n"}};
+    const auto& [name, bytes] = random.pick(files);
+    write_file(folder / name, mutated(bytes, std::string(name) != "c.hair", random));
+    write_file(folder / "a.toml",
+               plain_scene + "[[curves]]\nname = \"c\"\ntype = \"strands\"\nfile = \"" + name + "\"\n");
+    return render(folder);
+}
+
 Command make_curves(const Seeds&, const fs::path& folder, Random& random) {
+    if (random.one_in(2)) return make_strands(folder, random);
     const bool usda = random.one_in(2);
     const std::string name = usda ? "c.usda" : "c.ply";
     write_file(folder / name, mutated(usda ? usda_text : lines_ply, true, random));

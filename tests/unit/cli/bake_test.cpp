@@ -2,6 +2,7 @@
 // `marram bake`: files that depend on scene and frame alone, and strands that keep their lengths in any wind.
 #include "program.h"
 
+#include "core/geometry/strand_file.h"
 #include "core/image/picture.h"
 
 #include <algorithm>
@@ -373,6 +374,8 @@ TEST(Bake, WritesATerrainsSurface) {
     EXPECT_CONTAINS(read_file(folder / "c.obj"), "\nl 1 2");
     bake(furred, folder / "c.ply");
     EXPECT_TRUE(read_file(folder / "c.ply") == ply);
+    EXPECT_EQ(marram({"bake", furred, "-o", folder / "e.ply", "--attributes", "root_uv"}).code, 2);
+    EXPECT_FALSE(folder.names().contains("e.ply"));
     const std::string bare =
         folder.write("d.toml", "[camera]\nposition = [0, 9, 30]\ntarget = [0, 0, 0]\n[[mesh]]\n"
                                "type = \"plane\"\nname = \"m\"\n");
@@ -405,6 +408,83 @@ TEST(Bake, DunesFollowCurvesOfFiles) {
     EXPECT_GT(std::ranges::minmax(drawn).max, 2.0F);
     for (const char* file : {"a.ply", "a.usda", "a.obj"})
         EXPECT_TRUE(heights(fmt::format("type = \"file\"\nfile = \"{}\"\n", file)) == drawn) << file;
+}
+
+const std::string tuft =
+    "frames = [1, 4]\n[camera]\nposition = [0, 1, 4]\ntarget = [0, 0, 0]\n[wind]\nspeed = 5\n"
+    "gusts = { num_gusts = 20, radius_range = [0.3, 1] }\n[[light]]\ntype = \"sky\"\n[[mesh]]\nname = \"m\"\n"
+    "type = \"plane\"\nsize = [1, 1]\n[[procedural]]\ntype = \"groom\"\nname = \"grass\"\non = \"m\"\n"
+    "count = 20\nlength = 0.3\nwidth = 0.01\ncvs = 5\n";
+
+// A range of frames in one .usda is what the frames are one by one, in any format, and comes back to the bit.
+TEST(Bake, ARangeOfFramesComesBack) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", tuft);
+    bake(scene, folder / "all.usda", {"--frames", "3,1-2", "--attributes", "root_uv"});
+    EXPECT_EQ(folder.names(), (std::set<std::string>{"a.toml", "all.usda"}));
+    for (const char* extension : {"hair", "ply", "usda", "obj"})
+        bake(scene, folder / fmt::format("f.##.{}", extension), {"--frames", "1-3"});
+    const StrandFile all = load_strand_file(folder / "all.usda", 24.0);
+    ASSERT_EQ(all.samples.size(), 3u);
+    ASSERT_TRUE(find_attribute(all.attributes, "root_uv"));
+    ASSERT_TRUE(find_attribute(all.attributes, "id")->discrete);
+    EXPECT_NE(all.samples[0].points, all.samples[1].points);
+    for (size_t i = 0; i < 3; ++i) {
+        EXPECT_EQ(all.samples[i].frame, double(i + 1));
+        for (const char* extension : {"hair", "ply", "usda", "obj"}) {
+            const StrandFile one =
+                load_strand_file(folder / fmt::format("f.{:02}.{}", i + 1, extension), 24.0);
+            EXPECT_EQ(one.counts, all.counts) << extension;
+            EXPECT_EQ(one.samples.at(0).points, all.samples[i].points) << extension;
+            if (std::string(extension) != "obj") {
+                EXPECT_EQ(one.samples[0].widths, all.samples[i].widths) << extension;
+            }
+        }
+    }
+    EXPECT_EQ(marram({"bake", scene, "-o", folder / "x.ply", "--frames", "1-2"}).code, 2);
+    EXPECT_EQ(
+        marram({"bake", scene, "-o", folder / "x.usda", "--frames", "1-2", "--colliders", folder / "c.obj"})
+            .code,
+        2);
+    EXPECT_FALSE(folder.names().contains("x.usda"));
+}
+
+// Strands of files in a scene: one that animates, one a frame, with what is not taken over told once.
+TEST(Bake, ScenesReadStrands) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", tuft);
+    bake(scene, folder / "all.usda", {"--frames", "1-3"});
+    bake(scene, folder / "f.##.obj", {"--frames", "1-3"});
+    const auto info = [&](const std::string& curves) {
+        return marram(
+            {"info",
+             folder.write("b.toml", tuft + "[[curves]]\nname = \"c\"\ntype = \"strands\"\n" + curves)});
+    };
+    ProgramResult result = info("file = \"all.usda\"\ntransform = { translate = [0, 1, 0] }\n");
+    EXPECT_EQ(result.code, 0);
+    EXPECT_CONTAINS(result.out,
+                    "curves c: 20 B-splines, 100 CVs in all, 3 samples, with\n    id: 1 a curve, discrete\n");
+    result = info("file = \"f.##.obj\"\nfile_frames = [1, 3]\n");
+    EXPECT_CONTAINS(result.out, "curves c: 20 polylines, 100 CVs in all, 3 samples\n");
+    EXPECT_EQ(result.err, "");
+    const auto refused = [&](const std::string& curves, const std::string& what) {
+        const ProgramResult outcome = info(curves);
+        EXPECT_EQ(outcome.code, 2);
+        EXPECT_EQ(lines(outcome.err).size(), 1u) << outcome.err;
+        EXPECT_CONTAINS(outcome.err, what);
+    };
+    refused("file = \"f.##.obj\"\nfile_frames = [1, 4]\n", "f.04.obj: there is no such file");
+    refused("file = \"all.usda\"\nfile_frames = [1, 4]\n",
+            "curves.c.file is one file for all of file_frames");
+    refused("file = \"a.toml\"\n", "curves.c.file is no .hair and no .usda and no .ply and no .obj");
+    folder.write("f.02.obj", "v 0 0 0\nv 1 0 0\nl 1 2\n");
+    refused("file = \"f.##.obj\"\nfile_frames = [1, 3]\n", "has 1 strands of 2 CVs that are not those of");
+    for (int i = 1; i <= 3; ++i) folder.write(fmt::format("g.{}.obj", i), "v 0 0 0\nv 1 0 0\nl 1 2\nl 2\n");
+    result = info("file = \"g.#.obj\"\nfile_frames = [1, 3]\n");
+    EXPECT_EQ(lines(result.err).size(), 1u) << result.err;
+    EXPECT_CONTAINS(result.err, "g.1.obj: 1 of 2 strands have fewer than two points");
+    // What is read is not written.
+    EXPECT_EQ(marram({"bake", folder / "b.toml", "-o", folder / "g.2.obj"}).code, 2);
 }
 
 // A field's dunes, listed by info, pasted as layers in its place.

@@ -5,6 +5,7 @@
 #include "core/geometry/curve_export.h"
 #include "core/geometry/hair_format.h"
 #include "core/geometry/strand_file.h"
+#include "core/geometry/usda.h"
 #include "core/geometry/usda_curves.h"
 
 #include <fmt/format.h>
@@ -819,6 +820,148 @@ TEST_F(StrandFiles, ObjReadsOurOwnBakes) {
     std::vector<float> expected = groom.cvs();
     for (size_t i = 3; i < expected.size(); i += 4) expected[i] = -1.0F; // widths are lost
     EXPECT_EQ(cvs_of(strands.samples.at(0)), expected);
+}
+
+// ---- What is written
+
+TEST_F(StrandFiles, PlyReadsOurOwnBakes) {
+    Groom groom, other(MARRAM_BSPLINE, 5.0F);
+    std::vector<float> normals;
+    for (int i = 0; i < 16 * 3; ++i) normals.push_back(std::sin(float(i)));
+    groom.geometry.normals = {normals.data()};
+    other.geometry.attributes.erase(other.geometry.attributes.begin() + 2); // twist
+    const CurveGeometry both[] = {groom.geometry, other.geometry};
+    write_curves(path("a.ply"), both, 1.0, 24.0);
+    const StrandFile strands = load_strand_file(path("a.ply"), 24.0);
+    EXPECT_EQ(strands.counts, (std::vector<uint32_t>{5, 2, 3, 5, 2, 3}));
+    std::vector<float> cvs = groom.cvs(), more = other.cvs();
+    cvs.insert(cvs.end(), more.begin(), more.end());
+    EXPECT_EQ(cvs_of(strands.samples.at(0)), cvs);
+    EXPECT_TRUE(strands.warnings.empty());
+    EXPECT_EQ(strands.attributes.size(), 5u);
+    for (const AttributeValues& one : groom.geometry.attributes) {
+        std::vector<float> values = one.values;
+        if (one.name == "twist")
+            values.resize(20, 0.0F);
+        else
+            values.insert(values.end(), one.values.begin(), one.values.end());
+        const AttributeValues& same = attribute(strands, one.name);
+        EXPECT_EQ(same.values, values) << one.name;
+        EXPECT_EQ(same.components, one.components) << one.name;
+        EXPECT_EQ(same.rate, one.rate) << one.name;
+        EXPECT_EQ(same.discrete, one.discrete) << one.name;
+    }
+    const AttributeValues& normal = attribute(strands, "normal");
+    EXPECT_EQ(normal.values[0], normals[3]); // behind the first phantom vertex
+    EXPECT_EQ(normal.values[3 * 5], normals[3 * 8]);
+    EXPECT_EQ(normal.values[3 * 10], 0.0F);
+    groom.geometry.attributes[3].components = 2;
+    const CurveGeometry unlike[] = {other.geometry, groom.geometry};
+    EXPECT_THROW(write_curves_ply(path("b.ply"), unlike), InputError);
+    groom.vertices[4] = NAN;
+    EXPECT_THROW(write_curves_ply(path("b.ply"), std::span(&groom.geometry, 1)), InputError);
+    EXPECT_FALSE(fs::exists(path("b.ply")));
+}
+
+const std::vector<double>& numbers(const UsdaValue& value) { return std::get<std::vector<double>>(value); }
+
+// Points go along parabolas of time; widths change once; the rest does not.
+TEST_F(StrandFiles, UsdaReadsOurOwnSequences) {
+    const std::vector<double> frames = {1.0, 2.0, 3.0, 5.5};
+    std::vector<std::vector<float>> written;
+    {
+        UsdaSequence sequence(path("a.usda"), 25.0);
+        for (const double frame : frames) {
+            Groom groom;
+            for (size_t v = 0; v < groom.vertices.size(); v += 4) {
+                groom.vertices[v] = float(double(v) + 3.0 * frame - 0.5 * frame * frame);
+                if (frame > 2.5) groom.vertices[v + 3] *= 2.0F;
+            }
+            sequence.add(std::span(&groom.geometry, 1), frame);
+            written.push_back(groom.cvs());
+        }
+        EXPECT_FALSE(fs::exists(path("a.usda")));
+        sequence.commit();
+    }
+    EXPECT_EQ(std::distance(fs::directory_iterator(folder), fs::directory_iterator()), 1);
+    const StrandFile strands = load_strand_file(path("a.usda"), 50.0);
+    ASSERT_EQ(strands.samples.size(), frames.size());
+    for (size_t i = 0; i < frames.size(); ++i) {
+        EXPECT_EQ(strands.samples[i].frame, 2.0 * frames[i]); // 25 of them a second in the file
+        EXPECT_EQ(cvs_of(strands.samples[i]), written[i]) << i;
+    }
+    expect_same_attributes(strands.attributes, Groom().geometry.attributes);
+    EXPECT_TRUE(strands.warnings.empty());
+
+    const std::string text = get("a.usda");
+    const UsdaLayer layer = read_usda("a.usda", text);
+    EXPECT_EQ(find_metadata(layer.metadata, "startTimeCode"), "1");
+    EXPECT_EQ(find_metadata(layer.metadata, "endTimeCode"), "5.5");
+    const UsdaPrim& fur = layer.prims.at(0).children.at(0);
+    EXPECT_EQ(fur.samples("points").size(), 4u);
+    EXPECT_EQ(fur.samples("widths").size(), 4u);
+    EXPECT_EQ(fur.metadata_of("widths", "interpolation"), "vertex");
+    EXPECT_EQ(fur.samples("extent").size(), 4u);
+    for (const char* still : {"ids", "primvars:id", "primvars:tint", "curveVertexCounts"}) {
+        EXPECT_TRUE(fur.samples(still).empty()) << still;
+        EXPECT_TRUE(fur.find(still)) << still;
+    }
+    EXPECT_EQ(std::get<std::vector<int64_t>>(*fur.find("ids")), (std::vector<int64_t>{16777215, 0, 7}));
+    const auto velocities = fur.samples("velocities");
+    ASSERT_EQ(velocities.size(), 4u);
+    const double expected[] = {3.0 - 1.5, 3.0 - 2.0, 3.0 - 3.0, 3.0 - 0.5 * (3.0 + 5.5)}; // a frame
+    for (size_t i = 0; i < 4; ++i) {
+        EXPECT_EQ(velocities[i].first, frames[i]);
+        EXPECT_NEAR(numbers(*velocities[i].second)[3], 25.0 * expected[i], 1e-3) << i;
+        EXPECT_EQ(numbers(*velocities[i].second)[4], 0.0);
+    }
+    int read = 0; // beginnings of it: no more than the whole, without its last line end
+    for (size_t size = 0; size < text.size(); size += 1 + size % 7) {
+        try {
+            read_usda_strands("cut.usda", std::string_view(text).substr(0, size), 24.0);
+            ++read;
+        } catch (const InputError&) {
+        }
+    }
+    EXPECT_LE(read, 1);
+}
+
+TEST_F(StrandFiles, UsdaSequencesThatRestOrChange) {
+    const Groom groom, shorter(MARRAM_CATMULL_ROM);
+    {
+        UsdaSequence sequence(path("rest.usda"), 24.0);
+        for (const double frame : {1.0, 2.0}) sequence.add(std::span(&groom.geometry, 1), frame);
+        sequence.commit();
+    }
+    const std::string text = get("rest.usda");
+    EXPECT_EQ(text.find("timeSamples"), std::string::npos);
+    EXPECT_EQ(text.find("velocities"), std::string::npos);
+    EXPECT_EQ(cvs_of(load_strand_file(path("rest.usda"), 24.0).samples.at(0)), groom.cvs());
+    // One frame of it is what write_usda() writes.
+    write_usda(path("one.usda"), std::span(&groom.geometry, 1), 3.0, 24.0);
+    {
+        UsdaSequence sequence(path("sequence.usda"), 24.0);
+        sequence.add(std::span(&groom.geometry, 1), 3.0);
+        sequence.commit();
+    }
+    EXPECT_TRUE(get("one.usda") == get("sequence.usda"));
+
+    Groom fewer;
+    fewer.geometry.curve_count = 2;
+    for (AttributeValues& one : fewer.geometry.attributes)
+        one.values.resize(one.components * (one.rate == MARRAM_PER_CURVE ? 2 : 7));
+    Groom bare;
+    bare.geometry.attributes.pop_back();
+    const CurveGeometry two[] = {groom.geometry, groom.geometry};
+    using List = std::span<const CurveGeometry>;
+    for (const List later :
+         {List(&fewer.geometry, 1), List(&shorter.geometry, 1), List(&bare.geometry, 1), List(two)}) {
+        UsdaSequence sequence(path("changes.usda"), 24.0);
+        sequence.add(std::span(&groom.geometry, 1), 1.0);
+        EXPECT_THROW(sequence.add(later, 2.0), InputError);
+    }
+    EXPECT_FALSE(fs::exists(path("changes.usda")));
+    EXPECT_EQ(std::distance(fs::directory_iterator(folder), fs::directory_iterator()), 3);
 }
 
 } // namespace

@@ -187,7 +187,8 @@ class Both {
                 "\n[[curves]]\nname = \"line\"\ntype = \"points\"\npoints = [[0, 0, 0], [1, 0, 0]]\n" +
                 table_),
             {}, schema);
-        const ContractValues values(type_, description.procedurals.at(0), description.wind);
+        const CurveAttributes none;
+        const ContractValues values(type_, description.procedurals.at(0), description.wind, none);
         const MarramValues list = values.list();
         return by_name(&list);
     }

@@ -412,9 +412,9 @@ TEST(Bake, DunesFollowCurvesOfFiles) {
 
 const std::string tuft =
     "frames = [1, 4]\n[camera]\nposition = [0, 1, 4]\ntarget = [0, 0, 0]\n[wind]\nspeed = 5\n"
-    "gusts = { num_gusts = 20, radius_range = [0.3, 1] }\n[[light]]\ntype = \"sky\"\n[[mesh]]\nname = \"m\"\n"
-    "type = \"plane\"\nsize = [1, 1]\n[[procedural]]\ntype = \"groom\"\nname = \"grass\"\non = \"m\"\n"
-    "count = 20\nlength = 0.3\nwidth = 0.01\ncvs = 5\n";
+    "direction = [1, 0, 0]\n[[light]]\ntype = \"sky\"\n[[mesh]]\nname = \"m\"\ntype = \"plane\"\n"
+    "size = [1, 1]\n[[procedural]]\ntype = \"groom\"\nname = \"grass\"\non = \"m\"\ncount = 20\n"
+    "length = 0.3\nwidth = 0.01\ncvs = 5\n";
 
 // A range of frames in one .usda is what the frames are one by one, in any format, and comes back to the bit.
 TEST(Bake, ARangeOfFramesComesBack) {

@@ -13,6 +13,17 @@
 namespace marram {
 namespace {
 
+// Leaves an image its first channels.
+void keep_channels(Image& image, int most) {
+    if (image.channels <= most) return;
+    const auto from = size_t(image.channels), to = size_t(most);
+    const size_t pixels = image.pixels.size() / from;
+    for (size_t i = 0; i < pixels; ++i)
+        std::copy_n(image.pixels.data() + i * from, to, image.pixels.data() + i * to);
+    image.pixels.resize(pixels * to);
+    image.channels = most;
+}
+
 // The declaration of "layer[2].height" among those of its type.
 const MarramParam* declaration_of(const ParamValue& value, const ProceduralItemType& type) {
     const auto found =
@@ -89,7 +100,8 @@ void ContractValues::add_attributes(MarramValue& out) {
 }
 
 const MarramGrid* ContractValues::image(const ParamValue& value) {
-    const Image& image = images_.emplace_back(read_image(value.text, ColorSpace::linear_data));
+    Image& image = images_.emplace_back(read_image(value.text, ColorSpace::linear_data));
+    keep_channels(image, 4); // as a grid has
     MarramGrid& grid = grids_.emplace_back();
     grid.name = value.text.c_str();
     grid.nx = uint32_t(image.width);

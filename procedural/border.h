@@ -110,4 +110,22 @@ inline MarramStatus pose_lent_mesh(const MarramFrame& frame, uint32_t mesh, doub
     return MARRAM_OK;
 }
 
+// Some curves of a borrowed frame at any time, MarramFrame.pose_curves, which is there: likewise.
+inline MarramStatus pose_lent_curves(const MarramFrame& frame, uint32_t curves, double time,
+                                     uint64_t first_curve, uint64_t curve_count, std::span<float> vertices) {
+    const MarramStatus status =
+        frame.pose_curves(frame.pose_user, curves, time, first_curve, curve_count, vertices.data());
+    if (status == MARRAM_CANCELLED) return status;
+    if (status != MARRAM_OK)
+        throw SceneFault("contract.pose", "",
+                         "the host does not pose curves at frame " + std::to_string(time),
+                         "let MarramFrame.pose_curves answer for any time");
+    if (!usable_coordinates(vertices.data(), vertices.size()))
+        throw SceneFault("contract.pose", "",
+                         "the host poses curves at frame " + std::to_string(time) +
+                             " with numbers that are not finite",
+                         "give finite vertices");
+    return MARRAM_OK;
+}
+
 } // namespace marram

@@ -196,8 +196,8 @@ MarramStatus place_guides(GroomInstance& instance, const std::function<bool()>& 
         throw SceneFault("contract.no_pose_curves", "", "MarramFrame.pose_curves is NULL",
                          "give a function that poses curves at any time, or curves that rest");
     } else {
-        const MarramStatus status = frame.pose_curves(frame.pose_user, curves.index, frame.bind_frame, 0,
-                                                      curves.count(), vertices.data());
+        const MarramStatus status =
+            pose_lent_curves(frame, curves.index, frame.bind_frame, 0, curves.count(), vertices);
         if (status != MARRAM_OK) return status;
     }
     std::vector<std::vector<Vec3d>> lines;

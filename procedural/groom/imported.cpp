@@ -47,7 +47,7 @@ ImportInstance& self_of(MarramInstance* instance) { return *reinterpret_cast<Imp
 
 template <typename Body>
 MarramStatus guarded_import(const MarramHost& host, Body&& body) {
-    return guarded(host, "strands", "import fewer of them", std::forward<Body>(body));
+    return marram::guarded(host, "strands", "import fewer of them", std::forward<Body>(body));
 }
 
 const std::vector<MarramParam>& strand_params() {
@@ -58,12 +58,12 @@ const std::vector<MarramParam>& strand_params() {
 // ---- Attributes
 
 enum ImportAttribute : uint32_t {
-    root_normal,
-    root_uv,
-    id,
-    envelope,
-    gust,
-    sheltered,
+    import_root_normal,
+    import_root_uv,
+    import_id,
+    import_envelope,
+    import_gust,
+    import_sheltered,
     import_attribute_count
 };
 
@@ -164,12 +164,15 @@ MarramStatus update_import(MarramInstance* opaque, const MarramUpdate* given, ui
 }
 
 MarramStatus import_attributes(MarramInstance* opaque, MarramAttributeList* out) {
-    if (!opaque || !out) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // nobody to tell
     const ImportInstance& instance = self_of(opaque);
-    const MarramAttributeList list{sizeof(MarramAttributeList), instance.attributes.data(),
-                                   uint32_t(instance.attributes.size()), sizeof(MarramAttribute)};
-    fill_known_part(list, out);
-    return MARRAM_OK;
+    return guarded_import(instance.host, [&] {
+        if (!out) throw SceneFault("contract.null_list", "", "the list is NULL", "pass a non-NULL pointer");
+        const MarramAttributeList list{sizeof(MarramAttributeList), instance.attributes.data(),
+                                       uint32_t(instance.attributes.size()), sizeof(MarramAttribute)};
+        fill_known_part(list, out);
+        return MARRAM_OK;
+    });
 }
 
 // ---- A frame
@@ -224,8 +227,7 @@ MarramStatus read_bind_poses(ImportInstance& instance) {
     instance.bind_vertices.clear();
     if (!lent.curves.moves) return MARRAM_OK;
     instance.bind_vertices.resize(4 * (lent.cv_count() + 2 * lent.count()));
-    return frame.pose_curves(frame.pose_user, lent.index, frame.bind_frame, 0, lent.count(),
-                             instance.bind_vertices.data());
+    return pose_lent_curves(frame, lent.index, frame.bind_frame, 0, lent.count(), instance.bind_vertices);
 }
 
 void check_skin(const ImportInstance& instance) {
@@ -314,12 +316,10 @@ MarramStatus travel_of(const ImportInstance& instance, double& travel) {
     for (uint64_t c = 0; c < lent.count(); c += step) {
         now.resize(4 * (size_t(lent.cvs(c)) + 2));
         then.resize(now.size());
-        MarramStatus status =
-            frame.pose_curves(frame.pose_user, lent.index, frame.times[0], c, 1, now.data());
+        MarramStatus status = pose_lent_curves(frame, lent.index, frame.times[0], c, 1, now);
         for (const double back : {1.0, 4.0, 16.0, 64.0, 256.0}) {
             if (status == MARRAM_OK)
-                status =
-                    frame.pose_curves(frame.pose_user, lent.index, frame.times[0] - back, c, 1, then.data());
+                status = pose_lent_curves(frame, lent.index, frame.times[0] - back, c, 1, then);
             if (status != MARRAM_OK) return status;
             double squared = 0.0;
             for (size_t axis = 4; axis < 7; ++axis)
@@ -554,9 +554,9 @@ Expand expand_of(const Batch& batch, StageClock& clock) {
             if (instance.curves.curves.moves) {
                 const ImportPatch& patch = batch.patch;
                 then.resize(4 * (instance.curves.first_vertex(patch.first + patch.count)) - first_float);
-                const MarramStatus status = frame.pose_curves(frame.pose_user, instance.curves.index,
-                                                              instance.wind.jiggle->frame_of(knot),
-                                                              patch.first, patch.count, then.data());
+                const MarramStatus status =
+                    pose_lent_curves(frame, instance.curves.index, instance.wind.jiggle->frame_of(knot),
+                                     patch.first, patch.count, then);
                 if (status != MARRAM_OK)
                     throw SceneFault("strands.pose", instance.settings.curves_place,
                                      "the curves cannot be posed at an earlier frame",
@@ -622,22 +622,22 @@ void write_own_attribute(const Batch& batch, const Strands& strands, uint32_t wh
         const uint32_t c = batch.curves[i];
         const uint64_t curve = batch.patch.first + c;
         const auto lane = int(i % lanes);
-        if (which == root_normal) {
+        if (which == import_root_normal) {
             const Wide3d& n = strands.root_normal[i / lanes];
             out[3 * size_t(c)] = float(n.x[lane]);
             out[3 * size_t(c) + 1] = float(n.y[lane]);
             out[3 * size_t(c) + 2] = float(n.z[lane]);
-        } else if (which == root_uv) {
+        } else if (which == import_root_uv) {
             const Bond& bond = instance.binding.bonds[curve];
             const Vec2d uv = instance.bind_surface().uv(bond.triangle, bond.weights);
             out[2 * size_t(c)] = float(uv.x());
             out[2 * size_t(c) + 1] = float(uv.y());
-        } else if (which == id) {
+        } else if (which == import_id) {
             out[c] = number_of(instance.settings.seed, curve);
         } else {
-            const WideVector<VFloat>& from = which == envelope ? strands.envelope
-                                             : which == gust   ? strands.gust
-                                                               : strands.shield;
+            const WideVector<VFloat>& from = which == import_envelope ? strands.envelope
+                                             : which == import_gust   ? strands.gust
+                                                                      : strands.shield;
             float* to = out + batch.cv(c);
             for (size_t k = 0; k < cvs; ++k) to[k] = from[i / lanes * cvs + k][lane];
         }

@@ -189,6 +189,14 @@ std::vector<std::pair<const char*, const char*>> settings_of(const std::string& 
                 {"wind.shielding.shield", "0.5"},
                 {"wind.jiggle.frequency", "3"},
                 {"wind.collision.solver", "exact"}};
+    if (type == "strands")
+        return {{"curves", "line"},
+                {"on", "ground"},
+                {"width", "0.01"},
+                {"wind.speed", "6"},
+                {"wind.shielding.shield", "0.5"},
+                {"wind.jiggle.frequency", "3"},
+                {"wind.collision.solver", "exact"}};
     if (type == "terrain")
         return {{"size", "[8, 8]"},           {"cell", "0.5"},
                 {"layer[0].type", "noise"},   {"layer[1].type", "dune"},
@@ -232,6 +240,9 @@ class Called {
     std::string evaluate() {
         expect_ok(begin(world.frame()));
         return calls.kind == MARRAM_CURVES ? curves() : surface(output, calls.mesh);
+    }
+    size_t first_vertex(uint64_t curve) const {
+        return output.offsets ? output.offsets[curve] + 2 * curve : curve * (output.cvs_per_curve + 2);
     }
     std::string view_mesh() {
         MarramOutput seen{};
@@ -279,15 +290,14 @@ class Called {
 
   private:
     std::string curves() {
-        const size_t floats = 4 * output.curve_count * (output.cvs_per_curve + 2);
+        const size_t floats = 4 * first_vertex(output.curve_count);
         std::vector<std::vector<float>> vertices(output.time_count, std::vector<float>(floats + 4));
         for (uint32_t p = 0; p < output.patch_count; ++p) {
             MarramPatch patch{};
             patch.size = sizeof patch;
             expect_ok(calls.patch(instance, p, &patch));
             std::vector<float*> to;
-            for (auto& step : vertices)
-                to.push_back(step.data() + 4 * patch.first_curve * (output.cvs_per_curve + 2));
+            for (auto& step : vertices) to.push_back(step.data() + 4 * first_vertex(patch.first_curve));
             const MarramPatchBuffers buffers{
                 sizeof(MarramPatchBuffers), to.data(), nullptr, 0, nullptr, nullptr};
             expect_ok(calls.tessellate(instance, p, &buffers));
@@ -566,7 +576,7 @@ std::vector<FrameFault> frame_faults(Spoilt& s) {
 }
 
 bool concerns(const FrameFault& fault, const std::string& type) {
-    return !fault.traces_only || type == "groom" ||
+    return !fault.traces_only || type == "groom" || type == "strands" ||
            (type == "rock" && std::string_view(fault.id) == "contract.no_colliders");
 }
 
@@ -787,7 +797,7 @@ TEST_F(FaultyHost, IsToldOfWrongBuffers) {
         float *values[] = {&value}, *no_values[] = {nullptr};
         const uint32_t first = 0;
         if (calls.tessellate) {
-            std::vector<float> room(4 * called.output.curve_count * (called.output.cvs_per_curve + 2) + 4);
+            std::vector<float> room(4 * called.first_vertex(called.output.curve_count) + 4);
             float* steps[times_there] = {room.data(), room.data(), room.data()};
             const auto refuses = [&](const MarramPatchBuffers& buffers, const char* id) {
                 called.expect_error(calls.tessellate(called.instance, 0, &buffers), id, id);

@@ -230,7 +230,7 @@ std::shared_ptr<PluginLibrary> own_library() {
 // Every parameter of every procedural: what a scene says nothing of is what the helper fills in.
 TEST(HostValues, AreTheDeclaredDefaults) {
     const auto library = own_library();
-    ASSERT_EQ(library->types().size(), 3u);
+    ASSERT_EQ(library->types().size(), 4u);
     for (const ProceduralType& type : library->types()) {
         Both both(library, type);
         const auto ours = both.of_the_helper(), theirs = both.of_the_renderer();

@@ -72,7 +72,7 @@ struct Scattered {
 // Heights are in metres above sea level, 0 ... atmosphere_height; cosines are with the local vertical.
 class Atmosphere {
   public:
-    // Without `scatters` it transmits light and scatters none, and takes a twentieth of the time to make.
+    // Without `scatters` it transmits light and scatters none, which takes much less to make.
     explicit Atmosphere(const AirSettings& settings, const Loop& loop = one_by_one, bool scatters = true);
 
     // From a height to space; 0 where the ground is in the way.

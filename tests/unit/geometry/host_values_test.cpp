@@ -268,6 +268,7 @@ TEST(HostValues, ReadWhatAScenesLoaderReads) {
         "1_0.2_5e-1",
         "-12",
         "true"};
+    const std::vector<ItemSchema> schemas = procedural_schemas(*library);
     size_t taken = 0, refused = 0;
     for (const ProceduralType& type : library->types())
         for (const MarramParam& param : type.params) {
@@ -276,9 +277,8 @@ TEST(HostValues, ReadWhatAScenesLoaderReads) {
             const bool is_file = param.type == MARRAM_IMAGE || param.type == MARRAM_TABLE;
             if (is_text || is_file || std::string_view(param.name).find("[].") != std::string_view::npos)
                 continue;
-            const auto schemas = wind_specs(*library);
             ParamSpec spec;
-            for (const ItemSchema& schema : procedural_schemas(*library))
+            for (const ItemSchema& schema : schemas)
                 for (const ParamSpec& one : schema.params)
                     if (schema.type == type.calls.name && one.name == param.name) spec = one;
             const HostValues values = host_values(type);
@@ -373,7 +373,7 @@ TEST(HostValues, TellEveryMistakeAtOnce) {
     EXPECT_EQ(marram_add(v, "wind.gusts.control", nullptr), 0);
     told = {};
     EXPECT_EQ(marram_values_finish(v, &host), nullptr);
-    ASSERT_EQ(told.ids, (std::vector<std::string>{"host.missing"}));
+    ASSERT_EQ(told.ids, std::vector<std::string>{"host.missing"});
     EXPECT_TRUE(told.lines[0].starts_with(": on is missing: give the name of a mesh: ")) << told.lines[0];
     EXPECT_EQ(marram_set_text(v, "on", "ground"), MARRAM_OK);
     EXPECT_EQ(marram_set_number(v, "length", 0.5), MARRAM_OK);

@@ -61,7 +61,7 @@ class GuideSet {
 
     size_t count() const { return guides_.size(); }
     double longest() const { return longest_; } // of a child, m
-    // Cost: about 2 us a child on one thread, 32 bytes.
+    // Memory: 32 bytes a child.
     GuideBlend blend_at(const Vec3d& root, const Vec3d& normal) const;
     double length_of(const GuideBlend& blend) const; // of the guides, blended
 

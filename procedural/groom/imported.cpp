@@ -102,6 +102,12 @@ std::vector<MarramAttribute> attributes_handed_over(const ImportSettings& settin
 
 // ---- Values
 
+uint64_t digest_of_list(std::span<const MarramValue> list) {
+    Digest digest;
+    for (const MarramValue& value : list) add_value(digest, value);
+    return digest.value();
+}
+
 void take_values(ImportInstance& instance, const Values& given, std::span<const MarramValue> list) {
     ImportSettings settings = read_import(given);
     Wind wind = read_wind(given);
@@ -109,15 +115,13 @@ void take_values(ImportInstance& instance, const Values& given, std::span<const 
         throw SceneFault("strands.no_skin", given.at("curves").place,
                          "wind.collision.offset_scale needs the skin that strands grow on",
                          "name it: on = \"...\"");
-    Digest digest;
-    for (const MarramValue& value : list) add_value(digest, value);
     instance.settings = std::move(settings);
     instance.wind = std::move(wind);
     instance.automatic_rays = instance.wind.shielding && instance.wind.shielding->spread > 0.0 &&
                               instance.wind.shielding->rays == 0;
     instance.automatic_step = instance.wind.jiggle && instance.wind.jiggle->step == 0.0;
     instance.attributes = attributes_handed_over(instance.settings);
-    instance.digest = digest.value();
+    instance.digest = digest_of_list(list);
     instance.bound_digest = binding_digest(instance.settings);
     instance.chosen_for.reset();
     instance.gusts_fixed = instance.begun = false;
@@ -148,14 +152,16 @@ MarramStatus update_import(MarramInstance* opaque, const MarramUpdate* given, ui
         const MarramUpdate update = known_part(given);
         const std::vector<MarramValue> list = values_of(update.values);
         if (!check_values(instance.host, strand_params(), list)) return MARRAM_ERROR;
-        const uint64_t digest = instance.digest, bound = instance.bound_digest;
+        if (digest_of_list(list) == instance.digest && update.inputs == MARRAM_NOTHING) {
+            *changed = MARRAM_NOTHING; // the frame that has begun goes on
+            return MARRAM_OK;
+        }
+        const uint64_t bound = instance.bound_digest;
         const MarramShape shape = instance.settings.shape;
         const auto basis = instance.settings.basis;
         take_values(instance, Values(list), list);
         if (update.inputs != MARRAM_NOTHING || bound != instance.bound_digest) instance.bound = false;
-        if (instance.digest == digest && update.inputs == MARRAM_NOTHING)
-            *changed = MARRAM_NOTHING;
-        else if (instance.bound && shape == instance.settings.shape && basis == instance.settings.basis)
+        if (instance.bound && shape == instance.settings.shape && basis == instance.settings.basis)
             *changed = MARRAM_POSITIONS | MARRAM_ATTRIBUTES;
         else
             *changed = MARRAM_EVERYTHING;

@@ -39,7 +39,6 @@ struct ImportSettings {
     std::vector<CurveFactor> wind_by;
     uint32_t seed = 0;
     std::vector<CarriedAttribute> carried;
-    std::string place; // of the table, "" as the host has it
 };
 
 std::span<const MarramParam> import_params();

@@ -81,10 +81,6 @@ void set_arcs(int cvs, const Wide3f* rest, VDouble* u) {
     for (int k = 0; k < cvs; ++k) u[k] *= scale;
 }
 
-double lowest_root(const Collision& collision, double length, double radius) {
-    return root_offset(collision, length, radius);
-}
-
 float component(const MarramAttribute& attribute, uint64_t element, uint32_t i) {
     return attribute.values[element * attribute.components + i];
 }
@@ -167,7 +163,7 @@ void expand_imported(const ImportInstance& instance, const SkinPoses* skin, cons
                                                                settings.width_profile(0.0)
                                                          : double(v[3]) * settings.width_scale;
                     const double length = curve_length(v, cvs);
-                    const double lift = lowest_root(*collision, length, radius) - height;
+                    const double lift = root_offset(*collision, length, radius) - height;
                     if (lift > 0.0 && length > 0.0) to += lift * now.normal;
                 }
                 if (!instance.wind.rest_anchored) anchor = turn * (anchor - from) + to;
@@ -269,7 +265,7 @@ double import_reach(const ImportInstance& instance, double longest, double longe
     const double beyond = instance.basis == MARRAM_CATMULL_ROM ? longest_segment / 3.0 : 0.0;
     double clearance = 0.0;
     if (const auto& collision = instance.wind.collision)
-        clearance = std::max(collision->clearance.value_or(0.0), lowest_root(*collision, longest, radius));
+        clearance = std::max(collision->clearance.value_or(0.0), root_offset(*collision, longest, radius));
     return (longest + beyond + radius + clearance) * (1.0 + 1e-5) + 4.0 * (scale + longest) * 0x1p-23;
 }
 

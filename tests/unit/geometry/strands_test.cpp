@@ -12,7 +12,7 @@
 namespace marram::testing {
 namespace {
 
-// A placeholder that the tests fill: what a file would hold.
+// The name and one curve; tests put what a file would hold in its place.
 const std::string drawn =
     "\n[[curves]]\nname = \"file\"\ntype = \"points\"\npoints = [[0, 0, 0], [0, 1, 0]]\n";
 

@@ -63,6 +63,12 @@ inline void add_value(Digest& digest, const MarramValue& value) {
             .add(grid->values, size_t(grid->nx) * grid->ny * grid->nz * grid->components * sizeof(float));
 }
 
+inline uint64_t digest_of_values(std::span<const MarramValue> values) {
+    Digest digest;
+    for (const MarramValue& value : values) add_value(digest, value);
+    return digest.value();
+}
+
 // Sends all that is wrong with the values; false where something is.
 inline bool check_values(const MarramHost& host, std::span<const MarramParam> params,
                          std::span<const MarramValue> values, std::span<const MarramItemType> items = {}) {

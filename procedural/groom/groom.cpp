@@ -31,12 +31,6 @@ MarramStatus guarded(const MarramHost& host, Body&& body) {
     return marram::guarded(host, "groom", "lower its density or count", std::forward<Body>(body));
 }
 
-uint64_t digest_of(std::span<const MarramValue> values) {
-    Digest digest;
-    for (const MarramValue& value : values) add_value(digest, value);
-    return digest.value();
-}
-
 const std::vector<MarramParam>& all_params() {
     static const std::vector<MarramParam> params = with_wind_params(groom_params());
     return params;
@@ -63,7 +57,7 @@ ParsedValues describe(const MarramHost& host, const Values& given, std::span<con
     if (description.automatic.cvs && wind.reference_segments == 0)
         wind.reference_segments = default_reference_segments;
     description.roots_digest = roots_digest(given);
-    description.digest = digest_of(values);
+    description.digest = digest_of_values(values);
     return description;
 }
 

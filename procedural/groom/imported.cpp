@@ -102,12 +102,6 @@ std::vector<MarramAttribute> attributes_handed_over(const ImportSettings& settin
 
 // ---- Values
 
-uint64_t digest_of_list(std::span<const MarramValue> list) {
-    Digest digest;
-    for (const MarramValue& value : list) add_value(digest, value);
-    return digest.value();
-}
-
 void take_values(ImportInstance& instance, const Values& given, std::span<const MarramValue> list) {
     ImportSettings settings = read_import(given);
     Wind wind = read_wind(given);
@@ -121,7 +115,7 @@ void take_values(ImportInstance& instance, const Values& given, std::span<const 
                               instance.wind.shielding->rays == 0;
     instance.automatic_step = instance.wind.jiggle && instance.wind.jiggle->step == 0.0;
     instance.attributes = attributes_handed_over(instance.settings);
-    instance.digest = digest_of_list(list);
+    instance.digest = digest_of_values(list);
     instance.bound_digest = binding_digest(instance.settings);
     instance.chosen_for.reset();
     instance.gusts_fixed = instance.begun = false;
@@ -152,7 +146,7 @@ MarramStatus update_import(MarramInstance* opaque, const MarramUpdate* given, ui
         const MarramUpdate update = known_part(given);
         const std::vector<MarramValue> list = values_of(update.values);
         if (!check_values(instance.host, strand_params(), list)) return MARRAM_ERROR;
-        if (digest_of_list(list) == instance.digest && update.inputs == MARRAM_NOTHING) {
+        if (digest_of_values(list) == instance.digest && update.inputs == MARRAM_NOTHING) {
             *changed = MARRAM_NOTHING; // the frame that has begun goes on
             return MARRAM_OK;
         }

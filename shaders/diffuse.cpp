@@ -37,9 +37,9 @@ std::vector<ParamSpec> diffuse_params() {
     return params;
 }
 
-DiffuseSettings read_diffuse(const ParamSet& params) {
+DiffuseSettings read_diffuse(const ParamSet& params, const TextureOpener& open) {
     DiffuseSettings settings;
-    settings.color = read_strand_color(params);
+    settings.color = read_strand_color(params, open);
     settings.transmission = params.vec3("transmission").cast<float>();
     check_energy(params, "color", settings.transmission);
     for (const char* name : {"root_color", "tip_color"})

@@ -6,6 +6,8 @@
 //   parameter     unit  default             meaning
 //   color         1     [0.5, 0.5, 0.5]     share of light reflected
 //   transmission  1     [0, 0, 0]           share of light that comes out on the other side; color + transmission <= 1
+//   color_map     -     none                image whose colour multiplies color, by the uv of a surface, or of a strand's root
+//   map_scale     1     [1, 1]              how often the image repeats over the unit square of uv
 //   root_color    1     none                colour at the root of a strand; with tip_color it replaces color on strands
 //   tip_color     1     none                colour at the tip
 //   variation     1     0                   how much strands differ in brightness and hue, 0 ... 1
@@ -38,7 +40,8 @@ struct DiffuseSettings {
 };
 
 std::vector<ParamSpec> diffuse_params();
-DiffuseSettings read_diffuse(const ParamSet& params); // throws InputError where color + transmission > 1
+DiffuseSettings read_diffuse(const ParamSet& params,
+                             const TextureOpener& open); // throws InputError where color + transmission > 1
 
 struct DiffuseBsdf {
     Vec3f normal;           // on wo's side

@@ -24,9 +24,9 @@ std::vector<ParamSpec> grass_params() {
     return params;
 }
 
-GrassSettings read_grass(const ParamSet& params) {
+GrassSettings read_grass(const ParamSet& params, const TextureOpener& open) {
     GrassSettings settings;
-    settings.color = read_strand_color(params);
+    settings.color = read_strand_color(params, open);
     settings.transmission = static_cast<float>(params.number("transmission"));
     settings.transmission_color = params.vec3("transmission_color").cast<float>();
     settings.roughness = static_cast<float>(params.number("roughness"));

@@ -11,7 +11,7 @@
 //   roughness           1     0.4                 of the boundary: 0.03 wet ... 1 matt
 //   specular            1     0.03                reflected by the boundary straight on; 0: no gloss
 //   fold                deg   20                  how far the halves of a blade are turned against each other; strands only
-//   root_color, tip_color, variation, tint, tint_color: as in diffuse
+//   color_map, map_scale, root_color, tip_color, variation, tint, tint_color: as in diffuse
 //
 //   [[material]]
 //   name = "blade"
@@ -42,7 +42,7 @@ struct GrassSettings {
 };
 
 std::vector<ParamSpec> grass_params();
-GrassSettings read_grass(const ParamSet& params);
+GrassSettings read_grass(const ParamSet& params, const TextureOpener& open);
 CoatedBsdf grass_at(const GrassSettings& settings, const ShadingPoint& point);
 
 } // namespace marram

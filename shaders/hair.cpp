@@ -139,8 +139,8 @@ void set_pigment(HairSettings& settings, const ParamSet& params) {
         color.color = color_of_absorption(sigma, settings.azimuthal_roughness);
         color.has_root = color.has_tip = false;
     }
-    settings.same_everywhere =
-        !color.has_root && !color.has_tip && color.variation == 0.0F && params.text("tint") == "none";
+    settings.same_everywhere = !color.has_root && !color.has_tip && color.variation == 0.0F && !color.map &&
+                               params.text("tint") == "none";
     settings.base_color = color.color;
     settings.base_absorption = absorption_of_color(color.color, settings.azimuthal_roughness);
 }
@@ -181,7 +181,7 @@ namespace {
 void refuse_other_pigment(const ParamSet& params) {
     const bool melanin = params.text("pigment") == "melanin";
     const std::vector<std::string_view> unread =
-        melanin ? std::vector<std::string_view>{"color", "root_color", "tip_color"}
+        melanin ? std::vector<std::string_view>{"color", "root_color", "tip_color", "color_map"}
                 : std::vector<std::string_view>{"melanin", "melanin_redness"};
     for (const std::string_view name : unread)
         if (const ParamValue* value = params.find(name); value && value->given)
@@ -194,10 +194,10 @@ void refuse_other_pigment(const ParamSet& params) {
 
 } // namespace
 
-HairSettings read_hair(const ParamSet& params) {
+HairSettings read_hair(const ParamSet& params, const TextureOpener& open) {
     refuse_other_pigment(params);
     HairSettings settings;
-    settings.color = read_strand_color(params);
+    settings.color = read_strand_color(params, open);
     settings.roughness = static_cast<float>(params.number("roughness"));
     settings.azimuthal_roughness = static_cast<float>(params.number("azimuthal_roughness"));
     settings.tilt = static_cast<float>(params.number("tilt") * degree);

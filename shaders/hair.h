@@ -12,7 +12,7 @@
 //   azimuthal_roughness  1     0.3                 around the fibre
 //   tilt                 deg   2                   slope of the scales, which open to the tip
 //   ior                  1     1.55                index of refraction
-//   root_color, tip_color, variation, tint, tint_color: as in diffuse; melanin has no gradient
+//   color_map, map_scale, root_color, tip_color, variation, tint, tint_color: as in diffuse; melanin has no gradient
 //
 //   [[material]]
 //   name = "fur"
@@ -58,7 +58,7 @@ struct HairSettings {
 };
 
 std::vector<ParamSpec> hair_params();
-HairSettings read_hair(const ParamSet& params);
+HairSettings read_hair(const ParamSet& params, const TextureOpener& open);
 
 struct HairBsdf {
     Vec3f axis, front, side; // tangent; wo across it; axis x front. phi counts from front towards side

@@ -104,9 +104,9 @@ std::vector<ParamSpec> sand_params() {
     return params;
 }
 
-SandSettings read_sand(const ParamSet& params) {
+SandSettings read_sand(const ParamSet& params, const TextureOpener& open) {
     SandSettings settings;
-    settings.color = read_strand_color(params);
+    settings.color = read_strand_color(params, open);
     settings.roughness = static_cast<float>(params.number("roughness"));
     settings.ripple_height = static_cast<float>(params.number("ripple_height"));
     settings.ripple_length = static_cast<float>(params.number("ripple_length"));

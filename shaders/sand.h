@@ -10,7 +10,7 @@
 //   ripple_direction  deg   0                   where the wind goes that made them: 0 along +x, 90 along +z
 //   sparkle           1     0.05                share of the surface that is facets like glass; 0: none
 //   grain             m     0.0004              from grain to grain
-//   root_color, tip_color, variation, tint, tint_color: as in diffuse
+//   color_map, map_scale, root_color, tip_color, variation, tint, tint_color: as in diffuse
 //
 //   [[material]]
 //   name = "dune"
@@ -54,7 +54,7 @@ struct SandSettings {
 inline constexpr std::array ripple_attributes = {"ripples", "ripple_wave"};
 
 std::vector<ParamSpec> sand_params();
-SandSettings read_sand(const ParamSet& params);
+SandSettings read_sand(const ParamSet& params, const TextureOpener& open);
 
 struct SandBsdf {
     const SandSettings* settings;       // outlives the closure

@@ -33,13 +33,15 @@ std::span<const ShaderDescription> shaders() {
 
 Material make_material(std::string_view type, const ParamSet& params, const TextureOpener& open) {
     Material material;
-    if (type == "diffuse") material.settings = read_diffuse(params);
-    if (type == "grass") material.settings = read_grass(params);
-    if (type == "hair") material.settings = read_hair(params);
-    if (type == "sand") material.settings = read_sand(params);
+    if (type == "diffuse") material.settings = read_diffuse(params, open);
+    if (type == "grass") material.settings = read_grass(params, open);
+    if (type == "hair") material.settings = read_hair(params, open);
+    if (type == "sand") material.settings = read_sand(params, open);
     if (type == "surface") material.settings = read_surface(params, open);
     if (type == "blend") material.settings = read_blend(params);
     assert(shaders()[material.settings.index()].name == type && "types are checked where scenes are read");
+    for (const char* map : {"color_map", "roughness_map", "specular_map"})
+        material.mapped = material.mapped || params.has(map);
     if (!params.has("tint")) return material;
     const std::string& tint = params.text("tint");
     if (tint.empty())

@@ -36,6 +36,7 @@ struct Material {
     std::variant<DiffuseSettings, GrassSettings, HairSettings, SandSettings, SurfaceSettings, BlendSettings>
         settings;
     std::string tint;
+    bool mapped = false; // its looks come from images: strands need the uv at their roots
 };
 
 // Throws InputError where values are right one by one but not together (energy is never created), and where an image

@@ -8,6 +8,8 @@
 
 #include "core/math/hash.h"
 
+#include <limits>
+
 namespace marram {
 
 namespace {
@@ -19,7 +21,12 @@ float signed_unit(uint32_t h) { return 2.0F * unit_float(h) - 1.0F; }
 } // namespace
 
 std::vector<ParamSpec> strand_color_params() {
+    constexpr double any = std::numeric_limits<double>::infinity();
     return {
+        {"color_map", ParamType::image, "", "none", -any, any, "",
+         "image whose colour multiplies color, by uv; of a strand by that at its root"},
+        {"map_scale", ParamType::vec2, "", "[1, 1]", -1e6, 1e6, "",
+         "how often an image repeats over the unit square of uv"},
         {"root_color", ParamType::color, "", "none", 0.0, 1.0, "",
          "colour at a strand's root, instead of color"},
         {"tip_color", ParamType::color, "", "none", 0.0, 1.0, "",
@@ -33,8 +40,16 @@ std::vector<ParamSpec> strand_color_params() {
     };
 }
 
-StrandColor read_strand_color(const ParamSet& params) {
+std::shared_ptr<const Texture> map_of(const ParamSet& params, const char* name, TextureContent content,
+                                      const TextureOpener& open) {
+    if (!params.has(name)) return nullptr;
+    return open(params.text(name), content, params.at(name).place);
+}
+
+StrandColor read_strand_color(const ParamSet& params, const TextureOpener& open) {
     StrandColor color;
+    color.map = map_of(params, "color_map", TextureContent::color, open);
+    color.map_scale = params.vec2("map_scale").cast<float>();
     color.color = params.vec3("color").cast<float>();
     color.has_root = params.has("root_color");
     color.has_tip = params.has("tip_color");
@@ -45,11 +60,14 @@ StrandColor read_strand_color(const ParamSet& params) {
     return color;
 }
 
-Vec3f color_at(const StrandColor& color, const ShadingPoint& point, const Vec3f& image) {
+Vec3f color_at(const StrandColor& color, const ShadingPoint& point) {
     Vec3f result = color.color;
     if (point.fibre && (color.has_root || color.has_tip))
         result = color.root + point.strand_u * (color.tip - color.root);
-    result = result.cwiseProduct(image);
+    if (color.map) {
+        const MapPlace place = map_place(color, point);
+        result = result.cwiseProduct(color.map->at(place.uv, place.width));
+    }
     const float tint = std::isfinite(point.tint) ? std::clamp(point.tint, 0.0F, 1.0F) : 0.0F;
     return result + tint * (color.tint_color - result);
 }

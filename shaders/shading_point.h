@@ -5,6 +5,7 @@
 #include "core/math/params.h"
 #include "core/math/ripples.h"
 #include "core/math/vec.h"
+#include "shaders/texture.h"
 
 #include <algorithm>
 #include <array>
@@ -26,16 +27,16 @@ struct ShadingPoint {
     Vec3f geometric_normal = Vec3f::UnitZ(); // unit, either side
     Vec3f normal = Vec3f::UnitZ();           // unit, for shading
     Vec3f tangent = Vec3f::UnitX();          // fibres: unit, root to tip
-    Vec2f uv = Vec2f::Zero();
-    Vec3d position = Vec3d::Zero(); // m, in the world
-    float footprint = 0.0F;         // m: width of what the path stands for here, across wo
-    float uv_width = 0.0F;          // the same in uv, along the surface; 0 where it is not known
-    bool fibre = false;             // false: a surface; strand_u, h and strand mean nothing there
-    bool flat = false;              // fibres: a ribbon
-    float h = 0.0F;                 // fibres: offset across it, -1 ... 1, along tangent x wo
-    float strand_u = 0.0F;          // fibres: 0 root ... 1 tip
-    uint32_t strand = 0;            // fibres: a hash of which strand it is
-    float tint = 0.0F;              // value of the attribute that Material::tint names, 0 where there is none
+    Vec2f uv = Vec2f::Zero();                // of a surface; fibres: of the surface at the root
+    Vec3d position = Vec3d::Zero();          // m, in the world
+    float footprint = 0.0F;                  // m: width of what the path stands for here, across wo
+    float uv_width = 0.0F; // the same in uv, along the surface; 0 where it is not known, and on fibres
+    bool fibre = false;    // false: a surface; strand_u, h and strand mean nothing there
+    bool flat = false;     // fibres: a ribbon
+    float h = 0.0F;        // fibres: offset across it, -1 ... 1, along tangent x wo
+    float strand_u = 0.0F; // fibres: 0 root ... 1 tip
+    uint32_t strand = 0;   // fibres: a hash of which strand it is
+    float tint = 0.0F;     // value of the attribute that Material::tint names, 0 where there is none
     SurfaceRipples ripples;
 };
 
@@ -53,6 +54,9 @@ struct BsdfSample {
 // The colour of a material wherever it depends on the strand: along it, from strand to strand, and tinted by an attribute that
 // the strand carries, as gusts and shelter are made visible. Every shader has these:
 //
+//   color_map              -  none               image whose colour multiplies color, or the gradient: by the uv of a surface, or of
+//                                                the surface that a strand grows on, at its root
+//   map_scale              1  [1, 1]             how often an image repeats over the unit square of uv
 //   root_color, tip_color  1  none               colours at a strand's ends, instead of color; linear between
 //   variation              1  0                  how much strands differ, 0 ... 1: channels by up to this share
 //   tint                   -  "none"             the attribute: shield, gust, envelope, id, ... (marram info names them). 0 leaves the
@@ -70,14 +74,30 @@ struct StrandColor {
     Vec3f root = Vec3f::Zero(), tip = Vec3f::Zero();
     float variation = 0.0F;
     Vec3f tint_color = Vec3f::Zero();
+    std::shared_ptr<const Texture> map; // or nullptr
+    Vec2f map_scale = Vec2f::Ones();
 };
 
-// The parameters that colour has everywhere: root_color, tip_color, variation, tint, tint_color.
+// The parameters that colour has everywhere: color_map, map_scale, root_color, tip_color, variation, tint, tint_color.
 std::vector<ParamSpec> strand_color_params();
-StrandColor read_strand_color(const ParamSet& params);
+// Throws InputError where the image cannot be read.
+StrandColor read_strand_color(const ParamSet& params, const TextureOpener& open);
 
-// The colour at a point before variation: gradient along the strand, times what an image has there, then tint.
-Vec3f color_at(const StrandColor& color, const ShadingPoint& point, const Vec3f& image = Vec3f::Ones());
+// The image that a parameter names, or nullptr where it is not given.
+std::shared_ptr<const Texture> map_of(const ParamSet& params, const char* name, TextureContent content,
+                                      const TextureOpener& open);
+
+// Where an image is looked up at a point, and over which width.
+struct MapPlace {
+    Vec2f uv;
+    float width;
+};
+inline MapPlace map_place(const StrandColor& color, const ShadingPoint& point) {
+    return {point.uv.cwiseProduct(color.map_scale), point.uv_width * color.map_scale.cwiseAbs().maxCoeff()};
+}
+
+// The colour at a point before variation: gradient along the strand, times what the image has there, then tint.
+Vec3f color_at(const StrandColor& color, const ShadingPoint& point);
 
 // What variation multiplies this strand's colour by, each channel 1 +- variation, no channel of full * factor
 // above 1; 1 on surfaces. `full` is all that the shader gives back where it has this colour.

@@ -9,12 +9,6 @@ namespace {
 
 constexpr int specular_levels = 16;
 
-std::shared_ptr<const Texture> map_of(const ParamSet& params, const char* name, TextureContent content,
-                                      const TextureOpener& open) {
-    if (!params.has(name)) return nullptr;
-    return open(params.text(name), content, params.at(name).place);
-}
-
 } // namespace
 
 std::vector<ParamSpec> surface_params() {
@@ -26,13 +20,10 @@ std::vector<ParamSpec> surface_params() {
          "of the boundary: 0.03 polished, 1 matt"},
         {"specular", ParamType::number, "", "0.04", 0.0, 0.5, "",
          "reflected by the boundary straight on: 0.02 water, 0.04 glass and plastic, 0 none"},
-        {"color_map", ParamType::image, "", "none", -any, any, "", "image whose colour multiplies color"},
         {"roughness_map", ParamType::image, "", "none", -any, any, "",
          "image whose first channel multiplies roughness"},
         {"specular_map", ParamType::image, "", "none", -any, any, "",
          "image whose first channel multiplies specular"},
-        {"map_scale", ParamType::vec2, "", "[1, 1]", -1e6, 1e6, "",
-         "how often an image repeats over the unit square of uv"},
     };
     for (ParamSpec& spec : strand_color_params()) params.push_back(std::move(spec));
     return params;
@@ -40,13 +31,11 @@ std::vector<ParamSpec> surface_params() {
 
 SurfaceSettings read_surface(const ParamSet& params, const TextureOpener& open) {
     SurfaceSettings settings;
-    settings.color = read_strand_color(params);
+    settings.color = read_strand_color(params, open);
     settings.roughness = static_cast<float>(params.number("roughness"));
     settings.specular = static_cast<float>(params.number("specular"));
-    settings.color_map = map_of(params, "color_map", TextureContent::color, open);
     settings.roughness_map = map_of(params, "roughness_map", TextureContent::data, open);
     settings.specular_map = map_of(params, "specular_map", TextureContent::data, open);
-    settings.map_scale = params.vec2("map_scale").cast<float>();
     const int levels = settings.specular_map ? specular_levels : 0;
     for (int i = 0; i <= levels; ++i) {
         const float share = levels > 0 ? static_cast<float>(i) / specular_levels : 1.0F;
@@ -56,10 +45,8 @@ SurfaceSettings read_surface(const ParamSet& params, const TextureOpener& open) 
 }
 
 CoatedBsdf surface_at(const SurfaceSettings& settings, const ShadingPoint& point) {
-    const Vec2f uv = point.uv.cwiseProduct(settings.map_scale);
-    const float width = point.uv_width * settings.map_scale.cwiseAbs().maxCoeff();
-    Vec3f color = color_at(settings.color, point,
-                           settings.color_map ? settings.color_map->at(uv, width) : Vec3f(Vec3f::Ones()));
+    const auto [uv, width] = map_place(settings.color, point);
+    Vec3f color = color_at(settings.color, point);
     color = color.cwiseProduct(variation_factor(settings.color, point, color));
     float roughness = settings.roughness;
     if (settings.roughness_map) roughness *= settings.roughness_map->at(uv, width).x();

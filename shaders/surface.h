@@ -6,11 +6,9 @@
 //   color          1     [0.5, 0.5, 0.5]  share of light that the body returns
 //   roughness      1     0.5              of the boundary: 0.03 polished ... 1 matt
 //   specular       1     0.04             reflected by the boundary straight on: 0.02 water, 0.04 glass and plastic, 0 none
-//   color_map      -     none             image whose colour multiplies color
 //   roughness_map  -     none             image whose first channel multiplies roughness
 //   specular_map   -     none             image whose first channel multiplies specular
-//   map_scale      1     [1, 1]           how often an image repeats over the unit square of uv
-//   root_color, tip_color, variation, tint, tint_color: as in diffuse
+//   color_map, map_scale, root_color, tip_color, variation, tint, tint_color: as in diffuse
 //
 //   [[material]]
 //   name = "stone"
@@ -34,8 +32,7 @@ namespace marram {
 struct SurfaceSettings {
     StrandColor color;
     float roughness = 0.5F, specular = 0.04F;
-    std::shared_ptr<const Texture> color_map, roughness_map, specular_map;
-    Vec2f map_scale = Vec2f::Ones();
+    std::shared_ptr<const Texture> roughness_map, specular_map;
     // One table, where specular is the same everywhere; over a map, of evenly spaced speculars up to the greatest.
     std::vector<GlossTable> gloss;
 };

@@ -31,7 +31,10 @@ ParamSpec spec_of(const MarramParam& param) {
                    param.minimum, param.maximum,
                    param.choices, param.help};
     // What a procedural makes may be a mesh, or curves.
-    if (param.type == MARRAM_MESH_NAME) spec.choices = "mesh|procedural";
+    if (param.type == MARRAM_MESH_NAME) {
+        spec.each = spec.choices == "each";
+        spec.choices = "mesh|procedural";
+    }
     if (param.type == MARRAM_CURVES_NAME) spec.choices = "curves|procedural";
     if (param.sweep) spec.sweep = param.sweep;
     if (param.sweep_time) spec.sweep_time = param.sweep_time;

@@ -51,11 +51,13 @@ struct ParamSpec {
     std::string help;         // one line
     std::string sweep{};      // values that `marram measure` tries, as in a scene: "1|4|16"
     std::string sweep_time{}; // the report entry whose seconds it changes: "seconds.shield"; "": all stages
+    bool each = false; // a reference that may be a list of names: the thing is there once for each of them
 };
 
 // A value with its place. Exactly what each type fills in:
 //   boolean, integer, number   numbers[0]            vec2, range   numbers[0..1]       vec3, color   numbers[0..2]
-//   text, choice, reference    text                  file, image, table   text = path as it can be opened
+//   reference                  text; texts = all names, where it is one of several
+//   text, choice               text                  file, image, table   text = path as it can be opened
 //   ramp                       numbers = p0 v0 p1 v1 ..., positions ascending; text = interpolation
 //   texts                      texts                 points        numbers = x0 y0 z0 x1 ...
 //   keys                       numbers = 10 a key: frame, translate xyz, rotate xyz (degrees), scale xyz; frames
@@ -102,6 +104,11 @@ class ParamSet {
         return nullptr;
     }
 
+    ParamValue* find(std::string_view name) {
+        for (ParamValue& value : values_)
+            if (value.name == name) return &value;
+        return nullptr;
+    }
     const ParamValue* find(std::string_view name) const {
         for (const ParamValue& value : values_)
             if (value.name == name) return &value;

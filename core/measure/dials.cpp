@@ -94,7 +94,7 @@ std::vector<std::string> in_all_grooms(const Shot& shot, const std::string& key,
     std::vector<std::string> changes;
     for (const Item& groom : shot.description.procedurals)
         if (declares(shot, groom, key) && (only_with.empty() || wind_value(shot, groom, only_with)))
-            changes.push_back(fmt::format("procedural.{}.{}={}", groom.name, key, value));
+            changes.push_back(fmt::format("procedural.{}.{}={}", groom.name_in_file(), key, value));
     return changes;
 }
 
@@ -383,8 +383,8 @@ void add_declared_of_lists(const Shot& shot, const ItemSchema& schema, std::vect
                         for (size_t k = 0; item.type == schema.type && found && k < found->size; ++k) {
                             const std::string element = fmt::format("{}[{}].", elements.name, k);
                             if (item.params.text(element + "type") == type.type)
-                                changes.push_back(fmt::format("procedural.{}.{}{}={}", item.name, element,
-                                                              spec.name, value));
+                                changes.push_back(fmt::format("procedural.{}.{}{}={}", item.name_in_file(),
+                                                              element, spec.name, value));
                         }
                     }
                     return changes;
@@ -502,11 +502,11 @@ std::vector<std::string> thinned(const Shot& shot, double share) {
     for (const Item& item : shot.description.procedurals) {
         const ParamValue *count = item.params.find("count"), *density = item.params.find("density");
         if (count && count->given)
-            changes.push_back(fmt::format("procedural.{}.count={:.0f}", item.name,
+            changes.push_back(fmt::format("procedural.{}.count={:.0f}", item.name_in_file(),
                                           std::max(1.0, std::round(count->numbers[0] * share))));
         else if (density && density->given)
             changes.push_back(
-                fmt::format("procedural.{}.density={}", item.name, density->numbers[0] * share));
+                fmt::format("procedural.{}.density={}", item.name_in_file(), density->numbers[0] * share));
     }
     return changes;
 }

@@ -198,7 +198,8 @@ typedef struct MarramParam {
     const char*
         initial; /* default as written in a scene file (TOML); "" = must be given; "none" = may be absent */
     double minimum, maximum; /* of every component, both ends allowed */
-    const char* choices;     /* "a|b|c" of a choice, else "" */
+    /* "a|b|c" of a choice; "each" of a MARRAM_MESH_NAME where a scene may name several: an instance is made for each; else "" */
+    const char* choices;
     const char* help;        /* one line */
     const char*
         sweep; /* values that a measurement of speed against error tries, as in a scene: "1|4|16"; "" or NULL: none */

@@ -71,6 +71,8 @@ struct RenderContext {
     Material fallback;
     std::vector<const AttributeValues*> tints; // [geometry ID]
     std::vector<const AttributeValues*> ids;   // [geometry ID] or nullptr: each strand's own number
+    std::vector<const AttributeValues*>
+        root_uvs; // [geometry ID] or nullptr: of the surface at each strand's root
     std::vector<std::array<const AttributeValues*, 2>> ripples; // [geometry ID] of meshes: both or none
     std::vector<const AttributeValues*> layers;                 // [geometry ID * film layers + layer]
     bool moves;
@@ -106,6 +108,9 @@ void find_attributes(RenderContext& context, const Film& film) {
         context.tints.push_back(find_attribute(attributes, material_of(context, material).tint));
         const AttributeValues* ids = find_attribute(attributes, "id");
         context.ids.push_back(ids && ids->components == 1 && ids->rate == MARRAM_PER_CURVE ? ids : nullptr);
+        const AttributeValues* uvs = find_attribute(attributes, "root_uv");
+        context.root_uvs.push_back(uvs && uvs->components == 2 && uvs->rate == MARRAM_PER_CURVE ? uvs
+                                                                                                : nullptr);
         for (const FilmLayer& layer : film.layers)
             context.layers.push_back(
                 layer.kind == LayerKind::attribute ? find_attribute(attributes, layer.name) : nullptr);
@@ -204,6 +209,8 @@ ShadingPoint shading_point(const RenderContext& context, const Material& materia
         point.uv_width = uv_width(context, at, width / std::sqrt(onto));
         return point;
     }
+    if (const AttributeValues* uvs = context.root_uvs[at.geometry])
+        point.uv = {uvs->values[2 * size_t(at.strand)], uvs->values[2 * size_t(at.strand) + 1]};
     point.flat = at.shape != PointShape::round;
     point.h = at.h;
     point.strand_u = at.strand_u;
@@ -563,19 +570,15 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
 RenderStats render(const World& world, const Lights& lights, std::span<const Material> materials,
                    const Camera& camera, const RenderSettings& settings, Film& film,
                    RenderProgress* progress) {
-    RenderContext context{world,
-                          lights,
-                          materials,
-                          settings,
-                          CameraRays(camera, film.width, film.height),
-                          FilterSampler(settings.filter),
-                          {},
-                          {},
-                          {},
-                          {},
-                          {},
-                          world.times.size() > 1 || camera.poses.size() > 1,
-                          static_cast<float>(2.0 * std::tan(0.5 * camera.vertical_fov) / film.height)};
+    RenderContext context{.world = world,
+                          .lights = lights,
+                          .materials = materials,
+                          .settings = settings,
+                          .camera = CameraRays(camera, film.width, film.height),
+                          .filter = FilterSampler(settings.filter),
+                          .moves = world.times.size() > 1 || camera.poses.size() > 1,
+                          .pixel_angle =
+                              static_cast<float>(2.0 * std::tan(0.5 * camera.vertical_fov) / film.height)};
     find_attributes(context, film);
     RenderStats stats;
     const uint64_t samples_before = count_samples(film).total;

@@ -16,6 +16,9 @@ struct Item {
     std::string name; // unique among things of its kind; lights may have none
     ParamSet params;
     Place place; // of its table in the file
+    // Of one that is there once for each of several names: the name of its table. "fur" of "fur.body".
+    std::string table_name{};
+    const std::string& name_in_file() const { return table_name.empty() ? name : table_name; }
 };
 
 struct SceneDescription {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The order of things: parse, lay the settings over, read every table against its declaration, check the
 // rules between them, and throw all that was found wrong at once.
+#include "core/math/hash.h"
 #include "core/scene/parse.h"
 #include "core/scene/rules.h"
 #include "core/scene/suggest.h"
@@ -74,6 +75,28 @@ const ItemSchema* read_type(const toml::table& table, const std::string& kind, c
     return nullptr;
 }
 
+// An item that names several things where it is there once for each: "fur" on "body" and "tail" is "fur.body" and "fur.tail". Where it has
+// a seed each has one of its own, by what it names, so that equal meshes do not look the same.
+std::vector<Item> one_for_each(Item item) {
+    std::vector<Item> items;
+    const auto of_each = std::ranges::find_if(item.params.all(), [](const ParamValue& value) {
+        return value.spec->each && value.texts.size() > 1;
+    });
+    if (of_each == item.params.all().end()) return {std::move(item)};
+    for (const std::string& name : of_each->texts) {
+        Item& one = items.emplace_back(item);
+        one.table_name = item.name;
+        one.name = item.name + "." + name;
+        one.params.find(of_each->name)->text = name;
+        if (ParamValue* seed = one.params.find("seed"); seed && seed->spec->type == ParamType::integer) {
+            uint64_t h = uint64_t(seed->numbers[0]);
+            for (const char c : name) h = hash(h, uint64_t(static_cast<unsigned char>(c)));
+            seed->numbers[0] = double(h & 0x7fffffffU);
+        }
+    }
+    return items;
+}
+
 void read_item(const toml::table& table, const std::string& kind, std::span<const ItemSchema> schemas,
                std::vector<Item>& items, std::vector<Name>& names, Reading& reading) {
     Item item;
@@ -104,7 +127,13 @@ void read_item(const toml::table& table, const std::string& kind, std::span<cons
     for (const ParamSpec& spec : schema->params) has_library = has_library || spec.name == library_spec.name;
     if (!has_library) job.specs.push_back(&library_spec);
     item.params = read_table(job, reading);
-    items.push_back(std::move(item));
+    std::vector<Item> read = one_for_each(std::move(item));
+    if (read.size() > 1 && !read.front().table_name.empty()) {
+        const Name written = names.back();
+        names.pop_back();
+        for (const Item& one : read) names.push_back({kind, one.name, written.place});
+    }
+    items.insert(items.end(), std::make_move_iterator(read.begin()), std::make_move_iterator(read.end()));
 }
 
 void read_items(const toml::table& root, const std::string& kind, std::span<const ItemSchema> schemas,

@@ -3,6 +3,7 @@
 #include "core/scene/suggest.h"
 #include "core/scene/words.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <fmt/format.h>
@@ -63,6 +64,23 @@ bool read_texts(const toml::node& node, const ParamSpec& spec, const std::string
     return true;
 }
 
+bool read_reference(const toml::node& node, const ParamSpec& spec, const std::string& label,
+                    ParamValue& value, Reading& reading) {
+    const toml::array* names = spec.each ? node.as_array() : nullptr;
+    if (!names) return read_text(node, spec, label, value, reading);
+    if (names->empty()) return wrong(node, spec, label, reading);
+    if (!read_texts(node, spec, label, value, reading)) return false;
+    std::vector<std::string> sorted = value.texts;
+    std::ranges::sort(sorted);
+    if (const auto twice = std::ranges::adjacent_find(sorted); twice != sorted.end()) {
+        reading.report(place_of(node, reading), fmt::format("{} names {} twice", label, in_quotes(*twice)),
+                       "name each once");
+        return false;
+    }
+    value.text = value.texts.front();
+    return true;
+}
+
 bool read_into(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
                Reading& reading) {
     switch (spec.type) {
@@ -87,8 +105,9 @@ bool read_into(const toml::node& node, const ParamSpec& spec, const std::string&
     case ParamType::range:
         return read_range(node, spec, label, value, reading);
     case ParamType::text:
-    case ParamType::reference:
         return read_text(node, spec, label, value, reading);
+    case ParamType::reference:
+        return read_reference(node, spec, label, value, reading);
     case ParamType::choice:
         return read_choice(node, split(spec.choices, '|'), label, value.text, reading);
     case ParamType::texts:

@@ -73,7 +73,8 @@ std::string wanted(const ParamSpec& spec) {
     case ParamType::table:
         return "the path of a CSV file of numbers, in quotes";
     case ParamType::reference:
-        return fmt::format("the name of a {}, in quotes", spec.choices);
+        return fmt::format("the name of a {}, in quotes{}", spec.choices,
+                           spec.each ? ", or a list of such names" : "");
     case ParamType::texts:
         return "a list of texts, [\"a\", \"b\"]";
     case ParamType::keys:

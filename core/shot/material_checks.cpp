@@ -68,6 +68,25 @@ void check_attributes(const Item& material, const Material& settings, const Plac
     }
 }
 
+// Images on strands go by the uv at their roots: the mesh that they stand on must have one.
+void check_root_uv(const Shot& shot, const Item& material, const Place3D& on) {
+    const auto attributes = on.procedural->attributes();
+    const bool has = std::ranges::any_of(attributes, [](const MarramAttribute& attribute) {
+        return std::string_view(attribute.name) == "root_uv" && attribute.components == 2;
+    });
+    const ParamValue* mesh = on.item.params.find("on");
+    const auto named = mesh ? std::ranges::find(shot.geometry.meshes, mesh->text, &SceneMesh::name)
+                            : shot.geometry.meshes.end();
+    if (has && (named == shot.geometry.meshes.end() || !named->mesh.uvs.empty())) return;
+    const char* map = "color_map";
+    for (const char* other : {"roughness_map", "specular_map"})
+        if (!material.params.has(map)) map = other;
+    throw InputError(material.params.at(map).place,
+                     fmt::format("'{}' has an image, but the strands of '{}' have no uv at their roots",
+                                 material.name, on.item.name),
+                     "grow them on a mesh that has uvs, or leave the image out");
+}
+
 } // namespace
 
 std::vector<std::string> check_materials(const Shot& shot) {
@@ -82,6 +101,7 @@ std::vector<std::string> check_materials(const Shot& shot) {
         if (material < 0) return;
         for (const size_t part : parts_of(shot, size_t(material))) {
             if (on.is_mesh) check_on_mesh(materials[part], on, warnings);
+            if (!on.is_mesh && shot.materials[part].mapped) check_root_uv(shot, materials[part], on);
             const bool blend = std::holds_alternative<BlendSettings>(shot.materials[part].settings);
             if (on.procedural || blend || !on_procedural[part])
                 check_attributes(materials[part], shot.materials[part], on);

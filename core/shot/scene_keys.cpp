@@ -32,7 +32,7 @@ void add_items(Keys& keys, const std::string& kind, const std::vector<Item>& ite
                const std::vector<ItemSchema>& types) {
     for (const Item& item : items) {
         if (item.name.empty()) continue;
-        const std::string prefix = kind + "." + item.name + ".";
+        const std::string prefix = kind + "." + item.name_in_file() + ".";
         const auto type = std::ranges::find(types, item.type, &ItemSchema::type);
         if (type != types.end()) add_declared(keys, prefix, type->params);
         add_values(keys, prefix, item.params);

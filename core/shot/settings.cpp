@@ -94,6 +94,7 @@ std::vector<std::string> wanted_attributes(const Shot& shot, const std::vector<s
     std::vector<std::string> names = layers;
     for (const Material& material : shot.materials) {
         if (!material.tint.empty()) names.push_back(material.tint);
+        if (material.mapped) names.emplace_back("root_uv");
         if (const auto* blend = std::get_if<BlendSettings>(&material.settings))
             names.push_back(blend->attribute);
         if (std::holds_alternative<SandSettings>(material.settings))

@@ -87,8 +87,9 @@ Binding bind_strands(const LentCurves& curves, const float* vertices, const Surf
         }
     });
     if (cancelled()) return binding;
+    // Roots and skin are floats, as a rule transformed by two programs, each on its own: eight roundings of half a unit.
     const double rounding =
-        0x1p-22 * std::max(skin.box.min().cwiseAbs().maxCoeff(), skin.box.max().cwiseAbs().maxCoeff());
+        0x1p-21 * std::max(skin.box.min().cwiseAbs().maxCoeff(), skin.box.max().cwiseAbs().maxCoeff());
     for (uint64_t c = 0; c < curves.count(); ++c) {
         const double height = double(binding.bonds[c].height);
         const double length = curve_length(vertices + 4 * (curves.first_vertex(c) + 1), curves.cvs(c));

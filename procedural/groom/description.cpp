@@ -3,7 +3,8 @@
 //
 // What it models. Roots are spread over the rest surface as evenly as asked (roots.h), each strand gets a shape of its own
 // from hashes of its root (strand_shape.h), rides on the surface as it moves, and is blown by the scene's wind
-// (procedural/wind). A strand keeps its id and shape when density changes elsewhere, when the frame moves, and when
+// (procedural/wind). Density, length, width, lean, arc, curl, clump, frizz and wind are as given at most, and what NAME_by makes
+// of that from place to place: the product of ramps over attributes of the mesh and over images. A strand keeps its id and shape when density changes elsewhere, when the frame moves, and when
 // parameters that do not concern it change.
 //
 //     [[procedural]]
@@ -20,6 +21,8 @@
 //     cvs = 6
 //     shape = "ribbon"
 //     density_by_slope = [[30, 1], [40, 0]]
+//     lean_by = [{ attribute = "moist", ramp = [[0, 0.2], [1, 1]] }]   # of a mesh that a procedural makes
+//     frizz_by = [{ image = "frizz.png" }]                             # by the uv at the root
 //     wind.speed = 5                  # instead of the scene's, for this groom alone
 #include "procedural/groom/description.h"
 
@@ -35,7 +38,9 @@ namespace {
 constexpr double largest = 1e18; // as large as Embree takes
 
 constexpr std::array groom_values = {
-    MarramParam{"on", MARRAM_MESH_NAME, "", "", -largest, largest, "", "mesh that the strands grow on"},
+    MarramParam{
+        "on", MARRAM_MESH_NAME, "", "", -largest, largest, "each",
+        "mesh that the strands grow on; a list of names: a groom on each of them, of the same values"},
     MarramParam{"density", MARRAM_NUMBER, "1/m^2", "none", 0, 1e12, "",
                 "strands a square metre; this or count"},
     MarramParam{"count", MARRAM_INTEGER, "", "none", 1, 400000000, "",
@@ -46,10 +51,6 @@ constexpr std::array groom_values = {
                 "scale of the density over y"},
     MarramParam{"density_by_slope", MARRAM_RAMP, "deg", "none", -largest, largest, "",
                 "scale of the density over slope (0: level)"},
-    MarramParam{"density_by[].attribute", MARRAM_TEXT, "", "", -largest, largest, "",
-                "attribute of the mesh, one number, that scales the density"},
-    MarramParam{"density_by[].ramp", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest, largest, "",
-                "share of the density over the attribute"},
     MarramParam{"spacing", MARRAM_NUMBER, "", "1", 0, 1, "",
                 "0: random roots; 1: as even as a Poisson disc set"},
     MarramParam{
@@ -60,12 +61,11 @@ constexpr std::array groom_values = {
                 "scale of the length over y"},
     MarramParam{"length_by_slope", MARRAM_RAMP, "deg", "none", -largest, largest, "",
                 "scale of the length over slope"},
-    MarramParam{"length_by[].attribute", MARRAM_TEXT, "", "", -largest, largest, "",
-                "attribute of the mesh, one number, that scales the length"},
-    MarramParam{"length_by[].ramp", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest, largest, "",
-                "share of the length over the attribute"},
     MarramParam{"comb", MARRAM_VEC3, "", "none", -largest, largest, "",
                 "direction that strands lean to; absent: each strand has its own"},
+    MarramParam{
+        "comb_map", MARRAM_IMAGE, "", "none", -largest, largest, "",
+        "the same by uv: red and green, 0 to 1, are -1 to 1 along u and v; grey (0.5) leaves it to comb"},
     MarramParam{"comb_variation", MARRAM_NUMBER, "deg", "20", 0, 180, "", "largest deviation from comb"},
     MarramParam{"lean", MARRAM_NUMBER, "deg", "10", 0, 90, "",
                 "angle between strand and surface normal at the root"},
@@ -79,6 +79,12 @@ constexpr std::array groom_values = {
     MarramParam{"clump.amount", MARRAM_NUMBER, "", "0.5", 0, 1, "", "1: all tips of a clump meet"},
     MarramParam{"clump.profile", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest, largest, "",
                 "pull to the clump from root to tip"},
+    MarramParam{"clump.finer[].size", MARRAM_NUMBER, "m", "", 0, largest, "",
+                "clumps within the clumps of the level before: their mean distance, smaller than its"},
+    MarramParam{"clump.finer[].amount", MARRAM_NUMBER, "", "0.5", 0, 1, "",
+                "1: all tips of such a clump meet"},
+    MarramParam{"clump.finer[].profile", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest, largest, "",
+                "pull to it from root to tip"},
     MarramParam{"frizz.amplitude", MARRAM_NUMBER, "m", "0", 0, largest, "",
                 "sideways displacement at the tip"},
     MarramParam{"frizz.frequency", MARRAM_NUMBER, "", "4", 0, 1e4, "", "waves over the strand"},
@@ -98,12 +104,51 @@ constexpr std::array groom_values = {
                 "tube; flat, facing the camera; or flat, with an orientation of its own"},
     MarramParam{"envelope", MARRAM_RAMP, "", "[[0, 1]]", -largest, largest, "",
                 "share of the wind from root to tip"},
-    MarramParam{"wind_by[].attribute", MARRAM_TEXT, "", "", -largest, largest, "",
-                "attribute of the mesh, one number, that scales the wind"},
-    MarramParam{"wind_by[].ramp", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest, largest, "",
-                "share of the wind over the attribute"},
     MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "seed of the groom"},
 };
+
+// What NAME_by scales, in the order of FactorOf and then density and length.
+struct Scaled {
+    const char *name, *what;
+};
+constexpr std::array scaled = {
+    Scaled{"wind", "wind"},
+    Scaled{"width", "width"},
+    Scaled{"lean", "lean"},
+    Scaled{"arc", "arc"},
+    Scaled{"curl", "curl's radius"},
+    Scaled{"clump", "clump's amount"},
+    Scaled{"frizz", "frizz's amplitude"},
+    Scaled{"density", "density"},
+    Scaled{"length", "length"},
+};
+static_assert(scaled.size() == factor_count + 2);
+
+// NAME_by[].attribute, .image and .ramp of all that factors scale. Lives as long as the library: parameters point into it.
+const std::vector<MarramParam>& factor_params() {
+    static const std::vector<std::array<std::string, 6>> texts = [] {
+        std::vector<std::array<std::string, 6>> all;
+        for (const auto& [name, what] : scaled) {
+            const std::string list = std::string(name) + "_by[].";
+            all.push_back({list + "attribute", list + "image", list + "ramp",
+                           std::string("attribute of the mesh, one number, that scales the ") + what,
+                           std::string("or an image by uv, its first channel, that scales the ") + what,
+                           std::string("share of the ") + what + " over that number"});
+        }
+        return all;
+    }();
+    static const std::vector<MarramParam> params = [] {
+        std::vector<MarramParam> list;
+        for (const auto& t : texts) {
+            list.push_back({t[0].c_str(), MARRAM_TEXT, "", "none", -largest, largest, "", t[3].c_str()});
+            list.push_back({t[1].c_str(), MARRAM_IMAGE, "", "none", -largest, largest, "", t[4].c_str()});
+            list.push_back(
+                {t[2].c_str(), MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest, largest, "", t[5].c_str()});
+        }
+        return list;
+    }();
+    return params;
+}
 
 // A ramp whose values are shares of something.
 Ramp share_ramp(const Values& values, std::string_view name) {
@@ -120,7 +165,8 @@ std::optional<Ramp> optional_ramp(const Values& values, std::string_view name) {
     return share_ramp(values, name);
 }
 
-std::optional<Mask> optional_mask(const Values& values, std::string_view name) {
+// Of a channel, the last one where there are fewer.
+std::optional<Mask> optional_mask(const Values& values, std::string_view name, uint32_t channel = 0) {
     const MarramValue* value = values.find(name);
     if (!value) return {};
     const MarramGrid* image = value->grid;
@@ -130,23 +176,64 @@ std::optional<Mask> optional_mask(const Values& values, std::string_view name) {
     Mask mask{image->nx, image->ny, {}, value->place};
     const size_t pixels = size_t(image->nx) * image->ny;
     mask.values.resize(pixels);
-    for (size_t i = 0; i < pixels; ++i) mask.values[i] = image->values[i * image->components];
+    for (size_t i = 0; i < pixels; ++i)
+        mask.values[i] = image->values[i * image->components + std::min(channel, image->components - 1)];
     return mask;
 }
 
-std::vector<AttributeFactor> read_factors(const Values& values, const std::string& list) {
-    std::vector<AttributeFactor> factors;
+Factors read_factors(const Values& values, const std::string& list) {
+    Factors factors;
     while (true) {
         const std::string element = list + "[" + std::to_string(factors.size()) + "].";
-        if (!values.has(element + "attribute")) return factors;
-        factors.push_back({std::string(values.text(element + "attribute")),
-                           values.at(element + "attribute").place, share_ramp(values, element + "ramp")});
+        if (!values.has(element + "ramp")) return factors; // which has a default
+        Factor factor;
+        factor.ramp = share_ramp(values, element + "ramp");
+        factor.place = values.at(element + "ramp").place;
+        factor.image = optional_mask(values, element + "image");
+        if (values.has(element + "attribute")) {
+            factor.attribute = values.text(element + "attribute");
+            factor.place = values.at(element + "attribute").place;
+        }
+        if (factor.attribute.empty() != factor.image.has_value())
+            throw SceneFault("groom.factor", factor.place,
+                             list + (factor.image ? ": both attribute and image are given"
+                                                  : ": neither attribute nor image is given"),
+                             factor.image ? "make two tables of it, which are multiplied"
+                                          : "name an attribute of the mesh, or an image");
+        factors.push_back(std::move(factor));
     }
 }
 
 Masks read_masks(const Values& values, const std::string& of) {
     return {optional_mask(values, of + "_mask"), optional_ramp(values, of + "_by_height"),
             optional_ramp(values, of + "_by_slope"), read_factors(values, of + "_by")};
+}
+
+std::vector<Clump> read_clumps(const Values& values) {
+    std::vector<Clump> clumps;
+    const auto add = [&](const std::string& prefix) {
+        const double size = values.number(prefix + "size");
+        if (!clumps.empty() && !(size < clumps.back().size && size > 0.0))
+            throw SceneFault("groom.clump_sizes", values.at(prefix + "size").place,
+                             prefix + "size is not between 0 and the size of the clumps before",
+                             "order clumps from coarse to fine");
+        if (clumps.size() == most_clumps)
+            throw SceneFault("groom.clump_levels", values.at(prefix + "size").place,
+                             "clumps have more than " + std::to_string(most_clumps) + " levels",
+                             "leave some out");
+        clumps.push_back({size, values.number(prefix + "amount"), share_ramp(values, prefix + "profile")});
+    };
+    const bool any = values.number("clump.size") > 0.0;
+    if (any) add("clump.");
+    for (size_t i = 0;; ++i) {
+        const std::string element = "clump.finer[" + std::to_string(i) + "].";
+        if (!values.has(element + "size")) return clumps;
+        if (!any)
+            throw SceneFault("groom.clump_sizes", values.at(element + "size").place,
+                             "clump.finer is given, but clump.size is 0",
+                             "give clump.size, of the coarsest clumps");
+        add(element);
+    }
 }
 
 void read_roots(const Values& values, Groom& groom) {
@@ -182,16 +269,36 @@ double Mask::operator()(double u, double v) const {
     return top + fy * (bottom - top);
 }
 
-double AttributeFactor::operator()(const Surface& surface, uint32_t triangle, const Vec3d& weights) const {
-    return std::clamp(ramp(surface.value(surface.attributes[index], triangle, weights)), 0.0, 1.0);
+double Factor::operator()(const Surface& surface, uint32_t triangle, const Vec3d& weights) const {
+    double value = 0.0;
+    if (image) {
+        const Vec2d uv = surface.uv(triangle, weights);
+        value = (*image)(uv.x(), uv.y());
+    } else {
+        value = surface.value(surface.attributes[index], triangle, weights);
+    }
+    return std::clamp(ramp(value), 0.0, 1.0);
 }
 
-std::pair<double, double> AttributeFactor::range(const Surface& surface, uint32_t triangle) const {
-    const MarramAttribute& attribute = surface.attributes[index];
-    const double a = surface.value(attribute, triangle, Vec3d::UnitX()),
-                 b = surface.value(attribute, triangle, Vec3d::UnitY()),
-                 c = surface.value(attribute, triangle, Vec3d::UnitZ());
+std::pair<double, double> Factor::range(const Surface& surface, uint32_t triangle) const {
+    if (image) return {double(std::ranges::min(image->values)), double(std::ranges::max(image->values))};
+    const MarramAttribute& values = surface.attributes[index];
+    const double a = surface.value(values, triangle, Vec3d::UnitX()),
+                 b = surface.value(values, triangle, Vec3d::UnitY()),
+                 c = surface.value(values, triangle, Vec3d::UnitZ());
     return {std::min({a, b, c}), std::max({a, b, c})};
+}
+
+double product(const Factors& factors, const Surface& bind, uint32_t triangle, const Vec3d& weights) {
+    double share = 1.0;
+    for (const Factor& factor : factors) share *= factor(bind, triangle, weights);
+    return share;
+}
+
+std::vector<Factors*> factors_of(Groom& groom) {
+    std::vector<Factors*> all = {&groom.density_masks.factors, &groom.length_masks.factors};
+    for (Factors& factors : groom.factors) all.push_back(&factors);
+    return all;
 }
 
 double Masks::operator()(const Surface& bind, uint32_t triangle, const Vec3d& weights) const {
@@ -206,33 +313,33 @@ double Masks::operator()(const Surface& bind, uint32_t triangle, const Vec3d& we
         const double slope = std::atan2(std::hypot(normal.x(), normal.z()), normal.y()) / degree;
         share *= std::clamp((*by_slope)(slope), 0.0, 1.0);
     }
-    for (const AttributeFactor& factor : by_attribute) share *= factor(bind, triangle, weights);
+    for (const Factor& factor : factors) share *= factor(bind, triangle, weights);
     return share;
 }
 
 void find_attributes(Groom& groom, std::span<const MarramAttribute> attributes) {
-    for (auto* factors :
-         {&groom.density_masks.by_attribute, &groom.length_masks.by_attribute, &groom.wind_by_attribute})
-        for (AttributeFactor& factor : *factors) {
+    for (Factors* factors : factors_of(groom))
+        for (Factor& factor : *factors) {
+            if (factor.image) continue;
             const auto found = std::ranges::find_if(
-                attributes, [&](const MarramAttribute& a) { return factor.name == a.name; });
+                attributes, [&](const MarramAttribute& a) { return factor.attribute == a.name; });
             if (found == attributes.end()) {
                 std::string known;
                 for (const MarramAttribute& a : attributes)
                     if (a.components == 1) known += (known.empty() ? "" : ", ") + std::string(a.name);
                 throw SceneFault("groom.no_attribute", factor.place,
-                                 "the mesh '" + groom.mesh + "' has no attribute '" + factor.name + "'",
+                                 "the mesh '" + groom.mesh + "' has no attribute '" + factor.attribute + "'",
                                  known.empty() ? "grow on a mesh that has attributes"
                                                : "choose among " + known);
             }
             if (found->components != 1)
                 throw SceneFault("groom.wide_attribute", factor.place,
-                                 "the attribute '" + factor.name + "' has " +
+                                 "the attribute '" + factor.attribute + "' has " +
                                      std::to_string(found->components) + " numbers",
                                  "name one that has a single number");
             if (found->animated)
                 throw SceneFault("groom.animated_attribute", factor.place,
-                                 "the attribute '" + factor.name + "' differs from frame to frame",
+                                 "the attribute '" + factor.attribute + "' differs from frame to frame",
                                  "strands are placed once: name one that stays");
             factor.index = size_t(found - attributes.begin());
         }
@@ -240,28 +347,28 @@ void find_attributes(Groom& groom, std::span<const MarramAttribute> attributes) 
 
 uint64_t roots_digest(const Values& values) {
     Digest digest;
+    const auto add = [&](const MarramValue& value) {
+        digest.add(value.name).add(value.text).add(value.numbers, value.number_count * sizeof(double));
+        if (const MarramGrid* grid = value.grid)
+            digest.add(grid->nx).add(grid->ny).add(grid->values, size_t(grid->nx) * grid->ny *
+                                                                     grid->components * sizeof(float));
+    };
     for (const char* name : {"on", "density", "count", "density_mask", "density_by_height",
                              "density_by_slope", "spacing", "seed", "guides.curves", "guides.blend",
                              "guides.parting", "guides.parting_lines", "guides.length", "guides.wind"})
-        if (const MarramValue* value = values.find(name)) {
-            digest.add(name).add(value->text).add(value->numbers, value->number_count * sizeof(double));
-            if (const MarramGrid* grid = value->grid)
-                digest.add(grid->nx).add(grid->ny).add(grid->values, size_t(grid->nx) * grid->ny *
-                                                                         grid->components * sizeof(float));
-        }
+        if (const MarramValue* value = values.find(name)) add(*value);
     for (size_t i = 0;; ++i) {
         const std::string element = "density_by[" + std::to_string(i) + "].";
-        if (!values.has(element + "attribute")) return digest.value();
-        const MarramValue& ramp = values.at(element + "ramp");
-        digest.add(values.text(element + "attribute"))
-            .add(ramp.text)
-            .add(ramp.numbers, ramp.number_count * sizeof(double));
+        if (!values.has(element + "ramp")) return digest.value();
+        for (const char* part : {"attribute", "image", "ramp"})
+            if (const MarramValue* value = values.find(element + part)) add(*value);
     }
 }
 
 const std::vector<MarramParam>& groom_params() {
     static const std::vector<MarramParam> params = [] {
         std::vector<MarramParam> list(groom_values.begin(), groom_values.end());
+        list.insert(list.end(), factor_params().begin(), factor_params().end());
         list.insert(list.end(), guide_params().begin(), guide_params().end());
         return list;
     }();
@@ -288,6 +395,8 @@ Groom read_groom(const Values& values) {
                              "give a direction, or leave it out");
         groom.comb = comb.stableNormalized();
     }
+    if (values.has("comb_map"))
+        groom.comb_map = {*optional_mask(values, "comb_map", 0), *optional_mask(values, "comb_map", 1)};
     groom.comb_variation = radians(values, "comb_variation");
     groom.lean = radians(values, "lean");
     groom.lean_variation = radians(values, "lean_variation");
@@ -295,9 +404,7 @@ Groom read_groom(const Values& values) {
     groom.arc_variation = radians(values, "arc_variation");
     groom.curl_radius = values.number("curl.radius");
     groom.curl_turns = values.number("curl.turns");
-    groom.clump_size = values.number("clump.size");
-    groom.clump_amount = values.number("clump.amount");
-    groom.clump_profile = share_ramp(values, "clump.profile");
+    groom.clumps = read_clumps(values);
     groom.frizz_amplitude = values.number("frizz.amplitude");
     groom.frizz_frequency = values.number("frizz.frequency");
     groom.width = values.number("width");
@@ -316,7 +423,8 @@ Groom read_groom(const Values& values) {
                   : values.text("shape") == "ribbon" ? MARRAM_RIBBON
                                                      : MARRAM_ORIENTED_RIBBON;
     groom.envelope = share_ramp(values, "envelope");
-    groom.wind_by_attribute = read_factors(values, "wind_by");
+    for (size_t i = 0; i < factor_count; ++i)
+        groom.factors[i] = read_factors(values, std::string(scaled[i].name) + "_by");
     groom.seed = static_cast<uint32_t>(values.integer("seed"));
     return groom;
 }

@@ -10,6 +10,7 @@
 #include "procedural/groom/surface.h"
 #include "procedural/values.h"
 
+#include <array>
 #include <optional>
 #include <span>
 #include <string>
@@ -27,27 +28,43 @@ struct Mask {
     double operator()(double u, double v) const;
 };
 
-// A factor by a ramp over an attribute of the mesh.
-struct AttributeFactor {
-    std::string name, place;
+// A factor in [0, 1] by a ramp over an attribute of the mesh, or over an image by uv.
+struct Factor {
+    std::string attribute, place; // "" where there is an image
+    std::optional<Mask> image;
     Ramp ramp;
-    size_t index = 0; // among the mesh's attributes, as check_attributes() has found it
+    size_t index = 0; // among the mesh's attributes, as find_attributes() has found it
 
     double operator()(const Surface& surface, uint32_t triangle, const Vec3d& weights) const;
-    // Least and greatest value of the attribute within a triangle.
+    // Bounds of the attribute's or the image's value within a triangle; an image's are those of the whole.
     std::pair<double, double> range(const Surface& surface, uint32_t triangle) const;
 };
+using Factors = std::vector<Factor>;
 
-// A factor in [0, 1] of density or length: image by uv, height by y, slope by the angle to the vertical, attributes by name.
+// Their product at a place on a surface at its bind pose; 1 where there are none.
+double product(const Factors& factors, const Surface& bind, uint32_t triangle, const Vec3d& weights);
+
+// What factors scale besides density and length.
+enum FactorOf { of_wind, of_width, of_lean, of_arc, of_curl, of_clump, of_frizz, factor_count };
+
+// A factor in [0, 1] of density or length: image by uv, height by y, slope by the angle to the vertical, and the factors that all
+// parameters have.
 struct Masks {
     std::optional<Mask> image;
     std::optional<Ramp> by_height; // over metres
     std::optional<Ramp> by_slope;  // over degrees from level ground
-    std::vector<AttributeFactor> by_attribute;
-    bool any() const { return image || by_height || by_slope || !by_attribute.empty(); }
+    Factors factors;
+    bool any() const { return image || by_height || by_slope || !factors.empty(); }
     // At a place on a surface at its bind pose.
     double operator()(const Surface& bind, uint32_t triangle, const Vec3d& weights) const;
 };
+
+// Strands drawn together in tufts. Of several the coarsest comes first; the tufts of each are drawn together by the one before.
+struct Clump {
+    double size = 0.0, amount = 0.0; // metres between tufts; 1
+    Ramp profile;                    // of the amount, from root to tip
+};
+constexpr size_t most_clumps = 4;
 
 struct Groom {
     std::string mesh, mesh_place;
@@ -60,13 +77,14 @@ struct Groom {
     std::optional<GuideSettings> guides; // what strands are children of
     Vec2d length;                        // metres; of children 0 to the longest, as guides_of() has found it
     bool combed = false;
-    Vec3d comb;                              // where strands lean to
+    Vec3d comb; // where strands lean to
+    std::optional<std::array<Mask, 2>>
+        comb_map; // the same along u and v, 0 ... 1 for -1 ... 1; before comb where it says something
     double comb_variation = 0.0;             // radians
     double lean = 0.0, lean_variation = 0.0; // radians from the surface normal
     double arc = 0.0, arc_variation = 0.0;   // further lean from root to tip
     double curl_radius = 0.0, curl_turns = 0.0;
-    double clump_size = 0.0, clump_amount = 0.0;
-    Ramp clump_profile;
+    std::vector<Clump> clumps; // at most most_clumps
     double frizz_amplitude = 0.0, frizz_frequency = 0.0;
 
     double width = 0.0, width_variation = 0.0; // metres; 1
@@ -75,7 +93,7 @@ struct Groom {
     MarramBasis basis = MARRAM_BSPLINE;
     MarramShape shape = MARRAM_ROUND;
     Ramp envelope;
-    std::vector<AttributeFactor> wind_by_attribute; // of the envelope
+    std::array<Factors, factor_count> factors; // of_wind: of the envelope
     uint32_t seed = 0;
 };
 
@@ -84,6 +102,9 @@ Groom read_groom(const Values& values);
 
 // Of all values that decide where strands stand: where it and the mesh stay the same the roots do.
 uint64_t roots_digest(const Values& values);
+
+// Every list of factors that the groom has, density and length among them.
+std::vector<Factors*> factors_of(Groom& groom);
 
 // Finds the attributes that the groom asks for among those of its mesh. Throws SceneFault for one that is not there or not one number.
 void find_attributes(Groom& groom, std::span<const MarramAttribute> attributes);

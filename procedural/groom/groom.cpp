@@ -106,7 +106,7 @@ MarramStatus update(MarramInstance* opaque, const MarramUpdate* given, uint32_t*
         const bool same_roots = description.roots_digest == instance.roots_digest;
         // Only begin() can tell whether the mesh really changed: note that it must check.
         const bool uses_guides = description.groom.guides.has_value();
-        const bool uses_attributes = !description.groom.density_masks.by_attribute.empty();
+        const bool uses_attributes = !description.groom.density_masks.factors.empty();
         const uint32_t placement_inputs =
             MARRAM_POSITIONS | MARRAM_TOPOLOGY | (uses_attributes ? uint32_t(MARRAM_ATTRIBUTES) : 0U);
         const bool same_mesh = (update.inputs & placement_inputs) == 0;
@@ -137,12 +137,22 @@ void find_mesh(GroomInstance& instance) {
                          "name one of the scene's");
 }
 
-void check_uvs(const GroomInstance& instance) {
+void check_uvs(GroomInstance& instance) {
     for (const Masks* masks : {&instance.groom.density_masks, &instance.groom.length_masks})
         if (masks->image && !instance.mesh->uvs)
             throw SceneFault("groom.no_uvs", masks->image->place,
                              "the mesh '" + instance.groom.mesh + "' has no uvs for this image",
                              "give it uvs, or use masks by height or slope");
+    if (instance.groom.comb_map && !instance.mesh->uvs)
+        throw SceneFault("groom.no_uvs", (*instance.groom.comb_map)[0].place,
+                         "the mesh '" + instance.groom.mesh + "' has no uvs for comb_map",
+                         "give it uvs, or use comb");
+    for (const Factors* factors : factors_of(instance.groom))
+        for (const Factor& factor : *factors)
+            if (factor.image && !instance.mesh->uvs)
+                throw SceneFault("groom.no_uvs", factor.place,
+                                 "the mesh '" + instance.groom.mesh + "' has no uvs for this image",
+                                 "give it uvs, or name one of its attributes");
 }
 
 // Of a mesh's triangles. A host that gives no digest is taken at its counts.
@@ -158,7 +168,8 @@ uint64_t digest_of_mesh(const GroomInstance& instance) {
         .add(mesh.triangles, 12 * size_t(mesh.triangle_count))
         .add(instance.bind_positions);
     if (mesh.uvs) digest.add(mesh.uvs, 8 * size_t(mesh.vertex_count));
-    for (const AttributeFactor& factor : instance.groom.density_masks.by_attribute) {
+    for (const Factor& factor : instance.groom.density_masks.factors) {
+        if (factor.image) continue; // of the values
         const MarramAttribute& attribute = instance.attributes[factor.index];
         const size_t count = attribute.rate == MARRAM_PER_FACE ? mesh.triangle_count : mesh.vertex_count;
         digest.add(attribute.values, count * sizeof(float));
@@ -380,7 +391,7 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
         Worker& worker = instance.workers.local();
         const std::span<const Root> roots = instance.patch_roots(index);
         Strands& strands = worker.strands;
-        strands.has_wind_share = !instance.groom.wind_by_attribute.empty();
+        strands.has_wind_share = !instance.groom.factors[of_wind].empty();
         strands.resize(int(roots.size()), instance.groom.cvs, instance.groom.shape == MARRAM_ORIENTED_RIBBON);
         const Expand lay_out = expand_of(instance, roots, worker.chain.clock);
         const bool follows = !instance.guide_motion.times.empty();

@@ -29,7 +29,7 @@ void write_vertices(const GroomInstance& instance, std::span<const Root> roots, 
     for (size_t i = 0; i < roots.size(); ++i) {
         const Wide3f* pose = strands.pose.data() + (i / lanes) * size_t(cvs);
         const auto lane = int(i % lanes);
-        const auto width = float(strand_width(instance.groom, roots[i]));
+        const auto width = float(strands.width[i / lanes][lane]);
         float* strand = out + i * size_t(cvs + 2) * 4;
         for (int k = 0; k < cvs; ++k) {
             float* v = strand + 4 * (k + 1);

@@ -41,10 +41,8 @@ void expand_guides(const GroomInstance& instance, const Surface& bind, const Sur
             put(strands.root_normal[size_t(block)], frame.normal);
             strands.width[size_t(block)][lane] = 0.0;
             if (strands.has_wind_share) {
-                double share = 1.0;
-                for (const AttributeFactor& factor : instance.groom.wind_by_attribute)
-                    share *= factor(now, guide.triangle, guide.weights);
-                strands.wind_share[size_t(block)][lane] = float(share);
+                strands.wind_share[size_t(block)][lane] =
+                    float(product(instance.groom.factors[of_wind], now, guide.triangle, guide.weights));
             }
             for (size_t k = 0; k < cvs; ++k) {
                 const Vec3d p = root + turn * (*offsets)[(first + i) * cvs + k].cast<double>();
@@ -102,7 +100,7 @@ void blow_guides(GroomInstance& instance) {
         Worker& worker = instance.workers.local();
         Strands& strands = worker.strands;
         strands.irregular = false;
-        strands.has_wind_share = !instance.groom.wind_by_attribute.empty();
+        strands.has_wind_share = !instance.groom.factors[of_wind].empty();
         strands.resize(int(count), instance.groom.cvs, false);
         const Expand lay_out{[&](uint32_t time, Strands& out) {
                                  expand_guides(instance, guided->bind, instance.poses(time).now, first, out);

@@ -180,7 +180,8 @@ bool may_grow(const DensityShares& shares, uint32_t triangle) {
                      high = std::max({p[0].y(), p[1].y(), p[2].y()});
         if (greatest(*masks.by_height, low, high) <= 0.0) return false;
     }
-    for (const AttributeFactor& factor : masks.by_attribute) {
+    for (const Factor& factor : masks.factors) {
+        if (factor.image) continue; // whose bounds are those of the whole image
         const auto [low, high] = factor.range(shares.bind, triangle);
         if (greatest(factor.ramp, low, high) <= 0.0) return false;
     }

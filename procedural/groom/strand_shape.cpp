@@ -7,7 +7,8 @@
 // Curl, clump and frizz displace C_k sideways:
 //
 //     curl    r(u) (cos psi E + sin psi S) - the same at 0,  psi = phase + 2 pi turns u,  E = dC/dtheta direction
-//     clump   (centre - root) amount profile(u), the part along the surface
+//     clump   (centre - root) amount profile(u), the part along the surface; with levels the sum of them, each from the middle of
+//             the finer clump before it, so that a fine clump goes as a whole
 //     frizz   amplitude u (noise_x A + noise_y S), gradient noise along the strand
 //
 // and each segment is then laid with length s in the direction of the displaced difference. So curl and frizz shorten a
@@ -23,6 +24,7 @@
 #include "procedural/wind/noise.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 
@@ -34,13 +36,14 @@ double symmetric(uint32_t seed, Root root, Purpose purpose) {
     return 2.0 * unit_double(root_hash(seed, root, purpose)) - 1.0;
 }
 
-Vec3d clump_centre(uint32_t seed, double size, const Vec3d& p) {
+// level: 0 the coarsest.
+Vec3d clump_centre(uint32_t seed, size_t level, double size, const Vec3d& p) {
     const Vec3d base = (p / size).array().floor();
     Vec3d best = p;
     double best_distance = std::numeric_limits<double>::infinity();
     for (int i = 0; i < 27; ++i) {
         const Vec3d cell = base + Vec3d(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1);
-        uint64_t h = hash(seed, uint64_t(Purpose::clump));
+        uint64_t h = hash(seed, uint64_t(Purpose::clump) + (uint64_t(level) << 32));
         for (int axis = 0; axis < 3; ++axis)
             h = hash(h, std::bit_cast<uint64_t>(cell[axis] + 0.0)); // + 0.0: one zero
         const Vec3d jitter(double(h & 0xffff) * 0x1p-16, double((h >> 16) & 0xffff) * 0x1p-16,
@@ -58,7 +61,9 @@ Vec3d clump_centre(uint32_t seed, double size, const Vec3d& p) {
 struct alignas(64) Roots8 {
     Wide3d origin, along, side, normal; // root, A, S, N
     VDouble length, lean, arc, phase, frizz;
-    VDouble clump_along, clump_side; // metres towards the clump's centre, in the root's frame
+    VDouble curl_share, frizz_share; // of the groom's radius and amplitude
+    // Metres towards the centre of each level's clump, in the root's frame: from that of the finer level before it.
+    VDouble clump_along[most_clumps], clump_side[most_clumps];
 };
 
 void set_lane(Wide3d& v, int lane, const Vec3d& value) {
@@ -68,12 +73,21 @@ void set_lane(Wide3d& v, int lane, const Vec3d& value) {
 }
 
 // Angle from the frame's tangent to the direction that the strand leans to.
-double azimuth(const Groom& groom, const Surface& bind, Root root) {
+double azimuth(const Groom& groom, const Surface& bind, Root root, const Vec3d& weights) {
     const double draw = symmetric(groom.seed, root, Purpose::comb);
-    if (!groom.combed) return pi * draw;
+    if (!groom.combed && !groom.comb_map) return pi * draw;
     const auto p = bind.corners(root.triangle);
     const Vec3d n = plane_normal(p), t = (p[1] - p[0]).stableNormalized();
-    const double x = groom.comb.dot(t), y = groom.comb.dot(n.cross(t));
+    Vec3d comb = groom.combed ? groom.comb : Vec3d(Vec3d::Zero());
+    if (groom.comb_map) {
+        const Vec2d uv = bind.uv(root.triangle, weights);
+        const auto [along_u, along_v] = bind.uv_directions(root.triangle);
+        const Vec3d drawn = (2.0 * (*groom.comb_map)[0](uv.x(), uv.y()) - 1.0) * along_u +
+                            (2.0 * (*groom.comb_map)[1](uv.x(), uv.y()) - 1.0) * along_v;
+        constexpr double grey = 1.5 / 255.0; // 0.5 lies between two codes of 8 bits
+        if (drawn.norm() > grey) comb = drawn.normalized();
+    }
+    const double x = comb.dot(t), y = comb.dot(n.cross(t));
     // Combed straight along the normal: no direction is better than another.
     const bool defined = std::hypot(x, y) > 1e-6;
     return (defined ? std::atan2(y, x) + groom.comb_variation * draw : pi * draw);
@@ -112,7 +126,7 @@ void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Ro
     const Frame frame = frame_at(poses.now, root.triangle, weights);
     const Vec3d origin = poses.now.point(root.triangle, weights);
     const Vec3d bind_origin = poses.bind.point(root.triangle, weights);
-    const double angle = blend ? 0.0 : azimuth(groom, poses.bind, root);
+    const double angle = blend ? 0.0 : azimuth(groom, poses.bind, root, weights);
     const Vec3d along = std::cos(angle) * frame.tangent + std::sin(angle) * frame.bitangent;
     const Vec3d side = frame.normal.cross(along);
     set_lane(roots.along, lane, along);
@@ -120,36 +134,48 @@ void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Ro
     set_lane(roots.normal, lane, frame.normal);
     set_lane(strands.anchor[block], lane, wind.rest_anchored ? bind_origin : origin);
     set_lane(strands.root_normal[block], lane, frame.normal);
-    const double width = strand_width(groom, root);
+    // What a parameter is multiplied by at this root.
+    const auto share_of = [&](FactorOf what) {
+        const Factors& factors = groom.factors[what];
+        return factors.empty() ? 1.0 : product(factors, poses.bind, root.triangle, weights);
+    };
+    const double width = groom.width * share_of(of_width) *
+                         (1.0 - groom.width_variation * unit_double(root_hash(seed, root, Purpose::width)));
     strands.width[block][lane] = width;
 
     const Vec2d range = blend ? Vec2d(guided->set.length_of(*blend) * groom.guides->length) : groom.length;
     double length = range[0] + (range[1] - range[0]) * unit_double(root_hash(seed, root, Purpose::length));
     if (groom.length_masks.any()) length *= groom.length_masks(poses.bind, root.triangle, weights);
     if (strands.has_wind_share) {
-        double share = 1.0;
-        for (const AttributeFactor& factor : groom.wind_by_attribute)
-            share *= factor(poses.bind, root.triangle, weights);
-        strands.wind_share[block][lane] = float(share);
+        strands.wind_share[block][lane] = float(share_of(of_wind));
     }
     roots.length[lane] = length;
     const double lift =
         wind.collision ? root_offset(*wind.collision, length, 0.5 * width * groom.width_profile(0.0)) : 0.0;
     set_lane(roots.origin, lane, origin + lift * frame.normal);
     roots.lean[lane] =
+        share_of(of_lean) *
         std::clamp(groom.lean + groom.lean_variation * symmetric(seed, root, Purpose::lean), 0.0, 0.5 * pi);
-    roots.arc[lane] = groom.arc + groom.arc_variation * symmetric(seed, root, Purpose::arc);
+    roots.arc[lane] =
+        share_of(of_arc) * (groom.arc + groom.arc_variation * symmetric(seed, root, Purpose::arc));
+    roots.curl_share[lane] = share_of(of_curl);
+    roots.frizz_share[lane] = share_of(of_frizz);
     roots.phase[lane] = pi * symmetric(seed, root, Purpose::curl);
     roots.frizz[lane] = unit_double(root_hash(seed, root, Purpose::frizz)) * 0x1p20;
-    roots.clump_along[lane] = roots.clump_side[lane] = 0.0;
-    if (groom.clump_size > 0.0 && groom.clump_amount > 0.0) {
-        const Vec3d pull =
-            groom.clump_amount * (clump_centre(seed, groom.clump_size, bind_origin) - bind_origin);
+    if (!groom.clumps.empty()) {
         // Measured in the bind pose's frame, so that it rides along when the surface turns.
         const Frame bind = frame_at(poses.bind, root.triangle, weights);
-        const double x = pull.dot(bind.tangent), y = pull.dot(bind.bitangent);
-        roots.clump_along[lane] = x * std::cos(angle) + y * std::sin(angle);
-        roots.clump_side[lane] = y * std::cos(angle) - x * std::sin(angle);
+        const double share = share_of(of_clump);
+        Vec3d from = bind_origin; // the root, then the middle of its finest clump, ...
+        for (size_t level = groom.clumps.size(); level-- > 0;) {
+            const Clump& clump = groom.clumps[level];
+            const Vec3d centre = clump_centre(seed, level, clump.size, from);
+            const Vec3d pull = clump.amount * share * (centre - from);
+            const double x = pull.dot(bind.tangent), y = pull.dot(bind.bitangent);
+            roots.clump_along[level][lane] = x * std::cos(angle) + y * std::sin(angle);
+            roots.clump_side[level][lane] = y * std::cos(angle) - x * std::sin(angle);
+            from = centre;
+        }
     }
 }
 
@@ -166,7 +192,8 @@ void frizz_values(const Groom& groom, const Roots8& roots, Strands& strands) {
 }
 
 struct ShapeStep { // what is the same for all strands at CV k
-    double u, u_middle, clump, frizz;
+    double u, u_middle, frizz;
+    std::array<double, most_clumps> clump;
 };
 
 // v scaled to `length`, `instead` where it has none.
@@ -181,6 +208,7 @@ MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep
                         const Wide3f* frizz, const Wide3f* guides, Wide3f* rest, Wide3f* normals) {
     const VDouble step = roots.length / double(cvs - 1);
     const bool curls = groom.curl_radius > 0.0 && groom.curl_turns > 0.0;
+    const size_t clumps = groom.clumps.size();
     Wide3d centre{}, previous{}, position{}; // in the frame (A, S, N), from the root
     VDouble phase_sine{}, phase_cosine{};
     if (curls) sincos(roots.phase, phase_sine, phase_cosine);
@@ -197,17 +225,20 @@ MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep
         }
         centre = centre + straight;
         Wide3d displaced = centre;
-        displaced.x += roots.clump_along * steps[k].clump;
-        displaced.y += roots.clump_side * steps[k].clump;
+        for (size_t level = 0; level < clumps; ++level) {
+            displaced.x += roots.clump_along[level] * steps[k].clump[level];
+            displaced.y += roots.clump_side[level] * steps[k].clump[level];
+        }
         if (curls) {
             VDouble s, c;
             sincos(roots.phase + 2.0 * pi * groom.curl_turns * steps[k].u, s, c);
-            const double radius = groom.curl_radius * steps[k].u;
+            const VDouble radius = groom.curl_radius * steps[k].u * roots.curl_share;
             displaced = displaced + across_e * (c * radius) + across_s * (s * radius);
         }
         if (frizz) {
-            displaced.x += to_double(frizz[k].x) * steps[k].frizz;
-            displaced.y += to_double(frizz[k].y) * steps[k].frizz;
+            const VDouble amplitude = steps[k].frizz * roots.frizz_share;
+            displaced.x += to_double(frizz[k].x) * amplitude;
+            displaced.y += to_double(frizz[k].y) * amplitude;
         }
         Wide3d d = displaced - previous;
         const VDouble squared = dot(d, d);
@@ -242,8 +273,10 @@ void expand(const Groom& groom, const Wind& wind, const GrowthPoses& poses, std:
     std::vector<ShapeStep> steps(static_cast<size_t>(cvs));
     for (int k = 0; k < cvs; ++k) {
         const double u = double(k) / double(cvs - 1);
-        steps[size_t(k)] = {u, (k - 0.5) / double(cvs - 1), groom.clump_profile(u),
-                            groom.frizz_amplitude * u};
+        ShapeStep& step = steps[size_t(k)];
+        step = {u, (k - 0.5) / double(cvs - 1), groom.frizz_amplitude * u, {}};
+        for (size_t level = 0; level < groom.clumps.size(); ++level)
+            step.clump[level] = groom.clumps[level].profile(u);
     }
     const bool frizzy = groom.frizz_amplitude > 0.0;
     for (int block = 0; block < strands.blocks; ++block) {
@@ -261,11 +294,6 @@ void expand(const Groom& groom, const Wind& wind, const GrowthPoses& poses, std:
         lay_out(groom, eight, steps.data(), cvs, frizzy ? strands.values.data() : nullptr, centres,
                 strands.rest.data() + first, strands.oriented ? strands.rest_normal.data() + first : nullptr);
     }
-}
-
-double strand_width(const Groom& groom, Root root) {
-    return groom.width *
-           (1.0 - groom.width_variation * unit_double(root_hash(groom.seed, root, Purpose::width)));
 }
 
 double longest_strand(const Groom& groom) { return groom.length[1]; } // masks only shorten

@@ -24,9 +24,6 @@ struct GrowthPoses {
 void expand(const Groom& groom, const Wind& wind, const GrowthPoses& poses, std::span<const Root> roots,
             Strands& strands, const Guided* guided = nullptr);
 
-// Radius at CV k is strand_width * profile[k] / 2.
-double strand_width(const Groom& groom, Root root);
-
 // A length that no strand of the groom exceeds.
 double longest_strand(const Groom& groom);
 

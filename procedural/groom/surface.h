@@ -85,6 +85,17 @@ struct Surface {
         }
         return sum;
     }
+    // Unit directions in which u and v grow within a triangle; zero where they do not.
+    std::array<Vec3d, 2> uv_directions(uint32_t triangle) const {
+        const auto p = corners(triangle);
+        const Vec2d origin = uv(triangle, Vec3d::UnitX()), a = uv(triangle, Vec3d::UnitY()) - origin,
+                    b = uv(triangle, Vec3d::UnitZ()) - origin;
+        const double area = a.x() * b.y() - a.y() * b.x(), sign = area < 0.0 ? -1.0 : 1.0;
+        if (area == 0.0) return {Vec3d::Zero(), Vec3d::Zero()};
+        const Vec3d u = sign * (b.y() * (p[1] - p[0]) - a.y() * (p[2] - p[0])),
+                    v = sign * (a.x() * (p[2] - p[0]) - b.x() * (p[1] - p[0]));
+        return {u.stableNormalized(), v.stableNormalized()};
+    }
     double area(uint32_t triangle) const {
         const auto p = corners(triangle);
         return 0.5 * (p[1] - p[0]).cross(p[2] - p[0]).norm();

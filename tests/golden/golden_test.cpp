@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every feature's picture against its golden frame; a mere change of seed passes, and planted faults do not.
 #include "tests/golden/goldens.h"
+#include "tests/whole.h"
 
 #include "core/compare/compare_page.h"
 #include "core/geometry/curve_pieces.h"
@@ -77,19 +78,21 @@ TEST(Golden, frames_take_no_more_than_five_mebibytes_and_all_are_known) {
 
 // A hundred renders that differ in the seed alone, spread over all goldens.
 TEST(Golden, a_change_of_seed_is_no_fault) {
-    constexpr size_t renders = 100;
+    const size_t renders = testing::whole_run() ? 2 * goldens().size() : goldens().size();
     const size_t count = goldens().size();
-    size_t alarms = 0;
+    size_t alarms = 0, rendered = 0;
     for (size_t g = 0; g < count; ++g) {
+        if (!testing::in_this_run(g, 4)) continue;
         const Golden& golden = goldens()[g];
         const Stage stage(golden);
         for (size_t i = g; i < renders; i += count) {
             const Comparison comparison = against_golden(stage.render(hash(uint64_t(0x5eed), i)), golden);
             EXPECT_TRUE(comparison.alike()) << golden.name << ", render " << i << text(comparison);
             alarms += !comparison.alike();
+            ++rendered;
         }
     }
-    std::printf("%zu false alarms in %zu renders\n", alarms, renders);
+    std::printf("%zu false alarms in %zu renders\n", alarms, rendered);
 }
 
 // ---- faults ---------------------------------------------------------------------------------------------------------
@@ -251,7 +254,9 @@ TEST(GoldenFault, what_a_frame_shows_is_missed) {
         {"fur", "no collision", {"wind.collision.solver=\"none\""}},
         {"fur", "hair rougher by a third", {"material.fur.roughness=0.33"}},
     };
-    for (const Missing& missing : all) {
+    for (size_t i = 0; i < all.size(); ++i) {
+        if (!testing::in_this_run(i, 3)) continue;
+        const Missing& missing = all[i];
         const Golden& golden = golden_named(missing.golden);
         expect_caught(missing.what, Stage(golden, missing.changes), golden, [](Picture&) {}, {14});
     }

@@ -194,6 +194,14 @@ TEST(BadInput, WhatWouldBeIgnored) {
     expect_refused(with_material("melanin = 8\n"), "'melanin' means nothing with pigment = \"color\"");
     expect_refused(with_material("pigment = \"melanin\"\nroot_color = [1, 0, 0]\n"),
                    "'root_color' means nothing with pigment = \"melanin\"");
+    expect_refused(
+        SceneText{.groom = groom + "lean_by = [{}]\n"},
+        "lean_by: neither attribute nor image is given: name an attribute of the mesh, or an image");
+    expect_refused(SceneText{.groom = groom + "arc_by = [{ attribute = \"moist\" }]\n"},
+                   "has no attribute 'moist'");
+    expect_refused(
+        SceneText{.groom = groom + "frizz_by = [{ attribute = \"a\", ramp = [[0, 0], [1, 2]] }]\n"},
+        "frizz_by[0].ramp leaves 0 ... 1");
     expect_refused(SceneText{.groom = groom + "envelope = [[0, 0], [1, 7]]\n"}, "envelope leaves 0 ... 1");
     expect_refused(SceneText{.groom = groom + "density_by_slope = [[0, -5], [1, 1]]\n"},
                    "density_by_slope leaves 0 ... 1");

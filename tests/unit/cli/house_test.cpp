@@ -249,7 +249,8 @@ void expect_page(const std::string& file, std::span<const ParamSpec> params,
 }
 
 TEST(House, PagesListTheParametersThatAreDeclared) {
-    const std::set<std::string> of_strands = {"root_color", "tip_color", "variation", "tint", "tint_color"};
+    const std::set<std::string> of_strands = {"color_map", "map_scale", "root_color", "tip_color",
+                                              "variation", "tint",      "tint_color"};
     for (const ShaderDescription& shader : shaders())
         expect_page("shaders/" + shader.name + ".h", shader.params,
                     shader.name == "diffuse" ? std::set<std::string>() : of_strands);

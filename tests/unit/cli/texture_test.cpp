@@ -104,6 +104,54 @@ TEST(Texture, PaintsAPictureAndFaultsHaveALine) {
     }
 }
 
+// Strands have the colour of the image at their roots, whatever shades them, and from root to tip.
+TEST(Texture, ColorsStrandsByTheUvAtTheirRoots) {
+    const Folder folder;
+    checkerboard(folder, 64);
+    const auto scene = [&](const std::string& shader, const std::string& mesh) {
+        return "[camera]\nposition = [0, 4, 0.01]\ntarget = [0, 0, 0]\nfov = 28.07\n"
+               "[film]\nsize = [64, 64]\nsamples = 16\nmax_depth = 1\nfilter = \"box\"\nfilter_radius = 0.5\n"
+               "[[light]]\ntype = \"sky\"\nzenith = 1\nhorizon = 1\nground = 1\n"
+               "[[material]]\nname = \"black\"\ntype = \"diffuse\"\ncolor = 0\n"
+               "[[material]]\nname = \"m\"\ncolor = 1\ncolor_map = \"checker.png\"\n" +
+               shader + "[[mesh]]\nname = \"floor\"\nmaterial = \"black\"\n" + mesh +
+               "[[procedural]]\ntype = \"groom\"\nname = \"fur\"\non = \"floor\"\nmaterial = \"m\"\n"
+               "density = 40000\nlength = [0.02, 0.03]\nlean = 45\narc = 30\nwidth = 0.008\n"
+               "width_profile = [[0, 1]]\ncvs = 4\nshape = \"ribbon\"\n";
+    };
+    const std::string plane = "type = \"plane\"\nsize = [2, 2]\n";
+    for (const std::string shader : {"type = \"diffuse\"\n", "type = \"grass\"\ntransmission = 0\n",
+                                     "type = \"hair\"\n", "type = \"surface\"\nspecular = 0\n"}) {
+        SCOPED_TRACE(shader);
+        const ProgramResult done = marram(
+            {"render", folder.write("s.toml", scene(shader, plane)), "-o", folder / "out.exr", "--quiet"});
+        ASSERT_EQ(done.code, 0) << done.err;
+        const Image image = read_image(folder / "out.exr");
+        double bright = 0.0, dark = 0.0;
+        for (int y = 8; y < 64; y += 16)
+            for (int x = 8; x < 64; x += 16) {
+                const bool white = ((x / 16) + (y / 16)) % 2 == 1;
+                double sum = 0.0; // of 4 x 4 pixels in a square's middle
+                for (int i = 0; i < 16; ++i)
+                    sum +=
+                        double(image.pixels[size_t(((y - 2 + i / 4) * 64 + x - 2 + i % 4) * image.channels)]);
+                (white ? bright : dark) += sum / 16.0 / 8.0;
+            }
+        // Seen once, hair returns little, and some of that is white gloss.
+        EXPECT_GT(bright, 0.05);
+        EXPECT_LT(dark, 0.35 * bright);
+    }
+    // Without a uv at the roots it would be one colour for all.
+    folder.write("bare.obj", "v -1 0 -1\nv 1 0 -1\nv 0 0 1\nf 3 2 1\n");
+    const ProgramResult refused =
+        marram({"render",
+                folder.write("b.toml", scene("type = \"hair\"\n", "type = \"file\"\nfile = \"bare.obj\"\n")),
+                "-o", folder / "b.exr", "--quiet"});
+    EXPECT_EQ(refused.code, 2);
+    EXPECT_NE(refused.err.find("the strands of 'fur' have no uv at their roots"), std::string::npos)
+        << refused.err;
+}
+
 // What the renderer cannot do for want of a folder it says; what it has made is gone afterwards.
 TEST(Texture, LeavesNothingBehindAndNeedsAFolder) {
     const Folder folder, temporary;

@@ -88,6 +88,73 @@ TEST(Graph, AMeshTracesWhatItNamesAndNothingElse) {
     EXPECT_NEAR(highest(mesh_named(roofed.build(), "dune")), 9.0F, 1e-4F);
 }
 
+// ---- one groom on several meshes
+
+std::string fur_on(const std::string& on, const std::string& more = "") {
+    return "[[procedural]]\ntype = \"groom\"\nname = \"fur\"\non = " + on +
+           "\ncount = 100\nlength = 0.2\nwidth = 0.01\n" + more;
+}
+
+TEST(SeveralMeshes, EachCarriesTheGroom) {
+    const std::string meshes = mesh("low", "plane") +
+                               mesh("high", "plane", "transform = { translate = [0, 9, 0] }") +
+                               hill("dune", "size = 8\ndivisions = 32");
+    TestScene scene(meshes + fur_on("[\"low\", \"high\", \"dune\"]"));
+    const World world = scene.build();
+    ASSERT_EQ(world.curves.size(), 3u);
+    const std::vector<std::string> names = {"fur.low", "fur.high", "fur.dune"};
+    for (size_t i = 0; i < names.size(); ++i) {
+        EXPECT_EQ(world.curves[i].name, names[i]);
+        EXPECT_EQ(world.curves[i].curve_count, 100u);
+    }
+    int alike = 0;
+    for (size_t c = 0; c < 100; ++c) {
+        EXPECT_NEAR(cv(world.curves[0], 0, c, 0).y(), 0.0F, 0.02F);
+        EXPECT_NEAR(cv(world.curves[1], 0, c, 0).y(), 9.0F, 0.02F);
+        alike +=
+            (cv(world.curves[1], 0, c, 0) - cv(world.curves[0], 0, c, 0) - Vec3f(0, 9, 0)).norm() < 1e-3F;
+    }
+    EXPECT_LT(alike, 5); // equal meshes do not look the same
+    // What stands on a mesh does not depend on the others, nor on their order.
+    TestScene other(meshes + fur_on("[\"high\", \"low\"]"));
+    const World again = other.build();
+    EXPECT_EQ(vertices_of(again.curves[0]), vertices_of(world.curves[1]));
+    // One in brackets is that one.
+    TestScene bracket(meshes + fur_on("[\"low\"]")), plain(meshes + fur_on("\"low\""));
+    const World a = bracket.build(), b = plain.build();
+    EXPECT_EQ(a.curves[0].name, "fur");
+    EXPECT_EQ(vertices_of(a.curves[0]), vertices_of(b.curves[0]));
+}
+
+TEST(SeveralMeshes, MistakesAreTold) {
+    const auto mistake = [](const std::string& on, const std::string& more = "") -> std::string {
+        try {
+            TestScene scene(mesh("low", "plane") + mesh("high", "plane") + fur_on(on) + more);
+        } catch (const InputError& error) {
+            return to_string(error.problems.at(0));
+        }
+        return "";
+    };
+    EXPECT_EQ(mistake("[\"low\", \"high\"]"), "");
+    EXPECT_NE(mistake("[]").find("or a list of such names"), std::string::npos) << mistake("[]");
+    EXPECT_NE(mistake("[\"low\", \"low\"]").find("names \"low\" twice: name each once"), std::string::npos)
+        << mistake("[\"low\", \"low\"]");
+    EXPECT_NE(mistake("[\"low\", \"hihg\"]").find("there is no mesh, procedural \"hihg\""),
+              std::string::npos)
+        << mistake("[\"low\", \"hihg\"]");
+    EXPECT_NE(mistake("[\"low\", 3]").find("a part of procedural.fur.on"), std::string::npos);
+    const std::string two = mistake("[\"low\", \"high\"]", "\n" + fur_on("[\"low\", \"high\"]"));
+    EXPECT_NE(two.find("the name \"fur.low\" is taken"), std::string::npos) << two;
+    // Curves that other things name are those of one mesh.
+    const std::string guided =
+        mistake("[\"low\", \"high\"]", "\n[[procedural]]\ntype = \"groom\"\nname = \"child\"\non = \"low\"\n"
+                                       "count = 9\nwidth = 0.01\nguides.curves = \"fur\"\n");
+    EXPECT_NE(guided.find("fur"), std::string::npos) << guided;
+    EXPECT_NE(mistake("\"low\"", "\n[[procedural]]\ntype = \"strands\"\nname = \"s\"\ncurves = \"fur\"\n"
+                                 "on = [\"low\", \"high\"]\n"),
+              ""); // imported strands stand on one mesh
+}
+
 // ---- what meshes carry
 
 TEST(Attributes, OfAMeshReachTheWorldAndTheGroom) {

@@ -47,9 +47,7 @@ Groom wild_groom(int cvs) {
     groom.arc_variation = 0.5;
     groom.curl_radius = 0.03;
     groom.curl_turns = 2.5;
-    groom.clump_size = 0.1;
-    groom.clump_amount = 0.6;
-    groom.clump_profile = Ramp(std::vector<double>{0, 0, 1, 1}, "linear");
+    groom.clumps = {{0.1, 0.6, Ramp(std::vector<double>{0, 0, 1, 1}, "linear")}};
     groom.frizz_amplitude = 0.02;
     groom.frizz_frequency = 5.0;
     return groom;
@@ -125,10 +123,31 @@ TEST(StrandShape, clumps_draw_tips_together) {
         return sum / strands.count;
     };
     const double loose = mean_tip_gap(grown(groom, plane, plane, roots));
-    groom.clump_size = 0.15;
-    groom.clump_amount = 0.95;
-    groom.clump_profile = Ramp(std::vector<double>{0, 0, 1, 1}, "linear");
-    EXPECT_LT(mean_tip_gap(grown(groom, plane, plane, roots)), 0.3 * loose);
+    const Ramp to_the_tip(std::vector<double>{0, 0, 1, 1}, "linear");
+    groom.clumps = {{0.15, 0.95, to_the_tip}};
+    const Strands coarse = grown(groom, plane, plane, roots);
+    EXPECT_LT(mean_tip_gap(coarse), 0.3 * loose);
+
+    // Fine clumps within coarse ones: tips of a fine clump are together, and it goes to a coarse clump's middle as a whole.
+    groom.clumps = {{0.3, 0.5, to_the_tip}, {0.05, 1.0, to_the_tip}};
+    groom.lean = groom.lean_variation = groom.arc = groom.arc_variation = 0.0;
+    const Strands both = grown(groom, plane, plane, roots);
+    groom.clumps = {{0.3, 0.0, to_the_tip}, {0.05, 1.0, to_the_tip}};
+    const Strands fine = grown(groom, plane, plane, roots);
+    groom.clumps = {{0.3, 0.5, to_the_tip}};
+    EXPECT_LT(mean_tip_gap(both), 0.2 * mean_tip_gap(grown(groom, plane, plane, roots)));
+    int together = 0, torn = 0;
+    for (int i = 0; i < fine.count; ++i)
+        for (int j = 0; j < i; ++j) {
+            const auto apart = [&](const Strands& strands) {
+                const Vec3d gap = cv(strands, i, 7) - cv(strands, j, 7);
+                return std::hypot(gap.x(), gap.z());
+            };
+            if (apart(fine) > 1e-3) continue; // of two fine clumps
+            (apart(both) < 4e-3 ? together : torn) += 1;
+        }
+    EXPECT_GT(together, 1000);
+    EXPECT_LT(torn, together / 200);
 }
 
 TEST(StrandShape, rides_rigidly_with_its_surface) {
@@ -201,5 +220,89 @@ TEST(StrandShape, length_masks_shorten) {
         if (std::abs(x - 0.75) < 0.01) {
             EXPECT_NEAR(length, 0.75, 0.03);
         }
+    }
+}
+
+// What a factor makes of a parameter is what a groom with that share of it has: where it is 0 nothing of it is left, where it is 1 all.
+TEST(StrandShape, factors_scale_what_they_are_of) {
+    const TestSurface plane = grid_surface(10, 1.0);
+    Groom whole = wild_groom(8);
+    whole.lean_variation = whole.arc_variation = 0.0;
+    const std::vector<Root> roots = roots_on(whole, plane);
+    const Factor halves{
+        "", "", Mask{2, 1, {0.0F, 1.0F}},
+        Ramp(std::vector<double>{0, 0, 0.5, 1}, "constant")}; // a half of the plane 0, the other 1
+    const auto without = [&](FactorOf what) {
+        Groom groom = whole;
+        if (what == of_width) groom.width = 0.0;
+        if (what == of_lean) groom.lean = 0.0;
+        if (what == of_arc) groom.arc = 0.0;
+        if (what == of_curl) groom.curl_radius = 0.0;
+        if (what == of_clump) groom.clumps.clear();
+        if (what == of_frizz) groom.frizz_amplitude = 0.0;
+        return groom;
+    };
+    const Strands full = grown(whole, plane, plane, roots);
+    for (const FactorOf what : {of_width, of_lean, of_arc, of_curl, of_clump, of_frizz}) {
+        SCOPED_TRACE(what);
+        Groom scaled = whole;
+        scaled.factors[what] = {halves};
+        const Strands mixed = grown(scaled, plane, plane, roots),
+                      none = grown(without(what), plane, plane, roots);
+        int changed = 0, kept = 0;
+        for (int i = 0; i < mixed.count; ++i) {
+            const Root root = roots[size_t(i)];
+            const double share = halves(plane.surface(), root.triangle, root_weights(whole.seed, root));
+            ASSERT_TRUE(share == 0.0 || share == 1.0);
+            const Strands& expected = share == 0.0 ? none : full;
+            const auto width = [&](const Strands& s) { return s.width[size_t(i / lanes)][i % lanes]; };
+            EXPECT_EQ(width(mixed), width(expected));
+            for (int k = 0; k < whole.cvs; ++k)
+                EXPECT_LT((cv(mixed, i, k) - cv(expected, i, k)).norm(), 1e-7) << i << " " << k;
+            (share == 0.0 ? changed : kept) += 1;
+        }
+        EXPECT_GT(changed, 50);
+        EXPECT_GT(kept, 50);
+    }
+    // Several are multiplied.
+    Groom twice = whole;
+    twice.factors[of_width] = {
+        {"", "", Mask{1, 1, {0.5F}}, Ramp(std::vector<double>{0, 0, 1, 1}, "linear")},
+        {"", "", Mask{1, 1, {0.25F}}, Ramp(std::vector<double>{0, 1, 1, 0}, "linear")}};
+    const Strands thin = grown(twice, plane, plane, roots);
+    for (int i = 0; i < thin.count; ++i)
+        EXPECT_DOUBLE_EQ(thin.width[size_t(i / lanes)][i % lanes],
+                         0.5 * 0.75 * full.width[size_t(i / lanes)][i % lanes]);
+}
+
+// A map combs along u and v wherever the surface lies; where it is grey the comb decides.
+TEST(StrandShape, comb_maps_go_by_uv) {
+    const TestSurface plane = grid_surface(10, 1.0);
+    Groom groom = plain_groom(8);
+    groom.lean = 0.8;
+    groom.lean_variation = groom.comb_variation = 0.0;
+    groom.combed = true;
+    groom.comb = Vec3d(0, 0, 1);
+    groom.comb_map = {Mask{1, 1, {1.0F}}, Mask{1, 1, {0.5F}}}; // along u
+    const std::vector<Root> roots = roots_on(groom, plane);
+    const Surface surface = plane.surface();
+    const auto expect_towards = [&](auto&& direction_at) {
+        const Strands strands = grown(groom, plane, plane, roots);
+        for (int i = 0; i < strands.count; ++i) {
+            Vec3d lean = cv(strands, i, 7) - cv(strands, i, 0);
+            lean.y() = 0.0;
+            EXPECT_GT(lean.normalized().dot(direction_at(roots[size_t(i)].triangle)), 0.999) << i;
+        }
+    };
+    expect_towards([&](uint32_t t) { return surface.uv_directions(t)[0]; });
+    groom.comb_map = {Mask{1, 1, {0.5F}}, Mask{1, 1, {0.0F}}};
+    expect_towards([&](uint32_t t) { return Vec3d(-surface.uv_directions(t)[1]); });
+    groom.comb_map = {Mask{1, 1, {0.5F}}, Mask{1, 1, {128.0F / 255.0F}}};
+    expect_towards([&](uint32_t) { return groom.comb; });
+    for (uint32_t t = 0; t < surface.triangle_count;
+         ++t) { // u and v of the grid are x and z, or their opposites
+        const auto [u, v] = surface.uv_directions(t);
+        EXPECT_NEAR(std::abs(u.x()), 1.0, 1e-6);
+        EXPECT_NEAR(std::abs(v.z()), 1.0, 1e-6);
     }
 }

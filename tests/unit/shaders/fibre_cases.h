@@ -54,7 +54,8 @@ inline HairSettings hair_of(const HairCase& hair) {
                                         {"azimuthal_roughness", text_of(hair.azimuthal_roughness)},
                                         {"tilt", text_of(hair.tilt_degrees)},
                                         {"ior", text_of(hair.ior)},
-                                        {"color", hair.color}}));
+                                        {"color", hair.color}}),
+                     {});
 }
 
 } // namespace marram::testing

@@ -309,7 +309,7 @@ TEST(Hair, DarkerPigmentAbsorbsMore) {
     double last = 2.0;
     for (const char* melanin : {"0", "0.3", "1.3", "8"}) {
         const HairSettings hair =
-            read_hair(params_of("hair", {{"pigment", "\"melanin\""}, {"melanin", melanin}}));
+            read_hair(params_of("hair", {{"pigment", "\"melanin\""}, {"melanin", melanin}}), {});
         const double back = integrate(hair_at(hair, fibre_point(0.2, 0.3))).value.sum() / 3.0;
         EXPECT_LT(back, last);
         last = back;

@@ -36,8 +36,8 @@ LatticeNet random_net(uint64_t seed, double most, bool skewed = true) {
 }
 
 // Bedrock, sand and a mask on a grid, and room for what a layer makes of them.
-struct Ground {
-    explicit Ground(const Domain& d) : domain(d), bedrock(d.count()), sand(d.count()), mask(d.count()) {
+struct FlatGround {
+    explicit FlatGround(const Domain& d) : domain(d), bedrock(d.count()), sand(d.count()), mask(d.count()) {
         for (int j = 0; j < d.nz; ++j)
             for (int i = 0; i < d.nx; ++i) {
                 const double x = d.x(i), z = d.z(j);
@@ -65,7 +65,7 @@ struct Result {
     }
 };
 
-Result evaluate(const LatticeLayer& layer, const Ground& below, int width = Tiles::side) {
+Result evaluate(const LatticeLayer& layer, const FlatGround& below, int width = Tiles::side) {
     const Domain& d = below.domain;
     Result result{below.bedrock, std::vector<float>(d.count(), -1.0F), std::vector<SandUnits>(d.count(), -1)};
     float* masks[] = {result.mask.data()};
@@ -83,7 +83,7 @@ const Domain ground_domain{200, 150, 0.25, -5.0, -4.0};
 constexpr auto bedrock = LatticeLayer::Target::bedrock;
 
 TEST(Lattice, NetThatIsNotBentChangesNoBit) {
-    const Ground below(ground_domain);
+    const FlatGround below(ground_domain);
     for (const auto target : {bedrock, LatticeLayer::Target::sand}) {
         const LatticeLayer layer(even_net(5, 4, 6.0, 0.3), below.domain, target, {"m"});
         EXPECT_TRUE(evaluate(layer, below) == (Result{below.bedrock, below.mask, below.sand}));
@@ -92,7 +92,7 @@ TEST(Lattice, NetThatIsNotBentChangesNoBit) {
 }
 
 TEST(Lattice, LeavesBitsOutsideOfItsSupport) {
-    const Ground below(ground_domain);
+    const FlatGround below(ground_domain);
     const LatticeLayer layer(random_net(3, 1.0), below.domain, bedrock, {"m"});
     const Result result = evaluate(layer, below);
     Eigen::Matrix2d axes;
@@ -117,7 +117,7 @@ TEST(Lattice, LeavesBitsOutsideOfItsSupport) {
 }
 
 TEST(Lattice, KnownVerticalShearIsExact) {
-    const Ground below(ground_domain);
+    const FlatGround below(ground_domain);
     LatticeNet net = even_net(8, 7, 4.0, 0.2);
     for (int j = 0; j < net.nv; ++j)
         for (int i = 0; i < net.nu; ++i) net.offsets[size_t(j * net.nu + i)].y() = 0.7 + 0.4 * i - 0.25 * j;
@@ -140,7 +140,7 @@ TEST(Lattice, KnownVerticalShearIsExact) {
 }
 
 TEST(Lattice, WholeShiftMovesSamplesAndKeepsThickness) {
-    const Ground below(ground_domain);
+    const FlatGround below(ground_domain);
     LatticeNet net = even_net(8, 8, 4.0);
     for (Vec3d& offset : net.offsets) offset = {0.75, 0.0, -0.5}; // 3 and -2 samples
     const LatticeLayer layer(net, below.domain, bedrock, {"m"});
@@ -160,7 +160,7 @@ TEST(Lattice, ResampledHeightsConverge) {
     for (int fine = 0; fine < 2; ++fine) {
         Domain d = ground_domain;
         if (fine) d.nx *= 2, d.nz *= 2, d.cell *= 0.5;
-        const Ground below(d);
+        const FlatGround below(d);
         const LatticeLayer layer(random_net(11, 1.0), d, bedrock, {"m"});
         ASSERT_FALSE(layer.map().fold());
         const Result result = evaluate(layer, below);
@@ -248,7 +248,7 @@ TEST(Lattice, FadesWithoutACrease) {
 }
 
 TEST(Lattice, ReachIsHonest) {
-    const Ground below(ground_domain);
+    const FlatGround below(ground_domain);
     const LatticeLayer layer(random_net(3, 1.2), below.domain, bedrock, {"m"});
     ASSERT_FALSE(layer.map().fold());
     const Result before = evaluate(layer, below);
@@ -256,7 +256,7 @@ TEST(Lattice, ReachIsHonest) {
     double furthest = 0.0;
     for (uint64_t k = 0; k < 40; ++k) {
         const int i = 20 + int(160 * unit_double(hash(91, k))), j = 20 + int(110 * unit_double(hash(92, k)));
-        Ground other = below;
+        FlatGround other = below;
         other.views = {{"m", other.mask.data()}};
         other.bedrock[d.index(i, j)] += 1.0F;
         other.sand[d.index(i, j)] += sand_units(1.0);
@@ -277,7 +277,7 @@ TEST(Lattice, ReachIsHonest) {
 }
 
 TEST(Lattice, SameBitsHoweverItIsCutAndOnAnyNumberOfThreads) {
-    const Ground below(ground_domain);
+    const FlatGround below(ground_domain);
     const LatticeLayer layer(random_net(3, 1.2), below.domain, bedrock, {"m"});
     const Result whole = evaluate(layer, below);
     EXPECT_TRUE(evaluate(layer, below, 17) == whole);
@@ -287,7 +287,7 @@ TEST(Lattice, SameBitsHoweverItIsCutAndOnAnyNumberOfThreads) {
 }
 
 TEST(Lattice, SandAloneIsNeverNegative) {
-    const Ground below(ground_domain);
+    const FlatGround below(ground_domain);
     LatticeNet net = random_net(8, 1.0);
     for (Vec3d& offset : net.offsets) offset.y() -= 0.5;
     const LatticeLayer layer(net, below.domain, LatticeLayer::Target::sand, {"m"});
@@ -304,7 +304,7 @@ TEST(Lattice, SandAloneIsNeverNegative) {
 
 TEST(Lattice, ChangedTilesHoldEveryChange) {
     const Domain d{400, 300, 0.25, -30.0, -20.0};
-    const Ground below(d);
+    const FlatGround below(d);
     for (const bool moved : {false, true}) {
         LatticeNet net = random_net(3, 1.0);
         const LatticeLayer before(net, d, bedrock, {"m"});
@@ -331,7 +331,7 @@ TEST(Lattice, ExtremesStayFinite) {
     for (const double cell : {1e-6, 1.0, 1e6})
         for (const double lift : {0.0, 1e9, -1e9}) {
             const Domain d{70, 66, cell, 1e6, -1e6};
-            const Ground below(d);
+            const FlatGround below(d);
             LatticeNet net = random_net(4, 0.0);
             net.origin = {1e6 + 20 * cell, -1e6 + 20 * cell};
             net.along_row *= cell, net.across_rows *= cell;
@@ -443,7 +443,7 @@ TEST(Lattice, RefusesAFoldAndNamesItsCell) {
 
 TEST(Lattice, Speed) {
     const Domain d{1024, 1024, 0.03, -5.0, -4.0};
-    const Ground below(d);
+    const FlatGround below(d);
     const LatticeLayer layer(random_net(3, 1.2), d, bedrock, {"m"});
     for (const int threads : {1, 2}) {
         const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));

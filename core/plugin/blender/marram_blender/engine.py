@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The render engine "Marram": exports the frame that is asked for, runs the program, and gives its picture back."""
+import math
+import os
+import tempfile
+import traceback
+
+import bpy
+import numpy as np
+
+from . import export_scene
+from .export_camera import shutter
+from .notes import ExportError, Notes
+from .program import Cancelled, find_marram, run_marram
+
+# What the next render is to do in place of a picture: called with (engine, depsgraph). Operators that need what only a render has,
+# objects as they are set for rendering, put themselves here.
+instead = None
+
+
+class MarramEngine(bpy.types.RenderEngine):
+    bl_idname = "MARRAM"
+    bl_label = "Marram"
+    bl_use_preview = False
+    bl_use_eevee_viewport = True  # solid and material views stay those of Blender
+    bl_use_shading_nodes_custom = False
+
+    def render(self, depsgraph):
+        global instead
+        task, instead = instead, None
+        try:
+            (task or MarramEngine._picture)(self, depsgraph)
+        except Cancelled:
+            pass
+        except ExportError as error:
+            self._fail(str(error))
+        except Exception as error:  # a fault of the add-on must not take Blender's render job with it
+            traceback.print_exc()
+            self._fail(f"the add-on has failed: {error}")
+
+    def _fail(self, message: str):
+        self.report({"ERROR"}, f"Marram: {message}")
+        self.error_set(f"Marram: {message}")
+
+    def _progress(self, phase: str, fraction: float):
+        self.update_stats("", f"Marram: {phase}")
+        self.update_progress(fraction)
+
+    def frames_of(self, depsgraph, first: int, last: int, folder: str, notes: Notes, with_camera=True,
+                  with_picture=True) -> export_scene.Job:
+        """An export of these frames, each evaluated as for rendering. The caller goes back to the frame that is shown."""
+        def goto(frame):
+            if depsgraph.scene.frame_current != frame or depsgraph.scene.frame_subframe != 0:
+                self.frame_set(frame, 0.0)
+            return depsgraph
+        return export_scene.Job(folder, first, last, goto, True, with_camera, with_picture, self.test_break, self._progress, notes)
+
+    def _picture(self, depsgraph):
+        find_marram()  # before the work is done
+        scene = depsgraph.scene
+        frame = scene.frame_current
+        notes = Notes()
+        with tempfile.TemporaryDirectory(prefix="marram_") as folder:
+            first, last = frames_around(scene, frame)
+            job = self.frames_of(depsgraph, first, last, folder, notes)
+            path = export_scene.export(job, scene)
+            if scene.frame_current != frame:
+                self.frame_set(frame, 0.0)
+            picture = os.path.join(folder, "picture.exr")
+            width, height = export_scene.picture_size(scene)
+            said = run_marram(["render", path, "-o", picture, "--frame", str(frame), *threads(scene),
+                               *export_scene.further_settings(scene)], self.test_break, self._progress)
+            for line in notes.lines() + said:
+                self.report({"WARNING"}, f"Marram: {line}")
+            if not scene.render.film_transparent:
+                make_opaque(picture)
+            result = self.begin_result(0, 0, width, height, layer=depsgraph.view_layer.name)
+            result.layers[0].load_from_file(picture)
+            self.end_result(result)
+
+
+def frames_around(scene, frame: int) -> tuple[int, int]:
+    """Whole frames that a picture of one needs: those that its shutter touches, and before them what jiggle looks back to."""
+    opens, closes = shutter(scene)
+    first, last = frame + math.floor(opens), frame + math.ceil(closes)
+    if scene.marram.jiggle > 0:
+        back = math.ceil(scene.marram.jiggle_past * scene.render.fps / scene.render.fps_base)
+        first = min(first, max(frame - back, scene.frame_start))
+    return min(first, frame), last
+
+
+def threads(scene) -> list[str]:
+    return ["--threads", str(scene.render.threads)] if scene.render.threads_mode == "FIXED" else []
+
+
+def make_opaque(path: str):
+    """Alpha 1: the sky is part of the picture."""
+    image = bpy.data.images.load(path)
+    try:
+        pixels = np.empty(4 * image.size[0] * image.size[1], "f4")
+        image.pixels.foreach_get(pixels)
+        if pixels[3::4].min(initial=1) < 1:
+            pixels[3::4] = 1
+            image.pixels.foreach_set(pixels)
+            image.file_format = "OPEN_EXR"
+            image.save()
+    finally:
+        bpy.data.images.remove(image)
+
+
+def _panels():
+    """Blender's own panels that make sense for other engines than its two: those of Workbench's kind."""
+    left_out = {"VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes"}
+    return [panel for panel in bpy.types.Panel.__subclasses__()
+            if "BLENDER_RENDER" in getattr(panel, "COMPAT_ENGINES", ()) and panel.__name__ not in left_out]
+
+
+def register():
+    bpy.utils.register_class(MarramEngine)
+    for panel in _panels():
+        panel.COMPAT_ENGINES.add(MarramEngine.bl_idname)
+
+
+def unregister():
+    for panel in _panels():
+        panel.COMPAT_ENGINES.discard(MarramEngine.bl_idname)
+    bpy.utils.unregister_class(MarramEngine)

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The camera: where it is over the frames, its angle of view, lens and shutter."""
+import math
+
+from mathutils import Vector
+
+from . import axes
+from .notes import ExportError
+
+
+def vertical_fov(camera, width: int, height: int) -> float:
+    """Radians. The sensor's named side spans the picture's, or its longer one."""
+    if camera.sensor_fit == "VERTICAL":
+        return 2 * math.atan(0.5 * camera.sensor_height / camera.lens)
+    across = width if camera.sensor_fit == "HORIZONTAL" else max(width, height)
+    return 2 * math.atan(0.5 * camera.sensor_width / camera.lens * height / across)
+
+
+def shutter(scene) -> list[float]:
+    """When it opens and closes, in frames, relative to the frame."""
+    if not scene.render.use_motion_blur:
+        return [0, 0]
+    length = scene.render.motion_blur_shutter
+    position = scene.cycles.motion_blur_position if hasattr(scene, "cycles") else "CENTER"
+    opens = {"START": 0.0, "CENTER": -0.5, "END": -1.0}[position] * length
+    return [opens, opens + length]
+
+
+class MovingCamera:
+    def __init__(self, notes):
+        self.notes = notes
+        self.frames, self.matrices, self.fovs, self.distances = [], [], [], []
+        self.lens_radius, self.name = 0.0, ""
+
+    def add(self, frame: int, scene, depsgraph, size: tuple[int, int], unit: float):
+        original = depsgraph.scene_eval.camera or scene.camera
+        if original is None:
+            raise ExportError("the scene has no camera: add one")
+        thing = original.evaluated_get(depsgraph)
+        camera = thing.data
+        self.name = thing.name
+        if camera.type != "PERSP":
+            raise ExportError(f"the camera {thing.name} is no perspective one: Marram has no other")
+        self._note_what_is_missing(camera)
+        self.frames.append(frame)
+        self.matrices.append(thing.matrix_world.copy())
+        self.fovs.append(vertical_fov(camera, *size))
+        self.distances.append(_focus_distance(thing, camera, depsgraph) * unit if camera.dof.use_dof else None)
+        if len(self.frames) == 1 and camera.dof.use_dof:
+            self.lens_radius = 0.5 * camera.lens * 1e-3 / camera.dof.aperture_fstop * unit
+
+    def _note_what_is_missing(self, camera):
+        if camera.shift_x or camera.shift_y:
+            self.notes.add("the camera's shift is not exported: the picture shows another part of the scene", self.name)
+        if camera.dof.use_dof and (camera.dof.aperture_blades or camera.dof.aperture_ratio != 1):
+            self.notes.add("the lens is a round disc", self.name)
+
+    def entry(self, shutter_times: list[float], nearest: float, unit: float) -> dict:
+        """The table [camera]. nearest: metres to what pictures should be sharp enough for, where nothing is in focus."""
+        for what, values in (("angle of view", self.fovs), ("distance of focus", self.distances)):
+            if any(value != values[0] for value in values):
+                self.notes.add(f"the camera's {what} changes: it is that of frame {self.frames[0]} all along", self.name)
+        distance = self.distances[0]
+        moves = any(matrix != self.matrices[0] for matrix in self.matrices)
+        target, entry = distance or nearest, {}
+        if moves:
+            entry = {"position": [0, 0, 0], "target": [0, 0, -target], "transform": {"keys": self._keys(unit)}}
+        else:
+            turn, there = self.matrices[0].to_quaternion(), self.matrices[0].translation * unit
+            look = turn @ Vector((0, 0, -1))
+            entry = {"position": axes.vector_to_marram(there), "target": axes.vector_to_marram(there + target * look),
+                     "up": axes.vector_to_marram(turn @ Vector((0, 1, 0)))}
+        lens = {"lens_radius": self.lens_radius, "focus": distance} if distance and self.lens_radius > 0 else {}
+        return {**entry, "fov": math.degrees(self.fovs[0]), **lens, "shutter": shutter_times if any(shutter_times) else None}
+
+    def _keys(self, unit: float) -> list[dict]:
+        """A camera looks along -z with y up in both: its own axes stay, the world's change."""
+        keys, before = [], None
+        for frame, matrix in zip(self.frames, self.matrices):
+            turn = (axes.TO_MARRAM @ matrix).to_quaternion()
+            before = turn.to_euler("XYZ", before) if before else turn.to_euler("XYZ")
+            keys.append({"frame": frame, "translate": axes.vector_to_marram(matrix.translation * unit),
+                         "rotate": [math.degrees(angle) for angle in before]})
+        return keys
+
+    def distance_to(self, point, unit: float) -> float:
+        """Along the view, in metres, at the first frame."""
+        ahead = self.matrices[0].to_quaternion() @ Vector((0, 0, -1))
+        return ahead.dot(Vector(point) - self.matrices[0].translation) * unit
+
+
+def _focus_distance(thing, camera, depsgraph) -> float:
+    focus = camera.dof.focus_object
+    if focus is None:
+        return max(camera.dof.focus_distance, 1e-4)
+    ahead = thing.matrix_world.to_quaternion() @ Vector((0, 0, -1))
+    away = focus.evaluated_get(depsgraph).matrix_world.translation - thing.matrix_world.translation
+    return max(abs(ahead.dot(away)), 1e-4)

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The program marram: where it is, and a run of it with progress that can be cancelled."""
+import os
+import re
+import selectors
+import shutil
+import signal
+import subprocess
+import tempfile
+
+import bpy
+
+from .notes import ExportError
+
+
+def find_marram() -> str:
+    """Its path: from the add-on's preferences, else the environment's MARRAM, else PATH."""
+    addon = bpy.context.preferences.addons.get(__package__)
+    given = bpy.path.abspath(addon.preferences.program) if addon and addon.preferences.program else ""
+    for path, source in ((given, "the add-on's preferences"), (os.environ.get("MARRAM", ""), "the environment variable MARRAM")):
+        if not path:
+            continue
+        if os.path.isfile(path) and os.access(path, os.X_OK):
+            return path
+        raise ExportError(f"there is no program {path}: {source} should name marram")
+    if found := shutil.which("marram"):
+        return found
+    raise ExportError("marram was not found: name it in the add-on's preferences, in the environment variable MARRAM, or put it on PATH")
+
+
+class Cancelled(Exception):
+    pass
+
+
+def _terminal():
+    """marram shows its progress where it writes to a terminal. None where there is no such thing."""
+    try:
+        import pty
+        return pty.openpty()
+    except (ImportError, OSError):
+        return None
+
+
+class _Progress:
+    """Reads lines such as "rendering [###...]  42 %  0:10 left" from a terminal, and keeps all others."""
+    _bar = re.compile(r"([^\r\n\x1b\[\]]*) \[[#.]*\] +(\d+) %")
+
+    def __init__(self):
+        self.phase, self.fraction, self._text = "", 0.0, ""
+        self.messages: list[str] = []
+
+    def feed(self, text: str):
+        self._text += text
+        for phase, percent in self._bar.findall(self._text):
+            self.phase, self.fraction = phase.strip() or self.phase, int(percent) / 100
+        cut = max(self._text.rfind("\r"), self._text.rfind("\n"))
+        self.messages += [line for line in re.split(r"[\r\n]+", re.sub(r"\x1b\[K", "", self._text[:cut + 1]))
+                          if line.strip() and not self._bar.search(line)]
+        self._text = self._text[cut + 1:]
+
+
+def run_marram(arguments: list[str], cancelled=lambda: False, progress=lambda phase, fraction: None) -> list[str]:
+    """Runs it to its end and returns its warnings. Raises ExportError with its first message where it fails, Cancelled where it was
+    interrupted."""
+    command = [find_marram(), *arguments]
+    terminal = _terminal()
+    reading, writing = terminal if terminal else os.pipe()
+    state = _Progress()
+    with tempfile.TemporaryFile() as said:
+        try:
+            child = subprocess.Popen(command, stdout=said, stderr=writing, stdin=subprocess.DEVNULL)
+        except OSError as error:
+            os.close(reading)
+            os.close(writing)
+            raise ExportError(f"{command[0]} cannot be run: {error.strerror}") from error
+        os.close(writing)
+        os.set_blocking(reading, False)
+        asked, told = False, None
+        with selectors.DefaultSelector() as wait:
+            wait.register(reading, selectors.EVENT_READ)
+            while True:
+                chunk = _read(reading) if wait.select(0.1) else None
+                if chunk == b"":  # it has closed its end
+                    break
+                if chunk:
+                    state.feed(chunk.decode(errors="replace"))
+                if told != (state.phase, state.fraction):
+                    told = state.phase, state.fraction
+                    progress(*told)
+                if cancelled() and not asked:
+                    child.send_signal(signal.SIGINT)
+                    asked = True
+        os.close(reading)
+        child.wait()
+    state.feed("\n")
+    if asked:
+        raise Cancelled()
+    if child.returncode != 0:
+        raise ExportError(state.messages[0] if state.messages else f"marram ended with exit code {child.returncode}")
+    return state.messages
+
+
+def _read(descriptor) -> bytes | None:
+    try:
+        return os.read(descriptor, 65536)
+    except BlockingIOError:
+        return None
+    except OSError:  # how a terminal says that its other end is closed
+        return b""

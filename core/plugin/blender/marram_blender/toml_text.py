@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes as TOML text. Numbers have the fewest digits that give the same double back; where they are floats, the same float."""
+import json
+import math
+
+import numpy as np
+
+
+def value_text(value) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {value_text(one)}" for key, one in value.items()) + " }" if value else "{}"
+    if hasattr(value, "__iter__"):
+        return "[" + ", ".join(value_text(one) for one in value) + "]"
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{number} is not finite")
+    if number == int(number) and abs(number) < 1e15:
+        return str(int(number))
+    with np.errstate(over="ignore", under="ignore"):
+        single = np.float32(number)
+    return str(single) if float(single) == number else repr(number)
+
+
+def table_text(heading: str, values: dict) -> str:
+    """A table and its keys, those with the value None left out. No heading: keys before the first table."""
+    lines = [heading] if heading else []
+    lines += [f"{key} = {value_text(value)}" for key, value in values.items() if value is not None]
+    return "\n".join(lines) + "\n"

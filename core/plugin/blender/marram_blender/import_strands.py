@@ -45,6 +45,16 @@ def import_strands(files: list[tuple[int, str]], grooms: list[dict], collection)
     return [thing for thing, _, _ in made]
 
 
+def new_curves(name: str, counts, points, radii, ids=None, material=None):
+    """A Curves object of the present collection, as an import makes them of one frame. Points in the world."""
+    thing = bpy.data.objects.new(name, bpy.data.hair_curves.new(name))
+    bpy.context.collection.objects.link(thing)
+    chains = _chains(name, counts, points, radii, np.arange(len(counts)) if ids is None else ids)
+    _add_nodes(thing, chains, material)
+    _apply(thing, chains)
+    return thing
+
+
 def _chains(name: str, counts, points, radii, ids):
     """An object that is linked nowhere: a mesh whose edges run along the strands."""
     mesh = bpy.data.meshes.new(name + FRAMES_BEHIND)

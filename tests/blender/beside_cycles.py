@@ -114,8 +114,8 @@ def blocks(picture, across=8):
 def report(marram, cycles):
     ratio = marram[..., :3].mean((0, 1)) / cycles[..., :3].mean((0, 1))
     parts = blocks(marram).mean(-1) / blocks(cycles).mean(-1)
-    print(f"brightness of Marram over Cycles: {marram[..., :3].mean() / cycles[..., :3].mean():.3f}, red {ratio[0]:.3f}, green {ratio[1]:.3f}, "
-          f"blue {ratio[2]:.3f}; squares of an eighth of the width: {parts.min():.3f} to {parts.max():.3f}")
+    print(f"brightness of Marram over Cycles: {marram[..., :3].mean() / cycles[..., :3].mean():.3f}, red {ratio[0]:.3f}, "
+          f"green {ratio[1]:.3f}, blue {ratio[2]:.3f}; squares of an eighth of the width: {parts.min():.3f} to {parts.max():.3f}")
 
 
 def main():

@@ -11,6 +11,8 @@ import numpy as np
 from . import axes, ply
 from .export_mesh import frame_text
 
+# For strands that stay as they are.
+CALM = {"speed": 0, "jiggle": {"frequency": 0}, "collision": {"solver": "none"}}
 DEFAULT_RADIUS = 0.005  # Cycles' for Curves without the attribute "radius"
 
 
@@ -105,6 +107,7 @@ class MovingHair:
     material: str
     source: tuple    # how an import finds the object: (object, particle system or "")
     slot: int        # of its material, on the object
+    blown: bool      # already: it has come back from Marram
     on: str | None = None  # that mesh's name
     hair: Hair | None = None
     frames: list[int] = field(default_factory=list)
@@ -142,5 +145,5 @@ class MovingHair:
         curves = {"name": f"{self.name} curves", "type": "strands", "file": self.file + (".####.ply" if self.moves else ".ply"),
                   "file_frames": [self.frames[0], self.frames[-1]] if self.moves else None}
         strands = {"name": self.name, "type": "strands", "curves": curves["name"], "on": self.on, "material": self.material,
-                   "basis": "catmull-rom", "shape": shape}
+                   "basis": "catmull-rom", "shape": shape, "wind": CALM if self.blown else None}
         return curves, strands

@@ -34,7 +34,7 @@ def lamp_entries(thing, matrix: Matrix, name: str, file: str, folder: str, unit:
         radius = max(lamp.shadow_soft_size, 1e-3)
         positions, triangles = _sphere(radius)
         positions = axes.to_marram(positions + np.array(matrix.translation), unit)
-        radiance = POINT_RADIANCE / (math.pi * (radius * unit) ** 2)
+        radiance = 4 * POINT_RADIANCE / _area(positions, triangles)  # as bright as the round one
     else:
         notes.add("spot lamps are not exported", name)
         return [], []
@@ -54,9 +54,12 @@ def _panel(lamp, matrix: Matrix, unit: float):
     rim = rim * (0.5 * width, 0.5 * height)
     points = axes.to_marram(axes.transformed(np.concatenate([rim, np.zeros((len(rim), 1))], axis=1), matrix), unit)
     fan = np.array([(0, k + 1, k) for k in range(1, len(rim) - 1)], "i4")
-    corners = points[fan].astype("f8")
-    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
-    return points, fan, max(area, 1e-12)
+    return points, fan, max(_area(points, fan), 1e-12)
+
+
+def _area(points, triangles) -> float:
+    a, b, c = (points[triangles[:, k]].astype("f8") for k in range(3))
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
 
 
 def _sphere(radius: float):
@@ -78,8 +81,9 @@ def _sphere(radius: float):
 # ---- The world
 
 DARK = {"name": "world", "type": "sky", "zenith": [0] * 3, "horizon": [0] * 3, "ground": [0] * 3}
-# Blender's sky over Marram's daylight at strength 1, whose sun gives 5 W/m^2 above the air.
-DAYLIGHT_STRENGTH = 1.0
+# Blender's skies over Marram's daylight at strength 1, by what they make of a grey plane: Nishita's sun and sky together, with the sun
+# 20 to 50 degrees high; its sky alone; the other models, whose unit is their own.
+NISHITA, NISHITA_SKY, OTHER_SKY = 29.0, 11.0, 0.4
 
 
 def world_entries(world, as_daylight: bool, folder: str, notes, cancelled) -> list[dict]:
@@ -119,12 +123,13 @@ def _plain_colour(world) -> list[float] | None:
 def _daylight(sky, world, notes) -> dict:
     background = next((node for node in world.node_tree.nodes if node.type == "BACKGROUND"), None)
     strength = background.inputs["Strength"].default_value if background else 1.0
-    common = {"name": "world", "type": "daylight", "strength": DAYLIGHT_STRENGTH * strength}
+    common = {"name": "world", "type": "daylight"}
     if sky.sky_type != "NISHITA":
         notes.add(f"the sky texture {sky.sky_type.title()} becomes Marram's daylight without a sun", world.name)
-        return {**common, "direction": axes.vector_to_marram(sky.sun_direction), "sun": False, "turbidity": sky.turbidity,
-                "ground_albedo": getattr(sky, "ground_albedo", 0.3)}
+        return {**common, "strength": OTHER_SKY * strength, "direction": axes.vector_to_marram(sky.sun_direction), "sun": False,
+                "turbidity": sky.turbidity, "ground_albedo": sky.ground_albedo}
     up, round_ = sky.sun_elevation, sky.sun_rotation
     towards = (math.sin(round_) * math.cos(up), math.cos(round_) * math.cos(up), math.sin(up))
-    return {**common, "direction": axes.vector_to_marram(towards), "sun": sky.sun_disc, "angle": math.degrees(sky.sun_size),
+    return {**common, "strength": (NISHITA if sky.sun_disc else NISHITA_SKY) * strength,
+            "direction": axes.vector_to_marram(towards), "sun": sky.sun_disc, "angle": math.degrees(sky.sun_size),
             "altitude": sky.altitude, "turbidity": min(max(1 + 1.5 * sky.dust_density, 1), 10), "ozone": 300 * sky.ozone_density}

@@ -13,9 +13,10 @@ import numpy as np
 from . import axes, toml_text
 from .export_camera import MovingCamera, shutter
 from .export_hair import MovingHair, curves_hair, particle_hair
-from .export_light import lamp_entries, world_entries
+from .export_light import DARK, lamp_entries, world_entries
 from .export_material import Materials
 from .export_mesh import MovingMesh, read_surface
+from .import_strands import is_blown
 from .notes import ExportError, Notes
 from .program import Cancelled
 
@@ -169,7 +170,8 @@ class _Writer:
             material = slots[min(max(slot, 0), len(slots) - 1)].material if len(slots) else None
             self.grooms[key] = MovingHair(name, self._file(name), self.folder, self.unit, self.notes, len(self.grooms),
                                           on, self.settings.hair_motion == "CARRIED",
-                                          self.materials.name_for(material, True), (thing.original.name, system), slot)
+                                          self.materials.name_for(material, True), (thing.original.name, system), slot,
+                                          is_blown(thing.original))
         seen.add(key)
         self.grooms[key].add(frame, hair)
 
@@ -194,7 +196,9 @@ class _Writer:
         for more_meshes, more_lights in self.lamps:
             meshes += more_meshes
             lights += more_lights
-        if self.job.with_picture:
+        if not self.job.with_picture:
+            lights = [DARK]
+        else:
             lights += world_entries(self.scene.world, self.settings.sky == "DAYLIGHT", self.folder, self.notes, self.job.cancelled)
         shape = "round" if hasattr(self.scene, "cycles_curves") and self.scene.cycles_curves.shape == "THICK" else "ribbon"
         strands = [groom.entries(shape) for groom in self.grooms.values()]

@@ -11,6 +11,7 @@ import numpy as np
 from . import axes, ply
 
 FRAMES_BEHIND = " frames"
+SOURCE = "marram_source"  # of a blown object: what it was made of, (object, particle system or "")
 
 
 def split(strands: ply.Strands) -> dict[int, tuple[np.ndarray, np.ndarray]]:
@@ -30,6 +31,7 @@ def import_strands(files: list[tuple[int, str]], grooms: list[dict], collection)
         collection.objects.link(thing)
         chains = _chains(thing.name, first.counts[of_strands], axes.to_blender(first.points[of_cvs], unit),
                          0.5 * first.widths[of_cvs].astype("f8") / unit, first.ids[of_strands])
+        thing[SOURCE] = (groom["object"], groom["system"])
         _add_nodes(thing, chains, _material(groom))
         made.append((thing, chains, of_cvs))
     if len(files) > 1:
@@ -126,16 +128,51 @@ def _material(groom: dict):
     return slots[min(max(groom["slot"], 0), len(slots) - 1)].material if len(slots) else None
 
 
-def hide_sources(grooms: list[dict]):
-    """What has come back blown is not drawn a second time."""
-    for groom in grooms:
-        thing = bpy.data.objects.get(groom["object"])
-        if thing is None:
-            continue
-        if not groom["system"]:
+def is_blown(thing) -> bool:
+    return SOURCE in thing
+
+
+class EarlierBlown:
+    """Strands that were blown before. While new ones are made what they came from is shown in their place."""
+
+    def __init__(self, scene):
+        self.things = [thing for thing in scene.objects if is_blown(thing)]
+        self.sources = {tuple(thing[SOURCE]) for thing in self.things}
+        self.hidden = {source for source in self.sources if not _is_drawn(*source)}
+        for thing in self.things:
             thing.hide_render = True
-            thing.hide_set(True)
-            continue
-        for modifier in thing.modifiers:
-            if modifier.type == "PARTICLE_SYSTEM" and modifier.particle_system.name == groom["system"]:
-                modifier.show_render = modifier.show_viewport = False
+        for source in self.hidden:
+            show_source(*source, True)
+
+    def put_back(self):
+        for thing in self.things:
+            thing.hide_render = False
+        for source in self.hidden:
+            show_source(*source, False)
+
+    def remove(self):
+        for thing in self.things:
+            bpy.data.objects.remove(thing)
+        self.things = []
+
+
+def _particle_modifier(thing, system: str):
+    return next((modifier for modifier in thing.modifiers
+                 if modifier.type == "PARTICLE_SYSTEM" and modifier.particle_system.name == system), None)
+
+
+def _is_drawn(name: str, system: str) -> bool:
+    thing = bpy.data.objects.get(name)
+    drawn = _particle_modifier(thing, system) if thing and system else None
+    return drawn.show_render if drawn else not (thing and thing.hide_render)
+
+
+def show_source(name: str, system: str, shown: bool):
+    """What has come back blown is not drawn a second time."""
+    thing = bpy.data.objects.get(name)
+    if thing is None:
+        return
+    if not system:
+        thing.hide_render = thing.hide_viewport = not shown
+    elif modifier := _particle_modifier(thing, system):
+        modifier.show_render = modifier.show_viewport = shown

@@ -125,21 +125,29 @@ class MARRAM_OT_blow(_Operator, bpy.types.Operator):
 
     def act(self, context):
         find_marram()
+        earlier = import_strands.EarlierBlown(context.scene)
+        try:
+            things, grooms, said = self._blow(context, earlier)
+        except BaseException:
+            earlier.put_back()
+            raise
+        for groom in grooms:
+            import_strands.show_source(groom["object"], groom["system"], not self.hide)
+        self.report({"INFO"}, f"Marram: {', '.join(thing.name for thing in things)}")
+        return said
+
+    def _blow(self, context, earlier):
         scene = context.scene
         first, last = _frames(scene, self.which)
         with tempfile.TemporaryDirectory(prefix="marram_") as folder:
-            from_frame = engine.frames_around(scene, first)[0]
-            path, notes = export_as_rendered(context, folder, from_frame, last, False)
+            path, notes = export_as_rendered(context, folder, engine.frames_around(scene, first)[0], last, False)
             with open(os.path.join(folder, export_scene.GROOMS), encoding="utf-8") as file:
                 grooms = json.load(file)
             if not grooms:
                 raise ExportError("the scene has no hair to blow: no Curves objects, no particle system that draws paths")
             files, said = bake(scene, path, folder, first, last)
-            things = import_strands.import_strands(files, grooms, context.collection)
-        if self.hide:
-            import_strands.hide_sources(grooms)
-        self.report({"INFO"}, f"Marram: {', '.join(thing.name for thing in things)}")
-        return notes.lines() + said
+            earlier.remove()
+            return import_strands.import_strands(files, grooms, context.collection), grooms, notes.lines() + said
 
 
 def bake(scene, path: str, folder: str, first: int, last: int) -> tuple[list[tuple[int, str]], list[str]]:

@@ -95,9 +95,10 @@ def run_marram(arguments: list[str], cancelled=lambda: False, progress=lambda ph
     state.feed("\n")
     if asked:
         raise Cancelled()
+    messages = [re.sub(r"^/\S*/marram_[^/]*/scene\.toml:\d+:\d+: ", "", line) for line in state.messages]
     if child.returncode != 0:
-        raise ExportError(state.messages[0] if state.messages else f"marram ended with exit code {child.returncode}")
-    return state.messages
+        raise ExportError(messages[0] if messages else f"marram ended with exit code {child.returncode}")
+    return messages
 
 
 def _read(descriptor) -> bytes | None:

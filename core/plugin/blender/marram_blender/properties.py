@@ -31,7 +31,7 @@ class MarramScene(bpy.types.PropertyGroup):
                                "before it", default=1, min=0, soft_max=5, unit="TIME_ABSOLUTE")
     # Wind
     wind_object: PointerProperty(name="Along", type=bpy.types.Object,
-                                 description="The air moves along this object's z axis, like the wind of a force field. None: along Direction")
+                                 description="The air moves along this object's z axis, as a force field's wind does. None: along Direction")
     direction: FloatVectorProperty(name="Direction", description="Where the air moves to", default=(1, 0, 0), subtype="DIRECTION")
     speed: FloatProperty(name="Speed", description="0: calm, strands stay as they are", default=0, min=0, soft_max=30, unit="VELOCITY")
     bend: FloatProperty(name="Bend", description="How far strands turn towards the wind: softness, 0 to 1", default=0.6, min=0, soft_max=1)

@@ -1,0 +1,373 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tests of the add-on, called by ./run in a Blender without a window. Prints what it measures; raises at the end where a check failed."""
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+ADDON = HERE.parents[1] / "core/plugin/blender/marram_blender"
+MARRAM = os.environ["MARRAM"]
+CV_LIMIT = 1e-6  # of the scene's size
+sys.path.insert(0, str(HERE))
+
+import scenes  # noqa: E402
+
+failures = []
+
+
+def check(what: str, passed, measured=""):
+    print(f"{'ok    ' if passed else 'FAILED'} {what}{f': {measured}' if str(measured) else ''}", flush=True)
+    if not passed:
+        failures.append(what)
+
+
+def check_close(what: str, a, b, limit=CV_LIMIT):
+    if a.shape != b.shape:
+        return check(what, False, f"shapes {a.shape} and {b.shape}")
+    size = max(1.0, float(np.abs(b).max()))
+    worst = float(np.abs(a.astype("f8") - b).max()) / size
+    check(what, worst <= limit, f"{worst:.3g} of the scene's size, at most {limit:g}")
+
+
+def refused(what: str, call, *words):
+    """One error, which has all of these words."""
+    try:
+        call()
+        check(what, False, "nothing was said")
+    except RuntimeError as error:
+        lines = [line for line in str(error).splitlines() if line.startswith("Error")]
+        check(what, len(lines) == 1 and all(word in lines[0] for word in words), lines[0] if lines else str(error))
+
+
+def install(folder: Path):
+    package = folder / "marram_blender.zip"
+    with zipfile.ZipFile(package, "w") as zipped:
+        for file in sorted(ADDON.glob("*.py")):
+            zipped.write(file, f"marram_blender/{file.name}")
+    bpy.ops.preferences.addon_install(filepath=str(package))
+    for _ in range(2):  # and taken out again
+        bpy.ops.preferences.addon_enable(module="marram_blender")
+        on = hasattr(bpy.types.Scene, "marram")
+        bpy.ops.preferences.addon_disable(module="marram_blender")
+        check("the add-on comes and goes", on and not hasattr(bpy.types.Scene, "marram"))
+    bpy.ops.preferences.addon_enable(module="marram_blender")
+
+
+# ---- The scene
+
+def small_scene():
+    from marram_blender import import_strands
+    scene = scenes.empty((1, 4))
+    skin = scenes.material("skin", values={"Base Color": (0.4, 0.2, 0.1, 1)})
+    coat = scenes.material("coat", "ShaderNodeBsdfHairPrincipled", {"Melanin": 0.5}, parametrization="MELANIN")
+    body = scenes.add(bpy.ops.mesh.primitive_uv_sphere_add, "body", skin, coat, segments=24, ring_count=12, radius=0.5, location=(-0.6, 0, 0.6))
+    scenes.particle_hair(body, 60, 0.2, 2, children=3, radius=0.02)
+    ground = scenes.add(bpy.ops.mesh.primitive_grid_add, "ground", skin, smooth=False, size=4, x_subdivisions=8, y_subdivisions=8)
+    counts, points, radii = scenes.blades(200, 5, 2.0, 0.3, 7)
+    counts, points, radii = shortened(counts, points, radii)
+    grass = import_strands.new_curves("grass", counts, points, 0.004 * radii, material=coat)
+    grass.data.surface = ground
+    moving_ball(skin)
+    waving_flag(skin)
+    camera = scenes.look(scene, (0, -4, 1.5), (0, 0, 0.4))
+    for frame, x in ((1, 0.0), (4, 0.3)):
+        camera.location.x = x
+        camera.keyframe_insert("location", frame=frame)
+    scenes.sun(scene, (1, -1, 2))
+    scenes.plain_world(scene, (0.3, 0.4, 0.6))
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 48, 100
+    scene.marram.samples = scene.cycles.samples = 4
+    return scene
+
+
+def shortened(counts, points, radii):
+    """Every third strand a CV shorter: counts need not be the same."""
+    keep = np.ones(len(points), bool)
+    keep[np.cumsum(counts)[::3] - 1] = False
+    counts = counts.copy()
+    counts[::3] -= 1
+    return counts, points[keep], radii[keep]
+
+
+def moving_ball(skin):
+    ball = scenes.add(bpy.ops.mesh.primitive_ico_sphere_add, "ball", skin, subdivisions=2, radius=0.2, location=(0.6, -0.4, 0.3))
+    for frame in (1, 4):
+        ball.location.z = 0.3 + 0.05 * frame
+        ball.rotation_euler = (0.2 * frame, 0, 0.5 * frame)
+        ball.keyframe_insert("location", frame=frame)
+        ball.keyframe_insert("rotation_euler", frame=frame)
+
+
+def waving_flag(skin):
+    flag = scenes.add(bpy.ops.mesh.primitive_grid_add, "flag", skin, size=0.5, x_subdivisions=6, y_subdivisions=6, location=(0.8, 0.5, 0.6),
+                      rotation=(math.pi / 2, 0, 0))
+    wave = flag.modifiers.new("wave", "WAVE")
+    wave.height, wave.width, wave.narrowness, wave.speed = 0.1, 0.3, 5, 0.05
+
+
+# ---- Strands, read by other ways than the add-on's
+
+def particles_in_blender():
+    graph = bpy.context.evaluated_depsgraph_get()
+    body = bpy.data.objects["body"].evaluated_get(graph)
+    system = body.particle_systems[0]
+    first, last = len(system.particles), len(system.particles) + len(system.child_particles)
+    return np.array([system.co_hair(body, particle_no=k, step=step) for k in range(first, last) for step in range(9)], "f4")
+
+
+def curves_in_blender(name):
+    data = bpy.data.objects[name].evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    points = np.empty(3 * len(data.points), "f4")
+    data.attributes["position"].data.foreach_get("vector", points)
+    radii = np.empty(len(data.points), "f4")
+    data.attributes["radius"].data.foreach_get("value", radii)
+    counts = np.empty(len(data.curves), "i4")
+    data.curves.foreach_get("points_length", counts)
+    return counts, points.reshape(-1, 3), radii
+
+
+def marram(*arguments):
+    return subprocess.run([MARRAM, *map(str, arguments)], capture_output=True, text=True)
+
+
+def baked(scene_file, frame, *more):
+    """(points in Blender's axes, diameters) of all strands, from a .hair file."""
+    out = Path(scene_file).parent / "baked.hair"
+    said = marram("bake", scene_file, "-o", out, "--frame", frame, *more)
+    assert said.returncode == 0, said.stderr
+    content = out.read_bytes()
+    strands, points, flags, _ = np.frombuffer(content, "<u4", 4, 4)
+    at = 128 + (2 * int(strands) if flags & 1 else 0)
+    p = np.frombuffer(content, "<f4", 3 * points, at).reshape(-1, 3)
+    return np.stack([p[:, 0], -p[:, 2], p[:, 1]], axis=1), np.frombuffer(content, "<f4", points, at + 12 * int(points))
+
+
+def remove_blown():
+    for thing in [thing for thing in bpy.data.objects if " blown" in thing.name]:
+        bpy.data.objects.remove(thing)
+
+
+# ---- Tests
+
+def test_export(scene, folder):
+    bpy.ops.marram.export(directory=str(folder), which="RANGE")
+    file = folder / "scene.toml"
+    said = marram("info", file)
+    check("marram info accepts the scene", said.returncode == 0 and not said.stderr, said.stderr.strip())
+    for frame in (1, 3):
+        scene.frame_set(frame)
+        out = folder / "colliders.obj"
+        marram("bake", file, "-o", folder / "x.hair", "--frame", frame, "--colliders", out)
+        for name in ("ball", "flag"):
+            check_close(f"vertices of the {name} at frame {frame}", *nearest(obj_vertices(out, name), blender_vertices(name)))
+    scene.frame_set(1)
+    return file
+
+
+def obj_vertices(path, name):
+    rows, inside = [], False
+    for line in open(path):
+        if line.startswith("o "):
+            inside = line.split()[1] == name
+        elif inside and line.startswith("v "):
+            x, y, z = map(float, line.split()[1:])
+            rows.append((x, -z, y))
+    return np.array(rows)
+
+
+def blender_vertices(name):
+    thing = bpy.data.objects[name].evaluated_get(bpy.context.evaluated_depsgraph_get())
+    return np.array([thing.matrix_world @ vertex.co for vertex in thing.data.vertices])
+
+
+def nearest(a, b):
+    """Each of b's points and a's nearest to it: vertices come in another order, some more than once."""
+    return a[((a[None] - b[:, None]) ** 2).sum(-1).argmin(1)], b
+
+
+def test_render(scene, folder):
+    scene.render.engine = "MARRAM"
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.filepath = str(folder / "picture.exr")
+    scene.render.use_motion_blur = True
+    bpy.ops.render.render(write_still=True)
+    scene.render.use_motion_blur = False
+    pixels = picture(folder / "picture.exr")
+    check("a picture of the right size comes back", pixels.shape == (48, 64, 4) and pixels[..., 3].min() == 1)
+    sky, ground = pixels[-3, :, :3].mean(0), pixels[2, :, :3].mean(0)
+    check("the sky is above, as bright as in Blender", np.allclose(sky, (0.3, 0.4, 0.6), rtol=0.01), sky.round(3))
+    check("the ground is below, brown", ground[0] > 1.5 * ground[2] > 0.05, ground.round(3))
+
+
+def picture(path):
+    image = bpy.data.images.load(str(path))
+    image.colorspace_settings.name = "Raw"
+    pixels = np.empty(4 * image.size[0] * image.size[1], "f4")
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(image.size[1], image.size[0], 4)
+
+
+def test_calm(scene):
+    bpy.data.objects["body"].particle_systems[0].settings.child_nbr = 3  # what the viewport shows is what is rendered
+    particles, (counts, points, radii) = particles_in_blender(), curves_in_blender("grass")
+    bpy.ops.marram.blow(hide=False)
+    check_close("particles there and back in calm air", curves_in_blender("body fur blown")[1], particles)
+    back = curves_in_blender("grass strands blown")
+    check("curves have their counts", np.array_equal(back[0], counts), f"{len(counts)} curves")
+    check_close("curves there and back in calm air", back[1], points)
+    check_close("radii there and back", back[2], radii)
+    material = bpy.data.objects["grass strands blown"].material_slots[0].material
+    check("and their material", material and material.name == "coat")
+    remove_blown()
+
+
+def in_wind(scene, on=True):
+    settings = scene.marram
+    settings.speed, settings.direction = (8, (1, 0.3, 0)) if on else (0, (1, 0, 0))
+    settings.collide, settings.shield, settings.jiggle, settings.gusts = on, 0.5 * on, 2.0 * on, 20 * on
+
+
+def test_wind(scene, folder):
+    in_wind(scene)
+    bpy.ops.marram.export(directory=str(folder), which="CURRENT")
+    points, diameters = baked(folder / "scene.toml", 1)
+    rest = np.concatenate([particles_in_blender(), curves_in_blender("grass")[1]])
+    bpy.ops.marram.blow(hide=False)
+    back = [curves_in_blender(name) for name in ("body fur blown", "grass strands blown")]
+    blown = np.concatenate([one[1] for one in back])
+    check_close("in the wind strands are where marram bake has them", blown, points)
+    check_close("with the same radii", np.concatenate([one[2] for one in back]), diameters / 2)
+    moved = float(np.linalg.norm(blown - rest, axis=1).max())
+    check("the wind moves them", moved > 0.05, f"up to {moved:.3g}")
+    remove_blown()
+
+
+def test_range(scene, folder):
+    bpy.ops.marram.export(directory=str(folder), which="RANGE")
+    bpy.ops.marram.blow(which="RANGE", hide=False)
+    at = {}
+    for frame in (1, 2, 4):
+        scene.frame_set(frame)
+        at[frame] = np.concatenate([curves_in_blender(name)[1] for name in ("body fur blown", "grass strands blown")])
+        check_close(f"a range of frames, at frame {frame}", at[frame], baked(folder / "scene.toml", frame)[0])
+    scene.frame_set(1, subframe=0.5)
+    half = np.concatenate([curves_in_blender(name)[1] for name in ("body fur blown", "grass strands blown")])
+    check_close("straight from frame to frame", half, (at[1].astype("f8") + at[2]) / 2)
+    scene.frame_set(1)
+    remove_blown()
+
+
+def test_cycles(scene, folder):
+    """What has come back is drawn in place of what it was made of."""
+    scene.render.engine, scene.render.filepath = "CYCLES", str(folder / "cycles.exr")
+    bpy.ops.marram.blow()
+    scene.render.film_transparent, scene.cycles.use_denoising = True, False
+    meshes = [thing for thing in bpy.data.objects if thing.type == "MESH"]
+    for thing in meshes:
+        thing.hide_render = True
+    bpy.ops.render.render(write_still=True)
+    for thing in meshes:
+        thing.hide_render = False
+    covered = float(picture(folder / "cycles.exr")[..., 3].mean())
+    check("Cycles draws blown strands as curves", covered > 0.02, f"they cover {covered:.3f} of the picture")
+
+
+def test_again(scene):
+    """Strands that were blown are blown anew from what they were made of; those that are kept go out and come back where they were."""
+    names = sorted(thing.name for thing in bpy.data.objects if " blown" in thing.name)
+    before = curves_in_blender("grass strands blown")[1]
+    bpy.ops.marram.blow()
+    check("blown again they replace what was blown", names == sorted(thing.name for thing in bpy.data.objects if " blown" in thing.name)
+          and np.array_equal(curves_in_blender("grass strands blown")[1], before), ", ".join(names))
+    kept = bpy.data.objects["grass strands blown"]
+    kept.name = "meadow"
+    del kept["marram_source"]
+    in_wind(scene, False)
+    bpy.ops.marram.blow()
+    check_close("blown strands there and back once more", curves_in_blender("meadow strands blown")[1], before)
+
+
+def test_reports(scene, folder):
+    from marram_blender import export_scene
+    from marram_blender.notes import Notes
+    spot = bpy.data.objects.new("Spot", bpy.data.lights.new("Spot", "SPOT"))
+    fog = bpy.data.objects.new("Fog", bpy.data.volumes.new("Fog"))
+    for thing in (spot, fog):
+        scene.collection.objects.link(thing)
+    notes = Notes()
+    export_scene.export(export_scene.Job(str(folder), 1, 1, lambda frame: bpy.context.evaluated_depsgraph_get(), False, notes=notes), scene)
+    lines = notes.lines()
+    check("what is not exported is told by name", any("Spot" in line for line in lines) and any("Fog" in line for line in lines), "; ".join(lines))
+    for thing in (spot, fog):
+        bpy.data.objects.remove(thing)
+
+
+def test_blown_stays(scene, folder):
+    """Marram does not blow a second time what it has blown."""
+    from marram_blender import export_scene
+    in_wind(scene)
+    bpy.ops.marram.blow()
+    names = ["body fur blown", "grass strands blown"]
+    points = np.concatenate([curves_in_blender(name)[1] for name in names])
+    job = export_scene.Job(str(folder), 1, 1, lambda frame: bpy.context.evaluated_depsgraph_get(), False)
+    check_close("blown strands stay in Marram's pictures", baked(export_scene.export(job, scene), 1)[0], points)
+
+
+def test_faults(scene, folder):
+    from marram_blender import program
+    scene.render.engine = "MARRAM"
+    os.environ["MARRAM"] = "/no/such/program"
+    refused("no program: the render says so", bpy.ops.render.render, "/no/such/program")
+    refused("and the import", bpy.ops.marram.blow, "/no/such/program")
+    os.environ["MARRAM"] = MARRAM
+    scene.marram.more = "wind.sped=3"
+    refused("a setting that is none", bpy.ops.render.render, "sped")
+    scene.marram.more = ""
+    broken = folder / "broken.toml"
+    broken.write_text("[camera\n")
+    try:
+        program.run_marram(["render", str(broken)])
+        check("a scene that cannot be read", False)
+    except program.ExportError as error:
+        check("a scene that cannot be read", "broken.toml:1" in str(error), error)
+    try:
+        program.run_marram(["render", str(folder / "scene.toml"), "-o", str(folder / "never.exr"), "--spp", "60000"], cancelled=lambda: True)
+        check("a run that is cancelled", False)
+    except program.Cancelled:
+        check("a run that is cancelled leaves no picture", not (folder / "never.exr").exists())
+    camera, scene.camera = scene.camera, None
+    refused("no camera", lambda: bpy.ops.marram.export(directory=str(folder)), "camera")
+    scene.camera = camera
+    for thing in [thing for thing in bpy.data.objects if thing.type == "CURVES" or thing.particle_systems]:
+        bpy.data.objects.remove(thing)
+    refused("nothing to blow", bpy.ops.marram.blow, "no hair")
+
+
+def main():
+    with tempfile.TemporaryDirectory(prefix="marram_test_") as name:
+        folder = Path(name)
+        install(folder)
+        scene = small_scene()
+        test_export(scene, folder / "export")
+        test_render(scene, folder)
+        test_calm(scene)
+        test_wind(scene, folder / "wind")
+        test_range(scene, folder / "range")
+        test_reports(scene, folder / "reports")
+        test_blown_stays(scene, folder / "stays")
+        test_cycles(scene, folder)
+        test_again(scene)
+        test_faults(scene, folder / "wind")
+    if failures:
+        raise RuntimeError(f"{len(failures)} of the add-on's checks failed: {'; '.join(failures)}")
+    print("all checks passed")
+
+
+main()

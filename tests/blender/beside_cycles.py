@@ -21,6 +21,7 @@ import bpy
 import numpy as np
 
 HERE = Path(__file__).resolve().parent
+sys.dont_write_bytecode = True
 sys.path[:0] = [str(HERE), str(HERE.parents[1] / "core/plugin/blender")]
 
 import addon_utils  # noqa: E402
@@ -36,8 +37,7 @@ def make_hill(lamps: bool):
                            parametrization="MELANIN")
     grass = scenes.material("grass", values={"Base Color": (0.18, 0.3, 0.06, 1), "Roughness": 0.7, "Specular": 0.2})
     stone = scenes.material("stone", values={"Base Color": (0.5, 0.5, 0.52, 1), "Roughness": 0.25})
-    body = scenes.add(bpy.ops.mesh.primitive_uv_sphere_add, "body", skin, coat, segments=48, ring_count=32, radius=0.5,
-                      location=(-0.35, 0, 0.55))
+    body = scenes.sphere("body", skin, coat, radius=0.5, rings=32, location=(-0.35, 0, 0.55))
     scenes.particle_hair(body, 800, 0.16, 2, children=12, radius=0.006)
     scenes.add(bpy.ops.mesh.primitive_cube_add, "block", stone, smooth=False, size=0.4, location=(0.75, 0.35, 0.2), rotation=(0, 0, 0.5))
     ground = scenes.add(bpy.ops.mesh.primitive_plane_add, "ground", earth, smooth=False, size=6)

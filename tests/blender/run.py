@@ -16,6 +16,7 @@ ADDON = HERE.parents[1] / "core/plugin/blender/marram_blender"
 MARRAM = os.environ["MARRAM"]
 CV_LIMIT = 1e-6  # of the scene's size
 sys.path.insert(0, str(HERE))
+sys.dont_write_bytecode = True
 
 import scenes  # noqa: E402
 
@@ -67,8 +68,13 @@ def small_scene():
     scene = scenes.empty((1, 4))
     skin = scenes.material("skin", values={"Base Color": (0.4, 0.2, 0.1, 1)})
     coat = scenes.material("coat", "ShaderNodeBsdfHairPrincipled", {"Melanin": 0.5}, parametrization="MELANIN")
-    body = scenes.add(bpy.ops.mesh.primitive_uv_sphere_add, "body", skin, coat, segments=24, ring_count=12, radius=0.5, location=(-0.6, 0, 0.6))
+    body = scenes.sphere("body", skin, coat, radius=0.5, rings=12, location=(-0.6, 0, 0.6))
     scenes.particle_hair(body, 60, 0.2, 2, children=3, radius=0.02)
+    for frame in (1, 4):
+        body.location.y = -0.1 * frame
+        body.rotation_euler.z = 0.2 * frame
+        body.keyframe_insert("location", frame=frame)
+        body.keyframe_insert("rotation_euler", frame=frame)
     ground = scenes.add(bpy.ops.mesh.primitive_grid_add, "ground", skin, smooth=False, size=4, x_subdivisions=8, y_subdivisions=8)
     counts, points, radii = scenes.blades(200, 5, 2.0, 0.3, 7)
     counts, points, radii = shortened(counts, points, radii)
@@ -225,6 +231,18 @@ def test_calm(scene):
     check_close("radii there and back", back[2], radii)
     material = bpy.data.objects["grass strands blown"].material_slots[0].material
     check("and their material", material and material.name == "coat")
+    bpy.ops.marram.blow(which="RANGE", hide=False)
+    scene.frame_set(3)
+    check_close("particles on a body that moves, at frame 3 of a range", curves_in_blender("body fur blown")[1], particles_in_blender())
+    bpy.ops.marram.blow(hide=False)
+    check_close("and at frame 3 alone", curves_in_blender("body fur blown")[1], particles_in_blender())
+    scene.marram.hair_motion = "CARRIED"
+    scene.frame_set(1)
+    bpy.ops.marram.blow(which="RANGE", hide=False)
+    scene.frame_set(3)
+    check_close("carried by the body that moves", curves_in_blender("body fur blown")[1], particles_in_blender())
+    scene.marram.hair_motion = "FRAMES"
+    scene.frame_set(1)
     remove_blown()
 
 

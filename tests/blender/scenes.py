@@ -75,6 +75,27 @@ def add(operator, name, *materials, smooth=True, **arguments):
     return thing
 
 
+def sphere(name, *materials, radius, rings=16, location=(0, 0, 0)):
+    """Blender's own sphere has its faces in another order at each start, and hair with them."""
+    columns = 2 * rings
+    polar, around = np.meshgrid(np.linspace(0, math.pi, rings + 1)[1:-1], np.arange(columns) * (2 * math.pi / columns), indexing="ij")
+    points = radius * np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1).reshape(-1, 3)
+    top, bottom = len(points), len(points) + 1
+    row = lambda i, j: i * columns + j % columns
+    faces = [(top, row(0, j), row(0, j + 1)) for j in range(columns)]
+    faces += [(row(i, j), row(i + 1, j), row(i + 1, j + 1), row(i, j + 1)) for i in range(rings - 2) for j in range(columns)]
+    faces += [(row(rings - 2, j + 1), row(rings - 2, j), bottom) for j in range(columns)]
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(np.concatenate([points, [(0, 0, radius), (0, 0, -radius)]]).tolist(), [], faces)
+    mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
+    for one in materials:
+        mesh.materials.append(one)
+    thing = bpy.data.objects.new(name, mesh)
+    thing.location = location
+    bpy.context.scene.collection.objects.link(thing)
+    return thing
+
+
 def particle_hair(thing, count, length, slot, children=0, seed=1, radius=0.01, name="fur"):
     modifier = thing.modifiers.new(name, "PARTICLE_SYSTEM")
     settings = modifier.particle_system.settings

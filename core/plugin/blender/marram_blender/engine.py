@@ -6,7 +6,6 @@ import tempfile
 import traceback
 
 import bpy
-import numpy as np
 
 from . import export_scene
 from .export_camera import shutter
@@ -73,7 +72,7 @@ class MarramEngine(bpy.types.RenderEngine):
             for line in notes.lines() + said:
                 self.report({"WARNING"}, f"Marram: {line}")
             if not scene.render.film_transparent:
-                make_opaque(picture)
+                hide_alpha(picture)
             result = self.begin_result(0, 0, width, height, layer=depsgraph.view_layer.name)
             result.layers[0].load_from_file(picture)
             self.end_result(result)
@@ -93,19 +92,18 @@ def threads(scene) -> list[str]:
     return ["--threads", str(scene.render.threads)] if scene.render.threads_mode == "FIXED" else []
 
 
-def make_opaque(path: str):
-    """Alpha 1: the sky is part of the picture."""
-    image = bpy.data.images.load(path)
-    try:
-        pixels = np.empty(4 * image.size[0] * image.size[1], "f4")
-        image.pixels.foreach_get(pixels)
-        if pixels[3::4].min(initial=1) < 1:
-            pixels[3::4] = 1
-            image.pixels.foreach_set(pixels)
-            image.file_format = "OPEN_EXR"
-            image.save()
-    finally:
-        bpy.data.images.remove(image)
+def hide_alpha(path: str):
+    """The sky is part of the picture: where an EXR file has no channel A, Blender takes alpha for 1. Another name that comes before B
+    leaves the order of channels, and with it the pixels, as they are. Blender's images could do the same, but a render has a thread of
+    its own, which must not make any."""
+    head = b"channels\0chlist\0"
+    with open(path, "r+b") as file:
+        at = file.read(4096).find(head)
+        first = at + len(head) + 4  # after the list's size
+        file.seek(first)
+        if at >= 0 and file.read(2) == b"A\0":
+            file.seek(first)
+            file.write(b"0")
 
 
 def _panels():

@@ -95,7 +95,18 @@ class _Shader:
             first = next((_source(socket) for socket in node.inputs if socket.type == "SHADER" and socket.is_linked), None)
             return self.entry(first)
         self.note(f"the shader {node.bl_label} is exported as a matt one of its colour")
-        return {"type": "diffuse", **self.colour(node, "Color")}
+        return self.matt(node)
+
+    def matt(self, node) -> dict:
+        """Marram's "diffuse" takes no images: a surface without gloss is the same."""
+        colour = self.colour(node, "Color")
+        return {"type": "surface", "specular": 0, **colour} if "color_map" in colour else {"type": "diffuse", **colour}
+
+    def plain_colour(self, node, name: str) -> list[float]:
+        colour = self.colour(node, name)
+        if "color_map" in colour:
+            self.note(f"the image that is linked to {name} is not exported")
+        return list(colour["color"])
 
     # ---- Sockets
 
@@ -125,7 +136,13 @@ class _Shader:
         path = bpy.path.abspath(image.filepath, library=image.library)
         if image.source == "FILE" and not image.packed_file and os.path.isfile(path):
             return os.path.abspath(path)
-        name = "".join(c if c.isalnum() else "_" for c in image.name) + (".exr" if image.is_float else ".png")
+        stem = "".join(c if c.isalnum() else "_" for c in image.name)
+        if image.packed_file:
+            name = stem + (os.path.splitext(path)[1] or ".png")
+            with open(os.path.join(self.materials.folder, name), "wb") as file:
+                file.write(image.packed_file.data)
+            return name
+        name = stem + (".exr" if image.is_float else ".png")
         copy = image.copy()
         copy.filepath_raw = os.path.join(self.materials.folder, name)
         copy.file_format = "OPEN_EXR" if image.is_float else "PNG"
@@ -150,10 +167,10 @@ class _Shader:
         return entry if max(shine) <= 0 else {**entry, "radiance": shine}
 
     def _bsdf_diffuse(self, node) -> dict:
-        return {"type": "diffuse", **self.colour(node, "Color")}
+        return self.matt(node)
 
     def _bsdf_translucent(self, node) -> dict:
-        return {"type": "diffuse", "color": [0.0] * 3, "transmission": self.colour(node, "Color")["color"]}
+        return {"type": "diffuse", "color": [0.0] * 3, "transmission": self.plain_colour(node, "Color")}
 
     def _bsdf_glossy(self, node) -> dict:
         self.note("the shader Glossy BSDF is exported as a glossy boundary over a matt body of its colour")
@@ -161,12 +178,12 @@ class _Shader:
 
     def _emission(self, node) -> dict:
         strength = self.number(node, "Strength")
-        return {"type": "diffuse", "color": [0.0] * 3, "radiance": [strength * c for c in self.colour(node, "Color")["color"]]}
+        return {"type": "diffuse", "color": [0.0] * 3, "radiance": [strength * c for c in self.plain_colour(node, "Color")]}
 
     def _bsdf_hair_principled(self, node) -> dict:
         if not self.on_strands:
             self.note("a shader of hair on a mesh is exported as a matt one")
-            return {"type": "diffuse", **self.colour(node, "Color")}
+            return self.matt(node)
         radial = self.number(node, "Radial Roughness")
         for name in ("Coat", "Random Color", "Random Roughness"):
             if node.inputs[name].is_linked or node.inputs[name].default_value != 0:
@@ -188,5 +205,4 @@ class _Shader:
 
     def _bsdf_hair(self, node) -> dict:
         self.note("the shader Hair BSDF is exported as Principled Hair of its colour")
-        colour = self.colour(node, "Color")["color"]
-        return {"type": "hair" if self.on_strands else "diffuse", "color": colour}
+        return {"type": "hair" if self.on_strands else "diffuse", "color": self.plain_colour(node, "Color")}

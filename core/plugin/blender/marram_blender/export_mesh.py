@@ -66,6 +66,13 @@ def same_topology(a: Surface, b: Surface) -> bool:
             and np.array_equal(a.triangles, b.triangles) and np.array_equal(a.loop_vertex, b.loop_vertex))
 
 
+def is_open(surface: Surface) -> bool:
+    """Whether it has a rim: an edge of one triangle alone."""
+    corners = surface.loop_vertex[surface.triangles]
+    edges = np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 1).any())
+
+
 class Part:
     """Some of a surface's triangles, with corners that stay the same while it deforms."""
 

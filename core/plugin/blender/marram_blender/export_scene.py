@@ -15,7 +15,7 @@ from .export_camera import MovingCamera, shutter
 from .export_hair import MovingHair, curves_hair, particle_hair
 from .export_light import DARK, lamp_entries, world_entries
 from .export_material import Materials
-from .export_mesh import MovingMesh, read_surface
+from .export_mesh import MovingMesh, is_open, read_surface
 from .import_strands import is_blown
 from .notes import ExportError, Notes
 from .program import Cancelled
@@ -271,6 +271,8 @@ class _Writer:
             radiance = self.materials.radiance[mesh.materials[slot]]
             if radiance and max(radiance) > 0:
                 lights.append({"name": f"{name} light", "type": "mesh", "mesh": name, "radiance": radiance})
+                if is_open(mesh.surface):
+                    self.notes.add("shines from its outer side alone", mesh.name)
         return lights
 
 

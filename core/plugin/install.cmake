@@ -16,6 +16,8 @@ if(marram_EMBREE_MAJOR EQUAL 3)
 endif()
 
 install(TARGETS marram RUNTIME COMPONENT program)
+install(DIRECTORY core/plugin/blender/marram_blender DESTINATION ${CMAKE_INSTALL_DATADIR}/marram/blender COMPONENT program
+        PATTERN __pycache__ EXCLUDE)
 install(TARGETS marram_procedural LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/marram COMPONENT plugin)
 install(FILES core/plugin/embree.h core/plugin/marram_plugin.h core/plugin/marram_host.h
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/marram COMPONENT development)
@@ -58,6 +60,7 @@ set(CPACK_DEBIAN_PLUGIN_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 # Dependencies on libraries are found by dpkg-shlibdeps; those on each other are these.
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "libmarram-procedural (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_SUGGESTS "blender, python3-numpy")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libmarram-procedural (= ${PROJECT_VERSION}), libembree-dev")
 foreach(part PROGRAM PLUGIN DEVELOPMENT)
   set(CPACK_DEBIAN_${part}_PACKAGE_NAME ${marram_${part}_PACKAGE})

@@ -67,15 +67,39 @@ class MarramEngine(bpy.types.RenderEngine):
                 self.frame_set(frame, 0.0)
             picture = os.path.join(folder, "picture.exr")
             width, height = export_scene.picture_size(scene)
-            said = run_marram(["render", path, "-o", picture, "--frame", str(frame), *threads(scene),
-                               *export_scene.further_settings(scene)], self.test_break, self._progress)
+            result = self.begin_result(0, 0, width, height, layer=depsgraph.view_layer.name)
+            watched = _Watched(self, result, os.path.join(folder, "preview.exr"), not scene.render.film_transparent)
+            try:
+                said = run_marram(["render", path, "-o", picture, "--frame", str(frame), *threads(scene), *watched.arguments(),
+                                   *export_scene.further_settings(scene)], self.test_break, watched.progress)
+                watched.show(picture)
+            finally:
+                self.end_result(result)
             for line in notes.lines() + said:
                 self.report({"WARNING"}, f"Marram: {line}")
-            if not scene.render.film_transparent:
-                hide_alpha(picture)
-            result = self.begin_result(0, 0, width, height, layer=depsgraph.view_layer.name)
-            result.layers[0].load_from_file(picture)
-            self.end_result(result)
+
+
+class _Watched:
+    """A picture that shows itself while it is rendered, where somebody can see it."""
+
+    def __init__(self, engine, result, preview: str, opaque: bool):
+        self.engine, self.result, self.preview, self.opaque, self.shown = engine, result, preview, opaque, None
+
+    def arguments(self) -> list[str]:
+        return [] if bpy.app.background else ["--preview", self.preview]
+
+    def progress(self, phase: str, fraction: float):
+        self.engine._progress(phase, fraction)
+        written = os.path.getmtime(self.preview) if os.path.exists(self.preview) else None
+        if written != self.shown:
+            self.shown = written
+            self.show(self.preview)
+            self.engine.update_result(self.result)
+
+    def show(self, path: str):
+        if self.opaque:
+            hide_alpha(path)
+        self.result.layers[0].load_from_file(path)
 
 
 def frames_around(scene, frame: int) -> tuple[int, int]:
@@ -106,11 +130,15 @@ def hide_alpha(path: str):
             file.write(b"0")
 
 
+LEFT_OUT = {"VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes"}
+# What of Eevee's panels is of any use here: materials, worlds and lamps are made of the same nodes and numbers.
+OF_EEVEE = {"EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface", "EEVEE_WORLD_PT_surface", "DATA_PT_EEVEE_light"}
+
+
 def _panels():
-    """Blender's own panels that make sense for other engines than its two: those of Workbench's kind."""
-    left_out = {"VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes"}
-    return [panel for panel in bpy.types.Panel.__subclasses__()
-            if "BLENDER_RENDER" in getattr(panel, "COMPAT_ENGINES", ()) and panel.__name__ not in left_out]
+    for panel in bpy.types.Panel.__subclasses__():
+        if panel.__name__ in OF_EEVEE or (panel.__name__ not in LEFT_OUT and "BLENDER_RENDER" in getattr(panel, "COMPAT_ENGINES", ())):
+            yield panel
 
 
 def register():

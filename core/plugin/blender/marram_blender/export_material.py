@@ -6,6 +6,8 @@ import os
 import bpy
 import numpy as np
 
+from .program import on_main_thread
+
 GREY = 0.8  # Cycles' diffuse colour of what has no material
 SPECULAR_AT_ONE = 0.08  # reflectance straight on of Principled's Specular at 1
 
@@ -77,6 +79,14 @@ def _source(socket):
     return None
 
 
+def _save_copy(image, path: str):
+    copy = image.copy()
+    copy.filepath_raw = path
+    copy.file_format = "OPEN_EXR" if image.is_float else "PNG"
+    copy.save()
+    bpy.data.images.remove(copy)
+
+
 class _Shader:
     def __init__(self, materials: Materials, name: str, on_strands: bool):
         self.materials, self.name, self.on_strands = materials, name, on_strands
@@ -143,11 +153,7 @@ class _Shader:
                 file.write(image.packed_file.data)
             return name
         name = stem + (".exr" if image.is_float else ".png")
-        copy = image.copy()
-        copy.filepath_raw = os.path.join(self.materials.folder, name)
-        copy.file_format = "OPEN_EXR" if image.is_float else "PNG"
-        copy.save()
-        bpy.data.images.remove(copy)
+        on_main_thread(lambda: _save_copy(image.original, os.path.join(self.materials.folder, name)))
         return name
 
     # ---- Shaders, by their type in Blender

@@ -35,6 +35,8 @@ def _settings_for_render(scene):
 
 def export_as_rendered(context, folder: str, first: int, last: int, with_picture: bool) -> tuple[str, Notes]:
     """Only a render sees objects as they are set for rendering: the export is done inside one. Raises ExportError."""
+    if bpy.app.is_job_running("RENDER"):
+        raise ExportError("a render is running: wait for its end")
     camera = context.scene.camera
     with_camera = with_picture or (camera is not None and camera.type == "CAMERA" and camera.data.type == "PERSP")
     scene, notes, done, faults = context.scene, Notes(), [], []

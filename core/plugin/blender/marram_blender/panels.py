@@ -21,6 +21,12 @@ class MARRAM_PT_render(_RenderPanel, bpy.types.Panel):
         layout.use_property_split = True
         for name in ("samples", "max_depth", "noise", "sky", "more"):
             layout.prop(settings, name)
+        render = context.scene.render
+        layout.prop(render, "use_motion_blur")
+        if render.use_motion_blur:
+            layout.prop(render, "motion_blur_shutter")
+        if hasattr(context.scene, "cycles_curves"):
+            layout.prop(context.scene.cycles_curves, "shape", text="Curves")
         layout.operator("marram.export")
 
 

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import tempfile
+import threading
 
 import bpy
 
@@ -32,6 +33,30 @@ class Cancelled(Exception):
     pass
 
 
+def on_main_thread(call, cancelled=lambda: False):
+    """A render has a thread of its own beside a window's. What it must not do itself, such as making data or writing it, it has done there,
+    and waits."""
+    if bpy.app.background or threading.get_ident() == threading.main_thread().ident:
+        return call()
+    done, outcome = threading.Event(), []
+
+    def there():
+        try:
+            outcome.append((call(), None))
+        except Exception as error:
+            outcome.append((None, error))
+        done.set()
+    bpy.app.timers.register(there)
+    while not done.wait(0.1):
+        if cancelled() and bpy.app.timers.is_registered(there):
+            bpy.app.timers.unregister(there)
+            raise Cancelled()
+    value, error = outcome[0]
+    if error:
+        raise error
+    return value
+
+
 def _terminal():
     """marram shows its progress where it writes to a terminal. None where there is no such thing."""
     try:
@@ -43,19 +68,18 @@ def _terminal():
 
 class _Progress:
     """Reads lines such as "rendering [###...]  42 %  0:10 left" from a terminal, and keeps all others."""
-    _bar = re.compile(r"([^\r\n\x1b\[\]]*) \[[#.]*\] +(\d+) %")
+    _bar = re.compile(r"([^\r\n\[\]]*) \[[#.]*\] +(\d+) %")
 
     def __init__(self):
         self.phase, self.fraction, self._text = "", 0.0, ""
         self.messages: list[str] = []
 
     def feed(self, text: str):
-        self._text += text
+        self._text += text.replace("\x1b[K", "")
         for phase, percent in self._bar.findall(self._text):
             self.phase, self.fraction = phase.strip() or self.phase, int(percent) / 100
         cut = max(self._text.rfind("\r"), self._text.rfind("\n"))
-        self.messages += [line for line in re.split(r"[\r\n]+", re.sub(r"\x1b\[K", "", self._text[:cut + 1]))
-                          if line.strip() and not self._bar.search(line)]
+        self.messages += [line for line in re.split(r"[\r\n]+", self._text[:cut + 1]) if line.strip() and not self._bar.search(line)]
         self._text = self._text[cut + 1:]
 
 

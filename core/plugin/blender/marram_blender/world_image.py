@@ -22,9 +22,9 @@ AHEAD = (math.pi / 2, 0.0, 0.0)
 def draw(world, folder: str, cancelled=lambda: False) -> dict:
     """The image's name in the folder, and a [[light]] "sun" without name and type, or None."""
     from .notes import ExportError
-    from .program import Cancelled
+    from .program import Cancelled, on_main_thread
     blend, image, told = (os.path.join(folder, "world" + end) for end in (".blend", ".exr", ".json"))
-    bpy.data.libraries.write(blend, {world}, path_remap="ABSOLUTE", fake_user=True)
+    on_main_thread(lambda: bpy.data.libraries.write(blend, {world.original}, path_remap="ABSOLUTE", fake_user=True), cancelled)
     child = subprocess.Popen([bpy.app.binary_path, "-b", "--factory-startup", "--python-exit-code", "1", "-P", __file__, "--", blend,
                               image, told], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     while True:

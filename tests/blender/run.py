@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -282,6 +283,27 @@ def test_range(scene, folder):
     remove_blown()
 
 
+def test_world(scene, folder):
+    """A sky of nodes is drawn by Cycles; its sun stands apart from it."""
+    before = scene.world
+    sky = scenes.nishita_world(scene, 0.1, 1.0)
+    for frame, elevation in ((1, 0.1), (3, 0.5)):
+        sky.sun_elevation = elevation
+        sky.keyframe_insert("sun_elevation", frame=frame)
+    scene.frame_set(3)
+    bpy.ops.marram.export(directory=str(folder), which="CURRENT")
+    with open(folder / "scene.toml", "rb") as file:
+        lights = {light["name"]: light for light in tomllib.load(file)["light"]}
+    expected = np.array([math.sin(1) * math.cos(0.5), math.sin(0.5), -math.cos(1) * math.cos(0.5)])
+    off = math.degrees(math.acos(min(1, float(np.dot(expected, lights["sun of the world"]["direction"])))))
+    check("the sun of a sky is where it is at that frame", off < 0.05, f"{off:.3g} degrees off")
+    around = picture(folder / lights["world"]["file"])
+    check("the image of a sky is as wide as twice its height", around.shape[1] == 2 * around.shape[0], around.shape[:2])
+    check("and brighter above than below", around[around.shape[0] // 2:].mean() > 2 * around[:around.shape[0] // 2, :, :3].mean())
+    scene.world = before
+    scene.frame_set(1)
+
+
 def test_cycles(scene, folder):
     """What has come back is drawn in place of what it was made of."""
     scene.render.engine, scene.render.filepath = "CYCLES", str(folder / "cycles.exr")
@@ -320,7 +342,7 @@ def test_reports(scene, folder):
     for thing in (spot, fog):
         scene.collection.objects.link(thing)
     notes = Notes()
-    export_scene.export(export_scene.Job(str(folder), 1, 1, lambda frame: bpy.context.evaluated_depsgraph_get(), False, notes=notes), scene)
+    export_scene.export(export_scene.Job(str(folder), 1, 1, lambda frame: bpy.context.evaluated_depsgraph_get(), rendered=False, notes=notes), scene)
     lines = notes.lines()
     check("what is not exported is told by name", any("Spot" in line for line in lines) and any("Fog" in line for line in lines), "; ".join(lines))
     for thing in (spot, fog):
@@ -334,7 +356,7 @@ def test_blown_stays(scene, folder):
     bpy.ops.marram.blow()
     names = ["body fur blown", "grass strands blown"]
     points = np.concatenate([curves_in_blender(name)[1] for name in names])
-    job = export_scene.Job(str(folder), 1, 1, lambda frame: bpy.context.evaluated_depsgraph_get(), False)
+    job = export_scene.Job(str(folder), 1, 1, lambda frame: bpy.context.evaluated_depsgraph_get(), rendered=False)
     check_close("blown strands stay in Marram's pictures", baked(export_scene.export(job, scene), 1)[0], points)
 
 
@@ -379,6 +401,7 @@ def main():
         test_wind(scene, folder / "wind")
         test_range(scene, folder / "range")
         test_reports(scene, folder / "reports")
+        test_world(scene, folder / "world")
         test_blown_stays(scene, folder / "stays")
         test_cycles(scene, folder)
         test_again(scene)

@@ -52,7 +52,8 @@ class MarramEngine(bpy.types.RenderEngine):
             if depsgraph.scene.frame_current != frame or depsgraph.scene.frame_subframe != 0:
                 self.frame_set(frame, 0.0)
             return depsgraph
-        return export_scene.Job(folder, first, last, goto, True, with_camera, with_picture, self.test_break, self._progress, notes)
+        return export_scene.Job(folder, first, last, goto, with_camera=with_camera, with_picture=with_picture, cancelled=self.test_break,
+                                progress=self._progress, notes=notes)
 
     def _picture(self, depsgraph):
         find_marram()  # before the work is done
@@ -62,6 +63,7 @@ class MarramEngine(bpy.types.RenderEngine):
         with tempfile.TemporaryDirectory(prefix="marram_") as folder:
             first, last = frames_around(scene, frame)
             job = self.frames_of(depsgraph, first, last, folder, notes)
+            job.shot = (frame, frame)
             path = export_scene.export(job, scene)
             if scene.frame_current != frame:
                 self.frame_set(frame, 0.0)

@@ -128,8 +128,6 @@ def _daylight(sky, world, notes) -> dict:
         notes.add(f"the sky texture {sky.sky_type.title()} becomes Marram's daylight without a sun", world.name)
         return {**common, "strength": OTHER_SKY * strength, "direction": axes.vector_to_marram(sky.sun_direction), "sun": False,
                 "turbidity": sky.turbidity, "ground_albedo": sky.ground_albedo}
-    up, round_ = sky.sun_elevation, sky.sun_rotation
-    towards = (math.sin(round_) * math.cos(up), math.cos(round_) * math.cos(up), math.sin(up))
     return {**common, "strength": (NISHITA if sky.sun_disc else NISHITA_SKY) * strength,
-            "direction": axes.vector_to_marram(towards), "sun": sky.sun_disc, "angle": math.degrees(sky.sun_size),
+            "direction": axes.vector_to_marram(world_image.towards_sun(sky)), "sun": sky.sun_disc, "angle": math.degrees(sky.sun_size),
             "altitude": sky.altitude, "turbidity": min(max(1 + 1.5 * sky.dust_density, 1), 10), "ozone": 300 * sky.ozone_density}

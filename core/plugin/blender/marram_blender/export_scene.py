@@ -30,11 +30,13 @@ TOLERANCE_PIXELS = 0.25
 
 @dataclass
 class Job:
-    """first, last: whole frames, both included. goto(frame) evaluates one and returns the dependency graph."""
+    """first, last: whole frames, both included: those of the shot, and around them what its shutter and jiggle see. goto(frame) evaluates
+    one and returns the dependency graph."""
     folder: str
     first: int
     last: int
     goto: Callable
+    shot: tuple[int, int] | None = None  # its first and last frame; None: all
     rendered: bool = True           # the graph is a render's: counts of children and steps are those for rendering
     with_camera: bool = True        # its pixels set the tolerance
     with_picture: bool = True       # film and world
@@ -64,6 +66,7 @@ class _Writer:
     def __init__(self, job: Job, scene):
         self.job, self.notes, self.folder = job, job.notes, job.folder
         self.settings = scene.marram
+        self.shot = job.shot or (job.first, job.last)
         self.scene = scene
         self.unit = axes.metres_per_unit(scene)
         self.materials = Materials(job.folder, job.notes)
@@ -71,6 +74,7 @@ class _Writer:
         self.meshes: dict[tuple, MovingMesh] = {}
         self.grooms: dict[tuple, MovingHair] = {}
         self.lamps: list[tuple[list, list]] = []
+        self.world: list[dict] = [DARK]
         self.files = 0
         self.names: set[str] = set()
 
@@ -80,6 +84,9 @@ class _Writer:
         seen: set[tuple] = set()
         if self.job.with_camera:
             self.camera.add(frame, self.scene, depsgraph, picture_size(self.scene), self.unit)
+        if self.job.with_picture and frame == self.shot[0]:
+            self.world = world_entries(depsgraph.scene_eval.world, self.settings.sky == "DAYLIGHT", self.folder, self.notes,
+                                       self.job.cancelled)
         for instance in depsgraph.object_instances:
             thing = instance.object
             key = (thing.name_full, thing.type, *(instance.persistent_id if instance.is_instance else ()))
@@ -196,10 +203,7 @@ class _Writer:
         for more_meshes, more_lights in self.lamps:
             meshes += more_meshes
             lights += more_lights
-        if not self.job.with_picture:
-            lights = [DARK]
-        else:
-            lights += world_entries(self.scene.world, self.settings.sky == "DAYLIGHT", self.folder, self.notes, self.job.cancelled)
+        lights = lights + self.world if self.job.with_picture else [DARK]
         shape = "round" if hasattr(self.scene, "cycles_curves") and self.scene.cycles_curves.shape == "THICK" else "ribbon"
         strands = [groom.entries(shape) for groom in self.grooms.values()]
         tables = [self._globals(), toml_text.table_text("[camera]", self._camera())]
@@ -223,6 +227,13 @@ class _Writer:
             json.dump(told, file)
 
     def _note_settings(self):
+        for owner in (self.scene, self.scene.world and self.scene.world.node_tree):
+            if owner and owner.animation_data and owner.animation_data.action:
+                paths = [curve.data_path for curve in owner.animation_data.action.fcurves]
+                if owner == self.scene and any(path.startswith("marram.") for path in paths):
+                    self.notes.add("Marram's settings do not change over the frames: those that are shown hold", owner.name)
+                if owner != self.scene and paths and self.shot[1] > self.shot[0]:
+                    self.notes.add(f"the world does not change: it is as at frame {self.shot[0]}", self.scene.world.name)
         render = self.scene.render
         if render.use_border:
             self.notes.add("the render region is not exported: the whole picture is rendered", self.scene.name)
@@ -234,7 +245,7 @@ class _Writer:
     def _globals(self) -> str:
         render = self.scene.render
         return "# Exported from Blender: z up there is y up here\n" + toml_text.table_text("", {
-            "fps": render.fps / render.fps_base, "frames": [self.job.first, self.job.last], "bind_frame": self.job.first,
+            "fps": render.fps / render.fps_base, "frames": self.shot, "bind_frame": self.job.first,
             **({"tolerance_pixels": TOLERANCE_PIXELS} if self.job.with_camera else {"tolerance": 0})})
 
     def _camera(self) -> dict:

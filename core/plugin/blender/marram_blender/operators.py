@@ -33,8 +33,10 @@ def _settings_for_render(scene):
             setattr(render, name, value)
 
 
-def export_as_rendered(context, folder: str, first: int, last: int, with_picture: bool) -> tuple[str, Notes]:
-    """Only a render sees objects as they are set for rendering: the export is done inside one. Raises ExportError."""
+def export_as_rendered(context, folder: str, shot: tuple[int, int], with_picture: bool) -> tuple[str, Notes]:
+    """These frames, and what pictures of them need around them. Only a render sees objects as they are set for rendering: the export is
+    done inside one. Raises ExportError."""
+    first, last = engine.frames_around(context.scene, shot[0])[0], engine.frames_around(context.scene, shot[1])[1]
     if bpy.app.is_job_running("RENDER"):
         raise ExportError("a render is running: wait for its end")
     camera = context.scene.camera
@@ -46,6 +48,7 @@ def export_as_rendered(context, folder: str, first: int, last: int, with_picture
     def task(render_engine, depsgraph):
         try:
             job = render_engine.frames_of(depsgraph, first, last, folder, notes, with_camera, with_picture)
+            job.shot = shot
             done.append(export_scene.export(job, scene))
         except (ExportError, Cancelled) as fault:
             faults.append(fault)
@@ -101,7 +104,7 @@ class MARRAM_OT_export(_Operator, bpy.types.Operator):
             raise ExportError("no folder was given to export to")
         try:
             os.makedirs(folder, exist_ok=True)
-            path, notes = export_as_rendered(context, folder, *_around(context.scene, _frames(context.scene, self.which)), True)
+            path, notes = export_as_rendered(context, folder, _frames(context.scene, self.which), True)
         except OSError as error:
             raise ExportError(f"{error.filename or folder} cannot be written: {error.strerror}") from error
         self.report({"INFO"}, f"Marram: wrote {path}")
@@ -110,11 +113,6 @@ class MARRAM_OT_export(_Operator, bpy.types.Operator):
     def invoke(self, context, event):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
-
-
-def _around(scene, frames: tuple[int, int]) -> tuple[int, int]:
-    """With the frames that the shutter touches."""
-    return engine.frames_around(scene, frames[0])[0], engine.frames_around(scene, frames[1])[1]
 
 
 class MARRAM_OT_blow(_Operator, bpy.types.Operator):
@@ -142,7 +140,7 @@ class MARRAM_OT_blow(_Operator, bpy.types.Operator):
         scene = context.scene
         first, last = _frames(scene, self.which)
         with tempfile.TemporaryDirectory(prefix="marram_") as folder:
-            path, notes = export_as_rendered(context, folder, engine.frames_around(scene, first)[0], last, False)
+            path, notes = export_as_rendered(context, folder, (first, last), False)
             with open(os.path.join(folder, export_scene.GROOMS), encoding="utf-8") as file:
                 grooms = json.load(file)
             if not grooms:

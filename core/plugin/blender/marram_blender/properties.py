@@ -27,7 +27,7 @@ class MarramScene(bpy.types.PropertyGroup):
     hair_motion: EnumProperty(name="Moving hair", items=[
         ("FRAMES", "As in Blender", "Strands that move are exported frame by frame: exact, and large"),
         ("CARRIED", "Carried by its mesh", "Strands are exported once; the mesh that they grow on carries them")])
-    jiggle_past: FloatProperty(name="Look back", description="When a single frame is rendered, jiggle sees meshes move from this long "
+    jiggle_past: FloatProperty(name="Look back", description="When a single frame is made, jiggle sees meshes move from this long "
                                "before it", default=1, min=0, soft_max=5, unit="TIME_ABSOLUTE")
     # Wind
     wind_object: PointerProperty(name="Along", type=bpy.types.Object,

@@ -280,7 +280,9 @@ class _Writer:
         lights = []
         for name, slot in zip(names, mesh.used):
             radiance = self.materials.radiance[mesh.materials[slot]]
-            if radiance and max(radiance) > 0:
+            if radiance and max(radiance) > 0 and mesh.roles["casts_shadows"] is False:
+                self.notes.add("casts no shadows: does not shine either", mesh.name)
+            elif radiance and max(radiance) > 0:
                 lights.append({"name": f"{name} light", "type": "mesh", "mesh": name, "radiance": radiance})
                 if is_open(mesh.surface):
                     self.notes.add("shines from its outer side alone", mesh.name)

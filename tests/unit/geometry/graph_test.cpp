@@ -139,8 +139,7 @@ TEST(SeveralMeshes, MistakesAreTold) {
     EXPECT_NE(mistake("[]").find("or a list of such names"), std::string::npos) << mistake("[]");
     EXPECT_NE(mistake("[\"low\", \"low\"]").find("names \"low\" twice: name each once"), std::string::npos)
         << mistake("[\"low\", \"low\"]");
-    EXPECT_NE(mistake("[\"low\", \"hihg\"]").find("there is no mesh, procedural \"hihg\""),
-              std::string::npos)
+    EXPECT_NE(mistake("[\"low\", \"hihg\"]").find("there is no mesh, procedural \"hihg\""), std::string::npos)
         << mistake("[\"low\", \"hihg\"]");
     EXPECT_NE(mistake("[\"low\", 3]").find("a part of procedural.fur.on"), std::string::npos);
     const std::string two = mistake("[\"low\", \"high\"]", "\n" + fur_on("[\"low\", \"high\"]"));

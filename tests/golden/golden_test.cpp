@@ -237,6 +237,8 @@ TEST(GoldenFault, what_a_frame_shows_is_missed) {
         {"wavelet", "Perlin noise", {"wind.noise={amplitude=0.9, frequency=2}"}},
         {"shield", "shelter with a sharp edge", {"wind.shielding={shield=1, spread=0}"}},
         {"shield_cv", "a wake longer by a half", {"wind.shielding={shield=1, shield_per=\"cv\", wake=0.75}"}},
+        {"leopard", "spots half as wide", {"material.fur.map_scale=[2, 1]"}},
+        {"leopard", "strands combed another way", {"procedural.fur.comb_map=\"textures/leopard.png\""}},
         {"id", "a tint of half as much blue", {"material.fur.tint_color=[0.1, 0.3, 0.45]"}},
         {"steps", "no collision", {"wind.collision={solver=\"none\"}"}},
         {"blur", "no blur", {"camera.shutter=[0, 0]"}},

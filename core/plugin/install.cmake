@@ -68,5 +68,6 @@ foreach(part PROGRAM PLUGIN DEVELOPMENT)
   install(FILES .LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${marram_${part}_PACKAGE} RENAME copyright COMPONENT ${component})
 endforeach()
 install(FILES core/plugin/README.md DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${marram_DEVELOPMENT_PACKAGE} COMPONENT development)
-install(DIRECTORY core/plugin/example DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${marram_DEVELOPMENT_PACKAGE} COMPONENT development)
+install(DIRECTORY core/plugin/example core/plugin/embree_viewer
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${marram_DEVELOPMENT_PACKAGE} COMPONENT development)
 include(CPack)

@@ -55,7 +55,7 @@ static inline void marram_values_place(MarramHostValues* values, const char* pla
 /* Each returns MARRAM_ERROR where the value is wrong; marram_values_finish() says why. */
 
 /* As it stands in a scene file, in TOML: 7, 0.5, true, [0, 1, 0], [[0, 0.2], [1, 1]], { knots = [...], interpolation = "smooth" },
- * { translate = [0, 1, 0] }, { keys = [...] }. Texts may leave out their quotes. */
+ * { translate = [0, 1, 0] }, { keys = [...] }. Texts may leave out their quotes; blanks around a value mean nothing. */
 static inline MarramStatus marram_set(MarramHostValues* values, const char* name, const char* toml);
 /* MARRAM_BOOLEAN (0 or 1), MARRAM_INTEGER, MARRAM_NUMBER; of ranges and colours all components. */
 static inline MarramStatus marram_set_number(MarramHostValues* values, const char* name, double number);
@@ -658,11 +658,14 @@ static inline int marram_host_is_text(MarramParamType type) {
 }
 
 static inline int marram_host_read_text(const char** at, MarramHostParsed* parsed) {
-    const size_t size = strlen(*at);
+    marram_host_skip(at);
     if (**at == '"' || **at == '\'') return marram_host_string(at, &parsed->text, parsed);
+    const size_t rest = strlen(*at);
+    size_t size = rest; /* without the blanks behind it */
+    while (size > 0 && strchr(" \t\r\n", (*at)[size - 1])) --size;
     parsed->text = marram_host_copy(*at, size);
     parsed->no_memory = !parsed->text;
-    *at += size;
+    *at += rest;
     return parsed->text != NULL;
 }
 

@@ -128,14 +128,17 @@ bool read_into(const toml::node& node, const ParamSpec& spec, const std::string&
     return wrong(node, spec, label, reading);
 }
 
-// `value = <initial>`; text-like types may stand without quotes.
+// `value = <initial>`; text-like types may stand without quotes, blanks around a value mean nothing.
 toml::table default_table(const ParamSpec& spec) {
     const bool texty = spec.type == ParamType::text || spec.type == ParamType::choice ||
                        spec.type == ParamType::reference || spec.type == ParamType::file ||
                        spec.type == ParamType::image || spec.type == ParamType::table;
-    const bool bare = texty && spec.initial.find_first_of("\"'") != 0;
+    constexpr std::string_view blanks = " \t\r\n";
+    const size_t first = std::min(spec.initial.find_first_not_of(blanks), spec.initial.size());
+    const std::string text = spec.initial.substr(first, spec.initial.find_last_not_of(blanks) + 1 - first);
+    const bool bare = texty && text.find_first_of("\"'") != 0;
     try {
-        return toml::parse(bare ? fmt::format("value = '''{}'''", spec.initial) : "value = " + spec.initial);
+        return toml::parse(bare ? fmt::format("value = '''{}'''", text) : "value = " + text);
     } catch (const toml::parse_error&) {
         return {};
     }

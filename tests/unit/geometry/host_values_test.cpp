@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <memory>
 #include <random>
 
@@ -315,6 +316,21 @@ TEST(HostValues, ReadWhatAScenesLoaderReads) {
 }
 
 const ProceduralType& groom_of(const PluginLibrary& library) { return *library.find("groom"); }
+
+// As a host has them that cuts a line at its "=".
+TEST(HostValues, MayHaveBlanksAround) {
+    const auto library = own_library();
+    const HostValues values = host_values(groom_of(*library));
+    const std::vector<std::array<const char*, 3>> texts = {{"shape", "  ribbon ", "ribbon"},
+                                                           {"on", " \"the ground\"\t", "the ground"},
+                                                           {"basis", "bspline\r\n", "bspline"}};
+    for (const auto& [name, given, text] : texts) {
+        EXPECT_EQ(marram_set(values.get(), name, given), MARRAM_OK) << name;
+        EXPECT_STREQ(marram_host_find_setting(values.get(), name)->text, text);
+    }
+    EXPECT_EQ(marram_set(values.get(), "count", " 12 "), MARRAM_OK);
+    EXPECT_EQ(marram_set(values.get(), "shape", " rib bon "), MARRAM_ERROR);
+}
 
 TEST(HostValues, TellEveryMistakeAtOnce) {
     const auto library = own_library();

@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <map>
 
 namespace marram::stability {
 namespace {
@@ -117,6 +118,8 @@ TEST(Input, not_a_number_in_any_parameter_of_a_groom) {
     int tried = 0, passed = 0;
     for (const std::string bad : bad_numbers) {
         std::vector<Line> lines;
+        std::map<std::string, std::vector<Line>>
+            lists; // an element for each parameter, each on a line of its own
         for (const MarramParam& param : groom_params()) {
             const std::string value = bad_value(param.type, bad), name = param.name;
             const size_t list = name.find("[].");
@@ -124,9 +127,13 @@ TEST(Input, not_a_number_in_any_parameter_of_a_groom) {
             if (list == std::string::npos)
                 lines.push_back({name, name + " = " + value});
             else
-                lines.push_back({name, name.substr(0, list) + " = [{ attribute = \"sand\", " +
-                                           name.substr(list + 3) + " = " + value + " }]"});
+                lists[name.substr(0, list)].push_back(
+                    {name, "{ " + name.substr(list + 3) + " = " + value + " },"});
         }
+        for (const auto& [list, elements] : lists)
+            for (size_t i = 0; i < elements.size(); ++i)
+                lines.push_back({elements[i].key, (i == 0 ? list + " = [" : "") + elements[i].text +
+                                                      (i + 1 == elements.size() ? "]" : "")});
         tried += int(lines.size());
         passed += unnoticed(scene_of(head + plain_wind + groom_head, lines, ""), "groom, " + bad);
     }

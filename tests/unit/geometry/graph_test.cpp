@@ -148,10 +148,13 @@ TEST(SeveralMeshes, MistakesAreTold) {
     const std::string guided =
         mistake("[\"low\", \"high\"]", "\n[[procedural]]\ntype = \"groom\"\nname = \"child\"\non = \"low\"\n"
                                        "count = 9\nwidth = 0.01\nguides.curves = \"fur\"\n");
-    EXPECT_NE(guided.find("fur"), std::string::npos) << guided;
-    EXPECT_NE(mistake("\"low\"", "\n[[procedural]]\ntype = \"strands\"\nname = \"s\"\ncurves = \"fur\"\n"
-                                 "on = [\"low\", \"high\"]\n"),
-              ""); // imported strands stand on one mesh
+    EXPECT_NE(guided.find("guides.curves: there is no curves, procedural \"fur\""), std::string::npos)
+        << guided;
+    // Imported strands stand on one mesh.
+    const std::string imported =
+        mistake("\"low\"", "\n[[procedural]]\ntype = \"strands\"\nname = \"s\"\ncurves = \"fur\"\n"
+                           "on = [\"low\", \"high\"]\n");
+    EXPECT_NE(imported.find("procedural.s.on is "), std::string::npos) << imported;
 }
 
 // ---- what meshes carry

@@ -70,10 +70,7 @@ void on_crash(int signal) {
 void release_free_memory() { malloc_trim(0); }
 
 void watch_for_lack_of_memory() {
-    // What the initialisers of shared libraries take at least (75 MiB of OpenImageIO's, GDCM's and GLib's), some of which
-    // print words of their own when they do not get it.
-    constexpr size_t initialisers = size_t(64) << 20;
-    if (!has_room_for(initialisers)) end_for_lack_of_memory();
+    if (memory_is_short()) end_for_lack_of_memory();
     std::set_terminate(on_terminate);
     for (const int signal : {SIGSEGV, SIGBUS, SIGABRT}) std::signal(signal, on_crash);
 }

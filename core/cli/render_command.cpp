@@ -5,6 +5,7 @@
 #include "core/cli/memory.h"
 #include "core/cli/progress.h"
 #include "core/image/atomic_file.h"
+#include "core/image/image_library.h"
 #include "core/shot/film_state.h"
 #include "core/shot/frame.h"
 #include "core/shot/frame_name.h"
@@ -26,6 +27,7 @@ namespace {
 // Before hours of rendering: every file can be written, and is none that is read or written as something else. A preview may be
 // of any frame when another is saved.
 void check_outputs(const Shot& shot, const std::vector<FrameFiles>& frames, const RenderOptions& options) {
+    load_image_library();
     RunFiles files(files_read(shot, options.scene));
     std::set<std::string> previews, stats;
     for (const FrameFiles& frame : frames) {

@@ -32,6 +32,7 @@ constexpr size_t mark_digits = 8;
 // Temporary files of this process, for remove_temporary_files().
 constinit std::mutex open_lock;
 std::set<std::string> open_files;
+std::atomic<void (*)()> of_library{nullptr};
 std::atomic<bool> any_open{false}; // false also before `open_files` is made
 
 [[noreturn]] void refuse_output(const std::string& path, const std::string& what, const std::string& fix) {
@@ -178,7 +179,10 @@ void check_name_length(const std::string& path) {
 
 void check_writable(const std::string& path) { const TemporaryFile file(path, checked_target(path)); }
 
+void also_remove_temporary_files(void (*remove)()) { of_library = remove; }
+
 void remove_temporary_files() {
+    if (const auto others = of_library.load()) others();
     if (!any_open.load()) return;
     const std::unique_lock guard(open_lock, std::try_to_lock); // its holder may be what crashed
     if (guard)

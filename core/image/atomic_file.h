@@ -30,6 +30,9 @@ std::filesystem::path destination_of(const std::string& path);
 // Removes the temporary files of this process: for a process that is about to end without unwinding. Any thread.
 void remove_temporary_files();
 
+// From now on it also calls this: the function of that name in a library that holds a copy of this file.
+void also_remove_temporary_files(void (*of_library)());
+
 // A temporary file that is ours alone: created, locked, removed with the object. Others write to it by its path.
 class TemporaryFile {
   public:

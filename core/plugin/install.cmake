@@ -16,6 +16,7 @@ if(marram_EMBREE_MAJOR EQUAL 3)
 endif()
 
 install(TARGETS marram RUNTIME COMPONENT program)
+install(TARGETS marram_images LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/marram COMPONENT program)
 install(DIRECTORY core/plugin/blender/marram_blender DESTINATION ${CMAKE_INSTALL_DATADIR}/marram/blender COMPONENT program
         PATTERN __pycache__ EXCLUDE)
 install(TARGETS marram_procedural LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/marram COMPONENT plugin)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "core/image/image_output.h"
+#include "core/image/oiio/image_output.h"
 
 #include "core/math/problem.h"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/image/doubles.h"
 
-#include "core/image/image_output.h"
+#include "core/image/oiio/image_output.h"
 #include "core/math/problem.h"
 
 #include <OpenImageIO/imageio.h>

@@ -1,20 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/image/range_png.h"
 
-#include "core/image/image_output.h"
+#include "core/image/oiio/image_output.h"
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cassert>
-#include <cmath>
 
 namespace marram {
-
-uint16_t code_of(double value, const ValueRange& range) {
-    const double share = (value - range.black) / (range.white - range.black);
-    return std::isnan(share) ? uint16_t(0) : uint16_t(std::lround(65535.0 * std::clamp(share, 0.0, 1.0)));
-}
 
 void write_range_png(const std::string& path, int width, int height, int channels, const float* pixels,
                      const ValueRange& range, std::span<const Metadata> metadata) {

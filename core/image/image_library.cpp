@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/image/image_library.h"
+
+#include <cstring>
+#include <new>
+
+#include <dlfcn.h>
+#include <sys/mman.h>
+
+namespace marram {
+namespace {
+
+constexpr const char* file = "libmarram_images.so"; // found by the program's RUNPATH
+// Of address space, for the libraries and what their initialisers take, some of which print words of their own when they do not get it.
+constexpr size_t room = size_t(448) << 20;
+
+void check_room() {
+    void* at =
+        ::mmap(nullptr, room, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    if (at == MAP_FAILED) throw std::bad_alloc();
+    ::munmap(at, room);
+}
+
+[[noreturn]] void refuse(const std::string& why) {
+    throw InputError({file}, "the library that reads and writes pictures cannot be loaded (" + why + ")",
+                     "install marram and Debian's OpenImageIO again");
+}
+
+const ImageLibrary* load() {
+    check_room();
+    void* const handle = ::dlopen(file, RTLD_LAZY | RTLD_LOCAL); // stays to the end, as do its objects
+    if (!handle) refuse(::dlerror());
+    using Entry = const ImageLibrary* (*)();
+    const auto entry = reinterpret_cast<Entry>(::dlsym(handle, image_library_entry));
+    if (!entry) refuse(::dlerror());
+    const ImageLibrary* const library = entry();
+    if (std::strcmp(library->version, MARRAM_VERSION) != 0)
+        refuse(std::string("it is of version ") + library->version + ", the program of " + MARRAM_VERSION);
+    also_remove_temporary_files(library->remove_temporary_files);
+    return library;
+}
+
+const ImageLibrary& library() {
+    static const ImageLibrary* const loaded = load();
+    return *loaded;
+}
+
+} // namespace
+
+void load_image_library() { library(); }
+
+// ---- Declared in the headers of this folder
+
+Image read_image(const std::string& path, ColorSpace space) { return library().read_image(path, space); }
+
+void write_exr(const std::string& path, int width, int height, std::span<const Layer> layers,
+               std::span<const Metadata> metadata) {
+    library().write_exr(path, width, height, layers, metadata);
+}
+
+std::vector<unsigned char> png_bytes(int width, int height, int channels, const float* pixels,
+                                     double exposure_stops) {
+    return library().png_bytes(width, height, channels, pixels, exposure_stops);
+}
+
+void write_png(const std::string& path, int width, int height, int channels, const float* pixels,
+               double exposure_stops, std::span<const Metadata> metadata) {
+    library().write_png(path, width, height, channels, pixels, exposure_stops, metadata);
+}
+
+void write_grey_png(const std::string& path, int width, int height, const uint16_t* pixels,
+                    std::span<const Metadata> metadata) {
+    library().write_grey_png(path, width, height, pixels, metadata);
+}
+
+void write_grey_tiff(const std::string& path, int width, int height, const float* pixels,
+                     const std::string& description) {
+    library().write_grey_tiff(path, width, height, pixels, description);
+}
+
+ImageHeader image_header(const std::string& path) { return library().image_header(path); }
+
+std::vector<std::pair<std::string, std::string>> read_all_metadata(const std::string& path) {
+    return library().read_all_metadata(path);
+}
+
+std::optional<std::string> read_metadata(const std::string& path, const std::string& key) {
+    return library().read_metadata(path, key);
+}
+
+std::optional<std::string> whole_metadata(const std::string& path, const std::string& key) {
+    return library().whole_metadata(path, key);
+}
+
+void write_doubles(const std::string& path, const DoublesHeader& header,
+                   const std::function<void(int, double*)>& row) {
+    library().write_doubles(path, header, row);
+}
+
+DoublesHeader read_doubles_header(const std::string& path) { return library().read_doubles_header(path); }
+
+void read_doubles(const std::string& path, const DoublesHeader& header,
+                  const std::function<void(int, const double*)>& row) {
+    library().read_doubles(path, header, row);
+}
+
+void write_range_png(const std::string& path, int width, int height, int channels, const float* pixels,
+                     const ValueRange& range, std::span<const Metadata> metadata) {
+    library().write_range_png(path, width, height, channels, pixels, range, metadata);
+}
+
+std::string write_sheet(const std::string& output, const std::vector<SheetPicture>& pictures,
+                        const SheetLayout& layout, const std::function<void(size_t)>& at) {
+    return library().write_sheet(output, pictures, layout, at);
+}
+
+std::shared_ptr<const TextureFile> open_texture_file(const std::string& file, ColorSpace space,
+                                                     const Place& place) {
+    return library().open_texture_file(file, space, place);
+}
+
+} // namespace marram

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// What needs OpenImageIO lies in core/image/oiio and is built into a shared library, which is loaded when a program first reads or
+// writes a picture: OpenImageIO brings 250 libraries along, and loading them takes longer than most runs that need no picture.
+// The functions are declared in the headers of this folder, and called as any others.
+#pragma once
+
+#include "core/image/atomic_file.h"
+#include "core/image/doubles.h"
+#include "core/image/image.h"
+#include "core/image/range_png.h"
+#include "core/image/sheet.h"
+#include "core/image/texture_file.h"
+
+namespace marram {
+
+// The library's functions of these names.
+struct ImageLibrary {
+    const char* version; // of the build: both sides come from one
+    decltype(&marram::read_image) read_image;
+    decltype(&marram::write_exr) write_exr;
+    decltype(&marram::png_bytes) png_bytes;
+    decltype(&marram::write_png) write_png;
+    decltype(&marram::write_grey_png) write_grey_png;
+    decltype(&marram::write_grey_tiff) write_grey_tiff;
+    decltype(&marram::image_header) image_header;
+    decltype(&marram::read_all_metadata) read_all_metadata;
+    decltype(&marram::read_metadata) read_metadata;
+    decltype(&marram::whole_metadata) whole_metadata;
+    decltype(&marram::write_doubles) write_doubles;
+    decltype(&marram::read_doubles_header) read_doubles_header;
+    decltype(&marram::read_doubles) read_doubles;
+    decltype(&marram::write_range_png) write_range_png;
+    decltype(&marram::write_sheet) write_sheet;
+    decltype(&marram::open_texture_file) open_texture_file;
+    decltype(&marram::remove_temporary_files) remove_temporary_files;
+};
+inline constexpr const char* image_library_entry =
+    "marram_image_library"; // const ImageLibrary* of no arguments
+
+// Loads it now, so that what is wrong is known before hours of rendering. Throws InputError where it cannot be loaded, std::bad_alloc
+// where memory is short.
+void load_image_library();
+
+} // namespace marram

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/image/image_library.h"
+
+extern "C" const marram::ImageLibrary* marram_image_library() {
+    static const marram::ImageLibrary library = {
+        .version = MARRAM_VERSION,
+        .read_image = marram::read_image,
+        .write_exr = marram::write_exr,
+        .png_bytes = marram::png_bytes,
+        .write_png = marram::write_png,
+        .write_grey_png = marram::write_grey_png,
+        .write_grey_tiff = marram::write_grey_tiff,
+        .image_header = marram::image_header,
+        .read_all_metadata = marram::read_all_metadata,
+        .read_metadata = marram::read_metadata,
+        .whole_metadata = marram::whole_metadata,
+        .write_doubles = marram::write_doubles,
+        .read_doubles_header = marram::read_doubles_header,
+        .read_doubles = marram::read_doubles,
+        .write_range_png = marram::write_range_png,
+        .write_sheet = marram::write_sheet,
+        .open_texture_file = marram::open_texture_file,
+        .remove_temporary_files = marram::remove_temporary_files,
+    };
+    return &library;
+}

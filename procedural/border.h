@@ -23,7 +23,7 @@ MarramStatus guarded(const MarramHost& host, const char* subject, const char* le
     } catch (const SceneFault& fault) {
         send(host, MARRAM_FAULT, fault.id.c_str(), fault.place, fault.what(), fault.remedy);
     } catch (const std::bad_alloc&) {
-        send(host, MARRAM_FAULT, (name + ".memory").c_str(), "", "the " + name + " does not fit into memory",
+        send(host, MARRAM_FAULT, (name + ".memory").c_str(), "", "there is not enough memory for the " + name,
              less);
     } catch (const std::exception& error) {
         send(host, MARRAM_FAULT, (name + ".internal").c_str(), "", error.what(),

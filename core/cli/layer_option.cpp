@@ -20,7 +20,7 @@ std::optional<ValueRange> parse_value_range(const std::string& text) {
     if (black.ec != std::errc{} || black.ptr == end || *black.ptr != '-') return {};
     const auto white = std::from_chars(black.ptr + 1, end, range.white);
     const bool good = white.ec == std::errc{} && white.ptr == end && std::isfinite(range.black) &&
-                      std::isfinite(range.white) && range.black != range.white;
+                      std::isfinite(range.white - range.black) && range.black != range.white;
     return good ? std::optional(range) : std::nullopt;
 }
 

@@ -100,6 +100,8 @@ void ContractValues::add_attributes(MarramValue& out) {
 }
 
 const MarramGrid* ContractValues::image(const ParamValue& value) {
+    const auto [known, is_new] = image_grids_.try_emplace(value.text, nullptr); // each file is read once
+    if (!is_new) return known->second;
     Image& image = images_.emplace_back(read_image(value.text, ColorSpace::linear_data));
     keep_channels(image, 4); // as a grid has
     MarramGrid& grid = grids_.emplace_back();
@@ -113,7 +115,7 @@ const MarramGrid* ContractValues::image(const ParamValue& value) {
     grid.axes[0][0] = 1.0 / image.width;
     grid.axes[1][1] = -1.0 / image.height;
     grid.values = image.pixels.data();
-    return &grid;
+    return known->second = &grid;
 }
 
 const MarramPlacement* ContractValues::placement(const ParamValue& value) {

@@ -49,6 +49,7 @@ class ContractValues {
     std::deque<std::string> texts_;
     std::deque<std::vector<float>> numbers_;
     std::deque<Image> images_;
+    std::map<std::string, const MarramGrid*> image_grids_; // by file
     std::deque<MarramGrid> grids_;
     std::deque<MarramPlacement> placements_;
     std::deque<std::vector<MarramAttribute>> attributes_;

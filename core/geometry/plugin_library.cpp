@@ -66,6 +66,11 @@ std::string unusable_because(const ProceduralType& type) {
             return "a text of its lists is NULL";
     for (const MarramAttribute& attribute : type.attributes)
         if (!attribute.name || !attribute.help) return "a text of its attributes is NULL";
+    const auto is_each = [](const MarramParam& param) {
+        return param.type == MARRAM_MESH_NAME && std::string_view(param.choices) == "each";
+    };
+    if (std::ranges::count_if(type.params, is_each) > 1)
+        return "more than one of its parameters stands for one instance each";
     const auto unknown = [](const std::vector<MarramParam>& params) -> std::string {
         const auto found = std::ranges::find_if_not(params, is_known);
         return found == params.end()

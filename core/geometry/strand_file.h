@@ -31,23 +31,23 @@ struct StrandFile {
         attributes; // per curve or per CV, in the file's order; of an animated one its first sample
     double deviation =
         0.0; // m: how far the curve that is drawn from these CVs is from the file's, at most (7 points a segment are looked at)
-    std::vector<std::string> warnings; // what the file has and is not taken over; without the file's name
+    std::vector<std::string> warnings; // features of the file that were ignored; without its name
 };
 
 // Whole files only: one that is cut, or whose counts do not add up, is an error. fps: frames a second of the scene, for files that
 // count time in seconds or have a rate of their own. Throws InputError with line and column, or byte. Memory: a small multiple of the
-// file, nothing on a count's word. Strands of fewer than two points are left out, with a warning that counts them; what is closed is
-// opened: it ends where it begins.
+// file; none is taken for a count in a header before the bytes are known to be there. Strands of fewer than two points are left out, with a
+// warning that counts them (of USD they are an error, as USD has none). What is closed is opened: it ends where it begins.
 StrandFile load_strand_file(const std::string& file, double fps);
 
-// Cem Yuksel's HAIR; metres, y up. Thickness is the diameter at each CV; a default thickness of 1 without an array is what writers leave
-// where they know none: no widths. Attributes: color (3) and transparency (1) at each CV, or for each curve where the header alone has
+// Cem Yuksel's HAIR; metres, y up. Thickness is the diameter at each CV. Writers that know no thickness leave the header's default at 1:
+// then there are no widths. Attributes: color (3) and transparency (1) at each CV, or for each curve where the header alone has
 // them and they are not 1 1 1 and 0. Cost: less than twice that of copying the file.
 StrandFile read_hair_strands(const std::string& file);
 
 // The BasisCurves of a USD layer (usda_curves.h). Pinned B-splines and pinned Catmull-Rom curves are taken as they are; of all other
 // cubics Catmull-Rom curves through their joints, or through 2, 4 or 8 points a cubic, until they keep to a thousandth of each curve's
-// length (usda_cvs.h). Several prims become one file: what one of them lacks is 0 there. A prim that is not placed is not rounded.
+// length (usda_cvs.h). Several prims become one file: what one of them lacks is 0 there. Points of a prim without a transform are kept to the bit.
 //   widths, primvars:widths    diameters
 //   normals, primvars:normals  "normal"
 //   ids, primvars:id           "id"

@@ -46,8 +46,9 @@ PartsOfFile::PartsOfFile(const std::string& path)
     struct stat status {};
     if (descriptor_ < 0 && errno == ENOENT)
         throw InputError({path}, "there is no such file", "check the path");
-    if (descriptor_ < 0 || ::fstat(descriptor_, &status) != 0)
-        throw InputError({path}, "cannot be read", "check the file's permissions");
+    const bool known = descriptor_ >= 0 && ::fstat(descriptor_, &status) == 0;
+    if (!known && descriptor_ >= 0) ::close(descriptor_); // no destructor runs
+    if (!known) throw InputError({path}, "cannot be read", "check the file's permissions");
     if (!S_ISREG(status.st_mode)) {
         ::close(descriptor_);
         throw InputError({path}, "is not an ordinary file", "give the path of a .hair file");

@@ -21,7 +21,7 @@ using Numbers = std::vector<double>;
 constexpr double greatest_deviation = 1e-3; // of a curve's length; of the curves' size where transforms turn
 constexpr uint32_t most_pieces = 8;         // of a cubic
 constexpr size_t most_attributes = 64;      // constant ones are given to every curve
-constexpr int most_halvings = 8;            // of the time between two samples of a transform
+constexpr int most_depth = 8;               // of the time between two samples of a transform
 
 // What an attribute of numbers says over time.
 struct UsdaSeries {
@@ -33,32 +33,32 @@ struct UsdaSeries {
 // A prim BasisCurves, below what stands above it.
 struct CurvesPrim {
     std::string path;
-    std::vector<const UsdaPrim*> line; // from the root down to itself
-    const UsdaPrim& self() const { return *line.back(); }
+    std::vector<const UsdaPrim*> ancestors; // from the root down to itself
+    const UsdaPrim& self() const { return *ancestors.back(); }
 };
 
-enum class Spread { constant, uniform, varying, vertex };
+enum class Interpolation { constant, uniform, varying, vertex };
 
 class UsdaStrandsReader {
   public:
     UsdaStrandsReader(const std::string& path, std::string_view bytes, double fps)
-        : path_(path), bytes_(bytes), scene_(path, bytes), frames_per_time_(fps / times_a_second()) {}
+        : path_(path), bytes_(bytes), scene_(path, bytes), frames_per_time_(fps / time_codes_a_second()) {}
     StrandFile read();
 
   private:
-    double times_a_second() const;
-    void visit(const UsdaPrim& prim, const std::string& parent, std::vector<const UsdaPrim*>& line);
+    double time_codes_a_second() const;
+    void visit(const UsdaPrim& prim, const std::string& parent, std::vector<const UsdaPrim*>& ancestors);
     UsdaSeries series(const UsdaPrim& prim, std::string_view name) const;
     const Numbers& value_at(const UsdaSeries& series, double time, Numbers& between) const;
     std::string_view widths_name(const UsdaPrim& prim) const {
         return series(prim, "primvars:widths").is_there() ? "primvars:widths" : "widths";
     }
 
-    UsdaPlacing placing(const std::vector<const UsdaPrim*>& line, double time) const;
-    bool is_straight(const std::vector<const UsdaPrim*>& line, const Eigen::AlignedBox3d& box, double begin,
-                     double end) const;
-    void halve(const std::vector<const UsdaPrim*>& line, const Eigen::AlignedBox3d& box, double begin,
-               double end, int halvings, std::set<double>& times) const;
+    UsdaPlacing placing(const std::vector<const UsdaPrim*>& ancestors, double time) const;
+    bool is_linear_within(const std::vector<const UsdaPrim*>& ancestors, const Eigen::AlignedBox3d& box,
+                          double begin, double end) const;
+    void bisect(const std::vector<const UsdaPrim*>& ancestors, const Eigen::AlignedBox3d& box, double begin,
+                double end, int depth, std::set<double>& times) const;
     void find_times();
     void check_room(size_t times, uint64_t floats) const;
 
@@ -69,19 +69,20 @@ class UsdaStrandsReader {
     std::vector<float> widths_at(const UsdaCvs& cvs, const CurvesPrim& prim, const UsdaSeries& widths,
                                  std::string_view name, double time) const;
 
-    Spread spread_of(const UsdaPrim& prim, const UsdaAttribute& attribute, Spread otherwise) const;
-    size_t expected(const UsdaCvs& cvs, Spread spread) const;
-    Numbers spread_over_cvs(const UsdaCvs& cvs, const Numbers& values, size_t components, Spread spread,
-                            bool discrete) const;
+    Interpolation interpolation_of(const UsdaPrim& prim, const UsdaAttribute& attribute,
+                                   Interpolation otherwise) const;
+    size_t expected(const UsdaCvs& cvs, Interpolation interpolation) const;
+    Numbers interpolate_to_cvs(const UsdaCvs& cvs, const Numbers& values, size_t components,
+                               Interpolation interpolation, bool discrete) const;
     void read_attributes(const UsdaCvs& cvs, const CurvesPrim& prim, StrandFile& part);
     void read_attribute(const UsdaCvs& cvs, const CurvesPrim& prim, const UsdaAttribute& attribute,
-                        std::string name, Spread otherwise, StrandFile& part);
+                        std::string name, Interpolation otherwise, StrandFile& part);
     bool expand(const UsdaPrim& prim, const UsdaAttribute& attribute, size_t components,
                 Numbers& values) const;
     void place_values(const CurvesPrim& prim, std::string_view type, Numbers& values) const;
 
     void join(const CurvesPrim& prim, StrandFile part, StrandFile& all);
-    void rest_if_still(StrandFile& all) const;
+    void drop_equal_samples(StrandFile& all) const;
     void warn(std::string what) {
         if (std::ranges::find(warnings_, what) == warnings_.end()) warnings_.push_back(std::move(what));
     }
@@ -98,7 +99,7 @@ class UsdaStrandsReader {
 
 // ---- Prims, and values over time
 
-double UsdaStrandsReader::times_a_second() const {
+double UsdaStrandsReader::time_codes_a_second() const {
     double rate = 24.0; // what USD says of a layer that does not
     for (const std::string_view key : {"framesPerSecond", "timeCodesPerSecond"}) {
         const std::string_view given = find_metadata(scene_.layer().metadata, key);
@@ -110,14 +111,14 @@ double UsdaStrandsReader::times_a_second() const {
 }
 
 void UsdaStrandsReader::visit(const UsdaPrim& prim, const std::string& parent,
-                              std::vector<const UsdaPrim*>& line) {
+                              std::vector<const UsdaPrim*>& ancestors) {
     if (!is_usda_def(prim)) return;
     const std::string path = fmt::format("{}/{}", parent, prim.name);
-    line.push_back(&prim);
-    if (prim.type == "BasisCurves") prims_.push_back({path, line});
+    ancestors.push_back(&prim);
+    if (prim.type == "BasisCurves") prims_.push_back({path, ancestors});
     if (prim.type == "HermiteCurves" || prim.type == "NurbsCurves") ++other_curves_;
-    for (const UsdaPrim& child : prim.children) visit(child, path, line);
-    line.pop_back();
+    for (const UsdaPrim& child : prim.children) visit(child, path, ancestors);
+    ancestors.pop_back();
 }
 
 // Time samples where there are any, else the value for every time.
@@ -155,19 +156,19 @@ const Numbers& UsdaStrandsReader::value_at(const UsdaSeries& series, double time
     return between;
 }
 
-UsdaPlacing UsdaStrandsReader::placing(const std::vector<const UsdaPrim*>& line, double time) const {
+UsdaPlacing UsdaStrandsReader::placing(const std::vector<const UsdaPrim*>& ancestors, double time) const {
     UsdaPlacing placing = scene_.root();
-    for (const UsdaPrim* one : line) placing = scene_.placing_of(*one, placing, time);
+    for (const UsdaPrim* one : ancestors) placing = scene_.placing_of(*one, placing, time);
     return placing;
 }
 
 // Whether what is in the box and goes straight from its place at `begin` to that at `end` stays near where the transforms have it.
-bool UsdaStrandsReader::is_straight(const std::vector<const UsdaPrim*>& line, const Eigen::AlignedBox3d& box,
-                                    double begin, double end) const {
-    const UsdaPlacing a = placing(line, begin), b = placing(line, end);
+bool UsdaStrandsReader::is_linear_within(const std::vector<const UsdaPrim*>& ancestors,
+                                         const Eigen::AlignedBox3d& box, double begin, double end) const {
+    const UsdaPlacing a = placing(ancestors, begin), b = placing(ancestors, end);
     const double size = (a.topLeftCorner<3, 3>() * box.sizes().asDiagonal()).norm();
     for (const double share : {0.5, 0.21, 0.83}) { // not alike: a whole turn from one to the next is seen
-        const UsdaPlacing way = placing(line, begin + share * (end - begin)) - (a + share * (b - a));
+        const UsdaPlacing way = placing(ancestors, begin + share * (end - begin)) - (a + share * (b - a));
         for (int corner = 0; corner < 8; ++corner) {
             const Vec3d p = box.corner(Eigen::AlignedBox3d::CornerType(corner));
             const Vec3d off = way.topLeftCorner<3, 3>() * p + way.topRightCorner<3, 1>();
@@ -177,16 +178,17 @@ bool UsdaStrandsReader::is_straight(const std::vector<const UsdaPrim*>& line, co
     return true;
 }
 
-void UsdaStrandsReader::halve(const std::vector<const UsdaPrim*>& line, const Eigen::AlignedBox3d& box,
-                              double begin, double end, int halvings, std::set<double>& times) const {
+void UsdaStrandsReader::bisect(const std::vector<const UsdaPrim*>& ancestors, const Eigen::AlignedBox3d& box,
+                               double begin, double end, int depth, std::set<double>& times) const {
     const double middle = 0.5 * (begin + end);
-    if (halvings == 0 || !(middle > begin && middle < end) || is_straight(line, box, begin, end)) return;
+    if (depth == 0 || !(middle > begin && middle < end) || is_linear_within(ancestors, box, begin, end))
+        return;
     times.insert(middle);
-    halve(line, box, begin, middle, halvings - 1, times);
-    halve(line, box, middle, end, halvings - 1, times);
+    bisect(ancestors, box, begin, middle, depth - 1, times);
+    bisect(ancestors, box, middle, end, depth - 1, times);
 }
 
-// A transform of many samples over points of one would take their product.
+// A transform with many samples on points with one takes samples times points: refused where that is much more than the file.
 void UsdaStrandsReader::check_room(size_t times, uint64_t floats) const {
     const double bytes = double(times) * double(floats) * sizeof(float),
                  most = std::max(256e6, 64.0 * double(bytes_.size()));
@@ -211,27 +213,27 @@ void UsdaStrandsReader::find_times() {
         for (const UsdaSeries& one : {points, series(prim.self(), widths_name(prim.self()))})
             if (one.samples.size() > 1)
                 for (const auto& [time, value] : one.samples) times.insert(time);
-        std::vector<const UsdaPrim*> line;
+        std::vector<const UsdaPrim*> ancestors;
         bool moves = false;
-        for (const UsdaPrim* one : prim.line) {
+        for (const UsdaPrim* one : prim.ancestors) {
             if (!one->find("xformOpOrder")) continue;
-            line.push_back(one);
+            ancestors.push_back(one);
             moves = moves || scene_.placing_times(*one).size() > 1;
         }
         if (!moves) continue;
-        Eigen::AlignedBox3d& box = moved[line];
+        Eigen::AlignedBox3d& box = moved[ancestors];
         for (size_t i = 0; i + 2 < first.size(); i += 3) box.extend(Vec3d(first.data() + i));
     }
     std::set<double> between;
-    for (const auto& [line, box] : moved) {
+    for (const auto& [ancestors, box] : moved) {
         std::set<double> own;
-        for (const UsdaPrim* one : line)
+        for (const UsdaPrim* one : ancestors)
             for (const double time : scene_.placing_times(*one)) own.insert(time);
         times.insert(own.begin(), own.end());
         check_room(times.size(), floats);
         for (auto next = own.begin(); next != own.end() && std::next(next) != own.end() && !box.isEmpty();
              ++next)
-            halve(line, box, *next, *std::next(next), most_halvings, between);
+            bisect(ancestors, box, *next, *std::next(next), most_depth, between);
     }
     times.merge(between);
     check_room(times.size(), floats);
@@ -245,7 +247,7 @@ Numbers UsdaStrandsReader::placed_points(const CurvesPrim& prim, const UsdaSerie
                                          double time) const {
     Numbers between;
     const Numbers& given = value_at(points, time, between);
-    const UsdaPlacing place = placing(prim.line, time);
+    const UsdaPlacing place = placing(prim.ancestors, time);
     const bool rests = place == UsdaPlacing::Identity();
     Numbers placed = &given == &between ? std::move(between) : given;
     for (size_t i = 0; i + 2 < placed.size(); i += 3) {
@@ -288,20 +290,21 @@ std::vector<float> UsdaStrandsReader::widths_at(const UsdaCvs& cvs, const Curves
     Numbers between;
     const Numbers& given = value_at(widths, time, between);
     if (given.empty()) return {};
-    const Spread spread =
-        spread_of(prim.self(), *widths.of, name == "widths" ? Spread::vertex : Spread::constant);
-    if (given.size() != expected(cvs, spread))
+    const Interpolation interpolation = interpolation_of(
+        prim.self(), *widths.of, name == "widths" ? Interpolation::vertex : Interpolation::constant);
+    if (given.size() != expected(cvs, interpolation))
         scene_.fail(widths.of->at,
                     fmt::format("\"{}\" has {} widths where its interpolation wants {}", prim.path,
-                                given.size(), expected(cvs, spread)),
+                                given.size(), expected(cvs, interpolation)),
                     "export the curves anew");
-    const double scale = std::cbrt(std::abs(placing(prim.line, time).topLeftCorner<3, 3>().determinant()));
+    const double scale =
+        std::cbrt(std::abs(placing(prim.ancestors, time).topLeftCorner<3, 3>().determinant()));
     for (size_t i = 0; i < given.size(); ++i)
         if (!(given[i] >= 0.0) || !(given[i] * scale <= greatest_curve_coordinate))
             scene_.fail(widths.of->at,
                         fmt::format("width {} of \"{}\" is not a finite number of 0 or more", i, prim.path),
                         "write diameters");
-    const Numbers spread_out = spread_over_cvs(cvs, given, 1, spread, false);
+    const Numbers spread_out = interpolate_to_cvs(cvs, given, 1, interpolation, false);
     std::vector<float> floats(spread_out.size());
     for (size_t i = 0; i < floats.size(); ++i) // a cubic may overshoot below 0
         floats[i] = float(std::max(spread_out[i], 0.0) * scale);
@@ -361,39 +364,39 @@ StrandFile UsdaStrandsReader::read_prim(const CurvesPrim& prim) {
 
 // ---- Attributes
 
-Spread UsdaStrandsReader::spread_of(const UsdaPrim& prim, const UsdaAttribute& attribute,
-                                    Spread otherwise) const {
+Interpolation UsdaStrandsReader::interpolation_of(const UsdaPrim& prim, const UsdaAttribute& attribute,
+                                                  Interpolation otherwise) const {
     const std::string_view given = prim.metadata_of(attribute.name, "interpolation");
     if (given.empty()) return otherwise;
-    if (given == "constant") return Spread::constant;
-    if (given == "uniform") return Spread::uniform;
-    if (given == "varying" || given == "faceVarying") return Spread::varying;
-    if (given == "vertex") return Spread::vertex;
+    if (given == "constant") return Interpolation::constant;
+    if (given == "uniform") return Interpolation::uniform;
+    if (given == "varying" || given == "faceVarying") return Interpolation::varying;
+    if (given == "vertex") return Interpolation::vertex;
     scene_.fail(
         attribute.at,
         fmt::format("the interpolation \"{}\" of \"{}\" is not known", given.substr(0, 32), attribute.name),
         "write constant, uniform, varying or vertex");
 }
 
-size_t UsdaStrandsReader::expected(const UsdaCvs& cvs, Spread spread) const {
-    switch (spread) {
-    case Spread::constant:
+size_t UsdaStrandsReader::expected(const UsdaCvs& cvs, Interpolation interpolation) const {
+    switch (interpolation) {
+    case Interpolation::constant:
         return 1;
-    case Spread::uniform:
+    case Interpolation::uniform:
         return cvs.curve_count();
-    case Spread::varying:
+    case Interpolation::varying:
         return cvs.joint_count();
-    case Spread::vertex:
+    case Interpolation::vertex:
         break;
     }
     return cvs.vertex_count();
 }
 
-Numbers UsdaStrandsReader::spread_over_cvs(const UsdaCvs& cvs, const Numbers& values, size_t components,
-                                           Spread spread, bool discrete) const {
-    if (spread == Spread::vertex) return cvs.of_vertices(values, components, discrete);
-    if (spread == Spread::varying) return cvs.of_joints(values, components, discrete);
-    if (spread == Spread::uniform) return cvs.of_curves(values, components);
+Numbers UsdaStrandsReader::interpolate_to_cvs(const UsdaCvs& cvs, const Numbers& values, size_t components,
+                                              Interpolation interpolation, bool discrete) const {
+    if (interpolation == Interpolation::vertex) return cvs.of_vertices(values, components, discrete);
+    if (interpolation == Interpolation::varying) return cvs.of_joints(values, components, discrete);
+    if (interpolation == Interpolation::uniform) return cvs.of_curves(values, components);
     Numbers all;
     all.reserve(cvs.cv_count() * components);
     for (size_t cv = 0; cv < cvs.cv_count(); ++cv) all.insert(all.end(), values.begin(), values.end());
@@ -428,7 +431,7 @@ void UsdaStrandsReader::place_values(const CurvesPrim& prim, std::string_view ty
     const bool is_point = type.starts_with("point3"), is_vector = type.starts_with("vector3"),
                is_normal = type.starts_with("normal3");
     if (!is_point && !is_vector && !is_normal) return;
-    const UsdaPlacing place = placing(prim.line, times_.front());
+    const UsdaPlacing place = placing(prim.ancestors, times_.front());
     if (place == UsdaPlacing::Identity()) return;
     const Eigen::Matrix3d linear = place.topLeftCorner<3, 3>();
     if (is_normal && !(std::abs(linear.determinant()) > 0.0)) return;
@@ -443,8 +446,8 @@ void UsdaStrandsReader::place_values(const CurvesPrim& prim, std::string_view ty
 }
 
 void UsdaStrandsReader::read_attribute(const UsdaCvs& cvs, const CurvesPrim& prim,
-                                       const UsdaAttribute& attribute, std::string name, Spread otherwise,
-                                       StrandFile& part) {
+                                       const UsdaAttribute& attribute, std::string name,
+                                       Interpolation otherwise, StrandFile& part) {
     const UsdaPrim& self = prim.self();
     const auto samples = self.samples(attribute.name);
     const UsdaValue* value = samples.empty() ? self.find(attribute.name) : samples.front().second;
@@ -471,15 +474,15 @@ void UsdaStrandsReader::read_attribute(const UsdaCvs& cvs, const CurvesPrim& pri
     if (element_size >= 1.0 && element_size <= 4.0) components *= size_t(element_size);
     if (components < 1 || components > 4 || !(element_size <= 4.0))
         return left_out("an attribute has 1 to 4 numbers");
-    const Spread spread = spread_of(self, attribute, otherwise);
+    const Interpolation interpolation = interpolation_of(self, attribute, otherwise);
     const bool has_indices = expand(self, attribute, components, values);
     const size_t count = values.size() / components;
-    if (spread == Spread::constant && count != 1 && !has_indices)
+    if (interpolation == Interpolation::constant && count != 1 && !has_indices)
         return left_out(fmt::format("it has {} values and no interpolation but constant", count));
-    if (count != expected(cvs, spread) || values.size() % components != 0)
+    if (count != expected(cvs, interpolation) || values.size() % components != 0)
         scene_.fail(attribute.at,
                     fmt::format("\"{}\" has {} values where its interpolation wants {}", attribute.name,
-                                count, expected(cvs, spread)),
+                                count, expected(cvs, interpolation)),
                     "export the curves anew");
     place_values(prim, attribute.type, values);
     if (samples.size() > 1 &&
@@ -490,19 +493,20 @@ void UsdaStrandsReader::read_attribute(const UsdaCvs& cvs, const CurvesPrim& pri
                          "folded into 24 bits, two may become one",
                          attribute.name, prim.path, folded));
 
-    const bool per_curve = spread == Spread::constant || spread == Spread::uniform;
-    if (name == "st" && spread == Spread::uniform && components == 2 &&
+    const bool per_curve =
+        interpolation == Interpolation::constant || interpolation == Interpolation::uniform;
+    if (name == "st" && interpolation == Interpolation::uniform && components == 2 &&
         self.find("primvars:root_uv") == nullptr)
         name = "root_uv";
     result.name = std::move(name);
     result.components = uint32_t(components);
     result.rate = per_curve ? MARRAM_PER_CURVE : MARRAM_PER_CV;
-    if (spread == Spread::constant) {
+    if (interpolation == Interpolation::constant) {
         const Numbers one = values;
         values.clear();
         for (size_t c = 0; c < cvs.curve_count(); ++c) values.insert(values.end(), one.begin(), one.end());
     } else if (!per_curve) {
-        values = spread_over_cvs(cvs, values, components, spread, result.discrete);
+        values = interpolate_to_cvs(cvs, values, components, interpolation, result.discrete);
     }
     result.values.reserve(values.size());
     for (const double number : values) {
@@ -524,16 +528,16 @@ void UsdaStrandsReader::read_attributes(const UsdaCvs& cvs, const CurvesPrim& pr
     for (const UsdaAttribute& attribute : self.attributes) {
         if (!done.insert(attribute.name).second) continue; // its samples, or its value
         if (attribute.name == "ids" && !self.find("primvars:id"))
-            read_attribute(cvs, prim, attribute, "id", Spread::uniform, part);
+            read_attribute(cvs, prim, attribute, "id", Interpolation::uniform, part);
         if (attribute.name == "normals" && !self.find("primvars:normals"))
-            read_attribute(cvs, prim, attribute, "normal", Spread::vertex, part);
+            read_attribute(cvs, prim, attribute, "normal", Interpolation::vertex, part);
         if (!attribute.name.starts_with(head) || attribute.name.size() == head.size()) continue;
         const std::string_view name = attribute.name.substr(head.size());
         const bool of_another = name.ends_with(indices) &&
                                 self.find(attribute.name.substr(0, attribute.name.size() - indices.size()));
         if (name == "widths" || of_another) continue;
         read_attribute(cvs, prim, attribute, name == "normals" ? "normal" : std::string(name),
-                       Spread::constant, part);
+                       Interpolation::constant, part);
     }
     std::set<std::string> names;
     for (const AttributeValues& attribute : part.attributes)
@@ -577,6 +581,11 @@ void UsdaStrandsReader::join(const CurvesPrim& prim, StrandFile part, StrandFile
         const auto same = std::ranges::find(all.attributes, attribute.name, &AttributeValues::name);
         if (same == all.attributes.end()) {
             lacks(attribute.name);
+            if (all.attributes.size() == most_attributes)
+                scene_.fail(prim.self().at,
+                            fmt::format("\"{}\" and the prims before it have more than {} primvars in all",
+                                        prim.path, most_attributes),
+                            "leave out those that nobody uses, or split the file");
             attribute.values.insert(
                 attribute.values.begin(),
                 (attribute.rate == MARRAM_PER_CURVE ? curves : cvs) * attribute.components, 0.0F);
@@ -615,7 +624,7 @@ void UsdaStrandsReader::join(const CurvesPrim& prim, StrandFile part, StrandFile
     all.deviation = std::max(all.deviation, part.deviation);
 }
 
-void UsdaStrandsReader::rest_if_still(StrandFile& all) const {
+void UsdaStrandsReader::drop_equal_samples(StrandFile& all) const {
     const StrandSample& first = all.samples.front();
     const bool moves = std::ranges::any_of(all.samples, [&](const StrandSample& sample) {
         return sample.points != first.points || sample.widths != first.widths;
@@ -624,8 +633,8 @@ void UsdaStrandsReader::rest_if_still(StrandFile& all) const {
 }
 
 StrandFile UsdaStrandsReader::read() {
-    std::vector<const UsdaPrim*> line;
-    for (const UsdaPrim& prim : scene_.layer().prims) visit(prim, "", line);
+    std::vector<const UsdaPrim*> ancestors;
+    for (const UsdaPrim& prim : scene_.layer().prims) visit(prim, "", ancestors);
     if (prims_.empty())
         throw InputError({path_}, "has no BasisCurves of its own",
                          "export curves into this file: references and variants are not followed");
@@ -637,7 +646,7 @@ StrandFile UsdaStrandsReader::read() {
     }
     if (all.samples.empty())
         throw InputError({path_}, "its BasisCurves have no curves", "check that the strands were exported");
-    rest_if_still(all);
+    drop_equal_samples(all);
     if (other_curves_ > 0)
         warn(fmt::format("{} prims of HermiteCurves or NurbsCurves are not read", other_curves_));
     all.warnings = std::move(warnings_);

@@ -1023,15 +1023,17 @@ static inline MarramStatus marram_host_set_type(MarramHostValues* values, const 
     marram_host_forget(values, name, 0);
     if (!item) {
         marram_host_seek(&nearest, type);
-        for (uint32_t i = 0; i < values->type.item_type_count; ++i)
-            if (strncmp(marram_host_item_type(values, i)->list, name, list_size) == 0)
-                marram_host_offer(&nearest, marram_host_item_type(values, i)->type);
+        for (uint32_t i = 0; i < values->type.item_type_count; ++i) {
+            const MarramItemType* one = marram_host_item_type(values, i);
+            if (strncmp(one->list, name, list_size) == 0 && one->list[list_size] == '\0')
+                marram_host_offer(&nearest, one->type);
+        }
         char* types = marram_host_listed_types(values, name, list_size);
         char* remedy = nearest.best[0] ? marram_host_print("did you mean \"%s\"?", nearest.best)
                        : types         ? marram_host_print("give one of %s", types)
                                        : NULL;
         free(types);
-        return marram_host_refuse(values, name, values->place, type, remedy);
+        return marram_host_refuse(values, name, values->place, *type ? type : "empty", remedy);
     }
     MarramHostElement* element = marram_host_make_element(values, name, element_size);
     if (!element) return MARRAM_ERROR;
@@ -1428,6 +1430,8 @@ static inline const char* marram_host_unusable(const MarramProcedural* type) {
     const int curves = type->kind == MARRAM_CURVES;
     if ((type->param_count && !type->param_stride) || (type->item_type_count && !type->item_type_stride))
         return "it has an array whose stride is 0";
+    if ((type->param_count && !type->params) || (type->item_type_count && !type->item_types))
+        return "it has an array that is NULL";
     for (uint32_t t = 0; t <= type->item_type_count;
          ++t) { /* its own parameters, then those of its types of elements */
         const MarramItemType* item =
@@ -1435,7 +1439,7 @@ static inline const char* marram_host_unusable(const MarramProcedural* type) {
         const MarramParam* first = item ? item->params : type->params;
         const uint32_t stride = item ? item->param_stride : type->param_stride,
                        count = item ? item->param_count : type->param_count;
-        if (item && (!item->list || !item->type || (count && !stride)))
+        if (item && (!item->list || !item->type || (count && (!stride || !first))))
             return "a text or array of its lists is missing";
         for (uint32_t i = 0; i < count; ++i) {
             const MarramParam* param = MARRAM_AT(MarramParam, first, stride, i);

@@ -8,6 +8,8 @@
 #include "core/scene/table.h"
 #include "core/scene/words.h"
 
+#include <algorithm>
+#include <cmath>
 #include <fmt/format.h>
 
 namespace marram {
@@ -75,8 +77,8 @@ const ItemSchema* read_type(const toml::table& table, const std::string& kind, c
     return nullptr;
 }
 
-// An item that names several things where it is there once for each: "fur" on "body" and "tail" is "fur.body" and "fur.tail". Where it has
-// a seed each has one of its own, by what it names, so that equal meshes do not look the same.
+// One item for each name that a parameter of type "each" lists: "fur" on "body" and "tail" becomes "fur.body" and "fur.tail". A seed is
+// derived for each from its name, so that equal meshes do not get the same strands.
 std::vector<Item> one_for_each(Item item) {
     std::vector<Item> items;
     const auto of_each = std::ranges::find_if(item.params.all(), [](const ParamValue& value) {
@@ -91,7 +93,10 @@ std::vector<Item> one_for_each(Item item) {
         if (ParamValue* seed = one.params.find("seed"); seed && seed->spec->type == ParamType::integer) {
             uint64_t h = uint64_t(seed->numbers[0]);
             for (const char c : name) h = hash(h, uint64_t(static_cast<unsigned char>(c)));
-            seed->numbers[0] = double(h & 0x7fffffffU);
+            // In the range that the seed has; 31 bits are exact in a double.
+            const double low = std::max(seed->spec->minimum, 0.0),
+                         high = std::min(seed->spec->maximum, 0x7fffffff.0p0);
+            seed->numbers[0] = high > low ? low + std::fmod(double(h & 0x7fffffffU), high - low + 1.0) : low;
         }
     }
     return items;

@@ -130,6 +130,9 @@ void put(toml::table& root, std::span<const Step> steps, toml::node&& value, con
             return;
         }
         node = table->get(step.key);
+        if (!node && steps[i + 1].element)
+            return reading.report({source, 0, 0}, fmt::format("{} has no elements here", clean(address)),
+                                  fmt::format("set it as a whole: {}=[{{ ... }}]", clean(address)));
         if (!node) node = make_table(*table, step.key, source);
     }
 }

@@ -4,6 +4,7 @@
 #include "core/math/hash.h"
 #include "core/shot/film_state.h"
 #include "core/shot/frame_name.h"
+#include "core/shot/material_checks.h"
 #include "core/shot/picture_file.h"
 #include "core/shot/scene_camera.h"
 #include "core/shot/settings.h"
@@ -158,6 +159,7 @@ World build_frame(Frame& frame) {
     settings.camera = camera_samples(frame.shot, frame.files.frame);
     World world =
         build_world(frame.shot.geometry, settings, frame.cancel, frame.progress.build, frame.stats.build);
+    check_root_uvs(frame.shot, world);
     check_target(frame);
     const auto [width, height] = film_size(frame.shot);
     frame.film = make_film(width, height, frame.layers, world);

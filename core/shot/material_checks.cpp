@@ -9,7 +9,7 @@ namespace marram {
 namespace {
 
 // What a material is on: a mesh of the scene, or what a procedural makes.
-struct Place3D {
+struct MaterialUse {
     const Item& item;
     const Procedural* procedural; // nullptr for a mesh of the scene
     bool is_mesh, moves;
@@ -26,17 +26,17 @@ std::vector<size_t> parts_of(const Shot& shot, size_t material) {
 }
 
 // What materials cannot do on a mesh.
-void check_on_mesh(const Item& material, const Place3D& on, std::vector<std::string>& warnings) {
+void check_on_mesh(const Item& material, const MaterialUse& use, std::vector<std::string>& warnings) {
     const auto shader = std::ranges::find(shaders(), material.type, &ShaderDescription::name);
     if (shader->strands_only)
-        throw InputError(on.item.params.at("material").place,
-                         fmt::format("'{}' is a mesh, and '{}' of type {}, which strands alone can have",
-                                     on.item.name, material.name, material.type),
+        throw InputError(use.item.params.at("material").place,
+                         fmt::format("'{}' of type {} works on strands only, but '{}' is a mesh",
+                                     material.name, material.type, use.item.name),
                          "give it another material, such as one of type surface");
-    if (material.type == "sand" && on.moves)
+    if (material.type == "sand" && use.moves)
         warnings.push_back(
             fmt::format("{}: '{}' moves: its sand's ripples and glints stay where they are in the world",
-                        to_string(on.item.place), on.item.name));
+                        to_string(use.item.place), use.item.name));
 }
 
 // The attributes that a material asks for, by the parameters that name them.
@@ -48,43 +48,61 @@ std::vector<std::pair<const char*, std::string>> wanted_attributes_of(const Mate
     return wanted;
 }
 
-void check_attributes(const Item& material, const Material& settings, const Place3D& on) {
+void check_attributes(const Item& material, const Material& settings, const MaterialUse& use) {
     for (const auto& [parameter, wanted] : wanted_attributes_of(settings)) {
         const Place& place = material.params.at(parameter).place;
-        if (!on.procedural)
+        if (!use.procedural)
             throw InputError(
                 place,
-                fmt::format("'{}' asks for an attribute, but is on the mesh '{}', which has none",
-                            material.name, on.item.name),
+                fmt::format("'{}' reads an attribute, but the mesh '{}' has none", material.name,
+                            use.item.name),
                 fmt::format("leave {} out, or use the material on what a procedural makes", parameter));
         std::vector<std::string> known;
-        for (const MarramAttribute& attribute : on.procedural->attributes())
+        for (const MarramAttribute& attribute : use.procedural->attributes())
             if (attribute.components == 1) known.emplace_back(attribute.name);
         if (std::ranges::find(known, wanted) == known.end())
             throw InputError(place,
-                             fmt::format("'{}' has no attribute '{}' of one number to {} by", on.item.name,
+                             fmt::format("'{}' has no attribute '{}' of one number to {} by", use.item.name,
                                          wanted, std::string_view(parameter) == "tint" ? "tint" : "blend"),
-                             fmt::format("choose among {}", fmt::join(known, ", ")));
+                             known.empty() ? fmt::format("leave {} out", parameter)
+                                           : fmt::format("choose among {}", fmt::join(known, ", ")));
     }
 }
 
-// Images on strands go by the uv at their roots: the mesh that they stand on must have one.
-void check_root_uv(const Shot& shot, const Item& material, const Place3D& on) {
-    const auto attributes = on.procedural->attributes();
-    const bool has = std::ranges::any_of(attributes, [](const MarramAttribute& attribute) {
-        return std::string_view(attribute.name) == "root_uv" && attribute.components == 2;
-    });
-    const ParamValue* mesh = on.item.params.find("on");
-    const auto named = mesh ? std::ranges::find(shot.geometry.meshes, mesh->text, &SceneMesh::name)
-                            : shot.geometry.meshes.end();
-    if (has && (named == shot.geometry.meshes.end() || !named->mesh.uvs.empty())) return;
+// Whether the curves that a procedural takes from a file bring a uv at their roots.
+bool file_has_root_uv(const Shot& shot, const Item& procedural) {
+    const ParamValue* curves = procedural.params.find("curves");
+    if (!curves) return false;
+    const auto named = std::ranges::find(shot.geometry.curves, curves->text, &SceneCurves::name);
+    return named != shot.geometry.curves.end() &&
+           std::ranges::any_of(named->attributes, [](const AttributeValues& attribute) {
+               return attribute.name == "root_uv" && attribute.components == 2 &&
+                      attribute.rate == MARRAM_PER_CURVE;
+           });
+}
+
+[[noreturn]] void refuse_image(const Item& material, const Item& procedural) {
     const char* map = "color_map";
     for (const char* other : {"roughness_map", "specular_map"})
         if (!material.params.has(map)) map = other;
     throw InputError(material.params.at(map).place,
                      fmt::format("'{}' has an image, but the strands of '{}' have no uv at their roots",
-                                 material.name, on.item.name),
+                                 material.name, procedural.name),
                      "grow them on a mesh that has uvs, or leave the image out");
+}
+
+// Images on strands go by the uv at their roots: the mesh that they stand on must have one. Of what procedurals make it is known once the
+// world is built.
+void check_root_uv(const Shot& shot, const Item& material, const MaterialUse& use) {
+    const auto attributes = use.procedural->attributes();
+    const bool has = std::ranges::any_of(attributes, [](const MarramAttribute& attribute) {
+        return std::string_view(attribute.name) == "root_uv" && attribute.components == 2;
+    });
+    const ParamValue* mesh = use.item.params.find("on");
+    const auto named = mesh ? std::ranges::find(shot.geometry.meshes, mesh->text, &SceneMesh::name)
+                            : shot.geometry.meshes.end();
+    const bool without = named != shot.geometry.meshes.end() && named->mesh.uvs.empty();
+    if (!has || (without && !file_has_root_uv(shot, use.item))) refuse_image(material, use.item);
 }
 
 } // namespace
@@ -97,14 +115,14 @@ std::vector<std::string> check_materials(const Shot& shot) {
     for (const auto& procedural : shot.geometry.procedurals)
         if (procedural->material >= 0)
             for (const size_t part : parts_of(shot, size_t(procedural->material))) on_procedural[part] = true;
-    const auto check = [&](int material, const Place3D& on) {
+    const auto check = [&](int material, const MaterialUse& use) {
         if (material < 0) return;
         for (const size_t part : parts_of(shot, size_t(material))) {
-            if (on.is_mesh) check_on_mesh(materials[part], on, warnings);
-            if (!on.is_mesh && shot.materials[part].mapped) check_root_uv(shot, materials[part], on);
+            if (use.is_mesh) check_on_mesh(materials[part], use, warnings);
+            if (!use.is_mesh && shot.materials[part].mapped) check_root_uv(shot, materials[part], use);
             const bool blend = std::holds_alternative<BlendSettings>(shot.materials[part].settings);
-            if (on.procedural || blend || !on_procedural[part])
-                check_attributes(materials[part], shot.materials[part], on);
+            if (use.procedural || blend || !on_procedural[part])
+                check_attributes(materials[part], shot.materials[part], use);
         }
     };
     for (size_t i = 0; i < shot.geometry.meshes.size(); ++i) {
@@ -117,6 +135,23 @@ std::vector<std::string> check_materials(const Shot& shot) {
               {shot.description.procedurals[i], &procedural, procedural.kind() == MARRAM_MESH, false});
     }
     return warnings;
+}
+
+void check_root_uvs(const Shot& shot, const World& world) {
+    for (size_t i = 0; i < shot.geometry.procedurals.size(); ++i) {
+        const Procedural& procedural = *shot.geometry.procedurals[i];
+        const Item& item = shot.description.procedurals[i];
+        const ParamValue* on = item.params.find("on");
+        if (procedural.kind() == MARRAM_MESH || procedural.material < 0 || !on ||
+            file_has_root_uv(shot, item))
+            continue;
+        const auto mesh = std::ranges::find(world.meshes, on->text, &MeshGeometry::name);
+        if (mesh == world.meshes.end() ||
+            !world.growth_surface(uint32_t(mesh - world.meshes.begin())).uvs.empty())
+            continue;
+        for (const size_t part : parts_of(shot, size_t(procedural.material)))
+            if (shot.materials[part].mapped) refuse_image(shot.description.materials[part], item);
+    }
 }
 
 } // namespace marram

@@ -10,4 +10,7 @@ namespace marram {
 // carry. Returns warnings: sand on a mesh that moves.
 std::vector<std::string> check_materials(const Shot& shot);
 
+// Throws InputError where a material of strands has an image, and what a procedural made for them to stand on has no uvs.
+void check_root_uvs(const Shot& shot, const World& world);
+
 } // namespace marram

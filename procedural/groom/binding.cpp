@@ -28,14 +28,14 @@ Vec3d weights_of(const std::array<Vec3d, 3>& p, const Vec3d& q) {
 }
 
 // The surface as the one collider of a frame.
-struct LoneCollider {
+struct ClosestPointQuery {
     const float* positions[1];
     MarramMesh mesh{};
     MarramFrame frame{};
     Colliders colliders;
     Eigen::AlignedBox3d box;
 
-    LoneCollider(const Surface& surface, uint32_t vertex_count) : positions{surface.positions} {
+    ClosestPointQuery(const Surface& surface, uint32_t vertex_count) : positions{surface.positions} {
         mesh.name = "";
         mesh.roles = MARRAM_COLLIDES;
         mesh.vertex_count = vertex_count;
@@ -53,8 +53,8 @@ struct LoneCollider {
         for (uint32_t t = 0; t < surface.triangle_count; ++t)
             for (const Vec3d& p : surface.corners(t)) box.extend(p);
     }
-    LoneCollider(const LoneCollider&) = delete;
-    LoneCollider& operator=(const LoneCollider&) = delete;
+    ClosestPointQuery(const ClosestPointQuery&) = delete;
+    ClosestPointQuery& operator=(const ClosestPointQuery&) = delete;
 };
 
 } // namespace
@@ -70,7 +70,10 @@ Binding bind_strands(const LentCurves& curves, const float* vertices, const Surf
                      uint32_t vertex_count, const std::function<bool()>& cancelled) {
     Binding binding;
     binding.bonds.resize(curves.count());
-    const LoneCollider skin(bind, vertex_count);
+    const ClosestPointQuery query(bind, vertex_count);
+    // Roots and skin are floats, as a rule transformed by two programs, each on its own: eight roundings of half a unit.
+    binding.rounding =
+        0x1p-21 * std::max(query.box.min().cwiseAbs().maxCoeff(), query.box.max().cwiseAbs().maxCoeff());
     tbb::parallel_for(tbb::blocked_range<uint64_t>(0, curves.count(), 256), [&](const auto& range) {
         if (cancelled()) return;
         uint32_t hint = no_triangle; // of the strand before: neighbours are near as a rule
@@ -78,26 +81,24 @@ Binding bind_strands(const LentCurves& curves, const float* vertices, const Surf
             const Vec3d root = point_at(vertices + 4 * (curves.first_vertex(c) + 1));
             // Farther than this no triangle is.
             const double reach =
-                (skin.box.exteriorDistance(root) + skin.box.diagonal().norm()) * (1.0 + 1e-9);
+                (query.box.exteriorDistance(root) + query.box.diagonal().norm()) * (1.0 + 1e-9);
             SkinPoint foot{};
-            closest_skin_point(skin.colliders, skin.mesh, root, Vec3d::Zero(), reach, hint, foot);
+            closest_skin_point(query.colliders, query.mesh, root, Vec3d::Zero(), reach, hint, foot);
             hint = foot.triangle;
             binding.bonds[c] = {weights_of(bind.corners(foot.triangle), foot.point), foot.triangle,
-                                float(foot.height)};
+                                float((root - foot.point).norm()),
+                                float(root_height(root, foot.point, foot.normal, binding.rounding))};
         }
     });
     if (cancelled()) return binding;
-    // Roots and skin are floats, as a rule transformed by two programs, each on its own: eight roundings of half a unit.
-    const double rounding =
-        0x1p-21 * std::max(skin.box.min().cwiseAbs().maxCoeff(), skin.box.max().cwiseAbs().maxCoeff());
     for (uint64_t c = 0; c < curves.count(); ++c) {
-        const double height = double(binding.bonds[c].height);
+        const double height = double(binding.bonds[c].height), distance = double(binding.bonds[c].distance);
         const double length = curve_length(vertices + 4 * (curves.first_vertex(c) + 1), curves.cvs(c));
-        binding.greatest_distance = std::max(binding.greatest_distance, std::abs(height));
-        binding.mean_distance += std::abs(height) / double(curves.count());
+        binding.greatest_distance = std::max(binding.greatest_distance, distance);
+        binding.mean_distance += distance / double(curves.count());
         if (!(length > 0.0)) ++binding.no_length;
-        if (std::abs(height) > far_share * length + rounding) ++binding.far;
-        if (height < -rounding) {
+        if (distance > far_share * length + binding.rounding) ++binding.far;
+        if (height < 0.0) {
             ++binding.inside;
             binding.deepest = std::max(binding.deepest, -height);
         }

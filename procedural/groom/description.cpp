@@ -3,8 +3,9 @@
 //
 // What it models. Roots are spread over the rest surface as evenly as asked (roots.h), each strand gets a shape of its own
 // from hashes of its root (strand_shape.h), rides on the surface as it moves, and is blown by the scene's wind
-// (procedural/wind). Density, length, width, lean, arc, curl, clump, frizz and wind are as given at most, and what NAME_by makes
-// of that from place to place: the product of ramps over attributes of the mesh and over images. A strand keeps its id and shape when density changes elsewhere, when the frame moves, and when
+// (procedural/wind). Density, length, width, lean, arc, curl, clump, frizz and wind are maxima: NAME_by scales them from place to
+// place by a product of ramps over attributes of the mesh and over images. A strand keeps its id and shape when density changes
+// elsewhere, when the frame moves, and when
 // parameters that do not concern it change.
 //
 //     [[procedural]]
@@ -31,6 +32,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 
 namespace marram {
 namespace {
@@ -93,11 +95,11 @@ constexpr std::array groom_values = {
                 "scale of the width from root to tip"},
     MarramParam{"width_variation", MARRAM_NUMBER, "", "0.1", 0, 1, "",
                 "largest share by which strands are thinner"},
-    MarramParam{
-        "cvs", MARRAM_INTEGER, "", "8", 0, 1000, "",
-        "control vertices a strand; 0: as many as the tolerance asks for, bent like strands of 8 unless "
-        "wind.reference_segments says otherwise",
-        "5|9|17|33|65", ""},
+    MarramParam{"cvs", MARRAM_INTEGER, "", "8", 0, 1000, "",
+                "control vertices a strand; 0: as many as the tolerance asks for, with the bends of strands "
+                "of 8 unless "
+                "wind.reference_segments is given",
+                "5|9|17|33|65", ""},
     MarramParam{"basis", MARRAM_CHOICE, "", "bspline", -largest, largest, "bspline|catmull-rom",
                 "B-spline is smoother; Catmull-Rom passes through its CVs"},
     MarramParam{"shape", MARRAM_CHOICE, "", "round", -largest, largest, "round|ribbon|oriented-ribbon",
@@ -165,23 +167,28 @@ std::optional<Ramp> optional_ramp(const Values& values, std::string_view name) {
     return share_ramp(values, name);
 }
 
+// Images of one create(), by their pixels and channel: the host lends equal ones once.
+using ScalarImages = std::map<std::pair<const float*, uint32_t>, ScalarImage>;
+
 // Of a channel, the last one where there are fewer.
-std::optional<Mask> optional_mask(const Values& values, std::string_view name, uint32_t channel = 0) {
+std::optional<ScalarImage> optional_image(const Values& values, std::string_view name, ScalarImages& images,
+                                          uint32_t channel = 0) {
     const MarramValue* value = values.find(name);
     if (!value) return {};
     const MarramGrid* image = value->grid;
     if (!image || !image->values || image->nx == 0 || image->ny == 0 || image->components == 0)
         throw SceneFault("contract.no_image", value->place,
                          std::string(name) + ": the image was not handed over", "read it before create()");
-    Mask mask{image->nx, image->ny, {}, value->place};
-    const size_t pixels = size_t(image->nx) * image->ny;
-    mask.values.resize(pixels);
-    for (size_t i = 0; i < pixels; ++i)
-        mask.values[i] = image->values[i * image->components + std::min(channel, image->components - 1)];
-    return mask;
+    channel = std::min(channel, image->components - 1);
+    const std::pair key(image->values, channel);
+    if (const auto same = images.find(key); same != images.end()) return same->second.at_place(value->place);
+    std::vector<float> pixels(size_t(image->nx) * image->ny);
+    for (size_t i = 0; i < pixels.size(); ++i) pixels[i] = image->values[i * image->components + channel];
+    return images.emplace(key, ScalarImage(image->nx, image->ny, std::move(pixels), value->place))
+        .first->second;
 }
 
-Factors read_factors(const Values& values, const std::string& list) {
+Factors read_factors(const Values& values, const std::string& list, ScalarImages& images) {
     Factors factors;
     while (true) {
         const std::string element = list + "[" + std::to_string(factors.size()) + "].";
@@ -189,7 +196,7 @@ Factors read_factors(const Values& values, const std::string& list) {
         Factor factor;
         factor.ramp = share_ramp(values, element + "ramp");
         factor.place = values.at(element + "ramp").place;
-        factor.image = optional_mask(values, element + "image");
+        factor.image = optional_image(values, element + "image", images);
         if (values.has(element + "attribute")) {
             factor.attribute = values.text(element + "attribute");
             factor.place = values.at(element + "attribute").place;
@@ -204,9 +211,9 @@ Factors read_factors(const Values& values, const std::string& list) {
     }
 }
 
-Masks read_masks(const Values& values, const std::string& of) {
-    return {optional_mask(values, of + "_mask"), optional_ramp(values, of + "_by_height"),
-            optional_ramp(values, of + "_by_slope"), read_factors(values, of + "_by")};
+Masks read_masks(const Values& values, const std::string& of, ScalarImages& images) {
+    return {optional_image(values, of + "_mask", images), optional_ramp(values, of + "_by_height"),
+            optional_ramp(values, of + "_by_slope"), read_factors(values, of + "_by", images)};
 }
 
 std::vector<Clump> read_clumps(const Values& values) {
@@ -236,7 +243,7 @@ std::vector<Clump> read_clumps(const Values& values) {
     }
 }
 
-void read_roots(const Values& values, Groom& groom) {
+void read_roots(const Values& values, ScalarImages& images, Groom& groom) {
     const MarramValue* density = values.find("density");
     const MarramValue* count = values.find("count");
     groom.mesh = values.text("on");
@@ -250,14 +257,28 @@ void read_roots(const Values& values, Groom& groom) {
     if (density) groom.density = density->numbers[0];
     if (count) groom.count = static_cast<uint64_t>(count->numbers[0]);
     groom.count_place = (density ? density : count)->place;
-    groom.density_masks = read_masks(values, "density");
-    groom.length_masks = read_masks(values, "length");
+    groom.density_masks = read_masks(values, "density", images);
+    groom.length_masks = read_masks(values, "length", images);
     groom.spacing = values.number("spacing");
 }
 
 } // namespace
 
-double Mask::operator()(double u, double v) const {
+ScalarImage::ScalarImage(uint32_t width, uint32_t height, std::vector<float> values, std::string place)
+    : place_(std::move(place)) {
+    const auto [low, high] = std::ranges::minmax(values);
+    pixels_ =
+        std::make_shared<const Pixels>(Pixels{width, height, std::move(values), double(low), double(high)});
+}
+
+ScalarImage ScalarImage::at_place(std::string place) const {
+    ScalarImage other = *this;
+    other.place_ = std::move(place);
+    return other;
+}
+
+double ScalarImage::operator()(double u, double v) const {
+    const auto& [width, height, values, low, high] = *pixels_;
     const auto wrap = [](int64_t i, uint32_t n) { return uint32_t(((i % n) + n) % n); };
     const double x = (u - std::floor(u)) * width - 0.5, y = (1.0 - (v - std::floor(v))) * height - 0.5;
     const double x0 = std::floor(x), y0 = std::floor(y), fx = x - x0, fy = y - y0;
@@ -280,8 +301,8 @@ double Factor::operator()(const Surface& surface, uint32_t triangle, const Vec3d
     return std::clamp(ramp(value), 0.0, 1.0);
 }
 
-std::pair<double, double> Factor::range(const Surface& surface, uint32_t triangle) const {
-    if (image) return {double(std::ranges::min(image->values)), double(std::ranges::max(image->values))};
+std::pair<double, double> Factor::input_range(const Surface& surface, uint32_t triangle) const {
+    if (image) return {image->low(), image->high()};
     const MarramAttribute& values = surface.attributes[index];
     const double a = surface.value(values, triangle, Vec3d::UnitX()),
                  b = surface.value(values, triangle, Vec3d::UnitY()),
@@ -377,7 +398,8 @@ const std::vector<MarramParam>& groom_params() {
 
 Groom read_groom(const Values& values) {
     Groom groom;
-    read_roots(values, groom);
+    ScalarImages images;
+    read_roots(values, images, groom);
     groom.guides = read_guides(values);
     if (groom.guides && values.has("length"))
         throw SceneFault("groom.length_of_guides", values.at("length").place,
@@ -396,7 +418,8 @@ Groom read_groom(const Values& values) {
         groom.comb = comb.stableNormalized();
     }
     if (values.has("comb_map"))
-        groom.comb_map = {*optional_mask(values, "comb_map", 0), *optional_mask(values, "comb_map", 1)};
+        groom.comb_map = {*optional_image(values, "comb_map", images, 0),
+                          *optional_image(values, "comb_map", images, 1)};
     groom.comb_variation = radians(values, "comb_variation");
     groom.lean = radians(values, "lean");
     groom.lean_variation = radians(values, "lean_variation");
@@ -424,7 +447,7 @@ Groom read_groom(const Values& values) {
                                                      : MARRAM_ORIENTED_RIBBON;
     groom.envelope = share_ramp(values, "envelope");
     for (size_t i = 0; i < factor_count; ++i)
-        groom.factors[i] = read_factors(values, std::string(scaled[i].name) + "_by");
+        groom.factors[i] = read_factors(values, std::string(scaled[i].name) + "_by", images);
     groom.seed = static_cast<uint32_t>(values.integer("seed"));
     return groom;
 }

@@ -11,6 +11,7 @@
 #include "procedural/values.h"
 
 #include <array>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -18,26 +19,39 @@
 
 namespace marram {
 
-// An image lent by the renderer for create() only, so its pixels are kept: one channel.
-struct Mask {
-    uint32_t width = 0, height = 0;
-    std::vector<float> values; // rows from the top
-    std::string place{};       // in the scene file
+// One channel of an image. Those of one image share their pixels.
+class ScalarImage {
+  public:
+    // values: rows from the top, width * height.
+    ScalarImage(uint32_t width, uint32_t height, std::vector<float> values, std::string place = "");
+    ScalarImage at_place(std::string place) const; // the same, asked for elsewhere
 
     // Bilinear, repeating; v = 0 is the image's bottom edge.
     double operator()(double u, double v) const;
+    double low() const { return pixels_->low; } // over the whole image
+    double high() const { return pixels_->high; }
+    const std::string& place() const { return place_; } // in the scene file
+
+  private:
+    struct Pixels {
+        uint32_t width, height;
+        std::vector<float> values;
+        double low, high;
+    };
+    std::shared_ptr<const Pixels> pixels_;
+    std::string place_;
 };
 
 // A factor in [0, 1] by a ramp over an attribute of the mesh, or over an image by uv.
 struct Factor {
     std::string attribute, place; // "" where there is an image
-    std::optional<Mask> image;
+    std::optional<ScalarImage> image;
     Ramp ramp;
     size_t index = 0; // among the mesh's attributes, as find_attributes() has found it
 
     double operator()(const Surface& surface, uint32_t triangle, const Vec3d& weights) const;
     // Bounds of the attribute's or the image's value within a triangle; an image's are those of the whole.
-    std::pair<double, double> range(const Surface& surface, uint32_t triangle) const;
+    std::pair<double, double> input_range(const Surface& surface, uint32_t triangle) const;
 };
 using Factors = std::vector<Factor>;
 
@@ -50,7 +64,7 @@ enum FactorOf { of_wind, of_width, of_lean, of_arc, of_curl, of_clump, of_frizz,
 // A factor in [0, 1] of density or length: image by uv, height by y, slope by the angle to the vertical, and the factors that all
 // parameters have.
 struct Masks {
-    std::optional<Mask> image;
+    std::optional<ScalarImage> image;
     std::optional<Ramp> by_height; // over metres
     std::optional<Ramp> by_slope;  // over degrees from level ground
     Factors factors;
@@ -59,7 +73,7 @@ struct Masks {
     double operator()(const Surface& bind, uint32_t triangle, const Vec3d& weights) const;
 };
 
-// Strands drawn together in tufts. Of several the coarsest comes first; the tufts of each are drawn together by the one before.
+// Strands drawn together in tufts. Of several the coarsest comes first, and draws the middles of the next finer tufts together.
 struct Clump {
     double size = 0.0, amount = 0.0; // metres between tufts; 1
     Ramp profile;                    // of the amount, from root to tip
@@ -75,11 +89,11 @@ struct Groom {
     double spacing = 1.0; // 0 random, 1 as even as it gets
 
     std::optional<GuideSettings> guides; // what strands are children of
-    Vec2d length;                        // metres; of children 0 to the longest, as guides_of() has found it
+    Vec2d length; // metres; of children from 0 to their longest, filled in by guides_of()
     bool combed = false;
     Vec3d comb; // where strands lean to
-    std::optional<std::array<Mask, 2>>
-        comb_map; // the same along u and v, 0 ... 1 for -1 ... 1; before comb where it says something
+    std::optional<std::array<ScalarImage, 2>>
+        comb_map; // the same along u and v, 0 ... 1 for -1 ... 1; overrides comb where it is not (0.5, 0.5)
     double comb_variation = 0.0;             // radians
     double lean = 0.0, lean_variation = 0.0; // radians from the surface normal
     double arc = 0.0, arc_variation = 0.0;   // further lean from root to tip

@@ -49,6 +49,7 @@ ParsedValues describe(const MarramHost& host, const Values& given, std::span<con
     Groom& groom = description.groom = read_groom(given);
     Wind& wind = description.wind = read_wind(given);
     warn_of_nothing(host, given, groom);
+    warn_of_ignored(host, given, groom);
     description.automatic = {groom.cvs == 0,
                              wind.shielding && wind.shielding->spread > 0.0 && wind.shielding->rays == 0,
                              wind.jiggle && wind.jiggle->step == 0.0};
@@ -140,11 +141,11 @@ void find_mesh(GroomInstance& instance) {
 void check_uvs(GroomInstance& instance) {
     for (const Masks* masks : {&instance.groom.density_masks, &instance.groom.length_masks})
         if (masks->image && !instance.mesh->uvs)
-            throw SceneFault("groom.no_uvs", masks->image->place,
+            throw SceneFault("groom.no_uvs", masks->image->place(),
                              "the mesh '" + instance.groom.mesh + "' has no uvs for this image",
                              "give it uvs, or use masks by height or slope");
     if (instance.groom.comb_map && !instance.mesh->uvs)
-        throw SceneFault("groom.no_uvs", (*instance.groom.comb_map)[0].place,
+        throw SceneFault("groom.no_uvs", (*instance.groom.comb_map)[0].place(),
                          "the mesh '" + instance.groom.mesh + "' has no uvs for comb_map",
                          "give it uvs, or use comb");
     for (const Factors* factors : factors_of(instance.groom))
@@ -224,6 +225,7 @@ MarramStatus place_guides(GroomInstance& instance, const std::function<bool()>& 
     instance.guides = std::make_shared<const GuideSet>(
         settings, curves, vertices.data(), bind, instance.mesh->vertex_count, std::move(lines), cancelled);
     if (cancelled()) return MARRAM_CANCELLED;
+    warn_of_guides(instance, instance.guides->binding());
     instance.blends.resize(instance.roots.size());
     tbb::parallel_for(tbb::blocked_range<size_t>(0, instance.roots.size(), 256), [&](const auto& range) {
         if (cancelled()) return;
@@ -253,6 +255,7 @@ MarramStatus place(GroomInstance& instance) {
     instance.roots = std::move(placed.roots);
     instance.placing_bytes = placed.peak_bytes;
     if (cancelled()) return MARRAM_CANCELLED;
+    warn_of_no_strands(instance);
     if (const MarramStatus status = place_guides(instance, cancelled); status != MARRAM_OK) return status;
     instance.placed = true;
     instance.mesh_may_differ = false;

@@ -20,7 +20,7 @@ MarramStatus skin_has_moved(GroomInstance& instance, bool& moved) {
 }
 
 void warn_out_of_reach(GroomInstance& instance, const std::string& what) {
-    instance.inexact.push_back(what + " is not as exact as the tolerance asks for");
+    instance.inexact.push_back("the tolerance is not reached with " + what);
 }
 
 } // namespace
@@ -36,7 +36,7 @@ MarramStatus choose_settings(GroomInstance& instance) {
                         frame.stage};
     const auto warn = [&] {
         for (const std::string& text : instance.inexact)
-            instance.warn("groom.inexact", text, "set it by hand, or a larger tolerance");
+            instance.warn("groom.inexact", text, "set it by hand, or give a larger tolerance");
     };
     if (instance.chosen_for == now) {
         warn();

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace marram {
@@ -23,6 +24,47 @@ void warn_of_nothing(const MarramHost& host, const Values& given, const Groom& g
         warn("width_profile", "width_profile is 0 everywhere, no strand will be seen", "raise a value");
     if (!groom.guides && groom.length[1] == 0.0)
         warn("length", "length is 0, no strand will be seen", "give metres");
+}
+
+void warn_of_ignored(const MarramHost& host, const Values& given, const Groom& groom) {
+    const auto warn = [&](const std::string& place, const std::string& what, const char* remedy) {
+        send(host, MARRAM_WARNING, "groom.ignored", place, what, remedy);
+    };
+    for (const char* name : {"comb", "comb_map"})
+        if (groom.guides && given.has(name))
+            warn(given.at(name).place, std::string(name) + " changes nothing: guides say where strands lean",
+                 "leave it out, or leave guides out");
+    const struct {
+        FactorOf of;
+        const char* name;
+        bool ignored;
+        const char* because;
+    } factors[] = {
+        {of_lean, "lean_by", groom.guides.has_value(), "guides say how strands lean"},
+        {of_arc, "arc_by", groom.guides.has_value(), "guides say how strands lean"},
+        {of_curl, "curl_by", groom.curl_radius == 0.0, "curl.radius is 0"},
+        {of_clump, "clump_by", groom.clumps.empty(), "clump.size is 0"},
+        {of_frizz, "frizz_by", groom.frizz_amplitude == 0.0, "frizz.amplitude is 0"},
+    };
+    for (const auto& factor : factors)
+        if (factor.ignored && !groom.factors[factor.of].empty())
+            warn(groom.factors[factor.of][0].place,
+                 std::string(factor.name) + " changes nothing: " + factor.because, "leave it out");
+}
+
+void warn_of_no_strands(const GroomInstance& instance) {
+    if (instance.roots.empty())
+        send(instance.host, MARRAM_WARNING, "groom.no_strands", instance.groom.count_place,
+             "no strand grows: the density, or what masks leave of it, is 0 or close to it", "raise it");
+}
+
+void warn_of_guides(const GroomInstance& instance, const Binding& binding) {
+    if (binding.far > 0)
+        send(instance.host, MARRAM_WARNING, "groom.guides_far", instance.groom.guides->place,
+             fmt::format(
+                 "{} of {} guides begin farther from '{}' than a tenth of their length, up to {:.3g} m",
+                 binding.far, binding.bonds.size(), instance.groom.mesh, binding.greatest_distance),
+             "check the units and transforms of both, and bind_frame");
 }
 
 // Work that takes long is announced before it begins, so that who asked for it by mistake need not wait to learn it.

@@ -73,7 +73,7 @@ void keep(const Strands& strands, size_t first, BlownGuides& out) {
 void blow_guides(GroomInstance& instance) {
     GuideMotion& motion = instance.guide_motion;
     motion.times.clear();
-    if (!instance.guides || !instance.groom.guides->carry_wind || instance.frame.stage == MARRAM_REST ||
+    if (!instance.guides || !instance.groom.guides->wind_on_guides || instance.frame.stage == MARRAM_REST ||
         !wind_bends(instance.wind))
         return;
     const GuideSet& set = *instance.guides;

@@ -54,7 +54,7 @@ std::optional<GuideSettings> read_guides(const Values& values) {
     settings.blend = values.integer("guides.blend");
     settings.parting = radians(values, "guides.parting");
     settings.length = values.range("guides.length");
-    settings.carry_wind = values.text("guides.wind") == "guides";
+    settings.wind_on_guides = values.text("guides.wind") == "guides";
     return settings;
 }
 
@@ -86,7 +86,7 @@ GuideSet::GuideSet(const GuideSettings& settings, const LentCurves& curves, cons
                    const Surface& bind, uint32_t vertex_count, std::vector<std::vector<Vec3d>> parting_lines,
                    const std::function<bool()>& cancelled)
     : settings_(settings), parting_lines_(std::move(parting_lines)) {
-    const Binding binding = bind_strands(curves, vertices, bind, vertex_count, cancelled);
+    binding_ = bind_strands(curves, vertices, bind, vertex_count, cancelled);
     if (cancelled()) return;
     std::vector<Vec3d> roots;
     for (uint64_t c = 0; c < curves.count(); ++c) {
@@ -95,7 +95,7 @@ GuideSet::GuideSet(const GuideSettings& settings, const LentCurves& curves, cons
         Guide guide{};
         guide.length = curve_length(v, cvs);
         if (!(guide.length > 0.0)) continue;
-        const Bond& bond = binding.bonds[c];
+        const Bond& bond = binding_.bonds[c];
         guide.root = guide_cv(v);
         guide.normal = frame_at(bind, bond.triangle, bond.weights).normal;
         guide.triangle = bond.triangle;
@@ -138,9 +138,9 @@ bool GuideSet::parted(const Vec3d& root, const Vec3d& normal, const Vec3d& guide
 }
 
 GuideBlend GuideSet::blend_at(const Vec3d& root, const Vec3d& normal) const {
-    constexpr size_t most_asked = 32;
-    std::array<uint32_t, most_asked> found{};
-    std::array<double, most_asked> squared{};
+    constexpr size_t most_neighbors = 32;
+    std::array<uint32_t, most_neighbors> found{};
+    std::array<double, most_neighbors> squared{};
     const double same_side = std::cos(settings_.parting);
     const auto wanted = size_t(settings_.blend);
     struct Chosen {
@@ -150,10 +150,10 @@ GuideBlend GuideSet::blend_at(const Vec3d& root, const Vec3d& normal) const {
     size_t count = 0, nearest = 0;
     // A few are asked for first, more where most of them do not count.
     for (size_t ask = 2 * wanted + 2; count <= wanted; ask *= 2) {
-        ask = std::min(ask, std::min(most_asked, guides_.size()));
+        ask = std::min(ask, std::min(most_neighbors, guides_.size()));
         const size_t there = tree_->index.knnSearch(root.data(), ask, found.data(), squared.data());
         // Of guides as far away the first in the file goes first, whatever the tree.
-        std::array<std::pair<double, uint32_t>, most_asked> order;
+        std::array<std::pair<double, uint32_t>, most_neighbors> order;
         for (size_t i = 0; i < there; ++i) order[i] = {squared[i], found[i]};
         std::sort(order.begin(), order.begin() + long(there));
         count = 0;
@@ -168,14 +168,16 @@ GuideBlend GuideSet::blend_at(const Vec3d& root, const Vec3d& normal) const {
                 continue;
             chosen[count++] = {order[i].second, std::sqrt(order[i].first)};
         }
-        if (ask == std::min(most_asked, guides_.size())) {
-            if (count == 0) chosen[count++] = {order[0].second, std::sqrt(order[0].first)}; // none counts
+        if (ask == std::min(most_neighbors, guides_.size())) {
+            if (count == 0)
+                chosen[count++] = {order[0].second,
+                                   std::sqrt(order[0].first)}; // no guide passes: the nearest
             break;
         }
     }
     GuideBlend blend{};
     const size_t blended = std::min(count, wanted);
-    // Where all there are are blended: as if the next stood twice as far as the last.
+    // Where no guide is left to say how far the blend reaches: twice the distance of the last.
     const double reach = count > wanted ? chosen[wanted].distance : 2.0 * chosen[blended - 1].distance;
     double sum = 0.0, weights[most_blended] = {};
     for (size_t i = 0; i < blended; ++i) {

@@ -15,6 +15,7 @@
 // straight way between the roots crosses it, seen along the child's normal.
 #pragma once
 
+#include "procedural/groom/binding.h"
 #include "procedural/groom/lent_curves.h"
 #include "procedural/groom/surface.h"
 
@@ -37,7 +38,7 @@ struct GuideSettings {
     int blend = 3;                  // guides
     double parting = 0.0;           // radians
     Vec2d length{1.0, 1.0};         // of children, in lengths of their guides
-    bool carry_wind = false;        // the wind blows the guides, and children follow
+    bool wind_on_guides = false;    // the wind blows the guides, and children follow
 };
 
 std::span<const MarramParam> guide_params();
@@ -62,6 +63,7 @@ class GuideSet {
     size_t count() const { return guides_.size(); }
     double longest() const { return longest_; } // of a child, m
     // Memory: 32 bytes a child.
+    // Looks at the 32 nearest guides at most; where none of them may be blended, the nearest alone.
     GuideBlend blend_at(const Vec3d& root, const Vec3d& normal) const;
     double length_of(const GuideBlend& blend) const; // of the guides, blended
 
@@ -70,6 +72,7 @@ class GuideSet {
     std::shared_ptr<const std::vector<Vec3f>> resampled(int cvs) const;
     const Vec3d& normal(size_t guide) const { return guides_[guide].normal; }
     const GuideSettings& settings() const { return settings_; }
+    const Binding& binding() const { return binding_; } // of all curves, without length too
     size_t bytes() const;
 
     struct Guide {
@@ -86,6 +89,7 @@ class GuideSet {
     bool parted(const Vec3d& root, const Vec3d& normal, const Vec3d& guide) const;
 
     GuideSettings settings_;
+    Binding binding_;
     std::vector<Guide> guides_;
     std::vector<std::vector<Vec3d>> parting_lines_;
     std::shared_ptr<const Tree> tree_;

@@ -21,21 +21,20 @@
 //     width = 0.0001                  # where the file has none, or others are wanted
 //     wind.collision.solver = "exact"
 //
-// Every turn of the wind is one of as many segments as a strand has, unless wind.reference_segments says otherwise. Strands collide from
-// a root that stands root_offset above the skin (wind.collision.offset_root): lower ones are lifted, and how many were under the skin is
-// reported.
+// The wind turns each segment, so that strands of more segments bend more, unless wind.reference_segments is given. Strands collide from a
+// root that stands root_offset above the skin (wind.collision.offset_root): strands with lower roots are moved up, and how many were under
+// the skin is reported.
 #include "procedural/groom/imported.h"
 
 #include "core/math/clock.h"
+#include "core/math/digest.h"
 #include "procedural/border.h"
-#include "procedural/groom/groom_output.h"
-#include "procedural/groom/imported_instance.h"
+#include "procedural/groom/imported_output.h"
 #include "procedural/groom/imported_shape.h"
 #include "procedural/groom/pilot.h"
 
 #include <fmt/format.h>
 
-#include <array>
 #include <cmath>
 #include <map>
 #include <memory>
@@ -47,7 +46,7 @@ ImportInstance& self_of(MarramInstance* instance) { return *reinterpret_cast<Imp
 
 template <typename Body>
 MarramStatus guarded_import(const MarramHost& host, Body&& body) {
-    return marram::guarded(host, "strands", "import fewer of them", std::forward<Body>(body));
+    return marram::guarded(host, "strands", "use a file with fewer strands", std::forward<Body>(body));
 }
 
 const std::vector<MarramParam>& strand_params() {
@@ -55,55 +54,17 @@ const std::vector<MarramParam>& strand_params() {
     return params;
 }
 
-// ---- Attributes
-
-enum ImportAttribute : uint32_t {
-    import_root_normal,
-    import_root_uv,
-    import_id,
-    import_envelope,
-    import_gust,
-    import_sheltered,
-    import_attribute_count
-};
-
-constexpr std::array own_attributes = {
-    MarramAttribute{"root_normal", 3, MARRAM_PER_CURVE, 0, "surface normal at the root", nullptr, 0},
-    MarramAttribute{"root_uv", 2, MARRAM_PER_CURVE, 0, "surface uv at the root", nullptr, 0},
-    MarramAttribute{"id", 1, MARRAM_PER_CURVE, 1, "a number below 2^24 of the strand", nullptr, 0},
-    MarramAttribute{"envelope", 1, MARRAM_PER_CV, 0, "share of the wind that reaches a CV", nullptr, 0},
-    MarramAttribute{"gust", 1, MARRAM_PER_CV, 0, "sum of the gusts at a CV; 1 is a whole one", nullptr, 0},
-    MarramAttribute{"shield", 1, MARRAM_PER_CV, 0,
-                    "sheltered share of a CV, or of its strand (see wind.shielding)", nullptr, 0},
-};
-
-// The file's go before what is made for want of them; what is computed of the surface and the wind goes before the file's.
-bool from_file(const ImportSettings& settings, const MarramAttribute& own) {
-    const std::string_view name = own.name;
-    const bool of_surface = name == "root_normal" || name == "root_uv";
-    if (name != "id" && !(of_surface && settings.mesh.empty())) return false;
-    return std::ranges::any_of(settings.carried, [&](const CarriedAttribute& a) {
-        return a.name == name && a.components == own.components && a.rate == own.rate;
-    });
-}
-
-std::vector<MarramAttribute> attributes_handed_over(const ImportSettings& settings) {
-    std::vector<MarramAttribute> list;
-    for (const MarramAttribute& own : own_attributes) {
-        const bool of_surface =
-            std::string_view(own.name) == "root_normal" || std::string_view(own.name) == "root_uv";
-        if (!(of_surface && settings.mesh.empty()) && !from_file(settings, own)) list.push_back(own);
-    }
-    for (const CarriedAttribute& a : settings.carried)
-        if (std::ranges::none_of(list, [&](const MarramAttribute& other) { return a.name == other.name; }))
-            list.push_back({a.name.c_str(), a.components, a.rate, a.discrete, "as in the file", nullptr, 0});
-    return list;
-}
-
 // ---- Values
 
 void take_values(ImportInstance& instance, const Values& given, std::span<const MarramValue> list) {
     ImportSettings settings = read_import(given);
+    for (const CarriedAttribute& a : settings.carried)
+        for (const std::string_view own : {"envelope", "gust", "shield"})
+            if (a.name == own)
+                send(instance.host, MARRAM_WARNING, "strands.attribute_replaced", given.at("curves").place,
+                     "the file's attribute '" + a.name +
+                         "' is not taken over: the wind computes one of that name",
+                     "rename it in the file where it is needed");
     Wind wind = read_wind(given);
     if (settings.mesh.empty() && wind.collision && wind.collision->offset_scale)
         throw SceneFault("strands.no_skin", given.at("curves").place,
@@ -114,10 +75,10 @@ void take_values(ImportInstance& instance, const Values& given, std::span<const 
     instance.automatic_rays = instance.wind.shielding && instance.wind.shielding->spread > 0.0 &&
                               instance.wind.shielding->rays == 0;
     instance.automatic_step = instance.wind.jiggle && instance.wind.jiggle->step == 0.0;
-    instance.attributes = attributes_handed_over(instance.settings);
+    instance.attributes = import_attribute_list(instance.settings);
     instance.digest = digest_of_values(list);
-    instance.bound_digest = binding_digest(instance.settings);
-    instance.chosen_for.reset();
+    instance.binding_key = binding_digest(instance.settings);
+    instance.choice_key.reset();
     instance.gusts_fixed = instance.begun = false;
 }
 
@@ -150,12 +111,12 @@ MarramStatus update_import(MarramInstance* opaque, const MarramUpdate* given, ui
             *changed = MARRAM_NOTHING; // the frame that has begun goes on
             return MARRAM_OK;
         }
-        const uint64_t bound = instance.bound_digest;
+        const uint64_t key = instance.binding_key;
         const MarramShape shape = instance.settings.shape;
         const auto basis = instance.settings.basis;
         take_values(instance, Values(list), list);
-        if (update.inputs != MARRAM_NOTHING || bound != instance.bound_digest) instance.bound = false;
-        if (instance.bound && shape == instance.settings.shape && basis == instance.settings.basis)
+        if (update.inputs != MARRAM_NOTHING || key != instance.binding_key) instance.is_bound = false;
+        if (instance.is_bound && shape == instance.settings.shape && basis == instance.settings.basis)
             *changed = MARRAM_POSITIONS | MARRAM_ATTRIBUTES;
         else
             *changed = MARRAM_EVERYTHING;
@@ -243,7 +204,7 @@ void check_skin(const ImportInstance& instance) {
 void check_widths(const ImportInstance& instance) {
     if (instance.settings.width) return;
     for (const ImportPatch& patch : instance.patches)
-        if (patch.widest > 0.0) return;
+        if (patch.max_radius > 0.0) return;
     if (instance.curves.count() == 0) return;
     throw SceneFault("strands.no_width", instance.settings.curves_place,
                      "the curves '" + instance.settings.curves + "' have no widths",
@@ -272,12 +233,20 @@ void warn_of_binding(const ImportInstance& instance) {
                       "remove them from the file");
 }
 
+// What patches are made for.
+uint64_t layout_digest(const LentCurves& lent) {
+    const uint64_t numbers[] = {lent.count(), lent.curves.moves != 0, lent.curves.cvs_per_curve};
+    const uint64_t digest = digest_bytes(numbers, sizeof numbers);
+    return lent.curves.offsets
+               ? digest_bytes(lent.curves.offsets, (lent.count() + 1) * sizeof(uint64_t), digest)
+               : digest;
+}
+
 MarramStatus bind(ImportInstance& instance) {
     const double begin = wall_seconds();
     if (const MarramStatus status = read_bind_poses(instance); status != MARRAM_OK) return status;
     const auto cancelled = [&] { return instance.host.cancelled(instance.host.user) != 0; };
     make_patches(instance);
-    check_widths(instance);
     instance.binding = {};
     if (instance.mesh) {
         check_skin(instance);
@@ -285,25 +254,25 @@ MarramStatus bind(ImportInstance& instance) {
                                         instance.mesh->vertex_count, cancelled);
     }
     if (cancelled()) return MARRAM_CANCELLED;
-    instance.bound = true;
-    instance.bound_curves = instance.curves.count();
-    instance.bound_cvs = instance.curves.cv_count();
-    instance.bound_topology = instance.mesh ? instance.mesh->topology : 0;
+    instance.is_bound = true;
+    instance.bind_layout = layout_digest(instance.curves);
+    instance.bind_topology = instance.mesh ? instance.mesh->topology : 0;
     instance.binding_seconds = wall_seconds() - begin;
     warn_of_binding(instance);
     return MARRAM_OK;
 }
 
 void check_still_bound(const ImportInstance& instance) {
-    if (instance.mesh && instance.bound_topology != instance.mesh->topology)
+    if (instance.mesh && instance.bind_topology != instance.mesh->topology)
         throw SceneFault("strands.topology", instance.settings.mesh_place,
-                         "the mesh '" + instance.settings.mesh +
-                             "' has other triangles than when strands were bound to it",
-                         "keep its topology, or make the strands anew");
-    if (instance.bound_curves != instance.curves.count() || instance.bound_cvs != instance.curves.cv_count())
+                         "the triangles of the mesh '" + instance.settings.mesh +
+                             "' have changed since the strands were bound to it",
+                         "keep its topology, or create the procedural again");
+    if (instance.bind_layout != layout_digest(instance.curves))
         throw SceneFault("strands.counts", instance.settings.curves_place,
-                         "the curves '" + instance.settings.curves + "' have other counts than before",
-                         "keep them, or make the strands anew");
+                         "the numbers of curves or of CVs of '" + instance.settings.curves +
+                             "' have changed since the strands were bound, or whether they move",
+                         "keep them, or create the procedural again");
 }
 
 // How far roots of curves that move travel: a rough idea, of a thousand of them.
@@ -385,10 +354,10 @@ MarramStatus choose(ImportInstance& instance) {
     const double tolerance = frame.tolerance > 0.0 ? frame.tolerance : 1e-3 * instance.longest;
     const ImportChoice now{frame.frame, frame.times[0], frame.times[frame.time_count - 1], tolerance,
                            frame.stage};
-    if (instance.chosen_for != now) {
+    if (instance.choice_key != now) {
         instance.inexact.clear();
         const auto add = [&](const std::string& what) {
-            instance.inexact.push_back(what + " is not as exact as the tolerance asks for");
+            instance.inexact.push_back("the tolerance is not reached with " + what);
         };
         wind.noise.left_out = octaves_too_fine(wind, instance.longest, tolerance);
         if (instance.automatic_rays) {
@@ -409,10 +378,10 @@ MarramStatus choose(ImportInstance& instance) {
                 if (!choice.enough) add("wind.jiggle.step = " + std::to_string(choice.value));
             }
         }
-        instance.chosen_for = now;
+        instance.choice_key = now;
     }
     for (const std::string& text : instance.inexact)
-        instance.warn("strands.inexact", text, "set it by hand, or a larger tolerance");
+        instance.warn("strands.inexact", text, "set it by hand, or give a larger tolerance");
     return MARRAM_OK;
 }
 
@@ -438,9 +407,11 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
         instance.binding_seconds = 0.0;
         find_skin(instance);
         find_strands(instance);
-        if (!instance.bound)
+        if (!instance.is_bound)
             if (const MarramStatus status = bind(instance); status != MARRAM_OK) return status;
         check_still_bound(instance);
+        check_widths(instance);
+        instance.longest = longest_in_frame(instance);
         MarramStatus status =
             fix_gusts_once(instance.frame, instance.bind_box, instance.wind, instance.gusts_fixed);
         if (status == MARRAM_OK) status = choose(instance);
@@ -501,7 +472,8 @@ void check_import_patch(const ImportInstance& instance, uint32_t index) {
     if (!instance.begun) throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
     if (index >= instance.patches.size())
         throw SceneFault("contract.patch_range", "", "there is no patch " + std::to_string(index),
-                         "ask for 0 to " + std::to_string(int64_t(instance.patches.size()) - 1));
+                         "ask for one below MarramOutput.patch_count, " +
+                             std::to_string(instance.patches.size()));
 }
 
 MarramStatus patch_of_import(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
@@ -515,158 +487,6 @@ MarramStatus patch_of_import(MarramInstance* opaque, uint32_t index, MarramPatch
         fill_known_part(patch, out);
         return MARRAM_OK;
     });
-}
-
-// ---- Curves of one CV count
-
-struct Batch {
-    const ImportInstance& instance;
-    const ImportPatch& patch;
-    std::span<const uint32_t> curves; // relative to the patch
-    uint32_t cvs;
-
-    uint64_t vertex(uint32_t curve) const { // relative to the patch's first
-        return instance.curves.first_vertex(patch.first + curve) - instance.curves.first_vertex(patch.first);
-    }
-    uint64_t cv(uint32_t curve) const {
-        return instance.curves.first_cv(patch.first + curve) - instance.curves.first_cv(patch.first);
-    }
-};
-
-Expand expand_of(const Batch& batch, StageClock& clock) {
-    const ImportInstance& instance = batch.instance;
-    const auto first_float = 4 * instance.curves.first_vertex(batch.patch.first);
-    return {
-        [&instance, batch, first_float, &clock](uint32_t time, Strands& strands) {
-            const StageTimer timer(clock.expand);
-            const bool moves = instance.curves.curves.moves != 0;
-            const float* vertices = (moves ? instance.vertices(time) : instance.bind_pose()) + first_float;
-            if (!instance.mesh)
-                return expand_imported(instance, nullptr, vertices, batch.patch.first, batch.curves,
-                                       batch.cvs, strands);
-            const SkinPoses skin{instance.bind_surface(), instance.surface(time)};
-            expand_imported(instance, &skin, vertices, batch.patch.first, batch.curves, batch.cvs, strands);
-        },
-        [&instance, batch, first_float](int64_t knot, Strands& strands) { // on the jiggle's clock
-            const MarramFrame& frame = instance.frame;
-            std::vector<float> then;
-            const float* vertices = instance.bind_pose() + first_float;
-            if (instance.curves.curves.moves) {
-                const ImportPatch& patch = batch.patch;
-                then.resize(4 * (instance.curves.first_vertex(patch.first + patch.count)) - first_float);
-                const MarramStatus status =
-                    pose_lent_curves(frame, instance.curves.index, instance.wind.jiggle->frame_of(knot),
-                                     patch.first, patch.count, then);
-                if (status != MARRAM_OK)
-                    throw SceneFault("strands.pose", instance.settings.curves_place,
-                                     "the curves cannot be posed at an earlier frame",
-                                     "see what the renderer says of them");
-                vertices = then.data();
-            }
-            if (!instance.mesh)
-                return expand_imported(instance, nullptr, vertices, batch.patch.first, batch.curves,
-                                       batch.cvs, strands);
-            const SkinPoses skin{instance.bind_surface(), instance.past.at(knot, *instance.mesh)};
-            expand_imported(instance, &skin, vertices, batch.patch.first, batch.curves, batch.cvs, strands);
-        },
-        [&instance](int64_t knot) {
-            return !instance.curves.curves.moves && (!instance.mesh || instance.past.rests_at(knot));
-        }};
-}
-
-void write_batch(const Batch& batch, const Strands& strands, float* out) {
-    const auto cvs = size_t(batch.cvs);
-    for (size_t i = 0; i < batch.curves.size(); ++i) {
-        const size_t first = i / lanes * cvs;
-        const auto lane = int(i % lanes);
-        float* strand = out + 4 * batch.vertex(batch.curves[i]);
-        for (size_t k = 0; k < cvs; ++k) {
-            const Wide3f& p = strands.pose[first + k];
-            float* v = strand + 4 * (k + 1);
-            v[0] = p.x[lane];
-            v[1] = p.y[lane];
-            v[2] = p.z[lane];
-            v[3] = strands.radius[first + k][lane];
-        }
-        float* tip = strand + 4 * (cvs + 1);
-        for (int c = 0; c < 4; ++c) {
-            strand[c] = 2.0F * strand[4 + c] - strand[8 + c];
-            tip[c] = 2.0F * tip[c - 4] - tip[c - 8];
-        }
-    }
-}
-
-void write_batch_normals(const Batch& batch, const Strands& strands, float* out) {
-    const auto cvs = int(batch.cvs);
-    for (size_t i = 0; i < batch.curves.size(); ++i) {
-        const Wide3f* normal = strands.pose_normal.data() + i / lanes * size_t(cvs);
-        const auto lane = int(i % lanes);
-        float* strand = out + 3 * batch.vertex(batch.curves[i]);
-        for (int k = 0; k < cvs + 2; ++k) {
-            const Wide3f& n = normal[std::clamp(k - 1, 0, cvs - 1)];
-            strand[3 * k] = n.x[lane];
-            strand[3 * k + 1] = n.y[lane];
-            strand[3 * k + 2] = n.z[lane];
-        }
-    }
-}
-
-float number_of(uint32_t seed, uint64_t curve) {
-    return float(mix64(curve * 0x9e3779b97f4a7c15ULL ^ mix64((uint64_t(seed) << 32) | 0x69647321U)) >> 40);
-}
-
-void write_own_attribute(const Batch& batch, const Strands& strands, uint32_t which, float* out) {
-    const ImportInstance& instance = batch.instance;
-    const auto cvs = size_t(batch.cvs);
-    for (size_t i = 0; i < batch.curves.size(); ++i) {
-        const uint32_t c = batch.curves[i];
-        const uint64_t curve = batch.patch.first + c;
-        const auto lane = int(i % lanes);
-        if (which == import_root_normal) {
-            const Wide3d& n = strands.root_normal[i / lanes];
-            out[3 * size_t(c)] = float(n.x[lane]);
-            out[3 * size_t(c) + 1] = float(n.y[lane]);
-            out[3 * size_t(c) + 2] = float(n.z[lane]);
-        } else if (which == import_root_uv) {
-            const Bond& bond = instance.binding.bonds[curve];
-            const Vec2d uv = instance.bind_surface().uv(bond.triangle, bond.weights);
-            out[2 * size_t(c)] = float(uv.x());
-            out[2 * size_t(c) + 1] = float(uv.y());
-        } else if (which == import_id) {
-            out[c] = number_of(instance.settings.seed, curve);
-        } else {
-            const WideVector<VFloat>& from = which == import_envelope ? strands.envelope
-                                             : which == import_gust   ? strands.gust
-                                                                      : strands.shield;
-            float* to = out + batch.cv(c);
-            for (size_t k = 0; k < cvs; ++k) to[k] = from[i / lanes * cvs + k][lane];
-        }
-    }
-}
-
-// As the file has it.
-void write_carried(const ImportInstance& instance, const ImportPatch& patch, const MarramAttribute& declared,
-                   float* out) {
-    const LentCurves& lent = instance.curves;
-    const MarramAttribute* found = lent.find(declared.name);
-    const bool per_cv = declared.rate == MARRAM_PER_CV;
-    const uint64_t first = per_cv ? lent.first_cv(patch.first) : patch.first;
-    const uint64_t count = per_cv ? lent.first_cv(patch.first + patch.count) - first : patch.count;
-    const size_t n = declared.components;
-    if (found && found->components == n && found->rate == declared.rate)
-        std::copy_n(found->values + first * n, count * n, out);
-    else
-        std::fill_n(out, count * n, 0.0F);
-}
-
-void write_attributes(const Batch& batch, const Strands& strands, const MarramPatchBuffers* buffers) {
-    const ImportInstance& instance = batch.instance;
-    for (uint32_t a = 0; a < buffers->attribute_count; ++a) {
-        const MarramAttribute& declared = instance.attributes[buffers->attributes[a]];
-        for (uint32_t own = 0; own < import_attribute_count; ++own)
-            if (declared.name == own_attributes[own].name) // the same constant
-                write_own_attribute(batch, strands, own, buffers->attribute_values[a]);
-    }
 }
 
 MarramStatus tessellate_import(MarramInstance* opaque, uint32_t index, const MarramPatchBuffers* buffers) {
@@ -686,29 +506,22 @@ MarramStatus tessellate_import(MarramInstance* opaque, uint32_t index, const Mar
             std::max(instance.mesh ? instance.mesh->time_count : 1U, instance.curves.curves.time_count);
         for (const auto& run : patch.runs) {
             const std::span curves(patch.order.data() + run[0], run[1] - run[0]);
-            const Batch batch{instance, patch, curves, instance.curves.cvs(patch.first + curves[0])};
+            const ImportBatch batch{instance, patch, curves, instance.curves.cvs(patch.first + curves[0])};
             strands.resize(int(curves.size()), int(batch.cvs),
                            instance.settings.shape == MARRAM_ORIENTED_RIBBON);
-            const Expand lay_out = expand_of(batch, worker.chain.clock);
-            if (instance.past.window.count() > 0)
-                jiggle_patch(instance.chain, lay_out, strands, worker.chain);
+            const Expand expand = import_expand(batch, worker.chain.clock);
+            if (instance.past.window.count() > 0) jiggle_patch(instance.chain, expand, strands, worker.chain);
             for (uint32_t time = 0; time < instance.time_count; ++time) {
                 // Later motion samples of what rests share its rest strands.
-                if (time < own_times) lay_out.at_time(time, strands);
+                if (time < own_times) expand.at_time(time, strands);
                 run_chain(instance.chain, time, strands, worker.chain);
                 const StageTimer timer(worker.chain.clock.write);
-                write_batch(batch, strands, buffers->vertices[time]);
-                if (strands.oriented) write_batch_normals(batch, strands, buffers->normals[time]);
-                if (time == 0) write_attributes(batch, strands, buffers);
+                write_import_vertices(batch, strands, buffers->vertices[time]);
+                if (strands.oriented) write_import_normals(batch, strands, buffers->normals[time]);
+                if (time == 0) write_import_attributes(batch, strands, *buffers);
             }
         }
-        for (uint32_t a = 0; a < buffers->attribute_count; ++a) {
-            const MarramAttribute& declared = instance.attributes[buffers->attributes[a]];
-            if (std::ranges::none_of(own_attributes, [&](const MarramAttribute& own) {
-                    return own.name == declared.name; // the same constant
-                }))
-                write_carried(instance, patch, declared, buffers->attribute_values[a]);
-        }
+        write_file_attributes(instance, patch, *buffers);
         return MARRAM_OK;
     });
 }
@@ -760,8 +573,8 @@ MarramProcedural strands_procedural() {
     procedural.params = strand_params().data();
     procedural.param_count = uint32_t(strand_params().size());
     procedural.param_stride = sizeof(MarramParam);
-    procedural.attributes = own_attributes.data();
-    procedural.attribute_count = uint32_t(own_attributes.size());
+    procedural.attributes = computed_attributes().data();
+    procedural.attribute_count = uint32_t(computed_attributes().size());
     procedural.attribute_stride = sizeof(MarramAttribute);
     procedural.create = create_import;
     procedural.begin = begin_import;

@@ -15,9 +15,10 @@ namespace marram {
 
 // Curves that follow each other, and how they are made: those of one CV count together.
 struct ImportPatch {
-    uint64_t first, count;                   // curves
-    double longest, longest_segment, widest; // m, of a strand, of a segment and of a radius; in the bind pose
-    std::vector<uint32_t> order;             // relative to `first`, by CV count
+    uint64_t first, count; // curves
+    double longest, longest_segment,
+        max_radius;              // m, of a strand, of a segment and of a radius; in the bind pose
+    std::vector<uint32_t> order; // relative to `first`, by CV count
     std::vector<std::array<uint32_t, 2>> runs; // of `order`, each of one CV count
 };
 
@@ -33,21 +34,23 @@ struct ImportInstance {
     ImportSettings settings;
     Wind wind; // with what the tolerance has chosen for the frame
     bool automatic_rays = false, automatic_step = false;
-    uint64_t digest = 0, bound_digest = 0; // of all values; of those that decide how strands are bound
-    std::optional<ImportChoice> chosen_for;
+    uint64_t digest = 0, binding_key = 0; // of all values; of those that decide how strands are bound
+    std::optional<ImportChoice> choice_key;
     std::vector<std::string> inexact; // warnings about settings that the tolerance cannot reach
     std::vector<MarramAttribute>
         attributes; // handed over; names point into settings.carried or are constants
 
-    bool bound = false;
+    bool is_bound = false;
     std::vector<float> bind_positions, bind_normals; // of the mesh; empty where strands are bound to nothing
     std::vector<float> bind_vertices; // of curves that move, in the bind pose; else they are the frame's
     Binding binding;                  // empty likewise
     std::vector<ImportPatch> patches;
     Eigen::AlignedBox3d bind_box; // of all CVs in the bind pose
-    uint64_t bound_curves = 0, bound_cvs = 0, bound_topology = 0;
-    uint32_t fewest_cvs = 2; // of a strand
-    double longest = 0.0, binding_seconds = 0.0, chain_seconds = 0.0;
+    uint64_t bind_layout = 0,
+             bind_topology = 0; // digest of the CV counts and of whether curves move; the mesh's
+    uint32_t fewest_cvs = 2;    // of a strand
+    double longest_at_bind = 0.0, longest = 0.0; // strand, m: in the bind pose; there and in the frame
+    double binding_seconds = 0.0, chain_seconds = 0.0;
 
     bool begun = false; // a frame, without a fault
     MarramFrame frame{};

@@ -93,7 +93,7 @@ double wind_share_of(const ImportInstance& instance, uint64_t curve) {
     return share;
 }
 
-// Across a ribbon: what the file says, else at right angles to the strand and as near to the skin's normal as can be.
+// A ribbon's normal: the file's "normal", else the part of the skin's normal that is perpendicular to the strand.
 Vec3d ribbon_normal(const MarramAttribute* given, uint64_t cv, const Eigen::Matrix3d& turn,
                     const Vec3d& tangent, const Vec3d& skin_normal) {
     if (given) {
@@ -151,13 +151,14 @@ void expand_imported(const ImportInstance& instance, const SkinPoses* skin, cons
                 facing = now.normal;
                 double height = double(bond.height);
                 if (moves) {
-                    height = (cv_at(v) - foot).dot(now.normal);
+                    height = root_height(cv_at(v), foot, now.normal, instance.binding.rounding);
                 } else if (!same_triangle(skin->bind, skin->now, bond.triangle)) {
                     const Frame bind = frame_at(skin->bind, bond.triangle, bond.weights);
                     turn = matrix_of(now) * matrix_of(bind).transpose();
                     from = skin->bind.point(bond.triangle, bond.weights);
                     to = foot;
                 }
+                anchor = turn * (anchor - from) + to; // before it is lifted, as of strands that are grown
                 if (collision) {
                     const double radius = settings.width ? 0.5 * *settings.width * settings.width_scale *
                                                                settings.width_profile(0.0)
@@ -166,8 +167,9 @@ void expand_imported(const ImportInstance& instance, const SkinPoses* skin, cons
                     const double lift = root_offset(*collision, length, radius) - height;
                     if (lift > 0.0 && length > 0.0) to += lift * now.normal;
                 }
-                if (!instance.wind.rest_anchored) anchor = turn * (anchor - from) + to;
             }
+            if (instance.wind.rest_anchored)
+                anchor = cv_at(instance.bind_pose() + 4 * (lent.first_vertex(first + c) + 1));
             set_carry(carry, lane, turn, from, to);
             turns[lane] = turn;
             facings[lane] = facing;
@@ -230,7 +232,7 @@ void make_patches(ImportInstance& instance) {
             double length = 0.0;
             for (uint32_t k = 0; k < lent.cvs(c); ++k) {
                 boxes[p].extend(cv_at(v + 4 * k));
-                patch.widest = std::max(patch.widest, double(v[4 * k + 3]));
+                patch.max_radius = std::max(patch.max_radius, double(v[4 * k + 3]));
                 if (k == 0) continue;
                 const double segment = (cv_at(v + 4 * k) - cv_at(v + 4 * (k - 1))).norm();
                 patch.longest_segment = std::max(patch.longest_segment, segment);
@@ -239,52 +241,72 @@ void make_patches(ImportInstance& instance) {
             patch.longest = std::max(patch.longest, length);
         }
     });
-    instance.longest = 0.0;
+    instance.longest_at_bind = 0.0;
     instance.bind_box = {};
     instance.fewest_cvs = lent.count() > 0 ? UINT32_MAX : 2;
     for (uint64_t c = 0; c < lent.count(); ++c)
         instance.fewest_cvs = std::min(instance.fewest_cvs, lent.cvs(c));
     for (size_t p = 0; p < patches.size(); ++p) {
-        instance.longest = std::max(instance.longest, patches[p].longest);
+        instance.longest_at_bind = std::max(instance.longest_at_bind, patches[p].longest);
         instance.bind_box.extend(boxes[p]);
     }
 }
 
+double longest_in_frame(const ImportInstance& instance) {
+    const LentCurves& lent = instance.curves;
+    if (!lent.curves.moves) return instance.longest_at_bind;
+    return tbb::parallel_reduce(
+        tbb::blocked_range<uint64_t>(0, lent.count(), 512), instance.longest_at_bind,
+        [&](const tbb::blocked_range<uint64_t>& range, double longest) {
+            for (uint32_t t = 0; t < lent.curves.time_count; ++t)
+                for (uint64_t c = range.begin(); c < range.end(); ++c)
+                    longest =
+                        std::max(longest, curve_length(instance.vertices(t) + 4 * (lent.first_vertex(c) + 1),
+                                                       lent.cvs(c)));
+            return longest;
+        },
+        [](double a, double b) { return std::max(a, b); });
+}
+
 namespace {
 
-double widest_radius(const ImportSettings& settings, double of_file) {
+double max_radius_of(const ImportSettings& settings, double of_file) {
     if (!settings.width) return of_file * settings.width_scale;
     const auto shares = settings.width_profile.values();
     return 0.5 * *settings.width * settings.width_scale * *std::ranges::max_element(shares);
 }
 
 // How far anything of a strand may be from its root: see groom_bounds.cpp.
-double import_reach(const ImportInstance& instance, double longest, double longest_segment, double widest,
+double import_reach(const ImportInstance& instance, double longest, double longest_segment, double max_radius,
                     double scale) {
-    const double radius = widest_radius(instance.settings, widest);
+    const double radius = max_radius_of(instance.settings, max_radius);
     const double beyond = instance.basis == MARRAM_CATMULL_ROM ? longest_segment / 3.0 : 0.0;
-    double clearance = 0.0;
-    if (const auto& collision = instance.wind.collision)
-        clearance = std::max(collision->clearance.value_or(0.0), root_offset(*collision, longest, radius));
-    return (longest + beyond + radius + clearance) * (1.0 + 1e-5) + 4.0 * (scale + longest) * 0x1p-23;
+    double offset = 0.0, clearance = 0.0;
+    if (const auto& collision = instance.wind.collision) {
+        offset = root_offset(*collision, longest, radius);
+        clearance = std::max(collision->clearance.value_or(0.0), offset);
+    }
+    return (longest + beyond + radius + offset + clearance) * (1.0 + 1e-5) +
+           4.0 * (scale + longest) * 0x1p-23;
 }
 
 } // namespace
 
-// The roots' box, grown by the reach. Roots that are lifted move by what they lack, which is no more than their depth and their offset.
+// The roots' box, grown by the reach. A lifted root moves by its depth and root_offset at most; twice `lift` covers the way to the foot, too.
 void find_import_patch(const ImportInstance& instance, uint32_t index, MarramPatch* out) {
     const ImportPatch& patch = instance.patches[index];
     const LentCurves& lent = instance.curves;
     out->first_curve = patch.first;
     out->curve_count = uint32_t(patch.count);
     Eigen::AlignedBox3d box;
-    double longest = patch.longest, segment = patch.longest_segment, widest = patch.widest;
+    double longest = patch.longest, segment = patch.longest_segment, max_radius = patch.max_radius;
     const bool moves = lent.curves.moves != 0;
     for (uint32_t t = 0; moves && t < lent.curves.time_count; ++t) // lengths may change
         for (uint64_t c = patch.first; c < patch.first + patch.count; ++c) {
             const float* v = instance.vertices(t) + 4 * (lent.first_vertex(c) + 1);
             longest = std::max(longest, curve_length(v, lent.cvs(c)));
-            for (uint32_t k = 0; k < lent.cvs(c); ++k) widest = std::max(widest, double(v[4 * k + 3]));
+            for (uint32_t k = 0; k < lent.cvs(c); ++k)
+                max_radius = std::max(max_radius, double(v[4 * k + 3]));
         }
     if (moves) segment = longest;
     double lift = 0.0;
@@ -301,10 +323,10 @@ void find_import_patch(const ImportInstance& instance, uint32_t index, MarramPat
             const Vec3d foot = instance.surface(t).point(bond.triangle, bond.weights);
             box.extend(foot);
             if (moves) box.extend(root);
-            lift = std::max(lift, moves ? (root - foot).norm() : std::abs(double(bond.height)));
+            lift = std::max(lift, moves ? (root - foot).norm() : double(bond.distance));
         }
     const double scale = std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff());
-    const double reach = import_reach(instance, longest, segment, widest, scale) + 2.0 * lift;
+    const double reach = import_reach(instance, longest, segment, max_radius, scale) + 2.0 * lift;
     for (int axis = 0; axis < 3; ++axis) {
         out->lower[axis] = float(box.min()[axis] - reach);
         out->upper[axis] = float(box.max()[axis] + reach);

@@ -22,8 +22,11 @@ struct SkinPoses {
 void expand_imported(const ImportInstance& instance, const SkinPoses* skin, const float* vertices,
                      uint64_t first, std::span<const uint32_t> curves, uint32_t cvs, Strands& strands);
 
-// What is known of curves without regard to time. Fills instance.patches, longest and bind_box.
+// What is known of curves without regard to time. Fills instance.patches, longest_at_bind and bind_box.
 void make_patches(ImportInstance& instance);
+
+// Of the bind pose and the frame's motion samples, m.
+double longest_in_frame(const ImportInstance& instance);
 
 // The box and the curves of one patch at all motion samples of the frame, and at rest.
 void find_import_patch(const ImportInstance& instance, uint32_t index, MarramPatch* out);

@@ -171,6 +171,7 @@ double greatest(const Ramp& ramp, double low, double high) {
 bool may_grow(const DensityShares& shares, uint32_t triangle) {
     const Masks& masks = shares.groom.density_masks;
     const auto p = shares.bind.corners(triangle);
+    if (masks.image && masks.image->high() <= 0.0) return false;
     if (masks.by_slope) {
         const Vec3d n = plane_normal(p);
         if ((*masks.by_slope)(std::atan2(std::hypot(n.x(), n.z()), n.y()) / degree) <= 0.0) return false;
@@ -181,8 +182,7 @@ bool may_grow(const DensityShares& shares, uint32_t triangle) {
         if (greatest(*masks.by_height, low, high) <= 0.0) return false;
     }
     for (const Factor& factor : masks.factors) {
-        if (factor.image) continue; // whose bounds are those of the whole image
-        const auto [low, high] = factor.range(shares.bind, triangle);
+        const auto [low, high] = factor.input_range(shares.bind, triangle);
         if (greatest(factor.ramp, low, high) <= 0.0) return false;
     }
     return true;
@@ -463,8 +463,6 @@ std::vector<Candidate> counted_candidates(DensityShares shares, double area,
                          "the density masks leave no room for " + std::to_string(groom.count) + " strands",
                          "raise the masks or lower count");
     };
-    const std::optional<Mask>& image = groom.density_masks.image;
-    if (image && std::ranges::none_of(image->values, [](float value) { return value > 0.0F; })) refuse();
     const ShareStatistics statistics = share_statistics(shares, area);
     if (statistics.most > 0.0) shares.full = statistics.most;
     if (!(statistics.mean > 0.0)) { // perhaps a few triangles that the sample has missed

@@ -82,10 +82,11 @@ double azimuth(const Groom& groom, const Surface& bind, Root root, const Vec3d& 
     if (groom.comb_map) {
         const Vec2d uv = bind.uv(root.triangle, weights);
         const auto [along_u, along_v] = bind.uv_directions(root.triangle);
-        const Vec3d drawn = (2.0 * (*groom.comb_map)[0](uv.x(), uv.y()) - 1.0) * along_u +
-                            (2.0 * (*groom.comb_map)[1](uv.x(), uv.y()) - 1.0) * along_v;
+        const Vec2d drawn(2.0 * (*groom.comb_map)[0](uv.x(), uv.y()) - 1.0,
+                          2.0 * (*groom.comb_map)[1](uv.x(), uv.y()) - 1.0);
         constexpr double grey = 1.5 / 255.0; // 0.5 lies between two codes of 8 bits
-        if (drawn.norm() > grey) comb = drawn.normalized();
+        const Vec3d way = drawn.x() * along_u + drawn.y() * along_v;
+        if (drawn.norm() > grey && way.squaredNorm() > 0.0) comb = way.normalized();
     }
     const double x = comb.dot(t), y = comb.dot(n.cross(t));
     // Combed straight along the normal: no direction is better than another.

@@ -283,9 +283,9 @@ TEST(BadInput, MaterialsWhereTheyMeanNothing) {
         return "[[material]]\nname = \"m\"\n" + text + "\n";
     };
     expect_refused(SceneText{.more = material("type = \"hair\"") + ball},
-                   "'ball' is a mesh, and 'm' of type hair, which strands alone can have");
+                   "'m' of type hair works on strands only, but 'ball' is a mesh");
     expect_refused(SceneText{.more = material("type = \"diffuse\"\ntint = \"gust\"") + ball},
-                   "'m' asks for an attribute, but is on the mesh 'ball', which has none");
+                   "'m' reads an attribute, but the mesh 'ball' has none");
     expect_refused(SceneText{.more = material("type = \"diffuse\"\ntint = \"\"")}, "tint is empty");
 }
 

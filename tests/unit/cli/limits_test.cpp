@@ -7,6 +7,7 @@
 
 #include <sys/resource.h>
 
+#include <array>
 #include <csignal>
 
 namespace marram::testing {
@@ -185,6 +186,26 @@ TEST(Limits, WhatNobodyWillSeeIsSaid) {
                       "procedural.grass.length=[0.3, 1e6]"});
     EXPECT_EQ(outcome.code, 0);
     EXPECT_CONTAINS(outcome.err, "m long on a mesh of");
+}
+
+// What changes nothing, and what leaves nothing.
+TEST(Limits, WhatChangesNothingIsTold) {
+    const Folder folder;
+    write_png(folder / "black.png", 1, 1, 3, std::array{0.0F, 0.0F, 0.0F}.data(), 0.0);
+    const auto said = [&](const std::string& more) {
+        const std::string scene =
+            folder.write("a.toml", SceneText{.groom = "length = 0.1\nwidth = 0.01\n" + more});
+        const ProgramResult outcome = marram({"bake", scene, "-o", folder / "a.hair"});
+        EXPECT_EQ(outcome.code, 0) << outcome.err;
+        return outcome.err;
+    };
+    const std::string black = "[{ image = \"black.png\" }]\n";
+    EXPECT_CONTAINS(said("count = 9\ncurl_by = " + black),
+                    "curl_by changes nothing: curl.radius is 0: leave it out");
+    EXPECT_CONTAINS(said("count = 9\nclump_by = " + black), "clump_by changes nothing: clump.size is 0");
+    EXPECT_CONTAINS(said("count = 9\nfrizz_by = " + black), "frizz_by changes nothing: frizz.amplitude is 0");
+    EXPECT_CONTAINS(said("density = 100\ndensity_by = " + black), "no strand grows");
+    EXPECT_CONTAINS(said("density = 0\n"), "no strand grows");
 }
 
 // A strand that hardly swings less from second to second is looked at for hours: said before that begins.

@@ -150,6 +150,14 @@ TEST(Texture, ColorsStrandsByTheUvAtTheirRoots) {
     EXPECT_EQ(refused.code, 2);
     EXPECT_NE(refused.err.find("the strands of 'fur' have no uv at their roots"), std::string::npos)
         << refused.err;
+    // Nor where a procedural makes the mesh, which is known once it is made.
+    std::string grown = scene("type = \"hair\"\n", "type = \"file\"\nfile = \"bare.obj\"\n");
+    grown.replace(grown.find("on = \"floor\""), 12, "on = \"stone\"");
+    grown += "[[procedural]]\nname = \"stone\"\ntype = \"rock\"\nmesh = \"floor\"\npaths = 1000\n";
+    const ProgramResult bare =
+        marram({"render", folder.write("p.toml", grown), "-o", folder / "p.exr", "--quiet"});
+    EXPECT_EQ(bare.code, 2);
+    EXPECT_NE(bare.err.find("the strands of 'fur' have no uv at their roots"), std::string::npos) << bare.err;
 }
 
 // What the renderer cannot do for want of a folder it says; what it has made is gone afterwards.

@@ -438,6 +438,23 @@ TEST_F(StrandFiles, UsdaCutsAsFarAsNeeded) {
     EXPECT_GT(cusp.deviation, 0.0);
 }
 
+// Each prim has few primvars, all together more than memory for what the others lack is given to.
+TEST_F(StrandFiles, UsdaPrimvarsAreCountedOverAllPrims) {
+    std::string text = "#usda 1.0\n";
+    for (int p = 0; p < 70; ++p)
+        text += fmt::format("def BasisCurves \"c{0}\"\n{{\nuniform token type = \"linear\"\n"
+                            "int[] curveVertexCounts = [2]\npoint3f[] points = [(0, 0, 0), (1, 0, 0)]\n"
+                            "float primvars:p{0} = 1\n}}\n",
+                            p);
+    try {
+        load("many.usda", text);
+        ADD_FAILURE() << "taken";
+    } catch (const InputError& error) {
+        EXPECT_NE(std::string(error.what()).find("more than 64 primvars in all"), std::string::npos)
+            << error.what();
+    }
+}
+
 TEST_F(StrandFiles, UsdaSpreadsWidthsAndPrimvars) {
     // Two Bezier curves: one straight cubic, then two; so 2 and 3 joints, 4 and 7 vertices.
     std::string text =

@@ -282,6 +282,56 @@ TEST(Strands, StandWhereAFileThatAnimatesSays) {
     EXPECT_LT(apart(swinging.build().curves[0].vertices[0], file.vertices_at(400.0)), 1e-6);
 }
 
+// Anchored at rest, the noise on curves that move is that on curves that stand where these are at bind_frame.
+TEST(Strands, RestAnchorsStayWhereCurvesMove) {
+    const auto blown = [](const std::string& anchor, bool moves) {
+        TestScene scene(drawn + strands("") +
+                        "[wind]\nspeed = 4\nnoise.amplitude = 0.8\nnoise.frequency = 2\nnoise.anchor = \"" +
+                        anchor + "\"\n");
+        SceneCurves& file = scene.geometry.curves[0];
+        file = irregular_curves(100, on_ground);
+        std::vector<float> moved = file.vertices;
+        for (size_t i = 0; i < moved.size(); i += 4) moved[i] += 0.5F;
+        if (moves) file.samples = {{1.0, file.vertices}, {3.0, moved}};
+        scene.settings.frame = 3.0;
+        const World world = scene.build();
+        std::vector<float> vertices(world.curves[0].vertices[0],
+                                    world.curves[0].vertices[0] + file.vertices.size());
+        if (moves)
+            for (size_t i = 0; i < vertices.size(); i += 4) vertices[i] -= 0.5F;
+        return vertices;
+    };
+    const std::vector<float> still = blown("rest", false);
+    EXPECT_LT(apart(still.data(), blown("rest", true)), 1e-6);
+    EXPECT_GT(apart(still.data(), blown("world", true)), 1e-3);
+}
+
+// What an update takes away, and what a host changes under strands that are bound.
+TEST(Strands, MissWhatWasThereBefore) {
+    TestScene scene(drawn + strands("width = 0.01\n"));
+    scene.build();
+    scene.update(drawn + strands(""));
+    EXPECT_NE(scene.objection().find("the curves 'file' have no widths"), std::string::npos)
+        << scene.objection();
+
+    TestScene other(drawn + strands("width = 0.01\n"));
+    SceneCurves& file = other.geometry.curves[0];
+    const auto fill = [&](size_t first, size_t second) {
+        file = {};
+        file.name = "file";
+        for (const size_t n : {first, second}) {
+            std::vector<Vec3f> points;
+            for (size_t k = 0; k < n; ++k) points.emplace_back(0.0F, 0.1F * float(k), 0.0F);
+            add_curve(file, points, std::vector<float>(n, 0.01F));
+        }
+    };
+    fill(3, 5);
+    other.build();
+    fill(5, 3); // as many in all
+    EXPECT_NE(other.objection().find("have changed since the strands were bound"), std::string::npos)
+        << other.objection();
+}
+
 TEST(Strands, GoWithTheTransformOfTheirCurves) {
     TestScene scene(drawn + strands(""));
     SceneCurves& file = scene.geometry.curves[0];
@@ -368,6 +418,22 @@ TEST(Strands, RootsUnderTheSkinAreLiftedAndTold) {
         << scene.stats.warnings[0] << scene.stats.warnings[1];
 }
 
+// Far beside an open surface, and lower than its plane by less than a rounding: neither inside nor lifted.
+TEST(Strands, BesideTheBorderOfAnOpenSkinStayWhereTheyAre) {
+    TestScene scene(mesh("card", "plane", "size = [2, 2]\n") + drawn +
+                    strands("on = \"card\"\nwind.collision.solver = \"exact\"\n"));
+    SceneCurves& file = scene.geometry.curves[0];
+    file = irregular_curves(60, [](size_t c) {
+        return std::pair(Vec3d(1.2 + 0.3 * draw(c, 2), -1e-8 * double(c % 3), draw(c, 3) - 0.5),
+                         Vec3d(Vec3d::UnitY()));
+    });
+    const World world = scene.build();
+    EXPECT_LT(apart(world.curves[0].vertices[0], file.vertices), 1e-6);
+    ASSERT_EQ(scene.stats.warnings.size(), 1u);
+    EXPECT_NE(scene.stats.warnings[0].find("60 of 60 strands begin farther from 'card'"), std::string::npos)
+        << scene.stats.warnings[0];
+}
+
 // Lodging: wind straight down onto the ground, which no CV may enter.
 TEST(Strands, DoNotEnterTheSkin) {
     TestScene scene(mesh("ground", "plane", "size = [4, 4]\n") + drawn +
@@ -424,6 +490,19 @@ TEST(Guides, ChildrenThatFollowThemAreBlownAsTheyWouldBe) {
     TestScene calm(ground + drawn + children);
     fill_with_guides(calm.geometry.curves[0]);
     EXPECT_GT(apart(calm.build().curves[0].vertices[0], poses[1]), 0.05) << "there is wind";
+}
+
+TEST(Guides, FarFromTheirMeshAreTold) {
+    TestScene scene(mesh("ground", "plane", "size = [4, 4]\ntransform = { translate = [0, 3, 0] }\n") +
+                    drawn + children);
+    fill_with_guides(scene.geometry.curves[0]);
+    scene.build();
+    ASSERT_EQ(scene.stats.warnings.size(), 1u);
+    EXPECT_NE(scene.stats.warnings[0].find(
+                  "100 of 100 guides begin farther from 'ground' than a tenth of their length, up "
+                  "to 3 m"),
+              std::string::npos)
+        << scene.stats.warnings[0];
 }
 
 TEST(Guides, ObjectionsSayWhatToDo) {

@@ -47,7 +47,7 @@ TEST(Roots, a_count_is_exact_whatever_the_masks) {
                 Groom groom;
                 groom.count = count;
                 groom.spacing = spacing;
-                if (masked) groom.density_masks.image = Mask{2, 1, {0.05F, 0.4F}};
+                if (masked) groom.density_masks.image = ScalarImage{2, 1, {0.05F, 0.4F}};
                 const std::vector<Root> roots = place_roots(groom, plane.surface(), never).roots;
                 EXPECT_EQ(roots.size(), count) << spacing << masked;
                 EXPECT_EQ(identities(roots).size(), count) << "a root stands twice";
@@ -119,9 +119,9 @@ TEST(Roots, do_not_notice_a_change_elsewhere) {
     Groom groom;
     groom.density = 300.0;
     const auto whole = identities(place_roots(groom, plane.surface(), never).roots);
-    Mask half{64, 1, std::vector<float>(64, 0.0F)}; // the right half goes
-    std::fill_n(half.values.begin(), 32, 1.0F);
-    groom.density_masks.image = half;
+    std::vector<float> half(64, 0.0F); // the right half goes
+    std::fill_n(half.begin(), 32, 1.0F);
+    groom.density_masks.image = ScalarImage{64, 1, half};
     const std::vector<Root> left = place_roots(groom, plane.surface(), never).roots;
     size_t kept = 0;
     for (const Root root : left) kept += whole.count({root.triangle, root.index});
@@ -143,10 +143,20 @@ TEST(Roots, half_a_mask_is_half_the_strands) {
     for (const float share : {0.1F, 0.5F, 0.9F}) {
         Groom groom;
         groom.density = 300.0;
-        groom.density_masks.image = Mask{1, 1, {share}};
+        groom.density_masks.image = ScalarImage{1, 1, {share}};
         EXPECT_NEAR(double(place_roots(groom, plane.surface(), never).roots.size()) / 30'000, double(share),
                     0.02);
     }
+}
+
+// Told at once where a factor is 0 all over its image: to look for a rest of it takes a minute for 100 strands.
+TEST(Roots, nothing_grows_where_an_image_is_black) {
+    const TestSurface plane = grid_surface(50, 10.0);
+    Groom groom;
+    groom.count = 10'000'000;
+    groom.density_masks.factors = {
+        {"", "", ScalarImage{2, 1, {-1.0F, 0.0F}}, Ramp(std::vector<double>{0, 0, 1, 1}, "linear")}};
+    EXPECT_THROW(place_roots(groom, plane.surface(), never), SceneFault);
 }
 
 TEST(Roots, the_same_at_any_thread_count) {

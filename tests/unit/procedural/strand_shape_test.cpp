@@ -209,7 +209,7 @@ TEST(StrandShape, length_masks_shorten) {
     const TestSurface plane = grid_surface(10, 1.0);
     Groom groom = plain_groom(4);
     groom.length = {1.0, 1.0};
-    groom.length_masks.image = Mask{2, 1, {0.25F, 0.75F}};
+    groom.length_masks.image = ScalarImage{2, 1, {0.25F, 0.75F}};
     const std::vector<Root> roots = roots_on(groom, plane);
     const Strands strands = grown(groom, plane, plane, roots);
     for (int i = 0; i < strands.count; ++i) {
@@ -230,7 +230,7 @@ TEST(StrandShape, factors_scale_what_they_are_of) {
     whole.lean_variation = whole.arc_variation = 0.0;
     const std::vector<Root> roots = roots_on(whole, plane);
     const Factor halves{
-        "", "", Mask{2, 1, {0.0F, 1.0F}},
+        "", "", ScalarImage{2, 1, {0.0F, 1.0F}},
         Ramp(std::vector<double>{0, 0, 0.5, 1}, "constant")}; // a half of the plane 0, the other 1
     const auto without = [&](FactorOf what) {
         Groom groom = whole;
@@ -267,8 +267,8 @@ TEST(StrandShape, factors_scale_what_they_are_of) {
     // Several are multiplied.
     Groom twice = whole;
     twice.factors[of_width] = {
-        {"", "", Mask{1, 1, {0.5F}}, Ramp(std::vector<double>{0, 0, 1, 1}, "linear")},
-        {"", "", Mask{1, 1, {0.25F}}, Ramp(std::vector<double>{0, 1, 1, 0}, "linear")}};
+        {"", "", ScalarImage{1, 1, {0.5F}}, Ramp(std::vector<double>{0, 0, 1, 1}, "linear")},
+        {"", "", ScalarImage{1, 1, {0.25F}}, Ramp(std::vector<double>{0, 1, 1, 0}, "linear")}};
     const Strands thin = grown(twice, plane, plane, roots);
     for (int i = 0; i < thin.count; ++i)
         EXPECT_DOUBLE_EQ(thin.width[size_t(i / lanes)][i % lanes],
@@ -283,7 +283,7 @@ TEST(StrandShape, comb_maps_go_by_uv) {
     groom.lean_variation = groom.comb_variation = 0.0;
     groom.combed = true;
     groom.comb = Vec3d(0, 0, 1);
-    groom.comb_map = {Mask{1, 1, {1.0F}}, Mask{1, 1, {0.5F}}}; // along u
+    groom.comb_map = {ScalarImage{1, 1, {1.0F}}, ScalarImage{1, 1, {0.5F}}}; // along u
     const std::vector<Root> roots = roots_on(groom, plane);
     const Surface surface = plane.surface();
     const auto expect_towards = [&](auto&& direction_at) {
@@ -295,14 +295,31 @@ TEST(StrandShape, comb_maps_go_by_uv) {
         }
     };
     expect_towards([&](uint32_t t) { return surface.uv_directions(t)[0]; });
-    groom.comb_map = {Mask{1, 1, {0.5F}}, Mask{1, 1, {0.0F}}};
+    groom.comb_map = {ScalarImage{1, 1, {0.5F}}, ScalarImage{1, 1, {0.0F}}};
     expect_towards([&](uint32_t t) { return Vec3d(-surface.uv_directions(t)[1]); });
-    groom.comb_map = {Mask{1, 1, {0.5F}}, Mask{1, 1, {128.0F / 255.0F}}};
+    groom.comb_map = {ScalarImage{1, 1, {0.5F}}, ScalarImage{1, 1, {128.0F / 255.0F}}};
     expect_towards([&](uint32_t) { return groom.comb; });
     for (uint32_t t = 0; t < surface.triangle_count;
          ++t) { // u and v of the grid are x and z, or their opposites
         const auto [u, v] = surface.uv_directions(t);
         EXPECT_NEAR(std::abs(u.x()), 1.0, 1e-6);
         EXPECT_NEAR(std::abs(v.z()), 1.0, 1e-6);
+    }
+}
+
+// Both codes of 8 bits beside the middle are grey, also where u and v enclose a small angle.
+TEST(StrandShape, grey_comb_maps_change_nothing) {
+    TestSurface plane = grid_surface(4, 1.0);
+    for (size_t v = 0; v + 1 < plane.uvs.size(); v += 2) plane.uvs[v] += 0.9F * plane.uvs[v + 1];
+    Groom groom = plain_groom(8);
+    groom.lean = 0.8;
+    groom.combed = true;
+    groom.comb = Vec3d(0, 0, 1);
+    const std::vector<Root> roots = roots_on(groom, plane);
+    const Strands without = grown(groom, plane, plane, roots);
+    for (const float code : {127.0F / 255.0F, 128.0F / 255.0F}) {
+        groom.comb_map = {ScalarImage{1, 1, {code}}, ScalarImage{1, 1, {code}}};
+        const Strands with = grown(groom, plane, plane, roots);
+        for (int i = 0; i < without.count; ++i) EXPECT_EQ(cv(with, i, 7), cv(without, i, 7)) << i;
     }
 }

@@ -139,6 +139,9 @@ TEST_F(Settings, ExplainTheirMistakes) {
         "list as a whole");
     expect({"film.size[2]=1"},
            "--set film.size[2]=1: film.size has 2 elements, there is no [2]: give 0 to 1");
+    expect(
+        {"film.none[0].size=1"},
+        "--set film.none[0].size=1: film.none has no elements here: set it as a whole: film.none=[{ ... }]");
     expect({"fps[0]=1"}, "--set fps[0]=1: fps is no list: leave out the number in brackets");
     for (const std::string odd : {"film.size[", "film.size[]", "film.size[-1]", "film.size[0",
                                   "film.size[1]x", "film.[0]", "film.size[99999999999999999999]"})

@@ -82,7 +82,7 @@ TEST(Golden, a_change_of_seed_is_no_fault) {
     const size_t count = goldens().size();
     size_t alarms = 0, rendered = 0;
     for (size_t g = 0; g < count; ++g) {
-        if (!testing::in_this_run(g, 4)) continue;
+        if (!testing::in_this_run(g, 6)) continue;
         const Golden& golden = goldens()[g];
         const Stage stage(golden);
         for (size_t i = g; i < renders; i += count) {
@@ -257,7 +257,7 @@ TEST(GoldenFault, what_a_frame_shows_is_missed) {
         {"fur", "hair rougher by a third", {"material.fur.roughness=0.33"}},
     };
     for (size_t i = 0; i < all.size(); ++i) {
-        if (!testing::in_this_run(i, 3)) continue;
+        if (!testing::in_this_run(i, 4)) continue;
         const Missing& missing = all[i];
         const Golden& golden = golden_named(missing.golden);
         expect_caught(missing.what, Stage(golden, missing.changes), golden, [](Picture&) {}, {14});

@@ -87,7 +87,7 @@ TEST(Tolerance, holds_between_the_motion_keys_of_scenes) {
         Shot whole = loaded(file, {});
         if (!has_strands(whole)) continue;
         ++scenes_seen;
-        Shot scene = loaded(file, with_about(8000.0, file, whole));
+        Shot scene = loaded(file, with_about(whole_run() ? 8000.0 : 4000.0, file, whole));
         BuildStats stats;
         BuildSettings settings = build_settings(scene, whole.description.globals.vec2("frames").x());
         if (!(settings.shutter_open < settings.shutter_close))

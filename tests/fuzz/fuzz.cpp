@@ -8,6 +8,7 @@
 // All randomness comes from seed, kind and case, so a case is the same on every run and machine.
 #include "core/cli/cli.h"
 #include "core/image/image.h"
+#include "core/image/image_library.h"
 #include "core/math/hash.h"
 #include "core/math/problem.h"
 
@@ -570,13 +571,23 @@ Command make_set(const Seeds&, const fs::path& folder, Random& random) {
 
 Command make_options(const Seeds&, const fs::path& folder, Random& random) {
     static const std::vector<std::string> options = {
-        "--frame",   "--frames", "--spp", "--size",   "--threads", "--aov", "--seconds",
-        "--preview", "--stats",  "-o",    "--resume", "--quiet",   "--set", "--nothing", "--png"};
-    static const std::vector<std::string> values = {
-        "depth:0-1", "normal=/dev/null", "depth:1-x=d",
-        "1",    "0",   "-1",       "1-3",    "3-1",   "8x8",    "0x8",     "x",         "",
-        "1e99", "nan", "depth,id", "depth,", "a.png", "a.exr",  "/",       "/dev/null", "\xff",
-        "2.5",  "##",  "4",        "8x",     "-5-4",  "beauty", "p.##.exr",  "1-9x4,2", "1-2x"};
+        "--frame", "--frames", "--spp",    "--size",  "--threads", "--aov",     "--seconds", "--preview",
+        "--stats", "-o",       "--resume", "--quiet", "--set",     "--nothing", "--png"};
+    static const std::vector<std::string> values = {"depth:0-1",   "normal=/dev/null",
+                                                    "depth:1-x=d", "1",
+                                                    "0",           "-1",
+                                                    "1-3",         "3-1",
+                                                    "8x8",         "0x8",
+                                                    "x",           "",
+                                                    "1e99",        "nan",
+                                                    "depth,id",    "depth,",
+                                                    "a.png",       "a.exr",
+                                                    "/",           "/dev/null",
+                                                    "\xff",        "2.5",
+                                                    "##",          "4",
+                                                    "8x",          "-5-4",
+                                                    "beauty",      "p.##.exr",
+                                                    "1-9x4,2",     "1-2x"};
     write_file(folder / "a.toml", scene_text);
     Command command = render(folder, {"--size", "8x6"});
     for (size_t n = 1 + random.below(3); n > 0; --n) {
@@ -767,6 +778,7 @@ int fuzz(Settings settings) {
         return findings;
     }
     const unsigned workers = std::max(1U, std::thread::hardware_concurrency());
+    load_image_library(); // once: each copy would load it again
     std::vector<pid_t> children;
     for (unsigned w = 0; w < workers; ++w) {
         std::fflush(nullptr);

@@ -16,6 +16,7 @@ const SceneText wide{.film =
 
 // What it prints goes to a file: it sees no terminal.
 pid_t start(const std::vector<std::string>& arguments, const std::string& out) {
+    load_image_library(); // once: each copy would load it again
     const pid_t child = ::fork();
     if (child == 0) {
         ::dup2(::open(out.c_str(), O_WRONLY | O_CREAT, 0600), STDOUT_FILENO);

@@ -4,6 +4,7 @@
 
 #include "core/cli/cli.h"
 #include "core/image/image.h"
+#include "core/image/image_library.h"
 #include "core/math/problem.h"
 
 #include <fmt/format.h>
@@ -108,6 +109,8 @@ inline ProgramResult marram(const std::vector<std::string>& arguments, Run run =
     const Folder streams;
     const std::string out = streams / "out", err = streams / "err";
     std::fflush(nullptr); // or a copy would write it, too
+    // Once, here: each copy would load it again.
+    if (!arguments.empty() && arguments[0] == "render") load_image_library();
     const pid_t child = ::fork();
     if (child == 0) {
         ::dup2(::open(out.c_str(), O_WRONLY | O_CREAT, 0600), STDOUT_FILENO);

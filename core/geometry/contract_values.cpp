@@ -100,8 +100,8 @@ void ContractValues::add_attributes(MarramValue& out) {
 }
 
 const MarramGrid* ContractValues::image(const ParamValue& value) {
-    const auto [known, is_new] = image_grids_.try_emplace(value.text, nullptr); // each file is read once
-    if (!is_new) return known->second;
+    if (const auto known = image_grids_.find(value.text); known != image_grids_.end())
+        return known->second; // each file is read once
     Image& image = images_.emplace_back(read_image(value.text, ColorSpace::linear_data));
     keep_channels(image, 4); // as a grid has
     MarramGrid& grid = grids_.emplace_back();
@@ -115,7 +115,8 @@ const MarramGrid* ContractValues::image(const ParamValue& value) {
     grid.axes[0][0] = 1.0 / image.width;
     grid.axes[1][1] = -1.0 / image.height;
     grid.values = image.pixels.data();
-    return known->second = &grid;
+    image_grids_[value.text] = &grid;
+    return &grid;
 }
 
 const MarramPlacement* ContractValues::placement(const ParamValue& value) {

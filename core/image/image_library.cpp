@@ -29,7 +29,8 @@ void check_room() {
 
 const ImageLibrary* load() {
     check_room();
-    void* const handle = ::dlopen(file, RTLD_LAZY | RTLD_LOCAL); // stays to the end, as do its objects
+    void* const handle =
+        ::dlopen(file, RTLD_LAZY | RTLD_LOCAL); // never closed: objects of its classes stay valid
     if (!handle) refuse(::dlerror());
     using Entry = const ImageLibrary* (*)();
     const auto entry = reinterpret_cast<Entry>(::dlsym(handle, image_library_entry));
@@ -37,6 +38,7 @@ const ImageLibrary* load() {
     const ImageLibrary* const library = entry();
     if (std::strcmp(library->version, MARRAM_VERSION) != 0)
         refuse(std::string("it is of version ") + library->version + ", the program of " + MARRAM_VERSION);
+    if (library->size != sizeof(ImageLibrary)) refuse("it is of another build than the program");
     also_remove_temporary_files(library->remove_temporary_files);
     return library;
 }

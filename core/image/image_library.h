@@ -13,9 +13,10 @@
 
 namespace marram {
 
-// The library's functions of these names.
+// The functions of these names that the library exports.
 struct ImageLibrary {
-    const char* version; // of the build: both sides come from one
+    const char* version; // of the release; with `size`, of this struct, it tells a library of another build
+    size_t size;
     decltype(&marram::read_image) read_image;
     decltype(&marram::write_exr) write_exr;
     decltype(&marram::png_bytes) png_bytes;
@@ -35,9 +36,9 @@ struct ImageLibrary {
     decltype(&marram::remove_temporary_files) remove_temporary_files;
 };
 inline constexpr const char* image_library_entry =
-    "marram_image_library"; // const ImageLibrary* of no arguments
+    "marram_image_library"; // the symbol: const ImageLibrary* f()
 
-// Loads it now, so that what is wrong is known before hours of rendering. Throws InputError where it cannot be loaded, std::bad_alloc
+// Loads the library now, so that what is wrong is known before hours of rendering. Throws InputError where it cannot be loaded, std::bad_alloc
 // where memory is short.
 void load_image_library();
 

@@ -29,6 +29,7 @@ constexpr std::array own_attributes = {
     MarramAttribute{"shield", 1, MARRAM_PER_CV, 0,
                     "sheltered share of a CV, or of its strand (see wind.shielding)", nullptr, 0},
 };
+static_assert(own_attributes.size() == import_attribute_count);
 
 // Whether it comes from the file: "id" where the file has one, what a surface has where there is none. What is computed of the wind never does.
 bool from_file(const ImportSettings& settings, const MarramAttribute& own) {

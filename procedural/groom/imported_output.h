@@ -12,7 +12,7 @@ namespace marram {
 // Those that are computed, of strands on a mesh.
 std::span<const MarramAttribute> computed_attributes();
 
-// The attributes that strands of these settings have: ours, and the file's.
+// The attributes that strands of these settings have: ours, and the file's, whose names point into `settings`.
 std::vector<MarramAttribute> import_attribute_list(const ImportSettings& settings);
 
 // Curves of a patch that have one CV count.
@@ -30,7 +30,7 @@ struct ImportBatch {
     }
 };
 
-// How the chain gets their rest strands. The batch and the clock outlive it.
+// How the chain gets their rest strands. The batch is copied; what it refers to and the clock must outlive it.
 Expand import_expand(const ImportBatch& batch, StageClock& clock);
 
 // One motion sample into the patch's buffers: four floats a vertex, phantoms at both ends included; three a normal.

@@ -4,6 +4,7 @@
 extern "C" const marram::ImageLibrary* marram_image_library() {
     static const marram::ImageLibrary library = {
         .version = MARRAM_VERSION,
+        .size = sizeof(marram::ImageLibrary),
         .read_image = marram::read_image,
         .write_exr = marram::write_exr,
         .png_bytes = marram::png_bytes,

@@ -17,7 +17,7 @@ MARRAM_INLINE VDouble evaluate(const Ramp& ramp, VDouble x) {
         t = vmin(vmax(t, splat(0.0)), splat(1.0));
         if (ramp.interpolation() == Ramp::Interpolation::constant) t = splat(0.0);
         if (ramp.interpolation() == Ramp::Interpolation::smooth) t = t * t * (3.0 - 2.0 * t);
-        result = x < positions[i] ? result + t * (values[i] - values[i - 1]) : splat(values[i]);
+        result = select(x < positions[i], result + t * (values[i] - values[i - 1]), values[i]);
     }
     return result;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Eight strands side by side. The types are the compiler's vector extension: one source serves SSE2, AVX2 and AVX-512,
-// and because nothing is contracted or reassociated (-ffp-contract=off) all three give the same bits.
+// Eight strands side by side. The types are the compiler's vector extension in pieces of 32 bytes, an AVX2 register each:
+// of wider vectors GCC takes comparisons and choices apart, lane by lane, which made chains of them three times slower.
+// One source serves SSE2 and AVX2; because nothing is contracted or reassociated (-ffp-contract=off) both give the same bits.
 //
 // A hot function is marked MARRAM_HOT: it is compiled once for each instruction set and the loader picks one at start-up.
 // Everything it calls must be MARRAM_INLINE, or it would run in its baseline version.
@@ -24,7 +25,7 @@ inline constexpr int lanes = 8;
 #define MARRAM_ALWAYS_INLINE __attribute__((always_inline)) // of a lambda
 #if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__clang__)
 // Sanitizers run before the loader has resolved clones, so sanitized builds do without.
-#define MARRAM_HOT __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4"), flatten))
+#define MARRAM_HOT __attribute__((target_clones("default", "arch=x86-64-v3"), flatten))
 #else
 #define MARRAM_HOT
 #endif
@@ -34,28 +35,124 @@ inline constexpr int lanes = 8;
 using VFloat = float __attribute__((vector_size(lanes * 4), aligned(lanes * 4)));
 using VInt = int32_t __attribute__((vector_size(lanes * 4), aligned(lanes * 4)));
 using VUint = uint32_t __attribute__((vector_size(lanes * 4), aligned(lanes * 4)));
-using VDouble = double __attribute__((vector_size(lanes * 8), aligned(lanes * 8)));
-using VLong = int64_t __attribute__((vector_size(lanes * 8), aligned(lanes * 8)));
+using Double4 = double __attribute__((vector_size(32), aligned(32)));
+using Long4 = int64_t __attribute__((vector_size(32), aligned(32)));
 
-template <typename T>
-using WideVector = std::vector<T, tbb::cache_aligned_allocator<T>>;
+// Eight doubles or 64-bit integers, two pieces of four. A comparison gives a mask, -1 or 0 in each lane; select() chooses by it.
+template <typename T, typename Piece>
+struct alignas(64) Eight {
+    Piece half[2];
 
-MARRAM_INLINE VDouble splat(double x) { return VDouble{} + x; }
+    MARRAM_INLINE static Eight all(T x) { return {Piece{} + x, Piece{} + x}; }
+    MARRAM_INLINE T operator[](int lane) const { return half[lane >> 2][lane & 3]; }
+    MARRAM_INLINE T& operator[](int lane) {
+        return reinterpret_cast<T*>(half)[lane];
+    } // GCC lets both kinds share memory
+};
+using VDouble = Eight<double, Double4>;
+using VLong = Eight<int64_t, Long4>;
+
+MARRAM_INLINE VDouble splat(double x) { return VDouble::all(x); }
 MARRAM_INLINE VFloat splat_float(float x) { return VFloat{} + x; }
-MARRAM_INLINE VDouble to_double(VFloat x) { return __builtin_convertvector(x, VDouble); }
-MARRAM_INLINE VFloat to_float(VDouble x) { return __builtin_convertvector(x, VFloat); }
+inline constexpr VLong every_lane = {{{-1, -1, -1, -1}, {-1, -1, -1, -1}}}; // a mask
+inline constexpr VLong lane_numbers = {{{0, 1, 2, 3}, {4, 5, 6, 7}}};
+inline constexpr VDouble lane_places = {{{0, 1, 2, 3}, {4, 5, 6, 7}}};
+
+#define MARRAM_EACH_HALF(Result, V, T, op)                                                                   \
+    MARRAM_INLINE Result operator op(const V& a, const V& b) {                                               \
+        return {a.half[0] op b.half[0], a.half[1] op b.half[1]};                                             \
+    }                                                                                                        \
+    MARRAM_INLINE Result operator op(const V& a, T b) { return a op V::all(b); }                             \
+    MARRAM_INLINE Result operator op(T a, const V& b) { return V::all(a) op b; }
+#define MARRAM_CHANGE_BOTH(V, T, op)                                                                         \
+    MARRAM_EACH_HALF(V, V, T, op)                                                                            \
+    MARRAM_INLINE V& operator op##=(V& a, const V& b) { return a = a op b; }                                 \
+    MARRAM_INLINE V& operator op##=(V& a, T b) { return a = a op b; }
+MARRAM_CHANGE_BOTH(VDouble, double, +)
+MARRAM_CHANGE_BOTH(VDouble, double, -)
+MARRAM_CHANGE_BOTH(VDouble, double, *)
+MARRAM_CHANGE_BOTH(VDouble, double, /)
+MARRAM_CHANGE_BOTH(VLong, int64_t, +)
+MARRAM_CHANGE_BOTH(VLong, int64_t, -)
+MARRAM_CHANGE_BOTH(VLong, int64_t, &)
+MARRAM_CHANGE_BOTH(VLong, int64_t, |)
+MARRAM_CHANGE_BOTH(VLong, int64_t, ^)
+MARRAM_EACH_HALF(VLong, VDouble, double, <)
+MARRAM_EACH_HALF(VLong, VDouble, double, <=)
+MARRAM_EACH_HALF(VLong, VDouble, double, >)
+MARRAM_EACH_HALF(VLong, VDouble, double, >=)
+MARRAM_EACH_HALF(VLong, VDouble, double, ==)
+MARRAM_EACH_HALF(VLong, VDouble, double, !=)
+MARRAM_EACH_HALF(VLong, VLong, int64_t, <)
+MARRAM_EACH_HALF(VLong, VLong, int64_t, >)
+MARRAM_EACH_HALF(VLong, VLong, int64_t, ==)
+MARRAM_EACH_HALF(VLong, VLong, int64_t, !=)
+#undef MARRAM_CHANGE_BOTH
+#undef MARRAM_EACH_HALF
+MARRAM_INLINE VDouble operator-(const VDouble& a) { return {-a.half[0], -a.half[1]}; }
+MARRAM_INLINE VLong operator~(const VLong& a) { return {~a.half[0], ~a.half[1]}; }
+MARRAM_INLINE VLong operator<<(const VLong& a, int by) { return {a.half[0] << by, a.half[1] << by}; }
+MARRAM_INLINE VLong operator>>(const VLong& a, int by) { return {a.half[0] >> by, a.half[1] >> by}; }
+
+// a where the mask is set, else b. Both are computed.
+MARRAM_INLINE VDouble select(const VLong& mask, const VDouble& a, const VDouble& b) {
+    return {mask.half[0] ? a.half[0] : b.half[0], mask.half[1] ? a.half[1] : b.half[1]};
+}
+MARRAM_INLINE VDouble select(const VLong& mask, double a, const VDouble& b) {
+    return select(mask, splat(a), b);
+}
+MARRAM_INLINE VDouble select(const VLong& mask, const VDouble& a, double b) {
+    return select(mask, a, splat(b));
+}
+MARRAM_INLINE VDouble select(const VLong& mask, double a, double b) {
+    return select(mask, splat(a), splat(b));
+}
+MARRAM_INLINE VLong select(const VLong& mask, const VLong& a, const VLong& b) {
+    return (mask & a) | (~mask & b);
+}
 
 template <typename To, typename From>
-MARRAM_INLINE To bits_as(From from) {
+MARRAM_INLINE To bits_as(const From& from) {
     static_assert(sizeof(To) == sizeof(From));
     To to;
     std::memcpy(&to, &from, sizeof to);
     return to;
 }
+template <>
+MARRAM_INLINE VLong bits_as<VLong>(const VDouble& from) {
+    return {(Long4)from.half[0], (Long4)from.half[1]};
+}
+template <>
+MARRAM_INLINE VDouble bits_as<VDouble>(const VLong& from) {
+    return {(Double4)from.half[0], (Double4)from.half[1]};
+}
 
-MARRAM_INLINE VDouble vsqrt(VDouble x) {
+MARRAM_INLINE VDouble to_double(VFloat x) {
+    return {__builtin_convertvector(__builtin_shufflevector(x, x, 0, 1, 2, 3), Double4),
+            __builtin_convertvector(__builtin_shufflevector(x, x, 4, 5, 6, 7), Double4)};
+}
+MARRAM_INLINE VDouble to_double(VInt x) {
+    return {__builtin_convertvector(__builtin_shufflevector(x, x, 0, 1, 2, 3), Double4),
+            __builtin_convertvector(__builtin_shufflevector(x, x, 4, 5, 6, 7), Double4)};
+}
+MARRAM_INLINE VFloat to_float(const VDouble& x) {
+    using Float4 = float __attribute__((vector_size(16)));
+    const Float4 low = __builtin_convertvector(x.half[0], Float4),
+                 high = __builtin_convertvector(x.half[1], Float4);
+    return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
+}
+// The low 32 bits of each.
+MARRAM_INLINE VInt to_int(const VLong& x) {
+    return __builtin_shufflevector((VInt)x.half[0], (VInt)x.half[1], 0, 2, 4, 6, 8, 10, 12, 14);
+}
+
+template <typename T>
+using WideVector = std::vector<T, tbb::cache_aligned_allocator<T>>;
+
+MARRAM_INLINE VDouble vsqrt(const VDouble& x) {
     VDouble r;
-    for (int i = 0; i < lanes; ++i) r[i] = std::sqrt(x[i]);
+    for (int i = 0; i < 4; ++i) r.half[0][i] = std::sqrt(x.half[0][i]);
+    for (int i = 0; i < 4; ++i) r.half[1][i] = std::sqrt(x.half[1][i]);
     return r;
 }
 MARRAM_INLINE VFloat vsqrt(VFloat x) {
@@ -63,13 +160,12 @@ MARRAM_INLINE VFloat vsqrt(VFloat x) {
     for (int i = 0; i < lanes; ++i) r[i] = std::sqrt(x[i]);
     return r;
 }
-MARRAM_INLINE VDouble vabs(VDouble x) { return bits_as<VDouble>(bits_as<VLong>(x) & INT64_MAX); }
-MARRAM_INLINE VDouble vmin(VDouble a, VDouble b) { return a < b ? a : b; }
-MARRAM_INLINE VDouble vmax(VDouble a, VDouble b) { return a > b ? a : b; }
-MARRAM_INLINE bool any(VLong mask) {
-    int64_t sum = 0;
-    for (int i = 0; i < lanes; ++i) sum |= mask[i];
-    return sum != 0;
+MARRAM_INLINE VDouble vabs(const VDouble& x) { return bits_as<VDouble>(bits_as<VLong>(x) & INT64_MAX); }
+MARRAM_INLINE VDouble vmin(const VDouble& a, const VDouble& b) { return select(a < b, a, b); }
+MARRAM_INLINE VDouble vmax(const VDouble& a, const VDouble& b) { return select(a > b, a, b); }
+MARRAM_INLINE bool any(const VLong& mask) {
+    const Long4 either = mask.half[0] | mask.half[1];
+    return (either[0] | either[1] | either[2] | either[3]) != 0;
 }
 
 // Adding this number rounds a double below 2^51 to the nearest integer and leaves that integer in the low bits.
@@ -80,8 +176,8 @@ MARRAM_INLINE VDouble vfloor(VDouble x, VInt& cell) {
     const VDouble shifted = x + round_magic;
     VDouble r = shifted - round_magic;
     const VLong above = r > x; // -1 where rounding went up
-    r += __builtin_convertvector(above, VDouble);
-    cell = __builtin_convertvector(bits_as<VLong>(shifted) + above, VInt);
+    r -= bits_as<VDouble>(above & bits_as<VLong>(splat(1.0)));
+    cell = to_int(bits_as<VLong>(shifted) + above);
     return r;
 }
 
@@ -124,7 +220,7 @@ MARRAM_INLINE VDouble angle_of(VDouble s, VDouble c) {
     const VDouble p0 = 1.0 / 3.0 - z * (1.0 / 5.0), p1 = 1.0 / 7.0 - z * (1.0 / 9.0);
     const VDouble p2 = 1.0 / 11.0 - z * (1.0 / 13.0), p3 = 1.0 / 15.0 - z * (1.0 / 17.0);
     const VDouble acute = 8.0 * (t - t * z * ((p0 + z2 * p1) + z4 * (p2 + z2 * p3)));
-    return c < 0.0 ? 3.14159265358979323846 - acute : acute;
+    return select(c < 0.0, 3.14159265358979323846 - acute, acute);
 }
 
 // Natural logarithm of a normal x > 0: exponent and mantissa in [sqrt(1/2), sqrt 2), then the series of atanh.
@@ -187,7 +283,7 @@ MARRAM_INLINE Wide3<V> operator-(const Wide3<V>& a, const Wide3<V>& b) {
     return {a.x - b.x, a.y - b.y, a.z - b.z};
 }
 template <typename V>
-MARRAM_INLINE Wide3<V> operator*(const Wide3<V>& a, V s) {
+MARRAM_INLINE Wide3<V> operator*(const Wide3<V>& a, const V& s) {
     return {a.x * s, a.y * s, a.z * s};
 }
 template <typename V>
@@ -199,7 +295,7 @@ MARRAM_INLINE Wide3<V> cross(const Wide3<V>& a, const Wide3<V>& b) {
     return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 MARRAM_INLINE Wide3d select(VLong mask, const Wide3d& a, const Wide3d& b) {
-    return {mask ? a.x : b.x, mask ? a.y : b.y, mask ? a.z : b.z};
+    return {select(mask, a.x, b.x), select(mask, a.y, b.y), select(mask, a.z, b.z)};
 }
 MARRAM_INLINE Wide3d splat3(const double* v) { return {splat(v[0]), splat(v[1]), splat(v[2])}; }
 MARRAM_INLINE Wide3d to_double(const Wide3f& a) { return {to_double(a.x), to_double(a.y), to_double(a.z)}; }

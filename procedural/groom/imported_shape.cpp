@@ -77,7 +77,7 @@ void set_arcs(int cvs, const Wide3f* rest, VDouble* u) {
     }
     const VDouble length = u[cvs - 1];
     const VLong some = length > 0.0;
-    const VDouble scale = some ? 1.0 / (some ? length : splat(1.0)) : VDouble{};
+    const VDouble scale = select(some, 1.0 / select(some, length, 1.0), 0.0);
     for (int k = 0; k < cvs; ++k) u[k] *= scale;
 }
 

@@ -201,7 +201,7 @@ struct ShapeStep { // what is the same for all strands at CV k
 MARRAM_INLINE Wide3d with_length(const Wide3d& v, VDouble length, const Wide3d& instead) {
     const VDouble squared = dot(v, v);
     const VLong some = squared > 1e-300;
-    return select(some, v * (length / vsqrt(some ? squared : splat(1.0))), instead);
+    return select(some, v * (length / vsqrt(select(some, squared, 1.0))), instead);
 }
 
 // `guides`: centre lines in the frame, or nullptr.
@@ -245,7 +245,7 @@ MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep
         const VDouble squared = dot(d, d);
         const VLong usable =
             squared > 1e-24 * step * step; // else the displacements cancel the step: keep it straight
-        d = select(usable, d * (step / vsqrt(usable ? squared : splat(1.0))), straight);
+        d = select(usable, d * (step / vsqrt(select(usable, squared, 1.0))), straight);
         previous = displaced;
         position = position + d;
         rest[k] = to_float(roots.origin + roots.along * position.x + roots.side * position.y +
@@ -255,7 +255,7 @@ MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep
             Wide3d n = cross(roots.side, tangent);
             const VDouble nn = dot(n, n);
             const VLong good = nn > 1e-24 * step * step;
-            n = select(good, n * (1.0 / vsqrt(good ? nn : splat(1.0))), roots.along);
+            n = select(good, n * (1.0 / vsqrt(select(good, nn, 1.0))), roots.along);
             normals[k] = to_float(n);
         }
     }

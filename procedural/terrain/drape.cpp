@@ -56,12 +56,12 @@ MARRAM_INLINE VDouble drape_load(const double* p) {
 }
 
 // L(s).
-MARRAM_INLINE VDouble drape_level(VDouble s, double k) { return s < k ? 2.0 * vsqrt(k * s) - k : s; }
+MARRAM_INLINE VDouble drape_level(VDouble s, double k) { return select(s < k, 2.0 * vsqrt(k * s) - k, s); }
 
 // s(u).
 MARRAM_INLINE VDouble drape_thickness(VDouble u, double k) {
     const VDouble v = vmax(u + k, splat(0.0));
-    return u < k ? v * v * (0.25 / k) : u;
+    return select(u < k, v * v * (0.25 / k), u);
 }
 
 // 1 up to 2 k, 0 from 4 k on.
@@ -72,7 +72,7 @@ MARRAM_INLINE VDouble drape_fade(VDouble thinner, double k) {
 
 MARRAM_INLINE VDouble drape_floor(VDouble x) { // of 0 to 2^51
     const VDouble rounded = (x + round_magic) - round_magic;
-    return rounded > x ? rounded - 1.0 : rounded;
+    return select(rounded > x, rounded - 1.0, rounded);
 }
 
 struct DrapeSample {
@@ -82,14 +82,15 @@ struct DrapeSample {
 // What a loses to b, or (negative) gains from it.
 MARRAM_INLINE VDouble drape_flow(const DrapeSample& a, const DrapeSample& b, double k) {
     const VLong down = a.level > b.level;
-    const VDouble high_ground = down ? a.ground : b.ground, low_ground = down ? b.ground : a.ground;
-    const VDouble high_sand = down ? a.sand : b.sand, low_sand = down ? b.sand : a.sand;
+    const VDouble high_ground = select(down, a.ground, b.ground),
+                  low_ground = select(down, b.ground, a.ground);
+    const VDouble high_sand = select(down, a.sand, b.sand), low_sand = select(down, b.sand, a.sand);
     const VDouble high = vmax(a.level, b.level), low = vmin(a.level, b.level);
     const VDouble give = high_sand - drape_thickness(low - high_ground, k);
     const VDouble take = drape_thickness(high - low_ground, k) - low_sand;
     const VDouble wanted = vmax(vmin(give, take), splat(0.0));
     const VDouble f = drape_floor(drape_share * drape_fade(vmin(a.sand, b.sand), k) * wanted);
-    return down ? f : -f;
+    return select(down, f, -f);
 }
 
 // Rows have `stride` samples, lanes of them before the first column and after the last, and there is a row above the first and below the last.
@@ -128,7 +129,7 @@ MARRAM_HOT bool drape_step(DrapeGrid& grid, const Rect& rect, double k) {
     for (int j = rect.j0; j < rect.j1; ++j)
         for (int i = rect.i0; i < rect.i1; i += lanes) {
             const size_t s = grid.at(i, j);
-            const VLong column = VLong{0, 1, 2, 3, 4, 5, 6, 7} + int64_t(i);
+            const VLong column = lane_numbers + int64_t(i);
             const VLong here = column < int64_t(rect.i1);
             const VLong west = here & (column > 0), east = here & (column < int64_t(grid.nx - 1));
             const VDouble zero = splat(0.0);
@@ -146,11 +147,11 @@ MARRAM_HOT bool drape_step(DrapeGrid& grid, const Rect& rect, double k) {
                     continue;
                 }
             }
-            VDouble lost = west ? drape_flow(own, drape_sample(grid, s - 1), k) : zero;
-            lost += east ? drape_flow(own, drape_sample(grid, s + 1), k) : zero;
-            if (j > 0) lost += here ? drape_flow(own, drape_sample(grid, s - grid.stride), k) : zero;
+            VDouble lost = select(west, drape_flow(own, drape_sample(grid, s - 1), k), zero);
+            lost += select(east, drape_flow(own, drape_sample(grid, s + 1), k), zero);
+            if (j > 0) lost += select(here, drape_flow(own, drape_sample(grid, s - grid.stride), k), zero);
             if (j < grid.nz - 1)
-                lost += here ? drape_flow(own, drape_sample(grid, s + grid.stride), k) : zero;
+                lost += select(here, drape_flow(own, drape_sample(grid, s + grid.stride), k), zero);
             moved |= lost != 0.0;
             const VDouble left = own.sand - lost;
             const int part = std::min(rect.i1 - i, lanes);

@@ -85,9 +85,8 @@
 // run. Both fall as D^4. A curve that fills the plane with branches 2 reach apart is the worst: 1e-5 by the mean second moment
 // of a run. The far field is blended in over the next 10 % of r, so that no step comes of it.
 //
-// Cost: a square root and a division a segment for 8 points, 1 to 3 ns a sample and segment with AVX-512 on one thread, twice
-// that where both planes are looked at. A barchan of 16 segments on a grid of its box, all included: 0.2 us a sample that has height.
-// Building it: 30 us, most of them for the box.
+// Cost: a square root and a division a segment for 8 points, 0.6 ns a sample and segment on a long curve, 5 where a dune has only 16
+// segments, with AVX2 on one thread. Building a barchan: 30 us, most of them for the box.
 #include "procedural/terrain/dune_shape.h"
 
 #include "core/math/digest.h"
@@ -720,7 +719,7 @@ MARRAM_INLINE VDouble dune_ramp(const DuneRamp& ramp, VDouble x) {
     for (size_t k = 0; k < ramp.values.size(); ++k) {
         VDouble t = (x - ramp.positions[k]) * ramp.inverses[k];
         if (ramp.smooth) t = t * t * (3.0 - 2.0 * t);
-        y = x >= ramp.positions[k] ? ramp.values[k] + t * ramp.steps[k] : y;
+        y = select(x >= ramp.positions[k], ramp.values[k] + t * ramp.steps[k], y);
     }
     return y;
 }
@@ -731,10 +730,10 @@ MARRAM_INLINE VDouble dune_slope(const DuneRamp& ramp, VDouble x, VDouble pinch)
     if (any(pinch > 0.0)) {
         constexpr double least = 1e-300; // the logarithm's domain; below it x is 0
         const VDouble power = vexp(vlog(vmin(vmax(x, splat(least)), splat(1.0))) / (1.0 + pinch));
-        pinched = pinch > 0.0 ? (x > least ? power : VDouble{}) : x;
+        pinched = select(pinch > 0.0, select(x > least, power, 0.0), x);
     }
     const VDouble y = dune_ramp(ramp, pinched);
-    return x < 1.0 ? y : VDouble{};
+    return select(x < 1.0, y, 0.0);
 }
 
 // What a field says of eight points.
@@ -777,18 +776,18 @@ MARRAM_INLINE void dune_finish(const DuneParts& parts, const DuneMeans& o, const
     out.height = there * (b * (o.height * so) + (1.0 - b) * (i.height * si));
     const VDouble xm = s.max_dist > 0.0 ? i.d / s.max_dist : b * vmin(xo, one) + (1.0 - b) * vmin(xi, one);
     const VDouble mask = dune_ramp(parts.mask, xm);
-    out.mask = xm < 1.0 ? vmin(vmax(mask, zero), one) : zero;
-    out.outer = xo < 1.0 ? b : zero;
-    out.inner = xi < 1.0 ? 1.0 - b : zero;
+    out.mask = select(xm < 1.0, vmin(vmax(mask, zero), one), zero);
+    out.outer = select(xo < 1.0, b, zero);
+    out.inner = select(xi < 1.0, 1.0 - b, zero);
     const VLong in = (xo < 1.0) | (xi < 1.0) | (xm < 1.0);
-    out.dist = in ? vmin(i.d, splat(parts.reach)) : splat(parts.reach);
+    out.dist = select(in, vmin(i.d, splat(parts.reach)), parts.reach);
 }
 
 MARRAM_INLINE void dune_direct(const DuneParts& parts, const DuneSums& sums, VDouble D, DuneLanes& out) {
     const VDouble norm = vsqrt(sums.x * sums.x + sums.z * sums.z);
     const VLong in = (norm > 1e-9 * D * sums.weight) & (out.dist < parts.reach);
-    out.x = in ? sums.x / norm : VDouble{};
-    out.z = in ? sums.z / norm : VDouble{};
+    out.x = select(in, sums.x / norm, 0.0);
+    out.z = select(in, sums.z / norm, 0.0);
 }
 
 // The inner slope's own distance is looked at where there is some of it, and where the mask or the direction need it.

@@ -130,9 +130,9 @@ MARRAM_INLINE VDouble fusion_load(const double* p) {
 }
 MARRAM_INLINE void fusion_store(double* p, VDouble v) { std::memcpy(p, &v, sizeof v); }
 MARRAM_INLINE VDouble fusion_round(VDouble x) { // to a whole number; above 2^51 every second one
-    const VDouble magic = x < 0.0 ? splat(-0x1p52) : splat(0x1p52);
+    const VDouble magic = select(x < 0.0, -0x1p52, 0x1p52);
     const VDouble rounded = (x + magic) - magic;
-    return vabs(x) < 0x1p52 ? rounded : x;
+    return select(vabs(x) < 0x1p52, rounded, x);
 }
 
 struct FusionHeights {
@@ -144,12 +144,12 @@ MARRAM_INLINE void fusion_quad_move(const FusionHeights& h, double target, VLong
     const VDouble gx = 0.5 * ((h.b - h.a) + (h.d - h.c)), gz = 0.5 * ((h.c - h.a) + (h.d - h.b));
     const VDouble k = 0.25 * (1.0 - target / vsqrt(gx * gx + gz * gz)); // half of it: see the page
     VDouble da = k * (gx + gz), cb = k * (gz - gx);
-    const VDouble da_from = da > 0.0 ? s.d : s.a, cb_from = cb > 0.0 ? s.c : s.b;
+    const VDouble da_from = select(da > 0.0, s.d, s.a), cb_from = select(cb > 0.0, s.c, s.b);
     VDouble share = splat(1.0);
     share = vmin(share, da_from / vmax(vabs(da), splat(1.0)));
     share = vmin(share, cb_from / vmax(vabs(cb), splat(1.0)));
-    da = where ? fusion_round(share * da) : splat(0.0);
-    cb = where ? fusion_round(share * cb) : splat(0.0);
+    da = select(where, fusion_round(share * da), 0.0);
+    cb = select(where, fusion_round(share * cb), 0.0);
     da = vmax(-s.a, vmin(s.d, da));
     cb = vmax(-s.b, vmin(s.c, cb));
     s.a += da, s.d -= da, s.b += cb, s.c -= cb;
@@ -165,21 +165,21 @@ MARRAM_INLINE void fusion_flatten(const FusionHeights& h, double target, VLong w
     const VDouble allowed =
         0.5 * (vsqrt(sum * sum + 2.0 * room) - sum); // twist; 0 where the mean is too steep
     const VDouble excess = 0.5 * vmax(vabs(twist) - allowed, zero);
-    const VDouble flat = twist > 0.0 ? excess : -excess;
-    const VDouble k = square > target * target ? 0.5 * (1.0 - target / vsqrt(square)) : zero;
+    const VDouble flat = select(twist > 0.0, excess, -excess);
+    const VDouble k = select(square > target * target, 0.5 * (1.0 - target / vsqrt(square)), zero);
     FusionHeights move = {k * (gx + gz) - flat, k * (gz - gx) + flat, k * (gx - gz) + flat, zero};
     move.d = -(move.a + move.b + move.c);
     const VDouble one = splat(1.0);
     VDouble share = vmin(s.a / vmax(-move.a, one), s.b / vmax(-move.b, one));
     share = vmin(vmin(share, one), vmin(s.c / vmax(-move.c, one), s.d / vmax(-move.d, one)));
-    move.a = where ? vmax(fusion_round(share * move.a), -s.a) : zero;
-    move.b = where ? vmax(fusion_round(share * move.b), -s.b) : zero;
-    move.c = where ? vmax(fusion_round(share * move.c), -s.c) : zero;
+    move.a = select(where, vmax(fusion_round(share * move.a), -s.a), zero);
+    move.b = select(where, vmax(fusion_round(share * move.b), -s.b), zero);
+    move.c = select(where, vmax(fusion_round(share * move.c), -s.c), zero);
     // Rounding may ask d for two units more than it has; the corner that gains most does without them.
     const VDouble missing = vmax(move.a + move.b + move.c - s.d, zero);
     const VLong to_a = (move.a >= move.b) & (move.a >= move.c), to_b = ~to_a & (move.b >= move.c);
-    move.a -= to_a ? missing : zero, move.b -= to_b ? missing : zero;
-    move.c -= (to_a | to_b) ? zero : missing;
+    move.a -= select(to_a, missing, zero), move.b -= select(to_b, missing, zero);
+    move.c -= select(to_a | to_b, zero, missing);
     s.a += move.a, s.b += move.b, s.c += move.c, s.d -= move.a + move.b + move.c;
 }
 
@@ -298,7 +298,7 @@ MARRAM_INLINE bool fusion_coarse_quads(const FusionGrid& grid, const FusionSlope
 MARRAM_INLINE bool fusion_row_of_block(const FusionGrid& grid, const FusionSlopes& slopes, bool fine,
                                        int column, int j, int odd) {
     const int first = column * (fusion_block_columns / 2);
-    const VLong k = VLong{0, 1, 2, 3, 4, 5, 6, 7} + int64_t(first);
+    const VLong k = lane_numbers + int64_t(first);
     const size_t half = size_t(grid.half), above = grid.row(j) + size_t(first), below = above + 2 * half;
     const VLong valid = k < int64_t(odd ? (grid.nx - 1) / 2 : grid.nx / 2);
     const FusionQuads q = odd ? FusionQuads{above + half, above + 1, below + half, below + 1, valid}
@@ -402,8 +402,8 @@ MARRAM_INLINE VDouble fusion_sandy_steepness(const FusionHeights& h, const Fusio
     VDouble x0 = h.b - h.a, x1 = h.d - h.c, z0 = h.c - h.a, z1 = h.d - h.b;
     x0 *= x0, x1 *= x1, z0 *= z0, z1 *= z1;
     const VLong a = s.a > 0.0, b = s.b > 0.0, c = s.c > 0.0, d = s.d > 0.0;
-    const VDouble upper = vmax((a & b & c) ? x0 + z0 : none, (a & b & d) ? x0 + z1 : none);
-    const VDouble lower = vmax((a & c & d) ? x1 + z0 : none, (b & c & d) ? x1 + z1 : none);
+    const VDouble upper = vmax(select(a & b & c, x0 + z0, none), select(a & b & d, x0 + z1, none));
+    const VDouble lower = vmax(select(a & c & d, x1 + z0, none), select(b & c & d, x1 + z1, none));
     return vmax(upper, lower);
 }
 
@@ -420,8 +420,8 @@ MARRAM_INLINE void fusion_survey_quads(const FusionGrid& grid, const FusionQuads
     const VLong some = (vmax(vmax(s.a, s.b), vmax(s.c, s.d)) > 0.0) & q.valid;
     if (!any(some)) return;
     const VDouble zero = splat(0.0);
-    sandy = vmax(sandy, q.valid ? fusion_sandy_steepness(h, s) : zero);
-    steepest = vmax(steepest, some ? fusion_steepness(h) : zero);
+    sandy = vmax(sandy, select(q.valid, fusion_sandy_steepness(h, s), zero));
+    steepest = vmax(steepest, select(some, fusion_steepness(h), zero));
 }
 
 // A row of blocks; sets `active` where a quad with sand is steeper than the trigger.
@@ -431,7 +431,7 @@ MARRAM_HOT void fusion_survey_row(FusionGrid& grid, double trigger, int r, Fusio
     for (int column = 0; column < grid.block_columns; ++column) {
         VDouble steepest = splat(0.0);
         const int first = column * (fusion_block_columns / 2);
-        const VLong k = VLong{0, 1, 2, 3, 4, 5, 6, 7} + int64_t(first);
+        const VLong k = lane_numbers + int64_t(first);
         const int begin = r * fusion_block_rows, end = std::min(begin + fusion_block_rows, grid.nz - 1);
         for (int j = begin; j < end; ++j) {
             const size_t above = grid.row(j) + size_t(first), below = above + 2 * half;

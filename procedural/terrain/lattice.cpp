@@ -71,8 +71,6 @@ namespace {
 constexpr int lattice_border = 3; // control points at rest on each side
 constexpr double lattice_largest = 1e18;
 
-using LatticeQuad = double __attribute__((vector_size(32)));
-
 // The offset at (u, v), and its derivatives by u and v. Components: u, v, y.
 struct LatticeValue {
     double d[4], by_u[4], by_v[4];
@@ -95,13 +93,13 @@ struct LatticeSpline {
         double bu[4], su[4], bv[4], sv[4];
         cubic_bspline(u - i, bu, su);
         cubic_bspline(v - j, bv, sv);
-        LatticeQuad d{}, by_u{}, by_v{};
+        Double4 d{}, by_u{}, by_v{};
         const LatticeControl* first =
             controls + size_t(j + lattice_border - 1) * size_t(stride) + size_t(i + lattice_border - 1);
         for (int l = 0; l < 4; ++l, first += stride) {
-            LatticeQuad row{}, slope{};
+            Double4 row{}, slope{};
             for (int k = 0; k < 4; ++k) {
-                LatticeQuad c;
+                Double4 c;
                 std::memcpy(&c, first[k].values, sizeof c);
                 row += bu[k] * c;
                 slope += su[k] * c;

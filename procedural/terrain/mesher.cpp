@@ -86,9 +86,9 @@ struct MeshEdge {
 };
 
 MARRAM_INLINE MeshEdge mesh_edge(const MeshPoint& a, const MeshPoint& b, const MeshPoint& start) {
-    const VDouble lane = {0, 1, 2, 3, 4, 5, 6, 7};
     const double per_i = b.j - a.j, per_j = a.i - b.i;
-    return {double(mesh_turn(a, b, start)), per_i, per_j, per_i != 0.0 ? 1.0 / per_i : 0.0, per_i * lane};
+    return {double(mesh_turn(a, b, start)), per_i, per_j, per_i != 0.0 ? 1.0 / per_i : 0.0,
+            per_i * lane_places};
 }
 MARRAM_INLINE VDouble mesh_along(const MeshEdge& edge, double steps) {
     return (edge.value + edge.per_i * steps) + edge.lane;
@@ -119,10 +119,9 @@ MARRAM_INLINE MeshWorst mesh_reduce(const MeshLanes& worst) {
 // A slope over a triangle. a, b, c: at its vertices, over twice its area; each weighs what the edge opposite to it says.
 MARRAM_INLINE MeshEdge mesh_slope_plane(const MeshEdge& ea, const MeshEdge& eb, const MeshEdge& ec, double a,
                                         double b, double c) {
-    const VDouble lane = {0, 1, 2, 3, 4, 5, 6, 7};
     const double per_i = ea.per_i * a + eb.per_i * b + ec.per_i * c;
     return {ea.value * a + eb.value * b + ec.value * c, per_i, ea.per_j * a + eb.per_j * b + ec.per_j * c,
-            0.0, per_i * lane};
+            0.0, per_i * lane_places};
 }
 MARRAM_INLINE VDouble mesh_eight_of(const std::vector<float>& values, int at) {
     VFloat eight;
@@ -137,10 +136,8 @@ MARRAM_INLINE VDouble mesh_slope_error(const MeshGrid& grid, int at, VDouble x, 
 
 // Keeps the worst of each lane. a, b, c: negative outside.
 MARRAM_INLINE void mesh_keep(VDouble a, VDouble b, VDouble c, VDouble off, int at, MeshLanes& worst) {
-    const VDouble lane = {0, 1, 2, 3, 4, 5, 6, 7};
-    // Two selections: a mask made by `and` from two comparisons would be taken apart lane by lane.
-    const VDouble error = vmin(vmin(a, b), c) < 0.0 ? VDouble{} : off;
-    worst.sample = worst.error < error ? lane + double(at) : worst.sample;
+    const VDouble error = select(vmin(vmin(a, b), c) < 0.0, 0.0, off);
+    worst.sample = select(worst.error < error, lane_places + double(at), worst.sample);
     worst.error = vmax(worst.error, error);
 }
 
@@ -403,9 +400,8 @@ struct MeshRun {
 // serve both: three roundings of 2^-24 are less than the 2^-22 that is added.
 MARRAM_HOT void mesh_camera_weights(const MeshView& view, const Domain& domain, const MeshRun& run,
                                     const float* heights, float* weights, float* slope_weights) {
-    const VDouble lane = {0, 1, 2, 3, 4, 5, 6, 7};
     for (int k = 0; k < run.count; k += lanes) {
-        const VDouble steps = lane + double(k);
+        const VDouble steps = lane_places + double(k);
         const VDouble x = domain.x0 + (run.i + run.di * steps) * domain.cell,
                       z = domain.z0 + (run.j + run.dj * steps) * domain.cell;
         VFloat height;

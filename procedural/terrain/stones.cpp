@@ -172,7 +172,7 @@ MARRAM_HOT void stone_row(const StoneBody& body, double z, int count, StoneRow& 
         std::memcpy(&ny, row.ny + k, sizeof ny);
         std::memcpy(&nz, row.nz + k, sizeof nz);
         const VDouble own = stone_tops(body, x + nx, splat(z) + nz);
-        const VDouble top = own >= body.bottom ? own + ny : splat(-infinity);
+        const VDouble top = select(own >= body.bottom, own + ny, -infinity);
         std::memcpy(row.top + k, &top, sizeof top);
     }
 }

@@ -55,7 +55,8 @@ MARRAM_INLINE Wide3d axis_of_opposed(const Wide3d& a, const Wide3d& segment, con
     const VDouble zero{}, one = splat(1.0);
     const VLong x_least = (vabs(a.x) <= vabs(a.y)) & (vabs(a.x) <= vabs(a.z));
     const VLong y_least = ~x_least & (vabs(a.y) <= vabs(a.z));
-    const Wide3d least{x_least ? one : zero, y_least ? one : zero, (x_least | y_least) ? zero : one};
+    const Wide3d least{select(x_least, one, zero), select(y_least, one, zero),
+                       select(x_least | y_least, zero, one)};
     Wide3d axis = cross(a, least);
     const VDouble aa = dot(a, a);
     const Wide3d by_noise = cross(a, noise);
@@ -78,20 +79,20 @@ MARRAM_INLINE Turn scaled_turn(const Wide3d& a, const Wide3d& b, VDouble f, Segm
         axis = select(is_opposed, axis_of_opposed(a, segment(), noise), axis);
     const VDouble axis_length = vsqrt(dot(axis, axis));
     turns &= axis_length > 0.0;
-    const VDouble angle = angle_of(turns ? sine : VDouble{}, turns ? cosine : splat(1.0));
+    const VDouble angle = angle_of(select(turns, sine, 0.0), select(turns, cosine, 1.0));
     VDouble s, c;
     sincos_half_pi(angle * f * 0.5, s, c);
-    const VDouble scale = turns ? s / (turns ? axis_length : splat(1.0)) : VDouble{};
-    return {axis.x * scale, axis.y * scale, axis.z * scale, turns ? c : splat(1.0)};
+    const VDouble scale = select(turns, s / select(turns, axis_length, 1.0), 0.0);
+    return {axis.x * scale, axis.y * scale, axis.z * scale, select(turns, c, 1.0)};
 }
 
 // 1 - (1 - f)^x for f in [0, 1], x >= 0; exactly 0 at f = 0, exactly 1 at f = 1 unless x = 0.
 MARRAM_INLINE VDouble compounded(VDouble f, VDouble x) {
     const VDouble rest = 1.0 - f;
     const VLong full = rest < 1e-300;
-    const VDouble exponent = vmax(x * vlog(full ? splat(1.0) : rest), splat(-700.0));
+    const VDouble exponent = vmax(x * vlog(select(full, 1.0, rest)), splat(-700.0));
     const VDouble result = 1.0 - vexp(exponent);
-    return full ? (x > 0.0 ? splat(1.0) : VDouble{}) : vmax(result, VDouble{});
+    return select(full, select(x > 0.0, 1.0, 0.0), vmax(result, VDouble{}));
 }
 
 // Distance that the noise has travelled and its place in the fourth dimension, in cells, at a time.
@@ -168,7 +169,7 @@ struct BlockView { // one block of a Strands
 MARRAM_HOT void turn_factors(const Wind& wind, const BlockView& block) {
     const int last = block.cvs - 1;
     const VDouble length = block.arc[last];
-    const VDouble per_length = length > 0.0 ? 1.0 / (length > 0.0 ? length : splat(1.0)) : VDouble{};
+    const VDouble per_length = select(length > 0.0, 1.0 / select(length > 0.0, length, 1.0), 0.0);
     const double reference = wind.reference_segments > 0 ? wind.reference_segments : last;
     for (int k = 0; k < last; ++k) {
         VDouble f = evaluate(wind.ramp_rotate, block.arc[k] * per_length) * to_double(block.envelope[k]);

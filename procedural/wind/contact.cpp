@@ -42,13 +42,13 @@ struct alignas(64) Touches { // extreme turns found so far
 MARRAM_INLINE void take(Touches& touches, VDouble cosine, VDouble sine, VLong valid) {
     const VDouble ac = vabs(cosine), as = vabs(sine);
     const VDouble sum = ac + as;
-    const VDouble across = as / (sum > 0.0 ? sum : splat(1.0));
-    const VDouble p = cosine < 0.0 ? 2.0 - across : across;
+    const VDouble across = as / select(sum > 0.0, sum, 1.0);
+    const VDouble p = select(cosine < 0.0, 2.0 - across, across);
     const VLong positive = valid & (sine >= 0.0), negative = valid & (sine < 0.0);
-    touches.positive_first = vmin(touches.positive_first, positive ? p : splat(infinity));
-    touches.positive_last = vmax(touches.positive_last, positive ? p : splat(-infinity));
-    touches.negative_first = vmax(touches.negative_first, negative ? -p : splat(-infinity));
-    touches.negative_last = vmin(touches.negative_last, negative ? -p : splat(infinity));
+    touches.positive_first = vmin(touches.positive_first, select(positive, p, infinity));
+    touches.positive_last = vmax(touches.positive_last, select(positive, p, -infinity));
+    touches.negative_first = vmax(touches.negative_first, select(negative, -p, -infinity));
+    touches.negative_last = vmin(touches.negative_last, select(negative, -p, infinity));
 }
 
 struct alignas(64) Plane8 { // the turning, for eight lanes
@@ -63,7 +63,7 @@ MARRAM_INLINE void solve(VDouble a, VDouble b, VDouble c, VLong valid, Touches& 
     const VDouble ww = rr - c * c;
     valid &= (ww >= 0.0) & (rr > 0.0);
     const VDouble w = vsqrt(vmax(ww, VDouble{}));
-    const VDouble inverse = 1.0 / (rr > 0.0 ? rr : splat(1.0));
+    const VDouble inverse = 1.0 / select(rr > 0.0, rr, 1.0);
     const VDouble c1 = (a * c - b * w) * inverse, s1 = (b * c + a * w) * inverse;
     const VDouble c2 = (a * c + b * w) * inverse, s2 = (b * c - a * w) * inverse;
     take(touches, c1, s1, valid & accept(c1, s1));
@@ -73,9 +73,9 @@ MARRAM_INLINE void solve(VDouble a, VDouble b, VDouble c, VLong valid, Touches& 
 MARRAM_INLINE void vertex_touches(const Plane8& plane, const Wide3d& v, Touches& touches) {
     const VDouble q = dot(v, v) - plane.clearance * plane.clearance;
     const VDouble l = plane.length;
-    const VDouble reach = q <= l * l ? vsqrt(vmax(q, VDouble{})) : (l * l + q) / (2.0 * l);
-    const auto all = [](VDouble, VDouble) MARRAM_ALWAYS_INLINE { return VLong{} - 1; };
-    solve(dot(v, plane.from), dot(v, plane.across), reach, VLong{} - 1, touches, all);
+    const VDouble reach = select(q <= l * l, vsqrt(vmax(q, VDouble{})), (l * l + q) / (2.0 * l));
+    const auto all = [](VDouble, VDouble) MARRAM_ALWAYS_INLINE { return every_lane; };
+    solve(dot(v, plane.from), dot(v, plane.across), reach, every_lane, touches, all);
 }
 
 MARRAM_INLINE void face_touches(const Plane8& plane, const Triangles8& t, Touches& touches) {
@@ -85,13 +85,13 @@ MARRAM_INLINE void face_touches(const Plane8& plane, const Triangles8& t, Touche
     const VDouble nn = dot(n, n), e0 = dot(e[0], e[0]), e1 = dot(e[1], e[1]), e2 = dot(e[2], e[2]);
     const VDouble longest = vmax(e0, vmax(e1, e2));
     const VLong has_area = nn > rounding * rounding * longest * longest;
-    n = n * (1.0 / vsqrt(has_area ? nn : splat(1.0)));
+    n = n * (1.0 / vsqrt(select(has_area, nn, 1.0)));
     const VDouble l = plane.length, height = dot(n, v0);
     const VDouble a = dot(n, plane.from) * l, b = dot(n, plane.across) * l;
     const Wide3d inward[3] = {cross(n, e[0]), cross(n, e[1]), cross(n, e[2])};
     const auto above = [&](VDouble cosine, VDouble sine) MARRAM_ALWAYS_INLINE {
         const Wide3d end = (plane.from * cosine + plane.across * sine) * l;
-        VLong inside = VLong{} - 1;
+        VLong inside = every_lane;
         for (int i = 0; i < 3; ++i) {
             const Wide3d from_corner = end - t.corner[i];
             const VDouble slack =
@@ -109,7 +109,7 @@ MARRAM_INLINE void edge_touches(const Plane8& plane, const Wide3d& v, const Wide
     const VDouble ee = dot(e, e);
     const VLong has_length = ee > 0.0;
     const VDouble size = vsqrt(ee);
-    e = e * (1.0 / (has_length ? size : splat(1.0)));
+    e = e * (1.0 / select(has_length, size, 1.0));
     const Wide3d g = cross(e, v);
     const VDouble c = plane.clearance, cc = c * c;
     const VDouble ga = dot(g, plane.from), gb = dot(g, plane.across);
@@ -120,25 +120,25 @@ MARRAM_INLINE void edge_touches(const Plane8& plane, const Wide3d& v, const Wide
     const VDouble root = c * vsqrt(vmax(inner, VDouble{}));
     const VDouble qa = ga * ga + cc * (ea * ea - 1.0), qb = gb * gb + cc * (eb * eb - 1.0);
     const VDouble qc = ga * gb + cc * ea * eb;
-    const VDouble z = qc < 0.0 ? root - qc : -qc - root;
+    const VDouble z = select(qc < 0.0, root - qc, -qc - root);
     const VDouble ve = dot(v, e), va = dot(v, plane.from), vb = dot(v, plane.across);
     const VDouble reach = vsqrt(dot(v, v)) + size + plane.length;
     for (int i = 0; i < 2; ++i) {
         VDouble cosine = i == 0 ? qb : z, sine = i == 0 ? z : qa;
         const VDouble norm = vsqrt(cosine * cosine + sine * sine);
         VLong valid = meets & (norm > 0.0);
-        const VDouble inverse = 1.0 / (norm > 0.0 ? norm : splat(1.0));
+        const VDouble inverse = 1.0 / select(norm > 0.0, norm, 1.0);
         cosine = cosine * inverse;
         sine = sine * inverse;
         const VDouble ue = ea * cosine + eb * sine, slant = 1.0 - ue * ue;
         valid &= slant > rounding;
-        const VDouble per_slant = 1.0 / (slant > rounding ? slant : splat(1.0));
+        const VDouble per_slant = 1.0 / select(slant > rounding, slant, 1.0);
         VDouble s = (va * cosine + vb * sine - ve * ue) * per_slant;
         const VDouble x = s * ue - ve; // both change sign with u: x does not
         const VLong behind = s < 0.0;
         s = vabs(s);
-        cosine = behind ? -cosine : cosine;
-        sine = behind ? -sine : sine;
+        cosine = select(behind, -cosine, cosine);
+        sine = select(behind, -sine, sine);
         const VDouble slack = rounding * reach * per_slant;
         valid &= (s <= plane.length + slack) & (x >= -slack) & (x <= size + slack);
         take(touches, cosine, sine, valid);
@@ -152,16 +152,16 @@ MARRAM_INLINE VLong end_may_touch(const Plane8& plane, const Wide3d& normal, con
     // The part of the edge within c of the plane ...
     const VDouble h0 = dot(v, normal), h1 = dot(end, normal), rise = h1 - h0;
     const VLong level = vabs(rise) <= rounding * (vabs(h0) + vabs(h1));
-    const VDouble per_rise = 1.0 / (level ? splat(1.0) : rise);
+    const VDouble per_rise = 1.0 / select(level, 1.0, rise);
     const VDouble x0 = (-c - h0) * per_rise, x1 = (c - h0) * per_rise;
-    const VDouble low = level ? VDouble{} : vmax(vmin(x0, x1), VDouble{});
-    const VDouble high = level ? splat(1.0) : vmin(vmax(x0, x1), splat(1.0));
-    const VLong near_plane = (low <= high) & (level ? vabs(h0) <= c * 2.0 : splat(1.0) > 0.0);
+    const VDouble low = select(level, 0.0, vmax(vmin(x0, x1), VDouble{}));
+    const VDouble high = select(level, 1.0, vmin(vmax(x0, x1), splat(1.0)));
+    const VLong near_plane = (low <= high) & select(level, vabs(h0) <= c * 2.0, every_lane);
     // ... and its least and greatest distance from the pivot.
     const Wide3d e = end - v;
     const VDouble ee = dot(e, e), ve = dot(v, e), vv = dot(v, v);
     const auto squared = [&](VDouble x) MARRAM_ALWAYS_INLINE { return vv + x * (2.0 * ve + x * ee); };
-    const VDouble nearest = vmin(vmax(-ve / (ee > 0.0 ? ee : splat(1.0)), low), high);
+    const VDouble nearest = vmin(vmax(-ve / select(ee > 0.0, ee, 1.0), low), high);
     const VDouble most = vmax(squared(low), squared(high)), least = squared(nearest);
     const VDouble outer = plane.length + c, inner = vmax(plane.length - c, VDouble{});
     const double wide = 1.0 + 16.0 * rounding;
@@ -334,10 +334,10 @@ struct alignas(64) Wedge8 {
     // How far the sector reaches along n: at the pivot, at one of its ends, or where n itself points into it.
     MARRAM_INLINE VDouble reach(const Wide3d& n) const {
         VDouble most = vmax(vmax(dot(n, begin), dot(n, end)), VDouble{});
-        const VLong peaks = narrow ? (dot(n, behind) <= 0.0) & (dot(n, beyond) <= 0.0) : VLong{} - 1;
+        const VLong peaks = narrow ? (dot(n, behind) <= 0.0) & (dot(n, beyond) <= 0.0) : every_lane;
         if (any(peaks)) {
             const VDouble a = dot(n, from), b = dot(n, across);
-            most = peaks ? vsqrt(a * a + b * b) : most;
+            most = select(peaks, vsqrt(a * a + b * b), most);
         }
         return most * length;
     }
@@ -350,7 +350,7 @@ MARRAM_HOT void may_touch(const Turning& turning, const Wedge& wedge, const Tria
     const Wedge8 wide(turning, wedge);
     const VDouble c = wide.clearance;
     const Wide3d normal = splat3(turning.normal.data()), back = splat3(wedge.back.data());
-    VLong above = VLong{} - 1, below = above, before = above, after = above, backwards = above;
+    VLong above = every_lane, below = above, before = above, after = above, backwards = above;
     for (const Wide3d& v : triangles.corner) {
         const VDouble h = dot(v, normal);
         above &= h > c;
@@ -362,7 +362,7 @@ MARRAM_HOT void may_touch(const Turning& turning, const Wedge& wedge, const Tria
     const Wide3d &v0 = triangles.corner[0], e0 = triangles.corner[1] - v0, e1 = triangles.corner[2] - v0;
     Wide3d n = cross(e0, e1);
     const VDouble size = vsqrt(dot(n, n)), height = dot(n, v0);
-    n = n * (height < 0.0 ? splat(-1.0) : splat(1.0)); // away from the pivot
+    n = n * select(height < 0.0, -1.0, 1.0); // away from the pivot
     const VLong apart = (vabs(height) - wide.reach(n) > size * c) & (size > 0.0);
     may = ~(above | below | before | after | backwards | apart);
 }
@@ -429,13 +429,13 @@ MARRAM_HOT void first_crossing(const Turning& turning, const Triangles8& t, VDou
     for (int i = 0; i < 3; ++i) {
         const int j = (i + 1) % 3;
         const VLong crosses = ((h[i] < 0.0) & (h[j] >= 0.0)) | ((h[i] >= 0.0) & (h[j] < 0.0));
-        const VDouble s = h[i] / (crosses ? h[i] - h[j] : splat(1.0));
+        const VDouble s = h[i] / select(crosses, h[i] - h[j], 1.0);
         const VDouble x = a[i] + (a[j] - a[i]) * s, y = b[i] + (b[j] - b[i]) * s;
         const VDouble size = vabs(x) + vabs(y);
-        const VDouble p = y / (size > 0.0 ? size : splat(1.0));
+        const VDouble p = y / select(size > 0.0, size, 1.0);
         const VLong valid = crosses & (y >= 0.0) & (size > 0.0) & (x * x + y * y <= ll);
-        const VDouble turn = x < 0.0 ? 2.0 - p : p;
-        first = valid & (turn < first) ? turn : first;
+        const VDouble turn = select(x < 0.0, 2.0 - p, p);
+        first = select(valid & (turn < first), turn, first);
     }
 }
 
@@ -446,19 +446,19 @@ MARRAM_HOT void first_vertex(const Turning& turning, const Triangles8& triangles
     const VDouble zero{}, one = splat(1.0);
     for (const Wide3d& v : triangles.corner) {
         const VDouble q = dot(v, v) - cc;
-        const VDouble reach = q <= ll ? vsqrt(vmax(q, zero)) : (ll + q) / (2.0 * l);
+        const VDouble reach = select(q <= ll, vsqrt(vmax(q, zero)), (ll + q) / (2.0 * l));
         const VDouble a = dot(v, from), b = dot(v, across);
         const VDouble ww = a * a + b * b - reach * reach;
         const VLong touches = ww > 0.0;
-        const VDouble w = vsqrt(touches ? ww : zero);
+        const VDouble w = vsqrt(select(touches, ww, zero));
         // Where it begins, times a^2 + b^2.
         const VDouble c1 = a * reach + b * w, s1 = b * reach - a * w;
         const VDouble size = vabs(c1) + vabs(s1);
-        const VDouble p = vabs(s1) / (size > 0.0 ? size : one);
-        const VDouble turn = s1 < 0.0 ? zero : (c1 < 0.0 ? 2.0 - p : p);
+        const VDouble p = vabs(s1) / select(size > 0.0, size, one);
+        const VDouble turn = select(s1 < 0.0, zero, select(c1 < 0.0, 2.0 - p, p));
         // It begins before turn 0: then it blocks that, or only turns before.
         const VLong valid = touches & ((s1 >= 0.0) | (a > reach));
-        first = valid & (turn < first) ? turn : first;
+        first = select(valid & (turn < first), turn, first);
     }
 }
 
@@ -500,7 +500,7 @@ void each_blocked(const Turning& turning, double begin, double end, std::span<Tr
             for (int lane = 0; lane < filled; ++lane)
                 if (interval_of(touches, lane, blocked) && !take(blocked, lane, end)) return false;
             if (any(end_edges)) {
-                VLong may = VLong{} - 1;
+                VLong may = every_lane;
                 may_touch_late(turning, wedge_of(turning, begin, end), dense, may);
                 end_edges &= may;
             }

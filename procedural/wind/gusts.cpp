@@ -362,8 +362,7 @@ MARRAM_INLINE VDouble value_noise(const Wide3d& x, uint32_t seed) {
                 VUint h = mix32(bits_as<VUint>(cell[0]) + (seed + i));
                 h = mix32(h + bits_as<VUint>(cell[1]) + j);
                 h = mix32(h + bits_as<VUint>(cell[2]) + k);
-                along_x[i] =
-                    __builtin_convertvector(h >> (32 - noise_bits), VDouble) * (1.0 / (1U << noise_bits));
+                along_x[i] = to_double(bits_as<VInt>(h >> (32 - noise_bits))) * (1.0 / (1U << noise_bits));
             }
             along_y[j] = blend(weight[0], along_x[0], along_x[1]);
         }
@@ -378,7 +377,7 @@ MARRAM_INLINE VDouble box_distance(const Influence& influence, const Wide3d& x) 
     for (int axis = 0; axis < 3; ++axis) {
         const double inner = influence.inner[axis];
         const VDouble beyond = vmin((size[axis] - inner) / (1.0 - inner), splat(1.0));
-        t = vmax(size[axis] <= inner ? VDouble{} : beyond, t);
+        t = vmax(select(size[axis] <= inner, 0.0, beyond), t);
     }
     return t;
 }
@@ -394,7 +393,7 @@ MARRAM_INLINE VDouble influence_at(const Influence& influence, const Wide3d& p) 
     if (!any(t < 1.0)) return VDouble{};
     if (influence.lumps > 0.0)
         t /= 1.0 - influence.lumps * value_noise(x * splat(lumps_a_radius), influence.lump_seed);
-    return t < 1.0 ? evaluate(*influence.ramp, t) * influence.weight : VDouble{};
+    return select(t < 1.0, evaluate(*influence.ramp, t) * influence.weight, 0.0);
 }
 
 MARRAM_HOT void add_influences(std::span<const Influence* const> influences, std::span<const Wide3f> rest,

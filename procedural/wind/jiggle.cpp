@@ -155,8 +155,9 @@ double memory_radians(double damping, double share) {
 
 MARRAM_INLINE Wide3d without_subnormals(const Wide3d& a, const Wide3d& b) {
     const VDouble zero{};
-    return {vabs(a.x) + vabs(b.x) < least_lag ? zero : a.x, vabs(a.y) + vabs(b.y) < least_lag ? zero : a.y,
-            vabs(a.z) + vabs(b.z) < least_lag ? zero : a.z};
+    return {select(vabs(a.x) + vabs(b.x) < least_lag, zero, a.x),
+            select(vabs(a.y) + vabs(b.y) < least_lag, zero, a.y),
+            select(vabs(a.z) + vabs(b.z) < least_lag, zero, a.z)};
 }
 
 MARRAM_INLINE WideJiggleStep wide(const JiggleStep& step) {
@@ -206,7 +207,7 @@ MARRAM_INLINE VLong differ(const Wide3d& a, const Wide3d& b) {
 MARRAM_INLINE Wide3d scaled_to(const Wide3d& v, VDouble length, const Wide3d& instead) {
     const VDouble norm = vsqrt(dot(v, v));
     const VLong good = norm > least_direction * length;
-    return select(good, v * (length / (good ? norm : splat(1.0))), instead);
+    return select(good, v * (length / select(good, norm, 1.0)), instead);
 }
 
 template <typename Step>
@@ -237,7 +238,7 @@ MARRAM_INLINE void emit_cvs(const EmitView<Step>& block) {
     }
     if (!any(~moves)) return;
     // What has never moved is its target to the last bit.
-    const VInt still = __builtin_convertvector(~moves, VInt);
+    const VInt still = to_int(~moves);
     for (int k = 1; k < block.cvs; ++k) {
         const Wide3f &to = block.to[k], &pose = block.pose[k];
         block.pose[k] = {still ? to.x : pose.x, still ? to.y : pose.y, still ? to.z : pose.z};
@@ -253,7 +254,7 @@ MARRAM_INLINE Wide3d turned(const Wide3d& n, const Wide3d& a, const Wide3d& b) {
     const Wide3d axis = cross(a, b);
     const VDouble c = 1.0 + dot(a, b);
     const VLong opposed = c < 1e-12;
-    const VDouble along = dot(axis, n) / (opposed ? splat(1.0) : c);
+    const VDouble along = dot(axis, n) / select(opposed, 1.0, c);
     return select(opposed, n, n * (c - 1.0) + cross(axis, n) + axis * along);
 }
 
@@ -265,8 +266,8 @@ MARRAM_HOT void normals_block(int cvs, const Wide3f* bent, const Wide3f* bent_no
         const Wide3d b = to_double(pose[start + 1]) - to_double(pose[start]);
         const VDouble aa = dot(a, a), bb = dot(b, b);
         const VLong turns = differ(a, b) & (aa > 0.0) & (bb > 0.0);
-        const Wide3d unit_a = a * (1.0 / vsqrt(turns ? aa : splat(1.0)));
-        const Wide3d unit_b = b * (1.0 / vsqrt(turns ? bb : splat(1.0)));
+        const Wide3d unit_a = a * (1.0 / vsqrt(select(turns, aa, 1.0)));
+        const Wide3d unit_b = b * (1.0 / vsqrt(select(turns, bb, 1.0)));
         const Wide3d n = to_double(bent_normal[k]);
         normal[k] = to_float(select(turns, turned(n, unit_a, unit_b), n));
     }

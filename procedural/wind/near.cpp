@@ -14,7 +14,7 @@ namespace {
 MARRAM_INLINE VDouble squared_to_edge(const Wide3d& a, const Wide3d& b, const Wide3d& p) {
     const Wide3d e = b - a, d = p - a;
     const VDouble ee = dot(e, e);
-    const VDouble t = vmin(vmax(dot(d, e) / (ee > 0.0 ? ee : splat(1.0)), VDouble{}), splat(1.0));
+    const VDouble t = vmin(vmax(dot(d, e) / select(ee > 0.0, ee, 1.0), VDouble{}), splat(1.0));
     const Wide3d r = d - e * t;
     return dot(r, r);
 }
@@ -28,7 +28,7 @@ MARRAM_INLINE VDouble squared_distance(const Triangles8& t, const Wide3d& p) {
     const VLong inside = (v >= 0.0) & (w >= 0.0) & (v + w <= nn) & (nn > 0.0);
     const VDouble edges =
         vmin(squared_to_edge(a, b, p), vmin(squared_to_edge(b, c, p), squared_to_edge(c, a, p)));
-    return inside ? vmin(h * h / (nn > 0.0 ? nn : splat(1.0)), edges) : edges;
+    return select(inside, vmin(h * h / select(nn > 0.0, nn, 1.0), edges), edges);
 }
 
 MARRAM_HOT void least_squared(std::span<const Triangles8> triangles, const Vec3d& p, VDouble& least) {
@@ -76,10 +76,9 @@ MARRAM_HOT void squared_distances(const TriangleCluster& cluster, const Vec3d& f
                  e1 = to_double(cluster.corner[2]) - a;
     const VDouble towards = dot(cross(e0, e1), splat3(facing.data()));
     const VDouble rounding = 1e-14 * vsqrt(dot(e0, e0) * dot(e1, e1));
-    const VLong any_side = VLong{} - long(facing.isZero(0.0));
+    const VLong any_side = VLong{} - int64_t(facing.isZero(0.0));
     const VDouble squared = squared_distance(triangles, Wide3d{});
-    out.squared =
-        ((towards >= -rounding) | any_side) ? squared : splat(std::numeric_limits<double>::infinity());
+    out.squared = select((towards >= -rounding) | any_side, squared, std::numeric_limits<double>::infinity());
     out.sure = (towards > rounding) | any_side;
 }
 

@@ -134,7 +134,7 @@ MARRAM_INLINE VFloat folded(VFloat noise, Fold fold) {
 
 // A coordinate that a double still resolves to a quarter of a cell, else 0 (infinities too): never an index past its type.
 constexpr double noise_reach = 0x1p50;
-MARRAM_INLINE VDouble in_reach(VDouble x) { return vabs(x) <= noise_reach ? x : VDouble{}; }
+MARRAM_INLINE VDouble in_reach(VDouble x) { return select(vabs(x) <= noise_reach, x, 0.0); }
 MARRAM_INLINE Wide3d in_reach(const Wide3d& p) { return {in_reach(p.x), in_reach(p.y), in_reach(p.z)}; }
 
 // The sum over octaves of octave(point in cells, index of the octave), its strength kept.

@@ -91,8 +91,8 @@ struct FractalNoise {
 
 // out[i] = noise at points[i], in metres; `w` is the fourth coordinate in cells (evolution), any number, ignored unless
 // `four`. A value depends on its point only, not on the batch. Nothing is allocated, but for the wavelet's tile at its very
-// first use. Costs about 12 ns a vector and octave of any type, 27 with `four` (wavelet: 25), on one core of an EPYC
-// with AVX-512; time_of_a_sample prints it.
+// first use. Costs about 19 ns a vector and octave of any type, 38 with `four` (wavelet: 29 and 53), on one core of an EPYC
+// with AVX2; time_of_a_sample prints it.
 void vector_noise(const FractalNoise& noise, const Wide3d* points, int count, bool four, double w,
                   Wide3f* out);
 

@@ -17,14 +17,14 @@ struct alignas(64) Shortest {
         const VDouble rr = dot(r, r);
         const VLong shorter = rr < squared;
         v = select(shorter, r, v);
-        squared = shorter ? rr : squared;
+        squared = select(shorter, rr, squared);
     }
 };
 
 MARRAM_INLINE Wide3d to_edge(const Wide3d& a, const Wide3d& b, const Wide3d& p) {
     const Wide3d e = b - a, d = p - a;
     const VDouble ee = dot(e, e);
-    const VDouble t = vmin(vmax(dot(d, e) / (ee > 0.0 ? ee : splat(1.0)), VDouble{}), splat(1.0));
+    const VDouble t = vmin(vmax(dot(d, e) / select(ee > 0.0, ee, 1.0), VDouble{}), splat(1.0));
     return e * t - d;
 }
 
@@ -35,7 +35,7 @@ MARRAM_INLINE Wide3d to_face(const Triangles8& t, const Wide3d& p) {
     const VDouble nn = dot(n, n), v = dot(cross(ap, ac), n), w = dot(cross(ab, ap), n);
     const VLong inside = (v >= 0.0) & (w >= 0.0) & (v + w <= nn) & (nn > 0.0);
     const VDouble far = splat(1e300) / vmax(dot(ap, ap), splat(1.0));
-    const VDouble s = -dot(ap, n) / (nn > 0.0 ? nn : splat(1.0));
+    const VDouble s = -dot(ap, n) / select(nn > 0.0, nn, 1.0);
     return select(inside, n * s, Wide3d{far, far, far} * splat(1e-200));
 }
 
@@ -45,11 +45,11 @@ MARRAM_INLINE Wide3d between(const Wide3d& p, const Wide3d& d, const Wide3d& a, 
     const VDouble dd = dot(d, d), ee = dot(e, e), de = dot(d, e), dr = dot(d, r), er = dot(e, r);
     const VDouble zero{}, one = splat(1.0), slant = dd * ee - de * de;
     const VLong skew = slant > 1e-14 * dd * ee;
-    VDouble s = skew ? (de * er - dr * ee) / (skew ? slant : one) : zero;
+    VDouble s = select(skew, (de * er - dr * ee) / select(skew, slant, one), zero);
     s = vmin(vmax(s, zero), one);
-    VDouble t = (de * s + er) / (ee > 0.0 ? ee : one);
+    VDouble t = (de * s + er) / select(ee > 0.0, ee, one);
     t = vmin(vmax(t, zero), one);
-    s = (de * t - dr) / (dd > 0.0 ? dd : one);
+    s = (de * t - dr) / select(dd > 0.0, dd, one);
     s = vmin(vmax(s, zero), one);
     return (e * t - r) - d * s;
 }

@@ -67,11 +67,11 @@ MARRAM_HOT void checker_moves(const CheckerRow& upper, const CheckerRow& lower, 
         const VDouble share = vmin(part * flux, none + 0.125);
         const VDouble down = 0.25 * vmin(checker_load(su + q - 1), checker_load(sl + q)); // of a and d
         const VDouble up = 0.25 * vmin(checker_load(su + q), checker_load(sl + q - 1));   // of b and c
-        const VDouble most = saddle > none ? down : up, size = saddle > none ? saddle : -saddle;
+        const VDouble most = select(saddle > none, down, up), size = select(saddle > none, saddle, -saddle);
         const VDouble wanted = vmin(share * size, most);
         VDouble moved = (wanted + round_magic) - round_magic; // rounded down
-        moved = moved - (moved > wanted ? none + 1.0 : none);
-        moved = saddle > none ? moved : -moved;
+        moved = moved - select(moved > wanted, none + 1.0, none);
+        moved = select(saddle > none, moved, -moved);
         std::memcpy(moves + q, &moved, sizeof moved);
     }
 }

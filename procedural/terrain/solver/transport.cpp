@@ -216,50 +216,48 @@ MARRAM_HOT void transport_exchange(const MarchStrip& s, const float* saturated) 
     }
 }
 
-// Four doubles: comparisons and choices of eight are taken apart by compilers for AVX2.
-using MarchDouble = double __attribute__((vector_size(32), aligned(32)));
-using MarchLong = int64_t __attribute__((vector_size(32), aligned(32)));
+// Four at a time: rows are short.
 using MarchFloat = float __attribute__((vector_size(16), aligned(16)));
 constexpr int transport_lanes = 4;
 
-MARRAM_INLINE MarchDouble transport_load4(const double* p) {
-    MarchDouble v;
+MARRAM_INLINE Double4 transport_load4(const double* p) {
+    Double4 v;
     std::memcpy(&v, p, sizeof v);
     return v;
 }
-MARRAM_INLINE MarchDouble transport_load4(const float* p) {
+MARRAM_INLINE Double4 transport_load4(const float* p) {
     MarchFloat v;
     std::memcpy(&v, p, sizeof v);
-    return __builtin_convertvector(v, MarchDouble);
+    return __builtin_convertvector(v, Double4);
 }
-MARRAM_INLINE void transport_store4(double* p, MarchDouble v) { std::memcpy(p, &v, sizeof v); }
-MARRAM_INLINE MarchDouble transport_min4(MarchDouble a, MarchDouble b) { return a < b ? a : b; }
-MARRAM_INLINE MarchDouble transport_max4(MarchDouble a, MarchDouble b) { return a > b ? a : b; }
+MARRAM_INLINE void transport_store4(double* p, Double4 v) { std::memcpy(p, &v, sizeof v); }
+MARRAM_INLINE Double4 transport_min4(Double4 a, Double4 b) { return a < b ? a : b; }
+MARRAM_INLINE Double4 transport_max4(Double4 a, Double4 b) { return a > b ? a : b; }
 
 // What moves over the face between cells b - 1 and b, for b = 0 ... width.
 MARRAM_HOT void transport_faces(const MarchStrip& s) {
     const double part = 1.0 / s.substeps;
-    const MarchDouble none = {}, one = none + 1.0;
+    const Double4 none = {}, one = none + 1.0;
     for (int b = 0; b <= s.width; b += transport_lanes) {
-        const MarchDouble f0 = transport_load4(s.flux + b - 2), f1 = transport_load4(s.flux + b - 1);
-        const MarchDouble f2 = transport_load4(s.flux + b), f3 = transport_load4(s.flux + b + 1);
-        const MarchDouble t0 = transport_load4(s.turn + b - 1), t1 = transport_load4(s.turn + b);
-        const MarchDouble t2 = transport_load4(s.turn + b + 1);
-        const MarchDouble t = part * t1;
-        const MarchLong right = t > none;
-        const MarchDouble size = transport_min4(transport_max4(t, -t), one);
-        const MarchDouble donor = right ? f1 : f2, middle = f2 - f1;
-        const MarchDouble outer = right ? f1 - f0 : f3 - f2; // and middle: the differences beside the donor
-        const MarchDouble product = transport_max4(outer * middle, none);
-        const MarchDouble sum = outer + middle;
-        const MarchDouble slope = (product + product) / (product > none ? sum : one);
-        const MarchDouble ahead = 0.5 * (one - size) * slope;
-        const MarchDouble value = right ? donor + ahead : donor - ahead;
+        const Double4 f0 = transport_load4(s.flux + b - 2), f1 = transport_load4(s.flux + b - 1);
+        const Double4 f2 = transport_load4(s.flux + b), f3 = transport_load4(s.flux + b + 1);
+        const Double4 t0 = transport_load4(s.turn + b - 1), t1 = transport_load4(s.turn + b);
+        const Double4 t2 = transport_load4(s.turn + b + 1);
+        const Double4 t = part * t1;
+        const Long4 right = t > none;
+        const Double4 size = transport_min4(transport_max4(t, -t), one);
+        const Double4 donor = right ? f1 : f2, middle = f2 - f1;
+        const Double4 outer = right ? f1 - f0 : f3 - f2; // and middle: the differences beside the donor
+        const Double4 product = transport_max4(outer * middle, none);
+        const Double4 sum = outer + middle;
+        const Double4 slope = (product + product) / (product > none ? sum : one);
+        const Double4 ahead = 0.5 * (one - size) * slope;
+        const Double4 value = right ? donor + ahead : donor - ahead;
         // a cell that gives to both sides gives each no more than half
-        const MarchDouble other = right ? t0 : -t2;
-        const MarchDouble most = other < none ? 0.5 * donor : donor;
-        const MarchDouble wanted = transport_max4(none, transport_min4(size * value, most));
-        MarchDouble moved = (wanted + round_magic) - round_magic; // rounded down, below 2^51
+        const Double4 other = right ? t0 : -t2;
+        const Double4 most = other < none ? 0.5 * donor : donor;
+        const Double4 wanted = transport_max4(none, transport_min4(size * value, most));
+        Double4 moved = (wanted + round_magic) - round_magic; // rounded down, below 2^51
         moved = moved - (moved > wanted ? one : none);
         transport_store4(s.moved + b, right ? moved : -moved);
     }

@@ -38,16 +38,16 @@ using VUint = uint32_t __attribute__((vector_size(lanes * 4), aligned(lanes * 4)
 using Double4 = double __attribute__((vector_size(32), aligned(32)));
 using Long4 = int64_t __attribute__((vector_size(32), aligned(32)));
 
-// Eight doubles or 64-bit integers, two pieces of four. A comparison gives a mask, -1 or 0 in each lane; select() chooses by it.
+// Eight doubles or 64-bit integers, two pieces of four. A comparison gives a mask, -1 or 0 in each lane; select() chooses by it,
+// and needs all bits of a lane alike. Aligned as a whole: its pieces lose their alignment as template arguments.
 template <typename T, typename Piece>
 struct alignas(64) Eight {
     Piece half[2];
 
-    MARRAM_INLINE static Eight all(T x) { return {Piece{} + x, Piece{} + x}; }
+    MARRAM_INLINE static Eight all(T x) { return {Piece{x, x, x, x}, Piece{x, x, x, x}}; }
     MARRAM_INLINE T operator[](int lane) const { return half[lane >> 2][lane & 3]; }
-    MARRAM_INLINE T& operator[](int lane) {
-        return reinterpret_cast<T*>(half)[lane];
-    } // GCC lets both kinds share memory
+    // GCC lets vectors and their lanes alias. Through memory: not for inner loops.
+    MARRAM_INLINE T& operator[](int lane) { return reinterpret_cast<T*>(half)[lane]; }
 };
 using VDouble = Eight<double, Double4>;
 using VLong = Eight<int64_t, Long4>;
@@ -127,14 +127,33 @@ MARRAM_INLINE VDouble bits_as<VDouble>(const VLong& from) {
     return {(Double4)from.half[0], (Double4)from.half[1]};
 }
 
-MARRAM_INLINE VDouble to_double(VFloat x) {
-    return {__builtin_convertvector(__builtin_shufflevector(x, x, 0, 1, 2, 3), Double4),
-            __builtin_convertvector(__builtin_shufflevector(x, x, 4, 5, 6, 7), Double4)};
+// Eight doubles in memory, aligned or not, by halves: GCC copies a struct by pieces of 16 bytes, and then waits for them.
+MARRAM_INLINE VDouble vload(const double* p) {
+    VDouble v;
+    std::memcpy(&v.half[0], p, sizeof v.half[0]);
+    std::memcpy(&v.half[1], p + 4, sizeof v.half[1]);
+    return v;
 }
-MARRAM_INLINE VDouble to_double(VInt x) {
-    return {__builtin_convertvector(__builtin_shufflevector(x, x, 0, 1, 2, 3), Double4),
-            __builtin_convertvector(__builtin_shufflevector(x, x, 4, 5, 6, 7), Double4)};
+MARRAM_INLINE void vstore(double* p, const VDouble& v) {
+    std::memcpy(p, &v.half[0], sizeof v.half[0]);
+    std::memcpy(p + 4, &v.half[1], sizeof v.half[1]);
 }
+MARRAM_INLINE VFloat vload(const float* p) {
+    VFloat v;
+    std::memcpy(&v, p, sizeof v);
+    return v;
+}
+MARRAM_INLINE void vstore(float* p, VFloat v) { std::memcpy(p, &v, sizeof v); }
+
+// All eight at once: of halves GCC makes conversions of two.
+template <typename V>
+MARRAM_INLINE VDouble widened(V x) {
+    using Double8 = double __attribute__((vector_size(64), aligned(64)));
+    const Double8 w = __builtin_convertvector(x, Double8);
+    return {__builtin_shufflevector(w, w, 0, 1, 2, 3), __builtin_shufflevector(w, w, 4, 5, 6, 7)};
+}
+MARRAM_INLINE VDouble to_double(VFloat x) { return widened(x); }
+MARRAM_INLINE VDouble to_double(VInt x) { return widened(x); }
 MARRAM_INLINE VFloat to_float(const VDouble& x) {
     using Float4 = float __attribute__((vector_size(16)));
     const Float4 low = __builtin_convertvector(x.half[0], Float4),
@@ -143,7 +162,9 @@ MARRAM_INLINE VFloat to_float(const VDouble& x) {
 }
 // The low 32 bits of each.
 MARRAM_INLINE VInt to_int(const VLong& x) {
-    return __builtin_shufflevector((VInt)x.half[0], (VInt)x.half[1], 0, 2, 4, 6, 8, 10, 12, 14);
+    const VInt pairs = __builtin_shufflevector((VInt)x.half[0], (VInt)x.half[1], 0, 2, 8, 10, 4, 6, 12,
+                                               14); // within 16 bytes
+    return (VInt)__builtin_shufflevector((Long4)pairs, (Long4)pairs, 0, 2, 1, 3);
 }
 
 template <typename T>

@@ -49,12 +49,6 @@ namespace {
 constexpr double drape_share = 0.2; // of what is out of level, to one neighbour
 constexpr double drape_least_steps = 8.0;
 
-MARRAM_INLINE VDouble drape_load(const double* p) {
-    VDouble v;
-    std::memcpy(&v, p, sizeof v);
-    return v;
-}
-
 // L(s).
 MARRAM_INLINE VDouble drape_level(VDouble s, double k) { return select(s < k, 2.0 * vsqrt(k * s) - k, s); }
 
@@ -110,17 +104,17 @@ struct DrapeGrid {
 MARRAM_HOT void drape_levels(DrapeGrid& grid, const Rect& rect, double k) {
     for (int j = rect.j0; j < rect.j1; ++j)
         for (size_t s = grid.at(rect.i0, j), end = grid.at(rect.i1, j); s < end; s += lanes) {
-            const VDouble level = drape_load(&grid.ground[s]) + drape_level(drape_load(&grid.sand[s]), k);
+            const VDouble level = vload(&grid.ground[s]) + drape_level(vload(&grid.sand[s]), k);
             const size_t part = std::min(end - s, size_t(lanes));
             if (part == size_t(lanes))
-                std::memcpy(&grid.level[s], &level, sizeof level);
+                vstore(&grid.level[s], level);
             else
                 for (size_t l = 0; l < part; ++l) grid.level[s + l] = level[l];
         }
 }
 
 MARRAM_INLINE DrapeSample drape_sample(const DrapeGrid& grid, size_t s) {
-    return {drape_load(&grid.ground[s]), drape_load(&grid.sand[s]), drape_load(&grid.level[s])};
+    return {vload(&grid.ground[s]), vload(&grid.sand[s]), vload(&grid.level[s])};
 }
 
 // One step of a tile, from `sand` to `next`. True: something moved.
@@ -137,13 +131,13 @@ MARRAM_HOT bool drape_step(DrapeGrid& grid, const Rect& rect, double k) {
             const size_t around[] = {s - 1, s + 1, s - grid.stride, s + grid.stride};
             VDouble least = own.sand, most = own.sand;
             for (const size_t n : around) {
-                const VDouble beside = drape_load(&grid.sand[n]);
+                const VDouble beside = vload(&grid.sand[n]);
                 least = vmin(least, beside), most = vmax(most, beside);
             }
             // All bare, or all thick: nothing flows.
             if (!any(here & (most > 0.0) & (least < 4.0 * k))) {
                 if (i + lanes <= rect.i1) {
-                    std::memcpy(&grid.next[s], &own.sand, sizeof own.sand);
+                    vstore(&grid.next[s], own.sand);
                     continue;
                 }
             }
@@ -156,7 +150,7 @@ MARRAM_HOT bool drape_step(DrapeGrid& grid, const Rect& rect, double k) {
             const VDouble left = own.sand - lost;
             const int part = std::min(rect.i1 - i, lanes);
             if (part == lanes)
-                std::memcpy(&grid.next[s], &left, sizeof left);
+                vstore(&grid.next[s], left);
             else
                 for (int l = 0; l < part; ++l) grid.next[s + size_t(l)] = left[l];
         }

@@ -556,10 +556,8 @@ MARRAM_HOT double DuneBound::sum(const DuneField& field, double x0, double z0, d
             total += c.cover / (s2 * s2 * std::sqrt(s2));
             continue;
         }
-        VDouble x, z, half, weight;
-        std::memcpy(&x, field.covers[k].x, sizeof x), std::memcpy(&z, field.covers[k].z, sizeof z);
-        std::memcpy(&half, field.covers[k].half, sizeof x),
-            std::memcpy(&weight, field.covers[k].weight, sizeof x);
+        const VDouble x = vload(field.covers[k].x), z = vload(field.covers[k].z);
+        const VDouble half = vload(field.covers[k].half), weight = vload(field.covers[k].weight);
         const VDouble u = vmin(vmax(((x - ax) * wx + (z - az) * wz) * inverse, VDouble{}), splat(1.0));
         const VDouble ex = x - ax - u * wx, ez = z - az - u * wz;
         const VDouble r = vmax(vsqrt(ex * ex + ez * ez) - half, VDouble{}), s2 = r * r + field.softening2;

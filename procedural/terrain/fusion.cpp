@@ -123,12 +123,6 @@ struct FusionQuads {
     VLong valid;
 };
 
-MARRAM_INLINE VDouble fusion_load(const double* p) {
-    VDouble v;
-    std::memcpy(&v, p, sizeof v);
-    return v;
-}
-MARRAM_INLINE void fusion_store(double* p, VDouble v) { std::memcpy(p, &v, sizeof v); }
 MARRAM_INLINE VDouble fusion_round(VDouble x) { // to a whole number; above 2^51 every second one
     const VDouble magic = select(x < 0.0, -0x1p52, 0x1p52);
     const VDouble rounded = (x + magic) - magic;
@@ -234,12 +228,11 @@ bool fusion_partial_quad(const FusionGrid& grid, const FusionSlopes& slopes, siz
 }
 
 MARRAM_INLINE FusionHeights fusion_load(const double* from, const FusionQuads& q) {
-    return {fusion_load(from + q.a), fusion_load(from + q.b), fusion_load(from + q.c),
-            fusion_load(from + q.d)};
+    return {vload(from + q.a), vload(from + q.b), vload(from + q.c), vload(from + q.d)};
 }
 MARRAM_INLINE void fusion_store(double* to, const FusionQuads& q, const FusionHeights& s) {
-    fusion_store(to + q.a, s.a), fusion_store(to + q.b, s.b);
-    fusion_store(to + q.c, s.c), fusion_store(to + q.d, s.d);
+    vstore(to + q.a, s.a), vstore(to + q.b, s.b);
+    vstore(to + q.c, s.c), vstore(to + q.d, s.d);
 }
 MARRAM_INLINE FusionHeights operator+(const FusionHeights& g, const FusionHeights& s) {
     return {g.a + s.a, g.b + s.b, g.c + s.c, g.d + s.d};

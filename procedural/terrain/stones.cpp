@@ -166,14 +166,11 @@ struct StoneRow {
 // count samples of a row: tops above the tangent plane; -infinity where the body is not.
 MARRAM_HOT void stone_row(const StoneBody& body, double z, int count, StoneRow& row) {
     for (int k = 0; k < count; k += lanes) {
-        VDouble x, nx, ny, nz;
-        std::memcpy(&x, row.x + k, sizeof x);
-        std::memcpy(&nx, row.nx + k, sizeof nx);
-        std::memcpy(&ny, row.ny + k, sizeof ny);
-        std::memcpy(&nz, row.nz + k, sizeof nz);
+        const VDouble x = vload(row.x + k), nx = vload(row.nx + k), ny = vload(row.ny + k),
+                      nz = vload(row.nz + k);
         const VDouble own = stone_tops(body, x + nx, splat(z) + nz);
         const VDouble top = select(own >= body.bottom, own + ny, -infinity);
-        std::memcpy(row.top + k, &top, sizeof top);
+        vstore(row.top + k, top);
     }
 }
 

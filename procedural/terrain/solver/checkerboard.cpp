@@ -33,13 +33,6 @@ struct CheckerRow {
     WideVector<double> flux;
 };
 
-template <typename T>
-MARRAM_INLINE VDouble checker_load(const T* p) {
-    VDouble v;
-    std::memcpy(&v, p, sizeof v);
-    return v;
-}
-
 MARRAM_HOT void checker_fill(const float* ground, const float* flux, const double* sand, int columns,
                              CheckerRow& row) {
     double *const h = row.height.data() + checker_pad, *const s = row.sand.data() + checker_pad,
@@ -60,29 +53,28 @@ MARRAM_HOT void checker_moves(const CheckerRow& upper, const CheckerRow& lower, 
     const double *const fu = upper.flux.data() + checker_pad, *const fl = lower.flux.data() + checker_pad;
     const VDouble none{};
     for (int q = 0; q < count; q += lanes) {
-        const VDouble saddle = 0.25 * ((checker_load(hu + q - 1) - checker_load(hu + q)) -
-                                       (checker_load(hl + q - 1) - checker_load(hl + q)));
-        const VDouble flux = 0.25 * ((checker_load(fu + q - 1) + checker_load(fu + q)) +
-                                     (checker_load(fl + q - 1) + checker_load(fl + q)));
+        const VDouble saddle =
+            0.25 * ((vload(hu + q - 1) - vload(hu + q)) - (vload(hl + q - 1) - vload(hl + q)));
+        const VDouble flux =
+            0.25 * ((vload(fu + q - 1) + vload(fu + q)) + (vload(fl + q - 1) + vload(fl + q)));
         const VDouble share = vmin(part * flux, none + 0.125);
-        const VDouble down = 0.25 * vmin(checker_load(su + q - 1), checker_load(sl + q)); // of a and d
-        const VDouble up = 0.25 * vmin(checker_load(su + q), checker_load(sl + q - 1));   // of b and c
+        const VDouble down = 0.25 * vmin(vload(su + q - 1), vload(sl + q)); // of a and d
+        const VDouble up = 0.25 * vmin(vload(su + q), vload(sl + q - 1));   // of b and c
         const VDouble most = select(saddle > none, down, up), size = select(saddle > none, saddle, -saddle);
         const VDouble wanted = vmin(share * size, most);
         VDouble moved = (wanted + round_magic) - round_magic; // rounded down
         moved = moved - select(moved > wanted, none + 1.0, none);
         moved = select(saddle > none, moved, -moved);
-        std::memcpy(moves + q, &moved, sizeof moved);
+        vstore(moves + q, moved);
     }
 }
 
 MARRAM_HOT void checker_gather(const double* sand, const double* up, const double* down, int count,
                                double* out) {
     for (int b = 0; b < count; b += lanes) {
-        const VDouble sum = (checker_load(down + b) - checker_load(down + b + 1)) +
-                            (checker_load(up + b + 1) - checker_load(up + b));
-        const VDouble next = checker_load(sand + b) + sum;
-        std::memcpy(out + b, &next, sizeof next);
+        const VDouble sum = (vload(down + b) - vload(down + b + 1)) + (vload(up + b + 1) - vload(up + b));
+        const VDouble next = vload(sand + b) + sum;
+        vstore(out + b, next);
     }
 }
 

@@ -94,12 +94,8 @@ class SolverClock {
 
 MARRAM_HOT void solver_heights(const float* ground, const double* sand, int count, float* height) {
     for (int b = 0; b < count; b += lanes) {
-        VFloat g;
-        VDouble s;
-        std::memcpy(&g, ground + b, sizeof g);
-        std::memcpy(&s, sand + b, sizeof s);
-        g = to_float(to_double(g) + s * (1.0 / sand_units_a_metre));
-        std::memcpy(height + b, &g, sizeof g);
+        const VDouble metres = to_double(vload(ground + b)) + vload(sand + b) * (1.0 / sand_units_a_metre);
+        vstore(height + b, to_float(metres));
     }
 }
 
@@ -137,18 +133,13 @@ MARRAM_HOT void solver_add(const float* a, const float* b, int count, float* out
 MARRAM_HOT void solver_grow(const float* height, const float* before, const float* most, int count,
                             double gain, double full, double* plant_height, float* plants) {
     for (int b = 0; b < count; b += lanes) {
-        VFloat h, was, m;
-        VDouble p;
-        std::memcpy(&h, height + b, sizeof h);
-        std::memcpy(&was, before + b, sizeof was);
-        std::memcpy(&m, most + b, sizeof m);
-        std::memcpy(&p, plant_height + b, sizeof p);
+        const VFloat h = vload(height + b), was = vload(before + b), m = vload(most + b);
+        VDouble p = vload(plant_height + b);
         const VFloat moved = h > was ? h - was : was - h;
         p = vmax(p + ((full - p) * gain - to_double(moved)), VDouble{});
         const VDouble share = p * (1.0 / full);
-        m = to_float(to_double(m) * share * share);
-        std::memcpy(plant_height + b, &p, sizeof p);
-        std::memcpy(plants + b, &m, sizeof m);
+        vstore(plant_height + b, p);
+        vstore(plants + b, to_float(to_double(m) * share * share));
     }
 }
 

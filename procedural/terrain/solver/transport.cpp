@@ -59,18 +59,6 @@ constexpr int transport_pad = 8;         // floats or doubles beside a row, so t
 constexpr int transport_block_rows = 16; // of a strip
 constexpr double transport_brink = 0.1;  // cells; a streamline this far above the ground leaves no stress
 
-MARRAM_INLINE VFloat transport_load(const float* p) {
-    VFloat v;
-    std::memcpy(&v, p, sizeof v);
-    return v;
-}
-MARRAM_INLINE VDouble transport_load(const double* p) {
-    VDouble v;
-    std::memcpy(&v, p, sizeof v);
-    return v;
-}
-MARRAM_INLINE void transport_store(float* p, VFloat v) { std::memcpy(p, &v, sizeof v); }
-MARRAM_INLINE void transport_store(double* p, VDouble v) { std::memcpy(p, &v, sizeof v); }
 MARRAM_INLINE VFloat transport_min(VFloat a, VFloat b) { return a < b ? a : b; }
 MARRAM_INLINE VFloat transport_max(VFloat a, VFloat b) { return a > b ? a : b; }
 MARRAM_INLINE VDouble transport_round(VDouble x) { return (x + round_magic) - round_magic; } // |x| < 2^51
@@ -96,10 +84,9 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
     const VFloat none = splat_float(0.0F), one = splat_float(1.0F);
     VFloat most = none, most_flux = none, most_turn = none;
     for (int b = 0; b < row.count; b += lanes) {
-        const VFloat open =
-            transport_max(none, transport_min(one, one - row.bubble * transport_load(row.excess + b)));
-        VFloat along = open * transport_max(none, 1.0F + transport_load(row.along + b));
-        VFloat across = (row.side * open) * transport_load(row.across + b);
+        const VFloat open = transport_max(none, transport_min(one, one - row.bubble * vload(row.excess + b)));
+        VFloat along = open * transport_max(none, 1.0F + vload(row.along + b));
+        VFloat across = (row.side * open) * vload(row.across + b);
         across =
             transport_max(-0.5F * along, transport_min(0.5F * along, across)); // linear: 27 degrees at most
         const VFloat size = vsqrt(along * along + across * across);
@@ -107,9 +94,8 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
         const VFloat u = size > 0.0F ? along * inverse : one, v = size > 0.0F ? across * inverse : none;
         const VFloat u_row = u * row.wind_row - v * row.wind_column,
                      u_column = u * row.wind_column + v * row.wind_row;
-        const VFloat g_row = row.row_slope * (transport_load(row.after + b) - transport_load(row.before + b));
-        const VFloat g_column =
-            row.column_slope * (transport_load(row.here + b + 1) - transport_load(row.here + b - 1));
+        const VFloat g_row = row.row_slope * (vload(row.after + b) - vload(row.before + b));
+        const VFloat g_column = row.column_slope * (vload(row.here + b + 1) - vload(row.here + b - 1));
         const VFloat slope = u_row * g_row + u_column * g_column;
         const VFloat down = u_row - row.side_slope * (g_row - slope * u_row);
         const VFloat side = u_column - row.side_slope * (g_column - slope * u_column);
@@ -118,7 +104,7 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
         const VFloat turn = transport_max(-limit, transport_min(limit, side / ahead));
         const VFloat e_row = one / vsqrt(one + turn * turn);
         VFloat stress = row.stress * size;
-        if (row.plants) stress /= 1.0F + row.plant_drag * transport_load(row.plants + b);
+        if (row.plants) stress /= 1.0F + row.plant_drag * vload(row.plants + b);
         const VFloat threshold =
             row.threshold * transport_max(none, 1.0F + slope * row.slope_scale) / vsqrt(one + slope * slope);
         VFloat flux = e_row * row.q_scale * transport_max(none, stress - threshold);
@@ -126,18 +112,18 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
             stress[l] = flux[l] = 0.0F; // beyond the row
         most = transport_max(most, stress);
         most_flux = transport_max(most_flux, flux);
-        transport_store(row.flux + b, flux);
+        vstore(row.flux + b, flux);
         const VDouble way = row.half_cell / to_double(e_row);
         const VDouble kept = vexp(-way);
-        transport_store(row.relax + b, to_float(1.0 - kept));
-        transport_store(row.reach + b,
-                        to_float(row.half_cell < 0.005 // then the next term of the series is below 1e-9
-                                     ? 0.25 - way * (1.0 / 24.0)
-                                     : 0.5 / way - 0.5 * kept / (1.0 - kept)));
-        transport_store(row.cell_turn + b, turn);
+        vstore(row.relax + b, to_float(1.0 - kept));
+        vstore(row.reach + b,
+               to_float(row.half_cell < 0.005 // then the next term of the series is below 1e-9
+                            ? 0.25 - way * (1.0 / 24.0)
+                            : 0.5 / way - 0.5 * kept / (1.0 - kept)));
+        vstore(row.cell_turn + b, turn);
         most_turn = transport_max(most_turn, flux > 0.0F ? transport_max(turn, -turn) : none);
-        transport_store(row.gain + b, 0.5F * row.side_slope * (one - u_column * u_column) / ahead);
-        transport_store(row.rise + b, g_column);
+        vstore(row.gain + b, 0.5F * row.side_slope * (one - u_column * u_column) / ahead);
+        vstore(row.rise + b, g_column);
     }
     SaturationPeak peak;
     for (int l = 0; l < lanes; ++l)
@@ -151,13 +137,11 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
 MARRAM_HOT void transport_turns(const SaturationRow& row) {
     const VFloat limit = splat_float(row.steepest_turn);
     for (int b = 0; b < row.count; b += lanes) {
-        const VFloat face =
-            2.0F * row.column_slope * (transport_load(row.here + b) - transport_load(row.here + b - 1));
-        const VFloat seen = 0.5F * (transport_load(row.rise + b) + transport_load(row.rise + b - 1));
-        const VFloat turn =
-            0.5F * (transport_load(row.cell_turn + b) + transport_load(row.cell_turn + b - 1)) -
-            (transport_load(row.gain + b) + transport_load(row.gain + b - 1)) * (face - seen);
-        transport_store(row.turn + b, transport_max(-limit, transport_min(limit, turn)));
+        const VFloat face = 2.0F * row.column_slope * (vload(row.here + b) - vload(row.here + b - 1));
+        const VFloat seen = 0.5F * (vload(row.rise + b) + vload(row.rise + b - 1));
+        const VFloat turn = 0.5F * (vload(row.cell_turn + b) + vload(row.cell_turn + b - 1)) -
+                            (vload(row.gain + b) + vload(row.gain + b - 1)) * (face - seen);
+        vstore(row.turn + b, transport_max(-limit, transport_min(limit, turn)));
     }
 }
 
@@ -194,25 +178,24 @@ MARRAM_INLINE VFloat transport_slope(VFloat a, VFloat b, VFloat c) { // van Leer
 
 MARRAM_HOT void transport_sample(const MarchStrip& s) {
     for (int b = 0; b < s.wide; b += lanes) {
-        const VFloat here = transport_load(s.saturated + b), none = splat_float(0.0F);
-        const VFloat down = transport_slope(transport_load(s.before + b), here, transport_load(s.after + b));
+        const VFloat here = vload(s.saturated + b), none = splat_float(0.0F);
+        const VFloat down = transport_slope(vload(s.before + b), here, vload(s.after + b));
         const VFloat side =
-            transport_load(s.turn + b) *
-            transport_slope(transport_load(s.saturated + b - 1), here, transport_load(s.saturated + b + 1));
-        const VFloat reach = transport_load(s.reach + b), rest = 0.5F - reach;
-        transport_store(s.first + b, transport_max(none, here - reach * down + rest * side));
-        transport_store(s.second + b, transport_max(none, here + rest * down - reach * side));
+            vload(s.turn + b) * transport_slope(vload(s.saturated + b - 1), here, vload(s.saturated + b + 1));
+        const VFloat reach = vload(s.reach + b), rest = 0.5F - reach;
+        vstore(s.first + b, transport_max(none, here - reach * down + rest * side));
+        vstore(s.second + b, transport_max(none, here + rest * down - reach * side));
     }
 }
 
 MARRAM_HOT void transport_exchange(const MarchStrip& s, const float* saturated) {
     for (int b = 0; b < s.wide; b += lanes) {
-        const VDouble flux = transport_load(s.flux + b), sand = transport_load(s.sand + b);
-        const VDouble wanted = to_double(transport_load(saturated + b)) * s.scale;
-        VDouble taken = to_double(transport_load(s.relax + b)) * (wanted - flux);
+        const VDouble flux = vload(s.flux + b), sand = vload(s.sand + b);
+        const VDouble wanted = to_double(vload(saturated + b)) * s.scale;
+        VDouble taken = to_double(vload(s.relax + b)) * (wanted - flux);
         taken = transport_round(vmin(taken, sand));
-        transport_store(s.flux + b, flux + taken);
-        transport_store(s.sand + b, sand - taken);
+        vstore(s.flux + b, flux + taken);
+        vstore(s.sand + b, sand - taken);
     }
 }
 
@@ -265,8 +248,7 @@ MARRAM_HOT void transport_faces(const MarchStrip& s) {
 
 MARRAM_HOT void transport_apply(const MarchStrip& s) {
     for (int b = 0; b < s.wide; b += lanes)
-        transport_store(s.flux + b, transport_load(s.flux + b) + transport_load(s.moved + b) -
-                                        transport_load(s.moved + b + 1));
+        vstore(s.flux + b, vload(s.flux + b) + vload(s.moved + b) - vload(s.moved + b + 1));
 }
 
 // The faces at the grid's own borders. What crosses an open one is counted.

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Eight strands side by side. The types are the compiler's vector extension in pieces of 32 bytes, an AVX2 register each:
 // of wider vectors GCC takes comparisons and choices apart, lane by lane, which made chains of them three times slower.
-// One source serves SSE2 and AVX2; because nothing is contracted or reassociated (-ffp-contract=off) both give the same bits.
+// One source serves SSE2, AVX2 and AVX-512 (with its masks and registers); because nothing is contracted or reassociated
+// (-ffp-contract=off) all three give the same bits.
 //
 // A hot function is marked MARRAM_HOT: it is compiled once for each instruction set and the loader picks one at start-up.
 // Everything it calls must be MARRAM_INLINE, or it would run in its baseline version.
@@ -25,7 +26,7 @@ inline constexpr int lanes = 8;
 #define MARRAM_ALWAYS_INLINE __attribute__((always_inline)) // of a lambda
 #if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__clang__)
 // Sanitizers run before the loader has resolved clones, so sanitized builds do without.
-#define MARRAM_HOT __attribute__((target_clones("default", "arch=x86-64-v3"), flatten))
+#define MARRAM_HOT __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4"), flatten))
 #else
 #define MARRAM_HOT
 #endif

@@ -82,7 +82,7 @@ TEST(Golden, a_change_of_seed_is_no_fault) {
     const size_t count = goldens().size();
     size_t alarms = 0, rendered = 0;
     for (size_t g = 0; g < count; ++g) {
-        if (!testing::in_this_run(g, 6)) continue;
+        if (!testing::in_this_run(g, 10)) continue;
         const Golden& golden = goldens()[g];
         const Stage stage(golden);
         for (size_t i = g; i < renders; i += count) {

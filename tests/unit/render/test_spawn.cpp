@@ -141,8 +141,7 @@ void fibre_row(MarramShape shape, const Fibre& f, Side side, double bound, uint3
         for (const MarramBasis basis : {MARRAM_BSPLINE, MARRAM_CATMULL_ROM}) {
             const WorldBuilder builder = fibre(s, f.radius, f.tip, f.bend, shape, basis, pieces);
             const double near = f.bend > 0.0 ? 10.0 * s.scale * f.radius : 1e30;
-            const Rate rate =
-                self_hits(builder.world, place(s), 0.2 * s.scale, 2.0 * s.scale, side,
+            const Rate rate = self_hits(builder.world, place(s), 0.2 * s.scale, 2.0 * s.scale, side,
                                         (testing::whole_run() ? 5 : 2) * rays, near);
             sum.hits += rate.hits;
             sum.again += rate.again;

@@ -257,7 +257,7 @@ TEST(GoldenFault, what_a_frame_shows_is_missed) {
         {"fur", "hair rougher by a third", {"material.fur.roughness=0.33"}},
     };
     for (size_t i = 0; i < all.size(); ++i) {
-        if (!testing::in_this_run(i, 4)) continue;
+        if (!testing::in_this_run(i, 6)) continue;
         const Missing& missing = all[i];
         const Golden& golden = golden_named(missing.golden);
         expect_caught(missing.what, Stage(golden, missing.changes), golden, [](Picture&) {}, {14});

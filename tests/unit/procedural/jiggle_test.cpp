@@ -415,7 +415,7 @@ TEST(Jiggle, segments_keep_their_lengths) {
     for (const double zeta : zetas)
         for (const double far : {0.0, 1e3, 1e6})
             for (const int n : {2, 5, 65}) {
-                if (!testing::in_this_run(index++, 2)) continue;
+                if (!marram::testing::in_this_run(index++, 2)) continue;
                 std::vector<Motion> motions;
                 for (uint64_t seed = 1; seed <= 9; ++seed)
                     motions.push_back(swaying(seed, n, 5.0, far * Vec3d(1, -0.5, 0.3)));

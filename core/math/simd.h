@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Eight strands side by side. The types are the compiler's vector extension in pieces of 32 bytes, an AVX2 register each:
-// of wider vectors GCC takes comparisons and choices apart, lane by lane, which made chains of them three times slower.
+// Eight strands side by side. The types are GCC's vectors of 32 bytes, one AVX2 register each. GCC 12 compiles comparisons and
+// selections of wider vectors lane by lane where there is no AVX-512, which is three times slower.
 // One source serves SSE2, AVX2 and AVX-512 (with its masks and registers); because nothing is contracted or reassociated
 // (-ffp-contract=off) all three give the same bits.
 //
@@ -39,15 +39,15 @@ using VUint = uint32_t __attribute__((vector_size(lanes * 4), aligned(lanes * 4)
 using Double4 = double __attribute__((vector_size(32), aligned(32)));
 using Long4 = int64_t __attribute__((vector_size(32), aligned(32)));
 
-// Eight doubles or 64-bit integers, two pieces of four. A comparison gives a mask, -1 or 0 in each lane; select() chooses by it,
-// and needs all bits of a lane alike. Aligned as a whole: its pieces lose their alignment as template arguments.
+// Eight doubles or 64-bit integers, as two vectors of four. A comparison gives a mask for select(): each lane is -1 or 0.
+// The struct is aligned because a template argument loses the alignment of its type.
 template <typename T, typename Piece>
 struct alignas(64) Eight {
     Piece half[2];
 
     MARRAM_INLINE static Eight all(T x) { return {Piece{x, x, x, x}, Piece{x, x, x, x}}; }
     MARRAM_INLINE T operator[](int lane) const { return half[lane >> 2][lane & 3]; }
-    // GCC lets vectors and their lanes alias. Through memory: not for inner loops.
+    // A vector may alias its lanes in GCC. Goes through memory: not for inner loops.
     MARRAM_INLINE T& operator[](int lane) { return reinterpret_cast<T*>(half)[lane]; }
 };
 using VDouble = Eight<double, Double4>;
@@ -55,7 +55,7 @@ using VLong = Eight<int64_t, Long4>;
 
 MARRAM_INLINE VDouble splat(double x) { return VDouble::all(x); }
 MARRAM_INLINE VFloat splat_float(float x) { return VFloat{} + x; }
-inline constexpr VLong every_lane = {{{-1, -1, -1, -1}, {-1, -1, -1, -1}}}; // a mask
+inline constexpr VLong every_lane = {{{-1, -1, -1, -1}, {-1, -1, -1, -1}}}; // the mask that selects all
 inline constexpr VLong lane_numbers = {{{0, 1, 2, 3}, {4, 5, 6, 7}}};
 inline constexpr VDouble lane_places = {{{0, 1, 2, 3}, {4, 5, 6, 7}}};
 
@@ -128,7 +128,8 @@ MARRAM_INLINE VDouble bits_as<VDouble>(const VLong& from) {
     return {(Double4)from.half[0], (Double4)from.half[1]};
 }
 
-// Eight doubles in memory, aligned or not, by halves: GCC copies a struct by pieces of 16 bytes, and then waits for them.
+// Loads and stores of eight values, aligned or not. By halves: GCC copies a struct 16 bytes at a time, and a read of 32 then
+// waits for both writes.
 MARRAM_INLINE VDouble vload(const double* p) {
     VDouble v;
     std::memcpy(&v.half[0], p, sizeof v.half[0]);
@@ -146,7 +147,7 @@ MARRAM_INLINE VFloat vload(const float* p) {
 }
 MARRAM_INLINE void vstore(float* p, VFloat v) { std::memcpy(p, &v, sizeof v); }
 
-// All eight at once: of halves GCC makes conversions of two.
+// All eight at once: GCC 12 converts a vector of four two by two.
 template <typename V>
 MARRAM_INLINE VDouble widened(V x) {
     using Double8 = double __attribute__((vector_size(64), aligned(64)));

@@ -113,14 +113,15 @@ void save(Frame& frame, Preview& preview, bool quiet) {
     if (!preview.fault().empty()) fmt::print(stderr, "{}\n", preview.fault());
 }
 
-// Renders one frame to its files. `no_exit`: set while there is something to save or to tell.
-void render_frame(Frame& frame, const std::string& prefix, bool quiet, std::optional<NoExit>& no_exit) {
+// Renders one frame to its files. kept: from frame to frame. `no_exit`: set while there is something to save or to tell.
+void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, bool quiet,
+                  std::optional<NoExit>& no_exit) {
     Preview preview(frame.files.preview.empty() ? std::function<void()>() : [&] { save_preview(frame); });
     const auto state = [&] { return state_of(frame.progress, prefix); };
     std::optional<World> world;
     {
         const ProgressLine line(quiet, state);
-        world = build_frame(frame);
+        world = build_frame(frame, std::exchange(kept, {}));
     }
     const ResumedFrame resumed = resume_frame(frame);
     if (!resumed.message.empty() && (resumed.refused || !quiet)) fmt::print(stderr, "{}\n", resumed.message);
@@ -129,7 +130,8 @@ void render_frame(Frame& frame, const std::string& prefix, bool quiet, std::opti
         const ProgressLine line(quiet, state);
         trace_frame(frame, *world, preview);
     }
-    world.reset(); // the picture may need the room
+    kept = kept_geometry(*std::move(world)); // of all else, the picture may need the room
+    world.reset();
     save(frame, preview, quiet);
 }
 
@@ -157,6 +159,7 @@ int render_command(const RenderOptions& options) {
 
     tbb::task_arena arena(threads);
     StatsFile stats_file(options.stats);
+    KeptGeometry kept;
     bool first = true;
     for (const FrameFiles& files : all_files) {
         if (options.resume && is_rendered(files)) {
@@ -172,7 +175,7 @@ int render_command(const RenderOptions& options) {
         std::optional<NoExit> no_exit;
         arena.execute([&] {
             Frame frame{shot, frame_options, files, layer_names(shot, layers), interrupted(), stats};
-            render_frame(frame, prefix, options.quiet, no_exit);
+            render_frame(frame, kept, prefix, options.quiet, no_exit);
         });
         stats_file.add(stats);
         if (stats.render.cancelled) {

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <numeric>
 
 namespace marram {
 namespace {
@@ -59,12 +60,27 @@ void make_all(Build& build, bool with_curves) {
     }
     build.world.times = build.times(std::max(build.stats.motion_keys, 2U));
     build.stats.motion_keys = uint32_t(build.world.times.size());
-    std::vector<uint32_t> all(build.world.meshes.size());
-    for (uint32_t id = 0; id < all.size(); ++id) all[id] = id;
+    // Of all meshes: strands are judged by it, and bounds found where nothing else is traced.
+    const bool wanted = !build.settings.curves_bvh ||
+                        std::ranges::any_of(build.geometry.procedurals,
+                                            [](const auto& p) { return p->kind() == MARRAM_CURVES; });
+    std::vector<uint32_t> all(wanted ? build.world.meshes.size() : 0);
+    std::iota(all.begin(), all.end(), 0U);
     collider_scene(build, all);
     build.world.colliders =
-        all.empty() ? new_scene(build, RTC_SCENE_FLAG_NONE) : build.collider_scenes.at(all);
+        all.empty() ? new_scene(build, RTC_SCENE_FLAG_NONE) : build.world.collider_scenes.at(all);
     if (all.empty()) commit(build, build.world.colliders.get(), "building colliders");
+}
+
+// The device, the frame before's where there was one: its collider scenes belong to it.
+void make_device(Build& build) {
+    World& world = build.world;
+    world.device = std::move(build.kept.device);
+    world.errors = std::move(build.kept.errors);
+    if (world.device)
+        forget(*world.errors);
+    else
+        world.device = make_device(world.errors);
 }
 
 } // namespace
@@ -111,8 +127,9 @@ uint32_t chosen_motion_keys(SceneGeometry& geometry, const BuildSettings& settin
     if (!(settings.shutter_open < settings.shutter_close)) return 1;
     if (settings.motion_keys != 0) return settings.motion_keys;
     BuildStats stats;
-    Build build{geometry, settings, cancel, progress, stats};
-    build.world.device = make_device(build.errors);
+    KeptGeometry none;
+    Build build{geometry, settings, cancel, progress, stats, none};
+    make_device(build);
     make_all(build, false);
     uint32_t most = 2;
     for (const auto& procedural : geometry.procedurals)
@@ -123,11 +140,11 @@ uint32_t chosen_motion_keys(SceneGeometry& geometry, const BuildSettings& settin
 }
 
 World build_world(SceneGeometry& geometry, const BuildSettings& settings, const std::atomic<bool>& cancel,
-                  BuildProgress& progress, BuildStats& stats) {
-    Build build{geometry, settings, cancel, progress, stats};
+                  BuildProgress& progress, BuildStats& stats, KeptGeometry kept) {
+    Build build{geometry, settings, cancel, progress, stats, kept};
     World& world = build.world;
     world.frame = settings.frame;
-    world.device = make_device(build.errors);
+    make_device(build);
     make_all(build, true);
     const double view_start = wall_seconds();
     make_render_meshes(build);

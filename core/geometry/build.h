@@ -5,6 +5,7 @@
 // render meshes in their places, and the curves.
 #pragma once
 
+#include "core/geometry/kept_geometry.h"
 #include "core/geometry/motion_keys.h"
 #include "core/geometry/plugin_host.h"
 #include "core/geometry/report.h"
@@ -82,9 +83,10 @@ struct BuildStats {
     std::vector<Box3f> patch_bounds; // as promised by the procedurals, in curve order
 };
 
-// Throws InputError (bad input, or a procedural that breaks the contract) and Cancelled. Runs in the caller's TBB arena.
+// Throws InputError (bad input, or a procedural that breaks the contract) and Cancelled. Runs in the caller's TBB arena. What rests is
+// taken from `kept`, of another frame of the same geometry; the rest of it is freed on the way.
 World build_world(SceneGeometry& geometry, const BuildSettings& settings, const std::atomic<bool>& cancel,
-                  BuildProgress& progress, BuildStats& stats);
+                  BuildProgress& progress, BuildStats& stats, KeptGeometry kept = {});
 
 // The greatest number of motion keys that build_world would give curves with these settings.
 uint32_t chosen_motion_keys(SceneGeometry& geometry, const BuildSettings& settings,

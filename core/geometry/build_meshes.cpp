@@ -46,7 +46,14 @@ uint64_t topology_of(const MeshGeometry& mesh) {
         .value();
 }
 
+// A mesh of the scene, the frame before's where it rests.
 MeshGeometry place_mesh(Build& build, const SceneMesh& mesh) {
+    const auto id = uint32_t(build.world.meshes.size());
+    const uint64_t version = mesh.moves() ? 0 : mesh.digest() | 1U;
+    if (std::optional<MeshGeometry> kept = build.kept.take_growth_surface(id, version, mesh.roles)) {
+        build.taken_over[id] = true;
+        return *std::move(kept);
+    }
     const BuildSettings& settings = build.settings;
     const double open = build.open(), close = build.close();
     const bool moves = open < close && mesh.moves_within(open, close);
@@ -68,7 +75,10 @@ MeshGeometry place_mesh(Build& build, const SceneMesh& mesh) {
         build.stats.warnings.push_back(
             mesh.name + ": turns inside out while the shutter is open: it is lit, and shines, as it is at "
                         "the frame; keep the signs of its scale");
-    return place_mesh(mesh, moves ? build.times(keys) : std::vector{open}, settings.frame);
+    MeshGeometry placed = place_mesh(mesh, moves ? build.times(keys) : std::vector{open}, settings.frame);
+    placed.topology = topology_of(placed);
+    placed.version = version;
+    return placed;
 }
 
 // ---- what procedurals hand over -----------------------------------------------------------------------------------
@@ -166,6 +176,12 @@ void fill_mesh(Procedural& procedural, const MarramOutput& output, MeshGeometry&
     mesh.topology = topology_of(mesh);
 }
 
+// What MeshGeometry::version is of a mesh that a procedural hands over: of this instance, and resting.
+uint64_t version_of(const Procedural& procedural, const MarramOutput& output) {
+    if (output.version == 0 || output.time_count != 1) return 0;
+    return Digest().add(procedural.instance_number()).add(output.version).value() | 1U;
+}
+
 // How far a mesh is, half-way between its samples, from where its procedural says that it is: the most, enlarged by the view.
 double motion_left(const Build& build, Procedural& procedural, const MeshGeometry& mesh,
                    const std::vector<double>& times) {
@@ -209,8 +225,8 @@ MarramView view_of(const Build& build, const CameraSamples& camera) {
 void place_meshes(Build& build) {
     for (const SceneMesh& mesh : build.geometry.meshes) {
         if (build.cancel.load()) throw Cancelled{};
-        MeshGeometry& placed = build.world.meshes.emplace_back(place_mesh(build, mesh));
-        placed.topology = topology_of(placed);
+        build.taken_over.push_back(false);
+        build.world.meshes.push_back(place_mesh(build, mesh));
         build.mesh_makers.push_back(nullptr);
     }
     build.mesh_ids.resize(build.geometry.procedurals.size());
@@ -219,6 +235,7 @@ void place_meshes(Build& build) {
         if (procedural.kind() != MARRAM_MESH) continue;
         build.mesh_ids[i] = uint32_t(build.world.meshes.size());
         build.mesh_makers.push_back(&procedural);
+        build.taken_over.push_back(false);
         MeshGeometry& mesh = build.world.meshes.emplace_back();
         mesh.name = procedural.name();
         mesh.material = procedural.material;
@@ -240,8 +257,16 @@ void make_mesh(Build& build, Procedural& procedural, uint32_t id) {
             procedural.refuse("it hands over another number of motion samples than asked", "fix the library");
         if (output.time_count > 1 && !procedural.has_pose())
             procedural.refuse("its mesh moves, but it has no function pose()", "fix the library");
+        const uint64_t version = version_of(procedural, output);
+        if (std::optional<MeshGeometry> kept =
+                build.kept.take_growth_surface(id, version, procedural.roles)) {
+            build.world.meshes[id] = *std::move(kept);
+            build.taken_over[id] = true;
+            break;
+        }
         MeshGeometry mesh = build.world.meshes[id];
         fill_mesh(procedural, output, mesh, &Procedural::mesh);
+        mesh.version = version;
         const bool moves = output.time_count > 1;
         const double left = moves ? motion_left(build, procedural, mesh, times) : 0.0;
         if (build.chooses_keys() && left > build.settings.tolerance && 2 * keys - 1 <= most_motion_keys) {
@@ -277,11 +302,16 @@ void make_render_meshes(Build& build) {
         MeshGeometry& growth = build.world.meshes[id];
         if (growth.positions.size() > 1)
             procedural.refuse("it makes a render mesh of a growth surface that moves", "fix the library");
-        MeshGeometry mesh{growth.name, growth.material, growth.light, {}, {}, {}, {}};
-        mesh.roles = growth.roles;
-        fill_mesh(procedural, output, mesh, &Procedural::view_mesh);
+        const uint64_t version = version_of(procedural, output);
+        std::optional<MeshGeometry> mesh = build.kept.take_render_mesh(id, version);
+        if (!mesh) {
+            mesh = MeshGeometry{growth.name, growth.material, growth.light, {}, {}, {}, {}};
+            fill_mesh(procedural, output, *mesh, &Procedural::view_mesh);
+            mesh->version = version;
+        }
+        mesh->roles = growth.roles;
         build.world.growth_surfaces.emplace(id, std::move(growth));
-        build.world.meshes[id] = std::move(mesh);
+        build.world.meshes[id] = *std::move(mesh);
         build.mesh_geometries[id] = nullptr; // the collider scenes keep theirs
     }
 }
@@ -305,8 +335,14 @@ RTCGeometry mesh_geometry(Build& build, uint32_t id) {
 
 RTCScene collider_scene(Build& build, const std::vector<uint32_t>& ids) {
     if (ids.empty()) return nullptr;
-    std::shared_ptr<RTCSceneTy>& scene = build.collider_scenes[ids];
+    std::shared_ptr<RTCSceneTy>& scene = build.world.collider_scenes[ids];
     if (scene) return scene.get();
+    const auto kept = build.kept.collider_scenes.find(ids);
+    if (kept != build.kept.collider_scenes.end() &&
+        std::ranges::all_of(ids, [&](uint32_t id) { return build.taken_over[id] != 0; })) {
+        scene = std::move(kept->second);
+        return scene.get();
+    }
     const double begin = wall_seconds();
     scene = new_scene(build, RTC_SCENE_FLAG_NONE);
     for (const uint32_t id : ids) rtcAttachGeometryByID(scene.get(), mesh_geometry(build, id), id);

@@ -30,12 +30,12 @@ struct Build {
     const std::atomic<bool>& cancel;
     BuildProgress& progress;
     BuildStats& stats;
-    World world{}; // meshes: growth surfaces until all is made; without positions: not made yet
-    std::shared_ptr<DeviceErrors> errors{};
+    KeptGeometry& kept; // of the frame before
+    World world{};      // meshes: growth surfaces until all is made; without positions: not made yet
     std::vector<uint32_t> mesh_ids{};                              // [procedural] of those that make meshes
     std::vector<Procedural*> mesh_makers{};                        // [mesh ID], nullptr for the scene's
     std::vector<std::shared_ptr<RTCGeometryTy>> mesh_geometries{}; // [mesh ID], once they are traced
-    std::map<std::vector<uint32_t>, std::shared_ptr<RTCSceneTy>> collider_scenes{}; // by the meshes in them
+    std::vector<char> taken_over{}; // [mesh ID] growth surfaces of the frame before
     std::vector<std::shared_ptr<LentGeometry>>
         lent{};                      // to makers of meshes, which may look at it until the frame ends
     std::vector<CurveBuild> items{}; // in the order they were made
@@ -50,7 +50,7 @@ struct Build {
     // Throws what Embree has reported, and Cancelled.
     void check_device() const {
         if (cancel.load()) throw Cancelled{};
-        raise(*errors);
+        raise(*world.errors);
     }
 };
 

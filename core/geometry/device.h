@@ -19,6 +19,9 @@ struct DeviceErrors { // the first one
 // A device whose errors go to `errors`, which lives as long as it. Throws InputError, and std::bad_alloc.
 std::shared_ptr<RTCDeviceTy> make_device(std::shared_ptr<DeviceErrors>& errors);
 
+// As if nothing had been reported.
+void forget(DeviceErrors& errors);
+
 // Throws what was reported: InputError, or Cancelled.
 void raise(DeviceErrors& errors);
 

@@ -127,6 +127,8 @@ uint32_t Procedural::update(const Item& item, const ParamSet& wind, uint32_t inp
         check(type_->calls.create(&host_, &list, &made));
         if (instance_) type_->calls.destroy(instance_);
         instance_ = made;
+        static std::atomic<uint64_t> count = 0;
+        instance_number_ = ++count;
     }
     digest_ = digest;
     read_attributes();

@@ -49,6 +49,9 @@ class Procedural {
     // Of its values, with all that files hold which they name, and of the library's version.
     uint64_t digest() const { return digest_; }
 
+    // Unique to the instance: an update that creates it anew changes it.
+    uint64_t instance_number() const { return instance_number_; }
+
     int material = -1;                        // index into the scene's materials
     uint32_t roles = MARRAM_ALL_ROLES;        // of the mesh that it makes
     uint32_t pending_inputs = MARRAM_NOTHING; // MarramChange of what it depends on, since its last update
@@ -99,6 +102,7 @@ class Procedural {
     const PrepareProgress* progress_ = nullptr;               // while prepare runs
     MarramHost host_{};                                       // lent from create to destroy
     MarramInstance* instance_ = nullptr;
+    uint64_t instance_number_ = 0;
     std::vector<MarramAttribute> attributes_; // names point into attribute_names_
     std::deque<std::string> attribute_names_;
     std::exception_ptr thrown_; // in a call that the procedural made

@@ -31,6 +31,8 @@ struct MeshGeometry {
     std::vector<GridValues> grids{};
     uint32_t roles = MARRAM_ALL_ROLES;
     uint64_t topology = 0; // digest of its triangles
+    uint64_t version =
+        0; // two frames' meshes of one geometry ID with one version are the same; 0: nobody knows
 };
 
 // The curves of one procedural. Its geometry ID is World::meshes.size() + its index in World::curves. CurveLayout says where a curve's
@@ -57,9 +59,16 @@ struct CurveGeometry {
     }
 };
 
+struct DeviceErrors;
+
+// By the geometry IDs of the meshes in them, ascending.
+using ColliderScenes = std::map<std::vector<uint32_t>, std::shared_ptr<RTCSceneTy>>;
+
 struct World {
     std::shared_ptr<RTCDeviceTy> device;
-    std::shared_ptr<RTCSceneTy> colliders; // the growth surfaces of all meshes
+    std::shared_ptr<DeviceErrors> errors;  // the device's
+    ColliderScenes collider_scenes;        // of growth surfaces, one for each set that somebody traces
+    std::shared_ptr<RTCSceneTy> colliders; // that of all meshes; empty where no strand is made
     std::shared_ptr<RTCSceneTy> scene; // meshes as they are seen, and curves: what rays are traced against
     double frame = 0.0;
     // Motion samples in frames, equally spaced, of what has most of them; a ray's time 0 ... 1 runs from the first to the last.

@@ -200,7 +200,7 @@ typedef struct MarramParam {
     double minimum, maximum; /* of every component, both ends allowed */
     /* "a|b|c" of a choice; "each" of a MARRAM_MESH_NAME where a scene may name several: an instance is made for each; else "" */
     const char* choices;
-    const char* help;        /* one line */
+    const char* help; /* one line */
     const char*
         sweep; /* values that a measurement of speed against error tries, as in a scene: "1|4|16"; "" or NULL: none */
     const char*
@@ -357,6 +357,9 @@ typedef struct MarramOutput { /* the host sets size, and all else to zero */
     /* MARRAM_MESH */
     uint32_t vertex_count, triangle_count, has_uvs;
     uint32_t has_normals; /* 0: the host makes vertex normals from the triangles */
+    /* Of mesh() and of view_mesh(), each by itself: what this instance hands over under one number is the same to the bit, attributes and
+     * grids included, so that the host may keep it and not ask again. 0: ask. */
+    uint64_t version;
 } MarramOutput;
 
 typedef struct MarramPatch {

@@ -151,14 +151,14 @@ void check_layers(const Shot& shot, const std::vector<std::string>& more, const 
     for (const std::string& name : more) check({name}, {option + " " + name});
 }
 
-World build_frame(Frame& frame) {
+World build_frame(Frame& frame, KeptGeometry kept) {
     frame.settings = render_settings(frame.shot, frame.files.frame);
     frame.settings.seconds = frame.options.seconds;
     BuildSettings settings = build_settings(frame.shot, frame.files.frame);
     settings.attributes = wanted_attributes(frame.shot, frame.layers);
     settings.camera = camera_samples(frame.shot, frame.files.frame);
-    World world =
-        build_world(frame.shot.geometry, settings, frame.cancel, frame.progress.build, frame.stats.build);
+    World world = build_world(frame.shot.geometry, settings, frame.cancel, frame.progress.build,
+                              frame.stats.build, std::move(kept));
     check_root_uvs(frame.shot, world);
     check_target(frame);
     const auto [width, height] = film_size(frame.shot);

@@ -3,7 +3,7 @@
 //
 //   FrameFiles files = frame_files(...)             names and digests
 //   Frame frame{shot, files, layers, ...}
-//   World world = build_frame(frame)                procedurals and meshes, ready to trace
+//   World world = build_frame(frame, kept)          procedurals and meshes, ready to trace
 //   resume_frame(frame)                             the film, with what an earlier run has left
 //   trace_frame(frame, world, preview)
 //   save_frame(frame)                               the picture, or a partial one and the film's state
@@ -83,8 +83,8 @@ struct Frame {
     FrameProgress progress{};
 };
 
-// Throws InputError and Cancelled. Sets up the settings and an empty film as well.
-World build_frame(Frame& frame);
+// Throws InputError and Cancelled. Sets up the settings and an empty film as well. kept: what the frame before has left.
+World build_frame(Frame& frame, KeptGeometry kept);
 
 // Fills the film with what an earlier run has left of this frame, if the options ask for it.
 struct ResumedFrame {

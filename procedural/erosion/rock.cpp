@@ -474,10 +474,13 @@ void make_maps(RockInstance& instance, const Values& values) {
 uint64_t digest_of_rock(const RockInstance& instance, std::span<const MarramMesh> meshes) {
     Digest digest;
     digest.add(instance.values_digest);
-    for (const MarramMesh& mesh : meshes)
+    for (const MarramMesh& mesh : meshes) {
         digest.add(mesh.name ? mesh.name : "")
             .add(mesh.positions[0], 12 * size_t(mesh.vertex_count))
             .add(mesh.triangles, 12 * size_t(mesh.triangle_count));
+        if (mesh.normals) digest.add(mesh.normals[0], 12 * size_t(mesh.vertex_count));
+        if (mesh.uvs) digest.add(mesh.uvs, 8 * size_t(mesh.vertex_count));
+    }
     return digest.value() | 1U;
 }
 
@@ -665,6 +668,7 @@ MarramStatus begin_rock(MarramInstance* opaque, const MarramFrame* given, Marram
         output.triangle_count = uint32_t(instance.triangles.size() / 3);
         output.has_uvs = instance.uvs.empty() ? 0 : 1;
         output.has_normals = instance.normals.empty() ? 0 : 1;
+        output.version = instance.digest;
         fill_known_part(output, out);
         instance.begun = true;
         return MARRAM_OK;

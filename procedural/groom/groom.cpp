@@ -239,7 +239,8 @@ MarramStatus place_guides(GroomInstance& instance, const std::function<bool()>& 
     return cancelled() ? MARRAM_CANCELLED : MARRAM_OK;
 }
 
-// After an update: roots stay where the mesh is the same after all.
+// Roots stay where all that places them is the same. On a terrain that evolves they are placed anew, frame by frame: a strand is there
+// or not by its own hash, so that most of them are those of the frame before.
 MarramStatus check_mesh_again(GroomInstance& instance) {
     const MarramStatus status = read_bind_pose(instance);
     if (status == MARRAM_OK && digest_of_mesh(instance) != instance.placed_mesh) instance.placed = false;
@@ -282,14 +283,15 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         find_mesh(instance);
         check_uvs(instance);
         find_attributes(instance.groom, instance.attributes);
-        if (instance.placed && instance.mesh_may_differ)
-            if (const MarramStatus status = check_mesh_again(instance); status != MARRAM_OK) return status;
-        if (instance.placed && instance.placed_topology != topology_of(*instance.mesh))
+        if (instance.placed && !instance.mesh_may_differ &&
+            instance.placed_topology != topology_of(*instance.mesh))
             throw SceneFault("groom.topology", instance.groom.mesh_place,
                              "the mesh '" + instance.groom.mesh +
                                  "' has other triangles than when its strands were placed",
                              "keep "
                              "its topology, or make the groom anew");
+        if (instance.placed)
+            if (const MarramStatus status = check_mesh_again(instance); status != MARRAM_OK) return status;
         if (!instance.placed) {
             const MarramStatus status = place(instance);
             if (status != MARRAM_OK) return status;

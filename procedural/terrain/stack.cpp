@@ -2,6 +2,7 @@
 #include "procedural/terrain/stack.h"
 
 #include "core/math/clock.h"
+#include "core/math/digest.h"
 
 #include <tbb/parallel_for.h>
 
@@ -134,6 +135,12 @@ bool Stack::evaluate(const std::function<bool()>& cancelled) {
         entry.stale = Tiles(domain_);
     }
     return true;
+}
+
+uint64_t Stack::digest() const {
+    Digest digest;
+    for (const Entry& entry : entries_) digest.add(entry.made.type).add(entry.made.digest);
+    return digest.value();
 }
 
 Tiles Stack::take_changed() { return std::exchange(changed_, Tiles(domain_)); }

@@ -50,6 +50,7 @@ class Stack {
     // What the layer said when it was last evaluated as a whole.
     const LayerNotes& notes(size_t layer) const { return entries_[layer].notes; }
     size_t bytes() const;
+    uint64_t digest() const; // of what the layers are made from
 
   private:
     template <typename T>

@@ -146,9 +146,11 @@ void find_heights(TerrainInstance& instance) {
     });
 }
 
-// Two triangles a cell, cut along the diagonal whose ends differ less in height: ridges and valleys stay whole.
+// Two triangles a cell, cut along the diagonal whose ends differ less in height: ridges and valleys stay whole. Where layers evolve the
+// diagonals alternate: strands know the triangle that they stand on from frame to frame.
 void write_triangles(const TerrainInstance& instance, uint32_t* triangles) {
     const Domain& d = instance.domain;
+    const bool evolving = evolves(Values(instance.values.all()));
     const auto nx = uint32_t(d.nx);
     tbb::parallel_for(0, d.nz - 1, [&](int j) {
         uint32_t* out = triangles + 6 * size_t(j) * (nx - 1);
@@ -157,7 +159,7 @@ void write_triangles(const TerrainInstance& instance, uint32_t* triangles) {
             const auto gap = [&](uint32_t p, uint32_t q) {
                 return std::abs(instance.heights[p] - instance.heights[q]);
             };
-            const bool across = gap(b, c) <= gap(a, e);
+            const bool across = evolving ? (i + uint32_t(j)) % 2 == 0 : gap(b, c) <= gap(a, e);
             const std::array<uint32_t, 6> corners =
                 across ? std::array{a, c, b, b, c, e} : std::array{a, c, e, a, e, b};
             std::copy(corners.begin(), corners.end(), out);
@@ -200,13 +202,21 @@ bool evaluate_layers(TerrainInstance& instance, const MarramFrame& frame,
                      std::span<const MarramMesh> meshes) {
     try {
         set_layers(instance, frame, meshes);
-        return instance.stack->evaluate([&] { return instance.host.cancelled(instance.host.user) != 0; });
+        const bool whole =
+            instance.stack->evaluate([&] { return instance.host.cancelled(instance.host.user) != 0; });
+        for (const Stack::Work& work : instance.stack->work()) instance.evaluated += uint64_t(work.tiles);
+        return whole;
     } catch (const std::bad_alloc&) {
         throw SceneFault("terrain.memory", Values(instance.values.all()).at("cell").place,
                          fmt::format("{} layers of {} x {} samples do not fit into memory",
                                      instance.stack->work().size(), instance.domain.nx, instance.domain.nz),
                          "make cell larger or size smaller");
     }
+}
+
+// Of the terrain as it is now: by its values, its layers with all that they are made from, and the tiles that were evaluated on the way.
+uint64_t version_of(const TerrainInstance& instance) {
+    return Digest().add(instance.digest).add(instance.stack->digest()).add(instance.evaluated).value() | 1U;
 }
 
 // Of the layers that were evaluated; those of others have been sent before.
@@ -253,6 +263,7 @@ MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, Mar
             throw SceneFault("contract.null_output", "", "the output is NULL", "pass a non-NULL pointer");
         instance.begun = false;
         instance.seen = {};
+        instance.view.begun = false;
         std::vector<MarramMesh> meshes;
         const MarramFrame frame = borrowed_frame(given, meshes);
         const double begin = wall_seconds();
@@ -260,6 +271,7 @@ MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, Mar
         send_warnings(instance);
         if (!whole) return MARRAM_CANCELLED;
         find_heights(instance);
+        instance.version = version_of(instance);
         instance.seconds = wall_seconds() - begin + std::exchange(instance.prepared, 0.0);
         const Domain& d = instance.domain;
         MarramOutput output{};
@@ -268,6 +280,7 @@ MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, Mar
         output.vertex_count = uint32_t(d.count());
         output.triangle_count = uint32_t(2 * size_t(d.nx - 1) * size_t(d.nz - 1));
         output.has_uvs = 1;
+        output.version = instance.version;
         fill_known_part(output, out);
         instance.begun = true;
         return MARRAM_OK;
@@ -313,7 +326,7 @@ MarramStatus view_mesh_of_terrain(MarramInstance* opaque, MarramMeshBuffers* buf
     if (!opaque) return MARRAM_ERROR; // nobody to tell
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
-        if (instance.seen.samples.empty())
+        if (!instance.view.begun)
             throw SceneFault("contract.no_view", "", "no view has begun", "call begin_view first");
         check_mesh_buffers(instance, buffers);
         write_view(instance, *buffers);
@@ -332,12 +345,6 @@ MarramStatus attributes_of_terrain(MarramInstance* opaque, MarramAttributeList* 
         return MARRAM_OK;
     });
 }
-
-// What a layer did to the terrain below it.
-struct LayerChange {
-    double highest = 0.0; // metres: the greatest change of the height at a sample
-    SandUnits sand = 0;   // sum over samples
-};
 
 LayerChange change_of_layer(const TerrainInstance& instance, size_t layer) {
     const Fields below = instance.stack->fields(layer), above = instance.stack->fields(layer + 1);
@@ -368,10 +375,21 @@ double steepest_slope(const TerrainInstance& instance) {
     return *std::max_element(rows.begin(), rows.end());
 }
 
+void find_sums(TerrainInstance& instance) {
+    TerrainSums& sums = instance.sums;
+    if (sums.version == instance.version) return;
+    sums.layers.clear();
+    for (size_t k = 0; k < instance.stack->work().size(); ++k)
+        sums.layers.push_back(change_of_layer(instance, k));
+    sums.steepest = steepest_slope(instance);
+    sums.version = instance.version;
+}
+
 void report_terrain(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
     if (!opaque || !sink) return;
-    const TerrainInstance& instance = terrain(opaque);
+    TerrainInstance& instance = terrain(opaque);
     if (!instance.begun) return;
+    find_sums(instance);
     const Stack& stack = *instance.stack;
     const double area = instance.domain.cell * instance.domain.cell;
     const std::vector<Stack::Work> work = stack.work();
@@ -379,7 +397,7 @@ void report_terrain(MarramInstance* opaque, void (*sink)(void*, const char*, dou
     double sand = 0.0;
     for (size_t k = 0; k < work.size(); ++k) {
         const std::string path = fmt::format("terrain.layer[{}].{}.", k, stack.type(k));
-        const LayerChange change = change_of_layer(instance, k);
+        const LayerChange& change = instance.sums.layers[k];
         tiles += work[k].tiles;
         sand += sand_metres(change.sand) * area;
         sink(user, (path + "highest_change").c_str(), change.highest);
@@ -391,7 +409,7 @@ void report_terrain(MarramInstance* opaque, void (*sink)(void*, const char*, dou
     sink(user, "terrain.samples", double(instance.domain.count()));
     sink(user, "terrain.bytes", double(stack.bytes() + instance.heights.size() * sizeof(float)));
     sink(user, "terrain.sand", sand);
-    sink(user, "terrain.steepest", steepest_slope(instance));
+    sink(user, "terrain.steepest", instance.sums.steepest);
     sink(user, "terrain.tiles", tiles);
     sink(user, "terrain.seconds", instance.seconds);
 }

@@ -16,9 +16,32 @@ namespace marram {
 
 // The render mesh between begin_view() and view_mesh().
 struct SeenTerrain {
-    std::vector<uint32_t> samples; // of its first vertices
+    std::vector<uint32_t> samples; // of its first vertices; empty: not made
     DicedMesh mesh;
     DisplacedRegion region; // reach 0: nothing is displaced
+};
+
+// A view, and what was said of its render mesh.
+struct TerrainView {
+    MarramView view{}; // of the vectors below
+    std::vector<double> times, positions, directions, ups;
+    MarramOutput output{}; // its version is a digest of the terrain's and of all but the view's times
+    bool begun = false;    // since begin()
+
+    void take(const MarramView& given);
+};
+
+// What a layer did to the terrain below it.
+struct LayerChange {
+    double highest = 0.0; // metres: the greatest change of the height at a sample
+    SandUnits sand = 0;   // sum over samples
+};
+
+// What report() needs a look at every sample for.
+struct TerrainSums {
+    uint64_t version = 0; // of the terrain
+    std::vector<LayerChange> layers;
+    double steepest = 0.0; // degrees
 };
 
 struct TerrainInstance {
@@ -29,7 +52,11 @@ struct TerrainInstance {
     Simulation simulation; // before the stack, whose layers use it
     std::unique_ptr<Stack> stack;
     std::vector<float> heights; // of the growth surface
+    uint64_t version = 0;       // of all that mesh() hands over
+    uint64_t evaluated = 0;     // tiles of all layers, ever
     SeenTerrain seen;
+    TerrainView view;
+    TerrainSums sums;
     bool begun = false;
     double seconds = 0.0, prepared = 0.0; // of the last begin(), and of prepare() before it
 

@@ -109,7 +109,37 @@ void displace(const RipplesLayer& ripples, const DisplacedRegion& region,
 
 } // namespace
 
-MarramOutput begin_view(TerrainInstance& instance, const MarramView& view) {
+void TerrainView::take(const MarramView& given) {
+    const size_t count = given.time_count;
+    times.assign(given.times, given.times + count);
+    positions.assign(given.positions, given.positions + 3 * count);
+    directions.assign(given.directions, given.directions + 3 * count);
+    ups.assign(given.ups, given.ups + 3 * count);
+    view = given;
+    view.times = times.data();
+    view.positions = positions.data();
+    view.directions = directions.data();
+    view.ups = ups.data();
+}
+
+namespace {
+
+uint64_t version_of_view(uint64_t terrain, const MarramView& view) {
+    const size_t bytes = 3 * sizeof(double) * view.time_count;
+    const std::array numbers{view.fov, view.tolerance, view.tolerance_pixels};
+    return Digest()
+               .add(terrain)
+               .add(view.positions, bytes)
+               .add(view.directions, bytes)
+               .add(view.ups, bytes)
+               .add(numbers.data(), sizeof numbers)
+               .add(view.width)
+               .add(view.height)
+               .value() |
+           1U;
+}
+
+MarramOutput make_view(TerrainInstance& instance, const MarramView& view) {
     SeenTerrain& seen = instance.seen;
     seen = {};
     RenderMesh mesh = mesh_terrain(instance.domain, instance.heights.data(), tolerance_of(view));
@@ -144,7 +174,24 @@ MarramOutput begin_view(TerrainInstance& instance, const MarramView& view) {
     return output;
 }
 
+} // namespace
+
+// A host that kept the render mesh of this version does not ask for it: it is made again where it does.
+MarramOutput begin_view(TerrainInstance& instance, const MarramView& view) {
+    TerrainView& kept = instance.view;
+    const uint64_t version = version_of_view(instance.version, view);
+    if (kept.output.version != version) {
+        kept.output = {};
+        kept.take(view);
+        kept.output = make_view(instance, kept.view);
+        kept.output.version = version;
+    }
+    kept.begun = true;
+    return kept.output;
+}
+
 void write_view(TerrainInstance& instance, MarramMeshBuffers& buffers) {
+    if (instance.seen.samples.empty()) make_view(instance, instance.view.view);
     const SeenTerrain& seen = instance.seen;
     const DicedMesh& mesh = seen.mesh;
     float* positions = buffers.positions[0];
@@ -180,6 +227,7 @@ void write_view(TerrainInstance& instance, MarramMeshBuffers& buffers) {
         fill_midpoints(mesh, 1, buffers.attribute_values[a]);
     }
     instance.seen = {};
+    instance.view.begun = false;
 }
 
 } // namespace marram

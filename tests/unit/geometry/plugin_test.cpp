@@ -171,7 +171,8 @@ TEST(FaultyPlugin, ThatThrowsAwayCancelIsStopped) {
 
 TEST(MeshPlugin, BecomesACollider) {
     TestScene scene(mesh("ground", "plane") +
-                    "[[procedural]]\ntype = \"pyramid\"\nname = \"tomb\"\nheight = 3\n");
+                    "[[procedural]]\ntype = \"pyramid\"\nname = \"tomb\"\nheight = 3\n" +
+                    groom("hair", "ground"));
     const World world = scene.build(); // throws when the lent host is gone
     ASSERT_EQ(world.meshes.size(), 2u);
     const MeshGeometry& tomb = world.meshes[1];

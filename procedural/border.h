@@ -4,9 +4,11 @@
 
 #include "core/math/digest.h"
 #include "core/math/known_part.h"
+#include "core/math/vec.h"
 #include "procedural/contract_checks.h"
 #include "procedural/values.h"
 
+#include <cmath>
 #include <new>
 #include <span>
 #include <string>
@@ -113,6 +115,27 @@ inline MarramStatus pose_lent_mesh(const MarramFrame& frame, uint32_t mesh, doub
     if (!usable_coordinates(positions, count) || (normals && !usable_coordinates(normals, count)))
         throw SceneFault("contract.pose", "", "the host poses " + which + " with numbers that are not finite",
                          "give finite positions and normals");
+    return MARRAM_OK;
+}
+
+// What takes a mesh to an instance of it: likewise.
+inline MarramStatus place_lent_instance(const MarramFrame& frame, uint32_t mesh, double time,
+                                        Eigen::Affine3d& placed) {
+    Eigen::Matrix<double, 3, 4, Eigen::RowMajor> matrix;
+    const MarramStatus status = frame.instance_transform(frame.pose_user, mesh, time, matrix.data());
+    if (status == MARRAM_CANCELLED) return status;
+    placed.affine() = matrix;
+    // Lengths are all multiplied by the same: 1e-6 is what a matrix of floats is good for.
+    const Eigen::Matrix3d squares = placed.linear().transpose() * placed.linear();
+    const double squared = squares.trace() / 3.0;
+    const bool even =
+        squared > 0.0 &&
+        (squares - squared * Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <= 1e-6 * squared;
+    if (status != MARRAM_OK || !matrix.allFinite() || !even)
+        throw SceneFault("contract.instance", "",
+                         "the host does not place the instance '" + std::string(frame.meshes[mesh].name) +
+                             "' at frame " + std::to_string(time) + ", or does not scale it evenly",
+                         "give a finite matrix: turned, and scaled by one number other than 0");
     return MARRAM_OK;
 }
 

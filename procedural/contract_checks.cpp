@@ -423,6 +423,19 @@ ContractFault frame_fault(const MarramFrame& frame, std::span<const MarramMesh> 
         if (!meshes[m].name) return {"", fmt::format("mesh {} has no name", m), "give it one"};
         if (const Fault fault = mesh_fault(meshes[m], frame.time_count))
             return {"", fmt::format("the mesh {} {}", quoted(meshes[m].name), fault.what), fault.remedy};
+        if (meshes[m].instance_of == 0) continue;
+        const auto refuse = [&](const char* what, const char* remedy) -> ContractFault {
+            return {"", fmt::format("the instance {} {}", quoted(meshes[m].name), what), remedy};
+        };
+        if (meshes[m].instance_of > m) return refuse("stands before its mesh", "list the mesh first");
+        const MarramMesh& mesh = meshes[meshes[m].instance_of - 1];
+        if (mesh.instance_of != 0)
+            return refuse("is one of another instance", "let it be one of that one's mesh");
+        if (mesh.vertex_count != meshes[m].vertex_count || mesh.triangle_count != meshes[m].triangle_count)
+            return refuse("has other triangles than its mesh", "lend it with the same");
+        if (!frame.instance_transform)
+            return refuse("cannot be placed: MarramFrame.instance_transform is NULL",
+                          "give a function that places instances");
     }
     for (size_t c = 0; c < curves.size(); ++c) {
         if (!curves[c].name) return {"", fmt::format("curves {} have no name", c), "give them one"};

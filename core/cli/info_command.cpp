@@ -94,8 +94,8 @@ std::vector<Topic> topics(const Schema& schema) {
 
 // Image layers: film.aovs and --aov. The same list as check_layers() accepts; each with its channels in an EXR.
 void print_layers(const PluginSet& plugins) {
-    fmt::print(
-        "image layers (film.aovs, --aov, --png), in an EXR as LAYER.CHANNEL; beauty and alpha are R, G, B, A\n");
+    fmt::print("image layers (film.aovs, --aov, --png), in an EXR as LAYER.CHANNEL; beauty and alpha are R, "
+               "G, B, A\n");
     const auto print = [](std::string_view name, std::string_view channels, std::string_view help) {
         fmt::print("    {:<14} {:<8} {}\n", name, channels, help);
     };
@@ -130,12 +130,15 @@ void print_scene(const std::string& file) {
     Shot shot = open_shot(options);
     uint64_t triangles = 0;
     for (const SceneMesh& mesh : shot.geometry.meshes) {
-        triangles += mesh.mesh.triangles.size();
-        fmt::print("mesh {}: {} vertices, {} triangles{}{}\n", mesh.name, mesh.mesh.positions.size(),
+        triangles += mesh.object().mesh.triangles.size();
+        if (mesh.instance_of) continue;
+        const auto instances = std::ranges::count(shot.geometry.meshes, &mesh, &SceneMesh::instance_of);
+        fmt::print("mesh {}: {} vertices, {} triangles{}{}{}\n", mesh.name, mesh.mesh.positions.size(),
                    mesh.mesh.triangles.size(), mesh.mesh.uvs.empty() ? ", no uvs" : "",
                    !mesh.shapes.empty() ? fmt::format(", {} shapes", mesh.shapes.size())
                    : mesh.moves()       ? ", moves"
-                                        : "");
+                                        : "",
+                   instances > 0 ? fmt::format(", {} instances", instances) : "");
     }
     for (const SceneCurves& curves : shot.geometry.curves) {
         static constexpr const char* drawn[] = {"B-splines", "Catmull-Rom curves", "polylines"};

@@ -363,7 +363,7 @@ uint32_t choose_keys(Build& build, Procedural& procedural) {
         motion = look_at_motion(build, procedural, more_instants);
     uint32_t keys = motion.keys_for(settings.tolerance);
     for (const SceneMesh& mesh : build.geometry.meshes)
-        if (procedural.names_mesh(mesh.name))
+        if (procedural.names_mesh(mesh.object().name))
             keys =
                 motion_keys_for(mesh, settings.tolerance, settings.view, build.open(), build.close(), keys);
     for (const MeshGeometry& mesh : build.world.meshes) // and those that procedurals have made

@@ -19,15 +19,16 @@ namespace {
 bool sound(const Vec3f& p) { return (p.array().abs() < 1e18F).all(); }
 
 MeshGeometry place_mesh(const SceneMesh& source, const std::vector<double>& times, double frame) {
+    const Mesh& object = source.object().mesh;
     MeshGeometry mesh{source.name, source.material, source.light, {}, {}, {}, {}};
-    mesh.triangles.reserve(source.mesh.triangles.size() + 2);
-    mesh.triangles = source.mesh.triangles;
-    mesh.uvs = source.mesh.uvs;
-    if (source.transform.at(frame).linear().determinant() < 0.0)
+    mesh.triangles.reserve(object.triangles.size() + 2);
+    mesh.triangles = object.triangles;
+    mesh.uvs = object.uvs;
+    if (source.to_world(frame).linear().determinant() < 0.0)
         for (auto& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
     for (const double time : times) {
         mesh.positions.push_back(source.positions_at(time));
-        if (!source.mesh.normals.empty()) mesh.normals.push_back(source.normals_at(time));
+        if (!object.normals.empty()) mesh.normals.push_back(source.normals_at(time));
     }
     // A transform can throw a sound mesh far away.
     for (const auto& positions : mesh.positions)
@@ -70,7 +71,7 @@ MeshGeometry place_mesh(Build& build, const SceneMesh& mesh) {
                 "shorten camera.shutter, or give more tolerance",
                 mesh.name, keys, error, settings.tolerance));
     }
-    const auto outward = [&](double frame) { return mesh.transform.at(frame).linear().determinant() > 0.0; };
+    const auto outward = [&](double frame) { return mesh.to_world(frame).linear().determinant() > 0.0; };
     if (moves && outward(open) != outward(close))
         build.stats.warnings.push_back(
             mesh.name + ": turns inside out while the shutter is open: it is lit, and shines, as it is at "

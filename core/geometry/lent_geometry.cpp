@@ -46,7 +46,9 @@ LentGeometry::LentGeometry(Build& build, Procedural& to, std::vector<double> tim
     std::vector<uint32_t> ids;
     for (uint32_t id = 0; id < build.world.meshes.size(); ++id) {
         const MeshGeometry& mesh = build.world.meshes[id];
-        if (!mesh.positions.empty() && depends_on_mesh(to, mesh.name, mesh.roles)) ids.push_back(id);
+        const std::string& name =
+            id < build.geometry.meshes.size() ? build.geometry.meshes[id].object().name : mesh.name;
+        if (!mesh.positions.empty() && depends_on_mesh(to, name, mesh.roles)) ids.push_back(id);
     }
     lists_.reserve(ids.size() + to.curves().size()); // elements stay where they are
     for (const uint32_t id : ids) lend_mesh(id);
@@ -62,6 +64,7 @@ LentGeometry::LentGeometry(Build& build, Procedural& to, std::vector<double> tim
     frame_.curves_count = uint32_t(curves_.size());
     frame_.curves_stride = sizeof(MarramCurves);
     frame_.pose_curves = pose_curves;
+    frame_.instance_transform = instance_transform;
 }
 
 void LentGeometry::lend_mesh(uint32_t id) {
@@ -104,6 +107,12 @@ void LentGeometry::lend_mesh(uint32_t id) {
     lent.grid_count = uint32_t(list.grids.size());
     lent.grid_stride = sizeof(MarramGrid);
     lent.topology = mesh.topology;
+    const std::vector<SceneMesh>& drawn = build_.geometry.meshes;
+    if (id < drawn.size() && drawn[id].instance_of) {
+        const auto object = uint32_t(drawn[id].instance_of - drawn.data());
+        const auto same = std::ranges::find(meshes_, object, &MarramMesh::geometry_id);
+        lent.instance_of = uint32_t(same - meshes_.begin()) + 1;
+    }
     meshes_.push_back(lent);
 }
 
@@ -180,6 +189,16 @@ MarramStatus LentGeometry::pose(void* user, uint32_t index, double frame, float*
         lent.to_.blame(std::current_exception());
         return MARRAM_ERROR;
     }
+}
+
+MarramStatus LentGeometry::instance_transform(void* user, uint32_t index, double frame, double* matrix) {
+    const LentGeometry& lent = *static_cast<LentGeometry*>(user);
+    if (index >= lent.meshes_.size() || lent.meshes_[index].instance_of == 0 || !std::isfinite(frame))
+        return MARRAM_ERROR;
+    const SceneMesh& mesh = lent.build_.geometry.meshes[lent.meshes_[index].geometry_id];
+    Eigen::Map<Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(matrix, 3, 4) =
+        mesh.transform.at(frame).matrix().topRows<3>();
+    return MARRAM_OK;
 }
 
 MarramStatus LentGeometry::pose_curves(void* user, uint32_t index, double frame, uint64_t first,

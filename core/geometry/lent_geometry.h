@@ -28,6 +28,7 @@ class LentGeometry {
     void lend_mesh(uint32_t id);
     void lend_curves(const std::string& name);
     static MarramStatus pose(void* user, uint32_t index, double frame, float* positions, float* normals);
+    static MarramStatus instance_transform(void* user, uint32_t index, double frame, double* matrix);
     static MarramStatus pose_curves(void* user, uint32_t index, double frame, uint64_t first, uint64_t count,
                                     float* vertices);
 

@@ -31,13 +31,13 @@ namespace {
 
 // Vertices whose way bends most at the shape of that index, in metres and as the view sees it.
 std::array<size_t, 2> bend_most(const SceneMesh& mesh, size_t shape, const View& view) {
-    const std::vector<MeshShape>& shapes = mesh.shapes;
+    const std::vector<MeshShape>& shapes = mesh.object().shapes;
     const auto velocity = [&](size_t from, size_t vertex) -> Vec3d {
         if (from >= shapes.size() - 1) return Vec3d::Zero(); // before the first shape, or after the last
         return (shapes[from + 1].positions[vertex] - shapes[from].positions[vertex]).cast<double>() /
                (shapes[from + 1].frame - shapes[from].frame);
     };
-    const Eigen::Affine3d placed = mesh.transform.at(shapes[shape].frame);
+    const Eigen::Affine3d placed = mesh.to_world(shapes[shape].frame);
     std::array<size_t, 2> most{};
     std::array<double, 2> by{};
     for (size_t v = 0; v < shapes[shape].positions.size(); ++v) {
@@ -54,15 +54,16 @@ std::array<size_t, 2> bend_most(const SceneMesh& mesh, size_t shape, const View&
 class MotionProbes {
   public:
     MotionProbes(const SceneMesh& mesh, const View& view, double open, double close) : mesh_(mesh) {
-        const std::vector<Vec3f>& positions = mesh.mesh.positions;
+        const std::vector<Vec3f>& positions = mesh.object().mesh.positions;
+        const std::vector<MeshShape>& shapes = mesh.object().shapes;
         constexpr size_t enough = 1024;
-        if (!mesh.shapes.empty() || view.pixels_at > 0.0)
+        if (!shapes.empty() || view.pixels_at > 0.0)
             for (size_t i = 0; i < positions.size(); i += 1 + positions.size() / enough)
                 vertices_.push_back(i);
-        for (size_t i = 0; i < mesh.shapes.size() && !positions.empty(); ++i)
-            if (mesh.shapes[i].frame > open && mesh.shapes[i].frame < close)
+        for (size_t i = 0; i < shapes.size() && !positions.empty(); ++i)
+            if (shapes[i].frame > open && shapes[i].frame < close)
                 for (const size_t vertex : bend_most(mesh, i, view)) vertices_.push_back(vertex);
-        if (!mesh.shapes.empty()) return;
+        if (!shapes.empty()) return;
         Eigen::AlignedBox3d box;
         for (const Vec3f& p : positions) box.extend(p.cast<double>());
         for (int i = 0; i < 8 && !box.isEmpty(); ++i)
@@ -71,7 +72,7 @@ class MotionProbes {
 
     std::vector<Vec3d> at(double frame) const {
         std::vector<Vec3d> points;
-        const Eigen::Affine3d placed = mesh_.transform.at(frame);
+        const Eigen::Affine3d placed = mesh_.to_world(frame);
         for (const Vec3d& corner : corners_) points.push_back(placed * corner);
         for (const Vec3d& vertex : mesh_.vertices_at(vertices_, frame)) points.push_back(vertex);
         return points;

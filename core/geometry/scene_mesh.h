@@ -6,6 +6,7 @@
 #include "core/math/params.h"
 #include "core/math/transform.h"
 #include "core/plugin/marram_plugin.h"
+#include "core/scene/description.h"
 
 #include <span>
 #include <string>
@@ -24,7 +25,7 @@ uint32_t role_bits(const ParamSet& params);
 
 struct SceneMesh {
     std::string name;
-    Mesh mesh; // object space
+    Mesh mesh; // object space; read it as object().mesh
     KeyedTransform transform;
     int material = -1;
     int light = -1;
@@ -33,7 +34,13 @@ struct SceneMesh {
     std::vector<MeshShape> shapes{};
     uint32_t roles = MARRAM_ALL_ROLES;
 
-    bool moves() const { return transform.moves() || shapes.size() > 1; } // false: the same at every frame
+    // Another mesh, shown once more: `transform` takes it, as it stands in the world, to where the instance stands. Mesh and shapes are
+    // the other's.
+    const SceneMesh* instance_of = nullptr;
+
+    const SceneMesh& object() const { return instance_of ? *instance_of : *this; }
+    Eigen::Affine3d to_world(double frame) const; // from object space
+    bool moves() const;                           // false: the same at every frame
     bool moves_within(double begin, double end) const;
 
     // Frames between the two at which its way may bend: of its shapes, and of its transform's keys. Ascending.
@@ -47,5 +54,9 @@ struct SceneMesh {
 
     uint64_t digest() const; // of all that it holds but name, material and light
 };
+
+// Puts the instances of meshes, which the scene's items describe one for one, behind the meshes. Throws InputError. The vector may be moved,
+// not grown.
+void add_instances(std::vector<SceneMesh>& meshes, std::span<const Item> items);
 
 } // namespace marram

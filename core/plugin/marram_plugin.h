@@ -137,6 +137,9 @@ typedef struct MarramMesh {
     const MarramGrid* grids;
     uint32_t grid_count, grid_stride;
     uint64_t topology; /* a digest of its triangles: two meshes with one have the same */
+    /* Of an instance: 1 + the index in MarramFrame.meshes of the mesh that it shows once more, which is none itself, has the same triangles,
+     * and stands before it. What grows on that mesh grows on the instance, too. 0: it is no instance. */
+    uint32_t instance_of;
 } MarramMesh;
 
 typedef enum MarramBasis { MARRAM_BSPLINE = 0, MARRAM_CATMULL_ROM = 1, MARRAM_LINEAR = 2 } MarramBasis;
@@ -316,6 +319,12 @@ typedef struct MarramFrame { /* valid from begin until the frame's last call, re
      */
     MarramStatus (*pose_curves)(void* pose_user, uint32_t curves, double frame, uint64_t first_curve,
                                 uint64_t curve_count, float* vertices);
+    /*
+     * What takes a mesh, as it stands in the world, to an instance of it, which `mesh` is the index of; at any time; any thread. matrix: 12
+     * numbers, m[0] x + m[1] y + m[2] z + m[3] and so on for y and z; a turn, a translation and one scale for all axes, not 0. NULL where no
+     * mesh is an instance.
+     */
+    MarramStatus (*instance_transform)(void* pose_user, uint32_t mesh, double frame, double* matrix);
 } MarramFrame;
 
 /* The camera, which render meshes are made for and nothing else. Any time between two samples is a straight blend. */

@@ -85,6 +85,10 @@ ItemSchema mesh_type(const char* type, const char* help, std::vector<ParamSpec> 
         {"transform", keys, "", "{}", -any, any, "",
          "{ translate, rotate, scale } or { keys = [{ frame, ... }, ...], interpolation }: scale, then "
          "rotate about x, y, z in degrees, then translate"});
+    params.push_back(
+        {"instances[].transform", keys, "", "{}", -any, any, "",
+         "shows the mesh once more, with all that grows on it: takes it from where it stands to there; as "
+         "transform"});
     std::ranges::move(role_params(), std::back_inserter(params));
     return {type, help, std::move(params)};
 }

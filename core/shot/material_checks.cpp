@@ -125,7 +125,7 @@ std::vector<std::string> check_materials(const Shot& shot) {
                 check_attributes(materials[part], shot.materials[part], use);
         }
     };
-    for (size_t i = 0; i < shot.geometry.meshes.size(); ++i) {
+    for (size_t i = 0; i < shot.description.meshes.size(); ++i) { // instances are as the meshes that they show
         const SceneMesh& mesh = shot.geometry.meshes[i];
         check(mesh.material, {shot.description.meshes[i], nullptr, true, mesh.moves()});
     }

@@ -125,6 +125,7 @@ void load_meshes(Shot& shot, const std::atomic<bool>& cancel, Objections& object
                 objections([&] { shine(mesh, description.lights, i); });
         shot.geometry.meshes.push_back(std::move(mesh));
     }
+    objections([&] { add_instances(shot.geometry.meshes, description.meshes); });
 }
 
 std::shared_ptr<PluginLibrary> library_for(const PluginSet& plugins, const Item& item) {

@@ -296,6 +296,9 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
             const MarramStatus status = place(instance);
             if (status != MARRAM_OK) return status;
         }
+        if (const MarramStatus status = find_places(instance.frame, *instance.mesh, instance.places);
+            status != MARRAM_OK)
+            return status;
         if (instance.guides) instance.groom.length = {0.0, instance.guides->longest()};
         if (const MarramStatus status =
                 fix_gusts_once(instance.frame, {}, instance.wind, instance.gusts_fixed);
@@ -306,16 +309,22 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         instance.placing_seconds += wall_seconds() - open;
         const bool blown = instance.frame.stage != MARRAM_REST;
         bool moves =
-            instance.mesh->time_count > 1 ||
+            instance.mesh->time_count > 1 || std::ranges::any_of(instance.places, &Place::moves) ||
             (blown && (wind_moves(instance.wind) || moving_meshes_matter(instance.wind, instance.frame)));
         instance.past = {};
         if (instance.wind.jiggle && instance.frame.stage == MARRAM_FINAL) {
-            const MarramStatus status =
-                read_past(instance.frame, uint32_t(instance.mesh - instance.meshes.data()),
-                          *instance.wind.jiggle, longest_strand(instance.groom), instance.past);
+            const MarramStatus status = read_past(
+                instance.frame, uint32_t(instance.mesh - instance.meshes.data()), *instance.wind.jiggle,
+                longest_strand(instance.groom) * greatest_size(instance.places), instance.past);
             if (status != MARRAM_OK) return status;
+            bool instances_moved = false;
+            if (const MarramStatus past =
+                    find_past_places(instance.frame, *instance.wind.jiggle, instance.past.window,
+                                     instance.places, instances_moved);
+                past != MARRAM_OK)
+                return past;
             // Where nothing has moved nothing swings.
-            if (instance.past.moves() || wind_moves(instance.wind))
+            if (instance.past.moves() || instances_moved || wind_moves(instance.wind))
                 moves = true;
             else
                 instance.past = {};
@@ -337,7 +346,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         instance.chain_seconds = instance.wind.collision ? wall_seconds() - before : 0.0;
         MarramOutput output{};
         output.kind = MARRAM_CURVES;
-        output.curve_count = instance.roots.size();
+        output.curve_count = instance.places.size() * instance.roots.size();
         output.cvs_per_curve = uint32_t(instance.groom.cvs);
         output.patch_count = instance.patch_count();
         output.time_count = instance.time_count;
@@ -369,20 +378,32 @@ MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
     });
 }
 
-Expand expand_of(const GroomInstance& instance, std::span<const Root> roots, StageClock& clock) {
-    return {[&instance, roots, &clock](uint32_t time, Strands& strands) {
+Expand expand_of(const GroomInstance& instance, const GroomPatch& patch, StageClock& clock) {
+    const std::span<const Root> roots = patch.roots;
+    const Place& place = patch.place;
+    return {[&instance, roots, &place, &clock](uint32_t time, Strands& strands) {
                 const StageTimer timer(clock.expand);
                 const auto guided = instance.guided(roots);
                 expand(instance.groom, instance.wind, instance.poses(time), roots, strands,
                        guided ? &*guided : nullptr);
+                if (place.is_instance)
+                    take_to(place.at(time), instance.wind.rest_anchored ? place.at_bind : place.at(time),
+                            strands);
             },
-            [&instance, roots](int64_t knot, Strands& strands) { // on the jiggle's clock
+            [&instance, roots, &place](int64_t knot, Strands& strands) { // on the jiggle's clock
                 GrowthPoses then{instance.poses(0).bind, instance.past.at(knot, *instance.mesh)};
                 then.now.attributes = instance.attributes;
                 const auto guided = instance.guided(roots);
                 expand(instance.groom, instance.wind, then, roots, strands, guided ? &*guided : nullptr);
+                if (!place.is_instance) return;
+                const Eigen::Affine3d& placed = place.at_knot[size_t(knot - instance.past.window.first)];
+                take_to(placed, instance.wind.rest_anchored ? place.at_bind : placed, strands);
             },
-            [&instance](int64_t knot) { return instance.past.rests_at(knot); }};
+            [&instance, &place](int64_t knot) {
+                if (!instance.past.rests_at(knot)) return false;
+                const auto at = size_t(knot - instance.past.window.first);
+                return !place.is_instance || place.at_knot[at].matrix() == place.at_knot[at - 1].matrix();
+            }};
 }
 
 MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatchBuffers* buffers) {
@@ -394,21 +415,23 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
         check_buffers(buffers, instance.time_count, instance.groom.shape == MARRAM_ORIENTED_RIBBON,
                       groom_attributes().size());
         Worker& worker = instance.workers.local();
-        const std::span<const Root> roots = instance.patch_roots(index);
+        const GroomPatch patch = instance.patch_at(index);
+        const std::span<const Root> roots = patch.roots;
         Strands& strands = worker.strands;
         strands.has_wind_share = !instance.groom.factors[of_wind].empty();
         strands.resize(int(roots.size()), instance.groom.cvs, instance.groom.shape == MARRAM_ORIENTED_RIBBON);
-        const Expand lay_out = expand_of(instance, roots, worker.chain.clock);
-        const bool follows = !instance.guide_motion.times.empty();
+        strands.instance = patch.place.is_instance ? patch.place.mesh : nullptr;
+        const Expand lay_out = expand_of(instance, patch, worker.chain.clock);
+        const bool follows = !instance.guide_motion.places.empty();
         if (instance.past.window.count() > 0 && !follows)
             jiggle_patch(instance.chain, lay_out, strands, worker.chain);
         for (uint32_t time = 0; time < instance.time_count; ++time) {
             // Later motion samples of a resting mesh share its rest strands.
-            if (time < instance.mesh->time_count) lay_out.at_time(time, strands);
+            if (time < instance.mesh->time_count || patch.place.moves()) lay_out.at_time(time, strands);
             if (follows) {
                 {
                     const StageTimer timer(worker.chain.clock.bend);
-                    follow_guides(instance, roots, time, strands);
+                    follow_guides(instance, patch, time, strands);
                 }
                 collide_pose(instance.chain, time, strands, worker.chain);
             } else {
@@ -419,7 +442,7 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
             if (strands.oriented) write_normals(strands, roots.size(), buffers->normals[time]);
             if (time > 0) continue;
             for (uint32_t a = 0; a < buffers->attribute_count; ++a)
-                write_attribute(instance, roots, strands, buffers->attributes[a],
+                write_attribute(instance, patch, strands, buffers->attributes[a],
                                 buffers->attribute_values[a]);
         }
         return MARRAM_OK;
@@ -446,6 +469,12 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
                            (instance.guides ? instance.guides->bytes() : 0) + instance.past.bytes() +
                            instance.trees.bytes() + instance.chain.gust_bytes() + scratch;
     sink(user, "memory.curve_extra_bytes", double(std::max(lasting, instance.placing_bytes)));
+    if (instance.places.size() < 2) return;
+    sink(user, "instances.count", double(instance.places.size() - 1));
+    sink(user, "instances.shared_bytes",
+         double(instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 +
+                instance.blends.capacity() * sizeof(GuideBlend) +
+                (instance.guides ? instance.guides->bytes() : 0) + instance.past.bytes()));
 }
 
 void destroy(MarramInstance* opaque) { delete reinterpret_cast<GroomInstance*>(opaque); } // NULL is fine
@@ -500,6 +529,9 @@ std::span<const MarramReportEntry> groom_report_entries() {
         MarramReportEntry{"collision.reached", "1", MARRAM_RATIO, "collision.turned_angle",
                           "collision.goal_angle", "share of the way to the goal"},
         sum("memory.curve_extra_bytes", "bytes", "the most held at any time besides CVs"),
+        sum("instances.count", "count", "instances that strands grow on, each in the wind of its place"),
+        sum("instances.shared_bytes", "bytes",
+            "roots, guides and the mesh's past, kept once for all instances; CVs are each one's own"),
         each("chosen.cvs", "1", "CVs per strand"),
         each("chosen.shield_rays", "1", "rays per CV"),
         each("chosen.jiggle_step", "frames", "interval between samples of the past"),

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/groom/groom_bounds.h"
 
+#include <algorithm>
 #include <limits>
 
 namespace marram {
@@ -20,8 +21,24 @@ double reach_from_root(const GroomInstance& instance, double scale) {
         lift = root_offset(*collision, length, groom.width * instance.width_profile[0]);
         clearance = std::max(collision->clearance.value_or(0.0), lift);
     }
-    return (length + beyond + groom.width * widest + lift + clearance) * (1.0 + 1e-5) +
-           4.0 * (scale + length + lift) * 0x1p-23;
+    const double size =
+        std::max(greatest_size(instance.places), 1.0); // a clearance is no longer on instances
+    return size * (length + beyond + groom.width * widest + lift + clearance) * (1.0 + 1e-5) +
+           4.0 * (scale + size * (length + lift)) * 0x1p-23;
+}
+
+// The box of all places' boxes at a motion sample.
+void extend_by_places(const GroomInstance& instance, uint32_t time, const Eigen::AlignedBox3d& on_mesh,
+                      Eigen::AlignedBox3d& box) {
+    for (const Place& place : instance.places)
+        box.extend(place.is_instance ? placed_box(place.at(time), on_mesh) : on_mesh);
+}
+
+uint32_t time_count_of(const GroomInstance& instance) {
+    return std::any_of(instance.places.begin(), instance.places.end(),
+                       [](const Place& place) { return place.moves(); })
+               ? std::max(instance.time_count, instance.mesh->time_count)
+               : instance.mesh->time_count;
 }
 
 } // namespace
@@ -29,9 +46,13 @@ double reach_from_root(const GroomInstance& instance, double scale) {
 Eigen::AlignedBox3d bounds_of_strands(const GroomInstance& instance) {
     Eigen::AlignedBox3d box;
     const MarramMesh& mesh = *instance.mesh;
-    for (uint32_t time = 0; time < mesh.time_count; ++time)
+    for (uint32_t time = 0; time < time_count_of(instance); ++time) {
+        Eigen::AlignedBox3d on_mesh;
+        const float* positions = mesh.positions[std::min(time, mesh.time_count - 1)];
         for (size_t v = 0; v < mesh.vertex_count; ++v)
-            box.extend(Eigen::Map<const Vec3f>(mesh.positions[time] + 3 * v).cast<double>());
+            on_mesh.extend(Eigen::Map<const Vec3f>(positions + 3 * v).cast<double>());
+        extend_by_places(instance, time, on_mesh, box);
+    }
     const double reach =
         reach_from_root(instance, std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff()));
     return {box.min().array() - reach, box.max().array() + reach};
@@ -40,23 +61,34 @@ Eigen::AlignedBox3d bounds_of_strands(const GroomInstance& instance) {
 Eigen::AlignedBox3d bounds_at_rest(const GroomInstance& instance) {
     const MarramMesh& mesh = *instance.mesh;
     Eigen::AlignedBox3d box;
-    for (uint32_t time = 0; time < mesh.time_count; ++time)
-        extend_by_rest(instance.groom, std::span(mesh.positions[time], 3 * size_t(mesh.vertex_count)), box);
+    for (uint32_t time = 0; time < time_count_of(instance); ++time) {
+        Eigen::AlignedBox3d on_mesh;
+        const float* positions = mesh.positions[std::min(time, mesh.time_count - 1)];
+        extend_by_rest(instance.groom, std::span(positions, 3 * size_t(mesh.vertex_count)), on_mesh);
+        extend_by_places(instance, time, on_mesh, box);
+    }
+    std::vector<Eigen::AlignedBox3d> past;
     for (const PastSkin::Pose& pose : instance.past.poses)
-        extend_by_rest(instance.groom, pose.positions, box);
+        extend_by_rest(instance.groom, pose.positions, past.emplace_back());
+    for (const Eigen::AlignedBox3d& on_mesh : past) box.extend(on_mesh);
+    for (const Place& place : instance.places)
+        for (size_t k = 0; k < place.at_knot.size() && k < instance.past.of_knot.size(); ++k)
+            box.extend(placed_box(place.at_knot[k], past[instance.past.of_knot[k]]));
     return box;
 }
 
 void find_patch(const GroomInstance& instance, uint32_t index, MarramPatch* out) {
-    const std::span<const Root> roots = instance.patch_roots(index);
-    out->first_curve = uint64_t(roots.data() - instance.roots.data());
-    out->curve_count = uint32_t(roots.size());
+    const GroomPatch patch = instance.patch_at(index);
+    out->first_curve = patch.first_curve;
+    out->curve_count = uint32_t(patch.roots.size());
     Vec3d lower = Vec3d::Constant(std::numeric_limits<double>::infinity()), upper = -lower;
-    const uint32_t poses = std::min(instance.time_count, instance.mesh->time_count);
+    const uint32_t poses =
+        std::min(instance.time_count, patch.place.moves() ? instance.time_count : instance.mesh->time_count);
     for (uint32_t time = 0; time < poses; ++time) {
         const Surface now = instance.poses(time).now;
-        for (const Root root : roots) {
-            const Vec3d p = now.point(root.triangle, root_weights(instance.groom.seed, root));
+        for (const Root root : patch.roots) {
+            Vec3d p = now.point(root.triangle, root_weights(instance.groom.seed, root));
+            if (patch.place.is_instance) p = patch.place.at(time) * p;
             lower = lower.cwiseMin(p);
             upper = upper.cwiseMax(p);
         }

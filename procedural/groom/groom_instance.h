@@ -4,6 +4,7 @@
 
 #include "procedural/groom/description.h"
 #include "procedural/groom/past.h"
+#include "procedural/groom/places.h"
 #include "procedural/groom/roots.h"
 #include "procedural/groom/strand_calls.h"
 #include "procedural/groom/strand_shape.h"
@@ -38,8 +39,16 @@ struct Automatic {
 
 // How the wind moves the guides, where children follow them.
 struct GuideMotion {
-    Wind wind;                      // of guides: without collision
-    std::vector<BlownGuides> times; // [motion sample]; empty: the wind blows every strand for itself
+    Wind wind; // of guides: without collision
+    // [place][motion sample]; empty: the wind blows every strand for itself. Offsets are as on the groom's mesh.
+    std::vector<std::vector<BlownGuides>> places;
+};
+
+// Some strands of one place.
+struct GroomPatch {
+    const Place& place;
+    std::span<const Root> roots;
+    uint64_t first_curve;
 };
 
 struct GroomInstance {
@@ -66,6 +75,7 @@ struct GroomInstance {
     MarramFrame frame{};
     std::vector<MarramMesh> meshes;          // the frame's
     const MarramMesh* mesh = nullptr;        // the one that strands grow on
+    std::vector<Place> places;               // it, and its instances
     std::vector<MarramAttribute> attributes; // its
     // Of the mesh that the roots were placed on: digests of its triangles, and of all that places them.
     uint64_t placed_topology = 0, placed_mesh = 0;
@@ -102,14 +112,18 @@ struct GroomInstance {
     std::optional<Guided> guided(std::span<const Root> of) const {
         return guided(size_t(of.data() - roots.data()), of.size());
     }
-    uint32_t patch_count() const {
+    uint32_t patches_a_place() const {
         const auto size = uint64_t(strands_per_patch(groom.cvs));
         return uint32_t((roots.size() + size - 1) / size);
     }
-    std::span<const Root> patch_roots(uint32_t patch) const {
+    uint32_t patch_count() const { return uint32_t(places.size()) * patches_a_place(); }
+    // Places follow each other, each with all patches.
+    GroomPatch patch_at(uint32_t patch) const {
+        const size_t place = patch / patches_a_place(), within = patch % patches_a_place();
         const auto size = size_t(strands_per_patch(groom.cvs));
-        const size_t first = size_t(patch) * size;
-        return std::span(roots).subspan(first, std::min(size, roots.size() - first));
+        const size_t first = within * size;
+        return {places[place], std::span(roots).subspan(first, std::min(size, roots.size() - first)),
+                place * roots.size() + first};
     }
 };
 

@@ -19,7 +19,7 @@ void write_vertices(const GroomInstance& instance, std::span<const Root> roots, 
 void write_normals(const Strands& strands, size_t count, float* out);
 
 // One value per strand, or per CV, as groom_attributes() says.
-void write_attribute(const GroomInstance& instance, std::span<const Root> roots, const Strands& strands,
+void write_attribute(const GroomInstance& instance, const GroomPatch& patch, const Strands& strands,
                      uint32_t which, float* out);
 
 } // namespace marram

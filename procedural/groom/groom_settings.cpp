@@ -8,7 +8,8 @@ namespace {
 
 // Whether the skin has moved within the window that jiggle looks back to, at the usual step.
 MarramStatus skin_has_moved(GroomInstance& instance, bool& moved) {
-    moved = instance.mesh->time_count > 1;
+    moved = instance.mesh->time_count > 1 || std::any_of(instance.places.begin(), instance.places.end(),
+                                                         [](const Place& place) { return place.moves(); });
     if (moved) return MARRAM_OK;
     Jiggle jiggle = *instance.wind.jiggle;
     jiggle.step = usual_jiggle_step;
@@ -29,7 +30,9 @@ MarramStatus choose_settings(GroomInstance& instance) {
     Groom& groom = instance.groom;
     Wind& wind = instance.wind;
     const auto& open = instance.automatic;
-    const MarramFrame& frame = instance.frame;
+    // What is chosen on the groom's mesh is made larger with an instance.
+    MarramFrame frame = instance.frame;
+    frame.tolerance /= std::max(greatest_size(instance.places), 1.0);
     const double length = longest_strand(groom);
     const double tolerance = frame.tolerance > 0.0 ? frame.tolerance : 1e-3 * length;
     const ChosenFor now{frame.frame, frame.times[0], frame.times[frame.time_count - 1], tolerance,

@@ -71,7 +71,7 @@ void warn_of_guides(const GroomInstance& instance, const Binding& binding) {
 void announce_long_work(GroomInstance& instance) {
     // Thread seconds per CV and motion sample, or step of jiggle. Contact: 1e-6 with 5 CVs a strand, 3e-6 with hundreds.
     constexpr double bend = 0.08e-6, collide = 2e-6, announced = 10.0;
-    const double cvs = double(instance.roots.size()) * instance.groom.cvs;
+    const double cvs = double(instance.roots.size() * instance.places.size()) * instance.groom.cvs;
     const double samples = instance.time_count,
                  steps = double(std::max<int64_t>(instance.past.window.count(), 0));
     const bool collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;
@@ -104,18 +104,21 @@ void warn_of_length(const GroomInstance& instance) {
 // Positions are floats: far from the origin strands come to stand on a grid.
 void warn_of_rounding(const GroomInstance& instance) {
     const MarramMesh& mesh = *instance.mesh;
-    float farthest = 0.0F;
-    for (size_t i = 0; i < 3 * size_t(mesh.vertex_count); ++i)
-        farthest = std::max(farthest, std::abs(mesh.positions[0][i]));
-    const double step = double(farthest) * 0x1p-23; // between neighbouring floats
+    Eigen::AlignedBox3d on_mesh, box;
+    for (size_t v = 0; v < mesh.vertex_count; ++v)
+        on_mesh.extend(Eigen::Map<const Vec3f>(mesh.positions[0] + 3 * v).cast<double>());
+    if (on_mesh.isEmpty()) return;
+    for (const Place& place : instance.places) box.extend(placed_box(place.at(0), on_mesh));
+    const double farthest = std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff());
+    const double step = farthest * 0x1p-23; // between neighbouring floats
     const double segment = longest_strand(instance.groom) / (instance.groom.cvs - 1);
     const double finest = instance.groom.width > 0.0 ? std::min(instance.groom.width, segment) : segment;
     constexpr double seen = 0.1; // of a width, or of a segment
     if (!(step > seen * finest) || !(finest > 0.0)) return;
-    const std::string what = "positions " + short_number(double(farthest)) +
-                             " m from the origin are rounded to " + short_number(step) +
-                             " m, which shows on strands " + short_number(instance.groom.width) +
-                             " m wide with segments of " + short_number(segment) + " m";
+    const std::string what = "positions " + short_number(farthest) + " m from the origin are rounded to " +
+                             short_number(step) + " m, which shows on strands " +
+                             short_number(instance.groom.width) + " m wide with segments of " +
+                             short_number(segment) + " m";
     instance.warn("groom.rounding", what, "move the scene to the origin, or use larger units");
 }
 

@@ -54,7 +54,10 @@ void expand_guides(const GroomInstance& instance, const Surface& bind, const Sur
         }
 }
 
-void keep(const Strands& strands, size_t first, BlownGuides& out) {
+// Offsets are taken back to the groom's mesh.
+void keep(const Strands& strands, const Place& place, uint32_t time, size_t first, BlownGuides& out) {
+    const Eigen::Matrix3d back =
+        place.is_instance ? Eigen::Matrix3d(place.at(time).linear().inverse()) : Eigen::Matrix3d::Identity();
     const auto cvs = size_t(strands.cvs);
     for (size_t i = 0; i < size_t(strands.count); ++i)
         for (size_t k = 0; k < cvs; ++k) {
@@ -62,6 +65,7 @@ void keep(const Strands& strands, size_t first, BlownGuides& out) {
             const auto lane = int(i % lanes);
             const Wide3f &p = strands.pose[from + k], &root = strands.pose[from];
             out.offsets[at] = {p.x[lane] - root.x[lane], p.y[lane] - root.y[lane], p.z[lane] - root.z[lane]};
+            if (place.is_instance) out.offsets[at] = (back * out.offsets[at].cast<double>()).cast<float>();
             out.envelope[at] = strands.envelope[from + k][lane];
             out.gust[at] = strands.gust[from + k][lane];
             out.shield[at] = strands.shield[from + k][lane];
@@ -72,7 +76,7 @@ void keep(const Strands& strands, size_t first, BlownGuides& out) {
 
 void blow_guides(GroomInstance& instance) {
     GuideMotion& motion = instance.guide_motion;
-    motion.times.clear();
+    motion.places.clear();
     if (!instance.guides || !instance.groom.guides->wind_on_guides || instance.frame.stage == MARRAM_REST ||
         !wind_bends(instance.wind))
         return;
@@ -84,51 +88,66 @@ void blow_guides(GroomInstance& instance) {
         make_chain_frame({motion.wind, instance.groom.envelope, instance.frame, instance.mesh,
                           instance.width_profile, instance.groom.basis, instance.past.window});
     const size_t size = set.count() * size_t(instance.groom.cvs);
-    for (uint32_t t = 0; t < instance.time_count; ++t) {
-        BlownGuides& at = motion.times.emplace_back();
-        at.offsets.resize(size);
-        at.envelope.resize(size);
-        at.gust.resize(size);
-        at.shield.resize(size);
-        const Surface now = instance.poses(t).now;
-        for (size_t g = 0; g < set.count(); ++g)
-            at.normals.push_back(frame_at(now, set.guide(g).triangle, set.guide(g).weights).normal);
-    }
+    motion.places.resize(instance.places.size());
+    for (size_t place = 0; place < instance.places.size(); ++place)
+        for (uint32_t t = 0; t < instance.time_count; ++t) {
+            BlownGuides& at = motion.places[place].emplace_back();
+            at.offsets.resize(size);
+            at.envelope.resize(size);
+            at.gust.resize(size);
+            at.shield.resize(size);
+            const Surface now = instance.poses(t).now;
+            for (size_t g = 0; g < set.count(); ++g)
+                at.normals.push_back(frame_at(now, set.guide(g).triangle, set.guide(g).weights).normal);
+        }
     const size_t batches = (set.count() + guides_at_once - 1) / guides_at_once;
-    tbb::parallel_for(size_t{0}, batches, [&](size_t batch) {
-        const size_t first = batch * guides_at_once, count = std::min(guides_at_once, set.count() - first);
+    tbb::parallel_for(size_t{0}, batches * instance.places.size(), [&](size_t job) {
+        const size_t first = job % batches * guides_at_once,
+                     count = std::min(guides_at_once, set.count() - first);
+        const Place& place = instance.places[job / batches];
         Worker& worker = instance.workers.local();
         Strands& strands = worker.strands;
         strands.irregular = false;
         strands.has_wind_share = !instance.groom.factors[of_wind].empty();
         strands.resize(int(count), instance.groom.cvs, false);
-        const Expand lay_out{[&](uint32_t time, Strands& out) {
-                                 expand_guides(instance, guided->bind, instance.poses(time).now, first, out);
-                             },
-                             [&](int64_t knot, Strands& out) {
-                                 Surface then = instance.past.at(knot, *instance.mesh);
-                                 then.attributes = instance.attributes;
-                                 expand_guides(instance, guided->bind, then, first, out);
-                             },
-                             [&](int64_t knot) { return instance.past.rests_at(knot); }};
+        const Expand lay_out{
+            [&](uint32_t time, Strands& out) {
+                expand_guides(instance, guided->bind, instance.poses(time).now, first, out);
+                if (place.is_instance)
+                    take_to(place.at(time), instance.wind.rest_anchored ? place.at_bind : place.at(time),
+                            out);
+            },
+            [&](int64_t knot, Strands& out) {
+                Surface then = instance.past.at(knot, *instance.mesh);
+                then.attributes = instance.attributes;
+                expand_guides(instance, guided->bind, then, first, out);
+                if (place.is_instance) {
+                    const auto& placed = place.at_knot[size_t(knot - instance.past.window.first)];
+                    take_to(placed, instance.wind.rest_anchored ? place.at_bind : placed, out);
+                }
+            },
+            [&](int64_t knot) { return !place.is_instance && instance.past.rests_at(knot); }};
         if (instance.past.window.count() > 0) jiggle_patch(chain, lay_out, strands, worker.chain);
         for (uint32_t time = 0; time < instance.time_count; ++time) {
-            if (time < instance.mesh->time_count) lay_out.at_time(time, strands);
+            if (time < instance.mesh->time_count || place.moves()) lay_out.at_time(time, strands);
             run_chain(chain, time, strands, worker.chain);
-            keep(strands, first, motion.times[time]);
+            keep(strands, place, time, first, motion.places[job / batches][time]);
         }
     });
 }
 
-void follow_guides(const GroomInstance& instance, std::span<const Root> roots, uint32_t time,
-                   Strands& strands) {
-    const BlownGuides& blown = instance.guide_motion.times[time];
+void follow_guides(const GroomInstance& instance, const GroomPatch& patch, uint32_t time, Strands& strands) {
+    const std::span<const Root> roots = patch.roots;
+    const Place& place = patch.place;
+    const BlownGuides& blown = instance.guide_motion.places[size_t(&place - instance.places.data())][time];
     const std::optional<Guided> at_rest = instance.guided(roots);
     const Guided guided{at_rest->set, at_rest->blends, instance.poses(time).now, blown.offsets,
                         blown.normals};
     std::swap(strands.rest, strands.pose);
     std::swap(strands.rest_normal, strands.pose_normal);
     expand(instance.groom, instance.wind, instance.poses(time), roots, strands, &guided);
+    if (place.is_instance)
+        take_to(place.at(time), instance.wind.rest_anchored ? place.at_bind : place.at(time), strands);
     std::swap(strands.rest, strands.pose);
     std::swap(strands.rest_normal, strands.pose_normal);
     const auto cvs = size_t(strands.cvs);

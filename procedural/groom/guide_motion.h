@@ -16,7 +16,6 @@ namespace marram {
 void blow_guides(GroomInstance& instance);
 
 // strands.rest as expanded at motion sample `time` -> pose, pose_normal, envelope, gust, shield.
-void follow_guides(const GroomInstance& instance, std::span<const Root> roots, uint32_t time,
-                   Strands& strands);
+void follow_guides(const GroomInstance& instance, const GroomPatch& patch, uint32_t time, Strands& strands);
 
 } // namespace marram

@@ -148,6 +148,13 @@ void find_skin(ImportInstance& instance) {
         throw SceneFault("strands.no_mesh", settings.mesh_place,
                          "there is no mesh '" + settings.mesh + "' to bind strands to",
                          "name one of the scene's");
+    const auto own = uint32_t(instance.mesh - instance.meshes.data()) + 1;
+    const auto instances = std::ranges::count(instance.meshes, own, &MarramMesh::instance_of);
+    if (instances > 0)
+        instance.warn("strands.instances",
+                      fmt::format("the {} instances of '{}' get no strands: only grooms grow on instances",
+                                  instances, settings.mesh),
+                      "write a mesh and strands for each of them");
 }
 
 void find_strands(ImportInstance& instance) {

@@ -172,9 +172,12 @@ void collide_pose(const ChainFrame& chain, uint32_t time, Strands& strands, Chai
     const Wind& wind = *chain.wind;
     if (!wind.collision || chain.frame.stage != MARRAM_FINAL) return;
     const StageTimer timer(scratch.clock.collide);
-    const CollideJob job{&*wind.collision, &chain.instants[time].colliders,
-                         chain.skin,       chain.radius_profile,
-                         chain.basis,      chain.frame.tolerance};
+    const CollideJob job{&*wind.collision,
+                         &chain.instants[time].colliders,
+                         strands.instance ? strands.instance : chain.skin,
+                         chain.radius_profile,
+                         chain.basis,
+                         chain.frame.tolerance};
     collide(job, strands, scratch.collide, scratch.counts);
 }
 

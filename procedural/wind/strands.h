@@ -7,6 +7,7 @@
 
 #include "core/math/simd.h"
 #include "core/math/vec.h"
+#include "core/plugin/marram_plugin.h"
 
 namespace marram {
 
@@ -16,7 +17,8 @@ struct Strands {
     int blocks = 0; // of eight strands
     bool oriented = false;
     bool has_wind_share = false; // else all take the whole wind
-    bool irregular = false;      // the segments of a strand differ in length, and CVs have radii of their own
+    const MarramMesh* instance = nullptr; // that they stand on instead of the chain's skin
+    bool irregular = false;               // the segments of a strand differ in length, and CVs have radii of their own
 
     WideVector<Wide3f> rest, pose;               // [blocks * cvs]
     WideVector<Wide3f> rest_normal, pose_normal; // [blocks * cvs] where `oriented`, else empty

@@ -64,6 +64,7 @@ class TestScene {
                 {item.name, builtin_mesh(item), KeyedTransform(keys.numbers, keys.text)});
             geometry.meshes.back().roles = role_bits(item.params);
         }
+        add_instances(geometry.meshes, description_.meshes);
         for (const Item& item : description_.curves) {
             SceneCurves& curves = geometry.curves.emplace_back();
             curves.name = item.name;

@@ -544,6 +544,16 @@ std::vector<FrameFault> frame_faults(Spoilt& s) {
              s.floats[1] = not_a_number;
              m.uvs = s.floats.data();
          })},
+        {"an instance before its mesh", "contract.frame",
+         in_mesh([](MarramMesh& m, auto&) { m.instance_of = 2; })},
+        {"an instance of itself", "contract.frame", in_mesh([](MarramMesh& m, auto&) { m.instance_of = 1; })},
+        {"an instance of other triangles", "contract.frame",
+         in_mesh([&s](MarramMesh&, auto&) { s.meshes[1].instance_of = 1; })},
+        {"an instance that nobody places", "contract.frame", in_mesh([&s](MarramMesh& m, auto&) {
+             s.meshes[1] = m;
+             s.meshes[1].name = "again";
+             s.meshes[1].instance_of = 1;
+         })},
         {"attributes that are not there", "contract.frame",
          in_mesh([](MarramMesh& m, auto&) { m.attributes = nullptr; })},
         {"attributes without a stride", "contract.frame",

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/groom/places.h"
+
+#include "procedural/border.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace marram {
+
+double size_of(const Eigen::Affine3d& placed) { return std::cbrt(std::abs(placed.linear().determinant())); }
+
+double greatest_size(std::span<const Place> places) {
+    double most = 0.0;
+    for (const Place& place : places) {
+        for (const auto& placed : place.at_time) most = std::max(most, size_of(placed));
+        for (const auto& placed : place.at_knot) most = std::max(most, size_of(placed));
+    }
+    return most;
+}
+
+Eigen::AlignedBox3d placed_box(const Eigen::Affine3d& placed, const Eigen::AlignedBox3d& box) {
+    Eigen::AlignedBox3d out;
+    if (box.isEmpty()) return out;
+    for (int corner = 0; corner < 8; ++corner)
+        out.extend(Vec3d(placed * box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner))));
+    return out;
+}
+
+MarramStatus find_places(const MarramFrame& frame, const MarramMesh& mesh, std::vector<Place>& places) {
+    places.assign(1, Place{&mesh});
+    const auto own = uint32_t(&mesh - frame.meshes) + 1;
+    for (uint32_t m = 0; m < frame.mesh_count; ++m) {
+        if (frame.meshes[m].instance_of != own) continue;
+        Place place{&frame.meshes[m], true};
+        if (const MarramStatus status = place_lent_instance(frame, m, frame.bind_frame, place.at_bind);
+            status != MARRAM_OK)
+            return status;
+        place.at_time.resize(frame.time_count);
+        for (uint32_t t = 0; t < frame.time_count; ++t)
+            if (const MarramStatus status = place_lent_instance(frame, m, frame.times[t], place.at_time[t]);
+                status != MARRAM_OK)
+                return status;
+        const auto same = [&](const Eigen::Affine3d& placed) {
+            return placed.matrix() == place.at_time[0].matrix();
+        };
+        if (std::ranges::all_of(place.at_time, same)) place.at_time.resize(1);
+        places.push_back(std::move(place));
+    }
+    return MARRAM_OK;
+}
+
+MarramStatus find_past_places(const MarramFrame& frame, const Jiggle& jiggle, const JiggleWindow& window,
+                              std::span<Place> places, bool& moved) {
+    for (Place& place : places) {
+        if (!place.is_instance) continue;
+        const auto mesh = uint32_t(place.mesh - frame.meshes);
+        place.at_knot.clear();
+        for (int64_t knot = window.first; knot <= window.last; ++knot)
+            if (const MarramStatus status =
+                    place_lent_instance(frame, mesh, jiggle.frame_of(knot), place.at_knot.emplace_back());
+                status != MARRAM_OK)
+                return status;
+        for (const Eigen::Affine3d& placed : place.at_knot)
+            moved = moved || placed.matrix() != place.at_time[0].matrix();
+    }
+    return MARRAM_OK;
+}
+
+namespace {
+
+struct WideMap {
+    std::array<std::array<VDouble, 3>, 3> linear;
+    Wide3d translation;
+
+    explicit WideMap(const Eigen::Affine3d& placed) {
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) linear[size_t(i)][size_t(j)] = splat(placed.linear()(i, j));
+        translation = splat3(placed.translation().data());
+    }
+    Wide3d turned(const Wide3d& v) const {
+        const auto row = [&](size_t i) {
+            return linear[i][0] * v.x + linear[i][1] * v.y + linear[i][2] * v.z;
+        };
+        return {row(0), row(1), row(2)};
+    }
+    Wide3d operator()(const Wide3d& p) const { return turned(p) + translation; }
+};
+
+} // namespace
+
+void take_to(const Eigen::Affine3d& placed, const Eigen::Affine3d& anchor, Strands& strands) {
+    const double size = size_of(placed);
+    const WideMap map(placed), to_anchor(anchor);
+    Eigen::Affine3d unit = placed; // normals keep their length, and mirrored ones their side
+    unit.linear() /= size;
+    const WideMap turn(unit);
+    for (Wide3f& rest : strands.rest) rest = to_float(map(to_double(rest)));
+    for (Wide3f& normal : strands.rest_normal) normal = to_float(turn.turned(to_double(normal)));
+    for (Wide3d& at : strands.anchor) at = to_anchor(at);
+    for (Wide3d& normal : strands.root_normal) normal = turn.turned(normal);
+    for (VDouble& width : strands.width) width = width * splat(size);
+}
+
+} // namespace marram

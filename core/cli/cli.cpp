@@ -357,7 +357,10 @@ int run(int argc, char** argv) {
     } catch (const Cancelled&) {
         return exit_interrupted;
     } catch (const std::exception& error) {
-        if (is_lack_of_memory(error)) return report(InputError(std::vector{lack_of_memory()}));
+        if (is_lack_of_memory(error)) {
+            std::fflush(stdout);
+            end_for_lack_of_memory();
+        }
         const bool output = dynamic_cast<const std::system_error*>(&error); // fmt, of standard output
         return report(
             InputError({output ? "standard output" : "marram"}, error.what(), "check where its output goes"));

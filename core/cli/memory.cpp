@@ -19,21 +19,8 @@
 namespace marram {
 namespace {
 
-constexpr const char* what = "the process has run out of memory";
-constexpr const char* fix = "use fewer strands, CVs, motion keys, pixels or threads, or allow it more memory";
-
 void say(const char* text) {
     if (::write(STDERR_FILENO, text, std::strlen(text)) < 0) _exit(exit_bad_input); // nobody to tell
-}
-
-[[noreturn]] void end_for_lack_of_memory() {
-    say("marram: ");
-    say(what);
-    say(": ");
-    say(fix);
-    say("\n");
-    remove_temporary_files();
-    _exit(exit_bad_input);
 }
 
 bool has_room_for(size_t bytes) {
@@ -67,6 +54,14 @@ void on_crash(int signal) {
 
 } // namespace
 
+void end_for_lack_of_memory() {
+    say("marram: the process has run out of memory: use fewer strands, CVs, motion keys, pixels or threads, "
+        "or allow "
+        "it more memory\n");
+    remove_temporary_files();
+    _exit(exit_bad_input);
+}
+
 void release_free_memory() { malloc_trim(0); }
 
 void watch_for_lack_of_memory() {
@@ -74,8 +69,6 @@ void watch_for_lack_of_memory() {
     std::set_terminate(on_terminate);
     for (const int signal : {SIGSEGV, SIGBUS, SIGABRT}) std::signal(signal, on_crash);
 }
-
-Problem lack_of_memory() { return {{"marram"}, what, fix}; }
 
 bool is_lack_of_memory(const std::exception& error) {
     if (dynamic_cast<const std::bad_alloc*>(&error)) return true;

@@ -2,8 +2,6 @@
 // Memory of the process: what is free goes back to the system, and what is said when there is none left.
 #pragma once
 
-#include "core/math/problem.h"
-
 #include <exception>
 
 namespace marram {
@@ -17,8 +15,9 @@ void release_free_memory();
 // main.cpp calls it before the initialisers of shared libraries run: it touches nothing that needs one.
 void watch_for_lack_of_memory();
 
-// What is said of a lack of memory that was caught.
-Problem lack_of_memory();
+// Says that memory has run out, removes temporary files and ends the process with exit code 2. Exit handlers are not run: libraries whose
+// threads could not all be started crash in theirs (OpenEXR's, about once in three times).
+[[noreturn]] void end_for_lack_of_memory();
 
 // Whether an error is one: no memory, or no thread for want of its stack (which TBB says in words).
 bool is_lack_of_memory(const std::exception& error);

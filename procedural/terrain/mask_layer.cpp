@@ -24,7 +24,9 @@
 #include "procedural/terrain/shape_layer.h"
 #include "procedural/wind/noise.h"
 
+#include <algorithm>
 #include <array>
+#include <span>
 
 namespace marram {
 
@@ -43,6 +45,13 @@ MaskBy mask_by(std::string_view name) {
 struct CurveSegment {
     Vec2d a, b;
 };
+
+// Segments that follow each other, and their box.
+struct SegmentRun {
+    std::span<const CurveSegment> segments;
+    Eigen::AlignedBox2d box;
+};
+constexpr size_t segments_a_run = 64;
 
 double distance_to_segment(const Vec2d& p, const CurveSegment& s) {
     const Vec2d along = s.b - s.a;
@@ -90,14 +99,15 @@ class MaskLayer : public Layer {
     void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override {
         const float* of = by_ == MaskBy::mask ? find_mask(below, of_) : nullptr;
         const float* times = times_.empty() ? nullptr : find_mask(below, times_);
-        const std::vector<CurveSegment> near = by_ == MaskBy::distance ? segments_near(rect) : segments_;
+        const auto put = [&](int i, int j, double value) {
+            const size_t sample = domain_.index(i, j);
+            const double mask = std::clamp(ramp_(value), 0.0, 1.0);
+            out.masks[0][sample] = float(times ? mask * double(times[sample]) : mask);
+        };
+        if (by_ == MaskBy::distance) return measure_distances(rect, segments_near(rect), put);
         for (int j = rect.j0; j < rect.j1; ++j)
-            for (int i = rect.i0; i < rect.i1; ++i) {
-                const size_t sample = domain_.index(i, j);
-                const double value = of ? double(of[sample]) : measure(i, j, below, near);
-                const double mask = std::clamp(ramp_(value), 0.0, 1.0);
-                out.masks[0][sample] = float(times ? mask * double(times[sample]) : mask);
-            }
+            for (int i = rect.i0; i < rect.i1; ++i)
+                put(i, j, of ? double(of[domain_.index(i, j)]) : measure(i, j, below));
     }
 
   private:
@@ -116,20 +126,81 @@ class MaskLayer : public Layer {
             if (curve.closed && count > 2) segments_.push_back({flat(count - 1), flat(0)});
             if (count == 1) segments_.push_back({flat(0), flat(0)});
         }
+        for (size_t first = 0; first < segments_.size(); first += segments_a_run) {
+            SegmentRun& run = runs_.emplace_back();
+            run.segments =
+                std::span(segments_).subspan(first, std::min(segments_a_run, segments_.size() - first));
+            for (const CurveSegment& s : run.segments) run.box.extend(s.a).extend(s.b);
+        }
+    }
+
+    struct Disc { // that holds a rectangle
+        Vec2d centre;
+        double diameter;
+    };
+    Disc disc_about(const Rect& rect) const {
+        const Vec2d a(domain_.x(rect.i0), domain_.z(rect.j0)),
+            b(domain_.x(rect.i1 - 1), domain_.z(rect.j1 - 1));
+        return {0.5 * (a + b), (b - a).norm() * (1.0 + 1e-12)};
     }
 
     // Segments that may be the nearest to a sample of the rectangle: those no farther from its centre than the nearest one, plus its
     // diagonal.
     std::vector<CurveSegment> segments_near(const Rect& rect) const {
-        const Vec2d a(domain_.x(rect.i0), domain_.z(rect.j0)),
-            b(domain_.x(rect.i1 - 1), domain_.z(rect.j1 - 1));
-        const Vec2d centre = 0.5 * (a + b);
+        if (runs_.empty()) return {};
+        const Disc disc = disc_about(rect);
+        std::vector<double> lower; // bound of the distance to each run
+        for (const SegmentRun& run : runs_) lower.push_back(run.box.exteriorDistance(disc.centre));
         double nearest = infinity;
-        for (const CurveSegment& s : segments_) nearest = std::min(nearest, distance_to_segment(centre, s));
+        const auto look_at = [&](size_t r) {
+            for (const CurveSegment& s : runs_[r].segments)
+                nearest = std::min(nearest, distance_to_segment(disc.centre, s));
+        };
+        look_at(size_t(std::min_element(lower.begin(), lower.end()) - lower.begin()));
+        for (size_t r = 0; r < runs_.size(); ++r)
+            if (lower[r] * (1.0 - 1e-12) <= nearest) look_at(r);
         std::vector<CurveSegment> near;
-        for (const CurveSegment& s : segments_)
-            if (distance_to_segment(centre, s) <= nearest + (b - a).norm()) near.push_back(s);
+        for (size_t r = 0; r < runs_.size(); ++r)
+            if (lower[r] * (1.0 - 1e-12) <= nearest + disc.diameter)
+                keep_near(disc, nearest, runs_[r].segments, near);
         return near;
+    }
+
+    static void keep_near(const Disc& disc, double nearest, std::span<const CurveSegment> from,
+                          std::vector<CurveSegment>& near) {
+        for (const CurveSegment& s : from)
+            if (distance_to_segment(disc.centre, s) <= nearest + disc.diameter) near.push_back(s);
+    }
+
+    // Calls put(i, j, distance) for all samples. The smaller the rectangle, the fewer segments can be the nearest.
+    void measure_distances(const Rect& rect, const std::vector<CurveSegment>& near, const auto& put) const {
+        constexpr int smallest = 4; // samples a side
+        constexpr size_t few = 4;   // segments
+        const int nx = rect.i1 - rect.i0, nz = rect.j1 - rect.j0;
+        if (near.size() <= few || std::max(nx, nz) <= smallest) {
+            for (int j = rect.j0; j < rect.j1; ++j)
+                for (int i = rect.i0; i < rect.i1; ++i) {
+                    double nearest = infinity;
+                    for (const CurveSegment& s : near)
+                        nearest = std::min(nearest, distance_to_segment({domain_.x(i), domain_.z(j)}, s));
+                    put(i, j, nearest);
+                }
+            return;
+        }
+        Rect halves[2] = {rect, rect};
+        if (nx >= nz)
+            halves[0].i1 = halves[1].i0 = rect.i0 + nx / 2;
+        else
+            halves[0].j1 = halves[1].j0 = rect.j0 + nz / 2;
+        for (const Rect& half : halves) {
+            const Disc disc = disc_about(half);
+            double nearest = infinity;
+            for (const CurveSegment& s : near)
+                nearest = std::min(nearest, distance_to_segment(disc.centre, s));
+            std::vector<CurveSegment> nearer;
+            keep_near(disc, nearest, near, nearer);
+            measure_distances(half, nearer, put);
+        }
     }
 
     double slope(int i, int j, const Fields& below) const {
@@ -174,7 +245,7 @@ class MaskLayer : public Layer {
         return double(value.x[0]) / (deviations * perlin_rms_3d);
     }
 
-    double measure(int i, int j, const Fields& below, const std::vector<CurveSegment>& near) const {
+    double measure(int i, int j, const Fields& below) const {
         const size_t sample = domain_.index(i, j);
         switch (by_) {
         case MaskBy::height:
@@ -190,14 +261,10 @@ class MaskLayer : public Layer {
         case MaskBy::noise:
             return noise_at(domain_.x(i), domain_.z(j));
         case MaskBy::mask:
-            break; // read directly
         case MaskBy::distance:
-            break;
+            break; // not sample by sample
         }
-        double nearest = infinity;
-        for (const CurveSegment& s : near)
-            nearest = std::min(nearest, distance_to_segment({domain_.x(i), domain_.z(j)}, s));
-        return nearest;
+        return 0.0;
     }
 
     Domain domain_;
@@ -207,6 +274,7 @@ class MaskLayer : public Layer {
     std::vector<float> pixels_;
     int nx_ = 0, nz_ = 0;
     std::vector<CurveSegment> segments_;
+    std::vector<SegmentRun> runs_; // of them
     FractalNoise noise_;
 };
 

@@ -146,6 +146,46 @@ TEST(Terrain, MasksKnowTheDistanceToDrawnCurves) {
     }
 }
 
+// A long curve in runs, and a ring about the middle, all of which is the nearest there: to the last bit as all segments say.
+TEST(Terrain, DistancesToManySegmentsAreExact) {
+    std::vector<Vec2d> points;
+    std::mt19937 random(3);
+    std::uniform_real_distribution<double> jump(-2.0, 2.0);
+    for (int k = 0; k < 1000; ++k)
+        points.push_back((k ? points.back() : Vec2d(-20, 9)) + Vec2d(jump(random), jump(random)));
+    const size_t walk = points.size();
+    for (int k = 0; k <= 300; ++k)
+        points.push_back(9.0 * Vec2d(std::cos(k * pi / 150.0), std::sin(k * pi / 150.0)));
+    std::string text;
+    for (const auto& [name, first, last] :
+         {std::tuple("walk", size_t(0), walk), {"ring", walk, points.size()}}) {
+        text += "\n[[curves]]\ntype = \"points\"\nname = \"" + std::string(name) + "\"\npoints = [";
+        for (size_t k = first; k < last; ++k)
+            text += "[" + std::to_string(points[k].x()) + ", 0, " + std::to_string(points[k].y()) + "], ";
+        text += "]\n";
+    }
+    for (Vec2d& p : points) p = {std::stod(std::to_string(p.x())), std::stod(std::to_string(p.y()))};
+    const auto mask = [](const std::string& name) {
+        return layer("mask", "name = \"" + name + "\"\nby = \"distance\"\nalong = \"" + name +
+                                 "\"\nramp = [[0, 0], [64, 1]]");
+    };
+    const Made made = make(text + desert(mask("walk") + mask("ring"), "size = [72, 40]\ncell = 0.5"));
+    const auto distance = [&](const Vec2d& p, size_t first, size_t last) {
+        double nearest = 1e9;
+        for (size_t k = first; k + 1 < last; ++k) {
+            const Vec2d along = points[k + 1] - points[k];
+            const double t = std::clamp((p - points[k]).dot(along) / along.squaredNorm(), 0.0, 1.0);
+            nearest = std::min(nearest, (points[k] + t * along - p).norm());
+        }
+        return nearest;
+    };
+    for (size_t v = 0; v < made.mesh().positions[0].size(); ++v) {
+        const Vec2d p(double(made.mesh().positions[0][v].x()), double(made.mesh().positions[0][v].z()));
+        ASSERT_NEAR(made.values("walk")[v], std::min(distance(p, 0, walk) / 64.0, 1.0), 1e-6);
+        ASSERT_NEAR(made.values("ring")[v], std::min(distance(p, walk, points.size()) / 64.0, 1.0), 1e-6);
+    }
+}
+
 TEST(Terrain, ImagesHaveAnExtent) {
     const ImageFile image(8, 8, std::vector<float>(64, 1.0F));
     const std::string file = "file = \"" + image.path.string() + "\"\n";

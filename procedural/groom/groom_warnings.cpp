@@ -67,23 +67,16 @@ void warn_of_guides(const GroomInstance& instance, const Binding& binding) {
              "check the units and transforms of both, and bind_frame");
 }
 
-// Work that takes long is announced before it begins, so that who asked for it by mistake need not wait to learn it.
 void announce_long_work(GroomInstance& instance) {
-    // Thread seconds per CV and motion sample, or step of jiggle. Contact: 1e-6 with 5 CVs a strand, 3e-6 with hundreds.
-    constexpr double bend = 0.08e-6, collide = 2e-6, announced = 10.0;
-    const double cvs = double(instance.roots.size() * instance.places.size()) * instance.groom.cvs;
-    const double samples = instance.time_count,
-                 steps = double(std::max<int64_t>(instance.past.window.count(), 0));
-    const bool collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;
-    const double seconds = cvs * (bend * (samples + steps) + (collides ? collide * samples : 0.0));
-    if (seconds < announced || instance.announced == instance.frame.frame) return;
-    instance.announced = instance.frame.frame;
-    const std::string what =
-        fmt::format("{:.3g} CVs, {} a strand, at {} motion samples and {} steps of jiggle take {:.0f} s of "
-                    "one processor or more each frame",
-                    cvs, instance.groom.cvs, samples, steps, seconds);
-    send(instance.host, MARRAM_INFO, "groom.long_work", instance.groom.mesh_place, what,
-         "ask for fewer strands or CVs, a larger tolerance, or stronger jiggle.damping");
+    LongWork work;
+    work.cvs = double(instance.roots.size() * instance.places.size()) * instance.groom.cvs;
+    work.cvs_a_strand = instance.groom.cvs;
+    work.samples = instance.time_count;
+    work.steps = instance.past.window.count();
+    work.collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;
+    work.remedy = "ask for fewer strands or CVs, a larger tolerance, or stronger jiggle.damping";
+    announce(instance.host, "groom.long_work", instance.groom.mesh_place, work, instance.frame.frame,
+             instance.announced);
 }
 
 // A length in the wrong unit: every ray meets every strand, and rendering takes hours.

@@ -398,6 +398,19 @@ bool strands_move(const ImportInstance& instance) {
            (blown && (wind_moves(instance.wind) || moving_meshes_matter(instance.wind, instance.frame)));
 }
 
+void announce_strands(ImportInstance& instance) {
+    const auto strands = double(instance.curves.count()), cvs = double(instance.curves.cv_count());
+    LongWork work;
+    work.cvs = strands > 0.0 ? cvs * std::max(lanes / strands, 1.0) : 0.0; // few strands leave lanes idle
+    work.cvs_a_strand = strands > 0.0 ? cvs / strands : 0.0;
+    work.samples = instance.time_count;
+    work.steps = instance.past.window.count();
+    work.collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;
+    work.remedy = "import strands of fewer CVs, ask for a larger tolerance, or stronger jiggle.damping";
+    announce(instance.host, "strands.long_work", instance.settings.curves_place, work, instance.frame.frame,
+             instance.announced);
+}
+
 MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
     if (!opaque) return MARRAM_ERROR; // nobody to tell
     ImportInstance& instance = self_of(opaque);
@@ -448,6 +461,7 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
                                            everywhere(),
                                            &instance.trees});
         warn_of_gusts(instance.host, instance.settings.curves_place, instance.chain);
+        announce_strands(instance);
         instance.chain_seconds = instance.wind.collision ? wall_seconds() - before : 0.0;
         const MarramCurves& lent = instance.curves.curves;
         MarramOutput output{};

@@ -51,6 +51,7 @@ struct ImportInstance {
     uint32_t fewest_cvs = 2;    // of a strand
     double longest_at_bind = 0.0, longest = 0.0; // strand, m: in the bind pose; there and in the frame
     double binding_seconds = 0.0, chain_seconds = 0.0;
+    std::optional<double> announced; // the frame whose work was said to be long
 
     bool begun = false; // a frame, without a fault
     MarramFrame frame{};

@@ -6,7 +6,9 @@
 
 #include <tbb/enumerable_thread_specific.h>
 
+#include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 namespace marram {
@@ -41,6 +43,18 @@ CollisionCounts report_chain(Workers& workers, ReportSink sink, void* user, size
 // Warns of what collision could not do. place: "" or where the message points.
 void warn_of_collisions(const MarramHost& host, const std::string& place, bool all_samples,
                         const CollisionCounts& counts);
+
+// What the chain has to do in a frame.
+struct LongWork {
+    double cvs = 0.0, cvs_a_strand = 0.0;
+    uint32_t samples = 1; // of motion
+    int64_t steps = 0;    // of jiggle
+    bool collides = false;
+    const char* remedy = "";
+};
+// Announces work that takes long before it begins, so that who asked for it by mistake need not wait to learn it; once a frame.
+void announce(const MarramHost& host, const char* id, const std::string& place, const LongWork& work,
+              double frame, std::optional<double>& announced);
 
 // Warns of gusts that take much memory.
 void warn_of_gusts(const MarramHost& host, const std::string& place, const ChainFrame& chain);

@@ -220,6 +220,24 @@ TEST(Limits, LongWorkIsAnnounced) {
     EXPECT_EQ(folder.names(), std::set<std::string>{"a.toml"});
 }
 
+TEST(Limits, LongWorkOnStrandsOfAFileIsAnnounced) {
+    const Folder folder;
+    std::string points, line = "l";
+    constexpr int cvs = 8000;
+    for (int k = 0; k < cvs; ++k) {
+        points += "v 0 " + std::to_string(k * 1e-4) + " 0\n";
+        line += " " + std::to_string(k + 1);
+    }
+    folder.write("one.obj", points + line + "\n");
+    SceneText text;
+    text.wind = "speed = 6\nglobal_rotate = 1\nnoise = { amplitude = 0.5, frequency = 2 }\n"
+                "jiggle = { frequency = 2, damping = 0.01 }\n";
+    text.more = "[[curves]]\ntype = \"strands\"\nname = \"one\"\nfile = \"one.obj\"\n"
+                "[[procedural]]\ntype = \"strands\"\nname = \"hair\"\ncurves = \"one\"\nwidth = 0.01\n";
+    const std::string scene = folder.write("a.toml", text);
+    EXPECT_EQ(interrupt_in("CVs, 8000 a strand", {"render", scene, "-o", folder / "a.exr"}), 130);
+}
+
 // However far segments are turned out, and however near their goal was.
 TEST(Limits, TheShareOfTheWayIsAShare) {
     const Folder folder;

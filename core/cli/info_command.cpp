@@ -138,7 +138,7 @@ void print_scene(const std::string& file) {
                    !mesh.shapes.empty() ? fmt::format(", {} shapes", mesh.shapes.size())
                    : mesh.moves()       ? ", moves"
                                         : "",
-                   instances > 0 ? fmt::format(", {} instances", instances) : "");
+                   instances > 0 ? fmt::format(", {} instance{}", instances, instances > 1 ? "s" : "") : "");
     }
     for (const SceneCurves& curves : shot.geometry.curves) {
         static constexpr const char* drawn[] = {"B-splines", "Catmull-Rom curves", "polylines"};

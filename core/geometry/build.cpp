@@ -25,7 +25,8 @@ uint64_t digest_of(const Build& build, const Procedural& procedural) {
     Digest digest;
     digest.add(procedural.digest()).add(procedural.roles);
     for (const SceneMesh& mesh : geometry.meshes)
-        if (depends_on_mesh(procedural, mesh.object().name, mesh.roles))
+        if (depends_on_mesh(procedural, procedural.kind() == MARRAM_CURVES ? mesh.object().name : mesh.name,
+                            mesh.roles))
             digest.add(mesh.name).add(mesh.digest());
     for (const SceneCurves& curves : geometry.curves)
         if (procedural.names_curves(curves.name)) digest.add(curves.name).add(curves.digest());

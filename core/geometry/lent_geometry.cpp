@@ -46,8 +46,9 @@ LentGeometry::LentGeometry(Build& build, Procedural& to, std::vector<double> tim
     std::vector<uint32_t> ids;
     for (uint32_t id = 0; id < build.world.meshes.size(); ++id) {
         const MeshGeometry& mesh = build.world.meshes[id];
-        const std::string& name =
-            id < build.geometry.meshes.size() ? build.geometry.meshes[id].object().name : mesh.name;
+        // What grows on a mesh grows on its instances. What makes a mesh of it knows that one alone.
+        const bool is_drawn = id < build.geometry.meshes.size() && to.kind() == MARRAM_CURVES;
+        const std::string& name = is_drawn ? build.geometry.meshes[id].object().name : mesh.name;
         if (!mesh.positions.empty() && depends_on_mesh(to, name, mesh.roles)) ids.push_back(id);
     }
     lists_.reserve(ids.size() + to.curves().size()); // elements stay where they are

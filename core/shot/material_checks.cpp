@@ -125,9 +125,13 @@ std::vector<std::string> check_materials(const Shot& shot) {
                 check_attributes(materials[part], shot.materials[part], use);
         }
     };
-    for (size_t i = 0; i < shot.description.meshes.size(); ++i) { // instances are as the meshes that they show
+    for (size_t i = 0; i < shot.description.meshes.size();
+         ++i) { // instances are as the meshes that they show
         const SceneMesh& mesh = shot.geometry.meshes[i];
-        check(mesh.material, {shot.description.meshes[i], nullptr, true, mesh.moves()});
+        const bool moves = std::ranges::any_of(shot.geometry.meshes, [&](const SceneMesh& other) {
+            return &other.object() == &mesh && other.moves();
+        });
+        check(mesh.material, {shot.description.meshes[i], nullptr, true, moves});
     }
     for (size_t i = 0; i < shot.geometry.procedurals.size(); ++i) {
         const Procedural& procedural = *shot.geometry.procedurals[i];

@@ -127,7 +127,8 @@ MarramStatus update(MarramInstance* opaque, const MarramUpdate* given, uint32_t*
 void find_mesh(GroomInstance& instance) {
     instance.mesh = nullptr;
     for (uint32_t i = 0; i < instance.frame.mesh_count; ++i)
-        if (instance.groom.mesh == instance.frame.meshes[i].name) instance.mesh = &instance.meshes[i];
+        if (instance.meshes[i].instance_of == 0 && instance.groom.mesh == instance.meshes[i].name)
+            instance.mesh = &instance.meshes[i];
     instance.attributes.clear();
     if (instance.mesh)
         instance.attributes = known_parts(instance.mesh->attributes, instance.mesh->attribute_count,
@@ -187,6 +188,40 @@ MarramStatus read_bind_pose(GroomInstance& instance) {
                           normals ? instance.bind_normals.data() : nullptr);
 }
 
+// The vertices of the guides in the bind pose.
+MarramStatus read_guides(const GroomInstance& instance, const LentCurves& curves,
+                         std::vector<float>& vertices) {
+    const MarramFrame& frame = instance.frame;
+    vertices.resize(4 * (curves.cv_count() + 2 * curves.count()));
+    if (!curves.curves.moves) {
+        std::copy_n(curves.curves.vertices[0], vertices.size(), vertices.begin());
+        return MARRAM_OK;
+    }
+    if (!frame.pose_curves)
+        throw SceneFault("contract.no_pose_curves", "", "MarramFrame.pose_curves is NULL",
+                         "give a function that poses curves at any time, or curves that rest");
+    return pose_lent_curves(frame, curves.index, frame.bind_frame, 0, curves.count(), vertices);
+}
+
+// Of the curves that guide strands and part them: those that a procedural grows on a terrain that evolves are others in each frame.
+MarramStatus digest_guides(const GroomInstance& instance, uint64_t& out) {
+    Digest digest;
+    out = 0;
+    if (!instance.groom.guides) return MARRAM_OK;
+    const GuideSettings& settings = *instance.groom.guides;
+    const LentCurves curves = find_curves(instance.frame, settings.curves, settings.place);
+    std::vector<float> vertices;
+    if (const MarramStatus status = read_guides(instance, curves, vertices); status != MARRAM_OK)
+        return status;
+    digest.add(vertices).add(curves.count());
+    if (!settings.lines.empty()) {
+        const LentCurves lines = find_curves(instance.frame, settings.lines, settings.lines_place);
+        digest.add(lines.curves.vertices[0], 16 * (lines.cv_count() + 2 * lines.count())).add(lines.count());
+    }
+    out = digest.value();
+    return MARRAM_OK;
+}
+
 // The guides as they stand in the bind pose, and what each strand takes of them.
 MarramStatus place_guides(GroomInstance& instance, const std::function<bool()>& cancelled) {
     instance.guides.reset();
@@ -195,17 +230,9 @@ MarramStatus place_guides(GroomInstance& instance, const std::function<bool()>& 
     const GuideSettings& settings = *instance.groom.guides;
     const MarramFrame& frame = instance.frame;
     const LentCurves curves = find_curves(frame, settings.curves, settings.place);
-    std::vector<float> vertices(4 * (curves.cv_count() + 2 * curves.count()));
-    if (!curves.curves.moves) {
-        std::copy_n(curves.curves.vertices[0], vertices.size(), vertices.begin());
-    } else if (!frame.pose_curves) {
-        throw SceneFault("contract.no_pose_curves", "", "MarramFrame.pose_curves is NULL",
-                         "give a function that poses curves at any time, or curves that rest");
-    } else {
-        const MarramStatus status =
-            pose_lent_curves(frame, curves.index, frame.bind_frame, 0, curves.count(), vertices);
-        if (status != MARRAM_OK) return status;
-    }
+    std::vector<float> vertices;
+    if (const MarramStatus status = read_guides(instance, curves, vertices); status != MARRAM_OK)
+        return status;
     std::vector<std::vector<Vec3d>> lines;
     if (!settings.lines.empty()) {
         const LentCurves drawn = find_curves(frame, settings.lines, settings.lines_place);
@@ -242,8 +269,12 @@ MarramStatus place_guides(GroomInstance& instance, const std::function<bool()>& 
 // Roots stay where all that places them is the same. On a terrain that evolves they are placed anew, frame by frame: a strand is there
 // or not by its own hash, so that most of them are those of the frame before.
 MarramStatus check_mesh_again(GroomInstance& instance) {
-    const MarramStatus status = read_bind_pose(instance);
-    if (status == MARRAM_OK && digest_of_mesh(instance) != instance.placed_mesh) instance.placed = false;
+    MarramStatus status = read_bind_pose(instance);
+    uint64_t guides = 0;
+    if (status == MARRAM_OK) status = digest_guides(instance, guides);
+    if (status == MARRAM_OK &&
+        (digest_of_mesh(instance) != instance.placed_mesh || guides != instance.placed_guides))
+        instance.placed = false;
     instance.mesh_may_differ = false;
     return status;
 }
@@ -262,6 +293,8 @@ MarramStatus place(GroomInstance& instance) {
     instance.mesh_may_differ = false;
     instance.placed_topology = topology_of(*instance.mesh);
     instance.placed_mesh = digest_of_mesh(instance);
+    if (const MarramStatus status = digest_guides(instance, instance.placed_guides); status != MARRAM_OK)
+        return status;
     instance.placing_seconds = wall_seconds() - begin;
     return MARRAM_OK;
 }
@@ -313,9 +346,13 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
             (blown && (wind_moves(instance.wind) || moving_meshes_matter(instance.wind, instance.frame)));
         instance.past = {};
         if (instance.wind.jiggle && instance.frame.stage == MARRAM_FINAL) {
+            double travel = 0.0;
+            if (const MarramStatus found = find_travel(instance.frame, instance.places, travel);
+                found != MARRAM_OK)
+                return found;
             const MarramStatus status = read_past(
                 instance.frame, uint32_t(instance.mesh - instance.meshes.data()), *instance.wind.jiggle,
-                longest_strand(instance.groom) * greatest_size(instance.places), instance.past);
+                longest_strand(instance.groom) * greatest_size(instance.places), instance.past, travel);
             if (status != MARRAM_OK) return status;
             bool instances_moved = false;
             if (const MarramStatus past =

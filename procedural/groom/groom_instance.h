@@ -78,8 +78,8 @@ struct GroomInstance {
     std::vector<Place> places;               // it, and its instances
     std::vector<MarramAttribute> attributes; // its
     // Of the mesh that the roots were placed on: digests of its triangles, and of all that places them.
-    uint64_t placed_topology = 0, placed_mesh = 0;
-    bool mesh_may_differ = false; // an update says so
+    uint64_t placed_topology = 0, placed_mesh = 0, placed_guides = 0; // the last: of guides and parting lines
+    bool mesh_may_differ = false;                                     // an update says so
     uint32_t time_count = 1;
     ChainFrame chain;
     ColliderTrees trees;

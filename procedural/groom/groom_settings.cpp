@@ -17,7 +17,8 @@ MarramStatus skin_has_moved(GroomInstance& instance, bool& moved) {
     const MarramStatus status = read_past(instance.frame, uint32_t(instance.mesh - instance.meshes.data()),
                                           jiggle, longest_strand(instance.groom), past);
     moved = past.moves();
-    return status;
+    if (status != MARRAM_OK) return status;
+    return find_past_places(instance.frame, jiggle, past.window, instance.places, moved);
 }
 
 void warn_out_of_reach(GroomInstance& instance, const std::string& what) {
@@ -30,10 +31,8 @@ MarramStatus choose_settings(GroomInstance& instance) {
     Groom& groom = instance.groom;
     Wind& wind = instance.wind;
     const auto& open = instance.automatic;
-    // What is chosen on the groom's mesh is made larger with an instance.
-    MarramFrame frame = instance.frame;
-    frame.tolerance /= std::max(greatest_size(instance.places), 1.0);
-    const double length = longest_strand(groom);
+    const MarramFrame& frame = instance.frame;
+    const double size = greatest_size(instance.places), length = size * longest_strand(groom);
     const double tolerance = frame.tolerance > 0.0 ? frame.tolerance : 1e-3 * length;
     const ChosenFor now{frame.frame, frame.times[0], frame.times[frame.time_count - 1], tolerance,
                         frame.stage};
@@ -53,7 +52,8 @@ MarramStatus choose_settings(GroomInstance& instance) {
                            *instance.mesh,
                            instance.roots,
                            instance.poses(0).bind,
-                           instance.guided(0, instance.roots.size())};
+                           instance.guided(0, instance.roots.size()),
+                           size};
     if (open.cvs) {
         const Choice choice = cvs_for(pilot);
         groom.cvs = int(choice.value);

@@ -143,7 +143,7 @@ void find_skin(ImportInstance& instance) {
     const ImportSettings& settings = instance.settings;
     if (settings.mesh.empty()) return;
     for (const MarramMesh& mesh : instance.meshes)
-        if (settings.mesh == mesh.name) instance.mesh = &mesh;
+        if (mesh.instance_of == 0 && settings.mesh == mesh.name) instance.mesh = &mesh;
     if (!instance.mesh)
         throw SceneFault("strands.no_mesh", settings.mesh_place,
                          "there is no mesh '" + settings.mesh + "' to bind strands to",
@@ -267,6 +267,21 @@ MarramStatus bind(ImportInstance& instance) {
     instance.binding_seconds = wall_seconds() - begin;
     warn_of_binding(instance);
     return MARRAM_OK;
+}
+
+uint64_t bind_digest(const ImportInstance& instance) {
+    return Digest()
+        .add(instance.bind_positions)
+        .add(instance.bind_normals)
+        .add(instance.bind_vertices)
+        .value();
+}
+
+// A mesh without poses, as a terrain that evolves, may stand elsewhere in each frame: strands are bound anew where it does.
+MarramStatus bind_again(ImportInstance& instance) {
+    const uint64_t before = bind_digest(instance);
+    if (const MarramStatus status = read_bind_poses(instance); status != MARRAM_OK) return status;
+    return bind_digest(instance) == before ? MARRAM_OK : bind(instance);
 }
 
 void check_still_bound(const ImportInstance& instance) {
@@ -430,6 +445,7 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
         if (!instance.is_bound)
             if (const MarramStatus status = bind(instance); status != MARRAM_OK) return status;
         check_still_bound(instance);
+        if (const MarramStatus status = bind_again(instance); status != MARRAM_OK) return status;
         check_widths(instance);
         instance.longest = longest_in_frame(instance);
         MarramStatus status =

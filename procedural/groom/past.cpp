@@ -45,14 +45,13 @@ double farthest(const std::vector<float>& a, const std::vector<float>& b) {
 } // namespace
 
 MarramStatus read_past(const MarramFrame& frame, uint32_t mesh, const Jiggle& jiggle, double length,
-                       PastSkin& past) {
+                       PastSkin& past, double travel) {
     past = {};
     const std::span times(frame.times, frame.time_count);
     // How far the skin travels lengthens the window by the logarithm of it, so a rough idea will do.
     PastSkin::Pose now, then;
     if (const MarramStatus status = pose_at(frame, mesh, times.front(), now); status != MARRAM_OK)
         return status;
-    double travel = 0.0;
     for (const double back : {1.0, 4.0, 16.0, 64.0, 256.0}) {
         if (const MarramStatus status = pose_at(frame, mesh, times.front() - back, then); status != MARRAM_OK)
             return status;

@@ -25,9 +25,10 @@ struct PastSkin {
     Surface at(int64_t knot, const MarramMesh& mesh) const;
 };
 
-// Asks the renderer for the skin's poses over the window that the frame's motion samples need. `length`: no strand is longer.
+// Asks the renderer for the skin's poses over the window that the frame's motion samples need. `length`: no strand is longer. `travel`: of
+// instances of the skin, find_travel().
 // Memory: 12 bytes a vertex (24 with normals) for each knot at which the skin stood elsewhere than at the knot before.
 MarramStatus read_past(const MarramFrame& frame, uint32_t mesh, const Jiggle& jiggle, double length,
-                       PastSkin& past);
+                       PastSkin& past, double travel = 0.0);
 
 } // namespace marram

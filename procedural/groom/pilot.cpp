@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/groom/pilot.h"
 
+#include "procedural/groom/places.h"
+
 #include "procedural/wind/bend.h"
 
 #include <algorithm>
@@ -15,7 +17,8 @@ constexpr double spare = 1.25;
 constexpr double default_share = 1e-3; // of the longest strand, where the frame asks for no tolerance
 
 double tolerance_of(const PilotGroom& pilot) {
-    return pilot.frame.tolerance > 0.0 ? pilot.frame.tolerance : default_share * longest_strand(pilot.groom);
+    return pilot.frame.tolerance > 0.0 ? pilot.frame.tolerance
+                                       : default_share * pilot.size * longest_strand(pilot.groom);
 }
 
 // Some of a groom's roots, with what they take of its guides.
@@ -70,9 +73,16 @@ double gap(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, siz
     return most_of(distances);
 }
 
+void enlarge(Strands& strands, double size) {
+    if (size == 1.0) return;
+    const Eigen::Affine3d scaled(Eigen::Scaling(size));
+    take_to(scaled, scaled, strands);
+}
+
 void blow(const PilotGroom& pilot, const SomeRoots& some, double frame, int cvs, Strands& strands) {
     strands.resize(int(some.roots.size()), cvs, false);
     expand(pilot.groom, pilot.wind, {pilot.bind, pilot.bind}, some.roots, strands, some.how());
+    enlarge(strands, pilot.size);
     const double response = wind_response(pilot.wind);
     for (size_t i = 0; i < strands.envelope.size(); ++i) {
         const double u = double(i % size_t(cvs)) / double(cvs - 1);
@@ -155,7 +165,7 @@ Choice cvs_for(const PilotGroom& pilot) {
         size_t level = 0;
         while (level + 1 < times_segments.size() && least << (level + 1) <= segments) ++level;
         if (spare * times_segments[level] <= tolerance * segments &&
-            width_gap(pilot.groom, segments) <= tolerance)
+            pilot.size * width_gap(pilot.groom, segments) <= tolerance)
             return {double(segments + 1), true};
     }
     return {double(most_segments + 1), false};
@@ -165,6 +175,7 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot) {
     const MarramMesh& mesh = pilot.skin;
     Eigen::AlignedBox3d rest;
     extend_by_rest(pilot.groom, std::span(mesh.positions[0], 3 * size_t(mesh.vertex_count)), rest);
+    if (pilot.size != 1.0) rest = placed_box(Eigen::Affine3d(Eigen::Scaling(pilot.size)), rest);
     const Surface now{mesh.positions[0],   mesh.normals ? mesh.normals[0] : nullptr,
                       mesh.triangles,      mesh.uvs,
                       mesh.triangle_count, pilot.bind.attributes};
@@ -174,14 +185,16 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot) {
             &pilot.skin,
             pilot.groom.envelope,
             pilot.groom.basis,
-            longest_strand(pilot.groom),
+            pilot.size * longest_strand(pilot.groom),
             tolerance_of(pilot),
             rest,
             some->roots.size(),
             pilot.groom.cvs,
             false,
-            [&groom = pilot.groom, bind = pilot.bind, now, some](const Wind& wind, Strands& out) {
+            [&groom = pilot.groom, bind = pilot.bind, now, some, size = pilot.size](const Wind& wind,
+                                                                                    Strands& out) {
                 expand(groom, wind, {bind, now}, some->roots, out, some->how());
+                enlarge(out, size);
             }};
 }
 

@@ -21,6 +21,7 @@ struct PilotGroom {
     std::span<const Root> roots;
     Surface bind;
     std::optional<Guided> guided{}; // its blends are those of the roots
+    double size = 1.0;              // as much larger its strands are looked at: as the largest instance is
 };
 
 struct Choice {

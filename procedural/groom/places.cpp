@@ -50,6 +50,28 @@ MarramStatus find_places(const MarramFrame& frame, const MarramMesh& mesh, std::
     return MARRAM_OK;
 }
 
+MarramStatus find_travel(const MarramFrame& frame, std::span<const Place> places, double& travel) {
+    travel = 0.0;
+    Eigen::AlignedBox3d box;
+    const MarramMesh& mesh = *places[0].mesh;
+    for (size_t v = 0; v < mesh.vertex_count && places.size() > 1; ++v)
+        box.extend(Eigen::Map<const Vec3f>(mesh.positions[0] + 3 * v).cast<double>());
+    for (const Place& place : places) {
+        if (!place.is_instance) continue;
+        for (const double back : {1.0, 4.0, 16.0, 64.0, 256.0}) {
+            Eigen::Affine3d then;
+            const MarramStatus status =
+                place_lent_instance(frame, uint32_t(place.mesh - frame.meshes), frame.times[0] - back, then);
+            if (status != MARRAM_OK) return status;
+            for (int c = 0; c < 8 && !box.isEmpty(); ++c) {
+                const Vec3d corner = box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(c));
+                travel = std::max(travel, (place.at(0) * corner - then * corner).norm());
+            }
+        }
+    }
+    return MARRAM_OK;
+}
+
 MarramStatus find_past_places(const MarramFrame& frame, const Jiggle& jiggle, const JiggleWindow& window,
                               std::span<Place> places, bool& moved) {
     for (Place& place : places) {

@@ -38,6 +38,9 @@ Eigen::AlignedBox3d placed_box(const Eigen::Affine3d& placed, const Eigen::Align
 // The groom's mesh and its instances among the frame's. Throws SceneFault for an instance that the host cannot place.
 MarramStatus find_places(const MarramFrame& frame, const MarramMesh& mesh, std::vector<Place>& places);
 
+// How far instances of a mesh have travelled before the frame's first motion sample, m: enough to know how far back to look.
+MarramStatus find_travel(const MarramFrame& frame, std::span<const Place> places, double& travel);
+
 // Where instances stood at the knots of the window. moved: whether one of them did.
 MarramStatus find_past_places(const MarramFrame& frame, const Jiggle& jiggle, const JiggleWindow& window,
                               std::span<Place> places, bool& moved);

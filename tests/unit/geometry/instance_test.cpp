@@ -200,7 +200,50 @@ TEST(Instances, AreBoundedAndCollide) {
         }
 }
 
+// What is left to the tolerance is chosen for the largest instance, and for one that moves as for a mesh that does.
+TEST(Instances, CountWhereTheToleranceChooses) {
+    const auto chosen = [](const std::string& transform, const std::string& what) {
+        TestScene scene("\n[wind]\nspeed = 1\nreference_segments = 7\njiggle = { frequency = 1 }\n"
+                        "noise = { amplitude = 1, frequency = 1, octaves = 4 }\n" +
+                        mesh("ball", "sphere", transform.empty() ? "" : instances({transform})) +
+                        groom("fur", "ball", "count = 300\ncvs = 0\n"));
+        scene.settings.frame = 12;
+        scene.settings.tolerance = 0.01;
+        scene.build();
+        for (const auto& [path, value] : scene.geometry.procedurals[0]->report())
+            if (path == what) return value;
+        return 0.0;
+    };
+    EXPECT_GT(chosen("{ scale = [20, 20, 20] }", "chosen.cvs"), 1.5 * chosen("", "chosen.cvs"));
+    EXPECT_EQ(chosen(moved_by(9, 0, 0), "chosen.cvs"), chosen("", "chosen.cvs"));
+    EXPECT_LE(chosen("{ keys = [{ frame = 1, translate = [5, 0, 0] }, { frame = 8, translate = [7, 0, 0] }, "
+                     "{ frame = 9, translate = [5, 0, 0] }] }",
+                     "chosen.jiggle_step"),
+              0.5);
+}
+
+// A procedural that makes a mesh of a mesh does not know of its instances.
+TEST(Instances, AreNothingToARock) {
+    const auto rate = [](const std::string& more) {
+        TestScene scene(
+            mesh("stone", "sphere", more) +
+            "\n[[procedural]]\ntype = \"rock\"\nname = \"rock\"\nmesh = \"stone\"\npaths = 20000\n");
+        const World world = scene.build();
+        for (const MeshGeometry& mesh : world.meshes)
+            if (const AttributeValues* found = find_attribute(mesh.attributes, "wear_rate"))
+                return found->values;
+        return std::vector<float>();
+    };
+    const std::vector<float> alone = rate("");
+    ASSERT_FALSE(alone.empty());
+    EXPECT_EQ(rate(instances({moved_by(-2.2, 0, 0)})), alone);
+}
+
 TEST(Instances, SayWhatIsWrong) {
+    EXPECT_THROW(TestScene(furred(instances({"{ keys = [{ frame = 1, scale = [1, 1, 1] }, "
+                                             "{ frame = 3, scale = [-1, -1, 1] }] }"}))),
+                 InputError);
+    EXPECT_THROW(TestScene(furred(instances({moved_by(1, 0, 0)})) + mesh("ball[0]", "box")), InputError);
     EXPECT_THROW(TestScene(furred(instances({"{ scale = [1, 2, 1] }"}))), InputError);
     EXPECT_THROW(TestScene(furred(instances({"{ scale = [0, 0, 0] }"}))), InputError);
     EXPECT_NO_THROW(TestScene(furred(instances({"{ scale = [-1, 1, 1] }"}))));

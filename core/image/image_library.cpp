@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/image/image_library.h"
 
+#include <algorithm>
 #include <cstring>
 #include <new>
+#include <thread>
 
 #include <dlfcn.h>
 #include <sys/mman.h>
@@ -15,11 +17,11 @@ constexpr const char* file = "libmarram_images.so"; // found by the program's RU
 // get it, so that it is asked for first.
 constexpr size_t room = size_t(448) << 20;
 
-void check_room() {
+void check_room(size_t bytes) {
     void* at =
-        ::mmap(nullptr, room, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+        ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
     if (at == MAP_FAILED) throw std::bad_alloc();
-    ::munmap(at, room);
+    ::munmap(at, bytes);
 }
 
 [[noreturn]] void refuse(const std::string& why) {
@@ -28,7 +30,7 @@ void check_room() {
 }
 
 const ImageLibrary* load() {
-    check_room();
+    check_room(room);
     void* const handle =
         ::dlopen(file, RTLD_LAZY | RTLD_LOCAL); // never closed: objects of its classes stay valid
     if (!handle) refuse(::dlerror());
@@ -48,17 +50,31 @@ const ImageLibrary& library() {
     return *loaded;
 }
 
+// OpenEXR starts a thread for each processor with the first file that it opens. Where one of them cannot be had it frees what those before
+// it wait on, and they end the process: their stacks are asked for first.
+const ImageLibrary& library_for_exr() {
+    static const bool has_room = [] {
+        constexpr size_t stack = size_t(9) << 20; // Debian's 8 MiB, and what belongs to a thread
+        check_room(stack * std::max(std::thread::hardware_concurrency(), 1U));
+        return true;
+    }();
+    (void)has_room;
+    return library();
+}
+
 } // namespace
 
 void load_image_library() { library(); }
 
 // ---- Declared in the headers of this folder
 
-Image read_image(const std::string& path, ColorSpace space) { return library().read_image(path, space); }
+Image read_image(const std::string& path, ColorSpace space) {
+    return library_for_exr().read_image(path, space);
+}
 
 void write_exr(const std::string& path, int width, int height, std::span<const Layer> layers,
                std::span<const Metadata> metadata) {
-    library().write_exr(path, width, height, layers, metadata);
+    library_for_exr().write_exr(path, width, height, layers, metadata);
 }
 
 std::vector<unsigned char> png_bytes(int width, int height, int channels, const float* pixels,
@@ -97,14 +113,14 @@ std::optional<std::string> whole_metadata(const std::string& path, const std::st
 
 void write_doubles(const std::string& path, const DoublesHeader& header,
                    const std::function<void(int, double*)>& row) {
-    library().write_doubles(path, header, row);
+    library_for_exr().write_doubles(path, header, row);
 }
 
 DoublesHeader read_doubles_header(const std::string& path) { return library().read_doubles_header(path); }
 
 void read_doubles(const std::string& path, const DoublesHeader& header,
                   const std::function<void(int, const double*)>& row) {
-    library().read_doubles(path, header, row);
+    library_for_exr().read_doubles(path, header, row);
 }
 
 void write_range_png(const std::string& path, int width, int height, int channels, const float* pixels,
@@ -119,7 +135,7 @@ std::string write_sheet(const std::string& output, const std::vector<SheetPictur
 
 std::shared_ptr<const TextureFile> open_texture_file(const std::string& file, ColorSpace space,
                                                      const Place& place) {
-    return library().open_texture_file(file, space, place);
+    return library_for_exr().open_texture_file(file, space, place);
 }
 
 } // namespace marram

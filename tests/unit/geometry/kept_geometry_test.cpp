@@ -132,16 +132,18 @@ TEST(KeptGeometry, WhatMovesIsMadeAnew) {
     }
 }
 
+const std::string evolving_grass =
+    some_wind +
+    "\n[[procedural]]\ntype = \"terrain\"\nname = \"dunes\"\nsize = [32, 24]\ncell = 1\n"
+    "wind.speed = 12\n[[procedural.layer]]\ntype = \"flat\"\ntarget = \"sand\"\nheight = 1\n"
+    "[[procedural.layer]]\ntype = \"noise\"\ntarget = \"sand\"\namplitude = 0.3\nwavelength = 8\n"
+    "[[procedural.layer]]\ntype = \"dune_solver\"\ndays_per_frame = 0.5\n" +
+    groom("grass", "dunes",
+          "density = 2\ndensity_by = [{ attribute = \"sand\", ramp = [[0.9, 0], [1.3, 1]] }]");
+
 // Strands come and go with the sand that they grow on: those that stay are the same.
 TEST(KeptGeometry, AnEvolvingTerrainIsThatOfItsFrame) {
-    const std::string text =
-        some_wind +
-        "\n[[procedural]]\ntype = \"terrain\"\nname = \"dunes\"\nsize = [32, 24]\ncell = 1\n"
-        "wind.speed = 12\n[[procedural.layer]]\ntype = \"flat\"\ntarget = \"sand\"\nheight = 1\n"
-        "[[procedural.layer]]\ntype = \"noise\"\ntarget = \"sand\"\namplitude = 0.3\nwavelength = 8\n"
-        "[[procedural.layer]]\ntype = \"dune_solver\"\ndays_per_frame = 0.5\n" +
-        groom("grass", "dunes",
-              "density = 2\ndensity_by = [{ attribute = \"sand\", ramp = [[0.9, 0], [1.3, 1]] }]");
+    const std::string& text = evolving_grass;
     Sequence sequence(text);
     std::vector<uint64_t> counts;
     for (const double frame : {1.0, 3.0, 3.0, 2.0}) {
@@ -157,14 +159,7 @@ TEST(KeptGeometry, AnEvolvingTerrainIsThatOfItsFrame) {
 // So do strands that guides of such a terrain lead, and strands of a file that are bound to it.
 TEST(KeptGeometry, WhatDependsOnAnEvolvingTerrainIsThatOfItsFrame) {
     const std::string text =
-        some_wind +
-        "\n[[procedural]]\ntype = \"terrain\"\nname = \"dunes\"\nsize = [32, 24]\ncell = 1\n"
-        "wind.speed = 12\n[[procedural.layer]]\ntype = \"flat\"\ntarget = \"sand\"\nheight = 1\n"
-        "[[procedural.layer]]\ntype = \"noise\"\ntarget = \"sand\"\namplitude = 0.3\nwavelength = 8\n"
-        "[[procedural.layer]]\ntype = \"dune_solver\"\ndays_per_frame = 0.5\n" +
-        groom("grass", "dunes",
-              "density = 2\ndensity_by = [{ attribute = \"sand\", ramp = [[0.9, 0], [1.3, 1]] }]") +
-        mesh("lawn", "plane") +
+        evolving_grass + mesh("lawn", "plane") +
         "\n[[procedural]]\ntype = \"groom\"\nname = \"led\"\non = \"lawn\"\nwidth = 0.01\ncount = 50\n"
         "guides = { curves = \"grass\" }\n"
         "[[curves]]\ntype = \"points\"\nname = \"reed\"\npoints = [[1, 1, 1], [1, 1.5, 1], [1.2, 2, 1]]\n"

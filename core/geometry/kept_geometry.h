@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What one frame leaves to the next: meshes that rest, and collider scenes of nothing but these. A mesh is taken over where its version is
-// the same (MeshGeometry::version); then it is not copied, checked or traced anew. Costs no memory while frames are traced: a world holds
-// the same arrays.
+// What one frame leaves to the next: unchanged meshes, and the collider scenes of nothing but these. A mesh is reused where its version is
+// the same (MeshGeometry::version); it is then neither copied nor checked again, nor is its BVH rebuilt. Arrays are moved out of the world
+// and into the next one: they are never there twice.
 #pragma once
 
 #include "core/geometry/device.h"
@@ -17,8 +17,8 @@ struct KeptGeometry {
     std::map<uint32_t, MeshGeometry> growth_surfaces, render_meshes; // by geometry ID
     ColliderScenes collider_scenes;
 
-    // The mesh of that version, which is then no longer here. Any other mesh of that ID is freed, and with a growth surface the
-    // scenes that hold it.
+    // Moves out the mesh of that ID and version (0: none is). Of another version, or for other roles, it is freed, and with a growth surface
+    // the scenes that hold it.
     std::optional<MeshGeometry> take_growth_surface(uint32_t id, uint64_t version, uint32_t roles);
     std::optional<MeshGeometry> take_render_mesh(uint32_t id, uint64_t version);
 };

@@ -352,7 +352,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
                 return found;
             const MarramStatus status = read_past(
                 instance.frame, uint32_t(instance.mesh - instance.meshes.data()), *instance.wind.jiggle,
-                longest_strand(instance.groom) * greatest_size(instance.places), instance.past, travel);
+                longest_strand(instance.groom) * greatest_scale(instance.places), instance.past, travel);
             if (status != MARRAM_OK) return status;
             bool instances_moved = false;
             if (const MarramStatus past =
@@ -424,8 +424,8 @@ Expand expand_of(const GroomInstance& instance, const GroomPatch& patch, StageCl
                 expand(instance.groom, instance.wind, instance.poses(time), roots, strands,
                        guided ? &*guided : nullptr);
                 if (place.is_instance)
-                    take_to(place.at(time), instance.wind.rest_anchored ? place.at_bind : place.at(time),
-                            strands);
+                    transform_strands(place.at(time),
+                                      instance.wind.rest_anchored ? place.at_bind : place.at(time), strands);
             },
             [&instance, roots, &place](int64_t knot, Strands& strands) { // on the jiggle's clock
                 GrowthPoses then{instance.poses(0).bind, instance.past.at(knot, *instance.mesh)};
@@ -434,7 +434,7 @@ Expand expand_of(const GroomInstance& instance, const GroomPatch& patch, StageCl
                 expand(instance.groom, instance.wind, then, roots, strands, guided ? &*guided : nullptr);
                 if (!place.is_instance) return;
                 const Eigen::Affine3d& placed = place.at_knot[size_t(knot - instance.past.window.first)];
-                take_to(placed, instance.wind.rest_anchored ? place.at_bind : placed, strands);
+                transform_strands(placed, instance.wind.rest_anchored ? place.at_bind : placed, strands);
             },
             [&instance, &place](int64_t knot) {
                 if (!instance.past.rests_at(knot)) return false;

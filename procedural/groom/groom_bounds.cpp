@@ -22,7 +22,7 @@ double reach_from_root(const GroomInstance& instance, double scale) {
         clearance = std::max(collision->clearance.value_or(0.0), lift);
     }
     const double size =
-        std::max(greatest_size(instance.places), 1.0); // a clearance is no longer on instances
+        std::max(greatest_scale(instance.places), 1.0); // a clearance is no longer on instances
     return size * (length + beyond + groom.width * widest + lift + clearance) * (1.0 + 1e-5) +
            4.0 * (scale + size * (length + lift)) * 0x1p-23;
 }
@@ -31,7 +31,7 @@ double reach_from_root(const GroomInstance& instance, double scale) {
 void extend_by_places(const GroomInstance& instance, uint32_t time, const Eigen::AlignedBox3d& on_mesh,
                       Eigen::AlignedBox3d& box) {
     for (const Place& place : instance.places)
-        box.extend(place.is_instance ? placed_box(place.at(time), on_mesh) : on_mesh);
+        box.extend(place.is_instance ? transformed_box(place.at(time), on_mesh) : on_mesh);
 }
 
 uint32_t time_count_of(const GroomInstance& instance) {
@@ -73,7 +73,7 @@ Eigen::AlignedBox3d bounds_at_rest(const GroomInstance& instance) {
     for (const Eigen::AlignedBox3d& on_mesh : past) box.extend(on_mesh);
     for (const Place& place : instance.places)
         for (size_t k = 0; k < place.at_knot.size() && k < instance.past.of_knot.size(); ++k)
-            box.extend(placed_box(place.at_knot[k], past[instance.past.of_knot[k]]));
+            box.extend(transformed_box(place.at_knot[k], past[instance.past.of_knot[k]]));
     return box;
 }
 

@@ -32,7 +32,7 @@ MarramStatus choose_settings(GroomInstance& instance) {
     Wind& wind = instance.wind;
     const auto& open = instance.automatic;
     const MarramFrame& frame = instance.frame;
-    const double size = greatest_size(instance.places), length = size * longest_strand(groom);
+    const double size = greatest_scale(instance.places), length = size * longest_strand(groom);
     const double tolerance = frame.tolerance > 0.0 ? frame.tolerance : 1e-3 * length;
     const ChosenFor now{frame.frame, frame.times[0], frame.times[frame.time_count - 1], tolerance,
                         frame.stage};

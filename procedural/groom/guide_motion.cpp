@@ -114,8 +114,8 @@ void blow_guides(GroomInstance& instance) {
             [&](uint32_t time, Strands& out) {
                 expand_guides(instance, guided->bind, instance.poses(time).now, first, out);
                 if (place.is_instance)
-                    take_to(place.at(time), instance.wind.rest_anchored ? place.at_bind : place.at(time),
-                            out);
+                    transform_strands(place.at(time),
+                                      instance.wind.rest_anchored ? place.at_bind : place.at(time), out);
             },
             [&](int64_t knot, Strands& out) {
                 Surface then = instance.past.at(knot, *instance.mesh);
@@ -123,7 +123,7 @@ void blow_guides(GroomInstance& instance) {
                 expand_guides(instance, guided->bind, then, first, out);
                 if (place.is_instance) {
                     const auto& placed = place.at_knot[size_t(knot - instance.past.window.first)];
-                    take_to(placed, instance.wind.rest_anchored ? place.at_bind : placed, out);
+                    transform_strands(placed, instance.wind.rest_anchored ? place.at_bind : placed, out);
                 }
             },
             [&](int64_t knot) { return !place.is_instance && instance.past.rests_at(knot); }};
@@ -147,7 +147,8 @@ void follow_guides(const GroomInstance& instance, const GroomPatch& patch, uint3
     std::swap(strands.rest_normal, strands.pose_normal);
     expand(instance.groom, instance.wind, instance.poses(time), roots, strands, &guided);
     if (place.is_instance)
-        take_to(place.at(time), instance.wind.rest_anchored ? place.at_bind : place.at(time), strands);
+        transform_strands(place.at(time), instance.wind.rest_anchored ? place.at_bind : place.at(time),
+                          strands);
     std::swap(strands.rest, strands.pose);
     std::swap(strands.rest_normal, strands.pose_normal);
     const auto cvs = size_t(strands.cvs);

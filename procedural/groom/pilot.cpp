@@ -76,7 +76,7 @@ double gap(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, siz
 void enlarge(Strands& strands, double size) {
     if (size == 1.0) return;
     const Eigen::Affine3d scaled(Eigen::Scaling(size));
-    take_to(scaled, scaled, strands);
+    transform_strands(scaled, scaled, strands);
 }
 
 void blow(const PilotGroom& pilot, const SomeRoots& some, double frame, int cvs, Strands& strands) {
@@ -175,7 +175,7 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot) {
     const MarramMesh& mesh = pilot.skin;
     Eigen::AlignedBox3d rest;
     extend_by_rest(pilot.groom, std::span(mesh.positions[0], 3 * size_t(mesh.vertex_count)), rest);
-    if (pilot.size != 1.0) rest = placed_box(Eigen::Affine3d(Eigen::Scaling(pilot.size)), rest);
+    if (pilot.size != 1.0) rest = transformed_box(Eigen::Affine3d(Eigen::Scaling(pilot.size)), rest);
     const Surface now{mesh.positions[0],   mesh.normals ? mesh.normals[0] : nullptr,
                       mesh.triangles,      mesh.uvs,
                       mesh.triangle_count, pilot.bind.attributes};

@@ -4,22 +4,25 @@
 #include "procedural/border.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace marram {
 
-double size_of(const Eigen::Affine3d& placed) { return std::cbrt(std::abs(placed.linear().determinant())); }
+double uniform_scale(const Eigen::Affine3d& placed) {
+    return std::cbrt(std::abs(placed.linear().determinant()));
+}
 
-double greatest_size(std::span<const Place> places) {
+double greatest_scale(std::span<const Place> places) {
     double most = 0.0;
     for (const Place& place : places) {
-        for (const auto& placed : place.at_time) most = std::max(most, size_of(placed));
-        for (const auto& placed : place.at_knot) most = std::max(most, size_of(placed));
+        for (const auto& placed : place.at_time) most = std::max(most, uniform_scale(placed));
+        for (const auto& placed : place.at_knot) most = std::max(most, uniform_scale(placed));
     }
     return most;
 }
 
-Eigen::AlignedBox3d placed_box(const Eigen::Affine3d& placed, const Eigen::AlignedBox3d& box) {
+Eigen::AlignedBox3d transformed_box(const Eigen::Affine3d& placed, const Eigen::AlignedBox3d& box) {
     Eigen::AlignedBox3d out;
     if (box.isEmpty()) return out;
     for (int corner = 0; corner < 8; ++corner)
@@ -111,8 +114,8 @@ struct WideMap {
 
 } // namespace
 
-void take_to(const Eigen::Affine3d& placed, const Eigen::Affine3d& anchor, Strands& strands) {
-    const double size = size_of(placed);
+void transform_strands(const Eigen::Affine3d& placed, const Eigen::Affine3d& anchor, Strands& strands) {
+    const double size = uniform_scale(placed);
     const WideMap map(placed), to_anchor(anchor);
     Eigen::Affine3d unit = placed; // normals keep their length, and mirrored ones their side
     unit.linear() /= size;

@@ -9,6 +9,7 @@
 
 #include <Eigen/Geometry>
 
+#include <algorithm>
 #include <span>
 #include <vector>
 
@@ -17,7 +18,7 @@ namespace marram {
 struct Place {
     const MarramMesh* mesh = nullptr;
     bool is_instance = false; // else nothing below differs from the identity
-    // From the groom's mesh, as it stands in the world.
+    // Transforms from the groom's mesh to this one, both in world space.
     Eigen::Affine3d at_bind = Eigen::Affine3d::Identity();
     std::vector<Eigen::Affine3d> at_time = {Eigen::Affine3d::Identity()}; // [motion sample], or one
     std::vector<Eigen::Affine3d> at_knot;                                 // [knot of the jiggle's window]
@@ -28,24 +29,26 @@ struct Place {
     bool moves() const { return at_time.size() > 1; }
 };
 
-// How much larger things are made.
-double size_of(const Eigen::Affine3d& placed);
-double greatest_size(std::span<const Place> places);
+// The uniform scale of a transform; the greatest of all places. Transforms are similarities: place_lent_instance() checks it.
+double uniform_scale(const Eigen::Affine3d& placed);
+double greatest_scale(std::span<const Place> places);
 
-// The box that holds a box when it is taken there.
-Eigen::AlignedBox3d placed_box(const Eigen::Affine3d& placed, const Eigen::AlignedBox3d& box);
+// The bounds of the transformed box.
+Eigen::AlignedBox3d transformed_box(const Eigen::Affine3d& placed, const Eigen::AlignedBox3d& box);
 
-// The groom's mesh and its instances among the frame's. Throws SceneFault for an instance that the host cannot place.
+// The groom's mesh, which is places[0], and its instances among the frame's meshes. Throws SceneFault for an instance that the host cannot place.
 MarramStatus find_places(const MarramFrame& frame, const MarramMesh& mesh, std::vector<Place>& places);
 
-// How far instances of a mesh have travelled before the frame's first motion sample, m: enough to know how far back to look.
+// The largest displacement of an instance from the first motion sample to 1, 4, 16, 64 and 256 frames before, m: a rough idea, by the
+// logarithm of which the jiggle looks further back. Throws as find_places().
 MarramStatus find_travel(const MarramFrame& frame, std::span<const Place> places, double& travel);
 
-// Where instances stood at the knots of the window. moved: whether one of them did.
+// Fills Place::at_knot for the knots of the window. Sets `moved` if one of them is not where it is at the first motion sample. Throws as
+// find_places().
 MarramStatus find_past_places(const MarramFrame& frame, const Jiggle& jiggle, const JiggleWindow& window,
                               std::span<Place> places, bool& moved);
 
-// Takes rest strands to a place. anchor: takes the points that noise is sampled from.
-void take_to(const Eigen::Affine3d& placed, const Eigen::Affine3d& anchor, Strands& strands);
+// Transforms rest strands. anchor: the transform of the points that noise is sampled from.
+void transform_strands(const Eigen::Affine3d& placed, const Eigen::Affine3d& anchor, Strands& strands);
 
 } // namespace marram

@@ -14,7 +14,7 @@ MARRAM_INLINE VDouble evaluate(const Ramp& ramp, VDouble x) {
     VDouble result = splat(values[0]);
     for (size_t i = 1; i < positions.size(); ++i) {
         VDouble t = (x - positions[i - 1]) * (1.0 / (positions[i] - positions[i - 1]));
-        t = vmin(vmax(t, splat(0.0)), splat(1.0));
+        t = vmin(vmax(t, 0.0), 1.0);
         if (ramp.interpolation() == Ramp::Interpolation::constant) t = splat(0.0);
         if (ramp.interpolation() == Ramp::Interpolation::smooth) t = t * t * (3.0 - 2.0 * t);
         result = select(x < positions[i], result + t * (values[i] - values[i - 1]), values[i]);

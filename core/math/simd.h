@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Eight strands side by side. The types are GCC's vectors of 32 bytes, one AVX2 register each. GCC 12 compiles comparisons and
 // selections of wider vectors lane by lane where there is no AVX-512, which is three times slower.
-// One source serves SSE2, AVX2 and AVX-512 (with its masks and registers); because nothing is contracted or reassociated
-// (-ffp-contract=off) all three give the same bits.
+// One source serves SSE2 and AVX2. Nothing is contracted or reassociated (-ffp-contract=off), so both give the same bits
+// (Simd.instruction_sets_agree). A variant for AVX-512 was measured: 0 to 5 % faster on a Zen 4, for an eighth more build time.
 //
 // A hot function is marked MARRAM_HOT: it is compiled once for each instruction set and the loader picks one at start-up.
 // Everything it calls must be MARRAM_INLINE, or it would run in its baseline version.
@@ -26,7 +26,7 @@ inline constexpr int lanes = 8;
 #define MARRAM_ALWAYS_INLINE __attribute__((always_inline)) // of a lambda
 #if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__clang__)
 // Sanitizers run before the loader has resolved clones, so sanitized builds do without.
-#define MARRAM_HOT __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4"), flatten))
+#define MARRAM_HOT __attribute__((target_clones("default", "arch=x86-64-v3"), flatten))
 #else
 #define MARRAM_HOT
 #endif
@@ -45,7 +45,7 @@ template <typename T, typename Piece>
 struct alignas(64) Eight {
     Piece half[2];
 
-    MARRAM_INLINE static Eight all(T x) { return {Piece{x, x, x, x}, Piece{x, x, x, x}}; }
+    MARRAM_INLINE static Eight splat(T x) { return {Piece{x, x, x, x}, Piece{x, x, x, x}}; }
     MARRAM_INLINE T operator[](int lane) const { return half[lane >> 2][lane & 3]; }
     // A vector may alias its lanes in GCC. Goes through memory: not for inner loops.
     MARRAM_INLINE T& operator[](int lane) { return reinterpret_cast<T*>(half)[lane]; }
@@ -53,43 +53,43 @@ struct alignas(64) Eight {
 using VDouble = Eight<double, Double4>;
 using VLong = Eight<int64_t, Long4>;
 
-MARRAM_INLINE VDouble splat(double x) { return VDouble::all(x); }
-MARRAM_INLINE VFloat splat_float(float x) { return VFloat{} + x; }
-inline constexpr VLong every_lane = {{{-1, -1, -1, -1}, {-1, -1, -1, -1}}}; // the mask that selects all
-inline constexpr VLong lane_numbers = {{{0, 1, 2, 3}, {4, 5, 6, 7}}};
-inline constexpr VDouble lane_places = {{{0, 1, 2, 3}, {4, 5, 6, 7}}};
+MARRAM_INLINE VDouble splat(double x) { return VDouble::splat(x); }
+MARRAM_INLINE VFloat splat_float(float x) { return VFloat{x, x, x, x, x, x, x, x}; } // 0 + x would lose -0
+inline constexpr VLong all_lanes = {{{-1, -1, -1, -1}, {-1, -1, -1, -1}}}; // the mask that selects all
+inline constexpr VLong lane_index = {{{0, 1, 2, 3}, {4, 5, 6, 7}}};
+inline constexpr VDouble lane_index_double = {{{0, 1, 2, 3}, {4, 5, 6, 7}}};
 
-#define MARRAM_EACH_HALF(Result, V, T, op)                                                                   \
+#define MARRAM_ELEMENTWISE(Result, V, T, op)                                                                 \
     MARRAM_INLINE Result operator op(const V& a, const V& b) {                                               \
         return {a.half[0] op b.half[0], a.half[1] op b.half[1]};                                             \
     }                                                                                                        \
-    MARRAM_INLINE Result operator op(const V& a, T b) { return a op V::all(b); }                             \
-    MARRAM_INLINE Result operator op(T a, const V& b) { return V::all(a) op b; }
-#define MARRAM_CHANGE_BOTH(V, T, op)                                                                         \
-    MARRAM_EACH_HALF(V, V, T, op)                                                                            \
+    MARRAM_INLINE Result operator op(const V& a, T b) { return a op V::splat(b); }                           \
+    MARRAM_INLINE Result operator op(T a, const V& b) { return V::splat(a) op b; }
+#define MARRAM_ARITHMETIC(V, T, op)                                                                          \
+    MARRAM_ELEMENTWISE(V, V, T, op)                                                                          \
     MARRAM_INLINE V& operator op##=(V& a, const V& b) { return a = a op b; }                                 \
     MARRAM_INLINE V& operator op##=(V& a, T b) { return a = a op b; }
-MARRAM_CHANGE_BOTH(VDouble, double, +)
-MARRAM_CHANGE_BOTH(VDouble, double, -)
-MARRAM_CHANGE_BOTH(VDouble, double, *)
-MARRAM_CHANGE_BOTH(VDouble, double, /)
-MARRAM_CHANGE_BOTH(VLong, int64_t, +)
-MARRAM_CHANGE_BOTH(VLong, int64_t, -)
-MARRAM_CHANGE_BOTH(VLong, int64_t, &)
-MARRAM_CHANGE_BOTH(VLong, int64_t, |)
-MARRAM_CHANGE_BOTH(VLong, int64_t, ^)
-MARRAM_EACH_HALF(VLong, VDouble, double, <)
-MARRAM_EACH_HALF(VLong, VDouble, double, <=)
-MARRAM_EACH_HALF(VLong, VDouble, double, >)
-MARRAM_EACH_HALF(VLong, VDouble, double, >=)
-MARRAM_EACH_HALF(VLong, VDouble, double, ==)
-MARRAM_EACH_HALF(VLong, VDouble, double, !=)
-MARRAM_EACH_HALF(VLong, VLong, int64_t, <)
-MARRAM_EACH_HALF(VLong, VLong, int64_t, >)
-MARRAM_EACH_HALF(VLong, VLong, int64_t, ==)
-MARRAM_EACH_HALF(VLong, VLong, int64_t, !=)
-#undef MARRAM_CHANGE_BOTH
-#undef MARRAM_EACH_HALF
+MARRAM_ARITHMETIC(VDouble, double, +)
+MARRAM_ARITHMETIC(VDouble, double, -)
+MARRAM_ARITHMETIC(VDouble, double, *)
+MARRAM_ARITHMETIC(VDouble, double, /)
+MARRAM_ARITHMETIC(VLong, int64_t, +)
+MARRAM_ARITHMETIC(VLong, int64_t, -)
+MARRAM_ARITHMETIC(VLong, int64_t, &)
+MARRAM_ARITHMETIC(VLong, int64_t, |)
+MARRAM_ARITHMETIC(VLong, int64_t, ^)
+MARRAM_ELEMENTWISE(VLong, VDouble, double, <)
+MARRAM_ELEMENTWISE(VLong, VDouble, double, <=)
+MARRAM_ELEMENTWISE(VLong, VDouble, double, >)
+MARRAM_ELEMENTWISE(VLong, VDouble, double, >=)
+MARRAM_ELEMENTWISE(VLong, VDouble, double, ==)
+MARRAM_ELEMENTWISE(VLong, VDouble, double, !=)
+MARRAM_ELEMENTWISE(VLong, VLong, int64_t, <)
+MARRAM_ELEMENTWISE(VLong, VLong, int64_t, >)
+MARRAM_ELEMENTWISE(VLong, VLong, int64_t, ==)
+MARRAM_ELEMENTWISE(VLong, VLong, int64_t, !=)
+#undef MARRAM_ARITHMETIC
+#undef MARRAM_ELEMENTWISE
 MARRAM_INLINE VDouble operator-(const VDouble& a) { return {-a.half[0], -a.half[1]}; }
 MARRAM_INLINE VLong operator~(const VLong& a) { return {~a.half[0], ~a.half[1]}; }
 MARRAM_INLINE VLong operator<<(const VLong& a, int by) { return {a.half[0] << by, a.half[1] << by}; }
@@ -162,8 +162,7 @@ MARRAM_INLINE VFloat to_float(const VDouble& x) {
                  high = __builtin_convertvector(x.half[1], Float4);
     return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
 }
-// The low 32 bits of each.
-MARRAM_INLINE VInt to_int(const VLong& x) {
+MARRAM_INLINE VInt low_32_bits(const VLong& x) {
     const VInt pairs = __builtin_shufflevector((VInt)x.half[0], (VInt)x.half[1], 0, 2, 8, 10, 4, 6, 12,
                                                14); // within 16 bytes
     return (VInt)__builtin_shufflevector((Long4)pairs, (Long4)pairs, 0, 2, 1, 3);
@@ -184,8 +183,13 @@ MARRAM_INLINE VFloat vsqrt(VFloat x) {
     return r;
 }
 MARRAM_INLINE VDouble vabs(const VDouble& x) { return bits_as<VDouble>(bits_as<VLong>(x) & INT64_MAX); }
+// The second argument where either is NaN.
 MARRAM_INLINE VDouble vmin(const VDouble& a, const VDouble& b) { return select(a < b, a, b); }
 MARRAM_INLINE VDouble vmax(const VDouble& a, const VDouble& b) { return select(a > b, a, b); }
+MARRAM_INLINE VDouble vmin(const VDouble& a, double b) { return vmin(a, splat(b)); }
+MARRAM_INLINE VDouble vmax(const VDouble& a, double b) { return vmax(a, splat(b)); }
+MARRAM_INLINE VFloat vmin(VFloat a, VFloat b) { return a < b ? a : b; }
+MARRAM_INLINE VFloat vmax(VFloat a, VFloat b) { return a > b ? a : b; }
 MARRAM_INLINE bool any(const VLong& mask) {
     const Long4 either = mask.half[0] | mask.half[1];
     return (either[0] | either[1] | either[2] | either[3]) != 0;
@@ -194,13 +198,23 @@ MARRAM_INLINE bool any(const VLong& mask) {
 // Adding this number rounds a double below 2^51 to the nearest integer and leaves that integer in the low bits.
 inline constexpr double round_magic = 6755399441055744.0; // 1.5 * 2^52
 
+// The nearest integer, ties to even, |x| < 2^51. V: VDouble, Double4 or double.
+template <typename V>
+MARRAM_INLINE V vround(V x) {
+    return (x + round_magic) - round_magic;
+}
+MARRAM_INLINE VDouble vfloor(const VDouble& x) {
+    const VDouble r = vround(x);
+    return r - bits_as<VDouble>((r > x) & bits_as<VLong>(splat(1.0)));
+}
+
 // floor(x) and its low 32 bits, |x| < 2^51.
 MARRAM_INLINE VDouble vfloor(VDouble x, VInt& cell) {
     const VDouble shifted = x + round_magic;
     VDouble r = shifted - round_magic;
-    const VLong above = r > x; // -1 where rounding went up
+    const VLong above = r > x; // -1 where x was rounded up
     r -= bits_as<VDouble>(above & bits_as<VLong>(splat(1.0)));
-    cell = to_int(bits_as<VLong>(shifted) + above);
+    cell = low_32_bits(bits_as<VLong>(shifted) + above);
     return r;
 }
 

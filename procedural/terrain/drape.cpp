@@ -54,19 +54,14 @@ MARRAM_INLINE VDouble drape_level(VDouble s, double k) { return select(s < k, 2.
 
 // s(u).
 MARRAM_INLINE VDouble drape_thickness(VDouble u, double k) {
-    const VDouble v = vmax(u + k, splat(0.0));
+    const VDouble v = vmax(u + k, 0.0);
     return select(u < k, v * v * (0.25 / k), u);
 }
 
 // 1 up to 2 k, 0 from 4 k on.
 MARRAM_INLINE VDouble drape_fade(VDouble thinner, double k) {
-    const VDouble t = vmax(vmin(2.0 - thinner * (0.5 / k), splat(1.0)), splat(0.0));
+    const VDouble t = vmax(vmin(2.0 - thinner * (0.5 / k), 1.0), 0.0);
     return t * t * (3.0 - 2.0 * t);
-}
-
-MARRAM_INLINE VDouble drape_floor(VDouble x) { // of 0 to 2^51
-    const VDouble rounded = (x + round_magic) - round_magic;
-    return select(rounded > x, rounded - 1.0, rounded);
 }
 
 struct DrapeSample {
@@ -82,8 +77,8 @@ MARRAM_INLINE VDouble drape_flow(const DrapeSample& a, const DrapeSample& b, dou
     const VDouble high = vmax(a.level, b.level), low = vmin(a.level, b.level);
     const VDouble give = high_sand - drape_thickness(low - high_ground, k);
     const VDouble take = drape_thickness(high - low_ground, k) - low_sand;
-    const VDouble wanted = vmax(vmin(give, take), splat(0.0));
-    const VDouble f = drape_floor(drape_share * drape_fade(vmin(a.sand, b.sand), k) * wanted);
+    const VDouble wanted = vmax(vmin(give, take), 0.0);
+    const VDouble f = vfloor(drape_share * drape_fade(vmin(a.sand, b.sand), k) * wanted);
     return select(down, f, -f);
 }
 
@@ -123,7 +118,7 @@ MARRAM_HOT bool drape_step(DrapeGrid& grid, const Rect& rect, double k) {
     for (int j = rect.j0; j < rect.j1; ++j)
         for (int i = rect.i0; i < rect.i1; i += lanes) {
             const size_t s = grid.at(i, j);
-            const VLong column = lane_numbers + int64_t(i);
+            const VLong column = lane_index + int64_t(i);
             const VLong here = column < int64_t(rect.i1);
             const VLong west = here & (column > 0), east = here & (column < int64_t(grid.nx - 1));
             const VDouble zero = splat(0.0);

@@ -558,7 +558,7 @@ MARRAM_HOT double DuneBound::sum(const DuneField& field, double x0, double z0, d
         }
         const VDouble x = vload(field.covers[k].x), z = vload(field.covers[k].z);
         const VDouble half = vload(field.covers[k].half), weight = vload(field.covers[k].weight);
-        const VDouble u = vmin(vmax(((x - ax) * wx + (z - az) * wz) * inverse, VDouble{}), splat(1.0));
+        const VDouble u = vmin(vmax(((x - ax) * wx + (z - az) * wz) * inverse, VDouble{}), 1.0);
         const VDouble ex = x - ax - u * wx, ez = z - az - u * wz;
         const VDouble r = vmax(vsqrt(ex * ex + ez * ez) - half, VDouble{}), s2 = r * r + field.softening2;
         const VDouble share = weight / (s2 * s2 * vsqrt(s2));
@@ -704,7 +704,7 @@ MARRAM_INLINE DuneSums dune_sums(const DuneField& field, double sign, VDouble x,
             dune_near<cubic, directed>(segments + c.first, segments + c.last, field.softening2, sign, px, pz,
                                        near);
         if (any(above > 0.0)) {
-            const VDouble t = vmin(vmax(above, VDouble{}), splat(1.0));
+            const VDouble t = vmin(vmax(above, VDouble{}), 1.0);
             dune_blend(c, t * t * (3.0 - 2.0 * t), dx, dz, r2 + field.softening2, px, pz, near, sums);
         } else
             dune_add(near, sums);
@@ -727,7 +727,7 @@ MARRAM_INLINE VDouble dune_slope(const DuneRamp& ramp, VDouble x, VDouble pinch)
     VDouble pinched = x;
     if (any(pinch > 0.0)) {
         constexpr double least = 1e-300; // the logarithm's domain; below it x is 0
-        const VDouble power = vexp(vlog(vmin(vmax(x, splat(least)), splat(1.0))) / (1.0 + pinch));
+        const VDouble power = vexp(vlog(vmin(vmax(x, least), 1.0)) / (1.0 + pinch));
         pinched = select(pinch > 0.0, select(x > least, power, 0.0), x);
     }
     const VDouble y = dune_ramp(ramp, pinched);
@@ -778,7 +778,7 @@ MARRAM_INLINE void dune_finish(const DuneParts& parts, const DuneMeans& o, const
     out.outer = select(xo < 1.0, b, zero);
     out.inner = select(xi < 1.0, 1.0 - b, zero);
     const VLong in = (xo < 1.0) | (xi < 1.0) | (xm < 1.0);
-    out.dist = select(in, vmin(i.d, splat(parts.reach)), parts.reach);
+    out.dist = select(in, vmin(i.d, parts.reach), parts.reach);
 }
 
 MARRAM_INLINE void dune_direct(const DuneParts& parts, const DuneSums& sums, VDouble D, DuneLanes& out) {

@@ -140,8 +140,8 @@ MARRAM_INLINE void fusion_quad_move(const FusionHeights& h, double target, VLong
     VDouble da = k * (gx + gz), cb = k * (gz - gx);
     const VDouble da_from = select(da > 0.0, s.d, s.a), cb_from = select(cb > 0.0, s.c, s.b);
     VDouble share = splat(1.0);
-    share = vmin(share, da_from / vmax(vabs(da), splat(1.0)));
-    share = vmin(share, cb_from / vmax(vabs(cb), splat(1.0)));
+    share = vmin(share, da_from / vmax(vabs(da), 1.0));
+    share = vmin(share, cb_from / vmax(vabs(cb), 1.0));
     da = select(where, fusion_round(share * da), 0.0);
     cb = select(where, fusion_round(share * cb), 0.0);
     da = vmax(-s.a, vmin(s.d, da));
@@ -291,7 +291,7 @@ MARRAM_INLINE bool fusion_coarse_quads(const FusionGrid& grid, const FusionSlope
 MARRAM_INLINE bool fusion_row_of_block(const FusionGrid& grid, const FusionSlopes& slopes, bool fine,
                                        int column, int j, int odd) {
     const int first = column * (fusion_block_columns / 2);
-    const VLong k = lane_numbers + int64_t(first);
+    const VLong k = lane_index + int64_t(first);
     const size_t half = size_t(grid.half), above = grid.row(j) + size_t(first), below = above + 2 * half;
     const VLong valid = k < int64_t(odd ? (grid.nx - 1) / 2 : grid.nx / 2);
     const FusionQuads q = odd ? FusionQuads{above + half, above + 1, below + half, below + 1, valid}
@@ -424,7 +424,7 @@ MARRAM_HOT void fusion_survey_row(FusionGrid& grid, double trigger, int r, Fusio
     for (int column = 0; column < grid.block_columns; ++column) {
         VDouble steepest = splat(0.0);
         const int first = column * (fusion_block_columns / 2);
-        const VLong k = lane_numbers + int64_t(first);
+        const VLong k = lane_index + int64_t(first);
         const int begin = r * fusion_block_rows, end = std::min(begin + fusion_block_rows, grid.nz - 1);
         for (int j = begin; j < end; ++j) {
             const size_t above = grid.row(j) + size_t(first), below = above + 2 * half;

@@ -88,7 +88,7 @@ struct MeshEdge {
 MARRAM_INLINE MeshEdge mesh_edge(const MeshPoint& a, const MeshPoint& b, const MeshPoint& start) {
     const double per_i = b.j - a.j, per_j = a.i - b.i;
     return {double(mesh_turn(a, b, start)), per_i, per_j, per_i != 0.0 ? 1.0 / per_i : 0.0,
-            per_i * lane_places};
+            per_i * lane_index_double};
 }
 MARRAM_INLINE VDouble mesh_along(const MeshEdge& edge, double steps) {
     return (edge.value + edge.per_i * steps) + edge.lane;
@@ -121,12 +121,10 @@ MARRAM_INLINE MeshEdge mesh_slope_plane(const MeshEdge& ea, const MeshEdge& eb, 
                                         double b, double c) {
     const double per_i = ea.per_i * a + eb.per_i * b + ec.per_i * c;
     return {ea.value * a + eb.value * b + ec.value * c, per_i, ea.per_j * a + eb.per_j * b + ec.per_j * c,
-            0.0, per_i * lane_places};
+            0.0, per_i * lane_index_double};
 }
 MARRAM_INLINE VDouble mesh_eight_of(const std::vector<float>& values, int at) {
-    VFloat eight;
-    std::memcpy(&eight, values.data() + at, sizeof eight);
-    return to_double(eight);
+    return to_double(vload(values.data() + at));
 }
 // Square of the distance between the gradient of a triangle and that of each sample, over the square of its tolerance.
 MARRAM_INLINE VDouble mesh_slope_error(const MeshGrid& grid, int at, VDouble x, VDouble z) {
@@ -137,7 +135,7 @@ MARRAM_INLINE VDouble mesh_slope_error(const MeshGrid& grid, int at, VDouble x, 
 // Keeps the worst of each lane. a, b, c: negative outside.
 MARRAM_INLINE void mesh_keep(VDouble a, VDouble b, VDouble c, VDouble off, int at, MeshLanes& worst) {
     const VDouble error = select(vmin(vmin(a, b), c) < 0.0, 0.0, off);
-    worst.sample = select(worst.error < error, lane_places + double(at), worst.sample);
+    worst.sample = select(worst.error < error, lane_index_double + double(at), worst.sample);
     worst.error = vmax(worst.error, error);
 }
 
@@ -401,11 +399,10 @@ struct MeshRun {
 MARRAM_HOT void mesh_camera_weights(const MeshView& view, const Domain& domain, const MeshRun& run,
                                     const float* heights, float* weights, float* slope_weights) {
     for (int k = 0; k < run.count; k += lanes) {
-        const VDouble steps = lane_places + double(k);
+        const VDouble steps = lane_index_double + double(k);
         const VDouble x = domain.x0 + (run.i + run.di * steps) * domain.cell,
                       z = domain.z0 + (run.j + run.dj * steps) * domain.cell;
-        VFloat height;
-        std::memcpy(&height, heights + k, sizeof height);
+        const VFloat height = vload(heights + k);
         VDouble nearest = splat(infinity);
         for (size_t c = 0; c < view.count; ++c) {
             const VDouble dx = x - view.cameras[c].x(), dy = to_double(height) - view.cameras[c].y(),
@@ -414,14 +411,14 @@ MARRAM_HOT void mesh_camera_weights(const MeshView& view, const Domain& domain, 
         }
         const size_t bytes = sizeof(float) * size_t(std::min(lanes, run.count - k));
         if (view.slope_weight == 0.0) {
-            const VFloat weight = mesh_above(1.0 / vmax(view.a_metre * vsqrt(nearest), splat(view.least)));
+            const VFloat weight = mesh_above(1.0 / vmax(view.a_metre * vsqrt(nearest), view.least));
             std::memcpy(weights + k, &weight, bytes);
             continue;
         }
         const VDouble inverse = to_double(1.0F / vsqrt(to_float(nearest))) * (1.0 + 0x1p-22);
-        const VFloat weight = mesh_above(vmin(inverse * (1.0 / view.a_metre), splat(1.0 / view.least)));
+        const VFloat weight = mesh_above(vmin(inverse * (1.0 / view.a_metre), 1.0 / view.least));
         const VFloat slope =
-            mesh_above(vmin(inverse * inverse * (1.0 / view.cells2), splat(1.0)) * view.slope_weight);
+            mesh_above(vmin(inverse * inverse * (1.0 / view.cells2), 1.0) * view.slope_weight);
         std::memcpy(weights + k, &weight, bytes), std::memcpy(slope_weights + k, &slope, bytes);
     }
 }

@@ -148,7 +148,7 @@ struct StoneBody {
 };
 
 MARRAM_INLINE VDouble stone_smin(VDouble a, VDouble b, double k) {
-    const VDouble h = vmax(k - vabs(a - b), splat(0.0));
+    const VDouble h = vmax(k - vabs(a - b), 0.0);
     return vmin(a, b) - h * h * (0.25 / k);
 }
 

@@ -90,7 +90,7 @@ MARRAM_INLINE Turn scaled_turn(const Wide3d& a, const Wide3d& b, VDouble f, Segm
 MARRAM_INLINE VDouble compounded(VDouble f, VDouble x) {
     const VDouble rest = 1.0 - f;
     const VLong full = rest < 1e-300;
-    const VDouble exponent = vmax(x * vlog(select(full, 1.0, rest)), splat(-700.0));
+    const VDouble exponent = vmax(x * vlog(select(full, 1.0, rest)), -700.0);
     const VDouble result = 1.0 - vexp(exponent);
     return select(full, select(x > 0.0, 1.0, 0.0), vmax(result, VDouble{}));
 }
@@ -173,7 +173,7 @@ MARRAM_HOT void turn_factors(const Wind& wind, const BlockView& block) {
     const double reference = wind.reference_segments > 0 ? wind.reference_segments : last;
     for (int k = 0; k < last; ++k) {
         VDouble f = evaluate(wind.ramp_rotate, block.arc[k] * per_length) * to_double(block.envelope[k]);
-        f = vmin(vmax(f * wind.global_rotate, VDouble{}), splat(1.0));
+        f = vmin(vmax(f * wind.global_rotate, VDouble{}), 1.0);
         block.factors[k] = compounded(f, (block.arc[k + 1] - block.arc[k]) * per_length * reference);
     }
 }

@@ -78,7 +78,7 @@ MARRAM_HOT void set_envelope(const Wind& wind, const float* own, Strands& strand
 // The groom's own envelope, where CVs stand elsewhere on each strand.
 MARRAM_HOT void scale_envelope(const Ramp& own, Strands& strands) {
     for (size_t i = 0; i < strands.envelope.size(); ++i) {
-        const VDouble share = vmin(vmax(evaluate(own, strands.u[i]), VDouble{}), splat(1.0));
+        const VDouble share = vmin(vmax(evaluate(own, strands.u[i]), VDouble{}), 1.0);
         strands.envelope[i] *= to_float(share);
     }
 }

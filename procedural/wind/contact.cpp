@@ -74,8 +74,8 @@ MARRAM_INLINE void vertex_touches(const Plane8& plane, const Wide3d& v, Touches&
     const VDouble q = dot(v, v) - plane.clearance * plane.clearance;
     const VDouble l = plane.length;
     const VDouble reach = select(q <= l * l, vsqrt(vmax(q, VDouble{})), (l * l + q) / (2.0 * l));
-    const auto all = [](VDouble, VDouble) MARRAM_ALWAYS_INLINE { return every_lane; };
-    solve(dot(v, plane.from), dot(v, plane.across), reach, every_lane, touches, all);
+    const auto all = [](VDouble, VDouble) MARRAM_ALWAYS_INLINE { return all_lanes; };
+    solve(dot(v, plane.from), dot(v, plane.across), reach, all_lanes, touches, all);
 }
 
 MARRAM_INLINE void face_touches(const Plane8& plane, const Triangles8& t, Touches& touches) {
@@ -91,7 +91,7 @@ MARRAM_INLINE void face_touches(const Plane8& plane, const Triangles8& t, Touche
     const Wide3d inward[3] = {cross(n, e[0]), cross(n, e[1]), cross(n, e[2])};
     const auto above = [&](VDouble cosine, VDouble sine) MARRAM_ALWAYS_INLINE {
         const Wide3d end = (plane.from * cosine + plane.across * sine) * l;
-        VLong inside = every_lane;
+        VLong inside = all_lanes;
         for (int i = 0; i < 3; ++i) {
             const Wide3d from_corner = end - t.corner[i];
             const VDouble slack =
@@ -155,8 +155,8 @@ MARRAM_INLINE VLong end_may_touch(const Plane8& plane, const Wide3d& normal, con
     const VDouble per_rise = 1.0 / select(level, 1.0, rise);
     const VDouble x0 = (-c - h0) * per_rise, x1 = (c - h0) * per_rise;
     const VDouble low = select(level, 0.0, vmax(vmin(x0, x1), VDouble{}));
-    const VDouble high = select(level, 1.0, vmin(vmax(x0, x1), splat(1.0)));
-    const VLong near_plane = (low <= high) & select(level, vabs(h0) <= c * 2.0, every_lane);
+    const VDouble high = select(level, 1.0, vmin(vmax(x0, x1), 1.0));
+    const VLong near_plane = (low <= high) & select(level, vabs(h0) <= c * 2.0, all_lanes);
     // ... and its least and greatest distance from the pivot.
     const Wide3d e = end - v;
     const VDouble ee = dot(e, e), ve = dot(v, e), vv = dot(v, v);
@@ -334,7 +334,7 @@ struct alignas(64) Wedge8 {
     // How far the sector reaches along n: at the pivot, at one of its ends, or where n itself points into it.
     MARRAM_INLINE VDouble reach(const Wide3d& n) const {
         VDouble most = vmax(vmax(dot(n, begin), dot(n, end)), VDouble{});
-        const VLong peaks = narrow ? (dot(n, behind) <= 0.0) & (dot(n, beyond) <= 0.0) : every_lane;
+        const VLong peaks = narrow ? (dot(n, behind) <= 0.0) & (dot(n, beyond) <= 0.0) : all_lanes;
         if (any(peaks)) {
             const VDouble a = dot(n, from), b = dot(n, across);
             most = select(peaks, vsqrt(a * a + b * b), most);
@@ -350,7 +350,7 @@ MARRAM_HOT void may_touch(const Turning& turning, const Wedge& wedge, const Tria
     const Wedge8 wide(turning, wedge);
     const VDouble c = wide.clearance;
     const Wide3d normal = splat3(turning.normal.data()), back = splat3(wedge.back.data());
-    VLong above = every_lane, below = above, before = above, after = above, backwards = above;
+    VLong above = all_lanes, below = above, before = above, after = above, backwards = above;
     for (const Wide3d& v : triangles.corner) {
         const VDouble h = dot(v, normal);
         above &= h > c;
@@ -500,7 +500,7 @@ void each_blocked(const Turning& turning, double begin, double end, std::span<Tr
             for (int lane = 0; lane < filled; ++lane)
                 if (interval_of(touches, lane, blocked) && !take(blocked, lane, end)) return false;
             if (any(end_edges)) {
-                VLong may = every_lane;
+                VLong may = all_lanes;
                 may_touch_late(turning, wedge_of(turning, begin, end), dense, may);
                 end_edges &= may;
             }

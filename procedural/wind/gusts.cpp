@@ -376,7 +376,7 @@ MARRAM_INLINE VDouble box_distance(const Influence& influence, const Wide3d& x) 
     VDouble t{};
     for (int axis = 0; axis < 3; ++axis) {
         const double inner = influence.inner[axis];
-        const VDouble beyond = vmin((size[axis] - inner) / (1.0 - inner), splat(1.0));
+        const VDouble beyond = vmin((size[axis] - inner) / (1.0 - inner), 1.0);
         t = vmax(select(size[axis] <= inner, 0.0, beyond), t);
     }
     return t;

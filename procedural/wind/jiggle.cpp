@@ -238,7 +238,7 @@ MARRAM_INLINE void emit_cvs(const EmitView<Step>& block) {
     }
     if (!any(~moves)) return;
     // What has never moved is its target to the last bit.
-    const VInt still = to_int(~moves);
+    const VInt still = low_32_bits(~moves);
     for (int k = 1; k < block.cvs; ++k) {
         const Wide3f &to = block.to[k], &pose = block.pose[k];
         block.pose[k] = {still ? to.x : pose.x, still ? to.y : pose.y, still ? to.z : pose.z};

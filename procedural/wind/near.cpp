@@ -14,7 +14,7 @@ namespace {
 MARRAM_INLINE VDouble squared_to_edge(const Wide3d& a, const Wide3d& b, const Wide3d& p) {
     const Wide3d e = b - a, d = p - a;
     const VDouble ee = dot(e, e);
-    const VDouble t = vmin(vmax(dot(d, e) / select(ee > 0.0, ee, 1.0), VDouble{}), splat(1.0));
+    const VDouble t = vmin(vmax(dot(d, e) / select(ee > 0.0, ee, 1.0), VDouble{}), 1.0);
     const Wide3d r = d - e * t;
     return dot(r, r);
 }

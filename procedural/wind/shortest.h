@@ -24,7 +24,7 @@ struct alignas(64) Shortest {
 MARRAM_INLINE Wide3d to_edge(const Wide3d& a, const Wide3d& b, const Wide3d& p) {
     const Wide3d e = b - a, d = p - a;
     const VDouble ee = dot(e, e);
-    const VDouble t = vmin(vmax(dot(d, e) / select(ee > 0.0, ee, 1.0), VDouble{}), splat(1.0));
+    const VDouble t = vmin(vmax(dot(d, e) / select(ee > 0.0, ee, 1.0), VDouble{}), 1.0);
     return e * t - d;
 }
 
@@ -34,7 +34,7 @@ MARRAM_INLINE Wide3d to_face(const Triangles8& t, const Wide3d& p) {
     const Wide3d n = cross(ab, ac);
     const VDouble nn = dot(n, n), v = dot(cross(ap, ac), n), w = dot(cross(ab, ap), n);
     const VLong inside = (v >= 0.0) & (w >= 0.0) & (v + w <= nn) & (nn > 0.0);
-    const VDouble far = splat(1e300) / vmax(dot(ap, ap), splat(1.0));
+    const VDouble far = splat(1e300) / vmax(dot(ap, ap), 1.0);
     const VDouble s = -dot(ap, n) / select(nn > 0.0, nn, 1.0);
     return select(inside, n * s, Wide3d{far, far, far} * splat(1e-200));
 }

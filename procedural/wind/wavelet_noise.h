@@ -81,7 +81,7 @@ inline constexpr double wavelet_period = wavelet_tile_size * 339.0;
 // of p's last bit), so that turning p costs no accuracy far from the origin.
 MARRAM_INLINE Wide3d wavelet_turn(const Wide3d& p) {
     const auto reduced = [](VDouble x) MARRAM_ALWAYS_INLINE {
-        return x - ((x * (1.0 / wavelet_period) + round_magic) - round_magic) * wavelet_period;
+        return x - vround(x * (1.0 / wavelet_period)) * wavelet_period;
     };
     const VDouble x = reduced(p.x), y = reduced(p.y), z = reduced(p.z);
     constexpr double s = 1.0 / 339.0;

@@ -37,11 +37,8 @@ constexpr double avalanche_slack = 0.1 * degree;
 // The greatest squared difference of heights in the quads between two rows, tile by tile.
 MARRAM_HOT void avalanche_scan(const float* upper, const float* lower, int quads, float limit, char* tiles) {
     for (int b = 0; b < quads; b += lanes) {
-        VFloat a, c, next, beside;
-        std::memcpy(&a, upper + b, sizeof a);
-        std::memcpy(&next, upper + b + 1, sizeof next);
-        std::memcpy(&c, lower + b, sizeof c);
-        std::memcpy(&beside, lower + b + 1, sizeof beside);
+        const VFloat a = vload(upper + b), next = vload(upper + b + 1);
+        const VFloat c = vload(lower + b), beside = vload(lower + b + 1);
         const VFloat gb = (next - a) + (beside - c), ga = (c - a) + (beside - next);
         const VInt steep = gb * gb + ga * ga > limit; // of twice the difference
         int any = 0;

@@ -62,10 +62,8 @@ MARRAM_HOT void checker_moves(const CheckerRow& upper, const CheckerRow& lower, 
         const VDouble up = 0.25 * vmin(vload(su + q), vload(sl + q - 1));   // of b and c
         const VDouble most = select(saddle > none, down, up), size = select(saddle > none, saddle, -saddle);
         const VDouble wanted = vmin(share * size, most);
-        VDouble moved = (wanted + round_magic) - round_magic; // rounded down
-        moved = moved - select(moved > wanted, none + 1.0, none);
-        moved = select(saddle > none, moved, -moved);
-        vstore(moves + q, moved);
+        const VDouble moved = vfloor(wanted);
+        vstore(moves + q, select(saddle > none, moved, -moved));
     }
 }
 

@@ -92,10 +92,7 @@ int separation_fill(const SeparationRay& ray, double cell, int start, int step, 
 MARRAM_HOT bool separation_any_step(const float* from, const float* to, float steep) {
     VInt found{};
     for (int k = 0; k < separation_rays; k += lanes) {
-        VFloat a, b;
-        std::memcpy(&a, from + k, sizeof a);
-        std::memcpy(&b, to + k, sizeof b);
-        found |= a - b > steep;
+        found |= vload(from + k) - vload(to + k) > steep;
     }
     int sum = 0;
     for (int l = 0; l < lanes; ++l) sum |= found[l];
@@ -106,11 +103,8 @@ MARRAM_HOT bool separation_any_step(const float* from, const float* to, float st
 MARRAM_HOT void separation_between(const float* values, float part, int count, float* out) {
     int k = 0;
     for (; k + lanes <= count; k += lanes) {
-        VFloat a, b;
-        std::memcpy(&a, values + k, sizeof a);
-        std::memcpy(&b, values + k + 1, sizeof b);
-        a = a + part * (b - a);
-        std::memcpy(out + k, &a, sizeof a);
+        const VFloat a = vload(values + k), b = vload(values + k + 1);
+        vstore(out + k, a + part * (b - a));
     }
     for (; k < count; ++k) out[k] = values[k] + part * (values[k + 1] - values[k]);
 }

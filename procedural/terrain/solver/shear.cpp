@@ -41,13 +41,6 @@ namespace {
 
 using ShearScratch = tbb::enumerable_thread_specific<WideVector<WideComplex>>;
 
-MARRAM_INLINE VFloat shear_load(const float* p) {
-    VFloat v;
-    std::memcpy(&v, p, sizeof v);
-    return v;
-}
-MARRAM_INLINE void shear_store(float* p, VFloat v) { std::memcpy(p, &v, sizeof v); }
-
 // Eight vectors of eight: rows become columns.
 MARRAM_INLINE void shear_transpose(VFloat* r) {
     std::array<VFloat, 8> a{}, b{};
@@ -70,8 +63,7 @@ MARRAM_INLINE void shear_transpose(VFloat* r) {
 MARRAM_HOT void shear_forward(const Transform& transform, const float* surface, size_t pitch, size_t columns,
                               size_t blocks, WideComplex* data, WideComplex* scratch, WideComplex* spectrum) {
     const size_t n = size_t(transform.size());
-    for (size_t j = 0; j < n; ++j)
-        data[j] = {shear_load(surface + j * pitch), shear_load(surface + j * pitch + 8)};
+    for (size_t j = 0; j < n; ++j) data[j] = {vload(surface + j * pitch), vload(surface + j * pitch + 8)};
     const WideComplex* z = transform.run(data, scratch);
     for (size_t block = 0; block < blocks; ++block) {
         std::array<VFloat, 8> u_re{}, u_im{}, v_re{}, v_im{};
@@ -169,8 +161,8 @@ MARRAM_HOT void shear_inverse(const Transform& transform, const WideComplex* alo
     }
     const WideComplex* z = transform.run(data, scratch);
     for (size_t j = 0; j < keep; ++j) {
-        shear_store(out_along + j * pitch, z[j].im);
-        shear_store(out_across + j * pitch, z[j].re);
+        vstore(out_along + j * pitch, z[j].im);
+        vstore(out_across + j * pitch, z[j].re);
     }
 }
 

@@ -105,12 +105,10 @@ MARRAM_HOT void solver_ahead(const float* height, const float* before, int colum
     VFloat low = splat_float(least), high = splat_float(most);
     int b = 0;
     for (; b + lanes <= columns; b += lanes) {
-        VFloat h, p;
-        std::memcpy(&h, height + b, sizeof h);
-        std::memcpy(&p, before + b, sizeof p);
-        h = h + part * (h - p);
-        std::memcpy(out + b, &h, sizeof h);
-        low = low < h ? low : h, high = high > h ? high : h;
+        VFloat h = vload(height + b);
+        h = h + part * (h - vload(before + b));
+        vstore(out + b, h);
+        low = vmin(low, h), high = vmax(high, h);
     }
     for (int l = 0; l < lanes; ++l) least = std::min(least, low[l]), most = std::max(most, high[l]);
     for (; b < columns; ++b) {
@@ -121,11 +119,7 @@ MARRAM_HOT void solver_ahead(const float* height, const float* before, int colum
 
 MARRAM_HOT void solver_add(const float* a, const float* b, int count, float* out) {
     for (int k = 0; k < count; k += lanes) {
-        VFloat x, y;
-        std::memcpy(&x, a + k, sizeof x);
-        std::memcpy(&y, b + k, sizeof y);
-        x += y;
-        std::memcpy(out + k, &x, sizeof x);
+        vstore(out + k, vload(a + k) + vload(b + k));
     }
 }
 

@@ -59,9 +59,6 @@ constexpr int transport_pad = 8;         // floats or doubles beside a row, so t
 constexpr int transport_block_rows = 16; // of a strip
 constexpr double transport_brink = 0.1;  // cells; a streamline this far above the ground leaves no stress
 
-MARRAM_INLINE VFloat transport_min(VFloat a, VFloat b) { return a < b ? a : b; }
-MARRAM_INLINE VFloat transport_max(VFloat a, VFloat b) { return a > b ? a : b; }
-MARRAM_INLINE VDouble transport_round(VDouble x) { return (x + round_magic) - round_magic; } // |x| < 2^51
 // A hundredth more than whole is cut off.
 int transport_substeps(double turn) { return std::clamp(int(std::ceil(turn - 0.01)), 1, int(steepest_turn)); }
 
@@ -84,11 +81,10 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
     const VFloat none = splat_float(0.0F), one = splat_float(1.0F);
     VFloat most = none, most_flux = none, most_turn = none;
     for (int b = 0; b < row.count; b += lanes) {
-        const VFloat open = transport_max(none, transport_min(one, one - row.bubble * vload(row.excess + b)));
-        VFloat along = open * transport_max(none, 1.0F + vload(row.along + b));
+        const VFloat open = vmax(none, vmin(one, one - row.bubble * vload(row.excess + b)));
+        VFloat along = open * vmax(none, 1.0F + vload(row.along + b));
         VFloat across = (row.side * open) * vload(row.across + b);
-        across =
-            transport_max(-0.5F * along, transport_min(0.5F * along, across)); // linear: 27 degrees at most
+        across = vmax(-0.5F * along, vmin(0.5F * along, across)); // linear: 27 degrees at most
         const VFloat size = vsqrt(along * along + across * across);
         const VFloat inverse = size > 0.0F ? one / size : none;
         const VFloat u = size > 0.0F ? along * inverse : one, v = size > 0.0F ? across * inverse : none;
@@ -99,19 +95,19 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
         const VFloat slope = u_row * g_row + u_column * g_column;
         const VFloat down = u_row - row.side_slope * (g_row - slope * u_row);
         const VFloat side = u_column - row.side_slope * (g_column - slope * u_column);
-        const VFloat ahead = transport_max(down, splat_float(1e-3F)); // no division by 0
+        const VFloat ahead = vmax(down, splat_float(1e-3F)); // no division by 0
         const VFloat limit = splat_float(row.steepest_turn);
-        const VFloat turn = transport_max(-limit, transport_min(limit, side / ahead));
+        const VFloat turn = vmax(-limit, vmin(limit, side / ahead));
         const VFloat e_row = one / vsqrt(one + turn * turn);
         VFloat stress = row.stress * size;
         if (row.plants) stress /= 1.0F + row.plant_drag * vload(row.plants + b);
         const VFloat threshold =
-            row.threshold * transport_max(none, 1.0F + slope * row.slope_scale) / vsqrt(one + slope * slope);
-        VFloat flux = e_row * row.q_scale * transport_max(none, stress - threshold);
+            row.threshold * vmax(none, 1.0F + slope * row.slope_scale) / vsqrt(one + slope * slope);
+        VFloat flux = e_row * row.q_scale * vmax(none, stress - threshold);
         for (int l = std::max(row.columns - b, 0); l < lanes; ++l)
             stress[l] = flux[l] = 0.0F; // beyond the row
-        most = transport_max(most, stress);
-        most_flux = transport_max(most_flux, flux);
+        most = vmax(most, stress);
+        most_flux = vmax(most_flux, flux);
         vstore(row.flux + b, flux);
         const VDouble way = row.half_cell / to_double(e_row);
         const VDouble kept = vexp(-way);
@@ -121,7 +117,7 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
                             ? 0.25 - way * (1.0 / 24.0)
                             : 0.5 / way - 0.5 * kept / (1.0 - kept)));
         vstore(row.cell_turn + b, turn);
-        most_turn = transport_max(most_turn, flux > 0.0F ? transport_max(turn, -turn) : none);
+        most_turn = vmax(most_turn, flux > 0.0F ? vmax(turn, -turn) : none);
         vstore(row.gain + b, 0.5F * row.side_slope * (one - u_column * u_column) / ahead);
         vstore(row.rise + b, g_column);
     }
@@ -141,7 +137,7 @@ MARRAM_HOT void transport_turns(const SaturationRow& row) {
         const VFloat seen = 0.5F * (vload(row.rise + b) + vload(row.rise + b - 1));
         const VFloat turn = 0.5F * (vload(row.cell_turn + b) + vload(row.cell_turn + b - 1)) -
                             (vload(row.gain + b) + vload(row.gain + b - 1)) * (face - seen);
-        vstore(row.turn + b, transport_max(-limit, transport_min(limit, turn)));
+        vstore(row.turn + b, vmax(-limit, vmin(limit, turn)));
     }
 }
 
@@ -183,8 +179,8 @@ MARRAM_HOT void transport_sample(const MarchStrip& s) {
         const VFloat side =
             vload(s.turn + b) * transport_slope(vload(s.saturated + b - 1), here, vload(s.saturated + b + 1));
         const VFloat reach = vload(s.reach + b), rest = 0.5F - reach;
-        vstore(s.first + b, transport_max(none, here - reach * down + rest * side));
-        vstore(s.second + b, transport_max(none, here + rest * down - reach * side));
+        vstore(s.first + b, vmax(none, here - reach * down + rest * side));
+        vstore(s.second + b, vmax(none, here + rest * down - reach * side));
     }
 }
 
@@ -193,7 +189,7 @@ MARRAM_HOT void transport_exchange(const MarchStrip& s, const float* saturated) 
         const VDouble flux = vload(s.flux + b), sand = vload(s.sand + b);
         const VDouble wanted = to_double(vload(saturated + b)) * s.scale;
         VDouble taken = to_double(vload(s.relax + b)) * (wanted - flux);
-        taken = transport_round(vmin(taken, sand));
+        taken = vround(vmin(taken, sand));
         vstore(s.flux + b, flux + taken);
         vstore(s.sand + b, sand - taken);
     }
@@ -240,7 +236,7 @@ MARRAM_HOT void transport_faces(const MarchStrip& s) {
         const Double4 other = right ? t0 : -t2;
         const Double4 most = other < none ? 0.5 * donor : donor;
         const Double4 wanted = transport_max4(none, transport_min4(size * value, most));
-        Double4 moved = (wanted + round_magic) - round_magic; // rounded down, below 2^51
+        Double4 moved = vround(wanted); // rounded down
         moved = moved - (moved > wanted ? one : none);
         transport_store4(s.moved + b, right ? moved : -moved);
     }

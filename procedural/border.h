@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every procedural does where the host calls it: nothing is thrown across the C ABI, values are checked before they are read.
+// Shared code of the procedurals' entry points: no exception crosses the C ABI, and values are checked before
+// they are read.
 #pragma once
 
 #include "core/math/digest.h"
@@ -16,7 +17,8 @@
 
 namespace marram {
 
-// Runs the body of a call. Errors become messages to the host. subject: "groom", for ids and messages.
+// Runs the body of a call and turns exceptions into messages to the host. subject: e.g. "groom", for message
+// ids and texts. less: the remedy if memory runs out.
 template <typename Body>
 MarramStatus guarded(const MarramHost& host, const char* subject, const char* less, Body&& body) {
     const std::string name = subject;
@@ -34,9 +36,10 @@ MarramStatus guarded(const MarramHost& host, const char* subject, const char* le
     return MARRAM_ERROR;
 }
 
-// Whether there is a host to be told of errors, and a place for the instance; says so where it can.
+// True if create() has a host with its callbacks and a place for the instance. Reports what is missing if the
+// host can receive messages.
 inline bool can_create(const MarramHost* host, MarramInstance** out) {
-    if (!host || !MARRAM_HAS(host, message) || !host->message) return false; // nobody to tell
+    if (!host || !MARRAM_HAS(host, message) || !host->message) return false; // no host to report to
     const MarramHost known = known_part(host);
     if (!known.cancelled)
         send(known, MARRAM_FAULT, "contract.null_callback", "", "MarramHost.cancelled is NULL",
@@ -47,14 +50,14 @@ inline bool can_create(const MarramHost* host, MarramInstance** out) {
     return known.cancelled && out;
 }
 
-// Adds what the file of an image says of where it lies.
+// Adds the placement stored in an image's file, if any.
 inline void add_placement(Digest& digest, const MarramPlacement* given) {
     if (!given) return;
     const MarramPlacement placement = known_part(given);
     digest.add(&placement, sizeof placement);
 }
 
-// Adds a value: name, numbers, text, and the grid that it holds.
+// Adds a value: name, numbers, text and grid.
 inline void add_value(Digest& digest, const MarramValue& value) {
     digest.add(value.name).add(value.text).add(value.numbers, value.number_count * sizeof(double));
     add_placement(digest, value.placement);
@@ -71,7 +74,7 @@ inline uint64_t digest_of_values(std::span<const MarramValue> values) {
     return digest.value();
 }
 
-// Sends all that is wrong with the values; false where something is.
+// Reports all faults of the values to the host. Returns false if there are any.
 inline bool check_values(const MarramHost& host, std::span<const MarramParam> params,
                          std::span<const MarramValue> values, std::span<const MarramItemType> items = {}) {
     const std::vector<ContractFault> faults = value_faults(params, values, items);
@@ -87,7 +90,8 @@ inline std::vector<MarramValue> values_of(const MarramValues* given) {
     return known_parts(given->first, given->count, given->stride);
 }
 
-// The frame that the host owns, as far as we know its fields, with its meshes. Throws SceneFault for what cannot be used.
+// Copies the fields of the host's frame that this version knows, and its meshes into `meshes`. Throws
+// SceneFault if the frame is invalid.
 inline MarramFrame borrowed_frame(const MarramFrame* given, std::vector<MarramMesh>& meshes) {
     if (!given) throw SceneFault("contract.frame", "", "the frame is NULL", "pass a MarramFrame");
     MarramFrame frame = known_part(given);
@@ -101,7 +105,8 @@ inline MarramFrame borrowed_frame(const MarramFrame* given, std::vector<MarramMe
     return frame;
 }
 
-// A mesh of a borrowed frame at any time, MarramFrame.pose: MARRAM_OK or MARRAM_CANCELLED. Throws SceneFault where the host cannot do it.
+// Poses a mesh of a borrowed frame at any time with MarramFrame.pose. Returns MARRAM_OK or MARRAM_CANCELLED.
+// Throws SceneFault if the host fails or returns numbers that are not finite.
 inline MarramStatus pose_lent_mesh(const MarramFrame& frame, uint32_t mesh, double time, float* positions,
                                    float* normals) {
     const MarramStatus status = frame.pose(frame.pose_user, mesh, time, positions, normals);
@@ -118,14 +123,14 @@ inline MarramStatus pose_lent_mesh(const MarramFrame& frame, uint32_t mesh, doub
     return MARRAM_OK;
 }
 
-// What takes a mesh to an instance of it: likewise.
+// Gets the transform from a mesh to one of its instances. Status and errors as pose_lent_mesh().
 inline MarramStatus place_lent_instance(const MarramFrame& frame, uint32_t mesh, double time,
                                         Eigen::Affine3d& placed) {
     Eigen::Matrix<double, 3, 4, Eigen::RowMajor> matrix;
     const MarramStatus status = frame.instance_transform(frame.pose_user, mesh, time, matrix.data());
     if (status == MARRAM_CANCELLED) return status;
     placed.affine() = matrix;
-    // Lengths are all multiplied by the same: 1e-6 is what a matrix of floats is good for.
+    // The scale must be uniform. 1e-6 allows for matrices that were stored as floats.
     const Eigen::Matrix3d squares = placed.linear().transpose() * placed.linear();
     const double squared = squares.trace() / 3.0;
     const bool even =
@@ -139,7 +144,8 @@ inline MarramStatus place_lent_instance(const MarramFrame& frame, uint32_t mesh,
     return MARRAM_OK;
 }
 
-// Some curves of a borrowed frame at any time, MarramFrame.pose_curves, which is there: likewise.
+// Poses some curves of a borrowed frame at any time with MarramFrame.pose_curves, which must not be NULL.
+// Status and errors as pose_lent_mesh().
 inline MarramStatus pose_lent_curves(const MarramFrame& frame, uint32_t curves, double time,
                                      uint64_t first_curve, uint64_t curve_count, std::span<float> vertices) {
     const MarramStatus status =

@@ -17,7 +17,7 @@
 namespace marram {
 namespace {
 
-// What is wrong with something, and what to do; nothing is wrong where `what` is "".
+// A fault and its remedy. `what` is "" if there is no fault.
 struct Fault {
     std::string what, remedy;
     explicit operator bool() const { return !what.empty(); }
@@ -26,7 +26,7 @@ struct Fault {
 constexpr size_t key_numbers = 10; // frame, translate, rotate, scale
 constexpr size_t longest_quote = 60;
 
-// What a host gave, on one line and not too long.
+// Quotes a host's text on one line: control characters become '?', long texts are cut.
 std::string quoted(std::string_view text) {
     std::string out(text.substr(0, longest_quote));
     for (char& c : out)
@@ -34,13 +34,14 @@ std::string quoted(std::string_view text) {
     return "\"" + out + (text.size() > longest_quote ? "...\"" : "\"");
 }
 
-// An element of a list, and which.
+// A list and the index of one of its elements.
 struct ListElement {
     std::string list; // "gusts.control", "layer[0].edit"
     long index;
 };
 
-// "gusts.control[12].shape" -> "gusts.control[].shape", "layer[0].edit[1].id" -> "layer[].edit[].id"; and the elements that it is in.
+// "gusts.control[12].shape" -> "gusts.control[].shape", "layer[0].edit[1].id" -> "layer[].edit[].id". Appends
+// the list elements in the name to `elements`.
 std::string declared_name(std::string_view name, std::vector<ListElement>& elements) {
     constexpr size_t most_digits = 9;
     std::string declared;
@@ -73,7 +74,7 @@ std::string allowed(const MarramParam& param) {
     return fmt::format("give {:g} to {:g}{}", param.minimum, param.maximum, unit);
 }
 
-// Numbers [from, count) in steps: finite, within the declared range.
+// Checks the numbers from index `from` on in steps of `step`: finite and within the declared range.
 Fault number_fault(const MarramParam& param, const MarramValue& value, size_t from, size_t step) {
     for (size_t i = from; i < value.number_count; i += step) {
         const double x = value.numbers[i];
@@ -177,7 +178,7 @@ Fault content_fault(const MarramParam& param, const MarramValue& value) {
 
 Fault value_fault(const MarramParam& param, const MarramValue& value) {
     const bool type_of_element = std::string_view(param.name) == "type" && value.type == MARRAM_CHOICE;
-    if (type_of_element) return {}; // it was found by it
+    if (type_of_element) return {}; // find() has already matched it
     if (value.type != param.type)
         return {fmt::format("has the type {}", int(value.type)),
                 fmt::format("this parameter is declared with type {} (MarramParamType)", int(param.type))};
@@ -186,7 +187,7 @@ Fault value_fault(const MarramParam& param, const MarramValue& value) {
     return content_fault(param, value);
 }
 
-// Elements of lists are numbered from 0 without gaps.
+// Reports lists whose element indices are not 0, 1, 2, ... without gaps.
 void find_gaps(const std::map<std::string, std::unordered_set<long>>& lists,
                std::vector<ContractFault>& faults) {
     for (const auto& [list, indices] : lists)
@@ -200,7 +201,7 @@ void find_gaps(const std::map<std::string, std::unordered_set<long>>& lists,
             }
 }
 
-// What the host may hand over, by name.
+// The declared parameters, by name.
 class Declarations {
   public:
     Declarations(std::span<const MarramParam> params, std::span<const MarramItemType> items,
@@ -212,7 +213,8 @@ class Declarations {
                 types_.emplace(value.name, value.text);
     }
 
-    // Of "layer[2].height", where `name` is "layer[].height": that of the type of element 2. nullptr: unknown.
+    // The parameter for `given`, e.g. "layer[2].height", with the declared name `name`, "layer[].height". For
+    // list elements it is searched in the type of the element, "layer[2].type". nullptr: unknown.
     const MarramParam* find(std::string_view given, std::string_view name) const {
         if (const auto found = plain_.find(name); found != plain_.end()) return found->second;
         const size_t open = name.find("[]."), close = given.find("].");
@@ -235,7 +237,7 @@ class Declarations {
     static constexpr MarramParam item_type_{"type", MARRAM_TEXT, "", "", 0, 0, "", "", nullptr, nullptr};
     std::span<const MarramItemType> items_;
     std::unordered_map<std::string_view, const MarramParam*> plain_;
-    std::unordered_map<std::string, std::string_view> types_; // of elements
+    std::unordered_map<std::string, std::string_view> types_; // "layer[2].type" -> the element's type
 };
 
 } // namespace
@@ -275,10 +277,10 @@ std::vector<ContractFault> value_faults(std::span<const MarramParam> params,
 
 namespace {
 
-// Embree drops vertices a little above this without a word, and refuses rays that are not finite with an abort.
+// Embree silently drops vertices slightly beyond this, and aborts on rays that are not finite.
 constexpr float greatest_coordinate = 1e18F;
 
-// A loop without a branch, which is vectorised: false for what is not a number, too.
+// Branch-free, so that it vectorises. NaN counts as out of range.
 bool within(const float* numbers, size_t count, float most) {
     unsigned beyond = 0;
     for (size_t i = 0; i < count; ++i) beyond |= unsigned(!(std::fabs(numbers[i]) <= most));
@@ -306,7 +308,7 @@ Fault attribute_fault(const MarramMesh& mesh) {
     return {};
 }
 
-// What is wrong with the numbers of a mesh that is there.
+// Checks the numbers of a mesh whose pointers are valid.
 Fault mesh_content_fault(const MarramMesh& mesh) {
     const size_t vertices = mesh.vertex_count;
     for (uint32_t t = 0; t < mesh.time_count; ++t) {
@@ -363,7 +365,7 @@ Fault curves_fault(const MarramCurves& curves, uint32_t time_count) {
     return {};
 }
 
-// Equal steps over the shutter, as exactly as doubles of frames can tell.
+// True if the steps over the shutter are equal, to a thousandth of a step.
 bool equally_spaced(const double* times, uint32_t count) {
     if (count < 3) return true;
     constexpr double share = 1e-3; // of a step
@@ -384,7 +386,7 @@ ContractFault times_fault(const double* times, uint32_t count) {
     return {};
 }
 
-// Embree's scenes know their device.
+// Checks that the colliders belong to the frame's RTCDevice.
 ContractFault device_fault(const MarramFrame& frame) {
     if (!frame.colliders || !frame.device) return {};
     const RTCDevice device = rtcGetSceneDevice(frame.colliders);
@@ -449,7 +451,7 @@ ContractFault view_fault(const MarramView& view) {
     if (ContractFault fault = times_fault(view.times, view.time_count); !fault.what.empty()) return fault;
     if (!view.positions || !view.directions || !view.ups)
         return {"", "the view lacks positions, directions or ups", "give one of each a motion sample"};
-    constexpr double farthest = 1e18, shortest = 0.5; // of a unit vector
+    constexpr double farthest = 1e18, shortest = 0.5; // m; shortest accepted length of a unit vector
     for (uint32_t t = 0; t < view.time_count; ++t) {
         const double *p = view.positions + 3 * t, *d = view.directions + 3 * t, *u = view.ups + 3 * t;
         bool good = std::hypot(d[0], d[1], d[2]) >= shortest && std::hypot(u[0], u[1], u[2]) >= shortest;

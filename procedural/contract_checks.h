@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a host hands over, checked against what was declared before anything is read from it: a faulty host is told what is
-// wrong and what is allowed, and never crashes the library. What it lends is read once: some 2 ms for a million triangles.
+// Checks the data that a host passes against its declarations before anything is read from it. A faulty host
+// gets a message with the fault and the allowed values, and cannot crash the library. Each array of the host
+// is read once: about 2 ms for a million triangles.
 #pragma once
 
 #include "core/plugin/marram_plugin.h"
@@ -12,28 +13,29 @@
 namespace marram {
 
 struct ContractFault {
-    std::string place; // of the value, as the host gave it
+    std::string place; // of the value, as given by the host
     std::string what, remedy;
 };
 
-// All faults of the values of create(): unknown or repeated names, wrong types and counts, numbers that are not finite or out of
-// range, choices that do not exist, ramps and keys that are empty or out of order, null pointers. Absent values are not looked
-// for here: whoever reads one says that it is missing (Values::at).
-// items: the types that elements of lists may have; such a value is held against what the type of its element declares.
+// Returns all faults of the values of create(): unknown or repeated names, wrong types and counts, numbers
+// that are not finite or out of range, unknown choices, ramps and keys that are empty or out of order, null
+// pointers. Missing values are reported only when they are read (Values::at).
+// items: the declared types of list elements. A value of an element is checked against the element's type.
 std::vector<ContractFault> value_faults(std::span<const MarramParam> params,
                                         std::span<const MarramValue> values,
                                         std::span<const MarramItemType> items = {});
 
-// The first fault of a frame, none where what is "": null pointers, motion samples that are not 1 to 64 numbers in equal steps, meshes
-// without positions or triangles, vertices that are not there or that Embree would drop, curves whose offsets do not ascend, a scene of
-// another device.
+// Returns the first fault of a frame; `what` is "" if there is none. Faults: null pointers, motion samples
+// that are not 1 to 64 equally spaced numbers, meshes without positions or triangles, vertex indices out of
+// range, coordinates that Embree would drop, curves whose offsets do not ascend, colliders of another
+// RTCDevice.
 ContractFault frame_fault(const MarramFrame& frame, std::span<const MarramMesh> meshes,
                           std::span<const MarramCurves> curves);
 
-// Whether all are finite and no larger than Embree takes.
+// True if all are finite and within the range that Embree accepts.
 bool usable_coordinates(const float* numbers, size_t count);
 
-// The first fault of a view, likewise.
+// Returns the first fault of a view, as frame_fault().
 ContractFault view_fault(const MarramView& view);
 
 } // namespace marram

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The entry point, and the one place where a name in a scene file becomes a procedural.
+// The library's entry point. Its table maps the type names of scene files to procedurals.
 //
-// To add a procedural: give it a folder, a function that fills a MarramProcedural, and a line in the table below.
+// To add a procedural: create a folder, write a function that fills a MarramProcedural, and add it to the
+// table below.
 #include "procedural/erosion/rock.h"
 #include "procedural/groom/groom.h"
 #include "procedural/groom/imported.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A ramp evaluated for eight strands at once: the sum of its clamped pieces, without a branch on position.
+// Evaluates a ramp for eight strands at once as a sum of clamped pieces, without branching on position.
 #pragma once
 
 #include "core/math/ramp.h"
@@ -7,7 +7,7 @@
 
 namespace marram {
 
-// Same values as Ramp::operator() to rounding. Cost: a few operations a knot.
+// Equals Ramp::operator() up to rounding. Cost: a few operations per knot.
 MARRAM_INLINE VDouble evaluate(const Ramp& ramp, VDouble x) {
     const auto positions = ramp.positions();
     const auto values = ramp.values();

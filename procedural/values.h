@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The values that a renderer hands to create(), read by name; and complaints about them.
+// The parameter values that a renderer passes to create(), read by name, and the error type for faults in
+// them.
 #pragma once
 
 #include "core/math/ramp.h"
@@ -14,9 +15,9 @@
 
 namespace marram {
 
-inline constexpr double beyond_wind = 1e9; // metres or metres a second; keeps products finite
+inline constexpr double beyond_wind = 1e9; // m or m/s; a limit that keeps products finite
 
-// A mistake in the scene that only the procedural can see. Caught at the border and sent to the host.
+// An error in the scene that only the procedural can detect. guarded() catches it and sends it to the host.
 struct SceneFault : std::runtime_error {
     SceneFault(std::string name, std::string where, const std::string& what_is_wrong, std::string what_to_do)
         : std::runtime_error(what_is_wrong), id(std::move(name)), place(std::move(where)),
@@ -34,7 +35,7 @@ inline void send(const MarramHost& host, MarramSeverity severity, const char* id
 
 class Values {
   public:
-    // Borrows the values. What they hold must have been checked: contract_checks.h.
+    // Borrows the values, which must have passed the checks of contract_checks.h.
     explicit Values(std::span<const MarramValue> values) {
         by_name_.reserve(values.size());
         for (const MarramValue& value : values) by_name_.emplace(value.name, &value);
@@ -44,7 +45,7 @@ class Values {
         const auto found = by_name_.find(name);
         return found == by_name_.end() ? nullptr : found->second;
     }
-    // A renderer that leaves out a declared value breaks the contract; it is told which.
+    // Throws SceneFault if the renderer left out a declared value, which breaks the contract.
     const MarramValue& at(std::string_view name) const {
         if (const MarramValue* value = find(name)) return *value;
         throw SceneFault("contract.missing_value", "",
@@ -67,7 +68,7 @@ class Values {
     std::unordered_map<std::string_view, const MarramValue*> by_name_;
 };
 
-// A radian value of a parameter in degrees.
+// The value in radians of a parameter given in degrees.
 inline double radians(const Values& values, std::string_view name) { return values.number(name) * degree; }
 
 } // namespace marram

@@ -1,45 +1,49 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the air is made of
+// Composition of the air
 //
 // Molecules: vertical optical depth by Bodhaine et al., "On Rayleigh Optical Depth Calculations", 1999, equation 30,
 //   which falls about as wavelength^-4; density exp(-h / 8.45 km), 8.45 km being that paper's column of molecules over
-//   its density at sea level. Phase 3 (1 + c^2) / (16 pi): the 3 % of depolarisation are left out.
+//   its density at sea level. Phase 3 (1 + c^2) / (16 pi): the 3 % of depolarisation are neglected.
 // Aerosol: depth falls as wavelength^-1.3 (Angstrom, "The Parameters of Atmospheric Turbidity", 1964); density
-//   exp(-h / 1.2 km). Hess et al., "Optical Properties of Aerosols and Clouds: The Software Package OPAC", 1998, give
-//   continental air a single scattering albedo of 0.925 and a mean cosine of 0.703. The phase has that mean cosine: two
-//   lobes of Henyey and Greenstein, 1941, of which the narrow one is coarse dust's share. A tenth of the light with a
-//   mean cosine of 0.9 is our choice: it makes an aureole of some 5 degrees.
+//   exp(-h / 1.2 km). Hess et al., "Optical Properties of Aerosols and Clouds: The Software Package OPAC",
+//   1998, give continental air a single scattering albedo of 0.925 and a mean cosine of 0.703. The phase
+//   function has that mean cosine: two lobes of Henyey and Greenstein, 1941; the narrow one is for coarse
+//   dust. Its weight of 0.1 and mean cosine of 0.9 are our choice: they give an aureole of about 5 degrees.
 // Ozone: only absorbs. Cross-sections of the Chappuis band at 223 K, means over our bands, after Gorshelev et al.,
-//   "High Spectral Resolution Ozone Absorption Cross-Sections", 2014; density a tent from 10 to 40 km.
-// There is no refraction: a sun at the horizon stands half a degree lower here than on earth.
+//   "High Spectral Resolution Ozone Absorption Cross-Sections", 2014; density is a tent from 10 to 40 km.
+// There is no refraction: a sun at the horizon is half a degree lower here than on earth.
 //
-// How light gets to the viewer
+// Light transport
 //
-// With extinction s per metre, T the transmittance to the viewer, p the phase, b = s albedo, u the sun's light there,
+// With extinction s per metre, T the transmittance to the viewer, p the phase function, b = s albedo, u the
+// sunlight at the point,
 //   L(view) = int T (b p(c) u + b S(view)) dt + T_ground albedo_ground / pi E
-// S is what is scattered there of light scattered before, or reflected by the ground; E all light on the ground. S
-// comes from the light's mean over the sphere, J, its mean times its direction, F, and its mean times the products of
-// the direction's components, Q. With x_l the mean Legendre polynomials of the phase, the sum over l up to 2 of
-// Legendre's expansion is
-//   S(w) = J + 3 x_1 F.w + 5 x_2 (3 w.Q.w - J) / 2 ,
-// which is all of it for molecules (x_1 = 0, x_2 = 0.1) and a blurred lobe for aerosol, where it may fall below 0 and
-// is cut. Light is mirrored in the sun's vertical plane, so that F has 2 and Q, whose trace is J, 3 components of its
-// own.
-// J and E are sums of orders of scattering, and order n + 1 follows from order n by the same equation, S = J:
+// S is the scattering of light that was scattered before or reflected by the ground; E the irradiance of the
+// ground. S is computed from the light's mean over the sphere, J, its mean times its direction, F, and its
+// mean times the products of the direction's components, Q. With x_l the mean Legendre polynomials of the
+// phase function, the Legendre expansion up to l = 2 is
+//   S(w) = J + 3 x_1 F.w + 5 x_2 (3 w.Q.w - J) / 2 .
+// This is exact for molecules (x_1 = 0, x_2 = 0.1) and a blurred lobe for aerosol, where negative values are
+// clamped to 0. Light is symmetric about the sun's vertical plane, so that F has 2 and Q, whose trace is J, 3
+// independent components.
+// J and E are sums of scattering orders. Order n + 1 follows from order n by the same equation, with S = J:
 //   L_1 = int T b p u + T_ground a/pi E_0,  L_(n+1) = int T b J_n + T_ground a/pi E_n,
 //   J_n = mean of L_n,  E_0 = direct sun,  E_n = flux of L_n,
-// by tables over height and sun. Orders end as a geometric series, whose ratio the last two tell. (Hillaire, "A
-// Scalable and Production Ready Sky and Atmosphere Rendering Technique", 2020, takes all of it for one such series at
-// each point, spread evenly; carrying J from place to place keeps twilight right, F and Q the sky overhead, which even
-// spreading makes up to 16 % too bright where there is aerosol.)
+// in tables over height and sun cosine. The remaining orders are a geometric series, with the ratio of the
+// last two tables. (Hillaire, "A Scalable and Production Ready Sky and Atmosphere Rendering Technique", 2020,
+// uses one such isotropic series per point for all orders. Propagating J between points keeps twilight
+// correct. F and Q keep the sky overhead correct, which isotropic scattering makes up to 16 % too bright with
+// aerosol.)
 //
-// Paths are cut where the air changes: legs start or end at their lowest point, segments grow with the square of the
-// distance from there. In a segment extinction and source are those of its middle, and the integral of the exponential
-// is exact: int_0^d exp(-s t) dt = (1 - exp(-s d)) / s, so that a thick segment gives source / s and never more.
+// Paths are segmented by the change of the air: they are split at their lowest point, and segments grow with
+// the square of the distance from it. Extinction and source are constant in a segment, those of its middle,
+// and the integral of the exponential is exact: int_0^d exp(-s t) dt = (1 - exp(-s d)) / s, so that a thick
+// segment gives at most source / s.
 //
-// Sun: air columns are tabulated by height and by the cosine above the horizon, both by their square root; logarithms
-// are interpolated, which is exact for exponential air. The planet's shadow is as soft as the sun is wide: the share of
-// a disc above a line at x radii from its centre is (acos(-x) + x sqrt(1 - x^2)) / pi.
+// Sun: air columns are tabulated over height and over the cosine above the horizon, both by their square
+// root. Logarithms are interpolated, which is exact for exponential air. The penumbra of the planet is as
+// wide as the sun: the fraction of a disc above a line at x radii from its centre is
+// (acos(-x) + x sqrt(1 - x^2)) / pi.
 #include "shaders/atmosphere.h"
 
 #include <algorithm>
@@ -54,27 +58,29 @@ constexpr double dobson_unit = 2.6867e20;                            // molecule
 constexpr double angstrom_exponent = 1.3;
 constexpr double mean_cosine = 0.703, coarse_share = 0.1, coarse_cosine = 0.9;
 constexpr double fine_cosine = (mean_cosine - coarse_share * coarse_cosine) / (1.0 - coarse_share);
-// Of the phases: means of Legendre's polynomials of degree 1 and 2. A Henyey-Greenstein lobe has g and g^2.
+// Phase functions: mean Legendre polynomials of degree 1 and 2. A Henyey-Greenstein lobe has g and g^2.
 constexpr float air_second = 0.1F, aerosol_first = static_cast<float>(mean_cosine);
 constexpr float aerosol_second = static_cast<float>((1.0 - coarse_share) * fine_cosine * fine_cosine +
                                                     coarse_share * coarse_cosine * coarse_cosine);
 constexpr std::array<double, band_count> ozone_cross_section = { // 1e-25 m2
     0.005, 0.021, 0.070, 0.195, 0.430, 0.838, 1.54, 2.45, 3.30, 4.47, 4.55, 4.66, 3.48, 2.45, 1.66, 1.08};
 
-// Tables: the error of each is below that of the spread of higher orders, measured by doubling them.
+// Table sizes: the error of each is below that of the angular approximation of higher orders, measured by
+// doubling.
 constexpr size_t column_heights = 64, column_cosines = 160;
 constexpr int column_segments = 96;
 constexpr size_t field_heights = 24, field_suns = 40;
-constexpr double lowest_sun = -0.4; // cosine; air below 100 km lies in full shadow from -0.18 on
-// Tables hold light over exp(cosine / dusk) where the sun is down: about as fast as it falls, so that the rest is smooth.
+constexpr double lowest_sun = -0.4; // cosine; air below 100 km is in full shadow below -0.18
+// For a sun below the horizon tables hold light over exp(cosine / dusk), which is smooth: light falls about
+// as fast.
 constexpr double dusk = 0.024;
-constexpr size_t polar_cells = 8, azimuth_cells = 3; // on each side of the horizon; in half a turn
+constexpr size_t polar_cells = 8, azimuth_cells = 3; // on each side of the horizon; per half turn
 constexpr int field_segments = 24;
-constexpr int polar_samples = 4, azimuth_samples = 8; // of the phases in a cell
+constexpr int polar_samples = 4, azimuth_samples = 8; // of the phase functions in a cell
 constexpr int most_orders = 10;
-constexpr float last_order = 1e-3F; // of the sum: smaller ones are left to the series
+constexpr float last_order = 1e-3F; // fraction of the sum; stops below it
 constexpr float steepest_series = 0.98F;
-constexpr double least_column = 1e-3; // m at the densest: keeps logarithms finite, and is nothing
+constexpr double least_column = 1e-3; // m at maximum density: negligible, keeps logarithms finite
 
 double square(double x) { return x * x; }
 
@@ -87,7 +93,7 @@ double henyey_greenstein(double cosine, double mean) {
     return (1.0 - mean * mean) / (4.0 * pi * d * std::sqrt(d));
 }
 
-// Of air, aerosol and ozone, where each is densest 1.
+// Densities of air, aerosol and ozone, relative to their maxima.
 std::array<double, 3> densities(double height) {
     return {std::exp(-height / air_scale), std::exp(-height / aerosol_scale),
             std::max(0.0, 1.0 - std::abs(height - ozone_middle) / ozone_half_width)};
@@ -109,7 +115,7 @@ Reach reach(double height, double cosine) {
     return {along > 0.0 ? missing / (root + along) : root - along, false};
 }
 
-// use(distance, length of the segment, height of its middle) from the viewer on.
+// Calls use(distance, length of the segment, height of its middle) for each segment, starting at the viewer.
 template <typename Use>
 void for_segments(double height, double cosine, double length, int count, Use&& use) {
     const double radius = planet_radius + height, start = radius * cosine, end = start + length;
@@ -130,13 +136,13 @@ void for_segments(double height, double cosine, double length, int count, Use&& 
                 down + up * square(static_cast<double>(i + 1) / rising));
 }
 
-// (1 - exp(-x)) / x, given exp(-x); the series where the difference would lose its digits.
+// (1 - exp(-x)) / x, given exp(-x); a series for small x, where the difference would cancel.
 Spectrum mean_transmittance(const Spectrum& x, const Spectrum& transmittance) {
     const Spectrum series = 1.0F - x * (0.5F - x * (1.0F / 6.0F));
     return (x < 0.01F).select(series, (1.0F - transmittance) / x.max(0.01F));
 }
 
-// Where a value lies between two neighbours of a table.
+// Position in a table for linear interpolation.
 struct Between {
     size_t cell;
     float part;
@@ -153,7 +159,7 @@ double height_of(size_t row, size_t rows) {
     return atmosphere_height * square(static_cast<double>(row) / static_cast<double>(rows - 1));
 }
 
-// By the signed square root of the cosine, so that dusk is dense.
+// Signed square root of the cosine, so that samples are dense at dusk.
 double sun_position(double cosine) {
     const double lowest = -std::sqrt(-lowest_sun);
     return (std::copysign(std::sqrt(std::abs(cosine)), cosine) - lowest) / (1.0 - lowest);
@@ -171,19 +177,20 @@ float dusk_at(double sun_cosine) {
 
 double sine_of(double cosine) { return std::sqrt(std::max(0.0, 1.0 - cosine * cosine)); }
 
-// Cosine between two directions of given cosines with the vertical.
+// Cosine between two directions, given their cosines with the vertical and the azimuth between them.
 double angle_cosine(double a, double b, double azimuth) {
     return std::clamp(a * b + sine_of(a) * sine_of(b) * std::cos(azimuth), -1.0, 1.0);
 }
 
 } // namespace
 
-// A part of the sphere of directions as seen from a point, and its mirror image beyond the sun's vertical plane.
+// A cell of the sphere of directions at a point, together with its mirror image about the sun's vertical
+// plane.
 struct Atmosphere::Cell {
     double low = 0.0, high = 0.0; // cosines with the vertical
     double azimuth_from = 0.0, azimuth_to = 0.0;
-    double view_sun = 0.0;                 // cosine of its middle with the sun's direction
-    double by_air = 0.0, by_aerosol = 0.0; // mean phases
+    double view_sun = 0.0;                 // cosine between its centre and the sun's direction
+    double by_air = 0.0, by_aerosol = 0.0; // mean phase functions
     double middle() const { return 0.5 * (low + high); }
     double solid_angle() const { return 2.0 * (azimuth_to - azimuth_from) * (high - low); }
 };
@@ -210,7 +217,7 @@ Atmosphere::Atmosphere(const AirSettings& settings, const Loop& loop, bool scatt
         const double wavelength = wavelength_of(band);
         const double haze = std::pow(wavelength / zenith_wavelength, -angstrom_exponent);
         const double molecules =
-            settings.ozone * dobson_unit / ozone_half_width; // a cubic metre, tent's middle
+            settings.ozone * dobson_unit / ozone_half_width; // per m^3, at the peak of the tent
         air_[band] = static_cast<float>(settings.air * rayleigh_depth(wavelength) / air_scale);
         aerosol_[band] = static_cast<float>(settings.aerosol * haze / aerosol_scale);
         ozone_[band] = static_cast<float>(1e-25 * ozone_cross_section[static_cast<size_t>(band)] * molecules);
@@ -227,7 +234,7 @@ void Atmosphere::make_columns(const Loop& loop) {
             const double root = static_cast<double>(column) / (column_cosines - 1);
             const double cosine = horizon + (1.0 - horizon) * root * root;
             const double radius = planet_radius + height, along = radius * cosine;
-            // To space, whatever rounding says of a path that touches the ground.
+            // Always to space, even if rounding makes a tangent path touch the ground.
             const double missing =
                 (atmosphere_height - height) * (2.0 * planet_radius + atmosphere_height + height);
             const double length = std::sqrt(along * along + std::max(0.0, missing)) - along;
@@ -268,7 +275,7 @@ Spectrum Atmosphere::transmittance(double height, double cosine) const {
 
 Spectrum Atmosphere::sunlight(double height, double sun_cosine) const {
     const double horizon = horizon_cosine(height);
-    // Angles near the horizon are differences of cosines over the sine.
+    // Near the horizon an angle is the difference of cosines over the sine.
     const double radius = std::max(settings_.sun_radius, 1e-6) * sine_of(horizon);
     const double above = (sun_cosine - horizon) / radius;
     if (above <= -1.0) return Spectrum::Zero();
@@ -319,14 +326,15 @@ Spectrum Atmosphere::ground_at(const Field& field, double sun_cosine) {
     return scale * (1.0F - x.part) * field.ground[x.cell] + scale * x.part * field.ground[x.cell + 1];
 }
 
-// What a segment sends on of light that was scattered before. view_cosine: of the path with the vertical there.
+// Multiple scattering of a segment towards the viewer. view_cosine: of the path with the vertical at the
+// segment.
 Spectrum Atmosphere::again(const PathStep& step, double sun_cosine, double view_cosine,
                            double view_sun) const {
     const Between y = between(height_position(step.height), field_heights);
     const Between x = between(sun_position(sun_cosine), field_suns);
     const size_t cell = y.cell * field_suns + x.cell;
     const double up = std::clamp(view_cosine, -1.0, 1.0), sine = sine_of(up);
-    const double sun_sine = std::max(sine_of(sun_cosine), 1e-4); // overhead the moments across it vanish
+    const double sun_sine = std::max(sine_of(sun_cosine), 1e-4); // at the zenith level moments vanish
     const double level = std::clamp((view_sun - up * sun_cosine) / sun_sine, -sine, sine);
     const double side2 = std::max(0.0, 1.0 - up * up - level * level);
     Spectrum mean = Spectrum::Zero(), first = mean, second = mean;
@@ -416,7 +424,8 @@ Atmosphere::Field Atmosphere::next_order(const Field* before, const Loop& loop) 
     return order;
 }
 
-// Light of the order before, nullptr: of the sun, that arrives along a path, averaged over a cell of directions.
+// Radiance that arrives along a path, averaged over a cell of directions: light of the order `before`,
+// scattered once more. nullptr: sunlight.
 Spectrum Atmosphere::arriving(const Path& path, double sun_cosine, const Cell& cell,
                               const Field* before) const {
     Spectrum sum = Spectrum::Zero();
@@ -438,7 +447,7 @@ Spectrum Atmosphere::arriving(const Path& path, double sun_cosine, const Cell& c
     return sum + path.transmittance * light * static_cast<float>(settings_.ground_albedo / pi);
 }
 
-// Both sides of the horizon in cells that are narrow there, where the sky is steep.
+// Cells on both sides of the horizon, narrow near it, where the gradient of the sky is steep.
 std::vector<Atmosphere::Cell> Atmosphere::cells_around(double horizon) {
     const auto edge = [&](size_t at) {
         const double t = static_cast<double>(at) / polar_cells - 1.0;
@@ -454,14 +463,14 @@ std::vector<Atmosphere::Cell> Atmosphere::cells_around(double horizon) {
     return cells;
 }
 
-// Mean phases of each cell, scaled so that no light is lost between the samples.
+// Mean phase functions of each cell, normalised so that the sampling loses no light.
 void Atmosphere::average_phases(std::vector<Cell>& cells, double sun) {
     double air = 0.0, aerosol = 0.0;
     for (Cell& cell : cells) {
         cell.by_air = cell.by_aerosol = 0.0;
         for (int i = 0; i < polar_samples * azimuth_samples; ++i) {
             const double x = (i % azimuth_samples + 0.5) / azimuth_samples;
-            const double y = (i / azimuth_samples + 0.5) / polar_samples; // whole rows
+            const double y = (i / azimuth_samples + 0.5) / polar_samples; // integer division: the row
             const double cosine = angle_cosine(cell.low + y * (cell.high - cell.low), sun,
                                                cell.azimuth_from + x * (cell.azimuth_to - cell.azimuth_from));
             cell.by_air += rayleigh_phase(cosine);
@@ -476,7 +485,7 @@ void Atmosphere::average_phases(std::vector<Cell>& cells, double sun) {
     }
 }
 
-// One row of the tables. Paths are shared by all suns: only what lights them differs.
+// Computes one row of the tables. All sun positions share the paths; only the lighting differs.
 void Atmosphere::gather(size_t row, const Field* before, Field& order) const {
     const double height = height_of(row, field_heights);
     std::vector<Cell> cells = cells_around(horizon_cosine(height));
@@ -508,7 +517,7 @@ void Atmosphere::gather(size_t row, const Field* before, Field& order) const {
         order.mean[at] = mean / dusk_at(sun);
         for (Spectrum Moments::*moment : all_moments)
             order.moments[at].*moment = moments.*moment / dusk_at(sun);
-        if (row == 0) order.ground[column] = down / dusk_at(sun); // the horizon is level there
+        if (row == 0) order.ground[column] = down / dusk_at(sun); // at sea level the horizon is at cosine 0
     }
 }
 

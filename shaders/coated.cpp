@@ -17,7 +17,7 @@ CoatedBsdf coated(const ShadingPoint& point, const Vec3f& normal, const Vec3f& r
     bsdf.surface = Microsurface(bsdf.normal, coat.roughness);
     bsdf.gloss = coat.table->row(coat.roughness);
     bsdf.ior = coat.ior;
-    // A shading normal may look away from wo: then the boundary counts as met at grazing, and shows no gloss.
+    // The shading normal may face away from wo. Then E is that of grazing incidence, and there is no gloss.
     const float through = 1.0F - bsdf.gloss.at(bsdf.normal.dot(point.wo));
     bsdf.into = through / (1.0F - bsdf.gloss.mean);
     const float back = through * mean(reflectance), on = through * mean(transmittance);
@@ -55,7 +55,7 @@ bool sample(const CoatedBsdf& bsdf, const std::array<float, 4>& random, BsdfSamp
     if (random[2] < bsdf.gloss_probability) {
         const Vec3f half = bsdf.surface.sample_half(bsdf.wo, random[0], random[1]);
         result.wi = (2.0F * bsdf.wo.dot(half) * half - bsdf.wo).normalized();
-        if (!(result.wi.dot(bsdf.normal) > 0.0F)) return false; // into the surface: shadowed
+        if (!(result.wi.dot(bsdf.normal) > 0.0F)) return false; // below the surface: shadowed
     } else {
         const float side = random[2] < bsdf.gloss_probability + bsdf.reflect_probability ? 1.0F : -1.0F;
         result.wi = cosine_direction(side * bsdf.normal, random[0], random[1]);

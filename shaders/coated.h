@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// A body that scatters evenly, back and through, under a glossy boundary on both sides: what grass and plain surfaces are
-// made of. See gloss.h for the formulas.
+// A diffuse base that reflects and transmits, under a rough dielectric coat on both sides. Used by grass and
+// surface. The formulas are in gloss.cpp. With E the directional albedo of the coat and <E> its mean:
 //
-//   f |cos| = share_through(mu_o) share_through(mu_i) / mean share * c / pi |cos_i|     c: reflectance or transmittance
-//             + F D G2 / (4 cos_o)                                                      on wo's side
+//   f |cos| = (1 - E(mu_o)) (1 - E(mu_i)) / (1 - <E>) * c / pi |cos_i|     c: reflectance or transmittance
+//             + F D G2 / (4 cos_o)                                         on wo's side
 //
-// Sampled by choosing gloss, reflection or transmission in the proportion of what each returns.
+// Sampling selects gloss, reflection or transmission in proportion to the light that each returns.
 #pragma once
 
 #include "shaders/gloss.h"
@@ -15,9 +15,9 @@ namespace marram {
 
 struct CoatedBsdf {
     Vec3f wo, normal, geometric_normal; // both normals on wo's side
-    Vec3f reflectance, transmittance;   // of the body
+    Vec3f reflectance, transmittance;   // of the base
     Microsurface surface;
-    GlossTable::Row gloss; // of a table that outlives the closure
+    GlossTable::Row gloss; // row of a table that must outlive the closure
     float ior;
     float into;                                   // (1 - E(mu_o)) / (1 - <E>)
     float gloss_probability, reflect_probability; // the rest is transmission
@@ -27,7 +27,7 @@ struct Coat {
     const GlossTable* table;
     float ior, roughness;
 };
-// `normal`: for shading; either side.
+// `normal`: the shading normal, on either side.
 CoatedBsdf coated(const ShadingPoint& point, const Vec3f& normal, const Vec3f& reflectance,
                   const Vec3f& transmittance, const Coat& coat);
 BsdfValue evaluate(const CoatedBsdf& bsdf, const Vec3f& wi);

@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // From spectra to colours
 //
-// A band's spectrum f is relative to the sun's, a black body of 5772 K (nominal solar temperature, IAU 2015 resolution
-// B3): the sun's own spectrum has only to be right up to the white that it is made to be. With x, y, z the CIE 1931
-// functions in the fit of Wyman et al. 2013, sums over the bands give XYZ; Bradford's transform takes the XYZ of f = 1
-// to the white of sRGB; the matrix of IEC 61966-2-1 makes linear sRGB of it. All of it is one matrix of 3 x 16.
+// A band's spectrum f is relative to the sun's, a black body of 5772 K (nominal solar temperature, IAU 2015
+// resolution B3). The sun's own spectrum matters only up to the white point, as it is mapped to white. With
+// x, y, z the CIE 1931 functions in the fit of Wyman et al. 2013, sums over the bands give XYZ; Bradford's
+// transform maps the XYZ of f = 1 to the white of sRGB; the matrix of IEC 61966-2-1 gives linear sRGB.
+// Together they are one matrix of 3 x 16.
 //
 // Image rows
 //
-// radiance = A p_air(c) + B p_aerosol(c) + C. In a row of the image A, B and C are colours that depend on the azimuth
-// only through the height of the sun over distant air, an even and smooth function: Catmull and Rom's cubic through 17
-// values in half a turn. Phases do not depend on wavelength, so that colours can be taken first.
+// radiance = A p_air(c) + B p_aerosol(c) + C. In a row of the image the colours A, B and C depend on the
+// azimuth only through the height of the sun over distant air. This function is even and smooth: it is
+// interpolated by Catmull-Rom through 17 values per half turn. The phase functions do not depend on
+// wavelength, so that A, B and C can be converted to colours first.
 #include "shaders/daylight.h"
 
 #include <algorithm>
@@ -41,7 +43,7 @@ Vec3d cie_xyz(double l) {
 }
 
 double black_body(double wavelength) {
-    const double scaled = wavelength / zenith_wavelength; // any scale: only the shape matters
+    const double scaled = wavelength / zenith_wavelength; // the scale cancels
     return std::pow(scaled, -5.0) / std::expm1(second_radiation_constant / (wavelength * sun_temperature));
 }
 
@@ -58,7 +60,7 @@ ColorMatrix make_color_matrix() {
     return (srgb * bradford.inverse() * adapt * bradford * xyz).cast<float>();
 }
 
-// Colours by which a row's pixels are made, each a smooth function of the azimuth.
+// A, B and C as colours, smooth functions of the azimuth in a row.
 struct Parts {
     Vec3f by_air, by_aerosol, rest;
     Vec3f radiance(double view_sun) const {
@@ -76,7 +78,7 @@ Vec3f cubic(const Vec3f& a, const Vec3f& b, const Vec3f& c, const Vec3f& d, floa
     return b + 0.5F * t * (c - a + t * (2.0F * a - 5.0F * b + 4.0F * c - d + t * (3.0F * (b - c) + d - a)));
 }
 
-// At an azimuth of 0 ... pi; the function is even about both ends.
+// Interpolates at an azimuth of 0 ... pi; the function is even about both ends.
 Parts between_azimuths(std::span<const Parts> parts, double azimuth) {
     const double at = azimuth / pi * static_cast<double>(azimuths - 1);
     const size_t i = std::min(static_cast<size_t>(at), azimuths - 2);
@@ -118,7 +120,7 @@ Vec3f Daylight::radiance(const Vec3d& direction) const {
 Vec3f sun_irradiance(const DaylightSettings& settings, const Atmosphere& air) {
     const double elevation = std::asin(settings.direction.normalized().y()), radius = 0.5 * settings.angle;
     Spectrum sum = Spectrum::Zero();
-    for (int i = 0; i < sun_strips; ++i) { // level strips; the sky is at its steepest where the sun sets
+    for (int i = 0; i < sun_strips; ++i) { // horizontal strips: transmittance is steep at the horizon
         const double low = -1.0 + 2.0 * i / sun_strips, high = low + 2.0 / sun_strips;
         const auto below = [](double x) { return (std::acos(-x) + x * std::sqrt(1.0 - x * x)) / pi; };
         const double share = below(std::min(high, 1.0)) - below(low);

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lambert's law on both sides. With n on wo's side and c, t the two colours,
 //
-//   f |cos| = c / pi (n . wi)  above,  t / pi (-n . wi)  below,
+//   f |cos| = c / pi (n . wi)  above,  t / pi (-n . wi)  below.
 //
-// sampled by choosing the side with probability mean(c) : mean(t) and then the cosine (Malley's method: a
-// uniform point of the disc, lifted), so that a grey material's samples weigh what it gives back. Where
-// shading and geometric normal disagree about the side, nothing is scattered: light would leak through.
+// Sampling selects the side with probability mean(c) : mean(t), then a cosine-weighted direction (Malley's
+// method: project a uniform disc sample up), so that for a grey material every sample weight is the albedo. f
+// is 0 where the shading and the geometric normal disagree about the side of wi: otherwise light would leak.
 #include "shaders/diffuse.h"
 
 #include "core/math/problem.h"

@@ -1,19 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// diffuse: a matt surface that reflects evenly from both sides, and if thin lets light through evenly too:
-// ground, stone, skin under fur, leaves, blades of grass. On round curves it shades the round fibre, on
-// ribbons the flat one.
+// diffuse: Lambertian reflection on both sides, and Lambertian transmission if the surface is thin: ground,
+// stone, skin under fur, leaves, blades of grass. Round curves are shaded as round fibres, ribbons as flat
+// ones.
 //
 //   parameter     unit  default             meaning
-//   color         1     [0.5, 0.5, 0.5]     share of light reflected
-//   transmission  1     [0, 0, 0]           share of light that comes out on the other side; color + transmission <= 1
-//   color_map     -     none                image whose colour multiplies color, by the uv of a surface, or of a strand's root
-//   map_scale     1     [1, 1]              how often the image repeats over the unit square of uv
+//   color         1     [0.5, 0.5, 0.5]     reflectance
+//   transmission  1     [0, 0, 0]           transmittance; color + transmission <= 1
+//   color_map     -     none                image that multiplies color; on strands by the uv at the root
+//   map_scale     1     [1, 1]              repeats of the image over the unit square of uv
 //   root_color    1     none                colour at the root of a strand; with tip_color it replaces color on strands
 //   tip_color     1     none                colour at the tip
-//   variation     1     0                   how much strands differ in brightness and hue, 0 ... 1
-//   tint          -     "none"              attribute whose value 0 ... 1 blends towards tint_color; of a name (id)
-//                                           each strand has a share of its own
-//   tint_color    1     [0.35, 0.2, 0.08]   what it blends towards
+//   variation     1     0                   random difference between strands in brightness and hue, 0 ... 1
+//   tint          -     "none"              attribute, 0 ... 1, that blends to tint_color; ids are hashed to [0, 1]
+//   tint_color    1     [0.35, 0.2, 0.08]   colour at tint 1
 //
 //   [[material]]
 //   name = "blade"
@@ -22,10 +21,9 @@
 //   transmission = [0.08, 0.2, 0.03]
 //   variation = 0.3
 //
-// In a scene: scenes/run scenes/default.toml; tinted by what gusts bring: scenes/run scenes/figure2.toml
+// In a scene: scenes/run scenes/default.toml; tinted by gusts: scenes/run scenes/figure2.toml
 //
-// Lambert, "Photometria", 1760: f = color / pi on the side the light comes from, transmission / pi on the
-// other.
+// Lambert, "Photometria", 1760: f = color / pi on the side of the light, transmission / pi on the other.
 #pragma once
 
 #include "shaders/shading_point.h"
@@ -41,7 +39,7 @@ struct DiffuseSettings {
 
 std::vector<ParamSpec> diffuse_params();
 DiffuseSettings read_diffuse(const ParamSet& params,
-                             const TextureOpener& open); // throws InputError where color + transmission > 1
+                             const TextureOpener& open); // throws InputError if color + transmission > 1
 
 struct DiffuseBsdf {
     Vec3f normal;           // on wo's side

@@ -1,25 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// The boundary is a microsurface of GGX facets (Walter et al., "Microfacet Models for Refraction through Rough Surfaces",
-// 2007), alpha = roughness^2, with Smith's height-correlated shadowing (Heitz, "Understanding the Masking-Shadowing Function
-// in Microfacet-Based BRDFs", 2014). In the basis of its normal, h = (x, y, z), t^2 = (x^2 + y^2) / z^2:
+// The coat is a surface of GGX microfacets (Walter et al., "Microfacet Models for Refraction through Rough
+// Surfaces", 2007), alpha = roughness^2, with Smith's height-correlated shadowing (Heitz, "Understanding the
+// Masking-Shadowing Function in Microfacet-Based BRDFs", 2014). In the basis of its normal, h = (x, y, z),
+// t^2 = (x^2 + y^2) / z^2:
 //
 //   D(h) = 1 / (pi alpha^2 z^4 (1 + t^2 / alpha^2)^2)
 //   Lambda(mu) = (sqrt(1 + alpha^2 (1 - mu^2) / mu^2) - 1) / 2
 //   G1 = 1 / (1 + Lambda),   G2 = 1 / (1 + Lambda_o + Lambda_i)
 //   f |cos_i| = F(wo . h) D G2 / (4 cos_o)
 //
-// The tangents squared keep their digits for narrow lobes, 1 - z^2 would not. Sampled by visible normals (Heitz 2018, as
-// spherical caps: Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023): wi has density
-// G1 D / (4 cos_o), weight F G2 / G1.
+// D uses x^2 + y^2, which stays accurate for narrow lobes; 1 - z^2 would cancel. Half vectors are sampled
+// from the VNDF (Heitz 2018; as spherical caps: Dupuy and Benyoub, "Sampling Visible GGX Normals with
+// Spherical Caps", 2023): wi has the pdf G1 D / (4 cos_o) and the weight F G2 / G1.
 //
-// What the boundary does not reflect reaches the body, is scattered evenly there and leaves again: with E the directional
-// albedo of the gloss and <E> its mean 2 integral E mu dmu, the body's part
+// Light that the coat does not reflect reaches the base, is scattered diffusely and leaves again. With E the
+// directional albedo of the gloss and <E> = 2 integral E mu dmu its mean, the term of the base
 //
 //   c / pi (1 - E(mu_o)) (1 - E(mu_i)) / (1 - <E>)
 //
-// is reciprocal and returns (1 - E(mu_o)) c of what comes: a white body under any gloss loses nothing (Kelemen and
-// Szirmay-Kalos, "A Microfacet Based Coupled Specular-Matte BRDF Model", 2001). E is tabulated over sqrt(mu), for it rises
-// steeply at grazing angles; <E> is the integral of the very interpolant, so that nothing is lost by the table.
+// is reciprocal and has the albedo (1 - E(mu_o)) c, so that a white base loses no energy under any coat
+// (Kelemen and Szirmay-Kalos, "A Microfacet Based Coupled Specular-Matte BRDF Model", 2001). E is tabulated
+// over sqrt(mu), as it rises steeply at grazing angles. <E> integrates the interpolated table exactly, so
+// that the table loses no energy.
 #include "shaders/gloss.h"
 
 #include "shaders/fresnel.h"
@@ -31,7 +33,7 @@ namespace marram {
 
 namespace {
 
-// Where a value lies between the nodes 0 ... count - 1.
+// Position of a value between the nodes 0 ... count - 1, for linear interpolation.
 struct Node {
     int below;
     float between;
@@ -42,12 +44,12 @@ Node node_of(float at, int count) {
     return {below, clamped - static_cast<float>(below)};
 }
 
-// Roughness on 0 ... 1 of the table, dense where gloss is sharp.
+// Maps table positions 0 ... 1 to roughness; nodes are dense at low roughness.
 constexpr float least = static_cast<float>(least_roughness);
 float roughness_of(float place) { return least + (1.0F - least) * place * place; }
 float place_of(float roughness) { return std::sqrt(std::max(0.0F, (roughness - least) / (1.0F - least))); }
 
-// By visible normals, over an even grid of the square: 24^2 halves, error below 1e-3.
+// E by VNDF sampling, on a regular grid of 24^2 half vectors; error below 1e-3.
 float albedo_of(float cosine, float roughness, float ior) {
     const Microsurface surface(Vec3f::UnitZ(), roughness);
     const Vec3f wo(std::sqrt(1.0F - cosine * cosine), 0.0F, cosine);
@@ -114,16 +116,16 @@ float Microsurface::half_pdf(const Vec3f& wo, const Vec3f& half) const {
 }
 
 GlossTable::GlossTable(float ior) {
-    if (!(ior > 1.0F)) return; // no boundary: nothing is reflected
+    if (!(ior > 1.0F)) return; // no interface: nothing is reflected
     for (int r = 0; r < roughnesses; ++r) {
         const float roughness = roughness_of(static_cast<float>(r) / (roughnesses - 1));
         auto& row = albedo_[static_cast<size_t>(r)];
         for (int i = 0; i < cosines; ++i) {
             const float x =
-                std::max(static_cast<float>(i) / (cosines - 1), 1e-3F); // the limit at 0, near enough
+                std::max(static_cast<float>(i) / (cosines - 1), 1e-3F); // approximates the limit at 0
             row[static_cast<size_t>(i)] = albedo_of(x * x, roughness, ior);
         }
-        // 2 E mu dmu = 4 E x^3 dx for mu = x^2, E linear from e0 to e1 over [x0, x0 + d]: exactly.
+        // Exact integral of 2 E mu dmu = 4 E x^3 dx, with mu = x^2 and E linear over [x0, x0 + d].
         double sum = 0.0;
         for (int i = 0; i + 1 < cosines; ++i) {
             const double d = 1.0 / (cosines - 1), x0 = i * d, x1 = x0 + d;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fold turns the normal about the blade's tangent t by `fold` times the offset h across it, to the side that faces away
-// from the middle: n cos a + (t x n) sin a. h counts towards t x wo, and n is on wo's side, so t x n is the same direction.
+// The fold rotates the normal about the blade's tangent t by `fold` times the offset h across the blade, away
+// from the middle: n cos a + (t x n) sin a. h is measured along t x wo; t x n is the same direction, as n is
+// on wo's side.
 #include "shaders/grass.h"
 
 namespace marram {
@@ -46,7 +47,7 @@ CoatedBsdf grass_at(const GrassSettings& settings, const ShadingPoint& point) {
     const float side = point.geometric_normal.dot(point.wo) < 0.0F ? -1.0F : 1.0F;
     const Vec3f facing = side * point.normal;
     const float turn = settings.fold * std::clamp(point.h, -1.0F, 1.0F);
-    ShadingPoint half = point; // a plane of its own: nothing is lost between two normals
+    ShadingPoint half = point; // each half is a plane: the two normals agree, no energy is lost
     half.normal = half.geometric_normal =
         (std::cos(turn) * facing + std::sin(turn) * point.tangent.cross(facing)).normalized();
     return coated(half, half.normal, reflected, through, coat);

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// grass: a thin blade, lit on both sides. What is not reflected by its waxy boundary is scattered inside; a share of that comes
-// out on the other side, yellower for having gone through the leaf, which is why grass glows against the sun. Blades are folded along
-// their middle, so that their two halves catch the light differently. On round curves it shades the round fibre, on meshes a
-// leaf.
+// grass: a thin blade, lit from both sides. Light that its waxy coat does not reflect is scattered inside. A
+// fraction is transmitted and filtered towards yellow by the leaf, which is why grass glows against the sun.
+// Blades are folded along the middle, so that their two halves catch the light differently. Round curves are
+// shaded as round fibres, meshes as leaves.
 //
 //   parameter           unit  default             meaning
-//   color               1     [0.16, 0.26, 0.06]  share of the light inside that comes out again, on either side
-//   transmission        1     0.45                of that, the share that comes out on the other side
-//   transmission_color  1     [1, 0.95, 0.45]     what the light that goes through is filtered by besides
-//   roughness           1     0.4                 of the boundary: 0.03 wet ... 1 matt
-//   specular            1     0.03                reflected by the boundary straight on; 0: no gloss
-//   fold                deg   20                  how far the halves of a blade are turned against each other; strands only
+//   color               1     [0.16, 0.26, 0.06]  reflectance + transmittance of the base, before the filter
+//   transmission        1     0.45                fraction of it that is transmitted
+//   transmission_color  1     [1, 0.95, 0.45]     additional filter of the transmitted light
+//   roughness           1     0.4                 roughness of the coat: 0.03 wet ... 1 matt
+//   specular            1     0.03                reflectance of the coat at normal incidence; 0: no gloss
+//   fold                deg   20                  rotation of the normal at the blade's edges; strands only
 //   color_map, map_scale, root_color, tip_color, variation, tint, tint_color: as in diffuse
 //
 //   [[material]]
@@ -22,9 +22,9 @@
 //
 // In a scene: scenes/run scenes/dune.toml
 //
-// The measure of real leaves: 5 to 10 % of visible light is reflected, in green as much goes through; the boundary alone reflects
-// 2 to 4 % (Woolley, "Reflectance and Transmittance of Light by Leaves", 1971). White and without gloss or filter it loses
-// nothing at any angle; it is reciprocal.
+// Measured leaves reflect 5 to 10 % of visible light and transmit as much in green; the surface alone
+// reflects 2 to 4 % (Woolley, "Reflectance and Transmittance of Light by Leaves", 1971). White without gloss
+// or filter loses no energy at any angle; the model is reciprocal.
 #pragma once
 
 #include "shaders/coated.h"

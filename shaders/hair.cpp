@@ -1,33 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
 // The fibre scattering function, Chiang et al. 2016 (after Marschner 2003, d'Eon 2011). A fibre's axis is t;
-// a direction w has sin theta = w . t and an azimuth phi about t, counted from wo's. With h = sin gamma_o the
-// offset at which wo meets the unit circle of the cross-section, and p inner segments of path,
+// a direction w has sin theta = w . t and an azimuth phi about t, measured from wo's. With h = sin gamma_o
+// the offset at which wo meets the unit circle of the cross-section, and p internal path segments,
 //
 //   f cos = sum_p M_p(theta_o, theta_i) A_p(h, theta_o) N_p(phi_i)
 //
 // A_p: dielectric Fresnel F at the incidence cos theta_o cos gamma_o, and absorption along one chord,
 //   T = exp(-2 sigma cos gamma_t / cos theta_t):
 //   A_0 = F, A_1 = (1-F)^2 T, A_p+1 = A_p F T; the residual p >= 3 is the rest of the series,
-//   A_2 F T / (1 - F T). With T = 1 they sum to 1: white fibres lose nothing. The chord bends with
+//   A_2 F T / (1 - F T). With T = 1 they sum to 1: white fibres lose no energy. The chord is refracted with
 //   Bravais' index eta' = sqrt(eta^2 - sin^2 theta_o) / cos theta_o: sin gamma_t = h / eta'.
-// N_p: a logistic of scale s about Phi_p = 2 gamma_o - 2 p gamma_t + p pi (a mirror turns by 2 gamma_o, each
-//   refraction by gamma_o - gamma_t), cut to one turn; 1 / (2 pi) for the residual.
+// N_p: a logistic of scale s about Phi_p = 2 gamma_o - 2 p gamma_t + p pi (reflection turns by 2 gamma_o,
+//   each refraction by gamma_o - gamma_t), truncated to [-pi, pi]; 1 / (2 pi) for the residual.
 // M_p: d'Eon's, exactly normalised over cos theta dtheta. With v the variance,
 //   M = I0(c_i c_o / v) exp(-s_i s_o / v) / (2 v sinh(1/v)) ,     c, s = cos, sin of theta
 //     = I0e(c_i c_o / v) exp(-((c_i - c_o)^2 + (s_i + s_o)^2) / (2 v)) / (v (1 - exp(-2/v))) ,
-//   I0e(x) = exp(-x) I0(x). The second form never overflows and has no difference of near-equal numbers.
-//   Sampling (d'Eon 2013): about the mirror cone, cos a = 1 + v log(u + (1 - u) exp(-2/v)), azimuth 2 pi u'.
-// Scales tilt the cuticle's normals by alpha to the root: theta_o is shifted by +2 alpha for R, -alpha
-//   for TT, -4 alpha for TRT, so that lobes leave at -theta_o - 2 alpha (R, to the root), + alpha and + 4
-//   alpha: what a cone that widens towards the tip does, to first order, at eta = 1.5. A cone tilted past the
-//   axis comes out on the other side, where |cos| keeps M_p's integral at 1.
+//   I0e(x) = exp(-x) I0(x). The second form neither overflows nor cancels.
+//   Sampling (d'Eon 2013) about the specular cone: cos a = 1 + v log(u + (1 - u) exp(-2/v)), azimuth 2 pi u'.
+// The scales tilt the cuticle's normals by alpha towards the root: theta_o is shifted by +2 alpha for R,
+//   -alpha for TT, -4 alpha for TRT. The lobes then leave at -theta_o - 2 alpha (R, towards the root),
+//   + alpha and + 4 alpha. To first order this matches a cone that widens towards the tip, at eta = 1.5. A
+//   cone that is tilted past the axis comes out on the other side; |cos| keeps the integral of M_p at 1 there.
 //
-// Fits of Chiang et al.: v from roughness, s from azimuthal roughness, sigma from the colour of many fibres.
-// sigma of melanin: d'Eon et al. 2011, for a unit radius. I0: Abramowitz and Stegun 9.8.1 and 9.8.2, error
-// below 2e-7.
+// Fits of Chiang et al.: v from roughness, s from azimuthal roughness, sigma from the multiple-scattering
+// colour. sigma of melanin: d'Eon et al. 2011, for a unit radius. I0: Abramowitz and Stegun 9.8.1 and 9.8.2,
+// error below 2e-7.
 //
-// Sampling is exact: a lobe with probability mean(A_p), then M_p and N_p by inversion; the density is the
-// whole sum.
+// Sampling is exact: select a lobe with probability mean(A_p), then invert the CDFs of M_p and N_p. The pdf
+// is the sum over all lobes.
 #include "shaders/hair.h"
 
 #include "shaders/fresnel.h"
@@ -40,7 +40,7 @@ namespace {
 
 constexpr int lobe_count = 4;
 
-// M_p of all lobes. Where I0's argument x is small, exp(-x) of I0e goes into the other exponential.
+// M_p of all lobes. For small arguments x of I0, the factor exp(-x) of I0e moves to the other exponential.
 Float4 longitudinal(const HairBsdf& bsdf, float cos_i, float sin_i) {
     constexpr float small = 3.75F;
     const Float4 x = cos_i * bsdf.lobe_cos * bsdf.precision;
@@ -68,7 +68,7 @@ Float4 longitudinal(const HairBsdf& bsdf, float cos_i, float sin_i) {
 
 // N_p of all lobes.
 Float4 azimuthal(const HairBsdf& bsdf, float phi) {
-    Float4 x = abs(phi - bsdf.exit); // up to 2 pi, both being within half a turn of 0
+    Float4 x = abs(phi - bsdf.exit); // at most 2 pi, as both are in [-pi, pi]
     x = min(x, 2.0F * pi_f - x);
     const Float4 e = exp_of_negative(x * (-1.0F / bsdf.logistic_scale));
     Float4 n = e / (bsdf.logistic_scale * bsdf.logistic_norm * (1.0F + e) * (1.0F + e));
@@ -76,7 +76,7 @@ Float4 azimuthal(const HairBsdf& bsdf, float phi) {
     return n;
 }
 
-// Of the logistic cut to [-pi, pi]; norm is its mass there.
+// Samples the logistic truncated to [-pi, pi]; norm is its integral there.
 float sample_logistic(float random, float scale, float norm) {
     const float below = 0.5F * (1.0F - norm);
     const float u = std::clamp(below + random * norm, 0x1p-24F, 1.0F - 0x1p-24F);
@@ -88,7 +88,7 @@ Float4 exit_azimuths(float gamma_o, float gamma_t) {
     return 2.0F * gamma_o + Float4{0.0F, 1.0F, 2.0F, 3.0F} * (pi_f - 2.0F * gamma_t);
 }
 
-// Of angles within ten turns of 0, to -pi ... pi.
+// Wraps angles of up to ten turns to -pi ... pi.
 Float4 wrap(Float4 angle) { return angle - 2.0F * pi_f * round(angle * (0.5F / pi_f)); }
 
 Vec3f absorption_of_color(const Vec3f& color, float azimuthal_roughness) {
@@ -96,7 +96,7 @@ Vec3f absorption_of_color(const Vec3f& color, float azimuthal_roughness) {
     const float scale = 5.969F + b * (-0.215F + b * (2.532F + b * (-10.73F + b * (5.574F + b * 0.245F))));
     Vec3f sigma;
     for (int c = 0; c < 3; ++c) {
-        constexpr float darkest = 1e-8F; // of which less than 1e-6 passes through; log needs more than 0
+        constexpr float darkest = 1e-8F; // transmits less than 1e-6; log needs an argument above 0
         const float root = std::log(std::clamp(color[c], darkest, 1.0F)) / scale;
         sigma[c] = root * root;
     }
@@ -107,7 +107,7 @@ Vec3f absorption_of_melanin(float melanin, float redness) {
     return melanin * ((1.0F - redness) * Vec3f(0.419F, 0.697F, 1.37F) + redness * Vec3f(0.187F, 0.4F, 1.05F));
 }
 
-// What many such fibres look like, the inverse of absorption_of_color.
+// Multiple-scattering colour of many such fibres; the inverse of absorption_of_color.
 Vec3f color_of_absorption(const Vec3f& sigma, float azimuthal_roughness) {
     const float b = azimuthal_roughness;
     const float scale = 5.969F + b * (-0.215F + b * (2.532F + b * (-10.73F + b * (5.574F + b * 0.245F))));
@@ -121,16 +121,16 @@ void set_attenuation(HairBsdf& bsdf, const Vec3f& sigma, float fresnel_reflectan
     bsdf.attenuation[0] = Vec3f::Constant(f);
     bsdf.attenuation[1] = (1.0F - f) * (1.0F - f) * transmitted;
     bsdf.attenuation[2] = bsdf.attenuation[1].cwiseProduct(f * transmitted);
-    for (int c = 0; c < 3; ++c) { // f = 1 only where nothing has entered: 0 / 0 is 0
+    for (int c = 0; c < 3; ++c) { // f = 1: no light enters, 0 / 0 is set to 0
         const float again = f * transmitted[c];
         bsdf.attenuation[3][c] = again < 1.0F ? bsdf.attenuation[2][c] * again / (1.0F - again) : 0.0F;
     }
     for (int p = 0; p < lobe_count; ++p) bsdf.probability[p] = mean(bsdf.attenuation[p]);
     const float all = sum(bsdf.probability);
-    if (all > 0.0F) bsdf.probability /= all; // black with ior = 1: no lobe is ever sampled
+    if (all > 0.0F) bsdf.probability /= all; // else black with ior = 1: no lobe is sampled
 }
 
-// Melanin becomes the colour it gives, so that tint and variation mean the same for both; it has no gradient.
+// Melanin is converted to a colour, so that tint and variation work the same for both; it has no gradient.
 void set_pigment(HairSettings& settings, const ParamSet& params) {
     StrandColor& color = settings.color;
     if (params.text("pigment") == "melanin") {
@@ -150,8 +150,8 @@ void set_lobe_cones(HairBsdf& bsdf, const HairSettings& settings) {
     const auto& st = settings.sin_tilt;
     const auto& ct = settings.cos_tilt;
     bsdf.lobe_sin = Float4{s * ct[1] + c * st[1], s * ct[0] - c * st[0], s * ct[2] - c * st[2], s};
-    bsdf.lobe_cos =
-        abs(Float4{c * ct[1] - s * st[1], c * ct[0] + s * st[0], c * ct[2] + s * st[2], c}); // past the axis
+    bsdf.lobe_cos = abs(Float4{c * ct[1] - s * st[1], c * ct[0] + s * st[0], c * ct[2] + s * st[2],
+                               c}); // abs: tilted past the axis
 }
 
 } // namespace
@@ -177,7 +177,7 @@ std::vector<ParamSpec> hair_params() {
 
 namespace {
 
-// What the chosen pigment does not read must not be given: it would be ignored without a word.
+// Parameters that the chosen pigment does not read are errors: they would be ignored silently.
 void refuse_other_pigment(const ParamSet& params) {
     const bool melanin = params.text("pigment") == "melanin";
     const std::vector<std::string_view> unread =
@@ -228,14 +228,14 @@ HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point) {
     bsdf.sin_theta_o = std::clamp(point.wo.dot(point.tangent), -1.0F, 1.0F);
     bsdf.front = point.wo - bsdf.sin_theta_o * point.tangent;
     bsdf.cos_theta_o = bsdf.front.norm();
-    if (bsdf.cos_theta_o > 1e-6F) // rounding of a unit vector's components; below it any azimuth is as good
+    if (bsdf.cos_theta_o > 1e-6F) // rounding of unit vectors; below it the azimuth is arbitrary
         bsdf.front /= bsdf.cos_theta_o;
     else
         orthonormal_basis(bsdf.axis, bsdf.front, bsdf.side);
     bsdf.side = bsdf.axis.cross(bsdf.front);
 
     const float h = std::clamp(point.h, -1.0F, 1.0F), eta = settings.ior;
-    constexpr float end_on = 1e-30F; // in place of 0, which only ior = 1 seen end on gives: no 0 / 0
+    constexpr float end_on = 1e-30F; // replaces 0, at ior = 1 and wo along the axis: avoids 0 / 0
     const float bravais = std::max(std::sqrt(bent(bsdf.cos_theta_o, eta)), end_on); // eta cos theta_t
     const float sin_gamma_t = std::clamp(h * bsdf.cos_theta_o / bravais, -1.0F, 1.0F);
     const Float4 sines{h, sin_gamma_t}, cosines = sqrt((1.0F - sines) * (1.0F + sines));
@@ -287,7 +287,7 @@ bool sample(const HairBsdf& bsdf, const std::array<float, 4>& random, BsdfSample
     float below = 0.0F;
     while (p < lobe_count - 1 && random[2] >= below + bsdf.probability[p]) below += bsdf.probability[p++];
 
-    // The angle from the lobe's mirror cone, as 1 - cos to keep small ones exact; 1 - u is never 0.
+    // The angle from the lobe's specular cone, as 1 - cos, which is accurate for small angles. u is never 0.
     const float v = bsdf.variance[p], u = 1.0F - random[0];
     const float away = std::clamp(-v * std::log(u + (1.0F - u) * bsdf.least[p]), 0.0F, 2.0F);
     const float phi = p == lobe_count - 1

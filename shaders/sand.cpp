@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Grains: Oren-Nayar in the form whose albedo is known in closed form, with what it loses given back (Portsmouth, Kutz and
-// Hill, "EON: A Practical Energy-Preserving Rough Diffuse BRDF", JCGT 2025). With r the roughness, s = wo . wi - cos_o cos_i,
-// t = max(cos_o, cos_i) where s > 0, else 1,
+// Grains: Oren-Nayar in a form with a closed-form albedo, with energy compensation (Portsmouth, Kutz and
+// Hill, "EON: A Practical Energy-Preserving Rough Diffuse BRDF", JCGT 2025). With r the roughness, s = wo .
+// wi - cos_o cos_i, t = max(cos_o, cos_i) where s > 0, else 1,
 //
 //   f = color / pi (A + B s / t) + color' / pi (1 - E_o) (1 - E_i) / (1 - <E>)
 //   A = 1 / (1 + (1/2 - 2/(3 pi)) r),  B = r A
@@ -10,19 +10,22 @@
 //
 // tan (1 - sin^3) = sin cos (1 + sin + sin^2) / (1 + sin), which has no pole.
 //
-// Facets: a share of the surface is quartz facets, GGX of roughness 0.6 (gloss.h); the grains under it get what it lets
-// through.
+// Facets: the fraction `sparkle` of the surface is quartz facets, GGX of roughness 0.6 (gloss.h). The grains
+// below receive what the facets transmit.
 //
-// Glints: of N facets in a pixel's footprint each mirrors from wo to wi with probability p = D(h) (n . h) pi g^2, g the
-// half-angle of its own blur. What is seen is not their mean but their number, Poisson of mean N p, over N p. It is drawn by hashing
-// a cell of space (its side, a grain times a power of two, is the footprint's; two sizes are blended, so that nothing
-// pops as the camera moves) and a cell of h (four are blended, so that glints swell and fade as the sun moves). Where N p is
-// large it is 1. After Deliot and Belcour, "Real-Time Rendering of Glinty Appearances using Distributed Binomial Laws on
-// Anisotropic Grids", 2023, who draw their counts likewise.
+// Glints: each of the N facets in a pixel footprint reflects from wo to wi with probability p = D(h) (n . h)
+// pi g^2, with g the half-angle of the facet's blur. The number of reflecting facets is Poisson-distributed
+// with mean N p; the gloss is scaled by this number over N p. The random number is a hash of a cell of space
+// and a cell of h. The cell of space has about the size of the footprint: a grain times a power of two, and
+// two sizes are blended to avoid popping when the camera moves. Four cells of h are blended, so that glints
+// appear and fade smoothly as the sun moves. For large N p the factor is 1. After Deliot and Belcour,
+// "Real-Time Rendering of Glinty Appearances using Distributed Binomial Laws on Anisotropic Grids", 2023,
+// whose counts are sampled similarly.
 //
-// Ripples: crests and slopes as core/math/ripples.cpp has them. A pixel whose axes on the ground are a and b sees their slope times exp(-s^2 / 2), s^2 = (k . a / 2)^2 + (k . b / 2)^2, k the
-// wave vector: crests that run away from the camera stay sharp at grazing angles. The variance of the rest goes into the grains' roughness. Where they are none of a pixel (the factor
-// below 1/256) no crest is looked for.
+// Ripples: crests and slopes are from core/math/ripples.cpp. A pixel with footprint axes a and b on the
+// ground sees the slope times exp(-s^2 / 2), s^2 = (k . a / 2)^2 + (k . b / 2)^2, k the wave vector. So
+// crests that run away from the camera stay sharp at grazing angles. The remaining variance of slope is added
+// to the roughness of the grains. If the factor is below 1/256, the slope is not computed.
 #include "shaders/sand.h"
 
 #include "shaders/fresnel.h"
@@ -38,8 +41,9 @@ namespace {
 
 constexpr float quartz = 1.54F;
 constexpr float facet_roughness = 0.6F;
-constexpr float blur = static_cast<float>(1.5 * degree); // of a facet: its curvature and half the sun's width
-constexpr float many = 4096.0F;                          // facets that mirror: 1 +- 1/64 and less
+constexpr float blur =
+    static_cast<float>(1.5 * degree); // of a facet: its curvature and the angular radius of the sun
+constexpr float many = 4096.0F;       // reflecting facets: the factor is 1 +- 1/64 at most
 
 float grains_albedo(float single, float bend, float cosine) {
     const float c = std::clamp(cosine, 0.0F, 1.0F), s = std::sqrt((1.0F - c) * (1.0F + c));
@@ -49,12 +53,13 @@ float grains_albedo(float single, float bend, float cosine) {
     return std::min(single + bend / pi_f * g, 1.0F);
 }
 
-// Poisson of that mean from one uniform number; evenly spread with the same mean and variance where it is large.
+// Samples a Poisson distribution from one uniform number. For large means: uniform with the same mean and
+// variance.
 float poisson(float mean_count, float u) {
     constexpr float large = 24.0F;
     if (mean_count > large) return mean_count + std::sqrt(3.0F * mean_count) * (2.0F * u - 1.0F);
     float chance = std::exp(-mean_count), below = chance, count = 0.0F;
-    constexpr float most = 96.0F; // ten standard deviations and more above `large`
+    constexpr float most = 96.0F; // more than ten standard deviations above `large`
     while (u >= below && count < most) {
         count += 1.0F;
         chance *= mean_count / count;
@@ -63,8 +68,8 @@ float poisson(float mean_count, float u) {
     return count;
 }
 
-// A direction on the square [-1, 1]^2 (Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors",
-// JCGT 2014: octahedral), even enough that cells are alike within a factor of two.
+// Octahedral map of a direction to [-1, 1]^2 (Cigolle et al., "A Survey of Efficient Representations for
+// Independent Unit Vectors", JCGT 2014). The solid angles of equal cells agree within a factor of two.
 Vec2f on_square(const Vec3f& d) {
     const float sum = std::abs(d.x()) + std::abs(d.y()) + std::abs(d.z());
     const Vec2f p(d.x() / sum, d.z() / sum);
@@ -73,7 +78,7 @@ Vec2f on_square(const Vec3f& d) {
             (1.0F - std::abs(p.x())) * (p.y() < 0.0F ? -1.0F : 1.0F)};
 }
 
-// onto: cosine that the ground is seen under.
+// onto: cosine between wo and the ground's normal.
 Footprint footprint_of(const ShadingPoint& point, float onto) {
     const Vec3f& n = point.geometric_normal;
     const Vec3f away = point.wo - point.wo.dot(n) * n;
@@ -137,8 +142,7 @@ Ripple ripple_at(const SandSettings& settings, const ShadingPoint& at, const Foo
             given.emplace(RippleSettings{double(own.wavelength), double(own.height), double(own.repose),
                                          uint64_t(own.seed)});
     } else {
-        const Vec3f up =
-            at.normal.y() < 0.0F ? Vec3f(-at.normal) : at.normal; // from below its other side is seen
+        const Vec3f up = at.normal.y() < 0.0F ? Vec3f(-at.normal) : at.normal; // flipped on the underside
         const Vec2f rise(-up.x(), -up.z());
         if (!(up.y() > 0.0F)) return ripple;
         point.gradient = (rise / up.y()).cast<double>();
@@ -153,7 +157,7 @@ Ripple ripple_at(const SandSettings& settings, const ShadingPoint& at, const Foo
                  b_half = 0.5 * wave.dot(seen_of.away.cast<double>());
     const double seen = std::exp(-0.5 * (a_half * a_half + b_half * b_half));
     ripple.hidden = static_cast<float>(field.slope_variance(point) * (1.0 - seen * seen));
-    constexpr double none = 1.0 / 256.0; // of slopes below 0.4
+    constexpr double none = 1.0 / 256.0; // the slope is below 0.4, so this is negligible
     if (!(seen > none)) return ripple;
     double metres = 0.0;
     Vec2d slope = Vec2d::Zero();
@@ -164,7 +168,7 @@ Ripple ripple_at(const SandSettings& settings, const ShadingPoint& at, const Foo
 
 float glint(const SandSettings& settings, const Vec3d& position, float width, const Vec3f& half,
             float chance) {
-    const float smallest = settings.grain; // nearer by, single grains are seen
+    const float smallest = settings.grain; // closer to the camera single grains are resolved
     const float level = std::max(0.0F, std::log2(std::max(width, smallest) / smallest));
     if (!std::isfinite(level)) return 1.0F;
     const float whole = std::floor(level);
@@ -206,13 +210,14 @@ SandBsdf sand_at(const SandSettings& settings, const ShadingPoint& point) {
     bsdf.wo = point.wo;
     bsdf.geometric_normal = side * point.geometric_normal;
     bsdf.position = point.position;
-    // The footprint is as long as it is foreshortened; a circle of its area.
+    // The footprint is stretched by 1 / cosine on the ground; width is that of a circle with the same area.
     const float onto = std::max(std::abs(point.geometric_normal.dot(point.wo)), 0.01F);
     bsdf.width = point.footprint / std::sqrt(onto);
 
     Vec3f normal = side * point.normal;
     const Ripple ripple = ripple_at(settings, point, footprint_of(point, onto));
-    // The height along y changes by slope / normal.y: of a normal (-g, 1) / sqrt(1 + g^2) that takes the slope off.
+    // Displacement along the normal (-g, 1) / sqrt(1 + g^2) adds slope / normal.y to the gradient g of the
+    // height along y. Up to normalisation this subtracts the slope from the normal.
     const float up = normal.y() < 0.0F ? -1.0F : 1.0F;
     normal = (normal - up * Vec3f(ripple.slope.x(), 0.0F, ripple.slope.y())).normalized();
     bsdf.normal = normal;
@@ -246,8 +251,7 @@ BsdfValue evaluate(const SandBsdf& bsdf, const Vec3f& wi) {
     result.pdf = (1.0F - bsdf.gloss_probability) * cosine / pi_f;
     if (seen) {
         const float o = std::max(cosine_o, 0.0F), s = bsdf.wo.dot(wi) - o * cosine;
-        const float t =
-            s > 0.0F ? std::max({o, cosine, 1e-6F}) : 1.0F; // both 0: s is 1 there, and f cos is 0
+        const float t = s > 0.0F ? std::max({o, cosine, 1e-6F}) : 1.0F; // o = cosine = 0: f cos is 0
         const float missing = 1.0F - bsdf.mean_albedo;
         const float again =
             missing > 0.0F

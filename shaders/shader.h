@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The registry of shaders: what there is, with every parameter, and the three things a path tracer asks of
-// one.
+// Registry of shaders: all shaders with their parameters, and what the path tracer calls: bsdf_at(),
+// evaluate(), sample() and albedo().
 //
-// A shader is a page of its own: <name>.h with what it models and how it is used, <name>.cpp with the
-// derivation. To add one: write its page, add its closure to Bsdf, its settings to Material and a row to shader.cpp.
+// Each shader has its own files: <name>.h documents the model and its parameters, <name>.cpp the derivation.
+// To add a shader: write these files, add its closure to Bsdf, its settings to Material and a row to
+// shader.cpp.
 #pragma once
 
 #include "shaders/blend.h"
@@ -23,40 +24,41 @@ struct ShaderDescription {
     std::string name;
     std::string help; // one line
     std::vector<ParamSpec> params;
-    bool strands_only = false; // has no meaning on a mesh
+    bool strands_only = false; // not allowed on meshes
 };
 
-// All shaders, in the order of Material's settings. Lives as long as the program.
+// All shaders, in the order of the alternatives of Material::settings. Static lifetime.
 std::span<const ShaderDescription> shaders();
 
-// A shader with its settings. `tint` names the attribute whose value colours, "" where there is none:
-// whoever shades looks its value up and puts it into ShadingPoint::tint. A blend is no shader of its own: whoever shades looks up its
-// attribute and goes on with one of its materials.
+// A shader with its settings. `tint` names the attribute that tints the colour, "" for none: the integrator
+// looks up its value and stores it in ShadingPoint::tint. A blend has no BSDF: the integrator looks up its
+// attribute and selects one of its two materials.
 struct Material {
     std::variant<DiffuseSettings, GrassSettings, HairSettings, SandSettings, SurfaceSettings, BlendSettings>
         settings;
     std::string tint;
-    bool mapped = false; // its looks come from images: strands need the uv at their roots
+    bool mapped = false; // uses images: strands then need the uv at their roots
 };
 
-// Throws InputError where values are right one by one but not together (energy is never created), and where an image
-// cannot be opened.
+// Throws InputError if values are valid one by one but not together (they would create energy), or if an
+// image cannot be opened.
 Material make_material(std::string_view type, const ParamSet& params, const TextureOpener& open);
 
-// A shader at a point, everything that does not depend on the incident direction computed. Made on the stack.
-// It may point into the material, which is no blend.
+// A shader evaluated at a point: holds everything that does not depend on the incident direction. Lives on
+// the stack and may point into the material. The material must not be a blend.
 using Bsdf = std::variant<DiffuseBsdf, CoatedBsdf, HairBsdf, SandBsdf>;
 Bsdf bsdf_at(const Material& material, const ShadingPoint& point);
 
-// f(wo, wi) |cos| of the incident direction wi (unit, away from the point), and the solid-angle density of
-// sampling it.
+// f(wo, wi) |cos| for the incident direction wi (unit, pointing away from the surface), and the pdf (solid
+// angle) with which sample() generates it.
 BsdfValue evaluate(const Bsdf& bsdf, const Vec3f& wi);
 
-// Draws wi with that density from 4 uniform numbers. False where the point absorbs everything.
+// Samples wi with that pdf from 4 uniform numbers. False if there is no valid sample, e.g. all light is
+// absorbed.
 bool sample(const Bsdf& bsdf, const std::array<float, 4>& random, BsdfSample& result);
 
-// The share of light that comes back under uniform light, an estimate for denoisers: colours as the artist
-// set them.
+// Albedo AOV for denoisers: an estimate of the hemispherical reflectance, close to the colours that the
+// artist set.
 Vec3f albedo(const Bsdf& bsdf);
 
 } // namespace marram

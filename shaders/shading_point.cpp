@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Colour along strands and from strand to strand.
+// Colour along strands and between strands.
 //
-// Variation multiplies channel c by 1 + v (0.8 b + 0.2 g_c) with b, g_c uniform in [-1, 1] from the strand's
-// hash: most of what tells natural strands apart is brightness, which all channels share; the rest is a
-// slight drift in hue.
+// Variation multiplies channel c by 1 + v (0.8 b + 0.2 g_c), with b and g_c uniform in [-1, 1] from the hash
+// of the strand. Natural strands differ mostly in brightness, which all channels share; the rest is a slight
+// shift in hue.
 #include "shaders/shading_point.h"
 
 #include "core/math/hash.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Specular from a map is rounded to one of 17 levels, each with its own table: steps of 1/16 of the greatest, which nobody sees,
-// and each level keeps energy exactly.
+// Specular from a map is rounded to one of 17 levels, each with its own table. The steps are 1/16 of the
+// maximum, which is not visible, and each level conserves energy exactly.
 #include "shaders/surface.h"
 
 namespace marram {

@@ -29,7 +29,7 @@ MarramStage stage_of(const std::string& name) {
     return name == "rest" ? MARRAM_REST : name == "bent" ? MARRAM_BENT : MARRAM_FINAL;
 }
 
-// What a file is written of.
+// What a file format can hold.
 enum class Baked { strands, strands_or_surface, surface_or_strands, grids };
 
 struct BakedFormat {
@@ -71,7 +71,7 @@ void check_formats(const BakeOptions& options) {
                          "bake strands to .usda or .ply");
 }
 
-// The one mesh that hands out grids.
+// The only mesh with grids. Throws InputError if there is none or more than one.
 const MeshGeometry& mesh_with_grids(const World& world, const std::string& output) {
     const MeshGeometry* found = nullptr;
     for (const MeshGeometry& mesh : world.meshes) {
@@ -111,7 +111,7 @@ void write_baked(Baked what, const std::string& output, const Shot& shot, const 
     write_colliders_obj(output, std::span(&mesh, 1));
 }
 
-// Throws InputError for a name that no curves of the scene carry.
+// Throws InputError for a name that is not an attribute of any curves of the scene.
 void check_attributes(const Shot& shot, const std::vector<std::string>& names) {
     std::vector<std::string> known;
     for (const auto& procedural : shot.geometry.procedurals)
@@ -124,19 +124,19 @@ void check_attributes(const Shot& shot, const std::vector<std::string>& names) {
                              fmt::format("choose among {}", fmt::join(known, ", ")));
 }
 
-// What every frame is built with.
+// The settings that every frame is built with.
 BuildSettings settings_of(const Shot& shot, const BakeOptions& options, double frame) {
     BuildSettings settings = build_settings(shot, frame);
-    settings.shutter_open = settings.shutter_close = 0.0; // the frame itself, not what the shutter sees of it
+    settings.shutter_open = settings.shutter_close = 0.0; // no motion samples
     settings.stage = stage_of(options.stage);
     settings.curves_bvh = false;
-    settings.camera.reset(); // growth surfaces, not what the camera sees of them
+    settings.camera.reset(); // growth surfaces, not render meshes
     settings.attributes = options.attributes;
     settings.attributes.emplace_back("id");
     return settings;
 }
 
-// A .usda holds all frames, as time samples, unless its name has a place for their numbers.
+// A .usda holds all frames as time samples, unless its name has a #### for their numbers.
 bool holds_all_frames(const BakeOptions& options) {
     return extension_of_output(options) == ".usda" && options.output.find('#') == std::string::npos;
 }
@@ -149,7 +149,8 @@ std::vector<double> frames_to_bake(const BakeOptions& options, const Vec2d& rang
     return frames;
 }
 
-// Before anything is built: every file can be written, and is none that is read or written as something else.
+// Checks before anything is built that every file can be written and is not also read, or written as another
+// file.
 void check_outputs(const Shot& shot, const std::vector<double>& frames, const BakeOptions& options) {
     RunFiles files(files_read(shot, options.scene));
     std::set<std::string> stats;
@@ -168,7 +169,7 @@ void check_outputs(const Shot& shot, const std::vector<double>& frames, const Ba
     }
 }
 
-// `prefix` of the progress line: "2 of 5: ". `sequence`: the file of all frames, where there is one.
+// prefix: of the progress line, "2 of 5: ". sequence: the file of all frames, or nullptr.
 void bake_frame(Shot& shot, const BakeOptions& options, const std::string& prefix, UsdaSequence* sequence,
                 std::set<std::string>& warnings, FrameStats& stats) {
     const std::string output = numbered(options.output, stats.frame);
@@ -196,7 +197,7 @@ void bake_frame(Shot& shot, const BakeOptions& options, const std::string& prefi
         if (warnings.insert(warning).second) fmt::print(stderr, "{}\n", warning);
     if (sequence) return;
     fmt::print("{}\n", output);
-    std::fflush(stdout); // an interrupt may cut off what comes later
+    std::fflush(stdout); // an interrupt may end the process before a later flush
 }
 
 } // namespace
@@ -213,7 +214,7 @@ int bake_command(const BakeOptions& options) {
     const int threads = threads_of(options);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
     StatsFile stats_file(options.stats);
-    std::set<std::string> warnings; // each told once
+    std::set<std::string> warnings; // already printed; each is printed once
     std::optional<UsdaSequence> sequence;
     if (frames.size() > 1 && holds_all_frames(options))
         sequence.emplace(options.output, shot.description.globals.number("fps"));

@@ -22,7 +22,7 @@
 namespace marram {
 namespace {
 
-// "WxH".
+// Parses "WxH".
 std::pair<uint32_t, uint32_t> parse_size(const std::string& text) {
     uint32_t width = 0, height = 0;
     const char* end = text.data() + text.size();
@@ -38,7 +38,7 @@ std::pair<uint32_t, uint32_t> parse_size(const std::string& text) {
     return {width, height};
 }
 
-// The library takes "" for 0, and lets NaN pass between any bounds.
+// CLI11's own check reads "" as 0, and accepts NaN within any bounds.
 CLI::Validator number_between(double low, double high) {
     return {[low, high](std::string& text) {
                 double value = 0.0;
@@ -287,7 +287,7 @@ void add_completion(CLI::App& app, Commands& c) {
     });
 }
 
-// After all others, which it knows by name.
+// Call it after all others: it lists their names.
 void add_man(CLI::App& app, Commands& c) {
     CLI::App* command = app.add_subcommand("man", "print a manual page, for `man -l -`");
     std::vector<std::string> names;
@@ -305,9 +305,9 @@ int report(const InputError& error) {
     return exit_bad_input;
 }
 
-// What was printed may still be in a buffer, and its disk may be full.
+// Flushes stdout and reports a failed write, such as on a full disk.
 void check_standard_output() {
-    const bool flushed = std::fflush(stdout) == 0; // else errno says why
+    const bool flushed = std::fflush(stdout) == 0; // on failure errno has the reason
     const std::string reason = flushed ? "" : std::string(" (") + std::strerror(errno) + ")";
     if (!flushed || std::ferror(stdout) != 0)
         throw InputError({"standard output"}, "could not be written" + reason,
@@ -346,7 +346,7 @@ int run(int argc, char** argv) {
         return report(
             InputError({"marram"}, error.what(), "see `marram --help` and `marram COMMAND --help`"));
     }
-    std::signal(SIGXFSZ, SIG_IGN); // a file beyond the size limit is a failed write, which is reported
+    std::signal(SIGXFSZ, SIG_IGN); // exceeding the file size limit becomes a failed write, which is reported
     watch_interrupts();
     try {
         const int code = commands.chosen();
@@ -361,7 +361,7 @@ int run(int argc, char** argv) {
             std::fflush(stdout);
             end_for_lack_of_memory();
         }
-        const bool output = dynamic_cast<const std::system_error*>(&error); // fmt, of standard output
+        const bool output = dynamic_cast<const std::system_error*>(&error); // thrown by fmt for stdout
         return report(
             InputError({output ? "standard output" : "marram"}, error.what(), "check where its output goes"));
     }

@@ -4,8 +4,8 @@
 
 namespace marram {
 
-// Returns the exit code: 0 done, 1 `compare` found a difference, 2 bad input (said on stderr, one line a mistake), 130
-// interrupted.
+// Returns the exit code: 0 done, 1 `compare` found a difference, 2 bad input (one line on stderr for each
+// mistake), 130 interrupted.
 int run(int argc, char** argv);
 
 } // namespace marram

@@ -10,12 +10,13 @@
 namespace marram {
 namespace {
 
-// CLI11 describes what an option takes as TYPE:CHECK: "TEXT:{rest,bent,final}", "FLOAT:1 to 10", "INT:INT in [1 - 1024]".
+// CLI11 describes the value of an option as TYPE:CHECK: "TEXT:{rest,bent,final}", "FLOAT:1 to 10",
+// "INT:INT in [1 - 1024]".
 void add_value(OptionText& text, const std::string& type) {
     const size_t end = std::min(type.find(':'), type.size());
     text.value = type.substr(0, end);
     const std::string check = type.substr(std::min(end + 1, type.size()));
-    if (text.value.starts_with("LAYER")) { // its colon is its own
+    if (text.value.starts_with("LAYER")) { // "LAYER:...": the colon is part of the name
         text.value = type;
     } else if (check.starts_with("{") && check.ends_with("}")) {
         for (size_t begin = 1; begin < check.size();) {

@@ -19,7 +19,7 @@ namespace marram {
 struct CommonOptions {
     std::string scene;
     Overrides overrides;
-    int threads = 0;   // 0: as many as there are processors
+    int threads = 0;   // 0: one per processor
     std::string stats; // JSON file, "" for none
     bool quiet = false;
 };
@@ -33,15 +33,15 @@ struct RenderOptions : CommonOptions {
     std::string output = "marram.png";
     FrameRequest frames;
     std::vector<std::string> layers;    // besides those of the scene
-    std::vector<LayerPicture> pictures; // of layers, which the film gets as well
+    std::vector<LayerPicture> pictures; // of --png; their layers are added to the film
     bool resume = false;
     std::string preview;  // "" for none
-    double seconds = 0.0; // for tracing a frame; 0: as long as it takes
+    double seconds = 0.0; // time limit for tracing a frame; 0: none
 };
 
 struct BakeOptions : CommonOptions {
     std::string output;
-    FrameRequest frames; // none given: the scene's first
+    FrameRequest frames; // default: the scene's first frame
     std::string stage = "final";
     std::string colliders;               // "" for none
     std::vector<std::string> attributes; // of curves, besides id
@@ -50,7 +50,7 @@ struct BakeOptions : CommonOptions {
 struct MeasureOptions : CommonOptions {
     std::string out = "measure"; // folder
     std::optional<double> frame;
-    double seconds = 110.0; // that it may take
+    double seconds = 110.0; // time budget
 };
 
 struct CompareOptions {
@@ -60,7 +60,7 @@ struct CompareOptions {
 
 struct InfoOptions {
     std::string subject; // "" for everything
-    bool keys = false;   // only the keys that --set changes
+    bool keys = false;   // print only the keys that --set can change
 };
 
 struct SheetOptions {
@@ -72,8 +72,8 @@ struct SheetOptions {
 };
 
 struct ManOptions {
-    std::string command; // "": the program
-    std::string folder;  // for all pages, as files; "": the page is printed
+    std::string command; // "": the page of the program
+    std::string folder;  // write pages as files to this folder; "": print the page
 };
 
 int render_command(const RenderOptions& options);
@@ -85,7 +85,7 @@ int sheet_command(const SheetOptions& options);
 int completion_command(const std::string& shell, const ProgramText& text); // "bash" or "zsh"
 int man_command(const ManOptions& options, const ProgramText& text);
 
-// What `info` can be asked for, and image layers: info_command.cpp.
+// The subjects of `info`, and image layers: info_command.cpp.
 CompletionWords completion_words();
 
 } // namespace marram

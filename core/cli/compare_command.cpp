@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Before the pictures are read: the page must be neither of them, by whatever name or link.
+// Checks, before the pictures are read, that the page does not overwrite one of them, also through a link.
 void check_page(const CompareOptions& options) {
     if (options.report.empty()) return;
     const fs::path page = fs::path(options.report) / "compare.html";

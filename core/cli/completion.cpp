@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Completion in bash and zsh. What stands in a script is fixed when it is made; only the keys of a scene are asked of the program, each time.
+// Completion scripts for bash and zsh. Options and words are written into the script when it is made. Only
+// the keys of a scene are queried from the program at each completion.
 #include "core/cli/command_text.h"
 
 #include <fmt/format.h>
@@ -10,7 +11,7 @@
 namespace marram {
 namespace {
 
-// What completes a value.
+// The kind of completion of a value.
 enum class Kind { nothing, file, folder, scene, subject, choice, key, layers, layer_picture };
 
 Kind kind_of(const OptionText& option) {
@@ -165,7 +166,7 @@ _marram() {
     local _marram_program=${~words[1]}
 )zsh";
 
-// Within single quotes.
+// Escapes text for use within single quotes.
 std::string single_quoted(const std::string& text) {
     std::string out;
     for (const char c : text)
@@ -209,7 +210,7 @@ std::string zsh_action(const OptionText& option, const CompletionWords& words) {
     return " ";
 }
 
-// One argument of _arguments, quoted for the shell.
+// One argument of zsh's _arguments, quoted for the shell.
 std::string zsh_spec(const OptionText& option, const CompletionWords& words) {
     const std::string help = "[" + escaped(option.help, "[]:") + "]";
     const std::string action = single_quoted(zsh_action(option, words));
@@ -250,7 +251,7 @@ std::string bash_completion(const ProgramText& text, const CompletionWords& word
                            command.name, names_of_options(command));
         const auto first = std::ranges::find_if(command.options, &OptionText::positional);
         if (first != command.options.end()) {
-            if (kind_of(*first) == Kind::scene) // it is on the line: options are what is left
+            if (kind_of(*first) == Kind::scene) // a scene is given: complete options only
                 out += fmt::format("\n            elif [[ $scene ]]; then _marram_words \"{}\"",
                                    names_of_options(command));
             out += fmt::format("\n            else {}", bash_action(*first, words));

@@ -16,9 +16,9 @@ namespace marram {
 namespace {
 
 constexpr int64_t most_frames = 1'000'000;
-constexpr double units = 1e6; // of a frame: six decimals are exact in whole numbers
+constexpr double units = 1e6; // per frame: frames are counted in integers of 1e-6, so decimals are exact
 
-// Reads a list from left to right. Columns count from 1.
+// Parses a list from left to right. Columns in messages count from 1.
 class FrameList {
   public:
     FrameList(const std::string& text, const std::string& option) : text_(text), option_(option) {}

@@ -45,7 +45,7 @@ void print_params(std::span<const ParamSpec> params) {
     for (const ParamSpec& spec : params)
         fmt::print("    {:{}}  {:{}}  {:{}}  {:{}}  {}\n", spec.name, name, kind_of(spec), kind,
                    default_of(spec), initial, spec.unit, unit, spec.help);
-    std::string_view last; // lists whose tables these parameters belong to
+    std::string_view last; // the list explained last
     for (const ParamSpec& spec : params) {
         const std::string_view list = list_of(spec.name);
         if (list.empty() || list == last) continue;
@@ -60,7 +60,7 @@ void print_table(const std::string& title, const std::string& help, std::span<co
     fmt::print("\n");
 }
 
-// One table of the scene file's language, under the name that one asks for it by.
+// One table of the scene language. name: the subject of `marram info` that prints it.
 struct Topic {
     std::string name, title, help;
     std::span<const ParamSpec> params;
@@ -92,7 +92,8 @@ std::vector<Topic> topics(const Schema& schema) {
     return list;
 }
 
-// Image layers: film.aovs and --aov. The same list as check_layers() accepts; each with its channels in an EXR.
+// Prints the image layers for film.aovs and --aov, each with its channels in an EXR; the list that
+// check_layers() accepts.
 void print_layers(const PluginSet& plugins) {
     fmt::print("image layers (film.aovs, --aov, --png), in an EXR as LAYER.CHANNEL; beauty and alpha are R, "
                "G, B, A\n");
@@ -100,7 +101,7 @@ void print_layers(const PluginSet& plugins) {
         fmt::print("    {:<14} {:<8} {}\n", name, channels, help);
     };
     for (const BuiltInLayer& layer : built_in_layers()) print(layer.name, layer.channel_names, layer.help);
-    std::set<std::string> told; // procedurals may share names
+    std::set<std::string> told; // attributes of several procedurals may have the same name
     for (const auto& [path, library] : plugins.libraries)
         for (const ProceduralType& type : library->types())
             for (const MarramAttribute& attribute : type.attributes)
@@ -111,7 +112,8 @@ void print_layers(const PluginSet& plugins) {
     fmt::print("\n");
 }
 
-// What procedurals that make meshes report of them: the entries that begin with the procedural's type, "terrain.sand".
+// Prints the report entries of procedurals that make meshes: those that begin with the procedural's type,
+// "terrain.sand".
 void print_mesh_reports(const Shot& shot, const Report& report) {
     std::set<std::string> types;
     for (const auto& procedural : shot.geometry.procedurals)
@@ -123,7 +125,7 @@ void print_mesh_reports(const Shot& shot, const Report& report) {
                            entry.declared.unit ? entry.declared.unit : "");
 }
 
-// What a scene holds, and what it would cost by the figures measured for the renderer (README, "How fast").
+// Prints what a scene contains, and its estimated cost from measured figures (README, "How fast").
 void print_scene(const std::string& file) {
     CommonOptions options;
     options.scene = file;
@@ -154,7 +156,7 @@ void print_scene(const std::string& file) {
                        attribute.discrete ? ", discrete" : "");
     }
     const BuildSettings settings = build_settings(shot, shot.description.globals.vec2("frames").x());
-    BuildSettings still = settings; // counted without motion
+    BuildSettings still = settings; // no motion: only counts are needed
     still.curves_bvh = false;
     still.shutter_open = still.shutter_close = 0.0;
     BuildProgress progress;
@@ -166,7 +168,7 @@ void print_scene(const std::string& file) {
                                           : fmt::format("{} in all", curves.offsets.back()));
     print_mesh_reports(shot, stats.report);
     const double keys = chosen_motion_keys(shot.geometry, settings, interrupted(), progress);
-    // Embree's BVH over cubic segments, medium quality: bytes and thread seconds a segment and motion step.
+    // Embree's BVH over cubic segments, medium quality: bytes and thread seconds per segment and motion step.
     constexpr double bvh_bytes = 122.0, bvh_seconds = 2e-6;
     const double segments = double(stats.segments);
     const auto [width, height] = film_size(shot);
@@ -187,7 +189,7 @@ void print_scene(const std::string& file) {
             fmt::print("\n# What '{}' has generated, to be edited by hand:\n{}", procedural->name(), text);
 }
 
-// Reads the scene file alone: what it names is not loaded.
+// Reads only the scene file, not the files that it names.
 void print_keys(const std::string& scene) {
     PluginSet plugins = default_plugins();
     const std::vector<std::string> keys =

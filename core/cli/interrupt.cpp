@@ -17,7 +17,8 @@ namespace {
 std::atomic<bool> stop{false};
 std::atomic<int> no_exits{0};
 
-// A second of patience is promised; sorting roots and the like takes up to this before it looks.
+// The documentation promises an exit within a second. Sorting roots, for example, takes up to this time
+// before it polls interrupted().
 constexpr double grace_seconds = 0.4;
 
 [[noreturn]] void cut_off() {
@@ -44,13 +45,13 @@ void watch(sigset_t signals) {
 const std::atomic<bool>& interrupted() { return stop; }
 
 void watch_interrupts() {
-    // Signals go to one thread that waits for them; every thread made from here on inherits the mask.
+    // One thread waits for the signals. All threads created later inherit the mask that blocks them.
     sigset_t signals;
     sigemptyset(&signals);
     sigaddset(&signals, SIGINT);
     sigaddset(&signals, SIGTERM);
     struct sigaction hangup {};
-    if (sigaction(SIGHUP, nullptr, &hangup) == 0 && hangup.sa_handler != SIG_IGN) // nohup is to hold
+    if (sigaction(SIGHUP, nullptr, &hangup) == 0 && hangup.sa_handler != SIG_IGN) // keep nohup's SIG_IGN
         sigaddset(&signals, SIGHUP);
     pthread_sigmask(SIG_BLOCK, &signals, nullptr);
     std::thread(watch, signals).detach();

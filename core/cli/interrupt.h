@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ctrl-C: asks once, and makes sure.
+// Ctrl-C: the first asks the work to stop, a second or a timeout ends the process.
 #pragma once
 
 #include <atomic>
 
 namespace marram {
 
-// Set by SIGINT, SIGTERM and SIGHUP. Everything long looks at it.
+// Set by SIGINT, SIGTERM and SIGHUP. All long computations poll it.
 const std::atomic<bool>& interrupted();
 
-// From here on SIGINT sets interrupted(). Work that has not come to an end `grace` later, where nothing can be saved, is
-// cut off: the process removes its temporary files and leaves with exit_interrupted. A second SIGINT cuts off at once.
+// From this call on, the signals set interrupted(). If the work has not ended 0.4 s later and no NoExit
+// lives, the process removes its temporary files and exits with exit_interrupted. A second signal does so at
+// once.
 void watch_interrupts();
 
-// While one of these lives, an interrupt waits for the work to end by itself: a picture is being saved.
+// While one of these lives, an interrupt waits until the work ends by itself, as a picture is being saved.
 class NoExit {
   public:
     NoExit();

@@ -12,7 +12,7 @@
 namespace marram {
 namespace {
 
-// "0-20", "-1-1", "20-0".
+// For example "0-20", "-1-1", "20-0".
 std::optional<ValueRange> parse_value_range(const std::string& text) {
     ValueRange range;
     const char* end = text.data() + text.size();

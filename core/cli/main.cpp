@@ -2,7 +2,7 @@
 #include "core/cli/cli.h"
 #include "core/cli/memory.h"
 
-// Run by the loader before the initialisers of shared libraries, which allocate 100 MB and start threads.
+// The loader runs this before the initialisers of shared libraries, which allocate 100 MB and start threads.
 [[gnu::section(".preinit_array"),
   gnu::used]] static void (*const first_of_all)() = marram::watch_for_lack_of_memory;
 

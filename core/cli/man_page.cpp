@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Man pages, in the macros of man(7).
+// Man pages, with the macros of man(7).
 #include "core/cli/command_text.h"
 #include "core/cli/exit_codes.h"
 
@@ -10,7 +10,7 @@
 namespace marram {
 namespace {
 
-// Text that roff takes as it is: a hyphen stays the sign that one types, and no line begins with a control character.
+// Escapes text for roff: a hyphen stays an ASCII hyphen, and no line begins with a control character.
 std::string roff(const std::string& text) {
     std::string out;
     for (const char c : text) {
@@ -80,7 +80,7 @@ std::string exit_section() {
 
 std::string page_of(const CommandText& command) { return "marram-" + command.name; }
 
-// All pages but the one that it stands on.
+// References to all pages except `page`.
 std::string see_also(const ProgramText& text, const std::string& page) {
     std::string out = ".SH SEE ALSO\n";
     std::vector<std::string> pages = {"marram"};

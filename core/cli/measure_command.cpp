@@ -22,7 +22,7 @@ void write_file(const fs::path& path, const std::string& text) {
     writer.commit();
 }
 
-// What was measured, `partial` in the names where it was cut short. The paths written.
+// Writes the report, with "partial" in the file names if the measurement was interrupted. Returns the paths.
 std::vector<std::string> write_report(const Measurement& measurement, const fs::path& folder, bool partial) {
     const NoExit no_exit;
     const std::string middle = partial ? ".partial" : "";

@@ -20,7 +20,7 @@ namespace marram {
 namespace {
 
 void say(const char* text) {
-    if (::write(STDERR_FILENO, text, std::strlen(text)) < 0) _exit(exit_bad_input); // nobody to tell
+    if (::write(STDERR_FILENO, text, std::strlen(text)) < 0) _exit(exit_bad_input); // stderr is gone
 }
 
 bool has_room_for(size_t bytes) {
@@ -30,7 +30,7 @@ bool has_room_for(size_t bytes) {
     return true;
 }
 
-// Whether a thread's stack could not be had now.
+// Whether there is too little memory for a thread's stack.
 bool memory_is_short() { return !has_room_for(size_t(16) << 20); }
 
 [[noreturn]] void on_terminate() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A progress line on a terminal; silence elsewhere.
+// A progress line on a terminal.
 #pragma once
 
 #include <functional>
@@ -13,8 +13,8 @@ struct ProgressState {
     double fraction = 0.0; // of the phase
 };
 
-// Redraws one line on stderr ten times a second with bar, percentage and time left, until destroyed. Does nothing where
-// stderr is no terminal or `quiet`.
+// Redraws one line on stderr ten times a second with bar, percentage and time left, until it is destroyed.
+// Does nothing if stderr is not a terminal or `quiet` is set.
 class ProgressLine {
   public:
     ProgressLine(bool quiet, std::function<ProgressState()> ask);

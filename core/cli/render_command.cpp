@@ -24,8 +24,8 @@
 namespace marram {
 namespace {
 
-// Before hours of rendering: every file can be written, and is none that is read or written as something else. A preview may be
-// of any frame when another is saved.
+// Checks before rendering that every file can be written and is not also read, or written as another file.
+// Preview and statistics files may be shared by several frames.
 void check_outputs(const Shot& shot, const std::vector<FrameFiles>& frames, const RenderOptions& options) {
     load_image_library();
     RunFiles files(files_read(shot, options.scene));
@@ -69,7 +69,7 @@ void check_layer_pictures(const Shot& shot, const RenderOptions& options, size_t
     }
 }
 
-// Before anything is built.
+// Checks layers and materials before anything is built.
 void check_contents(const Shot& shot, const RenderOptions& options, size_t frames) {
     check_layers(shot, options.layers);
     check_layer_pictures(shot, options, frames);
@@ -79,7 +79,7 @@ void check_contents(const Shot& shot, const RenderOptions& options, size_t frame
     for (const std::string& warning : check_materials(shot)) fmt::print(stderr, "{}\n", warning);
 }
 
-// What the film holds besides the scene's layers.
+// The layers that the film needs besides the scene's.
 std::vector<std::string> more_layers(const Shot& shot, const RenderOptions& options) {
     std::vector<std::string> more = options.layers;
     for (const LayerPicture& picture : options.pictures) {
@@ -105,7 +105,7 @@ void save(Frame& frame, Preview& preview, bool quiet) {
     const SavedFrame saved = save_frame(frame);
     for (const std::string& layer : saved.layers) fmt::print("{}\n", layer);
     fmt::print("{}\n", saved.picture);
-    std::fflush(stdout); // an interrupt may cut off what comes later
+    std::fflush(stdout); // an interrupt may end the process before a later flush
     if (!saved.no_state.empty())
         fmt::print(stderr, "{}\n{}: --resume will begin anew\n", saved.no_state, frame.files.picture);
     if (saved.whole) remove_unfinished(frame.files);
@@ -113,7 +113,8 @@ void save(Frame& frame, Preview& preview, bool quiet) {
     if (!preview.fault().empty()) fmt::print(stderr, "{}\n", preview.fault());
 }
 
-// Renders one frame to its files. kept: from frame to frame. `no_exit`: set while there is something to save or to tell.
+// Renders one frame to its files. kept: geometry kept from frame to frame. no_exit: set from the start of
+// tracing, so that an interrupt does not prevent saving.
 void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, bool quiet,
                   std::optional<NoExit>& no_exit) {
     Preview preview(frame.files.preview.empty() ? std::function<void()>() : [&] { save_preview(frame); });
@@ -130,7 +131,7 @@ void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, b
         const ProgressLine line(quiet, state);
         trace_frame(frame, *world, preview);
     }
-    kept = kept_geometry(*std::move(world)); // of all else, the picture may need the room
+    kept = kept_geometry(*std::move(world)); // free the rest: saving may need the memory
     world.reset();
     save(frame, preview, quiet);
 }

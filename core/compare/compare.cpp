@@ -20,14 +20,14 @@
 namespace marram {
 namespace {
 
-// Where no variance says what noise is: measured between renders of this project's scenes at 64 samples and 1024, which look the same to
-// most, and between pictures with a strand shifted by half a pixel, which do not.
+// Limits without variance. Measured between renders of this project's scenes at 64 and 1024 samples, which
+// look the same to most people, and between pictures with a strand shifted by half a pixel, which do not.
 constexpr double plain_flip_mean = 0.03, plain_flip_99 = 0.25, plain_ssim = 0.9;
-constexpr double plain_flip_window = 0.35; // core/compare/compare.h says of what it was measured
+constexpr double plain_flip_window = 0.35; // measurements: core/compare/compare.h
 constexpr double plain_below_zero = 0.03;  // of the reference's light
-constexpr double much_noisier = 4.0;       // mean variance of the one over that of the other
-constexpr double noisy_flip_mean = 0.5;    // whatever they say of their noise
-constexpr double level = 1e-3;             // chance of a false alarm in all squares of all sizes together
+constexpr double much_noisier = 4.0;       // ratio of the mean variances
+constexpr double noisy_flip_mean = 0.5;    // independent of the variance
+constexpr double level = 1e-3;             // probability of a false alarm, over all squares of all sizes
 
 const Picture::Layer& picture_proper(const Picture& picture, const std::string& name) {
     const Picture::Layer* layer = picture.find("");
@@ -46,7 +46,7 @@ std::vector<float> colours_of(const Picture::Layer& layer) {
 
 // ---- noise ----------------------------------------------------------------------------------------------------------
 
-// A variance no less than its neighbours' mean.
+// The variance, at least the mean of its eight neighbours.
 std::vector<double> guarded(const std::vector<float>& variance, int width, int height) {
     std::vector<double> out(variance.size());
     for (int y = 0; y < height; ++y)
@@ -66,8 +66,9 @@ std::vector<double> guarded(const std::vector<float>& variance, int width, int h
     return out;
 }
 
-// What storing a colour as a half float may change, relative; what is nothing beside the picture's mean; and the smallest half, below
-// which a golden frame's variance is 0, and by half of which a colour may be off.
+// Relative error of a colour stored as half float; a difference that is negligible relative to the picture's
+// mean; the smallest half: a golden frame's variance below it is stored as 0, and a colour may be off by half
+// of it.
 constexpr double rounding = 0x1p-12, nothing = 1e-4, least_half = 0x1p-24;
 
 ScaleResult worst_of(const std::vector<float>& test, const std::vector<float>& reference,
@@ -97,7 +98,7 @@ ScaleResult worst_of(const std::vector<float>& test, const std::vector<float>& r
     return worst;
 }
 
-// A picture's variance: nullptr where it knows none. Of a single sample it is none.
+// The variance layer; nullptr if there is none, or for a single sample, where it is meaningless.
 const Picture::Layer* variance_of(const Picture& picture) {
     return picture.samples == 1 ? nullptr : picture.find("variance");
 }
@@ -116,7 +117,7 @@ void see_deviations(Comparison& result) {
         failing > 1 ? fmt::format(" ({} of {} sizes of squares fail)", failing, result.scales.size()) : ""));
 }
 
-// Whoever says that he is noisy is believed; but it is said.
+// A much greater variance of A than of B is accepted, but noted.
 void note_noise(const Picture::Layer& test, const Picture::Layer& reference, Comparison& result) {
     double mine = 0.0, theirs = 0.0;
     for (const float v : test.pixels) mine += double(v);
@@ -138,7 +139,7 @@ void judge_noise(const Picture& test, const Picture& reference, const std::vecto
                          ? "of a single sample a pixel nothing is known"
                          : "neither picture has a layer \"variance\" (--aov variance)";
     if (!va && !vb) return;
-    // One that does not know its own is as noisy as the other would be with as many samples.
+    // A picture without variance is assumed as noisy as the other, scaled by the sample counts.
     const bool known = test.samples > 0 && reference.samples > 0;
     result.unknown =
         "only one has a layer \"variance\", and not both say of how many samples they are (marram:samples)";
@@ -152,7 +153,7 @@ void judge_noise(const Picture& test, const Picture& reference, const std::vecto
         const double mine = va ? double(va->pixels[i]) : double(vb->pixels[i]) / more;
         const double theirs = vb ? double(vb->pixels[i]) : double(va->pixels[i]) * more;
         constexpr double largest = 3e38;
-        // A golden frame's is that of the difference.
+        // The variance of a golden frame is that of the difference.
         variance[i] = float(std::min(limits && vb ? theirs : mine + theirs, largest));
     }
     const Halves halves = limits                        ? Halves::variance
@@ -165,13 +166,13 @@ void judge_noise(const Picture& test, const Picture& reference, const std::vecto
                   h = scale.size > 0 ? scale.size : result.height;
         tests += 3.0 * std::ceil(double(result.width) / w) * std::ceil(double(result.height) / h);
     }
-    // Of a picture that does not say how many: two at least, else there would be no variance.
+    // Unknown sample count: at least two, because otherwise there would be no variance.
     const auto samples_of = [](const Picture& picture) { return std::max(picture.samples, 2); };
     const int samples =
         va && vb ? std::min(samples_of(test), samples_of(reference)) : samples_of(va ? test : reference);
     for (ScaleResult& scale : result.scales) {
-        // Paths are not normally distributed: a sample counts as an eighth of a degree of freedom. A pixel's variance is guarded by
-        // its neighbours'.
+        // Path contributions are not normally distributed: a sample counts as an eighth of a degree of
+        // freedom. A pixel's variance is guarded by its neighbours.
         const double pixels =
             scale.size > 0 ? double(scale.size) * scale.size : double(result.width) * result.height;
         scale.limit = student_limit(level / tests, std::max(4.0, samples / 8.0 * std::max(pixels, 9.0)));
@@ -208,7 +209,7 @@ void check_comparable(const Picture& a, const Picture& b, const std::string& a_n
                 if (layer.name != "variance") all.insert(layer.name + "." + channel);
         return all;
     };
-    // A golden frame asks for its own layers only.
+    // A golden frame requires only its own layers.
     const std::set<std::string> mine = names(a), theirs = names(b);
     if (a.grey != b.grey || (b.limits.empty() ? mine != theirs : !std::ranges::includes(mine, theirs)))
         throw InputError({a_name}, fmt::format("has channels {}; {} has {}", list_of(a), b_name, list_of(b)),
@@ -240,7 +241,7 @@ void check_comparable(const Picture& a, const Picture& b, const std::string& a_n
 } // namespace
 
 double student_limit(double p, double degrees) {
-    // The normal distribution's: Newton from a bound on erfc.
+    // Normal quantile: Newton iteration from a bound on erfc.
     double z = std::sqrt(-2.0 * std::log(p));
     for (int i = 0; i < 50; ++i) {
         const double tail = std::erfc(z / std::sqrt(2.0)),
@@ -332,7 +333,7 @@ double mean_ssim(const std::vector<float>& test, const std::vector<float>& refer
 
 namespace {
 
-// Bit for bit, and layer by layer.
+// Compares bit for bit, and layer by layer.
 void judge_layers(const Picture& test, const Picture& reference, Comparison& result) {
     result.equal = true;
     for (const Picture::Layer& layer : reference.layers) {
@@ -381,7 +382,7 @@ void judge_looks(const std::vector<float>& a, const std::vector<float>& b,
     see(result.ssim >= result.ssim_limit, "SSIM", result.ssim, result.ssim_limit, "below");
 }
 
-// FLIP and SSIM take light below 0 for none.
+// FLIP and SSIM treat negative light as 0.
 void judge_below_zero(const std::vector<float>& a, const std::vector<float>& b, Comparison& result) {
     if (result.golden || result.knows_noise) return;
     double apart = 0.0, light = 0.0;
@@ -399,7 +400,7 @@ void judge_below_zero(const std::vector<float>& a, const std::vector<float>& b, 
 
 Comparison compare_pictures(const Picture& test, const Picture& reference, const std::string& test_name,
                             const std::string& reference_name) {
-    // Limits are of the frame that carries them: the other is measured by it, whichever is named first.
+    // The picture with limits is the reference, independent of the order.
     if (!test.limits.empty() && reference.limits.empty()) {
         Comparison result = compare_pictures(reference, test, reference_name, test_name);
         result.swapped = true;

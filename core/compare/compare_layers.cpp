@@ -18,26 +18,27 @@
 namespace marram {
 namespace {
 
-// Limits: core/compare/compare.h says what they are.
-constexpr double layer_share = 0.03;   // of a layer's range, mean difference
-constexpr double layer_bias = 0.01;    // difference of a channel's means
-constexpr double layer_beyond = 0.015; // mean of what is beyond the other's
-constexpr double window_beyond =
-    0.03; // that in a window, less so many times what is beyond its own neighbours:
+// Limits, described in core/compare/compare.h.
+constexpr double layer_share = 0.03;   // mean difference, relative to the layer's range
+constexpr double layer_bias = 0.01;    // difference of a channel's means, likewise
+constexpr double layer_beyond = 0.015; // mean excess, likewise
+// Mean excess in a window, minus noise_beyond times the excess over the neighbours in the own picture.
+constexpr double window_beyond = 0.03;
 constexpr double noise_beyond = 1.25;
-constexpr double noise_names = 1.1, spare_names = 0.05; // times what is unknown among its own, and of all
-constexpr double window_names = 0.1;                    // of a window's pixels
-constexpr int farthest = 2;                             // pixels by which a layer may turn out to be moved
-constexpr double chance = 4.0; // standard deviations of what is counted or correlated
+constexpr double noise_names = 1.1, spare_names = 0.05; // limit for unknown ids: factor on noise, offset
+constexpr double window_names = 0.1;                    // fraction of a window's pixels
+constexpr int farthest = 2;                             // maximum tested shift, pixels
+constexpr double chance = 4.0;                          // limit in standard deviations
 
 struct Frame {
     int width, height;
 };
 
-// Whom a number's place is looked up in: the 3 x 3 pixels of another picture, or its 8 neighbours in its own.
+// Neighbourhood to compare with: the 3 x 3 pixels in the other picture, or the 8 neighbours in the same
+// picture.
 enum class Around { there, here };
 
-// Calls see(pixel, value, around) for each number of a channel and those around its place.
+// Calls see(pixel, value, around) for each value of a channel, with the values of its neighbourhood.
 void each_with_around(const Picture::Layer& mine, const Picture::Layer& other, size_t channel, Frame frame,
                       Around where, auto&& see) {
     const size_t channels = mine.channels.size();
@@ -56,7 +57,7 @@ void each_with_around(const Picture::Layer& mine, const Picture::Layer& other, s
         }
 }
 
-// By how much each number of a channel is less or greater than all those around its place.
+// Excess of each value of a channel: its distance from the range of its neighbourhood.
 std::vector<float> beyond(const Picture::Layer& mine, const Picture::Layer& other, size_t channel,
                           Frame frame, Around where) {
     std::vector<float> plane(size_t(frame.width) * size_t(frame.height), 0.0F);
@@ -68,10 +69,10 @@ std::vector<float> beyond(const Picture::Layer& mine, const Picture::Layer& othe
     return plane;
 }
 
-// What a layer's numbers are beyond those around their place in the other picture: the mean of both pictures.
+// Excess of a layer over the other picture, averaged over both directions.
 struct Beyond {
-    double mean = 0.0;       // of all
-    WorstWindow unexplained; // less what noise explains: it is as far beyond its own neighbours
+    double mean = 0.0;       // over the picture
+    WorstWindow unexplained; // worst mean excess, minus noise
     size_t channel = 0;      // of that window
 };
 
@@ -97,7 +98,7 @@ Beyond beyond_of(const Picture::Layer& a, const Picture::Layer& b, Frame frame) 
     return result;
 }
 
-// 1 for each name (0 is none) that is none of those around its place, else 0.
+// 1 for each id that does not occur in its neighbourhood, else 0; id 0 means none.
 std::vector<float> unknown(const Picture::Layer& mine, const Picture::Layer& other, Frame frame,
                            Around where) {
     std::vector<float> plane(mine.pixels.size(), 0.0F);
@@ -109,13 +110,12 @@ std::vector<float> unknown(const Picture::Layer& mine, const Picture::Layer& oth
     return plane;
 }
 
-// How many names are not known around their place in the other picture.
+// Fraction of ids that do not occur in their neighbourhood in the other picture.
 struct Unknown {
-    double
-        share = 0.0,
-        noise =
-            0.0; // of all names in both; not known among their own neighbours, in the picture that has less
-    WorstWindow unexplained; // of a window's pixels, less what noise explains
+    // share: of all ids in both pictures. noise: fraction unknown among their own neighbours, in the picture
+    // where it is lower.
+    double share = 0.0, noise = 0.0;
+    WorstWindow unexplained; // fraction of a window's pixels, minus noise
 };
 
 Unknown unknown_of(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
@@ -138,7 +138,7 @@ Unknown unknown_of(const Picture::Layer& a, const Picture::Layer& b, Frame frame
     return result;
 }
 
-// "id", "object_id", "objectID", but not "fluid".
+// Matches "id", "object_id", "objectID", but not "fluid".
 bool is_called_id(const std::string& name) {
     const size_t n = name.size();
     if (n < 2 || std::tolower(name[n - 2]) != 'i' || std::tolower(name[n - 1]) != 'd') return false;
@@ -155,7 +155,7 @@ struct Offset {
     int x = 0, y = 0;
 };
 
-// Calls see(i, j) for the numbers of a layer, and of the other moved by the offset, that lie upon each other.
+// Calls see(i, j) for all overlapping values i of a layer and j of the other layer shifted by the offset.
 void each_pair(size_t channels, Frame frame, Offset by, auto&& see) {
     for (int y = std::max(0, by.y); y < frame.height + std::min(0, by.y); ++y)
         for (int x = std::max(0, by.x); x < frame.width + std::min(0, by.x); ++x)
@@ -164,7 +164,7 @@ void each_pair(size_t channels, Frame frame, Offset by, auto&& see) {
                     (size_t(y - by.y) * size_t(frame.width) + size_t(x - by.x)) * channels + c);
 }
 
-// Pearson's, of all channels together.
+// Pearson correlation, over all channels together.
 double correlation(const Picture::Layer& a, const Picture::Layer& b, Frame frame, Offset by) {
     const size_t channels = a.channels.size();
     struct Sums {
@@ -186,7 +186,7 @@ double correlation(const Picture::Layer& a, const Picture::Layer& b, Frame frame
     return aa > 0.0 && bb > 0.0 ? ab / std::sqrt(aa * bb) : 0.0;
 }
 
-// The share of pixels that hold the same name, of those that hold one in either.
+// Fraction of pixels with equal ids, among those with an id in either layer.
 double share_same(const Picture::Layer& a, const Picture::Layer& b, Frame frame, Offset by) {
     double same = 0.0, named = 0.0;
     each_pair(1, frame, by, [&](size_t i, size_t j) {
@@ -197,7 +197,8 @@ double share_same(const Picture::Layer& a, const Picture::Layer& b, Frame frame,
     return named > 0.0 ? same / named : 0.0;
 }
 
-// Where a layer fits the other better than in its place, by more than chance makes of so many pixels. fit: of an offset, at most 1.
+// The shift at which a layer matches the other significantly better than without shift, given the number of
+// pixels. fit: score of an offset, at most 1.
 std::optional<Offset> moved_by(Frame frame, auto&& fit) {
     const double in_place = fit(Offset{}), spare = chance / std::sqrt(double(frame.width) * frame.height);
     double best = in_place + spare;
@@ -216,13 +217,13 @@ std::string moved_fault(const std::string& name, Offset by) {
                        name, by.x, by.y);
 }
 
-// By how much a channel's mean is off, and may be.
+// Difference of the means of a channel, and its limit.
 struct Bias {
     double off = 0.0, allowed = 0.0;
     size_t channel = 0;
 };
 
-// That which is farthest off for what it may be.
+// The channel with the greatest difference relative to its limit.
 Bias bias_of(const Picture::Layer& a, const Picture::Layer& b, double range) {
     const size_t channels = b.channels.size();
     const double count = double(b.pixels.size() / channels);
@@ -244,7 +245,7 @@ Bias bias_of(const Picture::Layer& a, const Picture::Layer& b, double range) {
 
 std::string fault_of_names(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
     const Unknown unknown = unknown_of(a, b, frame);
-    const double halfway = 0.5 * (1.0 + unknown.noise); // to all, where strands are named differently
+    const double halfway = 0.5 * (1.0 + unknown.noise); // between noise and 1, the value for different ids
     const double allowed = std::min(halfway, noise_names * unknown.noise + spare_names);
     if (unknown.share > allowed)
         return fmt::format("layer {} is of other names: {:.3g} of its pixels with one hold one that the "
@@ -288,14 +289,15 @@ std::string fault_of(const Picture::Layer& a, const Picture::Layer& b, const Lay
     return by ? moved_fault(b.name, *by) : "";
 }
 
-// Of the middle 98 in 100, or how far from 0 they are: one stray number is no range. Where most are the same, as is a background, of
-// those that are not, unless these are next to none.
+// Robust range: between the 1st and 99th percentile, or the magnitude of the median if greater, so that
+// single outliers do not count. Values equal to the median (such as a background) are excluded, unless almost
+// all are equal to it.
 double usual_range(std::vector<float> values) {
     std::ranges::sort(values);
     const float median = values[values.size() / 2];
     std::vector<float> others;
     std::ranges::copy_if(values, std::back_inserter(others), [&](float v) { return v != median; });
-    constexpr size_t next_to_none = 1000; // one in so many
+    constexpr size_t next_to_none = 1000; // one in this many
     if (others.size() * next_to_none < values.size() || others.empty()) return std::abs(double(median));
     const double low = double(others[others.size() / 100]), high = double(others[others.size() * 99 / 100]);
     const double spread = std::max(high, double(median)) - std::min(low, double(median));
@@ -314,7 +316,7 @@ LayerResult compare_layer(const Picture::Layer& a, const Picture::Layer& b, int 
         high = std::max(high, double(v));
         mean += std::abs(double(v)) / double(b.pixels.size());
     }
-    const double least = 0.01 * mean * mean + 1e-30; // so that black pixels do not count without bound
+    const double least = 0.01 * mean * mean + 1e-30; // bounds the error of black pixels
     double relative = 0.0;
     for (size_t i = 0; i < b.pixels.size(); ++i) {
         const double d = double(a.pixels[i]) - double(b.pixels[i]);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A layer of two pictures: its numbers, and whether a layer other than the picture proper is alike (core/compare/compare.h says when).
+// Compares a layer of two pictures: its values, and for layers other than the picture proper whether they are
+// alike (criteria in core/compare/compare.h).
 #pragma once
 
 #include "core/compare/compare.h"

@@ -20,8 +20,9 @@ struct Size {
     int width = 0, height = 0;
 };
 
-// The style of a box that pictures of this size fill: at least so many pixels of the screen wide or high, in whole multiples; never wider
-// than the window or higher than most of it. Pictures that are longer than 8 : 1 are stretched, or nothing would be seen of them.
+// CSS size of a box for pictures of this size: an integer multiple of the size, at least `least` screen
+// pixels wide or high, but at most the window width and 80 % of its height. Pictures with an aspect ratio
+// above 8 : 1 are stretched, because otherwise they would be too thin to see.
 struct Shape {
     std::string width, ratio;
     bool enlarged = false, stretched = false;
@@ -54,7 +55,7 @@ std::string image(const Pixels& rgb, Size size, const std::string& what, const c
                        data_url(png_bytes(size.width, size.height, 3, rgb.data(), 0.0)), escaped(what), kind);
 }
 
-// Around a region of what is shown.
+// A frame around a region of the shown part.
 std::string frame(const Region& framed, const Region& shown) {
     const auto percent = [](int part, int whole) { return 100.0 * part / whole; };
     return fmt::format(
@@ -66,7 +67,7 @@ std::string frame(const Region& framed, const Region& shown) {
 
 // ---- one of the two pictures ----------------------------------------------------------------------------------------
 
-// As many layers of light, or the one layer of another kind.
+// A picture as up to three images by exposure, or one image of a data layer.
 struct Side {
     const char* name; // "A", "B"
     const char* what;
@@ -122,7 +123,7 @@ std::string percent(double share) {
     return share > 0.0 && share < 1e-4 ? "less than 0.01 %" : fmt::format("{:.2g} %", 100.0 * share);
 }
 
-// At which exposure it is shown, and what of it no exposure shows.
+// Text about the exposure shown, and about the light that no exposure shows.
 std::string exposure_words(const Exposures& e) {
     std::string out = e.base == 0
                           ? "Base exposure: 0 stops, as the files say."
@@ -157,7 +158,7 @@ std::string pair(const std::string& id, const Side& test, const Side& reference,
 
 // ---- how much they differ -------------------------------------------------------------------------------------------
 
-// How many pixels differ by how much, on the colours of the heat map and their values.
+// Legend of a heat map: histogram of the values, colours and scale.
 std::string legend(const std::vector<float>& values, double white, double most, const std::string& what) {
     constexpr int bars = 64, height = 56;
     std::array<size_t, bars> counts{};
@@ -255,7 +256,7 @@ std::string layer_section(const Picture::Layer& a, const Picture::Layer& b, cons
     if (white > 0.0 && proper)
         maps.push_back(
             map_of("FLIP", "FLIP, the difference that is seen: 0 none, 1 black and white", c.flip, 1.0));
-    // By noise where it fails: FLIP of a noisy picture finds the noisiest place.
+    // The worst square of the noise test, if it fails: FLIP of a noisy picture finds the noisiest place.
     const ScaleResult* square = proper ? failing_square(c.scales) : nullptr;
     Region worst;
     std::string framed;
@@ -282,7 +283,7 @@ std::string layer_section(const Picture::Layer& a, const Picture::Layer& b, cons
                 light          ? exposure_words(exposures)
                 : maps.empty() ? "Black to white: the range of B's numbers. No number differs."
                                : "Black to white: the range of B's numbers.");
-    if (!maps.empty()) out += "<div class=\"group\">\n"; // the maps stay beside each other
+    if (!maps.empty()) out += "<div class=\"group\">\n"; // keeps the maps side by side
     for (const Map& map : maps) out += map_figure(map, size, framed);
     out += maps.empty() ? "</div>\n" : "</div>\n</div>\n";
     if (maps.empty()) return out + (proper ? "<p>No number differs.</p>\n</section>\n" : "</section>\n");
@@ -292,7 +293,7 @@ std::string layer_section(const Picture::Layer& a, const Picture::Layer& b, cons
            "</section>\n";
 }
 
-// Filters that the script fills in.
+// SVG filters whose tables the script sets.
 std::string filters() {
     std::string out = "<svg class=\"filters\" aria-hidden=\"true\">\n";
     for (const char* name : {"base", "highlights", "shadows"}) {

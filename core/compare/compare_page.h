@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// One page for a browser about two pictures: the verdict, both with swap and slider, where they differ, how much, the worst place
-// magnified, what the files say of themselves. Needs nothing beside it: no network, no other file.
+// HTML page that compares two pictures: the verdict, both pictures with swap and slider, difference maps,
+// values, the worst region magnified, and the files' metadata. Self-contained: needs no network and no other
+// file.
 #pragma once
 
 #include "core/compare/compare.h"

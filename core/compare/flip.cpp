@@ -14,8 +14,8 @@ namespace {
 constexpr double pi = 3.14159265358979323846;
 constexpr double pixels_a_degree = 67.02;
 constexpr double colour_exponent = 0.7, feature_exponent = 0.5;
-constexpr double knee = 0.4,
-                 knee_to = 0.95; // differences up to `knee` of the greatest are spread over 0 ... `knee_to`
+// Differences up to `knee` of the maximum are mapped to 0 ... `knee_to`.
+constexpr double knee = 0.4, knee_to = 0.95;
 constexpr double feature_width = 0.082; // degrees
 
 using Colour = std::array<double, 3>;
@@ -43,7 +43,7 @@ Colour rgb_of(const Colour& xyz) {
             0.0556300797 * xyz[0] - 0.2039769589 * xyz[1] + 1.0569715142 * xyz[2]};
 }
 
-// Linear light in brightness, red-green and blue-yellow, in the units of L*a*b*.
+// Linear RGB to brightness, red-green and blue-yellow, in the units of L*a*b*.
 Colour ycxcz_of(const Colour& rgb) {
     const Colour p = xyz_of(rgb);
     const double x = p[0] / white[0], y = p[1] / white[1], z = p[2] / white[2];
@@ -73,7 +73,7 @@ double hyab(const Colour& a, const Colour& b) {
 
 // ---- filters, all separable -----------------------------------------------------------------------------------------
 
-using Kernel = std::vector<double>; // odd, about its middle
+using Kernel = std::vector<double>; // odd size, centred
 
 Kernel kernel(int radius, auto&& value) {
     Kernel k;
@@ -81,7 +81,8 @@ Kernel kernel(int radius, auto&& value) {
     return k;
 }
 
-// Rows by `across`, columns by `down`; pixels beyond the edge are those at the edge. The inner loops run along rows, side by side.
+// Convolves rows with `across`, columns with `down`; pixels outside repeat the edge. The inner loops run
+// along rows and vectorize.
 Plane convolved(const Plane& in, Size size, const Kernel& across, const Kernel& down) {
     const int rx = int(across.size() / 2), ry = int(down.size() / 2);
     const auto width = size_t(size.width);
@@ -108,7 +109,8 @@ Plane convolved(const Plane& in, Size size, const Kernel& across, const Kernel& 
     return out;
 }
 
-// The eye's contrast sensitivity of a channel: a sum of a sqrt(pi / b) exp(-pi^2 x^2 / b), x in degrees. Its sum is 1 with both.
+// Contrast sensitivity function of a channel: a sum of a sqrt(pi / b) exp(-pi^2 x^2 / b), x in degrees. The
+// whole filter is normalized to a sum of 1.
 struct Sensitivity {
     double a1, b1, a2, b2;
 };
@@ -137,7 +139,7 @@ void see(Planes& planes, Size size) {
     }
 }
 
-// How strongly a pixel lies on an edge, or is a point, in brightness.
+// Edge and point strength of each pixel, from brightness.
 struct Features {
     Plane edge, point;
 };
@@ -148,7 +150,7 @@ Features features_of(const Plane& brightness, Size size) {
     const auto gauss = [sigma](double x) { return std::exp(-x * x / (2.0 * sigma * sigma)); };
     const Kernel smooth = kernel(radius, gauss);
     const double smooth_sum = std::accumulate(smooth.begin(), smooth.end(), 0.0);
-    // The whole filters' positive weights add up to 1, their negative ones to -1.
+    // The positive weights of the whole filter sum to 1, the negative ones to -1.
     const auto normalised = [&](Kernel k) {
         double up = 0.0, down = 0.0;
         for (const double v : k) (v > 0.0 ? up : down) += std::abs(v);
@@ -175,9 +177,9 @@ double most_distant() {
     return most;
 }
 
-// Linear colours between 0 and 1 as the eye sees them, and their features.
+// Filtered colours of a picture (linear, 0 ... 1), and its features.
 struct Seen {
-    std::vector<Colour> lab; // hunted
+    std::vector<Colour> lab; // Hunt-adjusted
     Features features;
 };
 
@@ -218,20 +220,20 @@ void keep_greater(const std::vector<Colour>& test, const std::vector<Colour>& re
 
 // ---- exposures ------------------------------------------------------------------------------------------------------
 
-// K. Narkowicz' fit of the ACES curve, exposed by 0.6 as is usual.
+// K. Narkowicz' fit of the ACES curve, with the usual exposure factor 0.6.
 double developed(double x) {
     x = 0.6 * std::max(x, 0.0);
     return std::clamp(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0.0, 1.0);
 }
 
-constexpr int most_exposures =
-    24; // between 2^-24 and 1 of the brightest a stop apart; beyond, as many for more
+// One stop apart for up to 24 stops between brightest and median; for a greater range the step grows.
+constexpr int most_exposures = 24;
 
-// Stops at which the reference's brightest and its median pixel come out at 0.85. Where the median is 0, as of a small thing before
-// black, it is that of the pixels with light.
+// Exposures in stops that map the reference's brightest and its median pixel to 0.85. If the median is 0 (a
+// small object in front of black), the median of the pixels with light is used.
 std::pair<double, double> exposures_of(const std::vector<float>& reference) {
     constexpr double nearly_white = 0.85;
-    double low = 0.0, high = 64.0; // developed() rises
+    double low = 0.0, high = 64.0; // developed() is monotonic
     for (int i = 0; i < 64; ++i)
         (developed(0.5 * (low + high)) < nearly_white ? low : high) = 0.5 * (low + high);
     std::vector<double> luminance;

@@ -3,8 +3,8 @@
 
 namespace marram::page {
 
-// Grey around pictures in both schemes, since colours beside them change how they are seen. Frames are yellow within black, to be seen
-// on anything.
+// Pictures have a grey surround in both colour schemes, since surrounding colours change their appearance.
+// Frames are yellow and black, to be visible on any picture.
 const char* const style = R"(<style>
 :root{color-scheme:light dark;--back:#fff;--ink:#1f2328;--soft:#5b636d;--line:#d8dce1;--bar:#f3f4f6;--around:#777;
 --good:#e7f4ea;--good-edge:#2e7d32;--bad:#fdeceb;--bad-edge:#b3261e;--other:#fff5d6;--accent:#4b4fa3}
@@ -62,8 +62,8 @@ dl{grid-template-columns:1fr} dd{margin-bottom:.4em}}
 </style>
 )";
 
-// Exposure by a table of all 256 numbers, which browsers apply as it is (and round down); their filters of linear light round to 8 linear
-// bits.
+// The exposure filter is a table of 256 entries, which browsers apply exactly (rounding down); their
+// linear-light filters round to 8 linear bits.
 const char* const script = R"(<script>
 const linear = v => v <= .04045 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4;
 const encoded = v => v <= .0031308 ? v * 12.92 : 1.055 * v ** (1 / 2.4) - .055;

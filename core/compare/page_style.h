@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the page of two pictures looks and what it does.
+// Style and script of the comparison page.
 #pragma once
 
 namespace marram::page {
 
 extern const char* const style;  // a <style>
-extern const char* const script; // a <script>, after all that it acts upon
+extern const char* const script; // a <script>, to be placed after the elements it uses
 
 } // namespace marram::page

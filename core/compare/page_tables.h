@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The tables of a page of two pictures: every number beside its limit, and what the files say of themselves.
+// Tables of the comparison page: all values with their limits, and the metadata of the files.
 #pragma once
 
 #include "core/compare/compare_page.h"

@@ -10,11 +10,11 @@
 namespace marram::page {
 namespace {
 
-// Black, violet, orange, white: brighter is more, to those who see no colours too.
+// Black, violet, orange, white: lightness increases with the value, also for colour-blind readers.
 constexpr double heat_stops[][3] = {{0.0, 0.0, 0.02},   {0.23, 0.06, 0.44}, {0.55, 0.16, 0.51},
                                     {0.87, 0.29, 0.41}, {0.99, 0.6, 0.38},  {0.99, 0.99, 0.75}};
 
-// In 64 steps: more are not seen, and noise in them is half of a page's bytes.
+// Quantized to 64 steps: finer ones are invisible, and their noise would be half of the page's bytes.
 std::array<float, 3> heat(double x) {
     const double at = std::round((x > 0.0 ? std::min(x, 1.0) : 0.0) * 63.0) / 63.0 * 5.0;
     const int i = std::min(int(at), 4);
@@ -25,7 +25,7 @@ std::array<float, 3> heat(double x) {
     return rgb;
 }
 
-// Each pixel's greatest colour.
+// Maximum over the channels of each pixel.
 std::vector<float> brightest(const Picture::Layer& layer) {
     const size_t channels = layer.channels.size();
     std::vector<float> out(layer.pixels.size() / channels);
@@ -34,14 +34,14 @@ std::vector<float> brightest(const Picture::Layer& layer) {
     return out;
 }
 
-// What a share of the values stays below.
+// Quantile: the value that the fraction `share` of the values does not exceed.
 double quantile(std::vector<float> values, double share) {
     const auto at = values.begin() + long(std::min(double(values.size()) * share, double(values.size() - 1)));
     std::nth_element(values.begin(), at, values.end());
     return double(*at);
 }
 
-// Below it a number at the base exposure is rounded by more than a tenth or so, in 8 bits.
+// Below this value 8-bit rounding errors exceed about a tenth.
 const double dark = double(linear_from_srgb(32.0F / 255.0F));
 
 } // namespace
@@ -54,7 +54,8 @@ Exposures exposures_of(const Picture::Layer& test, const Picture::Layer& referen
     const double greatest = double(*std::max_element(both.begin(), both.end()));
     double usual = quantile(both, 0.99);
     if (usual <= 0.0) usual = greatest;
-    // As in the file if that can be seen, else so that 99 pixels of 100 fill the screen's range.
+    // As in the file if that is visible, otherwise scaled so that the 99th percentile fills the screen's
+    // range.
     if (usual > 2.0 || (usual > 0.0 && usual < 0.25)) out.base = -int(std::ceil(std::log2(usual)));
     const double scale = std::exp2(out.base);
     if (greatest * scale > 1.0)
@@ -66,7 +67,7 @@ Exposures exposures_of(const Picture::Layer& test, const Picture::Layer& referen
     out.white_test = share_beyond(a, 1.0 / scale);
     out.white_reference = share_beyond(b, 1.0 / scale);
     out.lost = out.highlights < 0 ? share_beyond(both, std::exp2(-out.highlights) / scale) : 0.0;
-    // Of 8-bit pictures nothing finer is known.
+    // 8-bit pictures have no finer shadow detail.
     const auto dim = [&](float v) { return v > 0.0F && double(v) * scale < dark; };
     const auto count = [&](const Picture::Layer& layer) { return std::ranges::count_if(layer.pixels, dim); };
     const double dim_share =
@@ -110,7 +111,7 @@ Pixels in_proportion(const Picture::Layer& layer, const Picture::Layer& referenc
 std::vector<float> differences(const Picture::Layer& a, const Picture::Layer& b) {
     const size_t channels = b.channels.size();
     std::vector<float> out(b.pixels.size() / channels);
-    for (size_t i = 0; i < b.pixels.size(); ++i) { // of the largest floats the difference is none
+    for (size_t i = 0; i < b.pixels.size(); ++i) { // the difference of the largest floats could overflow
         constexpr double largest = 3e38;
         const double apart = std::min(std::abs(double(a.pixels[i]) - double(b.pixels[i])), largest);
         out[i / channels] = std::max(out[i / channels], float(apart));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a page shows of two pictures: at which exposures, in which colours, and where to look.
+// Views of two pictures for the comparison page: exposures, colours and regions.
 #pragma once
 
 #include "core/compare/compare.h"
@@ -11,31 +11,34 @@ namespace marram::page {
 
 using Pixels = std::vector<float>; // 3 a pixel, linear
 
-// A browser shows 8 bits a channel, which hold a few stops of light. So a picture goes into the page up to three times: at its base
-// exposure; what is white there, some stops darker; what is nearly black there, some stops brighter. The latter two are black
-// elsewhere (and take few bytes): the lighter of the two numbers is the picture's, whatever the exposure.
+// Browsers show 8 bits a channel, which cover a few stops. So the page contains a picture up to three times:
+// at its base exposure; pixels that are white there, some stops darker; pixels that are nearly black there,
+// some stops brighter. The latter two are black elsewhere (and small in bytes). The maximum of the images is
+// the picture at any exposure.
 struct Exposures {
-    int base = 0;                                   // stops: beyond the file's own numbers
-    int highlights = 0, shadows = 0;                // stops from the base; 0: nothing is there to be shown
-    double white_test = 0.0, white_reference = 0.0; // share of pixels that are white at the base
-    double lost = 0.0;                              // of both, that stay white
+    int base = 0;                                   // stops, relative to the file's values
+    int highlights = 0, shadows = 0;                // stops relative to the base; 0: no such image
+    double white_test = 0.0, white_reference = 0.0; // fraction of pixels that are white at the base
+    double lost = 0.0;                              // fraction of all pixels that stay white
 };
 Exposures exposures_of(const Picture::Layer& test, const Picture::Layer& reference, bool display);
 
 enum class Part { base, highlights, shadows };
 Pixels exposed(const Picture::Layer& layer, const Exposures& exposures, Part part);
 
-// A layer that is no light: in proportion, between the least and the greatest of the reference's numbers.
+// A data layer: values mapped linearly, 0 or the reference's minimum, if lower, to black, its maximum to
+// white.
 Pixels in_proportion(const Picture::Layer& layer, const Picture::Layer& reference);
 
-// Each pixel's greatest difference of a channel.
+// Maximum difference over the channels of each pixel.
 std::vector<float> differences(const Picture::Layer& a, const Picture::Layer& b);
 
-// From black to nearly white; what is beyond `white` is so, too.
+// Colour map from black to nearly white; values above `white` are clamped.
 Pixels heat_map(const std::vector<float>& values, double white);
-std::string heat_gradient(); // the same colours, of CSS
+std::string heat_gradient(); // the same colours as a CSS gradient
 
-// Where a heat map is white: at the greatest, if that is not of a few pixels beside which all others would be black.
+// The value that a heat map shows white: the maximum, or less if only a few pixels reach it, so that the
+// others are not black.
 double white_of(const std::vector<float>& values);
 
 struct Region {
@@ -43,16 +46,17 @@ struct Region {
 };
 Pixels cut(const Pixels& rgb, int width, const Region& region);
 
-// The square with the greatest sum, of a size to be seen in the whole.
+// The square with the greatest sum of values, large enough to be visible in the whole picture.
 Region worst_region(const std::vector<float>& values, int width, int height);
 
-// As much around it as shows what it is a part of: an eighth of the picture at least.
+// The region with its surroundings: at least 32 pixels, an eighth of the picture's width and twice the
+// region.
 Region context_of(const Region& region, int width, int height);
 
-// The square that a test of noise is about: the smallest that fails; if the whole alone fails, the one that is nearest to its limit.
-// nullptr where none fails.
+// The square to show for a failed noise test: the smallest that fails, or, if only the whole picture fails,
+// the one closest to its limit. nullptr if nothing fails.
 const ScaleResult* failing_square(const std::vector<ScaleResult>& scales);
-// "red"; "" where nothing differs.
+// Channel name such as "red"; "" if nothing differs.
 std::string channel_of(const ScaleResult& scale, const Picture& picture);
 Region region_of(const ScaleResult& square, int width, int height);
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Named values on geometry, and on grids: what procedurals hand over and are lent, and what shading and image layers read.
+// Named attributes of geometry, and grids. Procedurals write and read them; shading and image layers read
+// them.
 #pragma once
 
 #include "core/plugin/marram_plugin.h"
@@ -16,7 +17,7 @@ struct AttributeValues {
     uint32_t components = 1;
     MarramRate rate = MARRAM_PER_CURVE;
     std::vector<float> values; // `components` for each curve, CV, vertex or face
-    bool discrete = false;     // a name rather than a quantity: never averaged
+    bool discrete = false;     // an id or class, not a quantity: never averaged
     bool animated = false;     // differs from frame to frame
 };
 

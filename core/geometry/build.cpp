@@ -19,7 +19,8 @@ bool on_commit_progress(void* user, double fraction) {
     return !build.cancel.load(std::memory_order_relaxed);
 }
 
-// Digest of a procedural's values and, recursively, of all geometry that it names. It depends on contents only.
+// Digest of a procedural's values and, recursively, of all geometry that it names. It depends on contents
+// only.
 uint64_t digest_of(const Build& build, const Procedural& procedural) {
     const SceneGeometry& geometry = build.geometry;
     Digest digest;
@@ -36,8 +37,8 @@ uint64_t digest_of(const Build& build, const Procedural& procedural) {
     return digest.value();
 }
 
-// Makes meshes and procedurals in dependency order. Without `with_curves`, curves that nothing depends on are not made; only their number of
-// motion keys is found.
+// Makes meshes and procedurals in dependency order. Without `with_curves`, curves that nothing depends on are
+// not made; only their number of motion keys is found.
 void make_all(Build& build, bool with_curves) {
     const double begin = wall_seconds();
     build.progress.phase = "placing meshes";
@@ -62,7 +63,8 @@ void make_all(Build& build, bool with_curves) {
     }
     build.world.times = build.times(std::max(build.stats.motion_keys, 2U));
     build.stats.motion_keys = uint32_t(build.world.times.size());
-    // Of all meshes: strands are judged by it, and bounds found where nothing else is traced.
+    // The collider scene of all meshes: it detects penetrating strands, and gives the bounds if curves are
+    // not traced.
     const bool wanted = !build.settings.curves_bvh ||
                         std::ranges::any_of(build.geometry.procedurals,
                                             [](const auto& p) { return p->kind() == MARRAM_CURVES; });
@@ -74,7 +76,7 @@ void make_all(Build& build, bool with_curves) {
     if (all.empty()) commit(build, build.world.colliders.get(), "building colliders");
 }
 
-// The device, the frame before's where there was one: its collider scenes belong to it.
+// Reuses the previous frame's device if there is one: the kept collider scenes belong to it.
 void make_device(Build& build) {
     World& world = build.world;
     world.device = std::move(build.kept.device);
@@ -99,14 +101,15 @@ void commit(Build& build, RTCScene scene, const char* phase) {
 std::shared_ptr<RTCSceneTy> new_scene(const Build& build, RTCSceneFlags flags) {
     RTCScene scene = rtcNewScene(build.world.device.get());
     rtcSetSceneFlags(scene, flags);
-    rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_MEDIUM); // HIGH differs from run to run
+    rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_MEDIUM); // HIGH is not deterministic
     const auto device = build.world.device;
     return {scene, [device](RTCScene s) { rtcReleaseScene(s); }};
 }
 
 void prepare(Build& build, Procedural& procedural, const MarramFrame& of_view) {
     MarramFrame frame = of_view;
-    if (build.settings.view.pixels_at > 0.0) frame.tolerance = 0.0; // a camera's: the past knows of none
+    // A tolerance in pixels depends on the camera; simulated states must not.
+    if (build.settings.view.pixels_at > 0.0) frame.tolerance = 0.0;
     build.progress.fraction = 0.0;
     build.progress.phase = "simulating";
     const uint64_t digest = Digest()
@@ -166,7 +169,7 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
     rtcGetSceneBounds(settings.curves_bvh ? world.scene.get() : world.colliders.get(), &bounds);
     world.bounds = Box3f(Vec3f(bounds.lower_x, bounds.lower_y, bounds.lower_z),
                          Vec3f(bounds.upper_x, bounds.upper_y, bounds.upper_z));
-    for (const auto& procedural : geometry.procedurals) take_warnings(build, *procedural); // of pose()
+    for (const auto& procedural : geometry.procedurals) take_warnings(build, *procedural); // from pose()
     world.curve_buffers = std::move(build.curves);
     return std::move(build.world);
 }

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The build of a frame. Procedurals are made in the order of their dependencies: each is lent the geometry that it names, and the
-// collider scene of the meshes that it traces, of which there is one for each distinct set. What makes meshes adds to them; what makes
-// curves writes its CVs, patch by patch, straight into Embree's buffers. The world scene attaches the same mesh geometries again, or
-// render meshes in their places, and the curves.
+// Builds the world of one frame. Procedurals run in dependency order. Each gets the geometry that it names
+// and a collider scene of the meshes that it traces; equal sets of meshes share one collider scene.
+// Procedurals of kind mesh add meshes. Procedurals of kind curves write their CVs, patch by patch, directly
+// into Embree's buffers. The world scene holds the same mesh geometries (or the render meshes that replace
+// them) and the curves.
 #pragma once
 
 #include "core/geometry/kept_geometry.h"
@@ -23,17 +24,18 @@
 
 namespace marram {
 
-// What stays the same from frame to frame.
+// Geometry inputs that all frames share.
 struct SceneGeometry {
     std::vector<SceneMesh> meshes;
     std::vector<std::unique_ptr<Procedural>> procedurals{}; // in the scene's order
     std::vector<SceneCurves> curves{};
     std::map<std::pair<std::string, uint64_t>, StateStore>
-        states{};                                    // by procedural and the digest of what they depend on
-    std::vector<MarramReportEntry> report_entries{}; // of all libraries, whether the scene uses them or not
+        states{};                                    // key: name of the procedural, digest of its inputs
+    std::vector<MarramReportEntry> report_entries{}; // of all libraries, used or not
 };
 
-// The camera that render meshes are made for, at instants of the shutter. Directions and ups are unit vectors at right angles.
+// The camera that render meshes are made for, sampled at several times within the shutter. Directions and ups
+// are orthogonal unit vectors.
 struct CameraSamples {
     std::vector<double> times; // frames
     std::vector<Vec3d> positions, directions, ups;
@@ -44,51 +46,52 @@ struct CameraSamples {
 struct BuildSettings {
     double frame = 1.0, fps = 24.0;
     double shutter_open = 0.0, shutter_close = 0.0; // frames, relative to `frame`; open <= close
-    uint32_t motion_keys =
-        2; // 2 ... 64, used where open < close; 0: for each geometry as many as the tolerance asks for
+    uint32_t motion_keys = 2; // 2 ... 64, used if open < close; 0: the tolerance chooses for each geometry
     double bind_frame = 1.0;
     MarramStage stage = MARRAM_FINAL;
     double tolerance = 0.0; // metres
     View view;
-    std::optional<CameraSamples> camera; // none: growth surfaces are what is seen
-    std::vector<std::string> attributes; // of curves, by name; those a procedural does not have are left out
+    std::optional<CameraSamples> camera; // none: growth surfaces are rendered
+    std::vector<std::string> attributes; // of curves, by name; ignored if a procedural does not have them
     bool curves_bvh = true;              // false: curves are made but not traced (baking)
-    // Straight pieces that a segment is traced as; 0: the cubic; -1: as the tolerance allows (curve_pieces.h).
+    // Straight pieces per segment; 0: trace the cubic; -1: the tolerance chooses (curve_pieces.h).
     int curve_pieces = -1;
-    std::string state_folder; // where simulations keep their states; "": in memory, for this run
+    std::string state_folder; // for the states of simulations; "": keep them in memory for this run
 };
 
-// Watched from other threads while build_world runs.
+// Read by other threads while build_world runs.
 struct BuildProgress {
     std::atomic<const char*> phase{""};
     std::atomic<double> fraction{0.0}; // of the phase
 };
 
 struct BuildStats {
-    // Wall seconds: of meshes that procedurals make; of the scene's meshes and collider scenes; of the BVH. Curves': see report.
+    // Wall seconds of: meshes made by procedurals; the scene's meshes and collider scenes; the BVH. Curves:
+    // see report.
     double terrain = 0.0, colliders = 0.0, curves_bvh = 0.0;
-    Report report;            // of procedurals; curves' seconds are shared out among "seconds.<stage>"
-    uint32_t motion_keys = 1; // the most that any geometry has; "fur.motion_keys" in `chosen` is one's own
-    // Where the keys were chosen, of strands: what 99 in 100 are to stay below between keys, m (View::enlarged), and the share that
-    // jumps within the shutter, which no number of keys follows; of the procedural where it is most.
+    Report report;            // of procedurals; curves' seconds are divided among "seconds.<stage>"
+    uint32_t motion_keys = 1; // the most of any geometry; each one's own: "fur.motion_keys" in `chosen`
+    // Only if keys were chosen automatically; of the procedural where it is largest. motion_error: 99th
+    // percentile of the strands' error between keys, m (View::enlarged). motion_jumps: fraction of strands
+    // that jump within the shutter, which no number of keys can follow.
     double motion_error = 0.0, motion_jumps = 0.0;
-    double mesh_motion_error =
-        0.0; // m likewise, of meshes that the shutter sees move, with the keys that there are
-    // Where the tolerance has put what the scene leaves to it: "fur.cvs", by procedural and setting.
+    double mesh_motion_error = 0.0; // m, likewise, of meshes that move within the shutter, with the keys used
+    // Settings that the tolerance chose, by procedural and setting, such as "fur.cvs".
     std::map<std::string, double> chosen;
     uint64_t curves = 0, cvs = 0, segments = 0, triangles = 0;
     uint64_t curve_bytes = 0;     // buffers that Embree reads: vertices, normals, indices
     uint64_t attribute_bytes = 0; // of curves
     std::vector<std::string> warnings;
-    std::vector<Box3f> patch_bounds; // as promised by the procedurals, in curve order
+    std::vector<Box3f> patch_bounds; // as declared by the procedurals, in curve order
 };
 
-// Throws InputError (bad input, or a procedural that breaks the contract) and Cancelled. Runs in the caller's TBB arena. What rests is
-// taken from `kept`, of another frame of the same geometry; the rest of it is freed on the way.
+// Throws InputError (bad input, or a procedural that breaks the contract) and Cancelled. Runs in the caller's
+// TBB arena. `kept` comes from another frame of the same geometry: what has not changed is reused, the rest
+// is freed.
 World build_world(SceneGeometry& geometry, const BuildSettings& settings, const std::atomic<bool>& cancel,
                   BuildProgress& progress, BuildStats& stats, KeptGeometry kept = {});
 
-// The greatest number of motion keys that build_world would give curves with these settings.
+// The largest number of motion keys that build_world would give curves with these settings.
 uint32_t chosen_motion_keys(SceneGeometry& geometry, const BuildSettings& settings,
                             const std::atomic<bool>& cancel, BuildProgress& progress);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curves of a frame: how many motion keys they have; procedurals make them in Embree's buffers, which are attached as they are or cut
-// into pieces.
+// Builds the curves of a frame: chooses the number of motion keys, lets procedurals write CVs into Embree's
+// buffers, and attaches these as cubics or as straight pieces.
 #include "core/geometry/build_state.h"
 #include "core/geometry/curve_pieces.h"
 #include "core/geometry/lent_geometry.h"
@@ -23,7 +23,7 @@ CurveLayout layout_of(const MarramOutput& output) {
     return {output.curve_count, output.cvs_per_curve, output.offsets};
 }
 
-// Refuses a procedural that says of its curves what cannot be.
+// Rejects a procedural with invalid output.
 void check_output(const Procedural& procedural, const MarramOutput& output) {
     if (output.offsets) {
         if (output.offsets[0] != 0)
@@ -44,7 +44,7 @@ void check_output(const Procedural& procedural, const MarramOutput& output) {
                           "use fewer strands or CVs, or two procedurals");
 }
 
-// body(0), ... body(count - 1), which are cheap: thousands a task.
+// Calls body(0) ... body(count - 1) in parallel. The body is cheap: thousands per task.
 template <typename Body>
 void parallel(size_t count, Body&& body) {
     tbb::parallel_for(tbb::blocked_range<size_t>(0, count, 8192), [&](const auto& range) {
@@ -110,7 +110,7 @@ void allocate(Build& build, CurveBuild& item) {
     curves.vertices.assign(item.vertices.begin(), item.vertices.end());
     curves.normals.assign(item.normals.begin(), item.normals.end());
     const std::vector<MarramAttribute>& attributes = item.procedural->attributes();
-    // Whoever is lent the curves may ask for any.
+    // If another procedural reads these curves, it may use any attribute: keep all.
     const auto names_it = [&](const auto& other) { return other->names(curves.name); };
     const bool lent = std::ranges::any_of(build.geometry.procedurals, names_it);
     for (uint32_t a = 0; a < attributes.size(); ++a) {
@@ -136,14 +136,14 @@ void allocate(Build& build, CurveBuild& item) {
     build.stats.curve_bytes += vertices * output.time_count * (oriented ? 28 : 16);
 }
 
-// Whether the tolerance decides on straight pieces.
+// True if the tolerance chooses the number of straight pieces.
 bool may_be_pieces(const MarramOutput& output, const BuildSettings& settings) {
     return settings.curves_bvh && settings.curve_pieces < 0 && !output.offsets &&
            output.shape != MARRAM_ORIENTED_RIBBON;
 }
 
 bool finite(const float* values, size_t count) {
-    constexpr int32_t exponent = 0x7f800000; // all of its bits: infinite or not a number
+    constexpr int32_t exponent = 0x7f800000; // all exponent bits: infinity or NaN
     int32_t most = 0;
     for (size_t i = 0; i < count; ++i) most = std::max(most, std::bit_cast<int32_t>(values[i]) & exponent);
     return most < exponent;
@@ -176,7 +176,7 @@ void tessellate_patch(CurveBuild& item, uint32_t index) {
                                     "look for huge values in the scene, or fix the library");
 }
 
-// Segment k of curve c starts at vertex first + k of the `stride` that each curve has.
+// Segment k of curve c starts at vertex c * stride + k.
 void put_indices(Build& build, RTCGeometry geometry, size_t curves, uint32_t segments, uint32_t stride) {
     auto* indices = static_cast<uint32_t*>(
         rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4, curves * segments));
@@ -187,7 +187,7 @@ void put_indices(Build& build, RTCGeometry geometry, size_t curves, uint32_t seg
     build.stats.curve_bytes += curves * segments * 4;
 }
 
-// The same where curves have different CV counts.
+// The same for curves with different CV counts.
 void put_indices(Build& build, RTCGeometry geometry, const CurveLayout& layout) {
     const size_t segments = layout.segment_count();
     auto* indices = static_cast<uint32_t*>(
@@ -200,7 +200,7 @@ void put_indices(Build& build, RTCGeometry geometry, const CurveLayout& layout) 
     build.stats.curve_bytes += segments * 4;
 }
 
-// What Embree traces in place of the cubics: straight pieces between points on them.
+// Makes the straight pieces that Embree traces in place of the cubics. Their vertices lie on the cubics.
 std::shared_ptr<RTCGeometryTy> make_pieces(Build& build, CurveBuild& item) {
     const MarramOutput& output = item.output;
     const uint32_t pieces = item.curves.pieces;
@@ -233,7 +233,8 @@ std::shared_ptr<RTCGeometryTy> make_pieces(Build& build, CurveBuild& item) {
 
 uint64_t segments_of(const CurveBuild& item) { return layout_of(item.output).segment_count(); }
 
-// Each hit in the scene waits for the filter that round pieces need, so that these are to be most of what there is.
+// Round pieces need a filter that slows down every hit in the scene: use them only if they are at least half
+// of all segments.
 bool round_pieces_pay(const std::vector<CurveBuild>& items) {
     uint64_t all = 0, round = 0;
     for (const CurveBuild& item : items) {
@@ -243,7 +244,7 @@ bool round_pieces_pay(const std::vector<CurveBuild>& items) {
     return 2 * round >= all;
 }
 
-// How far all curves are from pieces.
+// Largest error of straight pieces over all curves, for each number of pieces.
 ChordErrors chord_errors(const CurveBuild& item, const BuildSettings& settings) {
     const ChordLimit limit{settings.tolerance, settings.view.pixel_angle, settings.view.position};
     const uint32_t cvs = item.output.cvs_per_curve;
@@ -261,8 +262,8 @@ ChordErrors chord_errors(const CurveBuild& item, const BuildSettings& settings) 
                                 greater_of);
 }
 
-// How many pieces a segment is traced as: what is told, or by the tolerance and what pays; 0: the cubic, as which curves of different
-// CV counts are always traced.
+// Number of straight pieces per segment: the setting, or what the tolerance allows and most_that_pay()
+// limits. 0: trace the cubic, as always for oriented ribbons and curves with different CV counts.
 uint32_t choose_pieces(Build& build, const CurveBuild& item, bool round_pay) {
     const MarramOutput& output = item.output;
     if (output.shape == MARRAM_ORIENTED_RIBBON || output.offsets) return 0;
@@ -274,7 +275,7 @@ uint32_t choose_pieces(Build& build, const CurveBuild& item, bool round_pay) {
     return pieces;
 }
 
-// Gives the curves to Embree: as they are, or as pieces.
+// Attaches the curves to the world scene, as cubics or as straight pieces.
 void attach(Build& build, CurveBuild& item, unsigned id, bool round_pay) {
     const MarramOutput& output = item.output;
     item.curves.pieces = choose_pieces(build, item, round_pay);
@@ -291,7 +292,7 @@ void attach(Build& build, CurveBuild& item, unsigned id, bool round_pay) {
     rtcAttachGeometryByID(build.world.scene.get(), traced.get(), id);
 }
 
-// What a procedural says after its curves are made, which took `wall` seconds.
+// Adds a procedural's report and warnings to the statistics. wall: seconds that its curves took.
 void take_report(Build& build, Procedural& procedural, double wall) {
     BuildStats& stats = build.stats;
     stats.report.add(procedural.name(), procedural.report(), wall);
@@ -303,21 +304,21 @@ void take_report(Build& build, Procedural& procedural, double wall) {
     take_warnings(build, procedural);
 }
 
-// ---- how many motion keys ---------------------------------------------------------------------------------------
+// ---- number of motion keys -----------------------------------------------------------------------------
 
-constexpr uint32_t few_instants = 5, more_instants = 17; // at which strands are looked at
+constexpr uint32_t few_instants = 5, more_instants = 17; // at which strand motion is sampled
 
-// Looks at some patches of one procedural, unless it stands still.
+// Measures the motion of strands in some patches of a procedural. Empty if its curves do not move.
 StrandMotion look_at_motion(Build& build, Procedural& procedural, uint32_t instants) {
     StrandMotion motion;
     const LentGeometry lent(build, procedural, build.times(instants)); // may build colliders
     if (procedural.prepares()) prepare(build, procedural, lent.frame());
-    take_warnings(build, procedural); // of the preparation, which is not done again
+    take_warnings(build, procedural); // of the preparation, which is not repeated
     build.progress.phase = "looking at motion";
     const MarramOutput output = procedural.begin(lent.frame());
     check_output(procedural, output);
     if (output.time_count != instants || output.patch_count == 0) return motion;
-    // A few percent of the work, but no fewer than sixteen: what moves most may be anywhere.
+    // A 16th of the patches, but 16 to 64 of them, evenly spaced: any patch may move most.
     const uint32_t count = std::min(output.patch_count, std::clamp(output.patch_count / 16, 16U, 64U));
     std::vector<StrandMotion> found(count);
     tbb::parallel_for(uint32_t{0}, count, [&](uint32_t i) {
@@ -349,15 +350,16 @@ StrandMotion look_at_motion(Build& build, Procedural& procedural, uint32_t insta
         }
     });
     for (const StrandMotion& one : found) motion.add(one);
-    procedural.take_warnings(); // they come again
+    procedural.take_warnings(); // make_curves() will get them again
     return motion;
 }
 
-// What a strand's motion asks for, and what it grows on: it may bend its way between the instants looked at.
+// Keys for the sampled motion of the strands, and for the geometry that they grow on: its path may curve
+// between the sampled instants.
 uint32_t choose_keys(Build& build, Procedural& procedural) {
     const BuildSettings& settings = build.settings;
     StrandMotion motion = look_at_motion(build, procedural, few_instants);
-    // Strands that turn fast look like ones that jump, until they are looked at more often.
+    // With few samples, strands that turn fast look like strands that jump: sample more often.
     constexpr double hardly_any = 0.01;
     if (motion.jumps(settings.tolerance) > hardly_any)
         motion = look_at_motion(build, procedural, more_instants);
@@ -366,7 +368,7 @@ uint32_t choose_keys(Build& build, Procedural& procedural) {
         if (procedural.names_mesh(mesh.object().name))
             keys =
                 motion_keys_for(mesh, settings.tolerance, settings.view, build.open(), build.close(), keys);
-    for (const MeshGeometry& mesh : build.world.meshes) // and those that procedurals have made
+    for (const MeshGeometry& mesh : build.world.meshes) // including those made by procedurals
         if (procedural.names(mesh.name)) keys = std::max(keys, uint32_t(mesh.positions.size()));
     for (const CurveBuild& item : build.items)
         if (procedural.names_curves(item.curves.name)) keys = std::max(keys, item.output.time_count);
@@ -420,12 +422,12 @@ void make_curves(Build& build, Procedural& procedural, uint32_t keys) {
     });
     const double wall = wall_seconds() - begin;
     take_report(build, procedural, wall);
-    item.output.offsets = item.curves.layout().offsets; // the procedural's may go
+    item.output.offsets = item.curves.layout().offsets; // the procedural may free its own
 }
 
 void attach_curves(Build& build) {
     const double begin = wall_seconds();
-    // By their places in the scene, whatever the order in which they were made.
+    // In the scene's order, not the order in which they were made.
     std::ranges::sort(build.items, {}, [&](const CurveBuild& item) {
         return std::ranges::find_if(build.geometry.procedurals,
                                     [&](const auto& p) { return p.get() == item.procedural; });

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Meshes of a frame: those of the scene, the growth surfaces that procedurals make, and their render meshes.
+// Builds the meshes of a frame: the scene's, growth surfaces made by procedurals, and their render meshes.
 #include "core/geometry/build_state.h"
 
 #include "core/geometry/embree_buffer.h"
@@ -15,7 +15,7 @@
 namespace marram {
 namespace {
 
-// Embree drops vertices beyond 1e18 without a word; NaN fails every comparison.
+// Embree silently drops vertices beyond 1e18. NaN fails every comparison.
 bool sound(const Vec3f& p) { return (p.array().abs() < 1e18F).all(); }
 
 MeshGeometry place_mesh(const SceneMesh& source, const std::vector<double>& times, double frame) {
@@ -30,7 +30,7 @@ MeshGeometry place_mesh(const SceneMesh& source, const std::vector<double>& time
         mesh.positions.push_back(source.positions_at(time));
         if (!object.normals.empty()) mesh.normals.push_back(source.normals_at(time));
     }
-    // A transform can throw a sound mesh far away.
+    // A transform can move a valid mesh out of range.
     for (const auto& positions : mesh.positions)
         for (const Vec3f& p : positions)
             if (!sound(p))
@@ -47,7 +47,7 @@ uint64_t topology_of(const MeshGeometry& mesh) {
         .value();
 }
 
-// A mesh of the scene, the frame before's where it rests.
+// Places a mesh of the scene. One that does not move is reused from the previous frame.
 MeshGeometry place_mesh(Build& build, const SceneMesh& mesh) {
     const auto id = uint32_t(build.world.meshes.size());
     const uint64_t version = mesh.moves() ? 0 : mesh.digest() | 1U;
@@ -82,14 +82,14 @@ MeshGeometry place_mesh(Build& build, const SceneMesh& mesh) {
     return placed;
 }
 
-// ---- what procedurals hand over -----------------------------------------------------------------------------------
+// ---- meshes made by procedurals --------------------------------------------------------------------------
 
 bool all_finite(const std::vector<float>& values) {
     return std::ranges::all_of(values, [](float value) { return std::isfinite(value); });
 }
 
 void check_mesh(const Procedural& procedural, const MeshGeometry& mesh) {
-    constexpr float unit = 1e-3F; // of the length: shading asks for no more
+    constexpr float unit = 1e-3F; // tolerance for the length, enough for shading
     for (const auto& normals : mesh.normals)
         for (const Vec3f& n : normals)
             if (!(std::abs(n.norm() - 1.0F) < unit))
@@ -113,7 +113,7 @@ GridValues copy_grid(const Procedural& procedural, const MarramGrid& grid) {
     if (!grid.name || !grid.values || grid.nx == 0 || grid.ny == 0 || grid.nz == 0 || grid.components == 0 ||
         grid.components > 4)
         procedural.refuse("it hands over a grid without a name or values", "fix the library");
-    const double most = 4e9; // values, 16 GB of them
+    const double most = 4e9; // values: 16 GB
     if (double(grid.nx) * grid.ny * grid.nz * grid.components > most)
         procedural.refuse(std::string("its grid '") + grid.name + "' has more than 4e9 values",
                           "make it coarser");
@@ -125,7 +125,7 @@ GridValues copy_grid(const Procedural& procedural, const MarramGrid& grid) {
     return copy;
 }
 
-// Has a procedural fill a mesh, by mesh() or view_mesh().
+// Lets a procedural fill a mesh by mesh() or view_mesh(), and checks the result.
 void fill_mesh(Procedural& procedural, const MarramOutput& output, MeshGeometry& mesh,
                void (Procedural::*fill)(MarramMeshBuffers&)) {
     std::vector<float*> positions;
@@ -177,13 +177,15 @@ void fill_mesh(Procedural& procedural, const MarramOutput& output, MeshGeometry&
     mesh.topology = topology_of(mesh);
 }
 
-// What MeshGeometry::version is of a mesh that a procedural hands over: of this instance, and resting.
+// MeshGeometry::version of a procedural's mesh: unique to this instance. 0 if the mesh moves or has no
+// version.
 uint64_t version_of(const Procedural& procedural, const MarramOutput& output) {
     if (output.version == 0 || output.time_count != 1) return 0;
     return Digest().add(procedural.instance_number()).add(output.version).value() | 1U;
 }
 
-// How far a mesh is, half-way between its samples, from where its procedural says that it is: the most, enlarged by the view.
+// Largest distance, half-way between motion samples, of the interpolated mesh from the procedural's pose(),
+// enlarged by the view.
 double motion_left(const Build& build, Procedural& procedural, const MeshGeometry& mesh,
                    const std::vector<double>& times) {
     double most = 0.0;
@@ -214,7 +216,7 @@ MarramView view_of(const Build& build, const CameraSamples& camera) {
     view.width = camera.width;
     view.height = camera.height;
     const View& seen = build.settings.view;
-    if (seen.pixels_at > 0.0) // a tolerance in pixels, as metres at some distance
+    if (seen.pixels_at > 0.0) // convert a tolerance in pixels back from metres
         view.tolerance_pixels = build.settings.tolerance / (seen.pixel_angle * seen.pixels_at);
     else
         view.tolerance = build.settings.tolerance;
@@ -251,7 +253,7 @@ void make_mesh(Build& build, Procedural& procedural, uint32_t id) {
         const std::vector<double> times = build.times(keys);
         const auto lent = build.lent.emplace_back(std::make_shared<LentGeometry>(build, procedural, times));
         if (procedural.prepares()) prepare(build, procedural, lent->frame());
-        take_warnings(build, procedural); // of the preparation, which is not done again
+        take_warnings(build, procedural); // of the preparation, which is not repeated
         build.progress.phase = "making meshes";
         const MarramOutput output = procedural.begin(lent->frame());
         if (output.time_count != 1 && output.time_count != times.size())
@@ -273,7 +275,7 @@ void make_mesh(Build& build, Procedural& procedural, uint32_t id) {
         if (build.chooses_keys() && left > build.settings.tolerance && 2 * keys - 1 <= most_motion_keys) {
             keys = 2 * keys - 1;
             build.lent.pop_back();
-            procedural.take_warnings(); // they come again
+            procedural.take_warnings(); // the next pass will get them again
             continue;
         }
         if (moves) {
@@ -313,7 +315,7 @@ void make_render_meshes(Build& build) {
         mesh->roles = growth.roles;
         build.world.growth_surfaces.emplace(id, std::move(growth));
         build.world.meshes[id] = *std::move(mesh);
-        build.mesh_geometries[id] = nullptr; // the collider scenes keep theirs
+        build.mesh_geometries[id] = nullptr; // collider scenes keep the growth surface's
     }
 }
 

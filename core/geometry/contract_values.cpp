@@ -13,7 +13,7 @@
 namespace marram {
 namespace {
 
-// Leaves an image its first channels.
+// Keeps the first `most` channels of an image.
 void keep_channels(Image& image, int most) {
     if (image.channels <= most) return;
     const auto from = size_t(image.channels), to = size_t(most);
@@ -24,7 +24,7 @@ void keep_channels(Image& image, int most) {
     image.channels = most;
 }
 
-// The declaration of "layer[2].height" among those of its type.
+// The declaration of a list element's parameter such as "layer[2].height". nullptr if its type has none.
 const MarramParam* declaration_of(const ParamValue& value, const ProceduralItemType& type) {
     const auto found =
         std::ranges::find_if(type.params, [&](const MarramParam& p) { return value.spec->name == p.name; });
@@ -44,7 +44,7 @@ ContractValues::ContractValues(const ProceduralType& type, const Item& item, con
             const auto one = std::ranges::find_if(type.item_types, [&](const ProceduralItemType& t) {
                 return kind && list.name == t.item.list && kind->text == t.item.type;
             });
-            if (one == type.item_types.end()) continue; // a list of plain tables: done above
+            if (one == type.item_types.end()) continue; // elements without types: added above
             add(MARRAM_CHOICE, kind->name, *kind);
             for (const ParamValue& value : item.params.all())
                 if (value.name.starts_with(prefix) && &value != kind)
@@ -53,7 +53,7 @@ ContractValues::ContractValues(const ProceduralType& type, const Item& item, con
         }
 }
 
-// Where a parameter's values come from: the item's own, or else, for one of the wind's, what the scene says.
+// Adds a parameter's values: the item's own or, for a wind parameter that it does not set, the scene's.
 void ContractValues::add_param(const MarramParam& param, const Item& item, const ParamSet& wind) {
     const std::string_view name = param.name, list = list_of(name);
     const auto add_from = [&](const ParamSet& params, std::string_view prefix) {
@@ -103,7 +103,7 @@ const MarramGrid* ContractValues::image(const ParamValue& value) {
     if (const auto known = image_grids_.find(value.text); known != image_grids_.end())
         return known->second; // each file is read once
     Image& image = images_.emplace_back(read_image(value.text, ColorSpace::linear_data));
-    keep_channels(image, 4); // as a grid has
+    keep_channels(image, 4); // the most that a grid has
     MarramGrid& grid = grids_.emplace_back();
     grid.name = value.text.c_str();
     grid.nx = uint32_t(image.width);
@@ -166,7 +166,7 @@ uint64_t ContractValues::digest() const {
         }
         digest.add(grid->nx).add(grid->ny).add(grid->components);
         if (value.placement) digest.add(value.placement, sizeof(MarramPlacement));
-        if (value.type == MARRAM_TABLE) digest.add(value.text); // its columns
+        if (value.type == MARRAM_TABLE) digest.add(value.text); // names of its columns
         digest.add(grid->values, size_t(grid->nx) * grid->ny * grid->nz * grid->components * sizeof(float));
     }
     return digest.value();

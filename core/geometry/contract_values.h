@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A procedural's values in the contract's form, with the files read that they name.
+// A procedural's parameter values in the contract's form, with the contents of the files that they name.
 #pragma once
 
 #include "core/geometry/attribute_values.h"
@@ -20,27 +20,27 @@ struct GeometryName {
     Place place;
 };
 
-// What the scene's curves carry, by their name: attributes without values.
+// Attributes of the scene's curves, without values, by the curves' name.
 using CurveAttributes = std::map<std::string, std::vector<AttributeValues>>;
 
 class ContractValues {
   public:
-    // The item's values and, where it has none of its own, the scene's wind. Throws InputError for files that cannot be read.
-    // `curves` outlives it.
+    // Takes the item's values; wind parameters that it does not set come from the scene's wind. Throws
+    // InputError if a file cannot be read. `curves` must outlive this object.
     ContractValues(const ProceduralType& type, const Item& item, const ParamSet& wind,
                    const CurveAttributes& curves);
 
     MarramValues list() const; // points into this object
-    // Of names, values and the contents of files; places do not count.
+    // Digest of names, values and file contents, without places.
     uint64_t digest() const;
-    // Names in values of a type, each once, with the places where they stand.
+    // The names in values of a type, each once, with their places in the scene.
     std::vector<GeometryName> names_of(MarramParamType type) const;
 
   private:
     void add(MarramParamType type, std::string name, const ParamValue& value);
     void add_param(const MarramParam& param, const Item& item, const ParamSet& wind);
     const MarramGrid* image(const ParamValue& value);
-    const MarramPlacement* placement(const ParamValue& value); // nullptr where the image's file does not say
+    const MarramPlacement* placement(const ParamValue& value); // nullptr if the image's file does not say
     const MarramGrid* table(const ParamValue& value, MarramValue& out);
     void add_attributes(MarramValue& out);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Uniform cubic segments of curves, as Embree draws them.
+// Uniform cubic curve segments, as Embree evaluates them.
 #pragma once
 
 #include "core/plugin/marram_plugin.h"
@@ -8,7 +8,7 @@
 
 namespace marram {
 
-// Four vertices' weights for the value, first and second derivative at u, 0 ... 1.
+// Weights of the four vertices for the value, first and second derivative at u, 0 ... 1.
 struct CubicBasis {
     std::array<double, 4> value, first, second;
 };

@@ -28,7 +28,7 @@ double length_of(const CurveGeometry& curves, uint64_t curve) {
     return length;
 }
 
-// At share u of the CVs, along the polygon.
+// The point at fraction u of the CVs, along the CV polygon.
 Vec3d on_polygon(const CurveGeometry& curves, uint64_t curve, double u) {
     const uint32_t cvs = curves.layout().cvs(curve);
     const double at = u * double(cvs - 1);
@@ -37,7 +37,7 @@ Vec3d on_polygon(const CurveGeometry& curves, uint64_t curve, double u) {
     return (1.0 - t) * cv(curves, 0, curve, k) + t * cv(curves, 0, curve, k + 1);
 }
 
-// At share s of the shutter, along straight lines between the samples.
+// CV k at fraction s of the shutter, linear between motion samples.
 Vec3d in_motion(const CurveGeometry& curves, double s, uint64_t curve, uint32_t k) {
     const size_t samples = curves.vertices.size();
     if (samples == 1) return cv(curves, 0, curve, k);
@@ -47,7 +47,7 @@ Vec3d in_motion(const CurveGeometry& curves, double s, uint64_t curve, uint32_t 
     return (1.0 - t) * cv(curves, i, curve, k) + t * cv(curves, i + 1, curve, k);
 }
 
-// At the first motion sample.
+// Largest distance between CVs at the first motion sample.
 double farthest_cv(const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
     const bool a_is_finer = a.layout().cvs(c) > b.layout().cvs(c);
     const CurveGeometry &fine = a_is_finer ? a : b, &coarse = a_is_finer ? b : a;
@@ -62,7 +62,7 @@ double farthest_cv(const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
     return largest;
 }
 
-// The largest distance of each strand, by distance(mine, reference, curve).
+// Statistics of distance(mine, reference, curve), the largest distance of each strand.
 template <typename Distance>
 CurveGap gap(const World& mine, const World& reference, double limit, Distance&& distance) {
     if (mine.curves.size() != reference.curves.size())
@@ -84,7 +84,7 @@ CurveGap gap(const World& mine, const World& reference, double limit, Distance&&
     gap.beyond = double(std::count_if(largest.begin(), largest.end(), [&](double d) { return d > limit; })) /
                  double(largest.size());
     gap.rms = std::sqrt(squares / double(largest.size()));
-    const auto most = largest.end() - 1 - long(largest.size() / 100); // of fewer than a hundred the worst
+    const auto most = largest.end() - 1 - long(largest.size() / 100); // the worst if fewer than 100 strands
     std::nth_element(largest.begin(), most, largest.end());
     gap.most = *most;
     gap.worst = *std::max_element(most, largest.end());

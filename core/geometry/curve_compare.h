@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far the same strands lie apart when they were made in two ways.
+// Compares two builds of the same strands.
 #pragma once
 
 #include "core/geometry/view.h"
@@ -10,26 +10,28 @@
 namespace marram {
 
 struct CurveGap {
-    // Over strands, of each strand's largest distance; most: what 99 in 100 stay below.
+    // Statistics over strands of each strand's largest distance. most: the 99th percentile.
     double rms = 0.0, most = 0.0, worst = 0.0;
-    uint64_t strands = 0; // that were compared
-    double beyond = 0.0;  // share of the strands that are farther apart than a limit
+    uint64_t strands = 0; // number compared
+    double beyond = 0.0;  // fraction of strands that are farther apart than a limit
 };
 
-// CVs at the first motion sample, as shares of the strand's length. Where the numbers of CVs differ, each CV of the strand that has
-// more against the point of the other's polygon at the same share of its CVs. Throws std::invalid_argument where the strands are not the same
-// in number. Cost: 5 ns a CV and processor.
+// Distance between CVs at the first motion sample, as a fraction of the reference strand's length. If CV
+// counts differ, each CV of the strand with more is compared with the other's CV polygon at the same fraction
+// of its CVs. Throws std::invalid_argument if the numbers of strands differ. Cost: 5 ns per CV and processor.
 CurveGap gap_at_rest(const World& mine, const World& reference);
 
 // The same in metres.
 CurveGap gap_in_space(const World& mine, const World& reference);
 
-// CVs as they move along straight lines between motion samples, in metres, enlarged by the view, at every sample of the reference.
+// Distance in metres, enlarged by the view, between CVs that move linearly between motion samples; at every
+// motion sample of the reference. limit: for CurveGap::beyond.
 CurveGap gap_in_motion(const World& mine, const World& reference, const View& view = {},
                        double limit = std::numeric_limits<double>::infinity());
 
-// Strands that have a segment which a mesh crosses, at the first motion sample, by a ray along each segment of the
-// polygon; of the first segment the thousandth next to the root is left out. Cost: 0.2 us a segment and processor.
+// Number of strands with a segment that crosses a mesh, at the first motion sample. Traces a ray along each
+// segment of the CV polygon; the first thousandth of the root segment is skipped. Cost: 0.2 us per segment
+// and processor.
 uint64_t strands_in_meshes(const World& world);
 
 } // namespace marram

@@ -106,7 +106,7 @@ HairHeader hair_header(const std::string& path, std::span<const CurveGeometry> c
     return header;
 }
 
-// For each CV of all curves `count` floats, made by `pick(cv, to)`.
+// Writes `count` floats for each CV of all curves, set by `pick(cv, to)`.
 template <typename Pick>
 void write_cvs(AtomicFile& writer, std::span<const CurveGeometry> curves, size_t count, Pick pick) {
     std::vector<float> row;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Baked curves and meshes in files that other programs read. What is written are the CVs themselves, without
-// the phantom vertices at both ends, at the first motion sample. Files appear whole or not at all
-// (core/image/atomic_file.h). All throw InputError where the file cannot be written or cannot hold what it is
-// given.
+// Writes baked curves and meshes to files for other programs. Curves are written as their CVs at the first
+// motion sample, without the phantom vertices at both ends. Files appear whole or not at all
+// (core/image/atomic_file.h). All functions throw InputError if the file cannot be written or its format
+// cannot hold the data.
 //
 // To add a format, write one function here and name its extension in write_curves().
 #pragma once
@@ -17,32 +17,32 @@
 
 namespace marram {
 
-// By the extension of `path`: .hair, .usda, .ply or .obj.
+// The extension of `path` selects the format: .hair, .usda, .ply or .obj.
 void write_curves(const std::string& path, std::span<const CurveGeometry> curves, double frame, double fps);
 
-// Cem Yuksel's HAIR: all geometries one after the other, thickness (the diameter) at each point. Binary
-// floats: exact. Holds up to 65,536 CVs a curve and 2^32 - 1 curves and points. Cost: 0.3 s for a million
-// curves of 8 CVs.
+// Cem Yuksel's HAIR: all geometries in sequence, with the thickness (diameter) at each point. Binary floats,
+// so exact. At most 65,536 CVs per curve and 2^32 - 1 curves and points. Cost: 0.3 s for a million curves of
+// 8 CVs.
 void write_hair(const std::string& path, std::span<const CurveGeometry> curves);
 
-// USD as text: a BasisCurves for each geometry, of type "cubic" and wrap "pinned", which adds the same
-// phantom points as Marram does and allows 2 CVs. Widths by vertex; attributes as primvars, discrete ones (id) as
-// whole numbers; an id for each curve as ids, too; ribbons that carry normals as normals by vertex. Numbers in the
-// fewest digits that give the same float back. Memory: a copy of the largest of these arrays.
+// USD text: one BasisCurves per geometry, of type "cubic" and wrap "pinned", which adds the same phantom
+// points as Marram and allows 2 CVs. Widths are per vertex. Attributes become primvars, discrete ones with
+// integers; an id per curve is also written as ids. Ribbons with normals have them per vertex. Numbers have
+// the fewest digits that restore the same float. Memory: a copy of the largest of these arrays.
 void write_usda(const std::string& path, std::span<const CurveGeometry> curves, double frame, double fps);
 
-// The same over several frames in one file: what changes as time samples, whose times are the frames; what does not as
-// one value; velocities of the points in metres a second, by the parabola through the frames before and behind (central
-// differences where they are equally far apart), at both ends by the difference. Memory: of a frame the arrays, its
-// points and those of the frame before, whatever the number of frames; samples wait in files beside the target that are
-// removed in the end: twice its size for that time.
+// The same for several frames in one file. What changes becomes time samples, with frames as times; the rest
+// has one value. Point velocities are in m/s: the derivative of the parabola through the previous, this and
+// the next frame (central differences at equal spacing), one-sided differences at both ends. Memory: one
+// frame's arrays, its points and those of the previous frame, for any number of frames. Samples wait in files
+// beside the target, which are removed at the end; until then the disk holds twice the target's size.
 class UsdaSequence {
   public:
     UsdaSequence(std::string path, double fps); // check_writable(path)
     ~UsdaSequence();
     UsdaSequence(const UsdaSequence&) = delete;
     UsdaSequence& operator=(const UsdaSequence&) = delete;
-    // Frames ascend. Throws InputError where there are other curves or CVs than in the frames before.
+    // Frames must ascend. Throws InputError if curves or CVs are not those of the frames before.
     void add(std::span<const CurveGeometry> curves, double frame);
     void commit(); // once, after a frame or more
 
@@ -60,16 +60,16 @@ class UsdaSequence {
     std::set<std::string> taken_; // names of prims
 };
 
-// PLY, binary, little endian: the CVs of all geometries as vertices x y z width strand_id, normals of ribbons, and attributes at CVs as
-// properties; an element "strand" with strand_id and attributes of curves. Vectors as NAME_0, NAME_1, ...; discrete values as int. What a
-// geometry lacks is 0. Exact.
+// Binary little-endian PLY. The CVs of all geometries are vertices with x y z width strand_id, normals of
+// ribbons and attributes per CV. An element "strand" has strand_id and attributes per curve. Vectors become
+// NAME_0, NAME_1, ...; discrete values are int. An attribute that a geometry lacks is 0 there. Exact.
 void write_curves_ply(const std::string& path, std::span<const CurveGeometry> curves);
 
-// Wavefront OBJ: an object of `l` polylines for each geometry. Widths are lost.
+// Wavefront OBJ: one object with `l` polylines per geometry. Widths are lost.
 void write_curves_obj(const std::string& path, std::span<const CurveGeometry> curves);
 
-// Meshes at the first motion sample, in world space, with uvs and normals where they have them; as USD with their attributes as
-// primvars.
+// Meshes at the first motion sample in world space, with uvs and normals if they have them. USD also has
+// their attributes as primvars.
 void write_colliders_usda(const std::string& path, std::span<const MeshGeometry> meshes, double frame,
                           double fps);
 void write_colliders_obj(const std::string& path, std::span<const MeshGeometry> meshes);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the CVs, vertices and segments of each curve stand. A curve of n CVs has n + 2 vertices and n - 1 segments
+// Indices of each curve's CVs, vertices and segments. A curve of n CVs has n + 2 vertices and n - 1 segments
 // (core/plugin/marram_plugin.h, MarramCurves).
 #pragma once
 
@@ -9,8 +9,8 @@ namespace marram {
 
 struct CurveLayout {
     uint64_t curve_count = 0;
-    uint32_t cvs_per_curve = 0;        // where all have as many
-    const uint64_t* offsets = nullptr; // else: [curve_count + 1], of their first CVs
+    uint32_t cvs_per_curve = 0;        // if all curves have as many
+    const uint64_t* offsets = nullptr; // else: [curve_count + 1], index of each first CV
 
     uint64_t first_cv(uint64_t curve) const { return offsets ? offsets[curve] : curve * cvs_per_curve; }
     uint32_t cvs(uint64_t curve) const {

@@ -26,7 +26,7 @@ double ChordLimit::squared_at(const Vec3d& point) const {
 void add_chord_errors(const CurveVertices& curves, const ChordLimit& limit, ChordErrors& errors) {
     const std::array<double, 4> begin = cubic_basis(curves.basis, 0.0).second,
                                 end = cubic_basis(curves.basis, 1.0).second;
-    std::array<double, most_pieces> squares{}; // of 24 n^2 times the errors
+    std::array<double, most_pieces> squares{}; // of 24 n^2 times the errors over the limit
     for (size_t curve = 0; curve < curves.curves; ++curve)
         for (uint32_t segment = 0; segment + 1 < curves.cvs; ++segment) {
             const Points4 control(curves.vertices + 4 * (curve * (curves.cvs + 2) + segment));
@@ -71,7 +71,7 @@ Chord chord_of(const Eigen::Matrix4d& segment, MarramBasis basis, uint32_t piece
 double end_share(const Chord& at_first_key, bool tip) {
     const double length = (at_first_key.end - at_first_key.begin).head<3>().norm();
     const double radius = std::abs((tip ? at_first_key.end : at_first_key.begin)[3]);
-    return radius < 0.5 * length ? radius / length : 0.5; // a strand of one piece may end up as a disc
+    return radius < 0.5 * length ? radius / length : 0.5; // a strand of one piece may shrink to a disc
 }
 
 void write_pieces(const CurveVertices& curves, const float* first_key, uint32_t pieces, float* out) {

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curves traced as straight pieces: where each cubic segment, cut into a few, stays near enough to its chords. Fibres that scatter
-// along their length are shaded with the cubic's tangents, surfaces with the normals of the pieces (hit.cpp).
+// Traces curves as straight pieces: each cubic segment is cut into a few if their chords are close enough to
+// it. Fibre bsdfs use the cubic's tangent, surface bsdfs the normal of the piece (hit.cpp).
 //
-// Embree draws a ribbon's cubic segment as four pieces of its own, one segment after the other; of straight ones it tests 4 or 8 at
-// once. Tracing takes 6 to 24 % less time, the more strands the more. Round ones are found as flat pieces and entered where
-// round_pieces.h says; tracing takes 20 to 27 % less time (tests/bench/cycles/ball.toml, with film.curve_pieces = 0 and without).
-// Oriented ribbons turn on their way and stay cubics.
+// Embree intersects a ribbon's cubic segment as four pieces of its own, one segment at a time; of straight
+// pieces it tests 4 or 8 at once. Tracing takes 6 to 24 % less time, the gain grows with the number of
+// strands. Round curves are found as flat pieces, and round_pieces.h computes the entry point; tracing takes
+// 20 to 27 % less time (tests/bench/cycles/ball.toml, with film.curve_pieces = 0 and without). Oriented
+// ribbons twist along their length and stay cubics.
 //
-// More pieces have a larger tree, and each motion key makes it larger and its boxes looser. Against the cubic:
+// More pieces need a larger BVH, and each motion key makes it larger and its boxes looser. Relative to the
+// cubic:
 //                                               pieces  tracing   BVH's time   peak memory
 //   grass of scenes/default.toml, at rest          2     -13 %       +2 %         -5 %
 //                                                  3      -3 %      +43 %        +19 %
@@ -19,22 +21,28 @@
 //                                                  4     -17 %      +60 %        +15 %
 //   the same in wind, 2 motion keys                2     -17 %      +12 %        +28 %
 //   the same in more wind, 5 keys                  2       0         -9 %        +53 %
-// so most_that_pay() is 3 for ribbons and 4 for round fibres, half of that with two keys, 1 with more. A ribbon's third costs in the
-// tree what it gains at a few samples a pixel; with more of them it is ahead. Round pieces also make each hit in the scene wait for a
-// filter: among many more ribbons, the grass and stalks of scenes/default.toml, tracing took 6 % longer. They are used where they
-// are at least half of the segments.
+// Therefore most_that_pay() is 3 for ribbons and 4 for round curves, half of that with two keys, 1 with more.
+// A ribbon's third piece costs as much BVH time as it saves at a few samples per pixel, and wins with more
+// samples. Round pieces also need a filter for every hit in the scene: among many more ribbons, the grass and
+// stalks of scenes/default.toml, tracing took 6 % longer. They are used if they are at least half of the
+// segments.
 //
-// Ribbons, measured on the hairy ball of tests/bench/cycles with two and with three pieces: the whole picture's brightness is within
-// 0.02 % of the cubic's with 10,000 strands, 0.11 with 100,000, 0.16 with 1,000,000. But Embree ends them in half a disc turned to the
-// ray, which of a thick strand seen end on shows where the cubic shows nothing: direct light of the sun by itself is 0.8 % darker with
-// 10,000 (1.1 with eight pieces; 0.3 where strands are thin at both ends), 0.3 with 100,000, the same with 1,000,000.
-// film.curve_pieces = 0 avoids it.
-// Round: of a cubic that a ray starts in, where strands overlap, it meets the inside; of pieces nothing. The ball of scenes/golden/fur.toml
-// with hair is 0.6 % brighter by that, and 0.1 (direct light) to 0.4 % by two pieces a segment; with four 0.05 %.
+// Bias of ribbons, measured on the hairy ball of tests/bench/cycles with two and with three pieces: the mean
+// brightness is within 0.02 % of the cubic's with 10,000 strands, 0.11 with 100,000, 0.16 with 1,000,000. But
+// Embree caps a strand's pieces with a half disc that faces the ray. On a thick strand seen end-on it is
+// visible where the cubic is not: the sun's direct light alone is 0.8 % darker with 10,000 (1.1 with eight
+// pieces; 0.3 if strands are thin at both ends), 0.3 with 100,000, the same with 1,000,000. film.curve_pieces
+// = 0 avoids it.
 //
-// Between parameters 1/n apart, where its second derivative goes from a to b, a cubic leaves its chord at the share u of the way by
+// Bias of round curves: where strands overlap, a ray that starts inside a cubic hits its far side, but inside
+// pieces it hits nothing. This makes the ball of scenes/golden/fur.toml with hair 0.6 % brighter. Two pieces
+// per segment add 0.1 (direct light) to 0.4 %, four 0.05 %.
+//
+// Between parameters 1/n apart, with second derivatives a and b at its ends, a cubic's distance from its
+// chord at the fraction u is
 //   u (1 - u) |(2 - u) a + (1 + u) b| / (6 n^2) <= max(|2 a + b|, |a + 2 b|) / (24 n^2) ,
-// most on the first or last of the n pieces. Its radius leaves the linear one likewise: all four components count.
+// largest on the first or last of the n pieces. The radius deviates from a linear one in the same way, so all
+// four components are included.
 #pragma once
 
 #include "core/math/vec.h"
@@ -47,10 +55,9 @@
 
 namespace marram {
 
-constexpr uint32_t most_pieces =
-    4; // as Embree's own of a cubic; a segment that would need more is traced as that
+constexpr uint32_t most_pieces = 4; // as many as Embree's own of a cubic; curves that need more stay cubics
 
-// Curves lie as MarramPatchBuffers says: cvs + 2 vertices of x, y, z, radius each.
+// Vertices laid out as in MarramPatchBuffers: cvs + 2 vertices (x, y, z, radius) per curve.
 struct CurveVertices {
     const float* vertices;
     size_t curves;
@@ -58,7 +65,8 @@ struct CurveVertices {
     MarramBasis basis;
 };
 
-// What a chord may be off by at a point: half of the tolerance (metres), and a quarter of a pixel seen from the camera.
+// Largest chord error allowed at a point: the smaller of half the tolerance (metres) and a quarter of a pixel
+// as seen from the camera.
 struct ChordLimit {
     double tolerance, pixel_angle;
     Vec3d camera;
@@ -66,33 +74,36 @@ struct ChordLimit {
     double squared_at(const Vec3d& point) const;
 };
 
-// [n - 1]: how far n pieces a segment are off, over the limit; a bound, and infinite where the limit is 0.
+// [n - 1]: bound of the error of n pieces per segment, divided by the limit; infinite if the limit is 0.
 using ChordErrors = std::array<double, most_pieces>;
 
 ChordErrors greater_of(const ChordErrors& a, const ChordErrors& b);
 
-// Raises `errors` to the greatest over all segments. About 40 ns a segment.
+// Raises `errors` to the largest over all segments. About 40 ns per segment.
 void add_chord_errors(const CurveVertices& curves, const ChordLimit& limit, ChordErrors& errors);
 
-// The most pieces that are still traced faster than the cubic, or as fast in less memory; keys: of motion, at least 1. See above.
+// The most pieces that trace faster than the cubic, or as fast in less memory (see above). keys: motion keys,
+// at least 1.
 uint32_t most_that_pay(MarramShape shape, size_t keys);
 
-// The fewest pieces, up to `most`, that keep to the limit everywhere; 0: the cubic.
+// The fewest pieces, up to `most`, that are within the limit everywhere; 0: trace the cubic.
 uint32_t pieces_for(const ChordErrors& errors, uint32_t most);
 
-// A straight piece's ends: x, y, z, radius.
+// Ends of a straight piece: x, y, z, radius.
 struct Chord {
     Vec4d begin, end;
 };
 
 Chord chord_of(const Eigen::Matrix4d& segment, MarramBasis basis, uint32_t piece,
-               uint32_t pieces); // segment: a column a vertex
+               uint32_t pieces); // segment: a column per vertex
 
-// The share by which a strand's first piece begins later and its last one ends earlier: Embree closes them with half a disc, which
-// thus ends where the strand does. Of the first motion key, so that ends stay on straight lines between keys.
+// Fraction by which a strand's first piece starts later and its last one ends earlier. Embree caps them with
+// half a disc, which thus ends where the strand does. Taken at the first motion key, so that ends move
+// linearly between keys.
 double end_share(const Chord& at_first_key, bool tip);
 
-// The pieces' vertices at a motion key: (cvs - 1) * pieces + 1 of 4 floats for each curve. first_key: the same curves' vertices there.
+// Writes the pieces' vertices at a motion key: (cvs - 1) * pieces + 1 of 4 floats per curve. first_key: the
+// same curves' vertices at the first key.
 void write_pieces(const CurveVertices& curves, const float* first_key, uint32_t pieces, float* out);
 
 } // namespace marram

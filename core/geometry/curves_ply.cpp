@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curves in PLY files: see polylines.h for what is read.
+// Reads curves from PLY files; polylines.h says what is supported.
 #include "core/geometry/curves_ply.h"
 
 #include "core/geometry/mesh_reader.h"
@@ -70,8 +70,8 @@ class PlyCurves {
     PlyFile file_;
     bool with_columns_;
     PlyCurvesContent content_;
-    std::vector<int64_t> ids_;                        // one a vertex, where there are
-    std::vector<std::array<uint32_t, 2>> neighbours_; // of each vertex, where there are edges
+    std::vector<int64_t> ids_;                        // [vertex], if there are ids
+    std::vector<std::array<uint32_t, 2>> neighbours_; // [vertex], if there are edges
 };
 
 void PlyCurves::check_header() const {
@@ -111,7 +111,7 @@ int64_t PlyCurves::read_id(const PlyProperty& property) {
     const double value = file_.read_number(property, property.type);
     if (!std::isfinite(value))
         file_.fail(fmt::format("\"{}\" is not a finite number", property.name), "write a finite number");
-    if (value != std::floor(value) || std::fabs(value) > 4294967295.0) // ascii may say anything
+    if (value != std::floor(value) || std::fabs(value) > 4294967295.0) // ascii numbers can be anything
         file_.fail(fmt::format("\"{}\" is {}", property.name, value), "write a whole number of 32 bits");
     return int64_t(value);
 }
@@ -158,7 +158,7 @@ void PlyCurves::read_vertices(const PlyElement& element) {
     }
 }
 
-// One entry a curve.
+// One entry per curve.
 void PlyCurves::read_entries(const PlyElement& element) {
     if (content_.has_entries)
         file_.fail_header("has an element \"strand\" and an element \"curve\"", "keep one of them");
@@ -218,7 +218,7 @@ void PlyCurves::read_edges(const PlyElement& element, uint64_t vertex_count) {
     }
 }
 
-// From an end, or around a ring. What has been walked has no neighbours any more.
+// Follows the edges from an end, or around a ring. Removes the neighbours of visited vertices.
 void PlyCurves::walk(uint32_t begin) {
     const bool closed = neighbours_[begin][1] != nobody;
     uint32_t from = nobody, at = begin;
@@ -236,7 +236,7 @@ void PlyCurves::walk(uint32_t begin) {
 void PlyCurves::along_edges() {
     for (uint32_t v = 0; v < neighbours_.size(); ++v) // ends: one neighbour
         if (neighbours_[v][0] != nobody && neighbours_[v][1] == nobody) walk(v);
-    for (uint32_t v = 0; v < neighbours_.size(); ++v) // what is left are rings
+    for (uint32_t v = 0; v < neighbours_.size(); ++v) // the rest are rings
         if (neighbours_[v][0] != nobody) walk(v);
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What PLY files hold of curves, whoever wants it: polylines (polylines.h) or strands (strand_file.h).
+// Curves in PLY files, for polylines (polylines.h) and strands (strand_file.h).
 #pragma once
 
 #include "core/geometry/ply_file.h"
@@ -17,25 +17,26 @@ struct PlyColumn {
     std::string name;
     PlyScalar type = PlyScalar::float32;
     std::vector<float> values;
-    uint64_t folded = 0; // whole numbers that a float would round (whole_as_float)
+    uint64_t folded = 0; // integers that a float would round (whole_as_float)
 };
 
 struct PlyCurvesContent {
     std::vector<Vec3d> points;          // of the file's vertices
-    std::vector<PlyColumn> of_vertices; // what else they have
-    // Curve c goes through the vertices order[first[c]] ... order[first[c + 1] - 1], and back to the first where it is closed.
+    std::vector<PlyColumn> of_vertices; // their other properties
+    // Curve c connects the vertices order[first[c]] ... order[first[c + 1] - 1], and back to the first if it
+    // is closed.
     std::vector<uint32_t> order;
     std::vector<uint64_t> first{0};
     std::vector<char> closed;
-    std::vector<int64_t> ids; // of curves, where vertices say whose they are
+    std::vector<int64_t> ids; // of curves, if vertices have curve ids
     // The element "strand" or "curve".
     bool has_entries = false;
     uint64_t entries = 0;
-    std::vector<int64_t> entry_ids; // empty, or one an entry
+    std::vector<int64_t> entry_ids; // empty, or one per entry
     std::vector<PlyColumn> of_entries;
 };
 
-// with_columns: with what is not needed to draw them.
+// with_columns: also reads of_vertices and the element "strand" or "curve".
 PlyCurvesContent read_ply_curves(const std::string& file, std::string_view bytes, bool with_columns);
 
 } // namespace marram

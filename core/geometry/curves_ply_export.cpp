@@ -16,7 +16,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little);
 
-// An attribute that some of the geometries have; the others' values are 0.
+// An attribute of some of the geometries; 0 for the others.
 struct PlyAttribute {
     std::string name;
     uint32_t components = 1;
@@ -98,7 +98,7 @@ void PlyCurvesWriter::write_header() {
         throw InputError({path_}, fmt::format("{} curves, .ply holds 2147483647", strands), "write .usda");
     gather(MARRAM_PER_CV, of_cvs_);
     gather(MARRAM_PER_CURVE, of_curves_);
-    // What a reader would take for something else.
+    // Names that a reader would take for something else.
     std::set<std::string> of_vertex = {"x",         "y",        "z",  "width", "radius", "thickness",
                                        "strand_id", "curve_id", "nx", "ny",    "nz"},
                           of_strand = {"width", "radius", "thickness", "strand_id", "curve_id"};

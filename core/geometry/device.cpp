@@ -21,13 +21,13 @@ void on_device_error(void* user, RTCError code, const char* text) {
 
 std::shared_ptr<RTCDeviceTy> make_device(std::shared_ptr<DeviceErrors>& errors) {
     errors = std::make_shared<DeviceErrors>();
-    // Tasks run in whatever arena calls; Embree must not start threads of its own or bind ours to cores.
+    // Embree's tasks run in the caller's arena; it must not start its own threads or pin ours to cores.
     RTCDevice device = rtcNewDevice("set_affinity=0,start_threads=0");
     if (!device) {
         const RTCError code = rtcGetDeviceError(nullptr);
         if (code == RTC_ERROR_UNSUPPORTED_CPU)
             throw InputError({"embree"}, "Embree does not run on this processor", "use one that has SSE2");
-        throw std::bad_alloc(); // for all that it allocates: memory, and stacks of threads
+        throw std::bad_alloc(); // otherwise it lacks memory, possibly for threads' stacks
     }
     rtcSetDeviceErrorFunction(device, on_device_error, errors.get());
     return {device, [errors](RTCDevice d) { rtcReleaseDevice(d); }};

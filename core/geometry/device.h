@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Embree's device and what goes wrong with it.
+// Embree's device and its errors.
 #pragma once
 
 #include "core/plugin/embree.h"
@@ -10,19 +10,19 @@
 
 namespace marram {
 
-struct DeviceErrors { // the first one
+struct DeviceErrors { // only the first error
     std::mutex lock;
     RTCError code = RTC_ERROR_NONE;
     std::string text;
 };
 
-// A device whose errors go to `errors`, which lives as long as it. Throws InputError, and std::bad_alloc.
+// A device that reports errors to `errors`, and keeps it alive. Throws InputError and std::bad_alloc.
 std::shared_ptr<RTCDeviceTy> make_device(std::shared_ptr<DeviceErrors>& errors);
 
-// As if nothing had been reported.
+// Clears the reported error.
 void forget(DeviceErrors& errors);
 
-// Throws what was reported: InputError, or Cancelled.
+// Throws the reported error, if any: InputError or Cancelled.
 void raise(DeviceErrors& errors);
 
 } // namespace marram

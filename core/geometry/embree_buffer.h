@@ -7,7 +7,7 @@
 
 namespace marram {
 
-// Embree reads up to 16 bytes past the end of a shared buffer. T has 8 bytes at least.
+// Embree reads up to 16 bytes past the end of a shared buffer: two spare elements of 8 bytes or more.
 template <typename T>
 std::vector<T> embree_buffer(size_t size) {
     static_assert(sizeof(T) >= 8);
@@ -17,7 +17,8 @@ std::vector<T> embree_buffer(size_t size) {
     return buffer;
 }
 
-// The first component of elements that may be none at all: a mesh without vertices has no normals' memory.
+// Pointer to the first component; nullptr if there are no elements, such as the normals of a mesh without
+// vertices.
 template <class Elements>
 auto components(Elements& elements) {
     return elements.data() ? elements.data()->data() : nullptr;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Names in files that other programs read.
+// Names in exported files.
 #pragma once
 
 #include <set>
@@ -7,7 +7,7 @@
 
 namespace marram {
 
-// A name that USD and PLY take as an identifier and OBJ as one word, and that nobody else has.
+// A name that is an identifier in USD and PLY and one word in OBJ, and that is not in `taken`.
 std::string unique_name(const std::string& name, const char* fallback, std::set<std::string>& taken);
 
 } // namespace marram

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the writers of curves share; nobody else needs it.
+// Shared by the writers of curves only.
 #pragma once
 
 #include "core/geometry/world.h"
@@ -29,10 +29,10 @@ void for_each_cv(const CurveGeometry& geometry, Visit visit) {
     }
 }
 
-// Throws InputError for curves that no file could hold: not made, too short, not finite.
+// Throws InputError for curves that cannot be written: not made, too short, not finite.
 void check_curves(const std::string& path, std::span<const CurveGeometry> curves);
 
-// Text on its way into a file.
+// Buffered text output to a file.
 class ExportText {
   public:
     explicit ExportText(const std::string& path) : path_(path), file_(path) {
@@ -43,7 +43,7 @@ class ExportText {
         fmt::format_to(std::back_inserter(buffer_), format, std::forward<Values>(values)...);
         if (buffer_.size() >= chunk_bytes) flush();
     }
-    // Adds all of another that is to be no file of its own, and is never committed.
+    // Appends the text of `other`, which serves as a temporary file and is never committed.
     void add_all_of(ExportText& other);
     void commit() {
         flush();
@@ -51,7 +51,7 @@ class ExportText {
     }
 
   private:
-    static constexpr size_t chunk_bytes = size_t(1) << 16; // of text gathered before it is written
+    static constexpr size_t chunk_bytes = size_t(1) << 16; // gathered before it is written
     void flush() {
         file_.write(buffer_.data(), buffer_.size());
         buffer_.clear();

@@ -12,7 +12,7 @@ bool depends_on(const Procedural& procedural, const Procedural& other) {
 
 namespace {
 
-// Depth first. What is open when it is met again is a ring.
+// Depth-first search. A procedural that is reached again while open closes a cycle.
 class Sort {
   public:
     explicit Sort(std::span<const std::unique_ptr<Procedural>> procedurals)
@@ -90,13 +90,13 @@ std::vector<size_t> order_of(std::span<const std::unique_ptr<Procedural>> proced
 
 void update_procedurals(std::span<const std::unique_ptr<Procedural>> procedurals, std::span<const Item> items,
                         const ParamSet& wind, GeometryChanges& changes) {
-    // The graph is that of the new values.
+    // The graph depends on the new values.
     for (size_t i = 0; i < procedurals.size(); ++i) {
         const uint32_t before = procedurals[i]->roles;
         procedurals[i]->look_at(items[i], wind);
         if (procedurals[i]->roles != before) changes[procedurals[i]->name()] |= MARRAM_EVERYTHING;
     }
-    // What has changed is remembered by all that depend on it before anybody can object.
+    // Every dependent remembers the changes first, so that they survive if a procedural throws.
     const auto tell = [&](const std::string& name, uint32_t change) {
         const auto made = std::ranges::find(procedurals, name, [](const auto& p) { return p->name(); });
         for (const auto& procedural : procedurals) {

@@ -54,7 +54,7 @@ void write_height_png(const std::string& path, const MeshGeometry& mesh) {
     const GridValues& height = mesh.grids[0];
     GridPlacement placement = placement_of(height.grid);
     const auto [low, high] = std::ranges::minmax(height.values);
-    placement.range = {double(low), high > low ? double(high) : double(low) + 1.0}; // level: all 0
+    placement.range = {double(low), high > low ? double(high) : double(low) + 1.0}; // flat: all 0
     constexpr double most = 65535.0;
     const double steps = most / (placement.range.y() - placement.range.x());
     std::vector<uint16_t> pixels(height.values.size());
@@ -83,7 +83,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little);
 
-// Bytes of one row after the other, on their way into a file.
+// Buffered binary output to a file, row by row.
 class PlyRows {
   public:
     explicit PlyRows(AtomicFile& file) : file_(file) { buffer_.reserve(chunk + most_row); }

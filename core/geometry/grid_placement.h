@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the pixels of a file of heights lie, and what they mean: metadata that bake writes and that images given to procedurals may carry.
+// Placement and value range of height images: metadata that bake writes and that images given to procedurals
+// may have.
 //
 //   marram:cell                       metres from sample to sample
 //   marram:center_x, marram:center_z  metres: the middle of the samples
 //   marram:size_x, marram:size_z      metres: samples times cell, so that pixel centres lie on samples
 //   marram:range_low, marram:range_high  metres: heights of the values 0 and 1
 //
-// EXR has them as attributes, PNG as texts (tEXt). TIFF has one text, ImageDescription: a line "key value" for each.
+// EXR stores them as attributes, PNG as texts (tEXt), TIFF as lines "key value" in ImageDescription.
 #pragma once
 
 #include "core/image/image.h"
@@ -27,8 +28,8 @@ struct GridPlacement {
 std::vector<Metadata> metadata_of(const GridPlacement& placement, const std::string& mesh);
 std::string description_of(std::span<const Metadata> metadata); // for TIFF
 
-// What a file says of it; each is nothing where the file does not say all of it. Throws InputError, which names the file, for what is said
-// but cannot be: numbers that are not finite, a size that is not above 0.
+// Placement read from a file; a member is empty unless the file has both of its values. Throws InputError,
+// which names the file, for invalid values: numbers that are not finite, a size that is not above 0.
 struct FilePlacement {
     std::optional<Vec2d> center, size, range;
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The header of Cem Yuksel's HAIR files, as it stands in them. A strand has segments + 1 points.
+// Header of Cem Yuksel's HAIR files, byte for byte. A strand has segments + 1 points.
 #pragma once
 
 #include <bit>

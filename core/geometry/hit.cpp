@@ -1,48 +1,49 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where a ray has hit, and from where the next may start.
+// Computes points at hits, and rays that leave them.
 //
-// Embree returns t with an error that grows with the distance, so positions are recomputed in double from
-// what it says of the primitive: barycentrics, or the parameter u of the curve C(u) of radius r(u), at the
-// ray's time (vertices are linear between the time steps, as in Embree). What remains is the difference
+// Embree returns t with an error that grows with the distance. Positions are therefore recomputed in double
+// from the hit's primitive coordinates: barycentrics, or the parameter u of the curve C(u) of radius r(u), at
+// the ray's time (vertices are linear between the time steps, as in Embree). What remains is the difference
 // between this point and the surface that Embree's float arithmetic sees; `error` bounds it along the normal.
-// With U = 2^-23, c the greatest coordinate and l the extent of the primitive:
+// With U = 2^-23, c the largest coordinate and l the extent of the primitive:
 //
-//   triangle  c U (the origin is rounded to float, vertices are interpolated in float) + l U q. Embree decides
-//             t > 0 by the sign of (v0 - o) . (e1 x e2), whose rounding is U l |e1| |e2|; over |e1 x e2| that
-//             is a distance, hence q = |e1| |e2| / |e1 x e2|, large for slivers.
+//   triangle  c U (the origin is rounded to float, vertices are interpolated in float) + l U q. Embree
+//             decides t > 0 by the sign of (v0 - o) . (e1 x e2), with rounding error U l |e1| |e2|.
+//             Divided by |e1 x e2| that is a distance, hence q = |e1| |e2| / |e1 x e2|, large for slivers.
 //   curves    c U + 64 l U: Newton's iteration in Embree stops at residuals of a few times 16 U l.
-//   round     besides, 4 l r U / 1 m: its error estimate adds lengths to products of lengths, which shows in
-//             huge scenes.
-//   pieces    round: besides, 2 c U: corners are rounded to float, each by itself, so that straight strands bend a little.
-//   ribbons   Embree draws a segment as 4 quadrilaterals. Points lie on these, not on C(u), which is up to |C''| (1/4)^2 / 8 off,
-//             always on the same side of the bend: paths of many bounces would drift that way. (A million ribbons that
-//             absorb nothing on a black ball sent back 2 % more light by it.)
+//   round     plus 4 l r U / 1 m: Embree's error estimate adds lengths to products of lengths, which matters
+//             in huge scenes.
+//   pieces    round: plus 2 c U: each corner is rounded to float separately, so straight strands bend a bit.
+//   ribbons   Embree draws a segment as 4 quadrilaterals. Points lie on these, not on C(u). C(u) is up to
+//             |C''| (1/4)^2 / 8 off, always on the same side of the bend, so paths of many bounces would
+//             drift that way: a million ribbons without absorption on a black ball reflected 2 % more.
 //
-// The origin moves along the geometric normal by that error, times a margin, to the side of the new
-// direction; a ray that leaves a plane or a convex surface from there sees it behind it at any angle. Two
-// cases need more. Let T be the tangent, w = position - axis, a = |d - (T.d) T|^2 = sin^2 of the angle
-// between ray and fibre, b = -w.d.
+// The origin is offset along the geometric normal by that error, times a margin, to the side of the new
+// direction. From there a ray cannot hit the same plane or convex surface again, at any angle. Two cases need
+// more. Let T be the tangent, w = position - axis, a = |d - (T.d) T|^2 = sin^2 of the angle between ray and
+// fibre, b = -w.d.
 //
-//   Through a round fibre (b > 0), a cone of slope r' = dr / dlength. The ray is e beyond its far side where
+//   The ray passes through a round fibre (b > 0), a cone of slope r' = dr / dlength. It is e behind it where
 //     |w + s d_perp| = r + e + g s, g = r' (T.d):
 //     s = (B + sqrt(B^2 + A (2 r e + e^2))) / A,   A = a - g^2,   B = b + g (r + e).
-//   Over the length x = s |T.d| along the axis the fibre bends away by k x^2 / 2 (curvature k), so e starts
-//   as the error and grows by that, three times over, to no more than r: a fibre that has bent away by its own radius is met there
-//   rightly. s becomes tnear; the origin stays.
+//   Over the length x = s |T.d| along the axis the fibre bends away by k x^2 / 2 (curvature k). So e starts
+//   as the error and is increased by that in three iterations, to at most r: if the fibre has bent away by
+//   its own radius, a hit there is correct. s becomes tnear; the origin stays.
 //
-//   Leaving a camera-facing ribbon. It turns towards the new ray, and the point, off the axis by |w| <= r,
-//   finds it again where the ray passes the axis: of the points C + x T, the one that the ray from C + w
-//   meets in projection along d has x a = -(T.d)(w.d), at depth t = x (T.d) - w.d = -(w.d) / a <= r / sin.
+//   The ray leaves a camera-facing ribbon. The ribbon turns towards the new ray, and the point, off the axis
+//   by |w| <= r, is hit again where the ray passes the axis: of the points C + x T, the ray from C + w meets
+//   (in projection along d) the one with x a = -(T.d)(w.d), at depth t = x (T.d) - w.d = -(w.d) / a <= r/sin.
 //   tnear is that, with the same allowance for the bend, plus the error over sin. For w.d > 0 it lies behind.
-//   With straight pieces or quadrilaterals of length p, the tangent at the hit differs from the piece's by up to k p / 2, and beyond
-//   the next corner the pieces turn on: the bend is no more than k x (x + p) / 2. Quadrilaterals' corners are cut across the cubic's
-//   tangents, which turns their ends by as much: there x is no less than r / sin.
-//   Straight pieces have a disc of radius r at each corner besides, turned to the ray, too: it is met at t' = t + (x' - x)(T.d)
-//   by a ray that passes the axis at the distance m, m^2 = |w|^2 - (w.d)^2 / a, where the corner's |x' - x| <= sqrt((r^2 - m^2) / a).
-//   tnear is that of the last such corner.
+//   With straight pieces or quadrilaterals of length p, the tangent at the hit differs from the piece's by up
+//   to k p / 2, and beyond the next corner the pieces turn further: the bend is at most k x (x + p) / 2. The
+//   ends of quadrilaterals are cut across the cubic's tangents, which turns them by as much: there x is at
+//   least r/sin.
+//   Straight pieces also have a disc of radius r at each corner, which faces the ray, too. A ray that passes
+//   the axis at the distance m, m^2 = |w|^2 - (w.d)^2 / a, hits it at t' = t + (x' - x)(T.d) if the corner's
+//   |x' - x| <= sqrt((r^2 - m^2) / a). tnear is that of the last such corner.
 //
 // Embree's assertions abort on rays that are not finite or whose tnear or time is out of range: valid() is
-// asked before every call.
+// called before every trace.
 #include "core/geometry/hit.h"
 
 #include "core/geometry/cubic.h"
@@ -62,10 +63,9 @@ constexpr double margin = 2.0;         // measured: tests/unit/render/test_spawn
 constexpr double curve_residual =
     64.0; // Newton's tolerance in Embree is 16, and it may stop on both sides of a surface
 constexpr double huge_residual = 4.0;  // 1/m
-constexpr double piece_residual = 2.0; // their corners are rounded to float, each by itself
+constexpr double piece_residual = 2.0; // each corner is rounded to float separately
 constexpr uint32_t ribbon_pieces = 4;  // Embree's default tessellation rate
-constexpr double least_sine =
-    1e-4; // a ray closer to the fibre's direction than that, 1 in 1e8, may meet it again
+constexpr double least_sine = 1e-4;    // a ray at a smaller angle to the fibre, 1 in 1e8, may hit it again
 
 double greatest(const Vec3d& v) { return v.cwiseAbs().maxCoeff(); }
 
@@ -162,7 +162,7 @@ void set_triangle(const MeshGeometry& mesh, uint32_t triangle, const Vec2f& bary
     point.light = mesh.light;
 }
 
-// A direction across the fibre for a ray along it.
+// Some direction across the fibre, for a ray along it.
 Vec3d any_across(const Vec3d& tangent) {
     Vec3d a, b;
     orthonormal_basis(tangent, a, b);
@@ -190,8 +190,9 @@ Vec3d across_ray(const Vec3d& tangent, const Vec3d& direction) {
     return sine > least_sine * least_sine ? Vec3d(across / sine) : any_across(tangent);
 }
 
-// The flat ribbon's normal is the direction to the ray's origin, made perpendicular to the tangent. Where across it the hit is, only
-// the ray says: Embree's v is of the two triangles that a quadrilateral is cut into, no share of the width where that changes.
+// The normal of a flat ribbon is the direction to the ray's origin, made perpendicular to the tangent. The
+// offset across the ribbon is computed from the ray. Embree's v does not give it: v refers to the two
+// triangles of a quadrilateral and is not a fraction of the width if the width varies.
 void set_ribbon(const Vec3d& seen, const Vec3d& side, const CurvePoint& c, const Vec3d& tangent,
                 SurfacePoint& point) { // c.value: on the quadrilateral
     const double radius = c.value[3];
@@ -210,12 +211,12 @@ void set_oriented(const Vec3d& seen, const Vec3d& facing, const Control<4>& cont
     const double width2 = across.value.squaredNorm();
     const double v = width2 > 0.0 ? std::clamp((seen - c.axis()).dot(across.value) / width2, -1.0, 1.0) : 0.0;
     const Vec3d w = v * across.value;
-    // Where the width is 0, at an end, the way it comes from or goes to.
+    // At an end where the width is 0: the direction in which the ribbon opens.
     const Vec3d over = width2 > 0.0 ? across.value : u < 0.5 ? across.first : Vec3d(-across.first);
     Vec3d normal = (c.first.head<3>() + v * across.first).cross(over).normalized();
     point.shape = PointShape::oriented_ribbon;
     if (!w.allFinite() || !normal.allFinite() ||
-        normal.isZero()) { // handed normals along the strand: Embree's guess, if it has one
+        normal.isZero()) { // given normals are along the strand: use Embree's, if there is one
         normal = point.normal.isZero() || !point.normal.allFinite() ? facing : point.normal.cast<double>();
         point.from_axis = (seen - c.axis()).cast<float>();
         point.position = seen;
@@ -227,7 +228,8 @@ void set_oriented(const Vec3d& seen, const Vec3d& facing, const Control<4>& cont
     point.normal = point.geometric_normal;
 }
 
-// Where on a straight piece, the way along all of it, and shares of that: where the hit is and where what is traced begins and ends.
+// A point on a straight piece, and the chord of the whole piece. along, begin, end: fractions of the chord,
+// at the hit and at the ends of the traced part.
 struct PiecePoint {
     Vec4d value = Vec4d::Zero();
     Vec3d chord = Vec3d::Zero();
@@ -235,7 +237,7 @@ struct PiecePoint {
     double u = 0.0; // of the segment
 };
 
-// On one of the quadrilaterals of a ribbon's segment.
+// The point on one of the quadrilaterals of a ribbon's segment.
 PiecePoint quadrilateral_at(const Control<4>& control, MarramBasis basis, double u) {
     const double piece = std::max(0.0, std::min(ribbon_pieces - 1.0, std::floor(u * ribbon_pieces)));
     const Chord whole = chord_of(control, basis, static_cast<uint32_t>(piece), ribbon_pieces);
@@ -244,7 +246,7 @@ PiecePoint quadrilateral_at(const Control<4>& control, MarramBasis basis, double
     return {.value = whole.begin + along * way, .chord = way.head<3>(), .along = along, .u = u};
 }
 
-// A piece of a strand's segment; u: share of what is traced of it.
+// The point on a piece of a strand's segment; u: fraction of the traced part.
 PiecePoint piece_at(const CurveGeometry& curves, const Control<4>& control, size_t first_vertex,
                     uint32_t segment, uint32_t piece, double u) {
     const auto chord = [&](const Control<4>& at) { return chord_of(at, curves.basis, piece, curves.pieces); };
@@ -262,10 +264,10 @@ PiecePoint piece_at(const CurveGeometry& curves, const Control<4>& control, size
     return {whole.begin + along * way, way.head<3>(), along, begin, end, (piece + along) / curves.pieces};
 }
 
-// A flat piece turns to each ray as the ribbon does.
+// A flat piece faces each ray, as the ribbon does.
 void set_ribbon_piece(const Vec3d& seen, const Vec3d& direction, const PiecePoint& piece,
                       const Vec3d& tangent, SurfacePoint& point) {
-    const double length = point.piece, radius = std::abs(piece.value[3]); // splines may swing below 0
+    const double length = point.piece, radius = std::abs(piece.value[3]); // splines may undershoot 0
     const Vec3d along = length > 0.0 ? Vec3d(piece.chord / length) : tangent;
     const Vec3d across = across_ray(along, direction), axis = piece.value.head<3>();
     const Vec3d w = std::clamp((seen - axis).dot(across), -radius, radius) * across;
@@ -276,8 +278,9 @@ void set_ribbon_piece(const Vec3d& seen, const Vec3d& direction, const PiecePoin
     point.normal = point.geometric_normal;
 }
 
-// A round piece is a cone with a ball at either end, and shaded as such: by the curve's own normals, light that goes to one side by
-// them and to the other by the piece would be lost, a hundredth of all. Where the bend at a corner would be seen there are more pieces.
+// A round piece is a cone with a ball at each end, and is shaded as such. With the curve's own normals, 1 %
+// of the light would be lost, in directions that are on different sides of the curve and of the piece.
+// Segments whose bends at the corners would be visible have more pieces.
 void set_round_piece(const Vec3d& seen, const PiecePoint& piece, const Vec3d& tangent, float along,
                      SurfacePoint& point) {
     const double length = point.piece, radius = std::abs(piece.value[3]);
@@ -310,7 +313,7 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     }
     const size_t first = layout.first_vertex(point.strand) + segment;
     const Control<4> control = control_of<4>(curves.vertices, first, ray.time);
-    const float hit_u = std::clamp(hit.u, 0.0F, 1.0F); // seen end on, Embree's may be beyond
+    const float hit_u = std::clamp(hit.u, 0.0F, 1.0F); // seen end-on, Embree's may be outside
     PiecePoint straight;
     if (curves.pieces > 0)
         straight = piece_at(curves, control, first, segment, piece, hit_u);
@@ -320,7 +323,7 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     const double u = cubic ? static_cast<double>(hit_u) : straight.u;
     CurvePoint c = curve_at(control, cubic_basis(curves.basis, u));
     if (!cubic) c.value = straight.value;
-    if (c.value[3] < 0.0) { // splines may swing below 0: the width is what it would be above
+    if (c.value[3] < 0.0) { // splines may undershoot 0: use the absolute width
         c.value[3] = -c.value[3];
         c.first[3] = -c.first[3];
     }
@@ -368,16 +371,17 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     point.light = -1;
 }
 
-// How much farther a ray goes to the last corner of a ribbon's straight pieces that it meets, for names see leave_fibre.
+// Additional distance to the last disc, at a corner of a ribbon's straight pieces, that the ray hits. Names
+// as in leave_fibre.
 double beyond_corner(const SurfacePoint& point, double along, double a, double b) {
     const double w2 = point.from_axis.cast<double>().squaredNorm(), least = std::max(0.0, w2 - b * b / a);
     const double passed = b * along / a, k = std::abs(point.taper);
     const double r = point.radius + k * std::abs(passed) + margin * point.error;
-    // a reach^2 + m^2 = (r + k reach)^2: the radius may grow on the way.
+    // a reach^2 + m^2 = (r + k reach)^2: the radius may grow along the ray.
     const double cone = std::max(a - k * k, least_sine * least_sine);
     const double reach = (r * k + std::sqrt(r * r * k * k + cone * std::max(0.0, r * r - least))) / cone;
-    // Places along the fibre, from the hit towards where the ray goes: the farthest corner that the ray can reach. Those of this
-    // piece are known, others are taken to lie as far apart.
+    // Positions along the fibre, from the hit in the direction of the ray. Finds the farthest corner within
+    // reach. The corners of this piece are known; others are assumed to be as far apart.
     const bool onwards = along > 0.0;
     const double next = onwards ? point.to_end : point.to_begin,
                  previous = -static_cast<double>(onwards ? point.to_begin : point.to_end);
@@ -388,7 +392,7 @@ double beyond_corner(const SurfacePoint& point, double along, double a, double b
     return corner >= from - reach ? std::max(0.0, (corner - from) * std::abs(along)) : 0.0;
 }
 
-// How far along d a fibre is left behind (head of this file).
+// Distance along d at which the ray has left the fibre (head of this file).
 double leave_fibre(const SurfacePoint& point, const Vec3d& d, double error) {
     const Vec3d tangent = point.tangent.cast<double>();
     const double along = tangent.dot(d), b = -point.from_axis.cast<double>().dot(d), r = point.radius;
@@ -401,7 +405,8 @@ double leave_fibre(const SurfacePoint& point, const Vec3d& d, double error) {
         return (turned + std::sqrt(turned * turned + cone * (2.0 * r * e + e * e))) / cone;
     };
     double s = distance(error);
-    // A quadrilateral's ends are cut across its own tangents, not this point's: even without a way the bend over its width counts.
+    // The ends of a quadrilateral are cut across the tangents there, not at this point: even for x = 0 the
+    // bend over its width counts.
     const bool drawn = point.shape == PointShape::ribbon && !point.joints;
     const double least = drawn ? r * over_sine : 0.0;
     for (int i = 0; i < 3; ++i) {
@@ -409,7 +414,7 @@ double leave_fibre(const SurfacePoint& point, const Vec3d& d, double error) {
         s = distance(error + std::min(0.5 * point.curvature * x * (x + point.piece), r));
     }
     if (point.joints && point.piece > 0.0F) s += beyond_corner(point, along, a, b);
-    return std::min(s, 1e12); // a bend tighter than the radius: the ray is lost, but stays finite
+    return std::min(s, 1e12); // bend tighter than the radius: the ray is lost, but stays finite
 }
 
 } // namespace
@@ -524,7 +529,7 @@ Ray spawn_towards(const SurfacePoint& point, const Vec3d& target, double target_
     Ray ray = spawn(point, (target - point.position).normalized().cast<float>(), time);
     const Vec3d way = target - ray.origin.cast<double>();
     const double distance = way.norm();
-    constexpr double rounding = 4.0 * float_step; // of t, over the distance
+    constexpr double rounding = 4.0 * float_step; // relative error of t
     ray.direction = (way / distance).cast<float>();
     ray.tfar = static_cast<float>(std::max(0.0, distance * (1.0 - rounding) - target_error));
     return ray;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rays against the world of a frame: what they hit, described exactly enough to shade it, and how to leave it
-// again without hitting it a second time. hit.cpp opens with the derivation of every offset.
+// Traces rays against a frame's world. Hits are exact enough for shading, and rays that leave them do not hit
+// the same surface again. The head of hit.cpp derives the offsets.
 #pragma once
 
 #include "core/geometry/world.h"
@@ -17,11 +17,11 @@ struct Ray {
     float tnear = 0.0F;
     float tfar = std::numeric_limits<float>::infinity();
     float time = 0.0F;
-    uint32_t mask = ~0U; // of what it meets, bits of MarramRole
+    uint32_t mask = ~0U; // bits of MarramRole that it hits
 };
 
-// What was traced. dropped: rays that Embree must never see (NaN, infinity, an empty interval is none of
-// these).
+// Rays traced. dropped: rays that must not be passed to Embree (NaN, infinity; empty intervals are not among
+// them).
 struct RayCounts {
     uint64_t intersect = 0;
     uint64_t occluded = 0;
@@ -36,7 +36,7 @@ struct SurfacePoint {
     double error = 0.0; // bound of |position - the surface as Embree computes it|, along the normal
     Vec3f geometric_normal =
         Vec3f::UnitZ(); // mesh: its anticlockwise side; round: away from the axis; ribbon: see hit.cpp
-    Vec3f normal = Vec3f::UnitZ();  // for shading: interpolated vertex normals where the mesh has them
+    Vec3f normal = Vec3f::UnitZ();  // for shading: interpolated vertex normals if the mesh has them
     Vec3f tangent = Vec3f::UnitX(); // curves: unit, root to tip; meshes: a unit vector in the surface
     Vec2f uv =
         Vec2f::Zero();     // mesh: its uvs (barycentrics where it has none); curves: (strand_u, (1 + h) / 2)
@@ -54,32 +54,31 @@ struct SurfacePoint {
     Vec2f barycentrics = Vec2f::Zero(); // triangles: of the second and third corner
     uint32_t strand = 0;                // curve of its procedural
     float segment_position = 0.0F;      // curves: segment + u, 0 ... CVs - 1
-    // What spawn needs besides, curves only.
+    // Also needed by spawn(), curves only.
     Vec3f from_axis = Vec3f::Zero(); // position - axis
     float curvature = 0.0F;          // 1/m, a bound
     float taper = 0.0F;              // d radius / d length
     float piece = 0.0F; // length of the straight piece or quadrilateral, m; 0 on round and oriented cubics
-    float to_begin = 0.0F, to_end = 0.0F; // along it to its two corners, m
-    bool joints = false;                  // discs or balls there: straight pieces have them
+    float to_begin = 0.0F, to_end = 0.0F; // along it to its corners, m
+    bool joints = false;                  // straight pieces: a disc or ball at each corner
 };
 
-// False where nothing is hit and where the ray is not valid. coherent: camera rays. Thread-safe, allocates
-// nothing.
+// False if nothing is hit or the ray is not valid. coherent: camera rays. Thread-safe, allocates nothing.
 bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coherent,
                RayCounts* counts = nullptr);
 
-// True where anything lies within the ray's interval; an empty interval and an invalid ray hit nothing.
+// True if anything lies within the ray's interval; an empty interval and an invalid ray hit nothing.
 bool occluded(const World& world, const Ray& ray, RayCounts* counts = nullptr);
 
-// Whether Embree may see the ray: everything finite (tfar may be infinite), tnear >= 0, time within [0, 1].
+// True if the ray may be passed to Embree: everything finite (tfar may be infinite), tnear >= 0, time within
+// [0, 1].
 bool valid(const Ray& ray);
 
-// A ray that leaves the surface into `direction` (unit), on whatever side of it. On a round curve a direction
-// into the fibre starts beyond the exit of its chord.
+// A ray that leaves the surface in `direction` (unit), on either side. On a round curve, a direction into the
+// fibre starts beyond the far side of the fibre.
 Ray spawn(const SurfacePoint& point, const Vec3f& direction, float time);
 
-// A shadow ray from the point to a target on another surface, which it does not reach: it ends target_error
-// before it.
+// A shadow ray from the point to a target on another surface. It ends target_error before the target.
 Ray spawn_towards(const SurfacePoint& point, const Vec3d& target, double target_error, float time);
 
 // The point of a triangle at barycentrics (of its second and third corner) and a ray's time.
@@ -89,10 +88,12 @@ SurfacePoint mesh_point(const World& world, uint32_t mesh, uint32_t triangle, co
 // A vertex of a mesh at a ray's time, as Embree interpolates it.
 Vec3d mesh_vertex(const MeshGeometry& mesh, uint32_t vertex, float time);
 
-// An attribute at a point on a curve: components values, per-CV ones linear between the CVs; discrete ones are the nearest CV's.
+// An attribute at a point on a curve: `components` values. Values per CV are linear between the CVs; discrete
+// ones are the nearest CV's.
 void attribute_at(const CurveGeometry& curves, const AttributeValues& attribute, const SurfacePoint& point,
                   float* values);
-// The same at a point on a mesh: per-vertex ones linear over the triangle; discrete ones are the nearest corner's.
+// The same at a point on a mesh: values per vertex are linear over the triangle; discrete ones are the
+// nearest corner's.
 void attribute_at(const MeshGeometry& mesh, const AttributeValues& attribute, const SurfacePoint& point,
                   float* values);
 

@@ -17,7 +17,7 @@ std::optional<MeshGeometry> take(std::map<uint32_t, MeshGeometry>& meshes, uint3
 
 std::optional<MeshGeometry> KeptGeometry::take_growth_surface(uint32_t id, uint64_t version, uint32_t roles) {
     std::optional<MeshGeometry> mesh = take(growth_surfaces, id, version);
-    if (mesh && mesh->roles == roles) return mesh; // Embree's masks are its roles
+    if (mesh && mesh->roles == roles) return mesh; // Embree's mask is made of the roles
     std::erase_if(collider_scenes,
                   [&](const auto& scene) { return std::ranges::find(scene.first, id) != scene.first.end(); });
     return std::nullopt;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What one frame leaves to the next: unchanged meshes, and the collider scenes of nothing but these. A mesh is reused where its version is
-// the same (MeshGeometry::version); it is then neither copied nor checked again, nor is its BVH rebuilt. Arrays are moved out of the world
-// and into the next one: they are never there twice.
+// Geometry that the next frame reuses: unchanged meshes, and collider scenes that hold only these. A mesh is
+// reused if its version (MeshGeometry::version) is the same; it is not copied or checked again, and its BVH
+// is not rebuilt. Arrays are moved from one world to the next, never duplicated.
 #pragma once
 
 #include "core/geometry/device.h"
@@ -17,13 +17,13 @@ struct KeptGeometry {
     std::map<uint32_t, MeshGeometry> growth_surfaces, render_meshes; // by geometry ID
     ColliderScenes collider_scenes;
 
-    // Moves out the mesh of that ID and version (0: none is). Of another version, or for other roles, it is freed, and with a growth surface
-    // the scenes that hold it.
+    // Moves out the mesh of that ID and version (0 never matches). If its version or roles differ, it is
+    // freed, and with a growth surface also the scenes that hold it.
     std::optional<MeshGeometry> take_growth_surface(uint32_t id, uint64_t version, uint32_t roles);
     std::optional<MeshGeometry> take_render_mesh(uint32_t id, uint64_t version);
 };
 
-// Frees all else that the world holds.
+// Takes what can be reused out of a world and frees the rest.
 KeptGeometry kept_geometry(World world);
 
 } // namespace marram

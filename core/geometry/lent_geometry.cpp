@@ -23,7 +23,7 @@ std::vector<MarramAttribute> lent_attributes(const std::vector<AttributeValues>&
     return lent;
 }
 
-// The size of the stage's tolerance and more: what every frame has.
+// The fields of a frame that do not depend on lent geometry.
 MarramFrame plain_frame(const Build& build, const std::vector<double>& times) {
     const BuildSettings& settings = build.settings;
     MarramFrame frame{};
@@ -46,12 +46,13 @@ LentGeometry::LentGeometry(Build& build, Procedural& to, std::vector<double> tim
     std::vector<uint32_t> ids;
     for (uint32_t id = 0; id < build.world.meshes.size(); ++id) {
         const MeshGeometry& mesh = build.world.meshes[id];
-        // What grows on a mesh grows on its instances. What makes a mesh of it knows that one alone.
+        // Curves that grow on a mesh also grow on its instances. A procedural that makes a mesh gets only the
+        // mesh that it names.
         const bool is_drawn = id < build.geometry.meshes.size() && to.kind() == MARRAM_CURVES;
         const std::string& name = is_drawn ? build.geometry.meshes[id].object().name : mesh.name;
         if (!mesh.positions.empty() && depends_on_mesh(to, name, mesh.roles)) ids.push_back(id);
     }
-    lists_.reserve(ids.size() + to.curves().size()); // elements stay where they are
+    lists_.reserve(ids.size() + to.curves().size()); // no reallocation: elements are pointed to
     for (const uint32_t id : ids) lend_mesh(id);
     for (const GeometryName& name : to.curves()) lend_curves(name.name);
     frame_ = plain_frame(build, times_);
@@ -72,7 +73,8 @@ void LentGeometry::lend_mesh(uint32_t id) {
     const MeshGeometry& mesh = build_.world.meshes[id];
     Lists& list = lists_.emplace_back();
     const auto add = [&](std::vector<Vec3f> vectors, std::vector<const float*>& to) {
-        to.push_back(components(posed_.emplace_back(std::move(vectors)))); // elements stay where they are
+        // The floats do not move when posed_ grows.
+        to.push_back(components(posed_.emplace_back(std::move(vectors))));
     };
     if (mesh.positions.size() == 1 || mesh.positions.size() == times_.size()) {
         for (const auto& positions : mesh.positions) list.positions.push_back(components(positions));
@@ -140,7 +142,7 @@ void LentGeometry::lend_curves(const std::string& name) {
     } else {
         const auto made = std::ranges::find_if(
             build_.items, [&](const CurveBuild& item) { return item.curves.name == name; });
-        if (made == build_.items.end()) return; // it makes no curves: whoever names it says so
+        if (made == build_.items.end()) return; // no curves made: the procedural that names them reports that
         const CurveGeometry& curves = made->curves;
         lent.name = made->procedural->name().c_str();
         lent.curve_count = curves.curve_count;
@@ -149,7 +151,7 @@ void LentGeometry::lend_curves(const std::string& name) {
         const size_t own = curves.vertices.size();
         if (own == 1 || own == times_.size()) {
             list.positions.assign(curves.vertices.begin(), curves.vertices.end());
-        } else { // other keys than theirs: they go straight between their own
+        } else { // at times other than its own keys: linear between its keys
             const size_t floats = 4 * curves.layout().vertex_count();
             for (const double time : times_) {
                 const double at =
@@ -186,7 +188,7 @@ MarramStatus LentGeometry::pose(void* user, uint32_t index, double frame, float*
         return MARRAM_OK;
     } catch (const Cancelled&) {
         return MARRAM_CANCELLED;
-    } catch (...) { // of the procedural that makes the mesh, or for lack of memory
+    } catch (...) { // error of the procedural that makes the mesh, or out of memory
         lent.to_.blame(std::current_exception());
         return MARRAM_ERROR;
     }
@@ -215,7 +217,7 @@ MarramStatus LentGeometry::pose_curves(void* user, uint32_t index, double frame,
             found->vertices_at(frame, first, count, vertices);
             return MARRAM_OK;
         }
-        // Made by a procedural: straight between the motion samples, at rest outside of them.
+        // Made by a procedural: linear between the motion samples, constant outside of them.
         const CurveLayout layout{curves.curve_count, curves.cvs_per_curve, curves.offsets};
         const size_t begin = 4 * layout.first_vertex(first),
                      size = 4 * layout.first_vertex(first + count) - begin;
@@ -228,7 +230,7 @@ MarramStatus LentGeometry::pose_curves(void* user, uint32_t index, double frame,
         const auto rest = float(at - double(key));
         for (size_t i = 0; i < size; ++i) vertices[i] = a[i] + rest * (b[i] - a[i]);
         return MARRAM_OK;
-    } catch (...) { // for lack of memory
+    } catch (...) { // out of memory
         lent.to_.blame(std::current_exception());
         return MARRAM_ERROR;
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Geometry as the contract lends it to one procedural.
+// Geometry in the contract's form, lent to one procedural.
 #pragma once
 
 #include "core/geometry/build_state.h"
@@ -9,8 +9,8 @@
 
 namespace marram {
 
-// The meshes and curves that a procedural depends on, at the times of its motion keys. Meshes that move and have other keys
-// themselves are posed anew for it: a drawn one is no farther off than the tolerance.
+// The meshes and curves that a procedural depends on, at the times of its motion keys. Moving meshes with
+// other motion keys are posed at these times; a rendered mesh differs from that by at most the tolerance.
 class LentGeometry {
   public:
     LentGeometry(Build& build, Procedural& to, std::vector<double> times);
@@ -36,7 +36,7 @@ class LentGeometry {
     Procedural& to_;
     std::vector<double> times_;
     std::vector<Lists> lists_;
-    std::vector<std::vector<Vec3f>> posed_; // what lists_ points to beside the world
+    std::vector<std::vector<Vec3f>> posed_; // data of lists_ that is not in the world
     std::deque<std::vector<float>> blended_;
     std::vector<MarramMesh> meshes_;
     std::vector<MarramCurves> curves_;

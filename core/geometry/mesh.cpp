@@ -25,7 +25,7 @@ constexpr size_t vertices_a_task = 4096;
 
 // ---- Vertex normals
 
-// For each vertex the first one with the same position: an open hash table over the positions' bits.
+// For each vertex, the first one with the same position. An open hash table over the positions' bits.
 std::vector<uint32_t> weld(std::span<const Vec3f> positions) {
     const size_t slots = std::bit_ceil(positions.size() * 2 + 1);
     std::vector<uint32_t> table(slots, none);
@@ -62,11 +62,11 @@ Fans fans_of(std::span<const uint32_t> first, std::span<const Triangle> triangle
     return fans;
 }
 
-// A triangle seen from one of its corners.
+// One corner of a triangle.
 struct Corner {
     Vec3d normal = Vec3d::Zero(); // unit
-    double angle = 0.0;           // 0: the triangle has no area to speak of
-    double area = 0.0;            // twice
+    double angle = 0.0;           // 0: the triangle has no significant area
+    double area = 0.0;            // twice the triangle's
 };
 
 Corner corner_at(std::span<const Vec3f> positions, const Triangle& t, size_t k) {
@@ -78,8 +78,8 @@ Corner corner_at(std::span<const Vec3f> positions, const Triangle& t, size_t k) 
     corner.area = cross.norm();
     if (!(corner.area > 0.0)) return corner;
     corner.normal = cross / corner.area;
-    // Less high than a few roundings of its coordinates: the direction of its normal is noise, yet an obtuse
-    // corner would give it the weight of half a circle.
+    // If the triangle is less high than a few rounding errors of its coordinates, its normal is noise, but an
+    // obtuse corner would still give it the weight of half a circle: it gets none.
     const double longest = std::sqrt(std::max({a.squaredNorm(), b.squaredNorm(), (b - a).squaredNorm()}));
     const double rounding = p.cwiseAbs().maxCoeff() * double(std::numeric_limits<float>::epsilon());
     constexpr double roundings = 2.0;
@@ -101,7 +101,7 @@ Vec3f normal_at(std::span<const Vec3f> positions, std::span<const Triangle> tria
         if (is_own && corner.angle > 0.0 && one.isZero(0.0)) one = corner.normal;
         flat += corner.area * corner.normal;
     }
-    constexpr double vanishing = 1e-6; // of the weights: what is left is rounding
+    constexpr double vanishing = 1e-6; // relative to the weights: less is rounding error
     for (const Vec3d& sum : {all, own})
         if (sum.norm() > vanishing * weight) return sum.normalized().cast<float>();
     if (!one.isZero(0.0)) return one.cast<float>();
@@ -168,7 +168,7 @@ Mesh load_mesh(const std::string& path, bool smooth) {
     return mesh;
 }
 
-// ---- What readers share
+// ---- Shared by readers
 
 std::string read_bytes(const std::string& path, const char* kinds) {
     std::error_code error;
@@ -206,7 +206,7 @@ NumberFault parse_number(std::string_view token, double& value) {
     if (stop != end || token.empty() || error == std::errc::invalid_argument)
         return NumberFault::not_a_number;
     if (error == std::errc::result_out_of_range) {
-        // Too large or too small: only the exponent's sign tells which.
+        // Overflow or underflow: only the exponent's sign tells which.
         const size_t exponent = token.find_first_of("eE");
         if (exponent == std::string_view::npos || token.substr(exponent + 1, 1) != "-")
             return NumberFault::not_finite;
@@ -221,10 +221,10 @@ double turn(const Vec2d& a, const Vec2d& b, const Vec2d& c) {
     return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
 }
 
-// The polygon in its plane of greatest extent, turned so that it runs anticlockwise.
+// Projects the polygon to the coordinate plane in which its area is largest, oriented anticlockwise.
 std::vector<Vec2d> flatten(std::span<const Vec3f> positions, std::span<const uint32_t> corners) {
     const Vec3d origin = positions[corners[0]].cast<double>();
-    Vec3d normal = Vec3d::Zero(); // Newell's: twice the areas of the three shadows
+    Vec3d normal = Vec3d::Zero(); // Newell's method: twice the areas of the three projections
     for (size_t i = 0; i < corners.size(); ++i) {
         const Vec3d a = positions[corners[i]].cast<double>() - origin;
         const Vec3d b = positions[corners[(i + 1) % corners.size()]].cast<double>() - origin;
@@ -249,8 +249,8 @@ bool is_strictly_convex(std::span<const Vec2d> flat) {
     return true;
 }
 
-// A corner that turns left and has no other corner in its triangle; corners that stand in the same points (a
-// polygon with a slit) do not count.
+// True if the corner turns left and its triangle contains no other corner. Corners at the same points (a
+// polygon with a slit) are ignored.
 bool is_ear(std::span<const Vec2d> flat, std::span<const uint32_t> ring, size_t i) {
     const size_t n = ring.size();
     const Vec2d &a = flat[ring[(i + n - 1) % n]], &b = flat[ring[i]], &c = flat[ring[(i + 1) % n]];
@@ -284,12 +284,11 @@ void append_polygon(std::span<const Vec3f> positions, std::span<const uint32_t> 
         const size_t n = ring.size();
         size_t tried = 0;
         while (tried < n && !is_ear(flat, ring, (at + tried) % n)) ++tried;
-        const size_t ear =
-            (at + tried) % n; // a polygon that crosses itself may have none: take what is there
+        const size_t ear = (at + tried) % n; // a polygon that crosses itself may have none: take any corner
         triangles.push_back(
             {corners[ring[(ear + n - 1) % n]], corners[ring[ear]], corners[ring[(ear + 1) % n]]});
         ring.erase(ring.begin() + std::ptrdiff_t(ear));
-        at = ear + 1; // skipping one keeps the triangles from becoming a fan of slivers
+        at = ear + 1; // skip one: avoids a fan of slivers
     }
     triangles.push_back({corners[ring[0]], corners[ring[1]], corners[ring[2]]});
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Triangle meshes: what is read from files and built in, before it goes to Embree.
+// Triangle meshes, read from files or built in, before they are passed to Embree.
 #pragma once
 
 #include "core/math/vec.h"
@@ -12,57 +12,57 @@
 
 namespace marram {
 
-// Invariants after loading: every index < positions.size(); every number finite; normals and uvs are empty or
-// one a vertex; the three vectors have Embree's 16 spare bytes behind them where they are shared with it.
+// Invariants after loading: every index < positions.size(); every number is finite; normals and uvs are empty
+// or one per vertex; all vectors have spare capacity for the 16 bytes that Embree may read past their end.
 struct Mesh {
     std::vector<Vec3f> positions;                   // object space
     std::vector<Vec3f> normals;                     // unit; empty: facetted
-    std::vector<Vec2f> uvs;                         // empty where there are none
+    std::vector<Vec2f> uvs;                         // empty if there are none
     std::vector<std::array<uint32_t, 3>> triangles; // anticlockwise seen from outside
 };
 
-// Reads .obj, or .ply (ascii, binary of either byte order). Polygons are cut into triangles, concave ones
-// too; vertices that carry several uvs or normals in an OBJ stand once for each, the first at its place in
-// the file and the others at the end. Normals come from the file; corners without one get that of
-// vertex_normals(). A file without normals is smooth or facetted as asked. Materials, groups, lines, points,
-// colours and free-form surfaces are passed over. Throws InputError with line and column (binary PLY: element
-// and number) for: what cannot be parsed, counts that do not match, indices out of range, polygons of fewer
-// than 3 or more than 10,000 corners, numbers that are not finite, coordinates beyond 1e18 (Embree drops such
-// vertices without a word), no triangles, more than 2^32 - 1 of anything. Cost: about 1 s for a million
+// Reads .obj, or .ply (ascii, binary of either byte order). Polygons are triangulated, including concave
+// ones. OBJ vertices with several uvs or normals are duplicated: the first stays at its place in the file,
+// the others follow at the end. Normals come from the file; corners without one get that of vertex_normals().
+// Without any normals in the file, `smooth` selects vertex_normals() or facets. Materials, groups, lines,
+// points, colours and free-form surfaces are ignored. Throws InputError with line and column (binary PLY:
+// element and number) for: syntax errors, counts that do not match, indices out of range, polygons of fewer
+// than 3 or more than 10,000 corners, numbers that are not finite, coordinates beyond 1e18 (Embree silently
+// drops such vertices), no triangles, more than 2^32 - 2 vertices or triangles. Cost: about 1 s for a million
 // triangles as OBJ, 0.2 s as binary PLY, without smoothing.
 Mesh load_mesh(const std::string& path, bool smooth);
 
-// Unit normals at the vertices: the mean of the triangles' normals weighted by their angle there (Thürmer and
-// Wüthrich 1998), over all vertices that share the position, so that uv seams stay smooth. Triangles thinner
-// than the rounding of their coordinates do not count. Where the sum vanishes (two sheets back to back) the
-// vertex takes that of its own triangles, else of one of them; a vertex without any triangle takes +y. The
-// same bits at any thread count. Every index must be < positions.size(). Cost: 0.2 s for a million triangles
-// on one core.
+// Unit vertex normals: the mean of the triangles' normals weighted by their angle there (Thürmer and Wüthrich
+// 1998), over all vertices that share the position, so that uv seams stay smooth. Triangles thinner than the
+// rounding of their coordinates are ignored. If the sum vanishes (two sheets back to back), the vertex uses
+// the sum of its own triangles, else the normal of one of them; a vertex without any triangle gets +y.
+// Bit-identical at any thread count. Every index must be < positions.size(). Cost: 0.2 s for a million
+// triangles on one core.
 std::vector<Vec3f> vertex_normals(std::span<const Vec3f> positions,
                                   std::span<const std::array<uint32_t, 3>> triangles);
 
 // ---- Built-in meshes
 //
-// Around the origin, with uvs in 0 ... 1. They throw InputError for sizes that are not finite and positive and for
-// counts below 1 or beyond 32 bits.
+// Centred on the origin, with uvs in 0 ... 1. They throw InputError for sizes that are not finite and
+// positive and for counts below 1 or beyond 32 bits.
 
 // size.x() by size.y() metres in the xz plane, facing up; divisions² squares. u runs along x, v against z.
 Mesh plane_mesh(Vec2f size, int divisions);
 
-// Facetted: 24 vertices, 12 triangles; every side takes the whole uv square.
+// Facetted: 24 vertices, 12 triangles; every side covers the whole uv square.
 Mesh box_mesh(Vec3f size);
 
 // 8 divisions² triangles (71: 40,328; 500: 2,000,000): an octahedron whose sides are divided evenly in
-// latitude and longitude, which keeps every triangle within a factor 2 of the others in area. u is the
-// longitude, anticlockwise from +x seen from above, v the latitude from -y to +y; vertices on the seam and at
-// the poles stand several times. Smooth. The radius in direction d is radius + bump_amplitude * f(d), f the
-// mean of three sines of bump_frequency radians a unit along the axes: about bump_frequency waves around a
-// great circle. |bump_amplitude| < radius.
+// latitude and longitude, so that triangle areas differ by at most a factor of 2. u is the longitude,
+// anticlockwise from +x seen from above, v the latitude from -y to +y; vertices on the seam and at the poles
+// are duplicated. Smooth. The radius in direction d is radius + bump_amplitude * f(d), where f is the mean of
+// three sines along the axes of bump_frequency radians per unit: about bump_frequency waves around a great
+// circle. |bump_amplitude| < radius.
 Mesh sphere_mesh(float radius, int divisions, float bump_amplitude, float bump_frequency);
 
-// heights: width * height samples, rows from the top, each a vertex at height_scale times it; the top row
-// stands at -z and v = 1. size: metres along x and z. Smooth. Throws InputError for heights that are not
-// finite.
+// heights: width * height samples, rows from the top. Each becomes a vertex at height_scale times the sample;
+// the top row is at -z and v = 1. size: metres along x and z. Smooth. Throws InputError for heights that are
+// not finite.
 Mesh heightfield_mesh(std::span<const float> heights, int width, int height, Vec2f size, float height_scale);
 
 } // namespace marram

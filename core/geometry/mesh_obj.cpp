@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Wavefront OBJ through tinyobjloader's callbacks. That library takes what it cannot parse for 0, tells no
-// lines and checks no index, so a scan of our own goes over the text first and refuses what is wrong where it
-// stands.
+// Reads Wavefront OBJ through tinyobjloader's callbacks. tinyobjloader reads what it cannot parse as 0,
+// reports no line numbers and checks no index. So a scan of our own checks the text first and reports errors
+// with their position.
 #include "core/geometry/mesh_reader.h"
 
 #include <fmt/format.h>
@@ -27,8 +27,9 @@ bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
 // ---- The scan
 
-// Brings the text into the shape that both readers agree on, every byte staying at its offset but for lone
-// \r: lines end in \n, lines continued with a backslash are joined. Gives back where newlines were taken out.
+// Normalizes the text so that the scan and tinyobjloader agree: lines end in \n, and lines continued with a
+// backslash are joined. Every byte stays at its offset. Returns the offsets of the newlines that were
+// removed.
 std::vector<size_t> normalize_lines(std::string& bytes) {
     for (size_t i = bytes.find('\r'); i != std::string::npos; i = bytes.find('\r', i + 1))
         bytes[i] = i + 1 < bytes.size() && bytes[i + 1] == '\n' ? ' ' : '\n';
@@ -36,7 +37,7 @@ std::vector<size_t> normalize_lines(std::string& bytes) {
     for (size_t i = bytes.find('\\'); i != std::string::npos; i = bytes.find('\\', i + 1)) {
         const size_t next = bytes.find_first_not_of(" \t", i + 1);
         const size_t start = bytes.find_first_not_of(" \t", bytes.rfind('\n', i) + 1);
-        // A comment may well end in a folder's name: it continues nothing.
+        // A comment that ends in a backslash, such as a folder's name, is not continued.
         if (next == std::string::npos || bytes[next] != '\n' || bytes[start] == '#') continue;
         bytes[i] = bytes[next] = ' ';
         joined.push_back(next);
@@ -76,13 +77,13 @@ class Scan {
     std::vector<size_t> joined_;
     size_t counts_[kind_count] = {0, 0, 0};
     size_t corners_ = 0, faces_ = 0;
-    // The greatest index of each kind that was not yet defined where it stood: OBJ does not forbid that.
+    // The largest index of each kind that is used before it is defined: OBJ does not forbid that.
     int64_t forward_[kind_count] = {0, 0, 0};
     size_t forward_offset_[kind_count] = {0, 0, 0};
 };
 
 void Scan::fail(size_t offset, const std::string& what, const std::string& fix) const {
-    // A joined newline counts as one again: only its line breaks are looked at.
+    // Restore the joined newlines, so that lines are counted correctly.
     std::string text = bytes_.substr(0, offset);
     for (size_t newline : joined_)
         if (newline < offset) text[newline] = '\n';
@@ -108,7 +109,7 @@ void Scan::line(size_t begin, size_t end) {
     const size_t word_end = skip_word(word, end);
     const std::string_view keyword = token(word, word_end);
     if (keyword.empty() || (keyword[0] != 'v' && keyword != "f")) return;
-    // tinyobjloader reads on through a comment behind the numbers: take it out.
+    // tinyobjloader does not stop at a comment behind the numbers: blank it out.
     if (const size_t comment = token(word_end, end).find('#'); comment != std::string_view::npos)
         std::fill(bytes_.begin() + std::ptrdiff_t(word_end + comment), bytes_.begin() + std::ptrdiff_t(end),
                   ' ');
@@ -137,7 +138,7 @@ void Scan::numbers(Kind kind, size_t begin, size_t end) {
     if (count < fewest[kind] || count > most[kind])
         fail(begin, fmt::format("a {} of {} numbers", kind_names[kind], count),
              fmt::format("write {} to {}", fewest[kind], most[kind]));
-    // Indices are 32-bit integers with a sign in tinyobjloader.
+    // tinyobjloader's indices are signed 32-bit integers.
     if (++counts_[kind] >= size_t(std::numeric_limits<int>::max()))
         fail(begin, "has more than 2,147,483,646 vertices", "split it into several files");
 }
@@ -156,8 +157,8 @@ void Scan::face(size_t begin, size_t end) {
     ++faces_;
 }
 
-// i, i/j, i//k or i/j/k. Slashes with nothing behind them are taken out: tinyobjloader would read the next
-// corner there.
+// Checks i, i/j, i//k or i/j/k. Slashes with nothing behind them are blanked out: tinyobjloader would read
+// the next corner there.
 void Scan::corner(size_t begin, size_t end) {
     constexpr Kind order[kind_count] = {position, uv, normal};
     size_t at = begin;
@@ -205,7 +206,7 @@ void Scan::check_forward_indices() const {
 // ---- tinyobjloader
 
 struct Corner {
-    uint32_t position, uv, normal; // none where the file gives none
+    uint32_t position, uv, normal; // `none` if the file gives none
 };
 
 struct ObjData {
@@ -221,7 +222,7 @@ struct MemoryStream : std::streambuf {
     }
 };
 
-// As written in the file, 0 for nothing, into an offset.
+// Converts an index of the file (0: absent) to an offset.
 uint32_t resolve(int index, size_t defined) {
     if (index == 0) return none;
     return index > 0 ? uint32_t(index) - 1 : uint32_t(int64_t(defined) + index);
@@ -238,7 +239,7 @@ void take_face(void* user, tinyobj::index_t* indices, int count) {
 
 ObjData parse(const std::string& path, std::string& bytes, const Scan& scan) {
     ObjData data;
-    data.positions.reserve(scan.count(position) + 2); // and the spare bytes
+    data.positions.reserve(scan.count(position) + 2); // plus spare bytes
     data.normals.reserve(scan.count(normal));
     data.uvs.reserve(scan.count(uv));
     data.corners.reserve(scan.corners());
@@ -259,7 +260,7 @@ ObjData parse(const std::string& path, std::string& bytes, const Scan& scan) {
     std::istream stream(&memory);
     std::string warnings, errors;
     const bool parsed = tinyobj::LoadObjWithCallback(stream, callbacks, &data, nullptr, &warnings, &errors);
-    // Two readers of one text must have seen the same.
+    // The scan and tinyobjloader must agree.
     bool in_range = true;
     for (const Corner& corner : data.corners)
         in_range &= corner.position < data.positions.size() &&
@@ -273,9 +274,9 @@ ObjData parse(const std::string& path, std::string& bytes, const Scan& scan) {
     return data;
 }
 
-// ---- Into a mesh
+// ---- Conversion to a mesh
 
-// Gives each different (position, uv, normal) a vertex of its own. Vertices of one position hang on a chain.
+// Makes a vertex for each different (position, uv, normal). Vertices of one position form a linked list.
 class Splitter {
   public:
     Splitter(ObjData& data, Mesh& mesh) : data_(data), mesh_(mesh), has_uvs_(false), has_normals_(false) {

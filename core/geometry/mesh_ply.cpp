@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Meshes in PLY files (ply_file.h). What is used: of the element "vertex" x y z, nx ny nz, and s t | u v | texture_u texture_v; of the
-// element "face" the list vertex_indices | vertex_index.
+// Reads meshes from PLY files (ply_file.h). Used are, of the element "vertex", x y z, nx ny nz, and s t | u v
+// | texture_u texture_v; of the element "face" the list vertex_indices | vertex_index.
 #include "core/geometry/mesh_reader.h"
 #include "core/geometry/ply_file.h"
 
@@ -12,7 +12,7 @@ namespace marram {
 
 namespace {
 
-// Where a property goes. The first eight are a vertex's numbers.
+// Destination of a property. The first eight are a vertex's numbers.
 enum MeshSlot { px, py, pz, nx, ny, nz, tu, tv, vertex_slots, face_corners };
 
 int mesh_slot_of(const std::string& element, const PlyProperty& property) {
@@ -59,7 +59,7 @@ void PlyMesh::check_header() const {
 void PlyMesh::read_vertices(const PlyElement& element, Mesh& mesh) {
     const bool has_normals = element.has(nx) && element.has(ny) && element.has(nz);
     const bool has_uvs = element.has(tu) && element.has(tv);
-    mesh.positions.reserve(element.count + 2); // and the spare bytes
+    mesh.positions.reserve(element.count + 2); // plus spare bytes
     if (has_normals) mesh.normals.reserve(element.count + 2);
     if (has_uvs) mesh.uvs.reserve(element.count + 2);
     double values[vertex_slots] = {};

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the readers of files of meshes and of curves share; nobody else needs it.
+// Shared by the readers of mesh files and curve files only.
 //
-// To add a format of meshes, write its read_<format>() here and in a file of its own, and name its extension in
-// load_mesh().
+// To add a mesh format, declare its read_<format>() here, implement it in its own file, and name its
+// extension in load_mesh().
 #pragma once
 
 #include "core/geometry/mesh.h"
@@ -13,34 +13,35 @@
 
 namespace marram {
 
-inline constexpr double greatest_coordinate = 1e18; // Embree drops a little above this
-inline constexpr uint32_t greatest_polygon = 10000; // corners; cutting a concave one takes their square
+inline constexpr double greatest_coordinate = 1e18; // Embree's limit is a little above
+inline constexpr uint32_t greatest_polygon = 10000; // corners; concave ones take quadratic time
 inline constexpr uint64_t greatest_count =
     0xffffffffu - 1; // of vertices, of triangles; also keeps ~0u free as "none"
 
-// Both take a whole file and return a mesh whose normals, where there are any, need not be unit yet; a zero
-// stands for one that is missing. They may overwrite `bytes`.
+// Both parse a whole file. The mesh's normals, if any, need not be unit yet; a zero stands for a missing one.
+// They may overwrite `bytes`.
 Mesh read_obj(const std::string& path, std::string& bytes);
 Mesh read_ply(const std::string& path, std::string& bytes);
 
-// A whole file. kinds: ".obj or .ply". Throws InputError where there is none that can be read.
+// Reads a whole file. kinds, for messages: ".obj or .ply". Throws InputError if it cannot be read.
 std::string read_bytes(const std::string& path, const char* kinds);
-// ".obj" of "a.OBJ".
+// The extension in lower case: ".obj" of "a.OBJ".
 std::string extension_of(const std::string& path);
 
-// The line and column of bytes[offset]. Lines end in \n, or in \r where there is no \n.
+// The line and column of bytes[offset]. Lines end in \n, or in \r if there is no \n.
 Place place_of(const std::string& path, std::string_view bytes, size_t offset);
 
 enum class NumberFault { none, not_a_number, not_finite };
-// Reads all of `token` as a number; one too small for a double is 0.
+// Parses all of `token` as a number; underflow gives 0.
 NumberFault parse_number(std::string_view token, double& value);
 
-// Cuts a polygon of at least 3 corners into corners.size() - 2 triangles with the same winding. Convex
-// polygons become fans; others lose one ear after another (Meisters 1975) in the plane that they face most.
+// Triangulates a polygon of at least 3 corners: corners.size() - 2 triangles with the same winding. Convex
+// polygons become fans; others are triangulated by ear clipping (Meisters 1975) in the coordinate plane that
+// they face most.
 void append_polygon(std::span<const Vec3f> positions, std::span<const uint32_t> corners,
                     std::vector<std::array<uint32_t, 3>>& triangles);
 
-// Room for the 16 bytes that Embree may read past the end of a shared buffer.
+// Reserves the 16 bytes that Embree may read past the end of a shared buffer.
 template <typename Element>
 void reserve_spare_bytes(std::vector<Element>& buffer) {
     buffer.reserve(buffer.size() + (16 + sizeof(Element) - 1) / sizeof(Element));

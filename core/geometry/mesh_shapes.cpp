@@ -49,7 +49,8 @@ Mesh grid(Vec2f size, uint32_t columns, uint32_t rows) {
     return mesh;
 }
 
-// Two triangles for each square of the grid, cut along the shorter diagonal: ridges and valleys stay whole.
+// Two triangles for each square of the grid, cut along the shorter diagonal, which preserves ridges and
+// valleys.
 void append_squares(Mesh& mesh, uint32_t columns, uint32_t rows) {
     mesh.triangles.reserve(2 * size_t(columns - 1) * (rows - 1));
     for (uint32_t j = 0; j + 1 < rows; ++j)
@@ -71,7 +72,7 @@ void append_squares(Mesh& mesh, uint32_t columns, uint32_t rows) {
 // ---- Sphere
 
 // f(d) = mean over the axes i of sin(frequency d_i + phase_i): smooth on the whole sphere, |f| <= 1. The
-// phases keep it from being symmetric.
+// phases break the symmetry.
 struct Bumps {
     double radius, amplitude, frequency;
     static constexpr double phase[3] = {0.3, 1.7, 2.9};
@@ -81,8 +82,8 @@ struct Bumps {
         for (int i = 0; i < 3; ++i) sum += std::sin(frequency * d[i] + phase[i]);
         return radius + amplitude * sum / 3.0;
     }
-    // The surface is |p| = r(p / |p|); its gradient in p = r d is d - (grad f - (d . grad f) d) amplitude /
-    // r.
+    // The surface is |p| = r(p / |p|); its gradient at p = r d is
+    //   d - (grad f - (d . grad f) d) amplitude / r.
     Vec3d normal_at(const Vec3d& d) const {
         Vec3d gradient;
         for (int i = 0; i < 3; ++i) gradient[i] = std::cos(frequency * d[i] + phase[i]) * frequency / 3.0;
@@ -91,7 +92,7 @@ struct Bumps {
     }
 };
 
-// Rows of latitude 0 (north pole) ... 2 n (south pole); row k has 4 min(k, 2 n - k) edges, and one more
+// Rows of latitude 0 (north pole) ... 2 n (south pole). Row k has 4 min(k, 2 n - k) edges, and one more
 // vertex for the seam. A pole is a row of 4 vertices, one for each triangle that ends there.
 uint32_t edges_in_row(uint32_t row, uint32_t n) { return 4 * std::min(row, 2 * n - row); }
 
@@ -111,8 +112,8 @@ void append_row(Mesh& mesh, const Bumps& bumps, uint32_t row, uint32_t n) {
     }
 }
 
-// The triangles between a row and the next one farther from its pole: in each quarter k + 1 of them rest on
-// the longer row and k on the shorter. `flip` where the longer row is the northern one.
+// Triangles between a row and the next one farther from its pole. In each quarter, k + 1 have an edge on the
+// longer row and k on the shorter. flip: the longer row is the northern one.
 void append_band(Mesh& mesh, uint32_t inner, uint32_t outer, uint32_t k, bool flip) {
     const auto add = [&](uint32_t a, uint32_t b, uint32_t c) {
         mesh.triangles.push_back(flip ? Triangle{a, c, b} : Triangle{a, b, c});
@@ -144,7 +145,7 @@ Mesh box_mesh(Vec3f size) {
     for (int axis = 0; axis < 3; ++axis)
         for (float side : {-0.5f, 0.5f}) {
             const Vec3f outward = Vec3f::Unit(axis) * side;
-            // u, v and the outward direction are right-handed; v is up where a side stands upright.
+            // u, v and the outward direction are right-handed; v points up on vertical sides.
             const Vec3f v = axis == 1 ? Vec3f(0.0f, 0.0f, -2.0f * side) : Vec3f(0.0f, 1.0f, 0.0f);
             const Vec3f u = v.cross(2.0f * outward);
             const uint32_t first = uint32_t(mesh.positions.size());

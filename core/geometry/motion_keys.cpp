@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Between two keys everything moves along a straight line, whose distance from the true path is, where that is smooth,
-// p'' h^2 / 8: it falls with the square of the time between keys. Of meshes the way is known, and the distance computed. Where the way
-// bends, at a key of the animator's or from one shape to the next, it is no smooth one: numbers of keys that have one there do, others
-// may be far off, and more keys are not better. So they are tried one by one.
+// Between two keys everything moves along a straight line. If the true path is smooth, its distance from that
+// line is p'' h^2 / 8: it falls with the square of the time between keys. The paths of meshes are known, so
+// their distance is computed. A path that bends sharply, at a key of the animator's or from one shape to the
+// next, is not smooth: numbers of keys with a key at the bend fit, others may be far off, and more keys are
+// not always better. So numbers are tried one by one.
 //
-// Of strands the distance is measured at a few instants and carried on by that law. A strand that a collider lets go jumps: no number
-// of keys follows it, and it must not ask for any. It is one whose distance with twice as many keys is more than half of what it was; a
-// smooth one's is a quarter. And a few strands that whip past must not make all others dear: the rule holds 99 in 100.
+// The distance of strands is measured at a few instants and extrapolated by that law. A strand that a
+// collider releases jumps: no number of keys can follow it, so it must not raise the number. A strand is
+// taken to jump if twice as many keys leave more than half of its distance; for a smooth path it is a
+// quarter. A few very fast strands must not make all others expensive: the tolerance holds for 99 %.
 //
-// Of a tolerance in pixels, each CV's own distance from the camera decides what it allows there.
+// If the tolerance is in pixels, the distance of each CV from the camera decides what is allowed there.
 #include "core/geometry/motion_keys.h"
 
 #include <algorithm>
@@ -29,7 +31,7 @@ std::vector<double> motion_times(double open, double close, uint32_t keys) {
 
 namespace {
 
-// Vertices whose way bends most at the shape of that index, in metres and as the view sees it.
+// Vertices whose path bends most at the shape of that index: in metres, and enlarged by the view.
 std::array<size_t, 2> bend_most(const SceneMesh& mesh, size_t shape, const View& view) {
     const std::vector<MeshShape>& shapes = mesh.object().shapes;
     const auto velocity = [&](size_t from, size_t vertex) -> Vec3d {
@@ -49,8 +51,9 @@ std::array<size_t, 2> bend_most(const SceneMesh& mesh, size_t shape, const View&
     return most;
 }
 
-// Points of a mesh that show how far it is from where it belongs. Of a transform alone both are affine in the point, so in metres the
-// corners of its box do. In pixels what is near counts more, which any vertex may be; where the mesh deforms, each vertex moves by itself.
+// Points at which the motion error of a mesh is measured. If only a transform moves it, the error is affine
+// in the point, so in metres the corners of its box suffice. In pixels, points near the camera count more,
+// which can be any vertex; if the mesh deforms, each vertex moves by itself.
 class MotionProbes {
   public:
     MotionProbes(const SceneMesh& mesh, const View& view, double open, double close) : mesh_(mesh) {
@@ -86,7 +89,8 @@ class MotionProbes {
 
 double motion_error(const MotionProbes& probes, const std::vector<double>& bends, const View& view,
                     uint32_t keys, double open, double close, double enough) {
-    // Shares of the time between two keys at which to look: even motion is worst in the middle, no whole number of turns meets all.
+    // Fractions of the time between two keys at which to measure. Smooth motion is worst in the middle; no
+    // whole number of turns has zero error at all of them.
     constexpr std::array shares = {0.5, 0.25, 0.75, 0.118, 0.382, 0.618, 0.882};
     const std::vector<double> times = motion_times(open, close, keys);
     double worst = 0.0;
@@ -101,7 +105,7 @@ double motion_error(const MotionProbes& probes, const std::vector<double>& bends
                                  (exact[i] - ((1.0 - t) * a[i] + t * b[i])).norm() * view.enlarged(exact[i]));
         }
     };
-    // Bends first: they tell soonest that a number of keys does not do.
+    // Bends first: they reject a number of keys soonest.
     for (auto bend = bends.begin(); bend != bends.end();) {
         const auto next = std::ranges::upper_bound(times, *bend);
         const auto end = std::find_if(bend, bends.end(), [&](double b) { return !(b < *next); });
@@ -134,7 +138,7 @@ uint32_t motion_keys_for(const SceneMesh& mesh, double tolerance, const View& vi
     const std::vector<double> bends = mesh.bends_within(open, close);
     for (uint32_t keys = least; keys <= most_motion_keys; ++keys)
         if (motion_error(probes, bends, view, keys, open, close, tolerance) <= tolerance) return keys;
-    constexpr uint32_t many = 48; // below it what is smooth is twice as far off
+    constexpr uint32_t many = 48; // with fewer, the error of smooth motion is twice that with 64
     uint32_t best = most_motion_keys;
     double error = std::numeric_limits<double>::infinity();
     for (uint32_t keys = most_motion_keys; keys > many && keys >= least; --keys) {
@@ -200,7 +204,7 @@ double StrandMotion::left(uint32_t keys, double tolerance) const {
 }
 
 uint32_t StrandMotion::keys_for(double tolerance) const {
-    // A few patches are looked at, and others may move faster. Fitted to the scenes: see the README.
+    // Only some patches are measured, and others may move faster. Fitted to the scenes: see the README.
     constexpr double spare = 1.25;
     uint32_t keys = 2;
     while (keys < most_motion_keys && spare * left(keys, tolerance) > tolerance) ++keys;

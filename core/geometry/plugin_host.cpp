@@ -18,7 +18,7 @@
 namespace marram {
 namespace {
 
-// Fields of a message that its sender may not know, or leave NULL.
+// A text field of a message; "" if its sender does not know the field or leaves it NULL.
 #define MARRAM_TEXT_OF(message, field)                                                                       \
     (MARRAM_HAS(message, field) && (message)->field ? (message)->field : "")
 
@@ -26,7 +26,7 @@ std::string joined(const std::string& what, const std::string& remedy) {
     return remedy.empty() ? what : what + ": " + remedy;
 }
 
-// What the calls of MarramStates work on.
+// User data of MarramStates' callbacks.
 struct Store {
     StateStore& states;
     std::optional<StoredState> loaded{};
@@ -43,7 +43,7 @@ MarramStatus load_state(void* user, double frame, MarramState* out) {
     }
     MarramState state{};
     state.size = sizeof state;
-    static const char nothing = 0; // a state of no bytes is one, too
+    static const char nothing = 0; // an empty state must not be NULL
     if (store.loaded) {
         state.frame = store.loaded->frame;
         state.data = store.loaded->data.empty() ? &nothing : store.loaded->data.data();
@@ -143,7 +143,7 @@ void Procedural::read_attributes() {
         check(type_->calls.attributes_of(instance_, &list));
         attributes_ = known_parts(list.attributes, list.count, list.stride);
     }
-    attribute_names_.clear(); // the procedural's own may go
+    attribute_names_.clear(); // the procedural may free its own
     for (MarramAttribute& attribute : attributes_) {
         if (!attribute.name) refuse("it has an attribute without a name", "fix the library");
         attribute.name = attribute_names_.emplace_back(attribute.name).c_str();
@@ -165,7 +165,7 @@ bool Procedural::names_curves(const std::string& curves) const {
     return std::ranges::find(curves_, curves, &GeometryName::name) != curves_.end();
 }
 
-// Called through the procedural's C code, which no exception may pass: check() throws it later.
+// Called through the procedural's C code, where no exception may pass: check() throws it later.
 void Procedural::on_message(void* user, const MarramMessage* message) {
     Procedural& procedural = *static_cast<Procedural*>(user);
     const std::lock_guard lock(procedural.messages_lock_);
@@ -180,7 +180,7 @@ void Procedural::on_message(void* user, const MarramMessage* message) {
             problem.fix = remedy.empty() ? "see `marram info`" : remedy;
             problem.id = id;
             procedural.faults_.push_back(std::move(problem));
-        } else if (message->severity == MARRAM_INFO) { // now, while it helps; a progress line is drawn anew
+        } else if (message->severity == MARRAM_INFO) { // print at once; a progress line is redrawn
             const std::string line = fmt::format("{}{}: {}\n", isatty(STDERR_FILENO) ? "\r\033[K" : "", where,
                                                  joined(what, remedy));
             std::fputs(line.c_str(), stderr);
@@ -200,7 +200,7 @@ void Procedural::on_progress(void* user, double share, const char* words) {
     const Procedural& procedural = *static_cast<Procedural*>(user);
     try {
         if (procedural.progress_ && *procedural.progress_) (*procedural.progress_)(share, words ? words : "");
-    } catch (...) { // nobody is told how far it is
+    } catch (...) { // progress is not essential
     }
 }
 
@@ -212,7 +212,7 @@ void Procedural::check(MarramStatus status) {
     if (faults_.empty())
         faults_.push_back(
             {place_, "the procedural '" + name_ + "' failed without saying why", "ask its author"});
-    throw InputError(faults_); // kept: another thread may fail at the same time
+    throw InputError(faults_); // not cleared: another thread may fail at the same time
 }
 
 void Procedural::prepare(const MarramFrame& frame, StateStore& states, const PrepareProgress& progress) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The renderer's end of the contract: one procedural of a scene. Everything the renderer knows of it it learns here, through
+// The host side of the contract, for one procedural of a scene. The renderer knows procedurals only through
 // core/plugin/marram_plugin.h.
 #pragma once
 
@@ -17,17 +17,17 @@
 
 namespace marram {
 
-// Whoever asked for this work wants no more of it.
+// Thrown after the caller has cancelled the work.
 struct Cancelled {};
 
-// Receives how much of a preparation is done: its share 0 ... 1, and in words.
+// Receives the progress of a preparation: a fraction 0 ... 1, and a text.
 using PrepareProgress = std::function<void(double, const std::string&)>;
 
 // One procedural of a scene, from create to destroy.
 class Procedural {
   public:
-    // Hands over the item's values and, where it has none of its own, the scene's wind. Throws InputError with what the
-    // procedural objects to, and for images and tables that cannot be read.
+    // Passes the item's values; wind parameters that it does not set come from the scene's wind. Throws
+    // InputError with the procedural's objections, and for images and tables that cannot be read.
     Procedural(std::shared_ptr<PluginLibrary> library, const Item& item, const ParamSet& wind,
                const std::atomic<bool>& cancel, std::shared_ptr<const CurveAttributes> curves = {});
     ~Procedural();
@@ -40,23 +40,23 @@ class Procedural {
     MarramOutputKind kind() const { return type_->calls.kind; }
     const MarramProcedural& calls() const { return type_->calls; }
     const std::vector<MarramAttribute>& attributes() const { return attributes_; }
-    // What its parameters name, each once: it depends on them.
+    // Geometry that its parameters name, each once: it depends on them.
     const std::vector<GeometryName>& meshes() const { return meshes_; }
     const std::vector<GeometryName>& curves() const { return curves_; }
     bool names_mesh(const std::string& mesh) const;
     bool names_curves(const std::string& curves) const;
     bool names(const std::string& geometry) const { return names_mesh(geometry) || names_curves(geometry); }
-    // Of its values, with all that files hold which they name, and of the library's version.
+    // Digest of its values, the contents of files that they name, and the library's version.
     uint64_t digest() const { return digest_; }
 
-    // Unique to the instance: an update that creates it anew changes it.
+    // Unique to the instance: changes if an update creates it anew.
     uint64_t instance_number() const { return instance_number_; }
 
     int material = -1;                        // index into the scene's materials
     uint32_t roles = MARRAM_ALL_ROLES;        // of the mesh that it makes
-    uint32_t pending_inputs = MARRAM_NOTHING; // MarramChange of what it depends on, since its last update
+    uint32_t pending_inputs = MARRAM_NOTHING; // MarramChange bits of its dependencies since its last update
 
-    // Each throws InputError with the procedural's own words, or Cancelled.
+    // Each throws InputError with the procedural's message, or Cancelled.
     bool prepares() const { return type_->calls.prepare != nullptr; }
     void prepare(const MarramFrame& frame, StateStore& states, const PrepareProgress& progress);
     MarramOutput begin(const MarramFrame& frame);
@@ -69,17 +69,19 @@ class Procedural {
     MarramOutput begin_view(const MarramView& view);
     void view_mesh(MarramMeshBuffers& buffers);
     std::vector<std::pair<std::string, double>> report();
-    // What it has generated since begin(), as text of a scene; "" where there is nothing.
+    // Describes what it has generated since begin() as text of a scene; "" if nothing.
     std::string describe();
     std::vector<std::string> take_warnings();
-    // Takes over the values of another description of the same procedural; `inputs` (MarramChange) is what has changed of the geometry
-    // that it depends on. Returns what that touches of its output. A procedural that cannot update is made anew.
+    // Takes the values of another description of the same procedural. `inputs` (MarramChange): what has
+    // changed of the geometry that it depends on. Returns what has changed of its output. A procedural that
+    // cannot update is created anew.
     uint32_t update(const Item& item, const ParamSet& wind, uint32_t inputs);
-    // What went wrong in a call that the procedural made: what its own failure is about.
+    // Stores the exception of a host function that the procedural has called; thrown if the procedural then
+    // fails.
     void blame(std::exception_ptr thrown);
-    // Takes over the place, the roles and the geometry that the item names: what the graph is made of. update() does so too.
+    // Takes the place, the roles and the geometry that the item names: they define the graph.
     void look_at(const Item& item, const ParamSet& wind);
-    // An objection of the renderer's own to what was handed over.
+    // Rejects the procedural's output: throws InputError.
     [[noreturn]] void refuse(const std::string& what, const std::string& fix) const;
 
   private:
@@ -105,7 +107,7 @@ class Procedural {
     uint64_t instance_number_ = 0;
     std::vector<MarramAttribute> attributes_; // names point into attribute_names_
     std::deque<std::string> attribute_names_;
-    std::exception_ptr thrown_; // in a call that the procedural made
+    std::exception_ptr thrown_; // of a host function that the procedural has called
     std::mutex messages_lock_;
     std::vector<Problem> faults_;
     std::vector<std::string> warnings_;

@@ -30,7 +30,7 @@ ParamSpec spec_of(const MarramParam& param) {
                    param.unit,    param.initial,
                    param.minimum, param.maximum,
                    param.choices, param.help};
-    // What a procedural makes may be a mesh, or curves.
+    // The name may be that of a procedural, which makes a mesh or curves.
     if (param.type == MARRAM_MESH_NAME) {
         spec.each = spec.choices == "each";
         spec.choices = "mesh|procedural";
@@ -47,7 +47,7 @@ std::vector<ParamSpec> specs_of(const std::vector<MarramParam>& params) {
     return specs;
 }
 
-// Texts that everybody reads without a look.
+// True if no text is NULL: others read them without a check.
 bool is_sound(const MarramParam& param) {
     return param.name && param.unit && param.initial && param.choices && param.help;
 }
@@ -103,7 +103,7 @@ ProceduralType read_type(const MarramProcedural& calls) {
     return type;
 }
 
-// What the host asks of every mesh that a procedural makes: its roles.
+// Parameters that the host adds: the material, and the roles of a procedural that makes a mesh.
 std::vector<ParamSpec> host_params(const MarramProcedural& calls) {
     std::vector<ParamSpec> params = {
         {"material", ParamType::reference, "", "none", {}, {}, "material", "default: a plain grey"}};
@@ -132,7 +132,7 @@ std::vector<ListSchema> lists_of(const ProceduralType& type) {
 } // namespace
 
 PluginLibrary::PluginLibrary(const std::string& path, const Place& place) : path_(path) {
-    // A bare name would be looked for in the system's folders instead of here.
+    // dlopen would search the system's folders for a bare name.
     const std::string absolute = std::filesystem::absolute(path).string();
     handle_ = dlopen(absolute.c_str(), RTLD_NOW | RTLD_LOCAL);
     if (!handle_) {
@@ -209,7 +209,7 @@ std::vector<ItemSchema> procedural_schemas(const PluginLibrary& library) {
         if (type.unusable.empty()) {
             schema.params = host_params(type.calls);
             for (ParamSpec& spec : specs_of(type.params)) {
-                // A list is its elements, so their defaults stay.
+                // Elements of lists keep their defaults: a list replaces the scene's as a whole.
                 if (spec.name.starts_with(wind_prefix) && list_of(spec.name).empty()) spec.initial = "none";
                 schema.params.push_back(std::move(spec));
             }

@@ -63,7 +63,7 @@ void PlyFile::fail(const std::string& what, const std::string& fix) const {
 
 // ---- The header
 
-// The words of the next line. The file's first line tells how its lines end.
+// The words of the next line. The first line of the file determines the line ending.
 std::vector<std::string_view> PlyFile::header_words() {
     constexpr size_t longest_line = 4096;
     line_ = at_;
@@ -154,14 +154,14 @@ void PlyFile::read_header() {
 
 // ---- The body
 
-// Refuses counts that the rest of the file cannot hold, before anything is made room for.
+// Rejects counts that the rest of the file cannot hold, before memory is allocated.
 void PlyFile::check_room(const PlyElement& element) const {
     uint64_t bytes = 0;
     for (const PlyProperty& property : element.properties) {
         const PlyScalar first = property.is_list ? property.count_type : property.type;
         bytes += format_ == PlyFormat::ascii ? 2 : ply_scalar_bytes[size_t(first)]; // a digit and a space
     }
-    const uint64_t left = bytes_.size() - at_ + 1; // the last line may lack its end
+    const uint64_t left = bytes_.size() - at_ + 1; // the last line may lack its newline
     if (bytes > 0 && element.count > left / bytes)
         throw InputError(
             Place{path_},
@@ -210,7 +210,7 @@ double PlyFile::read_ascii(const PlyProperty& property) {
     const NumberFault fault = parse_number(text, value);
     if (fault == NumberFault::not_a_number)
         fail(fmt::format("\"{}\" is not a number", text.substr(0, 32)), "write a number");
-    // What is not used may be anything.
+    // No error yet: unused properties may have any value.
     return fault == NumberFault::not_finite ? std::numeric_limits<double>::quiet_NaN() : value;
 }
 
@@ -272,7 +272,7 @@ void PlyFile::skip_element(const PlyElement& element) {
     }
 }
 
-// More data than announced: some of the mesh would be missing.
+// Rejects data beyond the last entry: some of the mesh would be missing.
 void PlyFile::check_end() const {
     const size_t rest = bytes_.find_first_not_of(std::string_view(" \t\r\n\0", 5), at_);
     if (rest == std::string_view::npos) return;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stanford PLY: the header and the numbers of a file, ascii and binary of either byte order, any scalar types, any elements and
-// properties. What they mean is its readers' business: mesh_ply.cpp, curves_ply.cpp. All throw InputError with line and column (binary:
-// element and number).
+// Stanford PLY: parses the header and the numbers of a file, ascii and binary of either byte order, with any
+// scalar types, elements and properties. Readers give them a meaning: mesh_ply.cpp, curves_ply.cpp. All throw
+// InputError with line and column (binary: element and number).
 //
-// No memory is taken on a header's word: every element must first fit into the bytes that are there (check_room).
+// Counts in a header are not trusted: before memory is allocated, every element must fit into the rest of the
+// file (check_room).
 #pragma once
 
 #include "core/math/problem.h"
@@ -25,7 +26,7 @@ struct PlyProperty {
     PlyScalar type = PlyScalar::float32;
     bool is_list = false;
     PlyScalar count_type = PlyScalar::uint8; // of a list
-    int slot = ply_ignored;                  // what the reader takes it for
+    int slot = ply_ignored;                  // meaning given by the reader
     bool is_whole() const { return type < PlyScalar::float32; }
 };
 
@@ -43,26 +44,28 @@ struct PlyElement {
 class PlyFile {
   public:
     using SlotOf = int (*)(const std::string& element, const PlyProperty& property);
-    // Borrows both. `slot_of` names what the reader wants; of one element each slot may stand once.
+    // Keeps references to both. `slot_of` maps a property to a slot of the reader; each slot may occur once
+    // per element.
     PlyFile(const std::string& path, std::string_view bytes, SlotOf slot_of)
         : path_(path), bytes_(bytes), slot_of_(slot_of) {}
 
     void read_header();
     const std::vector<PlyElement>& elements() const { return elements_; }
-    // nullptr where there is none of that name.
+    // nullptr if there is none of that name.
     const PlyElement* find(std::string_view element) const;
 
-    // The body, element by element in the header's order, each entry between begin_entry() and end_entry().
+    // Reads the body, element by element in the header's order, each entry between begin_entry() and
+    // end_entry().
     void check_room(const PlyElement& element) const;
     void begin_entry(const PlyElement& element, uint64_t number);
     void end_entry();
-    double read_number(const PlyProperty& property, PlyScalar type); // NaN: not finite in the file
+    double read_number(const PlyProperty& property, PlyScalar type); // NaN if not finite in the file
     uint64_t list_length(const PlyProperty& property);
     void skip_property(const PlyProperty& property);
     void skip_element(const PlyElement& element);
     void check_end() const;
 
-    // About the header's last line, or the number that was read last.
+    // Throws for the header's last line, or for the number read last.
     [[noreturn]] void fail_header(const std::string& what, const std::string& fix) const;
     [[noreturn]] void fail(const std::string& what, const std::string& fix) const;
 
@@ -80,7 +83,7 @@ class PlyFile {
     std::string_view bytes_;
     SlotOf slot_of_;
     size_t at_ = 0;       // the next byte
-    size_t token_ = 0;    // start of the last number: where faults are
+    size_t token_ = 0;    // start of the last number, for errors
     size_t line_ = 0;     // start of the header's line
     std::string newline_; // of the header
     PlyFormat format_ = PlyFormat::ascii;

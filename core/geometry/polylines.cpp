@@ -14,7 +14,7 @@ namespace marram {
 
 namespace {
 
-// tinyobjloader takes what it cannot parse for 0.
+// tinyobjloader reads what it cannot parse as 0: check the vertices first.
 void check_obj_vertices(const std::string& file, const std::string& bytes) {
     std::istringstream text(bytes);
     std::string word;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Polylines from files: .obj, .ply, .usda.
+// Reads polylines from files: .obj, .ply, .usda.
 //
-// To add a format, write its read_<format>_polylines() here and name its extension in load_polylines().
+// To add a format, declare its read_<format>_polylines() here and name its extension in load_polylines().
 #pragma once
 
 #include "core/math/problem.h"
@@ -18,19 +18,20 @@ struct Polyline {
     bool closed = false; // the last point is joined to the first
 };
 
-// The polylines of a file, by its extension. Throws InputError where there are none, for indices and numbers that are not usable, and
-// for coordinates beyond 1e8 m.
+// The polylines of a file; its extension selects the format. Throws InputError if there are none, for invalid
+// indices and numbers, and for coordinates beyond 1e8 m.
 //   .obj   its l elements
-//   .ply   ascii or binary. With an element "edge" (integers vertex1, vertex2): lines of vertices that edges join; an open one begins at
-//          the end whose vertex stands first in the file, a ring is closed, a fork is refused, vertices without an edge are passed over.
-//          Else with an integer strand_id or curve_id a vertex: the vertices of one id, in the file's order. Else all vertices in order.
-//   .usda  its BasisCurves (usda_curves.h); cubic ones as points on the curve, usda_points_a_segment for each cubic
+//   .ply   ascii or binary. With an element "edge" (integers vertex1, vertex2): lines along the edges. An
+//          open line begins at the end whose vertex is first in the file, a ring is closed, a fork is an
+//          error, vertices without an edge are ignored. Else with an integer strand_id or curve_id per
+//          vertex: the vertices of each id, in the file's order. Else all vertices in order.
+//   .usda  its BasisCurves (usda_curves.h); cubics as usda_points_a_segment points on the curve per segment
 std::vector<Polyline> load_polylines(const std::string& file);
 
 inline constexpr int usda_points_a_segment = 8;
 
-// What the readers share.
-inline constexpr double greatest_curve_coordinate = 1e8; // metres, as scenes may have
+// Shared by the readers.
+inline constexpr double greatest_curve_coordinate = 1e8; // metres, as in scenes
 std::vector<Polyline> read_ply_polylines(const std::string& file, std::string_view bytes);
 std::vector<Polyline> read_usda_polylines(const std::string& file, std::string_view bytes);
 

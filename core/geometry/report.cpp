@@ -19,7 +19,7 @@ void combine(Report::Entry& entry, const std::string& procedural, double value) 
     case MARRAM_EACH:
         entry.each[procedural] = value;
         break;
-    case MARRAM_RATIO: // worked out, never reported
+    case MARRAM_RATIO: // computed, never reported
         break;
     default:
         entry.value += value;
@@ -62,7 +62,7 @@ double Report::operator()(std::string_view path) const {
     if (found == entries_.end()) return 0.0;
     const MarramReportEntry& declared = found->second.declared;
     if (declared.combine != MARRAM_RATIO || !declared.path) return found->second.value;
-    const auto plain = [&](const char* of) { // a ratio of ratios is none
+    const auto plain = [&](const char* of) { // a ratio must not refer to ratios
         const auto operand = of ? entries_.find(std::string_view(of)) : entries_.end();
         return operand == entries_.end() ? 0.0 : operand->second.value;
     };

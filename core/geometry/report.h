@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What procedurals report of a frame, combined as their libraries declare it. Core prints the entries without knowing what they say.
+// Combines what procedurals report about a frame, as their libraries declare it. Core prints the entries
+// without knowing their meaning.
 #pragma once
 
 #include "core/plugin/marram_plugin.h"
@@ -23,15 +24,16 @@ class Report {
 
     // Makes each declared entry exist with value 0, so that it is printed even if no procedural reports it.
     void declare(std::span<const MarramReportEntry> entries);
-    // Adds what one procedural reports. Entries in thread seconds (summed over threads) are not added as they are: `wall`, the elapsed
-    // seconds, is divided among them in proportion, each part going to "seconds.<stage>"; without such entries all of it goes to
-    // "seconds.expand". An undeclared path is a sum without a unit.
+    // Adds what one procedural reports. Entries in thread seconds (summed over threads) are not added as they
+    // are: `wall`, the elapsed seconds, is divided among them in proportion, each part going to
+    // "seconds.<stage>"; without such entries all of it goes to "seconds.expand". An undeclared path is a sum
+    // without a unit.
     void add(const std::string& procedural, std::span<const std::pair<std::string, double>> entries,
              double wall);
     // Adds core's own value to one entry, of no procedural.
     void add(std::string_view path, double value);
 
-    // The combined value; 0 where there is no such entry. A ratio is computed here, from its two parts.
+    // The combined value; 0 if there is no such entry. A ratio is computed here, from its two parts.
     double operator()(std::string_view path) const;
     const std::map<std::string, Entry, std::less<>>& entries() const { return entries_; }
 

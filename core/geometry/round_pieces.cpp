@@ -14,7 +14,7 @@ namespace marram {
 
 namespace {
 
-// The ball at a corner.
+// Intersects the ball at a corner, and keeps the nearer entry.
 void enter_ball(const Vec4d& corner, double along, const Vec3d& origin, const Vec3d& direction, double tnear,
                 Entry& entry) {
     const Vec3d from = origin - corner.head<3>();
@@ -32,7 +32,7 @@ bool enter(const RoundPiece& piece, const Vec3d& origin, const Vec3d& direction,
     const double length2 = axis.squaredNorm();
     entry.t = std::numeric_limits<double>::infinity();
     if (length2 > 0.0) {
-        // |w + t d|, across the axis, is r + t g: of the two roots the one where the ray comes in.
+        // Across the axis |w + t d| = r + t g; the ray enters at the smaller root.
         const Vec3d from = origin - piece.begin.head<3>();
         const double inverse = 1.0 / length2, slope = piece.end[3] - piece.begin[3]; // for all of the piece
         const double d = direction.dot(axis) * inverse, w = from.dot(axis) * inverse;
@@ -64,7 +64,7 @@ struct Query {
     double t; // of the nearest hit
 };
 
-// What Embree has of a piece, at a time: as it interpolates, but in double.
+// A piece at a time, interpolated as in Embree, but in double.
 RoundPiece piece_of(const CurveGeometry& curves, uint32_t primitive, float time) {
     const uint32_t per_curve = (curves.cvs_per_curve - 1) * curves.pieces;
     const size_t first = 4 * (primitive + static_cast<size_t>(primitive / per_curve));
@@ -81,7 +81,7 @@ RoundPiece piece_of(const CurveGeometry& curves, uint32_t primitive, float time)
     return piece;
 }
 
-// Where the ray enters the piece that Embree has met, if it does before `before`.
+// True if the ray enters the piece that Embree has hit, at t < before.
 bool entered(const Query& query, const RTCHit& hit, double before, Entry& entry) {
     const CurveGeometry& curves = query.world->curves[hit.geomID - query.world->meshes.size()];
     return enter(piece_of(curves, hit.primID, query.time), query.origin, query.direction, query.tnear,
@@ -94,7 +94,7 @@ bool is_piece(const Query& query, uint32_t geometry) {
     return geometry >= meshes && !query.world->curves[geometry - meshes].round_pieces.empty();
 }
 
-// No less than t, and what Embree's own t is off by besides.
+// An upper bound of t that includes the error of Embree's own t.
 float beyond(double t) { return static_cast<float>(t * (1.0 + 0x1p-20)); }
 
 void nearest(const RTCFilterFunctionNArguments* args) {

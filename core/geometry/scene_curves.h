@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curves of the scene that procedurals use: polylines that were drawn, strands and guides that were groomed elsewhere.
+// Curves of the scene that procedurals use: drawn polylines, and strands and guides groomed in other
+// programs.
 #pragma once
 
 #include "core/geometry/attribute_values.h"
@@ -24,33 +25,35 @@ struct CurvesSample {
 
 struct SceneCurves {
     std::string name;
-    MarramBasis basis = MARRAM_LINEAR; // of strands: how the file draws them; MARRAM_LINEAR: it does not say
-    std::vector<uint64_t> offsets{0};  // of each curve's first point, and behind the last
+    MarramBasis basis = MARRAM_LINEAR; // of strands: as in the file; MARRAM_LINEAR: the file does not say
+    std::vector<uint64_t> offsets{0};  // of each curve's first point, and the total
     std::vector<float>
-        vertices; // 4 a vertex, as in MarramCurves, before the transform; radius 0: no width is known
+        vertices; // 4 per vertex, as in MarramCurves, before the transform; radius 0: unknown width
     std::vector<uint32_t> closed;              // [curve]
     std::vector<AttributeValues> attributes{}; // per curve or per CV
-    // Of curves that animate, by ascending frame, two or more. From each to the next vertices go straight; before the first and after
-    // the last they rest. `vertices` are the first's.
+    // Of animated curves: two or more, by ascending frame. Vertices are linear between them, and constant
+    // before the first and after the last. `vertices` are the first's.
     std::vector<CurvesSample> samples{};
     KeyedTransform transform{};
 
     void add(std::span<const Vec3d> points, bool is_closed); // 2 points or more, radius 0
     CurveLayout layout() const { return {closed.size(), 0, offsets.data()}; }
-    bool is_in_world() const { // at every frame the transform leaves them where they are
+    bool is_in_world() const { // at every frame the transform is the identity
         return !transform.moves() && transform.at(0.0).matrix() == Eigen::Affine3d::Identity().matrix();
     }
     bool moves() const { return transform.moves() || samples.size() > 1; } // false: the same at every frame
     bool moves_within(double begin, double end) const;
-    // Frames between the two at which the way of a vertex may bend: of its samples, and of its transform's keys. Ascending.
+    // Frames between the two at which the path of a vertex may bend: those of samples and of the transform's
+    // keys. Ascending.
     std::vector<double> bends_within(double begin, double end) const;
-    // Vertices of some curves in the world; radii are scaled as the cube root of what volumes are. Where nothing moves or is transformed: `vertices`, to the bit.
+    // Vertices of some curves in world space; radii are scaled by the cube root of the volume scale.
+    // Bit-identical to `vertices` if nothing moves or is transformed.
     void vertices_at(double frame, uint64_t first_curve, uint64_t count, float* out) const;
     std::vector<float> vertices_at(double frame) const;
-    uint64_t digest() const; // of all that it holds but its name
+    uint64_t digest() const; // of all members but the name
 };
 
-// What curves carry, by their name: attributes without values.
+// Attributes of curves, without values, by the curves' name.
 std::map<std::string, std::vector<AttributeValues>> attributes_of(std::span<const SceneCurves> curves);
 
 } // namespace marram

@@ -16,7 +16,7 @@
 namespace marram {
 namespace {
 
-// Two sets of vertices or normals, and how far it is from the first to the second.
+// Two arrays of vertices or normals, and the weight of the second.
 struct Between {
     const std::vector<Vec3f>*first, *second;
     double share;
@@ -38,7 +38,7 @@ Between between(const SceneMesh& mesh, double frame, std::vector<Vec3f> MeshShap
     return {&(a.*what), &(b.*what), (frame - a.frame) / (b.frame - a.frame)};
 }
 
-// An Embree buffer of make(i).
+// An Embree buffer filled with make(i).
 template <typename Make>
 std::vector<Vec3f> buffer_of(size_t size, Make&& make) {
     std::vector<Vec3f> buffer = embree_buffer<Vec3f>(size);
@@ -94,7 +94,7 @@ std::vector<Vec3f> SceneMesh::normals_at(double frame) const {
     const Between at = between(*this, frame, &MeshShape::normals, normals);
     return buffer_of(normals.size(), [&](size_t i) -> Vec3f {
         const Vec3d normal = turned * at(i);
-        // Halfway between opposite ones there is none: that of the shape before.
+        // Halfway between opposite normals the mean is 0: use that of the previous shape.
         return (normal.squaredNorm() > 0.0 ? normal : Vec3d(turned * (*at.first)[i].cast<double>()))
             .normalized()
             .cast<float>();
@@ -103,7 +103,7 @@ std::vector<Vec3f> SceneMesh::normals_at(double frame) const {
 
 namespace {
 
-// Vectors of Eigen's are their numbers, though not trivially copyable by name.
+// Eigen's vectors are just their numbers, though C++ does not call them trivially copyable.
 template <typename T>
 std::string_view bytes_of(const std::vector<T>& values) {
     return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)};
@@ -143,7 +143,7 @@ void add_instances(std::vector<SceneMesh>& meshes, std::span<const Item> items) 
     };
     size_t count = meshes.size();
     for (const Item& item : items) count += count_of(item);
-    meshes.reserve(count); // they point to each other
+    meshes.reserve(count); // no reallocation: instances point to meshes
     for (size_t m = 0; m < items.size(); ++m)
         for (size_t i = 0; i < count_of(items[m]); ++i) {
             const ParamValue& keys = items[m].params.at("instances[" + std::to_string(i) + "].transform");
@@ -165,7 +165,7 @@ void add_instances(std::vector<SceneMesh>& meshes, std::span<const Item> items) 
                 const double x = keys.numbers[k];
                 bool even = std::abs(keys.numbers[k + 1]) == std::abs(x) &&
                             std::abs(keys.numbers[k + 2]) == std::abs(x);
-                for (size_t axis = 0; axis < 3; ++axis) // from key to key no axis passes 0
+                for (size_t axis = 0; axis < 3; ++axis) // no axis may pass 0 between keys
                     even = even && (keys.numbers[k + axis] > 0.0) == (keys.numbers[7 + axis] > 0.0);
                 if (!even || x == 0.0)
                     throw InputError(

@@ -23,13 +23,13 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view ending = ".state";
 
-// In front of the data, all little-endian as the machines are that Embree runs on.
+// Precedes the data. Little-endian, as are all machines that Embree runs on.
 struct Header {
     std::array<char, 8> magic{'m', 'a', 'r', 'r', 'a', 'm', 'S', '1'};
     uint64_t digest = 0, frame_bits = 0, byte_count = 0, checksum = 0;
 };
 
-// A name of a procedural may hold anything.
+// Names of procedurals may contain any character.
 std::string as_file_name(std::string name) {
     for (char& c : name)
         if (!std::isalnum(static_cast<unsigned char>(c)) && c != '-' && c != '_') c = '_';
@@ -46,7 +46,7 @@ std::optional<double> frame_of(const fs::path& file) {
     return frame;
 }
 
-// Nothing where the file is not what was written.
+// Empty if the file is not as it was written.
 std::optional<StoredState> read(const std::string& file, uint64_t digest, double frame) {
     std::ifstream in(file, std::ios::binary);
     Header header;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the simulations of procedurals keep of their past: bytes, stamped with a frame, in files that outlive the run.
+// Stores the states of procedurals' simulations: bytes, labelled with a frame, in files that persist between
+// runs.
 //
-// A state is one file, FOLDER/NAME-DIGEST/FRAME.state, written whole or not at all. The digest stands for all that the state depends
-// on: the procedural's values, its inputs, the contents of files, the library's version; a change of any of them begins a new folder.
-// A damaged file is skipped with a warning, as if it were not there.
+// A state is one file, FOLDER/NAME-DIGEST/FRAME.state, written whole or not at all. The digest covers all
+// that the state depends on: the procedural's values, its inputs, the contents of files, the library's
+// version; any change starts a new folder. A damaged file is skipped with a warning.
 #pragma once
 
 #include <cstdint>
@@ -24,9 +25,10 @@ class StateStore {
     // With folder "" nothing is written: states are kept in memory and are lost with this object.
     StateStore(const std::string& folder, const std::string& name, uint64_t digest);
 
-    // The state with the greatest frame <= `frame`; nothing if there is none. Cost: reading one file, more only past damaged ones.
+    // The state with the largest frame <= `frame`; empty if there is none. Cost: reading one file, more only
+    // past damaged ones.
     std::optional<StoredState> load(double frame);
-    // Throws InputError where it cannot be written.
+    // Throws InputError if it cannot be written.
     void store(double frame, const void* data, size_t byte_count);
     std::vector<std::string> take_warnings();
 

@@ -13,7 +13,7 @@ namespace marram {
 
 namespace {
 
-// Keeps the values of what is kept, `components` for each.
+// Removes the entries that are not `kept`; `components` values per entry.
 template <typename Value>
 void keep(std::vector<Value>& values, size_t components, const std::vector<char>& kept) {
     size_t to = 0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cem Yuksel's HAIR (hair_format.h): a header of 128 bytes, then arrays as its flags say, in this order: segments of each strand, points,
-// thickness, transparency, color. Arrays are read straight to where they belong, and checked while they are in the cache.
+// Cem Yuksel's HAIR (hair_format.h): a header of 128 bytes, then arrays according to its flags, in this
+// order: segments of each strand, points, thickness, transparency, color. Arrays are read directly to where
+// they belong, and checked while they are in the cache.
 #include "core/geometry/hair_format.h"
 #include "core/geometry/mesh_reader.h"
 #include "core/geometry/polylines.h"
@@ -141,7 +142,7 @@ void HairReader::read_counts() {
             "export the strands anew");
 }
 
-// complain(i): about number i, which is not from low to high.
+// complain(i) throws for the first number i that is not within low ... high.
 template <typename Check>
 void HairReader::read_floats(float* to, uint64_t count, float low, float high, Check complain) {
     constexpr uint64_t part = uint64_t(1) << 17;
@@ -162,7 +163,7 @@ void HairReader::read_floats(float* to, uint64_t count, float low, float high, C
     if (first_fault.load() < count) complain(first_fault.load());
 }
 
-// Of all points, or of the header where that says more than `neutral`.
+// Color or transparency of all points, or the header's if it differs from `neutral`.
 void HairReader::read_color(const float* neutral, uint32_t components, const char* name, bool has_array,
                             const float* given) {
     constexpr float greatest = std::numeric_limits<float>::max();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Strands of Wavefront OBJ files: vertices (v), and the lines through them (l). Numbers are read here to the nearest float;
-// tinyobjloader's are up to a unit in the last place off.
+// Reads strands from Wavefront OBJ files: vertices (v), and lines through them (l). Numbers are parsed here
+// to the nearest float; tinyobjloader is off by up to a unit in the last place.
 #include "core/geometry/mesh_reader.h"
 #include "core/geometry/polylines.h"
 #include "core/geometry/strand_file.h"
@@ -30,11 +30,11 @@ class ObjStrandsReader {
     const std::string& path_;
     std::string_view bytes_;
     std::vector<Vec3f> vertices_;
-    std::vector<uint32_t> order_; // of all CVs
+    std::vector<uint32_t> order_; // vertices of all CVs
     StrandFile strands_;
 };
 
-// Takes the next word off the line; "" at its end, or where a comment begins.
+// Takes the next word off the line; "" at its end or at a comment.
 std::string_view ObjStrandsReader::word(std::string_view& line) const {
     constexpr std::string_view blanks = " \t\r";
     line.remove_prefix(std::min(line.find_first_not_of(blanks), line.size()));
@@ -58,7 +58,7 @@ void ObjStrandsReader::read_vertex(std::string_view line) {
     vertices_.push_back(vertex);
 }
 
-// l 1 2 3, or l 1/1 2/2 with texture coordinates; negative ones count back from the last vertex before.
+// l 1 2 3, or l 1/1 2/2 with texture coordinates; negative indices count back from the latest vertex.
 void ObjStrandsReader::read_line(std::string_view line) {
     uint32_t count = 0;
     for (std::string_view text = word(line); !text.empty(); text = word(line), ++count) {
@@ -96,7 +96,7 @@ StrandFile ObjStrandsReader::read() {
     StrandSample& sample = strands_.samples.emplace_back();
     sample.points.reserve(order_.size());
     for (const uint32_t vertex : order_) {
-        if (vertex >= vertices_.size()) // may stand behind the line, so it is looked for last
+        if (vertex >= vertices_.size()) // checked last: a vertex may follow its line
             throw InputError(
                 {path_}, fmt::format("a line names vertex {}, there are {}", vertex + 1, vertices_.size()),
                 "check that the file is complete");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Strands of PLY files: see strand_file.h for what is read.
+// Reads strands from PLY files; strand_file.h says what is supported.
 #include "core/geometry/curves_ply.h"
 #include "core/geometry/polylines.h"
 #include "core/geometry/strand_file.h"
@@ -17,7 +17,7 @@ namespace {
 
 constexpr size_t no_column = ~size_t(0);
 
-// The greatest value of a whole type; 1 for others.
+// The largest value of an integer type; 1 for others.
 double full_scale(PlyScalar type) {
     switch (type) {
     case PlyScalar::int8:
@@ -39,7 +39,7 @@ double full_scale(PlyScalar type) {
     return 1.0;
 }
 
-// Columns that stand for one thing.
+// Columns that form one attribute.
 struct PlyGroup {
     std::string name;
     std::vector<size_t> columns;
@@ -50,7 +50,7 @@ class PlyGroups {
   public:
     explicit PlyGroups(const std::vector<PlyColumn>& columns)
         : columns_(columns), taken_(columns.size(), false) {}
-    // no_column where there is none that is not taken.
+    // Takes a column by its name; no_column if there is none, or it is already taken.
     size_t take(std::string_view name);
     std::vector<PlyGroup> rest(); // in the file's order
 
@@ -131,11 +131,11 @@ class PlyStrandsReader {
     const std::string& path_;
     PlyCurvesContent content_;
     std::vector<uint32_t> vertices_; // of each CV
-    std::vector<uint32_t> entries_;  // of each curve, where there are
+    std::vector<uint32_t> entries_;  // of each curve, if there are entries
     StrandFile strands_;
 };
 
-// The vertices of the CVs; rings end where they begin.
+// Finds the vertices of the CVs. Closed strands are opened: they end where they begin.
 void PlyStrandsReader::find_rows() {
     size_t rings = 0;
     for (size_t c = 0; c < content_.closed.size(); ++c) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Strands of USD layers: see strand_file.h for what is read.
+// Reads strands from USD layers; strand_file.h says what is supported.
 #include "core/geometry/mesh_reader.h"
 #include "core/geometry/polylines.h"
 #include "core/geometry/strand_file.h"
@@ -18,19 +18,20 @@ namespace marram {
 namespace {
 
 using Numbers = std::vector<double>;
-constexpr double greatest_deviation = 1e-3; // of a curve's length; of the curves' size where transforms turn
-constexpr uint32_t most_pieces = 8;         // of a cubic
-constexpr size_t most_attributes = 64;      // constant ones are given to every curve
-constexpr int most_depth = 8;               // of the time between two samples of a transform
+// Relative to a curve's length; for rotating transforms relative to the curves' size.
+constexpr double greatest_deviation = 1e-3;
+constexpr uint32_t most_pieces = 8;    // per cubic
+constexpr size_t most_attributes = 64; // constant ones are copied to every curve
+constexpr int most_depth = 8;          // of bisection between two samples of a transform
 
-// What an attribute of numbers says over time.
+// A numeric attribute over time.
 struct UsdaSeries {
     const UsdaAttribute* of = nullptr;
     std::vector<std::pair<double, const Numbers*>> samples; // one, or by ascending time
     bool is_there() const { return !samples.empty(); }
 };
 
-// A prim BasisCurves, below what stands above it.
+// A BasisCurves prim with its ancestors.
 struct CurvesPrim {
     std::string path;
     std::vector<const UsdaPrim*> ancestors; // from the root down to itself
@@ -92,15 +93,15 @@ class UsdaStrandsReader {
     UsdaScene scene_;
     double frames_per_time_;
     std::vector<CurvesPrim> prims_;
-    std::vector<double> times_; // of the samples; one where nothing moves
+    std::vector<double> times_; // of the samples; one if nothing moves
     std::vector<std::string> warnings_;
-    size_t other_curves_ = 0; // prims of curves that are not read
+    size_t other_curves_ = 0; // number of curve prims that are not supported
 };
 
 // ---- Prims, and values over time
 
 double UsdaStrandsReader::time_codes_a_second() const {
-    double rate = 24.0; // what USD says of a layer that does not
+    double rate = 24.0; // USD's default
     for (const std::string_view key : {"framesPerSecond", "timeCodesPerSecond"}) {
         const std::string_view given = find_metadata(scene_.layer().metadata, key);
         if (!given.empty() && (parse_number(given, rate) != NumberFault::none || !(rate > 0.0)))
@@ -121,7 +122,7 @@ void UsdaStrandsReader::visit(const UsdaPrim& prim, const std::string& parent,
     ancestors.pop_back();
 }
 
-// Time samples where there are any, else the value for every time.
+// The time samples if there are any, else the value for every time.
 UsdaSeries UsdaStrandsReader::series(const UsdaPrim& prim, std::string_view name) const {
     UsdaSeries series;
     const auto add = [&](double time, const UsdaValue& value) {
@@ -137,7 +138,7 @@ UsdaSeries UsdaStrandsReader::series(const UsdaPrim& prim, std::string_view name
     return series;
 }
 
-// Straight between samples; before the first and behind the last it rests.
+// Linear between samples; constant before the first and after the last.
 const Numbers& UsdaStrandsReader::value_at(const UsdaSeries& series, double time, Numbers& between) const {
     const auto next =
         std::ranges::upper_bound(series.samples, time, {}, &std::pair<double, const Numbers*>::first);
@@ -162,12 +163,14 @@ UsdaPlacing UsdaStrandsReader::placing(const std::vector<const UsdaPrim*>& ances
     return placing;
 }
 
-// Whether what is in the box and goes straight from its place at `begin` to that at `end` stays near where the transforms have it.
+// True if points in the box that move linearly from `begin` to `end` stay close enough to where the
+// transforms put them.
 bool UsdaStrandsReader::is_linear_within(const std::vector<const UsdaPrim*>& ancestors,
                                          const Eigen::AlignedBox3d& box, double begin, double end) const {
     const UsdaPlacing a = placing(ancestors, begin), b = placing(ancestors, end);
     const double size = (a.topLeftCorner<3, 3>() * box.sizes().asDiagonal()).norm();
-    for (const double share : {0.5, 0.21, 0.83}) { // not alike: a whole turn from one to the next is seen
+    for (const double share :
+         {0.5, 0.21, 0.83}) { // unevenly spaced, so that a whole turn in between is detected
         const UsdaPlacing way = placing(ancestors, begin + share * (end - begin)) - (a + share * (b - a));
         for (int corner = 0; corner < 8; ++corner) {
             const Vec3d p = box.corner(Eigen::AlignedBox3d::CornerType(corner));
@@ -188,7 +191,8 @@ void UsdaStrandsReader::bisect(const std::vector<const UsdaPrim*>& ancestors, co
     bisect(ancestors, box, middle, end, depth - 1, times);
 }
 
-// A transform with many samples on points with one takes samples times points: refused where that is much more than the file.
+// A transform with many samples multiplies the points: rejected if they would need much more memory than the
+// file.
 void UsdaStrandsReader::check_room(size_t times, uint64_t floats) const {
     const double bytes = double(times) * double(floats) * sizeof(float),
                  most = std::max(256e6, 64.0 * double(bytes_.size()));
@@ -201,8 +205,8 @@ void UsdaStrandsReader::check_room(size_t times, uint64_t floats) const {
 
 void UsdaStrandsReader::find_times() {
     std::set<double> times;
-    uint64_t floats = 0;                                               // of a sample
-    std::map<std::vector<const UsdaPrim*>, Eigen::AlignedBox3d> moved; // by what places it
+    uint64_t floats = 0;                                               // per sample
+    std::map<std::vector<const UsdaPrim*>, Eigen::AlignedBox3d> moved; // key: the ancestors that transform it
     for (const CurvesPrim& prim : prims_) {
         const UsdaSeries points = series(prim.self(), "points");
         if (!points.is_there())
@@ -262,7 +266,7 @@ Numbers UsdaStrandsReader::placed_points(const CurvesPrim& prim, const UsdaSerie
     return placed;
 }
 
-// Into as few pieces as keep the drawn curves near the file's.
+// Cuts cubics into the fewest pieces that keep the curves near the file's.
 void UsdaStrandsReader::cut(UsdaCvs& cvs, const CurvesPrim& prim, const UsdaSeries& points,
                             StrandFile& part) {
     if (cvs.as_they_are()) return;
@@ -403,7 +407,7 @@ Numbers UsdaStrandsReader::interpolate_to_cvs(const UsdaCvs& cvs, const Numbers&
     return all;
 }
 
-// Values by their indices, where there are some; false: they cannot be taken, and that was told.
+// Replaces values by those that the indices select; false if there are no indices.
 bool UsdaStrandsReader::expand(const UsdaPrim& prim, const UsdaAttribute& attribute, size_t components,
                                Numbers& values) const {
     const std::string name = fmt::format("{}:indices", attribute.name);
@@ -426,7 +430,7 @@ bool UsdaStrandsReader::expand(const UsdaPrim& prim, const UsdaAttribute& attrib
     return true;
 }
 
-// Points, vectors and normals stand and turn with their prim.
+// Points, vectors and normals are transformed with their prim.
 void UsdaStrandsReader::place_values(const CurvesPrim& prim, std::string_view type, Numbers& values) const {
     const bool is_point = type.starts_with("point3"), is_vector = type.starts_with("vector3"),
                is_normal = type.starts_with("normal3");
@@ -526,7 +530,7 @@ void UsdaStrandsReader::read_attributes(const UsdaCvs& cvs, const CurvesPrim& pr
     const UsdaPrim& self = prim.self();
     std::set<std::string_view> done;
     for (const UsdaAttribute& attribute : self.attributes) {
-        if (!done.insert(attribute.name).second) continue; // its samples, or its value
+        if (!done.insert(attribute.name).second) continue; // samples and value are two statements
         if (attribute.name == "ids" && !self.find("primvars:id"))
             read_attribute(cvs, prim, attribute, "id", Interpolation::uniform, part);
         if (attribute.name == "normals" && !self.find("primvars:normals"))

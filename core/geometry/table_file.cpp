@@ -24,7 +24,7 @@ struct Reader {
     bool has_names = false; // the first row has been read
     size_t column = 0;
 
-    std::exception_ptr thrown; // for lack of memory: it may not pass through the library's C code
+    std::exception_ptr thrown; // out of memory: must not pass through the library's C code
 
     static void on_field(void* text, size_t length, void* user) {
         Reader& reader = *static_cast<Reader*>(user);
@@ -87,7 +87,7 @@ TableFile read_table_file(const std::string& path) {
                              "separate numbers by commas, a row a line");
     };
     for (std::string line; std::getline(in, line);) {
-        ++reader.line; // the library passes over empty ones
+        ++reader.line; // the library skips empty lines
         line += '\n';
         check(csv_parse(&parser, line.data(), line.size(), Reader::on_field, Reader::on_row, &reader) ==
               line.size());

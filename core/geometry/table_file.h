@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tables of numbers from CSV files: a line of column names, then a line of numbers a row, separated by commas.
+// Reads tables of numbers from CSV files: a line of column names, then a line of numbers per row, separated
+// by commas.
 #pragma once
 
 #include <string>
@@ -12,7 +13,7 @@ struct TableFile {
     std::vector<float> values; // row by row
 };
 
-// Throws InputError with file and line for what is no number, and for rows of another length.
+// Throws InputError with file and line for what is not a number, and for rows of another length.
 TableFile read_table_file(const std::string& path);
 
 } // namespace marram

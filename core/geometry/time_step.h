@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Motion keys are equally spaced over a ray's time 0 ... 1, and linear between.
+// Motion keys are equally spaced over a ray's time 0 ... 1; motion is linear in between.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 namespace marram {
 
-// Two keys and the place between them.
+// The first of two keys, and the position between them.
 struct Step {
     size_t first;
     double within;

@@ -13,7 +13,7 @@ namespace marram {
 
 namespace {
 
-constexpr int deepest_prim = 256; // prims are read by recursion
+constexpr int deepest_prim = 256; // prims are read recursively
 
 enum class UsdaKind { end, word, number, text, path, asset, mark };
 
@@ -25,12 +25,12 @@ struct UsdaToken {
     bool is_word(std::string_view word) const { return kind == UsdaKind::word && text == word; }
 };
 
-// What the elements of a type are, and how many of them side by side.
+// Kind of a type's elements, and how many numbers each has.
 enum class UsdaElements { doubles, integers, texts, unknown };
 struct UsdaType {
     UsdaElements elements = UsdaElements::unknown;
     size_t width = 1;
-    bool is_single = false; // numbers are rounded to floats, as USD holds them
+    bool is_single = false; // numbers are rounded to floats, as USD stores them
 };
 
 UsdaType usda_type(std::string_view name) {
@@ -43,7 +43,7 @@ UsdaType usda_type(std::string_view name) {
     if (name == "timecode") return {UsdaElements::doubles, 1};
     for (const std::string_view one : {"quath", "quatf", "quatd"})
         if (name == one) return {UsdaElements::doubles, 4, name.back() != 'd'};
-    // A base, a number, and but for the plain ones the kind of number: float3, point3f, matrix4d.
+    // A base, a width and, except for plain types, the precision: float3, point3f, matrix4d.
     const size_t digit = name.find_first_of("0123456789");
     const std::string_view base = name.substr(0, digit);
     const bool plain = base == "half" || base == "float" || base == "double";
@@ -127,7 +127,7 @@ class UsdaReader {
 
     const std::string& path_;
     std::string_view bytes_;
-    size_t at_ = 0; // behind the next token
+    size_t at_ = 0; // after the next token
     UsdaToken next_;
 };
 
@@ -151,7 +151,7 @@ void UsdaReader::skip_blanks() {
     while (at_ < bytes_.size() && skip_comment());
 }
 
-// at_ is behind what opens it.
+// Takes text up to `close`; at_ is after the opening mark.
 void UsdaReader::take_between(std::string_view close, bool on_one_line, UsdaKind kind, const char* what) {
     size_t end = at_;
     while (true) {
@@ -217,7 +217,7 @@ std::string_view UsdaReader::expect_word(const char* what) {
 
 // ---- Statements
 
-// From an opening bracket to the one that closes it.
+// Skips from an opening bracket to the one that closes it.
 void UsdaReader::skip_group() {
     const size_t begin = next_.at;
     size_t depth = 0;
@@ -231,7 +231,7 @@ void UsdaReader::skip_group() {
     } while (depth > 0);
 }
 
-// Whatever may stand behind a '='. An asset or a path may be followed by a path and by an offset in time.
+// Skips any value after '='. An asset or a path may be followed by a path and a time offset.
 void UsdaReader::skip_value() {
     if (next_.is('(') || next_.is('[') || next_.is('{')) return skip_group();
     if (next_.kind == UsdaKind::end || next_.kind == UsdaKind::mark) fail_next("a value");
@@ -404,7 +404,7 @@ void UsdaReader::read_one(std::vector<double>& out) {
     const bool may = next_.kind == UsdaKind::number || next_.kind == UsdaKind::word; // a word: inf, nan
     const NumberFault fault = may ? parse_number(next_.text, value) : NumberFault::not_a_number;
     if (fault == NumberFault::not_a_number) fail_next("a number");
-    // What is not used may be anything, such as the extent of nothing.
+    // No error yet: unused attributes may have any value, such as the extent of an empty prim.
     out.push_back(fault == NumberFault::none ? value : std::numeric_limits<double>::quiet_NaN());
     advance();
 }
@@ -427,7 +427,8 @@ void UsdaReader::read_one(std::vector<std::string_view>& out) {
     out.push_back(take().text);
 }
 
-// A number, or a tuple of them, which may hold tuples in turn (the rows of a matrix). How many there were.
+// Reads a number, or a tuple of them, which may hold tuples in turn (the rows of a matrix). Returns how many
+// numbers.
 template <typename Element>
 size_t UsdaReader::read_element(std::vector<Element>& out) {
     const size_t before = out.size();
@@ -455,7 +456,7 @@ size_t UsdaReader::read_element(std::vector<Element>& out) {
     return out.size() - before;
 }
 
-// Room for as many elements as there are commas before the bracket closes, so that nothing is moved and no room is left over.
+// Reserves a number per comma before the closing bracket: no reallocation, no spare memory.
 template <typename Element>
 void UsdaReader::reserve_array(std::vector<Element>& out) const {
     const std::string_view rest = bytes_.substr(next_.at);

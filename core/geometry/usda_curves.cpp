@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curves of USD. With P the vertices of a curve, n of them, cubic k is
+// Reads curves from USD. With P the vertices of a curve, n of them, cubic k is
 //
-//     bezier        P[3k] ... P[3k + 3]       n = 3 m + 1 for m cubics; periodic: n = 3 m, the last one ends in P[0]
+//     bezier        P[3k] ... P[3k + 3]       n = 3 m + 1 for m cubics; periodic: n = 3 m, ending in P[0]
 //     bspline       P[k] ... P[k + 3]         n - 3 cubics; periodic: n, indices wrap around
 //     catmullRom    the same                  it runs from P[k + 1] to P[k + 2]
-//     pinned        as if the curve had one vertex more at both ends, 2 P[0] - P[1] and 2 P[n - 1] - P[n - 2]: n - 1 cubics from P[0] to
-//                   P[n - 1]. Bezier and linear curves go through their ends anyway
+//     pinned        as if the curve had one more vertex at each end, 2 P[0] - P[1] and 2 P[n - 1] - P[n - 2]:
+//                   n - 1 cubics from P[0] to P[n - 1]. Bezier and linear curves have these ends anyway
 //
 // Linear: P itself. (OpenUSD, UsdGeomBasisCurves.)
 #include "core/geometry/usda_curves.h"
@@ -76,7 +76,7 @@ void UsdaCurvesReader::read_widths(const UsdaPrim& prim, const UsdaPlacing& plac
     std::string_view interpolation;
     const auto* widths = scene_.elements<std::vector<double>>(prim, "widths", &at, &interpolation);
     if (!widths || widths->empty()) return;
-    curves.width_interpolation = interpolation.empty() ? "vertex" : interpolation; // as USD has it
+    curves.width_interpolation = interpolation.empty() ? "vertex" : interpolation; // USD's default
     const bool closed = curves.wrap == UsdaCurveWrap::periodic;
     size_t expected = curves.points.size();
     if (interpolation == "constant") expected = 1;
@@ -177,7 +177,7 @@ uint32_t UsdaCurveKind::segments(uint32_t count) const {
     if (basis == UsdaCurveBasis::linear) return periodic ? (count < 3 ? 0 : count) : std::max(count, 1u) - 1;
     if (basis == UsdaCurveBasis::bezier) {
         const bool whole = count % 3 == (periodic ? 0 : 1);
-        return whole ? count / 3 : 0; // one vertex makes none
+        return whole ? count / 3 : 0; // 0 for one vertex
     }
     if (pinned) return std::max(count, 1u) - 1;
     if (periodic) return count < 3 ? 0 : count;
@@ -192,7 +192,7 @@ std::vector<Vec3d> UsdaCurves::polyline(size_t first, uint32_t count, int each) 
     const auto vertex = [&](int64_t i) -> Vec3d {
         if (periodic) return p[size_t(i) % count];
         if (!pinned) return p[i];
-        if (i == 0) return 2.0 * p[0] - p[1]; // the vertices are one further
+        if (i == 0) return 2.0 * p[0] - p[1]; // indices are shifted by one
         if (i == int64_t(count) + 1) return 2.0 * p[count - 1] - p[count - 2];
         return p[i - 1];
     };
@@ -209,7 +209,7 @@ std::vector<Vec3d> UsdaCurves::polyline(size_t first, uint32_t count, int each) 
     for (uint32_t cubic = 0; cubic < cubics; ++cubic)
         for (int k = 0; k < each; ++k) add(cubic, double(k) / each);
     if (!periodic) add(cubics - 1, 1.0);
-    if (pinned || (is_bezier && !periodic)) { // where the sum of the weights may round
+    if (pinned || (is_bezier && !periodic)) { // exact: the sum of the weights may round
         line.front() = p[0];
         line.back() = p[count - 1];
     }

@@ -17,7 +17,7 @@ namespace {
 constexpr size_t curves_a_task = 256;
 
 struct UsdaWeights {
-    std::array<double, 4> value, first; // first: of the derivative
+    std::array<double, 4> value, first; // first: the derivative's
 };
 
 UsdaWeights weights_at(UsdaCurveBasis basis, double t) {
@@ -35,7 +35,7 @@ Vec3d weighted(const std::array<Vec3d, 4>& p, const std::array<double, 4>& w) {
     return w[0] * p[0] + w[1] * p[1] + w[2] * p[2] + w[3] * p[3];
 }
 
-// The distance of a point from a cubic near t: an upper bound that two steps of Newton's method bring down.
+// Distance of a point from a cubic near t: an upper bound, lowered by two steps of Newton's method.
 double distance_near(const Vec3d& point, const std::array<Vec3d, 4>& cubic, UsdaCurveBasis basis, double t,
                      double enough) {
     double least = std::numeric_limits<double>::infinity();
@@ -110,7 +110,7 @@ std::vector<double> UsdaCvs::of_vertices(std::span<const double> values, size_t 
                 const std::array<double, 4>& w = weights[size_t(j - uint64_t(cubic) * pieces_)];
                 double* to = out.data() + (cvs_[c] + j) * components;
                 for (uint32_t i = 0; i < 4; ++i) {
-                    if (w[i] == 0.0) continue; // of a linear curve there is no such vertex
+                    if (w[i] == 0.0) continue; // linear curves have no such vertex
                     const double* from = values.data() + vertex_of(c, cubic, i) * components;
                     for (size_t k = 0; k < components; ++k) to[k] += w[i] * from[k];
                 }

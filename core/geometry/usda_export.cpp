@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curves and meshes as USD text.
+// Writes curves and meshes as USD text.
 #include "core/geometry/curve_export.h"
 #include "core/geometry/export_name.h"
 #include "core/geometry/export_text.h"
@@ -16,12 +16,12 @@
 
 namespace marram {
 
-// An array of numbers of a prim, `components` an element.
+// A numeric array of a prim, `components` per element.
 struct UsdaArray {
     std::string declaration;        // "point3f[] points"
     const char* interpolation = ""; // metadata; "": none
     uint32_t components = 1;
-    bool is_whole = false; // whole numbers that travel as floats
+    bool is_whole = false; // integers stored as floats
     std::vector<float> values;
 };
 
@@ -57,7 +57,7 @@ void write_array(ExportText& text, const UsdaArray& array) {
     write_array_metadata(text, array);
 }
 
-// ---- What a prim holds
+// ---- Arrays of a prim
 
 UsdaArray primvar(const AttributeValues& attribute, std::set<std::string>& taken) {
     static constexpr const char* types[] = {"float", "float2", "float3", "float4"};
@@ -69,7 +69,8 @@ UsdaArray primvar(const AttributeValues& attribute, std::set<std::string>& taken
             uniform ? "uniform" : "vertex", attribute.components, attribute.discrete, attribute.values};
 }
 
-// The box of what is drawn: a pinned curve can leave its CVs' box by no more than the phantom points do.
+// Bounds of the curves: the box of all vertices. A pinned B-spline stays in the box of its CVs and phantom
+// points.
 UsdaArray extent_of(const CurveGeometry& geometry) {
     Box3f box;
     const uint64_t vertices = geometry.layout().vertex_count();
@@ -85,7 +86,7 @@ UsdaArray extent_of(const CurveGeometry& geometry) {
     return extent;
 }
 
-// A ribbon's normals have the layout of its vertices.
+// Normals of a ribbon have the layout of its vertices.
 UsdaArray normals_of(const CurveGeometry& geometry) {
     UsdaArray normals{"normal3f[] normals", "vertex", 3};
     const CurveLayout layout = geometry.layout();
@@ -99,7 +100,7 @@ UsdaArray normals_of(const CurveGeometry& geometry) {
 
 constexpr std::string_view points_declaration = "point3f[] points";
 
-// Calls visit(array) with one after the other, each made when it is asked for.
+// Calls visit(array) for each array in turn; each is made only then.
 template <typename Visit>
 void for_each_array(const CurveGeometry& geometry, Visit visit) {
     const size_t cvs = geometry.layout().cv_count();
@@ -164,8 +165,8 @@ void write_usda(const std::string& path, std::span<const CurveGeometry> curves, 
 
 // ---- A range of frames
 
-// An array over time: its first values, and once they have changed (or at once, if `always`) the samples of all frames, which wait in a
-// file that is removed later.
+// An array over time: its first values and, once they have changed (or at once, if `always`), the samples of
+// all frames, in a temporary file.
 class AnimatedUsdaArray {
   public:
     AnimatedUsdaArray(std::string path, UsdaArray first, bool always = false)
@@ -176,7 +177,7 @@ class AnimatedUsdaArray {
     }
     bool changes() const { return samples_ != nullptr; }
     const std::string& declaration() const { return first_.declaration; }
-    // frames: of all values until now, these included.
+    // frames: those of all values so far, including this one.
     void add(const UsdaArray& array, std::span<const double> frames);
     void write(ExportText& text);
 
@@ -187,7 +188,7 @@ class AnimatedUsdaArray {
         samples_->add(",\n");
     }
 
-    bool is_first(const UsdaArray& array) const { // to the bit
+    bool is_first(const UsdaArray& array) const { // bit-identical
         return array.values.empty() || std::memcmp(array.values.data(), first_.values.data(),
                                                    array.values.size() * sizeof(float)) == 0;
     }
@@ -220,8 +221,8 @@ void AnimatedUsdaArray::write(ExportText& text) {
 
 namespace {
 
-// Velocities at the middle one of three frames, units a second, by the parabola through them: central differences where they are
-// equally far apart.
+// Velocities at the middle of three frames, units per second: the derivative of the parabola through them,
+// which is the central difference if they are equally spaced.
 UsdaArray velocities_amid(std::span<const std::vector<float>, 3> points, std::span<const double, 3> times) {
     UsdaArray velocities{"vector3f[] velocities", "", 3};
     velocities.values.resize(points[0].size());
@@ -301,7 +302,8 @@ void UsdaSequence::add_curves(const CurveGeometry& geometry, Curves& curves, dou
     }
 }
 
-// Of the frame before the last one; its points are known only now. Where there are two frames: of both, by their difference.
+// Adds the velocities of the frame before the last one, which need the points of the last one. For the first
+// frame they are the difference of two frames.
 void UsdaSequence::add_velocities(Curves& curves) {
     const size_t count = frames_.size();
     const std::span<const double> frames(frames_);

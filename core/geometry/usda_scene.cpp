@@ -21,7 +21,7 @@ UsdaPlacing layer_placing(const std::string& path, const UsdaLayer& layer) {
         throw InputError({path}, fmt::format("the upAxis is \"{}\"", up.substr(0, 32)),
                          "export it with Y or Z up");
     }
-    double metres = 0.01; // what USD says of a layer that does not
+    double metres = 0.01; // USD's default
     if (!unit.empty() && (parse_number(unit, metres) != NumberFault::none || !(metres > 0.0)))
         throw InputError({path}, fmt::format("metersPerUnit is \"{}\"", unit.substr(0, 32)),
                          "give a number above 0, such as 1");
@@ -83,7 +83,7 @@ std::optional<std::vector<double>> UsdaScene::op_numbers(const UsdaPrim& prim, s
     const std::vector<double>& a = numbers_of(*samples.before);
     if (!samples.after || samples.before->first == *time) return a;
     const std::vector<double>& b = numbers_of(*samples.after);
-    if (a.size() != b.size()) return a; // op_of says so of one of them
+    if (a.size() != b.size()) return a; // op_of reports the error
     const double share = (*time - samples.before->first) / (samples.after->first - samples.before->first);
     if (op_kind(op) == "orient" && a.size() == 4) {
         const Eigen::Quaterniond q =
@@ -95,7 +95,7 @@ std::optional<std::vector<double>> UsdaScene::op_numbers(const UsdaPrim& prim, s
     return between;
 }
 
-// "xformOp:rotateXYZ:name".
+// op: such as "xformOp:rotateXYZ:name".
 UsdaPlacing UsdaScene::op_of(const UsdaPrim& prim, std::string_view op, std::optional<double> time) const {
     size_t at = prim.at;
     const std::optional<std::vector<double>> numbers = op_numbers(prim, op, time, at);
@@ -116,7 +116,7 @@ UsdaPlacing UsdaScene::op_of(const UsdaPrim& prim, std::string_view op, std::opt
     } else if (kind == "orient" && count == 4 && Eigen::Map<const Vec4d>(n).stableNorm() > 0.0) {
         placing.topLeftCorner<3, 3>() = quaternion(n).normalized().toRotationMatrix();
     } else if (kind == "transform" && count == 16) {
-        placing = Eigen::Map<const UsdaPlacing>(n); // its rows are our columns, as Eigen stores them
+        placing = Eigen::Map<const UsdaPlacing>(n); // USD's rows are our columns, as Eigen stores them
         if (placing.row(3) != Eigen::RowVector4d(0.0, 0.0, 0.0, 1.0))
             fail(at, fmt::format("\"{}\" is a perspective", op.substr(0, 64)),
                  "let its last column be 0, 0, 0, 1");

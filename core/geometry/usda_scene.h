@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What readers of USD layers (usda.h) share: values by what they ought to hold, and where prims stand. All throw InputError with the
-// place in the file.
+// Shared by readers of USD layers (usda.h): values of a given type, and transforms of prims. All throw
+// InputError with the place in the file.
 #pragma once
 
 #include "core/geometry/mesh_reader.h"
@@ -14,27 +14,28 @@
 
 namespace marram {
 
-// Columns are images of the axes: p' = M p. USD writes matrices for rows, p' = p M.
+// For column vectors: p' = M p. USD writes matrices for row vectors, p' = p M.
 using UsdaPlacing = Eigen::Matrix4d;
 
 class UsdaScene {
   public:
-    UsdaScene(const std::string& path, std::string_view bytes); // reads; borrows both
+    UsdaScene(const std::string& path, std::string_view bytes); // reads the layer; keeps references to both
     const UsdaLayer& layer() const { return layer_; }
     const UsdaPlacing& root() const { return root_; } // upAxis and metersPerUnit
 
-    // nullptr where the prim does not say; a fault where what it says is of another kind. For every time, else the earliest sample.
+    // The value for every time, else the earliest sample; nullptr if there is none. Throws InputError if it
+    // has another type.
     template <typename Elements>
     const Elements* elements(const UsdaPrim& prim, std::string_view name, size_t* at = nullptr,
                              std::string_view* interpolation = nullptr) const;
     std::string_view choice(const UsdaPrim& prim, std::string_view name, std::string_view otherwise,
                             std::initializer_list<std::string_view> known) const;
 
-    // A prim's xformOpOrder, below `above`. With a time: between samples numbers go straight, quaternions along the sphere; before the
-    // first and behind the last they rest. Without: as elements().
+    // The transform by a prim's xformOpOrder, below `above`. With a time: samples are interpolated linearly,
+    // quaternions by slerp; constant before the first and after the last. Without: as elements().
     UsdaPlacing placing_of(const UsdaPrim& prim, const UsdaPlacing& above,
                            std::optional<double> time = {}) const;
-    // When its ops have samples.
+    // Times at which its ops have samples.
     std::vector<double> placing_times(const UsdaPrim& prim) const;
 
     [[noreturn]] void fail(size_t at, const std::string& what, const std::string& fix) const {
@@ -52,7 +53,7 @@ class UsdaScene {
     UsdaPlacing root_ = UsdaPlacing::Identity();
 };
 
-// A prim that is there: a "def" that is active.
+// True for a "def" prim that is active.
 bool is_usda_def(const UsdaPrim& prim);
 
 template <typename Elements>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a frame's camera sees, as far as it decides how exactly geometry is made.
+// The camera's view of a frame, as needed to choose how exact geometry must be.
 #pragma once
 
 #include "core/math/vec.h"
@@ -12,15 +12,16 @@
 namespace marram {
 
 struct View {
-    Vec3d position = Vec3d::Zero(), forward = -Vec3d::UnitZ(); // as the shutter opens; forward: unit
-    std::vector<std::pair<Vec3d, Vec3d>> later{}; // the same at other instants of a camera that moves
-    double cosine = 1.0;                          // of the angle from there to the film's corners
-    double pixel_angle = 0.0;                     // radians a pixel spans in the image's centre
-    // Metres along forward at which a tolerance asked for in pixels is as many metres as BuildSettings says; 0: it is metres anywhere.
+    Vec3d position = Vec3d::Zero(), forward = -Vec3d::UnitZ(); // at shutter open; forward: unit
+    std::vector<std::pair<Vec3d, Vec3d>> later{}; // of a moving camera: the same at other instants
+    double cosine = 1.0;                          // of the angle from forward to the film's corners
+    double pixel_angle = 0.0;                     // radians per pixel at the centre of the image
+    // Metres along forward at which a tolerance in pixels equals BuildSettings::tolerance; 0: it is in metres
+    // anywhere.
     double pixels_at = 0.0;
 
-    // How often the metres that a tolerance allows at `pixels_at` look as large at p. What is not in view, and throws shadows at most,
-    // never counts more than once. Of a camera that moves: where it looks largest.
+    // Factor by which lengths at p appear larger than at `pixels_at`. For a moving camera: the largest. At
+    // most 1 for points out of view, which can only cast shadows.
     double enlarged(const Vec3d& p) const {
         if (pixels_at <= 0.0) return 1.0;
         double most = enlarged_from(p, position, forward);
@@ -32,7 +33,8 @@ struct View {
     double enlarged_from(const Vec3d& p, const Vec3d& from, const Vec3d& ahead) const {
         const Vec3d way = p - from;
         const double distance = way.norm(), depth = way.dot(ahead);
-        // A point that float vertices cannot tell from the camera has no place on the film.
+        // A point so close to the camera that float vertices cannot separate them has no position on the
+        // film.
         const bool seen =
             depth >= cosine * distance && depth > std::numeric_limits<float>::epsilon() * pixels_at;
         return seen ? pixels_at / depth : pixels_at / std::max(distance, pixels_at);

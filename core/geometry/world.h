@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The world of one frame as Embree sees it: two scenes that share the collider geometries. Plain data; who builds it is
-// core/geometry/build.h, who reads it is the path tracer.
+// The world of one frame as Embree sees it: two scenes that share the collider geometries. Plain data, built
+// by core/geometry/build.h and read by the path tracer.
 #pragma once
 
 #include "core/geometry/attribute_values.h"
@@ -21,9 +21,9 @@ namespace marram {
 struct MeshGeometry {
     std::string name;
     int material = -1; // index into the scene's materials
-    int light = -1;    // index into the scene's lights where it emits, else -1
+    int light = -1;    // index into the scene's lights if it emits, else -1
     std::vector<std::array<uint32_t, 3>> triangles;
-    std::vector<Vec2f> uvs; // empty, or one a vertex
+    std::vector<Vec2f> uvs; // empty, or one per vertex
     std::vector<std::vector<Vec3f>>
         positions; // [time], one (at rest) or more, equally spaced over the shutter; spare bytes behind each
     std::vector<std::vector<Vec3f>> normals;   // [time], unit; empty: facetted
@@ -31,12 +31,12 @@ struct MeshGeometry {
     std::vector<GridValues> grids{};
     uint32_t roles = MARRAM_ALL_ROLES;
     uint64_t topology = 0; // digest of its triangles
-    uint64_t version =
-        0; // two frames' meshes of one geometry ID with one version are the same; 0: nobody knows
+    uint64_t version = 0;  // same geometry ID and version in two frames: the same mesh; 0: unknown
 };
 
-// The curves of one procedural. Its geometry ID is World::meshes.size() + its index in World::curves. CurveLayout says where a curve's
-// vertices and segments stand. Embree's primitive p is segment p of all curves; with n pieces a segment it is piece p % n of segment p / n.
+// The curves of one procedural. Their geometry ID is World::meshes.size() + their index in World::curves.
+// CurveLayout gives the indices of each curve's vertices and segments. Embree's primitive p is segment p of
+// all curves; with n pieces per segment it is piece p % n of segment p / n.
 struct CurveGeometry {
     std::string name;
     int material = -1;
@@ -44,14 +44,14 @@ struct CurveGeometry {
     MarramShape shape = MARRAM_ROUND;
     uint64_t curve_count = 0;
     uint32_t cvs_per_curve = 0;             // 0: curves differ, see offsets
-    std::vector<uint64_t> offsets;          // [curve_count + 1] of first CVs; empty where all have as many
-    std::vector<uint32_t> curve_of_segment; // where there are offsets
-    uint32_t pieces = 0; // straight ones that a segment is traced as; 0: the cubic (curve_pieces.h)
+    std::vector<uint64_t> offsets;          // [curve_count + 1] of first CVs; empty if all have as many
+    std::vector<uint32_t> curve_of_segment; // if there are offsets
+    uint32_t pieces = 0;                    // straight pieces per segment; 0: the cubic (curve_pieces.h)
     std::vector<const float*>
-        vertices; // [time] x, y, z, radius; owned by Embree; one (at rest) or more, its own number
+        vertices; // [time] x, y, z, radius; owned by Embree; one (at rest) or more keys of its own
     std::vector<const float*> normals; // [time], 3 floats a vertex; oriented ribbons only
     std::vector<float*>
-        round_pieces; // [time] what is traced, (segments * pieces + 1) vertices a curve; else empty
+        round_pieces; // [time] traced pieces: (segments * pieces + 1) vertices per curve; else empty
     std::vector<AttributeValues> attributes;
 
     CurveLayout layout() const {
@@ -61,26 +61,27 @@ struct CurveGeometry {
 
 struct DeviceErrors;
 
-// By the geometry IDs of the meshes in them, ascending.
+// Key: the geometry IDs of the meshes in the scene, ascending.
 using ColliderScenes = std::map<std::vector<uint32_t>, std::shared_ptr<RTCSceneTy>>;
 
 struct World {
     std::shared_ptr<RTCDeviceTy> device;
     std::shared_ptr<DeviceErrors> errors;  // the device's
-    ColliderScenes collider_scenes;        // of growth surfaces, one for each set that somebody traces
-    std::shared_ptr<RTCSceneTy> colliders; // that of all meshes; empty where no strand is made
-    std::shared_ptr<RTCSceneTy> scene; // meshes as they are seen, and curves: what rays are traced against
+    ColliderScenes collider_scenes;        // of growth surfaces, one for each set that is traced
+    std::shared_ptr<RTCSceneTy> colliders; // all meshes; empty if no strands are made
+    std::shared_ptr<RTCSceneTy>
+        scene; // meshes as the camera sees them, and curves: rays are traced against it
     double frame = 0.0;
-    // Motion samples in frames, equally spaced, of what has most of them; a ray's time 0 ... 1 runs from the first to the last.
+    // Motion sample times in frames, equally spaced, as many as any geometry has; ray time 0 ... 1 runs from
+    // first to last.
     std::vector<double> times;
-    std::vector<MeshGeometry> meshes; // as the camera sees them: render meshes where there are
-    std::map<uint32_t, MeshGeometry> growth_surfaces; // by geometry ID, of those
+    std::vector<MeshGeometry> meshes; // as the camera sees them: render meshes if there are any
+    std::map<uint32_t, MeshGeometry> growth_surfaces; // by geometry ID, of meshes with a render mesh
     std::vector<CurveGeometry> curves;
-    double reach =
-        0.0;      // the greatest length of a round piece with its ball, m (round_pieces.h); 0: there are none
-    Box3f bounds; // of everything at every motion sample
+    double reach = 0.0; // largest length + radius of a round piece, m (round_pieces.h); 0: there are none
+    Box3f bounds;       // of everything at every motion sample
     std::vector<std::shared_ptr<RTCGeometryTy>>
-        curve_buffers; // what the pointers in `curves` point into, attached or not
+        curve_buffers; // buffers that `curves` points into, attached or not
 
     // The mesh that strands grow on and collide with.
     const MeshGeometry& growth_surface(uint32_t mesh) const {

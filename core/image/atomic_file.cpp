@@ -33,7 +33,7 @@ constexpr size_t mark_digits = 8;
 constinit std::mutex open_lock;
 std::set<std::string> open_files;
 std::atomic<void (*)()> of_library{nullptr};
-std::atomic<bool> any_open{false}; // false also before `open_files` is made
+std::atomic<bool> any_open{false}; // also false before `open_files` is constructed
 
 [[noreturn]] void refuse_output(const std::string& path, const std::string& what, const std::string& fix) {
     throw InputError(Place{path}, what, fix);
@@ -47,7 +47,7 @@ std::atomic<bool> any_open{false}; // false also before `open_files` is made
     refuse_output(path, std::string(what) + " (" + std::strerror(error) + ")", fix);
 }
 
-// Where the bytes go: an output that is a symbolic link keeps its link, the file behind it is replaced.
+// An output that is a symbolic link keeps its link; the file it points to is replaced.
 fs::path resolve(const std::string& path) {
     std::error_code error;
     return fs::is_symlink(path, error) ? destination_of(path) : fs::path(path);
@@ -95,7 +95,8 @@ fs::path checked_target(const std::string& path) {
     return target;
 }
 
-// "a.exr" -> "a.marram-writing-3f2a91c0.exr"; the stem is cut where the name would be too long, never inside a character.
+// "a.exr" -> "a.marram-writing-3f2a91c0.exr". If the name would be too long, the stem is cut, but never
+// inside a UTF-8 character.
 std::string temporary_name(const fs::path& target) {
     uint32_t random = 0;
     if (::getrandom(&random, sizeof random, GRND_NONBLOCK) != ssize_t(sizeof random))
@@ -104,7 +105,7 @@ std::string temporary_name(const fs::path& target) {
     char digits[mark_digits + 1];
     std::snprintf(digits, sizeof digits, "%08x", random + serial++);
     std::string extension = target.extension().string();
-    constexpr size_t longest_extension = 16; // a longer one is no file type
+    constexpr size_t longest_extension = 16; // a longer one is not a file type
     if (extension.size() > longest_extension) extension.clear();
     const std::string tail = std::string(mark) + digits + extension;
     std::string stem = target.stem().string();
@@ -131,14 +132,14 @@ bool same_file(int descriptor, const std::string& name) {
            open.st_dev == named.st_dev && open.st_ino == named.st_ino;
 }
 
-// Whether the file is ours now: locked, and still the one that stands under its name. On a file system without locks it is
-// ours as well, since nobody can take it from us there.
+// True if we own the file: it is locked, and its name still refers to it. On a file system without locks we
+// own it as well, since no process can take it from us there.
 bool claim(int descriptor, const std::string& name) {
     if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) return false;
     return same_file(descriptor, name);
 }
 
-// Removes temporary files in the folder that no process holds.
+// Removes temporary files in the folder that no process has locked.
 void sweep(const fs::path& folder) {
     std::error_code error;
     std::vector<std::string> found;
@@ -158,7 +159,7 @@ fs::path destination_of(const std::string& path) {
     std::error_code error;
     fs::path at = fs::absolute(path, error);
     if (error) return path;
-    constexpr int most_links = 40; // as Linux follows
+    constexpr int most_links = 40; // the limit of Linux
     for (int links = 0; links < most_links && fs::is_symlink(at, error); ++links) {
         const fs::path next = fs::read_symlink(at, error);
         if (error) break;
@@ -184,14 +185,14 @@ void also_remove_temporary_files(void (*remove)()) { of_library = remove; }
 void remove_temporary_files() {
     if (const auto others = of_library.load()) others();
     if (!any_open.load()) return;
-    const std::unique_lock guard(open_lock, std::try_to_lock); // its holder may be what crashed
+    const std::unique_lock guard(open_lock, std::try_to_lock); // the crashed thread may hold the lock
     if (guard)
         for (const std::string& name : open_files) ::unlink(name.c_str());
 }
 
 TemporaryFile::TemporaryFile(const std::string& path, const fs::path& target) {
-    constexpr int most_tries =
-        100; // names that are taken, or files that somebody swept before they were locked
+    // A name may be taken, or another process may remove the file before it is locked.
+    constexpr int most_tries = 100;
     for (int tries = 0; tries < most_tries; ++tries) {
         name_ = temporary_name(target);
         descriptor_ = ::open(name_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
@@ -269,7 +270,7 @@ void AtomicFile::put(const void* bytes, size_t count) noexcept {
         buffer_begin_ = position_ + int64_t(count);
     } else {
         const char* from = static_cast<const char*>(bytes);
-        buffer_.insert(buffer_.end(), from, from + count); // within what was reserved
+        buffer_.insert(buffer_.end(), from, from + count); // within the reserved capacity
     }
     position_ += int64_t(count);
 }
@@ -300,7 +301,7 @@ void AtomicFile::write(const void* bytes, size_t count) {
 
 void AtomicFile::commit() {
     flush();
-    // A file system that writes later, or over a network, tells of a full disk only here.
+    // Network file systems, and those that delay writes, report a full disk only here.
     if (error_ == 0 && ::fsync(file_.descriptor()) != 0) error_ = errno;
     check();
     try {

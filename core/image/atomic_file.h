@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Output files that are whole or not there. An AtomicFile writes to `<stem>.marram-writing-<8 hex digits><ext>` in the
-// target's folder and renames it over the target in commit(), after every byte has reached the disk. A failed write never
-// replaces an existing file.
+// Output files that are complete or do not exist. An AtomicFile writes to `<stem>.marram-writing-<8 hex
+// digits><ext>` in the target's folder. commit() renames it over the target after every byte has reached the
+// disk. A failed write never replaces an existing file.
 //
-// The temporary file is locked (flock) while it is open. A process that is killed leaves its file behind, unlocked; the
-// next AtomicFile in that folder removes it. Where a file system has no locks nothing is removed.
+// The temporary file is locked (flock) while it is open. A killed process leaves its file behind, unlocked;
+// the next AtomicFile in that folder removes it. If the file system has no locks, nothing is removed.
 #pragma once
 
 #include <cstddef>
@@ -16,27 +16,30 @@
 
 namespace marram {
 
-// Throws InputError unless `path` can be written: its folder exists, its name is short enough, a file can be made beside it,
-// and what stands under the name, if anything, is an ordinary file that may be written. Creates and removes an empty file to
-// be sure. Call it before hours of rendering.
+// Throws InputError unless `path` can be written: its folder exists, its name is short enough, a file can be
+// created next to it, and an existing file of that name is a regular, writable file. Creates and removes an
+// empty file to test this. Call it before a long render.
 void check_writable(const std::string& path);
 
-// Throws InputError where the last part of `path` is longer than its file system allows (255 bytes on most).
+// Throws InputError if the last part of `path` is longer than its file system allows (255 bytes on most).
 void check_name_length(const std::string& path);
 
-// Where a file of that name lies or would lie: absolute, symbolic links followed, also to what is not there yet.
+// The absolute path that a file of this name has or would have, with symbolic links resolved, including links
+// to files that do not exist yet.
 std::filesystem::path destination_of(const std::string& path);
 
-// Removes the temporary files of this process: for a process that is about to end without unwinding. Any thread.
+// Removes the temporary files of this process. For a process that ends without unwinding; from any thread.
 void remove_temporary_files();
 
-// From now on it also calls this: the function of that name in a library that holds a copy of this file.
+// Makes remove_temporary_files() also call `of_library`: the same function in a library that has its own copy
+// of this file.
 void also_remove_temporary_files(void (*of_library)());
 
-// A temporary file that is ours alone: created, locked, removed with the object. Others write to it by its path.
+// A temporary file owned by this object: created, locked, and removed with it. Other code writes to it by its
+// path.
 class TemporaryFile {
   public:
-    // Beside `target`, named after it. Throws InputError, which names `path`.
+    // In the folder of `target`, named after it. Throws InputError that names `path`.
     TemporaryFile(const std::string& path, const std::filesystem::path& target);
     ~TemporaryFile();
     TemporaryFile(const TemporaryFile&) = delete;
@@ -44,17 +47,18 @@ class TemporaryFile {
 
     const std::string& name() const { return name_; }
     int descriptor() const { return descriptor_; } // open for reading and writing
-    void
-    rename_to(const std::string& target); // once; throws std::system_error, and the file is still temporary
-    // After a library has replaced the file under its name. False: the file is gone.
+    // Call once. If it throws std::system_error, the file is still temporary.
+    void rename_to(const std::string& target);
+    // Call it after a library has replaced the file under this name. Returns false if the file is gone.
     bool lock_again();
 
   private:
-    std::string name_; // "" once renamed
+    std::string name_; // "" after rename_to()
     int descriptor_ = -1;
 };
 
-// Not thread-safe. A failure (full disk, quota, size limit) is remembered and reported by write() or commit().
+// Not thread-safe. A failure (full disk, quota, size limit) is stored and reported by the next write() or
+// commit().
 class AtomicFile {
   public:
     explicit AtomicFile(const std::string& path); // check_writable(path)
@@ -65,14 +69,14 @@ class AtomicFile {
     void write(const void* bytes, size_t count);
     void write(std::string_view text) { write(text.data(), text.size()); }
 
-    // For libraries of C that write through callbacks: they are told that all went well, commit() tells the truth.
+    // For C libraries that write through callbacks: these always succeed, and commit() reports failures.
     void put(const void* bytes, size_t count) noexcept;
-    size_t get(void* bytes, size_t count) noexcept; // reads at the position; how many bytes there were
+    size_t get(void* bytes, size_t count) noexcept; // reads at the current position; returns the bytes read
     void seek(int64_t position) noexcept { position_ = position; }
     int64_t position() const noexcept { return position_; }
     int64_t size() const noexcept;
 
-    // Once. Throws InputError where any byte did not reach the disk, and leaves the target as it was.
+    // Call once. Throws InputError if any byte did not reach the disk, and leaves the target unchanged.
     void commit();
 
   private:
@@ -83,7 +87,7 @@ class AtomicFile {
     std::string path_;   // as given, for messages
     std::string target_; // symbolic links followed
     TemporaryFile file_;
-    std::vector<char> buffer_; // bytes that follow buffer_begin_
+    std::vector<char> buffer_; // bytes from buffer_begin_ on
     int64_t buffer_begin_ = 0;
     int64_t position_ = 0;
     int error_ = 0; // errno of the first failure

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of doubles, bit for bit, as TIFF: for what a program means to read back itself, yet in a format that others
-// know too. Not compressed: on two cores ZIP at its fastest takes three times as long to write 1920 x 1080 pixels of 11
-// channels (2 s instead of 0.6 s) to save two thirds of the room, and who pressed Ctrl-C waits for it.
+// Pictures of doubles, lossless, as TIFF: for files that the program reads back, in a format that other
+// programs can read. Not compressed: on two cores the fastest ZIP takes three times as long to write 1920 x
+// 1080 pixels of 11 channels (2 s instead of 0.6 s) and saves two thirds of the space, and a user who pressed
+// Ctrl-C waits for it.
 #pragma once
 
 #include <functional>
@@ -14,15 +15,16 @@ struct DoublesHeader {
     std::string description; // TIFF's ImageDescription
 };
 
-// `row(y, values)` fills or takes a row's width * channels values, channels interleaved; rows come in order from the top.
-// Written whole or not at all (core/image/atomic_file.h). All throw InputError that names the file.
+// `row(y, values)` writes or reads width * channels values of a row, channels interleaved; rows come in order
+// from the top. Files are written completely or not at all (core/image/atomic_file.h). All functions throw
+// InputError that names the file.
 void write_doubles(const std::string& path, const DoublesHeader& header,
                    const std::function<void(int, double*)>& row);
 
-// Of any picture: of one that is none of doubles it says 0 channels.
+// Accepts any picture; channels is 0 if its pixels are not doubles.
 DoublesHeader read_doubles_header(const std::string& path);
 
-// The file's header must be `header` still. What was taken before an error is worth nothing.
+// The file must still have this header. Values that were read before an error are invalid.
 void read_doubles(const std::string& path, const DoublesHeader& header,
                   const std::function<void(int, const double*)>& row);
 

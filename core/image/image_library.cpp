@@ -12,9 +12,9 @@
 namespace marram {
 namespace {
 
-constexpr const char* file = "libmarram_images.so"; // found by the program's RUNPATH
-// Of address space: with Debian 12's libraries loading takes 429 MiB. Some of their initialisers print words of their own when they do not
-// get it, so that it is asked for first.
+constexpr const char* file = "libmarram_images.so"; // found through the program's RUNPATH
+// Address space in bytes: with Debian 12's libraries loading takes 429 MiB. Some of their initialisers print
+// errors of their own if they cannot allocate, so the space is checked first.
 constexpr size_t room = size_t(448) << 20;
 
 void check_room(size_t bytes) {
@@ -31,8 +31,7 @@ void check_room(size_t bytes) {
 
 const ImageLibrary* load() {
     check_room(room);
-    void* const handle =
-        ::dlopen(file, RTLD_LAZY | RTLD_LOCAL); // never closed: objects of its classes stay valid
+    void* const handle = ::dlopen(file, RTLD_LAZY | RTLD_LOCAL); // never closed, so its objects stay valid
     if (!handle) refuse(::dlerror());
     using Entry = const ImageLibrary* (*)();
     const auto entry = reinterpret_cast<Entry>(::dlsym(handle, image_library_entry));
@@ -50,11 +49,11 @@ const ImageLibrary& library() {
     return *loaded;
 }
 
-// OpenEXR starts a thread for each processor with the first file that it opens. Where one of them cannot be had it frees what those before
-// it wait on, and they end the process: their stacks are asked for first.
+// OpenEXR starts one thread per processor when it opens its first file. If one of them cannot be created, it
+// frees objects that the earlier ones wait on, and the process ends: so check first that their stacks fit.
 const ImageLibrary& library_for_exr() {
     static const bool has_room = [] {
-        constexpr size_t stack = size_t(9) << 20; // Debian's 8 MiB, and what belongs to a thread
+        constexpr size_t stack = size_t(9) << 20; // Debian's 8 MiB, and per-thread data
         check_room(stack * std::max(std::thread::hardware_concurrency(), 1U));
         return true;
     }();

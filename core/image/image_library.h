@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What needs OpenImageIO lies in core/image/oiio and is built into a shared library, which is loaded when a program first reads or
-// writes a picture: OpenImageIO brings 250 libraries along, and loading them takes longer than most runs that need no picture.
-// The functions are declared in the headers of this folder, and called as any others.
+// Code that uses OpenImageIO is in core/image/oiio, in a shared library that is loaded when a program first
+// reads or writes a picture. OpenImageIO depends on 250 libraries, and loading them takes longer than most
+// runs that need no picture. The functions are declared in the headers of this folder and called normally.
 #pragma once
 
 #include "core/image/atomic_file.h"
@@ -13,9 +13,9 @@
 
 namespace marram {
 
-// The functions of these names that the library exports.
+// The functions that the library exports, by name.
 struct ImageLibrary {
-    const char* version; // of the release; with `size`, of this struct, it tells a library of another build
+    const char* version; // of the release. With `size` (of this struct) it detects another build
     size_t size;
     decltype(&marram::read_image) read_image;
     decltype(&marram::write_exr) write_exr;
@@ -38,8 +38,8 @@ struct ImageLibrary {
 inline constexpr const char* image_library_entry =
     "marram_image_library"; // the symbol: const ImageLibrary* f()
 
-// Loads the library now, so that what is wrong is known before hours of rendering. Throws InputError where it cannot be loaded, std::bad_alloc
-// where memory is short.
+// Loads the library now, so that errors appear before a long render. Throws InputError if it cannot be
+// loaded, std::bad_alloc if memory is short.
 void load_image_library();
 
 } // namespace marram

@@ -14,8 +14,9 @@
 namespace marram {
 namespace {
 
-// What comparing takes: measured at 2 x RGB in float, 1920 x 1080 and 6000 x 4000 pixels, about 200 bytes a pixel (mostly FLIP's); each
-// further channel is held by the file's picture and its layer in both, and once more where it is judged.
+// Memory for a comparison, measured with 2 x RGB in float at 1920 x 1080 and 6000 x 4000 pixels: about 200
+// bytes a pixel (mostly for FLIP). Each further channel is stored in the image and in its layer, for both
+// pictures, and once more while it is compared.
 constexpr double bytes_a_pixel = 200.0, bytes_a_channel = 24.0, greatest_bytes_to_compare = 8.0 * (1 << 30);
 
 void check_header(const std::string& path, const ImageHeader& header) {
@@ -41,7 +42,7 @@ std::string lower(std::string text) {
     return text;
 }
 
-// What comes before each R, G and B that are there, in upper or lower case: "" or "Beauty.".
+// Prefixes of complete R, G, B triples, in upper or lower case: "" or "Beauty.".
 std::set<std::string> prefixes_of_colours(const std::vector<std::string>& names) {
     std::set<std::string> lowered, prefixes;
     for (const std::string& name : names) lowered.insert(lower(name));
@@ -55,7 +56,7 @@ std::set<std::string> prefixes_of_colours(const std::vector<std::string>& names)
     return prefixes;
 }
 
-// What the channels are called here: as in the file, but for colours that are called otherwise than R, G and B, and their alpha.
+// Channel names: as in the file, except that colours (and their alpha) with other names become R, G, B, A.
 std::vector<std::string> names_of(const Image& image) {
     std::vector<std::string> names = image.channel_names;
     if (names.size() == 1) return {"Y"};
@@ -68,10 +69,10 @@ std::vector<std::string> names_of(const Image& image) {
             if (lower(name) == prefix + lower(channel)) name = channel;
         different.insert(name);
     }
-    return different.size() == names.size() ? names : image.channel_names; // both "R" and "r" are there
+    return different.size() == names.size() ? names : image.channel_names; // both "R" and "r" exist
 }
 
-// The layers without their pixels, and of each channel of theirs which it is in the file.
+// The layers without pixels, and for each of their channels its index in the file.
 struct Plan {
     std::vector<Picture::Layer> layers;
     std::vector<std::vector<size_t>> from;
@@ -86,7 +87,7 @@ Plan plan_of(const std::vector<std::string>& names) {
         const size_t dot = whole.rfind('.');
         std::string name = dot == std::string::npos ? "" : whole.substr(0, dot);
         const std::string channel = dot == std::string::npos ? whole : whole.substr(dot + 1);
-        // Beside the colours, or the grey, each channel is a layer of its own.
+        // All channels without a layer name, except the colours or the grey, become layers of their own.
         const bool proper =
             colour ? channel == "R" || channel == "G" || channel == "B" : grey && channel == "Y";
         if (name.empty() && !proper) name = channel == "A" ? "alpha" : channel;
@@ -115,7 +116,7 @@ void fill(Picture& picture, Plan plan, const Image& image) {
         layer.pixels.reserve(pixels * from.size());
         for (size_t i = 0; i < pixels; ++i)
             for (const size_t c : from) layer.pixels.push_back(image.pixels[i * stride + c]);
-        // Colours first, whatever the order in the file (EXR sorts by name).
+        // Colours first, independent of the order in the file (EXR sorts by name).
         if (layer.name.empty() || layer.name == "variance") {
             std::vector<std::string> order = layer.channels;
             const auto rank = [](const std::string& c) {
@@ -168,7 +169,7 @@ Picture read_picture(const std::string& path) {
     picture.read_as = image.read_as;
     const std::string samples = read_metadata(path, "marram:samples").value_or("0");
     std::from_chars(samples.data(), samples.data() + samples.size(),
-                    picture.samples); // 0 where it is no number
+                    picture.samples); // 0 if it is not a number
     picture.limits = read_metadata(path, "marram:limits").value_or("");
     fill(picture, plan_of(names_of(image)), image);
     if (image.straight_alpha) multiply_by_alpha(picture);

@@ -34,7 +34,7 @@ uint32_t big_endian(const unsigned char* p) {
     return (uint32_t(p[0]) << 24) | (uint32_t(p[1]) << 16) | (uint32_t(p[2]) << 8) | uint32_t(p[3]);
 }
 
-// Whether a chunk, from its type on, is a header with a size.
+// True if a chunk, given from its type on, is an image header with a size above 0.
 bool starts_a_picture(const std::vector<unsigned char>& chunk) {
     return std::memcmp(chunk.data(), "IHDR", 4) == 0 && chunk.size() == 4 + 13 + 4 &&
            big_endian(chunk.data() + 4) > 0 && big_endian(chunk.data() + 8) > 0;

@@ -6,7 +6,7 @@
 
 namespace marram {
 
-// Seconds on a clock that only goes forward.
+// Seconds on a monotonic clock.
 inline double wall_seconds() {
     return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Colours are linear, with the primaries and white of Rec. 709.
+// Luminance of linear colours with the primaries and white point of Rec. 709.
 #pragma once
 
 namespace marram {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Digests of contents: two things with one digest are taken for the same (XXH3, 64 bits, chained). 0.1 ms a megabyte.
+// Digests of contents: objects with equal digests are treated as equal (XXH3, 64 bits, chained). Cost: 0.1 ms
+// per megabyte.
 #pragma once
 
 #include <cstddef>

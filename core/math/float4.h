@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Four floats side by side: the compiler's vector extension at the baseline instruction set, so the bits are the same on
-// every processor. a < b gives a mask for a < b ? x : y; v[i] reads and writes one.
+// Four floats in one SIMD register: the compiler's vector extension at the baseline instruction set, so the
+// results are the same to the bit on every processor. a < b is a mask for a < b ? x : y; v[i] reads and
+// writes one lane.
 #pragma once
 
 #include <cmath>
@@ -21,19 +22,19 @@ inline Float4 sqrt(Float4 a) {
 }
 inline float sum(Float4 a) { return (a[0] + a[1]) + (a[2] + a[3]); }
 
-// To the nearest integer, halves to the even one, for |x| < 2^22: adding 1.5 * 2^23 leaves no digits behind the point.
+// Rounds to the nearest integer, halves to even, for |x| < 2^22: adding 1.5 * 2^23 leaves no fraction bits.
 constexpr float no_fraction = 12582912.0F;
 inline Float4 round(Float4 x) { return (x + no_fraction) - no_fraction; }
 
-// e^x for x <= 0, infinity included; below -87 it is 0, so that nothing comes out denormal. Error < 2e-7 relative
-// (tests/unit/math/test_float4.cpp). x = k ln 2 + r with |r| <= ln 2 / 2, and Taylor's series of e^r.
+// e^x for x <= 0, including -infinity. Below -87 the result is 0, so that it is never denormal. Relative
+// error < 2e-7 (tests/unit/math/test_float4.cpp). x = k ln 2 + r with |r| <= ln 2 / 2, and the Taylor
+// series of e^r.
 inline Float4 exp_of_negative(Float4 x) {
     constexpr float least = -87.0F;
     const Float4 y = max(x, Float4{} + least);
-    const Float4 shifted = y * 1.44269504F + no_fraction; // k stands in the low bits
+    const Float4 shifted = y * 1.44269504F + no_fraction; // k is in the low bits
     const Float4 k = shifted - no_fraction;
-    const Float4 r =
-        (y - k * 0.693359375F) - k * -2.12194440e-4F; // ln 2 in two parts, the first of few digits
+    const Float4 r = (y - k * 0.693359375F) - k * -2.12194440e-4F; // ln 2 in two parts, the first of few bits
     Float4 p = r * (1.0F / 5040.0F) + 1.0F / 720.0F;
     p = p * r + 1.0F / 120.0F;
     p = p * r + 1.0F / 24.0F;
@@ -49,12 +50,12 @@ inline Float4 exp_of_negative(Float4 x) {
     return x < least ? Float4{} : p * scale;
 }
 
-// sin x and cos x for |x| <= 100: the error is below 2e-7 (tests/unit/math/test_float4.cpp). x = k pi / 2 + r with |r| <= pi / 4, and
-// minimax polynomials of r (Cephes).
+// sin x and cos x for |x| <= 100, error < 2e-7 (tests/unit/math/test_float4.cpp). x = k pi / 2 + r with
+// |r| <= pi / 4, and minimax polynomials of r (Cephes).
 inline void fast_sin_cos(Float4 x, Float4& sine, Float4& cosine) {
     const Float4 shifted = x * 0.636619772F + no_fraction;
     const Float4 k = shifted - no_fraction;
-    // pi / 2 in three parts, the first two of few digits
+    // pi / 2 in three parts, the first two with few bits
     const Float4 r = ((x - k * 1.5703125F) - k * 4.837512969970703125e-4F) - k * 7.549789948768648e-8F;
     const Float4 r2 = r * r;
     const Float4 s = r + r * r2 * ((-1.9515295891e-4F * r2 + 8.3321608736e-3F) * r2 - 1.6666654611e-1F);
@@ -70,8 +71,8 @@ inline void fast_sin_cos(Float4 x, Float4& sine, Float4& cosine) {
     cosine = ((quarter + 1) & 2) != 0 ? -cosine : cosine;
 }
 
-// atan2(y, x) without branches to be mispredicted; the error is below 4e-7 radians (tests/unit/math/test_float4.cpp), 0 at (0, 0).
-// The arc tangent of 0 ... 1: Abramowitz and Stegun 4.4.49, error 2e-8.
+// Branchless atan2(y, x), error < 4e-7 radians (tests/unit/math/test_float4.cpp); 0 at (0, 0). The arc
+// tangent on 0 ... 1: Abramowitz and Stegun 4.4.49, error 2e-8.
 inline Float4 fast_atan2(Float4 y, Float4 x) {
     const Float4 across = abs(x), up = abs(y);
     const Float4 most = max(across, up), least = min(across, up);

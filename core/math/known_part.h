@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Structs and arrays from the other side of the plug-in contract, which may know more or fewer fields than we do: what both know is
-// copied, what we alone know is zero. core/plugin/marram_plugin.h, "Growing".
+// Copies structs and arrays across the plug-in contract, whose other side may know more or fewer fields.
+// Fields that both sides know are copied; the others are zero. See core/plugin/marram_plugin.h, "Extension".
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 namespace marram {
 
-// A struct that begins with its size.
+// Copies a struct that begins with its `size`.
 template <typename T>
 T known_part(const T* given) {
     T known{};
@@ -20,7 +20,7 @@ T known_part(const T* given) {
     return known;
 }
 
-// The same the other way: fills what the owner of `out` knows.
+// The other direction: fills the fields that the owner of `out` knows.
 template <typename T>
 void fill_known_part(const T& known, T* out) {
     const size_t size = out->size;
@@ -28,7 +28,7 @@ void fill_known_part(const T& known, T* out) {
     out->size = size;
 }
 
-// An array of elements that are `stride` bytes apart. A null pointer is an empty one.
+// Copies an array whose elements are `stride` bytes apart. A null pointer is an empty array.
 template <typename T>
 std::vector<T> known_parts(const T* first, uint32_t count, uint32_t stride) {
     std::vector<T> known(first ? count : 0);

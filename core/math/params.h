@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parameters: one declaration serves as default, check, error message and manual page (`marram info` prints it).
-// Cameras, films, lights, shaders, meshes and, through the plug-in contract, procedurals all declare theirs this way.
+// Parameters. One declaration gives the default, the check, the error message and the manual (`marram info`
+// prints it). Cameras, films, lights, shaders, meshes and, through the plug-in contract, procedurals declare
+// their parameters this way.
 //
-// To add a parameter anywhere: add one ParamSpec to the owner's list and read it by name. Nothing else.
+// To add a parameter: add one ParamSpec to the owner's list and read it by name. Nothing else is needed.
 #pragma once
 
 #include "core/math/problem.h"
@@ -18,77 +19,76 @@
 namespace marram {
 
 enum class ParamType {
-    boolean, // true | false
-    integer, // whole number
-    number,  // real number
-    vec2,    // [a, b]
-    vec3,    // [x, y, z]
-    range,   // [low, high] with low <= high; a single number stands for both
-    color,   // [r, g, b] linear, each >= 0; a single number stands for a grey
-    text,    // free string
-    choice,  // one of `choices`
-    ramp,    // [[position, value], ...] or { knots = [[...]], interpolation = "linear|smooth|constant" }
-    file,    // path of an existing file, relative to the scene file
-    image,   // path of an existing image, relative to the scene file
-    reference, // name of another thing of the scene, its kind in `choices`: "mesh", "material", "mesh|procedural"
+    boolean,   // true | false
+    integer,   // whole number
+    number,    // real number
+    vec2,      // [a, b]
+    vec3,      // [x, y, z]
+    range,     // [low, high] with low <= high; a single number stands for both
+    color,     // [r, g, b] linear, each >= 0; a single number stands for a grey
+    text,      // free string
+    choice,    // one of `choices`
+    ramp,      // [[position, value], ...] or { knots = [[...]], interpolation = "linear|smooth|constant" }
+    file,      // path of an existing file, relative to the scene file
+    image,     // path of an existing image, relative to the scene file
+    reference, // name of another item of the scene; kinds in `choices`: "mesh", "material", "mesh|procedural"
     texts,     // ["a", "b", ...]
     keys,      // keyed transform: see core/math/transform.h
-    points,      // [[x, y, z], ...]
-    table,       // path of an existing CSV file, relative to the scene file
-    unavailable, // known to the design, not to this build: using it is an error that says so
+    points,    // [[x, y, z], ...]
+    table,     // path of an existing CSV file, relative to the scene file
+    unavailable, // planned but not in this build: using it is an error
 };
 
 struct ParamSpec {
-    std::string name; // dotted where tables nest, "noise.octaves"; in lists of them "gusts.control[].shape"
+    std::string name; // dotted for nested tables, "noise.octaves"; in lists "gusts.control[].shape"
     ParamType type = ParamType::number;
-    std::string unit; // "m", "deg", "m/s", "frames", "1/m"; "" where there is none
-    std::string
-        initial; // default, as it would be written in a scene file; "" = must be given; "none" = may be absent
+    std::string unit;    // "m", "deg", "m/s", "frames", "1/m"; "": no unit
+    std::string initial; // default as written in a scene file; "": must be given; "none": may be absent
     double minimum = -std::numeric_limits<double>::infinity(); // of every component, both ends allowed
     double maximum = std::numeric_limits<double>::infinity();
-    std::string
-        choices; // "a|b|c" for choice; the kind for reference; "numbered" for a file that may be one a frame, by ####
+    // "a|b|c" of a choice; the kind of a reference; "numbered": a file name that may have #### for the frame.
+    std::string choices;
     std::string help;         // one line
     std::string sweep{};      // values that `marram measure` tries, as in a scene: "1|4|16"
-    std::string sweep_time{}; // the report entry whose seconds it changes: "seconds.shield"; "": all stages
-    bool each = false; // a reference that may be a list of names: the thing is there once for each of them
+    std::string sweep_time{}; // the report entry whose seconds it affects: "seconds.shield"; "": all stages
+    bool each = false;        // a reference that may be a list of names: makes one item for each of them
 };
 
-// A value with its place. Exactly what each type fills in:
+// A value with its place. Each type fills in exactly:
 //   boolean, integer, number   numbers[0]            vec2, range   numbers[0..1]       vec3, color   numbers[0..2]
-//   reference                  text; texts = all names, where it is one of several
-//   text, choice               text                  file, image, table   text = path as it can be opened
+//   reference                  text; texts = all names, if a list of names was given
+//   text, choice               text                  file, image, table   text = path to open
 //   ramp                       numbers = p0 v0 p1 v1 ..., positions ascending; text = interpolation
 //   texts                      texts                 points        numbers = x0 y0 z0 x1 ...
 //   keys                       numbers = 10 a key: frame, translate xyz, rotate xyz (degrees), scale xyz; frames
 //                              ascending; text = interpolation "linear|smooth"
 struct ParamValue {
     const ParamSpec* spec = nullptr;
-    std::string name; // the declared one, numbered in a list: "gusts.control[1].shape"
+    std::string name; // the declared name, with the index in lists: "gusts.control[1].shape"
     std::vector<double> numbers;
     std::string text;
     std::vector<std::string> texts;
-    Place place;        // of the value in the file; of the owning table where the default was taken
+    Place place;        // of the value in the file; of the owning table for a default
     bool given = false; // false: default
 };
 
-// A list of tables that the file gives, maybe without elements.
+// A list of tables in the file; may be empty.
 struct ParamList {
     std::string name; // "gusts.control"
     size_t size = 0;
 };
 
-// In names of parameters, between the name of a list and what its tables hold.
+// Separates the name of a list from the name of a parameter of its tables.
 inline constexpr std::string_view list_mark = "[].";
 
-// "gusts.control" of "gusts.control[].shape", nothing for a parameter that is in no list.
+// "gusts.control" of "gusts.control[].shape"; empty for a parameter that is not in a list.
 inline std::string_view list_of(std::string_view name) {
     const size_t mark = name.find(list_mark);
     return mark == std::string_view::npos ? std::string_view() : name.substr(0, mark);
 }
 
-// The checked values of one table; every declared parameter is present except the absent "none" ones. Those of a list are
-// present once for each of its elements.
+// The checked values of one table. Every declared parameter is present, except those with the default "none"
+// that were not given. Parameters of a list are present once for each of its elements.
 class ParamSet {
   public:
     void put(ParamValue value) {
@@ -97,7 +97,7 @@ class ParamSet {
     }
     void put_list(ParamList list) { lists_.push_back(std::move(list)); }
 
-    // nullptr where the file does not give the list.
+    // nullptr if the file does not have the list.
     const ParamList* find_list(std::string_view name) const {
         for (const ParamList& list : lists_)
             if (list.name == name) return &list;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is wrong with an input, where, and how to fix it. Mistakes of a user travel as an InputError that carries all
-// of them; mistakes of a programmer are asserts.
+// Problems of an input: what is wrong, where, and how to fix it. Mistakes of the user are thrown together as
+// one InputError; mistakes of the programmer are asserts.
 #pragma once
 
 #include <stdexcept>
@@ -10,7 +10,7 @@
 
 namespace marram {
 
-// A position in a text file. line and column count from 1; 0 means "not known" and is left out when printed.
+// A position in a text file. line and column count from 1; 0 means unknown and is not printed.
 struct Place {
     std::string file;
     int line = 0;
@@ -21,18 +21,18 @@ struct Problem {
     Place place;
     std::string what; // what is wrong
     std::string fix;  // what to do about it
-    std::string id{}; // for programs: "groom.no_mesh"; "" where nobody asks
+    std::string id{}; // for programs: "groom.no_mesh"; "": none
 };
 
 inline std::string to_string(const Place& place) {
     std::string text = place.file;
-    // Appended in two steps: GCC 12 takes the sum of a literal and a string for an overlapping copy (its bug 105329).
+    // Two appends, as GCC 12 warns of an overlapping copy for literal + string (GCC bug 105329).
     if (place.line > 0) text.append(":").append(std::to_string(place.line));
     if (place.line > 0 && place.column > 0) text.append(":").append(std::to_string(place.column));
     return text;
 }
 
-// The text, or its beginning and end where it has more than `most` bytes; UTF-8 characters stay whole.
+// The text, or its beginning and end if it has more than `most` bytes. UTF-8 characters are not split.
 inline std::string shortened(const std::string& text, size_t most) {
     if (text.size() <= most) return text;
     const auto continues = [&](size_t i) { return (static_cast<unsigned char>(text[i]) & 0xc0U) == 0x80U; };
@@ -42,7 +42,8 @@ inline std::string shortened(const std::string& text, size_t most) {
     return text.substr(0, head) + " ... " + text.substr(tail);
 }
 
-// "file:line:column: what is wrong: what to do", on one line. Long parts, which quote what was given, are shortened.
+// "file:line:column: what is wrong: what to do", on one line. Long parts, which quote the input, are
+// shortened.
 inline std::string to_string(const Problem& problem) {
     constexpr size_t longest_part = 400, longest_place = 1000;
     std::string text = shortened(to_string(problem.place), longest_place) + ": " +
@@ -53,7 +54,7 @@ inline std::string to_string(const Problem& problem) {
         const bool second = i > 0 && static_cast<unsigned char>(text[i - 1]) == 0xc2U; // U+0080 to U+009F
         if (c == '\n' || c == '\r' || c == '\t')
             c = ' ';
-        else if (byte < 32 || byte == 127) // a terminal would obey it
+        else if (byte < 32 || byte == 127) // a terminal would interpret it
             c = '?';
         else if (second && byte >= 0x80U && byte <= 0x9fU)
             text.replace(i - 1, 2, "??");

@@ -1,59 +1,62 @@
 // SPDX-License-Identifier: Apache-2.0
-// Wind ripples: where each crest is. The same crests are displaced near by (procedural/terrain/ripples.cpp) and shaded far off
-// (shaders/sand.cpp), so that where one passes into the other nothing shows.
+// Wind ripples. The same ripple field displaces the mesh near the camera (procedural/terrain/ripples.cpp) and
+// shades it far away (shaders/sand.cpp), so that the transition does not show.
 //
-// Direction. On level sand crests stand across the wind. On an incline the grains that creep, which build
-// ripples, are pulled downhill (A. Howard, "Effect of slope on the threshold of motion and its application
-// to orientation of wind ripples", GSA Bulletin 88, 1977). At the threshold of motion the wind's drag and
-// the part of a grain's weight along the surface, W sin(slope), add up to friction, W cos(slope)
-// tan(repose), in the direction in which the grain goes. Across the wind only the weight counts, so that
+// Direction. On level sand the crests are normal to the wind. On a slope the creeping grains, which build the
+// ripples, are deflected downhill (A. Howard, "Effect of slope on the threshold of motion and its application
+// to orientation of wind ripples", GSA Bulletin 88, 1977). At the threshold of motion, the vector sum of the
+// wind's drag and the weight of a grain along the surface, W sin(slope), equals the friction,
+// W cos(slope) tan(repose), in the direction of the grain's motion. The component across the wind comes from
+// the weight only, so
 //
 //   sin(delta) = tan(slope) sin(beta) / tan(repose)
 //
-// beta: between the wind and the line of fall; delta: how far the grain's way, and with it what is at right
-// angles to the crests, is turned from the wind towards the line of fall downhill. It is so for wind that
-// blows up as for wind that blows down the slope. All angles are measured in the surface, and so is the
-// wavelength. The wind follows the surface without being turned sideways. With unit vectors in the surface,
-// w along the wind and f down the line of fall, the direction is
+// beta: angle between the wind and the line of steepest descent; delta: angle by which the grain's motion,
+// and so the normal of the crests, is turned from the wind towards that line. This holds for wind up and
+// down the slope. All angles, and the wavelength, are measured in the surface. The wind follows the surface
+// without sideways deflection. With unit vectors in the surface, w along the wind and f along the steepest
+// descent, the direction is
 //
 //   s = tan(slope) / tan(repose) (f - (f . w) w),  |s| = sin(delta),  d = sqrt(1 - s^2) w + s
 //
-// which needs no angle and is smooth on level ground. |s| is limited to 1, beyond repose, where there are
-// no ripples.
+// which needs no angle and is smooth on level ground. |s| is limited to 1; it exceeds 1 only on slopes
+// steeper than repose, which have no ripples.
 //
-// Phase. It must advance by one turn a wavelength along d whatever d does, which no function of position
-// times d can do, and no noise that is added to one: it stretches. After Tricard et al., "Procedural Phasor
-// Noise" (ACM Transactions on Graphics 38, 2019) the phase is that of a sum of wave packets with random
-// places x_k and phases p_k:
+// Phase. It must advance by one turn per wavelength along d, also where d varies. A function of the product
+// of position and d, with or without added noise, cannot do this: it stretches the ripples. We use the
+// phase of a sum of wave packets with random positions x_k and phases p_k (Tricard et al., "Procedural
+// Phasor Noise", ACM Transactions on Graphics 38, 2019):
 //
 //   G = sum (1 - q)^3 exp(2 pi i (a + p_k)), q = (a / 3.2)^2 + (b / 6.5)^2 < 1
 //   a = d . (x - x_k) / wavelength, b the same along the crest, both in the surface
 //
-// one packet in each cell of a grid, anywhere in it. The zeros of G are points around which the phase makes
-// a turn: there a crest ends or forks, a Y junction, as ripples have them, and nothing is stretched
-// anywhere. The packets' size sets how often: the spectrum of (1 - q)^3 is about that of a Gaussian with
-// s^2 = R^2 / 6, and a Gaussian field with such a spectrum has 1 / (4 pi s_a s_b) zeros to a wavelength
-// squared (after S. Rice, "Mathematical Analysis of Random Noise", 1945, in two dimensions): one in 44.
-// Longer packets have straighter crests. For crests to wander d is turned by noise, 9 degrees at most, 1.3
-// on the average, over 8 wavelengths; with it one end of a crest in some 30 is counted. d is taken at x for all packets. The error of the phase's gradient is the
-// mean of (x - x_k) times the change of d, and that mean is near 0: d must vary little over a packet's
-// three wavelengths, or crests are bent at each zero.
+// Each cell of a grid has one packet at a random position. The phase makes a full turn around the zeros of
+// G: there a crest ends or forks (a Y junction), as on real ripples, and nothing is stretched. The size of
+// the packets sets the density of zeros: the spectrum of (1 - q)^3 is about that of a Gaussian with
+// s^2 = R^2 / 6, and a Gaussian field with this spectrum has 1 / (4 pi s_a s_b) zeros per wavelength squared
+// (after S. Rice, "Mathematical Analysis of Random Noise", 1945, in two dimensions): one in 44. Longer
+// packets have straighter crests. Noise over 8 wavelengths turns d, by 9 degrees at most and 1.3 on
+// average, so that crests wander; the count is then about one in 30. d is evaluated at x for all packets.
+// The error of the phase gradient is the mean of (x - x_k) times the change of d. This mean is near 0, but
+// d must vary little over the three wavelengths of a packet, or crests bend at each zero.
 //
-// Profile: -f(phi), f = sin(phi + sin(phi) / 2), so that the steep side, whose steepest descent, 1.5, is 2.4 times the steepest
-// rise, is the lee. Its mean is 0. With unit phasor (c, s): sin(phi
-// + s / 2) = s cos(s / 2) + c sin(s / 2), no angle is taken. The height is height / 2 |G| / sqrt(|G|^2 + (g
-// / 3)^2), g^2 the mean of |G|^2: 0.87 of it on the average, and 0 at the zeros of G, so that the surface
-// has no step there.
+// Profile: -f(phi), f = sin(phi + sin(phi) / 2). The lee is the steep side: its maximum slope, 1.5, is 2.4
+// times that of the windward side. The mean is 0. With the unit phasor (c, s) no angle is computed:
+// sin(phi + s / 2) = s cos(s / 2) + c sin(s / 2). The amplitude is height / 2 |G| / sqrt(|G|^2 + (g / 3)^2),
+// g^2 the mean of |G|^2: 0.87 of height / 2 on average, and 0 at the zeros of G, so that the surface is
+// continuous there.
 //
-// Slope: G's gradient in the same sum, d held. With q' = 2 (a f / 3.2^2 + b g / 6.5^2), f and g the axes of a and b,
+// Slope: the gradient of G in the same sum, with d constant. With q' = 2 (a f / 3.2^2 + b g / 6.5^2), f and g
+// the axes of a and b,
 //
 //   grad G = sum (-3 (1 - q)^2 q' + 2 pi i (1 - q)^3 f) exp(2 pi i (a + p_k))
 //
-// the phase's is Im(conj(G) grad G) / |G|^2 and that of the size Re(conj(G) grad G) / |G|.
+// The gradient of the phase is Im(conj(G) grad G) / |G|^2, that of |G| is Re(conj(G) grad G) / |G|.
 //
-// Slopes' variance: (height / 2)^2 |grad phi|^2 times the mean of f'^2, 0.54, times the mean of the share of the height squared, 0.79.
+// Slope variance: (height / 2)^2 |grad phi|^2 times 0.54, the mean of f'^2, times 0.79, the mean square of
+// the amplitude's factor.
 //
-// Cost: about 10 to 14 vectors of 8 packets a point.
+// Cost: about 10 to 14 vectors of 8 packets per point.
 #include "core/math/ripples.h"
 
 #include "core/math/hash.h"
@@ -68,9 +71,9 @@ namespace {
 constexpr double ripple_across = 3.2, ripple_along = 6.5; // half axes of a packet, wavelengths
 constexpr double ripple_cell = 1.25;                      // side of a packet's cell, wavelengths
 constexpr double ripple_wander = 9.0 * degree,
-                 ripple_wide = ripple_cell / 8.0; // turns at most, and over 8 wavelengths
+                 ripple_wide = ripple_cell / 8.0; // maximum turn of d; frequency of its noise, per cell
 
-// In wavelengths along the surface: a = fx x + fz z across the crests, b = gx x + gz z along them.
+// Surface coordinates in wavelengths: a = fx x + fz z normal to the crests, b = gx x + gz z along them.
 struct RippleFrame {
     double fx, fz, gx, gz;
 };
@@ -80,7 +83,7 @@ struct RippleDirection {
 };
 
 MARRAM_INLINE RippleDirection ripple_way(double wx, double wz, double hx, double hz, double tan_repose) {
-    constexpr double upright = 1e6; // nothing steeper differs, and squares stay finite
+    constexpr double upright = 1e6; // steeper gradients give the same result; keeps squares finite
     hx = std::clamp(hx, -upright, upright), hz = std::clamp(hz, -upright, upright);
     const double wy = wx * hx + wz * hz, length2 = wx * wx + wy * wy + wz * wz;
     if (!(length2 > 0.0 && length2 < infinity)) return {0.0, 0.0, 0.0};
@@ -94,8 +97,8 @@ MARRAM_INLINE RippleDirection ripple_way(double wx, double wz, double hx, double
     return {stay * ux + limit * sx, stay * uy + limit * sy, stay * uz + limit * sz};
 }
 
-// d and, at right angles to it in the surface, c = n x d, as functions of x and z: d . (1, hx, 0) and so
-// on.
+// The axes d and, perpendicular to it in the surface, c = n x d, as linear functions of x and z:
+// d . (1, hx, 0) and so on.
 MARRAM_INLINE RippleFrame ripple_frame(const RippleDirection& d, double hx, double hz) {
     const double up = 1.0 / std::sqrt(1.0 + hx * hx + hz * hz);
     const double nx = -hx * up, ny = up, nz = -hz * up;
@@ -103,7 +106,7 @@ MARRAM_INLINE RippleFrame ripple_frame(const RippleDirection& d, double hx, doub
     return {d.x + d.y * hx, d.z + d.y * hz, cx + cy * hx, cz + cy * hz};
 }
 
-// 1 up to 26 degrees, 0 from 30 on.
+// The factor of ripples_on_slope(): 1 up to 26 degrees, 0 from 30 on.
 MARRAM_INLINE double ripple_hold(double hx, double hz) {
     constexpr double steep = 0.86602540378443864676,
                      gentle = 0.89879404629916699278; // cosines of 30 and 26 degrees
@@ -112,7 +115,7 @@ MARRAM_INLINE double ripple_hold(double hx, double hz) {
     return t * t * (3.0 - 2.0 * t);
 }
 
-// sin and cos of 2 pi t, |t| < 2^20: reduced to a quarter turn on either side of 0; error < 1e-6.
+// sin and cos of 2 pi t, |t| < 2^20: reduced to +- a quarter turn; error < 1e-6.
 MARRAM_INLINE void ripple_sincos(VFloat t, VFloat& sine, VFloat& cosine) {
     constexpr float magic = 12582912.0F; // 1.5 * 2^23: adding it rounds to the nearest integer
     const VFloat halves = 2.0F * t + magic;
@@ -130,21 +133,21 @@ MARRAM_INLINE void ripple_sincos(VFloat t, VFloat& sine, VFloat& cosine) {
     cosine = bits_as<VFloat>(bits_as<VInt>(c) ^ flip);
 }
 
-// Where a point lies in the grid of cells: its cell, and the place in it, both in cells.
+// The cell of a point, and its position within the cell, in cells.
 struct RipplePlace {
     uint32_t column, row;
     double x, z;
 };
 
 MARRAM_INLINE RipplePlace ripple_place(double x, double z) {
-    constexpr double most = 0x1p50; // cells: beyond it there are no places within one
+    constexpr double most = 0x1p50; // cells; doubles beyond it have no useful fraction
     const double cx = std::clamp(x, -most, most), cz = std::clamp(z, -most, most);
     const double fx = std::floor(cx), fz = std::floor(cz);
     return {uint32_t(int64_t(fx)), uint32_t(int64_t(fz)), cx - fx, cz - fz};
 }
 
-// Gradient noise in the plane with gradients anywhere in a square; |value| <= 1, about 0.2 on the average.
-// (K. Perlin, "Improving Noise", 2002: its fade.)
+// 2D gradient noise, gradients uniform in a square. |value| <= 1, about 0.2 on average. Fade: K. Perlin,
+// "Improving Noise", 2002.
 MARRAM_INLINE double ripple_noise(const RipplePlace& p, uint32_t seed) {
     double corner[4];
     for (uint32_t k = 0; k < 4; ++k) {
@@ -160,19 +163,19 @@ MARRAM_INLINE double ripple_noise(const RipplePlace& p, uint32_t seed) {
     return near + v * (far - near);
 }
 
-// Crests wander: the frame turned by a small angle, in the surface.
+// The frame rotated by a small angle in the surface, which makes crests wander.
 MARRAM_INLINE RippleFrame ripple_turned(const RippleFrame& f, double angle) {
-    const double c = 1.0 - 0.5 * angle * angle, s = angle; // a unit vector but for 1e-4
+    const double c = 1.0 - 0.5 * angle * angle, s = angle; // length 1 within 1e-4
     return {c * f.fx + s * f.gx, c * f.fz + s * f.gz, c * f.gx - s * f.fx, c * f.gz - s * f.fz};
 }
 
-// Sums over packets: G, and those that its gradient is made of, of a and of b times (1 - q)^2 exp(2 pi i (a + p_k)).
+// Sums over packets: G, and for its gradient the sums of a and of b times (1 - q)^2 exp(2 pi i (a + p_k)).
 struct RippleSums {
     VFloat real{}, imaginary{};
     VFloat a_real{}, a_imaginary{}, b_real{}, b_imaginary{};
 };
 
-// Adds the packets of eight cells of one row. dx, dz: of the point from the first cell's corner, in cells.
+// Adds the packets of eight cells of one row. dx, dz: offset from the first cell's corner, in cells.
 template <bool with_slope>
 MARRAM_INLINE void ripple_packets(const RippleFrame& frame, uint32_t column, uint32_t row_hash, float dx,
                                   float dz, RippleSums& sums) {
@@ -208,7 +211,7 @@ MARRAM_INLINE VFloat ripple_clamp(VFloat x, VFloat low, VFloat high) {
     return above < high ? above : high;
 }
 
-// A - det z^2, not below 0.
+// max(A - det z^2, 0).
 MARRAM_INLINE VFloat ripple_rest(float A, float det, VFloat z) {
     const VFloat rest = A - z * z * det;
     return rest > 0.0F ? rest : VFloat{};
@@ -220,7 +223,7 @@ MARRAM_INLINE double ripple_sum(VFloat x) {
     return double(sum);
 }
 
-// The sum G of all packets around a point and, wanted or not, its gradient in wavelengths.
+// The sum G of all packets around a point and, if computed, its gradient per wavelength.
 struct RipplePhasor {
     double real, imaginary;
     double real_x, imaginary_x, real_z, imaginary_z;
@@ -228,7 +231,7 @@ struct RipplePhasor {
 
 template <bool with_slope>
 MARRAM_INLINE RipplePhasor ripple_phasor(const RipplePlace& place, const RippleFrame& frame, uint32_t seed) {
-    // q = A x^2 + 2 B x z + C z^2 in cells; its ellipse q = 1 bounds the columns of each row.
+    // q = A x^2 + 2 B x z + C z^2 in cells. The ellipse q = 1 bounds the columns of each row.
     constexpr double wa = ripple_cell * ripple_cell / (ripple_across * ripple_across),
                      wb = ripple_cell * ripple_cell / (ripple_along * ripple_along);
     const double A = wa * frame.fx * frame.fx + wb * frame.gx * frame.gx,
@@ -238,8 +241,8 @@ MARRAM_INLINE RipplePhasor ripple_phasor(const RipplePlace& place, const RippleF
     RippleSums sums;
     const int first = int(std::floor(place.z - z_most)), last = int(std::floor(place.z + z_most));
     for (int j0 = first; j0 <= last; j0 += lanes) {
-        // The columns of eight rows at once. Packets of row j are at z - j - 1 ... z - j from the point:
-        // the point less the packet.
+        // The columns of eight rows at once. For packets of row j, the point minus the packet is in
+        // z - j - 1 ... z - j.
         constexpr VFloat lane_float = {0, 1, 2, 3, 4, 5, 6, 7};
         const VFloat top = float(place.z - j0) - lane_float, bottom = top - 1.0F;
         const VFloat most = splat_float(float(z_most)), high = top < most ? top : most,
@@ -248,7 +251,7 @@ MARRAM_INLINE RipplePhasor ripple_phasor(const RipplePlace& place, const RippleF
                      zl = ripple_clamp(-x_most, low, high);
         const VFloat right = (vsqrt(ripple_rest(float(A), float(det), zr)) - zr * float(B)) * float(by_A),
                      left = (vsqrt(ripple_rest(float(A), float(det), zl)) + zl * float(B)) * float(by_A);
-        constexpr float margin = 1e-3F; // cells: above the rounding of some ten cells in floats
+        constexpr float margin = 1e-3F; // cells; above the float rounding error of about ten cells
         const VFloat from_x = float(place.x) - right - margin + 1024.0F,
                      to_x = float(place.x) + left + margin + 1024.0F;
         const VInt from = __builtin_convertvector(from_x, VInt) - 1024,
@@ -276,19 +279,19 @@ MARRAM_INLINE RipplePhasor ripple_phasor(const RipplePlace& place, const RippleF
 }
 
 struct RippleProfile {
-    double height = 0.0;     // -1 to 1, times the share of it that the sum's size allows
-    double x = 0.0, z = 0.0; // its slope, a wavelength
+    double height = 0.0;     // -1 to 1, times the amplitude's factor |G| / sqrt(|G|^2 + (g / 3)^2)
+    double x = 0.0, z = 0.0; // its slope per wavelength
 };
 
 template <bool with_slope>
 MARRAM_INLINE RippleProfile ripple_profile(const RipplePhasor& g) {
-    // Mean of |G|^2: the integral of (1 - q)^6 over the ellipse, pi R_a R_b / 7, over the area of a cell.
+    // Mean of |G|^2: the integral of (1 - q)^6 over the ellipse, pi R_a R_b / 7, per area of a cell.
     constexpr double mean2 = pi * ripple_across * ripple_along / (7.0 * ripple_cell * ripple_cell);
     const double size2 = g.real * g.real + g.imaginary * g.imaginary;
-    constexpr double none = 1e-12 * mean2; // floats sum to no better
+    constexpr double none = 1e-12 * mean2; // below the precision of the float sums
     if (!(size2 > none)) return {};
     const double scale = 1.0 / std::sqrt(size2), c = g.real * scale, s = g.imaginary * scale;
-    // sin and cos of s / 2, |s / 2| <= 1/2: Taylor, error < 2e-7
+    // sin and cos of s / 2, |s / 2| <= 1/2: Taylor series, error < 2e-7
     const double t = 0.5 * s, t2 = t * t;
     const double sine = t * (1.0 - t2 * (1.0 / 6.0 - t2 * (1.0 / 120.0 - t2 / 5040.0)));
     const double cosine = 1.0 - t2 * (0.5 - t2 * (1.0 / 24.0 - t2 * (1.0 / 720.0 - t2 / 40320.0)));

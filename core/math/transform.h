@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Keyed transforms: translate, rotate, scale at frames, exact at every key and defined at every time.
+// Keyed transforms: translate, rotate, scale at given frames; exact at the keys, defined at any time.
 #pragma once
 
 #include "core/math/vec.h"
@@ -22,7 +22,7 @@ class KeyedTransform {
     Eigen::Affine3d at(double frame) const;
     bool moves() const; // false: at() is the same for every frame
     bool moves_within(double begin, double end) const;
-    std::vector<double> frames() const; // of its keys
+    std::vector<double> frames() const; // of the keys
     uint64_t digest() const;            // of all that at() depends on
 
   private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The vector types that everybody shares: Eigen's fixed-size ones under the names the field uses.
+// Vector types: Eigen's fixed-size types under their usual names.
 #pragma once
 
 #include <Eigen/Core>

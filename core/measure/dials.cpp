@@ -14,7 +14,7 @@
 namespace marram {
 namespace {
 
-// What a groom has, be it its own or the scene's; nullptr: neither says.
+// The wind parameter of a groom: its own if given, else the scene's; nullptr if neither has it.
 const ParamValue* wind_value(const Shot& shot, const Item& groom, const std::string& name) {
     const ParamValue* own = groom.params.find("wind." + name);
     return own && own->given ? own : shot.description.wind.find(name);
@@ -25,7 +25,7 @@ bool any_groom(const Shot& shot, const std::string& name) {
                                [&](const Item& groom) { return wind_value(shot, groom, name) != nullptr; });
 }
 
-// Whether every groom that has the value has the same, which is then `out`.
+// Whether all grooms that have the parameter have the same value, returned in `out`.
 bool agreed(const Shot& shot, const std::string& name, double& out) {
     bool found = false;
     for (const Item& groom : shot.description.procedurals) {
@@ -46,7 +46,7 @@ bool declares(const Shot& shot, const Item& item, const std::string& key) {
     return false;
 }
 
-// The declaration of a key that a procedural of the scene has; nullptr: none has it.
+// The declaration of a key by a procedural of the scene; nullptr if none has it.
 const ParamSpec* declaration(const Shot& shot, const std::string& key) {
     for (const Item& item : shot.description.procedurals)
         for (const ItemSchema& schema : shot.plugins->schema.procedurals)
@@ -56,7 +56,7 @@ const ParamSpec* declaration(const Shot& shot, const std::string& key) {
     return nullptr;
 }
 
-// The same as a scene has them.
+// The values of a sweep as TOML.
 std::vector<std::string> texts_of_sweep(const ParamSpec& spec) {
     std::vector<std::string> values;
     std::istringstream text(spec.sweep);
@@ -65,8 +65,8 @@ std::vector<std::string> texts_of_sweep(const ParamSpec& spec) {
     return values;
 }
 
-// Whether an item gives anything of the table that a parameter is in, such as "guides" of "guides.wind"; the wind's and those that
-// are in no table are always there.
+// Whether an item gives any parameter of the same table, such as "guides" of "guides.wind". Always true for
+// "wind." and for parameters that are not in a table.
 bool has_table_of(const Item& item, const std::string& name) {
     const size_t dot = name.rfind('.');
     if (dot == std::string::npos || name.starts_with("wind.")) return true;
@@ -75,7 +75,7 @@ bool has_table_of(const Item& item, const std::string& name) {
     });
 }
 
-// The values that a parameter is declared to be measured at.
+// The values of a sweep as numbers.
 std::vector<double> sweep_of(const ParamSpec& spec) {
     std::vector<double> values;
     std::istringstream text(spec.sweep);
@@ -88,7 +88,7 @@ std::vector<double> sweep_of(const Shot& shot, const std::string& key) {
     return spec ? sweep_of(*spec) : std::vector<double>{};
 }
 
-// In every procedural that knows the key and, if that is asked, has a certain parameter.
+// Changes that set a key in every procedural that declares it and, if given, has the parameter `only_with`.
 std::vector<std::string> in_all_grooms(const Shot& shot, const std::string& key, const std::string& value,
                                        const std::string& only_with = "") {
     std::vector<std::string> changes;
@@ -98,7 +98,7 @@ std::vector<std::string> in_all_grooms(const Shot& shot, const std::string& key,
     return changes;
 }
 
-// Puts what the scene has among the settings, by its number, unless it is one of them.
+// Marks the scene's own value among the settings, or inserts it in order if it is not one of them.
 void add_own(std::vector<std::pair<double, DialSetting>>& settings, double own, const std::string& label) {
     const auto at = std::ranges::find_if(settings, [&](const auto& setting) { return setting.first >= own; });
     if (at != settings.end() && at->first == own)
@@ -107,7 +107,7 @@ void add_own(std::vector<std::pair<double, DialSetting>>& settings, double own, 
         settings.insert(at, {own, {label, {}, true, 0}});
 }
 
-// Where the tolerance puts the dial.
+// The setting that the tolerance chooses.
 DialSetting by_tolerance(bool own, std::vector<std::string> changes) {
     if (own) changes.clear();
     return {"by the tolerance", std::move(changes), own, 0};
@@ -148,7 +148,7 @@ Dial contact(const Shot& shot) {
     if (solver == "steps") add_own(steps, own, fmt::format("{} steps", own));
     for (DialSetting& setting : without_numbers(std::move(steps)))
         dial.settings.push_back(std::move(setting));
-    if (any_groom(shot, "collision.rotation_steps")) { // which exact contact refuses
+    if (any_groom(shot, "collision.rotation_steps")) { // exact contact rejects this parameter
         dial.reference = dial.settings.size() - 1;
         dial.explain +=
             "Error against the most steps: remove rotation_steps to measure against exact contact.";
@@ -181,8 +181,8 @@ Dial shield_per(const Shot& shot) {
     return dial;
 }
 
-// A dial over numbers, the finest of which stands first or last. Where the scene leaves the number to the tolerance, or its
-// grooms differ, what they have is one more setting.
+// A dial over numbers, with the finest first or last. If the scene leaves the number to the tolerance, or its
+// grooms differ, the scene's own state is one more setting.
 Dial with_numbers(const Shot& shot, Dial dial, const std::string& key, const std::string& parameter,
                   const std::string& only_with, bool finest_first) {
     std::vector<std::pair<double, DialSetting>> settings;
@@ -215,13 +215,13 @@ Dial cvs(const Shot& shot) {
     std::vector<int> each;
     for (const Item& groom : shot.description.procedurals)
         if (declares(shot, groom, "cvs")) each.push_back(groom.params.integer("cvs"));
-    const int own = each.front(); // the other grooms get as many
-    // A strand bends as it is authored; more CVs draw the same pose better.
+    const int own = each.front(); // all grooms are set to the same
+    // Fix the segments that bending is authored for, so that more CVs only sample the same pose more finely.
     std::vector<std::string> authored;
     double segments = 0.0;
     if (!agreed(shot, "reference_segments", segments) || segments == 0.0)
         authored = in_all_grooms(shot, "wind.reference_segments",
-                                 std::to_string(own > 0 ? own - 1 : 7)); // 7: as the groom takes it
+                                 std::to_string(own > 0 ? own - 1 : 7)); // 7: the groom's default
     std::vector<std::pair<double, DialSetting>> settings;
     for (const double n : sweep_of(shot, "cvs")) {
         std::vector<std::string> changes = in_all_grooms(shot, "cvs", fmt::format("{}", n));
@@ -286,7 +286,7 @@ Dial tolerance(const Shot& shot) {
     return dial;
 }
 
-// How closely what the camera sees of a terrain follows what strands grow on.
+// How closely the render mesh of a terrain follows its growth surface.
 Dial view_detail(const Shot& shot) {
     Dial dial{
         "view_detail",
@@ -348,8 +348,8 @@ Dial octaves(const Shot& shot, int own) {
     return dial;
 }
 
-// Any other parameter that its procedural declares to be measured: error against the last of its values. change: settings that give
-// it one.
+// Any other parameter with a sweep. The reference is the last of its values. change: returns the changes that
+// set a value.
 Dial declared(const ParamSpec& spec, const std::string& name,
               const std::function<std::vector<std::string>(const std::string& value)>& change) {
     constexpr std::string_view seconds = "seconds.";
@@ -364,11 +364,11 @@ Dial declared(const ParamSpec& spec, const std::string& name,
     return dial;
 }
 
-// Those that have a dial with more to it.
+// Sweeps that have their own function above.
 constexpr std::array known_sweeps = {"wind.collision.rotation_steps", "wind.shielding.rays",
                                      "wind.jiggle.step", "cvs"};
 
-// Elements of lists, such as layers: "layer[].search_accuracy" of all that are of one type.
+// Adds the sweeps of list elements, such as layers: "layer[].search_accuracy" of all layers of one type.
 void add_declared_of_lists(const Shot& shot, const ItemSchema& schema, std::vector<std::string>& done,
                            DialList& list) {
     for (const ListSchema& elements : schema.lists)

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The dials that trade time for error, and how each is turned. A dial is a list of settings, each a few changes to the scene; what a
-// scene does not use is left out and said.
+// The dials of `marram measure`: parameters that trade time for error. A dial is a list of settings, each a
+// few changes to the scene. Dials of features that a scene does not use are left out, with the reason.
 //
-// To add a dial: give a parameter its `sweep` where it is declared, in a procedural; what needs more than its values has a function in
-// dials.cpp, and a line in dials_of().
+// To add a dial: give a parameter of a procedural its `sweep` where it is declared. A dial that needs more
+// than a list of values gets a function in dials.cpp and a line in dials_of().
 #pragma once
 
 #include "core/shot/shot.h"
@@ -17,29 +17,30 @@ namespace marram {
 struct DialSetting {
     std::string label;
     std::vector<std::string> changes; // key=value
-    bool own = false;                 // what the scene has
-    uint32_t samples = 0;             // a pixel, of an image's dial
+    bool own = false;                 // the scene's own setting
+    uint32_t samples = 0;             // per pixel, for the dial of the picture
 };
 
-// What its error is measured on, always against the reference setting.
+// How the error of a setting is measured, against the reference setting.
 enum class DialError {
-    pose,    // CVs, as shares of the strand's length
+    pose,    // CVs, as a fraction of the strand's length
     motion,  // CVs over the shutter, in pixels of the film
-    surface, // heights of the meshes that procedurals make, in metres
-    view,    // the same of the meshes that the camera sees in their place, in pixels at their distance
-    image    // pixels, relative to the reference's mean
+    surface, // heights of growth surfaces (meshes made by procedurals), in metres
+    view,    // heights of render meshes, in pixels at their distance
+    image    // pixel values, relative to the reference's mean
 };
 
 struct Dial {
     std::string name;    // "contact"
-    std::string explain; // one sentence: what is turned, what the reference is
+    std::string explain; // what is varied, and what the reference is
     std::string time;    // what is timed: "collide"
     DialError error = DialError::pose;
-    bool counts_crossing = false; // strands that a mesh crosses
+    bool counts_crossing = false; // count strands that cross a mesh
     std::vector<DialSetting> settings;
     size_t reference = 0;
-    double weight = 1.0; // share of the time that it gets
-    // Where the tolerance can turn it: how the error goes with the setting's number, and in words. Null: it cannot.
+    double weight = 1.0; // relative share of the time budget
+    // If the tolerance can choose the setting: the error as a function of its number, up to a factor, and the
+    // same in words. nullptr: it cannot.
     double (*law)(double) = nullptr;
     std::string law_words{};
 };
@@ -52,7 +53,7 @@ struct DialList {
 };
 DialList dials_of(const Shot& shot);
 
-// Changes that leave about this share of the strands.
+// Changes to the scene that keep about this share of the strands.
 std::vector<std::string> thinned(const Shot& shot, double share);
 
 } // namespace marram

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Each dial is turned through its settings in rounds: what is compared runs side by side, minute by minute, and the median of the
-// rounds' ratios counts. The first round measures the errors and warms up: its times count only where there is no
-// second. Time is shared out evenly among the dials; one that runs out of it says what it left out.
+// The settings of each dial are run in interleaved rounds, and the result is the median of the rounds' time
+// ratios, so that slow changes of the machine's speed cancel. The first round measures the errors and warms
+// up: its times count only if there is no second. The time is divided among the dials by their weights. A
+// dial that runs out of time reports the settings that it left out.
 #include "core/measure/measure.h"
 
 #include "core/geometry/curve_compare.h"
@@ -34,7 +35,7 @@ struct Session {
     double frame;
     MeasureProgress& progress;
     const std::atomic<bool>& cancel;
-    std::vector<std::string> thinned = {}; // changes that leave fewer strands
+    std::vector<std::string> thinned = {}; // changes that reduce the number of strands
 };
 
 World build(Shot& shot, const Dial& dial, const Session& session, FrameStats& stats) {
@@ -56,17 +57,17 @@ Shot load_with(const MeasureRequest& request, const std::atomic<bool>& cancel,
     return load_shot(request.scene, overrides, cancel);
 }
 
-// Rounds of times, and what comes of them.
+// Times of the rounds, and their evaluation.
 class Rounds {
   public:
     explicit Rounds(size_t settings, size_t base) : seconds_(settings), base_(base) {}
 
     void add(size_t setting, double seconds) { seconds_[setting].push_back(seconds); }
 
-    // Ratios are of one round each, so that a machine that changes its speed between rounds spoils none. Seconds are the ratio
-    // times what the base takes: both columns tell the same.
+    // Each ratio is within one round, so that changes of the machine's speed between rounds cancel. Seconds
+    // are the ratio times the base's median, so that both columns agree.
     void finish(std::vector<SettingResult>& results) const {
-        const auto from = [&](size_t i) { // the first round warms up
+        const auto from = [&](size_t i) { // skip the first round, a warm-up
             return seconds_[i].size() > 1 && seconds_[base_].size() > 1 ? size_t(1) : size_t(0);
         };
         const std::vector<double>& base = seconds_[base_];
@@ -83,7 +84,7 @@ class Rounds {
             results[i].rounds = int(mine.size());
         }
     }
-    // A ratio to 0 seconds has no meaning.
+    // A ratio to 0 seconds is undefined.
     bool base_costs() const { return !seconds_[base_].empty() && seconds_[base_].front() > 0.0; }
     void set_base(size_t base) { base_ = base; }
 
@@ -92,7 +93,7 @@ class Rounds {
     size_t base_;
 };
 
-// The setting that times are compared with: the scene's own, or the first that can be measured.
+// The setting that ratios refer to: the scene's own, or the first that is not refused.
 size_t base_of(const Dial& dial, const std::vector<SettingResult>& results) {
     for (size_t i = 0; i < results.size(); ++i)
         if (dial.settings[i].own && results[i].refused.empty()) return i;
@@ -101,7 +102,7 @@ size_t base_of(const Dial& dial, const std::vector<SettingResult>& results) {
     return 0;
 }
 
-// The reference, what times are compared with, then the others.
+// The order of measuring: the reference, the base, then the others.
 std::vector<size_t> order_of(const Dial& dial, size_t base) {
     std::vector<size_t> order = {dial.reference};
     if (base != dial.reference) order.push_back(base);
@@ -110,20 +111,20 @@ std::vector<size_t> order_of(const Dial& dial, size_t base) {
     return order;
 }
 
-// Metres a pixel, at the distance of the camera's target.
+// Metres per pixel at the distance of the camera's target.
 double pixel_of(const Shot& shot, const Session& session) {
     const BuildSettings settings = build_settings(shot, session.frame);
     return settings.view.pixel_angle *
            (shot.description.camera.vec3("target") - settings.view.position).norm();
 }
 
-// What the mesh is that others grow on, where the camera sees another.
+// The growth surface of a mesh, which differs from the mesh itself if that is a render mesh.
 const MeshGeometry& growth_surface(const World& world, uint32_t id) {
     const auto growth = world.growth_surfaces.find(id);
     return growth == world.growth_surfaces.end() ? world.meshes[id] : growth->second;
 }
 
-// A grid of one number by row and column, between its samples bilinear, beyond its border as there.
+// Bilinear interpolation in a grid with one component; clamped beyond its border.
 double grid_at(const GridValues& values, double x, double z) {
     const MarramGrid& grid = values.grid;
     const auto place = [](double at, double origin, double step, uint32_t count) {
@@ -138,7 +139,7 @@ double grid_at(const GridValues& values, double x, double z) {
     return (1 - t) * ((1 - s) * at(i, j) + s * at(i1, j)) + t * ((1 - s) * at(i, j1) + s * at(i1, j1));
 }
 
-// Heights of all terrains at the samples of the reference's, in metres.
+// Compares the heights of all terrains, in metres, at the samples of the reference's grids.
 void compare_surfaces(const World& world, const World& reference, SettingResult& result) {
     double squares = 0.0, count = 0.0;
     for (uint32_t id = 0; id < std::min(world.meshes.size(), reference.meshes.size()); ++id) {
@@ -158,20 +159,21 @@ void compare_surfaces(const World& world, const World& reference, SettingResult&
     result.error = count > 0.0 ? std::sqrt(squares / count) : 0.0;
 }
 
-// The height of a mesh below a point; NaN where it has none there.
+// The height of a mesh below a point; NaN if a ray down from the point misses it.
 double height_below(const World& world, uint32_t mesh, const Vec3f& from) {
     Ray ray{from, -Vec3f::UnitY()};
     SurfacePoint point;
     while (intersect(world, ray, point, false)) {
         if (point.geometry == mesh) return point.position.y();
-        // Something else is above it: on from there, by more than distances are rounded by.
+        // Another mesh is above it: continue from there, past the rounding error of the distance.
         const float distance = std::max(from.y() - float(point.position.y()), ray.tnear);
         ray.tnear = distance * (1.0F + 0x1p-20F);
     }
     return std::numeric_limits<double>::quiet_NaN();
 }
 
-// What the camera sees of terrains, at the vertices that it sees of the reference's: heights, in pixels at their distance.
+// Compares the heights of render meshes of terrains at the visible vertices of the reference's, in pixels at
+// their distance.
 void compare_views(const Shot& shot, const World& world, const World& reference, const Session& session,
                    SettingResult& result) {
     const View view = build_settings(shot, session.frame).view;
@@ -179,14 +181,14 @@ void compare_views(const Shot& shot, const World& world, const World& reference,
     for (const auto& [id, growth] : reference.growth_surfaces) {
         const MeshGeometry& exact = reference.meshes[id];
         const float above = std::max(reference.bounds.max().y(), world.bounds.max().y()) + 1.0F;
-        constexpr size_t enough = 100000; // vertices, spread over all
+        constexpr size_t enough = 100000; // vertices, at regular intervals
         const size_t step = std::max(exact.positions[0].size() / enough, size_t(1));
         for (size_t v = 0; v < exact.positions[0].size(); v += step) {
             const Vec3f& vertex = exact.positions[0][v];
             const Vec3d way = vertex.cast<double>() - view.position;
-            if (way.dot(view.forward) < view.cosine * way.norm()) continue; // outside the film
+            if (way.dot(view.forward) < view.cosine * way.norm()) continue; // outside the view cone
             const double height = height_below(world, id, {vertex.x(), above, vertex.z()});
-            if (std::isnan(height)) continue; // on the very border
+            if (std::isnan(height)) continue; // at the border of the mesh
             const double gap = std::abs(height - double(vertex.y())) / (view.pixel_angle * way.norm());
             squares += gap * gap;
             count += 1.0;
@@ -208,7 +210,8 @@ void compare_strands(const Dial& dial, const Shot& shot, const World& world, con
     if (dial.counts_crossing) result.crossing = strands_in_meshes(world);
 }
 
-// The rule that chooses motion keys beside what was measured: its law over the settings, and what it foresaw for the scene.
+// Compares the rule that chooses motion keys with the measurement: its law over the settings, and its
+// prediction for the scene.
 std::string motion_rule(const DialResult& result, const Shot& shot, const Session& session,
                         const BuildStats& own) {
     std::string rule = "Rule: the error falls with the square of the keys less one";
@@ -241,11 +244,12 @@ std::string motion_rule(const DialResult& result, const Shot& shot, const Sessio
     return rule;
 }
 
-// The same of a dial over numbers: its law through the finest setting beside the reference, and what the tolerance chose.
+// The same for a dial over numbers: its law, scaled to the finest setting other than the reference, and the
+// choice of the tolerance.
 std::string dial_rule(const DialResult& result, double tolerance, const BuildStats* chosen) {
     const Dial& dial = result.dial;
     const auto number = [&](size_t i) { return std::strtod(dial.settings[i].label.c_str(), nullptr); };
-    const double reference = dial.law(number(dial.reference)); // it is off, too
+    const double reference = dial.law(number(dial.reference)); // it has an error, too
     double least = 0.0, factor = 0.0, low = 1.0, high = 1.0, measured = 0.0;
     const auto each = [&](auto&& visit) {
         for (size_t i = 0; i < result.settings.size(); ++i)
@@ -300,7 +304,7 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
         const bool needed = i == dial.reference || i == base;
         if (!result.settings[dial.reference].refused.empty() && i != dial.reference)
             setting.refused = "not measured: its reference is refused";
-        else if (!needed && wall_seconds() > end + budget) // errors matter more than rounds
+        else if (!needed && wall_seconds() > end + budget) // the first round may take twice the budget
             setting.refused = no_time;
         if (!setting.refused.empty()) continue;
         session.progress.now(fmt::format("{}: {}", dial.name, dial.settings[i].label));
@@ -318,7 +322,7 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
         if (i == dial.reference) reference = std::move(world);
         const World& made = i == dial.reference ? reference : world;
         if (dial.error == DialError::surface || dial.error == DialError::view) {
-            if (i == dial.reference) continue; // off by nothing
+            if (i == dial.reference) continue; // no error
             if (dial.error == DialError::surface)
                 compare_surfaces(made, reference, setting);
             else
@@ -387,7 +391,7 @@ DialResult measure_pictures(Dial dial, const Session& session, double budget) {
     const double per_sample = picture(1, other_seed).seconds;
     DialSetting& finest = dial.settings[dial.reference];
     const auto affordable = uint32_t(std::clamp(0.5 * budget / per_sample, 4.0, 65536.0));
-    if (finest.samples > affordable) { // fewer, and what comes too near to it is left out
+    if (finest.samples > affordable) { // use fewer, and leave out settings close to it
         finest.samples = affordable;
         finest.label = std::to_string(affordable);
     }
@@ -406,7 +410,7 @@ DialResult measure_pictures(Dial dial, const Session& session, double budget) {
         for (size_t i = 0; i < dial.settings.size(); ++i) {
             SettingResult& setting = result.settings[i];
             if (!setting.refused.empty()) continue;
-            if (i == dial.reference) { // it would take up all the time
+            if (i == dial.reference) { // rendered once: it is expensive
                 if (r == 0) rounds.add(i, reference.seconds);
                 continue;
             }
@@ -455,7 +459,7 @@ void measure(Shot& shot, const MeasureRequest& request, MeasureProgress& progres
     all.time = "strands and BVH";
     FrameStats stats;
     build(shot, all, session, stats);
-    // A round over all dials costs about a hundred times the scene's own strands; several are wanted.
+    // One round over all dials costs about 100 builds of the scene's strands. Allow for about 3 rounds.
     constexpr double builds = 300.0;
     const double share = request.seconds / builds / std::max(seconds_of(all, stats), 1e-9);
     if (share < 1.0) {

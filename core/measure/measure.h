@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Speed against error: every dial of a scene through its settings.
+// Measures time and error of every setting of every dial of a scene.
 #pragma once
 
 #include "core/measure/report.h"
@@ -16,17 +16,17 @@ struct MeasureRequest {
     std::string scene; // file
     Overrides overrides;
     double frame = 0.0;
-    double seconds = 110.0; // that it may take
-    int threads = 1;        // for the report: the caller's arena has them
+    double seconds = 110.0; // time budget
+    int threads = 1;        // only for the report: the caller's arena sets the number
 };
 
-// What is being measured, and how much of the time has gone; read while it is measured.
+// What is being measured, and the share of the time used; may be read while measuring.
 class MeasureProgress {
   public:
     explicit MeasureProgress(double seconds);
     void now(std::string phase);
-    std::pair<std::string, double> state() const; // phase, share of the time that has gone
-    double left() const;                          // seconds
+    std::pair<std::string, double> state() const; // phase, share of the time used
+    double left() const;                          // seconds left
 
   private:
     mutable std::mutex mutex_;
@@ -34,8 +34,8 @@ class MeasureProgress {
     double begin_, seconds_;
 };
 
-// Adds one dial after the other to `measurement`. Throws Cancelled, and InputError where the scene cannot be built: what has been
-// measured by then stays. `shot` is the request's scene.
+// Measures the dials one by one and adds them to `measurement`. `shot` is the request's scene. Throws
+// Cancelled, and InputError if the scene cannot be built; the dials already measured stay.
 void measure(Shot& shot, const MeasureRequest& request, MeasureProgress& progress,
              const std::atomic<bool>& cancel, Measurement& measurement);
 

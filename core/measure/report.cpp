@@ -11,7 +11,7 @@
 namespace marram {
 namespace {
 
-// A field of a CSV file, RFC 4180.
+// Quotes a field of a CSV file (RFC 4180).
 std::string field(const std::string& text) {
     if (text.find_first_of(",\"\n") == std::string::npos) return text;
     std::string out = "\"";
@@ -49,12 +49,12 @@ std::string error_name(const Dial& dial) {
 // A logarithmic axis.
 struct Axis {
     double low, high; // exponents
-    double from, to;  // in the picture
+    double from, to;  // coordinates in the plot
 
     double at(double value) const { return from + (std::log10(value) - low) / (high - low) * (to - from); }
 };
 
-// The values 1, 2 and 5 times powers of ten within the exponents; of wide ranges the powers alone.
+// The values 1, 2 and 5 times powers of ten within the exponents; only the powers for wide ranges.
 std::vector<double> ticks(double low, double high) {
     std::vector<double> values;
     for (double e = std::floor(low); e <= high; e += 1.0)
@@ -66,7 +66,7 @@ std::vector<double> ticks(double low, double high) {
     return values;
 }
 
-// Around the values, at least a third of a decade wide to either side of their middle.
+// An axis that covers the values, and at least 0.35 decades to either side of their middle.
 Axis axis_over(const std::vector<double>& values, double from, double to) {
     double low = 1e300, high = 1e-300;
     for (const double v : values) {
@@ -116,15 +116,15 @@ constexpr double line_height = 14;
 
 struct Label {
     double x, y; // of its point
-    double top;  // of its line of text
+    double top;  // of its text
     std::string text;
 
-    bool flips() const { return x > right - 90; } // to the left of its point
+    bool flips() const { return x > right - 90; } // text to the left of its point
     double begin() const { return flips() ? x - 13 - extent() : x + 13; }
     double extent() const { return 7.0 * double(text.size()); }
 };
 
-// Beside their points, moved up or down where another stands.
+// Places labels beside their points, moved up or down to avoid other labels and points.
 void place(std::vector<Label>& labels) {
     for (size_t i = 0; i < labels.size(); ++i) {
         Label& label = labels[i];
@@ -153,11 +153,11 @@ void place(std::vector<Label>& labels) {
     }
 }
 
-// The plot without its enclosing element's header.
+// The content of the plot's <svg> element.
 std::string plot(const DialResult& result) {
     std::vector<double> times, errors;
     for (const SettingResult& s : result.settings)
-        if (s.refused.empty() && s.ratio > 0.0) { // what costs nothing has no place on a logarithmic axis
+        if (s.refused.empty() && s.ratio > 0.0) { // a time of 0 cannot be drawn on a logarithmic axis
             times.push_back(s.ratio);
             if (s.error > 0.0) errors.push_back(s.error);
         }
@@ -172,7 +172,7 @@ std::string plot(const DialResult& result) {
                         "<line x1=\"{2:.1f}\" y1=\"{3:.1f}\" x2=\"{4:.1f}\" y2=\"{3:.1f}\" stroke=\"#888\" "
                         "stroke-dasharray=\"3 3\"/>\n",
                         left - 6, exact_line + 4, left, exact_line, right);
-    // The front, from the fastest on.
+    // The front, from the fastest setting on.
     std::vector<const SettingResult*> front;
     for (const SettingResult& s : result.settings)
         if (s.front && s.ratio > 0.0) front.push_back(&s);

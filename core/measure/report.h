@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `marram measure` found, as a table for the terminal, as CSV, as a plot for each dial and as one page for a browser.
+// The results of `marram measure`: as a table for the terminal, as CSV, as a plot for each dial and as an
+// HTML page.
 #pragma once
 
 #include "core/measure/dials.h"
@@ -11,22 +12,22 @@
 namespace marram {
 
 struct SettingResult {
-    std::string refused;   // why it could not be measured; "" where it was
-    double seconds = 0.0;  // median over the rounds
-    double ratio = 0.0;    // to the base's: median of the rounds' ratios
-    double error = 0.0;    // root mean square; of motion: what 99 strands in 100 stay below
-    double worst = 0.0;    // of a strand, or pixel
-    double most = 0.0;     // of poses: metres that 99 strands in 100 stay below
-    uint64_t crossing = 0; // strands that a mesh crosses
+    std::string refused;   // why it could not be measured; "" if it was
+    double seconds = 0.0;  // ratio times the base's median
+    double ratio = 0.0;    // of times to the base's: median over the rounds
+    double error = 0.0;    // root mean square; of motion: 99th percentile of the strands
+    double worst = 0.0;    // maximum over strands, vertices or pixels
+    double most = 0.0;     // of poses: 99th percentile of the strands, metres
+    uint64_t crossing = 0; // strands that cross a mesh
     int rounds = 0;
     bool front = false; // no other setting is both faster and more exact
 };
 
 struct DialResult {
     Dial dial;
-    std::vector<SettingResult> settings; // as those of the dial
-    size_t base = 0;                     // the one that the ratios are against
-    std::string rule; // by which the tolerance turns this dial, how well it fits here; "": it does not
+    std::vector<SettingResult> settings; // parallel to dial.settings
+    size_t base = 0;                     // the setting that ratios refer to
+    std::string rule; // the rule by which the tolerance sets this dial, and how well it fits; "": none
 };
 
 struct Measurement {
@@ -38,15 +39,15 @@ struct Measurement {
     std::vector<std::string> left_out;
 };
 
-// Marks those settings that no other beats in both; those that were refused are none.
+// Marks the settings on the Pareto front of time and error. Refused settings are not on it.
 void mark_front(DialResult& result);
 
-// "1" for poses, "px" for motion: what the errors are counted in.
+// Unit of the errors: "px", "m" or "1".
 std::string error_unit(DialError error);
 
 std::string to_table(const Measurement& measurement);
 std::string to_csv(const Measurement& measurement);
-std::string to_svg(const DialResult& result); // a whole file
+std::string to_svg(const DialResult& result); // a complete file
 std::string to_html(const Measurement& measurement);
 
 } // namespace marram

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What pages for a browser are made of.
+// Helpers for writing HTML pages.
 #pragma once
 
 #include <cstdint>
@@ -8,10 +8,10 @@
 
 namespace marram {
 
-// Text that means itself in HTML and SVG.
+// Escapes text for HTML and SVG.
 std::string escaped(const std::string& text);
 
-// "data:image/png;base64,..." so that a page needs nothing beside it.
+// Encodes a PNG as "data:image/png;base64,...", so that a page needs no other file.
 std::string data_url(std::span<const unsigned char> png);
 
 } // namespace marram

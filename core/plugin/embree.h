@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Embree 3.13 and 4.x by one name. Whatever differs between the two is hidden here and nowhere else. */
+/* Embree 3.13 and 4.x behind one interface. All differences between the two are handled here. */
 #ifndef MARRAM_EMBREE_H
 #define MARRAM_EMBREE_H
 
@@ -14,7 +14,7 @@
 #define MARRAM_EMBREE_MAJOR 3
 #endif
 
-/* One ray against one committed scene; hints: coherent is nonzero for camera rays. */
+/* Traces one ray in a committed scene. coherent: a hint, nonzero for camera rays. */
 static inline void marram_intersect1(RTCScene scene, struct RTCRayHit* rayhit, int coherent) {
 #if MARRAM_EMBREE_MAJOR == 4
     struct RTCIntersectArguments args;
@@ -41,8 +41,8 @@ static inline void marram_occluded1(RTCScene scene, struct RTCRay* ray) {
 #endif
 }
 
-/* The same with a filter that Embree asks about each hit, of any geometry, in a scene with MARRAM_SCENE_FILTER. It may shorten the
-   ray; marram_query_of(args) is what was handed over as `query`. */
+/* The same with a filter function that Embree calls for each hit, on any geometry of a scene with the flag
+   MARRAM_SCENE_FILTER. It may shorten the ray. marram_query_of(args) returns `query`. */
 #if MARRAM_EMBREE_MAJOR == 4
 #define MARRAM_SCENE_FILTER RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS
 struct MarramFilterContext {
@@ -103,8 +103,8 @@ static inline void marram_occluded1_filtered(RTCScene scene, struct RTCRay* ray,
 #endif
 }
 
-/* Many rays, `stride` bytes apart. On a skin neighbours go apart soon: that they are said to be incoherent, in a stream, takes 40 % of
-   the time of coherent packets of sixteen. Embree 4 has no streams. */
+/* Many rays, `stride` bytes apart. Neighbouring rays from a skin diverge quickly: an incoherent stream takes
+   40 % of the time of coherent packets of sixteen. Embree 4 has no streams. */
 static inline void marram_occluded_many(RTCScene scene, struct RTCRay* rays, unsigned count, size_t stride) {
 #if MARRAM_EMBREE_MAJOR == 4
     for (unsigned i = 0; i < count; ++i) marram_occluded1(scene, (struct RTCRay*)((char*)rays + i * stride));

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-# What is installed, in three parts, each a Debian package of its own: the program, the plug-in, and what hosts of the plug-in are built with.
-# README.md beside this file tells of it. Nothing that is installed holds a path of this machine.
-set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY ON) # tests are not built for it
+# Installation in three components, each a Debian package: the program, the plug-in, and the development files for hosts. Documented in
+# README.md in this folder. No installed file contains a path of the build machine.
+set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY ON) # installing does not build the tests
 
 file(STRINGS core/plugin/marram_plugin.h marram_ABI_VERSION REGEX "^#define MARRAM_ABI_VERSION")
 string(REGEX MATCH "[0-9]+" marram_ABI_VERSION "${marram_ABI_VERSION}")
 string(REGEX MATCH "^[0-9]+" marram_EMBREE_MAJOR "${embree_VERSION}")
 set(marram_CONFIG_FOLDER ${CMAKE_INSTALL_LIBDIR}/cmake/marram)
 file(RELATIVE_PATH marram_PREFIX_FROM_PKGCONFIG ${CMAKE_INSTALL_FULL_LIBDIR}/pkgconfig ${CMAKE_INSTALL_PREFIX})
-# embree.h takes the newest Embree that there is: a host is to take the one that the plug-in was built with.
+# embree.h selects the newest Embree by default; a host must use the version that the plug-in was built with.
 set(marram_DEFINITIONS "")
 if(marram_EMBREE_MAJOR EQUAL 3)
   set(marram_DEFINITIONS MARRAM_EMBREE3)
@@ -59,7 +59,7 @@ CMake and pkg-config files and an example of a host.")
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_PLUGIN_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
-# Dependencies on libraries are found by dpkg-shlibdeps; those on each other are these.
+# dpkg-shlibdeps finds dependencies on libraries; dependencies between these packages are listed here.
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "libmarram-procedural (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SUGGESTS "blender, python3-numpy")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libmarram-procedural (= ${PROJECT_VERSION}), libembree-dev")

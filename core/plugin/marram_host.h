@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * For hosts: the values of a procedural, from its declared defaults and from what the host says by name. C99 and C++20, header only.
- * What a scene file may say, and what is wrong in one, is right and wrong here: names, types, ranges, choices, ramps, keys, lists.
+ * For hosts: makes the values of a procedural from its declared defaults and from values that the host sets
+ * by name. C99 and C++20, header only. The same is valid and invalid as in a scene file: names, types,
+ * ranges, choices, ramps, keys, lists.
  *
  *   MarramProcedural groom;
  *   if (marram_find_procedural(library, "groom", &host, &groom) != MARRAM_OK) return 1;
@@ -9,16 +10,18 @@
  *   marram_set(values, "on", "ground");                        as in a scene file
  *   marram_set(values, "length", "[0.1, 0.3]");
  *   marram_set_number(values, "wind.speed", 7);
- *   marram_set(values, "wind.gusts.control[0].shape", "box");  an element of a list: its other parameters have their defaults
+ *   marram_set(values, "wind.gusts.control[0].shape", "box");  an element of a list, with defaults otherwise
  *   const MarramValues* lent = marram_values_finish(values, &host);
- *   if (!lent) return 1;                                       host.message has been told of every mistake
+ *   if (!lent) return 1;                                       host.message has been called for every mistake
  *   groom.create(&host, lent, &instance);
  *   marram_values_free(values);
  *
- * A value that is wrong is not taken over: the one before it stays, and so does the complaint, until the name is set well or reset.
- * The same values may be changed and finished again, for update(). One thread at a time.
+ * A wrong value is not stored: the previous value stays, and the error is reported by each
+ * marram_values_finish() until the name is set correctly or reset. The same values may be changed and
+ * finished again for update(). One thread at a time.
  *
- * Ids of its messages: host.library, host.procedural, host.name, host.value, host.missing, host.list, host.memory.
+ * Ids of its messages: host.library, host.procedural, host.name, host.value, host.missing, host.list,
+ * host.memory.
  */
 #ifndef MARRAM_HOST_H
 #define MARRAM_HOST_H
@@ -36,55 +39,58 @@
 extern "C" {
 #endif
 
-/* ---- What a host calls: definitions below ------------------------------------------------------------------------------ */
+/* ---- Functions for hosts, defined below ---------------------------------------------------------------- */
 
 typedef struct MarramHostValues MarramHostValues;
 
-/* A procedural of a library, as far as this version of the contract knows it. Says through host->message why there is none:
- * another ABI or Embree, no such name, a type of parameter that is not known here, a function that is missing. */
+/* Copies a procedural of a library, as far as this version of the contract knows its fields. On failure
+ * reports the reason through host->message: another ABI or Embree, no such name, an unknown parameter type, a
+ * missing function. */
 static inline MarramStatus marram_find_procedural(const MarramLibrary* library, const char* name,
                                                   const MarramHost* host, MarramProcedural* out);
 
-/* Nothing but defaults. The library must stay loaded. NULL: out of memory. */
+/* Values with defaults only. The library must stay loaded. NULL: out of memory. */
 static inline MarramHostValues* marram_values_new(const MarramProcedural* type);
 static inline void marram_values_free(MarramHostValues* values);
 
-/* What messages about the values that follow begin with, as MarramValue.place. At first "". */
+/* The MarramValue.place of values set from now on, with which messages about them begin. Initially "". */
 static inline void marram_values_place(MarramHostValues* values, const char* place);
 
-/* Each returns MARRAM_ERROR where the value is wrong; marram_values_finish() says why. */
+/* The functions below return MARRAM_ERROR if the value is wrong. marram_values_finish() reports why. */
 
-/* As it stands in a scene file, in TOML: 7, 0.5, true, [0, 1, 0], [[0, 0.2], [1, 1]], { knots = [...], interpolation = "smooth" },
- * { translate = [0, 1, 0] }, { keys = [...] }. Texts may leave out their quotes; blanks around a value mean nothing. */
+/* TOML as in a scene file: 7, 0.5, true, [0, 1, 0], [[0, 0.2], [1, 1]],
+ * { knots = [...], interpolation = "smooth" }, { translate = [0, 1, 0] }, { keys = [...] }. Texts may leave
+ * out their quotes. Blanks around a value are ignored. */
 static inline MarramStatus marram_set(MarramHostValues* values, const char* name, const char* toml);
-/* MARRAM_BOOLEAN (0 or 1), MARRAM_INTEGER, MARRAM_NUMBER; of ranges and colours all components. */
+/* For MARRAM_BOOLEAN (0 or 1), MARRAM_INTEGER, MARRAM_NUMBER. Sets all components of ranges and colours. */
 static inline MarramStatus marram_set_number(MarramHostValues* values, const char* name, double number);
-/* Those, and vectors, ranges and colours. */
+/* For the same types, and for vectors, ranges and colours. */
 static inline MarramStatus marram_set_numbers(MarramHostValues* values, const char* name,
                                               const double* numbers, size_t count);
-/* Texts, choices, names of meshes and curves, types of elements: as it is, without quotes. */
+/* For texts, choices, names of meshes and curves, types of elements. Without quotes. */
 static inline MarramStatus marram_set_text(MarramHostValues* values, const char* name, const char* text);
 /* Position and value of each knot; "linear", "smooth" or "constant". */
 static inline MarramStatus marram_set_ramp(MarramHostValues* values, const char* name, const double* knots,
                                            size_t number_count, const char* interpolation);
-/* Ten numbers a key, see MARRAM_KEYS; "linear" or "smooth". */
+/* Ten numbers per key, see MARRAM_KEYS; "linear" or "smooth". */
 static inline MarramStatus marram_set_keys(MarramHostValues* values, const char* name, const double* numbers,
                                            size_t number_count, const char* interpolation);
-/* An image (text: its path) or a table (text: its columns' names, separated by commas) that the host has read. Borrowed: it must be there
- * until create() or update() has returned. placement may be NULL. */
+/* An image (text: its path) or a table (text: its columns' names, separated by commas) that the host has
+ * read. Not copied: it must live until create() or update() has returned. placement may be NULL. */
 static inline MarramStatus marram_set_grid(MarramHostValues* values, const char* name, const MarramGrid* grid,
                                            const MarramPlacement* placement, const char* text);
-/* The default again. */
+/* Restores the default. */
 static inline void marram_reset(MarramHostValues* values, const char* name);
-/* One more element of a list, all defaults: "wind.gusts.control", "layer". type: of a list whose elements have types (MarramItemType),
- * else NULL. Returns its index, -1 where that cannot be. Setting a value of an element makes it, too. */
+/* Adds an element with defaults to a list: "wind.gusts.control", "layer". type: for a list whose elements
+ * have types (MarramItemType), else NULL. Returns the index, or -1 on failure. Setting a value of an element
+ * adds the element, too. */
 static inline long marram_add(MarramHostValues* values, const char* list, const char* type);
 
-/* All values, for create() or update(): there until the next call with these values. NULL where something is wrong; then host, which
- * may be NULL, has been told all of it. */
+/* All values, for create() or update(). Valid until the next call with these values. NULL if anything is
+ * wrong: all errors have then been reported to host, which may be NULL. */
 static inline const MarramValues* marram_values_finish(MarramHostValues* values, const MarramHost* host);
 
-/* ---- From here on nothing that a host need know ------------------------------------------------------------------------ */
+/* ---- Implementation ------------------------------------------------------------------------------------ */
 
 typedef struct MarramHostSetting {
     char* name;
@@ -101,7 +107,7 @@ typedef struct MarramHostElement {
     char* name; /* "layer[2]" */
     char* place;
     const MarramItemType*
-        item; /* its type, in the library; NULL where its list has no types, or none was given yet */
+        item; /* its type, in the library; NULL if the list has no types, or none is set yet */
 } MarramHostElement;
 
 typedef struct MarramHostComplaint {
@@ -112,26 +118,26 @@ typedef struct MarramHostComplaint {
 struct MarramHostValues {
     MarramProcedural type;
     char* place;
-    MarramHostSetting* settings; /* what was set */
+    MarramHostSetting* settings; /* values set by the host */
     size_t setting_count, setting_room;
     MarramHostElement* elements;
     size_t element_count, element_room;
     MarramHostComplaint* complaints;
     size_t complaint_count, complaint_room;
-    MarramHostSetting* defaults; /* of the last finish, as all below */
+    MarramHostSetting* defaults; /* this and all members below: results of the last finish */
     size_t default_count, default_room;
     MarramValue* list;
     MarramValues lent;
     int no_memory; /* since the last finish */
 };
 
-/* Parameters that a name is looked for in. */
+/* Parameters among which a name is searched. */
 typedef struct MarramHostParams {
     const MarramParam* first;
     uint32_t count, stride;
 } MarramHostParams;
 
-/* A value on its way. */
+/* A parsed value that has not been checked. */
 typedef struct MarramHostParsed {
     double* numbers;
     size_t count, room;
@@ -174,7 +180,7 @@ marram_host_print(const char* format, ...) {
     return text;
 }
 
-/* Room for one more of `count` elements. 0: there is none. */
+/* Grows an array of `count` elements for one more. 0: out of memory. */
 static inline int marram_host_grow(void** first, size_t count, size_t* room, size_t size) {
     if (count < *room) return 1;
     const size_t more = *room ? 2 * *room : 16;
@@ -224,7 +230,8 @@ static inline uint32_t marram_host_hash(const char* text) { /* FNV-1a */
 
 static inline char marram_host_lower(char c) { return c >= 'A' && c <= 'Z' ? (char)(c - 'A' + 'a') : c; }
 
-/* Edits that make b of a: insert, delete, replace, swap of neighbours; case ignored. Both are no longer than longest_name. */
+/* Number of edits from a to b: insert, delete, replace, swap of neighbours; case ignored. Both are at most
+ * marram_host_longest_name long. */
 static inline size_t marram_host_edits(const char* a, const char* b) {
     size_t before[marram_host_longest_name + 1], last[marram_host_longest_name + 1],
         row[marram_host_longest_name + 1];
@@ -248,7 +255,8 @@ static inline size_t marram_host_edits(const char* a, const char* b) {
     return last[columns];
 }
 
-/* The nearest of names that are offered one by one; near enough to be meant. */
+/* Searches the nearest of the names that are offered one by one, within the edits allowed for a typing
+ * mistake. */
 typedef struct MarramHostNearest {
     const char* name;
     size_t least;
@@ -271,7 +279,7 @@ static inline void marram_host_offer(MarramHostNearest* nearest, const char* can
     memcpy(nearest->best, candidate, other + 1);
 }
 
-/* "a|b|c": each part is offered; 1 where one of them is the name. */
+/* Offers each part of "a|b|c". Returns 1 if one of them is the name. */
 static inline int marram_host_offer_choices(MarramHostNearest* nearest, const char* choices) {
     int found = 0;
     while (*choices) {
@@ -288,7 +296,8 @@ static inline int marram_host_offer_choices(MarramHostNearest* nearest, const ch
     return found;
 }
 
-/* After the `[12]` that text begins with, NULL where it begins with none. No leading zeros: an element has one name. */
+/* The text after the `[12]` that it begins with; NULL if it begins with none. Leading zeros are invalid, so
+ * that an element has only one name. */
 static inline const char* marram_host_after_index(const char* text) {
     size_t digits = 0;
     if (text[0] != '[') return NULL;
@@ -318,7 +327,7 @@ static inline char* marram_host_declared_name(const char* name) {
 
 /* ---- Complaints ---- */
 
-/* Text of unknown origin on one line and not too long. NULL: out of memory. */
+/* Makes text of unknown origin printable on one line, and shortens it. NULL: out of memory. */
 static inline char* marram_host_clean(const char* text) {
     const size_t longest = 60, size = strlen(text);
     char* clean =
@@ -329,7 +338,7 @@ static inline char* marram_host_clean(const char* text) {
     return clean;
 }
 
-/* Takes over what and remedy. */
+/* Adds a complaint. Takes ownership of what and remedy. */
 static inline MarramStatus marram_host_complain(MarramHostValues* values, const char* id, const char* name,
                                                 const char* place, char* what, char* remedy) {
     MarramHostComplaint complaint;
@@ -350,7 +359,7 @@ static inline MarramStatus marram_host_complain(MarramHostValues* values, const 
     return MARRAM_ERROR;
 }
 
-/* Those about a name, or about all from `from` on where that is NULL. */
+/* Removes the complaints about a name, or all if name is NULL, from index `from` on. */
 static inline void marram_host_forget(MarramHostValues* values, const char* name, size_t from) {
     size_t kept = from;
     for (size_t i = from; i < values->complaint_count; ++i) {
@@ -363,7 +372,7 @@ static inline void marram_host_forget(MarramHostValues* values, const char* name
     values->complaint_count = kept;
 }
 
-/* "name is <given>: give <wanted>", with given text cleaned. */
+/* Complains "name is <given>: give <wanted>", with the given text made printable. */
 static inline MarramStatus marram_host_refuse(MarramHostValues* values, const char* name, const char* place,
                                               const char* given, char* remedy) {
     char *shown = marram_host_clean(given), *label = marram_host_clean(name);
@@ -387,7 +396,7 @@ static inline void marram_host_say(const MarramHost* host, const char* id, const
     host->message(host->user, &message);
 }
 
-/* What is wanted of a parameter: "give [low, high], from 0 to 10 m". NULL: out of memory. */
+/* The remedy for a wrong value of a parameter: "give [low, high], from 0 to 10 m". NULL: out of memory. */
 static inline char* marram_host_wanted(const MarramParam* param) {
     const char *unit = *param->unit ? " " : "", *form = "a number";
     switch ((int)param->type) {
@@ -433,7 +442,7 @@ static inline char* marram_host_wanted(const MarramParam* param) {
                              param->unit);
 }
 
-/* ---- A strict reader of the TOML that declarations hold ---- */
+/* ---- A strict parser of the TOML subset used by declarations ---- */
 
 static inline void marram_host_skip(const char** at) {
     while (**at == ' ' || **at == '\t' || **at == '\n' || **at == '\r') ++*at;
@@ -446,7 +455,8 @@ static inline int marram_host_take(const char** at, char what) {
     return 1;
 }
 
-/* Digits with single underscores between them, without these. 0: there are none, or too many. */
+/* Copies digits, which may have single underscores between them, without the underscores. 0: none or too
+ * many. */
 static inline int marram_host_digits(const char** at, char* out, size_t* size) {
     const size_t before = *size;
     while ((**at >= '0' && **at <= '9') ||
@@ -460,7 +470,7 @@ static inline int marram_host_digits(const char** at, char* out, size_t* size) {
 
 static inline int marram_host_number(const char** at, MarramHostParsed* parsed) {
     char text[marram_host_longest_number];
-    const char* point = localeconv()->decimal_point; /* what strtod() wants: a host may have set a locale */
+    const char* point = localeconv()->decimal_point; /* for strtod(): the host may have set a locale */
     size_t size = 0;
     marram_host_skip(at);
     if (**at == '+' || **at == '-') text[size++] = *(*at)++;
@@ -488,7 +498,7 @@ static inline int marram_host_number(const char** at, MarramHostParsed* parsed) 
     return 1;
 }
 
-/* [1, 2, 3]: `count` numbers, any where it is 0. */
+/* [1, 2, 3]: `count` numbers, or any number of them if count is 0. */
 static inline int marram_host_numbers(const char** at, size_t count, MarramHostParsed* parsed) {
     size_t found = 0;
     if (!marram_host_take(at, '[')) return 0;
@@ -501,7 +511,7 @@ static inline int marram_host_numbers(const char** at, size_t count, MarramHostP
     return count == 0 || found == count;
 }
 
-/* One number stands for all of them. */
+/* `count` numbers, or one number that stands for all of them. */
 static inline int marram_host_scalar_or_numbers(const char** at, size_t count, MarramHostParsed* parsed) {
     marram_host_skip(at);
     if (**at == '[') return marram_host_numbers(at, count, parsed);
@@ -511,7 +521,7 @@ static inline int marram_host_scalar_or_numbers(const char** at, size_t count, M
     return 1;
 }
 
-/* In quotes of either kind. *out is the caller's to free. */
+/* A string in quotes of either kind. The caller frees *out. */
 static inline int marram_host_string(const char** at, char** out, MarramHostParsed* parsed) {
     static const char names[] = "\"\\btnfr", meanings[] = "\"\\\b\t\n\f\r";
     marram_host_skip(at);
@@ -545,7 +555,7 @@ static inline int marram_host_string(const char** at, char** out, MarramHostPars
     return 1;
 }
 
-/* `key =` of an inline table: 1 where it is this one. */
+/* Reads `key =` of an inline table. 0: another key. */
 static inline int marram_host_key(const char** at, const char* key) {
     const size_t size = strlen(key);
     const char* ahead = *at;
@@ -569,7 +579,8 @@ static inline int marram_host_knots(const char** at, MarramHostParsed* parsed) {
     return found > 0;
 }
 
-/* Entries of an inline table up to its brace, each once: `entry` reads one and says which (a bit), 0 where it is none. */
+/* Reads the entries of an inline table up to its brace, each at most once. `entry` reads one and returns its
+ * bit, 0 on failure. */
 static inline int marram_host_table(const char** at, MarramHostParsed* parsed,
                                     unsigned (*entry)(const char** at, MarramHostParsed* parsed, void* user),
                                     void* user, unsigned* found) {
@@ -600,7 +611,7 @@ static inline int marram_host_ramp(const char** at, MarramHostParsed* parsed) {
     return marram_host_knots(at, parsed);
 }
 
-/* frame (where it may be there), translate, rotate, scale of one key. user: its 10 numbers. */
+/* frame (only if allowed), translate, rotate, scale of one key. user: its 10 numbers. */
 static inline unsigned marram_host_key_entry(const char** at, MarramHostParsed* parsed, void* user) {
     static const char* const names[] = {"frame", "translate", "rotate", "scale"};
     double* key = (double*)user;
@@ -661,7 +672,7 @@ static inline int marram_host_read_text(const char** at, MarramHostParsed* parse
     marram_host_skip(at);
     if (**at == '"' || **at == '\'') return marram_host_string(at, &parsed->text, parsed);
     const size_t rest = strlen(*at);
-    size_t size = rest; /* without the blanks behind it */
+    size_t size = rest; /* without trailing blanks */
     while (size > 0 && strchr(" \t\r\n", (*at)[size - 1])) --size;
     parsed->text = marram_host_copy(*at, size);
     parsed->no_memory = !parsed->text;
@@ -698,9 +709,9 @@ static inline int marram_host_read(MarramParamType type, const char* toml, Marra
     return good && *at == '\0' && !parsed->no_memory;
 }
 
-/* ---- Checks, of values from either side ---- */
+/* ---- Checks of values, parsed or given as numbers ---- */
 
-/* Each is a number from low to high. */
+/* Whether each number is finite and from low to high. */
 static inline int marram_host_within(const MarramHostParsed* parsed, size_t from, size_t step, double low,
                                      double high) {
     for (size_t i = from; i < parsed->count; i += step)
@@ -715,7 +726,7 @@ static inline int marram_host_ascends(const MarramHostParsed* parsed, size_t ste
     return 1;
 }
 
-/* Beyond these a transform is a slip, and floats would not carry it. */
+/* Larger values in transforms are typing mistakes, and floats would lose too much precision. */
 static inline int marram_host_keys_are_good(const MarramHostParsed* parsed) {
     const double frames = 1e6, most[3] = {1e8, 1e6, 1e6}; /* m, degrees, scale */
     if (parsed->count == 0 || parsed->count % marram_host_key_numbers != 0) return 0;
@@ -769,7 +780,7 @@ static inline int marram_host_is_good(const MarramParam* param, const MarramHost
     }
 }
 
-/* What to give instead of what is wrong. */
+/* The remedy for a wrong value. */
 static inline char* marram_host_remedy(const MarramParam* param, const MarramHostParsed* parsed) {
     MarramHostNearest nearest;
     if (param->type == MARRAM_CHOICE && parsed->text) {
@@ -814,7 +825,7 @@ static inline MarramHostElement* marram_host_make_element(MarramHostValues* valu
     return found;
 }
 
-/* All elements that a name lies in: "layer[0]" and "layer[0].edit[1]" of "layer[0].edit[1].id". */
+/* Makes all elements that a name is in: "layer[0]" and "layer[0].edit[1]" of "layer[0].edit[1].id". */
 static inline void marram_host_make_elements(MarramHostValues* values, const char* name) {
     for (const char* at = name; *at; ++at) {
         const char* after = marram_host_after_index(at);
@@ -826,7 +837,7 @@ static inline const MarramItemType* marram_host_item_type(const MarramHostValues
     return MARRAM_AT(MarramItemType, values->type.item_types, values->type.item_type_stride, i);
 }
 
-/* The type of this name of a list's elements; of any name where it is NULL. `list` is `size` long. */
+/* The element type of this name of a list; any of its types if `type` is NULL. `list` has length `size`. */
 static inline const MarramItemType* marram_host_find_item(const MarramHostValues* values, const char* list,
                                                           size_t size, const char* type) {
     for (uint32_t i = 0; i < values->type.item_type_count; ++i) {
@@ -877,8 +888,8 @@ static inline MarramHostParams marram_host_params_of_item(const MarramItemType* 
     return params;
 }
 
-/* The part of a name that its element's type declares: "edit[1].id" of "layer[0].edit[1].id", where layer is a list whose elements have
- * types; NULL where it is not. list_size: of "layer". */
+/* The part of a name that the type of its element declares: "edit[1].id" of "layer[0].edit[1].id", if layer
+ * is a list whose elements have types; else NULL. list_size: length of "layer". */
 static inline const char* marram_host_typed_part(const MarramHostValues* values, const char* name,
                                                  size_t* list_size) {
     const char* open = strchr(name, '[');
@@ -891,7 +902,7 @@ static inline const char* marram_host_typed_part(const MarramHostValues* values,
 static inline MarramStatus marram_host_unknown(MarramHostValues* values, const char* name,
                                                MarramHostParams params, const char* declared) {
     MarramHostNearest nearest;
-    const char* inner = NULL; /* "noise.frequency" where "frequency" is given */
+    const char* inner = NULL; /* "noise.frequency" if "frequency" was given */
     marram_host_seek(&nearest, declared);
     for (uint32_t i = 0; i < params.count; ++i) {
         const MarramParam* param = MARRAM_AT(MarramParam, params.first, params.stride, i);
@@ -908,9 +919,9 @@ static inline MarramStatus marram_host_unknown(MarramHostValues* values, const c
     return marram_host_complain(values, "host.name", name, values->place, what, remedy);
 }
 
-/* The declaration of a name, NULL after a complaint. */
+/* The declaration of a name; NULL after a complaint. */
 static inline const MarramParam* marram_host_declared(MarramHostValues* values, const char* name) {
-    marram_host_forget(values, name, 0); /* what was said of it before */
+    marram_host_forget(values, name, 0); /* earlier complaints about it */
     size_t size = 0;
     const char* rest = marram_host_typed_part(values, name, &size);
     MarramHostParams params = marram_host_params_of_type(values);
@@ -946,7 +957,7 @@ static inline const MarramParam* marram_host_declared(MarramHostValues* values, 
     return param;
 }
 
-/* ---- Taking over ---- */
+/* ---- Storing values ---- */
 
 static inline MarramHostSetting* marram_host_find_setting(const MarramHostValues* values, const char* name) {
     const uint32_t hash = marram_host_hash(name);
@@ -956,7 +967,8 @@ static inline MarramHostSetting* marram_host_find_setting(const MarramHostValues
     return NULL;
 }
 
-/* Moves a parsed value into a setting, made anew where `setting` is NULL, at the end of the array. 0: out of memory. */
+/* Moves a parsed value into a setting; if `setting` is NULL, into a new one at the end of the array. 0: out
+ * of memory. */
 static inline int marram_host_store(MarramHostSetting* setting, MarramHostSetting** first, size_t* count,
                                     size_t* room, const char* name, MarramParamType type, const char* place,
                                     MarramHostParsed* parsed) {
@@ -988,7 +1000,7 @@ static inline int marram_host_store(MarramHostSetting* setting, MarramHostSettin
     return 1;
 }
 
-/* Takes a checked value over, and what it holds. */
+/* Stores a checked value, and takes ownership of its memory. */
 static inline MarramStatus marram_host_accept(MarramHostValues* values, const char* name,
                                               MarramParamType type, MarramHostParsed* parsed) {
     marram_host_make_elements(values, name);
@@ -1000,7 +1012,7 @@ static inline MarramStatus marram_host_accept(MarramHostValues* values, const ch
     return MARRAM_OK;
 }
 
-/* given: for the complaint. Frees what is parsed. */
+/* given: text for the complaint. Frees the parsed value. */
 static inline MarramStatus marram_host_check_and_accept(MarramHostValues* values, const char* name,
                                                         const MarramParam* param, MarramHostParsed* parsed,
                                                         int readable, const char* given) {
@@ -1015,7 +1027,7 @@ static inline MarramStatus marram_host_check_and_accept(MarramHostValues* values
     return status;
 }
 
-/* "layer[0].type": the element is of this type from now on, and what was set of another is dropped. */
+/* Sets "layer[0].type". If the type changes, the values set for the old type are dropped. */
 static inline MarramStatus marram_host_set_type(MarramHostValues* values, const char* name, size_t list_size,
                                                 size_t element_size, const char* type) {
     const MarramItemType* item = marram_host_find_item(values, name, list_size, type);
@@ -1070,7 +1082,7 @@ static inline MarramStatus marram_host_set_type(MarramHostValues* values, const 
     return status;
 }
 
-/* Whether a name is that of an element's type, which is then set. */
+/* If the name is that of an element's type, sets it and returns 1. */
 static inline int marram_host_sets_type(MarramHostValues* values, const char* name, const char* type,
                                         MarramStatus* status) {
     size_t size = 0;
@@ -1219,7 +1231,7 @@ static inline long marram_add(MarramHostValues* values, const char* list, const 
         snprintf(name, sizeof name, "%s.type", prefix);
         return marram_set_text(values, name, type ? type : "") == MARRAM_OK ? index : -1;
     }
-    /* Of a list without types: some parameter is declared in it. */
+    /* A list without types: check that a parameter is declared in it. */
     char inside[marram_host_longest_name + 32];
     size_t size = 0;
     snprintf(inside, sizeof inside, "%s.", prefix);
@@ -1254,7 +1266,8 @@ static inline long marram_add(MarramHostValues* values, const char* list, const 
 
 /* ---- Finishing ---- */
 
-/* Of every parameter whose name is `declared` and a field: what was set of `given` and that field, or the default. */
+/* For every parameter whose name is `declared` + field: adds the default of `given` + field, unless it was
+ * set. */
 static inline void marram_host_fill(MarramHostValues* values, MarramHostParams params, const char* declared,
                                     const char* given, const char* place) {
     const size_t size = strlen(declared);
@@ -1276,7 +1289,7 @@ static inline void marram_host_fill(MarramHostValues* values, MarramHostParams p
         MarramHostParsed parsed;
         memset(&parsed, 0, sizeof parsed);
         if (required) {
-            size_t said = 0; /* that it was set wrong */
+            size_t said = 0; /* complaints that its value is wrong */
             for (size_t c = 0; c < values->complaint_count; ++c)
                 said += strcmp(values->complaints[c].name, name) == 0;
             if (!said) {
@@ -1308,7 +1321,7 @@ static inline void marram_host_fill_element(MarramHostValues* values, const Marr
     MarramHostParams params = marram_host_params_of_type(values);
     if (rest) {
         const MarramHostElement* top = marram_host_find_element(values, given, (size_t)(rest - 1 - given));
-        if (!top || !top->item) { /* its type was wrong, which was said */
+        if (!top || !top->item) { /* its type was wrong, which was reported */
             free(given);
             return;
         }
@@ -1323,7 +1336,7 @@ static inline void marram_host_fill_element(MarramHostValues* values, const Marr
     free(given);
 }
 
-/* Elements are numbered from 0 without gaps. */
+/* Checks that elements are numbered from 0 without gaps. */
 static inline void marram_host_check_gap(MarramHostValues* values, const MarramHostElement* element) {
     const size_t size = strlen(element->name);
     size_t open = size;
@@ -1355,7 +1368,7 @@ static inline void marram_host_lend(const MarramHostSetting* setting, MarramValu
 
 static inline const MarramValues* marram_values_finish(MarramHostValues* values, const MarramHost* host) {
     if (!values) return NULL;
-    const size_t lasting = values->complaint_count; /* the others come anew each time */
+    const size_t lasting = values->complaint_count; /* complaints added below are removed at the end */
     for (size_t i = 0; i < values->default_count; ++i) marram_host_free_setting(&values->defaults[i]);
     values->default_count = 0;
     free(values->list);
@@ -1418,22 +1431,21 @@ static inline void marram_values_free(MarramHostValues* values) {
 
 static inline void marram_values_place(MarramHostValues* values, const char* place) {
     char* copy = values && place ? marram_host_copy(place, strlen(place)) : NULL;
-    if (!copy) return; /* messages keep the place before */
+    if (!copy) return; /* keep the previous place */
     free(values->place);
     values->place = copy;
 }
 
 /* ---- Finding a procedural ---- */
 
-/* Why this version cannot host it; NULL where it can. */
+/* Why a host of this version cannot use it; NULL if it can. */
 static inline const char* marram_host_unusable(const MarramProcedural* type) {
     const int curves = type->kind == MARRAM_CURVES;
     if ((type->param_count && !type->param_stride) || (type->item_type_count && !type->item_type_stride))
         return "it has an array whose stride is 0";
     if ((type->param_count && !type->params) || (type->item_type_count && !type->item_types))
         return "it has an array that is NULL";
-    for (uint32_t t = 0; t <= type->item_type_count;
-         ++t) { /* its own parameters, then those of its types of elements */
+    for (uint32_t t = 0; t <= type->item_type_count; ++t) { /* own parameters, then those of element types */
         const MarramItemType* item =
             t > 0 ? MARRAM_AT(MarramItemType, type->item_types, type->item_type_stride, t - 1) : NULL;
         const MarramParam* first = item ? item->params : type->params;

@@ -1,53 +1,58 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * THE CONTRACT between a renderer (the host) and a procedural: plain C99 data, plus the Embree handles that the host lends.
- * A procedural library is a shared library with one entry point, marram_library(). The host finds it by path, compares the
- * ABI number and Embree's major version, and knows nothing else of it.
+ * The contract between a renderer (the host) and a procedural: plain C99 data, plus Embree handles owned by
+ * the host. A procedural library is a shared library with one entry point, marram_library(). The host loads
+ * it by path and compares the ABI number and Embree's major version. It knows nothing else about the library.
  *
- * The scene is a graph. Meshes and curves of the scene are its leaves; a procedural depends on the geometry that its
- * parameters name (MARRAM_MESH_NAME, MARRAM_CURVES_NAME). Besides, a procedural that makes curves traces every mesh that
- * collides or shelters, so that it depends on those as well; one that makes a mesh traces the meshes that it names, no others.
- * The host makes instances in the order of these dependencies, whatever their order in the scene. A ring is an error.
+ * The scene is a graph. Meshes and curves of the scene are its leaves. A procedural depends on the geometry
+ * that its parameters name (MARRAM_MESH_NAME, MARRAM_CURVES_NAME). A procedural that makes curves also traces
+ * every mesh that collides or shelters, and so depends on these too; one that makes a mesh traces only the
+ * meshes that it names. The host makes instances in the order of these dependencies, not in the order of the
+ * scene. A cycle is an error.
  *
- *   lib = marram_library(MARRAM_ABI_VERSION)               once; NULL when the library speaks another version
+ *   lib = marram_library(MARRAM_ABI_VERSION)               once; NULL if the library has another version
  *   p->create(host, values, &instance)                    once for each procedural of the scene
  *   for each frame, in the order of the graph:
- *     p->prepare(instance, frame, states)                 if there is one: brings its simulation to the frame
- *     p->begin(instance, frame, &output)                  what will be handed over. Perhaps more than once, at other motion
- *                                                         samples, and a few patches after it: so a host learns how many
- *                                                         samples the motion needs
- *     MARRAM_MESH:   p->mesh(instance, &buffers)          the growth surface: lent, traced, grown on. No camera changes it
- *                    p->pose(instance, time, positions)   the same at any other time, any thread
- *                    p->begin_view, p->view_mesh          if there are: the render mesh, which the camera sees in its place
- *     MARRAM_CURVES: p->patch(instance, i, &patch)        bounds, from any thread
- *                    p->tessellate(instance, i, &b)       from any threads, in any order
- *     p->report(instance, sink, user)                     what was done since begin
- *   p->update(instance, update, &changed)                 values or inputs are others now; NULL: destroy and create
+ *     p->prepare(instance, frame, states)                 optional: advances its simulation to the frame
+ *     p->begin(instance, frame, &output)                  describes the output. May be called several times
+ *                                                         with other motion samples, each followed by a few
+ *                                                         patches: the host measures how many it needs
+ *     MARRAM_MESH:   p->mesh(instance, &buffers)          the growth surface: lent, traced, grown on;
+ *                                                         independent of the camera
+ *                    p->pose(instance, time, positions)   the same at any other time; any thread
+ *                    p->begin_view, p->view_mesh          optional: the render mesh, rendered instead
+ *     MARRAM_CURVES: p->patch(instance, i, &patch)        bounds; any thread
+ *                    p->tessellate(instance, i, &b)       any threads, in any order
+ *     p->report(instance, sink, user)                     statistics since begin
+ *   p->update(instance, update, &changed)                 values or inputs changed; NULL: destroy, create
  *   p->destroy(instance)
  *
- * Conventions: right-handed, y up, metres, radians; frames are real numbers; matrices do not occur. Positions are floats.
- * Every call returns MARRAM_OK, or an error after having said why through host->message, or MARRAM_CANCELLED soon after
- * host->cancelled() has turned nonzero. Nothing is thrown across the border. Strings are UTF-8 and live as long as the
- * library (declarations) or the call (arguments). What an instance points to in what it fills (offsets, grids) lives until
+ * Conventions: right-handed, y up, metres, radians; frames are real numbers; matrices are used only by
+ * instance_transform(). Positions are floats. Every call returns MARRAM_OK; or MARRAM_ERROR, after a message
+ * through host->message that says why; or MARRAM_CANCELLED, soon after host->cancelled() has become nonzero.
+ * No exception crosses the interface. Strings are UTF-8 and live as long as the library (declarations) or the
+ * call (arguments). Memory that an instance points to in structs that it fills (offsets, grids) lives until
  * its next begin, update or destroy.
  *
- * tessellate() is idempotent: the same frame and patch give the same bits whatever ran before and on whatever thread.
- * patch() is conservative: the box holds all that is drawn of the patch at every motion sample, width included.
+ * tessellate() is idempotent: the same frame and patch give the same bits, independent of earlier calls and
+ * of threads. patch() is conservative: the box contains all curves of the patch at every motion sample,
+ * including their width.
  *
- * Growing: new fields go to the end of a struct, new callbacks to the end of MarramProcedural, and both sides go on working
- * with what they know. For that
- *   - a struct that is passed by itself begins with its `size`, set by whoever owns its memory: read or fill a field only if
- *     MARRAM_HAS(pointer, field);
- *   - an array comes with a count and a stride, the size of an element as its owner knows it: MARRAM_AT(type, first, stride, i);
- *   - no struct that may grow lies within another: it is pointed to;
+ * Extension: new fields go to the end of a struct, new callbacks to the end of MarramProcedural. Both sides
+ * continue to work with the fields that they know. Therefore
+ *   - a struct that is passed by itself begins with its `size`, set by the owner of its memory: read or fill
+ *     a field only if MARRAM_HAS(pointer, field);
+ *   - an array comes with a count and a stride, the size of an element for its owner:
+ *     MARRAM_AT(type, first, stride, i);
+ *   - a struct that may grow is never embedded in another: it is pointed to;
  *   - a callback may be NULL, or missing, where its comment says so;
- *   - a parameter type that the host does not know disables the procedural that declares it, no other.
- * MARRAM_ABI_VERSION is raised only where that does not suffice. Both sides refuse any other version.
+ *   - a parameter type that the host does not know disables the procedural that declares it, and no other.
+ * MARRAM_ABI_VERSION is raised only if that is not enough. Both sides reject any other version.
  */
 #ifndef MARRAM_PLUGIN_H
 #define MARRAM_PLUGIN_H
 
-#include "embree.h" /* beside this file: so it is found in the source tree and where it is installed */
+#include "embree.h" /* in the same folder, in the source tree and when installed */
 
 #include <stddef.h>
 #include <stdint.h>
@@ -67,7 +72,7 @@ extern "C" {
 
 typedef enum MarramStatus { MARRAM_OK = 0, MARRAM_ERROR = 1, MARRAM_CANCELLED = 2 } MarramStatus;
 
-/* ---- Geometry: what is lent, and in the same form what is handed over ---------------------------------------------- */
+/* ---- Geometry, lent by the host or made by a procedural ------------------------------------------------ */
 
 /* What an attribute has one value for. */
 typedef enum MarramRate {
@@ -82,86 +87,87 @@ typedef struct MarramAttribute {
     const char* name;    /* "root_normal", "root_uv", "id", "envelope", "sand", ... */
     uint32_t components; /* 1 ... 4 floats */
     MarramRate rate;
-    uint32_t discrete;   /* 1: a name rather than a quantity, such as an id: never averaged or interpolated */
+    uint32_t discrete;   /* 1: values are identifiers: never average or interpolate them */
     const char* help;    /* one line */
-    const float* values; /* components floats a curve, CV, vertex or face; NULL in a declaration */
-    uint32_t animated;   /* 1: differs from frame to frame, so that nothing can be placed by it */
+    const float* values; /* `components` floats per curve, CV, vertex or face; NULL in a declaration */
+    uint32_t animated;   /* 1: changes from frame to frame, so strands cannot be placed by it */
 } MarramAttribute;
 
 /*
  * Values on a grid: images, masks, tables, lattices, wind fields. Sample (i, j, k) has its components at
- * values + components * (i + nx * (j + ny * k)) and stands at origin + i axes[0] + j axes[1] + k axes[2].
+ * values + components * (i + nx * (j + ny * k)) and the position origin + i axes[0] + j axes[1] + k axes[2].
  */
 typedef struct MarramGrid {
     const char* name;
     uint32_t nx, ny, nz; /* 1 or more */
     uint32_t components; /* 1 ... 4 */
-    double origin[3]; /* metres; of an image (u, v, 0) of its first pixel's centre, the one at the top left */
-    double axes[3][3]; /* from a sample to the next in x, y, z */
+    double origin[3];    /* metres; of an image: (u, v, 0) of the center of the top left pixel */
+    double axes[3][3];   /* from a sample to the next in x, y, z */
     const float* values;
 } MarramGrid;
 
-/* Where the file of an image says that its pixels lie, and what they mean. */
+/* Position and range of an image, from its file. */
 typedef struct MarramPlacement {
     size_t size;
-    uint32_t has_center, has_extent, has_range; /* 0: the file does not say */
-    double center[2];                           /* metres, x and z: the middle of the image */
-    double extent[2]; /* metres, x and z, above 0: pixels and all, not from centre to centre */
-    double range[2];  /* what the values 0 and 1 stand for, such as heights in metres */
+    uint32_t has_center, has_extent, has_range; /* 0: not in the file */
+    double center[2];                           /* metres, x and z: the center of the image */
+    double extent[2]; /* metres, x and z, > 0: including the border pixels, not from center to center */
+    double range[2];  /* meaning of the values 0 and 1, such as heights in metres */
 } MarramPlacement;
 
-/* What a mesh is there for; bits. As Embree's geometry masks they say which rays meet it. */
+/* The roles of a mesh, as bits. Used as Embree's geometry mask, they select the rays that can hit it. */
 typedef enum MarramRole {
     MARRAM_COLLIDES = 1,       /* strands do not enter it */
-    MARRAM_SHELTERS = 2,       /* strands behind it stand in its lee */
-    MARRAM_CASTS_SHADOWS = 4,  /* light does not pass it, neither direct nor indirect */
-    MARRAM_SEEN_BY_CAMERA = 8, /* camera rays meet it */
+    MARRAM_SHELTERS = 2,       /* strands behind it are in its lee */
+    MARRAM_CASTS_SHADOWS = 4,  /* blocks light, direct and indirect */
+    MARRAM_SEEN_BY_CAMERA = 8, /* camera rays hit it */
     MARRAM_ALL_ROLES = 15,
-    MARRAM_NAMED =
-        16 /* in every mask: what a procedural names it can trace by this bit, whatever its roles */
+    MARRAM_NAMED = 16 /* set in every mask: selects meshes that a procedural names, whatever their roles */
 } MarramRole;
 
-/* A triangle mesh at the motion samples of the frame. Vertices on a uv seam may stand twice. */
+/* A triangle mesh at the motion samples of the frame. Vertices on a uv seam may be duplicated. */
 typedef struct MarramMesh {
     const char* name;
     uint32_t geometry_id; /* in MarramFrame.colliders and in the world */
     uint32_t roles;       /* MarramRole */
     uint32_t vertex_count, triangle_count;
-    uint32_t time_count;               /* 1 for a mesh that rests, else MarramFrame.time_count */
+    uint32_t time_count;               /* 1 for a static mesh, else MarramFrame.time_count */
     const float* const* positions;     /* [time_count], xyz packed */
     const float* const* normals;       /* [time_count], xyz packed unit vertex normals; NULL: facetted */
-    const uint32_t* triangles;         /* 3 a triangle, anticlockwise seen from outside */
-    const float* uvs;                  /* 2 a vertex; NULL where the mesh has none */
+    const uint32_t* triangles;         /* 3 per triangle, counter-clockwise seen from outside */
+    const float* uvs;                  /* 2 per vertex; NULL if the mesh has none */
     const MarramAttribute* attributes; /* per vertex or per face */
     uint32_t attribute_count, attribute_stride;
     const MarramGrid* grids;
     uint32_t grid_count, grid_stride;
-    uint64_t topology; /* a digest of its triangles: two meshes with one have the same */
-    /* Of an instance: 1 + the index in MarramFrame.meshes of the mesh that it shows once more, which is none itself, has the same triangles,
-     * and stands before it. What grows on that mesh grows on the instance, too. 0: it is no instance. */
+    uint64_t topology; /* a digest of the triangles: meshes with the same digest have the same triangles */
+    /* 0: not an instance. Else 1 + the index in MarramFrame.meshes of the mesh that it instances. That mesh
+     * is not an instance itself, has the same triangles and comes before it. Strands on that mesh are
+     * instanced with it. */
     uint32_t instance_of;
 } MarramMesh;
 
 typedef enum MarramBasis { MARRAM_BSPLINE = 0, MARRAM_CATMULL_ROM = 1, MARRAM_LINEAR = 2 } MarramBasis;
 
 /*
- * Curves. One of n CVs takes n + 2 vertices (x, y, z, radius): one before the root and one behind the tip, so that the
- * drawn cubic starts in the root and ends in the tip: V[0] = 2 P[0] - P[1], V[1..n] = P[0..n-1], V[n+1] = 2 P[n-1] - P[n-2],
- * radii alike. Curve c has cvs_per_curve CVs and begins at vertex c * (cvs_per_curve + 2); where counts differ it has
- * offsets[c + 1] - offsets[c] and begins at vertex offsets[c] + 2 c.
+ * Curves. A curve of n CVs has n + 2 vertices (x, y, z, radius): one before the root and one after the tip,
+ * so that the cubic starts at the root and ends at the tip:
+ *   V[0] = 2 P[0] - P[1], V[1..n] = P[0..n-1], V[n+1] = 2 P[n-1] - P[n-2], and the radii likewise.
+ * Curve c has cvs_per_curve CVs and begins at vertex c * (cvs_per_curve + 2). If counts differ, it has
+ * offsets[c + 1] - offsets[c] CVs and begins at vertex offsets[c] + 2 c.
  */
 typedef struct MarramCurves {
     const char* name;
     uint64_t curve_count;
     uint32_t cvs_per_curve;       /* 0: see offsets */
-    const uint64_t* offsets;      /* [curve_count + 1], from 0; NULL where all have as many CVs */
-    uint32_t time_count;          /* 1 for curves that rest, else MarramFrame.time_count */
-    const float* const* vertices; /* [time_count], 4 floats a vertex */
+    const uint64_t* offsets;      /* [curve_count + 1], from 0; NULL if all have the same number of CVs */
+    uint32_t time_count;          /* 1 for static curves, else MarramFrame.time_count */
+    const float* const* vertices; /* [time_count], 4 floats per vertex */
     const uint32_t* closed;       /* [curve_count], 1: the last CV is joined to the first; NULL: none is */
-    MarramBasis basis;            /* how they are drawn: MARRAM_LINEAR through the CVs, as polylines are */
+    MarramBasis basis;            /* MARRAM_LINEAR: polylines through the CVs */
     const MarramAttribute* attributes; /* per curve or per CV */
     uint32_t attribute_count, attribute_stride;
-    uint32_t moves; /* 1: they stand elsewhere at other frames, see MarramFrame.pose_curves */
+    uint32_t moves; /* 1: they differ at other frames, see MarramFrame.pose_curves */
 } MarramCurves;
 
 /* ---- Parameters ------------------------------------------------------------------------------------------------- */
@@ -178,41 +184,42 @@ typedef enum MarramParamType {
     MARRAM_CHOICE,  /* text, one of choices "a|b|c" */
     MARRAM_RAMP,    /* numbers = p0 v0 p1 v1 ..., text = "linear" | "smooth" | "constant" */
     MARRAM_IMAGE, /* grid: the host has read the file; rows from the top, linear values, nz = 1. text = its path */
-    MARRAM_MESH_NAME, /* text = name of a mesh, scene's or procedural's, given in MarramFrame.meshes: a dependency */
-    MARRAM_KEYS, /* keyed transform: numbers = 10 a key: frame, translate xyz, rotate xyz in degrees, scale xyz,
+    MARRAM_MESH_NAME, /* text = name of a mesh, scene's or procedural's, in MarramFrame.meshes: a dependency */
+    MARRAM_KEYS, /* keyed transform: numbers = 10 per key: frame, translate xyz, rotate xyz in degrees, scale xyz,
                            frames ascending; text = "linear" | "smooth". Scale, then rotate about x, y, z, then translate */
-    MARRAM_UNAVAILABLE, /* declared so that a scene that asks for it is told; never handed over */
-    MARRAM_CURVES_NAME, /* text = name of curves, scene's or procedural's, given in MarramFrame.curves: a dependency */
+    MARRAM_UNAVAILABLE, /* declared only for an error message if a scene uses it; never passed */
+    MARRAM_CURVES_NAME, /* text = name of curves, scene's or procedural's, in MarramFrame.curves: a dependency */
     MARRAM_TABLE, /* grid: a table of numbers that the host has read from CSV, nx columns, ny rows, 1 component;
                            text = the columns' names, separated by commas */
     MARRAM_PARAM_TYPE_COUNT
 } MarramParamType;
 
 /*
- * A name is dotted where tables nest: "noise.octaves". One table of a name may be followed by []: a list of tables, whose
- * every element has the parameter: "gusts.control[].shape" stands in a scene as [[wind.gusts.control]] shape = "box". Its
- * values come as "gusts.control[0].shape", "gusts.control[1].shape", ..., numbered without gaps, defaults filled in for
- * each element; a list that is absent or empty has no values.
+ * Names are dotted for nested tables: "noise.octaves". One table in a name may be followed by []. It is then
+ * a list of tables, and each element has the parameter: "gusts.control[].shape" is [[wind.gusts.control]]
+ * shape = "box" in a scene. Its values are passed as "gusts.control[0].shape", "gusts.control[1].shape", ...,
+ * numbered without gaps, with defaults filled in for each element. A list that is absent or empty has no
+ * values.
  */
 typedef struct MarramParam {
     const char* name;
     MarramParamType type;
-    const char* unit; /* "m", "deg", "m/s", "1/m", "frames"; "" where there is none */
-    const char*
-        initial; /* default as written in a scene file (TOML); "" = must be given; "none" = may be absent */
+    const char* unit;    /* "m", "deg", "m/s", "1/m", "frames"; "": no unit */
+    const char* initial; /* default, in TOML as in a scene file; "": must be given; "none": may be absent */
     double minimum, maximum; /* of every component, both ends allowed */
-    /* "a|b|c" of a choice; "each" of a MARRAM_MESH_NAME where a scene may name several: an instance is made for each; else "" */
+    /* "a|b|c" of a choice; "each" of a MARRAM_MESH_NAME that may be a list: one instance for each; else "" */
     const char* choices;
     const char* help; /* one line */
-    const char*
-        sweep; /* values that a measurement of speed against error tries, as in a scene: "1|4|16"; "" or NULL: none */
-    const char*
-        sweep_time; /* the report entry whose seconds it changes: "seconds.shield"; "" or NULL: of all stages */
+    /* Values that `marram measure` tries, as in a scene: "1|4|16". "" or NULL: none. */
+    const char* sweep;
+    /* The report entry whose seconds it affects: "seconds.shield". "" or NULL: all stages. */
+    const char* sweep_time;
 } MarramParam;
 
 /*
- * A list of tables whose elements each have a type with parameters of its own: [[procedural.layer]] type = "dune". One entry
- * is one type. The values of element 2 come as "layer[2].type" (MARRAM_CHOICE) and "layer[2].<name>".
+ * A list of tables whose elements have types, each with its own parameters:
+ * [[procedural.layer]] type = "dune". This struct describes one type. The values of element 2 are passed as
+ * "layer[2].type" (MARRAM_CHOICE) and "layer[2].<name>".
  */
 typedef struct MarramItemType {
     const char* list; /* "layer" */
@@ -227,49 +234,52 @@ typedef struct MarramValue {
     MarramParamType type;
     const double* numbers;
     size_t number_count;
-    const char* text;                 /* "" where there is none */
-    const MarramGrid* grid;           /* NULL where there is none */
-    const char* place;                /* "file:line:column" to begin a message with */
-    const MarramPlacement* placement; /* of MARRAM_IMAGE; NULL where the file does not say */
-    /* Of MARRAM_CURVES_NAME: what the scene's curves of that name carry, without values; none where the host does not know yet. */
+    const char* text;                 /* "" if there is none */
+    const MarramGrid* grid;           /* NULL if there is none */
+    const char* place;                /* "file:line:column", to begin a message with */
+    const MarramPlacement* placement; /* of MARRAM_IMAGE; NULL if the file has none */
+    /* Of MARRAM_CURVES_NAME: the attributes of the scene's curves of that name, without values; none if not
+     * known yet. */
     const MarramAttribute* attributes;
     uint32_t attribute_count, attribute_stride;
 } MarramValue;
 
-/* All declared parameters, wind ones as "wind.<name>"; absent "none" ones are left out. What a procedural does not say of the
- * wind itself is the scene's; its own list of tables replaces the scene's list as a whole. */
+/* All declared parameters; those of the wind as "wind.<name>". Absent parameters with the default "none" are
+ * left out. Wind parameters that a procedural does not set have the scene's values; its own list of tables
+ * replaces the scene's whole list. */
 typedef struct MarramValues {
     size_t size;
     const MarramValue* first;
     uint32_t count, stride;
 } MarramValues;
 
-/* ---- What the host lends ----------------------------------------------------------------------------------------- */
+/* ---- What the host provides ---------------------------------------------------------------------------- */
 
-/* Information is shown at once, warnings with the frame that they are about; faults are why a call returns MARRAM_ERROR. */
+/* Information is shown at once, warnings with their frame. A fault is the reason why a call returns
+ * MARRAM_ERROR. */
 typedef enum MarramSeverity { MARRAM_INFO = 0, MARRAM_WARNING = 1, MARRAM_FAULT = 2 } MarramSeverity;
 
 typedef struct MarramMessage {
     size_t size;
     MarramSeverity severity;
-    const char* id;     /* "groom.no_mesh": for programs; never changes its meaning */
+    const char* id;     /* "groom.no_mesh": for programs; its meaning never changes */
     const char* place;  /* "file:line:column"; "": the table of the procedural */
-    const char* what;   /* what is wrong, or what there is to know; one line */
-    const char* remedy; /* what to do; "" where there is nothing to do */
+    const char* what;   /* the problem, or the information; one line */
+    const char* remedy; /* what to do; "" if there is nothing to do */
 } MarramMessage;
 
 typedef struct MarramHost { /* valid from create to destroy; every function may be called from any thread */
     size_t size;
     void* user;
     void (*message)(void* user, const MarramMessage* message);
-    int (*cancelled)(void* user); /* cheap; ask at least every few milliseconds */
-    /* How much of prepare() is done, 0 ... 1, and in words: "4.2 years of 10". May be NULL. */
+    int (*cancelled)(void* user); /* cheap; call it at least every few milliseconds */
+    /* Progress of prepare(): 0 ... 1, and a text, "4.2 years of 10". May be NULL. */
     void (*progress)(void* user, double share, const char* words);
 } MarramHost;
 
 /*
- * What a simulation keeps of its past: bytes, stamped with a frame. The host keeps them from run to run and forgets them when
- * the procedural's values, its inputs, files that these come from, or the library's version change.
+ * A saved state of a simulation: bytes with a frame. The host keeps states from run to run, and discards them
+ * when the procedural's values, its inputs, the files that these come from, or the library's version change.
  */
 typedef struct MarramState {
     size_t size;
@@ -278,12 +288,13 @@ typedef struct MarramState {
     size_t byte_count;
 } MarramState;
 
-typedef struct MarramStates { /* valid while prepare() runs; from one thread at a time */
+typedef struct MarramStates { /* valid while prepare() runs; one thread at a time */
     size_t size;
     void* user;
-    /* The latest state at or before the frame; its data, which is there until the next load, is NULL where there is none. */
+    /* The latest state at or before the frame. Its data is valid until the next load; NULL if there is no
+     * state. */
     MarramStatus (*load)(void* user, double frame, MarramState* out);
-    /* Keeps a copy; one of the same frame is replaced. */
+    /* Keeps a copy, and replaces a state of the same frame. */
     MarramStatus (*store)(void* user, const MarramState* state);
 } MarramStates;
 
@@ -292,82 +303,83 @@ typedef enum MarramStage { MARRAM_REST = 0, MARRAM_BENT = 1, MARRAM_FINAL = 2 } 
 typedef struct MarramFrame { /* valid from begin until the frame's last call, report included */
     size_t size;
     double fps, frame;
-    double bind_frame;   /* where roots are placed: the same for every frame of a shot */
+    double bind_frame;   /* the frame at which roots are placed: the same for every frame of a shot */
     uint32_t time_count; /* motion samples, 1 ... 64 */
     const double* times; /* in frames, ascending; equally spaced over the shutter */
     MarramStage stage;   /* stop after this one */
-    double tolerance;    /* metres; 0: a thousandth of a strand's length, or less where less is cheap */
+    double tolerance;    /* metres; 0: a thousandth of a strand's length, or less where that is cheap */
     RTCDevice device;
-    /* Committed; to be traced and queried only: of the meshes below, each under its geometry_id, with its roles as mask. NULL
-     * where there is no mesh to trace. */
+    /* A committed scene of the meshes below, each under its geometry_id with its roles as mask. For tracing
+     * and queries only. NULL if there is no mesh to trace. */
     RTCScene colliders;
-    const MarramMesh* meshes; /* those that are named, and for curves all that collide or shelter */
+    const MarramMesh* meshes; /* the named ones and, for curves, all that collide or shelter */
     uint32_t mesh_count, mesh_stride;
     /*
-     * A mesh at any time (frames), also outside the shutter; any thread. `mesh` is an index into meshes. positions: 3 *
-     * vertex_count floats. normals: as many, filled with the unit vertex normals at that time where the mesh has normals
-     * (MarramMesh.normals), else left as they are; NULL where they are not wanted.
+     * Evaluates a mesh at any time (frames), also outside the shutter; any thread. `mesh` is an index into
+     * meshes. positions: 3 * vertex_count floats. normals: as many, set to the unit vertex normals at that
+     * time if the mesh has normals (MarramMesh.normals), else not changed; NULL if not wanted.
      */
     MarramStatus (*pose)(void* pose_user, uint32_t mesh, double frame, float* positions, float* normals);
     void* pose_user;
-    const MarramCurves* curves; /* those that are named */
+    const MarramCurves* curves; /* the named ones */
     uint32_t curves_count, curves_stride;
     /*
-     * Some curves at any time (frames), also outside the shutter; any thread. `curves` is an index into them. vertices: 4 floats for
-     * each vertex of those curves. Curves that a procedural makes are known within the shutter alone, and rest before and behind it.
-     * NULL: the host cannot tell.
+     * Evaluates some curves at any time (frames), also outside the shutter; any thread. `curves` is an index
+     * into curves. vertices: 4 floats per vertex of these curves. Curves made by a procedural are known only
+     * within the shutter, and constant before and after it. NULL: not supported by the host.
      */
     MarramStatus (*pose_curves)(void* pose_user, uint32_t curves, double frame, uint64_t first_curve,
                                 uint64_t curve_count, float* vertices);
     /*
-     * What takes a mesh, as it stands in the world, to an instance of it, which `mesh` is the index of; at any time; any thread. matrix: 12
-     * numbers, m[0] x + m[1] y + m[2] z + m[3] and so on for y and z; a turn, a translation and one scale for all axes, not 0. NULL where no
-     * mesh is an instance.
+     * The transform from the instanced mesh, in world space, to its instance with the index `mesh`, at any
+     * time; any thread. matrix: 12 numbers, row by row: x' = m[0] x + m[1] y + m[2] z + m[3], and so on. A
+     * rotation, a translation and a uniform scale other than 0. NULL if no mesh is an instance.
      */
     MarramStatus (*instance_transform)(void* pose_user, uint32_t mesh, double frame, double* matrix);
 } MarramFrame;
 
-/* The camera, which render meshes are made for and nothing else. Any time between two samples is a straight blend. */
+/* The camera, for making render meshes only. Interpolate linearly between samples. */
 typedef struct MarramView {
     size_t size;
     double frame;
     uint32_t time_count;      /* 1 ... 64 */
     const double* times;      /* in frames, ascending */
     const double* positions;  /* [time_count], xyz packed */
-    const double* directions; /* [time_count], unit: where it looks */
-    const double* ups;        /* [time_count], unit, at right angles to the directions */
-    double fov;               /* vertical angle of view */
+    const double* directions; /* [time_count], unit view directions */
+    const double* ups;        /* [time_count], unit, perpendicular to the directions */
+    double fov;               /* vertical angle of view, radians */
     uint32_t width, height;   /* pixels */
     double tolerance;         /* metres, 0: see tolerance_pixels */
-    double tolerance_pixels;  /* pixels, 0: half a one */
+    double tolerance_pixels;  /* pixels, 0: half a pixel */
 } MarramView;
 
-/* ---- What a procedural hands over -------------------------------------------------------------------------------- */
+/* ---- What a procedural outputs ------------------------------------------------------------------------- */
 
 typedef enum MarramOutputKind { MARRAM_CURVES = 0, MARRAM_MESH = 1 } MarramOutputKind;
 typedef enum MarramShape {
     MARRAM_ROUND = 0,           /* a swept circle */
-    MARRAM_RIBBON = 1,          /* flat, faces every ray */
-    MARRAM_ORIENTED_RIBBON = 2, /* flat, its normal handed over */
+    MARRAM_RIBBON = 1,          /* flat, faces the ray */
+    MARRAM_ORIENTED_RIBBON = 2, /* flat, with given normals */
     MARRAM_SHAPE_COUNT
 } MarramShape;
 
-typedef struct MarramOutput { /* the host sets size, and all else to zero */
+typedef struct MarramOutput { /* the host sets size, and all other fields to zero */
     size_t size;
     MarramOutputKind kind;
-    uint32_t time_count; /* 1 where nothing moves within the shutter, else MarramFrame.time_count */
+    uint32_t time_count; /* 1 if nothing moves within the shutter, else MarramFrame.time_count */
     /* MARRAM_CURVES; see MarramCurves for the layout */
     uint64_t curve_count;
     uint32_t cvs_per_curve;  /* 2 or more, at every motion sample; 0: see offsets */
-    const uint64_t* offsets; /* [curve_count + 1]; 2 CVs or more a curve; NULL where all have as many */
-    uint32_t patch_count;    /* patches follow each other in curve order */
+    const uint64_t* offsets; /* [curve_count + 1]; 2 or more CVs per curve; NULL if all have equal counts */
+    uint32_t patch_count;    /* patches are consecutive ranges of curves */
     MarramBasis basis;       /* MARRAM_BSPLINE or MARRAM_CATMULL_ROM */
     MarramShape shape;
     /* MARRAM_MESH */
     uint32_t vertex_count, triangle_count, has_uvs;
     uint32_t has_normals; /* 0: the host makes vertex normals from the triangles */
-    /* Of mesh() and of view_mesh(), each by itself: what this instance hands over under one number is the same to the bit, attributes and
-     * grids included, so that the host may keep it and not ask again. 0: ask. */
+    /* Version of the output of mesh(), and separately of view_mesh(). Outputs of this instance with the same
+     * version are equal to the bit, including attributes and grids, so the host may keep the output and skip
+     * the call. 0: always call. */
     uint64_t version;
 } MarramOutput;
 
@@ -378,13 +390,13 @@ typedef struct MarramPatch {
     float lower[3], upper[3];
 } MarramPatch;
 
-/* Where a patch goes: straight into the buffers that Embree reads. Pointers are those of the patch's first curve. */
+/* The destination of a patch: the buffers that Embree reads. Pointers are to the data of the patch's first
+ * curve. */
 typedef struct MarramPatchBuffers {
     size_t size;
-    float* const* vertices; /* [output.time_count], 4 floats a vertex, 16-byte aligned */
-    float* const*
-        normals; /* [output.time_count], 3 floats a vertex; MARRAM_ORIENTED_RIBBON only, else NULL */
-    uint32_t attribute_count; /* attributes asked for: indices into the instance's */
+    float* const* vertices; /* [output.time_count], 4 floats per vertex, 16-byte aligned */
+    float* const* normals;  /* [output.time_count], 3 floats per vertex; NULL unless MARRAM_ORIENTED_RIBBON */
+    uint32_t attribute_count; /* requested attributes: indices into the instance's */
     const uint32_t* attributes;
     float* const* attribute_values; /* [attribute_count] */
 } MarramPatchBuffers;
@@ -397,7 +409,7 @@ typedef struct MarramMeshBuffers {
     uint32_t attribute_count;
     const uint32_t* attributes;
     float* const* attribute_values;
-    const MarramGrid* grids; /* filled in by the procedural, whose they stay */
+    const MarramGrid* grids; /* set by the procedural, which keeps ownership */
     uint32_t grid_count, grid_stride;
     float* const* normals; /* [output.time_count], 3 * vertex_count, unit; NULL unless has_normals */
 } MarramMeshBuffers;
@@ -408,7 +420,7 @@ typedef struct MarramAttributeList {
     uint32_t count, stride;
 } MarramAttributeList;
 
-/* What an update touched, bits. What it did not touch is as it was, to the bit. */
+/* The parts of the output that an update has changed, as bits. The others are unchanged to the bit. */
 typedef enum MarramChange {
     MARRAM_NOTHING = 0,
     MARRAM_ATTRIBUTES = 1, /* attributes and grids */
@@ -420,32 +432,33 @@ typedef enum MarramChange {
 typedef struct MarramUpdate {
     size_t size;
     const MarramValues* values; /* all of them, changed or not */
-    uint32_t inputs; /* MarramChange: what has changed of the geometry that the procedural depends on */
+    uint32_t inputs;            /* MarramChange: changes of the geometry that the procedural depends on */
 } MarramUpdate;
 
-/* How the entries of one path from several procedurals become one. */
+/* How the host combines the entries of the same path from several procedurals. */
 typedef enum MarramCombine {
     MARRAM_SUM = 0,
     MARRAM_MAXIMUM = 1,
     MARRAM_LAST = 2,
-    MARRAM_EACH = 3, /* not at all: kept under the name of each procedural */
-    MARRAM_RATIO = 4 /* not reported: numerator / denominator, of two other paths; 1 where the latter is 0 */
+    MARRAM_EACH = 3, /* not combined: kept under the name of each procedural */
+    MARRAM_RATIO = 4 /* not reported: numerator / denominator, two other paths; 1 if the denominator is 0 */
 } MarramCombine;
 
 /*
- * What a procedural may report. Units: "s" wall seconds, "thread s" seconds summed over threads, "count", "bytes", "rad", ...
- * An entry "thread_seconds.<stage>" in "thread s" tells how tessellate() spent its time: the host shares out the wall seconds
- * among such entries and shows them as "seconds.<stage>".
+ * An entry that a procedural may report. Units: "s" wall seconds, "thread s" seconds summed over threads,
+ * "count", "bytes", "rad", ... An entry "thread_seconds.<stage>" in "thread s" is the time of a stage of
+ * tessellate(): the host divides the wall seconds among such entries in proportion, and shows them as
+ * "seconds.<stage>".
  */
 typedef struct MarramReportEntry {
     const char* path; /* "collision.contacts" */
     const char* unit;
     MarramCombine combine;
-    const char *numerator, *denominator; /* paths, of a ratio; else NULL */
+    const char *numerator, *denominator; /* paths, for a ratio; else NULL */
     const char* help;                    /* one line */
 } MarramReportEntry;
 
-typedef struct MarramInstance MarramInstance; /* the procedural's own */
+typedef struct MarramInstance MarramInstance; /* opaque, defined by the procedural */
 
 typedef struct MarramProcedural {
     const char* name; /* the `type` in scene files */
@@ -453,7 +466,7 @@ typedef struct MarramProcedural {
     MarramOutputKind kind;
     const MarramParam* params;
     uint32_t param_count, param_stride;
-    const MarramAttribute* attributes; /* that every instance has; values are NULL */
+    const MarramAttribute* attributes; /* of every instance; values are NULL */
     uint32_t attribute_count, attribute_stride;
     MarramStatus (*create)(const MarramHost* host, const MarramValues* values, MarramInstance** out);
     MarramStatus (*begin)(MarramInstance* instance, const MarramFrame* frame, MarramOutput* out);
@@ -461,37 +474,41 @@ typedef struct MarramProcedural {
     MarramStatus (*tessellate)(MarramInstance* instance, uint32_t patch,
                                const MarramPatchBuffers* buffers);              /* likewise */
     MarramStatus (*mesh)(MarramInstance* instance, MarramMeshBuffers* buffers); /* NULL for curves */
-    /* What was done since begin, by the library's paths; what is not reported counts as 0. May be NULL. */
+    /* Reports statistics since begin, by the paths of report_entries. Entries not reported count as 0. May be
+     * NULL. */
     void (*report)(MarramInstance* instance, void (*sink)(void* user, const char* path, double value),
                    void* user);
     void (*destroy)(MarramInstance* instance);
-    /* Each of what follows may be NULL. */
+    /* All members below may be NULL. */
     const MarramItemType* item_types;
     uint32_t item_type_count, item_type_stride;
-    /* The attributes of this instance instead of the type's; asked for once, after create and after each update. */
+    /* The attributes of this instance, instead of the type's. Called once after create and after each
+     * update. */
     MarramStatus (*attributes_of)(MarramInstance* instance, MarramAttributeList* out);
-    /* A mesh at any time, after mesh(): 3 * vertex_count floats, any thread. NULL: it is the same at every time. */
+    /* The mesh at any time, after mesh(): 3 * vertex_count floats; any thread. NULL: it does not change with
+     * time. */
     MarramStatus (*pose)(MarramInstance* instance, double frame, float* positions);
-    /* The render mesh, after mesh(): out->triangle_count 0 means that the growth surface is what is seen. */
+    /* The render mesh, after mesh(). out->triangle_count == 0: render the growth surface. */
     MarramStatus (*begin_view)(MarramInstance* instance, const MarramView* view, MarramOutput* out);
     MarramStatus (*view_mesh)(MarramInstance* instance, MarramMeshBuffers* buffers);
-    /* Computes what the frame needs of the past, loading and storing states. frame: as of begin. */
+    /* Simulates up to the frame, loading and storing states. frame: as for begin. */
     MarramStatus (*prepare)(MarramInstance* instance, const MarramFrame* frame, const MarramStates* states);
-    /* Takes over new values and says what that changes of the output. An error leaves the instance as it was. */
+    /* Applies new values and returns which parts of the output change (MarramChange). An error leaves the
+     * instance unchanged. */
     MarramStatus (*update)(MarramInstance* instance, const MarramUpdate* update, uint32_t* changed);
-    /* What it has generated, since begin, as text of a scene that draws the same by hand: to be pasted into a scene file and edited.
-     * The sink is called for one piece of text after the other, perhaps never. */
+    /* Writes what it has generated since begin as explicit scene text that gives the same result, to be
+     * pasted into a scene file and edited. The sink is called for each piece of text; maybe never. */
     MarramStatus (*describe)(MarramInstance* instance, void (*sink)(void* user, const char* text),
                              void* user);
 } MarramProcedural;
 
 typedef struct MarramLibrary {
-    uint32_t abi;          /* MARRAM_ABI_VERSION the library was built with; always the first field */
-    uint32_t embree_major; /* MARRAM_EMBREE_MAJOR it was built with; 0 where it never calls Embree */
+    uint32_t abi;          /* MARRAM_ABI_VERSION that the library was built with; always the first field */
+    uint32_t embree_major; /* MARRAM_EMBREE_MAJOR that it was built with; 0 if it never calls Embree */
     size_t size;
     const char* name;
     const char* version;
-    const MarramParam* wind_params; /* what a scene's one [wind] may say */
+    const MarramParam* wind_params; /* parameters of the scene's table [wind] */
     uint32_t wind_param_count, wind_param_stride;
     const MarramProcedural* procedurals;
     uint32_t procedural_count, procedural_stride;
@@ -499,7 +516,7 @@ typedef struct MarramLibrary {
     uint32_t report_entry_count, report_entry_stride;
 } MarramLibrary;
 
-/* The entry point. Returns NULL when the library cannot speak the version asked for. */
+/* The entry point. Returns NULL if the library does not support the requested version. */
 #define MARRAM_ENTRY_POINT "marram_library"
 typedef const MarramLibrary* (*MarramLibraryFunction)(uint32_t abi);
 

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// When a pixel is good enough.
+// Adaptive sampling: the noise estimate of a pixel.
 //
-// Its samples tell the variance of their mean as if each were drawn by itself. They are not: strata make the mean better than that, at
-// edges by far, in dense fur by little. By how much, blocks of film_block samples tell, each well spread in itself: the variance of
-// the mean of nb blocks counts what strata within a block take away, though not what those over all blocks do, and is known from
-// nb - 1 differences only. So the ratio of the two is taken over the pixels around, and the pixel's own variance, which many more
-// samples have told, is multiplied by that.
+// The sample variance of a pixel estimates the variance of its mean as if samples were independent. Samples
+// are stratified, so the true variance is smaller: much smaller at edges, little in dense fur. The gain is
+// measured in blocks of film_block samples, each well stratified by itself. The variance of the mean of nb
+// blocks includes the gain from stratification within a block, but not the gain across blocks, and has only
+// nb - 1 degrees of freedom. So the ratio of the two variances is averaged over the neighbourhood and
+// multiplied with the pixel's own sample variance, which is based on many more samples.
 #include "core/render/adaptive.h"
 
 #include "core/math/color.h"
@@ -18,7 +19,7 @@ namespace marram {
 
 namespace {
 
-// Of each pixel, the mean of `values` over it and those up to `reach` away.
+// Box filter: for each pixel the mean of `values` over the pixels up to `reach` away in x and y.
 std::vector<double> means_around(const Film& film, const std::vector<double>& values, uint32_t reach) {
     const uint32_t width = film.width, height = film.height;
     const auto across = [&](uint32_t x, uint32_t size) {
@@ -42,10 +43,11 @@ std::vector<double> means_around(const Film& film, const std::vector<double>& va
     return means;
 }
 
-// The share of the variance that samples tell which strata leave. Each pixel around counts alike: by variance, the rim of a lamp,
-// which strata know well, would speak for all that is near it.
+// Ratio of the true variance to the sample variance: the fraction that stratification leaves, at most 1. All
+// pixels of the neighbourhood have equal weight. With weights by variance, the edge of a lamp, which
+// stratification resolves well, would dominate its neighbourhood.
 std::vector<double> left_by_strata(const Film& film) {
-    constexpr uint32_t reach = 3; // pixels: 49 of 2 blocks know it to a fifth
+    constexpr uint32_t reach = 3; // pixels: 49 pixels of 2 blocks estimate it to a fifth
     std::vector<double> left(film.pixels.size()), known(film.pixels.size());
     for (size_t i = 0; i < left.size(); ++i) {
         const uint32_t blocks = film.pixels[i].samples / film_block;
@@ -64,8 +66,8 @@ std::vector<double> left_by_strata(const Film& film) {
     return left;
 }
 
-// The mean, in which what shines itself, the sun's disc or a lamp, counts as no more than the brightest of the rest: the greatest of
-// 95 pixels in 100; where these are black, the mean as it is.
+// Mean brightness, with values clipped at the 95th percentile: the sun's disc or a lamp counts no more than
+// the brightest of the rest. Plain mean if the 95th percentile is 0.
 double mean_of_most(const std::vector<double>& brightness) {
     std::vector<double> sorted = brightness;
     const auto most = sorted.begin() + long(sorted.size() - 1 - sorted.size() / 20);
@@ -78,9 +80,9 @@ double mean_of_most(const std::vector<double>& brightness) {
 
 } // namespace
 
-// How far the luminances of a pixel's samples lie from each other, in the mean over it and the pixels around.
+// Standard deviation of a sample's luminance: the variance is averaged over the pixel and its neighbours.
 void measure_spread(Film& film) {
-    constexpr uint32_t reach = 2; // pixels: 25 of 4 samples know their deviation to a tenth
+    constexpr uint32_t reach = 2; // pixels: 25 pixels of 4 samples estimate the deviation to a tenth
     std::vector<double> variances(film.pixels.size());
     for (size_t i = 0; i < variances.size(); ++i) {
         const double count = film.pixels[i].samples;
@@ -91,7 +93,8 @@ void measure_spread(Film& film) {
         film.pixels[i].luminance_stddev = float(std::sqrt(variances[i]));
 }
 
-// A pixel that its neighbours know to be noisy goes on, since a few samples may all have missed what makes the noise.
+// A pixel with a noisy neighbour continues too, since its few samples may all have missed the source of the
+// noise.
 bool find_noisy(Film& film, double noise) {
     const FilmLayer* layer = find_layer(film, "variance");
     const size_t pixels = static_cast<size_t>(film.width) * film.height;

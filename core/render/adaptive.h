@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a film's samples tell about its noise while it is rendered: where samples differ, and which pixels need more.
-// adaptive.cpp opens with the estimate.
+// Noise estimates of a film during rendering: the spread of samples, and the pixels that need more of them.
+// adaptive.cpp describes the estimate.
 #pragma once
 
 #include "core/render/film.h"
 
 namespace marram {
 
-// Fills FilmPixel::deviation: a standard deviation, in units of luminance. O(pixels), between two passes.
+// Sets FilmPixel::luminance_stddev. O(pixels), called between two passes.
 void measure_spread(Film& film);
 
-// Fills FilmPixel::converged; noise: a share of brightness, as RenderSettings::noise. Needs a layer
-// "variance". False: none is left to be rendered. O(pixels), between two passes.
+// Sets FilmPixel::converged. noise: fraction of brightness, see RenderSettings::noise. Needs a layer
+// "variance". Returns false if all pixels have converged. O(pixels), called between two passes.
 bool find_noisy(Film& film, double noise);
 
 } // namespace marram

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A perspective camera with a thin lens (Potmesil and Chakravarty, "A Lens and Aperture Camera Model", 1981):
-// every ray through a point of the lens meets the ray through its centre on the plane of focus. Looks along
-// its own -z, y up.
+// all rays of a film position meet in one point of the focal plane. It looks along its own -z, with y up.
 #pragma once
 
 #include "core/geometry/hit.h"
@@ -16,7 +15,8 @@ struct CameraPose {
     Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity(); // camera to world
 };
 
-// A pose that looks at `target` from `position`, `up` at the top of the image. The three must span a plane.
+// A pose that looks from `position` at `target`, with `up` towards the top of the image. position - target
+// and up must not be parallel.
 inline CameraPose look_at(const Vec3d& position, const Vec3d& target, const Vec3d& up) {
     const Vec3d back = (position - target).normalized();
     const Vec3d right = up.cross(back).normalized();
@@ -27,13 +27,13 @@ inline CameraPose look_at(const Vec3d& position, const Vec3d& target, const Vec3
 
 struct Camera {
     std::vector<CameraPose> poses = {
-        CameraPose{}};                   // one (at rest), or several equally spaced over the shutter
+        CameraPose{}};                   // one (static camera), or several equally spaced over the shutter
     double vertical_fov = 40.0 * degree; // radians, 0 < fov < pi
-    double lens_radius = 0.0;            // m; 0: a pinhole, everything sharp
-    double focus_distance = 1.0;         // m along the axis; matters with a lens only
+    double lens_radius = 0.0;            // m; 0: pinhole camera
+    double focus_distance = 1.0;         // m along the axis; used with a lens only
 };
 
-// x, y: 0 ... 1 from the image's left and top. lens: 0 ... 1 squared. time: 0 ... 1.
+// x, y: 0 ... 1 from the left and top of the image. lens: two numbers 0 ... 1. time: 0 ... 1 of the shutter.
 class CameraRays {
   public:
     CameraRays(const Camera& camera, uint32_t width, uint32_t height)
@@ -76,7 +76,8 @@ class CameraRays {
         ray.direction = (d * (1.0 / d.norm())).cast<float>();
     }
 
-    // Concentric map of the square to the disc: Shirley and Chiu, 1997. It keeps strata compact.
+    // Concentric map from the square to the disc: Shirley and Chiu, 1997. It preserves the compactness of
+    // strata.
     Vec3d on_lens(const Vec2f& lens) const {
         const double a = 2.0 * static_cast<double>(lens.x()) - 1.0,
                      b = 2.0 * static_cast<double>(lens.y()) - 1.0;

@@ -10,7 +10,8 @@ namespace marram {
 
 namespace {
 
-// Height by the horizon, where the sky changes fastest; the width could be less but for the sun's aureole.
+// The height is needed near the horizon, where the sky changes fastest. The width is needed only for the
+// aureole of the sun.
 constexpr uint32_t image_width = 1536, image_height = 768;
 
 } // namespace
@@ -18,7 +19,7 @@ constexpr uint32_t image_width = 1536, image_height = 768;
 namespace {
 
 void in_parallel(size_t count, const std::function<void(size_t)>& body) {
-    // Isolated: who waits for the sky must not take up work that waits for it, too.
+    // Isolated: while a thread waits for the sky, it must not start tasks that wait for the sky as well.
     tbb::this_task_arena::isolate([&] { tbb::parallel_for(size_t{0}, count, body); });
 }
 
@@ -40,8 +41,8 @@ DaylightLights daylight_lights(const DaylightSettings& settings, float strength)
     sky.image.height = image_height;
     sky.image.pixels = SharedPixels([settings] { return sky_image(settings); });
     sky.strength = strength;
-    sky.rotation =
-        -std::atan2(settings.direction.x(), -settings.direction.z()); // its centre column to the sun
+    // Turns the centre column towards the sun.
+    sky.rotation = -std::atan2(settings.direction.x(), -settings.direction.z());
     const Vec3f irradiance =
         strength * sun_irradiance(settings, Atmosphere(air_of(settings), in_parallel, false));
     if (irradiance.maxCoeff() > 0.0F) lights.sun = {settings.direction, settings.angle, irradiance, true};

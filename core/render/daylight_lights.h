@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Daylight (shaders/daylight.h) as lights that the integrator knows: an image of the sky, and the sun.
+// Daylight (shaders/daylight.h) as two lights: an environment image of the sky, and the sun.
 //
-// The image is 1536 x 768, a pixel 0.23 degrees. What bilinear interpolation of it is off by, over directions drawn
-// evenly, and its cost are in tests/unit/render/daylight_test.cpp.
+// The image has 1536 x 768 pixels of 0.23 degrees. Its bilinear interpolation error over uniformly
+// distributed directions and its cost are in tests/unit/render/daylight_test.cpp.
 #pragma once
 
 #include "core/render/environment_light.h"
@@ -16,7 +16,7 @@ namespace marram {
 
 struct DaylightLights {
     EnvironmentLight sky;
-    std::optional<SunLight> sun; // none where it gives no light
+    std::optional<SunLight> sun; // none if it gives no light
 };
 
 DaylightLights daylight_lights(const DaylightSettings& settings, float strength);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Piecewise constant distributions in one and two dimensions, sampled by inverting their cumulative sums
-// (Pharr, Jakob, Humphreys, "Physically Based Rendering", appendix A): monotone, so that stratified numbers
-// stay stratified.
+// Piecewise constant distributions in one and two dimensions, sampled by inversion of the cumulative
+// distribution (Pharr, Jakob, Humphreys, "Physically Based Rendering", appendix A). The mapping is monotone,
+// so stratified numbers stay stratified.
 //
-// Sums are doubles. A cell of weight 0 is never chosen: the search finds the last cell whose sum is <= the
-// number, and the sum of an empty cell equals that of its successor.
+// Sums are doubles. A cell of weight 0 is never sampled: the search finds the last cell whose cumulative sum
+// is <= the random number, and the sum of an empty cell equals that of its successor.
 #pragma once
 
 #include <algorithm>
@@ -20,11 +20,11 @@ class Distribution1D {
   public:
     struct Choice {
         size_t cell;
-        double within; // 0 <= within < 1: where in the cell, uniform again
+        double within; // position in the cell, 0 <= within < 1: again uniform
     };
 
     Distribution1D() = default;
-    // weights >= 0; all 0: every cell alike.
+    // weights >= 0; if all are 0, the distribution is uniform.
     explicit Distribution1D(std::span<const double> weights) : sums_(weights.size() + 1, 0.0) {
         for (size_t i = 0; i < weights.size(); ++i) sums_[i + 1] = sums_[i] + weights[i];
         total_ = sums_.back();
@@ -36,11 +36,11 @@ class Distribution1D {
 
     bool empty() const { return sums_.size() < 2; }
     size_t size() const { return sums_.empty() ? 0 : sums_.size() - 1; }
-    double total() const { return total_; } // of the weights as given
+    double total() const { return total_; } // sum of the original weights
     double probability(size_t cell) const { return sums_[cell + 1] - sums_[cell]; }
 
     Choice sample(double random) const {
-        // Halving without a branch that depends on the number: half of those would be mispredicted.
+        // Branchless binary search: half of the data-dependent branches would be mispredicted.
         size_t cell = 0;
         for (size_t left = size(); left > 1; left -= left / 2)
             cell += sums_[cell + left / 2] <= random ? left / 2 : 0;
@@ -59,7 +59,7 @@ class Distribution2D {
   public:
     struct Choice {
         size_t column, row;
-        double x, y; // within the cell
+        double x, y; // position in the cell
     };
 
     Distribution2D() = default;

@@ -10,12 +10,13 @@ namespace marram {
 namespace {
 
 constexpr double table_variance = 0.005;
-constexpr uint32_t largest_shift = 6; // blocks of 64 pixels each way
+constexpr uint32_t largest_shift = 6; // blocks of 64 x 64 pixels
 
-// Column and row, in pixels from the image's top left corner, of a direction. Float: a direction is no more exact, and a
-// thousandth of a pixel of the widest image is not seen.
+// Position of a direction in the image, in pixels from the top left corner. Floats suffice: directions are
+// floats too, and the error is below a thousandth of a pixel of the widest image.
 Vec2f pixel_of(const EnvironmentLight& map, const Vec3f& d) {
-    // The second is the angle from +y; not by its cosine, which has no digits left at the poles.
+    // angles[1] is the polar angle from +y. It is not computed from its cosine, which loses all precision at
+    // the poles.
     const Float4 angles =
         fast_atan2(Float4{d.x(), std::sqrt(d.x() * d.x() + d.z() * d.z())}, Float4{-d.z(), d.y()});
     constexpr float turn = static_cast<float>(2.0 * pi);
@@ -29,7 +30,7 @@ size_t cell_of(float at, uint32_t count) {
     return std::min(static_cast<size_t>(at), static_cast<size_t>(count) - 1);
 }
 
-// column: at most one beyond either end.
+// column: -1 to width (wraps around); rows are clamped.
 const Vec3f& texel(const EnvironmentLight& map, int64_t column, int64_t row) {
     const int64_t width = map.image.width, height = map.image.height;
     if (column < 0) column += width;
@@ -38,7 +39,7 @@ const Vec3f& texel(const EnvironmentLight& map, int64_t column, int64_t row) {
     return map.image.pixels[static_cast<size_t>(row * width + column)];
 }
 
-// pixel: as pixel_of says.
+// Bilinear interpolation; pixel: position from pixel_of.
 Vec3f radiance_at(const EnvironmentLight& map, const Vec2f& pixel) {
     const Vec2f at = pixel - Vec2f(0.5F, 0.5F);
     const float left = std::floor(at.x()), above = std::floor(at.y());
@@ -50,7 +51,7 @@ Vec3f radiance_at(const EnvironmentLight& map, const Vec2f& pixel) {
     return map.strength * (top + y * (bottom - top));
 }
 
-// Of each pixel, the mean of the interpolant.
+// The mean of the bilinear interpolant over each pixel.
 std::vector<double> pixel_means(const EnvironmentLight& map) {
     std::vector<double> means(static_cast<size_t>(map.image.width) * map.image.height);
     for (int64_t row = 0; row < map.image.height; ++row)
@@ -65,7 +66,7 @@ std::vector<double> pixel_means(const EnvironmentLight& map) {
     return means;
 }
 
-// Blocks of 2^shift pixels each way; the last ones of rows and columns may be smaller.
+// Blocks of 2^shift x 2^shift pixels; the last ones of rows and columns may be smaller.
 struct Blocks {
     uint32_t shift;
     size_t columns, rows;
@@ -78,7 +79,7 @@ Blocks empty_blocks(const EnvironmentLight& map, uint32_t shift) {
     return {shift, columns, rows, std::vector<double>(columns * rows), std::vector<double>(columns * rows)};
 }
 
-// dphi (cos t0 - cos t1). cosines: of the borders of the pixels' rows.
+// dphi (cos t0 - cos t1) of a block. cosines: polar-angle cosines of the pixel row borders.
 double solid_angle(const EnvironmentLight& map, std::span<const double> cosines, uint32_t shift,
                    size_t column, size_t row) {
     const auto border = [&](size_t block, uint32_t pixels) {
@@ -116,7 +117,7 @@ Blocks coarser(const EnvironmentLight& map, const Blocks& blocks) {
     return sums;
 }
 
-// What sampling by these blocks adds to the relative second moment.
+// Increase of the relative second moment when sampling by these blocks (environment_light.h).
 double added_variance(const EnvironmentLight& map, std::span<const double> cosines, const Blocks& blocks) {
     double total = 0.0, moment = 0.0;
     for (size_t i = 0; i < blocks.light.size(); ++i) {
@@ -170,7 +171,7 @@ EnvironmentSampler::EnvironmentSampler(const EnvironmentLight& light) : light_(l
     if (shift_ == 0)
         for (size_t i = 0; i < weights.size(); ++i) weights[i] *= angle(i);
     by_block_ = Distribution2D(weights, columns_);
-    light_.rotation = std::remainder(light.rotation, 2.0 * pi); // many turns would cost digits
+    light_.rotation = std::remainder(light.rotation, 2.0 * pi); // large angles would lose precision
     for (size_t row = 0; row <= weights.size() / columns_; ++row)
         cosines_.push_back(cosines[std::min<size_t>(row << shift_, image.height)]);
     densities_.reserve(weights.size());

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light: environment. An image all around, sampled by how bright it is where.
+// Light: environment. An image around the scene, importance-sampled by its radiance.
 //
 //   parameter    unit          default             meaning
-//   file         -             required            latitude by longitude, twice as wide as high. Rows run from +y down; the
-//                                                  middle column is where -z points, +x is to the right of it
-//   strength     -             1                   factor on the image: numbers of the file are W/(m^2 sr)
-//   rotation     deg           0                   about y: turns what is at -z towards -x
+//   file         -             required            latitude-longitude image, twice as wide as high. The top
+//                                                  row is +y; the middle column is -z, with +x to its right
+//   strength     -             1                   factor on the image, whose values are W/(m^2 sr)
+//   rotation     deg           0                   about y, from -z towards -x
 //
 //   [[light]]
 //   name = "studio"
@@ -13,12 +13,14 @@
 //   file = "../textures/studio.exr"
 //   rotation = 30
 //
-// Sampled in square blocks of pixels by the integral of the bilinear interpolant over them, uniform in azimuth and cosine inside a block.
-// A pixel's mean is (1 6 1)/8 in both directions, so that it is 0 only where the interpolant is. The coarser a table, the more of it
-// stays in the fastest cache, so blocks are as large as the map allows: with pixels of radiance L_i and solid angle a_i in a block of
-// L, a, an estimate of all of the map has the relative second moment
-//   sum over blocks of L a sum(L_i^2 a_i / (L^2 a)) / sum(L a),
-// 1 were the density exact, and may have 1 + table_variance. Shadows and shaders vary by far more.
+// Sampled in square blocks of pixels, proportional to the integral of the bilinear interpolant over the
+// block; within a block uniform in azimuth and in the cosine of the polar angle. The interpolant's mean over
+// a pixel has the weights (1 6 1)/8 in both directions, so the pdf is 0 only where the interpolant is 0.
+// Coarse tables fit better into the L1 cache, so blocks are as large as the map allows. With pixels of
+// radiance L_i and solid angle a_i in a block of radiance L and solid angle a, an estimate of the integral
+// over the map has the relative second moment
+//   sum over blocks of L a sum(L_i^2 a_i / (L^2 a)) / sum(L a).
+// It is 1 for an exact pdf, and at most 1 + table_variance is allowed: shadows and BSDFs vary far more.
 #pragma once
 
 #include "core/render/distribution.h"
@@ -28,7 +30,7 @@ namespace marram {
 
 struct EnvironmentLight {
     LightImage image;
-    double rotation = 0.0; // radians about y: turns the world's image from -z towards -x
+    double rotation = 0.0; // radians about y, from -z towards -x
     float strength = 1.0F;
     bool visible = true;
 };
@@ -45,11 +47,11 @@ class EnvironmentSampler {
 
   private:
     EnvironmentLight light_;
-    uint32_t shift_ = 0; // blocks are 2^shift pixels each way
-    size_t columns_ = 0; // of blocks
+    uint32_t shift_ = 0; // blocks are 2^shift pixels wide and high
+    size_t columns_ = 0; // number of blocks in a row
     Distribution2D by_block_;
-    std::vector<double> cosines_;  // of the borders of the blocks' rows, from 1 to -1
-    std::vector<float> densities_; // per solid angle, of each block
+    std::vector<double> cosines_;  // polar-angle cosines of the block row borders, from 1 to -1
+    std::vector<float> densities_; // pdf of each block, per solid angle
 };
 
 std::vector<ParamSpec> environment_params();

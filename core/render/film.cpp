@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sums are doubles, added in the order of a pixel's samples by the one thread that has the pixel: the same
-// bits always.
+// Sums are doubles. One thread adds the samples of a pixel in order, so the result is always the same, bit
+// for bit.
 #include "core/render/film.h"
 
 #include <algorithm>
@@ -15,7 +15,7 @@ void for_each_attribute(const World& world, Visit&& visit) {
     for (const CurveGeometry& curves : world.curves) std::ranges::for_each(curves.attributes, visit);
 }
 
-// Layer with that name, no pixels yet; channels 0 where there is none.
+// A layer of this name, without pixels; 0 channels if it is unknown.
 FilmLayer describe(std::string_view name, const World& world) {
     FilmLayer layer;
     layer.name = name;
@@ -73,7 +73,7 @@ Film make_film(uint32_t width, uint32_t height, std::span<const std::string> nam
         if (layer.channels == 0)
             throw InputError(Place{}, "there is no layer \"" + name + "\"", "one of " + known_names(world));
         layer.first = film.stride;
-        // Of the variance: colours and their squares.
+        // The variance layer sums colours and their squares.
         layer.sums = layer.kind == LayerKind::variance ? 2 * layer.channels : layer.channels;
         film.stride += layer.sums + 1;
         film.layers.push_back(std::move(layer));

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pixel filters, sampled rather than weighted: a sample's place about its pixel's centre is drawn with the
-// filter as its density, so every sample counts one and belongs to one pixel only (Ernst, Stamminger,
-// Greiner, "Filter Importance Sampling", 2006). All four are products of a function of x and one of y,
-// inverted here through its tabulated cumulative sum; the table's midpoint rule on 1024 cells errs by less
+// Pixel filters by filter importance sampling: the offset of a sample from its pixel's centre is drawn with
+// the filter as its pdf, so every sample has weight one and belongs to one pixel only (Ernst, Stamminger,
+// Greiner, "Filter Importance Sampling", 2006). All four filters are separable; each factor is inverted
+// through its tabulated cumulative sum. The midpoint rule of the table, on 1024 cells, has an error of less
 // than 1e-6 of the filter's mass.
 //
-// gaussian: sigma = radius / 3, cut off where it has fallen to exp(-4.5) = 1 %.
-// blackman_harris: four-term window, minimum side lobes (Harris, 1978), over the whole diameter.
+// gaussian: sigma = radius / 3, truncated where it has fallen to exp(-4.5) = 1 %.
+// blackman_harris: four-term window with minimum side lobes (Harris, 1978), over the whole diameter.
 #pragma once
 
 #include "core/math/vec.h"
@@ -18,10 +18,10 @@ enum class FilterKind { box, triangle, gaussian, blackman_harris };
 
 struct Filter {
     FilterKind kind = FilterKind::blackman_harris;
-    double radius = 1.5; // pixels; of half the square that the filter covers
+    double radius = 1.5; // pixels; half the width of the square that the filter covers
 };
 
-// The filter at x = -1 ... 1 (times its radius), up to a factor.
+// The filter at x = -1 ... 1 (times its radius), not normalized.
 inline double filter_value(FilterKind kind, double x) {
     if (std::abs(x) > 1.0) return 0.0;
     switch (kind) {
@@ -55,7 +55,7 @@ class FilterSampler {
         inverse_.back() = 1.0;
     }
 
-    // Offset from the pixel's centre, in pixels, of a uniform number in [0, 1).
+    // Maps a uniform number in [0, 1) to an offset from the pixel's centre, in pixels.
     double operator()(float random) const {
         const double at = static_cast<double>(random) * static_cast<double>(inverse_.size() - 1);
         const size_t i = std::min(static_cast<size_t>(at), inverse_.size() - 2);

@@ -1,37 +1,41 @@
 // SPDX-License-Identifier: Apache-2.0
 // The estimator. A path x0 (camera), x1, x2, ... carries the throughput beta = prod f cos / p of the
-// directions drawn so far. At each vertex the light that arrives directly is the integral of f cos L over
-// directions, estimated twice and weighted by the power heuristic (Veach, "Robust Monte Carlo Methods for
-// Light Transport Simulation", 1997):
+// directions sampled so far. Direct light at each vertex is the integral of f cos L over directions. It is
+// estimated twice, with two sampling strategies weighted by the power heuristic (Veach, "Robust Monte Carlo
+// Methods for Light Transport Simulation", 1997):
 //
-//   once by drawing a direction of a light (density l):
-//     beta f cos L / l . l^2 / (l^2 + p^2), if nothing is in the way;
-//   once by going on along the shader's draw (density p):
-//     beta' L . p^2 / (l^2 + p^2), if it meets a light.
+//   light sampling (next-event estimation), with pdf l:
+//     beta f cos L / l . l^2 / (l^2 + p^2), if the shadow ray is not occluded;
+//   BSDF sampling, with pdf p:
+//     beta' L . p^2 / (l^2 + p^2), if the ray hits a light.
 //
-// Light that only one of the two strategies can reach has weight 1: what the camera sees directly, delta lights. Russian
-// roulette ends a path with probability 1 - max(beta) and divides beta by max(beta) otherwise.
+// Light that only one strategy can sample has weight 1: light seen directly by the camera, and delta lights.
+// Russian roulette ends a path with probability 1 - max(beta); otherwise it divides beta by max(beta).
 //
-// Shadow rays are subject to roulette too. If a light is not occluded it adds luminance C to a sample; S is the standard deviation of
-// the pixel's samples. The shadow ray is traced with probability q = min(1, C / (w S)), and the contribution is divided by q. This adds
-// C (w S - C), at most (w S / 2)^2, to the sample's variance S^2: clean pixels stay clean, and noisy pixels spend their rays on
-// bright lights. Time times variance is least for q proportional to C / S (Bolin and Meyer, "An error metric for Monte Carlo ray
-// tracing", 1997; Rath et al., "EARS: Efficiency-Aware Russian Roulette and Splitting", 2022). The first vertex is well stratified, so
-// S overstates its noise: w is small there. S comes from earlier passes. This does not bias: the expected value does not depend on q.
+// Shadow rays are subject to roulette too. C is the luminance that an unoccluded light adds to a sample; S is
+// the standard deviation of the pixel's samples, from earlier passes. The shadow ray is traced with
+// probability q = min(1, C / (w S)), and the contribution is divided by q. This adds C (w S - C), at most
+// (w S / 2)^2, to the sample's variance S^2: clean pixels stay clean, and noisy pixels spend their rays on
+// bright lights. Time times variance is least for q proportional to C / S (Bolin and Meyer, "An error metric
+// for Monte Carlo ray tracing", 1997; Rath et al., "EARS: Efficiency-Aware Russian Roulette and Splitting",
+// 2022). The first vertex is well stratified, so S overestimates its noise: w is small there. The estimate is
+// unbiased: its expected value does not depend on q.
 //
-// A clamp limits the indirect light of each sample. Direct light at the first surface is not clamped: it is well sampled, and its
-// highlights are to stay. The roulette's threshold w S is kept far below the clamp, or contributions that survive would be cut.
+// The clamp limits the indirect light of each sample. Direct light at the first surface is not clamped: it is
+// well sampled, and its highlights must stay. The roulette threshold w S is kept far below the clamp, because
+// otherwise the clamp would cut the contributions that survive.
 //
-// Textures are filtered over a ray cone. It is one pixel wide at the camera; after each vertex it spreads over the solid angle that the
-// sampled direction stands for, 1 / p (after Akenine-Moller et al., "Texture Level of Detail Strategies for Real-Time Ray Tracing",
-// 2019). Curvature is left out.
+// Textures are filtered over a ray cone. It is one pixel wide at the camera; after each vertex it spreads by
+// the solid angle that the sampled direction represents, 1 / p (after Akenine-Moller et al., "Texture Level
+// of Detail Strategies for Real-Time Ray Tracing", 2019). Surface curvature is ignored.
 //
-// Random numbers come in sets of four. Set 0: film and lens; set 1: time (in set 0 if there is no lens); then two sets per vertex, one
-// for the lights and the roulette, one for the BSDF. A vertex's sets do not depend on what other vertices use.
+// Random numbers come in sets of four. Set 0: film and lens; set 1: time (set 0 if there is no lens). Then
+// two sets per vertex: one for lights and roulette, one for the BSDF. The sets of a vertex do not depend on
+// what other vertices use.
 //
-// Passes of 1, 3, 12, 16, 16, ... samples over the whole image show something early. In each pass one task owns a pixel and adds its
-// samples in order. The ends of passes are fixed, and so is everything decided there: a render that stopped within a pass
-// resumes to the same bits.
+// The image is rendered in passes of 1, 3, 12, 16, 16, ... samples, so that a preview appears early. In each
+// pass one task owns a pixel and adds its samples in order. The ends of passes are fixed, and adaptive
+// decisions are made only there: a render that stopped within a pass resumes to the same bits.
 #include "core/render/integrator.h"
 
 #include "core/math/clock.h"
@@ -55,12 +59,12 @@ namespace marram {
 namespace {
 
 constexpr uint32_t time_set = 1, first_vertex_set = 2, sets_a_vertex = 2;
-// w above, at a path's first vertex and at others.
+// The weight w of the shadow-ray roulette (see above), at the first vertex and at later ones.
 constexpr float nee_weight_first = 0.3F, nee_weight_indirect = 0.8F;
 
 float luminance(const Vec3f& rgb) { return marram::luminance(rgb[0], rgb[1], rgb[2]); }
 
-// Everything that is the same for all samples.
+// Data shared by all samples.
 struct RenderContext {
     const World& world;
     const Lights& lights;
@@ -70,17 +74,17 @@ struct RenderContext {
     FilterSampler filter;
     Material fallback;
     std::vector<const AttributeValues*> tints; // [geometry ID]
-    std::vector<const AttributeValues*> ids;   // [geometry ID] or nullptr: each strand's own number
+    std::vector<const AttributeValues*> ids;   // [geometry ID] or nullptr: id of each strand
     std::vector<const AttributeValues*>
-        root_uvs; // [geometry ID] or nullptr: of the surface at each strand's root
-    std::vector<std::array<const AttributeValues*, 2>> ripples; // [geometry ID] of meshes: both or none
+        root_uvs; // [geometry ID] or nullptr: surface uv at each strand's root
+    std::vector<std::array<const AttributeValues*, 2>> ripples; // [geometry ID of meshes]: both or none
     std::vector<const AttributeValues*> layers;                 // [geometry ID * film layers + layer]
     bool moves;
     float pixel_angle; // radians
     bool wants_albedo = false;
 };
 
-// The cone of directions that a path stands for: its width, and how much that grows per metre.
+// Ray cone: its width, and the growth of the width per metre.
 struct Cone {
     float width = 0.0F, growth = 0.0F;
 };
@@ -93,7 +97,7 @@ struct FirstHit {
 
 float power_heuristic(float mine, float other) {
     if (!(mine > 0.0F)) return 0.0F;
-    const float ratio = other / mine; // squares of densities overflow for small suns
+    const float ratio = other / mine; // squared pdfs would overflow for a small sun
     return 1.0F / (1.0F + ratio * ratio);
 }
 
@@ -125,7 +129,7 @@ void find_attributes(RenderContext& context, const Film& film) {
     for (const CurveGeometry& curves : context.world.curves) add(curves.attributes, curves.material);
 }
 
-// The value of an attribute where a ray has hit; unused components are 0.
+// The value of an attribute at a ray hit; unused components are 0.
 std::array<float, 4> value_at(const RenderContext& context, const AttributeValues& attribute,
                               const SurfacePoint& at) {
     std::array<float, 4> values{};
@@ -142,7 +146,8 @@ const std::vector<AttributeValues>& attributes_of(const World& world, uint32_t g
                                           : world.curves[geometry - world.meshes.size()].attributes;
 }
 
-// The material at a point: of a blend one of its two, by a hash of where the path is and where it comes from.
+// The material at a point. A blend picks one of its two materials by a hash of the position and of the
+// direction towards the ray's origin.
 const Material& material_at(const RenderContext& context, const SurfacePoint& at, const Vec3f& wo) {
     const Material* material = &material_of(context, at.material);
     for (uint64_t depth = 0; const auto* blend = std::get_if<BlendSettings>(&material->settings); ++depth) {
@@ -160,7 +165,7 @@ const Material& material_at(const RenderContext& context, const SurfacePoint& at
 // Ids are discrete: never average them. Hash the id to a tint in [0, 1].
 float tint_at(const RenderContext& context, const Material& material, const SurfacePoint& at) {
     if (material.tint.empty()) return 0.0F;
-    const bool is_base = &material == &material_of(context, at.material); // else a part of a blend
+    const bool is_base = &material == &material_of(context, at.material); // otherwise one side of a blend
     const AttributeValues* tint =
         is_base ? context.tints[at.geometry]
                 : find_attribute(attributes_of(context.world, at.geometry), material.tint);
@@ -180,7 +185,7 @@ SurfaceRipples ripples_at(const RenderContext& context, const SurfacePoint& at) 
 // Converts a width along a triangle to uv space.
 float uv_width(const RenderContext& context, const SurfacePoint& at, float width) {
     const MeshGeometry& mesh = context.world.meshes[at.geometry];
-    float area = 0.5F; // of barycentrics, which stand for uvs where a mesh has none
+    float area = 0.5F; // of barycentrics, used if a mesh has no uvs
     if (!mesh.uvs.empty()) {
         const auto& corners = mesh.triangles[at.primitive];
         const Vec2f b = mesh.uvs[corners[1]] - mesh.uvs[corners[0]],
@@ -204,7 +209,7 @@ ShadingPoint shading_point(const RenderContext& context, const Material& materia
     point.tint = tint_at(context, material, at);
     if (!point.fibre) {
         if (std::holds_alternative<SandSettings>(material.settings)) point.ripples = ripples_at(context, at);
-        // Along the surface it is longer by the cosine one way: a square of the same area.
+        // The footprint is stretched by 1 / cosine in one direction: use the square of equal area.
         const float onto = std::max(std::abs(at.geometric_normal.dot(wo)), 0.01F);
         point.uv_width = uv_width(context, at, width / std::sqrt(onto));
         return point;
@@ -215,15 +220,16 @@ ShadingPoint shading_point(const RenderContext& context, const Material& materia
     point.h = at.h;
     point.strand_u = at.strand_u;
     const uint32_t curves = at.geometry - static_cast<uint32_t>(context.world.meshes.size());
-    // Strands that carry an id keep their looks when others come and go; an index does not.
+    // An id keeps the look of a strand when other strands are added or removed; an index does not.
     const AttributeValues* ids = context.ids[at.geometry];
     point.strand = static_cast<uint32_t>(
         hash(curves, ids ? std::bit_cast<uint32_t>(ids->values[at.strand]) : at.strand));
     return point;
 }
 
-// Next-event estimation: samples one light. A shadow ray whose contribution has a luminance below `nee_threshold` is traced with
-// probability luminance / nee_threshold only, and weighted to match.
+// Next-event estimation: samples one light. If the luminance of the contribution is below `nee_threshold`,
+// the shadow ray is traced with probability luminance / nee_threshold only, and its contribution is divided
+// by that.
 Vec3f direct_light(const RenderContext& context, const SurfacePoint& point, const Bsdf& bsdf, float time,
                    const Vec3f& throughput, float nee_threshold, const std::array<float, 3>& random,
                    RayCounts& counts) {
@@ -249,14 +255,14 @@ Vec3f direct_light(const RenderContext& context, const SurfacePoint& point, cons
     return occluded(context.world, ray, &counts) ? Vec3f::Zero() : contribution;
 }
 
-// MIS weight of light met along a direction sampled from the BSDF; bsdf_pdf < 0: a camera ray.
+// MIS weight of light hit along a direction sampled from the BSDF; bsdf_pdf < 0: a camera ray.
 float mis_weight(const RenderContext& context, float bsdf_pdf, float light_pdf) {
     if (bsdf_pdf < 0.0F || context.settings.strategy == Strategy::bsdf_sampling) return 1.0F;
     if (context.settings.strategy == Strategy::light_sampling && light_pdf > 0.0F) return 0.0F;
     return power_heuristic(bsdf_pdf, light_pdf);
 }
 
-// `deviation`: of the pixel's samples.
+// `deviation`: standard deviation of the luminance of the pixel's samples.
 float nee_threshold(const RenderContext& context, float deviation, uint32_t depth) {
     if (depth == 0) return deviation * nee_weight_first;
     const float threshold = deviation * nee_weight_indirect;
@@ -270,13 +276,13 @@ bool survives_roulette(Vec3f& throughput, float random) {
     return true;
 }
 
-// Radiance of a path, by the number of surfaces that scattered it.
+// Radiance of a path: direct (at most one scattering) and indirect (more).
 struct PathRadiance {
     Vec3f direct = Vec3f::Zero(), indirect = Vec3f::Zero();
     float cut_throughput = 0.0F; // luminance of the throughput of a path that max_depth ends
 };
 
-// `deviation`: standard deviation of the pixel's samples; 0 where it is not known.
+// `deviation`: standard deviation of the pixel's samples; 0: unknown.
 PathRadiance trace(const RenderContext& context, Ray ray, float deviation, const Sampler& sampler,
                    FirstHit& first, RayCounts& counts) {
     PathRadiance light;
@@ -326,12 +332,12 @@ PathRadiance trace(const RenderContext& context, Ray ray, float deviation, const
         bsdf_pdf = next.pdf;
         cone.growth = std::max(cone.growth, 1.0F / std::sqrt(static_cast<float>(pi) * next.pdf));
         ray = spawn(point, next.wi, ray.time);
-        // Indirect rays see what shadow rays see: the two strategies of MIS must agree on visibility.
+        // BSDF-sampled rays use the mask of shadow rays: both MIS strategies must agree on visibility.
         ray.mask = MARRAM_CASTS_SHADOWS;
     }
 }
 
-// Returns the luminance that the clamp takes.
+// Returns the luminance that the clamp removes.
 double clamp(Vec3f& indirect, float limit) {
     const float most = indirect.maxCoeff();
     if (!(limit > 0.0F && most > limit)) return 0.0;
@@ -359,7 +365,7 @@ void add_attribute(const RenderContext& context, const FilmLayer& layer, size_t 
                    size_t layer_count, const SurfacePoint& point, double* sums) {
     const AttributeValues* attribute = context.layers[point.geometry * layer_count + layer_index];
     if (!attribute) return;
-    // Discrete values cannot be averaged: a pixel keeps the first one.
+    // Discrete values must not be averaged: a pixel keeps the first one.
     if (attribute->discrete && sums[layer.channels] > 0.0) return;
     const std::array<float, 4> values = value_at(context, *attribute, point);
     const std::array<double, 4> wide = {values[0], values[1], values[2], values[3]};
@@ -427,11 +433,11 @@ bool cancelled(const RenderProgress* progress) {
 
 struct Deadline {
     const std::function<double()>& clock;
-    std::optional<double> at; // on the clock
+    std::optional<double> at; // time of the clock
     bool over() const { return at && clock() >= *at; }
 };
 
-// The pixel's samples from `begin` to `end`.
+// Renders the samples [begin, end) of a pixel.
 void render_pixel(const RenderContext& context, uint32_t x, uint32_t y, uint32_t begin, uint32_t end,
                   Film& film, RenderStats& stats) {
     const size_t at = static_cast<size_t>(y) * film.width + x;
@@ -457,7 +463,7 @@ void render_pixel(const RenderContext& context, uint32_t x, uint32_t y, uint32_t
     }
 }
 
-// The samples up to `end` of the tile's pixels, each from where it stands.
+// Renders the samples up to `end` of the pixels of a tile; each pixel continues at its next sample.
 void render_tile(const RenderContext& context, const Tile& tile, uint32_t end, Film& film, RenderStats& stats,
                  RenderProgress* progress, const Deadline& deadline) {
     bool stopped = false;
@@ -468,7 +474,7 @@ void render_tile(const RenderContext& context, const Tile& tile, uint32_t end, F
             if (stopped) break;
             FilmPixel& pixel = film.pixels[static_cast<size_t>(y) * film.width + x];
             const uint32_t begin = pixel.next_sample;
-            if (begin >= end) continue; // this pass had come so far when it was stopped
+            if (begin >= end) continue; // done before this pass was interrupted
             pixel.next_sample = end;
             passed += end - begin;
             if (!pixel.converged) render_pixel(context, x, y, begin, end, film, stats);
@@ -505,33 +511,34 @@ void render_pass(const RenderContext& context, uint32_t end, Film& film, RenderS
 
 // First end of a pass after `begin`. `begin` lies inside a pass if an earlier render asked for fewer samples.
 uint32_t pass_end(uint32_t begin) {
-    constexpr uint32_t longest = 16; // samples: a pixel's share of a pass is what a cancel has to wait for
+    constexpr uint32_t longest = 16; // samples: a cancel waits for the current pixels to finish the pass
     if (begin >= longest) return (begin / longest + 1) * longest;
     uint32_t end = 1;
     while (end <= begin) end *= 4;
     return end;
 }
 
-// True if every pixel stands exactly at the end of a pass. Adaptive decisions are made only here, so that a resumed render repeats them
-// identically.
+// True if every pixel is exactly at the end of a pass. Adaptive decisions are made only here, so that a
+// resumed render repeats them identically.
 bool is_between_passes(uint32_t begin, const Film& film) {
     return begin > 0 && pass_end(begin - 1) == begin && progress_of(film).greatest == begin;
 }
 
-// End of the next partial pass: sized for half of the time left, at least one sample, at most the end of the pass. So the deadline
-// interrupts a partial pass of a single sample, as long as samples do not become twice as slow.
+// End of the next partial pass. Sized for half of the remaining time: at least one sample, at most to the end
+// of the pass. So the deadline interrupts only partial passes of one sample, unless samples become twice as
+// slow.
 uint32_t partial_pass_end(const Film& film, uint32_t end, double seconds_left, double seconds_a_sample) {
     const uint32_t begin = progress_of(film).least;
-    if (!(seconds_a_sample > 0.0)) return std::min(begin + 1, end); // not known yet: to learn it
-    const double pixels = double(
-        std::ranges::count(film.pixels, false, &FilmPixel::converged)); // those that still take samples
+    if (!(seconds_a_sample > 0.0)) return std::min(begin + 1, end); // unknown: one sample measures it
+    const double pixels =
+        double(std::ranges::count(film.pixels, false, &FilmPixel::converged)); // not converged
     const double samples =
         std::max(1.0, std::floor(0.5 * seconds_left / (seconds_a_sample * std::max(pixels, 1.0))));
     return samples < double(end - begin) ? begin + uint32_t(samples) : end;
 }
 
 void render_passes(const RenderContext& context, Film& film, RenderStats& stats, RenderProgress* progress) {
-    constexpr uint32_t enough_to_judge = 16; // samples, of a pixel's variance
+    constexpr uint32_t enough_to_judge = 16; // samples for a usable variance of a pixel
     const RenderSettings& settings = context.settings;
     const std::function<double()> clock = settings.clock ? settings.clock : wall_seconds;
     const double start = clock();
@@ -543,7 +550,7 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
             if (begin > 1) measure_spread(film);
             if (settings.noise > 0.0 && begin >= enough_to_judge && !find_noisy(film, settings.noise)) return;
         }
-        while (begin < end) { // partial passes: more than one only where time runs out
+        while (begin < end) { // partial passes: several only near the deadline
             if (settings.seconds > 0.0 && begin > 0) deadline.at = start + settings.seconds;
             stats.out_of_time = deadline.over();
             if (stats.out_of_time) return;

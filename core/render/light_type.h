@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What all kinds of lights have in common.
+// Common types of all lights.
 #pragma once
 
 #include "core/geometry/hit.h"
@@ -14,26 +14,25 @@
 
 namespace marram {
 
-// Towards a light, from a point.
+// A sampled direction from a point towards a light.
 struct LightSample {
     Vec3f radiance = Vec3f::Zero();
-    Vec3f direction = Vec3f::UnitY(); // unit, from the point; of lights at infinity
-    float pdf = 0.0F;                 // solid angle, choice of the light included; 0: nothing arrives
-    bool delta = false; // can only be reached this way: no weighting against the shader's sampling
+    Vec3f direction = Vec3f::UnitY(); // unit, from the point; for lights at infinity
+    float pdf = 0.0F;                 // per solid angle, includes the choice of the light; 0: no light
+    bool delta = false;               // BSDF sampling cannot hit it: no MIS
     bool at_infinity = true;
-    Vec3d target = Vec3d::Zero(); // a point on an emitting mesh, moved off it by its error
-    float unused = 0.0F; // a uniform number, independent of the others: left over from choosing the light
+    Vec3d target = Vec3d::Zero(); // a point on an emitting mesh, offset by its error
+    float unused = 0.0F;          // uniform random number, reused from choosing the light: independent
 };
 
-// Along a ray.
+// Radiance of a light along a ray.
 struct SeenLight {
     Vec3f radiance = Vec3f::Zero();
-    float pdf = -1.0F; // with which sampling the light would have chosen the ray; below 0: it is not seen
+    float pdf = -1.0F; // of light sampling for this direction; < 0: the ray does not see the light
 };
 
-// An image for a light: latitude by longitude, rows from the top; strength scales it. Throws InputError at the parameter's place.
-// Pixels that all copies share until one of them is edited. They may be computed when they are first looked at: scenes are read for
-// their geometry alone, too.
+// Pixels shared by all copies until one of them is edited. They may be computed at the first access: some
+// programs read scenes for their geometry only.
 class SharedPixels {
   public:
     using Make = std::function<std::vector<Vec3f>()>;
@@ -76,10 +75,12 @@ class SharedPixels {
     std::shared_ptr<Shared> shared_;
 };
 
+// An image for a light: latitude-longitude, rows from the top.
 struct LightImage {
     uint32_t width = 0, height = 0;
     SharedPixels pixels; // finite and >= 0
 };
+// Reads an image, which `strength` will scale. Throws InputError at the parameter's place.
 using LightImageReader = std::function<LightImage(const ParamValue& file, double strength)>;
 
 inline double mean_of(const Vec3f& color) { return color.cast<double>().sum() / 3.0; }
@@ -87,8 +88,8 @@ inline Vec3f color_of(const ParamSet& params, std::string_view name) {
     return params.vec3(name).cast<float>();
 }
 
-// Bounds of parameters: beyond these a number is a slip of the pen.
-inline constexpr double brightest_light = 1e9; // still a float after any product along a path
+// Bounds of parameters: greater values are input errors.
+inline constexpr double brightest_light = 1e9; // no product along a path overflows a float
 inline constexpr double longest_direction = 1e8;
 
 } // namespace marram

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// One light is chosen, half of the probability spread evenly and half by an estimate of the irradiance it causes in the scene, so that
-// none is starved. Densities are per solid angle and contain the choice.
+// One light is chosen per sample. Half of the probability is distributed evenly over the lights that emit,
+// and half by an estimate of the irradiance that each causes in the scene, so no light is undersampled. Pdfs
+// are per solid angle and include the probability of the choice.
 #include "core/render/lights.h"
 
 #include "core/render/daylight_lights.h"
@@ -69,7 +70,7 @@ Lights::Lights(std::span<const LightDescription> descriptions, const World& worl
     double total = 0.0;
     for (const LightSampler& sampler : samplers_)
         total += powers.emplace_back(std::visit([&](const auto& s) { return s.power(radius); }, sampler));
-    if (!(total > 0.0)) return; // nothing shines: nothing to sample
+    if (!(total > 0.0)) return; // no light emits
     for (double& p : powers) p = p > 0.0 ? 0.5 / static_cast<double>(powers.size()) + 0.5 * p / total : 0.0;
     choice_ = Distribution1D(powers);
 }

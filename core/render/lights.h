@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // All lights of a scene, and the registry of their types.
 //
-// A light is a file of its own, <type>_light.h: what it is, its parameters, a description as a scene gives it, and a sampler made from
-// that for rendering.
+// Each light type has its own file, <type>_light.h, with its parameters, a description as given in a scene,
+// and a sampler made from that for rendering.
 //
-// To add a light: its file, and its place in LightDescription, LightSampler, sampler_of (lights.cpp does not compile without) and
-// light_types().
+// To add a light type: write its file, and add it to LightDescription, LightSampler, sampler_of (without it
+// lights.cpp does not compile) and light_types().
 #pragma once
 
 #include "core/render/environment_light.h"
@@ -27,27 +27,28 @@ using LightSampler = std::variant<SunSampler, SkySampler, EnvironmentSampler, Me
 struct LightType {
     std::string name, help;
     std::vector<ParamSpec> params;
-    // Adds to `more` what becomes a light of its own.
+    // Appends further lights to `more` if one description stands for several.
     LightDescription (*make)(const ParamSet& params, const LightImageReader& read,
                              std::vector<LightDescription>& more);
 };
 
-// All types, in the order in which help and messages list them. Lives as long as the program.
+// All types, in the order of help and messages. The list is static.
 std::span<const LightType> light_types();
 
 class Lights {
   public:
     Lights() = default;
-    // The world must outlive the lights: emitting triangles are read from it.
+    // The world must outlive the lights: they read emitting triangles from it.
     Lights(std::span<const LightDescription> descriptions, const World& world);
 
     bool empty() const { return choice_.empty(); }
 
-    // One light and a point of it, seen from `from`: 3 uniform numbers.
+    // Samples a light and a point on it for the shading point `from`, with 3 uniform numbers.
     LightSample sample(const Vec3d& from, float time, const std::array<float, 3>& random) const;
 
-    // What a ray that hits nothing sees of all lights at infinity. `weight(pdf)` is asked for each light with the density with which
-    // sample() would have chosen the direction (0: never).
+    // Radiance of all lights at infinity along a ray that hits nothing. `weight(pdf)` is called for each
+    // light with the pdf with which sample() would sample the direction (0: never), and returns the MIS
+    // weight.
     template <typename Weight>
     Vec3f environment_radiance(const Vec3f& direction, bool camera_ray, Weight&& weight) const {
         Vec3f sum = Vec3f::Zero();
@@ -58,7 +59,7 @@ class Lights {
         return sum;
     }
 
-    // What a ray sees of the emitting mesh that it has hit.
+    // Radiance of the emitting mesh that a ray has hit.
     SeenLight emitted(const SurfacePoint& point, const Vec3f& direction) const;
 
   private:

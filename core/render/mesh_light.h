@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light: mesh. A mesh that shines from its outer side.
+// Light: mesh. A mesh that emits from its outer side.
 //
 //   parameter    unit          default             meaning
-//   mesh         -             required            its name
-//   radiance     W/(m^2 sr)    1                   the same in all directions, from the outer side
+//   mesh         -             required            name of the mesh
+//   radiance     W/(m^2 sr)    1                   constant over directions, on the outer side
 //
 //   [[light]]
 //   name = "lamp"
@@ -11,8 +11,9 @@
 //   mesh = "panel"
 //   radiance = 12
 //
-// Sampled uniformly by area over all triangles of the light as they are mid-shutter; a triangle's own area enters the density at the
-// ray's time: P(triangle) / area(t) . distance^2 / cos. Uniform point on a triangle: Turk, "Graphics Gems", 1990.
+// Sampled uniformly by the area at mid-shutter, over all triangles of the light. The pdf uses the area of the
+// triangle at the ray's time: P(triangle) / area(t) . distance^2 / cos. Uniform point on a triangle: Turk,
+// "Graphics Gems", 1990.
 #pragma once
 
 #include "core/render/distribution.h"
@@ -22,7 +23,7 @@
 
 namespace marram {
 
-// The meshes whose MeshGeometry::light is this light's index shine from their front faces.
+// Meshes whose MeshGeometry::light is the index of this light emit from their front faces.
 struct MeshLight {
     Vec3f radiance = Vec3f::Ones();
 };
@@ -34,7 +35,7 @@ class MeshSampler {
     MeshSampler(const MeshLight& light, uint32_t index, const World& world);
     double power(double scene_radius) const;
     void sample(const Vec3d& from, float time, float a, float b, LightSample& sample) const;
-    // At a point that a ray has hit. `choice`: probability with which this light is chosen, part of the density.
+    // At a ray hit. `choice`: probability of choosing this light, a factor of the pdf.
     SeenLight seen(const SurfacePoint& point, const Vec3f& direction, double choice) const;
 
   private:

@@ -1,20 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
-// Well-spread sample numbers: Sobol's sequence in four dimensions, Owen-scrambled by hashing, one set of four after the other.
+// Low-discrepancy sampler: four-dimensional Sobol points with hash-based Owen scrambling, padded in sets of
+// four.
 //
-// Sobol, 1967, with Joe and Kuo's direction numbers. Any 2^k points that begin at a multiple of 2^k fall one into each of the 2^k
-// elementary intervals of the first two dimensions, of every shape; all four together come a factor of 8 later. The first
-// dimension's matrix is I, the second's Pascal's triangle modulo 2: by Lucas' theorem C(j, i) is odd where i's bits are among
-// j's, so that it is a sum over supersets of bit positions, five exchanges. The others are sums over the index' bytes of a table.
+// Sobol, 1967, with Joe and Kuo's direction numbers. Of any 2^k points that begin at a multiple of 2^k,
+// exactly one lies in each of the 2^k elementary intervals (of every shape) of the first two dimensions; all
+// four dimensions together need 8 times as many points. The generator matrix of the first dimension is I,
+// that of the second is Pascal's triangle modulo 2. By Lucas' theorem C(j, i) is odd if the bits of i are a
+// subset of those of j, so the second dimension is a sum over supersets of bit positions, computed in five
+// steps. The other two dimensions are sums of table entries, one for each byte of the index.
 //
-// Owen, 1995: nested uniform scrambling flips each bit by a random function of the bits above it; strata stay, the error of a
-// smooth integrand falls like n^-1.5 instead of n^-1. Laine and Karras, 2011: on the reversed bits that is a hash in which
-// information travels upwards only. Constants: Vegdahl's, better avalanche than Laine and Karras' own.
+// Owen, 1995: nested uniform scrambling flips each bit by a random function of the higher bits. It preserves
+// strata, and the error of a smooth integrand falls like n^-1.5 instead of n^-1. Laine and Karras, 2011: on
+// the reversed bits this is a hash in which information only travels upwards. The constants are Vegdahl's,
+// which have better avalanche than those of Laine and Karras.
 //
-// Sets are padded: the order of each is shuffled by itself, or two would stand in a fixed relation. Owen's scrambling of the index, as in
-// Burley, "Practical Hash-based Owen Scrambling", JCGT 2020, keeps points 2k and 2k + 1 neighbours in every set: opposite in all dimensions, so
-// that products over two sets vary by 1.5 to 1.7 times as much as of free numbers. Here each 16 points that belong together
-// are shuffled by i -> a i + b over the field of 16 elements, a and b at random, a not 0: any two places come to any two others alike often,
-// and products vary by 16/15. Strata of 16 and more points stay. Set 0 keeps its order, and so all its strata.
+// Padding: the order of points is shuffled independently in each set, otherwise sets would be correlated.
+// Owen scrambling of the index, as in Burley, "Practical Hash-based Owen Scrambling", JCGT 2020, keeps points
+// 2k and 2k + 1 neighbours in every set. They are opposite in all dimensions, so products over two sets have
+// 1.5 to 1.7 times the variance of independent samples. Here the points of each aligned block of 16 are
+// permuted by i -> a i + b over the field of 16 elements, with random a (not 0) and b: any two positions are
+// mapped to any other two equally often, and the variance of products is 16/15. Strata of 16 and more points
+// are preserved. Set 0 keeps its order, and so all its strata.
 #pragma once
 
 #include "core/math/float4.h"
@@ -24,7 +30,7 @@
 
 namespace marram {
 
-// Of one number, or of four.
+// T: uint32_t or UInt4.
 template <typename T>
 constexpr T reverse_bits(T x) {
     x = (x << 16) | (x >> 16);
@@ -34,7 +40,7 @@ constexpr T reverse_bits(T x) {
     return ((x & 0x55555555U) << 1) | ((x >> 1) & 0x55555555U);
 }
 
-// Scrambles numbers whose most significant bit stands lowest.
+// Owen scrambling of bit-reversed numbers.
 constexpr UInt4 scramble_reversed(UInt4 x, UInt4 seed) {
     x ^= x * 0x3d20adeaU;
     x += seed;
@@ -54,7 +60,7 @@ constexpr uint32_t sobol_second_reversed(uint32_t index) {
     return index;
 }
 
-// The third and the fourth, of each value of each byte of the index, bits reversed.
+// The third and fourth dimension, bits reversed: contribution of each value of each byte of the index.
 struct SobolBytes {
     std::array<std::array<std::array<uint32_t, 2>, 256>, 4> sums{};
 
@@ -90,19 +96,19 @@ struct FieldProducts {
 };
 inline constexpr FieldProducts field_products;
 
-// Where in its 16 points a point comes: a i + b.
+// Permutes a point within its block of 16: a i + b.
 constexpr uint32_t shuffle_sixteen(uint32_t index, uint32_t seed) {
     const uint32_t random = mix32(seed ^ (index >> 4)), a = 1 + ((random >> 16) * 15 >> 16), b = random & 15U;
     return (index & ~15U) | ((uint32_t(field_products.rows[a] >> (4 * (index & 15U))) & 15U) ^ b);
 }
 
-// The numbers of one sample of one pixel, four at a time. Two samplers that are alike in seed, pixel and sample give the same
-// numbers.
+// The random numbers of one sample of one pixel, four at a time. They depend on seed, pixel and sample only.
 class Sampler {
   public:
     Sampler(uint64_t pixel_seed, uint32_t sample) : seed_(pixel_seed), sample_(sample) {}
 
-    // Every purpose has its own set, whatever else was drawn. Of a set the first two numbers are spread best, the fourth worst.
+    // Each use has its own set, independent of the others. Within a set the first two numbers are stratified
+    // best, the fourth worst.
     std::array<float, 4> numbers(uint32_t set) const {
         const uint64_t a = mix64(seed_ + first_step * (set + 1)), b = mix64(seed_ - second_step * (set + 1));
         const UInt4 seeds{uint32_t(a), uint32_t(a >> 32), uint32_t(b), uint32_t(b >> 32)};
@@ -117,7 +123,8 @@ class Sampler {
     }
 
   private:
-    // Odd, no small multiple of one is near a small multiple of the other: golden ratio and square root of 3.
+    // Odd, from the golden ratio and the square root of 3: no small multiple of one is close to one of the
+    // other.
     static constexpr uint64_t first_step = 0x9e3779b97f4a7c15ULL, second_step = 0xbb67ae8584caa73bULL;
     uint64_t seed_;
     uint32_t sample_;

@@ -9,7 +9,7 @@ namespace {
 constexpr size_t sky_cells = 512;
 constexpr float ground_blend = 0.1F;
 
-// Simpson's rule over each cell; positive wherever the sky is.
+// Simpson's rule over each cell; positive if the sky has light there.
 Distribution1D table_of(const SkyLight& light) {
     std::vector<double> weights(sky_cells);
     const auto at = [&](double y) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light: sky. A gradient over the whole sphere.
+// Light: sky. A colour gradient over the whole sphere.
 //
 //   parameter    unit          default             meaning
 //   zenith       W/(m^2 sr)    [0.25, 0.45, 0.9]   radiance straight above
@@ -12,7 +12,8 @@
 //   type = "sky"
 //   horizon = [0.9, 0.8, 0.7]
 //
-// Sampled with uniform azimuth and a height y from a table: equal steps of y are equal solid angles (Archimedes).
+// Sampled with uniform azimuth and with the height y from a table: equal steps of y are equal solid angles
+// (Archimedes).
 #pragma once
 
 #include "core/render/distribution.h"
@@ -20,9 +21,9 @@
 
 namespace marram {
 
-// Radiance: zenith to horizon as 1 - (1 - y)^3 of the direction's height y (it changes fastest near the
-// horizon), ground below, which the horizon blends into over the first 0.1 of -y. Alike colours give exactly
-// that colour everywhere.
+// Radiance as a function of the height y of the direction. Above the horizon it blends from horizon to zenith
+// by 1 - (1 - y)^3, which changes fastest near the horizon. Below, horizon blends into ground over the first
+// 0.1 of -y. If all colours are equal, the result is exactly that colour everywhere.
 struct SkyLight {
     Vec3f zenith = Vec3f::Ones(), horizon = Vec3f::Ones(), ground = Vec3f::Ones();
     float strength = 1.0F;

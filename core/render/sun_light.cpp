@@ -6,7 +6,7 @@
 namespace marram {
 namespace {
 
-constexpr double least_disc = 64.0 * 0x1p-23; // radians; a float direction is off by up to 1 % of that
+constexpr double least_disc = 64.0 * 0x1p-23; // radians; a float direction has an error of up to 1 % of it
 
 } // namespace
 

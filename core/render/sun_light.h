@@ -2,8 +2,9 @@
 // Light: sun. A disc at infinity.
 //
 //   parameter    unit          default             meaning
-//   direction    -             [1, 2, 1]           towards it, of any length
-//   angle        deg           0.53                its diameter: larger makes shadows softer; 0: parallel rays, not seen
+//   direction    -             [1, 2, 1]           towards the sun, of any length
+//   angle        deg           0.53                angular diameter: larger makes shadows softer; 0: parallel
+//                                                  rays, and the sun is invisible
 //   irradiance   W/m^2         3                   on a surface perpendicular to it; 3.14 shows white as 1
 //
 //   [[light]]
@@ -11,9 +12,9 @@
 //   type = "sun"
 //   direction = [-1, 2, 1]
 //
-// Sampled uniformly in the cone of half angle a. 1 - cos a = 2 sin^2(a/2) keeps its digits however small a is; a direction at
-// 1 - cos = w has sin = sqrt(w (2 - w)). Irradiance E perpendicular to it gives radiance E / (pi sin^2 a). A disc so small that unit
-// vectors in float cannot tell its inside is a delta light.
+// Sampled uniformly in the cone of half angle a. 1 - cos a is computed as 2 sin^2(a/2), which is accurate for
+// small a; a direction at 1 - cos = w has sin = sqrt(w (2 - w)). Perpendicular irradiance E gives the
+// radiance E / (pi sin^2 a). If float unit vectors cannot resolve the disc, the sun is a delta light.
 #pragma once
 
 #include "core/render/light_type.h"
@@ -23,7 +24,7 @@ namespace marram {
 struct SunLight {
     Vec3d direction = Vec3d::UnitY(); // towards the sun, any length
     double angle = 0.533 * degree;    // angular diameter, radians, 0 ... pi; 0: parallel rays, invisible
-    Vec3f irradiance = Vec3f::Ones(); // W/m2 on a plane that faces it, whatever its angle
+    Vec3f irradiance = Vec3f::Ones(); // W/m^2 on a plane that faces it, independent of `angle`
     bool visible = true;              // to camera rays
 };
 
@@ -31,14 +32,14 @@ class SunSampler {
   public:
     static constexpr bool at_infinity = true;
     explicit SunSampler(const SunLight& light);
-    double power(double scene_radius) const; // estimate of the irradiance that it causes
+    double power(double scene_radius) const; // estimate of the irradiance it causes
     void sample(const Vec3d& from, float time, float a, float b, LightSample& sample) const;
     SeenLight seen(const Vec3f& direction, bool camera_ray) const;
 
   private:
     Vec3d direction_, x_, y_;  // orthonormal
-    double half_angle_, rise_; // 1 - cos half_angle
-    Vec3f radiance_;           // irradiance where delta
+    double half_angle_, rise_; // rise_: 1 - cos(half_angle_)
+    Vec3f radiance_;           // irradiance if delta_
     float pdf_ = 1.0F;
     bool delta_, visible_;
 };

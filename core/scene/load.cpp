@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The order of things: parse, lay the settings over, read every table against its declaration, check the
-// rules between them, and throw all that was found wrong at once.
+// Loads a scene in this order: parse, apply the settings, read every table against its declaration, check the
+// rules between them, throw all mistakes at once.
 #include "core/math/hash.h"
 #include "core/scene/parse.h"
 #include "core/scene/rules.h"
@@ -18,11 +18,11 @@ namespace {
 const std::vector<std::string> table_names = {"camera",   "film", "wind",   "light",
                                               "material", "mesh", "curves", "procedural"};
 
-// Every procedural may come from a library of its own, whether its declaration says so or not.
+// Every procedural has this parameter, whether or not its library declares it.
 const ParamSpec library_spec = {
     "library", ParamType::file, "", "none", {}, {}, "library", "shared library it comes from"};
 
-// The table of this name, or nothing; a list or a value in its place is reported.
+// The table of this name, or nullptr. A list or value of this name is reported.
 const toml::table* single_table(const toml::table& root, const std::string& name, Reading& reading) {
     const toml::node* node = root.get(name);
     if (!node || node->is_table()) return node ? node->as_table() : nullptr;
@@ -42,13 +42,12 @@ ParamSet read_single(const toml::table& root, const std::string& name, std::span
     job.place = job.table ? place_of(*job.table, reading) : Place{reading.file, 1, 1};
     job.address = name;
     job.specs = pointers(specs);
-    // A table that stands there in the wrong shape has been reported; its keys being missing is no further
-    // mistake.
+    // If the node is not a table, this has been reported: do not report its missing keys as well.
     if (!job.table && root.contains(name)) return {};
     return read_table(job, reading);
 }
 
-// A text among the keys that every thing has: `name`, `type`. Reported where it is no text or empty.
+// Reads the text of a key that every item has: `name` or `type`. Reports an empty text and other types.
 std::optional<std::string> read_word(const toml::table& table, const char* key, const std::string& label,
                                      Reading& reading) {
     const toml::node* node = table.get(key);
@@ -77,8 +76,9 @@ const ItemSchema* read_type(const toml::table& table, const std::string& kind, c
     return nullptr;
 }
 
-// One item for each name that a parameter of type "each" lists: "fur" on "body" and "tail" becomes "fur.body" and "fur.tail". A seed is
-// derived for each from its name, so that equal meshes do not get the same strands.
+// If a parameter with ParamSpec::each lists several names, makes one item for each: "fur" on "body" and
+// "tail" becomes "fur.body" and "fur.tail". The seed of each is hashed from the name, so that equal meshes
+// get different strands.
 std::vector<Item> one_for_each(Item item) {
     std::vector<Item> items;
     const auto of_each = std::ranges::find_if(item.params.all(), [](const ParamValue& value) {
@@ -93,7 +93,7 @@ std::vector<Item> one_for_each(Item item) {
         if (ParamValue* seed = one.params.find("seed"); seed && seed->spec->type == ParamType::integer) {
             uint64_t h = uint64_t(seed->numbers[0]);
             for (const char c : name) h = hash(h, uint64_t(static_cast<unsigned char>(c)));
-            // In the range that the seed has; 31 bits are exact in a double.
+            // Map the hash to the declared range of the seed; 31 bits are exact in a double.
             const double low = std::max(seed->spec->minimum, 0.0),
                          high = std::min(seed->spec->maximum, 0x7fffffff.0p0);
             seed->numbers[0] = high > low ? low + std::fmod(double(h & 0x7fffffffU), high - low + 1.0) : low;

@@ -13,8 +13,8 @@
 namespace marram {
 namespace {
 
-constexpr size_t largest_file = size_t(64)
-                                << 20; // bytes; a scene is a page of text, data belong in files of their own
+// Bytes. A scene is a page of text; data belong in separate files.
+constexpr size_t largest_file = size_t(64) << 20;
 
 std::string read_file(const std::string& file) {
     namespace fs = std::filesystem;
@@ -53,7 +53,7 @@ std::string fix(std::string_view description) {
 } // namespace
 
 std::optional<Place> deep_key(std::string_view text) {
-    char quote = 0; // the one that the string we are in began with
+    char quote = 0; // opening quote of the current string; 0: outside of strings
     bool multiline = false;
     int line = 1;
     size_t parts = 1;
@@ -66,7 +66,7 @@ std::optional<Place> deep_key(std::string_view text) {
         if (c == '\n') {
             ++line;
             line_start = i + 1;
-            if (!multiline) quote = 0; // malformed; the parser will say so
+            if (!multiline) quote = 0; // malformed; the parser will report it
         }
         if (quote) {
             if (c == '\\' && quote == '"' && i + 1 < text.size() && text[i + 1] != '\n') {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the steps of reading one scene share: where it is, what was found wrong so far.
+// State shared by the steps of reading a scene: the file, its schema, the problems found so far.
 #pragma once
 
 #include "core/math/params.h"
@@ -17,7 +17,7 @@ struct Reading {
     std::string file; // as given on the command line
     const Schema* schema = nullptr;
     std::vector<Problem> problems;
-    // Defaults are TOML texts; each is read once however many things share it.
+    // Defaults are TOML texts. Each is parsed once and cached.
     std::unordered_map<const ParamSpec*, std::optional<ParamValue>> defaults;
 
     void report(Place place, std::string what, std::string fix) {
@@ -25,8 +25,7 @@ struct Reading {
     }
 };
 
-// Every node knows its text by its path: the scene file, or "--set key=value", which has no lines worth
-// naming.
+// The source path of a node is the scene file, or "--set key=value", for which no line is given.
 inline Place place_of(const toml::source_region& source, const Reading& reading) {
     if (source.path && *source.path != reading.file) return {*source.path, 0, 0};
     return {reading.file, static_cast<int>(source.begin.line), static_cast<int>(source.begin.column)};
@@ -35,7 +34,7 @@ inline Place place_of(const toml::node& node, const Reading& reading) {
     return place_of(node.source(), reading);
 }
 
-// Throws what has been reported, if anything: the file's mistakes by line and column, then those of settings.
+// Throws the reported problems, if any: those of the file by line and column, then those of settings.
 void throw_problems(Reading& reading);
 
 } // namespace marram

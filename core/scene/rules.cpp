@@ -13,7 +13,7 @@
 namespace marram {
 namespace {
 
-// A vector shorter than this has no direction once it is a float squared.
+// The squared length of shorter vectors is too small for a float.
 constexpr double shortest_direction = 1e-6;
 
 bool has_direction(const Vec3d& v) { return v.cwiseAbs().maxCoeff() >= shortest_direction; }
@@ -46,7 +46,7 @@ void check_camera(const ParamSet& camera, Reading& reading) {
     if (!position || !target) return;
     const Vec3d p(position->numbers.data()), t(target->numbers.data());
     const double size = std::max(p.cwiseAbs().maxCoeff(), t.cwiseAbs().maxCoeff());
-    // Rounding of the two is 1e-16 of their size; with 1e-12 four digits of the direction are left.
+    // The rounding error is 1e-16 of their size; with 1e-12 the direction has four digits.
     if ((t - p).cwiseAbs().maxCoeff() <= 1e-12 * size) {
         reading.report(target->place, "camera.target is camera.position",
                        "let the camera look at another point");
@@ -70,7 +70,7 @@ void check_lights(const std::vector<Item>& lights, Reading& reading) {
 
 constexpr int most_shapes = 10'000;
 
-// Things of type "file" or "strands", whose files may be one a frame. endings: that can be read.
+// Checks items of type "file" or "strands", which may have one file per frame. endings: readable formats.
 void check_files(const std::vector<Item>& items, const char* kind, const char* type,
                  const std::vector<std::string>& endings, Reading& reading) {
     for (const Item& item : items) {
@@ -100,7 +100,7 @@ void check_references(const ParamSet& params, const std::string& address, const 
                       Reading& reading) {
     for (const ParamValue& value : params.all()) {
         if (value.spec->type != ParamType::reference) continue;
-        std::vector<std::string> known; // of any of the kinds that are allowed
+        std::vector<std::string> known; // names of all allowed kinds
         for (const std::string& kind : split(value.spec->choices, '|'))
             if (const auto entry = names.find(kind); entry != names.end())
                 known.insert(known.end(), entry->second.begin(), entry->second.end());

@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// What no single value can say: rules between the values of a scene.
+// Rules between the values of a scene, which the check of a single value cannot cover.
 //
-// To add a rule: a function in rules.cpp that reports, called from check_rules().
+// To add a rule: write a function in rules.cpp that reports, and call it from check_rules().
 #pragma once
 
 #include "core/scene/reading.h"
 
 namespace marram {
 
-// Things that have a name, with the place of the name; also of those that are wrong otherwise, so that a
-// reference to one of them is not a second mistake. A mesh and a procedural cannot share a name: both stand
-// in the world.
+// The name of an item and its place. Items with other mistakes are included, so that a reference to one of
+// them is not reported as another mistake. Meshes, curves and procedurals share one name space.
 struct Name {
     std::string kind; // "material", "mesh", ...
     std::string name;
@@ -19,8 +18,8 @@ struct Name {
 
 void check_names(const std::vector<Name>& names, Reading& reading);
 
-// References, whole numbers in ranges, the camera, suns, tolerances, mesh files. Values that are wrong by
-// themselves are absent from the sets.
+// Checks references, whole numbers in ranges, the camera, suns, tolerances, mesh and strand files. Values
+// that failed their own check are absent from the sets.
 void check_rules(const SceneDescription& scene, const std::vector<Name>& names, Reading& reading);
 
 } // namespace marram

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The tables that the renderer itself knows. What is written here is also the manual: `marram info scene`
-// prints it.
+// The tables that core/scene declares. The declarations are also the manual: `marram info` prints them.
 #include "core/scene/description.h"
 
 #include <algorithm>
@@ -11,9 +10,9 @@ namespace {
 
 using enum ParamType;
 constexpr double any = std::numeric_limits<double>::infinity();
-// Metres and frames beyond which a number is a slip of the pen; Embree drops vertices at 1e20 without a word.
+// Larger lengths (m) and frames are typing mistakes. Embree silently drops vertices at 1e20.
 constexpr double far = 1e8, late = 1e6;
-constexpr double bright = 1e9; // still a float after any product along a path
+constexpr double bright = 1e9; // products along a path do not overflow a float
 
 std::vector<ParamSpec> global_params() {
     return {
@@ -78,7 +77,7 @@ std::vector<ParamSpec> film_params() {
     };
 }
 
-// What every mesh has, behind what its type has.
+// Appends the parameters that every mesh has to those of its type.
 ItemSchema mesh_type(const char* type, const char* help, std::vector<ParamSpec> params) {
     params.push_back({"material", reference, "", "none", -any, any, "material", "default: a plain grey"});
     params.push_back(

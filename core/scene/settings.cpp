@@ -11,7 +11,7 @@
 namespace marram {
 namespace {
 
-// TOML's basic string; what cannot stand in one is escaped.
+// The text as a TOML basic string, with escapes.
 std::string as_string(std::string_view text) {
     std::string out = "\"";
     for (const char c : text) {
@@ -25,8 +25,8 @@ std::string as_string(std::string_view text) {
     return out + "\"";
 }
 
-// `value = <text>` as a table, so that the value knows where it comes from; empty when <text> is no single
-// value.
+// Parses `value = <text>`, with `source` as the path of its nodes. Returns an empty table if <text> is not a
+// single value.
 toml::table parse_value(std::string_view text, const std::string& source) {
     if (deep_key(text)) return {};
     try {
@@ -43,7 +43,7 @@ struct Step {
     std::optional<size_t> element;
 };
 
-// "layer[2].mask" as steps: layer, [2], mask. Nothing where it is no address.
+// Splits "layer[2].mask" into steps: layer, [2], mask. Empty if the syntax is wrong.
 std::vector<Step> steps_of(const std::string& address) {
     std::vector<Step> steps;
     for (const std::string& part : split(address, '.')) {
@@ -64,7 +64,7 @@ std::vector<Step> steps_of(const std::string& address) {
     return steps;
 }
 
-// The element of a list, or nothing, which is reported.
+// The element of a list; reports and returns nullptr if it does not exist.
 toml::node* element_of(toml::node& node, size_t element, const std::string& source,
                        const std::string& address, Reading& reading) {
     toml::array* list = node.as_array();
@@ -81,14 +81,14 @@ toml::node* element_of(toml::node& node, size_t element, const std::string& sour
     return nullptr;
 }
 
-// Made by the parser rather than by hand, so that it has a place to be named in messages.
+// Adds an empty table. The parser makes it, so that it has a source place for messages.
 toml::node* make_table(toml::table& in, const std::string& key, const std::string& source) {
     toml::table made = parse_value("{}", source);
     toml::table& empty = *made.get("value")->as_table();
     return &in.insert_or_assign(toml::key(key, empty.source()), std::move(empty)).first->second;
 }
 
-// The tables and lists on the way to the last step are found, tables made where there are none; then the value is put in.
+// Follows the steps through tables and lists, adds missing tables, and stores the value at the last step.
 void put(toml::table& root, std::span<const Step> steps, toml::node&& value, const std::string& source,
          std::string address, Reading& reading) {
     toml::node* node = &root;
@@ -122,7 +122,7 @@ void put(toml::table& root, std::span<const Step> steps, toml::node&& value, con
         address += (address.empty() ? "" : ".") + step.key;
         if (last) {
             const toml::key key(step.key, value.source());
-            table->erase(step.key); // so that the key's place is the setting as well
+            table->erase(step.key); // else the key would keep its place in the file
             std::move(value).visit([&](auto&& own) {
                 using Node = std::remove_cvref_t<decltype(own)>;
                 table->insert_or_assign(key, Node(std::move(own)));
@@ -137,7 +137,7 @@ void put(toml::table& root, std::span<const Step> steps, toml::node&& value, con
     }
 }
 
-// The named thing that `rest` ("hill.file") begins with; names may hold dots, the longest that fits is meant.
+// The item whose name `rest` ("hill.file") begins with. Names may contain dots: the longest match is taken.
 toml::table* find_item(toml::table& root, const std::string& kind, std::string_view rest, size_t& name_size,
                        std::vector<std::string>& names) {
     toml::table* found = nullptr;
@@ -162,13 +162,13 @@ std::string trim(std::string text) {
     return text;
 }
 
-// Where a setting goes: a table of the tree, and the address as far as it and behind it.
+// The target of a setting: a table of the tree, its address (owner), and the rest of the address (key).
 struct Target {
     toml::table* table = nullptr;
     std::string owner, key;
 };
 
-// Nothing when the address names no thing of the scene, which is reported.
+// Reports and returns no table if the address does not name an item of the scene.
 Target find_target(toml::table& root, const std::string& address, const std::string& source,
                    Reading& reading) {
     const std::string kind = address.substr(0, address.find('.'));

@@ -14,7 +14,7 @@ namespace marram {
 namespace {
 
 constexpr double unbounded = std::numeric_limits<double>::infinity();
-// Beyond these a transform is a slip of the pen, and floats would not carry it.
+// Larger values in transforms are typing mistakes, and floats would lose too much precision.
 constexpr double largest_frame = 1e6, largest_distance = 1e8, largest_angle = 1e6, largest_scale = 1e6;
 
 bool ascends(const std::vector<double>& numbers, size_t stride) {
@@ -42,8 +42,7 @@ bool read_knot(const toml::node& node, const ParamSpec& spec, const std::string&
     return false;
 }
 
-// One key of a transform: its frame (where it may have one), translate, rotate, scale; what is left out is
-// identity.
+// Reads translate, rotate and scale of one key of a transform. Omitted ones are the identity.
 bool read_key(const toml::table& table, const std::string& label, std::vector<double>& numbers,
               Reading& reading) {
     auto limits = [](const char* unit, double most) {
@@ -91,7 +90,7 @@ bool read_keyed(const toml::array& keys, const std::string& label, ParamValue& v
         const auto number = read_number(
             *frame, -largest_frame, largest_frame, name + ".frame",
             fmt::format("give a number from {} to {}", limit(-largest_frame), limit(largest_frame)), reading);
-        if (!number) return false; // the order of what follows would mean nothing
+        if (!number) return false; // the order of later keys cannot be checked
         std::vector<double> numbers = {*number};
         good = read_key(*key, name, numbers, reading) && good;
         numbers.resize(10);
@@ -104,7 +103,7 @@ bool read_keyed(const toml::array& keys, const std::string& label, ParamValue& v
     return good;
 }
 
-// The nearest name among what stands in the folder of a file that is not there.
+// The most similar name in the folder of a missing file.
 std::string nearest_file(const std::filesystem::path& path) {
     namespace fs = std::filesystem;
     constexpr size_t most = 10000;
@@ -157,7 +156,7 @@ bool read_keys(const toml::node& node, const ParamSpec& spec, const std::string&
     if (!keys) {
         const std::vector<std::string> known = {"translate", "rotate", "scale", "keys"};
         bool good = only_keys(*table, known, label, reading);
-        value.numbers = {0.0}; // one key says nothing of time
+        value.numbers = {0.0}; // frame of the only key, without effect
         return read_key(*table, label, value.numbers, reading) && good;
     }
     const std::vector<std::string> known = {"keys", "interpolation"}, ways = {"linear", "smooth"};
@@ -207,7 +206,7 @@ bool read_path(const toml::node& node, const ParamSpec& spec, const std::string&
     const fs::file_status status = fs::status(path, error);
     if (status.type() == fs::file_type::not_found) {
         if (spec.choices == "numbered" && text->get().find('#') != std::string::npos) {
-            value.text = path.string(); // one file a frame: whoever reads them looks for each
+            value.text = path.string(); // one file per frame: checked when read
             return true;
         }
         const std::string near = nearest_file(path);
@@ -218,7 +217,7 @@ bool read_path(const toml::node& node, const ParamSpec& spec, const std::string&
     }
     if (status.type() == fs::file_type::directory)
         return fail(fmt::format("{}: {} is a directory", label, shown), "name a file in it");
-    if (!error && status.type() != fs::file_type::regular) // opening a pipe would wait for its other end
+    if (!error && status.type() != fs::file_type::regular) // opening a pipe would block
         return fail(fmt::format("{}: {} is no file but a pipe or device", label, shown), "name a file");
     if (error)
         return fail(fmt::format("{}: {} cannot be read ({})", label, shown, error.message()),

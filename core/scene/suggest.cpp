@@ -35,7 +35,7 @@ std::string nearest(std::string_view name, std::span<const std::string> candidat
     size_t least = allowed + 1;
     std::string best;
     for (const std::string& candidate : candidates) {
-        // Lengths that differ by more need no table; this also keeps a name of megabytes cheap.
+        // The distance is at least the difference in length. The test also keeps very long names cheap.
         if (name.size() > candidate.size() + allowed || candidate.size() > name.size() + allowed) continue;
         const size_t distance = edits(name, candidate);
         if (distance >= least || distance >= std::max(name.size(), candidate.size())) continue;

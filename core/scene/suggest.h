@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Words for messages: what the user may have meant, and text of unknown origin made fit to print.
+// Helpers for messages: suggestions for misspelled names, and printing text of unknown origin.
 #pragma once
 
 #include <span>
@@ -10,21 +10,21 @@
 namespace marram {
 
 // The candidate nearest to `name` by edits (insert, delete, replace, swap of neighbours; case ignored), or ""
-// where none is near enough to be meant: 1 edit up to 3 letters, 2 up to 7, 3 above. The first wins a tie.
+// if none is near enough: 1 edit for up to 3 letters, 2 for up to 7, 3 above. The first wins a tie.
 std::string nearest(std::string_view name, std::span<const std::string> candidates);
 
-// `did you mean "x"?`, or else `known are a, b, c and 4 more`, or `there is no <noun>` without any
+// `did you mean "x"?`, or else `known are a, b, c and 4 more`. `there is no <noun>` if there are no
 // candidates.
 std::string hint(std::string_view name, std::span<const std::string> candidates, std::string_view noun);
 
-// Printable on one line and short: control characters become '?', what is longer than some 60 bytes is cut.
+// Makes text printable on one line: control characters become '?', and it is cut after about 60 bytes.
 std::string clean(std::string_view text);
 std::string in_quotes(std::string_view text);
 
 // "a, b, c and 4 more"
 std::string listed(std::span<const std::string> words, size_t most = 8);
 
-// "a|b|c" -> a, b, c; nothing for "".
+// "a|b|c" -> a, b, c; empty for "".
 std::vector<std::string> split(std::string_view text, char separator);
 
 } // namespace marram

@@ -10,13 +10,13 @@
 namespace marram {
 namespace {
 
-// What the file gives of a table's own parameters (empty: given and wrong), and of its lists.
+// The parameters that the file gives in a table (nullopt: given but wrong), and the elements of its lists.
 struct Given {
     std::unordered_map<const ParamSpec*, std::optional<ParamValue>> values;
     ParamSet elements;
 };
 
-// Of the table itself: of no list, or in an element's table of no list within.
+// Whether a parameter belongs to the table itself, not to a list within it.
 bool is_own(const ParamSpec& spec, const TableToRead& job) {
     return spec.name.starts_with(job.declared_prefix) &&
            spec.name.find(list_mark, job.declared_prefix.size()) == std::string::npos;
@@ -35,7 +35,7 @@ void add_once(std::vector<std::string>& words, std::string word) {
     if (std::find(words.begin(), words.end(), word) == words.end()) words.push_back(std::move(word));
 }
 
-// Where else a key of this name may stand: the usual slip is a global below the first table header.
+// Where a key of this name belongs. The usual mistake is a global key below the first table header.
 std::string home_of(const std::string& name, const TableToRead& job, const Reading& reading) {
     if (!reading.schema) return "";
     auto declares = [&](const std::vector<ParamSpec>& specs) {
@@ -54,7 +54,7 @@ std::string home_of(const std::string& name, const TableToRead& job, const Readi
 void report_unknown(const toml::key& key, const std::string& prefix, const TableToRead& job,
                     Reading& reading) {
     const std::string name = prefix + std::string(key.str());
-    std::vector<std::string> here, all; // what may stand at this level; and what a near miss is looked for in
+    std::vector<std::string> here, all; // keys valid at this level; candidates for suggestions
     for (const ParamSpec* spec : job.specs) {
         if (!spec->name.starts_with(prefix)) continue;
         const std::string rest = spec->name.substr(prefix.size());
@@ -107,7 +107,7 @@ void take(const toml::key& key, const toml::node& node, const ParamSpec& spec, c
                        "remove one of them");
 }
 
-// The tables of a list, each read like a table of its own.
+// Reads the tables of a list, each like a single table.
 void take_list(const toml::key& key, const toml::node& node, const std::string& name, const TableToRead& job,
                Given& given, Reading& reading) {
     const std::string label = label_of(name, job);
@@ -137,7 +137,7 @@ void take_list(const toml::key& key, const toml::node& node, const std::string& 
     given.elements.put_list({name, list->size()});
 }
 
-// The tables of a list whose elements have types of their own.
+// Reads the tables of a list whose elements have types.
 void take_typed_list(const toml::node& node, const ListSchema& schema, const TableToRead& job, Given& given,
                      Reading& reading) {
     const std::string label = label_of(schema.name, job);
@@ -179,7 +179,7 @@ void take_typed_list(const toml::node& node, const ListSchema& schema, const Tab
     given.elements.put_list({schema.name, list->size()});
 }
 
-// Nested tables make dotted names: the walk goes down as long as a declared name goes on.
+// Nested tables make dotted names: descends into tables as long as a declared name continues.
 void walk(const toml::table& table, const std::string& prefix, const TableToRead& job, Given& given,
           Reading& reading) {
     for (const auto& [key, node] : table) {
@@ -214,7 +214,7 @@ void walk(const toml::table& table, const std::string& prefix, const TableToRead
     }
 }
 
-// What the file does not give: the default, or the mistake of leaving it out.
+// A parameter that the file does not give: its default, or an error if it is required.
 std::optional<ParamValue> not_given(const ParamSpec& spec, const TableToRead& job, Reading& reading) {
     if (spec.type == ParamType::unavailable || spec.initial == "none") return {};
     const std::string label = label_of(spec.name, job);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A table of the scene file against the parameters its owner declares.
+// Reads a table of the scene file against the parameters that its owner declares.
 #pragma once
 
 #include "core/scene/reading.h"
@@ -7,19 +7,19 @@
 namespace marram {
 
 struct TableToRead {
-    const toml::table* table = nullptr; // none: the file lacks it, everything is default
+    const toml::table* table = nullptr; // nullptr: not in the file, use defaults
     Place place;                        // of the table
-    std::string address;                // as --set has it: "" for globals, "film", "mesh.hill"
+    std::string address;                // as in --set: "" for globals, "film", "mesh.hill"
     std::vector<const ParamSpec*> specs;
-    std::span<const ListSchema> lists{}; // of elements with types of their own
-    // Where the table is an element of a list: how declared names begin, "gusts.control[].", and what stands for that in
-    // names of values, "gusts.control[1]."
+    std::span<const ListSchema> lists{}; // lists whose elements have types
+    // For an element of a list: the prefix of its declared names, "gusts.control[].", and the prefix that
+    // replaces it in the names of values, "gusts.control[1]."
     std::string declared_prefix, prefix;
-    std::vector<std::string>
-        others; // keys that are no parameters and somebody else's to check: name, type, film, ...
+    std::vector<std::string> others; // keys that are not parameters, checked elsewhere: name, type, film, ...
 };
 
-// Every declared parameter, given or default, for lists those of every element; what is wrong is reported and left out.
+// Returns every declared parameter, given or default, and for lists those of every element. Values that are
+// wrong are reported and left out.
 ParamSet read_table(const TableToRead& job, Reading& reading);
 
 inline std::vector<const ParamSpec*> pointers(std::span<const ParamSpec> specs) {

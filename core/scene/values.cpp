@@ -123,12 +123,12 @@ bool read_into(const toml::node& node, const ParamSpec& spec, const std::string&
     case ParamType::table:
         return read_path(node, spec, label, value, reading);
     case ParamType::unavailable:
-        break; // refused by name before its value is looked at
+        break; // rejected by name before its value is read
     }
     return wrong(node, spec, label, reading);
 }
 
-// `value = <initial>`; text-like types may stand without quotes, blanks around a value mean nothing.
+// Parses `value = <initial>`. Text-like types may leave out quotes; blanks around a value are ignored.
 toml::table default_table(const ParamSpec& spec) {
     const bool texty = spec.type == ParamType::text || spec.type == ParamType::choice ||
                        spec.type == ParamType::reference || spec.type == ParamType::file ||

@@ -13,7 +13,7 @@ std::string found(const toml::node& node) {
     if (const auto* integer = node.as_integer()) return fmt::format("{}", integer->get());
     if (const auto* number = node.as_floating_point()) {
         std::string text = fmt::format("{}", number->get());
-        // 4.0 where a whole number is wanted: say it as it was written.
+        // Print 4.0 as it was written if an integer is wanted.
         if (std::isfinite(number->get()) && text.find_first_of(".e") == std::string::npos) text += ".0";
         return text;
     }

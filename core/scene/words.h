@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What was found and what was wanted, in words. Messages read "<label> is <found>: give <wanted>".
+// Descriptions of values in messages, which read "<label> is <found>: give <wanted>".
 #pragma once
 
 #include "core/scene/reading.h"

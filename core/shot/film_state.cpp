@@ -19,7 +19,7 @@ namespace marram {
 namespace {
 
 constexpr std::string_view mark = "marram frame state ",
-                           layout = "2 "; // another number wherever channels change
+                           layout = "2 "; // change it when the channels change
 
 void pack_row(const Film& film, int y, double* to) {
     for (size_t i = size_t(y) * film.width; i < size_t(y + 1) * film.width; ++i) {
@@ -28,7 +28,7 @@ void pack_row(const Film& film, int y, double* to) {
     }
 }
 
-// A damaged file holds any number; what does not fit is 0 and the checksum tells.
+// A damaged file may hold any number. Values out of range become 0, and the checksum then fails.
 void unpack(double from, uint32_t& to) {
     to = from >= 0.0 && from <= double(UINT32_MAX) ? uint32_t(from) : 0U;
 }
@@ -61,7 +61,7 @@ DoublesHeader header_of(const Film& film, const std::string& digest) {
             fmt::format("{}{}{} ", mark, layout, digest)};
 }
 
-// nullopt where the file cannot be opened as a picture.
+// nullopt if the file cannot be opened as a picture.
 std::optional<DoublesHeader> try_header(const std::string& state) {
     try {
         return read_doubles_header(state);
@@ -70,7 +70,7 @@ std::optional<DoublesHeader> try_header(const std::string& state) {
     }
 }
 
-// What is left of a damaged state: nothing, or the first bytes of a TIFF or BigTIFF.
+// Whether the file may be a damaged state: it is empty, or begins like a TIFF or BigTIFF.
 bool begins_like_tiff(const std::string& path) {
     std::ifstream file(path, std::ios::binary);
     char first[4] = {};

@@ -26,8 +26,8 @@ namespace fs = std::filesystem;
 
 constexpr const char* digest_key = "marram:digest";
 constexpr const char* frame_key = "marram:frame";
-constexpr const char* layer_key = "marram:layer"; // of a layer's picture: name and range
-constexpr const char* unfinished = "partial";     // in place of a digest
+constexpr const char* layer_key = "marram:layer"; // name and range of a layer's picture
+constexpr const char* unfinished = "partial";     // value of digest_key in unfinished pictures
 
 uint64_t hash_text(uint64_t h, std::string_view text) {
     for (const char c : text) h = hash(h, static_cast<unsigned char>(c));
@@ -52,7 +52,8 @@ void save(const Frame& frame, const std::string& path, const std::vector<Metadat
     save_picture(path, frame.film, frame.shot.description.film.number("exposure"), metadata);
 }
 
-// A pixel's size is that at the camera's target: a target far behind the strands makes it too coarse for all of them.
+// The size of a pixel is measured at camera.target. If the target is far behind the strands, the tolerance is
+// too coarse for them.
 void check_target(Frame& frame) {
     const SceneDescription& scene = frame.shot.description;
     if (!scene.globals.has("tolerance_pixels")) return;
@@ -98,7 +99,7 @@ FrameFiles frame_files(double frame, const Shot& shot, uint64_t digest, const st
     files.layers = layers;
     for (LayerPicture& layer : files.layers) layer.file = numbered(layer.file, frame);
     files.samples_digest = fmt::format("{:016x}", hash(digest, std::bit_cast<uint64_t>(frame)));
-    // Without the frame: OpenImageIO never frees a distinct text of metadata, 8 KB each.
+    // Does not include the frame: OpenImageIO never frees distinct metadata strings, 8 KB each.
     files.digest = fmt::format("{:016x}", hash(digest, uint64_t(shot.description.film.integer("samples"))));
     return files;
 }
@@ -181,13 +182,13 @@ ResumedFrame resume_frame(Frame& frame) {
 void trace_frame(Frame& frame, const World& world, Preview& preview) {
     const auto [width, height] = film_size(frame.shot);
     const double before = wall_seconds();
-    const Lights lights(frame.shot.lights, world); // the first time a sky is computed
+    const Lights lights(frame.shot.lights, world); // computes skies the first time
     const double begin = wall_seconds();
     frame.stats.load += begin - before;
     FrameProgress& progress = frame.progress;
     progress.render.cancel = &frame.cancel;
     progress.render.between_passes = [&](Film&) { preview.between_passes(); };
-    progress.render.samples_done = progress_of(frame.film).sum; // before it is asked how far it is
+    progress.render.samples_done = progress_of(frame.film).sum; // set before progress.samples
     progress.samples = uint64_t(width) * height * frame.settings.samples;
     double off = 0.0;
     const Camera camera = camera_at(frame.shot.description, frame.files.frame, &off);
@@ -218,9 +219,9 @@ std::vector<std::string> render_warnings(const Frame& frame) {
                         "or go on with --resume",
                         picture, render.most_samples, frame.settings.samples));
     warnings.insert(warnings.end(), frame.stats.build.warnings.begin(), frame.stats.build.warnings.end());
-    constexpr double dark = 0.05; // of the light: a darkening that is seen
+    constexpr double dark = 0.05; // share of the light whose loss is visible
     const int depth = frame.shot.description.film.integer("max_depth");
-    if (depth > 1 && render.cut_throughput > dark) // 0 and 1 are asked for on purpose
+    if (depth > 1 && render.cut_throughput > dark) // 0 and 1 are deliberate choices
         warnings.push_back(
             fmt::format("{}: film.max_depth = {} ends paths that carry up to {:.2g} % of the light, the "
                         "picture is too dark: raise film.max_depth",
@@ -254,11 +255,11 @@ SavedFrame save_frame(Frame& frame) {
     const auto write_state = [&] {
         try {
             save_state(files.state, frame.film, files.samples_digest);
-        } catch (const InputError& error) { // a fault of its own: the picture is not lost with it
+        } catch (const InputError& error) { // reported separately: the picture may still be saved
             saved.no_state = error.what();
         }
     };
-    if (!saved.whole) { // at once: whoever pressed Ctrl-C waits
+    if (!saved.whole) { // in parallel: the user who pressed Ctrl-C is waiting
         tbb::parallel_invoke(write_picture, write_state);
         return saved;
     }

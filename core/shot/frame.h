@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// One frame of a shot on its way to its files: built, resumed, traced, saved.
+// Makes one frame of a shot: build, resume, trace, save.
 //
 //   FrameFiles files = frame_files(...)             names and digests
 //   Frame frame{shot, files, layers, ...}
 //   World world = build_frame(frame, kept)          procedurals and meshes, ready to trace
-//   resume_frame(frame)                             the film, with what an earlier run has left
+//   resume_frame(frame)                             fills the film from the state of an earlier run
 //   trace_frame(frame, world, preview)
 //   save_frame(frame)                               the picture, or a partial one and the film's state
 //
-// Nothing is printed here: whoever makes a frame prints Frame::stats' warnings and what the functions return.
+// Nothing is printed here: the caller prints the warnings in Frame::stats and the messages returned.
 #pragma once
 
 #include "core/image/image.h"
@@ -24,50 +24,52 @@
 
 namespace marram {
 
-// What a run of frames asks for beside the scene.
+// Options of a run, besides the scene.
 struct FrameOptions {
     std::string scene;               // the file, for metadata
     std::vector<std::string> layers; // besides those of the scene
-    double seconds = 0.0;            // for tracing a frame; 0: no limit
+    double seconds = 0.0;            // time limit for tracing a frame; 0: none
     bool resume = false;
 };
 
-// The names of a frame's files, and what they depend on.
+// The names of a frame's files, and digests of what they depend on.
 struct FrameFiles {
     double frame = 0.0;
     std::string picture, preview, state; // preview: "" for none
     std::vector<LayerPicture> layers;    // written with the picture, unless it is interrupted
-    std::string digest;                  // two pictures of one frame with one digest are the same picture
-    std::string samples_digest; // of two films with one, that with fewer samples can become the other
+    std::string digest;                  // pictures of the same frame and digest are identical
+    // Films with the same samples_digest differ only in their number of samples: the one with fewer can be
+    // continued.
+    std::string samples_digest;
 };
 
-// A digest of what all frames depend on: the scene file, the settings that override it, the files that the scene names (by size and
-// time), the layers, the version. Not the number of samples. Ask once, before frames are rendered: a scene file that is
-// edited meanwhile is not what they are made of.
+// A digest of what all frames depend on: the scene file, the settings that override it, the files that the
+// scene names (by size and time), the layers, the picture's size and the version; not the number of samples.
+// Call it once, before rendering: the scene file may be edited during the run.
 uint64_t shot_digest(const Shot& shot, const FrameOptions& options, const std::vector<std::string>& settings);
 
 // `picture`, `preview` and the files of `layers` are names with #### for the frame.
 FrameFiles frame_files(double frame, const Shot& shot, uint64_t digest, const std::string& picture,
                        const std::string& preview, const std::vector<LayerPicture>& layers = {});
 
-// Whether an earlier run has left the whole picture, and those of its layers.
+// Whether an earlier run has finished the picture and those of its layers.
 bool is_rendered(const FrameFiles& files);
 
-// Throws InputError where a file that is no unfinished picture stands under its name.
+// Throws InputError if a file of this name exists that is not an unfinished picture.
 void check_partial_name(const std::string& partial);
 
-// Names of the film's layers: the scene's, those asked for, and those that sampling needs.
+// Names of the film's layers: beauty and alpha, the scene's, those of `more`, and those that sampling needs.
 std::vector<std::string> layer_names(const Shot& shot, const std::vector<std::string>& more);
 
-// Throws InputError unless the shot can fill all layers. More are named by `more`, which messages call `option`.
+// Throws InputError unless the shot has all layers of the scene and of `more`, which messages call `option`.
 void check_layers(const Shot& shot, const std::vector<std::string>& more,
                   const std::string& option = "--aov");
 
-// How far a frame is; read while other threads work.
+// Progress of a frame; may be read while other threads work.
 struct FrameProgress {
     BuildProgress build;
     RenderProgress render;
-    std::atomic<uint64_t> samples{0}; // of all pixels; 0: not tracing yet
+    std::atomic<uint64_t> samples{0}; // to take, of all pixels; 0: not tracing yet
 };
 
 struct Frame {
@@ -83,37 +85,39 @@ struct Frame {
     FrameProgress progress{};
 };
 
-// Throws InputError and Cancelled. Sets up the settings and an empty film as well. kept: what the frame before has left.
+// Also sets up the settings and an empty film. kept: geometry kept from the previous frame. Throws InputError
+// and Cancelled.
 World build_frame(Frame& frame, KeptGeometry kept);
 
-// Fills the film with what an earlier run has left of this frame, if the options ask for it.
+// Fills the film from the state that an earlier run has saved of this frame, if options.resume is set.
 struct ResumedFrame {
-    std::string message;  // one line for people; "" if there is no state
-    bool refused = false; // the state is of no use: the frame begins anew
+    std::string message;  // one line; "" if there is no state
+    bool refused = false; // the state cannot be used: the frame starts from the beginning
 };
 ResumedFrame resume_frame(Frame& frame);
 
-// Returns when all samples are there, time is up, or `cancel` is set.
+// Returns when all samples are taken, the time limit is reached, or `cancel` is set.
 void trace_frame(Frame& frame, const World& world, Preview& preview);
 
-// Writes what the film holds by now to the preview's file.
+// Writes the current film to the preview's file.
 void save_preview(Frame& frame);
 
-// What to say of a traced frame beside the build's warnings.
+// Warnings about a traced frame, including those of the build.
 std::vector<std::string> render_warnings(const Frame& frame);
 
 struct SavedFrame {
     std::vector<std::string> layers; // pictures of layers
-    std::string picture;             // the name it got
-    std::string no_state; // why the film's state could not be saved; "" where it could, or need not
+    std::string picture;             // its file name
+    std::string no_state;            // why the film's state could not be saved; "": saved, or not needed
     bool whole = false;
 };
 
-// Writes the picture, under a name that says partial if the frame was cancelled, and the film's state unless it is whole. Throws
-// InputError where the picture cannot be written; a whole frame's state is saved then: the samples may be hours of work.
+// Writes the picture (under partial_name() if the frame was cancelled) and, unless the frame is complete, the
+// film's state. Throws InputError if the picture cannot be written; the state is then saved even if the frame
+// is complete, as its samples may have taken hours.
 SavedFrame save_frame(Frame& frame);
 
-// Removes what an earlier, unfinished run has left of a frame that is whole now.
+// Removes the state and the partial picture that an interrupted run has left, after the frame is complete.
 void remove_unfinished(const FrameFiles& files);
 
 } // namespace marram

@@ -12,7 +12,7 @@ std::string numbered(const std::string& output, double frame) {
     const size_t first = output.find('#');
     if (first == std::string::npos) return output;
     const size_t end = std::min(output.find_first_not_of('#', first), output.size());
-    std::array<char, 512> digits{}; // as few as tell the frame from all others
+    std::array<char, 512> digits{}; // the shortest text that gives the same double back
     const char* last =
         std::to_chars(digits.begin(), digits.end(), std::abs(frame), std::chars_format::fixed).ptr;
     const std::string number(static_cast<const char*>(digits.data()), last);

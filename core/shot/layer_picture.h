@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One layer of a frame as a PNG of its own, beside the picture: depth, normals, masks, to be looked at or to go on with.
+// Writes one layer of a frame, such as depth, normals or a mask, as a separate PNG beside the picture.
 #pragma once
 
 #include "core/image/range_png.h"
@@ -14,18 +14,19 @@ namespace marram {
 
 struct LayerPicture {
     std::string layer, file;
-    std::optional<ValueRange> range; // that becomes black ... white; none: the layer's own
+    std::optional<ValueRange> range; // values mapped to black and white; none: natural_range()
 };
 
-// What a layer ranges over by nature: colours, shares and strand_u from 0 to 1, normals from -1 to 1. nullopt for all else, such as depth
-// and attributes.
+// The natural range of a layer: 0 to 1 for beauty, albedo, alpha and strand_u, -1 to 1 for normals. nullopt
+// for others, such as depth and attributes.
 std::optional<ValueRange> natural_range(const std::string& layer);
 
-// In a picture's metadata: "depth 0 20".
+// The layer and its range as written to the picture's metadata: "depth 0 20".
 std::string layer_text(const LayerPicture& picture);
 
-// The film resolved. Colours (beauty, albedo) are written as pictures are, 8 bits and sRGB, beauty with the exposure; all else in 16 bits, in
-// proportion to the value. Depth where nothing is hit counts as farther than all.
+// The film must be resolved. Colours (beauty, albedo) are written like pictures, 8 bits and sRGB, beauty with
+// the exposure. All other layers are written with 16 bits, linear in the value. Depth is infinite where no
+// surface is hit.
 void save_layer_picture(const LayerPicture& picture, const Film& film, double exposure,
                         const std::vector<Metadata>& metadata);
 

@@ -33,7 +33,7 @@ LightImage read(const ParamValue& file, double strength, std::vector<std::string
     if (negative > 0)
         warnings.push_back(fmt::format("{}: \"{}\" has {} pixels that are below 0: they give no light",
                                        to_string(file.place), file.text, negative));
-    constexpr float most = 1e15F; // its square is a float
+    constexpr float most = 1e15F; // its square does not overflow a float
     if (!(brightest * float(strength) <= most))
         throw InputError(file.place,
                          fmt::format("\"{}\" is as bright as {:.3g} times strength, {:.0e} is allowed",

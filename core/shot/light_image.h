@@ -9,7 +9,7 @@
 
 namespace marram {
 
-// A reader for light_types(), which adds to `warnings`.
+// The reader of images for light_types(). It adds to `warnings`.
 LightImageReader light_image_reader(std::vector<std::string>& warnings);
 
 } // namespace marram

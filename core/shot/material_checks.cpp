@@ -8,14 +8,14 @@
 namespace marram {
 namespace {
 
-// What a material is on: a mesh of the scene, or what a procedural makes.
+// Geometry that a material is assigned to: a mesh of the scene, or the output of a procedural.
 struct MaterialUse {
     const Item& item;
     const Procedural* procedural; // nullptr for a mesh of the scene
     bool is_mesh, moves;
 };
 
-// The material and, of a blend, all that it is made of.
+// The material itself and, if it is a blend, all materials that it blends, recursively.
 std::vector<size_t> parts_of(const Shot& shot, size_t material) {
     std::vector<size_t> parts = {material};
     for (size_t i = 0; i < parts.size(); ++i)
@@ -25,7 +25,7 @@ std::vector<size_t> parts_of(const Shot& shot, size_t material) {
     return parts;
 }
 
-// What materials cannot do on a mesh.
+// Errors and warnings for a material on a mesh.
 void check_on_mesh(const Item& material, const MaterialUse& use, std::vector<std::string>& warnings) {
     const auto shader = std::ranges::find(shaders(), material.type, &ShaderDescription::name);
     if (shader->strands_only)
@@ -39,7 +39,7 @@ void check_on_mesh(const Item& material, const MaterialUse& use, std::vector<std
                         to_string(use.item.place), use.item.name));
 }
 
-// The attributes that a material asks for, by the parameters that name them.
+// The attributes that a material reads, as pairs of parameter and attribute name.
 std::vector<std::pair<const char*, std::string>> wanted_attributes_of(const Material& material) {
     std::vector<std::pair<const char*, std::string>> wanted;
     if (!material.tint.empty()) wanted.emplace_back("tint", material.tint);
@@ -69,7 +69,7 @@ void check_attributes(const Item& material, const Material& settings, const Mate
     }
 }
 
-// Whether the curves that a procedural takes from a file bring a uv at their roots.
+// Whether the curves that a procedural takes from a file have the attribute root_uv.
 bool file_has_root_uv(const Shot& shot, const Item& procedural) {
     const ParamValue* curves = procedural.params.find("curves");
     if (!curves) return false;
@@ -91,8 +91,8 @@ bool file_has_root_uv(const Shot& shot, const Item& procedural) {
                      "grow them on a mesh that has uvs, or leave the image out");
 }
 
-// Images on strands go by the uv at their roots: the mesh that they stand on must have one. Of what procedurals make it is known once the
-// world is built.
+// Images on strands are looked up at the uv of their roots, so the mesh below must have uvs. Meshes made by
+// procedurals are checked after the world is built, see check_root_uvs().
 void check_root_uv(const Shot& shot, const Item& material, const MaterialUse& use) {
     const auto attributes = use.procedural->attributes();
     const bool has = std::ranges::any_of(attributes, [](const MarramAttribute& attribute) {
@@ -110,7 +110,7 @@ void check_root_uv(const Shot& shot, const Item& material, const MaterialUse& us
 std::vector<std::string> check_materials(const Shot& shot) {
     std::vector<std::string> warnings;
     const std::vector<Item>& materials = shot.description.materials;
-    // Of a tint: it may be on meshes as well, which have no attributes, as long as it is on something that has.
+    // A tinted material may also be on meshes, which have no attributes, if it is on some procedural, too.
     std::vector<bool> on_procedural(materials.size());
     for (const auto& procedural : shot.geometry.procedurals)
         if (procedural->material >= 0)
@@ -125,8 +125,7 @@ std::vector<std::string> check_materials(const Shot& shot) {
                 check_attributes(materials[part], shot.materials[part], use);
         }
     };
-    for (size_t i = 0; i < shot.description.meshes.size();
-         ++i) { // instances are as the meshes that they show
+    for (size_t i = 0; i < shot.description.meshes.size(); ++i) { // instances share their mesh's material
         const SceneMesh& mesh = shot.geometry.meshes[i];
         const bool moves = std::ranges::any_of(shot.geometry.meshes, [&](const SceneMesh& other) {
             return &other.object() == &mesh && other.moves();

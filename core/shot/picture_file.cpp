@@ -21,7 +21,7 @@ std::vector<std::string> channel_names(const FilmLayer& layer) {
     return names;
 }
 
-// Beauty and alpha side by side, as every viewer expects them.
+// Beauty and alpha interleaved as RGBA, as viewers expect.
 std::vector<float> rgba_of(const Film& film) {
     const FilmLayer *beauty = find_layer(film, "beauty"), *alpha = find_layer(film, "alpha");
     std::vector<float> rgba(size_t(film.width) * film.height * 4);
@@ -32,8 +32,8 @@ std::vector<float> rgba_of(const Film& film) {
     return rgba;
 }
 
-// Whether half floats hold the picture: nothing brighter than the greatest, and not so dim that their smallest step, 2^-24, is more than
-// 2^-14 of the mean.
+// Whether half floats can hold the picture: no value exceeds the largest half, and the mean is high enough
+// (or 0) that the smallest step of a half, 2^-24, is at most 2^-14 of it.
 bool fits_half(const std::vector<float>& pixels) {
     constexpr float greatest = 65504.0F;
     constexpr double dimmest = 0x1p-10;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A film in a file, as the name says: .exr with all layers, .png with the picture alone.
+// Writes a film to a file: .exr with all layers, .png with the picture only.
 #pragma once
 
 #include "core/image/image.h"
@@ -10,19 +10,19 @@
 
 namespace marram {
 
-// Names of the channels of an attribute in an EXR; 1 to 4 components.
+// EXR channel names of an attribute with 1 to 4 components.
 std::vector<std::string> attribute_channels(uint32_t components);
 
 // ".exr" of "A.EXR".
 std::string lower_extension(const std::string& path);
 
-// Throws InputError unless the name says .exr or .png.
+// Throws InputError unless the name ends in .exr or .png.
 void check_picture_name(const std::string& path);
 
-// "a.exr" -> "a.partial.exr": what is there of a picture that was interrupted.
+// "a.exr" -> "a.partial.exr", the name of a picture whose render was interrupted.
 std::string partial_name(const std::string& path);
 
-// The film resolved; exposure in stops, for a PNG.
+// The film must be resolved. exposure: stops, used for PNG only.
 void save_picture(const std::string& path, const Film& film, double exposure,
                   const std::vector<Metadata>& metadata);
 

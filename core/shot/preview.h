@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// When a preview of a frame is written while it renders.
+// Decides when a preview of the frame is written during rendering.
 #pragma once
 
 #include <functional>
@@ -7,24 +7,25 @@
 
 namespace marram {
 
-// Seconds from one preview to the next, after one that took `cost` seconds, `elapsed` after the frame began.
+// Seconds until the next preview. cost: seconds that the last one took; elapsed: seconds since the frame
+// began.
 double preview_pause(double cost, double elapsed);
 
-// Asks for a preview after the first pass and then at growing intervals. A preview that cannot be written is the last: it
-// is not worth the frame.
+// Writes a preview after the first pass and then at growing intervals. If a preview cannot be written, no
+// more are attempted: the frame itself goes on.
 class Preview {
   public:
-    explicit Preview(std::function<void()> write);      // an empty one: never anything
-    void between_passes();                              // writes where it is time
-    void finish();                                      // writes once more, what the frame has become
-    const std::string& fault() const { return fault_; } // one line; "" while all went well
+    explicit Preview(std::function<void()> write);      // empty function: no previews
+    void between_passes();                              // writes a preview if it is due
+    void finish();                                      // writes the finished frame
+    const std::string& fault() const { return fault_; } // why writing failed, one line; "": no failure
 
   private:
     void write();
 
     std::function<void()> write_;
     double begin_;
-    double next_ = 0.0; // when, on wall_seconds()
+    double next_ = 0.0; // time of the next preview, on the clock of wall_seconds()
     std::string fault_;
 };
 

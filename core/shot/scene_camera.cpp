@@ -10,7 +10,7 @@
 namespace marram {
 namespace {
 
-constexpr double allowed_pixels = 0.05; // far below the filter's width
+constexpr double allowed_pixels = 0.05; // far below the width of the pixel filter
 constexpr size_t most_poses = 65;
 
 void refuse_scale(const ParamValue& keys) {
@@ -20,7 +20,7 @@ void refuse_scale(const ParamValue& keys) {
                              "leave scale out, or change camera.fov");
 }
 
-// What a ray tracer draws of poses equally spaced over 0 ... 1.
+// The pose that the renderer interpolates at `share`, from poses equally spaced over 0 ... 1.
 CameraPose drawn(const std::vector<CameraPose>& poses, double share) {
     const double at = share * double(poses.size() - 1);
     const size_t key = std::min(size_t(at), poses.size() - 2);
@@ -29,7 +29,8 @@ CameraPose drawn(const std::vector<CameraPose>& poses, double share) {
     return {a.position + t * (b.position - a.position), a.orientation.slerp(t, b.orientation)};
 }
 
-// How far, in pixels, what one pose sees in the middle and in the corners of the film lies beside where the other has it.
+// The distance in pixels between the images of two poses: the maximum over the center, corners and edge
+// midpoints of the film, and over the shift of position seen at `distance`.
 double apart(const CameraPose& a, const CameraPose& b, const Vec2d& size, double half_height,
              double distance) {
     const double pixel = 2.0 * half_height / size.y();
@@ -76,7 +77,7 @@ Camera camera_at(const SceneDescription& description, double frame, double* off)
         camera.poses = {pose_at(open)};
         return camera;
     }
-    // Looked at densely, for motion need not be worst in the middle between poses: smooth keys and shaken cameras are not.
+    // Test densely: with smooth keys or camera shake the error is not largest halfway between poses.
     constexpr int looks = 512;
     const Vec2d size = description.film.vec2("size");
     const double half_height = std::tan(0.5 * camera.vertical_fov);

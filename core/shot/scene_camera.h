@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The camera of a frame, as a scene describes it: where it looks, moved by its keys.
+// The camera of a frame: position and target from the scene, moved by the keyed transform.
 #pragma once
 
 #include "core/render/camera.h"
@@ -9,12 +9,13 @@
 
 namespace marram {
 
-// A camera that moves while the shutter is open has as many poses as it takes for what lies between them to be off by less than
-// a twentieth of a pixel, anywhere on the film and, at the target's distance, in place; at most 65: `off`, pixels, says what is left. Throws InputError where
-// a key scales.
+// A camera that moves while the shutter is open gets as many poses, at most 65, as needed to keep the error
+// of interpolation between them within 1/20 pixel: for directions anywhere on the film, and for positions
+// at the target's distance. `off` receives the remaining error in pixels. Throws InputError if a key scales.
 Camera camera_at(const SceneDescription& description, double frame, double* off = nullptr);
 
-// The camera's distance from the middle of the boxes whose middle it sees: the median, m; infinite where it sees none.
+// Median distance, m, from the camera to the centers of the boxes whose centers are in view; infinite if
+// none is.
 double median_distance(const SceneDescription& description, double frame, std::span<const Box3f> boxes);
 
 } // namespace marram

@@ -9,7 +9,7 @@ namespace {
 
 using Keys = std::set<std::string>;
 
-// Of a list's elements none: how many there are, a scene says.
+// Skips list elements: their number depends on the scene.
 void add_declared(Keys& keys, const std::string& prefix, const std::vector<ParamSpec>& params) {
     for (const ParamSpec& spec : params)
         if (spec.type != ParamType::unavailable && list_of(spec.name).empty())
@@ -27,7 +27,7 @@ void add_values(Keys& keys, const std::string& prefix, const ParamSet& params) {
     for (const ParamValue& value : params.all()) keys.insert(prefix + value.name);
 }
 
-// Things without a name cannot be addressed.
+// Items without a name cannot be addressed by a key.
 void add_items(Keys& keys, const std::string& kind, const std::vector<Item>& items,
                const std::vector<ItemSchema>& types) {
     for (const Item& item : items) {

@@ -20,7 +20,7 @@ namespace {
 Vec2f vec2f(const ParamSet& params, std::string_view name) { return params.vec2(name).cast<float>(); }
 Vec3f vec3f(const ParamSet& params, std::string_view name) { return params.vec3(name).cast<float>(); }
 
-// Heights of an image's first channel, resampled to (squares + 1)^2 where the scene says how many.
+// Heights from the first channel of an image, resampled to (divisions + 1)^2 if the scene gives divisions.
 Mesh load_heightfield(const ParamSet& params) {
     const Image image = read_image(params.text("image"), ColorSpace::linear_data);
     const bool resample = params.has("divisions");
@@ -80,7 +80,7 @@ Mesh load_scene_mesh(const Item& item) {
 
 namespace {
 
-// As MarramCurves has them; the radius is half the width.
+// Vertices in the layout of MarramCurves. The radius is half the width.
 std::vector<float> vertices_of(const StrandSample& sample, const std::vector<uint64_t>& offsets) {
     const size_t curves = offsets.size() - 1;
     std::vector<float> vertices(4 * (offsets.back() + 2 * curves));
@@ -103,7 +103,7 @@ std::vector<float> vertices_of(const StrandSample& sample, const std::vector<uin
     return vertices;
 }
 
-// Warnings of the files of one thing, each told once.
+// Warnings about the files of one item, each reported once.
 class FileWarnings {
   public:
     explicit FileWarnings(std::vector<std::string>& all) : all_(all) {}
@@ -201,7 +201,6 @@ SceneCurves load_scene_curves(const Item& item, double fps, const std::atomic<bo
     return curves;
 }
 
-// The shapes of a mesh that deforms; `first` is of the first of its files.
 std::vector<MeshShape> load_shapes(const Item& item, const Mesh& first, const std::atomic<bool>& cancel) {
     const auto files = numbered_files(item);
     std::vector<MeshShape> shapes;

@@ -34,7 +34,8 @@ BuildSettings build_settings(const Shot& shot, double frame) {
                      .forward = ahead(camera.poses.front()),
                      .cosine = 1.0 / std::hypot(1.0, half_height, half_height * width / height),
                      .pixel_angle = 2.0 * half_height / height};
-    constexpr size_t enough = 8; // of its poses: what comes into view between two is about as near in one
+    // At most 8 later poses: geometry that enters the view between two poses is about as near in one of them.
+    constexpr size_t enough = 8;
     const size_t last = camera.poses.size() - 1, looks = std::min(last, enough);
     for (size_t i = 1; i <= looks; ++i) {
         const CameraPose& pose = camera.poses[i * last / looks];
@@ -85,7 +86,7 @@ RenderSettings render_settings(const Shot& shot, double frame) {
                            : filter == "gaussian" ? FilterKind::gaussian
                                                   : FilterKind::blackman_harris;
     settings.filter.radius = film.number("filter_radius");
-    settings.seed = std::bit_cast<uint64_t>(frame); // another pattern of noise each frame
+    settings.seed = std::bit_cast<uint64_t>(frame); // the noise differs from frame to frame
     if (const int seed = film.integer("seed"); seed != 0) settings.seed = hash(settings.seed, uint64_t(seed));
     return settings;
 }
@@ -100,7 +101,7 @@ std::vector<std::string> wanted_attributes(const Shot& shot, const std::vector<s
         if (std::holds_alternative<SandSettings>(material.settings))
             names.insert(names.end(), ripple_attributes.begin(), ripple_attributes.end());
     }
-    names.emplace_back("id"); // strands differ by it, whatever grows beside them
+    names.emplace_back("id"); // per-strand variation is hashed from it
     std::ranges::sort(names);
     names.erase(std::unique(names.begin(), names.end()), names.end());
     return names;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a scene's film, camera and globals ask of the build and of the integrator.
+// Settings of the build and the integrator, from a scene's film, camera and globals.
 #pragma once
 
 #include "core/geometry/build.h"
@@ -15,7 +15,7 @@ namespace marram {
 std::pair<uint32_t, uint32_t> film_size(const Shot& shot); // pixels
 
 BuildSettings build_settings(const Shot& shot, double frame);
-// The camera over the shutter, for render meshes.
+// The camera over the shutter, for making render meshes.
 CameraSamples camera_samples(const Shot& shot, double frame);
 RenderSettings render_settings(const Shot& shot, double frame);
 

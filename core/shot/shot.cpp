@@ -30,7 +30,7 @@ void add_library(PluginSet& plugins, const std::string& key, const std::string& 
     plugins.libraries[key] = std::move(library);
 }
 
-// Runs a step and keeps what it objects to, so that all mistakes of a scene are reported together.
+// Runs steps and collects their InputErrors, so that all mistakes of a scene are reported together.
 class Objections {
   public:
     void operator()(const std::function<void()>& step) {
@@ -73,7 +73,7 @@ void shine(SceneMesh& mesh, const std::vector<Item>& lights, size_t by) {
                                      lights[size_t(mesh.light)].name),
                          "add their radiances up in one light");
     mesh.light = int(by);
-    // A path that is sent to the light and one that finds it by chance must agree on what stands between.
+    // For MIS, light sampling and bsdf sampling must agree on visibility.
     if ((mesh.roles & MARRAM_CASTS_SHADOWS) == 0)
         throw InputError(lights[by].params.at("mesh").place,
                          fmt::format("mesh \"{}\" shines but casts no shadows", mesh.name),
@@ -86,7 +86,7 @@ LightDescription make_light(const Item& item, std::vector<LightDescription>& sun
     return type->make(item.params, light_image_reader(warnings), suns);
 }
 
-// Finds the materials that blends name. Throws InputError for one that holds itself.
+// Resolves the materials that blends name. Throws InputError for a blend that contains itself.
 void resolve_blends(Shot& shot) {
     const std::vector<Item>& items = shot.description.materials;
     for (size_t i = 0; i < items.size(); ++i)
@@ -152,8 +152,8 @@ PluginSet default_plugins() {
     return plugins;
 }
 
-// Loads the libraries that the scene names, then reads the scene with all that they declare. Where a library is not there
-// its types are unknown too: that is no second mistake.
+// Loads the libraries that the scene names, then reads the scene with all that they declare. If a library is
+// missing, its types are unknown too: this is not reported as another mistake.
 SceneDescription describe_scene(const std::string& file, const std::vector<std::string>& settings,
                                 PluginSet& plugins) {
     std::vector<LibraryName> missing;
@@ -197,7 +197,7 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
     for (const Item& item : description.materials)
         objections([&] { shot.materials.push_back(make_material(item.type, item.params, open_texture)); });
     if (shot.materials.size() == description.materials.size()) objections([&] { resolve_blends(shot); });
-    std::vector<LightDescription> suns; // of daylight: last, so that meshes find their lights by place
+    std::vector<LightDescription> suns; // of daylight; appended last, as meshes refer to lights by index
     for (const Item& item : description.lights)
         objections([&] { shot.lights.push_back(make_light(item, suns, shot.warnings)); });
     std::ranges::move(suns, std::back_inserter(shot.lights));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a checked description to what the renderer works with: the one place that knows both.
+// Turns a checked scene description into the objects that the renderer works with.
 #pragma once
 
 #include "core/geometry/build.h"
@@ -18,30 +18,30 @@ namespace marram {
 // The default procedural library: the first in plugin_folders() (core/scene/libraries.h).
 std::string default_library();
 
-// Everything a scene file may say, given the libraries that it names. The first library is the default one.
+// The libraries that a scene names, and the schema of scene files that results from them.
 struct PluginSet {
     std::map<std::string, std::shared_ptr<PluginLibrary>> libraries; // by path; "" is the default
     Schema schema;
 };
 PluginSet default_plugins();
 
-// Reads a scene file alone, and adds the libraries that it names to `plugins`, which must outlive the description. Throws
-// InputError with all mistakes found.
+// Reads the scene file, but not the meshes and images that it names. Adds the libraries that it names to
+// `plugins`, which must outlive the description. Throws InputError with all mistakes found.
 SceneDescription describe_scene(const std::string& file, const std::vector<std::string>& settings,
                                 PluginSet& plugins);
 
-// A scene, loaded. Pointers within point into the dialect, which lives as long.
+// A loaded scene. The description has pointers into `plugins`.
 struct Shot {
     std::unique_ptr<PluginSet> plugins;
     SceneDescription description;
     SceneGeometry geometry;
     std::vector<Material> materials;
     std::vector<LightDescription> lights;
-    std::vector<std::string> warnings; // one line each, for people
+    std::vector<std::string> warnings; // one line each
     std::string state_folder;          // where simulations keep their states
 };
 
-// What the command line says instead of the scene.
+// Options of the command line that override the scene.
 struct Overrides {
     std::vector<std::string> settings; // key=value
     std::optional<uint32_t> samples;
@@ -49,10 +49,11 @@ struct Overrides {
     std::string state_folder; // "": beside the scene, SCENE.states
 };
 
-// Reads everything a scene names: meshes, images, procedurals. Throws InputError with all mistakes found.
+// Reads the scene and all files that it names: meshes, images, procedural libraries. Throws InputError with
+// all mistakes found.
 Shot load_shot(const std::string& file, const Overrides& overrides, const std::atomic<bool>& cancel);
 
-// The scene's own file and all that it names, as they can be opened.
+// Paths of the scene file and of all files that it names.
 std::vector<std::string> files_read(const Shot& shot, const std::string& file);
 
 } // namespace marram

@@ -13,8 +13,8 @@
 namespace marram {
 namespace {
 
-// What procedurals report, by paths that core does not know: "collision.contacts" stands under "collision". Where core has an entry
-// of its own the two are summed.
+// Adds the report entries of procedurals, whose paths core does not know: "collision.contacts" becomes
+// "contacts" in the object "collision". If core has an entry of the same path, the two are summed.
 void add_report(const Report& report, nlohmann::ordered_json& json) {
     for (const auto& [path, entry] : report.entries()) {
         nlohmann::ordered_json* at = &json;
@@ -47,21 +47,21 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
     json["seconds"] = {{"load", stats.load},           {"terrain", build.terrain},
                        {"colliders", build.colliders}, {"curves_bvh", build.curves_bvh},
                        {"trace", stats.trace},         {"total", stats.total}};
-    json["motion"] = {{"keys", build.motion_keys}, // error: metres, foreseen where the keys were chosen
+    json["motion"] = {{"keys", build.motion_keys}, // error: metres, predicted when the keys were chosen
                       {"error", build.motion_error},
                       {"mesh_error", build.mesh_motion_error},
                       {"jumps", build.motion_jumps},
                       {"camera_poses", stats.camera_poses}};
-    json["chosen"] = build.chosen;                                      // by the tolerance
+    json["chosen"] = build.chosen;                                      // settings chosen by the tolerance
     json["memory"] = {{"peak_bytes", uint64_t(usage.ru_maxrss) * 1024}, // of the process so far
                       {"curve_bytes", build.curve_bytes},
                       {"curve_extra_bytes", build.attribute_bytes}};
     json["rays"] = stats.render.rays.intersect + stats.render.rays.occluded;
     json["dropped_rays"] = stats.render.rays.dropped;
-    json["samples"] = {{"most", stats.render.most_samples}, {"mean", stats.render.mean_samples}}; // a pixel
+    json["samples"] = {{"most", stats.render.most_samples}, {"mean", stats.render.mean_samples}}; // per pixel
     json["dropped_samples"] = stats.render.dropped_samples;
     json["clamped"] = stats.render.clamped;
-    json["cut_throughput"] = stats.render.cut_throughput; // of paths that max_depth ends
+    json["cut_throughput"] = stats.render.cut_throughput; // mean, of paths cut by max_depth
     add_report(build.report, json);
     return json;
 }
@@ -87,7 +87,7 @@ void StatsFile::add(const FrameStats& frame) {
     const std::string own = numbered(path_, frame.frame);
     if (own != path_) return write(own, {std::move(text)});
     frames_.push_back(std::move(text));
-    constexpr double rest = 20.0; // times what the last writing took
+    constexpr double rest = 20.0; // pause between writes, in units of the last write's time
     const double begin = wall_seconds();
     if (begin - written_ < rest * cost_) return;
     write(path_, frames_);

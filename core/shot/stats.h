@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a frame cost, as JSON for other programs.
+// Statistics of a frame, as JSON for other programs.
 #pragma once
 
 #include "core/geometry/build.h"
@@ -13,20 +13,20 @@ namespace marram {
 struct FrameStats {
     double frame = 0.0;
     int threads = 1;
-    uint32_t camera_poses = 1;                   // that the shutter sees it at
+    uint32_t camera_poses = 1;                   // over the shutter
     double load = 0.0, trace = 0.0, total = 0.0; // wall seconds
     BuildStats build;
     RenderStats render;
 };
 
-// The file of --stats: one object, or for several frames a list of them. Keys as the design fixes them; stages that did not run
-// are 0. With #### in its name each frame has a file of its own. Written while a sequence renders, for at most 5 % of the
-// time, so that a run that is killed has told most of it.
+// The file of --stats: one JSON object, or a list of objects for several frames. Stages that did not run are
+// 0. With #### in the name each frame gets its own file. The file is rewritten while a sequence renders, for
+// at most 5 % of the time, so that most of it survives if the process is killed.
 class StatsFile {
   public:
     explicit StatsFile(std::string path); // "": no file
     void add(const FrameStats& frame);    // throws InputError where the file cannot be written
-    void finish();                        // writes what was added
+    void finish();                        // writes all frames added
 
   private:
     void write(const std::string& path, const std::vector<std::string>& frames);

@@ -1,40 +1,49 @@
 // SPDX-License-Identifier: Apache-2.0
-// Wind erosion of rock, level by level: what an artist shaped coarsely is what the fine level shows.
+// Wind erosion of rock, level by level. Finer levels keep the shape of the coarse level and add detail.
 //
-// The first level has voxels of edge h_0 = voxel 2^(levels - 1), the last of edge `voxel`. A pass: the mesh of the level set, wear by traced grains
-// (m a year, grains.h), divided by hardness (hardness.h, mean over a voxel), times a time step, and the surface moves inward (level_set.h).
+// The first level has voxels of edge h_0 = voxel 2^(levels - 1), the last of edge `voxel`. A pass: extract
+// the mesh of the level set, trace grains for the wear rate (m a year, grains.h), divide it by hardness
+// (hardness.h, mean over a voxel), multiply by a time step, and move the surface inward (level_set.h).
 //
-// First level. The step is as long as 99.9 % of the vertices lose at most 0.9 voxels; the few others lose one voxel. Passes go on
-// until the years are over.
+// First level. The time step is chosen so that 99.9 % of the vertices lose at most 0.9 voxels; the rest is
+// clamped to one voxel. Passes run until all years are simulated.
 //
-// Finer levels show the coarse one C, and add what its voxels could not hold. With H the voxels of C and m = detail H:
-//   start    what is rock at this level and lies within C grown outward by m. So where nothing wore it the rock itself appears, sharp.
-//   passes   psi(v) is the signed distance of a vertex v from C, B a blur over the surface of sigma = H, w the wear there
-//            over hardness. A pass takes     d(v) = max(B psi, 0) / (passes left) * (w + e) / (B w + e),     e = 5 % of the mean of B w,
-//            the quotient at most 3. Its blur is about 1, so that B psi goes to 0: what the wind has taken away more of, or softer
-//            rock, lies deeper, what it has taken less of stands proud, and their mean is C. Where C itself lost less than H / 4, d is less in
-//            proportion: sheltered faces stay.
-//   end      three passes with the quotient 1 take away what is left of B psi.
-// Thus a level is the next one's, smoothed, within the tolerance: the distance of C from the finer surface blurred by a Gaussian of
-// sigma = H / 2 is at most 0.15 H (rms) and H / 2 (99 % of the vertices), measured one octave and three octaves apart (erosion_test.cpp,
-// build/rock_erosion).
+// Finer levels keep the coarse shape C and add detail that its voxels could not hold. With H the voxel size
+// of C and m = detail H:
+//   start    the rock at this resolution, intersected with C grown outward by m. So unworn surface is that
+//            of the original rock, sharp.
+//   passes   psi(v) is the signed distance of a vertex v from C, B a blur over the surface with sigma = H, w
+//            the wear rate over hardness. A pass removes
+//                d(v) = max(B psi, 0) / (passes left) * (w + e) / (B w + e),   e = 5 % of the mean of B w,
+//            with the quotient at most 3. The blur of the quotient is about 1, so that B psi goes to 0:
+//            places with more wear or softer rock become deeper, places with less wear protrude, and their
+//            mean is C. Where C lost less than H / 4, d is reduced in proportion: sheltered faces are kept.
+//   end      three passes with quotient 1 remove the rest of B psi.
+// So a coarse level is the smoothed finer level, within a tolerance: the distance of C from the finer
+// surface, blurred by a Gaussian of sigma = H / 2, is at most 0.15 H (rms) and H / 2 (99 % of the vertices),
+// measured one octave and three octaves apart (erosion_test.cpp, build/rock_erosion).
 //
-// Noise of the grains: rates are blurred over an edge before use, among vertices whose normals agree, and every pass has its own
-// random numbers.
+// Noise of the grains: rates are blurred over an edge length before use, among vertices with similar normals.
+// Each pass has different random numbers.
 //
-// Edges. Where a face that wears meets one that does not, the edge goes with the former: what wears is the union of what each face loses. But a vertex
-// on the edge is hit half as often, and would stay behind as a fin. So a vertex v takes at least the depth that brings it below
-// a neighbour u's plane once that is worn by d_u:   d_v >= (d_u + n_u . (v - u)) / n_u . n_v,   where the two are convex and 0.2 < n_u . n_v < 0.9.
+// Edges. Where a wearing face meets one that does not wear, the edge must recede with the wearing face: the
+// removed volume is the union of what each face loses. But a vertex on the edge receives half as many hits,
+// and would be left as a fin. So a vertex v loses at least the depth that brings it below the plane of a
+// neighbour u that has worn by d_u:
+//   d_v >= (d_u + n_u . (v - u)) / n_u . n_v,   if the two are convex and 0.2 < n_u . n_v < 0.9.
 //
-// Pieces that come loose vanish at the end of each level; the largest stays.
+// Detached pieces are removed at the end of each level; the largest is kept.
 //
-// Determinism: wear is the same bits for any number of threads where RockWear is; so is all else.
+// Determinism: results are bitwise the same for any number of threads, provided that RockWear is
+// deterministic.
 //
-// Limits. Years count on the first level alone: finer ones are shaped by the ratio of wear at neighbouring places, not by its amount. Rock
-// thinner than a voxel of the first level is lost there, and so on all.
+// Limits. Years matter only on the first level: finer levels depend on the ratio of wear between neighbouring
+// places, not on its amount. Rock thinner than a voxel of the first level is lost there, and so on all
+// levels.
 //
-// Cost of a pass: that of the grains, 6 s of one core for 10^6 of them around a ball of 1.5 10^6 triangles, and 3 s of one core for the
-// level set in a grid of 512^3. A level takes 8 passes, the first one as many as its depth has voxels.
+// Cost of a pass: tracing, 6 s on one core for 10^6 grains around a ball of 1.5 10^6 triangles, and 3 s on
+// one core for the level set in a grid of 512^3. A finer level takes 8 passes; the first as many as its depth
+// of wear in voxels.
 #include "procedural/erosion/erosion.h"
 
 #include "core/math/clock.h"
@@ -55,16 +64,16 @@ namespace marram {
 namespace {
 
 constexpr double longest_step = 0.9;    // voxels a pass
-constexpr double step_quantile = 0.999; // of the vertices, whose wear sets the time step
+constexpr double step_quantile = 0.999; // of the vertex rates; sets the time step
 constexpr int edge_rings = 3;
 constexpr double least_agreement = 0.2, edge_agreement = 0.9;
-constexpr int noise_blur = 3;  // times, of the rates
-constexpr int level_blur = 12; // times: sigma of two edges, a voxel of the level before
+constexpr int noise_blur = 3;  // iterations, for the rates
+constexpr int level_blur = 12; // iterations: sigma = 2 edges = a voxel of the level before
 constexpr int shaping_passes = 5, settling_passes = 3;
 constexpr double greatest_quotient = 3.0, even_share = 0.05;
-constexpr double worn_voxels = 0.25; // of the level before: less wear than that fades the detail out
+constexpr double worn_voxels = 0.25; // of the level before: detail fades below this depth of wear
 
-// The neighbours of vertices along edges of the mesh, each twice, as each edge has two triangles.
+// Neighbours of vertices along mesh edges. Each is listed twice, as each edge has two triangles.
 class SurfaceNeighbours {
   public:
     explicit SurfaceNeighbours(const LevelMesh& mesh)
@@ -80,7 +89,7 @@ class SurfaceNeighbours {
             }
     }
 
-    // Means over neighbours; `sides`: only over those whose normals agree.
+    // Averages with neighbours; `sides`: only with those of similar normals.
     void blur(int times, std::span<double> values, bool sides = false) const {
         repeat(times, values, [this, sides](std::span<const double> from, size_t v) {
             double sum = 0.0, weights = 0.0;
@@ -92,7 +101,7 @@ class SurfaceNeighbours {
         });
     }
 
-    // Depths at convex edges: no less than what the faces beside them lose. See the page.
+    // Raises depths at convex edges to those of the adjacent faces. See "Edges" at the top of the file.
     void wear_edges(std::span<double> depth) const {
         repeat(edge_rings, depth, [this](std::span<const double> from, size_t v) {
             double most = from[v];
@@ -123,7 +132,7 @@ class SurfaceNeighbours {
         return {double(list[3 * v]), double(list[3 * v + 1]), double(list[3 * v + 2])};
     }
     double cosine(size_t a, size_t b) const { return at(mesh_.normals, a).dot(at(mesh_.normals, b)); }
-    // Of vertex b over the plane of vertex a.
+    // Height of vertex b over the tangent plane of vertex a.
     double height(size_t a, size_t b) const {
         return at(mesh_.normals, a).dot(at(mesh_.positions, b) - at(mesh_.positions, a));
     }
@@ -158,7 +167,7 @@ class Eroder {
                         fmt::format("level {} of {}", level + 1, levels));
     }
 
-    // m a year at each vertex; false: cancelled.
+    // Wear rate over hardness at each vertex, m a year. False: cancelled.
     bool rates(const LevelMesh& mesh, double voxel, const SurfaceNeighbours& neighbours,
                std::vector<double>& rate) {
         rate.assign(mesh.vertex_count(), 0.0);
@@ -173,7 +182,7 @@ class Eroder {
         return true;
     }
 
-    // The first level. False: cancelled.
+    // Erodes the first level. False: cancelled.
     bool wear_years(ErosionLevel& level, double& years) {
         const double voxel = level.rock.voxel();
         std::vector<double> rate;
@@ -194,7 +203,7 @@ class Eroder {
         return true;
     }
 
-    // A finer level, which shows `coarse`; coarse_rock: what that was before it wore. False: cancelled.
+    // Erodes a finer level towards the shape `coarse`; coarse_rock: `coarse` before wear. False: cancelled.
     bool wear_detail(ErosionLevel& level, const LevelSet& coarse, const LevelSet& coarse_rock, int number) {
         const int passes = shaping_passes + settling_passes;
         std::vector<double> rate, blurred, excess;
@@ -278,7 +287,7 @@ ErosionResult erode(std::span<const float> positions, std::span<const uint32_t> 
         throw std::invalid_argument(fault);
     ErosionResult result;
     Eroder eroder(settings, wear, hooks);
-    std::optional<LevelSet> rock_before; // of the level before, unworn
+    std::optional<LevelSet> rock_before; // level before, without wear
     for (int number = 0; number < std::min(settings.levels, settings.stop_after) && !result.cancelled;
          ++number) {
         const double begin = wall_seconds();

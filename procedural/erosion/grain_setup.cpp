@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Before and after a trace of grains: what may be asked for, the box that they travel, quanta turned into depths. The model is in grains.cpp.
+// Setup and result of a trace of grains: checks of the settings, the box, conversion of quanta to depths. The
+// model is documented in grains.cpp.
 #include "procedural/erosion/grain_tracer.h"
 
 #include <algorithm>
@@ -9,7 +10,7 @@
 namespace marram {
 namespace {
 
-constexpr double grain_most_heights = 12.0; // of H above the ground: all but 6e-6 of the flux
+constexpr double grain_most_heights = 12.0; // maximum start height in units of H: all but 6e-6 of the flux
 
 bool grain_is_near(const Vec3d& p) { return p.cwiseAbs().maxCoeff() < grain_farthest; }
 
@@ -21,7 +22,7 @@ struct WindBounds {
     }
 };
 
-// Distance to what a ray meets first, or infinity. direction: unit.
+// Distance to the first hit of a ray, or infinity. direction: unit.
 double first_hit(const GrainTracer& tracer, const Vec3d& from, const Vec3d& direction, double length) {
     RTCRayHit ray{};
     ray.ray.org_x = float(from.x()), ray.ray.org_y = float(from.y()), ray.ray.org_z = float(from.z());
@@ -34,8 +35,8 @@ double first_hit(const GrainTracer& tracer, const Vec3d& from, const Vec3d& dire
     return ray.hit.geomID != RTC_INVALID_GEOMETRY_ID ? double(ray.ray.tfar) : infinity;
 }
 
-// Ground along the plane: the highest mesh a little behind it, or base. What a level ray meets just below that top is no ground, but the face of
-// something that stands there.
+// Height of the ground along the start plane: the highest mesh slightly downwind of the plane, or base. If a
+// horizontal ray just below that height hits something, it is the side of an object, not ground.
 void find_ground(const GrainTracer& tracer, GrainBox& box) {
     box.ground.resize(grain_profile);
     const double little = 1e-4 * box.size, high = box.y1 + 10.0 * little;
@@ -87,7 +88,7 @@ bool find_grain_box(GrainTracer& tracer) {
     box.start = box.s0 - (s.ground ? std::min(2.0 * s.height, box.s1 - box.s0) : 0.0);
     const double length = box.s1 - box.start, aside = length * std::tan(s.spread) + slack;
     box.t0 = low.z() - aside, box.t1 = high.z() + aside;
-    const double time = s.gravity > 0.0 ? length / s.bed_speed : 0.0; // infinite at 0 m/s
+    const double time = s.gravity > 0.0 ? length / s.bed_speed : 0.0; // infinite if bed_speed is 0
     const double drop = s.gravity > 0.0 ? time * (4.0 * tracer.launch + 0.5 * s.gravity * time) : 0.0;
     box.size = Vec3d(length, box.y1 - box.y0, box.t1 - box.t0).norm();
     find_ground(tracer, box);

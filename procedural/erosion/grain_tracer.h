@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What grains.cpp and grain_setup.cpp share, and nobody else: a trace, ready to run.
+// Shared by grains.cpp and grain_setup.cpp only: the state of a trace.
 #pragma once
 
 #include "procedural/erosion/grains.h"
@@ -8,20 +8,20 @@
 
 namespace marram {
 
-inline constexpr double grain_step = 0x1p-23; // U: of float coordinates
+inline constexpr double grain_step = 0x1p-23; // U: relative precision of float coordinates
 inline constexpr double grain_farthest = 1e8; // m
-inline constexpr int grain_profile = 256;     // places along the plane whose ground is looked up
+inline constexpr int grain_profile = 256;     // positions along the start plane where the ground is sampled
 
-// The box that grains travel, in the frame of the wind: s along it, y up, t across it (to the right).
+// The box in which grains are traced, in the frame of the wind: s along it, y up, t across it (to the right).
 struct GrainBox {
     Vec3d along = Vec3d::UnitX(), across = Vec3d::UnitZ();
     double s0 = 0.0, s1 = 0.0, t0 = 0.0, t1 = 0.0, y0 = 0.0, y1 = 0.0;
-    double start = 0.0;         // s of the plane
-    double base = 0.0;          // ground where no mesh is below the plane
-    double top = 0.0;           // greatest height above the ground at which grains start
+    double start = 0.0;         // s of the start plane
+    double base = 0.0;          // height of the ground where no mesh is below the start plane
+    double top = 0.0;           // maximum start height above the ground
     double size = 0.0;          // diagonal
-    double lead = 0.0;          // greatest level length of the path
-    std::vector<double> ground; // y along the plane from t0 to t1
+    double lead = 0.0;          // not used
+    std::vector<double> ground; // y along the start plane from t0 to t1
 };
 
 struct GrainMesh {
@@ -33,22 +33,22 @@ struct GrainTracer {
     RTCScene scene = nullptr;
     GrainSettings settings;
     GrainHooks hooks;
-    std::vector<GrainMesh> meshes; // ascending ids
-    std::vector<unsigned> sand;    // ascending
+    std::vector<GrainMesh> meshes; // sorted by id
+    std::vector<unsigned> sand;    // sorted
     GrainBox box;
     double sag = 0.0, threshold = 0.0, settle = 0.0, launch = 0.0; // launch: sqrt(g H)
-    std::array<uint32_t, 5> shifts{};                              // seeds of the dimensions of a start
+    std::array<uint32_t, 5> shifts{}; // scrambling seeds of the dimensions of a start
     std::vector<int64_t> vertex_quanta, triangle_quanta;
 };
 
-// Throws std::invalid_argument for arrays that do not fit.
+// Throws std::invalid_argument for arrays of the wrong size.
 void take_worn_meshes(GrainTracer& tracer, std::span<const WornMesh> meshes, size_t wear,
                       size_t triangle_wear);
 
-// false: nothing that wears, or nothing that blows.
+// false: there is nothing to wear, or no wind.
 bool find_grain_box(GrainTracer& tracer);
 
-// Quanta become depths: metres a year.
+// Converts quanta to depths, metres a year.
 void write_wear(const GrainTracer& tracer, double volume_per_quantum, std::span<double> wear,
                 std::span<double> triangle_wear);
 

@@ -1,54 +1,74 @@
 // SPDX-License-Identifier: Apache-2.0
-// Wear of rock by wind-blown sand, found as a path tracer finds light: grains start upwind, fly, hit, wear what they hit, rebound.
+// Wear of rock by wind-blown sand, computed like path tracing: grains start upwind, fly, hit, wear the
+// surface, rebound.
 //
-// The stream. Q = transport (kg of sand a year and metre of width) crosses a plane upwind of the scene's box. With h above the ground and H =
-// height, the flux falls as exp(-h / H): Q / H exp(-h / H) kg a year and m^2 (measured profiles are exponential over most of their mass:
-// Anderson 1986; Kok, Parteli, Michaels and Karam 2012, who give H of 2 to 5 cm over sand; over stony ground grains bounce twice as high
-// or more: Bridges et al. 2005). Where the flux is exponential and grains fall freely, vertical velocities w must be normal with variance g H at every
-// height: exp(-(w^2 / 2 + g h) / (g H)) depends on the energy of a hop alone, so that no flight changes it, and each height is crossed
-// upwards as often as downwards. With H = 0.1 m, w is about 1 m/s: at 3 to 10 m/s grains come down at 6 to 18 degrees (5 to 15
-// are measured: Kok et al. 2012). These angles wear a plain, and level faces less than steep ones. Level speed:
+// The stream. Q = transport (kg of sand per year and metre of width) crosses a plane upwind of the scene's
+// box. With h above the ground and H = height, the flux falls as exp(-h / H): Q / H exp(-h / H) kg per year
+// and m^2. (Measured profiles are exponential over most of their mass: Anderson 1986; Kok, Parteli, Michaels
+// and Karam 2012, who give H of 2 to 5 cm over sand. Over stony ground grains bounce twice as high or more:
+// Bridges et al. 2005.) For an exponential flux of freely falling grains, vertical velocities w must be
+// normal with variance g H at every height: exp(-(w^2 / 2 + g h) / (g H)) depends only on the energy of a
+// hop. So flight does not change the distribution, and each height is crossed upwards as often as downwards.
+// With H = 0.1 m, w is about 1 m/s: at 3 to 10 m/s grains descend at 6 to 18 degrees (5 to 15 are measured:
+// Kok et al. 2012). These angles wear horizontal ground, and horizontal faces less than steep ones.
+// Horizontal speed:
 //     v(h) = bed_speed + (speed - bed_speed) (1 - exp(-h / speed_height)).
-// Speed grows with height and flux falls: the energy that a post receives is greatest above its foot, which is how pedestals form (Anderson
-// 1986). With r = speed_height / H that is at h = -speed_height ln((speed / (speed - bed_speed)) / (1 + 2 / r)).
+// Speed grows with height and flux falls, so that the energy flux on a post is greatest above its base: this
+// is how pedestals form (Anderson 1986). With r = speed_height / H the maximum is at
+//     h = -speed_height ln((speed / (speed - bed_speed)) / (1 + 2 / r)).
 //
-// Flight. dv/dt = -g y + (v_air - v) / drag_time, v_air = v(h) along the wind. For one segment v_air is constant: then
+// Flight. dv/dt = -g y + (v_air - v) / drag_time, v_air = v(h) along the wind. v_air is constant in a
+// segment:
 //     x(t) = x + V t + (v - V) tau (1 - exp(-t / tau)),   V = v_air - g tau y   (tau = drag_time; V is the final velocity),
-// or a parabola without drag. A chord of the time dt stays within |a| dt^2 / 8 of it, which is path_error. The first chord from a surface lasts no
-// longer than v.n / -a.n, half a hop over that surface's plane, or it would enter it. Air speed does not know of obstacles: eddies in a
-// lee do not drag grains.
+// or a parabola without drag. The sagitta of a chord of duration dt is at most |a| dt^2 / 8, limited by
+// path_error. The first chord from a surface lasts at most v.n / -a.n, half a hop over the plane of that
+// surface; a longer one would enter it. Obstacles do not affect the air: eddies in a lee do not drag grains.
 //
 // Wear of a hit at the angle A to the surface, for E = v^2 / 2 (J per kg of sand), in m^3 of rock per kg of sand:
 //     max(E sin^n A - Ec, 0) / energy_per_volume,   Ec = threshold_speed^2 / 2,   n = angle_exponent.
-// n = 0: in proportion to the energy delivered (Anderson 1986), n = 2: to that normal to the surface, as brittle rock wears (Sklar and Dietrich
-// 2004). Below the threshold grains bounce off without wear (Bridges et al. 2005). energy_per_volume = k s^2 / (2 Y): tensile strength s,
-// Young's modulus Y, k about 1e6 (Sklar and Dietrich 2004); s = 10 MPa, Y = 50 GPa give 1e9 J/m^3, and 0.5 mm a year where a face
-// towards the wind wears most, for the stream of the defaults; 0.03 to 1.6 mm a year are measured on rocks in the field. A surface wears by flux x f: the flux
-// through it, which goes with sin A, comes from the number of grains that hit.
+// n = 0: in proportion to the total energy (Anderson 1986), n = 2: to that normal to the surface, as brittle
+// rock wears (Sklar and Dietrich 2004). Below the threshold grains rebound without wear (Bridges et al.
+// 2005). energy_per_volume = k s^2 / (2 Y) with tensile strength s, Young's modulus Y and k about 1e6 (Sklar
+// and Dietrich 2004). s = 10 MPa, Y = 50 GPa give 1e9 J/m^3, and for the default stream 0.5 mm a year where a
+// windward face wears most; 0.03 to 1.6 mm a year are measured on rocks in the field. The
+// wear rate of a surface is this times the flux through it. The flux, proportional to sin A, comes from the
+// number of hits.
 //
-// Rebound. Speed normal to the surface times -normal_restitution, along it times tangent_restitution (0.5 to 0.9 are measured on rock); then the unit direction
-// plus scatter times a random unit vector, at the same speed, turned away from the surface where it leads into it. Sand replaces a grain that lands:
-// in a stream in balance one grain leaves for each that lands (Kok et al. 2012). It leaves along the surface at bed_speed, and off it at w >= 0 with
-// density w exp(-w^2 / (2 g H)), the flux of the normal distribution above. So level sand neither dims nor feeds the stream. What has hit rock
-// before leaves with no more energy than it lands with: or sand under an overhang would send up more than comes down.
+// Rebound. Velocity normal to the surface is multiplied by -normal_restitution, along it by
+// tangent_restitution (0.5 to 0.9 are measured on rock). Then scatter times a random unit vector is added to
+// the unit direction, at the same speed; directions into the surface are mirrored. A grain that lands on sand
+// is replaced by one that leaves: in a stream in equilibrium their numbers are equal (Kok et al. 2012). It
+// leaves along the surface at bed_speed, and normal to it at w >= 0 with density w exp(-w^2 / (2 g H)), the
+// flux of the normal distribution above. So level sand neither weakens nor strengthens the stream. A grain
+// that has hit rock before leaves sand with at most the energy of its landing: otherwise sand under an
+// overhang would send up more energy than it receives.
 //
-// A grain ends where it leaves the box (each side is counted), settles, is given up, or cannot reach the threshold any more: without drag and sand,
-// E + g (y - lowest) < Ec. The box: of the scene, within `reach` of the worn meshes' box; grains above it may come down again. The plane where
-// the stream begins is its upwind side, wider by its length times tan(spread); over level sand (ground) it is 2 H upwind of it, or its length where that is less.
+// A grain ends where it leaves the box (counted for each side), settles, reaches a limit, or cannot reach the
+// threshold any more: without drag and sand, E + g (y - lowest) < Ec. The box is the scene's bounds, within
+// `reach` of the worn meshes' bounds; grains above it are kept, as they fall back. The start plane is its
+// upwind side, widened by its length times tan(spread). Over level sand (ground) it is 2 H further upwind, or
+// the box's length if that is less.
 //
-// Accounts. Energies are rounded to 2^-20 J/kg at each event, and all sums are of 64-bit integers: they telescope exactly, and are the same bits
-// for any number of threads. A hit's quanta go to the corners of its triangle by barycentric weights, rounded so that their sum is kept. A vertex has a third of the
-// area of its triangles: depth = quanta 2^-20 mass_per_grain / (energy_per_volume area), the mean of rate x hat function over hat function.
+// Accounting. Energies are rounded to 2^-20 J/kg at each event, and all sums use 64-bit integers: they
+// balance exactly and are bitwise the same for any number of threads. The quanta of a hit are distributed to
+// the corners of its triangle by barycentric weights, rounded so that their sum is preserved. A vertex has a
+// third of the area of its triangles: depth = quanta 2^-20 mass_per_grain / (energy_per_volume area), the
+// mean of the rate weighted by the hat function.
 //
-// Random numbers. Path i starts at point i of the five-dimensional Sobol sequence (Joe and Kuo 2008), Owen-scrambled by hashes of the seed; event k of a path
-// takes the first two dimensions again, scrambled and shuffled by hashes of the seed and k (Burley 2020): sobol.h.
+// Random numbers. Path i starts at point i of the five-dimensional Sobol sequence (Joe and Kuo 2008),
+// Owen-scrambled by hashes of the seed. Event k of a path reuses the first two dimensions, scrambled and
+// shuffled by hashes of the seed and k (Burley 2020): sobol.h.
 //
-// Rays start off a surface by the error of the point: 2 U (c + l q), with U = 2^-23, c the greatest coordinate, l the triangle's extent, q = |e1| |e2| /
-// |e1 x e2|, as core/geometry/hit.cpp derives it. Segments overlap by the rounding of their ends, so that none slips through between two.
+// Ray origins are offset from a surface by the error bound of the hit point: 2 U (c + l q), with U = 2^-23, c
+// the largest coordinate, l the triangle's extent, q = |e1| |e2| / |e1 x e2|, as derived in
+// core/geometry/hit.cpp. Segments overlap by the rounding of their ends, so that no hit is missed between two
+// segments.
 //
-// Limits. Grains do not collide, do not spin, and have one size; rock does not change while it is worn. Meshes are read at their first motion sample.
+// Limits. Grains do not collide or spin, and have one size; rock does not change during a trace. Meshes are
+// read at their first motion sample.
 //
-// Cost. Rays of 64 grains are traced together. On a million triangles a segment takes 0.8 us of one core, Embree 0.5 of these (build/grains speed).
+// Cost. Rays of 64 grains are traced together. On a million triangles a segment takes 0.8 us on one core, of
+// which Embree takes 0.5 us (build/grains speed).
 #include "procedural/erosion/grains.h"
 
 #include "core/math/clock.h"
@@ -67,11 +87,11 @@
 namespace marram {
 namespace {
 
-constexpr double grain_margin = 2.0;      // of offsets
-constexpr double grain_sliver = 1e4;      // greatest q
-constexpr size_t grain_window = 64;       // traced together
-constexpr uint64_t grain_block = 4096;    // a task
-constexpr double grain_least_rise = 0.01; // sine of a rebound's direction to the surface
+constexpr double grain_margin = 2.0;      // factor on ray offsets
+constexpr double grain_sliver = 1e4;      // maximum q
+constexpr size_t grain_window = 64;       // rays traced together
+constexpr uint64_t grain_block = 4096;    // grains per task
+constexpr double grain_least_rise = 0.01; // minimum sine between a rebound and the surface
 
 int64_t grain_quanta(double energy) { return std::llround(energy / grain_quantum); }
 double grain_energy(const Vec3d& v) { return 0.5 * v.squaredNorm(); }
@@ -89,11 +109,11 @@ struct GrainState {
 
 struct Grain {
     Vec3d x, v;
-    Vec3d normal; // of the surface that it leaves
+    Vec3d normal; // of the surface that the grain leaves
     Vec3d acceleration;
     GrainState end; // of the segment
     double dt = 0.0;
-    double ground_at = 2.0; // share of the segment at which level sand is met
+    double ground_at = 2.0; // fraction of the segment at which it hits level sand; above 1: no hit
     uint64_t path = 0;
     int64_t energy = 0; // quanta after the last event
     uint32_t hits = 0, segments = 0, landings = 0;
@@ -106,7 +126,7 @@ double grain_unit(const GrainTracer& tracer, uint64_t path, int dimension) {
     return sobol_point(uint32_t(path), dimension, tracer.shifts[size_t(dimension)]);
 }
 
-// Two numbers for event k of a path: the first two dimensions again, in an order of their own.
+// Two random numbers for event k of a path: the first two dimensions, in a different order for each event.
 std::array<double, 2> event_numbers(const GrainTracer& tracer, uint64_t path, uint32_t event) {
     const uint64_t key = hash(tracer.settings.seed, 0x6576ULL + event);
     const uint32_t index = owen_shuffle(uint32_t(path), uint32_t(key));
@@ -158,7 +178,7 @@ void choose_segment(const GrainTracer& tracer, Grain& grain) {
     const double across_box = tracer.box.size * 1.01;
     double dt = a > 0.0 ? std::sqrt(8.0 * tracer.sag / a) : infinity;
     if (grain.x.y() > tracer.box.y1 && grain.v.y() > 0.0 &&
-        s.gravity > 0.0) // up to its apex nothing is there
+        s.gravity > 0.0) // nothing to hit above the box: fly to the apex
         dt = std::max(dt, grain.v.y() / s.gravity);
     if (v > 0.0) dt = std::min(dt, across_box / v);
     if (grain.leaving) {
@@ -169,7 +189,7 @@ void choose_segment(const GrainTracer& tracer, Grain& grain) {
     grain.dt = std::min(dt, 1e6);
 }
 
-// A float ray along the chord. false: there is no way to go.
+// Sets up a float ray along the chord. false: too far from the origin, or the chord is too long.
 bool set_grain_ray(const GrainTracer& tracer, Grain& grain, RTCRayHit& out) {
     grain.end = flown(tracer, grain, grain.dt);
     const Vec3d way = grain.end.x - grain.x;
@@ -194,9 +214,9 @@ bool set_grain_ray(const GrainTracer& tracer, Grain& grain, RTCRayHit& out) {
 // ---- hits ----
 
 struct GrainHit {
-    Vec3d point, normal; // normal: unit, against the path
+    Vec3d point, normal; // normal: unit, facing the incoming path
     double offset = 0.0;
-    const GrainMesh* mesh = nullptr; // NULL: it does not wear
+    const GrainMesh* mesh = nullptr; // nullptr: it does not wear
     const uint32_t* corners = nullptr;
 };
 
@@ -226,7 +246,7 @@ GrainHit found_hit(const GrainTracer& tracer, const RTCRayHit& ray) {
         hit.point = p0 + double(ray.hit.u) * e1 + double(ray.hit.v) * e2;
         const double sliver = area > 0.0 ? std::min(l1 * l2 / area, grain_sliver) : grain_sliver;
         hit.offset = hit.point.cwiseAbs().maxCoeff() + std::max(l1, l2) * sliver;
-    } else { // what Embree says of it
+    } else { // not worn: use the hit from Embree
         hit.point = origin + double(ray.ray.tfar) * way;
         const Vec3d normal(ray.hit.Ng_x, ray.hit.Ng_y, ray.hit.Ng_z);
         const double area = normal.norm();
@@ -272,7 +292,7 @@ Vec3d rebound(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, con
     return speed * d;
 }
 
-// The grain that leaves sand instead of one that lands with the velocity v.
+// Velocity of the grain that leaves sand instead of one that lands with velocity v.
 Vec3d from_sand(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, const Vec3d& n) {
     const auto [u0, u1] = event_numbers(tracer, grain.path, 2 * grain.landings + 1);
     const double rise = tracer.launch * std::sqrt(-2.0 * std::log1p(-u0));
@@ -340,7 +360,7 @@ bool strikes(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Grain
     return true;
 }
 
-// Flies on, a little off the surface.
+// The grain continues, slightly above the surface.
 void grazes(GrainCounts& counts, Grain& grain, const GrainHit& hit, const Vec3d& v) {
     ++counts.grazes;
     const double lack = grain_least_rise * v.norm() - v.dot(hit.normal);
@@ -368,7 +388,7 @@ bool flies_on(const GrainTracer& tracer, GrainCounts& counts, Grain& grain) {
     return true;
 }
 
-// What the traced segment leads to. false: the grain has ended.
+// Handles the traced segment: hit, landing or further flight. false: the grain has ended.
 bool advance(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const RTCRayHit& ray) {
     ++grain.segments;
     bool goes_on = true;
@@ -379,7 +399,7 @@ bool advance(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const RTCRa
             goes_on = lands(tracer, counts, grain, hit.point + hit.offset * hit.normal, v, hit.normal);
         } else if (v.dot(hit.normal) < 0.0) {
             goes_on = strikes(tracer, counts, grain, hit, ray, v);
-        } else { // the chord meets what the path leaves
+        } else { // the chord hits a surface that the path is leaving
             grazes(counts, grain, hit, v);
         }
     } else if (grain.ground_at <= 1.0) {
@@ -396,7 +416,7 @@ bool advance(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const RTCRa
     return goes_on;
 }
 
-// Hits touch memory at random: it is asked for before it is needed, which saves a quarter of the time on a million triangles.
+// Hits access memory at random. Prefetching saves a quarter of the time on a million triangles.
 void prefetch_hits(const GrainTracer& tracer, std::span<const RTCRayHit> rays) {
     const auto worn = [&](const RTCRayHit& ray) -> const GrainMesh* {
         if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return nullptr;

@@ -1,20 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// Hardness of rock: the energy that wears a volume of it, relative to that of GrainSettings::energy_per_volume. Wear is divided by it.
+// Hardness of rock: the energy that wears a volume of it, relative to GrainSettings::energy_per_volume. Wear
+// is divided by it.
 //
-//     hardness = settings.hardness / rate_beds(s) * contrast_n^(noise(p) / 2 rms) * product over masks of m.hardness^w
+//     hardness = settings.hardness / rate_beds(s) * contrast_n^(noise(p) / 4 rms)
+//                * product over masks of m.hardness^w
 //
-// Beds. s is the distance across the beds (m): s = (p + folds) . b, b the upward normal of beds that dip by `dip` towards
-// dip_direction; folds move p along b by fold * noise(p / fold_length) / rms. Bed k covers (k + j_k, k + 1 + j_{k+1}) thickness, j in -0.3 ... 0.3 by
-// hash. Odd beds are soft, even ones hard: rate = contrast^(e), e from 0 to 1/2 in soft ones and from -1/2 to 0 in hard ones, by hash.
-// Laminae are beds of a sixth of the thickness whose contrast is contrast^laminae; their rates multiply those of the beds.
+// Beds. s is the distance across the beds (m): s = (p + folds) . b, with b the upward normal of beds that dip
+// by `dip` towards dip_direction. Folds move p along b by fold * noise(p / fold_length) / rms. Bed k covers
+// (k + j_k, k + 1 + j_{k+1}) thickness, with j in -0.3 ... 0.3 from a hash. Odd beds are soft, even ones
+// hard: rate = contrast^e, with e from a hash, in 0 to 1/2 for soft beds and in -1/2 to 0 for hard ones.
+// Laminae are beds of a sixth of the thickness with the contrast contrast^laminae; their rates multiply those
+// of the beds.
 //
-// Mean over a footprint. A voxel wears at the mean rate of what is in it, so rates are what is averaged: exactly over an
-// interval of s as long as the footprint, bed by bed. Beds of less than 1/16 of the footprint count by their mean. Octaves
-// of the noise shorter than two footprints are left out.
+// Mean over a footprint. A voxel wears at the mean rate of its content, so rates are averaged: exactly, over
+// an interval of s of the length of the footprint, bed by bed. Beds thinner than 1/16 of the footprint
+// contribute their mean. Octaves of the noise shorter than two footprints are omitted.
 //
-// Masks: w = 1 within, 0 outside of the ellipsoid, and smooth over `edge` of its radius.
+// Masks: w = 1 inside the ellipsoid, 0 outside, with a smooth transition over `edge` of its radius.
 //
-// Limits: rates of beds and laminae are averaged one by one, not their product. Cost: about 60 ns a point and core with beds and noise.
+// Limits: the rates of beds and laminae are averaged separately, not their product. Cost: about 60 ns per
+// point on one core with beds and noise.
 #include "procedural/erosion/hardness.h"
 
 #include "core/math/hash.h"
@@ -31,14 +36,14 @@ namespace marram {
 namespace {
 
 constexpr double bed_jitter = 0.3, thinnest_bed = 1.0 / 16.0, laminae_a_bed = 6.0;
-constexpr double farthest_bed = 0x1p40; // beds from the origin: their number stays exact
+constexpr double farthest_bed = 0x1p40; // beds from the origin: bed numbers stay exact
 constexpr int hardness_octaves = 8;
 
 struct BedRates {
     double thickness, log_contrast;
     uint64_t seed;
 
-    double border(double k) const { // the lower one of bed k, in thicknesses
+    double border(double k) const { // lower border of bed k, in units of the thickness
         return k + bed_jitter * (2.0 * unit_double(hash(seed, uint64_t(int64_t(k)))) - 1.0);
     }
     double rate(double k) const {
@@ -51,7 +56,7 @@ struct BedRates {
         const double at = std::clamp(s / thickness, -farthest_bed, farthest_bed);
         const double width = footprint / thickness;
         if (width * thinnest_bed > 1.0) {
-            const double a = 0.5 * log_contrast; // the mean of exp(+-a u), u from 0 to 1, over both signs
+            const double a = 0.5 * log_contrast; // mean of exp(+-a u) over u in 0 to 1 and both signs
             return std::sinh(a) / a;
         }
         const double low = at - 0.5 * width, high = at + 0.5 * width;
@@ -85,7 +90,7 @@ HardnessBatch hardness_batch(std::span<const float> points, size_t first) {
     return batch;
 }
 
-// The first component of noise of rms 1.
+// First component of vector noise, normalised to an rms of 1.
 VFloat hardness_noise(const HardnessBatch& batch, double length, int octaves, double footprint,
                       uint32_t seed) {
     FractalNoise noise;
@@ -120,7 +125,7 @@ void rock_hardness(const HardnessSettings& settings, std::span<const float> poin
     const double contrast = std::log(std::max(strata.contrast, 1.0));
     const BedRates main{strata.thickness, contrast, hash(settings.seed, 1)};
     const BedRates fine{strata.thickness / laminae_a_bed, contrast * strata.laminae, hash(settings.seed, 2)};
-    const double log_noise = std::log(std::max(settings.noise, 1.0)) / 4.0; // extremes at twice the rms
+    const double log_noise = std::log(std::max(settings.noise, 1.0)) / 4.0; // extremes: twice the rms
     const size_t batches = (hardness.size() + lanes - 1) / lanes;
     tbb::parallel_for(
         tbb::blocked_range<size_t>(0, batches, 64), [&](const tbb::blocked_range<size_t>& range) {

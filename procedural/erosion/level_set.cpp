@@ -1,33 +1,38 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rock as a level set. Signed distance phi (metres, negative in rock) on a sparse grid of cubic voxels of edge h, stored by OpenVDB
-// in a narrow band of 3 h on both sides of the surface. This is the only file that sees OpenVDB's headers.
+// Rock as a level set. Signed distance phi (metres, negative in rock) on a sparse grid of cubic voxels of
+// edge h, stored by OpenVDB in a narrow band of 3 h on both sides of the surface. This is the only file that
+// includes OpenVDB.
 //
-// Mesh. One vertex in each cell of eight voxels that the surface passes through, and one quad around each edge whose ends have
-// opposite signs (surface nets: S. Gibson, "Constrained Elastic Surface Nets", MICCAI 1998). A vertex starts at the mean of the crossings
-// of its cell's edges and is moved onto the surface by two Newton steps along the gradient, within its cell. So a plane comes out
-// flat to rounding at any angle to the grid, and a sphere of radius R within h^2 / (8 R). Normals are the gradient by central differences.
+// Mesh. One vertex in each cell of eight voxels that the surface crosses, and one quad around each edge whose
+// ends have opposite signs (surface nets: S. Gibson, "Constrained Elastic Surface Nets", MICCAI 1998). A
+// vertex starts at the mean of the crossings of its cell's edges and is moved onto the surface by two Newton
+// steps along the gradient, within its cell. So a plane is flat to rounding at any angle to the grid, and a
+// sphere of radius R is within h^2 / (8 R). Normals are the gradient by central differences.
 //
-// Wear. d(x) >= 0 is metres along the normal, given at the vertices, at most h a pass. Voxels of the band take the d of the closest
-// point of the surface, p = x - phi grad(phi): a mean of the vertices within 2 h of p, weighted by (1 - r^2 / 4 h^2)^2 and by how far their
-// normals agree. Then phi += d. As d is constant along normals, |grad phi| = 1 holds but for d's own slope along the surface:
+// Wear. d(x) >= 0 is the depth in metres along the normal, given at the vertices, at most h per pass. A voxel
+// of the band takes d from its closest point on the surface, p = x - phi grad(phi): a mean of the vertices
+// within 2 h of p, weighted by (1 - r^2 / 4 h^2)^2 and by the agreement of their normals. Then phi += d. As d
+// is constant along normals, |grad phi| deviates from 1 only by the slope of d along the surface:
 //     |grad (phi + d)|^2 = 1 + |grad_s d|^2.
 //
-// Renormalisation, each pass. Voxels with a neighbour of the other sign keep the surface where it is: phi / |grad phi| by the
-// greatest of central and one-sided differences (Russo and Smereka, J. Comput. Phys. 163, 2000). The others take three steps of
-// phi_t = -sign(phi) (|grad phi| - 1) towards them, Godunov's flux, second-order one-sided differences (ENO). Voxels without wear are
-// left alone to the bit, so that a sheltered face does not creep however many passes there are.
+// Renormalisation, each pass. Voxels with a neighbour of opposite sign keep the surface in place: they become
+// phi / |grad phi|, per axis by the larger of the central difference and half the one-sided ones (after Russo
+// and Smereka, J. Comput. Phys. 163, 2000). The others take three steps of
+// phi_t = -sign(phi) (|grad phi| - 1) with Godunov's flux and second-order one-sided differences (ENO).
+// Voxels without wear stay bitwise the same, so that a sheltered face does not creep over many passes.
 //
-// Rock is never added: a voxel beside the surface never falls below its value before the pass, so that along every edge of the grid
-// the crossing moves inward or stays.
+// Rock is never added: a voxel beside the surface never falls below its value before the pass. So along every
+// grid edge the crossing moves inward or stays.
 //
-// Error: see build/rock_erosion (tests/bench). A sphere worn at constant speed: order 1 to 2 in h. A plane at any angle to the
-// grid wears evenly within 0.02 h a voxel of depth. Keels thinner than h vanish.
+// Error: see build/rock_erosion (tests/bench). A sphere worn at constant speed: order 1 to 2 in h. A plane at
+// any angle to the grid wears uniformly within 0.02 h per voxel of depth. Ridges thinner than h vanish.
 //
-// Order and threads: work is by leaf (8 x 8 x 8 voxels) into its own memory; sums are of one leaf after the other. So results are
-// the same bits for any number of threads.
+// Determinism: each leaf (8 x 8 x 8 voxels) is processed into its own memory, and results are concatenated in
+// leaf order. So results are bitwise the same for any number of threads.
 //
-// Cost: on one core 0.7 us a voxel of the band and pass, 1 us a vertex for the mesh: a ball in a grid of 512^3, 3 10^6 voxels and 750,000 vertices,
-// takes 2.1 s and 0.7 s (half of it on two cores), and 8 s to make of a mesh. 26 bytes a voxel, three times that while it is worn.
+// Cost on one core: 0.7 us per voxel of the band and pass, 1 us per vertex for the mesh. A ball in a grid of
+// 512^3 with 3 10^6 voxels and 750,000 vertices takes 2.1 s and 0.7 s (half of it on two cores), and 8 s to
+// build from a mesh. Memory: 26 bytes per voxel, three times that during wear.
 #include "procedural/erosion/level_set.h"
 
 #include <openvdb/Grid.h>
@@ -39,8 +44,8 @@
 #include <openvdb/tools/Prune.h>
 #include <openvdb/tools/SignedFloodFill.h>
 #include <openvdb/tree/LeafManager.h>
-// In OpenVDB's library, which registers both kinds: a third of the time to compile this file. Without optimisation small members
-// are not inlined, and the library does not have them.
+// These are instantiated in OpenVDB's library: not doing so here saves a third of the compile time of this
+// file. Without optimisation small members are not inlined, and the library does not export them.
 #if defined(__OPTIMIZE__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__)
 extern template class openvdb::tree::Tree<openvdb::FloatTree::RootNodeType>;
 extern template class openvdb::tree::Tree<openvdb::Int32Tree::RootNodeType>;
@@ -68,16 +73,16 @@ using Leaf = FloatTree::LeafNodeType;
 using Leaves = openvdb::tree::LeafManager<FloatTree>;
 
 constexpr int leaf_side = 8, leaf_size = leaf_side * leaf_side * leaf_side;
-constexpr float band = 3.0F;                // half width of the band, in voxels
-constexpr double most_voxels = 0x1p27;      // of a band: 16 GB with all that stands by while it is worn
-constexpr double most_voxels_away = 0x1p17; // from the origin: floats are exact to 0.8 % of a voxel there
+constexpr float band = 3.0F;                // half width of the narrow band, in voxels
+constexpr double most_voxels = 0x1p27;      // in the band: 16 GB including temporary data during wear
+constexpr double most_voxels_away = 0x1p17; // distance from the origin, where floats resolve 0.8 % of a voxel
 constexpr float least_inside_cell = 0.02F;
 constexpr int relaxing_steps = 3;
 constexpr float relaxing_step = 0.5F; // in h
 
-// All of phi is in voxels while it is worked on here: grids hold metres only in files.
+// In this file phi is in voxels; only grids in files are in metres.
 
-// A leaf and its 26 neighbours, or the values of the tiles that stand there.
+// A leaf and its 26 neighbours, or the values of tiles in their place.
 template <typename Tree>
 struct Neighbourhood {
     using T = typename Tree::ValueType;
@@ -101,7 +106,7 @@ struct Neighbourhood {
     }
 };
 
-// The values of a leaf with `halo` voxels around them, side by side.
+// Values of a leaf and `halo` voxels around it, contiguous.
 template <int halo, typename T>
 struct Block {
     static constexpr int side = leaf_side + 2 * halo;
@@ -155,7 +160,7 @@ Float3 central_gradient(const Block<halo, float>& phi, int i, int j, int k) {
     return Float3{p[x] - p[-x], p[y] - p[-y], p[1] - p[-1]} * 0.5F;
 }
 
-// Trilinear between the corners c[(i * 2 + j) * 2 + k] of a cell.
+// Trilinear interpolation of the corners c[(i * 2 + j) * 2 + k] of a cell.
 template <typename T>
 T trilinear(const std::array<T, 8>& c, const Float3& t) {
     const auto mix = [](const T& a, const T& b, float s) { return a * (1.0F - s) + b * s; };
@@ -163,7 +168,7 @@ T trilinear(const std::array<T, 8>& c, const Float3& t) {
                mix(mix(c[4], c[5], t.z), mix(c[6], c[7], t.z), t.y), t.x);
 }
 
-// Where the surface passes through a cell, from its lower corner, in voxels.
+// Mesh vertex of a cell. place: from the lower corner of the cell, in voxels.
 struct CellVertex {
     Float3 place, normal;
 };
@@ -187,7 +192,7 @@ CellVertex cell_vertex(const std::array<float, 8>& corner, const std::array<Floa
     for (int step = 0; step < 2; ++step) {
         const Float3 g = trilinear(slope, p);
         const float square = g.dot(g);
-        if (!(square > 0.04F)) break; // a crease: no direction to go
+        if (!(square > 0.04F)) break; // a crease: no useful gradient
         p = p - g * (trilinear(corner, p) / square);
         p = {inside(p.x), inside(p.y), inside(p.z)};
     }
@@ -199,9 +204,9 @@ void for_leaves(const Leaves& leaves, const auto& body) {
                       [&](const tbb::blocked_range<size_t>& range) { body(range.begin(), range.end()); });
 }
 
-// ---- meshes that come in ----
+// ---- input meshes ----
 
-// Vertices at one place become one.
+// For each vertex the first vertex at the same position.
 std::vector<uint32_t> welded(std::span<const float> positions) {
     const size_t count = positions.size() / 3;
     std::vector<uint32_t> order(count), first(count);
@@ -234,7 +239,7 @@ void check_closed(std::span<const uint32_t> triangles, const std::vector<uint32_
     }
 }
 
-// Checks a mesh and returns its triangles that have an area.
+// Checks a mesh and returns its triangles, without those of zero area.
 std::vector<uint32_t> checked_triangles(std::span<const float> positions, std::span<const uint32_t> triangles,
                                         double voxel) {
     if (!(voxel > 0.0) || !std::isfinite(voxel)) throw LevelSetError("the voxel size must be above 0");
@@ -292,13 +297,13 @@ FloatGrid::Ptr band_around(std::span<const float> positions, std::span<const uin
             points[v][int(axis)] = float(double(positions[3 * v + axis]) / voxel);
     for (size_t t = 0; t < faces.size(); ++t)
         for (size_t c = 0; c < 3; ++c) faces[t][int(c)] = triangles[3 * t + c];
-    // This adapter is compiled into the library; any other would be compiled here.
+    // The library has this adapter precompiled; any other would be compiled here.
     const openvdb::tools::QuadAndTriangleDataAdapter<openvdb::Vec3s, openvdb::Vec3I> mesh(points, faces);
     const auto identity = openvdb::math::Transform::createLinearTransform(1.0);
     return openvdb::tools::meshToVolume<FloatGrid>(mesh, *identity, width, width);
 }
 
-// ---- what happens to the distances ----
+// ---- operations on the distances ----
 
 bool beside_surface(const float* p, int x, int y) {
     const bool inside = *p < 0.0F;
@@ -306,7 +311,8 @@ bool beside_surface(const float* p, int x, int y) {
            (p[-y] < 0.0F) != inside || (p[1] < 0.0F) != inside || (p[-1] < 0.0F) != inside;
 }
 
-// The distance of a voxel beside the surface, in voxels: phi / |grad phi|, by the greatest differences.
+// Distance of a voxel beside the surface, in voxels: phi / |grad phi|. See "Renormalisation" at the top of
+// the file.
 float subcell_distance(const float* p, int x, int y) {
     float square = 0.0F;
     for (const int step : {x, y, 1}) {
@@ -323,7 +329,7 @@ float minmod(float a, float b) {
     return std::abs(a) < std::abs(b) ? a : b;
 }
 
-// |grad phi| by Godunov's flux away from the surface, and second-order one-sided differences.
+// |grad phi| by Godunov's flux, upwind from the surface, with second-order one-sided differences.
 float upwind_slope(const float* p, int x, int y) {
     const bool outside = *p >= 0.0F;
     float square = 0.0F;
@@ -338,7 +344,7 @@ float upwind_slope(const float* p, int x, int y) {
     return std::sqrt(square);
 }
 
-// One step of phi_t = -sign(phi) (|grad phi| - 1) of what is not beside the surface: from the leaves' values to buffer 2.
+// One step of phi_t = -sign(phi) (|grad phi| - 1) for voxels not beside the surface; writes to buffer 2.
 void relax_leaf(const Leaves& leaves, size_t n, bool worn,
                 const openvdb::tree::ValueAccessor<const FloatTree>& accessor) {
     const Leaf& leaf = leaves.leaf(n);
@@ -358,7 +364,8 @@ void relax_leaf(const Leaves& leaves, size_t n, bool worn,
     }
 }
 
-// Distances again, the surface kept. Buffer 2 is scratch. With `worn` buffer 1 holds the distances before the wear: what has not changed stays.
+// Restores phi to a distance and keeps the surface in place. Buffer 2 is scratch. With `worn`, buffer 1 holds
+// the distances before the wear, and voxels without change are kept.
 void renormalise(FloatTree& tree, Leaves& leaves, bool worn) {
     for_leaves(leaves, [&](size_t begin, size_t end) {
         const openvdb::tree::ValueAccessor<const FloatTree> accessor(tree);
@@ -389,7 +396,7 @@ void renormalise(FloatTree& tree, Leaves& leaves, bool worn) {
     }
 }
 
-// Only what is nearer than the band is wide stays active.
+// Deactivates voxels outside the band and sets them to +-band.
 void trim(FloatTree& tree, const Leaves& leaves) {
     for_leaves(leaves, [&](size_t begin, size_t end) {
         for (size_t n = begin; n < end; ++n) {
@@ -407,13 +414,14 @@ void trim(FloatTree& tree, const Leaves& leaves) {
     openvdb::tools::pruneLevelSet(tree);
 }
 
-// A vertex as voxels look it up: its place in its cell, the normal, and the wear, in voxels.
+// Vertex data for the lookup by voxels: position in its cell, normal, and wear; in voxels.
 struct WornVertex {
     Float3 place, normal;
     float depth;
 };
 
-// The wear at the point `place` of the surface, in voxels from a leaf's first voxel: the mean of the vertices around it.
+// Wear at the surface point `place` (in voxels from a leaf's first voxel): weighted mean of the vertices
+// around it.
 float wear_near(std::span<const WornVertex> vertices, const Neighbourhood<Int32Tree>& cells,
                 const Float3& place, const Float3& normal) {
     const auto cell = [](float x) { return std::clamp(int(std::floor(x)), -6, 13); };
@@ -427,7 +435,7 @@ float wear_near(std::span<const WornVertex> vertices, const Neighbourhood<Int32T
                     if (v < 0) continue;
                     const WornVertex& vertex = vertices[size_t(v)];
                     const Float3 away = Float3{float(a), float(b), float(c)} + vertex.place - place;
-                    const float near = std::max(1.0F - away.dot(away) * 0.25F, 1e-4F); // 2 voxels
+                    const float near = std::max(1.0F - away.dot(away) * 0.25F, 1e-4F); // radius: 2 voxels
                     const float agree = std::max(normal.dot(vertex.normal), 0.02F);
                     const float w = near * near * agree;
                     sum += w * vertex.depth;
@@ -438,10 +446,11 @@ float wear_near(std::span<const WornVertex> vertices, const Neighbourhood<Int32T
     return 0.0F;
 }
 
-// Values halfway between voxels by the cubic through four of them; at voxels their own.
+// Midpoint interpolation by the cubic through four voxels.
 float halfway(float a, float b, float c, float d) { return (9.0F * (b + c) - (a + d)) * 0.0625F; }
 
-// The eight leaves of half the voxel size that cover a leaf: 16 x 16 x 16 values, less `offset` (in the fine voxels).
+// Values of the eight leaves at half the voxel size that cover a leaf: 16 x 16 x 16, minus `offset` (in fine
+// voxels).
 struct Doubled {
     static constexpr int side = 2 * leaf_side;
     std::array<float, size_t(side) * side * side> values;
@@ -473,7 +482,7 @@ struct Doubled {
     }
 };
 
-// Weights of the cubic through four values, t from 0 to 1 between the middle ones (Catmull and Rom).
+// Catmull-Rom weights of four values, t from 0 to 1 between the middle ones.
 std::array<float, 4> cubic_weights(float t) {
     const float t2 = t * t, t3 = t2 * t;
     return {-0.5F * t3 + t2 - 0.5F * t, 1.5F * t3 - 2.5F * t2 + 1.0F, -1.5F * t3 + 2.0F * t2 + 0.5F * t,
@@ -496,7 +505,7 @@ float tricubic(const Accessor& accessor, const openvdb::Vec3d& place) {
     return sum;
 }
 
-// Triangles in pieces that hang together; volume of each by its first vertex. Anything below 0 is a cavity.
+// Signed volume of each connected piece, stored at its first vertex. Negative volumes are cavities.
 std::vector<double> piece_volumes(const LevelMesh& mesh) {
     std::vector<uint32_t> parent(mesh.vertex_count());
     std::iota(parent.begin(), parent.end(), 0U);
@@ -527,11 +536,11 @@ std::vector<double> piece_volumes(const LevelMesh& mesh) {
 struct LevelSet::Data {
     double voxel = 1.0;
     FloatTree::Ptr phi; // in voxels
-    // Of the present phi, or none:
+    // Derived from phi, valid if meshed:
     bool meshed = false;
     LevelMesh mesh;
-    Int32Tree::Ptr cells;       // the vertex in the cell above a voxel; -1: none
-    std::vector<Float3> places; // of vertices in their cells, in voxels
+    Int32Tree::Ptr cells;       // vertex index of the cell whose lower corner is the voxel; -1: none
+    std::vector<Float3> places; // vertex positions in their cells, in voxels
 
     void changed() {
         meshed = false;
@@ -544,7 +553,8 @@ struct LevelSet::Data {
 
 namespace {
 
-// A tree of distances in voxels, from a grid of any band and unit.
+// Converts a grid of any band width to a tree of distances in voxels. unit: voxel size in units of the grid's
+// values.
 FloatTree::Ptr tree_in_voxels(const FloatGrid& grid, double unit) {
     auto tree = std::make_shared<FloatTree>(grid.tree());
     Leaves leaves(*tree);
@@ -570,7 +580,7 @@ void LevelSet::Data::extract() {
     const size_t count = leaves.leafCount();
     std::vector<std::vector<CellVertex>> made(count);
 
-    // The cells that the surface passes through, and their vertices.
+    // Vertices of the cells that the surface crosses.
     for_leaves(leaves, [&](size_t begin, size_t end) {
         const openvdb::tree::ValueAccessor<const FloatTree> accessor(*phi);
         Block<2, float> block;
@@ -622,7 +632,7 @@ void LevelSet::Data::extract() {
         }
     });
 
-    // A quad around each edge that the surface cuts.
+    // A quad around each edge that the surface crosses.
     std::vector<std::vector<uint32_t>> faces(count);
     for_leaves(leaves, [&](size_t begin, size_t end) {
         const openvdb::tree::ValueAccessor<const FloatTree> accessor(*phi);
@@ -654,14 +664,14 @@ void LevelSet::Data::extract() {
                 for (int axis = 0; axis < 3; ++axis) {
                     const int x = axis == 0, y = axis == 1, z = axis == 2;
                     if ((block.at(i + x, j + y, k + z) < 0.0F) == inside) continue;
-                    // The cells around the edge, anticlockwise seen from its upper end: u, v follow the axis cyclically.
+                    // Cells around the edge, anticlockwise seen from its upper end: axis, u, v are cyclic.
                     const int ui = axis == 2, uj = axis == 0, uk = axis == 1;
                     const int vi = axis == 1, vj = axis == 2, vk = axis == 0;
                     std::array<int32_t, 4> around{ids.at(i - ui - vi, j - uj - vj, k - uk - vk),
                                                   ids.at(i - vi, j - vj, k - vk), ids.at(i, j, k),
                                                   ids.at(i - ui, j - uj, k - uk)};
                     if (*std::min_element(around.begin(), around.end()) < 0)
-                        continue; // at the end of the band
+                        continue; // at the border of the band
                     if (!inside) std::swap(around[1], around[3]);
                     const auto v = [&](int c) { return uint32_t(around[size_t(c & 3)]); };
                     int start = apart(v(0), v(2)) <= apart(v(1), v(3)) ? 0 : 1;
@@ -746,7 +756,7 @@ LevelSet LevelSet::read(const std::string& file) {
         data->phi = tree_in_voxels(*grid, voxel);
         return LevelSet(std::move(data));
     }
-    // Another place or band: its surface, as a mesh.
+    // A different transform or band width: resample via the mesh of its surface.
     data->phi = tree_in_voxels(*grid, voxel);
     data->voxel = 1.0;
     data->extract();
@@ -807,8 +817,7 @@ void LevelSet::advance(std::span<const double> depth) {
     std::vector<WornVertex> vertices(depth.size());
     for (size_t v = 0; v < depth.size(); ++v) {
         const float* const n = data_->mesh.normals.data() + 3 * v;
-        const double cut =
-            depth[v] > 0.0 ? std::min(depth[v] / data_->voxel, 1.0) : 0.0; // 0 where it is not a number
+        const double cut = depth[v] > 0.0 ? std::min(depth[v] / data_->voxel, 1.0) : 0.0; // NaN becomes 0
         vertices[v] = {data_->places[v], {n[0], n[1], n[2]}, float(cut)};
     }
     FloatTree& tree = *data_->phi;
@@ -836,7 +845,7 @@ void LevelSet::advance(std::span<const double> depth) {
     trim(tree, leaves);
     data_->changed();
     data_->extract();
-    if (data_->mesh.triangles.empty()) tree.clear(); // what is left of a band belongs to no surface
+    if (data_->mesh.triangles.empty()) tree.clear(); // no surface: remove the rest of the band
 }
 
 LevelSet LevelSet::refined(double offset) const {
@@ -873,7 +882,7 @@ LevelSet LevelSet::refined(double offset) const {
     });
     for (auto& leaf : made)
         if (leaf) data->phi->addLeaf(leaf.release());
-    // What lies within the band has no leaves yet.
+    // Sets the sign of the interior, which has no leaves.
     openvdb::tools::signedFloodFill(*data->phi);
     Leaves fine_leaves(*data->phi, 2);
     renormalise(*data->phi, fine_leaves, false);
@@ -910,7 +919,7 @@ size_t LevelSet::keep_largest() {
     std::vector<FloatTree::Ptr> segments;
     openvdb::tools::segmentSDF(*data_->phi, segments);
     if (segments.size() < 2) return 0;
-    data_->phi = segments.front(); // the one with most voxels
+    data_->phi = segments.front(); // the piece with the most voxels
     data_->changed();
     return segments.size() - 1;
 }
@@ -956,7 +965,7 @@ double mesh_volume(const LevelMesh& mesh) {
 
 void smoothed_distance(const LevelMesh& mesh, double sigma, std::span<const float> points,
                        std::span<float> distance) {
-    // Three means over 3 x 3 x 3 voxels are a Gaussian of sqrt(2) voxels.
+    // Three box filters of 3 x 3 x 3 voxels approximate a Gaussian of sigma = sqrt(2) voxels.
     constexpr float wide = 10.0F;
     const double voxel = sigma / std::sqrt(2.0);
     const std::vector<uint32_t> kept = checked_triangles(mesh.positions, mesh.triangles, voxel);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rock as a level set: signed distance on a sparse grid, which is worn away and comes out as a mesh. The page is in level_set.cpp.
+// Rock as a level set: signed distance on a sparse grid, with wear and mesh extraction. Documented in
+// level_set.cpp.
 #pragma once
 
 #include <cstddef>
@@ -14,9 +15,9 @@ namespace marram {
 
 // A closed surface.
 struct LevelMesh {
-    std::vector<float> positions;    // xyz a vertex, metres
-    std::vector<float> normals;      // xyz a vertex, unit, outward: the gradient of the level set
-    std::vector<uint32_t> triangles; // 3 a triangle, anticlockwise seen from outside
+    std::vector<float> positions;    // xyz per vertex, metres
+    std::vector<float> normals;      // xyz per vertex, unit, outward: gradient of the level set
+    std::vector<uint32_t> triangles; // 3 per triangle, anticlockwise seen from outside
     size_t vertex_count() const { return positions.size() / 3; }
     size_t triangle_count() const { return triangles.size() / 3; }
 };
@@ -24,7 +25,7 @@ struct LevelMesh {
 double mesh_area(const LevelMesh& mesh);   // m^2
 double mesh_volume(const LevelMesh& mesh); // m^3
 
-// What is wrong with a mesh, a file or a voxel size, in words for the user.
+// Error in a mesh, a file or a voxel size; the message is for the user.
 struct LevelSetError : std::runtime_error {
     using std::runtime_error::runtime_error;
 };
@@ -32,11 +33,11 @@ struct LevelSetError : std::runtime_error {
 class LevelSet {
   public:
     // All of these throw LevelSetError. `voxel` is in metres.
-    // positions: xyz a vertex; triangles: 3 indices each, closed: every edge has an even number of triangles. Their orientation does
-    // not matter, and triangles without area are left out.
+    // positions: xyz per vertex; triangles: 3 indices each. The mesh must be closed: every edge has an even
+    // number of triangles. Orientation does not matter; triangles without area are ignored.
     static LevelSet from_mesh(std::span<const float> positions, std::span<const uint32_t> triangles,
                               double voxel);
-    // The first level set of a .vdb file.
+    // Reads the first level set of a .vdb file.
     static LevelSet read(const std::string& file);
     void write(const std::string& file) const;
 
@@ -48,24 +49,26 @@ class LevelSet {
 
     double voxel() const;         // metres
     bool empty() const;           // no rock is left
-    size_t active_voxels() const; // of the narrow band
+    size_t active_voxels() const; // in the narrow band
     size_t bytes() const;
 
-    // The surface. Kept until the rock changes.
+    // The surface. Cached until the rock changes.
     const LevelMesh& mesh();
 
-    // Wears the rock: `depth` is metres along the normal at each vertex of mesh(), cut to 0 ... voxel(); what is not a number
-    // is 0. Rock is never added.
+    // Wears the rock. `depth`: metres along the normal at each vertex of mesh(), clamped to 0 ... voxel();
+    // NaN counts as 0. Rock is never added.
     void advance(std::span<const double> depth);
 
-    // The same rock with voxels of half the size, grown outward by `offset` metres, at most one of the present voxels.
+    // The same rock with half the voxel size, grown outward by `offset` metres, at most one voxel of this
+    // level set.
     LevelSet refined(double offset) const;
-    // Keeps what is rock in both; they must have the same voxels.
+    // Intersection with another level set of the same voxel size.
     void intersect(const LevelSet& other);
-    // Removes rock that is not connected to the largest piece; returns how many pieces went.
+    // Removes all pieces except the one with the most voxels; returns the number of removed pieces.
     size_t keep_largest();
 
-    // Signed distances at points (xyz each), metres, negative in rock: tricubic near the surface, cut to three voxels away from it.
+    // Signed distances at points (xyz each), metres, negative in rock. Tricubic near the surface, clamped to
+    // three voxels away from it.
     void sample(std::span<const float> points, std::span<float> distance) const;
 
   private:
@@ -74,8 +77,9 @@ class LevelSet {
     std::unique_ptr<Data> data_;
 };
 
-// How far the surface of `mesh`, smoothed by a Gaussian of standard deviation `sigma` metres, is from points that lie near it
-// (xyz each): signed, metres. The reference of what is meant by "a coarse level is the fine one, smoothed".
+// Signed distance (metres) of points (xyz each) near the surface of `mesh` from that surface, smoothed by a
+// Gaussian of standard deviation `sigma` metres. Reference for tests of "a coarse level is the smoothed fine
+// level".
 void smoothed_distance(const LevelMesh& mesh, double sigma, std::span<const float> points,
                        std::span<float> distance);
 

@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// rock: a mesh with what the wind wears of it, as attributes for shaders and grooms; with `levels` also in the shape that the wind makes of it.
+// rock: a mesh with its wear by wind-blown sand as attributes for shaders and grooms. With `levels` the mesh
+// is also eroded to the shape that the wind gives it.
 //
-// What it models. Grains of sand are traced through the scene (grains.cpp has the model and its sources) and wear the mesh. It is handed
-// out as it is, with its uvs and normals, and with the attributes
-//     wear        0 to 1: rate / full, no more than 1
+// Model. Grains of sand are traced through the scene (model and sources in grains.cpp) and wear the mesh. The
+// output is a copy of the mesh with its uvs and normals, and with the attributes
+//     wear        0 to 1: rate / full, clamped to 1
 //     wear_rate   mm of rock a year
-//     hardness    what divides the wear: beds, noise, and drawn ellipsoids (hardness.cpp)
-// The mesh that it is made from is still there: switch off its roles, as below, or it is seen as well. Grains meet the meshes that are named, no others:
-// `mesh`, those in `shelter`, and those in `sand`, where what lands is replaced by a grain of the stream. `sand_level` is level sand everywhere.
-// The wind's direction and speed are the scene's. Vertices that stand at one place count as one, so that uv seams do not show.
+//     hardness    divides the wear: beds, noise, and ellipsoids (hardness.cpp)
+// The source mesh stays in the scene: switch off its roles, as below, or both are rendered. Grains hit only
+// the meshes that are named: `mesh`, those in `shelter`, and those in `sand`, where a grain that lands is
+// replaced by a new grain of the stream. `sand_level` is level sand everywhere. Wind direction and speed are
+// the scene's. Vertices at equal positions are merged for the wear, so that uv seams do not show.
 //
 //     [[mesh]]
 //     name = "boulder"
@@ -28,9 +30,10 @@
 //     [[procedural.shelter]]
 //     mesh = "wall"
 //
-// With `levels` the mesh is eroded for `years` as a level set (erosion.cpp): it must be closed. The first level is coarse, each of the others has voxels of
-// half the size and shows the one before with finer detail. `level` stops at one of them, for a quick look; its shape is that of the last, smoothed. `winds`
-// wear it in turn instead of the scene's wind: two make a keel. The mesh that is handed out has no uvs.
+// With `levels` the mesh is eroded for `years` as a level set (erosion.cpp): it must be closed. The first
+// level is coarse; each further level halves the voxel size, keeps the shape and adds detail. `level` stops
+// at one of them for a fast preview: its shape is the smoothed final shape. `winds` replace the scene's wind
+// and share the time; two winds make a keel. The output mesh has no uvs.
 //
 //     [[procedural]]
 //     type = "rock"
@@ -50,10 +53,12 @@
 //     radius = [0.3, 0.05, 0.3]
 //     hardness = 5
 //
-// With `map` it hands out both attributes as images by uv, too, which `marram bake -o wear.exr` writes: row 0 is v = 1; a pixel takes the value
-// of the triangle over its centre, and two pixels around each island are filled with their neighbours' mean.
+// With `map`, wear and wear_rate are also baked to images by uv; `marram bake -o wear.exr` writes them. Row 0
+// is v = 1. A pixel takes the value of the triangle at its centre; two pixels around each island are filled
+// with the mean of their neighbours.
 //
-// Cost: about a million rays a second and core; a grain takes 5 to 30. Noise of a vertex falls with the square root of the grains that hit its triangles.
+// Cost: about a million rays per second and core; a grain takes 5 to 30. The noise at a vertex falls with the
+// square root of the number of grains that hit its triangles.
 #include "procedural/erosion/rock.h"
 
 #include "core/math/clock.h"
@@ -79,11 +84,11 @@ struct RockInstance {
     MarramHost host{};
     StoredValues values;
     uint64_t values_digest = 0;
-    uint64_t digest = 0; // of all that `wear` comes from; 0: nothing yet
+    uint64_t digest = 0; // of all inputs of `wear`; 0: not computed yet
     std::vector<float> positions, normals, uvs;
     std::vector<uint32_t> triangles;
-    std::vector<float> wear, rate, hardness; // a vertex
-    ErosionResult erosion;                   // its levels are empty where the mesh keeps its shape
+    std::vector<float> wear, rate, hardness; // per vertex
+    ErosionResult erosion;                   // no levels if the mesh is not eroded
     double erosion_seconds = 0.0;
     std::array<std::vector<float>, 2> maps;
     std::array<MarramGrid, 2> grids{};
@@ -222,7 +227,7 @@ GrainSettings grain_settings_of(const Values& values) {
     return s;
 }
 
-// The winds that wear it in turn.
+// The winds that wear the rock.
 std::vector<RockWind> rock_winds(const Values& values) {
     const GrainSettings grains = grain_settings_of(values);
     std::vector<RockWind> winds;
@@ -282,7 +287,7 @@ bool is_list_mesh(std::string_view name, std::string_view list) {
     return name.starts_with(list) && name.ends_with("].mesh");
 }
 
-// Takes over checked values.
+// Checks combinations of valid values and stores them in the instance.
 void take_rock_values(RockInstance& instance, std::span<const MarramValue> list) {
     StoredValues stored(list);
     const Values values(stored.all());
@@ -333,7 +338,7 @@ MarramStatus create_rock(const MarramHost* host, const MarramValues* values, Mar
 }
 
 MarramStatus update_rock(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     RockInstance& instance = rock(opaque);
     return guarded_rock(instance.host, [&] {
         if (!given || !changed)
@@ -358,7 +363,7 @@ MarramStatus update_rock(MarramInstance* opaque, const MarramUpdate* given, uint
 
 // ---- wear ----
 
-// For each vertex the first one at its place.
+// For each vertex the first vertex at the same position.
 std::vector<uint32_t> first_at_place(const std::vector<float>& positions) {
     const size_t count = positions.size() / 3;
     std::vector<uint32_t> order(count), first(count);
@@ -376,7 +381,7 @@ std::vector<uint32_t> first_at_place(const std::vector<float>& positions) {
     return first;
 }
 
-// The rate below which the share of the worn area lies.
+// Area-weighted quantile of the rate over the worn area.
 double rate_of_area(const std::vector<float>& positions, const std::vector<uint32_t>& triangles,
                     const std::vector<float>& rate, double share) {
     std::vector<std::pair<double, double>> areas; // rate, area
@@ -401,7 +406,7 @@ double rate_of_area(const std::vector<float>& positions, const std::vector<uint3
     return 0.0;
 }
 
-// An image by uv of a vertex attribute.
+// Bakes a vertex attribute to an image by uv.
 std::vector<float> uv_map(const RockInstance& instance, const std::vector<float>& values, int size) {
     std::vector<float> map(size_t(size) * size_t(size), 0.0F);
     std::vector<char> known(map.size(), 0);
@@ -432,7 +437,7 @@ std::vector<float> uv_map(const RockInstance& instance, const std::vector<float>
                 known[at] = 1;
             }
     }
-    for (int round = 0; round < 2; ++round) { // around islands
+    for (int round = 0; round < 2; ++round) { // dilate the islands
         const std::vector<char> before = known;
         for (int j = 0; j < size; ++j)
             for (int i = 0; i < size; ++i) {
@@ -520,7 +525,7 @@ RockSurroundings rock_surroundings(const RockInstance& instance, const Values& v
     return around;
 }
 
-// The shape that the wind makes of the mesh. false: cancelled.
+// Erodes the mesh. false: cancelled.
 bool erode_rock(RockInstance& instance, const Values& values, const RockSurroundings& around,
                 const MarramMesh& mesh) {
     const double begin = wall_seconds();
@@ -567,7 +572,7 @@ bool erode_rock(RockInstance& instance, const Values& values, const RockSurround
     return true;
 }
 
-// false: cancelled.
+// Computes the attributes. false: cancelled.
 bool wear_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
                const RockSurroundings& around, const MarramMesh& mesh) {
     const std::vector<uint32_t> first = first_at_place(instance.positions);
@@ -614,7 +619,7 @@ void warn_of_rock(const RockInstance& instance, const Values& values, const Marr
              "raise speed or lower threshold");
 }
 
-// All that it hands out, unless it is there already. false: cancelled.
+// Computes the output unless it is up to date. false: cancelled.
 bool evaluate_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
                    std::span<const MarramMesh> meshes) {
     const MarramMesh& mesh = rock_mesh_named(meshes, values.at("mesh"));
@@ -639,19 +644,19 @@ bool evaluate_rock(RockInstance& instance, const Values& values, const MarramFra
 }
 
 MarramStatus prepare_rock(MarramInstance* opaque, const MarramFrame* given, const MarramStates*) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     RockInstance& instance = rock(opaque);
     return guarded_rock(instance.host, [&] {
         std::vector<MarramMesh> meshes;
         const MarramFrame frame = borrowed_frame(given, meshes);
         const Values values(instance.values.all());
-        if (values.integer("levels") == 0) return MARRAM_OK; // quick enough for begin
+        if (values.integer("levels") == 0) return MARRAM_OK; // fast enough for begin
         return evaluate_rock(instance, values, frame, meshes) ? MARRAM_OK : MARRAM_CANCELLED;
     });
 }
 
 MarramStatus begin_rock(MarramInstance* opaque, const MarramFrame* given, MarramOutput* out) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     RockInstance& instance = rock(opaque);
     return guarded_rock(instance.host, [&] {
         if (!out)
@@ -692,7 +697,7 @@ void check_rock_buffers(const RockInstance& instance, const MarramMeshBuffers* b
 }
 
 MarramStatus mesh_rock(MarramInstance* opaque, MarramMeshBuffers* buffers) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     RockInstance& instance = rock(opaque);
     return guarded_rock(instance.host, [&] {
         check_rock_buffers(instance, buffers);

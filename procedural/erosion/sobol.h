@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Points of Sobol's sequence in five dimensions, Owen-scrambled: any one by its index, without a state.
+// Owen-scrambled Sobol sequence in five dimensions. Stateless: any point by its index.
 //
-// Directions of S. Joe and F. Kuo, "Constructing Sobol sequences with better two-dimensional projections", SIAM J. Sci. Comput. 2008. Nested uniform
-// scrambling by a hash of the reversed bits: B. Burley, "Practical hash-based Owen scrambling", JCGT 2020.
+// Direction numbers of S. Joe and F. Kuo, "Constructing Sobol sequences with better two-dimensional
+// projections", SIAM J. Sci. Comput. 2008. Nested uniform scrambling by a hash of the reversed bits: B.
+// Burley, "Practical hash-based Owen scrambling", JCGT 2020.
 #pragma once
 
 #include <array>
@@ -17,8 +18,8 @@ constexpr uint32_t reversed_bits(uint32_t x) {
     return __builtin_bswap32(x);
 }
 
-// Permutes the 2^32 numbers so that aligned blocks of powers of two stay together: a shuffle of indices, and, of a coordinate's
-// bits, Owen's scrambling.
+// Permutes the 2^32 numbers such that aligned blocks of power-of-two size are kept. Used to shuffle indices,
+// and for the Owen scrambling of a coordinate's bits.
 constexpr uint32_t owen_shuffle(uint32_t x, uint32_t seed) {
     x = reversed_bits(x);
     x += seed;

@@ -15,7 +15,7 @@ constexpr double far_share = 0.1; // of a strand's length
 
 Vec3d point_at(const float* v) { return {double(v[0]), double(v[1]), double(v[2])}; }
 
-// Of a point of a triangle that has an area.
+// Barycentric coordinates of a point of a triangle that has an area.
 Vec3d weights_of(const std::array<Vec3d, 3>& p, const Vec3d& q) {
     const Vec3d n = (p[1] - p[0]).cross(p[2] - p[0]);
     const double area = n.squaredNorm();
@@ -27,7 +27,7 @@ Vec3d weights_of(const std::array<Vec3d, 3>& p, const Vec3d& q) {
     return weights;
 }
 
-// The surface as the one collider of a frame.
+// A frame with the surface as its only collider, for closest point queries.
 struct ClosestPointQuery {
     const float* positions[1];
     MarramMesh mesh{};
@@ -71,15 +71,16 @@ Binding bind_strands(const LentCurves& curves, const float* vertices, const Surf
     Binding binding;
     binding.bonds.resize(curves.count());
     const ClosestPointQuery query(bind, vertex_count);
-    // Roots and skin are floats, as a rule transformed by two programs, each on its own: eight roundings of half a unit.
+    // Roots and skin are floats, usually transformed independently by two programs: allow for eight roundings
+    // of half an ulp.
     binding.rounding =
         0x1p-21 * std::max(query.box.min().cwiseAbs().maxCoeff(), query.box.max().cwiseAbs().maxCoeff());
     tbb::parallel_for(tbb::blocked_range<uint64_t>(0, curves.count(), 256), [&](const auto& range) {
         if (cancelled()) return;
-        uint32_t hint = no_triangle; // of the strand before: neighbours are near as a rule
+        uint32_t hint = no_triangle; // triangle of the previous strand, which is usually close
         for (uint64_t c = range.begin(); c < range.end(); ++c) {
             const Vec3d root = point_at(vertices + 4 * (curves.first_vertex(c) + 1));
-            // Farther than this no triangle is.
+            // No triangle is farther away than this.
             const double reach =
                 (query.box.exteriorDistance(root) + query.box.diagonal().norm()) * (1.0 + 1e-9);
             SkinPoint foot{};

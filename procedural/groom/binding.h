@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Strands that were groomed elsewhere, bound to a surface: each to the triangle that is nearest to its root in the bind pose.
+// Binds imported strands to a surface: each to the triangle closest to its root in the bind pose.
 #pragma once
 
 #include "procedural/groom/lent_curves.h"
@@ -11,14 +11,15 @@
 namespace marram {
 
 struct Bond {
-    Vec3d weights;     // barycentric, of the point of the surface that is nearest to the root
-    uint32_t triangle; // it is in
-    float distance;    // of the root from that point, m
-    float height;      // of the root, m: above the triangle's plane its distance, under it how far, negative
+    Vec3d weights;     // barycentric, of the point closest to the root
+    uint32_t triangle; // of the closest point
+    float distance;    // from the root to the closest point, m
+    float height;      // root_height() of the root, m
 };
 
-// Height of a root, as above. `foot`: the nearest point; `normal`: the plane's; `rounding`: what of a depth is none. Beside the border of an
-// open surface a root is far away, and yet not above or under it.
+// Signed height of a root in m: its distance from the closest point, or minus its depth below the triangle's
+// plane. `foot`: the closest point; `normal`: of the plane; `rounding`: depths up to this do not count.
+// Beside the border of an open surface a root is neither above nor below it; the distance is used there.
 inline double root_height(const Vec3d& root, const Vec3d& foot, const Vec3d& normal, double rounding) {
     const double along = (root - foot).dot(normal);
     return along < -rounding ? along : (root - foot).norm();
@@ -26,15 +27,17 @@ inline double root_height(const Vec3d& root, const Vec3d& foot, const Vec3d& nor
 
 struct Binding {
     std::vector<Bond> bonds; // [curve]
-    double rounding = 0.0;   // m: a root that is less under the surface is on it
-    // How strands stand: the greatest distance of a root and its mean, m; roots farther from the surface than a tenth of their
-    // strand's length; roots under the surface, and how deep the deepest is, m; strands without length.
+    double rounding = 0.0;   // m: roots less deep than this count as on the surface
+    // Greatest and mean distance of the roots from the surface, m; depth of the deepest root, m; number of
+    // roots farther away than a tenth of their strand's length; number of roots below the surface; number of
+    // strands without length.
     double greatest_distance = 0.0, mean_distance = 0.0, deepest = 0.0;
     uint64_t far = 0, inside = 0, no_length = 0;
 };
 
-// `vertices`: of the curves in the bind pose. `bind` has a triangle with an area. Of several triangles as near the one that faces the
-// root most. The same bits at any thread count. Cost: 1 us a strand, and 30 ns a triangle. Incomplete once cancelled() is true.
+// `vertices`: of the curves in the bind pose. `bind` must have a triangle with an area. Of equally close
+// triangles, the one that faces the root most is chosen. Bit-identical at any thread count. Cost: 1 us per
+// strand plus 30 ns per triangle. The result is incomplete once cancelled() is true.
 Binding bind_strands(const LentCurves& curves, const float* vertices, const Surface& bind,
                      uint32_t vertex_count, const std::function<bool()>& cancelled);
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // groom: hair, fur or grass that grows on a mesh.
 //
-// What it models. Roots are spread over the rest surface as evenly as asked (roots.h), each strand gets a shape of its own
-// from hashes of its root (strand_shape.h), rides on the surface as it moves, and is blown by the scene's wind
-// (procedural/wind). Density, length, width, lean, arc, curl, clump, frizz and wind are maxima: NAME_by scales them from place to
-// place by a product of ramps over attributes of the mesh and over images. A strand keeps its id and shape when density changes
-// elsewhere, when the frame moves, and when
-// parameters that do not concern it change.
+// What it models. Roots are distributed over the rest surface with the requested evenness (roots.h). The
+// shape of each strand follows from hashes of its root (strand_shape.h). Strands move with the surface and
+// are blown by the scene's wind (procedural/wind). Density, length, width, lean, arc, curl, clump, frizz and
+// wind are maxima: NAME_by scales them over the surface by a product of ramps over attributes of the mesh and
+// over images. A strand keeps its id and shape when the density changes elsewhere, when the frame changes,
+// and when unrelated parameters change.
 //
 //     [[procedural]]
 //     type = "groom"
@@ -22,9 +22,9 @@
 //     cvs = 6
 //     shape = "ribbon"
 //     density_by_slope = [[30, 1], [40, 0]]
-//     lean_by = [{ attribute = "moist", ramp = [[0, 0.2], [1, 1]] }]   # of a mesh that a procedural makes
+//     lean_by = [{ attribute = "moist", ramp = [[0, 0.2], [1, 1]] }]   # of a generated mesh
 //     frizz_by = [{ image = "frizz.png" }]                             # by the uv at the root
-//     wind.speed = 5                  # instead of the scene's, for this groom alone
+//     wind.speed = 5                  # overrides the scene's wind for this groom
 #include "procedural/groom/description.h"
 
 #include "core/math/digest.h"
@@ -37,7 +37,7 @@
 namespace marram {
 namespace {
 
-constexpr double largest = 1e18; // as large as Embree takes
+constexpr double largest = 1e18; // the largest coordinate that Embree accepts
 
 constexpr std::array groom_values = {
     MarramParam{
@@ -109,7 +109,7 @@ constexpr std::array groom_values = {
     MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "seed of the groom"},
 };
 
-// What NAME_by scales, in the order of FactorOf and then density and length.
+// Parameters that NAME_by scales: in the order of FactorOf, then density and length.
 struct Scaled {
     const char *name, *what;
 };
@@ -126,7 +126,8 @@ constexpr std::array scaled = {
 };
 static_assert(scaled.size() == factor_count + 2);
 
-// NAME_by[].attribute, .image and .ramp of all that factors scale. Lives as long as the library: parameters point into it.
+// NAME_by[].attribute, .image and .ramp of all scaled parameters. Static, because the parameters point to its
+// strings.
 const std::vector<MarramParam>& factor_params() {
     static const std::vector<std::array<std::string, 6>> texts = [] {
         std::vector<std::array<std::string, 6>> all;
@@ -152,7 +153,7 @@ const std::vector<MarramParam>& factor_params() {
     return params;
 }
 
-// A ramp whose values are shares of something.
+// A ramp whose values must be within [0, 1].
 Ramp share_ramp(const Values& values, std::string_view name) {
     Ramp ramp = values.ramp(name);
     for (const double share : ramp.values())
@@ -167,10 +168,10 @@ std::optional<Ramp> optional_ramp(const Values& values, std::string_view name) {
     return share_ramp(values, name);
 }
 
-// Images of one create(), by their pixels and channel: the host lends equal ones once.
+// Images of one create(), by pixel pointer and channel. The host passes equal images with one pointer.
 using ScalarImages = std::map<std::pair<const float*, uint32_t>, ScalarImage>;
 
-// Of a channel, the last one where there are fewer.
+// The given channel of an image, or its last one if there are fewer.
 std::optional<ScalarImage> optional_image(const Values& values, std::string_view name, ScalarImages& images,
                                           uint32_t channel = 0) {
     const MarramValue* value = values.find(name);
@@ -192,7 +193,7 @@ Factors read_factors(const Values& values, const std::string& list, ScalarImages
     Factors factors;
     while (true) {
         const std::string element = list + "[" + std::to_string(factors.size()) + "].";
-        if (!values.has(element + "ramp")) return factors; // which has a default
+        if (!values.has(element + "ramp")) return factors; // the ramp has a default, so every element has one
         Factor factor;
         factor.ramp = share_ramp(values, element + "ramp");
         factor.place = values.at(element + "ramp").place;

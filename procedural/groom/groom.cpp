@@ -53,7 +53,8 @@ ParsedValues describe(const MarramHost& host, const Values& given, std::span<con
     description.automatic = {groom.cvs == 0,
                              wind.shielding && wind.shielding->spread > 0.0 && wind.shielding->rays == 0,
                              wind.jiggle && wind.jiggle->step == 0.0};
-    // Turns are per segment of the authored strand. With automatic CVs and no reference_segments, a strand of 8 CVs is assumed.
+    // The wind turns each segment of the authored strand. With automatic CVs and no reference_segments, a
+    // strand of 8 CVs is assumed.
     constexpr int default_reference_segments = 7;
     if (description.automatic.cvs && wind.reference_segments == 0)
         wind.reference_segments = default_reference_segments;
@@ -86,10 +87,10 @@ MarramStatus create(const MarramHost* host, const MarramValues* values, MarramIn
     });
 }
 
-// Roots stay where neither the mesh nor what places them has changed; the colliders' trees, which know what they were made from, stay
-// wherever the colliders do.
+// Keeps the roots if neither the mesh nor the values that place them have changed. Collider trees record
+// their sources and are kept as long as the colliders do not change.
 MarramStatus update(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
         if (!given || !changed)
@@ -105,7 +106,7 @@ MarramStatus update(MarramInstance* opaque, const MarramUpdate* given, uint32_t*
             return MARRAM_OK;
         }
         const bool same_roots = description.roots_digest == instance.roots_digest;
-        // Only begin() can tell whether the mesh really changed: note that it must check.
+        // Only begin() can compare the meshes: note that it must check.
         const bool uses_guides = description.groom.guides.has_value();
         const bool uses_attributes = !description.groom.density_masks.factors.empty();
         const uint32_t placement_inputs =
@@ -157,12 +158,13 @@ void check_uvs(GroomInstance& instance) {
                                  "give it uvs, or name one of its attributes");
 }
 
-// Of a mesh's triangles. A host that gives no digest is taken at its counts.
+// Digest of a mesh's topology. If the host gives none, only the counts are compared.
 uint64_t topology_of(const MarramMesh& mesh) {
     return Digest().add(mesh.topology).add(mesh.vertex_count).add(mesh.triangle_count).value();
 }
 
-// All of the mesh that decides where roots stand: its triangles, their bind pose, attributes that scale the density.
+// Digest of everything in the mesh that determines the roots: triangles, bind pose, uvs, and attributes that
+// scale the density.
 uint64_t digest_of_mesh(const GroomInstance& instance) {
     const MarramMesh& mesh = *instance.mesh;
     Digest digest;
@@ -171,7 +173,7 @@ uint64_t digest_of_mesh(const GroomInstance& instance) {
         .add(instance.bind_positions);
     if (mesh.uvs) digest.add(mesh.uvs, 8 * size_t(mesh.vertex_count));
     for (const Factor& factor : instance.groom.density_masks.factors) {
-        if (factor.image) continue; // of the values
+        if (factor.image) continue; // included in the digest of the values
         const MarramAttribute& attribute = instance.attributes[factor.index];
         const size_t count = attribute.rate == MARRAM_PER_FACE ? mesh.triangle_count : mesh.vertex_count;
         digest.add(attribute.values, count * sizeof(float));
@@ -188,7 +190,7 @@ MarramStatus read_bind_pose(GroomInstance& instance) {
                           normals ? instance.bind_normals.data() : nullptr);
 }
 
-// The vertices of the guides in the bind pose.
+// Reads the vertices of the guides in the bind pose.
 MarramStatus read_guides(const GroomInstance& instance, const LentCurves& curves,
                          std::vector<float>& vertices) {
     const MarramFrame& frame = instance.frame;
@@ -203,7 +205,8 @@ MarramStatus read_guides(const GroomInstance& instance, const LentCurves& curves
     return pose_lent_curves(frame, curves.index, frame.bind_frame, 0, curves.count(), vertices);
 }
 
-// Of the curves that guide strands and part them: those that a procedural grows on a terrain that evolves are others in each frame.
+// Digest of the guide curves and parting lines. If a procedural grows them on an evolving terrain, they
+// differ from frame to frame.
 MarramStatus digest_guides(const GroomInstance& instance, uint64_t& out) {
     Digest digest;
     out = 0;
@@ -222,7 +225,7 @@ MarramStatus digest_guides(const GroomInstance& instance, uint64_t& out) {
     return MARRAM_OK;
 }
 
-// The guides as they stand in the bind pose, and what each strand takes of them.
+// Builds the guides in the bind pose, and each strand's blend of them.
 MarramStatus place_guides(GroomInstance& instance, const std::function<bool()>& cancelled) {
     instance.guides.reset();
     instance.blends.clear();
@@ -266,8 +269,8 @@ MarramStatus place_guides(GroomInstance& instance, const std::function<bool()>& 
     return cancelled() ? MARRAM_CANCELLED : MARRAM_OK;
 }
 
-// Roots stay where all that places them is the same. On a terrain that evolves they are placed anew, frame by frame: a strand is there
-// or not by its own hash, so that most of them are those of the frame before.
+// Keeps the roots if everything that places them is unchanged. On an evolving terrain they are placed again
+// in each frame. Whether a strand exists depends on its own hash, so most strands persist between frames.
 MarramStatus check_mesh_again(GroomInstance& instance) {
     MarramStatus status = read_bind_pose(instance);
     uint64_t guides = 0;
@@ -300,7 +303,7 @@ MarramStatus place(GroomInstance& instance) {
 }
 
 MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
         instance.begun = false;
@@ -360,16 +363,16 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
                                      instance.places, instances_moved);
                 past != MARRAM_OK)
                 return past;
-            // Where nothing has moved nothing swings.
+            // Without motion there is no jiggle.
             if (instance.past.moves() || instances_moved || wind_moves(instance.wind))
                 moves = true;
             else
                 instance.past = {};
         }
         instance.time_count = moves ? instance.frame.time_count : 1;
-        instance.frame.time_count = instance.time_count; // what the chain works at
+        instance.frame.time_count = instance.time_count; // the motion samples that the chain computes
         const double before = wall_seconds();
-        instance.chain = {}; // it holds the last frame's trees, which may have to go first
+        instance.chain = {}; // release the last frame's trees before building new ones
         instance.chain = make_chain_frame(
             {instance.wind, instance.groom.envelope, instance.frame, instance.mesh, instance.width_profile,
              instance.groom.basis, instance.past.window,
@@ -403,7 +406,7 @@ void check_patch(const GroomInstance& instance, uint32_t index) {
 }
 
 MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     const GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
         if (!out) throw SceneFault("contract.null_patch", "", "the patch is NULL", "pass a non-NULL pointer");
@@ -427,7 +430,7 @@ Expand expand_of(const GroomInstance& instance, const GroomPatch& patch, StageCl
                     transform_strands(place.at(time),
                                       instance.wind.rest_anchored ? place.at_bind : place.at(time), strands);
             },
-            [&instance, roots, &place](int64_t knot, Strands& strands) { // on the jiggle's clock
+            [&instance, roots, &place](int64_t knot, Strands& strands) { // timed as jiggle
                 GrowthPoses then{instance.poses(0).bind, instance.past.at(knot, *instance.mesh)};
                 then.now.attributes = instance.attributes;
                 const auto guided = instance.guided(roots);
@@ -444,7 +447,7 @@ Expand expand_of(const GroomInstance& instance, const GroomPatch& patch, StageCl
 }
 
 MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatchBuffers* buffers) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     GroomInstance& instance = self(opaque);
     if (instance.host.cancelled(instance.host.user)) return MARRAM_CANCELLED;
     return guarded(instance.host, [&] {
@@ -463,7 +466,7 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
         if (instance.past.window.count() > 0 && !follows)
             jiggle_patch(instance.chain, lay_out, strands, worker.chain);
         for (uint32_t time = 0; time < instance.time_count; ++time) {
-            // Later motion samples of a resting mesh share its rest strands.
+            // If the mesh rests, later motion samples reuse the rest strands.
             if (time < instance.mesh->time_count || patch.place.moves()) lay_out.at_time(time, strands);
             if (follows) {
                 {
@@ -500,7 +503,7 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     if (wind.noise.left_out > 0) sink(user, "chosen.octaves", wind.noise.octaves - wind.noise.left_out);
     sink(user, "seconds.expand", instance.placing_seconds);
     sink(user, "seconds.collide", instance.chain_seconds);
-    // The most that was there at any time: candidates come and go before there is scratch.
+    // Peak memory: the candidates are freed before scratch memory is allocated.
     const size_t lasting = instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 +
                            instance.blends.capacity() * sizeof(GuideBlend) +
                            (instance.guides ? instance.guides->bytes() : 0) + instance.past.bytes() +

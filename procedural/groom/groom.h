@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The groom as the contract sees it.
+// The groom procedural.
 #pragma once
 
 #include "core/plugin/marram_plugin.h"
@@ -8,10 +8,10 @@
 
 namespace marram {
 
-// The entry of the library's table. `params` = groom_params() with the wind's behind them, prefixed "wind.".
+// Its entry in the library's table. `params`: groom_params(), followed by the wind's with the prefix "wind.".
 MarramProcedural groom_procedural();
 
-// What a groom reports of a frame.
+// The entries of a groom's frame report.
 std::span<const MarramReportEntry> groom_report_entries();
 
 } // namespace marram

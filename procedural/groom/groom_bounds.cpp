@@ -7,9 +7,10 @@
 namespace marram {
 namespace {
 
-// How far anything of a strand, its width and its clearance included, may be from its root. `scale`: the greatest coordinate.
-// Whatever bends a strand keeps its length, so it stays in a ball about its root. B-splines stay within the hull of their
-// CVs (drawn to the tip with the phantom rule too); Catmull-Rom leaves it by less than a third of a segment.
+// Greatest distance of any part of a strand from its root, including width and clearance. `scale`: the
+// greatest coordinate. Bending preserves length, so a strand stays in a ball about its root. B-splines stay
+// in the convex hull of their CVs, also in the end spans with phantom CVs; Catmull-Rom leaves it by less than
+// a third of a segment.
 double reach_from_root(const GroomInstance& instance, double scale) {
     const Groom& groom = instance.groom;
     const double length = longest_strand(groom);
@@ -22,12 +23,12 @@ double reach_from_root(const GroomInstance& instance, double scale) {
         clearance = std::max(collision->clearance.value_or(0.0), lift);
     }
     const double size =
-        std::max(greatest_scale(instance.places), 1.0); // a clearance is no longer on instances
+        std::max(greatest_scale(instance.places), 1.0); // at least 1: clearances do not shrink with instances
     return size * (length + beyond + groom.width * widest + lift + clearance) * (1.0 + 1e-5) +
            4.0 * (scale + size * (length + lift)) * 0x1p-23;
 }
 
-// The box of all places' boxes at a motion sample.
+// Extends `box` by the mesh's box at each place, at a motion sample.
 void extend_by_places(const GroomInstance& instance, uint32_t time, const Eigen::AlignedBox3d& on_mesh,
                       Eigen::AlignedBox3d& box) {
     for (const Place& place : instance.places)

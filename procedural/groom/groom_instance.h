@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One groom between create and destroy: its description, its roots, and what holds for the frame that has begun.
+// The state of one groom between create and destroy: its description, its roots, and the data of the current
+// frame.
 #pragma once
 
 #include "procedural/groom/description.h"
@@ -18,33 +19,34 @@
 
 namespace marram {
 
-// CVs that one patch aims at: enough to hide the cost of a task, few enough to stay in a core's cache.
+// Target number of CVs per patch: enough to hide the cost of a task, few enough for a core's cache.
 inline constexpr int patch_cvs = 4096;
 
 inline int strands_per_patch(int cvs) {
     return std::clamp((patch_cvs / cvs + lanes - 1) / lanes * lanes, lanes, 512);
 }
 
-// What settings that the tolerance chooses depend on, beside the description.
+// Inputs, besides the description, of the settings chosen by the tolerance.
 struct ChosenFor {
     double frame, first, last, tolerance;
     MarramStage stage;
     bool operator==(const ChosenFor&) const = default;
 };
 
-// What the tolerance chooses.
+// Settings that the tolerance chooses.
 struct Automatic {
     bool cvs = false, rays = false, step = false;
 };
 
-// How the wind moves the guides, where children follow them.
+// The motion of the guides in the wind, if children follow it.
 struct GuideMotion {
-    Wind wind; // of guides: without collision
-    // [place][motion sample]; empty: the wind blows every strand for itself. Offsets are as on the groom's mesh.
+    Wind wind; // the wind of the guides, without collision
+    // [place][motion sample]; empty: the wind is evaluated for every strand. Offsets are in the space of the
+    // groom's mesh.
     std::vector<std::vector<BlownGuides>> places;
 };
 
-// Some strands of one place.
+// A range of strands of one place.
 struct GroomPatch {
     const Place& place;
     std::span<const Root> roots;
@@ -54,38 +56,39 @@ struct GroomPatch {
 struct GroomInstance {
     MarramHost host{};
     Groom groom;
-    Wind wind; // both with what the tolerance has chosen for the frame
+    Wind wind; // groom and wind include the settings chosen for the frame
     Automatic automatic;
-    uint64_t digest = 0, roots_digest = 0; // of its values; of those that decide where strands stand
+    uint64_t digest = 0, roots_digest = 0; // of all values; of those that determine the roots
     std::optional<ChosenFor> chosen_for;
-    std::vector<std::string> inexact; // warnings about settings that the tolerance cannot reach
+    std::vector<std::string> inexact; // warnings where no setting reaches the tolerance
 
     std::vector<Root> roots;
     std::vector<float> bind_positions;
     std::shared_ptr<const GuideSet> guides; // nullptr: none
-    std::vector<GuideBlend> blends;         // [root] where there are guides
-    std::vector<float> bind_normals;        // likewise, where the mesh has normals
+    std::vector<GuideBlend> blends;         // [root], if there are guides
+    std::vector<float> bind_normals;        // if there are guides and the mesh has normals
     GuideMotion guide_motion;
     bool placed = false;
     double placing_seconds = 0.0, chain_seconds = 0.0; // wall time within begin
     size_t placing_bytes = 0;
 
-    bool begun = false;              // a frame, without a fault
-    std::optional<double> announced; // the frame whose work was said to be long
+    bool begun = false;              // a frame has begun without errors
+    std::optional<double> announced; // the frame for which long work was announced
     MarramFrame frame{};
     std::vector<MarramMesh> meshes;          // the frame's
-    const MarramMesh* mesh = nullptr;        // the one that strands grow on
-    std::vector<Place> places;               // it, and its instances
-    std::vector<MarramAttribute> attributes; // its
-    // Of the mesh that the roots were placed on: digests of its triangles, and of all that places them.
+    const MarramMesh* mesh = nullptr;        // the mesh that strands grow on
+    std::vector<Place> places;               // the mesh and its instances
+    std::vector<MarramAttribute> attributes; // of the mesh
+    // Digests taken when the roots were placed: of the mesh's topology, and of all mesh data that determines
+    // the roots.
     uint64_t placed_topology = 0, placed_mesh = 0, placed_guides = 0; // the last: of guides and parting lines
-    bool mesh_may_differ = false;                                     // an update says so
+    bool mesh_may_differ = false;                                     // as announced by update()
     uint32_t time_count = 1;
     ChainFrame chain;
     ColliderTrees trees;
     PastSkin past;
     bool gusts_fixed = false;
-    std::vector<float> width_profile; // [cvs], half of it: radius of a strand 1 wide
+    std::vector<float> width_profile; // [cvs]: half of the profile, the radius of a strand of width 1
 
     Workers workers;
 
@@ -101,7 +104,7 @@ struct GroomInstance {
                            mesh->triangle_count,  attributes};
         return {bind, now};
     }
-    // Where there are guides; of roots whose first is `first`.
+    // The guides of `count` roots from `first` on; nullopt if there are none.
     std::optional<Guided> guided(size_t first, size_t count) const {
         if (!guides) return std::nullopt;
         const Surface bind{bind_positions.data(), bind_normals.empty() ? nullptr : bind_normals.data(),
@@ -117,7 +120,7 @@ struct GroomInstance {
         return uint32_t((roots.size() + size - 1) / size);
     }
     uint32_t patch_count() const { return uint32_t(places.size()) * patches_a_place(); }
-    // Places follow each other, each with all patches.
+    // Patches are grouped by place.
     GroomPatch patch_at(uint32_t patch) const {
         const size_t place = patch / patches_a_place(), within = patch % patches_a_place();
         const auto size = size_t(strands_per_patch(groom.cvs));

@@ -6,7 +6,7 @@
 namespace marram {
 namespace {
 
-// Whether the skin has moved within the window that jiggle looks back to, at the usual step.
+// Sets `moved` if the skin moves within the jiggle's window at the default step.
 MarramStatus skin_has_moved(GroomInstance& instance, bool& moved) {
     moved = instance.mesh->time_count > 1 || std::any_of(instance.places.begin(), instance.places.end(),
                                                          [](const Place& place) { return place.moves(); });

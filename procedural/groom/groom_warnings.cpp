@@ -13,7 +13,7 @@ std::string short_number(double value) { return fmt::format("{:.3g}", value); }
 
 } // namespace
 
-// Strands that nobody will see are allowed, and said.
+// Invisible strands are allowed but reported.
 void warn_of_nothing(const MarramHost& host, const Values& given, const Groom& groom) {
     const auto warn = [&](const char* name, const char* what, const char* remedy) {
         send(host, MARRAM_WARNING, "groom.invisible", given.at(name).place, what, remedy);
@@ -81,7 +81,7 @@ void announce_long_work(GroomInstance& instance) {
 
 // A length in the wrong unit: every ray meets every strand, and rendering takes hours.
 void warn_of_length(const GroomInstance& instance) {
-    constexpr double much = 1e4; // times the mesh
+    constexpr double much = 1e4; // times the size of the mesh
     constexpr size_t many = 100;
     Eigen::AlignedBox3d box;
     for (size_t v = 0; v < instance.mesh->vertex_count; ++v)
@@ -94,7 +94,7 @@ void warn_of_length(const GroomInstance& instance) {
     instance.warn("groom.length", what, "check the unit of length");
 }
 
-// Positions are floats: far from the origin strands come to stand on a grid.
+// Positions are floats: far from the origin, strands are visibly rounded to a grid.
 void warn_of_rounding(const GroomInstance& instance) {
     const MarramMesh& mesh = *instance.mesh;
     Eigen::AlignedBox3d on_mesh, box;
@@ -106,7 +106,7 @@ void warn_of_rounding(const GroomInstance& instance) {
     const double step = farthest * 0x1p-23; // between neighbouring floats
     const double segment = longest_strand(instance.groom) / (instance.groom.cvs - 1);
     const double finest = instance.groom.width > 0.0 ? std::min(instance.groom.width, segment) : segment;
-    constexpr double seen = 0.1; // of a width, or of a segment
+    constexpr double seen = 0.1; // visible rounding, as a fraction of a width or segment
     if (!(step > seen * finest) || !(finest > 0.0)) return;
     const std::string what = "positions " + short_number(farthest) + " m from the origin are rounded to " +
                              short_number(step) + " m, which shows on strands " +

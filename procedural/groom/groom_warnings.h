@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a groom tells its user: what is allowed and hardly meant, what takes long, what could not be done.
+// Warnings of a groom: settings that are valid but unlikely, long computations, and goals that were not
+// reached.
 #pragma once
 
 #include "procedural/groom/groom_instance.h"
@@ -7,17 +8,17 @@
 
 namespace marram {
 
-// Strands that nobody will see.
+// Warns of invisible strands.
 void warn_of_nothing(const MarramHost& host, const Values& given, const Groom& groom);
 
-// Values that change nothing beside the others that are given.
+// Warns of values that have no effect because of other values.
 void warn_of_ignored(const MarramHost& host, const Values& given, const Groom& groom);
 
-// Of a placed groom: no strand grows; guides that are far from the mesh.
+// After the roots are placed: no strands; guides that are far from the mesh.
 void warn_of_no_strands(const GroomInstance& instance);
 void warn_of_guides(const GroomInstance& instance, const Binding& binding);
 
-// Before a frame's work: rounding far from the origin, lengths in the wrong unit, minutes of work.
+// Before a frame is computed: rounding far from the origin, lengths in the wrong unit, long computations.
 void warn_of_rounding(const GroomInstance& instance);
 void warn_of_length(const GroomInstance& instance);
 void announce_long_work(GroomInstance& instance);

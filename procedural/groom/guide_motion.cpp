@@ -17,7 +17,7 @@ Eigen::Matrix3d axes_of(const Frame& frame) {
     return m;
 }
 
-// Rest strands of some guides on the skin as it is in `now`.
+// Lays out the rest strands of some guides on the skin `now`.
 void expand_guides(const GroomInstance& instance, const Surface& bind, const Surface& now, size_t first,
                    Strands& strands) {
     const GuideSet& set = *instance.guides;
@@ -54,7 +54,7 @@ void expand_guides(const GroomInstance& instance, const Surface& bind, const Sur
         }
 }
 
-// Offsets are taken back to the groom's mesh.
+// Stores blown guides. Offsets are transformed back to the space of the groom's mesh.
 void keep(const Strands& strands, const Place& place, uint32_t time, size_t first, BlownGuides& out) {
     const Eigen::Matrix3d back =
         place.is_instance ? Eigen::Matrix3d(place.at(time).linear().inverse()) : Eigen::Matrix3d::Identity();

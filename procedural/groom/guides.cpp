@@ -62,7 +62,7 @@ Eigen::Matrix3d shortest_turn(const Vec3d& a, const Vec3d& b) {
     return Eigen::Quaterniond::FromTwoVectors(a, b).toRotationMatrix();
 }
 
-// The roots of guides for nanoflann, which keeps a reference.
+// k-d tree over the guides' roots, to which nanoflann keeps a reference.
 struct GuideSet::Tree {
     struct Roots {
         std::vector<Vec3d> points;
@@ -114,7 +114,7 @@ GuideSet::GuideSet(const GuideSettings& settings, const LentCurves& curves, cons
     tree_ = std::make_shared<const Tree>(std::move(roots));
 }
 
-// Whether the straight way from a root to a guide's crosses a drawn line, seen along the normal.
+// True if the straight line from a root to a guide's root crosses a parting line, seen along the normal.
 bool GuideSet::parted(const Vec3d& root, const Vec3d& normal, const Vec3d& guide) const {
     if (parting_lines_.empty()) return false;
     Vec3d x, y;
@@ -128,7 +128,8 @@ bool GuideSet::parted(const Vec3d& root, const Vec3d& normal, const Vec3d& guide
     for (const std::vector<Vec3d>& line : parting_lines_)
         for (size_t i = 0; i + 1 < line.size(); ++i) {
             const double length = (line[i + 1] - line[i]).norm();
-            if ((line[i] - root).norm() > way + length) continue; // on the other side of a body, say
+            if ((line[i] - root).norm() > way + length)
+                continue; // too far away, e.g. on the other side of a body
             const Vec2d a = flat(line[i]), b = flat(line[i + 1]);
             if ((side(a, b, from) > 0.0) != (side(a, b, to) > 0.0) &&
                 (side(from, to, a) > 0.0) != (side(from, to, b) > 0.0))
@@ -148,11 +149,11 @@ GuideBlend GuideSet::blend_at(const Vec3d& root, const Vec3d& normal) const {
         double distance;
     } chosen[most_blended + 1];
     size_t count = 0, nearest = 0;
-    // A few are asked for first, more where most of them do not count.
+    // Query a few neighbours first, and more if most of them are excluded.
     for (size_t ask = 2 * wanted + 2; count <= wanted; ask *= 2) {
         ask = std::min(ask, std::min(most_neighbors, guides_.size()));
         const size_t there = tree_->index.knnSearch(root.data(), ask, found.data(), squared.data());
-        // Of guides as far away the first in the file goes first, whatever the tree.
+        // Order equally distant guides as in the file, independent of the tree.
         std::array<std::pair<double, uint32_t>, most_neighbors> order;
         for (size_t i = 0; i < there; ++i) order[i] = {squared[i], found[i]};
         std::sort(order.begin(), order.begin() + long(there));
@@ -171,18 +172,18 @@ GuideBlend GuideSet::blend_at(const Vec3d& root, const Vec3d& normal) const {
         if (ask == std::min(most_neighbors, guides_.size())) {
             if (count == 0)
                 chosen[count++] = {order[0].second,
-                                   std::sqrt(order[0].first)}; // no guide passes: the nearest
+                                   std::sqrt(order[0].first)}; // all are excluded: take the nearest
             break;
         }
     }
     GuideBlend blend{};
     const size_t blended = std::min(count, wanted);
-    // Where no guide is left to say how far the blend reaches: twice the distance of the last.
+    // R. Without a further guide: twice the distance of the last blended one.
     const double reach = count > wanted ? chosen[wanted].distance : 2.0 * chosen[blended - 1].distance;
     double sum = 0.0, weights[most_blended] = {};
     for (size_t i = 0; i < blended; ++i) {
         const double d = chosen[i].distance;
-        // At a guide, to rounding, it alone counts.
+        // A root at a guide, up to rounding, takes that guide alone.
         if (!(d > 1e-9 * reach)) {
             blend.guide[0] = chosen[i].guide;
             blend.weight[0] = 1.0F;
@@ -191,7 +192,7 @@ GuideBlend GuideSet::blend_at(const Vec3d& root, const Vec3d& normal) const {
         weights[i] = std::pow(std::max(reach - d, 0.0) / (reach * d), 2);
         sum += weights[i];
     }
-    if (!(sum > 0.0)) { // all as far as the one that is not blended any more
+    if (!(sum > 0.0)) { // all are at the distance R
         for (size_t i = 0; i < blended; ++i) weights[i] = 1.0;
         sum = double(blended);
     }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// strands: curves that were groomed elsewhere, in the scene's wind.
+// strands: imported hair, fur or grass in the scene's wind.
 //
-// What it models. The CVs are those of the file, as many on each strand as it says, with its widths and all else that it carries. Strands
-// that are given a mesh (`on`) are bound to it at bind_frame, each at the point that is nearest to its root (binding.h), and ride on it
-// rigidly as it moves and deforms. Strands that animate in their file, or whose [[curves]] has a transform that moves, stand where these
-// say at every instant; the wind is added to that motion. All pass through the chain like grown ones (procedural/wind/chain.h). Their
-// order is the file's.
+// What it models. CVs, CV counts, widths and all other attributes are those of the file. Strands with a mesh
+// (`on`) are bound to it at bind_frame, each at the point closest to its root (binding.h), and follow it
+// rigidly as it moves and deforms. Strands that are animated in their file, or whose [[curves]] has a moving
+// transform, follow that motion at every instant; the wind is added to it. All strands pass through the chain
+// like grown ones (procedural/wind/chain.h). Their order is the file's.
 //
 //     [[curves]]
 //     name = "bangs"
@@ -16,14 +16,14 @@
 //     type = "strands"
 //     name = "hair"
 //     curves = "bangs"
-//     on = "head"                     # absent: they stand in the world, and blow all the same
+//     on = "head"                     # absent: not bound, but blown all the same
 //     material = "hair"
-//     width = 0.0001                  # where the file has none, or others are wanted
+//     width = 0.0001                  # if the file has no widths, or to override them
 //     wind.collision.solver = "exact"
 //
-// The wind turns each segment, so that strands of more segments bend more, unless wind.reference_segments is given. Strands collide from a
-// root that stands root_offset above the skin (wind.collision.offset_root): strands with lower roots are moved up, and how many were under
-// the skin is reported.
+// The wind turns each segment, so strands with more segments bend more unless wind.reference_segments is
+// given. With collision, roots must be root_offset above the skin (wind.collision.offset_root): strands with
+// lower roots are lifted. The number of roots below the skin is reported.
 #include "procedural/groom/imported.h"
 
 #include "core/math/clock.h"
@@ -96,9 +96,9 @@ MarramStatus create_import(const MarramHost* host, const MarramValues* values, M
     });
 }
 
-// Strands stay bound where neither what binds them nor the geometry has changed.
+// Strands stay bound if neither the binding settings nor the geometry have changed.
 MarramStatus update_import(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     ImportInstance& instance = self_of(opaque);
     return guarded_import(instance.host, [&] {
         if (!given || !changed)
@@ -108,7 +108,7 @@ MarramStatus update_import(MarramInstance* opaque, const MarramUpdate* given, ui
         const std::vector<MarramValue> list = values_of(update.values);
         if (!check_values(instance.host, strand_params(), list)) return MARRAM_ERROR;
         if (digest_of_values(list) == instance.digest && update.inputs == MARRAM_NOTHING) {
-            *changed = MARRAM_NOTHING; // the frame that has begun goes on
+            *changed = MARRAM_NOTHING; // the current frame stays valid
             return MARRAM_OK;
         }
         const uint64_t key = instance.binding_key;
@@ -125,7 +125,7 @@ MarramStatus update_import(MarramInstance* opaque, const MarramUpdate* given, ui
 }
 
 MarramStatus import_attributes(MarramInstance* opaque, MarramAttributeList* out) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     const ImportInstance& instance = self_of(opaque);
     return guarded_import(instance.host, [&] {
         if (!out) throw SceneFault("contract.null_list", "", "the list is NULL", "pass a non-NULL pointer");
@@ -240,7 +240,7 @@ void warn_of_binding(const ImportInstance& instance) {
                       "remove them from the file");
 }
 
-// What patches are made for.
+// Digest of the data that the patches depend on.
 uint64_t layout_digest(const LentCurves& lent) {
     const uint64_t numbers[] = {lent.count(), lent.curves.moves != 0, lent.curves.cvs_per_curve};
     const uint64_t digest = digest_bytes(numbers, sizeof numbers);
@@ -277,7 +277,8 @@ uint64_t bind_digest(const ImportInstance& instance) {
         .value();
 }
 
-// A mesh without poses, as a terrain that evolves, may stand elsewhere in each frame: strands are bound anew where it does.
+// The bind pose of an evolving terrain, for example, may differ between frames. If it does, binds the strands
+// again.
 MarramStatus bind_again(ImportInstance& instance) {
     const uint64_t before = bind_digest(instance);
     if (const MarramStatus status = read_bind_poses(instance); status != MARRAM_OK) return status;
@@ -297,7 +298,7 @@ void check_still_bound(const ImportInstance& instance) {
                          "keep them, or create the procedural again");
 }
 
-// How far roots of curves that move travel: a rough idea, of a thousand of them.
+// Estimates how far the roots of moving curves travel, from about a thousand of them.
 MarramStatus travel_of(const ImportInstance& instance, double& travel) {
     const LentCurves& lent = instance.curves;
     const MarramFrame& frame = instance.frame;
@@ -321,7 +322,7 @@ MarramStatus travel_of(const ImportInstance& instance, double& travel) {
     return MARRAM_OK;
 }
 
-// The window that jiggle looks back to, and the skin's poses in it.
+// Reads the skin's poses over the window of the jiggle.
 MarramStatus read_jiggle_past(ImportInstance& instance) {
     instance.past = {};
     if (!instance.wind.jiggle || instance.frame.stage != MARRAM_FINAL) return MARRAM_OK;
@@ -339,7 +340,7 @@ MarramStatus read_jiggle_past(ImportInstance& instance) {
     return MARRAM_OK;
 }
 
-// A few strands of the CV count that most have, to choose the step of jiggle by.
+// A few strands of the most frequent CV count, for choosing the step of jiggle.
 JigglePilot pilot_of(const ImportInstance& instance, double tolerance) {
     std::map<uint32_t, uint64_t> by_cvs;
     for (uint64_t c = 0; c < instance.curves.count(); ++c) ++by_cvs[instance.curves.cvs(c)];
@@ -427,7 +428,7 @@ void announce_strands(ImportInstance& instance) {
 }
 
 MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     ImportInstance& instance = self_of(opaque);
     return guarded_import(instance.host, [&] {
         instance.begun = false;
@@ -455,16 +456,16 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
         if (status != MARRAM_OK) return status;
         bool moves = strands_move(instance);
         if (instance.past.window.count() > 0) {
-            // Where nothing has moved nothing swings.
+            // Without motion there is no jiggle.
             if (instance.past.moves() || instance.curves.curves.moves || wind_moves(instance.wind))
                 moves = true;
             else
                 instance.past = {};
         }
         instance.time_count = moves ? instance.frame.time_count : 1;
-        instance.frame.time_count = instance.time_count; // what the chain works at
+        instance.frame.time_count = instance.time_count; // the motion samples that the chain computes
         const double before = wall_seconds();
-        instance.chain = {}; // it holds the last frame's trees, which may have to go first
+        instance.chain = {}; // release the last frame's trees before building new ones
         const Eigen::AlignedBox3d reach = instance.wind.collision ? bounds_of_import(instance) : everywhere();
         instance.chain = make_chain_frame({instance.wind,
                                            instance.settings.envelope,
@@ -485,7 +486,7 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
         output.curve_count = lent.curve_count;
         output.cvs_per_curve = lent.offsets ? 0 : lent.cvs_per_curve;
         output.offsets = lent.offsets;
-        if (lent.offsets && lent.curve_count > 0) { // equal counts are traced faster
+        if (lent.offsets && lent.curve_count > 0) { // a fixed CV count is faster to trace
             const uint32_t cvs = instance.curves.cvs(0);
             bool same = true;
             for (uint64_t c = 1; same && c < lent.curve_count; ++c) same = instance.curves.cvs(c) == cvs;
@@ -514,7 +515,7 @@ void check_import_patch(const ImportInstance& instance, uint32_t index) {
 }
 
 MarramStatus patch_of_import(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     const ImportInstance& instance = self_of(opaque);
     return guarded_import(instance.host, [&] {
         if (!out) throw SceneFault("contract.null_patch", "", "the patch is NULL", "pass a non-NULL pointer");
@@ -527,7 +528,7 @@ MarramStatus patch_of_import(MarramInstance* opaque, uint32_t index, MarramPatch
 }
 
 MarramStatus tessellate_import(MarramInstance* opaque, uint32_t index, const MarramPatchBuffers* buffers) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     ImportInstance& instance = self_of(opaque);
     if (instance.host.cancelled(instance.host.user)) return MARRAM_CANCELLED;
     return guarded_import(instance.host, [&] {
@@ -549,7 +550,7 @@ MarramStatus tessellate_import(MarramInstance* opaque, uint32_t index, const Mar
             const Expand expand = import_expand(batch, worker.chain.clock);
             if (instance.past.window.count() > 0) jiggle_patch(instance.chain, expand, strands, worker.chain);
             for (uint32_t time = 0; time < instance.time_count; ++time) {
-                // Later motion samples of what rests share its rest strands.
+                // If the sources rest, later motion samples reuse the rest strands.
                 if (time < own_times) expand.at_time(time, strands);
                 run_chain(instance.chain, time, strands, worker.chain);
                 const StageTimer timer(worker.chain.clock.write);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// strands: curves that were groomed elsewhere, blown by the scene's wind.
+// The procedural "strands": imported strands, blown by the scene's wind.
 #pragma once
 
 #include "core/plugin/marram_plugin.h"
@@ -8,10 +8,10 @@
 
 namespace marram {
 
-// The entry of the library's table. `params` = its own with the wind's behind them, prefixed "wind.".
+// Its entry in the library's table. `params`: its own, followed by the wind's with the prefix "wind.".
 MarramProcedural strands_procedural();
 
-// What it reports of a frame, beside what a groom reports.
+// The entries of its frame report, in addition to a groom's.
 std::span<const MarramReportEntry> strands_report_entries();
 
 } // namespace marram

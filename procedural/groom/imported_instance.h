@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Imported strands between create and destroy.
+// The state of imported strands between create and destroy.
 #pragma once
 
 #include "procedural/groom/binding.h"
@@ -13,16 +13,16 @@
 
 namespace marram {
 
-// Curves that follow each other, and how they are made: those of one CV count together.
+// A range of consecutive curves, which are processed in batches of equal CV count.
 struct ImportPatch {
     uint64_t first, count; // curves
     double longest, longest_segment,
-        max_radius;              // m, of a strand, of a segment and of a radius; in the bind pose
-    std::vector<uint32_t> order; // relative to `first`, by CV count
-    std::vector<std::array<uint32_t, 2>> runs; // of `order`, each of one CV count
+        max_radius;              // m, in the bind pose: longest strand, longest segment, greatest radius
+    std::vector<uint32_t> order; // curves relative to `first`, sorted by CV count
+    std::vector<std::array<uint32_t, 2>> runs; // ranges of `order` with equal CV count
 };
 
-// What the tolerance chooses, and what for.
+// Inputs, besides the settings, of the choices made by the tolerance.
 struct ImportChoice {
     double frame, first, last, tolerance;
     MarramStage stage;
@@ -32,28 +32,27 @@ struct ImportChoice {
 struct ImportInstance {
     MarramHost host{};
     ImportSettings settings;
-    Wind wind; // with what the tolerance has chosen for the frame
+    Wind wind; // includes the settings chosen for the frame
     bool automatic_rays = false, automatic_step = false;
-    uint64_t digest = 0, binding_key = 0; // of all values; of those that decide how strands are bound
+    uint64_t digest = 0, binding_key = 0; // of all values; of those that determine the binding
     std::optional<ImportChoice> choice_key;
-    std::vector<std::string> inexact; // warnings about settings that the tolerance cannot reach
-    std::vector<MarramAttribute>
-        attributes; // handed over; names point into settings.carried or are constants
+    std::vector<std::string> inexact;        // warnings where no setting reaches the tolerance
+    std::vector<MarramAttribute> attributes; // output; names point into settings.carried or are constants
 
     bool is_bound = false;
-    std::vector<float> bind_positions, bind_normals; // of the mesh; empty where strands are bound to nothing
-    std::vector<float> bind_vertices; // of curves that move, in the bind pose; else they are the frame's
-    Binding binding;                  // empty likewise
+    std::vector<float> bind_positions, bind_normals; // of the mesh; empty if strands are not bound
+    std::vector<float> bind_vertices; // of moving curves, in the bind pose; others use the frame's vertices
+    Binding binding;                  // empty if strands are not bound
     std::vector<ImportPatch> patches;
     Eigen::AlignedBox3d bind_box; // of all CVs in the bind pose
     uint64_t bind_layout = 0,
-             bind_topology = 0; // digest of the CV counts and of whether curves move; the mesh's
+             bind_topology = 0; // digests: of CV counts and whether curves move; of the topology
     uint32_t fewest_cvs = 2;    // of a strand
-    double longest_at_bind = 0.0, longest = 0.0; // strand, m: in the bind pose; there and in the frame
+    double longest_at_bind = 0.0, longest = 0.0; // longest strand, m: in the bind pose; also over the frame
     double binding_seconds = 0.0, chain_seconds = 0.0;
-    std::optional<double> announced; // the frame whose work was said to be long
+    std::optional<double> announced; // the frame for which long work was announced
 
-    bool begun = false; // a frame, without a fault
+    bool begun = false; // a frame has begun without errors
     MarramFrame frame{};
     std::vector<MarramMesh> meshes; // the frame's
     const MarramMesh* mesh = nullptr;
@@ -62,14 +61,14 @@ struct ImportInstance {
     uint32_t time_count = 1;
     ChainFrame chain;
     ColliderTrees trees;
-    PastSkin past; // its window is the strands' even where there is no skin
+    PastSkin past; // its window is used even without a skin
     bool gusts_fixed = false;
     Workers workers;
 
     void warn(const char* id, const std::string& what, const std::string& remedy) const {
         send(host, MARRAM_WARNING, id, settings.curves_place, what, remedy);
     }
-    const float* vertices(uint32_t time) const { // of the curves, as the file has them
+    const float* vertices(uint32_t time) const { // of the curves, as in the file
         return curves.curves.vertices[std::min(time, curves.curves.time_count - 1)];
     }
     const float* bind_pose() const { return curves.curves.moves ? bind_vertices.data() : vertices(0); }

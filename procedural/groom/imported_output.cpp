@@ -31,7 +31,8 @@ constexpr std::array own_attributes = {
 };
 static_assert(own_attributes.size() == import_attribute_count);
 
-// Whether it comes from the file: "id" where the file has one, what a surface has where there is none. What is computed of the wind never does.
+// True if the attribute comes from the file: "id" if the file has one, root_normal and root_uv only without a
+// mesh. The attributes of the wind are always computed.
 bool from_file(const ImportSettings& settings, const MarramAttribute& own) {
     const std::string_view name = own.name;
     const bool of_surface = name == "root_normal" || name == "root_uv";
@@ -47,7 +48,7 @@ float id_of(uint32_t seed, uint64_t curve) {
     return float(mix64(curve * 0x9e3779b97f4a7c15ULL ^ mix64((uint64_t(seed) << 32) | id_salt)) >> 40);
 }
 
-// Whether the surface has nothing to say of it, but the file has.
+// True for root_uv if the mesh has no uvs but the file has this attribute.
 bool only_file_has(const ImportInstance& instance, uint32_t own) {
     if (own != import_root_uv || !instance.mesh || instance.mesh->uvs) return false;
     const MarramAttribute* found = instance.curves.find(own_attributes[own].name);
@@ -83,7 +84,7 @@ void write_own_attribute(const ImportBatch& batch, const Strands& strands, uint3
     }
 }
 
-// As the file has it.
+// Copies an attribute of the file; 0 if these curves do not have it.
 void write_carried(const ImportInstance& instance, const ImportPatch& patch, const MarramAttribute& declared,
                    float* out) {
     const LentCurves& lent = instance.curves;
@@ -129,7 +130,7 @@ Expand import_expand(const ImportBatch& batch, StageClock& clock) {
             const SkinPoses skin{instance.bind_surface(), instance.surface(time)};
             expand_imported(instance, &skin, vertices, batch.patch.first, batch.curves, batch.cvs, strands);
         },
-        [&instance, batch, first_float](int64_t knot, Strands& strands) { // on the jiggle's clock
+        [&instance, batch, first_float](int64_t knot, Strands& strands) { // timed as jiggle
             const MarramFrame& frame = instance.frame;
             std::vector<float> then;
             const float* vertices = instance.bind_pose() + first_float;
@@ -200,7 +201,7 @@ void write_import_attributes(const ImportBatch& batch, const Strands& strands,
         const MarramAttribute& declared = instance.attributes[buffers.attributes[a]];
         for (uint32_t own = 0; own < import_attribute_count; ++own)
             if (declared.name == own_attributes[own].name &&
-                !only_file_has(instance, own)) // the same constant
+                !only_file_has(instance, own)) // compares pointers to the same constant
                 write_own_attribute(batch, strands, own, buffers.attribute_values[a]);
     }
 }

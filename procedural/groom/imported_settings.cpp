@@ -9,7 +9,7 @@
 namespace marram {
 namespace {
 
-constexpr double no_limit = 1e18; // as large as Embree takes
+constexpr double no_limit = 1e18; // the largest coordinate that Embree accepts
 
 constexpr std::array import_values = {
     MarramParam{"curves", MARRAM_CURVES_NAME, "", "", -no_limit, no_limit, "",

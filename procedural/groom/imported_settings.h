@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a scene says of strands that were groomed elsewhere.
+// The settings of imported strands.
 #pragma once
 
 #include "core/math/ramp.h"
@@ -13,13 +13,13 @@
 
 namespace marram {
 
-// A factor of the wind by a ramp over an attribute of the curves.
+// A factor of the wind: a ramp over an attribute of the curves.
 struct CurveFactor {
     std::string name, place;
     Ramp ramp;
 };
 
-// An attribute of the file that is handed on.
+// An attribute of the file that is passed on.
 struct CarriedAttribute {
     std::string name;
     uint32_t components;
@@ -29,11 +29,11 @@ struct CarriedAttribute {
 
 struct ImportSettings {
     std::string curves, curves_place;
-    std::string mesh, mesh_place; // "": bound to nothing
+    std::string mesh, mesh_place; // "": not bound
     std::optional<double> width;  // diameter, m; absent: the file's
     Ramp width_profile;
     double width_scale = 1.0;
-    std::optional<MarramBasis> basis; // absent: the file's, Catmull-Rom where it does not say
+    std::optional<MarramBasis> basis; // absent: the file's, or Catmull-Rom if it has none
     MarramShape shape = MARRAM_ROUND;
     Ramp envelope;
     std::vector<CurveFactor> wind_by;
@@ -44,7 +44,8 @@ struct ImportSettings {
 std::span<const MarramParam> import_params();
 ImportSettings read_import(const Values& values);
 
-// Of what decides how strands are bound: they stay bound where it, the curves and the mesh are the same.
+// Digest of the settings that determine the binding. Strands stay bound as long as it, the curves and the
+// mesh do not change.
 uint64_t binding_digest(const ImportSettings& settings);
 
 } // namespace marram

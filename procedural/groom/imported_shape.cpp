@@ -35,7 +35,7 @@ bool same_triangle(const Surface& a, const Surface& b, uint32_t triangle) {
     return true;
 }
 
-// Eight strands' motion from their file to where they stand: p -> turn (p - from) + to.
+// Rigid transforms of eight strands from their file to their current place: p -> turn (p - from) + to.
 struct alignas(64) Carry8 {
     VDouble turn[3][3];
     Wide3d from, to;
@@ -48,7 +48,7 @@ void set_carry(Carry8& carry, int lane, const Eigen::Matrix3d& turn, const Vec3d
     set_eight(carry.to, lane, to);
 }
 
-// The CVs of eight strands, side by side; `source` points to their first CVs.
+// Transforms the CVs of eight strands into SIMD lanes. `source`: pointers to their first CVs.
 void carry_cvs(const Carry8& carry, const float* const* source, int cvs, Wide3f* rest, VFloat* radius,
                double width_scale) {
     for (int k = 0; k < cvs; ++k) {
@@ -68,7 +68,7 @@ void carry_cvs(const Carry8& carry, const float* const* source, int cvs, Wide3f*
     }
 }
 
-// u of every CV from the rest strands; 0 all along where a strand has no length.
+// Computes u of every CV from the rest strands; 0 everywhere if a strand has no length.
 void set_arcs(int cvs, const Wide3f* rest, VDouble* u) {
     u[0] = VDouble{};
     for (int k = 0; k + 1 < cvs; ++k) {
@@ -93,7 +93,8 @@ double wind_share_of(const ImportInstance& instance, uint64_t curve) {
     return share;
 }
 
-// A ribbon's normal: the file's "normal", else the part of the skin's normal that is perpendicular to the strand.
+// A ribbon's normal: the file's "normal", else the component of the skin's normal perpendicular to the
+// strand.
 Vec3d ribbon_normal(const MarramAttribute* given, uint64_t cv, const Eigen::Matrix3d& turn,
                     const Vec3d& tangent, const Vec3d& skin_normal) {
     if (given) {
@@ -110,7 +111,7 @@ Vec3d ribbon_normal(const MarramAttribute* given, uint64_t cv, const Eigen::Matr
     return n;
 }
 
-// The width where the scene gives it.
+// Sets the radii from the scene's width.
 void set_own_widths(const ImportSettings& settings, int cvs, const VDouble* u, VFloat* radius) {
     for (int k = 0; k < cvs; ++k)
         for (int lane = 0; lane < lanes; ++lane)
@@ -142,7 +143,7 @@ void expand_imported(const ImportInstance& instance, const SkinPoses* skin, cons
             source[lane] = v;
             Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
             Vec3d from = Vec3d::Zero(), to = Vec3d::Zero(), anchor = cv_at(v);
-            Vec3d facing = cv_at(v + 4) - cv_at(v); // of strands that are bound to nothing
+            Vec3d facing = cv_at(v + 4) - cv_at(v); // for unbound strands
             facing = facing.squaredNorm() > 0.0 ? Vec3d(facing.normalized()) : Vec3d(Vec3d::UnitY());
             if (skin) {
                 const Bond& bond = instance.binding.bonds[first + c];
@@ -158,7 +159,7 @@ void expand_imported(const ImportInstance& instance, const SkinPoses* skin, cons
                     from = skin->bind.point(bond.triangle, bond.weights);
                     to = foot;
                 }
-                anchor = turn * (anchor - from) + to; // before it is lifted, as of strands that are grown
+                anchor = turn * (anchor - from) + to; // before lifting, as for grown strands
                 if (collision) {
                     const double radius = settings.width ? 0.5 * *settings.width * settings.width_scale *
                                                                settings.width_profile(0.0)
@@ -276,7 +277,7 @@ double max_radius_of(const ImportSettings& settings, double of_file) {
     return 0.5 * *settings.width * settings.width_scale * *std::ranges::max_element(shares);
 }
 
-// How far anything of a strand may be from its root: see groom_bounds.cpp.
+// Greatest distance of any part of a strand from its root: see groom_bounds.cpp.
 double import_reach(const ImportInstance& instance, double longest, double longest_segment, double max_radius,
                     double scale) {
     const double radius = max_radius_of(instance.settings, max_radius);
@@ -292,7 +293,8 @@ double import_reach(const ImportInstance& instance, double longest, double longe
 
 } // namespace
 
-// The roots' box, grown by the reach. A lifted root moves by its depth and root_offset at most; twice `lift` covers the way to the foot, too.
+// The box of the roots, grown by the reach. Lifting moves a root by at most its depth plus root_offset; twice
+// `lift` also covers the distance to the foot (the closest point).
 void find_import_patch(const ImportInstance& instance, uint32_t index, MarramPatch* out) {
     const ImportPatch& patch = instance.patches[index];
     const LentCurves& lent = instance.curves;
@@ -318,7 +320,7 @@ void find_import_patch(const ImportInstance& instance, uint32_t index, MarramPat
                 box.extend(root);
                 continue;
             }
-            // Carried rigidly, a root stays as far from its foot as it was.
+            // Rigid transforms keep the distance between a root and its foot.
             const Bond& bond = instance.binding.bonds[c];
             const Vec3d foot = instance.surface(t).point(bond.triangle, bond.weights);
             box.extend(foot);

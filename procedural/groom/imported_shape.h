@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Imported strands at rest: where they are at a time, before the wind.
+// Rest poses of imported strands at a given time, before the wind.
 #pragma once
 
 #include "procedural/groom/imported_instance.h"
@@ -8,30 +8,35 @@
 
 namespace marram {
 
-// The skin twice, at the bind pose and at the time asked for.
+// The skin in the bind pose and at the requested time.
 struct SkinPoses {
     Surface bind, now;
 };
 
-// Fills strands.rest (rest_normal, anchor, root_normal, width, radius, u, wind_share) of some curves of one CV count, numbers relative to
-// `first`. `vertices`: of curve `first` and those behind it, at this time where they move, else in the bind pose.
+// Fills strands.rest (rest_normal, anchor, root_normal, width, radius, u, wind_share) for some curves of one
+// CV count, given by their numbers relative to `first`. `vertices`: of the curves from `first` on, at this
+// time if they move, else in the bind pose.
 //
-// Strands that rest are carried rigidly by the frame of their bond: P' = R (P - foot) + foot', R = F' F^T, with F the orthonormal frame
-// of normal and first edge. Where the triangle is as it was in the bind pose P' = P to the bit. Strands that move in their file are where
-// it says. Where strands collide, roots that are lower than root_offset() above the skin are lifted to it, their strands with them.
+// Strands without motion in their file are carried rigidly by the frame of their bond: P' = R (P - foot) +
+// foot', R = F' F^T, with F the orthonormal frame of normal and first edge, and foot the closest point of the
+// root. If the triangle is as in the bind pose, P' = P exactly. Strands that move in their file are placed as
+// in the file. With collision, roots that are lower than root_offset() above the skin are lifted to that
+// height together with their strands.
 void expand_imported(const ImportInstance& instance, const SkinPoses* skin, const float* vertices,
                      uint64_t first, std::span<const uint32_t> curves, uint32_t cvs, Strands& strands);
 
-// What is known of curves without regard to time. Fills instance.patches, longest_at_bind and bind_box.
+// Computes the time-independent data of the curves: instance.patches, longest_at_bind, fewest_cvs and
+// bind_box.
 void make_patches(ImportInstance& instance);
 
-// Of the bind pose and the frame's motion samples, m.
+// The longest strand in the bind pose and at the frame's motion samples, m.
 double longest_in_frame(const ImportInstance& instance);
 
-// The box and the curves of one patch at all motion samples of the frame, and at rest.
+// The range of curves of one patch, and its box at all motion samples of the frame, bent or at rest.
 void find_import_patch(const ImportInstance& instance, uint32_t index, MarramPatch* out);
 
-// All strands at all motion samples, widths and clearances included; and at rest, with the knots that jiggle looks back to.
+// The union of the boxes of all patches, widths and clearances included. Poses at the past knots of jiggle
+// are not included.
 Eigen::AlignedBox3d bounds_of_import(const ImportInstance& instance);
 
 } // namespace marram

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curves that the host lends, as the contract lays them out.
+// Access to curves that the host lends, in the layout of the contract.
 #pragma once
 
 #include "core/plugin/marram_plugin.h"
@@ -23,7 +23,7 @@ struct LentCurves {
     uint32_t cvs(uint64_t c) const {
         return curves.offsets ? uint32_t(curves.offsets[c + 1] - curves.offsets[c]) : curves.cvs_per_curve;
     }
-    uint64_t first_vertex(uint64_t c) const { return first_cv(c) + 2 * c; } // the one before the root
+    uint64_t first_vertex(uint64_t c) const { return first_cv(c) + 2 * c; } // the phantom CV before the root
     uint64_t cv_count() const { return first_cv(count()); }
     const MarramAttribute* find(std::string_view name) const {
         for (const MarramAttribute& a : attributes)
@@ -32,8 +32,8 @@ struct LentCurves {
     }
 };
 
-// The curves of that name in a frame. Throws SceneFault where there are none, and for counts, pointers and numbers that are not usable.
-// Looks at every number once.
+// Finds the curves of that name in a frame. Throws SceneFault if there are none, or if counts, pointers or
+// numbers are invalid. Reads every number once.
 LentCurves find_curves(const MarramFrame& frame, std::string_view name, const std::string& place);
 
 } // namespace marram

@@ -48,7 +48,7 @@ MarramStatus read_past(const MarramFrame& frame, uint32_t mesh, const Jiggle& ji
                        PastSkin& past, double travel) {
     past = {};
     const std::span times(frame.times, frame.time_count);
-    // How far the skin travels lengthens the window by the logarithm of it, so a rough idea will do.
+    // The window grows with the logarithm of the skin's travel, so a rough estimate is enough.
     PastSkin::Pose now, then;
     if (const MarramStatus status = pose_at(frame, mesh, times.front(), now); status != MARRAM_OK)
         return status;

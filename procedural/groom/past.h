@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the skin was: its poses at the knots that jiggle looks back to.
+// Past poses of the skin at the knots of the jiggle's window.
 #pragma once
 
 #include "procedural/groom/surface.h"
@@ -9,13 +9,13 @@ namespace marram {
 
 struct PastSkin {
     struct Pose {
-        std::vector<float> positions, normals; // normals empty where the mesh is facetted
+        std::vector<float> positions, normals; // normals: empty if the mesh is faceted
     };
     JiggleWindow window;
-    std::vector<Pose> poses;       // each once, however long the skin rested in it
+    std::vector<Pose> poses;       // without consecutive duplicates
     std::vector<uint32_t> of_knot; // [knot of the window] -> poses
 
-    // The same as at the knot before.
+    // True if the pose equals that of the previous knot.
     bool rests_at(int64_t knot) const {
         const auto at = size_t(knot - window.first);
         return at > 0 && of_knot[at] == of_knot[at - 1];
@@ -25,9 +25,9 @@ struct PastSkin {
     Surface at(int64_t knot, const MarramMesh& mesh) const;
 };
 
-// Asks the renderer for the skin's poses over the window that the frame's motion samples need. `length`: no strand is longer. `travel`: of
-// instances of the skin, find_travel().
-// Memory: 12 bytes a vertex (24 with normals) for each knot at which the skin stood elsewhere than at the knot before.
+// Gets the skin's poses from the renderer over the window that the frame's motion samples need. `length`:
+// upper bound of strand lengths, m. `travel`: of the skin's instances, by find_travel(), m. Memory: 12 bytes
+// per vertex (24 with normals) for each knot at which the skin differs from the knot before.
 MarramStatus read_past(const MarramFrame& frame, uint32_t mesh, const Jiggle& jiggle, double length,
                        PastSkin& past, double travel = 0.0);
 

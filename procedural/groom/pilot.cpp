@@ -14,14 +14,14 @@ namespace marram {
 namespace {
 
 constexpr double spare = 1.25;
-constexpr double default_share = 1e-3; // of the longest strand, where the frame asks for no tolerance
+constexpr double default_share = 1e-3; // of the longest strand, if the frame has no tolerance
 
 double tolerance_of(const PilotGroom& pilot) {
     return pilot.frame.tolerance > 0.0 ? pilot.frame.tolerance
                                        : default_share * pilot.size * longest_strand(pilot.groom);
 }
 
-// Some of a groom's roots, with what they take of its guides.
+// A sample of a groom's roots with their blends of guides.
 struct SomeRoots {
     std::vector<Root> roots;
     std::vector<GuideBlend> blends;
@@ -40,7 +40,7 @@ struct SomeRoots {
     const Guided* how() const { return guided ? &*guided : nullptr; }
 };
 
-// What 99 in 100 stay below; of fewer than a hundred the greatest.
+// The 99th percentile; of fewer than a hundred distances the maximum.
 double most_of(std::vector<double>& distances) {
     if (distances.empty()) return 0.0;
     const auto at = distances.end() - 1 - long(distances.size() / 100);
@@ -54,7 +54,8 @@ double distance(const Wide3f& a, const Wide3f& b, int lane) {
     return std::sqrt(x * x + y * y + z * z);
 }
 
-// For each strand the greatest distance of a CV of `fine`, which has `every` times as many segments, from the polygon of `coarse`.
+// The 99th percentile over the strands of the greatest distance between a CV of `fine`, which has `every`
+// times as many segments, and the point of the polygon of `coarse` at the same parameter.
 double gap(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, size_t strands, size_t segments,
            size_t every) {
     const size_t cvs = segments + 1, fine_cvs = segments * every + 1;
@@ -94,7 +95,7 @@ void blow(const PilotGroom& pilot, const SomeRoots& some, double frame, int cvs,
         std::copy(strands.rest.begin(), strands.rest.end(), strands.pose.begin());
 }
 
-// Where strands on a skin that rests have swung to at the frame's last motion sample.
+// Poses of jiggled strands on a resting skin at the frame's last motion sample.
 WideVector<Wide3f> jiggled(const JigglePilot& pilot, double step, const JiggleWindow& window,
                            Strands& strands) {
     Wind wind = pilot.wind;
@@ -112,7 +113,7 @@ WideVector<Wide3f> jiggled(const JigglePilot& pilot, double step, const JiggleWi
     return std::move(scratch.jiggled[0]);
 }
 
-// Of the widths that are drawn with so many segments, from the profile.
+// Greatest error in m of the radius when the width profile is interpolated linearly over so many segments.
 double width_gap(const Groom& groom, int segments) {
     constexpr int samples = 1024;
     double most = 0.0;
@@ -126,7 +127,7 @@ double width_gap(const Groom& groom, int segments) {
     return 0.5 * groom.width * most;
 }
 
-// Segments below which a curl or a wander of frizz falls between the CVs.
+// Fewest segments that resolve curls and frizz: six per turn.
 int segments_of_shape(const Groom& groom) {
     double turns = 0.0;
     if (groom.curl_radius > 0.0) turns = std::max(turns, groom.curl_turns);
@@ -138,15 +139,15 @@ int segments_of_shape(const Groom& groom) {
 
 Choice cvs_for(const PilotGroom& pilot) {
     constexpr int most_segments = 999;
-    constexpr double moments[] = {0.0, 97.0, 1009.0}; // frames after the first: another place in the noise
+    constexpr double moments[] = {0.0, 97.0, 1009.0}; // frames after bind_frame: other places in the noise
     const int least = segments_of_shape(pilot.groom);
     const double tolerance = tolerance_of(pilot);
-    int levels = 5; // the finest has 2^levels as many segments as the fewest
+    int levels = 5; // the finest level has 2^levels times the fewest segments
     while (levels > 1 && least << levels > 1024) --levels;
     const int finest = least << levels;
     const SomeRoots some(pilot, 171);
     std::vector<double> times_segments(
-        static_cast<size_t>(levels)); // the law's factor, as seen from each number
+        static_cast<size_t>(levels)); // error times segments, measured at each level
     Strands strands;
     for (const double moment : moments) {
         const double frame = pilot.frame.bind_frame + moment;
@@ -158,7 +159,7 @@ Choice cvs_for(const PilotGroom& pilot) {
             const double apart =
                 gap(strands.pose, fine, some.roots.size(), size_t(segments), size_t(finest / segments));
             double& seen = times_segments[size_t(level)];
-            seen = std::max(seen, apart / (1.0 / segments - 1.0 / finest)); // the finest is off, too
+            seen = std::max(seen, apart / (1.0 / segments - 1.0 / finest)); // the finest has an error, too
         }
     }
     for (int segments = least; segments <= most_segments; ++segments) {
@@ -218,7 +219,7 @@ Choice jiggle_step_for(const JigglePilot& pilot, bool skin_moves) {
     strands.irregular = pilot.irregular;
     strands.resize(int(pilot.count), pilot.cvs, false);
     const WideVector<Wide3f> fine = jiggled(pilot, looked_at, window_of(looked_at), strands);
-    // What a step is off by: a step twice as fine is off by a quarter of it.
+    // Error of a step. A step half as long has a quarter of the error.
     const auto off_by = [&](double step) {
         const WideVector<Wide3f> coarse = jiggled(pilot, step, window_of(step), strands);
         const double part = looked_at / step;

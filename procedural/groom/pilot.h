@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A few strands of a groom, blown in more than one way, tell where a dial has to stand for the frame's tolerance. What is looked at
-// is what 99 strands in 100 stay below, times a spare quarter.
+// Chooses settings for the frame's tolerance by blowing a sample of strands with several values. The error is
+// the 99th percentile over these strands, times a safety factor of 1.25.
 #pragma once
 
 #include "procedural/groom/description.h"
@@ -20,43 +20,46 @@ struct PilotGroom {
     const MarramMesh& skin;
     std::span<const Root> roots;
     Surface bind;
-    std::optional<Guided> guided{}; // its blends are those of the roots
-    double size = 1.0;              // as much larger its strands are looked at: as the largest instance is
+    std::optional<Guided> guided{}; // with one blend per root
+    double size = 1.0;              // scale of the sampled strands: that of the largest instance
 };
 
 struct Choice {
     double value;
-    bool enough; // false: the tolerance asks for more than there is
+    bool enough; // false: no allowed value reaches the tolerance
 };
 
-// The fewest CVs, 3 ... 1000, with which the polygons of strands in the whole of the wind, without gusts or shelter, end within the
-// tolerance of those with CVs beyond number, and widths too. From 2, 4, 8, 16 and 32 segments against 64: the distance falls with
-// their number. Curls and frizz get at least six segments a turn, and are looked at from there on. At three moments fixed for the
-// shot: depends on the description and the tolerance, not on the frame. Cost: 512 strands of 132 CVs.
+// The smallest CV count, 3 to 1000, for which the polygons of strands in full wind, without gusts and
+// shielding, are within the tolerance of the limit of infinitely many CVs; likewise the widths. Measured with
+// 2, 4, 8, 16 and 32 segments against 64: the error is inversely proportional to the segment count. With
+// curls or frizz, the measurement starts at six segments per turn. Uses three moments that are fixed for the
+// shot, so the result depends on the description and the tolerance, not on the frame. Cost: 512 strands of
+// 132 CVs.
 Choice cvs_for(const PilotGroom& pilot);
 
-// Strands of one CV count that swing on a skin that rests.
+// A sample of strands of one CV count that swing on a resting skin.
 struct JigglePilot {
     const Wind& wind;
     const MarramFrame& frame;
-    const MarramMesh* skin; // nullptr: they grow on nothing
+    const MarramMesh* skin; // nullptr: not bound to a mesh
     const Ramp& envelope;
     MarramBasis basis;
-    double length;            // no strand is longer
-    double tolerance;         // metres
-    Eigen::AlignedBox3d rest; // holds every rest CV of all strands
+    double length;            // m; upper bound of strand lengths
+    double tolerance;         // m
+    Eigen::AlignedBox3d rest; // contains all rest CVs of all strands
     size_t count;
     int cvs;
     bool irregular;                                         // as Strands::irregular
-    std::function<void(const Wind& wind, Strands&)> expand; // rest strands; resizes
+    std::function<void(const Wind& wind, Strands&)> expand; // fills the rest strands
 };
 
 JigglePilot jiggle_pilot(const PilotGroom& pilot);
 
-// Frames between samples of the past, 1/64, 1/32, ... 2. Steps of 2, 1 and 1/2 are compared with 1/4; finer ones follow from the
-// last, with the square of the step. No more than 1/2 where jiggle has a start_frame, which is rounded down to a whole number of
-// steps, and no finer than a window of 2048 samples allows. On a skin that moves: 1/2, since its motion, which is keyed at
-// whole frames as a rule, would have to be asked for time and again. Cost: 96 strands over some 8 samples a frame.
+// The step between samples of the past in frames: 1/64, 1/32, ... 2. Steps of 2, 1 and 1/2 are compared with
+// 1/4; for finer ones the error is extrapolated with the square of the step. At most 1/2 if jiggle has a
+// start_frame, which is rounded down to a whole number of steps. Not finer than a window of 2048 samples
+// allows. On a moving skin always 1/2: its motion is usually keyed at whole frames, and each trial would need
+// new poses from the host. Cost: 96 strands over about 8 samples per frame.
 Choice jiggle_step_for(const JigglePilot& pilot, bool skin_moves);
 
 inline constexpr double usual_jiggle_step = 0.5;

@@ -117,7 +117,8 @@ struct WideMap {
 void transform_strands(const Eigen::Affine3d& placed, const Eigen::Affine3d& anchor, Strands& strands) {
     const double size = uniform_scale(placed);
     const WideMap map(placed), to_anchor(anchor);
-    Eigen::Affine3d unit = placed; // normals keep their length, and mirrored ones their side
+    Eigen::Affine3d unit =
+        placed; // without the scale: normals keep their length and, if mirrored, their side
     unit.linear() /= size;
     const WideMap turn(unit);
     for (Wide3f& rest : strands.rest) rest = to_float(map(to_double(rest)));

@@ -1,21 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// Poisson-like roots on a triangle mesh, in parallel, with one right answer.
+// Poisson disc sampling of roots on a triangle mesh: parallel and deterministic.
 //
-// Candidates are drawn uniformly over each triangle; each has a priority by hash. A candidate is kept when no kept
-// candidate of higher priority lies within the radius r: the result of throwing darts in the order of priority. That rule
-// refers to nothing but candidates nearby, so it can be evaluated in rounds, by any number of threads in any order: a
-// candidate that is the highest undecided one around is kept, one next to a kept higher one is dropped, all else waits.
+// Candidates are sampled uniformly on each triangle; each has a priority from a hash. A candidate is kept if
+// no kept candidate of higher priority is within the radius r: the result of dart throwing in the order of
+// priority. The rule depends only on nearby candidates, so it is evaluated in rounds, by any number of
+// threads in any order: a candidate with the highest priority among its undecided neighbours is kept, one
+// next to a kept candidate of higher priority is dropped, and all others wait.
 //
-// How many candidates to draw for a density d follows from the kinetics of random sequential adsorption of discs: with
-// coverage c = (number a unit area) * pi r^2 / 4 and attempts t in the same unit,
+// The number of candidates for a density d follows from the kinetics of random sequential adsorption of
+// discs: with coverage c = (number per unit area) * pi r^2 / 4 and attempts t in the same unit,
 //     dc/dt = phi(c),   phi(c) = 1 - 4 c + 6 sqrt(3)/pi c^2 + (40/(sqrt(3) pi) - 176/(3 pi^2)) c^3 + O(c^4)
-// (P. Schaaf and J. Talbot, "Surface exclusion effects in adsorption processes", J. Chem. Phys. 91, 1989), which is good to
-// 1 % up to the coverage used here. So a density needs no second pass, and what happens elsewhere on the mesh cannot matter.
-// A count draws some more and keeps the highest priorities, which is the same as stopping the throws at that number.
+// (P. Schaaf and J. Talbot, "Surface exclusion effects in adsorption processes", J. Chem. Phys. 91, 1989),
+// accurate to 1 % up to the coverage used here. So a density needs only one pass, and other parts of the mesh
+// have no influence. A count samples more candidates and keeps the highest priorities, which equals stopping
+// the throws at that number.
 //
-// Neighbours: candidates are sorted by cell of a grid, rows of cells one behind the other. Cells are r/2 long along a row
-// and 2r across, so a candidate's neighbours lie in its own row and in the three rows on its side, in runs of five cells,
-// and as it moves along the array those runs move along with it.
+// Neighbours: candidates are sorted by grid cell, row by row. Cells are r/2 long along a row and 2r wide
+// across it, so a candidate's neighbours are in its own row and in the three rows on its side, in runs of
+// five cells. These runs advance together with the candidate along the array.
 #include "procedural/groom/roots.h"
 
 #include <tbb/blocked_range.h>
@@ -30,12 +32,12 @@
 namespace marram {
 namespace {
 
-// Distance of neighbours at spacing 1, times the root of the density. More is possible, but costs steeply more attempts a
-// root: 1.7 here, 2.4 at 0.6, 9 at 0.7.
+// Minimum distance at spacing 1, times the square root of the density. Larger values need many more attempts
+// per root: 1.7 here, 2.4 at 0.6, 9 at 0.7.
 constexpr double full_distance = 0.5;
 constexpr double full_coverage = full_distance * full_distance * pi / 4.0;
 
-// Attempts for each disc that is kept, up to coverage c: the integral of dc / phi(c), over c.
+// Attempts per kept disc up to coverage c: the integral of dc / phi(c), divided by c.
 double attempts_a_disc(double coverage) {
     if (coverage <= 0.0) return 1.0;
     constexpr int steps = 256;
@@ -48,13 +50,13 @@ double attempts_a_disc(double coverage) {
     return attempts / steps;
 }
 
-// A cell's key: z, y, x from the top. The unit along x is r/2, along y and z 2r.
+// A cell's key: z, y, x from the most significant bits. A cell measures r/2 along x, and 2r along y and z.
 constexpr int x_bits = 23, row_bits = 20;
 constexpr double x_unit = 0.5, row_unit = 2.0;
-constexpr double most_rows = double((1U << row_bits) - 4); // along y and z; x has the bits to cover as much
-constexpr int in_cell_steps = 1023; // positions within a cell are kept to 10 bits an axis
+constexpr double most_rows = double((1U << row_bits) - 4); // along y and z; x has the bits for as much
+constexpr int in_cell_steps = 1023;                        // positions within a cell have 10 bits per axis
 
-struct [[gnu::packed]] Candidate { // there are millions of them for a moment
+struct [[gnu::packed]] Candidate { // packed, because there are millions for a moment
     uint64_t cell;
     Root root;
     uint32_t in_cell;
@@ -67,11 +69,11 @@ bool in_order(const Candidate& a, const Candidate& b) {
     return a.root.index < b.root.index;
 }
 
-// Sorts by in_order: candidates are put in place into buckets of their cells, and each bucket is sorted likewise (P. McIlroy,
-// K. Bostic, M. McIlroy, "Engineering Radix Sort", Computing Systems 6, 1993). About half the time of comparing; a second list
-// to sort into would be the most memory that placing roots takes.
+// Sorts by in_order with an in-place radix sort: distributes candidates into buckets of cells and recurses
+// (P. McIlroy, K. Bostic, M. McIlroy, "Engineering Radix Sort", Computing Systems 6, 1993). Takes about half
+// the time of a comparison sort. In place, because a second list would set the peak memory of root placement.
 void sort_by_cell(std::span<Candidate> list) {
-    constexpr size_t few = 32, many = 16384; // few are compared, many are worth a thread a bucket
+    constexpr size_t few = 32, many = 16384; // few: comparison sort; many: buckets in parallel
     uint64_t least = ~uint64_t{0}, most = 0;
     for (const Candidate& c : list) {
         least = std::min<uint64_t>(least, c.cell);
@@ -84,7 +86,7 @@ void sort_by_cell(std::span<Candidate> list) {
     std::vector<size_t> begin((size_t(1) << bits) + 1, 0);
     for (const Candidate& c : list) ++begin[bucket(c) + 1];
     for (size_t b = 1; b < begin.size(); ++b) begin[b] += begin[b - 1];
-    std::vector<size_t> next(begin.begin(), begin.end() - 1); // place of a bucket's next candidate
+    std::vector<size_t> next(begin.begin(), begin.end() - 1); // where a bucket's next candidate goes
     for (size_t b = 0; b < next.size(); ++b)
         while (next[b] < begin[b + 1]) {
             Candidate moved = list[next[b]];
@@ -101,8 +103,8 @@ void sort_by_cell(std::span<Candidate> list) {
         for (size_t b = 0; b < next.size(); ++b) sort_bucket(b);
 }
 
-// The lower the number, the higher the priority. 64 bits of hash: two roots hardly ever share it; if they
-// did, both would wait for the other to go first, so equal numbers are decided by the order of the list.
+// Lower numbers have higher priority. Equal 64-bit hashes are very unlikely, but both candidates would wait
+// for each other; the order of the list decides between them.
 uint64_t priority(uint32_t seed, Root root) { return root_hash(seed, root, Purpose::priority); }
 
 struct DiscGrid {
@@ -113,7 +115,7 @@ struct DiscGrid {
         uint64_t key = 0;
         uint32_t in_cell = 0;
         for (int axis = 2; axis >= 0; --axis) {
-            // A border of four cells, so that neighbours' keys never wrap.
+            // A border of four cells keeps neighbours' keys from wrapping.
             const double x = (p[axis] - origin[axis]) / (unit * (axis == 0 ? x_unit : row_unit)) + 4.0;
             const double whole = std::floor(x);
             key = (key << (axis == 0 ? x_bits : row_bits)) | uint64_t(whole);
@@ -123,7 +125,7 @@ struct DiscGrid {
     }
 };
 
-// A candidate's place in steps of x_unit / 1023: exact in integers.
+// A candidate's position in integer steps of x_unit / 1023; exact.
 struct Place3 {
     int64_t x, y, z;
     static constexpr int64_t row_step = int64_t(row_unit / x_unit);
@@ -140,8 +142,8 @@ struct Place3 {
     }
 };
 
-// The density masks over a surface, relative to `full`: a count asks for shares of each other only, so that faint masks
-// need no more candidates than strong ones.
+// The density masks over a surface, relative to `full`. A count depends only on the ratios of mask values, so
+// faint masks need no more candidates than strong ones.
 struct DensityShares {
     const Groom& groom;
     const Surface& bind;
@@ -167,7 +169,7 @@ double greatest(const Ramp& ramp, double low, double high) {
     return most;
 }
 
-// False where the masks leave nothing of a triangle, so that nothing is drawn there only to be thrown away.
+// False if the masks are 0 on the whole triangle, so that no candidates are sampled there.
 bool may_grow(const DensityShares& shares, uint32_t triangle) {
     const Masks& masks = shares.groom.density_masks;
     const auto p = shares.bind.corners(triangle);
@@ -188,7 +190,7 @@ bool may_grow(const DensityShares& shares, uint32_t triangle) {
     return true;
 }
 
-// Mean and greatest share over the surface, from as many points as tell a thousandth of the area apart.
+// Mean and greatest mask value over the surface, sampled densely enough to resolve a thousandth of the area.
 struct ShareStatistics {
     double mean = 1.0, most = 1.0;
 };
@@ -197,7 +199,7 @@ ShareStatistics share_statistics(const DensityShares& shares, double area) {
     if (!shares.masked()) return {};
     constexpr uint32_t points = 1U << 18;
     double sum = 0.0, most = 0.0, passed = 0.0;
-    uint32_t drawn = 0; // one point every area / points along the triangles
+    uint32_t drawn = 0; // one point per area / points, in the order of the triangles
     for (uint32_t t = 0; t < shares.bind.triangle_count; ++t) {
         passed += shares.bind.area(t);
         for (uint32_t i = 0; drawn < points && (drawn + 0.5) * area < passed * points; ++drawn, ++i) {
@@ -209,9 +211,9 @@ ShareStatistics share_statistics(const DensityShares& shares, double area) {
     return {sum / points, most};
 }
 
-// A Poisson distributed number of mean m from a triangle's own hashes; it only grows with m, so a change of density
-// renumbers nothing. Small means by inverting the distribution, large ones by its normal limit (error of the
-// probabilities below 1e-2 at m = 64, which nobody sees in a count).
+// A Poisson distributed number with mean m from a triangle's hash. It is monotone in m, so a change of
+// density does not renumber candidates. Small means invert the distribution, large ones use its normal limit
+// (error of the probabilities below 1e-2 at m = 64, which is invisible in a count).
 uint64_t poisson(double mean, uint64_t h) {
     const double u = (double(h >> 11) + 0.5) * 0x1p-53;
     if (mean > 64.0) {
@@ -229,9 +231,9 @@ uint64_t poisson(double mean, uint64_t h) {
     return count;
 }
 
-// First candidate number of every triangle. The kinetics want candidates that know nothing of each other, so their number
-// is Poisson distributed on each triangle; random roots (spacing 0) are kept as they are drawn and may as well be spread more
-// evenly: area * attempts, rounded by the triangle's hash.
+// First candidate number of every triangle. The kinetics assume independent candidates, so their number is
+// Poisson distributed on each triangle. Random roots (spacing 0) are all kept and are spread more evenly:
+// area * attempts, rounded up or down by the triangle's hash.
 std::vector<uint64_t> candidate_offsets(const DensityShares& shares, double attempts, bool spaced) {
     const Surface& bind = shares.bind;
     std::vector<uint64_t> first(size_t(bind.triangle_count) + 1, 0);
@@ -257,8 +259,8 @@ DiscGrid grid_of(const Surface& bind, double radius) {
     return {lower, std::max({radius, extent / (row_unit * most_rows), std::numeric_limits<double>::min()})};
 }
 
-// Candidates of all triangles, sorted. Where masks are 0 none are kept: blocks are counted first and filled then, so that
-// memory goes to candidates, not to masked-out ones.
+// Candidates of all triangles, sorted. Candidates with mask value 0 are skipped: blocks are counted first and
+// then filled, so that skipped ones take no memory.
 std::vector<Candidate> draw_candidates(const DensityShares& shares, const DiscGrid& grid, double attempts,
                                        bool spaced, const std::function<bool()>& cancelled) {
     const std::vector<uint64_t> first = candidate_offsets(shares, attempts, spaced);
@@ -302,8 +304,8 @@ std::vector<Candidate> draw_candidates(const DensityShares& shares, const DiscGr
 
 enum : uint8_t { undecided, kept, dropped };
 
-// The runs of candidates around a candidate, one for each of the nine rows next to its own, moved along with it. A visit
-// needs four of them; the others catch up when they are needed.
+// The runs of candidates around a candidate, one in each of the nine rows around it, advanced together with
+// it. A visit needs four of them; the others catch up on demand.
 class NeighbourRuns {
   public:
     NeighbourRuns(const std::vector<Candidate>& all, uint64_t from) : all_(all) {
@@ -340,8 +342,9 @@ class NeighbourRuns {
     size_t at_[9];
 };
 
-// One round over a range: decides what can be decided. Other threads' states may be read before or after they change; either
-// way leads to the same end, because a state never changes twice.
+// One round over a range: decides the candidates that can be decided, and returns whether some are left. The
+// states of other threads may be read before or after they change; the result is the same, because a state
+// changes only once.
 bool decide(const std::vector<Candidate>& all, std::vector<std::atomic<uint8_t>>& state, uint32_t seed,
             int64_t squared_radius, size_t begin, size_t end) {
     bool waiting = false;
@@ -354,7 +357,7 @@ bool decide(const std::vector<Candidate>& all, std::vector<std::atomic<uint8_t>>
         runs.visit(i, [&](size_t j) {
             const uint8_t other = state[j].load(std::memory_order_relaxed);
             if (other == dropped || place.squared_distance(Place3(all[j])) >= squared_radius) return true;
-            if (other == undecided) { // one that is kept has gone first
+            if (other == undecided) { // a kept one has higher priority
                 const uint64_t theirs = priority(seed, all[j].root);
                 if (theirs > mine || (theirs == mine && j > i)) return true;
             }
@@ -389,8 +392,8 @@ void keep_spaced(std::vector<Candidate>& candidates, uint32_t seed, double radiu
     candidates.resize(count);
 }
 
-// Keeps the `count` candidates of highest priority, in their order. The hash is uniform, so its top bits tell nearly all
-// apart; only the one bucket that the limit falls into is looked at closely.
+// Keeps the `count` candidates of highest priority, in their order. The hash is uniform, so a histogram of
+// its top bits finds the limit; only the bucket that contains the limit is sorted.
 void keep_first(std::vector<Candidate>& candidates, uint32_t seed, uint64_t count) {
     constexpr int bucket_bits = 16;
     std::vector<uint64_t> histogram(size_t(1) << bucket_bits, 0);
@@ -408,7 +411,7 @@ void keep_first(std::vector<Candidate>& candidates, uint32_t seed, uint64_t coun
         std::min<size_t>(candidates.size(), count)); // equal priorities: the list's order decides
 }
 
-uint64_t spread_bits(uint64_t x) { // 21 bits, two zeros behind each
+uint64_t spread_bits(uint64_t x) { // inserts two zeros above each of 21 bits
     x = (x | (x << 32)) & 0x1f00000000ffffULL;
     x = (x | (x << 16)) & 0x1f0000ff0000ffULL;
     x = (x | (x << 8)) & 0x100f00f00f00f00fULL;
@@ -416,7 +419,7 @@ uint64_t spread_bits(uint64_t x) { // 21 bits, two zeros behind each
     return (x | (x << 2)) & 0x1249249249249249ULL;
 }
 
-// Roots along a Z-curve over the grid: neighbours in the list are neighbours in space.
+// Roots in Morton order of the grid's cells: neighbours in the list are close in space.
 std::vector<Root> in_space_order(std::vector<Candidate>& candidates) {
     tbb::parallel_for(tbb::blocked_range<size_t>(0, candidates.size(), 16384), [&](const auto& range) {
         for (size_t i = range.begin(); i < range.end(); ++i) {
@@ -434,7 +437,7 @@ std::vector<Root> in_space_order(std::vector<Candidate>& candidates) {
 }
 
 double surface_area(const Surface& bind) {
-    double area = 0.0; // in order: the same sum at any thread count
+    double area = 0.0; // summed in order: the same at any thread count
     for (uint32_t t = 0; t < bind.triangle_count; ++t) area += bind.area(t);
     return area;
 }
@@ -449,12 +452,14 @@ std::vector<Candidate> spaced_candidates(const DensityShares& shares, double den
         draw_candidates(shares, grid, density * attempts_a_disc(coverage) * spare, radius > 0.0, cancelled);
     placed.peak_bytes = std::max(placed.peak_bytes, candidates.capacity() * (sizeof(Candidate) + 1));
     if (radius > 0.0) keep_spaced(candidates, shares.groom.seed, radius / grid.unit, cancelled);
-    // Thinned after spacing: half a mask is half the strands, and a strand does not notice what masks say elsewhere.
+    // Masks thin the roots after spacing: a mask of 0.5 keeps half the strands, and a strand does not depend
+    // on masks elsewhere.
     if (shares.masked()) std::erase_if(candidates, [&](const Candidate& c) { return !shares.keeps(c.root); });
     return candidates;
 }
 
-// A count: enough candidates that the wanted number is left, first as the masks' mean suggests, then by what was found.
+// Candidates for a count. Starts with as many as the masks' mean suggests, and increases them until enough
+// are left.
 std::vector<Candidate> counted_candidates(DensityShares shares, double area,
                                           const std::function<bool()>& cancelled, PlacedRoots& placed) {
     const Groom& groom = shares.groom;
@@ -465,7 +470,7 @@ std::vector<Candidate> counted_candidates(DensityShares shares, double area,
     };
     const ShareStatistics statistics = share_statistics(shares, area);
     if (statistics.most > 0.0) shares.full = statistics.most;
-    if (!(statistics.mean > 0.0)) { // perhaps a few triangles that the sample has missed
+    if (!(statistics.mean > 0.0)) { // the samples may have missed a few triangles
         bool any = false;
         for (uint32_t t = 0; t < shares.bind.triangle_count && !any; ++t) any = may_grow(shares, t);
         if (!any) refuse();
@@ -483,9 +488,10 @@ std::vector<Candidate> counted_candidates(DensityShares shares, double area,
             keep_first(candidates, groom.seed, groom.count);
             return candidates;
         }
-        // Masks leave less than the mean said; without masks it is thin parts, whose far sides are near, and small numbers.
+        // Too few. With masks, the mean was too high; without masks, the count is small or thin parts have
+        // their two sides within r of each other.
         const double share = double(candidates.size()) / double(groom.count), densest = 1e3 * first;
-        if (shares.masked() && density >= densest) break; // the same candidates again
+        if (shares.masked() && density >= densest) break; // would give the same candidates again
         if (shares.masked())
             density = std::min(density * std::clamp(1.1 / share, 1.2, 10.0), densest);
         else

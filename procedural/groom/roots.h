@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where strands grow.
+// Placement of strand roots.
 #pragma once
 
 #include "procedural/groom/description.h"
@@ -10,16 +10,19 @@
 
 namespace marram {
 
-// Places the roots of a groom on its surface at the bind pose, in an order that keeps neighbours together.
+// Places the roots of a groom on its surface in the bind pose, ordered so that neighbours are close in the
+// list.
 //
-// Density: roots a square metre times the masks, within 2 % where masks are 1 and triangles are flat beside the spacing.
-// Count: exactly that many. Two roots are never nearer than `spacing` * 0.5 / sqrt(density) where density masks are 1 or
-// absent. The set is a function of the description and the mesh alone: any thread count gives the same bits.
-// Cost: about 0.4 us a root on 2 threads and 40 bytes of passing memory; 8 bytes a root stay.
-// Throws SceneFault where masks leave too little room for the count; returns early, incomplete, once cancelled() is true.
+// Density: roots per square metre times the masks, within 2 % if masks are 1 and the surface is flat at the
+// scale of the spacing. Count: exactly that many. Roots are at least `spacing` * 0.5 / sqrt(density) apart if
+// density masks are 1 or absent. The result depends only on the description and the mesh, and is
+// bit-identical at any thread count.
+// Cost: about 0.4 us per root on 2 threads and 40 bytes of temporary memory; 8 bytes per root remain.
+// Throws SceneFault if the masks leave too little room for the count. Once cancelled() is true, returns early
+// with an incomplete result.
 struct PlacedRoots {
     std::vector<Root> roots;
-    size_t peak_bytes = 0; // of candidates, while they were there
+    size_t peak_bytes = 0; // of the temporary candidates
 };
 
 PlacedRoots place_roots(const Groom& groom, const Surface& bind, const std::function<bool()>& cancelled);

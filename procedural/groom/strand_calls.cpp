@@ -99,7 +99,8 @@ CollisionCounts report_chain(Workers& workers, ReportSink sink, void* user, size
 
 void announce(const MarramHost& host, const char* id, const std::string& place, const LongWork& work,
               double frame, std::optional<double>& announced) {
-    // Thread seconds per CV and motion sample, or step of jiggle. Contact: 1e-6 with 5 CVs a strand, 3e-6 with hundreds.
+    // Thread seconds per CV and motion sample (bend: or step of jiggle). Collision: 1e-6 with 5 CVs per
+    // strand, 3e-6 with hundreds.
     constexpr double bend = 0.08e-6, collide = 2e-6, long_work = 10.0;
     const auto steps = double(std::max<int64_t>(work.steps, 0));
     const double seconds =
@@ -124,7 +125,6 @@ void warn_of_gusts(const MarramHost& host, const std::string& place, const Chain
          "lower wind.gusts.num_gusts, radius_range or life_range");
 }
 
-// What collision could not do is never hidden.
 void warn_of_collisions(const MarramHost& host, const std::string& place, bool all_samples,
                         const CollisionCounts& counts) {
     const auto warn = [&](uint64_t count, const char* id, const std::string& what, const char* remedy) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the procedurals that blow strands (groom, strands) share where the host calls them.
+// Shared code of the entry points of the procedurals that blow strands (groom, strands).
 #pragma once
 
 #include "procedural/wind/chain.h"
@@ -13,7 +13,7 @@
 
 namespace marram {
 
-struct Worker { // what a thread keeps from patch to patch
+struct Worker { // per-thread memory, reused between patches
     Strands strands;
     ChainScratch chain;
 };
@@ -22,29 +22,30 @@ using Workers = tbb::enumerable_thread_specific<Worker>;
 // Receives the entries of a report.
 using ReportSink = void (*)(void* user, const char* path, double value);
 
-// A procedural's own parameters and behind them the wind's as "wind.<name>". Their names live as long as the library.
+// A procedural's own parameters, followed by the wind's as "wind.<name>". The names are static.
 std::vector<MarramParam> with_wind_params(std::span<const MarramParam> own);
 
-// Gusts start across the scene's bounds at the shot's first frame, where the scene does not say where. `box`: of the strands
-// themselves, which count where there are no meshes.
+// Unless the scene gives their start, gusts start across the scene's bounds at bind_frame. `box`: of the
+// strands, used if there are no meshes. Does nothing if `fixed`, and sets it.
 MarramStatus fix_gusts_once(const MarramFrame& frame, const Eigen::AlignedBox3d& box, Wind& wind,
                             bool& fixed);
 
-// Whether meshes that move within the shutter move strands: by collision, and by sheltering them from the wind.
+// True if meshes that move within the shutter affect the strands: by collision or by shielding.
 bool moving_meshes_matter(const Wind& wind, const MarramFrame& frame);
 
-// Throws SceneFault for buffers of a patch that are NULL, and attributes that are not there.
+// Throws SceneFault if a buffer of a patch is NULL or an attribute does not exist.
 void check_buffers(const MarramPatchBuffers* buffers, uint32_t time_count, bool oriented,
                    size_t attribute_count);
 
-// Sums up what all threads did, and reports it. Returns the counts of collisions; `scratch` is the memory that threads keep.
+// Reports the times and counts of all threads. Returns the counts of collisions; `scratch`: memory of the
+// threads, bytes.
 CollisionCounts report_chain(Workers& workers, ReportSink sink, void* user, size_t& scratch);
 
-// Warns of what collision could not do. place: "" or where the message points.
+// Warns of unresolved collisions and penetrations. place: "" or where the message points.
 void warn_of_collisions(const MarramHost& host, const std::string& place, bool all_samples,
                         const CollisionCounts& counts);
 
-// What the chain has to do in a frame.
+// The amount of work of the chain in a frame.
 struct LongWork {
     double cvs = 0.0, cvs_a_strand = 0.0;
     uint32_t samples = 1; // of motion
@@ -52,11 +53,11 @@ struct LongWork {
     bool collides = false;
     const char* remedy = "";
 };
-// Announces work that takes long before it begins, so that who asked for it by mistake need not wait to learn it; once a frame.
+// Announces long work before it starts, once per frame, so that unintended settings are noticed early.
 void announce(const MarramHost& host, const char* id, const std::string& place, const LongWork& work,
               double frame, std::optional<double>& announced);
 
-// Warns of gusts that take much memory.
+// Warns of gusts that need much memory.
 void warn_of_gusts(const MarramHost& host, const std::string& place, const ChainFrame& chain);
 
 } // namespace marram

@@ -1,23 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// A strand is laid out in its root's frame: N the surface normal, A the tangent that it leans to, S = N x A. Its centre line
-// leans by an angle that grows along it, theta(u) = lean + arc u, so with s = L/(n-1)
+// A strand is laid out in its root's frame: N the surface normal, A the tangent towards which it leans,
+// S = N x A. The lean angle of its centre line grows along it, theta(u) = lean + arc u. With s = L/(n-1)
 //
 //     C_k = C_{k-1} + s (sin theta A + cos theta N),    theta at the segment's middle.
 //
 // Curl, clump and frizz displace C_k sideways:
 //
-//     curl    r(u) (cos psi E + sin psi S) - the same at 0,  psi = phase + 2 pi turns u,  E = dC/dtheta direction
-//     clump   (centre - root) amount profile(u), the part along the surface; with levels the sum of them, each from the middle of
-//             the finer clump before it, so that a fine clump goes as a whole
+//     curl    r(u) (cos psi E + sin psi S),  r(u) = radius u,  psi = phase + 2 pi turns u,
+//             E = dC/dtheta direction
+//     clump   (centre - root) amount profile(u), projected on the surface; levels add up, each measured from
+//             the centre of the next finer clump, so that a fine clump moves as a whole
 //     frizz   amplitude u (noise_x A + noise_y S), gradient noise along the strand
 //
-// and each segment is then laid with length s in the direction of the displaced difference. So curl and frizz shorten a
-// strand's reach, never its length, and all segments are equally long.
+// Each segment is then laid out with length s in the direction of the displaced difference. So curl and frizz
+// shorten a strand's reach but not its length, and all segments are equally long.
 //
-// With guides C_k is what they make of it (guides.h), in the same frame with A the skin's tangent; E = S x the line's direction, unit.
+// With guides, C_k is their blend (guides.h), in the same frame with A the skin's tangent; E = S x the line's
+// direction, unit.
 //
-// Clumps are the cells of a jittered lattice at the bind pose (S. Worley, "A Cellular Texture Basis Function", SIGGRAPH
-// 1996): a root belongs to the nearest of the points in the 27 lattice cells around it.
+// Clumps are the cells of a jittered lattice in the bind pose (S. Worley, "A Cellular Texture Basis
+// Function", SIGGRAPH 1996): a root belongs to the nearest of the points in the 27 lattice cells around it.
 #include "procedural/groom/strand_shape.h"
 
 #include "procedural/ramp_table.h"
@@ -36,7 +38,7 @@ double symmetric(uint32_t seed, Root root, Purpose purpose) {
     return 2.0 * unit_double(root_hash(seed, root, purpose)) - 1.0;
 }
 
-// level: 0 the coarsest.
+// level 0 is the coarsest.
 Vec3d clump_centre(uint32_t seed, size_t level, double size, const Vec3d& p) {
     const Vec3d base = (p / size).array().floor();
     Vec3d best = p;
@@ -45,7 +47,7 @@ Vec3d clump_centre(uint32_t seed, size_t level, double size, const Vec3d& p) {
         const Vec3d cell = base + Vec3d(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1);
         uint64_t h = hash(seed, uint64_t(Purpose::clump) + (uint64_t(level) << 32));
         for (int axis = 0; axis < 3; ++axis)
-            h = hash(h, std::bit_cast<uint64_t>(cell[axis] + 0.0)); // + 0.0: one zero
+            h = hash(h, std::bit_cast<uint64_t>(cell[axis] + 0.0)); // + 0.0 turns -0 into 0
         const Vec3d jitter(double(h & 0xffff) * 0x1p-16, double((h >> 16) & 0xffff) * 0x1p-16,
                            double((h >> 32) & 0xffff) * 0x1p-16);
         const Vec3d point = (cell + jitter) * size;
@@ -57,12 +59,12 @@ Vec3d clump_centre(uint32_t seed, size_t level, double size, const Vec3d& p) {
     return best;
 }
 
-// What one strand needs, side by side for eight.
+// Data of eight strands, in SIMD lanes.
 struct alignas(64) Roots8 {
     Wide3d origin, along, side, normal; // root, A, S, N
     VDouble length, lean, arc, phase, frizz;
-    VDouble curl_share, frizz_share; // of the groom's radius and amplitude
-    // Metres towards the centre of each level's clump, in the root's frame: from that of the finer level before it.
+    VDouble curl_share, frizz_share; // factors of the groom's radius and amplitude
+    // Offset in m to the centre of each level's clump from that of the next finer one, in the root's frame.
     VDouble clump_along[most_clumps], clump_side[most_clumps];
 };
 
@@ -72,7 +74,7 @@ void set_lane(Wide3d& v, int lane, const Vec3d& value) {
     v.z[lane] = value.z();
 }
 
-// Angle from the frame's tangent to the direction that the strand leans to.
+// Angle from the frame's tangent to the direction in which the strand leans.
 double azimuth(const Groom& groom, const Surface& bind, Root root, const Vec3d& weights) {
     const double draw = symmetric(groom.seed, root, Purpose::comb);
     if (!groom.combed && !groom.comb_map) return pi * draw;
@@ -89,12 +91,12 @@ double azimuth(const Groom& groom, const Surface& bind, Root root, const Vec3d& 
         if (drawn.norm() > grey && way.squaredNorm() > 0.0) comb = way.normalized();
     }
     const double x = comb.dot(t), y = comb.dot(n.cross(t));
-    // Combed straight along the normal: no direction is better than another.
+    // If comb is along the normal, no direction is defined: use a random one.
     const bool defined = std::hypot(x, y) > 1e-6;
     return (defined ? std::atan2(y, x) + groom.comb_variation * draw : pi * draw);
 }
 
-// The centre line of a child in its frame, for one lane of `centre`.
+// Writes the centre line of a child in its frame to one lane of `centre`.
 void set_centre(const Guided& guided, const GuideBlend& blend, std::span<const Vec3f> guides, Root root,
                 const Vec3d& weights, int cvs, int lane, Wide3f* centre) {
     const Frame frame = frame_at(guided.bind, root.triangle, weights);
@@ -135,7 +137,7 @@ void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Ro
     set_lane(roots.normal, lane, frame.normal);
     set_lane(strands.anchor[block], lane, wind.rest_anchored ? bind_origin : origin);
     set_lane(strands.root_normal[block], lane, frame.normal);
-    // What a parameter is multiplied by at this root.
+    // The factor of a parameter at this root.
     const auto share_of = [&](FactorOf what) {
         const Factors& factors = groom.factors[what];
         return factors.empty() ? 1.0 : product(factors, poses.bind, root.triangle, weights);
@@ -164,10 +166,10 @@ void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Ro
     roots.phase[lane] = pi * symmetric(seed, root, Purpose::curl);
     roots.frizz[lane] = unit_double(root_hash(seed, root, Purpose::frizz)) * 0x1p20;
     if (!groom.clumps.empty()) {
-        // Measured in the bind pose's frame, so that it rides along when the surface turns.
+        // Computed in the frame of the bind pose, so that it follows the surface when that turns.
         const Frame bind = frame_at(poses.bind, root.triangle, weights);
         const double share = share_of(of_clump);
-        Vec3d from = bind_origin; // the root, then the middle of its finest clump, ...
+        Vec3d from = bind_origin; // the root, then the centre of its finest clump, ...
         for (size_t level = groom.clumps.size(); level-- > 0;) {
             const Clump& clump = groom.clumps[level];
             const Vec3d centre = clump_centre(seed, level, clump.size, from);
@@ -180,7 +182,7 @@ void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Ro
     }
 }
 
-// Sideways wander of every CV, in the two directions across the strand.
+// Frizz noise of every CV, in the two directions across the strand.
 void frizz_values(const Groom& groom, const Roots8& roots, Strands& strands) {
     const int cvs = strands.cvs;
     for (int k = 0; k < cvs; ++k) {
@@ -192,12 +194,12 @@ void frizz_values(const Groom& groom, const Roots8& roots, Strands& strands) {
     vector_noise(noise, strands.points.data(), cvs, false, 0.0, strands.values.data());
 }
 
-struct ShapeStep { // what is the same for all strands at CV k
+struct ShapeStep { // shared by all strands at CV k
     double u, u_middle, frizz;
     std::array<double, most_clumps> clump;
 };
 
-// v scaled to `length`, `instead` where it has none.
+// v scaled to `length`; `instead` if v is 0.
 MARRAM_INLINE Wide3d with_length(const Wide3d& v, VDouble length, const Wide3d& instead) {
     const VDouble squared = dot(v, v);
     const VLong some = squared > 1e-300;
@@ -250,7 +252,7 @@ MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep
         position = position + d;
         rest[k] = to_float(roots.origin + roots.along * position.x + roots.side * position.y +
                            roots.normal * position.z);
-        if (normals) { // across the blade: the side vector crossed with the segment
+        if (normals) { // normal of the blade: the side vector crossed with the segment
             const Wide3d tangent = roots.along * d.x + roots.side * d.y + roots.normal * d.z;
             Wide3d n = cross(roots.side, tangent);
             const VDouble nn = dot(n, n);
@@ -270,7 +272,7 @@ void expand(const Groom& groom, const Wind& wind, const GrowthPoses& poses, std:
     const auto rest_guides = guided && guided->offsets.empty() ? guided->set.resampled(cvs) : nullptr;
     const std::span<const Vec3f> guides =
         rest_guides ? std::span(*rest_guides) : (guided ? guided->offsets : std::span<const Vec3f>());
-    Wide3f* centres = guided ? strands.values.data() + cvs : nullptr; // behind those of frizz
+    Wide3f* centres = guided ? strands.values.data() + cvs : nullptr; // after those of frizz
     std::vector<ShapeStep> steps(static_cast<size_t>(cvs));
     for (int k = 0; k < cvs; ++k) {
         const double u = double(k) / double(cvs - 1);

@@ -14,13 +14,13 @@ Frame frame_at(const Surface& surface, uint32_t triangle, const Vec3d& weights) 
                 surface.normals + 3 * size_t(surface.triangles[3 * size_t(triangle) + size_t(i)]);
             sum += weights[i] * Vec3d(double(n[0]), double(n[1]), double(n[2]));
         }
-        // Vertex normals that cancel, or that point inwards, say nothing: the plane's own normal does.
+        // If the vertex normals cancel or point inwards, use the plane's normal.
         if (sum.dot(plane) > 0.0 && sum.norm() > 1e-3) normal = sum.normalized();
     }
     Vec3d tangent = p[1] - p[0];
     tangent -= normal * normal.dot(tangent);
-    // The first edge is in the plane, the normal less than a right angle from the plane's: what is left of the edge
-    // vanishes only for a sliver's rounding, where any tangent will do.
+    // The edge lies in the plane, and the normal is within a right angle of the plane's normal. So the
+    // projected edge vanishes only by rounding in slivers, where any tangent will do.
     const double left = tangent.norm();
     if (left > 1e-6 * (p[1] - p[0]).norm()) {
         tangent /= left;

@@ -13,13 +13,13 @@
 
 namespace marram {
 
-// A root is its triangle and its number among that triangle's candidates. All else follows by hashing, so the root is also
-// the strand's identity, and eight bytes.
+// A root is a triangle and the number of a candidate on it. Everything else is hashed from these eight bytes,
+// so the root also identifies the strand.
 struct Root {
     uint32_t triangle, index;
 };
 
-// What a hash of a root is used for. Each purpose draws its own number.
+// Uses of a root's hash. Each purpose gets an independent number.
 enum class Purpose : uint32_t {
     place,
     priority,
@@ -47,16 +47,16 @@ inline Vec3d root_weights(uint32_t seed, Root root) {
     return {1.0 - s, s * (1.0 - t), s * t};
 }
 
-// Positions of one pose of a mesh, with what a root needs of it. Pointers are borrowed.
+// One pose of a mesh with the data that roots need. Pointers are borrowed.
 struct Surface {
     const float* positions = nullptr; // xyz packed
-    const float* normals = nullptr;   // or nullptr: facetted
+    const float* normals = nullptr;   // nullptr: faceted
     const uint32_t* triangles = nullptr;
     const float* uvs = nullptr;
     uint32_t triangle_count = 0;
     std::span<const MarramAttribute> attributes{};
 
-    // Of an attribute of one number a vertex or face.
+    // Value of an attribute with one number per vertex or face.
     double value(const MarramAttribute& attribute, uint32_t triangle, const Vec3d& weights) const {
         if (attribute.rate == MARRAM_PER_FACE) return double(attribute.values[triangle]);
         const uint32_t* t = triangles + 3 * size_t(triangle);
@@ -85,7 +85,7 @@ struct Surface {
         }
         return sum;
     }
-    // Unit directions in which u and v grow within a triangle; zero where they do not.
+    // Unit directions of increasing u and v within a triangle; zero if its uv area is 0.
     std::array<Vec3d, 2> uv_directions(uint32_t triangle) const {
         const auto p = corners(triangle);
         const Vec2d origin = uv(triangle, Vec3d::UnitX()), a = uv(triangle, Vec3d::UnitY()) - origin,
@@ -102,12 +102,12 @@ struct Surface {
     }
 };
 
-// An orthonormal frame on the surface that rides with it: normal, and tangent along the triangle's first edge.
+// Orthonormal frame that moves with the surface: the normal, and a tangent along the triangle's first edge.
 struct Frame {
     Vec3d tangent, bitangent, normal;
 };
 
-// Unit normal of a triangle's plane. The triangle has an area: roots are placed nowhere else.
+// Unit normal of a triangle's plane. The triangle must have an area; roots are placed only on such triangles.
 inline Vec3d plane_normal(const std::array<Vec3d, 3>& p) {
     return (p[1] - p[0]).cross(p[2] - p[0]).stableNormalized();
 }

@@ -1,18 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// flat, noise, image: what a terrain begins with, or what is added everywhere.
+// flat, noise, image: base layers. They start a terrain, or add to all of it.
 //
-// flat    the same height or thickness everywhere.
-// noise   a sum of octaves (wind/noise.h), scaled so that `amplitude` is three standard deviations: of perlin noise about three
-//         samples in a thousand lie beyond it.
-// image   heights from a file, its values v mapped to range[0] + v (range[1] - range[0]). Its first row lies at the smallest z, its
-//         first column at the smallest x; pixel centres are half a pixel within the extent. Between pixels Catmull-Rom's cubic: it
-//         goes through the pixels, continuous with its slope, and overshoots by at most an eighth of a step; a sample within a millionth
-//         of a cell of a pixel's centre is that pixel, to the bit. Outside of the extent
-//         the layer has no share; towards its border the share falls off over `fade` metres. Where a host hands over pixels that are not
-//         numbers, they are holes: samples whose 4 x 4 pixels hold one have no share. (Marram's refuses such a file.)
-//         `range`, `size` and `center`, each by itself: what the scene says wins; what it does not say comes from the file, where that says
-//         it (bake's do: grid_placement.h); what neither says is [0, 1], and the terrain's own extent. So what bake wrote is a base again, at
-//         its place, whatever terrain it lies on.
+// flat    a constant height or thickness.
+// noise   a sum of octaves (wind/noise.h). `amplitude` is three standard deviations: about three samples in a
+//         thousand of perlin noise exceed it.
+// image   heights from a file. A pixel value v maps to range[0] + v (range[1] - range[0]). The first row is
+//         at the smallest z, the first column at the smallest x; pixel centres are half a pixel inside.
+//         Interpolation: Catmull-Rom cubic. It passes through the pixels with a continuous slope and
+//         overshoots by at most 1/8 of a step. A sample within 1e-6 of a cell of a pixel centre gets exactly
+//         that pixel's value.
+//         Outside the extent the layer's share is 0; towards the border it falls to 0 over `fade` metres.
+//         Non-finite pixels from a host are holes: the share is 0 where any of the 4 x 4 pixels is one.
+//         (Marram's own reader rejects such files.)
+//         `range`, `size` and `center` are resolved one by one: the scene's value, else the file's (bake
+//         writes them: grid_placement.h), else [0, 1] and the terrain's extent. So a baked file can serve as
+//         a base again, at its own place, on any terrain.
 //
 //     [[procedural.layer]]
 //     type = "image"
@@ -99,7 +101,7 @@ class NoiseLayer : public ShapeLayer {
     double scale_, offset_;
 };
 
-// Catmull-Rom's weights of the four pixels around a place t of the way from the second to the third.
+// Catmull-Rom weights of four pixels, at the fraction t from the second to the third.
 std::array<double, 4> cubic_weights(double t) {
     return {t * (-0.5 + t * (1.0 - 0.5 * t)), 1.0 + t * t * (-2.5 + 1.5 * t), t * (0.5 + t * (2.0 - 1.5 * t)),
             t * t * (-0.5 + 0.5 * t)};
@@ -144,7 +146,7 @@ class ImageLayer : public ShapeLayer {
                 "give size and center");
         begin_ = center - 0.5 * size_;
         fade_ = values.number("fade");
-        constexpr double share_of_cell = 1e-6; // far above the rounding of a place, far below a cell
+        constexpr double share_of_cell = 1e-6; // far above the rounding of coordinates
         slack_ = share_of_cell * domain_.cell;
     }
 
@@ -156,7 +158,7 @@ class ImageLayer : public ShapeLayer {
                domain_.z(rect.j0) <= begin_.y() + size_.y() + slack_;
     }
 
-    // The pixel's centre that is within the slack, else the place as it is.
+    // Snaps a coordinate to the nearest pixel centre if that is within `slack`.
     static double snapped(double at, double slack) {
         const double nearest = std::nearbyint(at);
         return std::abs(at - nearest) <= slack ? nearest : at;
@@ -181,7 +183,7 @@ class ImageLayer : public ShapeLayer {
         }
     }
 
-    // At a place in pixels; beyond the outermost centres as at these.
+    // Interpolated value at pixel coordinates, clamped to the outermost pixel centres.
     double at(double x, double y) const {
         x = snapped(x, slack_ * nx_ / size_.x());
         y = snapped(y, slack_ * nz_ / size_.y());
@@ -203,7 +205,7 @@ class ImageLayer : public ShapeLayer {
     int nx_, nz_;
     Vec2d begin_, size_;
     double fade_,
-        slack_; // slack: samples this near to a pixel's centre, or to the border from outside, lie on it
+        slack_; // metres: samples this close to a pixel centre, or outside the border, count as on it
 };
 
 template <typename Made>

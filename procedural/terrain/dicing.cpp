@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// dicing: triangles of a render mesh, cut small near the camera.
+// dicing: subdivides the triangles of a render mesh near the camera.
 //
-// Each round cuts every side that is too long in its middle: a triangle with one, two or three such sides becomes two, three or four.
-// Whether a side is cut depends on its ends alone, so that both triangles beside it agree and there are no cracks, whatever their order.
+// Each round splits every side that is too long at its midpoint: a triangle with one, two or three such sides
+// becomes two, three or four. The test depends only on the side's ends, so both adjacent triangles agree and
+// no cracks appear, in any order.
 //
-// A side of length l is too long where l > max(side, pixel_angle d), d the distance from the nearest camera to the ball around
-// its middle with radius 0.87 l, as long as that ball reaches into the region. A triangle lies wholly in the ball of its longest side
-// (of the triangles on a side that none is longer than, the third corner is at most sqrt(3)/2 of it from its middle): none
-// that the region touches is missed, also where its corners are far outside, as on level ground.
+// A side of length l is too long if l > max(side, pixel_angle d), where d is the distance from the nearest
+// camera to the ball around its midpoint with radius 0.87 l, and that ball overlaps the region. A triangle
+// lies entirely in the ball of its longest side (the third corner is at most sqrt(3)/2 of that side from its
+// midpoint). So every triangle that overlaps the region is found, even if its corners are far outside, as on
+// level ground.
 //
 // Cost: about 0.5 us a triangle, one thread.
 #include "procedural/terrain/dicing.h"
@@ -20,14 +22,14 @@
 namespace marram {
 namespace {
 
-constexpr double dicing_margin = 10.0 * degree; // outside the film, where displacement fades
+constexpr double dicing_margin = 10.0 * degree; // displacement fades out over this angle outside the film
 
 double dicing_step(double t) {
     t = std::clamp(t, 0.0, 1.0);
     return t * t * (3.0 - 2.0 * t);
 }
 
-// The angle between two directions, the second of unit length; 0 where the first is none.
+// Angle between two directions; the second has unit length. 0 if the first is the zero vector.
 double dicing_angle(const Vec3d& way, const Vec3d& forward) {
     return std::atan2(way.cross(forward).norm(), way.dot(forward));
 }
@@ -47,7 +49,7 @@ bool too_long(const DisplacedRegion& region, const Vec3d& a, const Vec3d& b) {
     return false;
 }
 
-// The midpoints of one round's sides, by their ends.
+// Hash map from a side's two vertices to its midpoint, for one round.
 class Midpoints {
   public:
     explicit Midpoints(size_t sides) {
@@ -56,7 +58,7 @@ class Midpoints {
         keys_.assign(size, none);
         values_.resize(size);
     }
-    // The vertex between two others: `next` where there was none.
+    // The midpoint vertex of side (a, b). Inserts `next` if there is none yet.
     uint32_t at(uint32_t a, uint32_t b, uint32_t next) {
         const uint64_t key = uint64_t(std::min(a, b)) << 32 | std::max(a, b);
         size_t slot = size_t(hash(key, 0)) & (keys_.size() - 1);
@@ -73,7 +75,7 @@ class Midpoints {
 
 using DicedTriangle = std::array<uint32_t, 3>;
 
-// False: too many triangles.
+// Returns false if there would be more than `most` triangles.
 bool dice_within(std::span<const Vec3d> given, std::span<const uint32_t> triangles,
                  const DisplacedRegion& region, size_t most, DicedMesh& out) {
     std::vector<Vec3d> positions(given.begin(), given.end());
@@ -111,7 +113,7 @@ bool dice_within(std::span<const Vec3d> given, std::span<const uint32_t> triangl
                 out.triangles.insert(out.triangles.end(), active[t].begin(), active[t].end());
                 continue;
             }
-            // Turned so that with one cut it is side 0, with two sides 0 and 1.
+            // Rotate the triangle: one split side becomes side 0, two become sides 0 and 1.
             unsigned turn = 0;
             while (cut != 7 && !((cut >> turn & 1U) && !(cut >> ((turn + 2) % 3) & 1U))) ++turn;
             const uint32_t a = active[t][turn], b = active[t][(turn + 1) % 3], c = active[t][(turn + 2) % 3];
@@ -122,7 +124,7 @@ bool dice_within(std::span<const Vec3d> given, std::span<const uint32_t> triangl
             } else if (cut >> ((turn + 1) % 3) & 1U) {
                 const uint32_t bc = middle(b, c);
                 next.push_back({ab, b, bc});
-                // The shorter diagonal of a, ab, bc, c.
+                // Split the quad a, ab, bc, c along its shorter diagonal.
                 if ((positions[a] - positions[bc]).squaredNorm() <=
                     (positions[ab] - positions[c]).squaredNorm())
                     next.insert(next.end(), {{a, ab, bc}, {a, bc, c}});

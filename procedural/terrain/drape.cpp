@@ -1,35 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
-// drape: where sand meets rock it thins out along the rock and leaves no seam. A part of the fusion layer.
+// drape: sand thins out along the rock where the two meet, without a seam. Part of the fusion layer.
 //
-// A seam is a kink: the surface of sand runs into rock at an angle. Two surfaces, rock b and a level H of sand, join without one by the smooth maximum
-// of layer.h over k = drape, whose slope is continuous:
+// A seam is a kink where the sand surface meets the rock at an angle. For rock b and a horizontal sand level
+// H, the smooth maximum of layer.h over k = drape removes it; its slope is continuous:
 //
 //   thickness s(H - b),  s(u) = 0 for u <= -k,  (u + k)^2 / 4k for |u| < k,  u for u >= k
 //
-// H has to be known under bare rock too, and the added sand has to come from somewhere. Both follow when it is read the other way round: sand of
-// thickness s on rock b is at the level
+// This needs H under bare rock too, and the added sand must come from somewhere. The inverse solves both:
+// sand of thickness s on rock b has the level
 //
 //   phi = b + L(s),  L(s) = 2 sqrt(k s) - k for s < k,  s for s >= k  (the inverse of s(u): L and its slope are continuous at k)
 //
-// and flows from higher to lower phi until phi is level. (Liquids have such a term for thin films, the disjoining pressure.) At rest that is the smooth
-// maximum: a fillet that begins k below the level of the sand and ends, with slope 0 to the rock, k above it. Where the sand is thicker
-// than k, phi is its surface.
+// and flows from higher to lower phi until phi is constant. (The disjoining pressure of thin liquid films is
+// such a term.) The steady state is the smooth maximum: a fillet that begins k below the sand level and ends
+// k above it, tangent to the rock. Where the sand is thicker than k, phi is its surface.
 //
-// Sand is no liquid: this must not go on to rest everywhere, or dunes would flow apart. It goes on for as long as diffusion takes to spread over
-// sqrt(2) k, and only where the sand is thin: the flow between two samples is multiplied by 1 where the thinner one has 2 k at most, by 0 from 4 k on, and
-// smoothly between. So sand thicker than 4 k whose neighbours are too keeps its bits. Even sand on an even slope of rock stays as well, but for its ends:
-// they creep downhill by about k tan(slope), films of less than k/100 by some k.
+// Run to the steady state, dunes would flow apart like a liquid. So it runs only for the time in which
+// diffusion spreads over sqrt(2) k, and only where the sand is thin: the flow between two samples has a
+// weight that falls smoothly from 1, where the thinner one has at most 2 k, to 0 at 4 k. Sand thicker than 4
+// k whose neighbours are too stays bit-identical. Uniform sand on a uniform rock slope also stays, except its
+// ends: they creep downhill by about k tan(slope), films thinner than k/100 by about k.
 //
-// A step takes from p, the higher one, to its neighbour q
+// A step moves from p, the higher sample, to its neighbour q
 //
 //   f = 1/5 fade(min(s_p, s_q)) min(s_p - s(phi_q - b_p), s(phi_p - b_q) - s_q)
 //
-// rounded down to whole units. The first term brings p down to the level of q, the second q up to that of p; each sample has four neighbours, so that
-// neither is overshot and no sand is negative. Where both are thick that is diffusion with 0.2 cells^2 a step: 5 (k / cell)^2 steps, 8 at least, for
-// a spread of sqrt(2) k. Both ends compute the same f from the same numbers, so that nothing is made or lost, on any number of threads.
+// rounded down to whole units. The first term lowers p to the level of q, the second raises q to that of p.
+// Each sample has four neighbours, so neither overshoots and no sand becomes negative. Where both are thick
+// this is diffusion with 0.2 cells^2 a step: 5 (k / cell)^2 steps, at least 8, spread over sqrt(2) k. Both
+// ends compute the same f from the same numbers, so sand is conserved exactly at any thread count.
 //
-// k is 10 cells at most: 500 steps. Tiles in whose neighbourhood nothing moved in the last step sleep. Borders are walls.
-// Cost: 80 ns a sample and step of one core in tiles that are awake, measured on a busy machine; samples that are all bare or all thick nearly nothing. 32 bytes a sample while it runs.
+// k is at most 10 cells: 500 steps. Tiles sleep if nothing moved in their neighbourhood in the last step.
+// Borders are walls.
+// Cost: 80 ns a sample and step of one core in awake tiles, measured on a busy machine; almost nothing for
+// samples that are all bare or all thick. 32 bytes a sample while it runs.
 #include "procedural/terrain/drape.h"
 
 #include "core/math/simd.h"
@@ -46,19 +50,19 @@
 namespace marram {
 namespace {
 
-constexpr double drape_share = 0.2; // of what is out of level, to one neighbour
+constexpr double drape_share = 0.2; // fraction of the level difference moved to one neighbour
 constexpr double drape_least_steps = 8.0;
 
-// L(s).
+// L(s) of the file head.
 MARRAM_INLINE VDouble drape_level(VDouble s, double k) { return select(s < k, 2.0 * vsqrt(k * s) - k, s); }
 
-// s(u).
+// s(u) of the file head.
 MARRAM_INLINE VDouble drape_thickness(VDouble u, double k) {
     const VDouble v = vmax(u + k, 0.0);
     return select(u < k, v * v * (0.25 / k), u);
 }
 
-// 1 up to 2 k, 0 from 4 k on.
+// 1 up to 2 k, 0 above 4 k.
 MARRAM_INLINE VDouble drape_fade(VDouble thinner, double k) {
     const VDouble t = vmax(vmin(2.0 - thinner * (0.5 / k), 1.0), 0.0);
     return t * t * (3.0 - 2.0 * t);
@@ -68,7 +72,7 @@ struct DrapeSample {
     VDouble ground, sand, level;
 };
 
-// What a loses to b, or (negative) gains from it.
+// Sand that flows from a to b; negative from b to a.
 MARRAM_INLINE VDouble drape_flow(const DrapeSample& a, const DrapeSample& b, double k) {
     const VLong down = a.level > b.level;
     const VDouble high_ground = select(down, a.ground, b.ground),
@@ -82,7 +86,8 @@ MARRAM_INLINE VDouble drape_flow(const DrapeSample& a, const DrapeSample& b, dou
     return select(down, f, -f);
 }
 
-// Rows have `stride` samples, lanes of them before the first column and after the last, and there is a row above the first and below the last.
+// Rows have `stride` samples, with padding of `lanes` samples before the first column and after the last, and
+// one padding row above and below.
 struct DrapeGrid {
     DrapeGrid(const Domain& d)
         : nx(d.nx), nz(d.nz), stride((size_t(d.nx) + 2 * lanes + lanes - 1) / lanes * lanes),
@@ -112,7 +117,7 @@ MARRAM_INLINE DrapeSample drape_sample(const DrapeGrid& grid, size_t s) {
     return {vload(&grid.ground[s]), vload(&grid.sand[s]), vload(&grid.level[s])};
 }
 
-// One step of a tile, from `sand` to `next`. True: something moved.
+// One step of a tile, from `sand` to `next`. Returns true if sand moved.
 MARRAM_HOT bool drape_step(DrapeGrid& grid, const Rect& rect, double k) {
     VLong moved{};
     for (int j = rect.j0; j < rect.j1; ++j)
@@ -172,7 +177,7 @@ bool drape_sand(const Domain& domain, const double* ground, double* sand, double
         if (cancelled && cancelled()) return false;
         const std::vector<Rect> rects = awake.rects();
         std::vector<char> moved(rects.size());
-        // The levels of samples beside a tile that sleeps are those of the step before: its sand is the same.
+        // Sleeping tiles keep the levels of the previous step: their sand has not changed.
         tbb::parallel_for(size_t(0), rects.size(), [&](size_t r) { drape_levels(grid, rects[r], k); });
         tbb::parallel_for(size_t(0), rects.size(),
                           [&](size_t r) { moved[r] = drape_step(grid, rects[r], k); });

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sand follows the rock beneath without a seam. The page of the model is in drape.cpp.
+// Lets sand thin out along the rock below without a seam. The model is described in drape.cpp.
 #pragma once
 
 #include "procedural/terrain/fields.h"
@@ -8,11 +8,11 @@
 
 namespace marram {
 
-// Longer drapes are taken as this one, in cells.
+// Upper limit of the drape length, in cells; longer ones are clamped.
 inline constexpr double most_drape_cells = 10.0;
 
-// Sand and the ground that it lies on, in units of sand (whole numbers), row by row, Domain::count() of each. Moves the sand in place; `drape`
-// in metres, above 0. |ground| and sand up to 2^52 units. False: cancelled, and the sand is as it was.
+// Moves the sand in place. `ground` and `sand`: whole sand units, up to 2^52 in magnitude, row by row,
+// Domain::count() each. `drape`: metres, above 0. Returns false if cancelled; the sand is then unchanged.
 bool drape_sand(const Domain& domain, const double* ground, double* sand, double drape,
                 const std::function<bool()>& cancelled);
 

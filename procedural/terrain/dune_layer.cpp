@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// dune: a dune along each curve that `along` names. What a dune is stands in dune_shape.cpp; here is how it joins the terrain.
+// dune: a dune along each curve that `along` names. The shape is described in dune_shape.cpp; this file makes
+// it a layer.
 //
-// A dune's height is a thickness of sand (or of bedrock, by `target`), combined with what is there by `combine`; where two curves of
-// one layer come near each other their dunes meet by a smooth maximum over `smooth` metres. Its share is its own mask, which falls off
-// from the crest over `max_dist`; outside of the dune it is 0 and nothing below changes.
+// A dune's height is a thickness of sand (or of bedrock, see `target`) and is combined with the layers below
+// by `combine`. Dunes of one layer that meet are joined by a smooth maximum over `smooth` metres. The layer's
+// share is the dune's mask, which falls off from the crest over `max_dist`. Outside the dune the share is 0
+// and nothing changes.
 //
-// With `attributes` the layer hands out what it knows of each sample, as masks by the layer's name: NAME.mask, NAME.outer and NAME.inner (the
-// windward slope and the slip face), NAME.dist (metres to the crest), NAME.dir_x and NAME.dir_z (unit, towards it).
+// With `attributes` the layer outputs masks named after the layer: NAME.mask, NAME.outer and NAME.inner
+// (windward slope and slip face), NAME.dist (metres to the crest), NAME.dir_x and NAME.dir_z (unit vector
+// towards the crest).
 //
 //     [[curves]]
 //     name = "ridge"
@@ -54,10 +57,10 @@ DuneSettings read_dune(const LayerContext& context) {
     s.smoothing = values.number("smoothing");
     s.search_accuracy = values.number("search_accuracy");
     s.flip = values.boolean("flip");
-    return s; // but for its seed, which differs from curve to curve
+    return s; // the seed is set per curve
 }
 
-// What the shape itself cannot refuse, because it makes some surface of it.
+// Warns about ramps that make a step in the surface. They are valid input for DuneShape.
 void warn_of_steps(const LayerContext& context, const DuneSettings& s) {
     const double outer = s.outer_slope_shape(0.0),
                  inner = s.inner_slope_angle > 0.0 ? 1.0 : s.inner_slope_shape(0.0);
@@ -138,7 +141,7 @@ class DuneLayer : public ShapeLayer {
         return (p.array() >= dune.lower().array()).all() && (p.array() <= dune.upper().array()).all();
     }
 
-    // Of the dune that is highest there.
+    // The sample of the highest dune at p.
     DuneSample highest(const Vec2d& p) const {
         DuneSample best;
         for (const DuneShape& dune : dunes_) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A layer of dunes along drawn curves. The model's page is in dune_shape.cpp, the layer's in dune_layer.cpp.
+// A layer of dunes along drawn curves. See dune_layer.cpp for the layer and dune_shape.cpp for the model.
 #pragma once
 
 #include "procedural/terrain/dune_shape.h"
@@ -11,11 +11,12 @@ namespace marram {
 
 LayerType dune_layer_type();
 
-// The lines of a [[procedural.layer]] of this type that has these settings, but for its curves and how it is combined. The settings must
-// be within the parameters' ranges; boundary noise is that of `seed`, of a dune whose settings have dune_noise_seed() of it.
+// The lines of a [[procedural.layer]] of this type with these settings, without its curves and shape
+// parameters. The settings must be within the parameters' ranges. `seed`: the layer's seed; for the same
+// boundary noise the settings' seed must be dune_noise_seed() of it.
 std::string dune_text(const DuneSettings& settings, uint64_t seed);
 
-// What the noise of a layer's curve comes from: the terrain's seed, the layer's, and the curve's number.
+// Noise seed of one curve, from the terrain's seed, the layer's seed and the curve's index.
 uint64_t dune_noise_seed(uint64_t terrain, uint64_t layer, uint64_t curve);
 
 } // namespace marram

@@ -1,28 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
 // One dune along a drawn curve: steps 1 to 8 of the Detailed Desert Toolkit, with every step made continuous.
 //
-// Curve (step 1). Points that are not finite or repeated are dropped. The polyline is resampled finely, its points are moved to
-// the inner side by crest_push(u), it is smoothed by a Gaussian over its arc length (standard deviation smoothing * slope_width,
-// cut at 4 of them; an open curve goes on beyond its ends by point reflection, so that its ends stay; a closed one is periodic
-// and its deviation is at most 1/16 of its length), and resampled at equal arc length: spacing slope_width / search_accuracy,
-// 2 (closed: 8) to 4096 segments. Corners of more than 20 degrees and the knots of the ramps along the curve, up to 512 of each,
-// are points of the result too; the stretches between them are divided evenly. So smoothing = 0 keeps a drawn corner.
+// Curve (step 1). Non-finite and repeated points are dropped. The polyline is resampled finely, its points
+// are moved to the inner side by crest_push(u), and it is smoothed by a Gaussian over arc length: standard
+// deviation smoothing * slope_width, cut at 4 of them. Open curves are extended beyond their ends by point
+// reflection, so the ends stay; closed ones are periodic and the deviation is at most 1/16 of their length.
+// Then the curve is resampled at equal arc length: spacing slope_width / search_accuracy, 2 (closed: 8) to
+// 4096 segments. Corners of more than 20 degrees and the knots of the ramps along the curve, up to 512 of
+// each, are also points of the result; the stretches between them are divided evenly. So smoothing = 0 keeps
+// a drawn corner.
 //
-// Along it (steps 2 to 4). u is the share of the arc length, 0 to 1. Crest height H = max_height * main_curve_shape(u), not below 0.
-// Widths w = max((slope_width + noise(u)) * fall_off(u) * mult, 0) of either side. The noise is value noise with the weight
-// t t (3 - 2 t) between hashed values in [-boundary_noise, boundary_noise]; its lattice is boundary_noise_length wide, at least
-// two spacings, and periodic on a closed curve. H is the cubic through four points of a segment where its ramp is smooth (which
-// is what that ramp is between two knots), all else is linear along a segment. A ramp that steps does so over one segment, also
-// at the seam of a closed curve, whose end has the values of its beginning.
+// Along it (steps 2 to 4). u is the fraction of the arc length, 0 to 1. Crest height H = max_height *
+// main_curve_shape(u), at least 0. Widths w = max((slope_width + noise(u)) * fall_off(u) * mult, 0) of either
+// side. The noise is value noise with the weight t t (3 - 2 t) between hashed values in [-boundary_noise,
+// boundary_noise]; its lattice is boundary_noise_length wide, at least two spacings, and periodic on a closed
+// curve. With a smooth ramp, H is the cubic through four points of a segment (such a ramp is a cubic between
+// two knots); everything else is linear along a segment. A step in a ramp extends over one segment, also at
+// the seam of a closed curve, whose end has the values of its beginning.
 //
 // Distance (in place of steps 5 to 7). With r^2 = |P - C(t)|^2 + eps^2 and w = r^-5, t the arc length,
 //     D = (3/4 integral of w dt)^(-1/4),    d = sqrt(max(D^2 - eps^2, 0)).
-// Along a straight line without ends the integral is 4 / (3 (s^2 + eps^2)^2), so d is exactly the distance s. Everywhere else it
-// is a power mean of distances: smooth beyond ends, at corners, between near branches and where the curve crosses itself. (The
-// single-layer relative of the L_p distance fields of Belyaev, Fayolle, Pasko, "Signed L_p-distance fields", Computer-Aided Design
-// 45, 2013; the kernel and its closed forms on segments: Hubert, Cani, "Convolution surfaces based on polygonal curve skeletons",
-// J. Symbolic Computation 47, 2012.) Straight beyond an end D = (16/3)^(1/4) = 1.52 distances; half way between two parallel branches
-// 2^(-1/4) = 0.84. On the curve D = eps up to (eps / radius)^2. The gradient of d is 1 on a straight stretch, up to 1.52 beyond ends.
+// Along an infinite straight line the integral is 4 / (3 (s^2 + eps^2)^2), so d is exactly the distance s.
+// Elsewhere it is a power mean of distances: smooth beyond ends, at corners, between near branches and at
+// self-intersections. (The single-layer relative of the L_p distance fields of Belyaev, Fayolle, Pasko,
+// "Signed L_p-distance fields", Computer-Aided Design 45, 2013; the kernel and its closed forms on segments:
+// Hubert, Cani, "Convolution surfaces based on polygonal curve skeletons", J. Symbolic Computation 47, 2012.)
+// Straight beyond an end D = (16/3)^(1/4) = 1.52 distances; half way between two parallel branches 2^(-1/4) =
+// 0.84. On the curve D = eps up to (eps / radius)^2. The gradient of d is 1 on a straight stretch, up to 1.52
+// beyond ends.
 //
 // A segment, in coordinates along it with P above t = 0: V0 at t0, V1 at t1 = t0 + l, side s, A = s^2 + eps^2, R = sqrt(A + t^2),
 // c = t / R, p = R0 R1 + t0 t1 (>= A by the Cauchy-Schwarz inequality). With c1 - c0 = A l (R0 + R1) / (R0 R1 (p + A)),
@@ -31,62 +36,72 @@
 //     J  = [-1 / (3 R^3)]                                                                       of t w
 //     K  = [c^3 / (3A)]  = l (R0 + R1) / (R0 R1 (p + A)) (c1^2 + c1 c0 + c0^2) / 3              of t^2 w
 //     M  = [-1/R] - A J                                                                         of t^3 w
-// The right-hand forms hold no difference of nearly equal numbers far beyond an end, where [...] loses (D / eps)^4 roundings.
+// The right-hand forms avoid the cancellation of [...], which loses (D / eps)^4 roundings far beyond an end.
 // Between the ends p loses (l / eps)^2 of them: 10^-10 at l = 1000 eps.
 //
-// Softening eps: 1/1000 of the spacing, at least 10^-5 of the longest segment. It takes away the singularity on the curve. There
-// an average sees the curve with the weights w, of mean |t| = eps / 2: a kink that turns the slope of H by k lowers the crest by
-// k eps / 4, which is 0.05 % of a peak that is one spacing wide on either side. Ends (half a line) see |t| = eps / 2.
+// Softening eps: 1/1000 of the spacing, at least 10^-5 of the longest segment. It removes the singularity on
+// the curve. There, averages weight the curve by w, with a mean |t| of eps / 2. So a kink that changes the
+// slope of H by k lowers the crest by k eps / 4, which is 0.05 % of a peak that is one spacing wide on either
+// side. At ends (half a line) the mean |t| is eps / 2 too.
 //
-// Averages (step 8). f_bar = integral of f w / integral of w for H, the widths, the pinch. Inner share from the mean of the sides,
-// sigma = sum of s_i I_i / (D sum of I_i): +-1 beside a straight line, 0 straight beyond an end. b = smoothstep(1/2 + sigma) is the
-// outer share; it turns within 0.6 eps of the crest, where both slopes have their ramp's first value, and beyond an end
-// over the wedge of 45 degrees on either side of the axis. Positive sides: with flip = false the left as seen from above, y up, x to
-// the right and z down the page: (uz, -ux) of the direction (ux, uz).
+// Averages (step 8). f_bar = integral of f w / integral of w for H, the widths and the pinch. The sides
+// follow from the mean sigma = sum of s_i I_i / (D sum of I_i): +-1 beside a straight line, 0 straight beyond
+// an end. The outer share is b = smoothstep(1/2 + sigma). It changes within 0.6 eps of the crest, where both
+// slopes have their ramp's first value, and beyond an end over the wedge of 45 degrees on either side of the
+// axis. The positive side with flip = false is the left one as seen from above, y up, x to the right and z
+// down the page: (uz, -ux) for the direction (ux, uz).
 //
 //     height = b H_bar S_o(x_o) + (1 - b) H_bar S_i(x_i),   x = (d / w_bar)^(1/(1 + q)),   S = 0 where x >= 1
-// with the pinch q >= 0. With inner_slope_angle > 0, w_i = H_bar / tan(angle), S_i = 1 - x, without pinch and noise: the slope is
-// that angle on a straight stretch, and steeper by the gradient of d elsewhere. Widths below eps count as eps, and the height
-// falls linearly to 0 with the greater of both below eps, so that a dune of no width has no height.
+// with the pinch q >= 0. With inner_slope_angle > 0, w_i = H_bar / tan(angle), S_i = 1 - x, without pinch and
+// noise: the slope has that angle on a straight stretch, and is steeper by the gradient of d elsewhere.
+// Widths below eps count as eps. If both widths are below eps, the height falls linearly to 0 with the
+// greater, so a dune without width has no height.
 //
-// Crest radius r: in place of d the slopes have d' = sqrt(d^2 + r^2) - r, computed as d^2 / (sqrt(d^2 + r^2) + r). The crest is rounded over
-// about r and keeps its height; a slope is what it was times d / sqrt(d^2 + r^2) (0.71 at r, 0.97 at 4 r); the foot, where d' = w, moves
-// out to sqrt(w^2 + 2 w r), by less than r. One cell of the grid hides that a sharp crest is a row of steps there.
+// Crest radius r: the slopes use d' = sqrt(d^2 + r^2) - r in place of d, computed as d^2 / (sqrt(d^2 + r^2) +
+// r). This rounds the crest over about r and keeps its height. Slopes are multiplied by d / sqrt(d^2 + r^2)
+// (0.71 at r, 0.97 at 4 r). The foot, where d' = w, moves out to sqrt(w^2 + 2 w r), by less than r. A radius
+// of one cell hides the stair steps of a sharp crest on the grid.
 //
-// Stretched outer slope: outer_slope_stretch = k > 1. The outer slope takes D, b, H_bar, w_o and q from the plane that the matrix
-// M = 1 + (k - 1) b b^T makes of the ground, b the unit vector across the dune's axis: distances along the axis stay, those across it
-// count k times, so that the slope reaches k times further along the axis. The inner slope, `dist`, max_dist and sample_dir have the plain
-// distance. On the crest both planes say d = 0 and the same H, so that the slopes meet; the crest radius of the outer slope is r / k across
-// the axis. In M's plane a crest that is an arc across the axis bends k^2 times less, and D is nearer to the distance along the axis. The
-// axis is square to the line between the ends, turned by outer_slope_turn; where they are nearer than 10^-6 of the length, as those of a
-// closed curve are, k is taken as 1.
+// Stretched outer slope: outer_slope_stretch = k > 1. The outer slope takes D, b, H_bar, w_o and q from the
+// ground plane transformed by the matrix M = 1 + (k - 1) b b^T, b the unit vector across the dune's axis.
+// Distances along the axis stay and those across it are multiplied by k, so the slope reaches k times further
+// along the axis. The inner slope, `dist`, max_dist and sample_dir use the plain distance. On the crest both
+// planes have d = 0 and the same H, so the slopes meet; the crest radius of the outer slope is r / k across
+// the axis. In M's plane a crest that is an arc across the axis has k^2 times less curvature, and D is nearer
+// to the distance along the axis. The axis is perpendicular to the line between the ends, turned by
+// outer_slope_turn. If the ends are closer than 10^-6 of the length, as on a closed curve, k is taken as 1.
 //
-// Mask (step 5): mask_fall_off(x_m), within [0, 1]; x_m = d / max_dist, whether the foot is nearer or farther; for max_dist = 0
-// b min(x_o, 1) + (1 - b) min(x_i, 1), without pinch. 0 where x_m >= 1. sample_dir: the integral of (C - P) w, made a unit vector:
-// smooth by itself (step 7). 0 where there is neither dune nor mask, and where it is below 10^-9 D: on the crest it is rounding.
+// Mask (step 5): mask_fall_off(x_m), clamped to [0, 1], and 0 where x_m >= 1. x_m = d / max_dist, also if
+// that is beyond the foot; for max_dist = 0 it is b min(x_o, 1) + (1 - b) min(x_i, 1), without pinch.
+// sample_dir is the normalized integral of (C - P) w, which is smooth by itself (step 7). It is 0 outside the
+// dune and its mask, and where the integral is below 10^-9 D: on the crest it is rounding.
 //
-// Ranges: lengths to 10^6 m, coordinates to 10^9 m, slope_width from 1 mm, search_accuracy 1 to 64, outer_slope_stretch 1 to 16,
-// factors to 1000, angle 0.1 to 89 degrees, values of ramps to 10^6. All sums are finite there.
+// Ranges: lengths to 10^6 m, coordinates to 10^9 m, slope_width from 1 mm, search_accuracy 1 to 64,
+// outer_slope_stretch 1 to 16, factors to 1000, angle 0.1 to 89 degrees, values of ramps to 10^6. All sums
+// are finite there.
 //
-// Where it is 0. With w(t) a width along the curve, w_bar^4 is not above the mean of w^4 (power means), so that
+// Bound of the support. With w(t) a width along the curve, w_bar^4 <= mean of w^4 (power means), so
 //     F = 3/4 integral of w(t)^4 (|P - C(t)|^2 + eps^2)^(-5/2) dt <= 1     gives     w_bar <= D.
-// With ((w + r)^2 + eps^2)^2 in place of w^4 it gives (w_bar + r)^2 <= d^2, which is beyond the foot: sqrt(w^2 + 2 w r) <= w + r. Of w
-// the greatest that counts is taken: outer, inner, max_dist, eps; in a stretched plane the outer one alone, and without it in the plain
-// one. The sum is bounded over a stretch of a row by discs about the segments (half their length), so that each width counts where it
-// is. Samples that F <= 1 clears are not evaluated. F grows nowhere outside of the curve by the maximum principle (its Laplacian is not
-// below 0 for distances above 0.63 eps), so that a line beyond the curve on which F <= 1 bounds the dune: the box is four such lines,
-// found by bisection.
-// F does not know sides: it allows for the outer width on the inner side too, which makes the box of a barchan 1.5 to 2 times what it needs.
+// With ((w + r)^2 + eps^2)^2 in place of w^4 it gives (w_bar + r)^2 <= d^2, which is beyond the foot:
+// sqrt(w^2 + 2 w r) <= w + r. w is the greatest of the outer and inner width, max_dist and eps; with a
+// stretched plane, that plane uses the outer width alone and the plain one omits it. Over a stretch of a row
+// the sum is bounded by discs about the segments (radius half their length), so each width counts only near
+// its segment. Samples with F <= 1 are not evaluated. Outside the curve F has no local maximum, by the
+// maximum principle (its Laplacian is at least 0 for distances above 0.63 eps). So a line beyond the curve on
+// which F <= 1 bounds the dune: the box is four such lines, found by bisection. F ignores sides: it uses the
+// outer width on the inner side too, so the box of a barchan is 1.5 to 2 times larger than needed.
 //
-// Far field. A run of 8 segments at a distance r from its centre, r >= 10 reach and >= 10 of its radii rho, is taken as one point with
-// its length and integrals of attributes. Its share of the sum is at most 3/4 l D^4 / r^5; its own error at most 15 (rho / (r - rho))^2
-// of it in I (the first moment is 0 about the centre) and 5 rho / (r - rho) of the change of an attribute in the run. Summed
-// over both directions of a curve, at D = reach, where the height is 0: below 1e-5 of I and 2e-5 of an attribute's change in a
-// run. Both fall as D^4. A curve that fills the plane with branches 2 reach apart is the worst: 1e-5 by the mean second moment
-// of a run. The far field is blended in over the next 10 % of r, so that no step comes of it.
+// Far field. A run of 8 segments is replaced by one point with its length and attribute integrals if its
+// centre is at a distance r >= 10 reach and >= 10 of its radii rho. Its part of the sum is at most 3/4 l D^4
+// / r^5. Its own error is at most 15 (rho / (r - rho))^2 of that in I (the first moment about the centre is
+// 0) and 5 rho / (r - rho) of the change of an attribute in the run. Summed over both directions of a curve,
+// at D = reach, where the height is 0: below 1e-5 of I and 2e-5 of an attribute's change in a run. Both fall
+// as D^4. The worst case is a curve that fills the plane with branches 2 reach apart: 1e-5 by the mean second
+// moment of a run. The far field is blended in over the next 10 % of r, which avoids a step.
 //
-// Cost: a square root and a division a segment for 8 points, 0.6 ns a sample and segment on a long curve, 5 where a dune has only 16
-// segments, with AVX2 on one thread. Building a barchan: 30 us, most of them for the box.
+// Cost: a square root and a division a segment for 8 points, 0.6 ns a sample and segment on a long curve, 5
+// where a dune has only 16 segments, with AVX2 on one thread. Building a barchan: 30 us, most of it for the
+// box.
 #include "procedural/terrain/dune_shape.h"
 
 #include "core/math/digest.h"
@@ -186,7 +201,8 @@ struct DuneLine {
     }
 };
 
-// Points that are there and differ by more than the rounding of their coordinates, relative to the middle of their box.
+// Valid points that differ by more than the rounding of their coordinates, relative to the centre of their
+// box.
 DuneLine dune_drawn(std::span<const Vec2d> points, bool closed, Vec2d& origin) {
     DuneLine line;
     Vec2d low(infinity, infinity), high(-infinity, -infinity);
@@ -222,7 +238,7 @@ DuneLine dune_even(const DuneLine& line, int count) {
     return out;
 }
 
-// All points kept, none further apart than `spacing`.
+// Keeps all points and inserts more, at most `spacing` apart.
 DuneLine dune_divided(const DuneLine& line, double spacing) {
     DuneLine out;
     out.closed = line.closed;
@@ -250,7 +266,7 @@ void dune_push(DuneLine& line, const Ramp& push, double outer_sign) {
         const size_t after = i < n ? i + 1 : line.closed ? 1 : n;
         const Vec2d in = dune_direction(line.at[before], line.at[i], Vec2d::Zero());
         const Vec2d out = dune_direction(line.at[i], line.at[after], Vec2d::Zero());
-        last = dune_direction(Vec2d::Zero(), in + out, last); // a reversal has no normal of its own
+        last = dune_direction(Vec2d::Zero(), in + out, last); // a reversal has no normal: keep the last one
         const double u = line.closed && i == n ? 0.0 : line.arc[i] / line.length();
         moved[i] -= outer_sign * push(u) * Vec2d(last.y(), -last.x());
     }
@@ -259,7 +275,7 @@ void dune_push(DuneLine& line, const Ramp& push, double outer_sign) {
     line.measure();
 }
 
-// Point k of an even line, beyond its ends too.
+// Point k of an evenly sampled line, extended beyond its ends.
 Vec2d dune_extended(const DuneLine& line, int k) {
     const int n = int(line.at.size()) - 1;
     if (line.closed) return line.at[size_t(((k % n) + n) % n)];
@@ -271,7 +287,7 @@ Vec2d dune_extended(const DuneLine& line, int k) {
                   : Vec2d(2.0 * last - line.at[size_t(2 * n - k)] + shift);
 }
 
-void dune_smooth(DuneLine& line, double deviation) { // in steps of the even line
+void dune_smooth(DuneLine& line, double deviation) { // deviation in steps of the line
     const int n = int(line.at.size()) - 1, half = int(std::ceil(4.0 * deviation));
     std::vector<double> weights;
     double sum = 0.0;
@@ -282,7 +298,7 @@ void dune_smooth(DuneLine& line, double deviation) { // in steps of the even lin
     std::vector<Vec2d> extended, smooth(line.at);
     for (int k = -half; k <= n + half; ++k) extended.push_back(dune_extended(line, k));
     for (int i = 0; i <= n; ++i) {
-        Vec2d mean = Vec2d::Zero(); // of what differs from the point: an end stays to the bit
+        Vec2d mean = Vec2d::Zero(); // of the offsets from the point, so that ends stay bit-identical
         for (int k = 0; k <= 2 * half; ++k)
             mean += weights[size_t(k)] * (extended[size_t(i + k)] - line.at[size_t(i)]);
         smooth[size_t(i)] += mean / sum;
@@ -293,7 +309,7 @@ void dune_smooth(DuneLine& line, double deviation) { // in steps of the even lin
     line.measure();
 }
 
-// Pushed and smoothed: step 1 but its last resampling.
+// Pushes and smooths the curve: step 1 without its last resampling.
 DuneLine dune_fine(DuneLine line, const DuneSettings& s, double spacing, double outer_sign) {
     const auto pushes = s.crest_push.values();
     const bool push = std::any_of(pushes.begin(), pushes.end(), [](double v) { return v != 0.0; });
@@ -305,7 +321,7 @@ DuneLine dune_fine(DuneLine line, const DuneSettings& s, double spacing, double 
         dune_push(line, s.crest_push, outer_sign);
         return line;
     }
-    // Fine enough for the Gaussian and for the result; no finer than the Gaussian lets one see.
+    // Fine enough for the Gaussian and for the result, but not finer than the Gaussian resolves.
     const double step =
         std::max({std::min(spacing / 4.0, deviation / 2.0), deviation / 16.0, line.length() / 32768.0});
     const int count = std::max(32, int(std::ceil(line.length() / step)));
@@ -324,7 +340,7 @@ void dune_add_knots(std::vector<double>& breaks, const Ramp& ramp) {
         if (p > 0.0 && p < 1.0) breaks.push_back(p);
 }
 
-// Shares of the length at which the resampled curve has a point in any case: ends, knots, corners.
+// Length fractions of the fixed points of the resampled curve: ends, knots, corners.
 std::vector<double> dune_breaks(const DuneLine& line, const DuneSettings& s, double spacing) {
     std::vector<double> knots, corners;
     for (const Ramp* ramp : {&s.main_curve_shape, &s.outer_slope_fall_off_along_curve,
@@ -341,14 +357,14 @@ std::vector<double> dune_breaks(const DuneLine& line, const DuneSettings& s, dou
     all.insert(all.end(), corners.begin(), corners.end());
     std::sort(all.begin(), all.end());
     const double nearest =
-        std::min(1e-4 * spacing / line.length(), 1e-2); // moves a peak by as little as eps does
+        std::min(1e-4 * spacing / line.length(), 1e-2); // moves a peak no more than eps does
     for (const double u : all)
         if (u - kept.back() > nearest && 1.0 - u > nearest) kept.push_back(u);
     kept.push_back(1.0);
     return kept;
 }
 
-// Shares of the length of all points of the resampled curve.
+// Length fractions of all points of the resampled curve.
 std::vector<double> dune_stations(const DuneLine& line, const DuneSettings& s, double spacing) {
     const std::vector<double> breaks = dune_breaks(line, s, spacing);
     const double fewest = line.closed ? 8.0 : 2.0;
@@ -357,14 +373,14 @@ std::vector<double> dune_stations(const DuneLine& line, const DuneSettings& s, d
     std::vector<double> stations;
     for (size_t i = 1; i < breaks.size(); ++i) {
         const double step = breaks[i] - breaks[i - 1];
-        const int n = std::max(1, int(std::ceil(step / share - 1e-6))); // 1e-6: rounding makes no segment
+        const int n = std::max(1, int(std::ceil(step / share - 1e-6))); // 1e-6: ignore rounding
         for (int k = 0; k < n; ++k) stations.push_back(breaks[i - 1] + step * k / n);
     }
     stations.push_back(1.0);
     return stations;
 }
 
-// In [-1, 1], smooth, the same at 0 and `cells` where it is periodic.
+// Smooth noise in [-1, 1]. Period `cells`; 0: not periodic.
 double dune_noise(double position, int64_t cells, uint64_t key) {
     const double cell = std::floor(position), t = position - cell;
     const auto value = [&](int64_t i) {
@@ -375,7 +391,7 @@ double dune_noise(double position, int64_t cells, uint64_t key) {
     return a + t * t * (3.0 - 2.0 * t) * (b - a);
 }
 
-// What holds at a share of the length.
+// Height, widths and pinch at a fraction of the length.
 struct DuneRules {
     const DuneSettings& s;
     double length, spacing;
@@ -402,7 +418,7 @@ struct DuneRules {
     }
 };
 
-// Powers of t in [0, 1] of the cubic through f(0), f(1/3), f(2/3), f(1).
+// Coefficients c of the cubic through f(0), f(1/3), f(2/3), f(1), in powers of t in [0, 1].
 void dune_cubic(const double f[4], double c[4]) {
     c[0] = f[0];
     c[1] = -5.5 * f[0] + 9.0 * f[1] - 4.5 * f[2] + f[3];
@@ -410,7 +426,7 @@ void dune_cubic(const double f[4], double c[4]) {
     c[3] = -4.5 * f[0] + 13.5 * f[1] - 13.5 * f[2] + 4.5 * f[3];
 }
 
-// Coefficients of the height in metres along a segment; its greatest value bounds `most`.
+// Coefficients of the height over metres along a segment. Raises `most` to an upper bound of the height.
 void dune_heights_along(const DuneRules& rules, const DuneCrestPoint& a, const DuneCrestPoint& b, bool curved,
                         double length, double out[4], double& most) {
     double c[4] = {a.height, b.height - a.height, 0.0, 0.0};
@@ -420,7 +436,7 @@ void dune_heights_along(const DuneRules& rules, const DuneCrestPoint& a, const D
                              b.height};
         dune_cubic(f, c);
     }
-    // The greatest of the control points of the Bezier form.
+    // The Bezier control points bound the cubic.
     most = std::max({most, c[0], c[0] + c[1] / 3.0, c[0] + 2.0 / 3.0 * c[1] + c[2] / 3.0, b.height});
     double power = 1.0;
     for (int k = 0; k < 4; ++k, power *= length) out[k] = c[k] / power;
@@ -484,20 +500,21 @@ DuneChunk dune_chunk(const DuneField& field, double outer_sign, int first, int l
     return c;
 }
 
-// Which widths a field has to bound: see "Where it is 0" on the page.
+// The widths that a field must bound: see "Bound of the support" in the file head.
 struct DuneBounded {
     bool outer, inner;
     double max_dist, crest_radius, cotangent;
 };
 
-// At least the integral of ((w + crest_radius)^2 + eps^2)^2 along a segment, w the greatest of the bounded widths. It is convex in w, and so
-// is w where it is the greater of linear functions: not above the mean of its ends.
+// Upper bound of the integral of ((w + crest_radius)^2 + eps^2)^2 along a segment, w the greatest of the
+// bounded widths. The integrand is convex in w, and w is a maximum of linear functions, so the mean is at
+// most that of the two ends.
 double dune_cover_weight(const DuneSegment& s, const DuneBounded& what, double softening2) {
     const double l = s.length, least = std::max(std::sqrt(softening2), what.max_dist);
     double begin = least, end = least;
     if (what.outer) begin = std::max(begin, s.outer[0]), end = std::max(end, s.outer[0] + l * s.outer[1]);
     if (what.inner && what.cotangent > 0.0) {
-        const double* c = s.height; // a cubic is not above the greatest point of its Bezier form
+        const double* c = s.height; // the greatest Bezier control point bounds the cubic
         const double linear = l * c[1], square = l * l * c[2], cube = l * l * l * c[3];
         const double most = std::max(
             {c[0], c[0] + linear / 3.0, c[0] + (2.0 * linear + square) / 3.0, c[0] + linear + square + cube});
@@ -534,7 +551,8 @@ void dune_build_chunks(DuneField& field, double outer_sign, const DuneBounded& w
 static_assert(dune_run == lanes);
 
 struct DuneBound {
-    // At least the sum of the page at every point of the straight way from (x0, z0) to (x1, z1); what is above `enough` is not exact.
+    // Upper bound of 4/3 F (file head) on the line from (x0, z0) to (x1, z1). Stops early once it exceeds
+    // `enough`.
     MARRAM_HOT static double sum(const DuneField& field, double x0, double z0, double x1, double z1,
                                  double enough);
 };
@@ -550,7 +568,7 @@ MARRAM_HOT double DuneBound::sum(const DuneField& field, double x0, double z0, d
         const DuneChunk& c = field.chunks[k];
         const double t = std::min(std::max(((c.x - ax) * wx + (c.z - az) * wz) * inverse, 0.0), 1.0);
         const double dx = c.x - ax - t * wx, dz = c.z - az - t * wz, r2 = dx * dx + dz * dz;
-        constexpr double far = 8.0; // radii: one disc about all of the run is too great by less than (8/7)^5
+        constexpr double far = 8.0; // radii: one disc for the whole run overestimates by less than (8/7)^5
         if (r2 > far * far * c.radius * c.radius) {
             const double r = std::sqrt(r2) - c.radius, s2 = r * r + field.softening2;
             total += c.cover / (s2 * s2 * std::sqrt(s2));
@@ -567,7 +585,7 @@ MARRAM_HOT double DuneBound::sum(const DuneField& field, double x0, double z0, d
     return total;
 }
 
-// Not above it: all is 0. 1e-9: all roundings of a sum.
+// The dune is 0 where the sum is at most this. 1e-9 covers the rounding of the sum.
 constexpr double dune_enough = (1.0 - 1e-9) * 4.0 / 3.0;
 
 bool dune_clear(const DuneParts& parts, double x0, double z0, double x1, double z1) {
@@ -576,15 +594,15 @@ bool dune_clear(const DuneParts& parts, double x0, double z0, double x1, double 
             DuneBound::sum(parts.stretched, x0, z0, x1, z1, dune_enough) <= dune_enough);
 }
 
-// Further than this from the curve all is 0. A stretched distance is not below the plain one.
+// The dune is 0 beyond this distance from the curve. A stretched distance is at least the plain one.
 double dune_farthest(const DuneField& field) {
     double total = 0.0;
     for (const DuneChunk& c : field.chunks) total += c.cover;
     return std::pow(total / dune_enough, 0.2) * (1.0 + 1e-9);
 }
 
-// How far the dune reaches beyond the curve's box on one side of it: bisection for a line that is clear. The sum grows nowhere beyond it: see
-// the page.
+// How far the dune extends beyond the curve's box on one side. Bisects for a line on which the dune is 0; the
+// sum is no greater beyond it (see the file head).
 double dune_margin(const DuneParts& parts, const double box[2][2], double farthest, int axis, int side) {
     const int other = 1 - axis;
     const double from = box[0][other] - farthest, extent = box[1][other] + farthest - from;
@@ -628,7 +646,8 @@ struct DuneLanes {
     VDouble height, mask, outer, inner, dist, x, z;
 };
 
-// The closed forms of the page, summed over a run of segments. The end of one segment is the begin of the next: one root each.
+// Sums the closed forms of the file head over a run of segments. Neighbours share an end: one square root a
+// segment.
 template <bool cubic, bool directed>
 MARRAM_INLINE void dune_near(const DuneSegment* s, const DuneSegment* end, double softening2, double sign,
                              VDouble px, VDouble pz, DuneSums& sums) {
@@ -649,7 +668,7 @@ MARRAM_INLINE void dune_near(const DuneSegment* s, const DuneSegment* end, doubl
         const VDouble squares = inverse0 * inverse0 + inverse1 * inverse1;
         const VDouble i = scaled * (squares * p + (r0 + t1 * t1) * both) * (1.0 / 3.0);
         const VDouble j = (cube0 - cube1) * (1.0 / 3.0);
-        const VDouble first = j - t0 * i; // moments about the begin
+        const VDouble first = j - t0 * i; // moments about the segment's start
         sums.weight += i;
         sums.height += s->height[0] * i + s->height[1] * first;
         if (cubic) {
@@ -669,7 +688,7 @@ MARRAM_INLINE void dune_near(const DuneSegment* s, const DuneSegment* end, doubl
     }
 }
 
-// sums += the run as one point, weighed by `far`, and `near` by the rest.
+// Adds the run as one point with weight `far`, and `near` with weight 1 - far.
 MARRAM_INLINE void dune_blend(const DuneChunk& c, VDouble far, VDouble dx, VDouble dz, VDouble r2, VDouble px,
                               VDouble pz, const DuneSums& near, DuneSums& sums) {
     const VDouble rest = 1.0 - far, w = far / (r2 * r2 * vsqrt(r2));
@@ -722,7 +741,7 @@ MARRAM_INLINE VDouble dune_ramp(const DuneRamp& ramp, VDouble x) {
     return y;
 }
 
-// A slope's height at `x` of its width, 0 beyond the foot.
+// Relative height of a slope at the fraction `x` of its width; 0 beyond the foot.
 MARRAM_INLINE VDouble dune_slope(const DuneRamp& ramp, VDouble x, VDouble pinch) {
     VDouble pinched = x;
     if (any(pinch > 0.0)) {
@@ -734,7 +753,7 @@ MARRAM_INLINE VDouble dune_slope(const DuneRamp& ramp, VDouble x, VDouble pinch)
     return select(x < 1.0, y, 0.0);
 }
 
-// What a field says of eight points.
+// Weighted means of a field at eight points.
 struct DuneMeans {
     VDouble D, d, share, height, outer, inner, pinch; // share: of the outer side
 };
@@ -753,14 +772,14 @@ MARRAM_INLINE DuneMeans dune_means(const DuneParts& parts, double softening2, co
     return m;
 }
 
-// Distance from the rounded crest, in widths.
+// Distance from the rounded crest, in slope widths.
 MARRAM_INLINE VDouble dune_place(const DuneParts& parts, VDouble d, VDouble width, VDouble softening) {
     const double r = parts.settings.crest_radius;
     if (r > 0.0) d = d * d / (vsqrt(d * d + r * r) + r);
     return d / vmax(width, softening);
 }
 
-// From the means, those of the outer slope and those of the inner one, to what the dune says but its direction.
+// Computes everything except the direction from the means of the outer slope (o) and of the inner slope (i).
 MARRAM_INLINE void dune_finish(const DuneParts& parts, const DuneMeans& o, const DuneMeans& i,
                                double outer_softening, double inner_softening, DuneLanes& out) {
     const DuneSettings& s = parts.settings;
@@ -788,7 +807,8 @@ MARRAM_INLINE void dune_direct(const DuneParts& parts, const DuneSums& sums, VDo
     out.z = select(in, sums.z / norm, 0.0);
 }
 
-// The inner slope's own distance is looked at where there is some of it, and where the mask or the direction need it.
+// With a stretched plane, the plain distance is computed only where the inner slope, mask or direction needs
+// it.
 template <bool cubic, bool directed>
 MARRAM_INLINE void dune_evaluate(const DuneParts& parts, VDouble x, VDouble z, DuneLanes& out) {
     const DuneField &plain = parts.plain, &stretched = parts.stretched;
@@ -813,7 +833,7 @@ MARRAM_INLINE void dune_evaluate(const DuneParts& parts, VDouble x, VDouble z, D
 }
 
 struct DuneEval {
-    // Of points in the dune's box, relative to its origin.
+    // Points must be inside the dune's box; coordinates are relative to its origin.
     MARRAM_HOT static void heights(const DuneParts& parts, const VDouble& x, const VDouble& z,
                                    DuneLanes& out);
     MARRAM_HOT static void all(const DuneParts& parts, const VDouble& x, const VDouble& z, DuneLanes& out);
@@ -838,12 +858,13 @@ DuneSample dune_lane(const DuneLanes& out, int i) {
     return {out.height[i], out.mask[i], out.outer[i], out.inner[i], out.dist[i], Vec2d(out.x[i], out.z[i])};
 }
 
-// The matrix that stretches the plane across the dune's axis, which is square to the line between the ends. false: there is none.
+// Sets the matrix that stretches the plane across the dune's axis. Returns false if the plane is not
+// stretched.
 bool dune_stretch(const std::vector<DuneCrestPoint>& crest, const DuneSettings& s, double length,
                   DuneField& field) {
     const Vec2d chord = crest.back().at - crest.front().at;
     const double k = s.outer_slope_stretch - 1.0, span = chord.norm();
-    if (!(k > 0.0) || !(span > 1e-6 * length)) return false; // ends that meet have no line
+    if (!(k > 0.0) || !(span > 1e-6 * length)) return false; // coincident ends define no axis
     const double c = std::cos(s.outer_slope_turn), t = std::sin(s.outer_slope_turn);
     const Vec2d across = Vec2d(c * chord.x() - t * chord.y(), t * chord.x() + c * chord.y()) / span;
     field.xx = 1.0 + k * across.x() * across.x();
@@ -915,13 +936,13 @@ DuneShape::DuneShape(std::span<const Vec2d> points, bool closed, const DuneSetti
     if (!(drawn > 0.0)) return;
     const double spacing = s.slope_width / s.search_accuracy;
     line = dune_fine(std::move(line), s, spacing, parts_.outer_sign);
-    if (!(line.length() > 1e-12 * drawn)) return; // pushed into a point
+    if (!(line.length() > 1e-12 * drawn)) return; // crest_push collapsed the curve to a point
     const std::vector<double> stations = dune_stations(line, s, spacing);
     const DuneRules rules{s, line.length(), spacing, line.closed};
     std::vector<DuneCrestPoint> crest;
     for (const double u : stations) {
         const Vec2d at = u >= 1.0 && line.closed ? line.at.front() : line.point(u * line.length());
-        // A curve that turns back on itself has points in one place
+        // A curve that turns back on itself has coincident points.
         if (crest.empty() || (at - crest.back().at).norm() > 1e-12 * drawn) crest.push_back(rules.at(at, u));
     }
     if (crest.size() < 2) return;
@@ -960,7 +981,7 @@ DuneSample DuneShape::sample(const Vec2d& at) const {
     return dune_lane(out, 0);
 }
 
-// Whether the dune is 0 between x0 and x1 of row z.
+// Whether the dune is 0 on all of row z between x0 and x1.
 bool DuneShape::misses(double x0, double x1, double z) const {
     if (!(std::max(x0, x1) >= lower_.x() && std::min(x0, x1) <= upper_.x() && z >= lower_.y() &&
           z <= upper_.y()))
@@ -971,7 +992,7 @@ bool DuneShape::misses(double x0, double x1, double z) const {
 
 namespace {
 
-// Calls miss(begin, end) and hit(begin, end, lanes) for stretches of a row: 64 samples are tried first, then 8.
+// Calls miss(begin, end) or hit(begin, end) for each stretch of a row. Tests 64 samples first, then 8.
 template <typename Misses, typename Miss, typename Hit>
 void dune_row(int count, const Misses& misses, const Miss& miss, const Hit& hit) {
     constexpr int tile = 64;
@@ -1003,7 +1024,7 @@ void DuneShape::row(double x, double z, double cell, int count, double* height, 
         },
         [&](int i, int end) {
             VDouble px;
-            // Beyond the box all is 0, as it is on its edge
+            // Clamp to the box: the dune is 0 on its edge and beyond.
             for (int k = 0; k < lanes; ++k)
                 px[k] = std::clamp(x + std::min(i + k, end - 1) * cell, lower_.x(), upper_.x()) -
                         parts_.origin.x();

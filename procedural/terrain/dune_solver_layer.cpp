@@ -1,34 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
-// dune_solver: what the wind makes of the sand below in days, years, centuries.
+// dune_solver: dunes that the wind forms from the sand below, over days, years or centuries.
 //
 //     [[procedural.layer]]
 //     type = "dune_solver"
 //     days_per_frame = 30
 //     speed = 9                       # m/s
 //
-// What it models. solver/solver.cpp: stress over the ground and its separation bubbles, flux that follows it over a saturation length, erosion and
-// deposition, avalanches. At the frame `start` the terrain is as the layers below make it; at frame f the wind has blown for (f - start)
-// days_per_frame. Any frame can be asked for. Rock that sticks out stands in the wind, and sand leaves it bare.
+// Model (solver/solver.cpp): shear stress over the ground and its separation bubbles; sand flux that follows
+// it over a saturation length; erosion and deposition; avalanches. At frame `start` the terrain is as the
+// layers below make it; at frame f the wind has blown for (f - start) days_per_frame. Frames can be evaluated
+// in any order. Rock that sticks out shapes the wind, and sand leaves it bare.
 //
-// Wind. Towards the scene's wind direction, `speed` 10 m above the ground (the scene's, where it is not given), as
-//   steady    all the time; with second_share a part of each `season` turned by second_turn: two winds make seifs
-//   chaotic   drawn anew every `hold` hours: direction with a normal distribution of `spread`, shear velocity with Weibull's, of `shape`;
-//             all directions make stars
-//   record    measured: a CSV with columns time (hours), speed (m/s at 10 m) and direction (degrees clockwise from north, *from* which it
-//             blows; +x is east, -z north); from its start again after its end
-// The report has drift potential and resultant (dp, rdp, kg / (m s)) and their ratio.
+// Wind. It blows in the scene's wind direction with `speed` 10 m above the ground (default: the scene's wind
+// speed), as
+//   steady    constant; with second_share, that fraction of each `season` is turned by second_turn: two winds
+//             form seifs
+//   chaotic   redrawn every `hold` hours: direction from a normal distribution (`spread`), shear velocity
+//             from a Weibull distribution (`shape`); a wide spread forms star dunes
+//   record    measured: a CSV with columns time (hours), speed (m/s at 10 m) and direction (degrees clockwise
+//             from north, *from* which it blows; +x is east, -z north); it repeats after its end
+// The report has the drift potential and its resultant (dp, rdp, kg / (m s)) and their ratio.
 //
-// Time and cost. A step takes about 40 ns a sample on two cores (build/dune_solver speed) and is seconds to hours long: the finer the cells and the stronger the wind, the shorter (as
-// the square of the cell). The report says how many there were.
+// Time and cost. A time step costs about 40 ns a sample on two cores (build/dune_solver speed). It is seconds
+// to hours long: shorter for finer cells (with the square of the cell) and stronger wind. The report has the
+// number of steps.
 //
-// States. A host that prepares frames keeps one every `keep_every` frames and one of each frame asked for; a later frame goes on from the latest
-// one. Each whole frame ends a time step, so that a frame is the same bits whichever states there were. Whatever changes in the terrain's
-// parameters or inputs begins anew, also in layers above.
+// States. A host that prepares frames stores a state every `keep_every` frames and one at each requested
+// frame; a later frame continues from the latest one. Each whole frame ends a time step, so a frame is
+// bit-identical whichever states exist. Any change of the terrain's parameters or inputs, also in layers
+// above, restarts the simulation.
 //
-// Plants. `plants` names a mask: the share of the ground that they cover; `frontal_area` is that of plants per area of ground where it is 1. They take
-// the stress off the sand: 1 / sqrt(1 + 16 area). With `growth` (m a year) they start at `start_cover` of the mask, grow back up to it and `plant_height`,
-// and die where sand buries them or is blown away from under them faster than that: barchans become parabolic dunes. `cover` names
-// a mask that is handed out, the cover at this frame, which grooms and materials can follow.
+// Plants. `plants` names a mask: the fraction of the ground that they cover. `frontal_area` is their frontal
+// area per area of ground where the mask is 1; it divides the stress on the sand by 1 + 16 area. With
+// `growth` (m a year) they start at `start_cover` of the mask, grow back to the mask and `plant_height`, and
+// die where sand buries them or erodes below them faster than that: barchans become parabolic dunes. `cover`
+// names an output mask, the cover at this frame, for grooms and materials.
 //
 //     [[procedural.layer]]
 //     type = "dune_solver"
@@ -36,7 +42,8 @@
 //     growth = 6
 //     cover = "grass"
 //
-// Limits. One such layer a terrain. Grooms that grow on the terrain are placed on it anew each frame; within a shutter the ground does not move.
+// Limits. One such layer a terrain. Grooms on the terrain are placed anew each frame; the ground does not
+// move within a shutter interval.
 #include "procedural/terrain/dune_solver_layer.h"
 
 #include "procedural/terrain/mask_layer.h"
@@ -61,8 +68,8 @@ struct DuneRun {
     DuneSolverSettings settings;
     WindHistory wind;
     DriftPotential drift;
-    std::string plants;                         // "": none
-    std::string cover;                          // name of the mask that is handed out; "": none
+    std::string plants;                         // mask name; "": none
+    std::string cover;                          // name of the output mask; "": none
     double frames = 0.0, seconds_a_frame = 0.0; // since the start
     double start = 0.0;
     int keep_every = 10;
@@ -88,7 +95,7 @@ class DuneSolverLayer : public Layer {
 
     DuneRun run_;
     Domain domain_;
-    Simulation* simulation_; // NULL: none
+    Simulation* simulation_; // may be NULL
 };
 
 void DuneSolverLayer::evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const {
@@ -97,7 +104,7 @@ void DuneSolverLayer::evaluate(const Rect& rect, const Fields& below, const Laye
                     out.sand + domain_.index(rect.i0, j));
 }
 
-// From `from`, in frames since the start. false: cancelled.
+// Runs from `from`, in frames since the start, to run_.frames. Returns false if cancelled.
 bool DuneSolverLayer::advance(DuneSolver& solver, double from, const std::function<bool()>& cancelled) const {
     const double end = run_.frames * run_.seconds_a_frame;
     DuneCallbacks callbacks;
@@ -206,7 +213,7 @@ double dune_shear_velocity(const LayerContext& context) {
     return shear_velocity_of(speed);
 }
 
-// Columns by name, in SI units.
+// Reads the record's columns by name; time in seconds.
 WindRecord dune_record(const LayerContext& context) {
     const LayerValues& values = context.values;
     const std::string place = values.place(values.has("record") ? "record" : "wind");
@@ -239,7 +246,7 @@ WindRecord dune_record(const LayerContext& context) {
     return record;
 }
 
-// The wind, and how long it takes until it has been seen.
+// The wind history. `known`: seconds of it that represent its statistics, for the drift potential.
 WindHistory dune_wind(const LayerContext& context, double& known) {
     const LayerValues& values = context.values;
     const std::string kind = values.text("wind");
@@ -320,7 +327,7 @@ std::unique_ptr<Layer> make_dune_solver(const LayerContext& context) {
 
 namespace {
 
-constexpr uint64_t dune_state_format = 0x6d617272616d4403; // and the number of the format
+constexpr uint64_t dune_state_format = 0x6d617272616d4403; // the last byte is the format version
 
 class StateWriter {
   public:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The layer dune_solver: dunes that the wind makes of the sand below. Its page is in dune_solver_layer.cpp, the model's in solver/solver.cpp.
+// The layer dune_solver. See dune_solver_layer.cpp for the layer and solver/solver.cpp for the model.
 #pragma once
 
 #include "procedural/terrain/layer_types.h"
@@ -7,7 +7,8 @@
 
 namespace marram {
 
-// What a state holds, as bytes, and back; false: they are not such a state of that many samples.
+// Serializes a state, and reads it back. read_bytes() returns false if the bytes are no state with `samples`
+// samples.
 std::vector<char> bytes_of(const DuneState& state);
 bool read_bytes(std::span<const char> bytes, size_t samples, DuneState& state);
 

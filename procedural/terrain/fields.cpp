@@ -5,7 +5,7 @@ namespace marram {
 
 namespace {
 
-// The sample at or before a place, or one before the first or behind the last. No cast of what an int cannot hold.
+// The sample at or before a coordinate, in cells, clamped to [-1, count] before the cast to int.
 int sample_at(double metres, int count) { return int(std::clamp(std::floor(metres), -1.0, double(count))); }
 
 } // namespace

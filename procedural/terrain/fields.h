@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a terrain is made of: bedrock, sand and masks, sampled on one grid.
+// The fields of a terrain: bedrock, sand and masks, sampled on one grid.
 //
-// Sand is counted in integers, so that what a layer moves from sample to sample is neither made nor lost. Everything else is a float.
-// Height = bedrock + sand. A grid is stored row by row: sample (i, j) at j * nx + i.
+// Sand is stored as integers, so that layers which move it conserve it exactly. Everything else is a float.
+// Height = bedrock + sand. Grids are stored row by row: sample (i, j) at j * nx + i.
 #pragma once
 
 #include "core/math/vec.h"
@@ -16,16 +16,16 @@
 
 namespace marram {
 
-// Sand of one sample in units of 2^-32 m: 0.23 nm. Sums of 2^31 samples of 1 m fit.
+// Sand thickness in units of 2^-32 m (0.23 nm). Sums below 2^31 m fit.
 using SandUnits = int64_t;
 inline constexpr double sand_units_a_metre = 0x1p32;
-// The nearest number of units, within 2^30 m.
+// Rounds to the nearest unit; clamps to 2^30 m in magnitude.
 inline SandUnits sand_units(double metres) {
     return std::llrint(std::clamp(metres, -0x1p30, 0x1p30) * sand_units_a_metre);
 }
 inline double sand_metres(SandUnits sand) { return double(sand) * (1.0 / sand_units_a_metre); }
 
-// Where the samples lie: nx by nz of them, `cell` metres apart; sample (i, j) at (x0 + i cell, z0 + j cell).
+// The sample grid: nx by nz samples, `cell` metres apart; sample (i, j) is at (x0 + i cell, z0 + j cell).
 struct Domain {
     int nx = 0, nz = 0;
     double cell = 1.0, x0 = 0.0, z0 = 0.0;
@@ -49,7 +49,7 @@ struct MaskView {
     const float* values = nullptr;
 };
 
-// The terrain below a layer. Borrowed.
+// The terrain below a layer. Does not own the arrays.
 struct Fields {
     const float* bedrock = nullptr;
     const SandUnits* sand = nullptr;
@@ -58,7 +58,7 @@ struct Fields {
     double height(size_t sample) const { return double(bedrock[sample]) + sand_metres(sand[sample]); }
 };
 
-// A set of tiles of `side` x `side` samples: the unit of parallel work and of what an edit evaluates again.
+// A set of tiles of `side` x `side` samples: the unit of parallel work and of re-evaluation after an edit.
 class Tiles {
   public:
     static constexpr int side = 64;
@@ -78,9 +78,9 @@ class Tiles {
     void add(const Tiles& others) {
         for (size_t t = 0; t < in_.size(); ++t) in_[t] = char(in_[t] | others.in_[t]);
     }
-    // Tiles that hold a sample within the box (metres).
+    // Adds all tiles with a sample inside the box (metres).
     void add_box(const Vec2d& lower, const Vec2d& upper);
-    // These and all tiles that hold a sample within `metres` of one of theirs; infinity: all, where there is one.
+    // The set dilated by `metres`. Infinity: all tiles, unless the set is empty.
     Tiles grown(double metres) const;
     Rect rect(int column, int row) const {
         return {column * side, row * side, std::min((column + 1) * side, domain_.nx),

@@ -6,48 +6,59 @@
 //     drape = 0.5                     # metres
 //     mask = "loose"
 //
-// Order: the sand relaxes; with `drape` it thins out along the rock where it meets it (drape.cpp), and relaxes once more.
+// Order: the sand relaxes; with `drape` it thins out along the rock where they meet (drape.cpp) and relaxes
+// again.
 //
-// mask: the share of the sand at a sample that is loose; what remains holds like rock, and all below is said of loose sand. With 0 a sample gives no
-// sand, but what slides may run over it and come to rest on it. A little more of the mask lets a little more sand go, and as sand is
-// only ever called loose or not, none is made or lost.
+// mask: the fraction of the sand at a sample that is loose. The rest counts as rock, and "sand" below means
+// loose sand. With 0 a sample gives no sand, but sand may slide over it and come to rest on it. The amount of
+// loose sand varies smoothly with the mask. The mask only classifies sand, so sand is conserved.
 //
-// What is bounded. A quad of the grid has corners a, b (row j) and c, d (row j + 1). Its two diagonals make four triangles, whose
-// gradients pair one of (b - a, d - c) with one of (c - a, d - b). After the layer none of them whose corners all carry sand
-// has a gradient above tan(repose + 0.4 degrees): the norm of a gradient has no preferred direction of the grid. Such a triangle
-// moves sand until it is at tan(repose + 0.05 degrees). What is not steeper than the former stays, to the bit, where nothing is.
+// Guarantee. A quad of the grid has corners a, b (row j) and c, d (row j + 1). Its two diagonals give four
+// triangles, whose gradients pair one of (b - a, d - c) with one of (c - a, d - b). After the layer, no
+// triangle with sand at all corners has a gradient above tan(repose + 0.4 degrees). The norm of the gradient
+// has no preferred grid direction. Steeper triangles move sand until they are at tan(repose + 0.05 degrees).
+// If no triangle exceeds the first limit, the sand stays bit-identical.
 //
-// Moves, each between the corners of one quad, in whole units of sand (so nothing is made or lost) and no more than a corner has:
-// - All corners carry sand. The heights are a mean, a mean gradient (gx, gz) and a twist w = d - c - b + a. The steepest triangle has
-//   (|gx| + |w|/2)^2 + (|gz| + |w|/2)^2. The twist is taken down first, then the gradient: every move lowers the sum of squares of the
-//   heights, that is, potential energy. Moving one triangle at a time raises its neighbours instead and settles ten times slower.
-// - A corner is bare, or carries less than 64 units (15 nm). A triangle moves along its gradient where all corners that have to give
-//   carry sand; where no triangle does, sand falls along an edge (sides and diagonals) steeper than repose. So sand leaves steep rock
-//   until it is bare, and rock above sand pulls no sand about.
+// Moves between the corners of one quad, in whole sand units (so sand is conserved) and at most what a corner
+// has:
+// - All corners carry sand. The heights are a mean, a mean gradient (gx, gz) and a twist w = d - c - b + a.
+//   The steepest triangle has (|gx| + |w|/2)^2 + (|gz| + |w|/2)^2. The twist is reduced first, then the
+//   gradient. Every move lowers the sum of squared heights, that is, the potential energy. Moving one
+//   triangle at a time raises its neighbours instead and converges ten times slower.
+// - A corner is bare or has less than 64 units (15 nm). A triangle moves along its gradient if all corners
+//   that must give carry sand. If no triangle moves, sand falls along edges (sides and diagonals) steeper
+//   than repose. So sand leaves steep rock until it is bare, and rock above sand does not attract sand.
 //
-// Order: Gauss-Seidel. Tiles of 64 x 64 quads in four colours; tiles of one colour share no sample, so threads do not matter. Within a tile
-// rows alternate upwards and downwards, each in two colours of eight quads at once. Blocks of 16 x 8 quads sleep until they or a
-// neighbour have moved sand.
+// Order of updates: Gauss-Seidel. Tiles of 64 x 64 quads in four colours; tiles of one colour share no
+// sample, so the result does not depend on threads. Within a tile, rows alternate upwards and downwards, each
+// in two colours of eight quads at once. Blocks of 16 x 8 quads sleep until they or a neighbour have moved
+// sand.
 //
-// Wide steep regions. Relaxation spreads diffusively: N samples take N^2 sweeps. So coarser grids of 2^l x 2^l samples (l up to 8) come
-// first, the coarsest at the start: the height of a sample is the mean of its samples, its sand is the least of theirs, and all of them gain or
-// lose the same. A bare sample counts as high as its rock, or sand would pass through a lip. Only mean gradients count there: two slopes at
-// repose that meet in a crease would have triangles up to sqrt(2) steeper across blocks. A move goes half the way, or the order of
-// the rows would show: the radii of a cone along x and z differ by 2 % otherwise, and by 0.6 % so. Level l relaxes to repose - 0.1 - 0.1 l degrees from
-// 0.1 above that: where a coarser grid leaves no slack for the finer one's roughness, the latter is diffusive again. Beside oversteep sand
-// those levels may hence lower what lies at repose itself by as much. If the finest grid does not settle in 12 sweeps, it all repeats.
+// Large steep regions. Relaxation is diffusive: N samples take N^2 sweeps. So coarser grids of 2^l x 2^l
+// samples (l up to 8) come first, starting at the coarsest. The height of a coarse sample is the mean of its
+// samples, its sand is their minimum, and all of them gain or lose the same. A coarse sample is at least as
+// high as any bare rock in it; else sand would pass through a lip. Coarse grids test mean gradients only: two
+// slopes at repose that meet in a crease would have triangles up to sqrt(2) steeper across blocks. A move
+// covers half of the excess, or the row order would be visible: the radii of a cone along x and z differ by
+// 0.6 %, with full moves by 2 %. Level l relaxes to repose - 0.1 - 0.1 l degrees from 0.1 above that: without
+// slack for the roughness of the next finer grid, that grid would be diffusive again. So beside oversteep
+// sand these levels may lower sand at repose by as much. If the finest grid does not settle in 12 sweeps, the
+// cycle repeats.
 //
-// Range. |bedrock| and sand up to 2^20 m (1,049 km), cells from 2^-20 m (1 um) on: within it all sums are exact in a double. Outside of it, also
-// for what is not a number, the sand is left alone and `settled` is false; so is it if 256 repetitions do not suffice. Borders are walls.
-// A single row or column has no triangle and stays.
+// Range. |bedrock| and sand up to 2^20 m (1,049 km), cells from 2^-20 m (1 um): there all sums are exact in a
+// double. If an input is outside or not a number, the sand is unchanged and `settled` is false. `settled` is
+// also false if 256 cycles do not suffice. Borders are walls. A single row or column has no triangle and
+// stays.
 //
-// Sand that slides over steep rock into a hollow comes to rest up to 2.5 degrees below repose there: the coarser grids leave it so. Never above it.
+// Sand that slides over steep rock into a hollow comes to rest up to 2.5 degrees below repose there, because
+// of the coarser grids. It never rests above repose.
 //
-// What it says: sweeps, m^3 moved, the steepest all-sand triangle and whether it settled; a warning where it did not.
+// Report: sweeps, m^3 moved, the steepest all-sand triangle and `settled`; a warning if it did not settle.
 //
-// Cost: 35 ns a sample where nothing moves (one core), of which half is copying; 2048^2 samples with 1,000 dunes of 40 degrees: 1.1 to 1.3 s
-// of one core. A face of steep rock that runs obliquely to the grid settles slowest: 800 sweeps for 512^2 samples; where a heap at its foot reaches over a
-// ledge of it, 256 repetitions have been seen not to do (34.64 degrees remained). 16 bytes a sample, and a third of it for the coarser grids.
+// Cost: 35 ns a sample where nothing moves (one core), of which half is copying; 2048^2 samples with 1,000
+// dunes of 40 degrees: 1.1 to 1.3 s of one core. A steep rock face oblique to the grid settles slowest: 800
+// sweeps for 512^2 samples. Where a heap at its foot extends over a ledge, 256 cycles did not suffice in one
+// case (34.64 degrees remained). 16 bytes a sample, plus a third for the coarser grids.
 #include "procedural/terrain/fusion.h"
 
 #include "core/math/simd.h"
@@ -67,25 +78,24 @@
 namespace marram {
 namespace {
 
-constexpr int fusion_block_columns = 16, fusion_block_rows = 8; // what sleeps and wakes
+constexpr int fusion_block_columns = 16,
+              fusion_block_rows = 8; // quads of a block
 constexpr int fusion_tile_blocks = Tiles::side / fusion_block_columns;
 constexpr int fusion_tile_block_rows = Tiles::side / fusion_block_rows;
 constexpr int fusion_most_levels = 8, fusion_coarse_sweeps = 256;
 constexpr int fusion_cycle_sweeps = 12;
-constexpr double fusion_largest = 0x1p20; // metres; sums of heights stay exact in a double
-constexpr double fusion_smallest_cell =
-    0x1p-20; // metres; below, the slack of the slope is a few units of sand
+constexpr double fusion_largest = 0x1p20;        // metres; sums of heights stay exact in a double
+constexpr double fusion_smallest_cell = 0x1p-20; // metres; below, the slope's slack is only a few sand units
 
-constexpr double fusion_thin =
-    64.0; // units; below, moves are rounded one by one, so that they never round to none
+constexpr double fusion_thin = 64.0; // units; thinner samples use scalar moves that do not round to 0
 
-// Tangents times the distance of two samples, in units of sand.
+// Height differences between neighbours, in sand units: tangent times sample distance.
 struct FusionSlopes {
     double trigger, target;
 };
 
-// One grid: the samples, or means over 2^level by 2^level of them. Columns are stored even ones first, then odd ones, row by row, so that
-// the corners of eight quads of one colour are neighbours in memory.
+// One grid level: the samples, or means over 2^level by 2^level of them. Each row stores its even columns
+// first, then the odd ones, so the corners of eight quads of one colour are contiguous.
 class FusionGrid {
   public:
     FusionGrid(int columns, int rows)
@@ -103,7 +113,7 @@ class FusionGrid {
     int tile_columns() const { return (nx + Tiles::side - 1) / Tiles::side; }
     int tile_rows() const { return (nz + Tiles::side - 1) / Tiles::side; }
     double height(size_t k) const { return ground[k] + sand[k]; }
-    // What lies between the last sample of a row and the next row is never looked at, but it is read.
+    // Padding after a row is loaded with full vectors but has no effect.
     void clear_padding(int j) {
         for (const int odd : {0, 1})
             for (int k = (nx + 1 - odd) / 2; k < half; ++k) {
@@ -113,17 +123,17 @@ class FusionGrid {
     }
 
     const int nx, nz, half, block_columns, block_rows;
-    std::unique_ptr<double[]> ground, sand; // units of sand, whole numbers where they are sand
-    std::vector<char> active, changed;      // a block of quads; see fusion_sweep
+    std::unique_ptr<double[]> ground, sand; // sand units; `sand` holds whole numbers
+    std::vector<char> active, changed;      // per block of quads; see fusion_sweep
 };
 
-// The corners of eight quads of one row: a and b at row j, c and d at row j + 1, each 8 doubles from an offset on.
+// Offsets of the corners of eight quads of a row: a and b in row j, c and d in row j + 1; 8 doubles each.
 struct FusionQuads {
     size_t a, b, c, d;
     VLong valid;
 };
 
-MARRAM_INLINE VDouble fusion_round(VDouble x) { // to a whole number; above 2^51 every second one
+MARRAM_INLINE VDouble fusion_round(VDouble x) { // to a whole number; above 2^52 unchanged
     const VDouble magic = select(x < 0.0, -0x1p52, 0x1p52);
     const VDouble rounded = (x + magic) - magic;
     return select(vabs(x) < 0x1p52, rounded, x);
@@ -136,7 +146,7 @@ struct FusionHeights {
 // Transfers that flatten the mean gradient of a quad towards the target: from d to a and from c to b.
 MARRAM_INLINE void fusion_quad_move(const FusionHeights& h, double target, VLong where, FusionHeights& s) {
     const VDouble gx = 0.5 * ((h.b - h.a) + (h.d - h.c)), gz = 0.5 * ((h.c - h.a) + (h.d - h.b));
-    const VDouble k = 0.25 * (1.0 - target / vsqrt(gx * gx + gz * gz)); // half of it: see the page
+    const VDouble k = 0.25 * (1.0 - target / vsqrt(gx * gx + gz * gz)); // half of the excess
     VDouble da = k * (gx + gz), cb = k * (gz - gx);
     const VDouble da_from = select(da > 0.0, s.d, s.a), cb_from = select(cb > 0.0, s.c, s.b);
     VDouble share = splat(1.0);
@@ -149,15 +159,15 @@ MARRAM_INLINE void fusion_quad_move(const FusionHeights& h, double target, VLong
     s.a += da, s.d -= da, s.b += cb, s.c -= cb;
 }
 
-// The twist of a quad is what makes its triangles differ. First the twist is taken down until no triangle is steeper than the target; where
-// that is not enough, the mean gradient as well. The mean height stays.
+// Flattens quads to the target slope. The twist makes the triangles of a quad differ. It is reduced first,
+// until no triangle exceeds the target; if that is not enough, the mean gradient too. The mean height stays.
 MARRAM_INLINE void fusion_flatten(const FusionHeights& h, double target, VLong where, FusionHeights& s) {
     const VDouble gx = 0.5 * ((h.b - h.a) + (h.d - h.c)), gz = 0.5 * ((h.c - h.a) + (h.d - h.b));
     const VDouble twist = 0.5 * ((h.d - h.c) - (h.b - h.a)), zero = splat(0.0);
     const VDouble sum = vabs(gx) + vabs(gz), square = gx * gx + gz * gz;
     const VDouble room = vmax(target * target - square, zero);
     const VDouble allowed =
-        0.5 * (vsqrt(sum * sum + 2.0 * room) - sum); // twist; 0 where the mean is too steep
+        0.5 * (vsqrt(sum * sum + 2.0 * room) - sum); // maximum twist; 0 if the mean gradient is too steep
     const VDouble excess = 0.5 * vmax(vabs(twist) - allowed, zero);
     const VDouble flat = select(twist > 0.0, excess, -excess);
     const VDouble k = select(square > target * target, 0.5 * (1.0 - target / vsqrt(square)), zero);
@@ -169,7 +179,7 @@ MARRAM_INLINE void fusion_flatten(const FusionHeights& h, double target, VLong w
     move.a = select(where, vmax(fusion_round(share * move.a), -s.a), zero);
     move.b = select(where, vmax(fusion_round(share * move.b), -s.b), zero);
     move.c = select(where, vmax(fusion_round(share * move.c), -s.c), zero);
-    // Rounding may ask d for two units more than it has; the corner that gains most does without them.
+    // Rounding may take up to two units too many from d; subtract them from the corner that gains most.
     const VDouble missing = vmax(move.a + move.b + move.c - s.d, zero);
     const VLong to_a = (move.a >= move.b) & (move.a >= move.c), to_b = ~to_a & (move.b >= move.c);
     move.a -= select(to_a, missing, zero), move.b -= select(to_b, missing, zero);
@@ -177,7 +187,8 @@ MARRAM_INLINE void fusion_flatten(const FusionHeights& h, double target, VLong w
     s.a += move.a, s.b += move.b, s.c += move.c, s.d -= move.a + move.b + move.c;
 }
 
-// A triangle where sand may be missing: nothing moves unless all corners that have to give carry some.
+// A triangle with possibly bare corners: sand moves only if all corners that must give carry some. Returns
+// true if it did.
 bool fusion_partial_triangle(const FusionGrid& grid, const FusionSlopes& slopes, size_t p, size_t q,
                              size_t r) {
     const double gx = grid.height(q) - grid.height(p), gz = grid.height(r) - grid.height(p);
@@ -199,7 +210,7 @@ bool fusion_partial_triangle(const FusionGrid& grid, const FusionSlopes& slopes,
     return q_to_p != 0.0 || r_to_p != 0.0;
 }
 
-// Sand of the upper end of an edge that is too steep; `far`: its length in cells.
+// Moves sand down an edge that is too steep; `far`: edge length in cells. Returns true if sand moved.
 bool fusion_edge(const FusionGrid& grid, const FusionSlopes& slopes, double far, size_t a, size_t b) {
     const double fall = grid.height(a) - grid.height(b);
     if (!(std::abs(fall) > slopes.trigger * far)) return false;
@@ -210,7 +221,7 @@ bool fusion_edge(const FusionGrid& grid, const FusionSlopes& slopes, double far,
     return give > 0.0;
 }
 
-// A quad with a bare corner.
+// A quad with a bare or thin corner. Returns true if sand moved.
 bool fusion_partial_quad(const FusionGrid& grid, const FusionSlopes& slopes, size_t a, size_t b, size_t c,
                          size_t d) {
     bool moved = fusion_partial_triangle(grid, slopes, a, b, c);
@@ -237,7 +248,7 @@ MARRAM_INLINE void fusion_store(double* to, const FusionQuads& q, const FusionHe
 MARRAM_INLINE FusionHeights operator+(const FusionHeights& g, const FusionHeights& s) {
     return {g.a + s.a, g.b + s.b, g.c + s.c, g.d + s.d};
 }
-MARRAM_INLINE VDouble fusion_steepness(const FusionHeights& h) { // squared, of the steepest triangle
+MARRAM_INLINE VDouble fusion_steepness(const FusionHeights& h) { // squared gradient of the steepest triangle
     const VDouble gx = vmax(vabs(h.b - h.a), vabs(h.d - h.c));
     const VDouble gz = vmax(vabs(h.c - h.a), vabs(h.d - h.b));
     return gx * gx + gz * gz;
@@ -250,7 +261,7 @@ MARRAM_INLINE VLong fusion_covered(const FusionHeights& s) {
     return vmin(vmin(s.a, s.b), vmin(s.c, s.d)) >= fusion_thin;
 }
 
-// Eight quads of the finest grid. True where sand moved.
+// Eight quads of the finest grid. Returns true if sand moved.
 MARRAM_INLINE bool fusion_fine_quads(const FusionGrid& grid, const FusionSlopes& slopes,
                                      const FusionQuads& q) {
     FusionHeights s = fusion_load(grid.sand.get(), q);
@@ -287,7 +298,8 @@ MARRAM_INLINE bool fusion_coarse_quads(const FusionGrid& grid, const FusionSlope
     return true;
 }
 
-// The quads of block `column` in row j, both colours. Even: quads 2k; odd: quads 2k + 1.
+// One colour of the quads of block `column` in row j: quads 2k, or 2k + 1 if `odd`. Returns true if sand
+// moved.
 MARRAM_INLINE bool fusion_row_of_block(const FusionGrid& grid, const FusionSlopes& slopes, bool fine,
                                        int column, int j, int odd) {
     const int first = column * (fusion_block_columns / 2);
@@ -300,7 +312,7 @@ MARRAM_INLINE bool fusion_row_of_block(const FusionGrid& grid, const FusionSlope
 }
 
 struct FusionTile {
-    int first_column, columns, first_row, rows; // blocks
+    int first_column, columns, first_row, rows; // in blocks
 };
 
 FusionTile fusion_tile(const FusionGrid& grid, int column, int row) {
@@ -309,7 +321,7 @@ FusionTile fusion_tile(const FusionGrid& grid, int column, int row) {
             std::min(fusion_tile_block_rows, grid.block_rows - r)};
 }
 
-// Whether a block of the tile, or one beside it in the tile, moved sand in this sweep.
+// Whether a block, or a neighbour in the same tile, moved sand in this sweep.
 MARRAM_INLINE bool fusion_touched(const FusionGrid& grid, const FusionTile& tile, int column, int row) {
     for (int r = std::max(row - 1, tile.first_row); r <= std::min(row + 1, tile.first_row + tile.rows - 1);
          ++r)
@@ -319,7 +331,7 @@ MARRAM_INLINE bool fusion_touched(const FusionGrid& grid, const FusionTile& tile
     return false;
 }
 
-// One pass over a tile, over rows first, first + step, ... of each row of blocks, up or down.
+// One pass over a tile, up or down: rows first, first + step, ... of each row of blocks.
 MARRAM_INLINE void fusion_rows(FusionGrid& grid, const FusionSlopes& slopes, bool fine,
                                const FusionTile& tile, bool up, int first, int step) {
     for (int n = 0; n < tile.rows; ++n) {
@@ -340,7 +352,8 @@ MARRAM_INLINE void fusion_rows(FusionGrid& grid, const FusionSlopes& slopes, boo
     }
 }
 
-// The finest grid row after row, which carries sliding sand far; the others in four colours, which treats x and z alike.
+// The finest grid goes row by row, which carries sliding sand far. Coarser ones use four colours, symmetric
+// in x and z.
 MARRAM_HOT void fusion_pass(FusionGrid& grid, const FusionSlopes& slopes, bool fine, const FusionTile& tile,
                             bool up) {
     if (fine) return fusion_rows(grid, slopes, true, tile, up, 0, 1);
@@ -348,7 +361,7 @@ MARRAM_HOT void fusion_pass(FusionGrid& grid, const FusionSlopes& slopes, bool f
     fusion_rows(grid, slopes, false, tile, up, 1, 2);
 }
 
-// Blocks are awake in the next sweep where they or one of their neighbours moved sand in this one. True: some are.
+// A block is awake in the next sweep if it or a neighbour moved sand in this one. Returns true if any is.
 bool fusion_wake(FusionGrid& grid) {
     std::fill(grid.active.begin(), grid.active.end(), char(0));
     bool some = false;
@@ -371,8 +384,8 @@ bool fusion_tile_awake(const FusionGrid& grid, const FusionTile& tile) {
     return false;
 }
 
-// Two passes over all tiles that are awake: four colours of tiles one after the other. Tiles of one colour have no sample in common, so
-// it does not matter which thread takes which, and when. False: nothing is left to do.
+// Two passes over all awake tiles, one tile colour after the other. Tiles of one colour share no sample, so
+// the result does not depend on threads. Returns false if no block is awake any more.
 bool fusion_sweep(FusionGrid& grid, const FusionSlopes& slopes, bool fine, bool flip) {
     std::vector<FusionTile> tiles;
     for (int colour = 0; colour < 4; ++colour) {
@@ -389,7 +402,7 @@ bool fusion_sweep(FusionGrid& grid, const FusionSlopes& slopes, bool fine, bool 
     return fusion_wake(grid);
 }
 
-// The squared steepness of all-sand triangles, the greatest of a quad; only where that many corners carry sand.
+// Squared gradient of a quad's steepest triangle with sand at all three corners; 0 if there is none.
 MARRAM_INLINE VDouble fusion_sandy_steepness(const FusionHeights& h, const FusionHeights& s) {
     const VDouble none = splat(0.0);
     VDouble x0 = h.b - h.a, x1 = h.d - h.c, z0 = h.c - h.a, z1 = h.d - h.b;
@@ -400,7 +413,7 @@ MARRAM_INLINE VDouble fusion_sandy_steepness(const FusionHeights& h, const Fusio
     return vmax(upper, lower);
 }
 
-// What a look at the whole grid finds: the steepest all-sand triangle, and which blocks have something to do.
+// Result of a survey of the grid: the steepest all-sand triangle, and whether any block is awake.
 struct FusionSurvey {
     double steepest = 0.0; // squared
     bool awake = false;
@@ -417,7 +430,7 @@ MARRAM_INLINE void fusion_survey_quads(const FusionGrid& grid, const FusionQuads
     steepest = vmax(steepest, select(some, fusion_steepness(h), zero));
 }
 
-// A row of blocks; sets `active` where a quad with sand is steeper than the trigger.
+// Surveys a row of blocks; sets `active` where a quad with sand is steeper than the trigger.
 MARRAM_HOT void fusion_survey_row(FusionGrid& grid, double trigger, int r, FusionSurvey& found) {
     const size_t half = size_t(grid.half);
     VDouble all = splat(0.0);
@@ -455,8 +468,8 @@ FusionSurvey fusion_survey(FusionGrid& grid, double trigger) {
     return all;
 }
 
-// One sample of the coarser grid from four of the finer one. Sand: what all four can give. Ground: so that the height is their mean; but no
-// bare one of them is higher, or sand would pass through a lip of rock.
+// One coarse sample from four fine ones. Its sand is their minimum, which all four can give. Its height is
+// their mean, but at least that of any bare one, or sand would pass through a lip of rock.
 void fusion_coarsen_row(const FusionGrid& fine, FusionGrid& coarse, int j) {
     for (int i = 0; i < coarse.nx; ++i) {
         const size_t a = fine.at(2 * i, 2 * j), b = fine.at(2 * i, 2 * j + 1);
@@ -484,7 +497,7 @@ void fusion_coarsen(const FusionGrid& fine, FusionGrid& coarse) {
                 coarse.active[coarse.block(c / 2, r / 2)] = 1;
 }
 
-// Each of the four samples gains or loses what their common one did.
+// Applies the gain or loss of a coarse sample to each of its four fine samples.
 void fusion_refine_row(FusionGrid& fine, const FusionGrid& coarse, int j) {
     for (int i = 0; i < coarse.nx; ++i) {
         const size_t four[] = {fine.at(2 * i, 2 * j), fine.at(2 * i + 1, 2 * j), fine.at(2 * i, 2 * j + 1),
@@ -500,7 +513,7 @@ void fusion_refine_row(FusionGrid& fine, const FusionGrid& coarse, int j) {
 
 void fusion_refine(FusionGrid& fine, const FusionGrid& coarse) {
     constexpr int rows =
-        fusion_block_rows / 2; // of one row of blocks of the finer grid: one task sets a flag
+        fusion_block_rows / 2; // coarse rows of one fine block row, so only one task sets a block's flag
     tbb::parallel_for(0, (coarse.nz + rows - 1) / rows, [&](int r) {
         for (int j = r * rows; j < std::min((r + 1) * rows, coarse.nz); ++j)
             fusion_refine_row(fine, coarse, j);
@@ -524,7 +537,7 @@ class FusionRelaxer {
 
     FusionGrid& finest() { return *grids_[0]; }
     double steepest_squared() { return fusion_survey(finest(), fine_slopes().trigger).steepest; }
-    // False: cancelled.
+    // Returns false if cancelled.
     bool relax(FusionResult& result);
 
   private:
@@ -544,13 +557,13 @@ void FusionRelaxer::add_grids() {
         grids_.push_back(std::make_unique<FusionGrid>(grids_.back()->nx / 2, grids_.back()->nz / 2));
 }
 
-// From the coarsest grid to the second finest; what moved there is awake in the finest.
+// Relaxes from the coarsest grid to the second finest. Blocks where sand moved are awake in the finest.
 bool FusionRelaxer::cascade() {
     add_grids();
     for (size_t level = 1; level < grids_.size(); ++level) fusion_coarsen(*grids_[level - 1], *grids_[level]);
     for (size_t level = grids_.size() - 1; level > 0; --level) {
         const double distance = std::ldexp(cell_, int(level));
-        const double less = (0.2 + 0.1 * double(level - 1)) * degree; // than repose
+        const double less = (0.2 + 0.1 * double(level - 1)) * degree; // below repose
         const FusionSlopes slopes = fusion_slopes(repose_, 0.1 * degree - less, -less, distance);
         FusionGrid& grid = *grids_[level];
         for (int sweep = 0; sweep < fusion_coarse_sweeps; ++sweep) {
@@ -577,14 +590,14 @@ bool FusionRelaxer::relax(FusionResult& result) {
     return true;
 }
 
-// What of the sand is loose; the rest counts as ground.
+// The loose part of the sand; the rest counts as ground.
 SandUnits fusion_loose(SandUnits sand, const float* mask, size_t sample) {
     if (!mask) return sand;
     const double share = double(mask[sample]);
     return share < 1.0 ? SandUnits(std::max(share, 0.0) * double(sand)) : sand;
 }
 
-// Copies the terrain in; false where a sample is out of range.
+// Copies the terrain into the grid. Returns false if a sample is out of range.
 bool fusion_read(const Domain& domain, const float* bedrock, const SandUnits* sand, const float* mask,
                  FusionGrid& grid) {
     std::vector<char> good(size_t(domain.nz), 1);
@@ -609,7 +622,7 @@ bool fusion_read(const Domain& domain, const float* bedrock, const SandUnits* sa
     return std::count(good.begin(), good.end(), char(0)) == 0;
 }
 
-// Copies the sand out; returns what lies elsewhere than before.
+// Copies the sand out. Returns the amount that moved, in metres times samples.
 double fusion_write(const Domain& domain, const FusionGrid& grid, const float* mask, SandUnits* sand) {
     std::vector<double> moved(size_t(domain.nz), 0.0);
     tbb::parallel_for(0, domain.nz, [&](int j) {
@@ -626,7 +639,7 @@ double fusion_write(const Domain& domain, const FusionGrid& grid, const float* m
     return sum;
 }
 
-// Drapes the sand of the finest grid. False: cancelled.
+// Drapes the sand of the finest grid. Returns false if cancelled.
 bool fusion_drape(const Domain& domain, double drape, const std::function<bool()>& cancelled,
                   FusionGrid& grid) {
     const auto ground = std::make_unique_for_overwrite<double[]>(domain.count());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fusion layer: sand drapes over rock, and loose sand relaxes to its angle of repose. The page of the model is in fusion.cpp.
+// The fusion layer: sand drapes over rock, and loose sand relaxes to its angle of repose. See fusion.cpp.
 #pragma once
 
 #include "procedural/terrain/layer_types.h"
@@ -13,28 +13,28 @@ namespace marram {
 struct FusionSettings {
     double repose = 34.0 * degree; // radians; clamped to 1 ... 80 degrees
     double drape = 0.0;            // metres; 0: off. See drape.cpp
-    int cycles = 256;              // repetitions of all grids at most, each of 12 sweeps of the finest
+    int cycles = 256;              // maximum of multigrid cycles, each with 12 sweeps of the finest grid
     bool operator==(const FusionSettings&) const = default;
 };
 
 struct FusionResult {
-    int64_t sweeps = 0;    // over the finest grid
-    double steepest = 0.0; // radians: of the triangles whose corners all carry loose sand, when it ended
-    double moved = 0.0;    // sand that lies at another sample than before, metres times samples
-    bool settled = true;   // false: it ended at the bound on sweeps, or samples lie out of range
-    bool in_range = true;  // false: nothing was done
+    int64_t sweeps = 0;    // of the finest grid
+    double steepest = 0.0; // radians: final slope of the steepest triangle with loose sand at all corners
+    double moved = 0.0;    // sand that moved to other samples, metres times samples
+    bool settled = true;   // false: stopped at the maximum of cycles, or the input is out of range
+    bool in_range = true;  // false: the input is out of range, the sand unchanged
     bool cancelled = false;
 };
 
-// Relaxes `sand` in place. mask: share of the sand that is loose, 0 to 1; NULL: all. Where it is cancelled, or the input is out of
-// range, the sand is as it was.
+// Relaxes `sand` in place. mask: fraction of the sand that is loose, 0 to 1; NULL: all. The sand is unchanged
+// if the call is cancelled or the input is out of range.
 FusionResult relax_sand(const Domain& domain, const float* bedrock, SandUnits* sand,
                         const FusionSettings& settings, const std::function<bool()>& cancelled,
                         const float* mask = nullptr);
 
 class FusionLayer : public Layer {
   public:
-    // mask: the name of one below; "": none. place: in the scene, for what it has to say.
+    // mask: name of a mask from below; "": none. place: scene location for warnings.
     FusionLayer(const Domain& domain, const FusionSettings& settings, std::string mask = "",
                 std::string place = "")
         : domain_(domain), settings_(settings), mask_(std::move(mask)), place_(std::move(place)) {}

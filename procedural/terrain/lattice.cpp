@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// lattice: a drawn net bends what is below it.
+// lattice: free-form deformation of the layers below by a drawn control net.
 //
-// An artist draws the same net twice, as curves: once at rest and once bent. Every curve is a row of nu
-// points, all nv rows have as many. The net at rest is even: point (i, j) lies at o + i a + j b, seen from
-// above, within a hundredth of a step (files round; whatever is left is not carried over). It may be turned
-// and skewed, and may hover at any height. Offset (i, j) is the bent point less the one at rest.
+// An artist draws the same net twice as curves: once at rest and once bent. Each curve is a row of nu points,
+// and all nv rows have the same number of points. The net at rest is an even grid: seen from above, point
+// (i, j) lies at o + i a + j b within a hundredth of a step (this allows for rounding in files; the deviation
+// is ignored). The net may be rotated and skewed and may lie at any height. Offset (i, j) is the bent point
+// minus the rest point.
 //
 //     [[procedural.layer]]
 //     type = "lattice"
@@ -12,50 +13,49 @@
 //     bent = "net bent"
 //
 // Model: free-form deformation (Sederberg and Parry, "Free-Form Deformation of Solid Geometric Models",
-// 1986) of the ground's plane with uniform cubic B-splines in place of Bernstein polynomials (as Lee,
+// 1986) of the ground plane, with uniform cubic B-splines instead of Bernstein polynomials (as Lee,
 // Wolberg and Shin, "Scattered Data Interpolation with Multilevel B-Splines", 1997). With (u, v) = [a b]^-1
 // ((x, z) - o), i = floor(u), s = u - i and likewise for v:
 //
 //   d(u, v) = sum B_k(s) B_l(t) offset(i + k - 1, j + l - 1), k and l from 0 to 3
 //   B_0 = (1 - s)^3 / 6, B_1 = (3 s^3 - 6 s^2 + 4) / 6, B_2 = (-3 s^3 + 3 s^2 + 3 s + 1) / 6, B_3 = s^3 / 6
 //
-// Points beyond the net do not move: so d is twice continuously differentiable everywhere and is exactly 0
-// two steps outside of the net and beyond. Offsets that depend linearly on i and j are followed exactly
-// where all 16 points are of the net. A single point moved by 1 moves the ground below it by 4/9: the
-// spline is drawn to its points and does not pass through them.
+// Control points beyond the net have zero offset. So d is twice continuously differentiable everywhere and
+// exactly 0 from two steps outside the net on. Offsets that are linear in i and j are reproduced exactly
+// where all 16 points belong to the net. A single control point moved by 1 moves the ground below it by 4/9:
+// the spline approximates its control points and does not interpolate them.
 //
-// What happens to the terrain. What is at (x, z) goes to (x + dx, z + dz) and up by dy, dx to dy taken at
-// (x, z). The new height at a sample q is the old one at p plus dy(p), where p + d(p) = q. Where the net
-// only lifts, p = q, no value is interpolated, and the result is exact but for the rounding of a float.
-// Where d(q) = 0, p = q too, and the bits are those from below. Elsewhere bedrock and sand are read at p by
-// bicubic interpolation (R. Keys, "Cubic Convolution Interpolation for Digital Image Processing", 1981, a =
-// -1/2: third order, once differentiable, so that no facets show where the terrain is stretched), the sand
-// not below 0; masks by bilinear interpolation, which stays within 0 and 1. p beyond the terrain's edge
-// reads the edge.
+// Effect on the terrain. The ground at (x, z) moves to (x + dx, z + dz) and up by dy, all evaluated at
+// (x, z). The new height at a sample q is the old height at p plus dy(p), where p + d(p) = q. If the net only
+// lifts, p = q: nothing is interpolated, and the result is exact up to float rounding. Where d(q) = 0, the
+// bits from below are kept. Elsewhere bedrock and sand are read at p by bicubic interpolation (R. Keys,
+// "Cubic Convolution Interpolation for Digital Image Processing", 1981, a = -1/2: third order, once
+// differentiable, so stretched terrain shows no facets), with sand clamped to 0 or more. Masks use bilinear
+// interpolation, which stays within 0 and 1. If p is beyond the terrain's edge, the edge value is used.
 //
-// target = "bedrock": the bedrock is bent, and the sand moves along with it. "sand": only the sand is, and
-// its thickness grows by dy, not below 0.
+// target = "bedrock": the bedrock is deformed and the sand moves with it. "sand": only the sand is deformed;
+// its thickness changes by dy and is clamped to 0 or more.
 //
-// Volume of sand: its thickness is kept, so its volume changes as the area does, by the Jacobian. Divided
-// by the Jacobian the volume would be kept and a dune drawn out sideways would sink: the heights and slopes
-// that were drawn would change with every pull. This layer models, it does not move sand; what must
-// conserve sand stands above it in the list.
+// Sand volume: the thickness is preserved, so the volume changes with the area, by the Jacobian. Dividing by
+// the Jacobian would preserve the volume, but a dune stretched sideways would become lower: each edit would
+// change the drawn heights and slopes. This layer is a modelling tool, not sand transport. Layers that must
+// conserve sand belong above it in the list.
 //
-// A fold cannot be a height field. The Jacobian J = det(1 + grad d) must be above 1e-3 everywhere: squeezed
-// further, a thousand samples become one. Tested once, when the layer is made, and for every point of a
-// cell, not only for samples: in each cell J is a polynomial of degree 5 in s and t, within the range of
-// its Bernstein coefficients; where these do not decide, the cell is halved. What seven halvings leave
-// undecided counts as a fold. The fault names the cell.
+// Folds: a folded surface is not a height field. The Jacobian J = det(1 + grad d) must be above 1e-3
+// everywhere; below that a thousand samples collapse into one. The test runs once, when the layer is made,
+// and covers every point of a cell, not only samples: in each cell J is a polynomial of degree 5 in s and t,
+// bounded by its Bernstein coefficients; if these do not decide, the cell is halved. A cell that is still
+// undecided after seven halvings per axis counts as a fold. The fault names the cell.
 //
-// The inverse: p by Newton's method from p = q, each step halved until |p + d(p) - q| decreases. J > 0
-// everywhere and d = 0 far away make the map one to one and onto (Hadamard), and the residual's square has
-// no stationary point but its zero, so that this converges from any start. Each sample starts from itself:
-// no sample depends on its neighbours or on how the terrain is cut into tiles. Done at 1e-9 of a cell of
-// the terrain, or where rounding (eight units in the last place of u and v) allows no more.
+// Inverse: p is found by Newton's method starting at p = q; each step is halved until |p + d(p) - q|
+// decreases. J > 0 everywhere and d = 0 far away make the map bijective (Hadamard), and the squared residual
+// has no stationary point except its zero, so this converges from any start. Each sample starts from itself
+// and depends neither on its neighbours nor on the tiling of the terrain. Iteration stops at 1e-9 of a
+// terrain cell, or at the rounding limit (eight units in the last place of u and v).
 //
-// Cost: 3 to 5 evaluations of the spline a sample where it shifts, one where it only lifts. Reach: the
-// largest offset sideways, which bounds |d| because the B-splines are positive and sum to 1, and 2 samples
-// along each axis for the interpolation.
+// Cost: 3 to 5 spline evaluations a sample where the ground shifts sideways, one where it is only lifted.
+// Reach: the largest sideways offset, which bounds |d| because B-splines are positive and sum to 1, plus 2
+// samples along each axis for the interpolation.
 #include "procedural/terrain/lattice.h"
 
 #include "procedural/terrain/shape_layer.h"
@@ -68,10 +68,10 @@
 namespace marram {
 namespace {
 
-constexpr int lattice_border = 3; // control points at rest on each side
+constexpr int lattice_border = 3; // control points with zero offset on each side
 constexpr double lattice_largest = 1e18;
 
-// The offset at (u, v), and its derivatives by u and v. Components: u, v, y.
+// The offset at (u, v) and its derivatives with respect to u and v. Components: u, v, y.
 struct LatticeValue {
     double d[4], by_u[4], by_v[4];
 
@@ -114,10 +114,10 @@ struct LatticeSpline {
         return value;
     }
 
-    // (u, v) with (u, v) + d(u, v) = (at_u, at_v), and what the spline is there.
+    // Finds (u, v) with (u, v) + d(u, v) = (at_u, at_v). Returns the spline's value there.
     MARRAM_INLINE LatticeValue inverse(double at_u, double at_v, double tolerance, double& u,
                                        double& v) const {
-        constexpr int most = 64; // Newton's steps; a dozen suffice for J = 1e-3
+        constexpr int most = 64; // Newton steps; a dozen suffice for J = 1e-3
         u = at_u, v = at_v;
         LatticeValue value = at(u, v);
         double fu = value.d[0], fv = value.d[1], size = fu * fu + fv * fv;
@@ -136,7 +136,7 @@ struct LatticeSpline {
                 closer = true;
                 u = next_u, v = next_v, value = next, fu = gu, fv = gv, size = next_size;
             }
-            if (!closer) break; // rounding allows no more
+            if (!closer) break; // rounding limit reached
         }
         return value;
     }
@@ -145,7 +145,7 @@ struct LatticeSpline {
 struct LatticeRow {
     double u, v, step_u, step_v; // of the first sample, and from one to the next
     double to_world[4];          // x by u, x by v, z by u, z by v
-    double tolerance, rounding;  // rounding: of u and v, a unit in the last place is that share
+    double tolerance, rounding;  // rounding: relative rounding error of u and v
     int count;
     double *to_rest_x, *to_rest_z, *lift;
 };
@@ -172,7 +172,7 @@ constexpr double lattice_rounding = 8.0 * std::numeric_limits<double>::epsilon()
 using LatticePatch = std::array<std::array<double, 4>, 4>;   // [v][u], cubic
 using LatticeQuintic = std::array<std::array<double, 6>, 6>; // [v][u]
 
-// Bezier points of one segment of a uniform cubic B-spline.
+// Bezier control points of one segment of a uniform cubic B-spline.
 std::array<double, 4> lattice_bezier(double a, double b, double c, double d) {
     return {(a + 4.0 * b + c) / 6.0, (2.0 * b + c) / 3.0, (b + 2.0 * c) / 3.0, (b + 4.0 * c + d) / 6.0};
 }
@@ -188,8 +188,8 @@ LatticePatch lattice_bezier(const LatticePatch& spline) {
     return patch;
 }
 
-// quintic += sign (da/du) (db/dv): Bernstein coefficients of a product are weighted sums of products
-// (Farin).
+// quintic += sign (da/du) (db/dv). The Bernstein coefficients of a product are weighted sums of products of
+// coefficients (Farin).
 void lattice_add_product(const LatticePatch& a, const LatticePatch& b, double sign, LatticeQuintic& quintic) {
     constexpr double two[3] = {1, 2, 1}, three[4] = {1, 3, 3, 1}, five[6] = {1, 5, 10, 10, 5, 1};
     for (size_t al = 0; al < 4; ++al)
@@ -204,7 +204,7 @@ void lattice_add_product(const LatticePatch& a, const LatticePatch& b, double si
                 }
 }
 
-// The two halves of a quintic by de Casteljau.
+// Splits a quintic into two halves (de Casteljau).
 void lattice_halve(const std::array<double, 6>& whole, std::array<double, 6>& low,
                    std::array<double, 6>& high) {
     std::array<double, 6> p = whole;
@@ -226,8 +226,8 @@ LatticeQuintic lattice_transposed(const LatticeQuintic& q) {
     return t;
 }
 
-// Whether the polynomial is above `least` all over its square; if not, `found` is a value or a bound that
-// is not.
+// True if the polynomial is above `least` on its whole square. Otherwise sets `found` to a value, or a lower
+// bound, that is not.
 bool lattice_above(const LatticeQuintic& q, double least, int halvings, double& found) {
     double bound = q[0][0];
     for (const auto& row : q) bound = std::min(bound, *std::min_element(row.begin(), row.end()));
@@ -239,7 +239,7 @@ bool lattice_above(const LatticeQuintic& q, double least, int halvings, double& 
     }
     LatticeQuintic low, high;
     lattice_halve_rows(q, low, high);
-    // Transposed, the next halving is across.
+    // Transposing alternates the axis of the halvings.
     return lattice_above(lattice_transposed(low), least, halvings - 1, found) &&
            lattice_above(lattice_transposed(high), least, halvings - 1, found);
 }
@@ -253,7 +253,7 @@ LatticeMap::LatticeMap(const LatticeNet& net, double accuracy)
       controls_(size_t(stride_) * size_t(nv_ + 2 * lattice_border)) {
     to_world_ << net.along_row.x(), net.across_rows.x(), net.along_row.y(), net.across_rows.y();
     to_net_ = to_world_.inverse();
-    // |metres| <= norm |steps|: the Frobenius norm bounds the greatest stretch.
+    // |metres| <= norm |steps|: the Frobenius norm bounds the largest singular value.
     tolerance_ = accuracy / to_world_.norm();
     for (int j = 0; j < nv_; ++j)
         for (int i = 0; i < nu_; ++i) {
@@ -272,7 +272,7 @@ std::optional<LatticeCell> LatticeMap::fold() const {
     for (int j = -2; j <= nv_; ++j)
         for (int i = -2; i <= nu_; ++i) {
             LatticePatch u, v;
-            double bend = 0.0; // of all differences of neighbours
+            double bend = 0.0; // largest difference between neighbouring offsets, net steps
             for (int l = 0; l < 4; ++l)
                 for (int k = 0; k < 4; ++k) {
                     const size_t at = size_t(j + l - 1 + lattice_border) * size_t(stride_) +
@@ -359,10 +359,10 @@ void LatticeMap::support(int i, int j, Vec2d& lower, Vec2d& upper) const {
 
 namespace {
 
-// Where a point lies between samples, along one axis: four samples and their shares.
+// Interpolation along one axis: four samples and their weights.
 struct LatticeTaps {
     int at[4];
-    double share[4], linear; // linear: share of at[2] between at[1] and at[2]
+    double share[4], linear; // linear: weight of at[2] between at[1] and at[2]
 
     LatticeTaps(double sample, int count) {
         const double inside = std::clamp(sample, 0.0, double(count - 1));
@@ -390,7 +390,7 @@ double lattice_cubic(const Value* values, const Domain& domain, const LatticeTap
     return sum;
 }
 
-// Within what the units hold (fields.h).
+// Clamped to the range of SandUnits (fields.h).
 SandUnits lattice_sand(double metres) { return sand_units(std::clamp(metres, 0.0, 0x1p29)); }
 
 float lattice_linear(const float* values, const Domain& domain, const LatticeTaps& x, const LatticeTaps& z) {
@@ -419,8 +419,7 @@ void LatticeLayer::evaluate(const Rect& rect, const Fields& below, const LayerOu
     Span span;
     for (int j = rect.j0; j < rect.j1; ++j)
         for (int i = rect.i0; i < rect.i1; i += span.count) {
-            // A span never passes a multiple of its length: samples come out the same whatever the
-            // rectangle.
+            // A span never crosses a multiple of Tiles::side, so results do not depend on the rectangle.
             const int start = i / Tiles::side * Tiles::side;
             double x[Tiles::side], z[Tiles::side], lift[Tiles::side];
             span.i0 = i, span.j = j;
@@ -478,7 +477,7 @@ Tiles LatticeLayer::changed_since(const Layer& before, const Domain& domain) con
                            a.along_row == b.along_row && a.across_rows == b.across_rows &&
                            target_ == other->target_;
     if (!same_rest) {
-        // Outside of its support the map is the identity, so what moves there stays there.
+        // The map is the identity outside its support, so only samples in the support change.
         for (const LatticeMap* map : {&map_, &other->map_}) {
             map->support(lower, upper);
             tiles.add_box(lower, upper);
@@ -544,7 +543,7 @@ LatticeNet lattice_net(std::span<const DrawnCurve> rest, std::span<const DrawnCu
     const double a = net.along_row.norm(), b = net.across_rows.norm();
     const double area =
         std::abs(net.along_row.x() * net.across_rows.y() - net.along_row.y() * net.across_rows.x());
-    // Rows that cross the others at less than half a degree have no inside to speak of.
+    // Reject nets whose two directions differ by less than half a degree.
     if (!(std::min(a, b) > 1e-6 && area > 0.01 * a * b))
         lattice_fault("no_area", place, "the lattice at rest covers no area",
                       "draw its rows side by side, seen from above");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lattice: a drawn net of points bends the terrain below it. The page of the model is in lattice.cpp.
+// Free-form deformation of the terrain by a drawn control net. The model is documented in lattice.cpp.
 #pragma once
 
 #include "core/math/simd.h"
@@ -12,8 +12,8 @@
 
 namespace marram {
 
-// Shares of the four control points around a segment of a uniform cubic B-spline, and their derivatives; t
-// from 0 to 1.
+// Weights of the four control points of one segment of a uniform cubic B-spline, and their derivatives. t in
+// [0, 1].
 MARRAM_INLINE void cubic_bspline(double t, double (&b)[4], double (&slope)[4]) {
     const double r = 1.0 - t, t2 = t * t;
     b[0] = r * r * r * (1.0 / 6.0);
@@ -26,7 +26,7 @@ MARRAM_INLINE void cubic_bspline(double t, double (&b)[4], double (&slope)[4]) {
     slope[3] = 0.5 * t2;
 }
 
-// Control points at rest, nu by nv of them, and how far each is moved. Point (i, j) rests at origin + i
+// A net of nu by nv control points and their offsets. The rest position of point (i, j) is origin + i
 // along_row + j across_rows.
 struct LatticeNet {
     int nu = 0, nv = 0;
@@ -34,45 +34,45 @@ struct LatticeNet {
     std::vector<Vec3d> offsets; // metres; point (i, j) at j * nu + i
 };
 
-// A cell of the lattice: between points (i, j) and (i + 1, j + 1). Those of the border around the net count
-// as well: i from -2 to nu.
+// The cell between control points (i, j) and (i + 1, j + 1). The border around the net has cells too: i goes
+// from -2 to nu.
 struct LatticeCell {
     int i = 0, j = 0;
-    double jacobian = 0.0; // at one of its points: not above least_jacobian; or a bound of it
+    double jacobian = 0.0; // at some point of the cell, or a lower bound: not above least_jacobian
 };
 
-// A control point as it is evaluated: the offset sideways in steps of the net, the one upwards in metres.
+// Control point as stored for evaluation: sideways offset in net steps, vertical offset in metres.
 struct alignas(32) LatticeControl {
     double values[4] = {0.0, 0.0, 0.0, 0.0}; // u, v, y, 0
 };
 
-// The map of the ground (x, z) -> (x + dx, z + dz), and the lift dy that goes with it.
+// The map (x, z) -> (x + dx, z + dz) of the ground plane, with the vertical offset dy.
 class LatticeMap {
   public:
-    // What is squeezed further than to this share of its area counts as a fold.
+    // A Jacobian at or below this value counts as a fold.
     static constexpr double least_jacobian = 1e-3;
 
-    // `accuracy`: metres that the inverse may be off.
+    // `accuracy`: tolerance of the inverse in metres.
     LatticeMap(const LatticeNet& net, double accuracy);
 
-    // The first cell that is folded, row by row.
+    // The first folded cell in row order.
     std::optional<LatticeCell> fold() const;
-    // Of a point at rest. All of them are 0, and the Jacobian 1, outside of support().
+    // These take a rest position. Outside support() the offset is 0 and the Jacobian is 1.
     Vec3d offset(const Vec2d& rest) const;
     Vec2d forward(const Vec2d& rest) const;
     double jacobian(const Vec2d& rest) const;
-    // The point at rest that is moved to `at`. Needs a map without a fold.
+    // The rest position that maps to `at`. The map must have no fold.
     Vec2d inverse(const Vec2d& at) const;
-    // For `count` points of row z from x on, `cell` apart: their points at rest less themselves, x and z,
-    // and the lift there. All three are exactly 0 where nothing is moved. Nothing is allocated.
+    // Inverts `count` points of row z, starting at x, `cell` apart. Outputs rest position minus point, in x
+    // and z, and the vertical offset there. All three are exactly 0 where nothing moves. Does not allocate.
     void row(double x, double z, double cell, int count, double* to_rest_x, double* to_rest_z,
              double* lift) const;
 
     bool only_lifts() const { return only_lifts_; }
-    double largest_shift() const { return largest_shift_; } // sideways, metres: a bound
-    // The box around all that can move.
+    double largest_shift() const { return largest_shift_; } // metres: upper bound of the sideways offset
+    // Bounding box of the region that can move.
     void support(Vec2d& lower, Vec2d& upper) const;
-    // The box around what control point (i, j) moves, at rest.
+    // Bounding box, in rest positions, of the region that control point (i, j) moves.
     void support(int i, int j, Vec2d& lower, Vec2d& upper) const;
 
   private:
@@ -82,8 +82,8 @@ class LatticeMap {
     int nu_, nv_, stride_;
     Vec2d origin_;
     Eigen::Matrix2d to_world_, to_net_;
-    std::vector<LatticeControl> controls_; // with three more on each side, which rest
-    double tolerance_;                     // of the inverse, in steps of the net
+    std::vector<LatticeControl> controls_; // padded by three points with zero offset on each side
+    double tolerance_;                     // of the inverse, in net steps
     double largest_shift_ = 0.0;
     bool only_lifts_ = true;
 };
@@ -112,8 +112,7 @@ class LatticeLayer : public Layer {
     LatticeMap map_;
 };
 
-// The net that curves at rest and the same ones bent describe. A SceneFault at `place` where they do not
-// fit each other.
+// Builds the net from the rest curves and the bent curves. Throws SceneFault at `place` if they do not match.
 LatticeNet lattice_net(std::span<const DrawnCurve> rest, std::span<const DrawnCurve> bent,
                        const std::string& place);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kinds of layers, by the name that a scene gives as [[procedural.layer]] type = "...", and what a layer is made from.
+// Layer types by the scene's name, [[procedural.layer]] type = "...", and the inputs that create a layer.
 #pragma once
 
 #include "procedural/terrain/layer.h"
@@ -11,7 +11,7 @@
 
 namespace marram {
 
-// The values of one element of the list of layers.
+// The parameter values of one element of the layer list.
 class LayerValues {
   public:
     LayerValues(const Values& all, int index) : all_(all), prefix_("layer[" + std::to_string(index) + "].") {}
@@ -32,41 +32,42 @@ class LayerValues {
     std::string prefix_;
 };
 
-// A drawn curve as it came from the scene.
+// A drawn curve from the scene.
 struct DrawnCurve {
     std::vector<Vec3d> points;
     bool closed = false;
 };
 
-// What a layer is made from besides its values.
+// Inputs that create a layer, besides its values.
 struct LayerContext {
     const LayerValues& values;
     Domain domain;
-    Vec2d wind = Vec2d(1.0, 0.0);   // unit: where the scene's wind goes to, x and z
+    Vec2d wind = Vec2d(1.0, 0.0);   // unit: the direction in which the scene's wind blows, x and z
     uint64_t seed = 0;              // of the terrain
-    std::vector<std::string> masks; // that the layers below hand out
-    // The curves of that name; one that is not there is a SceneFault.
+    std::vector<std::string> masks; // output masks of the layers below
+    // The curves with that name. Throws SceneFault if there are none.
     std::function<std::vector<DrawnCurve>(std::string_view name)> curves;
-    // The mesh of that name, at the first motion sample of the frame, and the scene in which rays meet it under its geometry_id, with the
-    // mask MARRAM_NAMED; one that is not there is a SceneFault. Both live as long as the layer is being made.
+    // The mesh with that name, at the frame's first motion sample. Throws SceneFault if there is none.
+    // `scene` holds it under its geometry_id, with the ray mask MARRAM_NAMED. Both are valid only while the
+    // layer is created.
     std::function<const MarramMesh&(std::string_view name)> mesh;
     RTCScene scene = nullptr;
     std::function<void(const std::string& place, const std::string& what, const std::string& remedy)> warn;
-    double frame = 0.0;               // of a layer that evolves
+    double frame = 0.0;               // for types with `evolves`
     double wind_speed = 0.0;          // the scene's, m/s
-    Simulation* simulation = nullptr; // states of earlier frames; outlives the layer; NULL: none
-    const Layer* before = nullptr;    // of this type, at this place of the stack until now; NULL: none
+    Simulation* simulation = nullptr; // states of earlier frames; outlives the layer; may be NULL
+    const Layer* before = nullptr;    // the layer of this type that it replaces in the stack; may be NULL
 };
 
 struct LayerType {
     const char* name;
     const char* help;
-    std::span<const MarramParam> params; // without those that all layers have (layers.cpp)
-    // Throws SceneFault where the values make no sense together.
+    std::span<const MarramParam> params; // without those common to all layers (layers.cpp)
+    // Throws SceneFault if the values are inconsistent.
     std::unique_ptr<Layer> (*make)(const LayerContext& context);
-    // The masks that it will hand out, for what is declared before anything is made. NULL: none.
+    // Names of its output masks, known before the layer is created. NULL: none.
     std::vector<std::string> (*masks)(const LayerValues& values) = nullptr;
-    bool evolves = false; // with the frame, from a state of its past
+    bool evolves = false; // simulated from frame to frame
 };
 
 std::span<const LayerType> layer_types();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The table of layer types: to add one, write its file and give it a line here.
+// The table of layer types. To add one, write its file and add a line here.
 #include "procedural/terrain/base_layers.h"
 #include "procedural/terrain/dune_layer.h"
 #include "procedural/terrain/dune_solver_layer.h"
@@ -32,7 +32,7 @@ const LayerType* find_layer_type(std::string_view name) {
 }
 
 std::span<const MarramItemType> layer_item_types() {
-    // What every layer has, before its own.
+    // Parameters of every layer type, before its own.
     static constexpr std::array common = {
         MarramParam{"name", MARRAM_TEXT, "", "none", 0, 0, "",
                     "for masks, edits and reports; absent: its type"},

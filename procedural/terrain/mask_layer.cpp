@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// mask: a mask by a ramp over what is below, by name. Layers above multiply their share by it; grooms, shaders and image layers find
-// it as an attribute of the terrain.
+// mask: a named mask, made by applying a ramp to a property of the terrain below. Layers above multiply their
+// weight by it. Grooms, shaders and image layers read it as an attribute of the terrain.
 //
 //   by = "height"     metres: bedrock + sand
-//        "sand"       metres of sand
-//        "slope"      degrees, from central differences over two cells (one at the border)
-//        "curvature"  1/m, the Laplacian by five points: positive in hollows, negative on crests; 0 at the border
+//        "sand"       metres: thickness of the sand
+//        "slope"      degrees, central differences over two cells (one at the border)
+//        "curvature"  1/m, five-point Laplacian: positive in hollows, negative on crests; 0 at the border
 //        "mask"       another mask (`of`)
-//        "image"      a file's first channel, stretched over the terrain, bilinear
-//        "noise"      perlin noise, -1 to 1 but for three samples in a thousand: patches `wavelength` metres apart
+//        "image"      first channel of a file, stretched over the terrain, bilinear
+//        "noise"      Perlin noise, features `wavelength` metres apart; 3 samples in 1000 exceed -1 to 1
 //        "distance"   metres to the nearest point of drawn curves (`along`), seen from above
 //
-// The ramp's values are limited to 0 ... 1. With `mask` the result is multiplied by another.
+// The ramp's values are clamped to 0 ... 1. With `mask` the result is multiplied by another mask.
 //
 //     [[procedural.layer]]
 //     type = "mask"
@@ -46,7 +46,7 @@ struct CurveSegment {
     Vec2d a, b;
 };
 
-// Segments that follow each other, and their box.
+// Consecutive segments and their bounding box.
 struct SegmentRun {
     std::span<const CurveSegment> segments;
     Eigen::AlignedBox2d box;
@@ -134,7 +134,7 @@ class MaskLayer : public Layer {
         }
     }
 
-    struct Disc { // that holds a rectangle
+    struct Disc { // contains a rectangle
         Vec2d centre;
         double diameter;
     };
@@ -144,12 +144,12 @@ class MaskLayer : public Layer {
         return {0.5 * (a + b), (b - a).norm() * (1.0 + 1e-12)};
     }
 
-    // Segments that may be the nearest to a sample of the rectangle: those no farther from its centre than the nearest one, plus its
-    // diagonal.
+    // Segments that may be nearest to some sample of the rectangle: their distance to its centre is at most
+    // the smallest such distance plus the rectangle's diagonal.
     std::vector<CurveSegment> segments_near(const Rect& rect) const {
         if (runs_.empty()) return {};
         const Disc disc = disc_about(rect);
-        std::vector<double> lower; // bound of the distance to each run
+        std::vector<double> lower; // lower bound of the distance to each run
         for (const SegmentRun& run : runs_) lower.push_back(run.box.exteriorDistance(disc.centre));
         double nearest = infinity;
         const auto look_at = [&](size_t r) {
@@ -172,7 +172,8 @@ class MaskLayer : public Layer {
             if (distance_to_segment(disc.centre, s) <= nearest + disc.diameter) near.push_back(s);
     }
 
-    // Calls put(i, j, distance) for all samples. The smaller the rectangle, the fewer segments can be the nearest.
+    // Calls put(i, j, distance) for all samples. Halves the rectangle recursively: a smaller one has fewer
+    // candidate segments.
     void measure_distances(const Rect& rect, const std::vector<CurveSegment>& near, const auto& put) const {
         constexpr int smallest = 4; // samples a side
         constexpr size_t few = 4;   // segments
@@ -224,7 +225,7 @@ class MaskLayer : public Layer {
     }
 
     double pixel(int i, int j) const {
-        const auto place = [](int k, int samples, int pixels) { // pixel centres lie half a pixel within
+        const auto place = [](int k, int samples, int pixels) { // pixel centres are at half-integers
             const double share = samples > 1 ? double(k) / (samples - 1) : 0.5;
             return std::clamp(share * pixels - 0.5, 0.0, double(pixels - 1));
         };
@@ -262,7 +263,7 @@ class MaskLayer : public Layer {
             return noise_at(domain_.x(i), domain_.z(j));
         case MaskBy::mask:
         case MaskBy::distance:
-            break; // not sample by sample
+            break; // handled in evaluate()
         }
         return 0.0;
     }
@@ -274,7 +275,7 @@ class MaskLayer : public Layer {
     std::vector<float> pixels_;
     int nx_ = 0, nz_ = 0;
     std::vector<CurveSegment> segments_;
-    std::vector<SegmentRun> runs_; // of them
+    std::vector<SegmentRun> runs_; // cover segments_
     FractalNoise noise_;
 };
 
@@ -295,7 +296,8 @@ constexpr std::array mask_params = {
 
 } // namespace
 
-// The names of a terrain's own attributes and grids, and what cannot be listed with commas between, are taken.
+// Rejects the names of built-in attributes and grids, and names that cannot be part of a comma-separated
+// list.
 void check_mask_name(const std::string& name, const std::string& place) {
     for (const char* taken : {"sand", "slope", "height", "bedrock", "ripples", "ripple_wave"})
         if (name == taken)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A layer that hands out a mask. Its page is in mask_layer.cpp.
+// A layer that outputs a mask. It is documented in mask_layer.cpp.
 #pragma once
 
 #include "procedural/terrain/layer_types.h"
@@ -7,7 +7,7 @@
 namespace marram {
 
 LayerType mask_layer_type();
-// Throws SceneFault where a mask cannot have that name.
+// Throws SceneFault if the name is not allowed for a mask.
 void check_mask_name(const std::string& name, const std::string& place);
 
 } // namespace marram

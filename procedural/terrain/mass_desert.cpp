@@ -1,63 +1,75 @@
 // SPDX-License-Identifier: Apache-2.0
-// mass_desert: many dunes at once. Each is a description (crest curves with DuneSettings) that has an id and can be edited alone; its
-// surface is that of dune_shape.cpp.
+// mass_desert: a field of many dunes. Each dune is a description (crest curves with DuneSettings) with an id,
+// and can be edited individually. Its surface is that of dune_shape.cpp.
 //
-// Kind. The regime chart after Wasson and Hyde (Nature 304, 1983): cover c (for the equivalent sand thickness) against variability
-// v = 1 - RDP/DP of the wind's direction. The chart has no sharp borders in the field; those used here are
+// Kind. The regime chart follows Wasson and Hyde (Nature 304, 1983): cover c (for the equivalent sand
+// thickness) against variability v = 1 - RDP/DP of the wind direction. The chart of the field data has no
+// sharp borders; those used here are
 //     plants > 0.3             parabolic where c >= 0.35 and v < 0.5, else nabkha
 //     v < 0.35                 barchan for c < 0.35, barchanoid for c < 0.65, transverse above
 //     v >= 0.35                star for c >= 1.3 - v, else seif for c < 0.65, transverse above
-// c and v differ from dune to dune by at most `kind_mixing`, so that kinds mix near a border. A barchan lower than 1 m has no slip face
-// (the smallest of the field are about that high): it comes out as a dome.
+// c and v of each dune deviate by at most `kind_mixing`, so that kinds mix near a border. If the chart gives
+// a barchan lower than 1 m, it becomes a dome, because it would have no slip face (the smallest barchans in
+// the field are about that high).
 //
-// Size. The height H is uniform in its range. Of barchans and domes W = 8.6 H + 8.8 m is the width across the wind, L = 5.5 H + 10.8 m
-// the length from the stoss foot to the brink: lines through barchans of the field. Of the others:
+// Size. The height H is uniform in its range. For barchans and domes W = 8.6 H + 8.8 m is the width across
+// the wind and L = 5.5 H + 10.8 m the length from the stoss foot to the brink (regression lines through field
+// barchans). For the others:
 //     barchanoid, transverse, seif   width or length is the crest's, uniform in `ridge_length`
 //     star                           3 to 5 arms, each 4 to 6 H long; W = L = 10 H
 //     parabolic                      W as above, arms 1.2 W long upwind
 //     nabkha                         W = 5 H, a tail of 6 H downwind
-// Horns of a barchan reach `horn_length` W downwind of the brink, each of them up to 0.3 of that more or less: its crest is made of two arcs of
-// ellipses. The crescents of a barchanoid ridge differ in width by up to 0.35.
+// The horns of a barchan reach `horn_length` W downwind of the brink, each up to 30 % longer or shorter. Its
+// crest consists of two elliptic arcs. The widths of a barchanoid ridge's crescents vary by up to 35 %.
 //
-// Profile. Slip faces are straight at `slip_angle`. A windward side is a smoothstep from the brink to the foot, whose steepest slope is
-// 1.5 H/L; where that is less than `windward_angle` it is steepened by a flat part at the brink, at most 1/7 of L. With the lines above
-// H = 4 to 8 m come to 12 degrees, lower dunes to less (2 m: 9), as in the field. A seif and the arms of a star have a slip face over the
-// upper 0.55 of both sides and a plinth below, a parabola that runs out flat.
-// A barchan's slices along the wind are copies of the middle one, smaller towards the horns: with the share f = 1 - x / depth of a brink
-// that is x downwind of its middle, the height is f H and the windward length f L, so that stoss foot and brink meet at the horns. (Brink and
-// windward foot are such curves in the field: Sauermann et al., "The shape of the barchan dunes of Southern Morocco", Geomorphology 36,
-// 2000.) This takes widths along the wind: the windward side is stretched along it, twice for barchans and 1.5 times for ridges
-// (outer_slope_stretch; with more, flanks get as steep as slip faces: with twice, H = 5 m comes to 29 degrees there). The flanks lie beyond
-// the crest, which is 0.93 W wide: W is within 6 % of its line for H = 2 to 20 m, L, found where the surface is 0.002 H high, 3 % short.
-// DuneShape's distance to a curved crest is not exactly the distance (see there). slope_width is set to its value at the stoss foot. A slip
-// face is within 1 degree of `slip_angle` in the middle; where the crest bends it is up to 2 degrees steeper, in the joints of a barchanoid 4.
-// `crest_radius` rounds crests over about a cell of the grid, where their steps would show in light and shadow.
+// Profile. Slip faces are straight at `slip_angle`. A windward side is a smoothstep from the brink to the
+// foot; its steepest slope is 1.5 H/L. If that is less than `windward_angle`, the side is steepened by a flat
+// part at the brink, at most 1/7 of L long. With the regression lines, H = 4 to 8 m reach 12 degrees and
+// lower dunes less (2 m: 9), as in the field. A seif and the arms of a star have a slip face over the upper
+// 0.55 of both sides and a plinth below, a parabola that runs out flat. All slices of a barchan along the
+// wind are scaled copies of the middle one, smaller towards the horns: where the brink is x downwind of its
+// middle, the fraction f = 1 - x / depth gives the height f H and the windward length f L, so stoss foot and
+// brink meet at the horns. (Brink and windward foot have such shapes in the field: Sauermann et al., "The
+// shape of the barchan dunes of Southern Morocco", Geomorphology 36, 2000.) This requires widths measured
+// along the wind: the windward side is stretched along the wind, by 2 for barchans and by 1.5 for ridges
+// (outer_slope_stretch; larger factors make flanks as steep as slip faces: with 2, H = 5 m reaches 29 degrees
+// there). The flanks extend beyond the crest, which is 0.93 W wide. For H = 2 to 20 m, W is within 6 % of its
+// line. L, measured where the surface is 0.002 H high, is 3 % short. DuneShape's distance to a curved crest
+// is not the exact distance (see dune_shape.cpp); slope_width is set to its value at the stoss foot. A slip
+// face is within 1 degree of `slip_angle` in the middle. It is up to 2 degrees steeper where the crest bends
+// and up to 4 in the joints of a barchanoid. `crest_radius` rounds crests over about a grid cell, to hide
+// grid steps in light and shadow.
 //
-// Place. Every place is a function of the seed and a cell (i, j, k), never of the area or of other dunes' edits; the id is that cell, packed:
-// 20 bits of i, 20 of j, 12 of k. Ids are unique within 2^20 cells in either direction, and exact as doubles.
-//     random   dart throwing without memory: 4 darts for every square of the least spacing, each with a hashed place, priority and
-//              spacing; a dart stays if no dart of higher priority that stays is nearer than the mean of their spacings. Whether it
-//              stays is looked up by recursion over neighbours of ever higher priority, so that the answer is that of the
-//              endless plane. Spacings above 8 times the least are taken as 8 times.
-//     cells    a lattice along the wind; neighbours of a row or a column are between both spacings apart along it
-//     across   rows across the wind, each shifted sideways and by less than half the spread of the spacing along the wind. Ridges
-//              across the wind follow each other in a row by the mean ridge length, seifs and other dunes by the mean spacing
-//     along    along each curve, both spacings as lengths along the curve
-// No two are nearer than spacing[0], along a curve or a row where the arrangement has those.
+// Place. Each place is a function of the seed and a cell (i, j, k) only, independent of the area and of edits
+// of other dunes. The id is that cell, packed: 20 bits of i, 20 of j, 12 of k. Ids are unique within 2^20
+// cells in either direction, and exact as doubles.
+//     random   stateless dart throwing: 4 darts for every square of the minimum spacing, each with a hashed
+//              place, priority and spacing. A dart is accepted if no accepted dart of higher priority is closer
+//              than the mean of their spacings. This is evaluated by recursion over neighbours of ever higher
+//              priority, so the result is that of the infinite plane. Spacings above 8 times the minimum are
+//              clamped to 8 times.
+//     cells    a lattice along the wind; neighbours in a row or a column are spacing[0] to spacing[1] apart
+//     across   rows across the wind, each shifted sideways and, along the wind, by up to a quarter of the width
+//              of the spacing range. In a row, ridges across the wind follow each other at the mean ridge
+//              length, seifs and other dunes at the mean spacing
+//     along    along each curve, both spacings as arc lengths
+// No two dunes are closer than spacing[0]; `along` and `across` measure it along the curve or the row.
 //
-// Merging. Where dunes overlap, their thicknesses a and b meet by the smooth maximum of layer.h over k with
+// Merging. Overlapping thicknesses a and b are merged by the smooth maximum of layer.h over k, with
 //     1/k = 1/merge + 1/(2a) + 1/(2b)
-// k goes to 0 with either thickness, so that a dune changes nothing beyond its foot, and k has no crease. This is commutative but not
-// associative: dunes are taken by ascending id.
+// k goes to 0 with either thickness, so a dune changes nothing beyond its foot, and k has no crease. The
+// operation is commutative but not associative: dunes are merged in order of id.
 //
-// The layer looks beyond the domain by mass_reach(), so that a part of a desert is the same as the whole there. Cost: a dune about
-// 10 us to describe and 30 us to resample and to bound, then what DuneShape takes a sample and segment. 1,013 dunes of 2 to 6 m on
-// 2048^2 samples: 0.05 s and 0.4 s of both threads together.
+// The layer generates dunes up to mass_reach() beyond the domain, so that a cropped terrain matches the
+// whole. Cost: a dune takes about 10 us to describe and 30 us to resample and to bound, plus the cost of
+// DuneShape a sample and segment. 1,013 dunes of 2 to 6 m on 2048^2 samples: 0.05 s and 0.4 s of CPU time on
+// two threads.
 //
-// Out and in. With `list`, `marram info SCENE` prints every dune as [[curves]] and a layer of type dune, edits applied, to be pasted in place
-// of the layer (below [[procedural]], as TOML has it) and edited further. Heights are those of the layer within 1e-4 of the dune's (curves
-// are floats), where the dunes stand on ground without sand, or do not overlap. With sand below them they cannot both be merged among
-// themselves and be added to it: where two overlap each is combined by itself. Drawn by "replace" their feet do not fade.
+// Export. With `list`, `marram info SCENE` prints each dune, edits applied, as [[curves]] and a layer of type
+// dune. The text can replace the layer (below [[procedural]], as TOML requires) and be edited further.
+// Heights match within 1e-4 of the dune's height (curves are floats) if the ground has no sand below the
+// dunes, or if they do not overlap. With sand below, drawn dunes are combined with it one by one, so overlaps
+// differ: they cannot be merged with each other first. With "replace" the feet of drawn dunes do not fade.
 //
 //     [[procedural.layer]]
 //     type = "mass_desert"
@@ -90,7 +102,7 @@ constexpr double least_height = 1e-3, most_height = 1e3, least_spacing = 0.1, mo
 constexpr std::array<std::string_view, 8> mass_kinds = {"barchan", "barchanoid", "transverse", "seif",
                                                         "star",    "dome",       "parabolic",  "nabkha"};
 
-// What a hash is for: the words that tell the random numbers of one dune apart.
+// Keys of the random numbers of one dune.
 enum class MassUse : uint64_t {
     place_x,
     place_z,
@@ -98,11 +110,11 @@ enum class MassUse : uint64_t {
     priority,
     density,
     height,
-    angle, // and three more
+    angle, // 4
     cover = angle + 4,
     variability,
     length,
-    wave,             // and 7 more
+    wave,             // 8
     crest = wave + 8, // heights along the crest, 16
     arm = crest + 16, // 16
     noise = arm + 16,
@@ -120,7 +132,7 @@ struct MassHash {
         return range.x() + (range.y() - range.x()) * (*this)(use);
     }
     double jitter(MassUse use, int more = 0) const { return 2.0 * (*this)(use, more) - 1.0; }
-    // Mean 0, variance 1, bounded by 3.5: the sum of four uniform numbers.
+    // Approximately normal: mean 0, variance 1, bounded by 3.5 (sum of four uniform numbers).
     double normal(MassUse use) const {
         double sum = -2.0;
         for (int i = 0; i < 4; ++i) sum += (*this)(use, i);
@@ -159,7 +171,7 @@ uint64_t mass_seed(const MassSettings& settings) {
 
 int64_t mass_cell(double x, double size) { return int64_t(std::floor(x / size)); }
 
-// Dart throwing without memory: see the page.
+// Stateless dart throwing; see the head of this file.
 class MassDarts {
   public:
     explicit MassDarts(const MassSettings& settings)
@@ -255,7 +267,7 @@ MassKind mass_field_kind(const MassSettings& s) {
     return s.kind ? *s.kind : regime_kind(s.sand_cover, s.wind_variability, s.plants);
 }
 
-// A lattice along the wind: its pitch downwind and across, how far a place leaves its node, and whether rows are shifted.
+// A lattice along the wind: pitch and jitter of its nodes, downwind and across, and whether rows are shifted.
 struct MassLattice {
     Vec2d pitch, jitter;
     bool rows;
@@ -299,7 +311,7 @@ void lattice_places(const MassSettings& settings, const MassArea& area, std::vec
     }
 }
 
-// Where the dune stands whose place on the curve is segment p q.
+// Downwind axis of a dune on curve segment p q, radians from x to z.
 double followed_angle(const MassSettings& settings, const Vec2d& p, const Vec2d& q) {
     const double wind = mass_wind_angle(settings);
     if (!settings.follow) return wind;
@@ -334,7 +346,7 @@ void curve_places(const MassSettings& settings, const MassArea& area, std::vecto
     }
 }
 
-// About how many places the area asks for, from above.
+// An approximate upper bound of the number of places in the area.
 double mass_count(const MassSettings& s, const MassArea& area) {
     const double mean = 0.5 * s.spacing.sum();
     if (s.arrangement == MassArrangement::along) {
@@ -348,18 +360,18 @@ double mass_count(const MassSettings& s, const MassArea& area) {
     }
     const Vec2d size = area.upper - area.lower;
     if (s.arrangement == MassArrangement::random) {
-        constexpr double packing = 0.7; // dunes a square of their mean spacing, where nothing more fits
+        constexpr double packing = 0.7; // dunes per squared mean spacing, in a maximal packing
         const double reach = std::min(mean, 4.5 * s.spacing.x());
         return packing * (size.x() / reach + 1.0) * (size.y() / reach + 1.0);
     }
     const MassLattice lattice = mass_lattice(s);
-    const double diagonal = size.norm(); // cells of a square around the turned area are looked at
+    const double diagonal = size.norm(); // side of a square that bounds the rotated area
     return (diagonal / lattice.pitch.x() + 1.0) * (diagonal / lattice.pitch.y() + 1.0);
 }
 
 std::vector<MassPlace> mass_places(const MassSettings& settings, const MassArea& area) {
     std::vector<MassPlace> places;
-    constexpr double farthest = 1e9; // metres: a cell's number fits its integer
+    constexpr double farthest = 1e9; // metres: cell indices fit their integers
     if (!area.lower.allFinite() || !area.upper.allFinite() ||
         !(area.lower.array() < area.upper.array()).all() || area.lower.cwiseAbs().maxCoeff() > farthest ||
         area.upper.cwiseAbs().maxCoeff() > farthest)
@@ -387,8 +399,8 @@ std::vector<MassPlace> mass_places(const MassSettings& settings, const MassArea&
 
 // ---- Shapes: crests in metres, x downwind and y across, from the dune's place ----------------------------------------------
 
-// The distance of dune_shape.cpp from a crest, with `stretch` across the wind, and the share of a width that it meets there, for
-// ramps linear along each segment.
+// The distance from a crest as in dune_shape.cpp, stretched by `stretch` across the wind. `share`: the
+// effective value of the ramp `width` there, which must be linear along each segment.
 double crest_distance(const std::vector<Vec2d>& crest, const Ramp& width, double stretch, const Vec2d& at,
                       double& share) {
     double length = 0.0, begin = 0.0, sum = 0.0, weighted = 0.0;
@@ -399,7 +411,7 @@ double crest_distance(const std::vector<Vec2d>& crest, const Ramp& width, double
         if (!(plain > 0.0)) continue;
         const Vec2d wide(edge.x(), stretch * edge.y());
         const double l = wide.norm();
-        constexpr int steps = 4; // Simpson's rule: the foot is several segments away
+        constexpr int steps = 4; // Simpson's rule: accurate, as the foot is several segments away
         for (int k = 0; k <= steps; ++k) {
             const double t = double(k) / steps;
             const Vec2d to = crest[i] + t * edge - at;
@@ -415,7 +427,7 @@ double crest_distance(const std::vector<Vec2d>& crest, const Ramp& width, double
     return std::pow(0.75 * sum, -0.25);
 }
 
-// slope_width with which the foot lies there.
+// The slope_width that puts the foot of the slope at `foot`.
 double width_to(const std::vector<Vec2d>& crest, const Ramp& width, double stretch, const Vec2d& foot) {
     double share = 1.0;
     const double distance = crest_distance(crest, width, stretch, foot, share);
@@ -429,33 +441,35 @@ Ramp mass_ramp(std::initializer_list<double> knots, std::string_view interpolati
 double field_width(double height) { return 8.6 * height + 8.8; }
 double field_length(double height) { return 5.5 * height + 10.8; }
 
-// The windward profile: smoothstep from a flat part at the brink to the foot.
+// The windward profile: a flat part at the brink, then a smoothstep to the foot.
 Ramp windward_profile(const MassSettings& s, double height, double length) {
-    constexpr double steepest = 1.75; // of the profile in units of height / length: a flat part of 1/7
+    constexpr double steepest = 1.75; // maximum slope in units of height / length: a flat part of 1/7
     const double wanted = std::tan(s.windward_angle) * length / height;
     const double factor = wanted > 1.5 ? std::min(wanted, steepest) : 1.5;
     const double flat = 1.0 - 1.5 / factor;
     return mass_ramp({flat, 1.0, 1.0, 0.0});
 }
 
-// How much further a windward side reaches along the wind than across it: of a barchan, of a ridge.
+// Stretch of the windward side along the wind, relative to across, of barchans and of ridges.
 constexpr double barchan_stretch = 2.0, ridge_stretch = 1.5;
 
-// An arc of an ellipse from (depth, -width / 2) through (0, 0) to (depth, width / 2); its ends turn 75 degrees.
+// A point on an elliptic arc from (depth, -width / 2) through (0, 0) to (depth, width / 2), 75 degrees to
+// either side.
 Vec2d crescent_point(double t, double width, double depth) { // t from -1 to 1
     constexpr double end = 75.0 * degree;
     return {depth * (1.0 - std::cos(end * t)) / (1.0 - std::cos(end)),
             0.5 * width * std::sin(end * t) / std::sin(end)};
 }
 
-std::vector<Vec2d> crescent(double width, const Vec2d& depths, int segments) { // depths of its two halves
+std::vector<Vec2d> crescent(double width, const Vec2d& depths, int segments) { // depths: of the two halves
     std::vector<Vec2d> crest;
     for (int i = 0; i <= segments; ++i)
         crest.push_back(crescent_point(2.0 * i / segments - 1.0, width, depths[2 * i > segments]));
     return crest;
 }
 
-// 1 at the middle of a crescent and 0 at its ends, as x goes from 0 to its depth; a knot for each of its points.
+// 1 at the middle of a crescent and 0 at its ends: linear in x from 0 to its depth. One knot for each crest
+// point.
 Ramp crescent_share(const std::vector<Vec2d>& crest) {
     std::vector<double> arc = {0.0}, knots;
     for (size_t i = 1; i < crest.size(); ++i) arc.push_back(arc.back() + (crest[i] - crest[i - 1]).norm());
@@ -466,24 +480,25 @@ Ramp crescent_share(const std::vector<Vec2d>& crest) {
     return Ramp(knots, "linear");
 }
 
-// The windward side reaches along the wind, whatever the line between the crest's ends.
+// Stretches the windward side along the wind, independent of the direction of the crest's chord.
 void windward_along_wind(MassDune& dune, double stretch) {
     const Vec2d chord = dune.crests[0].back() - dune.crests[0].front();
     dune.settings.outer_slope_stretch = stretch;
     dune.settings.outer_slope_turn = std::atan2(chord.x(), chord.y());
 }
 
-// Slices along the wind are copies of the middle one, smaller towards the horns: height and windward length both go with
-// 1 - x / depth of the brink. So the windward foot is the brink's ellipse, drawn out from `depth` to L + depth.
+// Slices along the wind are scaled copies of the middle one: height and windward length are both proportional
+// to 1 - x / depth of the brink. So the windward foot is the brink's ellipse, stretched from `depth` to L +
+// depth.
 void make_barchan(const MassSettings& s, const MassHash& random, MassDune& dune) {
     const double h = dune.height;
     dune.width = field_width(h);
     dune.length = field_length(h);
     DuneSettings& d = dune.settings;
-    constexpr double unlike = 0.3; // horns of one dune are of different lengths
+    constexpr double unlike = 0.3; // relative variation of the horns' lengths
     const Vec2d horns(1.0 + unlike * random.jitter(MassUse::wave),
                       1.0 + unlike * random.jitter(MassUse::wave, 1));
-    constexpr double span = 0.93; // of the crest, share of W: the flanks reach further
+    constexpr double span = 0.93; // crest width as a fraction of W: the flanks extend beyond the crest
     dune.crests = {crescent(span * dune.width, s.horn_length * dune.width * horns, 16)};
     d.main_curve_shape = d.outer_slope_fall_off_along_curve = crescent_share(dune.crests[0]);
     windward_along_wind(dune, barchan_stretch);
@@ -493,14 +508,14 @@ void make_barchan(const MassSettings& s, const MassHash& random, MassDune& dune)
     d.inner_slope_angle = s.slip_angle;
 }
 
-// Heights along a ridge: 0 at its ends, towards which it gets lower, between `low` and 1 within.
+// Heights along a ridge: 0 at its ends; within it random between `low` and 1, tapered towards the ends.
 Ramp ridge_heights(const MassHash& random, double low) {
     constexpr int inner = 7;
     constexpr std::array<double, inner> taper = {0.6, 0.9, 1.0, 1.0, 1.0, 0.9, 0.6};
     std::array<double, inner> heights;
     for (int i = 0; i < inner; ++i)
         heights[size_t(i)] = taper[size_t(i)] * (low + (1.0 - low) * random(MassUse::crest, i));
-    heights[2 + size_t(random(MassUse::crest, inner) * 3.0)] = 1.0; // one of them is the dune's height
+    heights[2 + size_t(random(MassUse::crest, inner) * 3.0)] = 1.0; // one knot has the dune's full height
     std::vector<double> knots = {0.0, 0.0};
     for (int i = 0; i < inner; ++i)
         knots.insert(knots.end(), {(i + 1.0) / (inner + 1.0), heights[size_t(i)]});
@@ -508,7 +523,8 @@ Ramp ridge_heights(const MassHash& random, double low) {
     return Ramp(knots, "smooth");
 }
 
-// Sideways displacement of a ridge's crest, t from 0 to 1: two waves that differ from ridge to ridge, and 0 in the mean of many.
+// Sideways displacement of a ridge's crest, t in [0, 1]: two sine waves with random parameters; the mean over
+// many ridges is 0.
 double ridge_wave(const MassHash& random, double length, double sinuosity, double t) {
     const double waves = 1.5 + random(MassUse::wave), second = 2.1 + 0.8 * random(MassUse::wave, 1);
     const double a = 2.0 * pi * (waves * t + random(MassUse::wave, 2));
@@ -536,7 +552,7 @@ void make_transverse(const MassSettings& s, const MassHash& random, MassDune& du
     d.inner_slope_angle = s.slip_angle;
 }
 
-// Where crescents of different widths join, shares of the ridge's width.
+// The joints between crescents of different widths, as fractions of the ridge's width.
 std::vector<double> barchanoid_ends(const MassHash& random, int links) {
     std::vector<double> ends = {0.0};
     for (int link = 0; link < links; ++link)
@@ -546,7 +562,7 @@ std::vector<double> barchanoid_ends(const MassHash& random, int links) {
     return ends;
 }
 
-// Two to four crescents, joined at their horns, where the crest is lower and points downwind.
+// Two to four crescents joined at their horns. At the joints the crest is lower and points downwind.
 void make_barchanoid(const MassSettings& s, const MassHash& random, MassDune& dune) {
     dune.width = random.in(s.ridge_length, MassUse::length);
     dune.length = field_length(dune.height);
@@ -581,8 +597,8 @@ void make_barchanoid(const MassSettings& s, const MassHash& random, MassDune& du
 
 // A slip face over the upper 0.55 of the height, and a plinth that runs out flat.
 Ramp face_and_plinth() {
-    constexpr double face = 0.55, share = 0.22; // of the height, of the width
-    constexpr int steps = 24;                   // so many that the edges between them are not seen
+    constexpr double face = 0.55, share = 0.22; // slip face: fractions of the height and of the width
+    constexpr int steps = 24;                   // enough to hide the edges between the linear pieces
     std::vector<double> knots = {0.0, 1.0};
     for (int i = 0; i <= steps; ++i) {
         const double t = double(i) / steps, rest = 1.0 - t;
@@ -591,7 +607,7 @@ Ramp face_and_plinth() {
     return Ramp(knots, "linear");
 }
 
-// Both sides alike. Widths go with the height, so that the angles hold all along.
+// Makes both sides equal. Widths are proportional to the height, so that slopes are constant along the crest.
 void two_slip_faces(const MassSettings& s, MassDune& dune) {
     DuneSettings& d = dune.settings;
     d.outer_slope_shape = d.inner_slope_shape = face_and_plinth();
@@ -653,7 +669,7 @@ void make_dome(const MassSettings&, MassDune& dune) {
     dune.length = field_length(dune.height);
 }
 
-// A U whose arms point upwind, held by plants; the slip face is on the outside of its nose.
+// A U-shaped dune whose arms, fixed by plants, point upwind. The slip face is on the outside of its nose.
 void make_parabolic(const MassSettings& s, MassDune& dune) {
     dune.width = field_width(dune.height);
     dune.length = field_length(dune.height);
@@ -687,7 +703,7 @@ MassKind mass_kind(const MassSettings& s, const MassHash& random, double height)
     const double cover = s.sand_cover + s.kind_mixing * random.jitter(MassUse::cover);
     const double variability = s.wind_variability + s.kind_mixing * random.jitter(MassUse::variability);
     const MassKind kind = regime_kind(cover, variability, s.plants);
-    constexpr double lowest_barchan = 1.0; // metres: lower ones have no slip face
+    constexpr double lowest_barchan = 1.0; // metres: lower barchans have no slip face
     return kind == MassKind::barchan && height < lowest_barchan ? MassKind::dome : kind;
 }
 
@@ -712,7 +728,8 @@ void make_shape(const MassSettings& s, const MassHash& random, MassDune& dune) {
     }
 }
 
-// Smoothing that rounds the corners of the polyline, no more; about as many segments as it has points.
+// Sets smoothing to just round the corners of the polyline, and resampling to about as many segments as it
+// has points.
 void resample_as_drawn(MassDune& dune) {
     double length = 0.0, segments = 0.0;
     for (const std::vector<Vec2d>& crest : dune.crests)
@@ -751,8 +768,8 @@ MassDune make_dune(const MassSettings& s, const MassPlace& place, const std::vec
     dune.settings.boundary_noise = s.boundary_noise;
     dune.settings.boundary_noise_length = s.boundary_noise_length;
     dune.settings.flip =
-        true; // crests run from left to right as seen along the wind: the windward side is on their right
-    constexpr uint64_t most_seeds = 1'000'000'000; // that a layer may have
+        true; // crests run from left to right seen along the wind, so the windward side is on their right
+    constexpr uint64_t most_seeds = 1'000'000'000; // range of a layer's seed parameter
     dune.noise_seed = hash(random.word, uint64_t(MassUse::noise)) % most_seeds;
     dune.settings.seed = dune_noise_seed(s.terrain_seed, dune.noise_seed, 0);
     make_shape(s, random, dune);
@@ -763,7 +780,7 @@ MassDune make_dune(const MassSettings& s, const MassPlace& place, const std::vec
     return dune;
 }
 
-// Numbers within which the formulas hold. The scene's are within them already.
+// Clamps settings to the range in which the formulas are valid. Values from a scene are already in range.
 MassSettings bounded(MassSettings s) {
     const auto range = [](Vec2d& r, double low, double high) {
         r.x() = std::clamp(r.x(), low, high);
@@ -815,7 +832,8 @@ std::vector<MassDune> generate_dunes(const MassSettings& given, const Vec2d& low
 
 double mass_reach(const MassSettings& s) {
     const double h = s.height.y(), ridge = s.ridge_length.y();
-    // Half a ridge with its waves; a crescent's horns or a parabolic dune's arms; the arms of a star. And a slope.
+    // The crest: half a ridge with its waves; a crescent's horns or a parabolic dune's arms; a star's arms.
+    // Then the slope is added.
     const double crest =
         std::max({ridge * (0.5 + s.sinuosity / 1.5), (1.3 + s.horn_length) * field_width(h), 6.0 * h});
     return crest + std::max(2.0 * field_length(h), 2.2 * h / std::tan(s.slip_angle)) + s.boundary_noise;
@@ -868,7 +886,7 @@ MassLayer::MassLayer(const ShapeSettings& shape, const Domain& domain, std::vect
     bin();
 }
 
-// Counts, then fills: each tile has its dunes by ascending id.
+// Bins dunes by tile with a counting sort; each tile lists its dunes in order of id.
 void MassLayer::bin() {
     const int columns = (domain_.nx + Tiles::side - 1) / Tiles::side,
               rows = (domain_.nz + Tiles::side - 1) / Tiles::side;
@@ -902,8 +920,8 @@ bool MassLayer::touches(const Rect& rect) const {
     return false;
 }
 
-// Merges the samples [i0, i1) of a dune's row. The row starts in the tile's column `begin`, whatever i0 is: where a row starts
-// decides how its positions round.
+// Merges one dune into samples [i0, i1) of row j. The row always starts at the tile's column `begin`,
+// independent of i0, because the start affects the rounding of positions.
 void MassLayer::add_row(const DuneShape& dune, int begin, int i0, int i1, int j, double* own) const {
     const double z = domain_.z(j);
     if (z < dune.lower().y() || z > dune.upper().y()) return;
@@ -928,8 +946,8 @@ void MassLayer::shape(int i0, int i1, int j, double* own, double* share) const {
             for (const DuneShape& dune : *placed_[in_tile_[n]].arms)
                 add_row(dune, begin, from, to, j, own + (from - i0));
     }
-    // A thickness of 0 has no share. Where combining with 0 changes what is below, the share grows with the thickness, so that the
-    // foot is no step.
+    // The weight is 0 where the thickness is 0. In mode "replace" it grows smoothly with the thickness, so
+    // that the foot has no step.
     const bool fades = settings().mode == Combine::replace;
     const double full = fades ? settings().smooth : 0.0;
     for (int k = 0; k < i1 - i0; ++k) {
@@ -952,7 +970,8 @@ std::vector<std::pair<std::string, double>> MassLayer::report() const {
 
 namespace {
 
-// The greatest distance of two resampled crests' points; infinity where one has more of them.
+// The largest distance between corresponding points of two resampled crests; infinity if their point counts
+// differ.
 double crests_apart(const DuneShape& a, const DuneShape& b) {
     const std::vector<Vec2d> of_a = a.crest(), of_b = b.crest();
     if (of_a.size() != of_b.size()) return infinity;
@@ -961,8 +980,9 @@ double crests_apart(const DuneShape& a, const DuneShape& b) {
     return apart;
 }
 
-// Settings with which a crest whose points are floats, as those of a scene are, is resampled at the same places. Crests are about a whole
-// number of spacings long: a rounding would make one point more or less, which a tiny change of the spacing prevents.
+// Settings that resample a crest with float points, as in a scene, at the same places. Crests are close to a
+// whole number of spacings long, so rounding could add or drop a point; a tiny change of the spacing prevents
+// this.
 DuneSettings settings_of_drawn(const std::vector<Vec2d>& crest, const DuneSettings& settings) {
     const DuneShape own(crest, false, settings);
     std::vector<Vec2d> floats;
@@ -976,7 +996,8 @@ DuneSettings settings_of_drawn(const std::vector<Vec2d>& crest, const DuneSettin
         const double apart = crests_apart(own, DuneShape(floats, false, tried));
         if (apart < nearest) best = tried, nearest = apart;
     }
-    // A field's dunes count whole, also where a stretched slope goes on beyond the foot that masks end at.
+    // In this layer the mask is 1 on the whole dune, even where a stretched slope extends beyond the foot.
+    // Match that.
     best.mask_fall_off = Ramp();
     best.max_dist = own.reach();
     return best;
@@ -987,7 +1008,7 @@ DuneSettings settings_of_drawn(const std::vector<Vec2d>& crest, const DuneSettin
 std::string MassLayer::described(size_t index, const Fields& below) const {
     std::string text;
     if (!lists_) return text;
-    // On bare ground any mode but "replace" leaves the dunes merged as they are among themselves.
+    // On ground without sand all modes except "replace" keep the merged thickness of the dunes.
     bool bare = !settings().bedrock && settings().mode != Combine::replace;
     for (size_t sample = 0; bare && sample < domain_.count(); ++sample) bare = below.sand[sample] == 0;
     constexpr const char* modes[] = {"add", "maximum", "replace", "smooth_maximum"}; // [Combine]
@@ -1001,7 +1022,7 @@ std::string MassLayer::described(size_t index, const Fields& below) const {
                 points += fmt::format("{}[{}, 0, {}]", points.empty() ? "" : ", ", p.x(), p.y());
             DuneSettings drawn = settings_of_drawn(dune.crests[arm], dune.settings);
             if (settings().mode == Combine::replace)
-                drawn.max_dist = 0.0; // or it would replace beyond the foot
+                drawn.max_dist = 0.0; // otherwise it would replace sand beyond the foot
             text += fmt::format("\n# {} {} at {:.6g}, {:.6g}\n[[curves]]\nname = \"{}\"\ntype = \"points\"\n"
                                 "points = [{}]\n\n[[procedural.layer]]\ntype = \"dune\"\nalong = \"{}\"\n{}",
                                 mass_kind_name(dune.kind), dune.id, dune.at.x(), dune.at.y(), name, points,
@@ -1149,7 +1170,7 @@ MassSettings read_mass(const LayerContext& context) {
     return s;
 }
 
-// The area that is asked for, or the terrain and what reaches into it.
+// The area of the scene; by default the terrain plus mass_reach() on all sides.
 MassArea read_area(const LayerContext& context, const MassSettings& settings) {
     const Domain& domain = context.domain;
     const Vec2d margin = Vec2d::Constant(mass_reach(settings));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Many dunes from a few numbers: each one a description (crest curves and settings) with an id that stays, so that every single one
-// can be edited. The page of the model is in mass_desert.cpp.
+// A field of many dunes from a few parameters. Each dune is a description (crest curves and settings) with a
+// stable id, so that it can be edited individually. The model is documented in mass_desert.cpp.
 #pragma once
 
 #include "procedural/terrain/dune_shape.h"
@@ -17,7 +17,8 @@ enum class MassArrangement { random, along, across, cells };
 
 std::string_view mass_kind_name(MassKind kind);
 
-// A change of one dune. `move` in x and z; `rotate` in radians, from x to z; `scale` of everything, `height_factor` of the height alone.
+// An edit of one dune. `move`: x and z; `rotate`: radians, from x to z; `scale`: all lengths;
+// `height_factor`: the height alone.
 struct DuneEdit {
     uint64_t id = 0;
     Vec2d move = Vec2d::Zero();
@@ -28,74 +29,74 @@ struct DuneEdit {
 // Lengths in metres, angles in radians; ranges are low and high.
 struct MassSettings {
     MassArrangement arrangement = MassArrangement::random;
-    std::optional<MassKind> kind;  // nothing: by the regime chart
+    std::optional<MassKind> kind;  // none: from the regime chart
     double sand_cover = 0.2;       // 0: bare ground; 1: sand everywhere
-    double wind_variability = 0.1; // 1 - RDP / DP: 0 one direction, 1 from all round
-    double plants = 0.0;           // share of the ground that plants cover
-    double kind_mixing = 0.05;     // how far cover and variability differ from dune to dune, at most
+    double wind_variability = 0.1; // 1 - RDP / DP: 0: one direction; 1: all directions
+    double plants = 0.0;           // fraction of the ground covered by plants
+    double kind_mixing = 0.05;     // largest deviation of a dune's cover and variability
     Vec2d height = Vec2d(2.0, 6.0);
     Vec2d spacing = Vec2d(80.0, 140.0);
     Vec2d ridge_length = Vec2d(150.0, 300.0); // of transverse, barchanoid and seif crests
-    double density = 1.0;                     // share of the places that hold a dune
+    double density = 1.0;                     // fraction of the places that have a dune
     double dispersion = 8.0 * degree;         // standard deviation of the orientation
     double slip_angle = 33.0 * degree;
-    double windward_angle = 12.0 * degree; // steepest part of the windward side, as far as the profile can
-    double horn_length = 0.3;              // of a barchan, share of its width
-    double sinuosity = 0.08;               // amplitude of a ridge's waves, share of their length
+    double windward_angle = 12.0 * degree; // steepest part of the windward side, within the profile's limits
+    double horn_length = 0.3;              // of a barchan, as a fraction of its width
+    double sinuosity = 0.08;               // amplitude of a ridge's waves, as a fraction of their wavelength
     double crest_radius = 0.0;             // metres over which crests are rounded
     double boundary_noise = 0.0, boundary_noise_length = 20.0;
     Vec2d wind = Vec2d(1.0, 0.0); // unit: where the resultant wind goes to, x and z
     uint64_t seed = 0;
-    uint64_t terrain_seed = 0;              // boundary noise comes from it, as that of a drawn dune does
+    uint64_t terrain_seed = 0;              // for boundary noise, as for a drawn dune
     std::vector<std::vector<Vec2d>> curves; // arrangement along: x and z
     bool follow =
-        false; // along: dunes lie across the curve, on the side that the wind goes to; else as the wind has it
+        false; // along: the downwind axis is the curve's normal on the lee side; else the wind direction
     std::vector<DuneEdit> edits;
 };
 
 struct MassDune {
     uint64_t id = 0;
     MassKind kind = MassKind::barchan;
-    std::vector<std::vector<Vec2d>> crests; // 9 to 33 points each
-    DuneSettings settings;                  // of all its crests
-    uint64_t noise_seed = 0;                // what settings.seed is made from: the seed of a drawn dune
-    Vec2d at = Vec2d::Zero();               // middle of the crest; of a star and a nabkha the peak
-    double angle = 0.0;                     // downwind axis, from x to z
-    double height = 0.0, width = 0.0, length = 0.0; // metres, as the page defines them
+    std::vector<std::vector<Vec2d>> crests;         // 9 to 33 points each
+    DuneSettings settings;                          // shared by all its crests
+    uint64_t noise_seed = 0;                        // seed of the equivalent drawn dune; gives settings.seed
+    Vec2d at = Vec2d::Zero();                       // middle of the crest; for stars and nabkhas the peak
+    double angle = 0.0;                             // downwind axis, from x to z
+    double height = 0.0, width = 0.0, length = 0.0; // metres, as defined in mass_desert.cpp
 };
 
-// The kind of the regime chart. All three between 0 and 1.
+// The kind given by the regime chart. All arguments are between 0 and 1.
 MassKind regime_kind(double sand_cover, double wind_variability, double plants);
 
-// The most dunes that an area may ask for; more is a SceneFault.
+// Maximum number of dunes in an area; more is a SceneFault.
 inline constexpr double most_mass_dunes = 100'000;
 
-// All dunes whose place before edits is in [lower, upper), by ascending id. Depends on settings and area only.
+// All dunes whose place before edits is in [lower, upper), sorted by id. Depends only on settings and area.
 std::vector<MassDune> generate_dunes(const MassSettings& settings, const Vec2d& lower, const Vec2d& upper);
 
-// How far a dune without edits may extend from its place.
+// Upper bound, in metres, of how far an unedited dune extends from its place.
 double mass_reach(const MassSettings& settings);
 
 class MassLayer : public ShapeLayer {
   public:
-    // Dunes by ascending id. `merge`: metres over which two of them blend. `before`: a layer whose dunes are taken over where they are the
-    // same; may be NULL.
+    // `dunes`: sorted by id. `merge`: metres over which two dunes blend. `before`: a layer whose unchanged
+    // dunes are reused; may be NULL.
     MassLayer(const ShapeSettings& shape, const Domain& domain, std::vector<MassDune> dunes, double merge,
               const MassLayer* before = nullptr);
 
-    // What it was made from: to be shown, edited and baked out.
+    // The dunes of the layer, for display, editing and baking.
     const std::vector<MassDune>& dunes() const { return dunes_; }
     Tiles changed_since(const Layer& before, const Domain& domain) const override;
-    // Of each dune x, z and height by its id, where the layer is asked to list them.
+    // x, z and height of each dune, by id, if listing is on.
     std::vector<std::pair<std::string, double>> report() const override;
-    // Their crests as curves and layers of type dune. The page says how near the heights come.
+    // The dunes as [[curves]] and layers of type dune, if listing is on. mass_desert.cpp gives the accuracy.
     std::string described(size_t index, const Fields& below) const override;
     void list_dunes(bool list) { lists_ = list; }
 
   private:
     struct Placed {
         uint64_t id = 0, digest = 0;
-        std::shared_ptr<const std::vector<DuneShape>> arms; // one for each crest
+        std::shared_ptr<const std::vector<DuneShape>> arms; // one for each non-empty crest
         Vec2d lower = Vec2d::Zero(), upper = Vec2d::Zero();
     };
 
@@ -109,7 +110,7 @@ class MassLayer : public ShapeLayer {
     double merge_;
     bool lists_ = false;
     std::vector<MassDune> dunes_;
-    std::vector<Placed> placed_; // those that reach into the domain
+    std::vector<Placed> placed_; // the dunes that overlap the domain
     std::vector<uint32_t> tile_begin_,
         in_tile_; // dunes of tile t: in_tile_[tile_begin_[t] ... tile_begin_[t + 1])
 };

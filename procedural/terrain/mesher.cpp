@@ -1,42 +1,48 @@
 // SPDX-License-Identifier: Apache-2.0
-// Greedy refinement of a Delaunay triangulation in tiles (Garland and Heckbert, "Fast Polygonal Approximation of Terrains and
-// Height Fields", 1995): the sample with the greatest error of all becomes a vertex, until no error is beyond the tolerance.
+// Greedy refinement of a Delaunay triangulation in tiles (Garland and Heckbert, "Fast Polygonal Approximation
+// of Terrains and Height Fields", 1995): the sample with the largest error becomes a vertex, until no error
+// exceeds the tolerance.
 //
-// Error of a sample in a triangle of vertices a, b, c:  e = |wa ha + wb hb + wc hc - h| / t,  w the sample's barycentric
-// coordinates, h heights, t its tolerance: constant, or with cameras  t = max(metres, pixels angle min |sample - camera|).
-// A sample on an edge counts in both triangles. Samples bound nothing between them: where an edge of the mesh crosses an edge of the
-// growth surface the two can differ by more than t.
+// Error of a sample in a triangle of vertices a, b, c:  e = |wa ha + wb hb + wc hc - h| / t,  w the sample's
+// barycentric coordinates, h heights, t its tolerance: constant, or with cameras  t = max(metres, pixels
+// angle min |sample - camera|). A sample on an edge counts in both triangles. The error between samples is
+// not bounded: where a mesh edge crosses an edge of the growth surface, the two surfaces can differ by more
+// than t.
 //
-// Gradient: a renderer mixes the normals of a triangle's vertices. A long triangle with one vertex on the foot of a dune can be
-// within t of the ground and still carry the foot's normal metres out over it. With a tolerance g of the gradient
+// Gradient: a renderer interpolates the vertex normals of a triangle. A long triangle with one vertex at the
+// foot of a dune can be within t of the ground and still spread the foot's normal over metres of ground. With
+// a gradient tolerance g
 //   e = max(e, |wa ga + wb gb + wc gc - grad h| / g),   g = gradient max(1, angle min |sample - camera| / cell),
-// grad h by central differences (to one side at the border of the domain), |.| the length of the vector in the plane. The second
-// factor is a pixel's width in cells, where there are cameras. Light of unit strength at elevation s then falls on level ground with
-// an error below g cot(s) of itself. Normals are mixed after they have unit length, which differs from mixed gradients by the second
-// order of the contrast in the triangle. A vertex has no error, so refinement ends, with every sample at the latest. Along a sharp
-// crest or foot that is what it comes to: the gradient there changes within a cell or two, and all samples of a strip become
-// vertices. Slopes are cut off at 1024, where ground is vertical; g is at least 2^-20, above the rounding of a slope's plane (below
-// 2^-23: coordinates below 2^7, slopes up to 2^10).
-// Both errors are squared then: no square root is needed, and the order of refinement is the same.
+// where grad h uses central differences (one-sided at the border of the domain) and |.| is the length of a 2D
+// vector. The second factor is a pixel's width in cells, if there are cameras. Under a light of elevation s
+// the relative irradiance error on level ground is below g cot(s). Renderers interpolate unit normals, not
+// gradients; the difference is of second order in the variation within a triangle. The error at a vertex is
+// 0, so refinement terminates, at the latest when every sample is a vertex. Along a sharp crest or foot this
+// does happen: the gradient changes within a cell or two, and all samples of a strip become vertices. Slopes
+// are clamped to 1024, where ground counts as vertical; g is at least 2^-20, above the rounding error of a
+// slope's plane (below 2^-23 for coordinates below 2^7 and slopes up to 2^10). With g both errors are
+// squared: this avoids a square root and keeps the order of refinement.
 //
-// Tiles: the grid is cut into tiles of at most 64 x 64 cells, so that a tile's heights stay in the first cache and tiles can go
-// to any thread. Each line between two corners of tiles is first simplified by itself (Douglas and Peucker 1973, with the errors
-// above); both tiles that share it take its vertices as they are, so no crack can open. No vertex is added on a tile's border later.
-// On an edge of the border both sides mix the same two gradients, whole vectors and not only their part along it: normals do not
-// jump there, and they hold g at each of its samples.
-// What borders cost in triangles is small, but a flat field still has two triangles a tile.
+// Tiles: the grid is cut into tiles of at most 64 x 64 cells, so that a tile's heights fit into the L1 cache
+// and tiles can run on any thread. Each border line between two tile corners is simplified first (Douglas and
+// Peucker 1973, with the errors above). Both adjacent tiles use its vertices unchanged and later add none on
+// the border, so there are no cracks. On a border edge both tiles interpolate the same two full gradients, so
+// normals are continuous there and each border sample is within g. Borders cost few triangles, but even a
+// flat field has two triangles a tile.
 //
-// Delaunay: a new vertex splits its triangle (or two, when it lies on an edge); edges opposite to it flip while the vertex beyond
-// lies strictly inside the circumcircle (Lawson 1977). The test is exact in int64: coordinates below 2^7, its value below 2^35.
+// Delaunay: a new vertex splits its triangle (or two, if it lies on an edge). Opposite edges are flipped
+// while the vertex beyond lies strictly inside the circumcircle (Lawson 1977). The test is exact in int64:
+// coordinates are below 2^7, its value below 2^35.
 //
-// Edge cases: below 2 x 2 samples there is no triangle. Coplanar samples merge at tolerance 0. A height is evaluated with a
-// relative error of a few 2^-53, so no tolerance is below 2^-48 of the greatest height: an exact plane would be refined by rounding.
-// A tile that one strip of cells fills is a tile like any other.
+// Edge cases: below 2 x 2 samples there are no triangles. At tolerance 0 coplanar samples are merged. Heights
+// are evaluated with a relative error of a few 2^-53, so the tolerance is at least 2^-48 of the largest
+// height; otherwise rounding would refine an exact plane. Tiles that are one cell wide need no special case.
 //
-// Cost: n samples, v vertices: about n (scan) + 6 v triangles scanned, eight samples of a row at a time; memory 8 bytes a sample of a
-// tile and thread, and 12 bytes a triangle twice. With a gradient tolerance 20 bytes a sample of a tile and thread: slopes are taken
-// from the heights when a tile is loaded, once for each sample but those on its border. Loading and scanning
-// take 1.6 times as long; the rest of the time is that of the vertices that come to it.
+// Cost: n samples, v vertices: about n (scan) + 6 v triangle scans, eight samples of a row at a time; memory
+// 8 bytes a sample of a tile and thread, and 12 bytes a triangle twice. With a gradient tolerance 20 bytes a
+// sample of a tile and thread: slopes are computed when a tile is loaded, once for each sample except those
+// on borders. Loading and scanning then take 1.6 times as long; the rest of the extra time is due to the
+// additional vertices.
 #include "procedural/terrain/mesher.h"
 
 #include "core/math/simd.h"
@@ -53,20 +59,21 @@
 namespace marram {
 namespace {
 
-constexpr int mesh_tile = 64; // cells; 128 takes 1.1 to 1.5 times as long for as many triangles
+constexpr int mesh_tile = 64; // cells; 128 is 1.1 to 1.5 times slower for the same number of triangles
 
 struct MeshPoint {
     int i, j;
     double height;
 };
 
-// Twice the area of a, b, c; positive where their normal points up.
+// Twice the signed area of a, b, c; positive if their normal points up.
 MARRAM_INLINE int64_t mesh_turn(const MeshPoint& a, const MeshPoint& b, const MeshPoint& c) {
     return int64_t(b.j - a.j) * (c.i - a.i) - int64_t(b.i - a.i) * (c.j - a.j);
 }
 
-// The heights of a tile, and one over the tolerance of each sample; with a gradient tolerance the slopes too, and one over the
-// square of theirs. Border samples weigh 0: they are settled. Rows end in a pad that a vector may read.
+// Heights of a tile and weights (1 / tolerance). With a gradient tolerance also slopes and their weights (1 /
+// squared tolerance). Border samples have weight 0: their vertices are already chosen. Rows are padded for
+// vector loads.
 struct MeshGrid {
     int width = 0, depth = 0, stride = 0; // cells; floats from row to row
     double threshold = 0.0;
@@ -76,13 +83,13 @@ struct MeshGrid {
 
 struct MeshWorst {
     double error;
-    int sample; // -1: none is beyond the threshold
+    int sample; // -1: none exceeds the threshold
 };
 
-// Twice the area of the triangle that a sample makes with an edge: positive inside, linear in i and j, exact.
+// Edge function: twice the signed area of a sample and an edge. Positive inside, linear in i and j, exact.
 struct MeshEdge {
     double value, per_i, per_j, inverse; // at the first sample of the row; 1 / per_i
-    VDouble lane;                        // what each lane adds
+    VDouble lane;                        // offset of each lane
 };
 
 MARRAM_INLINE MeshEdge mesh_edge(const MeshPoint& a, const MeshPoint& b, const MeshPoint& start) {
@@ -93,7 +100,8 @@ MARRAM_INLINE MeshEdge mesh_edge(const MeshPoint& a, const MeshPoint& b, const M
 MARRAM_INLINE VDouble mesh_along(const MeshEdge& edge, double steps) {
     return (edge.value + edge.per_i * steps) + edge.lane;
 }
-// Keeps the part of a row that can lie inside the edge. One sample more at the end makes up for rounding; lanes are tested exactly.
+// Clips a row to the part that can lie inside the edge. One extra sample allows for rounding; lanes are
+// tested exactly.
 MARRAM_INLINE void mesh_clip(const MeshEdge& edge, int start, int& lower, int& upper) {
     const double crossing = -edge.value * edge.inverse;
     if (edge.per_i > 0.0) lower = std::max(lower, start + int(std::ceil(crossing)) - 1);
@@ -104,7 +112,7 @@ struct alignas(sizeof(VDouble)) MeshLanes {
     VDouble error, sample;
 };
 
-// Ties go to the sample that comes first.
+// The largest error of all lanes. On ties the first sample wins.
 MARRAM_INLINE MeshWorst mesh_reduce(const MeshLanes& worst) {
     MeshWorst result{0.0, -1};
     for (int k = 0; k < lanes; ++k) {
@@ -116,7 +124,8 @@ MARRAM_INLINE MeshWorst mesh_reduce(const MeshLanes& worst) {
     return result;
 }
 
-// A slope over a triangle. a, b, c: at its vertices, over twice its area; each weighs what the edge opposite to it says.
+// The plane of one slope component over a triangle. a, b, c: its vertex values divided by twice the area;
+// each is weighted by the edge function of the opposite edge.
 MARRAM_INLINE MeshEdge mesh_slope_plane(const MeshEdge& ea, const MeshEdge& eb, const MeshEdge& ec, double a,
                                         double b, double c) {
     const double per_i = ea.per_i * a + eb.per_i * b + ec.per_i * c;
@@ -126,13 +135,14 @@ MARRAM_INLINE MeshEdge mesh_slope_plane(const MeshEdge& ea, const MeshEdge& eb, 
 MARRAM_INLINE VDouble mesh_eight_of(const std::vector<float>& values, int at) {
     return to_double(vload(values.data() + at));
 }
-// Square of the distance between the gradient of a triangle and that of each sample, over the square of its tolerance.
+// Squared difference between the interpolated gradient and that of each sample, divided by the squared
+// tolerance.
 MARRAM_INLINE VDouble mesh_slope_error(const MeshGrid& grid, int at, VDouble x, VDouble z) {
     const VDouble dx = x - mesh_eight_of(grid.slopes_x, at), dz = z - mesh_eight_of(grid.slopes_z, at);
     return (dx * dx + dz * dz) * mesh_eight_of(grid.slope_weights, at);
 }
 
-// Keeps the worst of each lane. a, b, c: negative outside.
+// Updates the largest error of each lane. a, b, c: edge functions, negative outside. off: errors.
 MARRAM_INLINE void mesh_keep(VDouble a, VDouble b, VDouble c, VDouble off, int at, MeshLanes& worst) {
     const VDouble error = select(vmin(vmin(a, b), c) < 0.0, 0.0, off);
     worst.sample = select(worst.error < error, lane_index_double + double(at), worst.sample);
@@ -143,7 +153,7 @@ template <bool slopes>
 MARRAM_INLINE MeshWorst mesh_worst_of(const MeshGrid& grid, const MeshPoint& a, const MeshPoint& b,
                                       const MeshPoint& c) {
     const int64_t area = mesh_turn(a, b, c);
-    if (area <= 1) return {0.0, -1}; // no sample but its vertices (Pick's theorem)
+    if (area <= 1) return {0.0, -1}; // contains no samples except its vertices (Pick's theorem)
     const int i0 = std::min({a.i, b.i, c.i}), i1 = std::max({a.i, b.i, c.i});
     const int j0 = std::min({a.j, b.j, c.j}), j1 = std::max({a.j, b.j, c.j});
     const double scale = 1.0 / double(area);
@@ -181,7 +191,8 @@ MARRAM_INLINE MeshWorst mesh_worst_of(const MeshGrid& grid, const MeshPoint& a, 
     return mesh_reduce(worst);
 }
 
-// The greatest error in a triangle, where it is beyond the threshold: of heights; of heights and slopes, squared.
+// The largest error in a triangle if it exceeds the threshold: of heights only; of heights and slopes,
+// squared.
 MARRAM_HOT MeshWorst mesh_worst(const MeshGrid& grid, const MeshPoint& a, const MeshPoint& b,
                                 const MeshPoint& c) {
     return mesh_worst_of<false>(grid, a, b, c);
@@ -191,7 +202,7 @@ MARRAM_HOT MeshWorst mesh_worst_slopes(const MeshGrid& grid, const MeshPoint& a,
     return mesh_worst_of<true>(grid, a, b, c);
 }
 
-struct MeshBad { // a triangle beyond the tolerance
+struct MeshBad { // heap entry: a triangle that exceeds the tolerance
     double error;
     int triangle;
     uint32_t stamp;
@@ -200,16 +211,16 @@ struct MeshBad { // a triangle beyond the tolerance
     }
 };
 
-// The triangulation of a tile. Buffers are used again for the next one.
+// The triangulation of a tile. Buffers are reused for the next tile.
 struct MeshTile {
     MeshGrid grid;
     std::vector<MeshPoint> points;
-    std::vector<int> vertex, twin; // 3 a triangle; edge k from vertex k to vertex k + 1; twin -1: border
-    std::vector<int> candidate;    // of a triangle: its worst sample
-    std::vector<uint32_t> stamp;   // counts what a triangle was: older entries of the heap are void
-    std::vector<MeshBad> bad;      // a heap
-    std::vector<int> stack, border_edge; // to be made Delaunay; the border edge that starts at a vertex
-    bool scanning = false;               // not before the border is whole
+    std::vector<int> vertex, twin; // 3 a triangle; edge k goes from vertex k to k + 1; twin -1: border
+    std::vector<int> candidate;    // sample with the largest error of each triangle
+    std::vector<uint32_t> stamp;   // version of each triangle; heap entries with an older stamp are void
+    std::vector<MeshBad> bad;      // heap
+    std::vector<int> stack, border_edge; // triangles to legalise; border edge that starts at each vertex
+    bool scanning = false;               // true once the border is complete
 
     int add_triangle() {
         const int t = int(candidate.size());
@@ -226,7 +237,7 @@ struct MeshTile {
         else
             border_edge[size_t(vertex[size_t(edge)])] = edge;
     }
-    // A new vertex p is always vertex 2 of its triangles: edge 0 is the one that may flip.
+    // The new vertex p is always vertex 2 of its triangles, so edge 0 is the one that may flip.
     void set(int t, int a, int b, int p) {
         int* v = &vertex[3 * size_t(t)];
         v[0] = a, v[1] = b, v[2] = p;
@@ -234,7 +245,7 @@ struct MeshTile {
     }
     static int next(int e) { return e % 3 == 2 ? e - 2 : e + 1; }
 
-    // q strictly inside the circumcircle of p, a, b.
+    // True if q is strictly inside the circumcircle of p, a, b.
     bool inside_circle(int p, int a, int b, int q) const {
         const MeshPoint &P = points[size_t(p)], &A = points[size_t(a)], &B = points[size_t(b)],
                         &Q = points[size_t(q)];
@@ -252,7 +263,8 @@ struct MeshTile {
         bad.push_back({w.error, t, stamp[size_t(t)]});
         std::push_heap(bad.begin(), bad.end());
     }
-    // Every triangle left on the way is a final one of the new vertex, and is scanned once.
+    // Restores the Delaunay property. Each triangle that is not flipped is final for this vertex and is
+    // scanned once.
     void legalise() {
         while (!stack.empty()) {
             const int t = stack.back();
@@ -275,7 +287,7 @@ struct MeshTile {
             if (scanning) scan(t);
         }
     }
-    // At p on a border edge, on an inner edge, inside a triangle.
+    // Insert vertex p on a border edge, on an inner edge, or inside a triangle.
     void split_border(int e, int p) {
         const int e1 = next(e), e2 = next(e1), t = e / 3, n = add_triangle();
         const int a = vertex[size_t(e)], b = vertex[size_t(e1)], c = vertex[size_t(e2)];
@@ -327,7 +339,7 @@ struct MeshTile {
         }
         split_triangle(t, p);
     }
-    // Adds vertices until no sample is beyond the threshold.
+    // Adds vertices until no error exceeds the threshold.
     void refine() {
         scanning = true;
         for (int t = 0; t < int(candidate.size()); ++t) scan(t);
@@ -349,7 +361,7 @@ struct MeshTile {
         link(3 * t, -1), link(3 * t + 1, 3 * n + 1), link(3 * t + 2, -1);
         link(3 * n, -1), link(3 * n + 2, -1);
     }
-    // A vertex on the border edge that starts at `last`.
+    // Adds a vertex on the border edge that starts at vertex `last`.
     int add_border(int last, int i, int j) {
         const int p = add_point(i, j);
         split_border(border_edge[size_t(last)], p);
@@ -357,16 +369,16 @@ struct MeshTile {
     }
 };
 
-// Steeper ground is vertical: its normal is within 0.001 of the horizontal.
+// Largest slope. Steeper ground counts as vertical: its normal is within 0.001 of the horizontal.
 constexpr double mesh_steepest = 1024.0;
-// See the page.
+// Minimum gradient tolerance; see the head of this file.
 constexpr double mesh_least_gradient = 0x1p-20;
 
 struct MeshSlope {
     float x, z;
 };
 
-// What is no number, on cells of no size, becomes the steepest.
+// NaN (from cells of size 0) becomes mesh_steepest.
 MARRAM_INLINE float mesh_rise(float from, float to, double a_step) {
     const double slope = (double(to) - double(from)) * a_step;
     return float(std::max(-mesh_steepest, std::min(mesh_steepest, slope)));
@@ -376,26 +388,27 @@ MARRAM_HOT void mesh_rises(const float* from, const float* to, double a_step, in
     for (int k = 0; k < count; ++k) out[k] = mesh_rise(from[k], to[k], a_step);
 }
 
-// One unit of a float's last place more: rounded to nearest it may lose half of one.
+// Adds one ulp before rounding to float, because rounding to nearest may lose half an ulp.
 MARRAM_INLINE VFloat mesh_above(VDouble weight) { return to_float((1.0 + 0x1p-23) * weight); }
 
-// Where the cameras are and what they ask for.
+// Cameras and tolerances.
 struct MeshView {
-    const Vec3d* cameras = nullptr; // none: the tolerances are those of the nearest point
+    const Vec3d* cameras = nullptr; // NULL: tolerances are constant
     size_t count = 0;
-    double least = 0.0;        // tolerance of the height, m
-    double a_metre = 0.0;      // the same per metre of distance
-    double slope_weight = 0.0; // one over the square of the gradient's tolerance; 0: there is none
-    double cells2 = 0.0;       // square of a pixel's width in cells per metre of distance
+    double least = 0.0;        // minimum height tolerance, m
+    double a_metre = 0.0;      // height tolerance per metre of distance
+    double slope_weight = 0.0; // 1 / squared gradient tolerance; 0: off
+    double cells2 = 0.0;       // squared width of a pixel in cells, per squared metre of distance
 };
 // Samples on a line: (i, j), (i + di, j + dj) and so on.
 struct MeshRun {
     int i, j, di, dj, count;
 };
 
-// One over the tolerance of each height; one over the square of each gradient's, where there is one. `heights` is read eight at a
-// time. A comparison with what is no number is false: the constant stays. With gradients one square root and one division of floats
-// serve both: three roundings of 2^-24 are less than the 2^-22 that is added.
+// Computes weights for camera-dependent tolerances: 1 / height tolerance and, if enabled, 1 / squared
+// gradient tolerance. `heights` is read eight at a time. Comparisons with NaN are false, so the constant
+// bound applies. With gradients both weights share one float square root and division; the added 2^-22 covers
+// their three roundings of 2^-24.
 MARRAM_HOT void mesh_camera_weights(const MeshView& view, const Domain& domain, const MeshRun& run,
                                     const float* heights, float* weights, float* slope_weights) {
     for (int k = 0; k < run.count; k += lanes) {
@@ -423,7 +436,7 @@ MARRAM_HOT void mesh_camera_weights(const MeshView& view, const Domain& domain, 
     }
 }
 
-// What an error is measured against. Errors times weights() are compared with `threshold`.
+// The error measure. Errors times weights() are compared with threshold().
 class MeshMeasure {
   public:
     MeshMeasure(const Domain& domain, const float* heights, const MeshTolerance& tolerance)
@@ -436,7 +449,7 @@ class MeshMeasure {
                 return most;
             },
             [](float a, float b) { return std::max(a, b); });
-        // 1e-30 m: its reciprocal is a float, and on a terrain without any height there is nothing to round.
+        // Lower bound 1e-30 m: its reciprocal fits a float, and if all heights are 0 nothing is rounded.
         view_.least = std::max({1e-30, 0x1p-48 * double(highest), tolerance.metres});
         view_.a_metre = tolerance.pixels * tolerance.pixel_angle;
         if (view_.a_metre > 0.0)
@@ -454,7 +467,7 @@ class MeshMeasure {
     const float* heights(int i, int j) const { return heights_ + domain_.index(i, j); }
     uint32_t sample(int i, int j) const { return uint32_t(domain_.index(i, j)); }
 
-    // Central differences; to one side at the border of the domain.
+    // Central differences; one-sided at the border of the domain.
     MeshSlope slope(int i, int j) const {
         const int i0 = std::max(i - 1, 0), i1 = std::min(i + 1, domain_.nx - 1);
         const int j0 = std::max(j - 1, 0), j1 = std::min(j + 1, domain_.nz - 1);
@@ -462,7 +475,7 @@ class MeshMeasure {
                 mesh_rise(height(i, j0), height(i, j1), a_step_[j1 - j0 - 1])};
     }
 
-    // Of `count` samples from (i, j) on: the same.
+    // The same for `count` samples of a row, starting at (i, j).
     void slopes(int i, int j, int count, float* x, float* z) const {
         const int j0 = std::max(j - 1, 0), j1 = std::min(j + 1, domain_.nz - 1);
         const float* row = heights(i, j);
@@ -481,11 +494,11 @@ class MeshMeasure {
     const Domain& domain_;
     const float* heights_;
     MeshView view_;
-    double a_step_[2]{}; // one over the metres of one cell, of two
+    double a_step_[2]{}; // 1/m: inverse length of one cell and of two cells
     bool slopes_;
 };
 
-// Where tiles meet: equal shares of the cells.
+// Borders of the tiles: cells are divided evenly.
 std::vector<int> mesh_lines(int cells) {
     const int count = (cells + mesh_tile - 1) / mesh_tile;
     std::vector<int> lines;
@@ -493,14 +506,14 @@ std::vector<int> mesh_lines(int cells) {
     return lines;
 }
 
-// A border between two corners: the samples kept strictly between them, from the first corner on.
+// A border line between two tile corners: the samples kept between them, in order, without the corners.
 struct MeshLine {
     std::vector<uint32_t> samples;
     std::vector<int> steps;
-    uint32_t first = 0; // vertex
+    uint32_t first = 0; // index of its first vertex
 };
 
-// The samples of a line; with a pad that a vector may read.
+// The samples of a line, padded for vector loads.
 struct MeshLineSamples {
     std::vector<float> heights, weights, slopes_x, slopes_z, slope_weights;
 
@@ -516,7 +529,7 @@ struct MeshLineSamples {
         }
         measure.weights(run, heights.data(), weights.data(), slope_weights.data());
     }
-    // Of sample s where samples a and b are joined; with slopes it is squared.
+    // Error of sample s for the edge from a to b; squared if slopes are used.
     template <bool slopes>
     double error(int a, int b, int s) const {
         const auto off = [&](const std::vector<float>& v) {
@@ -528,7 +541,7 @@ struct MeshLineSamples {
         const double x = off(slopes_x), z = off(slopes_z);
         return std::max(height * height, (x * x + z * z) * double(slope_weights[size_t(s)]));
     }
-    // The worst of those between a and b; -1: none is beyond the threshold.
+    // The sample between a and b with the largest error; -1: none exceeds the threshold.
     template <bool slopes>
     int worst(int a, int b, double threshold) const {
         int where = -1;
@@ -558,11 +571,11 @@ MeshLine mesh_line(const MeshMeasure& measure, int i, int j, int di, int dj, int
     return line;
 }
 
-// One tile's triangles before they are numbered.
+// The triangles of one tile before global numbering.
 struct MeshPiece {
-    std::vector<uint32_t> inner, triangles; // samples of inner vertices; vertices of the tile
-    uint32_t first = 0;                     // vertex
-    size_t first_triangle = 0;              // index
+    std::vector<uint32_t> inner, triangles; // samples of inner vertices; vertex indices within the tile
+    uint32_t first = 0;                     // global index of the first inner vertex
+    size_t first_triangle = 0;              // offset into RenderMesh::triangles
 };
 
 class Mesher {
@@ -624,7 +637,7 @@ class Mesher {
         load(tile.grid, c, r);
         const int width = tile.grid.width, depth = tile.grid.depth;
         tile.begin();
-        // The border in the order of the corners: join() numbers its vertices in the same.
+        // Add border vertices in the order of the corners; join() numbers them in the same order.
         int last = 0;
         for (const int s : along(c, r).steps) last = tile.add_border(last, 0, s);
         last = 1;
@@ -646,7 +659,7 @@ class Mesher {
         return {steps.rbegin(), steps.rend()};
     }
 
-    // Vertices: corners, lines, then what is inside each tile.
+    // Numbers the vertices: corners, border lines, then the inner vertices of each tile.
     RenderMesh number() {
         RenderMesh mesh;
         std::vector<uint32_t>& samples = mesh.samples;
@@ -688,7 +701,7 @@ class Mesher {
     }
 
     MeshMeasure measure_;
-    std::vector<int> i_, j_; // where tiles meet
+    std::vector<int> i_, j_; // tile borders
     int columns_, rows_;
     std::vector<MeshLine> across_, along_;
     std::vector<MeshPiece> pieces_;

@@ -1,33 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-// ripples: wind ripples, crest by crest, where the grid is fine enough to hold them.
+// ripples: wind ripples, modelled crest by crest where the grid is fine enough to resolve them.
 //
 //     [[procedural.layer]]
 //     type = "ripples"
 //     wavelength = 0.11
 //     height = 0.008
 //
-// Where. Full height up to 26 degrees, none from 30 degrees on (cosines, smooth step). In the lee none: the
-// sand upwind seen under more than 15 degrees above the horizon (the shadow of Werner, "Eolian dunes:
-// computer simulations and attractor interpretation", 1995) shelters wholly, below 10 degrees, five to six
-// heights behind a crest, not at all. It is looked for beside the sample, by the gradient, at a distance of one wavelength, and each time an
-// eighth further, up to shelter_reach; a sharp crest between two such places is seen up to 1.2 degrees too
-// low. Where the sand is thinner than half the height, the trough, ripples are no higher than the sand is
-// deep, so that it never goes below 0.
+// Where. Ripples have full height on slopes up to 26 degrees and vanish from 30 degrees on (smoothstep over
+// the cosine). There are none in the lee (the shadow zone of Werner, "Eolian dunes: computer simulations and
+// attractor interpretation", 1995): a sample is fully sheltered if terrain upwind appears more than 15
+// degrees above the horizontal, and not sheltered below 10 degrees, which is five to six heights behind a
+// crest. The elevation is tested next to the sample (from the gradient), at one wavelength upwind, and then
+// at distances that grow by 1/8 up to shelter_reach. A sharp crest between two tests appears up to 1.2
+// degrees too low. If the sand is thinner than half the ripple height (the trough), ripples are scaled to the
+// sand depth, so the thickness never becomes negative.
 //
-// The layer. The gradient is that of a uniform cubic B-spline whose knots are one wavelength apart, its
-// points means of what is below over that length: ripples and grains of the ground do not turn ripples. At
-// the terrain's edge the points go on linearly. On a slope the displacement along the normal d is d /
-// cos(slope) upwards. What is added has the mean 0 but for its sampling: the volume of sand is kept to some
-// thousandths of what the ripples move, not to the last unit.
+// The layer. The gradient is that of a uniform cubic B-spline with knots one wavelength apart. Its control
+// points are mean heights of the terrain below over that length, so that small-scale relief does not turn the
+// ripples. Beyond the terrain's edge the control points are extrapolated linearly. On a slope, a displacement
+// d along the normal raises the height by d / cos(slope). The displacement has mean 0 except for sampling
+// error: the sand volume is preserved to some thousandths of what the ripples move, not exactly.
 //
-// Coarse grids. A cell above a sixth of the wavelength cannot hold the steep side. The growth surface then stays without ripples, and
-// the terrain hands out what they need to know (gradient, share of the height) as the attribute "ripples", and wavelength, height, wind and seed
-// as "ripple_wave". The render mesh is cut fine near the camera (dicing.cpp) and displaced there; the material sand shades the share that is not
-// displaced: the same crests, and where the one passes into the other, over the outer half of the distance, nothing shows but the shadows
-// of ripples on each other, which displacement has. It ends where ripples are `displaced` pixels high. They lie on the finished
-// terrain, also where layers follow.
+// Coarse grids. A cell above a sixth of the wavelength cannot resolve the steep side. Then the growth surface
+// has no ripples. The terrain outputs the inputs of the ripple model instead: gradient and fraction of full
+// height as the attribute "ripples"; wavelength, height, wind and seed as "ripple_wave". The render mesh is
+// diced near the camera (dicing.cpp) and displaced there. The material sand shades the fraction that is not
+// displaced, with the same crests. Displacement fades to shading over the outer half of its range; the only
+// visible difference is that displaced ripples cast shadows on each other. The range ends where ripples are
+// `displaced` pixels high. Such ripples lie on the finished terrain, even if other layers follow.
 //
-// Cost: about 10 to 14 vectors of 8 packets a point, and 50 places for the shelter.
+// Cost: about 10 to 14 vectors of 8 wave packets a point, and 50 shelter tests.
 #include "procedural/terrain/ripples.h"
 
 #include "procedural/terrain/lattice.h"
@@ -45,7 +47,7 @@ namespace marram {
 
 namespace {
 
-// One axis of the spline: knots beyond the last continue those within on a straight line.
+// One axis of the spline. Knots outside the grid are extrapolated linearly.
 struct RippleKnot {
     int at, from;
     double share, share_from;
@@ -58,8 +60,8 @@ struct RippleKnot {
     }
 };
 
-// Mean height of samples around a knot, nine by nine at most; at the border as many on either side, so that
-// a plane stays one.
+// Mean height of at most 15 by 15 samples around a knot. The window is symmetric at the border too, so
+// that planes are preserved.
 double ripple_mean(const Fields& below, const Domain& domain, int knot, int a, int b) {
     const int i = a * knot, j = b * knot, half = knot / 2, step = std::max(half / 4, 1);
     const int wide = std::min({half, i, domain.nx - 1 - i}) / step,
@@ -72,7 +74,7 @@ double ripple_mean(const Fields& below, const Domain& domain, int knot, int a, i
 
 } // namespace
 
-// The smooth surface over a rectangle.
+// The smooth surface (B-spline) over a rectangle.
 struct RipplesLayer::Surface {
     int knot, a0, b0, columns, rows;
     double by_metre;
@@ -125,22 +127,22 @@ bool RipplesLayer::resolved(const RippleSettings& ripples, const Domain& domain)
 
 double RipplesLayer::reach() const {
     if (!resolved(settings_.ripples, domain_)) return 0.0;
-    // At the border a knot stands for others up to three knots away along each axis, half a knot of samples
-    // around them.
+    // Extrapolation at the border reads knots up to three knots away along each axis, each with half a knot
+    // of samples around it.
     return std::max(5.0 * knot_ * domain_.cell, settings_.shelter_reach + 2.0 * domain_.cell);
 }
 
-// 1: free; 0: in the lee.
+// 1: exposed to the wind; 0: fully in the lee.
 double RipplesLayer::shelter(const Fields& below, const Vec2d& gradient, int i, int j) const {
     constexpr double low = 0.17632698070846498, high = 0.26794919243112270; // tangents of 10 and 15 degrees
     const double own = below.height(domain_.index(i, j));
     const double length = settings_.wind.norm();
     if (!(length > 0.0)) return 1.0;
     const Vec2d back = settings_.wind / (-length * domain_.cell); // samples a metre
-    double steepest = -gradient.dot(settings_.wind) / length;     // what is next to it
+    double steepest = -gradient.dot(settings_.wind) / length;     // next to the sample
     for (double d = settings_.ripples.wavelength; d <= settings_.shelter_reach && steepest < high;
          d *= 1.125) {
-        // Beyond the border the ground goes on as high as it is there.
+        // Beyond the border the ground has the height of the border.
         const double x = std::clamp(i + d * back.x(), 0.0, domain_.nx - 1.0),
                      z = std::clamp(j + d * back.y(), 0.0, domain_.nz - 1.0);
         const int a = std::min(int(x), std::max(domain_.nx - 2, 0)),
@@ -156,7 +158,7 @@ double RipplesLayer::shelter(const Fields& below, const Vec2d& gradient, int i, 
     return t * t * (3.0 - 2.0 * t);
 }
 
-// Share of their height that ripples have at a sample, but for what the slope leaves of it.
+// Fraction of the full ripple height at a sample, before the attenuation by slope.
 double RipplesLayer::strength(const Fields& below, const float* mask, const Vec2d& gradient, int i,
                               int j) const {
     const size_t sample = domain_.index(i, j);
@@ -177,7 +179,7 @@ void RipplesLayer::carried(const Fields& terrain, std::span<const uint32_t> samp
         const size_t i = sample % size_t(domain_.nx), j = sample / size_t(domain_.nx);
         return j / Tiles::side * size_t(all.columns()) + i / Tiles::side;
     };
-    // Which of `samples` lie in each tile: those of tile t are order[begins[t]] ... order[begins[t + 1] - 1].
+    // Bin `samples` by tile: indices of those in tile t are order[begins[t]] ... order[begins[t + 1] - 1].
     std::vector<uint32_t> begins(size_t(all.columns()) * size_t(all.rows()) + 1, 0), order(samples.size());
     for (const uint32_t sample : samples) ++begins[tile_of(sample) + 1];
     for (size_t t = 1; t < begins.size(); ++t) begins[t] += begins[t - 1];
@@ -210,7 +212,7 @@ void RipplesLayer::evaluate(const Rect& rect, const Fields& below, const LayerOu
     const Surface surface(rect, below, domain_, knot_);
     const float* mask = settings_.mask.empty() ? nullptr : find_mask(below, settings_.mask);
     std::array<RipplePoint, Tiles::side> points;
-    std::array<double, Tiles::side> metres, upright; // upright: metres upwards for one along the normal
+    std::array<double, Tiles::side> metres, upright; // upright: height per metre along the normal
     for (int j = rect.j0; j < rect.j1; ++j)
         for (int i0 = rect.i0; i0 < rect.i1; i0 += Tiles::side) {
             const size_t count = size_t(std::min(rect.i1 - i0, Tiles::side)), row = domain_.index(i0, j);
@@ -258,7 +260,7 @@ std::unique_ptr<Layer> make_ripples(const LayerContext& context) {
     settings.ripples.wavelength = values.number("wavelength");
     settings.ripples.height = values.number("height");
     settings.ripples.repose = values.number("repose") * degree;
-    // 24 bits, so that a float attribute holds it.
+    // 24 bits: exact in a float attribute.
     settings.ripples.seed = hash(context.seed, uint64_t(values.number("seed"))) & 0xffffffU;
     settings.displaced = values.number("displaced");
     settings.wind = context.wind;

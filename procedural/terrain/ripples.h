@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Wind ripples on the sand of a terrain. The page of the layer is in ripples.cpp, that of the model in core/math/ripples.cpp.
+// Wind ripples on the sand of a terrain. The layer is documented in ripples.cpp, the model in
+// core/math/ripples.cpp.
 #pragma once
 
 #include "core/math/ripples.h"
@@ -9,32 +10,32 @@
 
 namespace marram {
 
-// Ripples on the sand: of a grid that resolves them in its heights, else carried by the render mesh and by shaders.
+// Ripples on the sand. If the grid resolves them, they are part of its heights; otherwise the render mesh and
+// shaders add them.
 class RipplesLayer : public Layer {
   public:
     struct Settings {
         RippleSettings ripples;
         Vec2d wind = Vec2d::UnitX();
-        double shelter_reach = 30.0; // metres upwind in which crests shelter
+        double shelter_reach = 30.0; // metres: how far upwind crests can shelter a sample
         std::string mask;            // "": none
-        double displaced =
-            2.0; // pixels: how high on the film ripples are where displacement ends; 0: shading only
+        double displaced = 2.0; // pixels: projected ripple height at which displacement ends; 0: shading only
     };
     RipplesLayer(const Settings& settings, const Domain& domain);
 
-    // Six samples a wavelength.
+    // True if the grid has at least six samples a wavelength.
     static bool resolved(const RippleSettings& ripples, const Domain& domain);
 
     Writes writes() const override { return {false, true}; }
     double reach() const override;
     void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override;
 
-    // What ripples need to know of a sample where the grid does not hold them.
+    // Inputs of the ripple model at a sample, for ripples that the grid does not resolve.
     struct Carried {
         Vec2f gradient = Vec2f::Zero(); // of the smooth surface
-        float strength = 0.0F;          // share of their height: sand, mask, shelter
+        float strength = 0.0F;          // fraction of full height, from sand depth, mask and shelter
     };
-    // For each of `samples`, of all where there are none of them, on a finished terrain.
+    // Computes these for the given samples of the finished terrain. Empty `samples`: all samples.
     void carried(const Fields& terrain, std::span<const uint32_t> samples, std::span<Carried> out) const;
     bool resolved() const { return resolved(settings_.ripples, domain_); }
     const Settings& settings() const { return settings_; }
@@ -48,7 +49,7 @@ class RipplesLayer : public Layer {
     Settings settings_;
     Domain domain_;
     RippleField field_;
-    int knot_; // samples between the knots of the smooth surface
+    int knot_; // knot spacing of the smooth surface, in samples
 };
 
 LayerType ripples_layer_type();

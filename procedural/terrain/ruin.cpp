@@ -1,48 +1,64 @@
 // SPDX-License-Identifier: Apache-2.0
-// ruin: a mesh stands in the sand; the wind scours in front of its walls, and piles drifts behind them and in its rooms.
+// ruin: wind-blown sand around a mesh. The wind scours the sand in front of walls and deposits drifts behind
+// them and in rooms.
 //
-// Model. H is the height of a wall above the sand at its foot, at most 30 m. All is found by rays through a copy of the mesh, which lies in the
-// frame of the wind.
-// - Faces. Lines along the wind, half a cell apart; on each, level rays at up to 192 heights, half a cell apart at least, from the lowest sand at the
-//   mesh to 30 m above the highest. All hits are taken: the count of solids that the ray is in tells which are outer faces. Hits of one line that
-//   follow each other upwards form a face; an opening no taller than what stands below it does not part it. Its top is found to 1/128 of the
-//   distance of two rays. A face counts where it stands on the sand: above a gap of 1.5 rays or a quarter of its height at most.
-//   Windward faces must be steeper than 55 degrees to the horizontal: below that no reversed vortex forms (Tsoar 1983, echo and
-//   climbing dunes in a wind tunnel). Lee faces must be steeper than 34 degrees, where air separates and no sand lies.
-// - What counts of H. A wall narrower than it is high makes a vortex of its width: H = min(height, width), the width as the wind sees it. (A shadow
-//   dune is as high as half the width of its obstacle times tan(repose): Hesp 1981.) Air that separates at an obstacle upwind comes
-//   down within 6 heights (Kroy, Sauermann and Herrmann 2002): only what stands out of that shelter counts. H is averaged along the
-//   wall over H.
-// - Scour, d = distance upwind of the face (Tsoar 1983): depth min(scour_depth, 0.4 tan 32) H (1 - d / 0.4 H) c for d < 0.4 H, where c is
-//   the cosine of the angle between the wind and the face's level normal. Sand at the rim falls in at 32 degrees, which is how the pit ends
-//   at the ends of a wall. Sand that is not there is not taken: bedrock is bared.
-// - Echo dune, where the reversed vortex drops that sand: from 0.4 H to 2 H, crest of 0.16 H c at 0.8 H, cubic slopes of at most 31 and 11 degrees.
-// - Drift, x = distance behind a lee face: drift_height H (1 - smooth(x / L)), L = drift_length H, smooth(u) = u^2 (3 - 2 u). Its sides
-//   come together as it goes: they move in by min(H, width / 2) x / L, so that a narrow drift tapers to a point and a wide one keeps its width.
-// - Rooms. A sample is enclosed by walls of height h (0.25 to 16 m, powers of two) as far as level rays at h above the sand, and at 0.25 m, meet
-//   the mesh within 8 h, from outside: not where 10 of 16 do, wholly where 15 do, smooth between; h is where this share times h is
-//   greatest. Of a block of half a metre one sample is traced, and those that a wall parts from it. Enclosed neighbours
-//   without a wall between them are one room. Its sand fills up to one level: its mean height + inside * drift * (mean h); by the
-//   share, spread over half a metre, that takes the place of drifts and scour. A court wider than 16 heights of its walls is open ground.
-// - Deposits are cut down to 32 degrees, except where what is below is steeper itself: the lowest cones over the samples, by sweeps. Neither that nor
-//   the rim of a pit reaches through a wall. Both are rounded over three samples. Triangles of the grid then
-//   stay within 34 degrees on level sand, and within 36 on dunes of 15 degrees.
-// - Within the mesh the zones go on for 1.5 cells at most, so that the surface between two samples meets the face at the right height.
+// Model. H is the height of a wall above the sand at its foot, at most 30 m. All geometry is found by tracing
+// rays through a copy of the mesh in the wind frame.
+// - Faces. Rays run along lines parallel to the wind, half a cell apart. Each line has horizontal rays at up
+//   to 192 heights, half a cell apart or less (more if that needs over 192), from the lowest sand at the mesh
+//   to 30 m above the highest. All hits are collected; the number of solids that contain the ray identifies
+//   the outer faces. Hits of one line that follow each other upwards form a face; an opening does not split a
+//   face unless it is taller than the part below. The top is refined to 1/128 of the ray spacing. A face
+//   counts only if it stands on the sand: the gap below is at most 1.5 rays or a quarter of its height.
+//   Windward faces must be steeper than 55 degrees; below that no reversed vortex forms (Tsoar 1983, wind
+//   tunnel tests of echo and climbing dunes). Lee faces must be steeper than 34 degrees, where the flow
+//   separates and no sand lies.
+// - Effective H. A wall narrower than high makes a vortex of its width: H = min(height, width), with the
+//   width across the wind. (A shadow dune is as high as half the width of its obstacle times tan(repose):
+//   Hesp 1981.) Flow that separates at an obstacle upwind reattaches within 6 heights (Kroy, Sauermann and
+//   Herrmann 2002): only the part of a face above that shelter counts. H is averaged along the wall over a
+//   distance H.
+// - Scour, d = distance upwind of the face (Tsoar 1983): depth min(scour_depth, 0.4 tan 32) H (1 - d / 0.4 H)
+//   c for d < 0.4 H, where c is the cosine of the angle between the wind and the horizontal normal of the
+//   face. Sand at the rim slides in at 32 degrees, which also shapes the pit at the ends of a wall. Scour is
+//   limited to the sand that is there: bedrock is exposed, not eroded.
+// - Echo dune, where the reversed vortex drops that sand: from 0.4 H to 2 H, crest of 0.16 H c at 0.8 H,
+//   cubic slopes of at most 31 and 11 degrees.
+// - Drift, x = distance behind a lee face: drift_height H (1 - smooth(x / L)), L = drift_length H, smooth(u)
+//   = u^2 (3 - 2 u). Its sides converge downwind: they move in by min(H, width / 2) x / L, so a narrow drift
+//   tapers to a point and a wide one stays wide.
+// - Rooms. A sample is enclosed by walls of height h (powers of two from 0.25 to 16 m) depending on how many
+//   of 16 horizontal rays at h above the sand, and at 0.25 m, hit the mesh from outside within 8 h: 0 for up
+//   to 10 hits, 1 for 15 or more, smooth between. h is the height that maximises this weight times h. One
+//   sample in each half-metre block is traced, plus those that a wall separates from it. Enclosed neighbours
+//   without a wall between them form a room. Its sand is filled up to one level: its mean height + inside *
+//   drift * (mean h). The weight, blurred over half a metre, blends this with drifts and scour. A court wider
+//   than 16 times the height of its walls is open ground.
+// - Deposits are limited to slopes of 32 degrees, except where the ground below is steeper: the lower
+//   envelope of cones over the samples, computed by sweeps. Neither this nor the rim of a pit reaches through
+//   a wall. Both are smoothed over three samples. Triangles of the grid then stay within 34 degrees on level
+//   sand, and within 36 on dunes of 15 degrees.
+// - The zones extend into the mesh by at most 1.5 cells, so that the interpolated surface meets the face at
+//   the right height.
 //
-// Account, in whole units of sand. T is what scour takes, W what all deposits ask for. They get B = T + supply (W - T), shared out in proportion, to the
-// unit: sum after = sum before + (B - T). supply = 0: nothing comes from outside, deposits are as much lower as T is short of W. Where
-// T > W (deposits outside of the terrain) only W is taken. One share for the whole mesh: parts that should not exchange sand are layers of their own.
+// Sand budget, in whole units of sand. T is the sand that scour removes, W the sand that all deposits need.
+// Deposits get B = T + supply (W - T), distributed proportionally and exactly: sum after = sum before + (B -
+// T). supply = 0: no sand is added, and deposits are scaled down by T / W. If T > W (deposits outside of the
+// terrain), only W is removed. The scale is the same for the whole mesh: parts that should not exchange sand
+// need layers of their own.
 //
-// Limits. The wind has one direction; dunes do not shelter. A wall set back on top of another does not add to its height. Scour goes around corners
-// only as far as its rim falls in. The mesh does not move: where its foot is bared it stands in its pit, and sand may rise within it.
-// Where the terrain below is steep itself, a fusion layer above brings sand to rest. A mesh must be closed for its inside to be known; a
-// single sheet is a wall without thickness, and so is every hit of a ray that does not end outside.
+// Limits. The wind has one direction; dunes do not shelter. A wall set back on top of another does not add to
+// its height. Scour extends around corners only as far as its rim slides in. The mesh does not move: if its
+// foot is exposed it stands in its pit, and sand may rise inside it. If the terrain below is steep, a fusion
+// layer above lets the sand slide to repose. The mesh must be closed for its inside to be known. A single
+// sheet counts as a wall without thickness, and so does every hit of a ray that does not end outside.
 //
-// Domain. Cells and vertices of any finite size; vertices beyond 2^20 m, and triangles without three good ones, are left out. scour, scour_depth, drift,
-// drift_height, inside, supply 0 to 1; drift_length 0.25 to 20; what lies outside is brought to the range's end. Zones below two
-// cells are not resolved: H of 5 cells is the least that scours well.
-// Cost. Rays: lines times heights, and up to 70 a traced sample within the box of the mesh, most of them for rooms. Nine rooms of 10 m on 0.25 m
-// cells: 0.75 us of one core a sample of the box around all zones. Everywhere else sand is copied. The sweeps are serial, all else is not.
+// Domain. Cells and vertices of any finite size; triangles with a vertex beyond 2^20 m or with an invalid
+// index are ignored. scour, scour_depth, drift, drift_height, inside, supply: 0 to 1; drift_length: 0.25 to
+// 20; values are clamped. Zones below two cells are not resolved: good scour needs H of at least 5 cells.
+// Cost. Rays: lines times heights, and up to 70 for each traced sample within the box of the mesh, most of
+// them for rooms. Nine rooms of 10 m on 0.25 m cells: 0.75 us of one core a sample of the box around all
+// zones. Outside the box sand is copied. The sweeps are serial, everything else is parallel.
 #include "procedural/terrain/ruin.h"
 
 #include "core/math/digest.h"
@@ -63,11 +79,11 @@ namespace {
 constexpr double ruin_most_height = 30.0;                       // m
 constexpr double ruin_scour_reach = 0.4, ruin_echo_reach = 2.0; // in H
 constexpr double ruin_echo_crest = 0.8, ruin_echo_height = 0.16;
-constexpr double ruin_shelter = 6.0;      // heights until separated air is down
-constexpr double ruin_farthest = 0x1p20;  // m: a float there still tells 6 cm
-constexpr int ruin_most_heights = 192;    // of rays on one line
+constexpr double ruin_shelter = 6.0;      // reattachment length, in heights
+constexpr double ruin_farthest = 0x1p20;  // m: float resolution below this is 6 cm or better
+constexpr int ruin_most_heights = 192;    // rays on one line
 constexpr int ruin_most_lines = 1 << 15;  // along the wind
-constexpr double ruin_off_middle = 0.487; // where in its interval a ray lies: not on what is symmetric
+constexpr double ruin_off_middle = 0.487; // ray position in its interval: avoids hits on symmetric geometry
 const double ruin_slope = std::tan(32.0 * degree);
 const double ruin_windward_cosine = std::cos(55.0 * degree), ruin_lee_cosine = std::cos(34.0 * degree);
 const double ruin_windward_run = 1.0 / std::tan(55.0 * degree), ruin_lee_run = 1.0 / std::tan(34.0 * degree);
@@ -98,7 +114,7 @@ bool ruin_good(const float* p) {
            std::abs(p[2]) <= ruin_farthest;
 }
 
-// Those triangles whose vertices are all good.
+// The triangles with three valid vertices: indices in range, positions finite and within ruin_farthest.
 std::vector<uint32_t> ruin_good_triangles(const MarramMesh& mesh) {
     std::vector<uint32_t> good;
     const float* positions = mesh.positions ? mesh.positions[0] : nullptr;
@@ -127,7 +143,7 @@ RTCScene ruin_scene_of(const RuinTriangles& mesh, RTCScene beside) {
         beside ? rtcGetSceneDevice(beside) : rtcNewDevice("set_affinity=0,start_threads=0");
     if (!device) throw std::bad_alloc();
     const RTCScene scene = rtcNewScene(device);
-    // Robust: a ray along an edge meets one of both triangles.
+    // Robust: a ray that hits a shared edge does not miss both triangles.
     rtcSetSceneFlags(scene, RTCSceneFlags(RTC_SCENE_FLAG_ROBUST | MARRAM_SCENE_FILTER));
     const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
     void* positions = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
@@ -143,7 +159,7 @@ RTCScene ruin_scene_of(const RuinTriangles& mesh, RTCScene beside) {
         rtcCommitScene(scene);
     }
     rtcReleaseGeometry(geometry);
-    rtcReleaseDevice(device); // the scene holds on to it
+    rtcReleaseDevice(device); // the scene keeps a reference
     if (positions && triangles) return scene;
     rtcReleaseScene(scene);
     throw std::bad_alloc();
@@ -193,10 +209,10 @@ RuinMesh::RuinMesh(const MarramMesh& mesh, const Vec2d& wind, RTCScene scene) {
 
 namespace {
 
-// Notes a hit and lets the ray go on.
+// Filter function: records a hit and rejects it, so that the ray continues.
 void ruin_note(const RTCFilterFunctionNArguments* args) {
     if (args->valid[0] == 0) return;
-    constexpr size_t most = 4096; // a bound on the work that one ray makes
+    constexpr size_t most = 4096; // limits the work of one ray
     auto& found = *static_cast<std::vector<RuinMesh::Hit>*>(marram_query_of(args));
     const Vec3d n(RTCHitN_Ng_x(args->hit, args->N, 0), RTCHitN_Ng_y(args->hit, args->N, 0),
                   RTCHitN_Ng_z(args->hit, args->N, 0));
@@ -215,7 +231,7 @@ void RuinMesh::hits(const Vec3d& from, const Vec3d& direction, double length, st
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     marram_intersect1_filtered(scene_.get(), &query, 0, ruin_note, &found);
-    // Of two at one place the one that enters comes first: solids that touch are one.
+    // At equal distance the entering hit comes first, so that touching solids count as one.
     std::sort(found.begin(), found.end(), [&](const Hit& a, const Hit& b) {
         return a.at != b.at ? a.at < b.at : a.normal.dot(direction) < b.normal.dot(direction);
     });
@@ -241,7 +257,7 @@ namespace {
 
 // ---- faces ----
 
-// The height of the terrain below at any place; beyond the border that of the border.
+// Bilinear height of the terrain below; clamped to the border outside.
 struct RuinGround {
     const Domain& domain;
     const Fields& below;
@@ -263,22 +279,22 @@ struct RuinHit {
     bool enters;
 };
 
-// A face on one line. `height` becomes what counts of it.
+// A face on one line. `height` starts as top - ground and becomes the effective H.
 struct RuinFoot {
     double s = 0.0, ground = 0.0, top = 0.0, cosine = 1.0;
     double height = 0.0;              // m
-    double width = 0.0, to_end = 0.0; // of the wall, m; from here to its nearer end
-    double thickness = 0.0;           // m, of the solid behind (windward) or in front (lee)
+    double width = 0.0, to_end = 0.0; // m: width of the wall; distance to its nearer end
+    double thickness = 0.0;           // m: of the solid behind (windward) or in front (lee)
     int line = 0;
 };
 
-// Both kinds in order of s.
+// The faces on one line, both kinds sorted by s.
 struct RuinLine {
     std::vector<RuinFoot> windward, lee;
 };
 
 struct RuinLines {
-    double first = 0.0, step = 1.0; // t of line l = first + l step
+    double first = 0.0, step = 1.0; // line l is at t = first + l step
     std::vector<RuinLine> lines;
 };
 
@@ -301,15 +317,15 @@ void ruin_trace(const RuinMesh& mesh, double y, double t, std::vector<RuinMesh::
         if (level > 0.0)
             hits.push_back({begin + hit.at, std::abs(n.y()), std::abs(n.x()) / level, n.x() < 0.0});
     }
-    // Nearer than a position is rounded, two are at one place.
+    // Hits closer than the rounding of positions count as coincident.
     const double rounding = 0x1p-21 * std::max(mesh.upper().x() - begin, std::abs(begin));
     for (size_t k = 1; k < hits.size(); ++k)
         if (hits[k].enters && !hits[k - 1].enters && hits[k].s - hits[k - 1].s <= rounding)
             std::swap(hits[k], hits[k - 1]);
 }
 
-// Which hits are outer faces: where the count of solids that the ray is in leaves 0 or comes back to it. An exit out of nothing, and any hit
-// of a line that does not end outside, is a sheet: both a windward and a lee face.
+// Finds the outer faces: hits where the number of solids containing the ray changes from or to 0. An exit at
+// depth 0, and any hit of a line that does not end outside, is a sheet: both a windward and a lee face.
 template <typename Take>
 void ruin_sort_hits(const std::vector<RuinHit>& hits, Take&& take) {
     int depth = 0;
@@ -330,14 +346,14 @@ struct RuinPoint {
 };
 using RuinChain = std::vector<RuinPoint>;
 
-// Adds a hit to the chain that it continues, or begins one.
+// Adds a hit to the chain that it continues, or starts a new chain.
 void ruin_link(std::vector<RuinChain>& chains, const RuinPoint& point, double run, double step) {
     RuinChain* best = nullptr;
     double nearest = infinity;
     for (RuinChain& chain : chains) {
         const RuinPoint& top = chain.back();
         const double gap = point.y - top.y, away = std::abs(point.s - top.s);
-        if (!(gap > 0.5 * step)) continue; // of the same ray
+        if (!(gap > 0.5 * step)) continue; // same ray
         if (gap > std::max(1.5 * step, top.y - chain.front().y)) continue;
         if (away > run * gap + 0.05 * step || away >= nearest) continue;
         best = &chain, nearest = away;
@@ -371,7 +387,7 @@ class RuinSurveyor {
     RuinLines lines_;
 };
 
-// Lowest and highest sand under the box of the mesh.
+// Sets ray heights from the lowest and highest sand under the box of the mesh.
 void RuinSurveyor::set_heights() {
     const Domain& d = ground_.domain;
     const Vec3d &low = mesh_.lower(), &high = mesh_.upper();
@@ -398,7 +414,8 @@ void RuinSurveyor::set_heights() {
     heights_.first = from + ruin_off_middle * heights_.step;
 }
 
-// Across the mesh, but not where nothing reaches the terrain: what lies beyond it by twice the greatest height tells no more of a width.
+// Sets lines across the mesh, at most twice the largest height beyond the terrain: lines farther out cannot
+// affect it.
 void RuinSurveyor::set_lines() {
     const Domain& d = ground_.domain;
     double least = infinity, most = -infinity;
@@ -417,7 +434,7 @@ void RuinSurveyor::set_lines() {
     lines_.lines.resize(size_t(count));
 }
 
-// Between the highest ray that meets the face and the next above it, by halving.
+// Finds the top of a face by bisection between its highest hit and the next ray above.
 double RuinSurveyor::refined_top(const RuinChain& chain, bool windward, double t) const {
     const RuinPoint& last = chain.back();
     const double run = windward ? ruin_windward_run : ruin_lee_run, reach = (run + 0.05) * heights_.step;
@@ -436,7 +453,7 @@ std::optional<RuinFoot> RuinSurveyor::foot(const RuinChain& chain, bool windward
     const auto above = [&](size_t k) { return chain[k].y - ground(chain[k].s, t); };
     while (first < chain.size() && !(above(first) > 0.0)) ++first;
     RuinFoot foot;
-    if (first == chain.size()) { // its top may still look out between two rays
+    if (first == chain.size()) { // the top may still be above the sand, between two rays
         first = chain.size() - 1;
         foot.s = chain[first].s;
     } else if (first == 0) {
@@ -485,7 +502,8 @@ void RuinSurveyor::trace_line(int l, RuinLine& line) const {
     gather(lee, false, line.lee);
 }
 
-// What stands in the shelter of a lee face upwind on its line loses as much of its height.
+// Reduces the height of windward faces by the part that lies in the shelter of lee faces upwind on the same
+// line.
 void ruin_shelter_line(RuinLine& line) {
     for (RuinFoot& face : line.windward) {
         double air = face.ground;
@@ -498,7 +516,8 @@ void ruin_shelter_line(RuinLine& line) {
     }
 }
 
-// How thick the solid behind each windward face is, and in front of each lee face: up to the next face of the other kind.
+// Thickness of the solid behind each windward face and in front of each lee face: the distance to the next
+// face of the other kind.
 void ruin_measure_thickness(RuinLine& line) {
     for (RuinFoot& face : line.windward)
         for (RuinFoot& behind : line.lee) {
@@ -510,7 +529,7 @@ void ruin_measure_thickness(RuinLine& line) {
         }
 }
 
-// Faces of neighbouring lines that follow each other are one wall: sets of them by union-find.
+// Groups faces of neighbouring lines into walls, with union-find.
 class RuinWalls {
   public:
     RuinWalls(RuinLines& lines, std::vector<RuinFoot> RuinLine::*kind) : step_(lines.step) {
@@ -532,7 +551,7 @@ class RuinWalls {
         while (parent_[k] != k) k = parent_[k] = parent_[parent_[k]];
         return k;
     }
-    // A face that the wind meets at up to 76 degrees to its normal steps by 4 steps from line to line.
+    // Faces up to 4 line steps apart in s are joined: the wall may be up to 76 degrees oblique to the wind.
     void join_lines(size_t a, size_t b, size_t c) {
         for (size_t p = a; p < b; ++p)
             for (size_t q = b; q < c; ++q) {
@@ -544,11 +563,11 @@ class RuinWalls {
     void smooth(const std::vector<RuinFoot*>& wall) const;
 
     double step_;
-    std::vector<RuinFoot*> feet_; // line by line
+    std::vector<RuinFoot*> feet_; // in order of lines
     std::vector<size_t> parent_;
 };
 
-// H becomes its mean over H along the wall.
+// Averages H along the wall over a distance H.
 void RuinWalls::smooth(const std::vector<RuinFoot*>& wall) const {
     std::vector<double> mean(wall.size());
     tbb::parallel_for(size_t(0), wall.size(), [&](size_t k) {
@@ -598,7 +617,7 @@ RuinLines RuinSurveyor::survey() {
 // ---- the shapes of the zones ----
 
 struct RuinShape {
-    double scour = 0.0, deposit = 0.0; // metres taken, metres asked for
+    double scour = 0.0, deposit = 0.0; // m: to remove, to add
 };
 
 class RuinZones {
@@ -613,7 +632,7 @@ class RuinZones {
     double pad(const RuinFoot& face) const { return std::min(pad_, 0.5 * face.thickness); }
 
     const RuinSettings& settings_;
-    double pad_; // how far into the mesh a zone goes on, m
+    double pad_; // m: how far zones extend into the mesh
 };
 
 double RuinZones::scour(double d, const RuinFoot& face) const {
@@ -644,7 +663,8 @@ double RuinZones::drift(double x, const RuinFoot& face) const {
     return settings_.drift * std::min(height, ruin_slope * to_edge);
 }
 
-// The next windward face downwind makes scour and echo, the last lee face upwind a drift. Either ends at a face of the other kind.
+// The nearest windward face downwind gives scour and echo dune, the nearest lee face upwind a drift. Either
+// is blocked by a face of the other kind in between.
 RuinShape RuinZones::at(const RuinLine& line, double s) const {
     const RuinFoot *front = nullptr, *passed = nullptr, *behind = nullptr, *ahead = nullptr;
     for (const RuinFoot& face : line.windward) {
@@ -662,13 +682,13 @@ RuinShape RuinZones::at(const RuinLine& line, double s) const {
         behind = &face;
     }
     RuinShape shape;
-    if (passed && ahead && !(behind && behind->s > passed->s)) { // within: goes on a little from either side
+    if (passed && ahead && !(behind && behind->s > passed->s)) { // inside a solid: pad zones from both sides
         const double in = s - passed->s, out = ahead->s - s;
         if (in <= pad(*passed)) shape.scour = scour(0.0, *passed);
         if (out <= pad(*ahead)) shape.deposit = drift(0.0, *ahead);
         return shape;
     }
-    double ramp = 1.0; // no drift where scour is deepest
+    double ramp = 1.0; // fades out the drift towards the deepest scour
     if (front && !(ahead && ahead->s < front->s)) {
         const double d = front->s - s;
         shape.scour = scour(d, *front);
@@ -698,9 +718,9 @@ struct RuinGrid {
     Rect rect;
     int nx = 0, nz = 0;
     std::vector<double> ground, scour, deposit; // m
-    std::vector<double> level, floor, cap;      // m: of the sweeps
-    std::vector<char> wall_x, wall_z, solid;    // a wall towards the next sample of the row, column
-    std::vector<double> room, walls;            // how enclosed, 0 to 1; m: by walls of that height
+    std::vector<double> level, floor, cap;      // m: used by the sweeps
+    std::vector<char> wall_x, wall_z, solid;    // wall to the next sample in x, z; inside a solid
+    std::vector<double> room, walls;            // enclosure, 0 to 1; height of the walls, m
 
     explicit RuinGrid(const Rect& r)
         : rect(r), nx(r.i1 - r.i0), nz(r.j1 - r.j0), ground(count()), scour(count()), deposit(count()),
@@ -710,9 +730,9 @@ struct RuinGrid {
     size_t at(int i, int j) const { return size_t(j) * size_t(nx) + size_t(i); }
 };
 
-// The lowest cones over a grid: level = the least of level(seed) + rise * (distance to it in cells). Each sample keeps its seed and hands it to
-// its neighbours (Danielsson 1980, on distances), where no wall is between. Levels only fall, not below `floor`; where they are
-// infinite only to below `cap`.
+// Lower envelope of cones on a grid: level = min over seeds of level(seed) + rise * (distance in cells). Each
+// sample stores its seed and passes it to neighbours without a wall between (distance transform: Danielsson
+// 1980). Levels only fall, never below `floor`. Only values below `cap` are accepted.
 class RuinCones {
   public:
     RuinCones(RuinGrid& grid, double rise) : grid_(grid), rise_(rise), seed_(grid.count()) {
@@ -720,7 +740,7 @@ class RuinCones {
         base_ = grid.level;
     }
     void settle() {
-        constexpr int most = 32; // rounds: a path around as many corners
+        constexpr int most = 32; // rounds: enough for a path around 32 corners
         for (int round = 0; round < most; ++round) {
             bool fell = false;
             for (const int d : {0, 1, 2, 3}) fell = sweep(d & 1, d & 2) || fell;
@@ -738,7 +758,7 @@ class RuinCones {
     std::vector<double> base_; // the level of a seed
 };
 
-// The seed of a neighbour, if it lies lower from here.
+// Takes the seed of a neighbour if it gives a lower level. Returns true if the level fell.
 bool RuinCones::take(size_t k, int i, int j, size_t from) {
     double& level = grid_.level[k];
     const double most = std::min(level, grid_.cap[k]);
@@ -757,7 +777,7 @@ bool RuinCones::take(size_t k, int i, int j, size_t from) {
     return true;
 }
 
-// One pass in the given directions. True: something fell.
+// One pass in the given directions. Returns true if any level fell.
 bool RuinCones::sweep(bool right, bool down) {
     bool fell = false;
     const auto nx = size_t(grid_.nx);
@@ -766,7 +786,7 @@ bool RuinCones::sweep(bool right, bool down) {
         for (int x = 0; x < grid_.nx; ++x) {
             const int i = right ? x : grid_.nx - 1 - x;
             const size_t k = grid_.at(i, j);
-            if (!(grid_.level[k] > grid_.floor[k])) continue; // nothing to fall
+            if (!(grid_.level[k] > grid_.floor[k])) continue; // already at the floor
             if (i > 0 && !grid_.wall_x[k - 1]) fell = take(k, i, j, k - 1) || fell;
             if (i + 1 < grid_.nx && !grid_.wall_x[k]) fell = take(k, i, j, k + 1) || fell;
             if (j > 0 && !grid_.wall_z[k - nx]) fell = take(k, i, j, k - nx) || fell;
@@ -777,7 +797,7 @@ bool RuinCones::sweep(bool right, bool down) {
 }
 
 struct RuinRoom {
-    double share = 0.0, walls = 0.0; // how enclosed a place is, 0 to 1, by walls of that height
+    double share = 0.0, walls = 0.0; // enclosure, 0 to 1; height of the walls, m
 };
 
 class RuinShaper {
@@ -844,7 +864,7 @@ bool RuinShaper::wall(const Vec2d& p, const Vec2d& q, double y) const {
     return mesh_.occluded({p.x(), y, p.y()}, {way.x() / length, 0.0, way.y() / length}, length);
 }
 
-// Whether a place is within a solid: upwards and downwind more faces are left than entered.
+// True if a point is inside a solid: rays upwards and downwind both have more exits than entries.
 bool RuinShaper::within(const Vec2d& p, double y) const {
     static thread_local std::vector<RuinMesh::Hit> found;
     for (const Vec3d& way : {Vec3d(0.0, 1.0, 0.0), Vec3d(1.0, 0.0, 0.0)}) {
@@ -856,7 +876,7 @@ bool RuinShaper::within(const Vec2d& p, double y) const {
     return true;
 }
 
-// Walls between neighbours, a tenth of a cell above the higher one.
+// Tests for walls between neighbouring samples, a tenth of a cell above the higher one.
 void RuinShaper::find_walls() {
     const double above = 0.1 * domain_.cell;
     rows([&](int i, int j, size_t k) {
@@ -877,10 +897,10 @@ void RuinShaper::find_walls() {
     });
 }
 
-constexpr int ruin_directions = 16, ruin_open = 10, ruin_enclosed = 15; // of that many rays
-constexpr double ruin_least_room = 0.25, ruin_tallest_room = 16.0;      // m: of its walls above the sand
+constexpr int ruin_directions = 16, ruin_open = 10, ruin_enclosed = 15; // numbers of rays
+constexpr double ruin_least_room = 0.25, ruin_tallest_room = 16.0;      // m: wall heights above the sand
 
-// Level directions; `turn` goes round so that the first few are far apart: open ground is told by few rays.
+// Horizontal directions. The first few are far apart, so that a few rays identify open ground.
 const std::array<Vec3d, ruin_directions> ruin_round = [] {
     std::array<Vec3d, ruin_directions> round;
     for (int n = 0; n < ruin_directions; ++n) {
@@ -891,7 +911,7 @@ const std::array<Vec3d, ruin_directions> ruin_round = [] {
     return round;
 }();
 
-// How enclosed a place is, 0 to 1, by how many of 16 rays meet the mesh.
+// Enclosure of a point, 0 to 1, from the number of rays (of 16) that hit the mesh.
 double RuinShaper::around(const Vec2d& p, double y, double reach) const {
     int met = ruin_directions;
     for (const Vec3d& way : ruin_round)
@@ -899,7 +919,7 @@ double RuinShaper::around(const Vec2d& p, double y, double reach) const {
     return ruin_smooth(double(met - ruin_open) / (ruin_enclosed - ruin_open));
 }
 
-// Whether most of what they meet faces the place: from within a solid they meet its faces from behind.
+// True if most of the faces hit are front-facing. From inside a solid most would be back-facing.
 bool RuinShaper::from_outside(const Vec2d& p, double y, double reach) const {
     int faces = 0;
     for (const Vec3d& way : ruin_round) {
@@ -909,7 +929,8 @@ bool RuinShaper::from_outside(const Vec2d& p, double y, double reach) const {
     return faces > 0;
 }
 
-// First whether the sand is enclosed at all: near it, at any distance that counts for the tallest walls. Then by which walls most.
+// First tests enclosure near the sand, within the reach of the tallest walls. Then finds the wall height with
+// the largest enclosure * height.
 RuinRoom RuinShaper::room_at(const Vec2d& p, double ground) const {
     const double top = mesh_.upper().y() - ground;
     RuinRoom best;
@@ -924,10 +945,10 @@ RuinRoom RuinShaper::room_at(const Vec2d& p, double ground) const {
     return best;
 }
 
-// One sample in each block of half a metre is looked at, and those that a wall parts from it.
+// Traces one sample in each block of half a metre, and the samples that a wall separates from it.
 void RuinShaper::find_rooms() {
     const int side = int(std::clamp(std::floor(0.5 / domain_.cell), 1.0, 16.0));
-    const auto parted = [&](int i, int j, int i1, int j1) { // by rows, then by columns
+    const auto parted = [&](int i, int j, int i1, int j1) { // path along the row, then the column
         for (int x = i; x < i1; ++x)
             if (grid_.wall_x[grid_.at(x, j)]) return true;
         for (int z = j; z < j1; ++z)
@@ -951,7 +972,7 @@ void RuinShaper::find_rooms() {
     });
 }
 
-// All samples of the room that `first` is in.
+// Flood fill: all samples of the room that contains `first`.
 std::vector<size_t> RuinShaper::flood(size_t first, std::vector<char>& seen) const {
     std::vector<size_t> room{first};
     seen[first] = 1;
@@ -971,7 +992,7 @@ std::vector<size_t> RuinShaper::flood(size_t first, std::vector<char>& seen) con
     return room;
 }
 
-// The level that the sand of a room rises to: its mean height and a share of the mean height of the walls.
+// The sand level of a room: its mean height plus a fraction of the mean height of its walls.
 double RuinShaper::level_of(const std::vector<size_t>& room) const {
     double ground = 0.0, walls = 0.0, sum = 0.0;
     for (const size_t k : room) {
@@ -985,11 +1006,11 @@ void RuinShaper::fill_rooms(RuinResult& result) {
     if (!(settings_.inside * settings_.drift > 0.0)) return;
     find_rooms();
     std::vector<char> seen(grid_.count());
-    std::vector<double>& level = grid_.walls; // times the share, from here on
+    std::vector<double>& level = grid_.walls; // reused: sand level * enclosure
     for (size_t k = 0; k < grid_.count(); ++k) {
         if (seen[k] || !(grid_.room[k] > 0.0)) continue;
         const std::vector<size_t> room = flood(k, seen);
-        const bool counts = room.size() >= 4; // else a corner
+        const bool counts = room.size() >= 4; // fewer samples: just a corner
         result.rooms += counts;
         const double rises = level_of(room);
         for (const size_t n : room) {
@@ -998,19 +1019,20 @@ void RuinShaper::fill_rooms(RuinResult& result) {
         }
     }
     if (result.rooms == 0) return;
-    // The share goes by sixteenths and by blocks: spread over half a metre, where it is not more than 64 times 3 samples.
+    // Enclosure is quantised by rays and blocks: blur it over half a metre, with at most 64 passes of 3
+    // samples.
     const int times = int(std::clamp(0.5 / (domain_.cell * domain_.cell), 1.0, 64.0));
     for (int n = 0; n < times; ++n) round_off(grid_.room), round_off(level);
     rows([&](int, int, size_t k) {
         const double share = grid_.room[k];
-        if (!(share > 0x1p-20)) return; // a millionth of a deposit
+        if (!(share > 0x1p-20)) return; // negligible: a millionth of a deposit
         const double rise = std::max(level[k] / share - grid_.ground[k], 0.0);
         grid_.scour[k] *= 1.0 - share;
         grid_.deposit[k] += share * (rise - grid_.deposit[k]);
     });
 }
 
-// Sand at the rim of the scour falls into it.
+// Lets sand at the rim of the scour slide into the pit.
 void RuinShaper::settle_pit() {
     rows([&](int i, int j, size_t k) {
         const size_t sample = domain_.index(grid_.rect.i0 + i, grid_.rect.j0 + j);
@@ -1026,8 +1048,8 @@ void RuinShaper::settle_pit() {
     });
 }
 
-// Means of three samples with weights 1, 2, 1 along rows and then along columns, where no wall is between: the tips and creases of cones and
-// planes at one slope have triangles up to sqrt(2) as steep.
+// Smooths with weights 1, 2, 1 along rows and then columns, but not across walls. Without it triangles at the
+// tips and creases of cones would be up to sqrt(2) times as steep as the cones.
 void RuinShaper::round_off(std::vector<double>& field) {
     const auto pass = [&](size_t stride, const std::vector<char>& walls, auto&& inner) {
         std::copy(field.begin(), field.end(), grid_.level.begin());
@@ -1043,7 +1065,7 @@ void RuinShaper::round_off(std::vector<double>& field) {
     pass(size_t(grid_.nx), grid_.wall_z, [&](int, int j) { return std::pair(j > 0, j + 1 < grid_.nz); });
 }
 
-// What is piled up is cut down to its slope.
+// Limits deposits to the angle of repose.
 void RuinShaper::settle_deposit() {
     rows([&](int, int, size_t k) {
         grid_.floor[k] = grid_.ground[k] - grid_.scour[k];
@@ -1075,7 +1097,7 @@ bool RuinShaper::shape(RuinResult& result, const std::function<bool()>& cancelle
     return !stop();
 }
 
-// ---- the account ----
+// ---- the sand budget ----
 
 __extension__ using RuinWide = unsigned __int128;
 
@@ -1084,7 +1106,8 @@ SandUnits ruin_share(SandUnits part, SandUnits all, SandUnits whole) {
     return SandUnits(RuinWide(part) * RuinWide(all) / RuinWide(whole));
 }
 
-// Scales counts so that their sum is `all` exactly and none grows: differences of the scaled running sum. sum(counts) = whole >= all.
+// Scales counts so that their sum is exactly `all`, by differences of the scaled running sum. sum(counts) =
+// whole >= all. No count grows.
 void ruin_scale(std::vector<SandUnits>& counts, SandUnits all, SandUnits whole) {
     if (all == whole) return;
     SandUnits running = 0, before = 0;
@@ -1114,7 +1137,7 @@ void ruin_settle_account(const RuinGrid& grid, const Domain& domain, double supp
     const SandUnits from = ruin_sum(taken), wanted = ruin_sum(given);
     result.taken = std::min(from, wanted);
     result.supplied = SandUnits(std::floor(supply * double(wanted - result.taken)));
-    result.supplied = std::min(result.supplied, wanted - result.taken); // a double may have rounded it up
+    result.supplied = std::min(result.supplied, wanted - result.taken); // the double may have rounded up
     result.given = result.taken + result.supplied;
     if (from > 0) ruin_scale(taken, result.taken, from);
     if (wanted > 0) ruin_scale(given, result.given, wanted);
@@ -1122,7 +1145,7 @@ void ruin_settle_account(const RuinGrid& grid, const Domain& domain, double supp
         if (taken[k] != given[k]) sand[sample(k)] += given[k] - taken[k];
 }
 
-// Samples within the box around all zones.
+// The bounding rectangle of all zones, in samples.
 Rect ruin_touched(const Domain& domain, const RuinMesh& mesh, const RuinSettings& settings) {
     if (mesh.empty() || domain.nx < 1 || domain.nz < 1) return {};
     const Vec3d &low = mesh.lower(), &high = mesh.upper();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ruin layer: what the wind does to the sand around a mesh that stands in it. The page of the model is in ruin.cpp.
+// The ruin layer: scour and deposition of wind-blown sand around a mesh. The model is documented in ruin.cpp.
 #pragma once
 
 #include "core/plugin/embree.h"
@@ -12,34 +12,35 @@
 
 namespace marram {
 
-// H is the height of a wall above the sand at its foot. Any finite values are good; the page states their ranges.
+// H is the height of a wall above the sand at its foot. Values are clamped to the ranges given in ruin.cpp.
 struct RuinSettings {
-    double scour = 1.0;        // amount of scour and echo dune
-    double scour_depth = 0.25; // at the wall, share of H
-    double drift = 1.0;        // amount of drifts in the lee and of sand in rooms
-    double drift_length = 4.0; // in H
-    double drift_height = 0.3; // at the wall, share of H
-    double inside = 0.2;       // rise of the sand in a room, share of the height of its walls
-    double supply = 1.0;       // share of what deposits lack that comes from outside; 0: the field is closed
+    double scour = 1.0;        // strength of scour and echo dune
+    double scour_depth = 0.25; // at the wall, / H
+    double drift = 1.0;        // strength of lee drifts and of sand in rooms
+    double drift_length = 4.0; // / H
+    double drift_height = 0.3; // at the wall, / H
+    double inside = 0.2;       // rise of the sand in a room, / height of its walls
+    double supply = 1.0;       // fraction of the missing deposit sand added from outside; 0: closed system
     bool operator==(const RuinSettings&) const = default;
 };
 
-// What the layer did. Sand after = sand before + supplied, and given = taken + supplied, both exactly.
+// Result statistics. Sand after = sand before + supplied, and given = taken + supplied, both exactly.
 struct RuinResult {
     SandUnits taken = 0, given = 0, supplied = 0;
-    int windward = 0, lee = 0; // faces found, one a line along the wind
+    int windward = 0, lee = 0; // number of faces, counted on each line along the wind
     int rooms = 0;
     bool cancelled = false;
 };
 
-// A place in the frame of the wind: s along it, t across it, from the centre of the mesh.
+// The wind frame: s along the wind, t across it, origin at the centre of the mesh.
 struct RuinFrame {
     Vec2d origin = Vec2d::Zero(), along = Vec2d(1.0, 0.0), across = Vec2d(0.0, 1.0);
     Vec2d world(double s, double t) const { return origin + s * along + t * across; }
     Vec2d frame(const Vec2d& p) const { return {(p - origin).dot(along), (p - origin).dot(across)}; }
 };
 
-// The mesh by itself, in the frame of the wind (x = s, y = height, z = t), ready to be traced after the scene that it came from is gone.
+// A copy of the mesh in its own Embree scene, in the wind frame (x = s, y = height, z = t). It may outlive
+// the scene of the mesh.
 class RuinMesh {
   public:
     RuinMesh(const MarramMesh& mesh, const Vec2d& wind, RTCScene scene);
@@ -53,9 +54,9 @@ class RuinMesh {
         double at;    // m along the ray
         Vec3d normal; // unit, outward
     };
-    // All hits from `from` within `length` along the unit vector `direction`, the nearest first.
+    // All hits of a ray of `length` from `from` along the unit vector `direction`, sorted by distance.
     void hits(const Vec3d& from, const Vec3d& direction, double length, std::vector<Hit>& found) const;
-    // The normal of the first one, or 0.
+    // The normal at the nearest hit; zero if there is none.
     Vec3d first(const Vec3d& from, const Vec3d& direction, double length) const;
     bool occluded(const Vec3d& from, const Vec3d& direction, double length) const;
 
@@ -68,7 +69,7 @@ class RuinMesh {
 
 class RuinLayer : public Layer {
   public:
-    // `scene` is only asked for its device; NULL: a device of its own.
+    // Only the device of `scene` is used; NULL: creates its own device.
     RuinLayer(const Domain& domain, const Vec2d& wind, const MarramMesh& mesh, RTCScene scene,
               const RuinSettings& settings);
 
@@ -79,14 +80,14 @@ class RuinLayer : public Layer {
                         const std::function<bool()>& cancelled) const override;
     Tiles changed_since(const Layer& before, const Domain& domain) const override;
 
-    // evaluate_whole, with what it did. Where it is cancelled, `sand` is a copy of what is below.
+    // evaluate_whole() with statistics. If cancelled, `sand` is a copy of the sand below.
     RuinResult move_sand(const Fields& below, SandUnits* sand, const std::function<bool()>& cancelled) const;
-    // Samples that it may change.
+    // The samples that may change.
     Rect touched() const { return touched_; }
 
   private:
     Domain domain_;
-    RuinSettings settings_; // within their ranges
+    RuinSettings settings_; // clamped to their ranges
     RuinMesh mesh_;
     Rect touched_;
 };

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Layers that have a height of their own and combine it with what is below: flat, noise, image, dune, mass desert.
+// Layers that combine their own height with the terrain below: flat, noise, image, dune, mass desert.
 //
-//   below   the bedrock's height, or the sand's thickness: the field that `target` names
-//   own     what the layer would put there, metres. Target "level": the thickness that makes the surface as high as that
-//   share   how much of that counts: the layer's own, times its mask, 0 to 1
+//   below   the field that `target` names: bedrock height, or sand thickness
+//   own     the layer's height or thickness, metres. Target "level": the thickness up to that height
+//   share   blend weight, 0 to 1: the layer's own share times its mask
 //   result  below + share * (combine(below, own) - below)
 //
-// Sand is never negative. Where the share is 0 the sample keeps its bits.
+// Sand is never negative. Where the share is 0 the sample stays bit-identical.
 #pragma once
 
 #include "procedural/terrain/layer_types.h"
@@ -17,7 +17,7 @@ namespace marram {
 
 struct ShapeSettings {
     bool bedrock = false; // target: bedrock; else sand
-    bool level = false;   // of sand: own heights are those of the surface that sand fills up to
+    bool level = false;   // sand: own heights are surface heights up to which sand is filled
     Combine mode = Combine::add;
     double smooth = 1.0; // metres over which a smooth maximum blends
     std::string mask;    // "": none
@@ -32,27 +32,28 @@ class ShapeLayer : public Layer {
     void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override;
 
   protected:
-    // own and share of the samples [i0, i1) of row j, at most Tiles::side of them. Both arrive as 0.
+    // Computes own and share of the samples [i0, i1) of row j, at most Tiles::side. Both are initialized to
+    // 0.
     virtual void shape(int i0, int i1, int j, double* own, double* share) const = 0;
-    // False: the share is 0 in all of the rectangle.
+    // Returns false only if the share is 0 in the whole rectangle.
     virtual bool touches(const Rect& rect) const {
         (void)rect;
         return true;
     }
     const ShapeSettings& settings() const { return settings_; }
-    Domain domain_; // set by the layer
+    Domain domain_; // set by the derived class
 
   private:
     ShapeSettings settings_;
 };
 
-// The parameters target, combine, smooth and mask. target: what it is when the scene does not say.
+// The parameters target, combine, smooth and mask. `target`: its default.
 std::array<MarramParam, 4> shape_params(const char* target);
 ShapeSettings read_shape(const LayerContext& context);
 
-// The mask of that name, the one handed out last. It is there: read_shape() and whoever else takes a name has looked.
+// The topmost mask with that name; NULL if there is none. Names from mask_named() always exist.
 const float* find_mask(const Fields& below, std::string_view name);
-// A SceneFault where no layer below hands out a mask of the name that `parameter` gives.
+// The mask name given by `parameter`. Throws SceneFault if no layer below outputs such a mask.
 std::string mask_named(const LayerContext& context, std::string_view parameter);
 
 } // namespace marram

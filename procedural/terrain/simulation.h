@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a layer that needs its own past may use while the host prepares a frame: states of earlier frames, and a line of progress.
+// Access to the host for simulated layers while a frame is prepared: states of earlier frames, and progress
+// messages.
 #pragma once
 
 #include "core/plugin/marram_plugin.h"
@@ -10,16 +11,16 @@
 
 namespace marram {
 
-// Outside prepare() there are no states: whoever asks begins anew.
+// Outside prepare() there are no states: the simulation restarts.
 struct Simulation {
     const MarramHost* host = nullptr;
-    const MarramStates* states = nullptr; // NULL: none
-    bool failed = false;                  // the host could not load or store; it knows why
+    const MarramStates* states = nullptr; // may be NULL
+    bool failed = false;                  // the host could not load or store; it has reported the reason
 
-    // The latest state at or before the frame; empty where there is none. `at`: its frame.
+    // The latest state at or before the frame, or empty. `at`: the state's frame.
     std::vector<char> load(double frame, double& at);
     void store(double frame, std::span<const char> data);
-    void progress(double share, const std::string& words) const; // 0 ... 1
+    void progress(double share, const std::string& words) const; // share: 0 to 1
 };
 
 } // namespace marram

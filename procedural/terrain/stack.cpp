@@ -14,7 +14,7 @@ namespace marram {
 
 namespace {
 
-// malloc: a vector would write zeros to memory that the layers fill in parallel.
+// Uses malloc because a vector would zero the memory serially; the layers fill it in parallel.
 template <typename T>
 T* allocated(size_t count) {
     if (void* memory = std::malloc(std::max<size_t>(count, 1) * sizeof(T))) return static_cast<T*>(memory);
@@ -55,11 +55,11 @@ void Stack::allocate(Entry& entry) {
 void Stack::set_layers(std::vector<StackLayer> layers) {
     std::vector<Entry> before = std::move(entries_);
     entries_.clear();
-    if (layers.size() != before.size()) changed_ = Tiles(domain_, true); // one at the top may be gone
+    if (layers.size() != before.size()) changed_ = Tiles(domain_, true); // the top layer may be removed
     std::vector<MaskView> views;
     for (size_t k = 0; k < layers.size(); ++k) {
         const StackLayer& given = layers[k];
-        // A layer of the same type at the same place keeps its buffers where both hand out the same.
+        // A layer of the same type and index keeps its buffers if it writes the same fields and masks.
         Entry* old = k < before.size() && before[k].made.type == given.type ? &before[k] : nullptr;
         if (old) {
             const Layer &a = *old->made.layer, &b = *given.layer;
@@ -107,7 +107,7 @@ bool Stack::evaluate(size_t index, const std::function<bool()>& cancelled) {
         entry.notes = {};
         return layer.evaluate_whole(below, out, cancelled);
     }
-    out.notes = nullptr; // tiles are evaluated by many threads
+    out.notes = nullptr; // notes are not thread-safe
     const std::vector<Rect> rects = entry.stale.rects();
     std::atomic<bool> stopped = false;
     tbb::parallel_for(size_t(0), rects.size(), [&](size_t r) {

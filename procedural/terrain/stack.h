@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// A stack of layers, evaluated tile by tile, that keeps what each layer wrote: an edit evaluates again only the tiles that it touches,
-// from the first layer that differs, grown by the reach of each layer above.
+// A stack of layers, evaluated tile by tile. It caches the output of each layer. An edit re-evaluates only
+// the affected tiles, from the first changed layer up; each layer above grows the set of tiles by its reach.
 //
-// Memory: a layer keeps 8 bytes a sample where it writes sand, 4 where it writes bedrock, 4 for each mask.
+// Memory a sample: 8 bytes for each layer that writes sand, 4 for each layer that writes bedrock, 4 for each
+// mask.
 #pragma once
 
 #include "procedural/terrain/layer.h"
@@ -11,16 +12,16 @@
 
 namespace marram {
 
-// A layer and what it is made from.
+// A layer with the type and digest of its inputs.
 struct StackLayer {
     std::string type;
-    uint64_t digest = 0; // of its values and inputs: two of the same type and digest are the same layer
+    uint64_t digest = 0; // of its values and inputs; same type and digest: same layer
     std::shared_ptr<const Layer> layer;
 };
 
 class Stack {
   public:
-    // What evaluate() did to one layer.
+    // Work of the last evaluate() for one layer.
     struct Work {
         int tiles = 0; // evaluated
         double seconds = 0.0;
@@ -28,29 +29,29 @@ class Stack {
 
     explicit Stack(const Domain& domain);
 
-    // The layer at that position now, where it has this type (and digest).
+    // The current layer at this index if it has this type (and digest), else NULL.
     std::shared_ptr<const Layer> find(size_t index, const std::string& type) const;
     std::shared_ptr<const Layer> find(size_t index, const std::string& type, uint64_t digest) const;
 
-    // Other layers, bottom to top. Nothing is computed yet.
+    // Replaces the layers, bottom to top. Evaluates nothing.
     void set_layers(std::vector<StackLayer> layers);
 
-    // Brings all layers up to date. false: cancelled; what is missing is done by the next call.
+    // Brings all layers up to date. Returns false if cancelled; the next call completes the rest.
     bool evaluate(const std::function<bool()>& cancelled);
 
     const Domain& domain() const { return domain_; }
-    // Where the terrain above all layers may have changed since this was last asked. Valid after evaluate().
+    // Tiles whose final terrain may have changed since the last call. Valid after evaluate().
     Tiles take_changed();
-    // The terrain above all layers, or above those below `layer`. Valid after evaluate().
+    // The terrain after all layers, or the input of `layer`. Valid after evaluate().
     Fields fields() const { return fields(entries_.size()); }
     Fields fields(size_t layer) const;
     std::vector<Work> work() const;
     const std::string& type(size_t layer) const { return entries_[layer].made.type; }
     const Layer& layer(size_t index) const { return *entries_[index].made.layer; }
-    // What the layer said when it was last evaluated as a whole.
+    // Notes of the last evaluate_whole() of the layer.
     const LayerNotes& notes(size_t layer) const { return entries_[layer].notes; }
     size_t bytes() const;
-    uint64_t digest() const; // of what the layers are made from
+    uint64_t digest() const; // of the types and inputs of all layers
 
   private:
     template <typename T>
@@ -66,7 +67,7 @@ class Stack {
         Buffer<float> bedrock;
         Buffer<SandUnits> sand;
         std::vector<Buffer<float>> masks;
-        std::vector<MaskView> views; // of all masks up to and with this layer
+        std::vector<MaskView> views; // all masks up to and including this layer
         Work work;
         LayerNotes notes;
     };
@@ -76,7 +77,7 @@ class Stack {
     bool evaluate(size_t index, const std::function<bool()>& cancelled);
 
     Domain domain_;
-    Buffer<float> flat_; // zeros: pages that are only read take no memory
+    Buffer<float> flat_; // zeros from calloc: pages that are only read use no physical memory
     Buffer<SandUnits> bare_;
     std::vector<Entry> entries_;
     Tiles changed_;

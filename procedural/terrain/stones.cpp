@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// stones: pebbles, boulders and outcrops of bedrock, half buried in what is below.
+// stones: pebbles, boulders and bedrock outcrops, partly buried in the terrain below.
 //
 //     [[procedural.layer]]
 //     type = "stones"
@@ -14,54 +14,67 @@
 //     bed = 0.6
 //     dip = 12
 //
-// Place. The plane is divided into squares of 1 / density, one stone in each, anywhere in it. No two places depend on each other; the count of an
-// area varies far less than that of independent places would. The id is the square, packed. Everything of a stone is a hash of (seed, id, use), so
-// that a stone is the same whatever the terrain's extent. Its middle has to be on the terrain.
+// Place. The plane is divided into squares of area 1 / density, with one stone at a uniform random place in
+// each (jittered sampling). Places are independent of each other, and the number of stones in an area varies
+// far less than with independent uniform places. The id is the packed square index. All properties of a stone
+// are hashes of (seed, id, use), so a stone is the same for any extent of the terrain. A stone exists only if
+// its centre is on the terrain.
 //
-// Size D, the longest axis: N(> D) ~ D^-p between the ends of `size`, p = size_power, so that with u in [0, 1)
+// Size D, the longest axis: N(> D) ~ D^-p within the range `size`, p = size_power, so with u in [0, 1)
 //
 //   D = D0 (1 - u (1 - (D0 / D1)^p))^(-1/p);  p = 0: D0 (D1 / D0)^u
 //
-// Fragmentation gives p from 1.4 to 3.5: larger for rock that was broken more often (D. Turcotte, "Fractals and fragmentation", Journal of
-// Geophysical Research 91, 1986). A stone smaller than 4 cells cannot be held by the grid: it is left out, counted and reported.
+// Fragmentation gives p from 1.4 to 3.5, larger for rock that was broken more often (D. Turcotte, "Fractals
+// and fragmentation", Journal of Geophysical Research 91, 1986). The grid cannot resolve stones smaller than
+// 4 cells: they are omitted, counted and reported.
 //
-// Shape. An ellipsoid of half axes a = D / 2, b = 0.6 to 1 of a, c = 1 - `flatness` (+- a fifth) of b, turned to any side and tilted, gives the
-// planes: 1 on top, 5 on the shoulders, 7 around it, jittered. Each touches the ellipsoid and is then moved inwards by up to 30 % (top: 15 %) of
-// its distance from the middle. What lies below all of them is a convex body with facets; a ball never comes out. Only what faces up is drawn. Of plane
-// n . p = d the height is
+// Shape. An ellipsoid of half axes a = D / 2, b = 0.6 to 1 of a, c = 1 - `flatness` (+- a fifth) of b, with
+// random heading and tilt, gives 13 jittered planes: 1 on top, 5 on the shoulders, 7 around it. Each plane
+// touches the ellipsoid and is then moved inwards by up to 30 % (top: 15 %) of its distance from the centre.
+// The body below all planes is convex with facets, never a smooth ball. Only its upward-facing surface is
+// used. The height of plane n . p = d is
 //
 //   y_i(x, z) = (d_i - nx x - nz z) / ny,   top = min over i
 //
-// |n| = 1, ny >= 0.32 (71 degrees: steeper faces would be steps of the grid). The minimum is rounded: smin(p, q) = min(p, q) - max(k - |p - q|, 0)^2 / 4k with
-// k = roundness c / ny, so that edges are rounded over about the same distance whether steep or flat. Two more planes
-// limit the body: the level of the ellipsoid's highest point, and a cone of 72 degrees, which is at the ellipsoid's lowest point 1.5 a from the
-// middle. (x, z) are moved by three octaves or fewer of noise, `roughness` D strong at three standard deviations, 0.35 D long, none shorter
-// than 2.5 cells, and y by 0.7 c / a of that: facets are not quite level, edges not quite straight.
+// |n| = 1, ny >= 0.32 (71 degrees: steeper faces would show as grid steps). The minimum is rounded: smin(p,
+// q) = min(p, q) - max(k - |p - q|, 0)^2 / 4k with k = roundness c / ny, so that edges are rounded over about
+// the same distance on steep and flat faces. Two more surfaces bound the body: the level of the ellipsoid's
+// highest point, and a cone of 72 degrees. At the level of the ellipsoid's lowest point the cone's radius is
+// 1.5 a less the largest noise displacement. (x, z) are displaced by up to three octaves of noise: amplitude
+// `roughness` D at three standard deviations, wavelength 0.35 D, no octave shorter than 2.5 cells. y is
+// displaced by 0.7 c / a of that. So facets are not quite level and edges not quite straight.
 //
-// Burial. y counts from a plane through the surface below: its mean height and slopes at four places D / 4 from the stone's middle (above 35
-// degrees they count as 35). So a stone lies on a slope as it would on the level. `burial`, uniform in its range, is the share of the ellipsoid's height that is below that plane at the middle.
+// Burial. y is measured from a plane through the surface below: mean height and slopes at four points D / 4
+// from the stone's centre (slopes are limited to 35 degrees). So a stone lies on a slope as on level ground.
+// `burial`, uniform in its range, is the fraction of the ellipsoid's height below that plane at the centre.
 //
-// Outcrops are bodies of the same kind, three times as flat at the same `flatness`, of which beds remain. Beds are parallel to one plane through the whole terrain,
-// which falls by `dip` towards `dip_direction`: ledges of neighbours are at the same level. Bed k lies between s_k and s_k+1, s_k = bed (k + 0.35
-// (hash - 1/2)), s = height above the dipping plane through the origin. Within a bed f = (s - s_k) / (s_k+1 - s_k) becomes
+// Outcrops are bodies of the same kind, three times as flat at the same `flatness`, and cut into beds. Beds
+// are parallel to one plane through the whole terrain, which dips by `dip` towards `dip_direction`, so the
+// ledges of neighbours are at the same level. Bed k lies between s_k and s_k+1, with s = height above the
+// dipping plane through the origin and s_k = bed (k + 0.35 (hash - 1/2)). Within a bed f = (s - s_k) / (s_k+1
+// - s_k) becomes
 //
 //   0.12 f + 0.88 smoothstep((f - q) / (1 - q)),  q = 0.5 to 0.8, hashed
 //
-// a tread and a riser. It is continuous and keeps s_k, so that a body changes by less than one bed.
+// which is a tread and a riser. The map is continuous and keeps s_k, so a body changes by less than one bed.
 //
-// Stones are bedrock: the surface becomes max(surface, top). Where a stone is higher than the bedrock below, bedrock is raised to it, and the sand gets
-// as much thinner, down to 0: on top of a stone there is none, and above a stone that is buried whole the surface stays. A body that the wind buries
-// takes no sand away from the world: the sand that was counted where the body or what is beneath it now is counts no more. The report's
-// `sand` says how much that is. Nothing is heaped up beside it. Two stones meet by the maximum.
+// Stones are bedrock: the surface becomes max(surface, top). Where a stone is higher than the bedrock below,
+// bedrock is raised to the stone, and the sand becomes thinner by the same amount, down to 0. So there is no
+// sand on top of a stone, and the surface above a fully buried stone is unchanged. Sand that a stone replaces
+// is removed, not moved: the report's `sand` gives the amount. No sand piles up beside a stone. Overlapping
+// stones combine by the maximum.
 //
-// mask: at the stone's middle, the probability that it is there (by its own hash: a stone that is there at 0.3 is there at 0.4 too).
+// mask: its value at the stone's centre is the probability of the stone. The decision uses the stone's own
+// hash: a stone that exists at 0.3 also exists at 0.4.
 //
-// Limits. No overhangs: below its widest part a body is a column. Stones do not rest on stones of the same layer. The tilt is a hash, not a
-// balance. Nothing is scoured; a fusion layer above brings the sand around them to rest. Where a slope falls away faster than 35 degrees a
-// body ends in a wall, a column down to the ground.
+// Limits. No overhangs: below its widest part a body is a column. Stones of one layer do not rest on each
+// other. The tilt is a hash, not an equilibrium. There is no scour; a fusion layer above lets the sand around
+// stones slide to repose. Where a slope falls away at more than 35 degrees, a body ends in a wall: a column
+// down to the ground.
 //
-// Reach: the largest stone and three cells; an edit below evaluates those tiles only, an edit of the layer those of stones that differ.
-// Cost: 10,490 stones of 0.5 to 4 m on 2048^2 samples: 0.01 s to place, 1.0 s to evaluate on two busy cores, with roughness 1.6 s.
+// Reach: the largest stone and three cells. An edit below re-evaluates only the tiles within reach, an edit
+// of the layer only the tiles of stones that differ. Cost: 10,490 stones of 0.5 to 4 m on 2048^2 samples:
+// 0.01 s to place, 1.0 s to evaluate on two busy cores, with roughness 1.6 s.
 #include "procedural/terrain/stones.h"
 
 #include "core/math/hash.h"
@@ -79,17 +92,17 @@
 namespace marram {
 namespace {
 
-constexpr double stone_bound = 1.5;         // of the half axis: nothing of a body is farther from its middle
-constexpr double stone_steepest = 0.32;     // ny: 71 degrees
-constexpr double stone_cone = 3.0;          // slope of what limits a body
-constexpr double stone_noise_length = 0.35; // of the size
-constexpr double stone_noise_most = 1.65;   // of 3 octaves, in amplitudes of one: 1.04 * 1.75 / sqrt(1.3125)
+constexpr double stone_bound = 1.5;         // bounding radius of a body, in half axes a
+constexpr double stone_steepest = 0.32;     // minimum ny: 71 degrees
+constexpr double stone_cone = 3.0;          // slope of the bounding cone
+constexpr double stone_noise_length = 0.35; // wavelength, as a fraction of the size
+constexpr double stone_noise_most = 1.65;   // maximum of 3 octaves / amplitude: 1.04 * 1.75 / sqrt(1.3125)
 constexpr double stone_slope_limit = 0.7;   // tan(35 degrees)
-constexpr double stone_foot = 0.25;         // of the size: where the surface below is read, from the middle
+constexpr double stone_foot = 0.25;         // distance of the ground samples from the centre, / size
 constexpr double outcrop_flatness = 1.0 / 3.0;
 constexpr int stone_shoulders = 5, stone_sides = 7, stone_planes = 1 + stone_shoulders + stone_sides;
 
-// What a hash is for: the words that tell the random numbers of one stone apart.
+// Keys of the random numbers of one stone.
 enum class StoneUse : uint64_t {
     place_x,
     place_z,
@@ -103,7 +116,7 @@ enum class StoneUse : uint64_t {
     height,
     noise,
     turn,
-    plane, // and three for each
+    plane, // 4 for each plane
     bed = plane + 4 * stone_planes,
     tread
 };
@@ -120,7 +133,7 @@ struct StoneHash {
 
 StoneHash stone_hash(uint64_t seed, uint64_t id) { return {hash(hash(seed, 0x73746f6e65), id)}; }
 
-// Squares are numbered from the origin; 2^31 of them either way.
+// Squares are numbered from the origin, up to 2^31 in each direction.
 uint64_t stone_id(int64_t i, int64_t j) {
     constexpr int64_t half = int64_t(1) << 31;
     return uint64_t(j + half) << 32 | (uint64_t(i + half) & 0xffffffffU);
@@ -133,15 +146,16 @@ double stone_size(const StoneSettings& settings, double u) {
 }
 
 struct StonePlane {
-    double gx, gz, top, round; // top - gx x - gz z; k of the rounded minimum with the others
+    double gx, gz, top, round; // height: top - gx x - gz z; round: k of the rounded minimum
 };
 
-// One stone, as the surface below has it lie. Heights are metres above the level of the terrain, x and z from its middle.
+// A stone placed on the surface below. Heights are metres above the tangent plane, x and z are relative to
+// the centre.
 struct StoneBody {
     std::array<StonePlane, stone_planes> planes{};
-    double bottom = 0.0, peak = 0.0, cone = 0.0, round = 0.0; // the cone's height above its middle
-    double level = 0.0, slope_x = 0.0, slope_z = 0.0;         // of the tangent plane
-    double bound = 0.0, amplitude = 0.0, upwards = 0.0;       // of the noise, sideways and upwards
+    double bottom = 0.0, peak = 0.0, cone = 0.0, round = 0.0; // cone: height of the apex
+    double level = 0.0, slope_x = 0.0, slope_z = 0.0;         // the tangent plane
+    double bound = 0.0, amplitude = 0.0, upwards = 0.0;       // radius; noise amplitude sideways, upwards
     Vec2d at = Vec2d::Zero();
     FractalNoise noise;
     double noise_y = 0.0;
@@ -152,7 +166,7 @@ MARRAM_INLINE VDouble stone_smin(VDouble a, VDouble b, double k) {
     return vmin(a, b) - h * h * (0.25 / k);
 }
 
-// Eight tops at places from the middle, above the tangent plane.
+// Heights of the top above the tangent plane, at eight points relative to the centre.
 MARRAM_INLINE VDouble stone_tops(const StoneBody& body, VDouble x, VDouble z) {
     VDouble top = stone_smin(body.cone - stone_cone * vsqrt(x * x + z * z), splat(body.peak), body.round);
     for (const StonePlane& p : body.planes) top = stone_smin(top, p.top - p.gx * x - p.gz * z, p.round);
@@ -163,7 +177,7 @@ struct StoneRow {
     double x[Tiles::side], nx[Tiles::side], ny[Tiles::side], nz[Tiles::side], top[Tiles::side];
 };
 
-// count samples of a row: tops above the tangent plane; -infinity where the body is not.
+// Heights of the top above the tangent plane for `count` samples of a row; -infinity outside the body.
 MARRAM_HOT void stone_row(const StoneBody& body, double z, int count, StoneRow& row) {
     for (int k = 0; k < count; k += lanes) {
         const VDouble x = vload(row.x + k), nx = vload(row.nx + k), ny = vload(row.ny + k),
@@ -186,7 +200,7 @@ double stone_height(const Fields& below, const Domain& d, double x, double z) { 
     return mixed(j) + (v - j) * (mixed(down) - mixed(j));
 }
 
-// The plane that a stone lies on.
+// The tangent plane of the ground that a stone lies on.
 struct StoneGround {
     double height, slope_x, slope_z;
 };
@@ -203,7 +217,8 @@ StoneGround stone_ground(const Fields& below, const Domain& d, const Stone& ston
     return ground;
 }
 
-// Where planes touch the unit ball: one above, a ring on the shoulders, a ring around the sides; each jittered.
+// The point where a plane touches the unit sphere: one on top, a ring on the shoulders, a ring around the
+// sides; jittered.
 Vec3d stone_touch(const StoneHash& hash, int plane) {
     const bool top = plane == 0, shoulder = plane <= stone_shoulders;
     const int ring = shoulder ? stone_shoulders : stone_sides, first = shoulder ? 1 : 1 + stone_shoulders;
@@ -228,13 +243,13 @@ StoneBody stone_body(const StoneSettings& settings, const Stone& stone, const St
                                     Eigen::AngleAxisd(heading, Vec3d::UnitY()))
                                        .toRotationMatrix();
     const Vec3d axes(a, c, b);
-    // Half the height of the ellipsoid as it lies.
+    // Half the height of the tilted ellipsoid.
     const double half = axes.cwiseProduct(turned.transpose() * Vec3d::UnitY()).norm();
     const double middle =
         half * (1.0 - 2.0 * hash.in(settings.burial.x(), settings.burial.y(), StoneUse::burial));
-    body.round = std::max(settings.roundness, 1e-3) * c; // 0 would divide 0 by 0
+    body.round = std::max(settings.roundness, 1e-3) * c; // avoids 0 / 0
     for (int p = 0; p < stone_planes; ++p) {
-        // At right angles to the ellipsoid; what faces down is stood up.
+        // The ellipsoid's normal; planes below the minimum ny are made as steep as allowed.
         const Vec3d normal = (turned * stone_touch(hash, p).cwiseQuotient(axes)).normalized();
         const double level = std::hypot(normal.x(), normal.z());
         const double ny = std::max(normal.y(), stone_steepest);
@@ -261,7 +276,7 @@ StoneBody stone_body(const StoneSettings& settings, const Stone& stone, const St
     return body;
 }
 
-// From the height above the dipping plane to that of its ledge.
+// Maps the height above the dipping plane to the height of its ledge.
 double stone_ledge(double s, double bed, const StoneHash& beds) {
     const auto hashed = [&](double k, StoneUse use) {
         return unit_double(hash(hash(beds.word, uint64_t(use)), uint64_t(int64_t(k))));
@@ -344,12 +359,12 @@ StonesLayer::StonesLayer(const StoneSettings& settings, const Domain& domain, co
                            {domain.x(domain.nx - 1), domain.z(domain.nz - 1)}, place)) {
     double largest = 0.0;
     for (const Stone& stone : stones_.list) largest = std::max(largest, stone.size);
-    // From the farthest sample of a body to the samples around the farthest place where its ground is read.
+    // Distance from the farthest sample of a body to the farthest ground samples it reads.
     if (largest > 0.0) reach_ = (0.5 * stone_bound + stone_foot) * largest + 3.0 * domain.cell;
     bin();
 }
 
-// Which stones may touch which tile.
+// Bins stones by the tiles they may overlap.
 void StonesLayer::bin() {
     const Tiles tiles(domain_);
     const auto each = [&](auto&& act) {
@@ -362,7 +377,7 @@ void StonesLayer::bin() {
             const auto row = [&](double z) {
                 return int(std::clamp(std::floor((z - domain_.z0) / tile), 0.0, tiles.rows() - 1.0));
             };
-            // A cell more: no rounding leaves a tile out.
+            // One cell of margin, so that rounding cannot miss a tile.
             const double wide = bound + domain_.cell;
             for (int r = row(stone.at.y() - wide); r <= row(stone.at.y() + wide); ++r)
                 for (int c = column(stone.at.x() - wide); c <= column(stone.at.x() + wide); ++c)
@@ -449,7 +464,8 @@ void StonesLayer::evaluate(const Rect& rect, const Fields& below, const LayerOut
 Tiles StonesLayer::changed_since(const Layer& before, const Domain& domain) const {
     const auto* other = dynamic_cast<const StonesLayer*>(&before);
     if (!other || other->domain_ != domain_ || domain != domain_) return Tiles(domain, true);
-    // Settings that place stones show in the stones; the others change every stone.
+    // Effects of density, size and size_power show in the list of stones; any other setting changes every
+    // stone.
     StoneSettings same = other->settings_;
     same.density = settings_.density, same.size = settings_.size, same.size_power = settings_.size_power;
     const bool shape = !(same == settings_);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stones and outcrops of bedrock, half buried. The page of the model is in stones.cpp.
+// Partly buried stones and bedrock outcrops. The model is documented in stones.cpp.
 #pragma once
 
 #include "procedural/terrain/layer_types.h"
@@ -14,17 +14,17 @@ enum class StoneKind { stone, outcrop };
 // Lengths in metres, angles in radians; ranges are low and high.
 struct StoneSettings {
     StoneKind kind = StoneKind::stone;
-    double density = 0.05;            // a square metre, of all sizes
+    double density = 0.05;            // stones of all sizes per square metre
     Vec2d size = Vec2d(0.5, 4.0);     // longest axis
-    double size_power = 2.0;          // N(> size) goes as size^-size_power
+    double size_power = 2.0;          // N(> size) ~ size^-size_power
     double flatness = 0.4;            // 0: as high as wide; 1: a slab
-    Vec2d burial = Vec2d(0.35, 0.65); // share of the height that is below the surface
-    double tilt = 20.0 * degree;      // of the longest axis, at most
+    Vec2d burial = Vec2d(0.35, 0.65); // fraction of the height below the surface
+    double tilt = 20.0 * degree;      // maximum
     double roundness = 0.06;          // radius of edges, in half heights
-    double roughness = 0.06;          // displacement, in sizes
+    double roughness = 0.06;          // displacement, as a fraction of the size
     double bed = 0.5;                 // outcrop: mean thickness of a bed
-    double dip = 8.0 * degree;        // outcrop: of the beds
-    Vec2d dip_direction = {1.0, 0.0}; // outcrop: unit, where beds fall to
+    double dip = 8.0 * degree;        // outcrop: dip angle of the beds
+    Vec2d dip_direction = {1.0, 0.0}; // outcrop: unit, dip direction of the beds in x and z
     std::string mask;                 // "": none
     uint64_t seed = 0;
     bool operator==(const StoneSettings&) const = default;
@@ -32,26 +32,27 @@ struct StoneSettings {
 
 struct Stone {
     uint64_t id = 0;
-    Vec2d at = Vec2d::Zero(); // of its middle
+    Vec2d at = Vec2d::Zero(); // centre
     double size = 0.0;
     bool operator==(const Stone&) const = default;
 };
 
 struct Stones {
-    std::vector<Stone> list; // by ascending id
-    size_t too_small = 0;    // left out
+    std::vector<Stone> list; // sorted by id
+    size_t too_small = 0;    // number of omitted stones
 };
 
-// The most places that an area may ask for; more is a SceneFault.
+// Maximum number of places in an area; more is a SceneFault.
 inline constexpr double most_stones = 1e7;
 
-// All stones of at least `smallest` metres whose middle is in [lower, upper). Depends on settings and area only. Throws SceneFault: `place`.
+// All stones of at least `smallest` metres whose centre is in [lower, upper). Depends only on settings and
+// area. Throws SceneFault at `place` if there are too many.
 Stones place_stones(const StoneSettings& settings, double smallest, const Vec2d& lower, const Vec2d& upper,
                     const std::string& place = "");
 
 class StonesLayer : public Layer {
   public:
-    // A smaller stone is left out, in cells.
+    // Minimum size in cells; smaller stones are omitted.
     static constexpr double least_cells = 4.0;
 
     StonesLayer(const StoneSettings& settings, const Domain& domain, const std::string& place = "");

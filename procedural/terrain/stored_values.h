@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A copy of the values that a host hands to create() or update(), for a procedural that reads them later.
+// A deep copy of the values passed to create() or update(), for procedurals that read them later.
 #pragma once
 
 #include "core/math/known_part.h"
@@ -15,7 +15,7 @@ namespace marram {
 class StoredValues {
   public:
     StoredValues() = default;
-    // The values must have been checked: contract_checks.h.
+    // The values must already be checked (contract_checks.h).
     explicit StoredValues(std::span<const MarramValue> values) {
         for (MarramValue value : values) {
             value.name = texts_.emplace_back(value.name).c_str();
@@ -40,7 +40,7 @@ class StoredValues {
     std::span<const MarramValue> all() const { return values_; }
 
   private:
-    // Deques: what is stored never moves.
+    // Deques keep their elements at fixed addresses.
     std::vector<MarramValue> values_;
     std::deque<std::string> texts_;
     std::deque<std::vector<double>> numbers_;

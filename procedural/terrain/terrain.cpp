@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// terrain: a desert as a stack of layers.
+// terrain: a desert built from a stack of layers.
 //
-// What it models. A terrain is a grid of samples, `cell` metres apart, with bedrock, sand and named masks (fields.h), and an ordered
-// list of layers, each a function of what is below it (layer.h). It begins as level rock without sand; the end of the stack is the growth surface that
-// grooms grow on, that wind meets, and that strands collide with. Order matters, as in a paint program; a layer can be switched off, masked and
-// combined with what is below. An edit evaluates again only what it touches (stack.h).
+// Model. A terrain is a grid of samples, `cell` metres apart, with bedrock, sand and named masks (fields.h),
+// and an ordered list of layers. Each layer is a function of the terrain below it (layer.h). The stack starts
+// from flat rock without sand. Its result is the growth surface: grooms grow on it, wind follows it, strands
+// collide with it. As in a paint program, order matters; a layer can be switched off, masked and combined
+// with what is below. An edit re-evaluates only the affected tiles (stack.h).
 //
 //     [[curves]]
 //     name = "ridge"
@@ -23,10 +24,13 @@
 //     type = "dune"                   # sand above
 //     along = "ridge"
 //
-// Hands out, for grooms, shaders, image layers and bake: the attributes sand (m), slope (deg), every mask, and grids of the same and of
-// bedrock and height; of a ripples layer the attributes ripples and ripple_wave (ripples.cpp). uv covers the terrain: u along x, v against z, so that an image lies on it as the layer "image" reads it.
+// Outputs for grooms, shaders, image layers and bake: the attributes sand (m), slope (deg) and every mask,
+// and grids of sand, masks, bedrock and height. A ripples layer adds the attributes ripples and ripple_wave
+// (ripples.cpp). The uv square covers the terrain, u along +x and v along -z, so that a texture lies as the
+// layer "image" reads it.
 //
-// Cost: 2 * 10^6 samples of one layer take about 10 ms to a core; memory 8 bytes a sample for each layer that moves sand.
+// Cost: one layer takes about 10 ms of one core for 2 * 10^6 samples. Memory: 8 bytes a sample for each layer
+// that moves sand.
 #include "procedural/terrain/terrain.h"
 
 #include "core/math/clock.h"
@@ -76,13 +80,13 @@ const std::vector<MarramParam>& terrain_params() {
     return params;
 }
 
-// Takes over checked values; nothing is changed where they make no sense.
+// Stores checked values. If they are inconsistent it throws and changes nothing.
 void take_values(TerrainInstance& instance, std::span<const MarramValue> list) {
     StoredValues stored(list);
     const Values values(stored.all());
     const Domain domain = read_domain(values);
-    mask_names(values); // throws where a layer is unknown
-    evolves(values);    // and where two do
+    mask_names(values); // throws if a layer type is unknown
+    evolves(values);    // throws if two layers evolve
     Digest digest;
     for (const MarramValue& value : list) add_value(digest, value);
     if (!instance.stack || !(domain == instance.domain)) instance.stack = std::make_unique<Stack>(domain);
@@ -108,7 +112,7 @@ MarramStatus create_terrain(const MarramHost* host, const MarramValues* values, 
 }
 
 MarramStatus update_terrain(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         if (!given || !changed)
@@ -119,20 +123,20 @@ MarramStatus update_terrain(MarramInstance* opaque, const MarramUpdate* given, u
         if (!check_values(instance.host, terrain_params(), list, layer_item_types())) return MARRAM_ERROR;
         const uint64_t before = instance.digest;
         take_values(instance, list);
-        // The triangles follow the surface's ridges: their number stays, their diagonals may not.
+        // Topology counts as changed: the triangle count is constant, but diagonals follow the ridges.
         const bool same = instance.digest == before && update.inputs == MARRAM_NOTHING;
         *changed = same ? MARRAM_NOTHING : MARRAM_EVERYTHING;
         return MARRAM_OK;
     });
 }
 
-// ---- what is handed over ----
+// ---- outputs ----
 
 void for_rows(const Domain& domain, const auto& body) {
     tbb::parallel_for(0, domain.nz, [&](int j) { body(j); });
 }
 
-// Only where layers have changed them.
+// Updates the heights of the tiles that layers have changed.
 void find_heights(TerrainInstance& instance) {
     const Fields fields = instance.stack->fields();
     instance.heights.resize(instance.domain.count());
@@ -146,8 +150,9 @@ void find_heights(TerrainInstance& instance) {
     });
 }
 
-// Two triangles a cell, cut along the diagonal whose ends differ less in height: ridges and valleys stay whole. Where layers evolve the
-// diagonals alternate: strands know the triangle that they stand on from frame to frame.
+// Two triangles a cell, split along the diagonal whose ends differ less in height: this keeps ridges and
+// valleys intact. If a layer evolves, the diagonals alternate instead: strands keep the triangle of their
+// root from frame to frame.
 void write_triangles(const TerrainInstance& instance, uint32_t* triangles) {
     const Domain& d = instance.domain;
     const bool evolving = evolves(Values(instance.values.all()));
@@ -197,7 +202,7 @@ void list_grids(TerrainInstance& instance) {
         instance.grids.push_back(grid_of(d, instance.grid_names[g], values[g]));
 }
 
-// The layers up to date with the frame. false: cancelled.
+// Brings the layers up to date with the frame. Returns false if cancelled.
 bool evaluate_layers(TerrainInstance& instance, const MarramFrame& frame,
                      std::span<const MarramMesh> meshes) {
     try {
@@ -214,12 +219,13 @@ bool evaluate_layers(TerrainInstance& instance, const MarramFrame& frame,
     }
 }
 
-// Of the terrain as it is now: by its values, its layers with all that they are made from, and the tiles that were evaluated on the way.
+// A version of the current terrain: a digest of its values, its layers with their inputs, and the number of
+// tiles evaluated so far.
 uint64_t version_of(const TerrainInstance& instance) {
     return Digest().add(instance.digest).add(instance.stack->digest()).add(instance.evaluated).value() | 1U;
 }
 
-// Of the layers that were evaluated; those of others have been sent before.
+// Sends the warnings of the layers that were just evaluated; those of the other layers have been sent before.
 void send_warnings(const TerrainInstance& instance) {
     const std::vector<Stack::Work> work = instance.stack->work();
     for (size_t k = 0; k < work.size(); ++k)
@@ -229,9 +235,9 @@ void send_warnings(const TerrainInstance& instance) {
                      warning.remedy);
 }
 
-// Evaluates the layers where there are states to go on from; begin() then finds them as they are to be.
+// If a layer evolves, evaluates the layers with access to stored states. begin() then finds them up to date.
 MarramStatus prepare_terrain(MarramInstance* opaque, const MarramFrame* given, const MarramStates* states) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         if (!evolves(Values(instance.values.all()))) return MARRAM_OK;
@@ -250,13 +256,13 @@ MarramStatus prepare_terrain(MarramInstance* opaque, const MarramFrame* given, c
         const bool whole = evaluate_layers(instance, frame, meshes);
         send_warnings(instance);
         instance.prepared = wall_seconds() - begin;
-        if (instance.simulation.failed) return MARRAM_ERROR; // the host knows why
+        if (instance.simulation.failed) return MARRAM_ERROR; // already reported to the host
         return whole ? MARRAM_OK : MARRAM_CANCELLED;
     });
 }
 
 MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, MarramOutput* out) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         if (!out)
@@ -288,7 +294,7 @@ MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, Mar
 }
 
 MarramStatus mesh_terrain(MarramInstance* opaque, MarramMeshBuffers* buffers) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         check_mesh_buffers(instance, buffers);
@@ -304,10 +310,10 @@ MarramStatus mesh_terrain(MarramInstance* opaque, MarramMeshBuffers* buffers) {
     });
 }
 
-// ---- the render mesh: what the camera sees of it ----
+// ---- the view-dependent render mesh ----
 
 MarramStatus begin_view_of_terrain(MarramInstance* opaque, const MarramView* given, MarramOutput* out) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         if (!given || !out)
@@ -323,7 +329,7 @@ MarramStatus begin_view_of_terrain(MarramInstance* opaque, const MarramView* giv
 }
 
 MarramStatus view_mesh_of_terrain(MarramInstance* opaque, MarramMeshBuffers* buffers) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         if (!instance.view.begun)
@@ -335,7 +341,7 @@ MarramStatus view_mesh_of_terrain(MarramInstance* opaque, MarramMeshBuffers* buf
 }
 
 MarramStatus attributes_of_terrain(MarramInstance* opaque, MarramAttributeList* out) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         if (!out) throw SceneFault("contract.null_list", "", "the list is NULL", "pass a non-NULL pointer");
@@ -415,7 +421,7 @@ void report_terrain(MarramInstance* opaque, void (*sink)(void*, const char*, dou
 }
 
 MarramStatus describe_terrain(MarramInstance* opaque, void (*sink)(void*, const char*), void* user) {
-    if (!opaque) return MARRAM_ERROR; // nobody to tell
+    if (!opaque) return MARRAM_ERROR; // no host to report to
     const TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
         if (!sink) throw SceneFault("contract.null_sink", "", "the sink is NULL", "pass a function");

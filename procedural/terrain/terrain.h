@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The procedural "terrain". Its page is in terrain.cpp.
+// The procedural "terrain", documented in terrain.cpp.
 #pragma once
 
 #include "core/plugin/marram_plugin.h"

@@ -14,30 +14,30 @@
 
 namespace marram {
 
-// The render mesh between begin_view() and view_mesh().
+// The render mesh, kept between begin_view() and view_mesh().
 struct SeenTerrain {
-    std::vector<uint32_t> samples; // of its first vertices; empty: not made
+    std::vector<uint32_t> samples; // of the first vertices; empty: no mesh
     DicedMesh mesh;
     DisplacedRegion region; // reach 0: nothing is displaced
 };
 
-// A view, and what was said of its render mesh.
+// A copy of a view, with the output that begin_view() returned for it.
 struct TerrainView {
-    MarramView view{}; // of the vectors below
+    MarramView view{}; // points into the vectors below
     std::vector<double> times, positions, directions, ups;
-    MarramOutput output{}; // its version is a digest of the terrain's and of all but the view's times
-    bool begun = false;    // since begin()
+    MarramOutput output{}; // version: a digest of the terrain's version and of the view except its times
+    bool begun = false;    // between begin_view() and view_mesh()
 
     void take(const MarramView& given);
 };
 
-// What a layer did to the terrain below it.
+// The difference between the terrain above and below a layer.
 struct LayerChange {
-    double highest = 0.0; // metres: the greatest change of the height at a sample
+    double highest = 0.0; // metres: the largest absolute change of height at a sample
     SandUnits sand = 0;   // sum over samples
 };
 
-// What report() needs a look at every sample for.
+// Values that report() computes from all samples, cached by version.
 struct TerrainSums {
     uint64_t version = 0; // of the terrain
     std::vector<LayerChange> layers;
@@ -49,37 +49,38 @@ struct TerrainInstance {
     StoredValues values;
     uint64_t digest = 0; // of the values
     Domain domain;
-    Simulation simulation; // before the stack, whose layers use it
+    Simulation simulation; // declared before the stack, whose layers use it
     std::unique_ptr<Stack> stack;
     std::vector<float> heights; // of the growth surface
-    uint64_t version = 0;       // of all that mesh() hands over
-    uint64_t evaluated = 0;     // tiles of all layers, ever
+    uint64_t version = 0;       // of everything that mesh() outputs
+    uint64_t evaluated = 0;     // tiles of all layers since creation
     SeenTerrain seen;
     TerrainView view;
     TerrainSums sums;
     bool begun = false;
-    double seconds = 0.0, prepared = 0.0; // of the last begin(), and of prepare() before it
+    double seconds = 0.0, prepared = 0.0; // of the last begin(), and of the prepare() before it
 
-    std::vector<std::string> attribute_names; // sand, slope, then the masks
+    std::vector<std::string> attribute_names; // sand, slope, masks, then ripples and ripple_wave if any
     std::vector<MarramAttribute> attributes;
     std::vector<std::string> grid_names;
-    std::vector<std::vector<float>> grid_values; // bedrock and sand, as floats
+    std::vector<std::vector<float>> grid_values; // sand, converted to floats
     std::vector<MarramGrid> grids;
 };
 
-// The domain that the parameters size, cell and center describe. Throws SceneFault where it has too many samples.
+// The domain given by the parameters size, cell and center. Throws SceneFault if it has too few or too many
+// samples, or if floats cannot resolve a cell so far from the origin.
 Domain read_domain(const Values& values);
 
-// Gives the stack the layers that the values and the frame's curves and meshes describe: those that have not changed are kept.
+// Sets the layers of the stack from the values and the frame's curves and meshes. Unchanged layers are kept.
 void set_layers(TerrainInstance& instance, const MarramFrame& frame, std::span<const MarramMesh> meshes);
 
-// Names of the masks that the layers will hand out, in order, each once.
+// Names of the masks that the layers will output, in order, without duplicates.
 std::vector<std::string> mask_names(const Values& values);
 
-// Whether a layer needs its past.
+// True if a layer depends on earlier frames. Throws SceneFault if more than one does.
 bool evolves(const Values& values);
 
-// How many layers there are, switched off or not.
+// The number of layers, including those switched off.
 int layer_count(const Values& values);
 
 } // namespace marram

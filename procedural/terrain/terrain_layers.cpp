@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From the values of a scene to a stack of layers.
+// Builds the stack of layers from scene values.
 #include "procedural/terrain/terrain_instance.h"
 
 #include "procedural/border.h"
@@ -14,7 +14,7 @@ constexpr double most_samples = 1e8;
 
 std::string prefix_of(int layer) { return fmt::format("layer[{}].", layer); }
 
-// All points of a drawn curve. `offset`: its first CV within the curves' CVs.
+// The CVs of curve c, without the phantom vertices before the first and after the last (MarramCurves).
 DrawnCurve drawn_curve(const MarramCurves& curves, uint64_t c) {
     const uint64_t first = curves.offsets ? curves.offsets[c] + 2 * c : c * (curves.cvs_per_curve + 2);
     const uint64_t count = curves.offsets ? curves.offsets[c + 1] - curves.offsets[c] : curves.cvs_per_curve;
@@ -47,7 +47,8 @@ const MarramMesh& mesh_named(std::span<const MarramMesh> meshes, std::string_vie
                      "name one of the scene's");
 }
 
-// Of all that a layer is made from: its values, the curves that it names, and what all layers share.
+// Digest of all inputs of a layer: its values, the curves and meshes it names, and the inputs that all layers
+// share.
 uint64_t digest_of_layer(const TerrainInstance& instance, int layer, const MarramFrame& frame,
                          std::span<const MarramMesh> meshes, uint64_t shared, bool with_frame) {
     Digest digest;
@@ -141,7 +142,7 @@ Domain read_domain(const Values& values) {
     Domain domain{int(nx), int(nz), cell, 0.0, 0.0};
     domain.x0 = center.x() - 0.5 * cell * (domain.nx - 1);
     domain.z0 = center.y() - 0.5 * cell * (domain.nz - 1);
-    // Vertices are floats: samples must not fall together.
+    // Vertices are floats: neighbouring samples must stay distinct.
     const double farthest = center.cwiseAbs().maxCoeff() + 0.5 * size.maxCoeff();
     const double step = farthest * double(std::numeric_limits<float>::epsilon());
     if (!(cell > 4.0 * step))

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The render mesh of a terrain: what the camera sees of it.
+// The view-dependent render mesh of a terrain.
 #include "procedural/terrain/surface.h"
 
 #include "procedural/border.h"
@@ -13,7 +13,7 @@
 namespace marram {
 namespace {
 
-// The smallest angle that a pixel of a pinhole camera spans: the one in the corner.
+// The smallest angle that a pixel of a pinhole camera subtends: that of the corner pixel.
 double smallest_pixel(const MarramView& view) {
     const double up = std::tan(0.5 * view.fov), pixel = 2.0 * up / view.height;
     const double across = up * view.width / view.height;
@@ -23,7 +23,8 @@ double smallest_pixel(const MarramView& view) {
 MeshTolerance tolerance_of(const MarramView& view) {
     MeshTolerance tolerance;
     tolerance.metres = view.tolerance;
-    // Shading on level ground errs by this over the tangent of the sun's height: 3.5 % at 30 degrees.
+    // The relative error of shading on level ground is this divided by tan(sun elevation): 3.5 % at 30
+    // degrees.
     constexpr double slope = 0.02;
     tolerance.gradient = slope;
     if (view.tolerance > 0.0) return tolerance;
@@ -34,7 +35,7 @@ MeshTolerance tolerance_of(const MarramView& view) {
     return tolerance;
 }
 
-// Where ripples that the grid does not hold are displaced.
+// The region in which ripples too fine for the grid are displaced.
 DisplacedRegion displaced_region(const RipplesLayer& ripples, const MarramView& view) {
     const RipplesLayer::Settings& settings = ripples.settings();
     DisplacedRegion region;
@@ -43,14 +44,14 @@ DisplacedRegion displaced_region(const RipplesLayer& ripples, const MarramView& 
     region.pixel_angle = smallest_pixel(view);
     if (settings.displaced > 0.0)
         region.reach = settings.ripples.height / (settings.displaced * region.pixel_angle);
-    constexpr double a_wavelength = 8.0; // sides: the steep third has two to three
+    constexpr double a_wavelength = 8.0; // triangle sides: two to three on the steep third of a ripple
     region.side = settings.ripples.wavelength / a_wavelength;
     for (uint32_t t = 0; t < view.time_count; ++t)
         region.cameras.push_back({Vec3d(view.positions + 3 * t), Vec3d(view.directions + 3 * t)});
     return region;
 }
 
-// Values of vertices between two others, from those before them.
+// Sets the values of midpoint vertices to the mean of their two parent vertices, which come first.
 void fill_midpoints(const DicedMesh& mesh, uint32_t components, float* values) {
     float* out = values + size_t(mesh.first) * components;
     for (const auto& [a, b] : mesh.midpoints)
@@ -58,15 +59,16 @@ void fill_midpoints(const DicedMesh& mesh, uint32_t components, float* values) {
             *out++ = 0.5F * (values[size_t(a) * components + c] + values[size_t(b) * components + c]);
 }
 
-// Normals that were averaged, made as long as they were.
+// Makes averaged normals unit length.
 void normalize_midpoints(const DicedMesh& mesh, float* normals) {
     for (size_t v = mesh.first; v < mesh.first + mesh.midpoints.size(); ++v) {
         Eigen::Map<Vec3f> normal(normals + 3 * v);
-        normal.normalize(); // of two that point up: never 0
+        normal.normalize(); // never 0: both parents point up
     }
 }
 
-// Moves vertices by what is displaced of their ripples, and turns their normals (NULL: none). share: what is left to shade.
+// Displaces vertices by their ripples and adjusts the normals (NULL: none). Output `share`: the fraction of
+// the ripples left to shading.
 void displace(const RipplesLayer& ripples, const DisplacedRegion& region,
               std::span<const RipplesLayer::Carried> carried, float* positions, float* normals,
               std::span<float> share) {
@@ -97,7 +99,8 @@ void displace(const RipplesLayer& ripples, const DisplacedRegion& region,
                 for (int axis = 0; axis < 3; ++axis)
                     positions[3 * v + size_t(axis)] += float(metres[k] * across[axis]);
                 if (!normals) continue;
-                // The height along y changes by slope / across.y(): of a normal (-g, 1) / sqrt(1 + g^2) that takes `slope` off.
+                // The gradient of the height changes by slope / across.y, so n = (-g, 1) across.y changes by
+                // -slope.
                 Eigen::Map<Vec3f> normal(normals + 3 * v);
                 normal = (normal.cast<double>() - Vec3d(slopes[k].x(), 0.0, slopes[k].y()))
                              .normalized()
@@ -176,7 +179,8 @@ MarramOutput make_view(TerrainInstance& instance, const MarramView& view) {
 
 } // namespace
 
-// A host that kept the render mesh of this version does not ask for it: it is made again where it does.
+// Reuses the output of an unchanged version: the host may have kept that mesh. If it asks for the mesh,
+// write_view() makes it again.
 MarramOutput begin_view(TerrainInstance& instance, const MarramView& view) {
     TerrainView& kept = instance.view;
     const uint64_t version = version_of_view(instance.version, view);

@@ -2,21 +2,22 @@
 // Curve wind, after A. Somasundaram, "Enhancing the Realism of Procedural Wind on Curves with Collision, Shielding, and
 // Gusts" (SIGGRAPH 2019 Talks), section 2.
 //
-// From root to tip, at segment k with start P_k, the curve as bent so far:
+// From root to tip, at segment k with start P_k on the curve as bent so far:
 //
 //     a = P_tip - P_k          b = w + amplitude * noise(P_root + w s_k waviness, travelling along w)
 //     f = 1 - (1 - clamp(global_rotate ramp(u_k) e_k))^(reference |segment k| / L)
-//     Q = the shortest turn from a onto b, its angle scaled by f; everything behind P_k turns by Q about P_k
+//     Q = the shortest-arc rotation from a onto b, its angle scaled by f; Q rotates all beyond P_k about P_k
 //
-// Turning everything behind P_k at each k is O(n^2). But the turns are all applied to the same rigid rest of the curve, so
-// only their product matters: R_k = Q_k R_{k-1}, segment k of the result is R_k d_k with d_k the rest segment, and
-// a = R_{k-1} (rest tip - rest P_k). One quaternion is carried; it is renormalised by one Newton step a segment, which
-// keeps it unit to 1e-16 for any number of CVs.
+// Rotating the rest of the curve at each k is O(n^2). But all rotations act on the same rigid rest curve, so
+// only their product is needed: R_k = Q_k R_{k-1}, segment k of the result is R_k d_k with d_k the rest
+// segment, and a = R_{k-1} (rest tip - rest P_k). One quaternion is carried; one Newton step a segment
+// renormalises it, which keeps it unit to 1e-16 for any number of CVs.
 //
-// The angle comes from |a x b| and a . b, which is accurate at 0 and pi alike. Where a and b are opposed to within
-// `opposed` the cross product says nothing of the axis. Then the curve's own bend decides: the axis that turns the segment
-// towards the tip, d_k x a, continues the way the strand already leans. A straight strand leaves that to the noise, a x
-// noise; without noise a fixed rule takes the coordinate axis that a is least along. Each is perpendicular to a.
+// The angle is computed from |a x b| and a . b, which is accurate near 0 and near pi. If a and b are opposed
+// to within `opposed`, the cross product gives no usable axis. The axis is then taken from the curve's own
+// bend: d_k x a turns the segment towards the tip and continues the strand's lean. For a straight strand it
+// is taken from the noise, a x noise; without noise, from the coordinate axis that a has the smallest
+// component along. Each of these axes is perpendicular to a.
 #include "procedural/wind/bend.h"
 
 #include "procedural/ramp_table.h"
@@ -26,8 +27,9 @@
 namespace marram {
 namespace {
 
-// sin of the angle to exact opposition below which the axis is taken from elsewhere. The cross product of doubles is good to
-// 1e-16, so the axis is still good to 1e-7 here; stored CVs are floats and resolve no finer bend.
+// Sine of the angle to exact opposition below which another axis is used. The cross product of doubles is
+// good to 1e-16, so at this limit the axis is good to 1e-7; stored CVs are floats and resolve no smaller
+// bend.
 constexpr double opposed = 1e-9;
 
 struct Turn { // unit quaternions
@@ -50,7 +52,7 @@ MARRAM_INLINE Wide3d rotate(const Turn& q, const Wide3d& v) {
     return v + t * q.w + cross(u, t);
 }
 
-// Where the turn's axis is undefined: the first of three perpendiculars to `a` that is well defined itself.
+// Axis for opposed a and b: the first of three perpendiculars to `a` that is well defined.
 MARRAM_INLINE Wide3d axis_of_opposed(const Wide3d& a, const Wide3d& segment, const Wide3d& noise) {
     const VDouble zero{}, one = splat(1.0);
     const VLong x_least = (vabs(a.x) <= vabs(a.y)) & (vabs(a.x) <= vabs(a.z));
@@ -65,8 +67,8 @@ MARRAM_INLINE Wide3d axis_of_opposed(const Wide3d& a, const Wide3d& segment, con
     return select(dot(by_bend, by_bend) > 1e-12 * aa * dot(segment, segment), by_bend, axis);
 }
 
-// The turn from a onto b, its angle scaled by f in [0, 1]; identity (and turns = false) where it is 0 or has no meaning.
-// `segment` is called only where a and b are opposed.
+// The rotation from a onto b, its angle scaled by f in [0, 1]. Identity (and turns = false) if f is 0 or the
+// rotation is undefined. `segment` is called only if a and b are opposed.
 template <typename Segment>
 MARRAM_INLINE Turn scaled_turn(const Wide3d& a, const Wide3d& b, VDouble f, Segment&& segment,
                                const Wide3d& noise, VLong& turns) {
@@ -95,18 +97,18 @@ MARRAM_INLINE VDouble compounded(VDouble f, VDouble x) {
     return select(full, select(x > 0.0, 1.0, 0.0), vmax(result, VDouble{}));
 }
 
-// Distance that the noise has travelled and its place in the fourth dimension, in cells, at a time.
+// Distance the noise field has travelled, metres, and its coordinate in the fourth dimension, in cells.
 struct NoiseTime {
     double travel, w;
 };
 
 NoiseTime noise_time(const Wind& wind, double frame, double fps) {
     const double seconds = frame / fps;
-    // The lattice repeats after 2^32 cells; taking whole periods off keeps coordinates small at any frame.
+    // The lattice repeats after 2^32 cells. Subtracting whole periods keeps the coordinates small.
     const double period = wind.noise.frequency > 0.0 ? 0x1p32 / wind.noise.frequency : 0.0;
     const double travel = wind.speed * seconds;
-    // Octaves of other frequencies share that period only where lacunarity is a whole number, so it is taken off only
-    // where the coordinate would otherwise lose its fraction.
+    // Other octaves share that period only if lacunarity is an integer, so it is subtracted only where the
+    // coordinate would otherwise lose its fraction.
     const bool far = std::abs(travel) * wind.noise.frequency > 0x1p40;
     return {far ? std::fmod(travel, period) : travel, std::fmod(wind.evolution * seconds, 0x1p32)};
 }
@@ -123,8 +125,9 @@ void sample_noise(const Wind& wind, NoiseTime time, const Wide3d& anchor, const 
     vector_noise(wind.noise, points, count, wind.evolution != 0.0, time.w, out);
 }
 
-// Noise at the segment starts of one block. In a loop the field of one cycle later is faded in, so that the last frame
-// continues in the first; dividing by the weights' norm keeps its strength even on the way (the two are independent).
+// Noise at the segment starts of one block. In a loop, the field is blended with the field one cycle earlier,
+// so that the last frame continues in the first. Dividing by the norm of the weights keeps the rms constant
+// (the two fields are independent).
 void block_noise(const Wind& wind, double frame, double fps, const Wide3d& anchor, const VDouble* arc,
                  int count, Strands& strands) {
     Wide3f* out = strands.values.data();
@@ -164,8 +167,8 @@ struct BlockView { // one block of a Strands
     VDouble* factors;    // [cvs - 1]
 };
 
-// The share of its angle that each segment turns. Nothing here depends on the segment before, so the processor overlaps
-// them; in the loop of bend_block it could not.
+// The fraction of its angle that each segment turns by. Nothing here depends on the previous segment, so the
+// CPU can overlap the iterations; inside the loop of bend_block it could not.
 MARRAM_HOT void turn_factors(const Wind& wind, const BlockView& block) {
     const int last = block.cvs - 1;
     const VDouble length = block.arc[last];
@@ -196,7 +199,7 @@ MARRAM_HOT void bend_block(const Wind& wind, const BlockView& block) {
         const Turn q = scaled_turn(a, w + noise, block.factors[k], segment, noise, turns);
         turn = renormalised(q * turn);
         turned |= turns;
-        // What no turn has reached yet is the rest strand itself, to the last bit.
+        // CVs before the first rotation are copied from the rest strand, bit for bit.
         position = select(turned, position + rotate(turn, end - start), end);
         block.pose[k + 1] = to_float(position);
         if (block.rest_normal) block.pose_normal[k] = to_float(rotate(turn, to_double(block.rest_normal[k])));

@@ -57,7 +57,7 @@ ChainFrame make_chain_frame(const ChainInput& input) {
 
 namespace {
 
-// e = clamp(calm + gusts) * the groom's own * (1 - shield * sheltered share) * response(speed)
+// e = clamp(calm + gusts) * groom's envelope * (1 - shield * sheltered fraction) * response(speed)
 MARRAM_HOT void set_envelope(const Wind& wind, const float* own, Strands& strands) {
     const VFloat calm = splat_float(float(wind.calm)), one = splat_float(1.0F), zero{};
     const VFloat loss = splat_float(wind.shielding ? float(wind.shielding->shield) : 0.0F);
@@ -75,7 +75,7 @@ MARRAM_HOT void set_envelope(const Wind& wind, const float* own, Strands& strand
             strands.envelope[size_t(i) * size_t(strands.cvs) + size_t(k)] *= strands.wind_share[size_t(i)];
 }
 
-// The groom's own envelope, where CVs stand elsewhere on each strand.
+// The groom's envelope for strands with irregular segments: u differs from strand to strand.
 MARRAM_HOT void scale_envelope(const Ramp& own, Strands& strands) {
     for (size_t i = 0; i < strands.envelope.size(); ++i) {
         const VDouble share = vmin(vmax(evaluate(own, strands.u[i]), VDouble{}), 1.0);
@@ -83,7 +83,7 @@ MARRAM_HOT void scale_envelope(const Ramp& own, Strands& strands) {
     }
 }
 
-// strands.rest -> pose, from the gusts and the noise at `frame` and the shelter that strands.shield holds.
+// strands.rest -> pose, from the gusts and the noise at `frame` and the shelter in strands.shield.
 void bend_at(const ChainFrame& chain, const GustField* gusts, double frame, Strands& strands,
              StageClock& clock) {
     const Wind& wind = *chain.wind;
@@ -133,7 +133,7 @@ void jiggle_patch(const ChainFrame& chain, const Expand& expand, Strands& strand
     past.resize(strands.count, strands.cvs, strands.oriented);
     std::copy(strands.shield.begin(), strands.shield.end(), past.shield.begin());
     scratch.filter.begin(*wind.jiggle, chain.frame.fps, strands.cvs, strands.blocks, strands.u);
-    StageClock inner; // the bends of the past are the jiggle's cost
+    StageClock inner; // not reported: the past bends count as the cost of jiggle
     const StageTimer timer(scratch.clock.jiggle);
     uint32_t next = 0;
     for (int64_t knot = chain.window.first; knot <= chain.window.last; ++knot) {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The chain of stages that a patch of strands runs through, in the talk's order:
+// The chain of stages that processes a patch of strands, in the talk's order:
 //
 //     gusts, shielding (both set the envelope) -> bend -> jiggle -> collision
 //
-// To add a stage: a function on Strands in a file of its own, its line in run_chain, its clock in StageClock, its parameters in
-// a list of its own that wind_params() joins to the others.
+// To add a stage: write a function on Strands in its own file, call it in run_chain, add its clock to
+// StageClock, and add its list of parameters to wind_params().
 #pragma once
 
 #include "core/math/clock.h"
@@ -35,17 +35,17 @@ class StageTimer {
     double begin_;
 };
 
-// What all patches of a frame share; made once a frame. Borrows what it points to.
+// Data shared by all patches of a frame; made once a frame. Holds pointers to data of the caller.
 struct ChainFrame {
     const Wind* wind = nullptr;
-    const Ramp* point_envelope = nullptr; // the groom's own, over u
+    const Ramp* point_envelope = nullptr; // envelope of the groom, over u
     MarramFrame frame{};
-    const MarramMesh* skin = nullptr;      // nullptr: strands grow on nothing
-    std::span<const float> radius_profile; // [cvs], of a strand 1 wide, where strands are not irregular
+    const MarramMesh* skin = nullptr;      // nullptr: strands grow on no mesh
+    std::span<const float> radius_profile; // [cvs], of a strand of width 1; used if strands are not irregular
     MarramBasis basis = MARRAM_BSPLINE;
     struct Instant {
         Colliders colliders;
-        std::vector<double> obstacle_heights; // where shielding asks for them
+        std::vector<double> obstacle_heights; // if shielding uses wake_heights
         GustField gusts;
     };
     std::vector<Instant> instants;     // [motion sample]
@@ -59,19 +59,18 @@ struct ChainInput {
     const Wind& wind;
     const Ramp& point_envelope;
     const MarramFrame& frame;
-    const MarramMesh* skin; // nullptr: strands grow on nothing
+    const MarramMesh* skin; // nullptr: strands grow on no mesh
     std::span<const float> radius_profile;
     MarramBasis basis;
     JiggleWindow window{};
-    Eigen::AlignedBox3d reach =
-        everywhere(); // holds every strand at every motion sample, whatever the wind does
+    Eigen::AlignedBox3d reach = everywhere(); // contains every strand at every motion sample, in any wind
     Eigen::AlignedBox3d rest =
-        everywhere();               // holds every rest CV at every motion sample and knot of the window
-    ColliderTrees* trees = nullptr; // of the frame before, to go on with where colliders rest
+        everywhere();               // contains every rest CV at every motion sample and knot of the window
+    ColliderTrees* trees = nullptr; // of the previous frame; reused if the colliders have not changed
 };
 ChainFrame make_chain_frame(const ChainInput& input);
 
-// What a thread keeps from patch to patch.
+// Per-thread buffers, kept from patch to patch.
 struct ChainScratch {
     CollideScratch collide;
     JiggleFilter filter;
@@ -81,28 +80,29 @@ struct ChainScratch {
     StageClock clock;
 };
 
-// Fills the rest strands (rest, rest_normal, anchor, root_normal, width) of the patch at a motion sample, or at a knot of the
-// jiggle's window.
+// Fills the rest strands (rest, rest_normal, anchor, root_normal, width) of the patch at a motion sample or
+// at a knot of the jiggle window.
 struct Expand {
     std::function<void(uint32_t time, Strands&)> at_time;
     std::function<void(int64_t knot, Strands&)> at_knot;
-    // Whether they are at a knot what they were at the one before, as on a skin that rests. May be empty: never.
+    // True: at this knot they are the same as at the previous one, as on a static skin. May be empty: never.
     std::function<bool(int64_t knot)> as_before{};
 };
 
-// Where the chain jiggles: the patch's poses at all motion samples, from the bends of the past, into scratch.jiggled. What
-// shelters a strand is taken as it is at the first motion sample: exact where the colliders rest. Where the edge of a shelter
-// moves, the strands that it has passed while they still remember, some 1 / (damping omega) seconds, are off: for an obstacle
-// that crosses the wind at 1 m/s, at 3 Hz and damping 0.3, a third of the strands behind it by more than 1 % of their length, the
-// worst by all of it, by a quarter where a cone of 10 degrees softens the edge (tests/chain/shelter_test.cpp prints more). Then
-// run_chain() is called for each sample.
+// Jiggle for one patch: computes its poses at all motion samples from past bent poses, into scratch.jiggled.
+// Call run_chain() for each sample afterwards. The sheltered fraction is that of the first motion sample for
+// the whole window. This is exact if colliders are static. If the edge of a shelter moves, strands it passed
+// within the last 1 / (damping omega) seconds, about the filter's memory, are wrong. For an obstacle that
+// crosses the wind at 1 m/s, at 3 Hz and damping 0.3: a third of the strands behind it are off by more than
+// 1 % of their length, the worst by their whole length, or by a quarter if a cone of 10 degrees softens the
+// edge (tests/chain/shelter_test.cpp prints more).
 void jiggle_patch(const ChainFrame& chain, const Expand& expand, Strands& strands, ChainScratch& scratch);
 
-// strands as expanded at motion sample `time` -> pose, pose_normal, envelope, gust, shield. Where the wind has no strength the
-// pose is the rest pose bit for bit, collision aside.
+// Expanded strands at motion sample `time` -> pose, pose_normal, envelope, gust, shield. If the wind has no
+// strength, the pose is the rest pose bit for bit, except for collision.
 void run_chain(const ChainFrame& chain, uint32_t time, Strands& strands, ChainScratch& scratch);
 
-// Its last stage alone: pose -> pose, where the scene asks for collision and the frame for its final stage.
+// Runs only the last stage, pose -> pose, if the scene uses collision and the frame's stage is final.
 void collide_pose(const ChainFrame& chain, uint32_t time, Strands& strands, ChainScratch& scratch);
 
 } // namespace marram

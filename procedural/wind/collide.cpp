@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Resolves each strand against the colliders, segment by segment from root to tip. A segment starts in its rest direction, rotated by
-// all earlier turns, and rotates by the shortest arc towards its target CV until it gets there or touches a collider. Its start is free
-// because the segment before it was resolved; the root stands above the skin.
+// Resolves each strand against the colliders, segment by segment from root to tip. A segment starts in its
+// rest direction, rotated by all earlier turns, and rotates by the shortest arc towards its target CV until
+// it gets there or touches a collider. Its start is free because the segment before it was resolved; the root
+// is above the skin.
 //
-// clearance[k] is a lower bound on the distance from CV k to every collider. Storing a CV rounds it to floats, which moves its segment by
-// no more than the CV itself; so each CV's bound is that of the one before, minus the rounding. It is measured again where it gets too
-// small (a thousand CVs far from the origin), and at the root where the first turn reports not_clear.
+// clearance[k] is a lower bound on the distance from CV k to every collider. Storing a CV rounds it to
+// floats, which moves its segment by no more than the CV itself. So each CV's bound is that of the previous
+// one, minus the rounding. It is measured again if it gets too small (a thousand CVs far from the origin),
+// and at the root if the first turn reports not_clear.
 //
-// The rendered cubic deviates from its control polygon (drawn_segment.h). A strand whose cubic enters a collider by more than the
-// tolerance is solved again with smaller turns, and laid straight where that does not help.
+// The rendered cubic deviates from its control polygon (drawn_segment.h). A strand whose cubic penetrates a
+// collider by more than the tolerance is solved again with smaller turns; if that does not help, it is laid
+// straight.
 #include "procedural/wind/collide.h"
 
 #include "procedural/wind/drawn_segment.h"
@@ -50,7 +53,7 @@ std::optional<Collision> read_collision(const Values& values) {
         }
         return std::nullopt;
     }
-    if (values.text("wind.collision.solver") == "none") return std::nullopt; // switched off by a groom, say
+    if (values.text("wind.collision.solver") == "none") return std::nullopt; // a groom may switch it off
     Collision collision;
     collision.solver = values.text("wind.collision.solver") == "steps" ? Solver::steps : Solver::exact;
     if (values.has("wind.collision.rotation_steps")) {
@@ -91,8 +94,8 @@ Vec3d lane_of(const Wide3f& v, int lane) { return {double(v.x[lane]), double(v.y
 struct StrandJob {
     size_t strand;
     const double* radius; // [cvs]
-    double offset;        // of the root above the skin
-    double rounding;      // distance that storing a CV may move it
+    double offset;        // height of the root above the skin
+    double rounding;      // distance by which storing may move a CV
     double tolerance;
 };
 
@@ -109,14 +112,14 @@ double read_radii(const CollideJob& job, const Strands& strands, size_t strand, 
     const double at_root = width * first;
     for (size_t k = 0; k < cvs; ++k)
         radius[k] = first > 0.0 ? at_root * double(job.radius_profile[k]) / first
-                                : width * double(job.radius_profile[k]); // thin at the root
+                                : width * double(job.radius_profile[k]); // the profile is 0 at the root
     return at_root;
 }
 
-// The distance to keep at CV k, before what is left of the budget limits it.
+// The clearance to keep at CV k, before the clearance left at the segment start limits it.
 double wanted_clearance(const CollideJob& job, const StrandJob& strand, size_t k) {
     const double asked = job.settings->clearance.value_or(strand.radius[k]);
-    // A reserve for the float rounding of 16 CVs, at most half of the root offset. It matters far from the origin.
+    // Reserve for the float rounding of 16 CVs, at most half of the root offset; matters far from the origin.
     const double rounding_reserve = std::min(16.0 * strand.rounding, 0.5 * strand.offset);
     return std::max({asked, 0.125 * strand.offset, rounding_reserve});
 }
@@ -127,15 +130,15 @@ double measured_clearance(const Colliders& colliders, const Vec3d& start, double
     return nearest.mesh ? std::min(wanted, 0.8 * nearest.distance) : wanted;
 }
 
-// The solution so far: where the next segment starts and how the rest strand is carried there.
+// Progress of the solution: start of the next segment, and the rotation that carries the rest strand there.
 struct Progress {
     Vec3d start;
     Eigen::Quaterniond carried = Eigen::Quaterniond::Identity();
     double clearance = 0.0;
-    bool turned = false; // any segment yet
+    bool turned = false; // some segment has turned
 };
 
-// The next segment; false where it has no length and so nothing to turn.
+// The next segment. False: it has zero length, so nothing turns.
 bool next_segment(const CollideScratch& scratch, const Progress& progress, size_t k, Segment& segment) {
     const std::vector<Vec3d>& rest = scratch.rest;
     const Vec3d d = rest[k + 1] - rest[k];
@@ -155,8 +158,8 @@ bool next_segment(const CollideScratch& scratch, const Progress& progress, size_
     return true;
 }
 
-// Stores the end of segment k and goes there. Where nothing has turned yet the CVs are those of the rest strand, and where a
-// strand arrives all along they are those of its target, to the bit.
+// Stores the end of segment k and advances to it. While nothing has turned, CVs are copied from the rest
+// strand; while the strand reaches all targets, they are copied from the targets, bit for bit.
 void advance(CollideScratch& scratch, Progress& progress, size_t k, const Segment& segment,
              const Vec3d& direction) {
     const bool still = !progress.turned && direction == segment.from;
@@ -174,7 +177,7 @@ void advance(CollideScratch& scratch, Progress& progress, size_t k, const Segmen
         progress.turned = true;
     }
     scratch.solved[k + 1] = end.cast<float>();
-    // What rounding has moved it by, and the error of computing it, is no longer clear.
+    // Rounding moves the CV; subtract that and the error of computing it from the clearance.
     const Vec3d stored = scratch.solved[k + 1].cast<double>();
     const double moved = (stored - (progress.start + direction * segment.length)).norm();
     progress.clearance -= moved + 1e-10 * segment.length + 0x1p-50 * stored.cwiseAbs().maxCoeff();
@@ -199,8 +202,8 @@ DrawnSegment drawn_segment(const CollideJob& job, const StrandJob& strand, const
             job.basis == MARRAM_BSPLINE};
 }
 
-// Tests whether all segments from k on reach their targets without contact; if so, the strand is solved at once. The upper parts of most
-// strands are in open air.
+// Tests whether all segments from k on reach their targets without contact. If so, the rest of the strand is
+// solved at once. The upper parts of most strands are in open air.
 bool arrives_in_open_air(const CollideJob& job, const StrandJob& strand, const Progress& so_far, size_t k,
                          CollideScratch& scratch, CollisionCounts& counts) {
     Progress progress = so_far;
@@ -216,8 +219,8 @@ bool arrives_in_open_air(const CollideJob& job, const StrandJob& strand, const P
         const double cosine = std::clamp(segment.from.dot(segment.goal), -1.0, 1.0);
         scratch.swept.push_back(progress.start + segment.from * segment.length);
         scratch.swept.push_back(progress.start + segment.goal * segment.length);
-        // The arc lies in the triangle of its end points and the intersection of their tangents. Beyond 120 degrees that point
-        // is too far away: the region is padded by the segment's length instead.
+        // The arc lies in the triangle of its end points and the intersection of their tangents. Beyond 120
+        // degrees that point is too far away; the region is padded by the segment's length instead.
         constexpr double min_cosine = -0.5;
         if (cosine > min_cosine)
             scratch.swept.push_back(progress.start +
@@ -252,21 +255,22 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
                   CollisionCounts& counts) {
     const size_t n = scratch.rest.size();
     const bool exact = job.settings->solver == Solver::exact;
-    const double min_clearance = 2.0 * strand.rounding; // a CV may be stored elsewhere by this much
+    const double min_clearance = 2.0 * strand.rounding; // storing may move a CV by this distance
     Progress progress;
     progress.start = scratch.rest[0];
     progress.clearance =
-        exact ? wanted_clearance(job, strand, 0) : 0.0; // unless something is nearer, see below
+        exact ? wanted_clearance(job, strand, 0) : 0.0; // unless a collider is closer, see below
     scratch.solved[0] = progress.start.cast<float>();
     scratch.clearance[0] = progress.clearance;
     scratch.clear_from = n;
-    // Looking ahead costs as much as the segments that are left: done again once a twelfth of those has been solved, it
-    // costs no more than twelve times the solving, however many there are.
+    // Looking ahead costs as much as solving the remaining segments. It is repeated once a twelfth of those
+    // is solved, so in total it costs at most twelve times the solving, for any number of segments.
     constexpr size_t share_ahead = 12;
     size_t next_look = 0;
     bool look_ahead = true;
     for (size_t k = 0; k + 1 < n; ++k) {
-        // Where rounding leaves the root no usable clearance, looking ahead may still prove the whole strand clear.
+        // If rounding leaves the root no usable clearance, looking ahead may still prove the whole strand
+        // clear.
         const bool ahead =
             k > 0 ? look_ahead && !job.trace && k >= next_look : progress.clearance <= min_clearance;
         if (exact && ahead) {
@@ -311,8 +315,8 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
         counts.pushed_out += turned.pushed_out && turned.outcome != Outcome::unresolved;
         counts.unresolved += turned.outcome == Outcome::unresolved;
         counts.goal_angle += turned.goal_angle;
-        counts.turned_angle +=
-            std::clamp(turned.turned_angle, 0.0, turned.goal_angle); // pushed away from its goal: no progress
+        counts.turned_angle += std::clamp(
+            turned.turned_angle, 0.0, turned.goal_angle); // no progress if it was pushed away from its goal
         if (job.trace) job.trace->push_back({strand.strand, int(k), segment, turned, strand.rounding});
         advance(scratch, progress, k, segment, turned.direction);
     }
@@ -329,7 +333,8 @@ int penetrating_cv(const CollideJob& job, const StrandJob& strand, CollideScratc
     return -1;
 }
 
-// The last resort: the strand as one straight segment, turned out from its mean direction. It has no kinks, so its cubic is straight.
+// The last resort: one straight segment for the whole strand, turned out from its mean direction. Without
+// kinks the cubic is straight, too.
 bool lay_straight(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch) {
     const std::vector<Vec3d>& rest = scratch.rest;
     double length = 0.0;
@@ -351,8 +356,9 @@ bool lay_straight(const CollideJob& job, const StrandJob& strand, CollideScratch
     return penetrating_cv(job, strand, scratch) < 0;
 }
 
-// Solves again with smaller turns until the drawn curve stays out: a kink is made smaller by turning less where it is, or,
-// where the segment had to be turned out, by turning less before it. Turning nowhere is the rest strand.
+// Solves again with smaller turns until the rendered curve stays outside. A kink is reduced by turning less
+// at its segment; if that segment had to be turned out, by turning less before it. With no turn at all the
+// result is the rest strand.
 void straighten(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch,
                 CollisionCounts& counts) {
     constexpr int tries = 64;
@@ -365,13 +371,13 @@ void straighten(const CollideJob& job, const StrandJob& strand, CollideScratch& 
         while (corner >= 0 &&
                (scratch.turn_fraction[size_t(corner)] == 0.0 || scratch.pushed_out_cvs[size_t(corner)]))
             --corner;
-        if (corner < 0) break; // the groom's own shape dips in
+        if (corner < 0) break; // the rest shape itself penetrates
         double& limit = scratch.turn_fraction[size_t(corner)];
         limit = limit > smallest ? 0.5 * limit : 0.0;
         const std::vector<Vec3f> before = scratch.solved;
         CollisionCounts again;
         if (solve_strand(quiet, strand, scratch, again) && again.unresolved == 0) continue;
-        scratch.solved = before; // it came to where nothing is free
+        scratch.solved = before; // a segment has no free direction: undo
         break;
     }
     const std::vector<Vec3f> curved = scratch.solved;
@@ -410,9 +416,10 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
         uint32_t hint = no_triangle;
         for (size_t k = 1; k < cvs; ++k) {
             along += (scratch.rest[k] - scratch.rest[k - 1]).norm();
-            // A CV's rest height is at most its arc length from the skin. So where no collider is within offset_scale times that of
-            // the path from rest to target, no push is needed; the usual case. That holds around a rim, too, where a target may
-            // hang in the open below the skin's plane.
+            // A CV's rest height is at most its arc length from the skin. So if no collider is within
+            // offset_scale times that length of the path from rest to target, no push is needed; this is the
+            // usual case. It also holds around a rim, where a target may be in open air below the plane of
+            // the skin.
             Region swept(*job.settings->offset_scale * along * (1.0 + 1e-6));
             swept.add(scratch.rest[k]);
             swept.add(scratch.target[k]);
@@ -423,7 +430,7 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
         }
     }
     if (!solve_strand(job, strand, scratch, counts)) {
-        // The root is not outside of the colliders: keep the rest shape.
+        // The root is not free: keep the rest shape.
         ++counts.unresolved;
         for (size_t k = 0; k < cvs; ++k) scratch.solved[k] = scratch.rest[k].cast<float>();
     } else if (job.settings->solver == Solver::exact) {

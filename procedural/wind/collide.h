@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Wind collision: the talk's last node. Strands bend around colliders on their way from the rest pose to the wind's.
+// Wind collision: the last node of the talk. Strands bend around colliders on their way from the rest pose to
+// the bent pose.
 #pragma once
 
 #include "procedural/values.h"
@@ -16,46 +17,46 @@ enum class Solver { exact, steps };
 struct Collision {
     Solver solver = Solver::exact;
     int rotation_steps = 16;            // of Solver::steps
-    std::optional<double> offset_root;  // m; absent: see root_offset()
-    std::optional<double> offset_scale; // absent: targets are not pushed out
-    std::optional<double> clearance;    // m; absent: the strand's radius
+    std::optional<double> offset_root;  // m; empty: see root_offset()
+    std::optional<double> offset_scale; // empty: target CVs are not pushed out
+    std::optional<double> clearance;    // m; empty: the strand's radius
 };
 
 std::span<const MarramParam> collision_params();
-std::optional<Collision> read_collision(const Values& values); // nothing where the scene asks for none
+std::optional<Collision> read_collision(const Values& values); // empty if the scene has no collision
 
-// How far a strand's root stands above the skin: what the scene says, else a hundredth of the strand's length, at least
-// 1.2 times its radius there.
+// Height of a strand's root above the skin: collision.offset_root, by default 1 % of the strand's length, but
+// at least 1.2 times its radius at the root.
 double root_offset(const Collision& collision, double length, double root_radius);
 
 struct CollisionCounts {
     uint64_t contacts = 0;       // segments that stopped at a collider
-    uint64_t pushed_out = 0;     // segments that started in one and were turned out
+    uint64_t pushed_out = 0;     // segments that started inside a collider and were turned out
     uint64_t unresolved = 0;     // segments without a free direction, and strands whose root is not free
-    uint64_t skipped_pushes = 0; // CVs for which offset_scale found no side of the skin to push to
-    uint64_t dips = 0;           // strands whose drawn curve still dips in by more than the tolerance
+    uint64_t skipped_pushes = 0; // CVs for which offset_scale found no consistent side of the skin
+    uint64_t dips = 0;           // strands whose rendered curve still penetrates by more than the tolerance
     double goal_angle = 0.0,
-           turned_angle = 0.0; // sums: what segments wanted to turn, and how much nearer they came
+           turned_angle = 0.0; // sums over segments: angle to the goal, and the part of it that was turned
 
     CollisionCounts& operator+=(const CollisionCounts& other);
 };
 
-// A segment as it was solved, for tests and for the curious.
+// One solved segment, for tests and debugging.
 struct SegmentTrace {
     size_t strand;
     int index;
     Segment segment;
     Turned turned;
-    double rounding; // metres by which the next start may be nearer
+    double rounding; // metres by which rounding may reduce the clearance of the next start
 };
 
 struct CollideJob {
     const Collision* settings;
     const Colliders* colliders;
-    const MarramMesh* skin;                // that the strands grow on
-    std::span<const float> radius_profile; // [cvs], of a strand 1 wide, where strands are not irregular
-    MarramBasis basis;                     // of the drawn curve
-    double tolerance; // m: the drawn curve dips in by no more; 0: a thousandth of the strand's length
+    const MarramMesh* skin;                // the mesh that the strands grow on
+    std::span<const float> radius_profile; // [cvs], of a strand of width 1; used if strands are not irregular
+    MarramBasis basis;                     // of the rendered curve
+    double tolerance; // m: maximum penetration of the rendered curve; 0: a thousandth of the strand's length
     std::vector<SegmentTrace>* trace = nullptr;
 };
 
@@ -64,14 +65,14 @@ struct CollideScratch {
     std::vector<Vec3d> rest, target, swept;
     std::vector<Vec3f> solved;
     std::vector<double> radius;        // of the strand at each CV
-    std::vector<double> turn_fraction; // share of its turn that a segment is allowed
-    std::vector<char> pushed_out_cvs;  // a segment was turned out
-    std::vector<double> clearance;     // of the segment that ends in a CV
-    size_t clear_from = 0;             // the first segment of those known to be drawn in open air
+    std::vector<double> turn_fraction; // fraction of its turn that a segment may take
+    std::vector<char> pushed_out_cvs;  // [cvs]: the segment that starts here was turned out
+    std::vector<double> clearance;     // [cvs]: of the segment that ends at the CV
+    size_t clear_from = 0;             // rendered curves of the segments from here on are known to be clear
 };
 
-// strands.rest, pose (bent) -> pose. strands.width and, for offset_scale, root_normal are read. Segments keep their rest
-// lengths, rounded as in bend(). Without a contact the pose is what it was, bit for bit.
+// strands.rest, pose (bent) -> pose. Reads strands.width and, for offset_scale, root_normal. Segments keep
+// their rest lengths, rounded as in bend(). Without contact the pose is unchanged, bit for bit.
 void collide(const CollideJob& job, Strands& strands, CollideScratch& scratch, CollisionCounts& counts);
 
 } // namespace marram

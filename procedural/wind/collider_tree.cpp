@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rounding. Boxes and slabs are floats rounded outwards, normals are floats taken as they are. A question's points are
-// rounded to floats and multiplied in floats: it is off by less than 16 ulp of its greatest coordinate, and is thickened by
-// that much.
+// Rounding. Boxes and slabs are floats rounded outwards; normals are floats used as they are. The points of a
+// query are rounded to floats and multiplied in floats. The error is less than 16 ulp of the largest
+// coordinate, and the query is expanded by that much.
 #include "procedural/wind/collider_tree.h"
 
 #include <tbb/parallel_for.h>
@@ -19,7 +19,7 @@ namespace {
 constexpr uint32_t node_most = lanes; // blocks or nodes
 
 constexpr float nowhere = std::numeric_limits<float>::infinity();
-constexpr double far_away = 1e18; // beyond what meshes may have
+constexpr double far_away = 1e18; // beyond the coordinates of any mesh
 
 float round_down(double x) {
     const auto f = float(x);
@@ -27,7 +27,8 @@ float round_down(double x) {
 }
 float round_up(double x) { return -round_down(-x); }
 
-// The end of the longest run from `begin` on that is a whole cell and holds at most `most`; the last run need not be a cell.
+// The end of the longest run from `begin` on that is a whole cell and has at most `most` elements; the last
+// run need not be a cell.
 size_t run_end(size_t begin, size_t most, const std::vector<uint64_t>& keys) {
     if (begin + most >= keys.size()) return keys.size();
     const uint64_t differs = keys[begin] ^ keys[begin + most];
@@ -40,7 +41,7 @@ size_t run_end(size_t begin, size_t most, const std::vector<uint64_t>& keys) {
 
 } // namespace
 
-// Keys: the mesh's number above, the Morton code below.
+// Keys: mesh index in the high bits, Morton code in the low bits.
 std::shared_ptr<const ColliderTree::Shape> ColliderTree::make_shape(const MarramFrame& frame,
                                                                     const Eigen::AlignedBox3d& reach) {
     auto shape = std::make_shared<Shape>();
@@ -57,10 +58,11 @@ std::shared_ptr<const ColliderTree::Shape> ColliderTree::make_shape(const Marram
         }
         if (!part.blocks.empty()) box.extend(part.box);
     }
-    // The middle of what there is within reach. A ground that goes on for miles must not take it far away, and with it the digits.
+    // The centre of the triangles within reach. A ground plane that is miles wide must not move it far away,
+    // which would cost accuracy.
     if (!keys.empty()) shape->origin = 0.5F * box.min() + 0.5F * box.max();
-    // Levels of nodes, until one is left.
-    size_t below = 0; // where the level below begins in its own table
+    // Builds levels of nodes until one node is left.
+    size_t below = 0; // start of the level below in its own table
     while (!keys.empty()) {
         shape->levels.push_back(uint32_t(shape->nodes.size()));
         std::vector<uint64_t> above;
@@ -82,7 +84,7 @@ std::shared_ptr<const ColliderTree::Shape> ColliderTree::make_shape(const Marram
 
 namespace {
 
-// What bounds a cluster or a node: a box, and a slab across `normal`, which is 0 where there is none.
+// Bounds of a cluster or a node: a box, and a slab across `normal`, which is 0 if there is none.
 struct Bounds {
     float low[3], high[3], normal[3], bottom, top;
 };
@@ -106,7 +108,7 @@ void set_lane(Node& node, uint32_t i, const Bounds& bounds) {
     node.top[lane] = bounds.top;
 }
 
-struct alignas(64) Corners8 { // of triangles; spare lanes repeat the last
+struct alignas(64) Corners8 { // of triangles; unused lanes repeat the last
     Wide3f corner[3];
 };
 
@@ -130,8 +132,9 @@ MARRAM_INLINE Wide3f upper(const Wide3f& a, const Wide3f& b) {
     return {greater(a.x, b.x), greater(a.y, b.y), greater(a.z, b.z)};
 }
 
-// Around `groups` times eight triangles, relative to the origin. In floats: subtracting it costs half an ulp, a product with the
-// normal less than 4 ulp of the greatest coordinate times the square root of 3. That is added.
+// Bounds of `groups` times eight triangles, relative to the origin. In floats: subtracting the origin costs
+// half an ulp, a product with the normal less than 4 ulp of the largest coordinate times the square root of
+// 3. The bounds are widened by that.
 MARRAM_HOT void bound(const Corners8* triangles, size_t groups, const float* origin, Bounds& out) {
     const Wide3f o{splat_float(origin[0]), splat_float(origin[1]), splat_float(origin[2])};
     Wide3f low{splat_float(nowhere), splat_float(nowhere), splat_float(nowhere)};
@@ -172,8 +175,8 @@ MARRAM_HOT void bound(const Corners8* triangles, size_t groups, const float* ori
     out.top = -least_of(-top) + 0x1p-20F * greatest;
 }
 
-// Around all that a node holds. Along n, something within the slab [bottom, top] across m reaches as far as the slab and its box
-// allow: n . x = m . x + (n - m) . x.
+// Bounds of a node's children. The extent along n of something in the slab [bottom, top] across m is limited
+// by the slab and by its box: n . x = m . x + (n - m) . x.
 template <typename Node>
 Bounds around(const Node& node) {
     const auto lane = [](const Wide3f& v, int i) {
@@ -203,7 +206,7 @@ Bounds around(const Node& node) {
     }
     Bounds bounds{};
     for (int axis = 0; axis < 3; ++axis) {
-        bounds.low[axis] = float(low[axis]); // it was a float
+        bounds.low[axis] = float(low[axis]); // exact: it was a float
         bounds.high[axis] = float(high[axis]);
         bounds.normal[axis] = normal[axis];
     }
@@ -220,7 +223,8 @@ struct ColliderTree::BlockCorners {
     Corners8 corners[block_most / lanes];
 };
 
-// What is next to each other in space may be far apart in a large mesh's tables: indices first, then corners.
+// Neighbours in space may be far apart in the tables of a large mesh, so indices are loaded first, then
+// corners.
 void ColliderTree::load(const MarramMesh* meshes, const Block& block, BlockCorners& out) const {
     const MarramMesh& mesh = meshes[block.mesh];
     const float* positions = mesh.positions[mesh.time_count > 1 ? time_ : 0];
@@ -246,7 +250,7 @@ void ColliderTree::load(const MarramMesh* meshes, const Block& block, BlockCorne
     }
 }
 
-// While one block is bounded the corners of the next are sent for, and the indices of the third next.
+// While one block is bounded, the corners of the next and the indices of the third next are prefetched.
 void ColliderTree::prefetch(const MarramMesh* meshes, uint32_t number) const {
     const auto each = [&](uint32_t ahead, auto&& visit) {
         if (number + ahead >= shape_->blocks.size()) return;
@@ -299,8 +303,8 @@ ColliderTree::~ColliderTree() {
 
 namespace {
 
-// Parts `order` into `parts` of equal size, give or take one, across the longest extent of the places, and each part again.
-// Calls each(begin, end) for those that are not parted any more.
+// Splits `order` into `parts` of equal size, plus or minus one, across the longest extent of the centroids,
+// recursively. Calls each(begin, end) for the final parts.
 template <typename Each>
 void part(const float (*places)[block_most], uint8_t* order, uint32_t begin, uint32_t end, uint32_t parts,
           Each&& each) {
@@ -329,7 +333,7 @@ void part(const float (*places)[block_most], uint8_t* order, uint32_t begin, uin
 
 } // namespace
 
-// Several threads may come here for the same block: the first to be done is kept.
+// Several threads may open the same block at once: the first to finish is kept.
 const ColliderTree::Opened* ColliderTree::open(const MarramMesh* meshes, uint32_t number) const {
     BlockCorners all;
     load(meshes, shape_->blocks[number], all);
@@ -389,7 +393,7 @@ size_t ColliderTree::shared_bytes() const {
 }
 
 struct alignas(64) ColliderTree::Question {
-    float low[3], high[3]; // of the thickened hull
+    float low[3], high[3]; // of the expanded hull
     float points[Region::most_points][3];
     size_t count;
     float radius;
@@ -409,7 +413,7 @@ MARRAM_INLINE uint32_t bits_of(VInt mask) {
     return uint32_t(all | all >> 32) & 0xffU;
 }
 
-// The children that are not apart from the region, as bits.
+// Bits of the children that may overlap the region.
 template <typename Node, typename Question>
 MARRAM_INLINE uint32_t touched(const Node& node, const Question& q) {
     VInt apart = (node.low.x > q.high[0]) | (node.high.x < q.low[0]) | (node.low.y > q.high[1]) |
@@ -440,8 +444,9 @@ MARRAM_INLINE void prefetch_node(const Node* node) {
 
 } // namespace
 
-// The square of what a box, or a slab and the ball around the box, say of the distance, at least. Across the slab it is the gap
-// to it; along it, the way to the ball's shadow: together they tell clusters apart that lie side by side below p.
+// Lower bounds on the squared distances, from the box, or from the slab and the ball around the box.
+// Perpendicular to the slab it is the gap to it; parallel to it, the distance to the ball's projection.
+// Together they separate clusters that lie side by side below p.
 MARRAM_HOT void ColliderTree::distances_to(const Node& node, const float* p, float limit, Distances8& out) {
     const VFloat zero{}, half = splat_float(0.5F);
     const auto outside = [&](VFloat below, VFloat above)
@@ -459,12 +464,12 @@ MARRAM_HOT void ColliderTree::distances_to(const Node& node, const float* p, flo
     out.within = bits_of(out.squared <= limit);
 }
 
-// The tree from the root down; false: more than `most` clusters.
+// Traverses the tree from the root down; whole = false: more than `most` clusters.
 MARRAM_HOT void ColliderTree::walk(const MarramMesh* meshes, const Question& q, size_t most,
                                    std::vector<NearCluster>& found, bool& whole) const {
     const Node* const nodes = nodes_.data();
     const Run* const runs = shape_->nodes.data();
-    const uint32_t above_blocks = shape_->levels[1]; // nodes from here on hold nodes
+    const uint32_t above_blocks = shape_->levels[1]; // from here on the children of nodes are nodes
     uint32_t stack[stack_size];
     size_t top = 0;
     stack[top++] = uint32_t(nodes_.size() - 1);

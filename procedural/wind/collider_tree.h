@@ -1,18 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// The triangles of the colliders in clusters, and a tree over these, made for one question: which triangles may come near
-// the hull of a few points? A strand stands on its skin, so a ball around its sweep, which is what Embree's point query takes,
-// is full of triangles that the sweep itself is well above. Here every cluster and every node is bounded by a box and by a
-// slab across its mean normal: a plane parts the sweep from the skin below it long before a triangle is looked at.
+// A tree over the triangles of the colliders, grouped in clusters. It answers one query: which triangles may
+// be near the convex hull of a few points? A strand starts on its skin. So a ball around its sweep, as in
+// Embree's point query, contains many triangles that are well below the sweep. Here every cluster and node is
+// bounded by a box and by a slab perpendicular to its mean normal: one plane separates the sweep from the
+// skin below it before any triangle is tested.
 //
-// Made from the mesh tables of the contract, for one motion sample, over the triangles within a groom's reach: blocks of up to 64
-// neighbours (triangle_blocks.h), and nodes above them, of at most eight blocks or nodes each (T. Karras, "Maximizing
-// Parallelism in the Construction of BVHs, Octrees, and k-d Trees", 2012: cells are common prefixes). What is in a block, clusters
-// of up to eight triangles, is made when a question first comes to it: fur and grass ask for a small part of a fine skin.
+// It is built from the mesh tables of the plugin interface, for one motion sample, over the triangles within
+// a groom's reach: blocks of up to 64 neighbours (triangle_blocks.h), and nodes above them, of at most eight
+// blocks or nodes each (T. Karras, "Maximizing Parallelism in the Construction of BVHs, Octrees, and k-d
+// Trees", 2012: cells are common prefixes). The contents of a block, clusters of up to eight triangles, are
+// built at the first query that reaches it: fur and grass query a small part of a fine skin.
 //
-// It holds no pointer into the frame, and serves later frames in which the meshes are the same.
+// It holds no pointer into the frame, and can be reused in later frames with the same meshes.
 //
-// Cost: 5 bytes and 30 ns a triangle on one thread, where Embree takes 500 ns for its own; in blocks that were asked for, 60 bytes
-// and 70 ns a triangle more; a question 0.1 to 0.3 us.
+// Cost: 5 bytes and 30 ns a triangle on one thread, where Embree takes 500 ns for its own BVH; in blocks that
+// were queried, 60 bytes and 70 ns a triangle more; a query takes 0.1 to 0.3 us.
 #pragma once
 
 #include "core/math/simd.h"
@@ -30,7 +32,8 @@
 
 namespace marram {
 
-// The hull of some points, thickened by a radius; perhaps within the radius of a plane besides.
+// The convex hull of some points, expanded by a radius; optionally only the part within the radius of a
+// plane.
 class Region {
   public:
     static constexpr size_t most_points = 24;
@@ -39,7 +42,7 @@ class Region {
     void add(const Vec3d& p) { points_[count_++] = p; }
     void flatten(const Vec3d& unit_normal) {
         normal_ = unit_normal;
-    } // the plane goes through the first point
+    } // the plane passes through the first point
 
     std::span<const Vec3d> points() const { return {points_, count_}; }
     double radius() const { return radius_; }
@@ -52,22 +55,22 @@ class Region {
     Vec3d normal_ = Vec3d::Zero();
 };
 
-// Up to eight triangles as their mesh has them; spare lanes repeat the last.
+// Up to eight triangles, corners as in their mesh; unused lanes repeat the last.
 struct alignas(64) TriangleCluster {
     Wide3f corner[3];
     uint32_t triangle[lanes];
 };
 
 struct NearCluster {
-    const TriangleCluster* cluster; // as long as the tree
-    uint32_t mesh;                  // of the frame
+    const TriangleCluster* cluster; // valid as long as the tree
+    uint32_t mesh;                  // index in the frame
     uint32_t count;                 // of triangles
 };
 
 class ColliderTree {
   public:
-    // Of every mesh of the frame, the triangles that touch `reach` at any motion sample, at sample `time`. `like`: the tree of
-    // another sample of the same frame and reach, to share its blocks.
+    // Contains the triangles of all colliding meshes that touch `reach` at any motion sample, at sample
+    // `time`. `like`: the tree of another sample of the same frame and reach, whose blocks are shared.
     ColliderTree(const MarramFrame& frame, const Eigen::AlignedBox3d& reach, uint32_t time,
                  const ColliderTree* like = nullptr);
     ~ColliderTree();
@@ -75,18 +78,18 @@ class ColliderTree {
     ColliderTree& operator=(const ColliderTree&) = delete;
 
     bool empty() const { return nodes_.empty(); }
-    size_t bytes() const;        // its own, so far
-    size_t shared_bytes() const; // together with the trees of other motion samples
+    size_t bytes() const;        // its own, at present
+    size_t shared_bytes() const; // shared with the trees of other motion samples
 
-    // `meshes` below: those it was made from, or their equals.
+    // `meshes` below: the meshes it was built from, or equal ones.
 
-    // The clusters that may hold a triangle within the region (none where it is not finite or beyond 1e18); false: there are
-    // more than `most` (found holds some of them).
+    // Finds the clusters that may have a triangle within the region (none if it is not finite or its radius
+    // is beyond 1e18). False: there are more than `most` (found has some of them).
     bool find(const MarramMesh* meshes, const Region& region, size_t most,
               std::vector<NearCluster>& found) const;
 
-    // Calls visit(cluster) for those that may hold a triangle within `radius` of p, roughly the nearest first. visit returns the
-    // radius to go on with.
+    // Calls visit(cluster) for those that may have a triangle within `radius` of p, roughly closest first.
+    // visit returns the radius to continue with.
     template <typename Visit>
     void nearest(const MarramMesh* meshes, const Vec3d& p, double radius, Visit&& visit) const {
         if (nodes_.empty()) return;
@@ -97,7 +100,7 @@ class ColliderTree {
         };
         const Vec3f place = from.cast<float>();
         struct Waiting {
-            float squared; // no nearer than this
+            float squared; // lower bound on the squared distance
             uint32_t child;
             enum { node, block, cluster } kind;
             uint32_t of_block;
@@ -136,25 +139,25 @@ class ColliderTree {
         uint32_t first, count;
     };
     struct Block {
-        uint32_t mesh;       // of the frame
+        uint32_t mesh;       // index in the frame
         uint32_t first, end; // in the list of runs
     };
     struct Shape { // the same at every motion sample
         std::vector<TriangleRun> runs;
         std::vector<Block> blocks;
-        std::vector<Run> nodes;       // what they stand for: blocks in the first level, nodes above
-        std::vector<uint32_t> levels; // where each level of nodes begins, and the end
+        std::vector<Run> nodes;       // their children: blocks in the first level, nodes above
+        std::vector<uint32_t> levels; // start of each level of nodes, and the end
         Vec3f origin = Vec3f::Zero();
     };
-    struct alignas(64) Node { // of the eight things in its run; those it has not are nowhere
+    struct alignas(64) Node { // of the eight children in its run; unused lanes are empty
         Wide3f low, high;     // boxes
         Wide3f normal;        // slabs: bottom <= normal . x <= top
         VFloat bottom, top;
     };
-    struct alignas(64) Opened {                 // a block that was asked for
-        Node node;                              // around its clusters
-        uint32_t clusters;                      // which follow it
-        uint32_t triangles[block_most / lanes]; // in each
+    struct alignas(64) Opened {                 // a block that was queried
+        Node node;                              // bounds of its clusters
+        uint32_t clusters;                      // their number; they follow in memory
+        uint32_t triangles[block_most / lanes]; // number in each
         const TriangleCluster& cluster(uint32_t i) const {
             return reinterpret_cast<const TriangleCluster*>(this + 1)[i];
         }
@@ -164,7 +167,7 @@ class ColliderTree {
 
     struct alignas(64) Distances8 {
         VFloat squared;
-        uint32_t within; // which are no more than a limit, as bits
+        uint32_t within; // bits of those within the limit
     };
     static double rounding_of(double greatest) { return 16.0 * 0x1p-24 * greatest + 0x1p-120; }
     static void distances_to(const Node& node, const float* p, float limit, Distances8& out);
@@ -177,7 +180,7 @@ class ColliderTree {
         const Opened* there = opened_[block].load(std::memory_order_acquire);
         return there ? *there : *open(meshes, block);
     }
-    NearCluster cluster_of(uint32_t block, uint32_t i) const { // of a block that is open
+    NearCluster cluster_of(uint32_t block, uint32_t i) const { // of an open block
         const Opened& there = *opened_[block].load(std::memory_order_acquire);
         return {&there.cluster(i), shape_->blocks[block].mesh, there.triangles[i]};
     }
@@ -186,10 +189,10 @@ class ColliderTree {
 
     std::shared_ptr<const Shape> shape_;
     uint32_t time_;
-    Vec3f origin_; // boxes and slabs are relative to it
+    Vec3f origin_; // of boxes and slabs
     WideVector<Node> nodes_;
     mutable std::vector<std::atomic<const Opened*>>
-        opened_; // [blocks]; what is made depends on the block alone
+        opened_; // [blocks]; the contents depend on the block only
 };
 
 } // namespace marram

@@ -29,7 +29,7 @@ Colliders colliders_at(const MarramFrame& frame, uint32_t time_index) {
 
 namespace {
 
-// Of bytes, in chunks side by side.
+// Appends hashes of the bytes, in chunks hashed in parallel.
 void add_hash(const void* bytes, size_t count, std::vector<uint64_t>& key) {
     constexpr size_t chunk = size_t(1) << 20;
     const size_t chunks = (count + chunk - 1) / chunk, first = key.size();
@@ -47,13 +47,13 @@ bool any_moves(const MarramFrame& frame) {
                        [](const MarramMesh& mesh) { return mesh.time_count > 1; });
 }
 
-// Whatever the trees depend on.
+// All data that the trees depend on.
 std::vector<uint64_t> key_of(const MarramFrame& frame, const Eigen::AlignedBox3d& reach,
                              std::span<Colliders* const> colliders) {
     std::vector<uint64_t> key;
     for (const Vec3d& corner : {reach.min(), reach.max()})
         for (int axis = 0; axis < 3; ++axis) key.push_back(std::bit_cast<uint64_t>(corner[axis]));
-    // Where nothing moves one tree serves however many samples.
+    // If nothing moves, one tree serves any number of samples.
     const bool moves = any_moves(frame);
     for (size_t i = 0; i < (moves ? colliders.size() : std::min<size_t>(colliders.size(), 1)); ++i)
         key.push_back(!colliders[i]->any() ? ~uint64_t(0) : moves ? colliders[i]->time_index : 0);
@@ -75,7 +75,7 @@ bool ColliderTrees::give(const MarramFrame& frame, const Eigen::AlignedBox3d& re
     const bool changed = key != key_;
     if (changed) {
         key_.clear();
-        trees_.clear(); // the old go first
+        trees_.clear(); // free the old ones before building
         const size_t count = any_moves(frame) ? colliders.size() : std::min<size_t>(colliders.size(), 1);
         for (size_t i = 0; i < count; ++i)
             trees_.push_back(colliders[i]->any()
@@ -115,7 +115,7 @@ Vec3d nearest_point(const std::array<Vec3d, 3>& p, const Vec3d& q) {
     constexpr double rounding = 1e-14;
     if (nn > rounding * rounding * longest * longest) {
         const Vec3d aq = q - p[0];
-        const double v = aq.cross(ac).dot(n), w = ab.cross(aq).dot(n); // barycentrics times nn
+        const double v = aq.cross(ac).dot(n), w = ab.cross(aq).dot(n); // barycentric coordinates times nn
         if (v >= 0.0 && w >= 0.0 && v + w <= nn) return q - n * (aq.dot(n) / nn);
     }
     Vec3d best = p[0];

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The renderer's colliders at one instant: its Embree scene for rays, the mesh tables of the contract for exact corners, and a
-// tree over these for the triangles near a place.
+// The colliders at one time: the renderer's Embree scene for rays, the mesh tables of the plugin interface
+// for exact corners, and a tree over these for queries of nearby triangles.
 #pragma once
 
 #include "core/math/vec.h"
@@ -17,9 +17,9 @@ namespace marram {
 struct Colliders {
     RTCScene scene = nullptr;
     const MarramMesh* lent = nullptr;         // the frame's meshes
-    std::vector<const MarramMesh*> meshes;    // [geometry ID]; nullptr: not lent
+    std::vector<const MarramMesh*> meshes;    // [geometry ID]; nullptr: not in the frame
     uint32_t time_index = 0;                  // motion sample
-    float time = 0.0F;                        // the same in [0, 1], as Embree counts it
+    float time = 0.0F;                        // the same as an Embree ray time, in [0, 1]
     std::shared_ptr<const ColliderTree> tree; // for exact collision and offset scale
 
     bool any() const { return scene != nullptr && !meshes.empty(); }
@@ -40,29 +40,31 @@ struct Colliders {
     }
 };
 
-// The colliders of a frame at its motion sample `time_index`; empty where the frame lends none. Without a tree.
+// The colliders of a frame at motion sample `time_index`, without a tree; empty if the frame has none.
 Colliders colliders_at(const MarramFrame& frame, uint32_t time_index);
 
 inline Eigen::AlignedBox3d everywhere() { return {Vec3d::Constant(-infinity), Vec3d::Constant(infinity)}; }
 
-// The trees of a frame, kept for the next: where neither the meshes nor the reach have changed they serve again. A hash of
-// all that the meshes hold tells (XXH3, 128 bits): 36 ms a gigabyte on two threads, a thirtieth of the making.
+// The trees of a frame, kept for the next one: they are reused if neither the meshes nor the reach have
+// changed. This is detected by a hash of all mesh data (XXH3, 128 bits): 36 ms a gigabyte on two threads, a
+// thirtieth of the build time.
 class ColliderTrees {
   public:
-    // Gives the colliders of a frame's motion samples their trees, over the triangles that touch `reach`; all samples share
-    // one where no mesh moves. Strands outside of the reach are not to be collided. Returns whether they had to be made.
+    // Assigns trees over the triangles that touch `reach` to the colliders of a frame's motion samples; all
+    // samples share one tree if no mesh moves. Strands outside the reach must not be collided. Returns true
+    // if the trees were built, false if they were reused.
     bool give(const MarramFrame& frame, const Eigen::AlignedBox3d& reach,
               std::span<Colliders* const> colliders);
 
     size_t bytes() const;
 
   private:
-    std::vector<uint64_t> key_;                              // of what the trees were made from
-    std::vector<std::shared_ptr<const ColliderTree>> trees_; // [colliders], or one where no mesh moves
+    std::vector<uint64_t> key_; // identifies the data that the trees were built from
+    std::vector<std::shared_ptr<const ColliderTree>> trees_; // [colliders], or one if no mesh moves
 };
 
-// The point of triangle p nearest to q: C. Ericson, "Real-Time Collision Detection", 5.1.5, by the Voronoi regions; a triangle
-// without area is the longest of its edges.
+// The closest point to q on triangle p: C. Ericson, "Real-Time Collision Detection", 5.1.5, by Voronoi
+// regions. A triangle without area counts as its edges.
 Vec3d nearest_point(const std::array<Vec3d, 3>& p, const Vec3d& q);
 
 } // namespace marram

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// A segment of length l turns about its start, the origin, in the plane of a and b: u(t) = a cos t + b sin t. It touches a
-// triangle when their distance is the clearance c. The triangle inflated by c is convex, and so is its part in the plane of
-// the turn; seen from outside it spans less than half a turn. So each triangle blocks one interval of turns, and the ends
-// of that interval are among the turns at which the capsule touches one of the triangle's features. Every such touch solves
+// A segment of length l rotates about its start, the origin, in the plane of a and b: u(t) = a cos t + b sin
+// t. It touches a triangle when their distance is the clearance c. The triangle inflated by c is convex, and
+// so is its intersection with the plane of the turn; seen from outside it spans less than half a turn. So
+// each triangle blocks one interval of angles, and the ends of that interval are among the angles at which
+// the capsule touches one of the triangle's features. Every such contact solves
 //
 //     A cos t + B sin t = C    with R^2 = A^2 + B^2,  cos t = (A C -+ B w) / R^2,  sin t = (B C +- A w) / R^2,
 //     w^2 = R^2 - C^2, or a quadratic in tan t: no trigonometric function is needed.
@@ -12,18 +13,20 @@
 //                           by the end          v . u = (l^2 + q) / 2 l                    where q > l^2
 // Edge v + x e, touched sideways, g = e x v:    (g . u)^2 = c^2 (1 - (e . u)^2)            0 <= s <= l, 0 <= x <= |edge|
 //     a homogeneous quadratic form in (cos, sin); its discriminant is c^2 (g_a^2 + g_b^2 - D^2 - c^2 (1 - e_a^2 - e_b^2))
-//     with D = g_a e_b - g_b e_a, which loses nothing however small c is.
+//     with D = g_a e_b - g_b e_a, which loses no accuracy for small c.
 // Edge, touched by the end:                     |e x (l u - v)|^2 = c^2                    a quartic
-//     Rare: the edge must pass within c of the circle of the end. f(t), the left side minus the right, has |f''| <= M with
-//     M = 2 l |e x v| + 2 l^2. f(t + d) >= f + f' d - M d^2 / 2, so stepping to that parabola's root never passes a root of f
-//     and converges quadratically; it is done from both sides of each interval of turns at which the end is beside the edge.
+//     Rare: the edge must pass within c of the circle of the end. f(t), the left side minus the right, has
+//     |f''| <= M with M = 2 l |e x v| + 2 l^2. f(t + d) >= f + f' d - M d^2 / 2, so a step to that parabola's
+//     root never passes a root of f and converges quadratically. It is done from both sides of each interval
+//     of angles at which the end is beside the edge.
 //
-// A parallel edge is touched at its vertices or by the end, a triangle without area has no face but three edges, an edge
-// without length is a vertex: each case is left to the others, which then hold the same contact.
+// A parallel edge is touched at its vertices or by the end. A triangle without area has no face but three
+// edges, and an edge without length is a vertex. Each such case is skipped, and the contact is found by the
+// other features.
 //
-// Where a touch lies on the border of two features, rounding must not lose it from both: the ranges of s and x, and the
-// face, are widened by the rounding error of their computation. A touch found twice does no harm, and one a rounding error
-// outside of the feature is nearer than c + 1e-10 l all the same.
+// A contact on the border of two features must not be lost from both by rounding. So the ranges of s and x,
+// and the face, are widened by the rounding error of their computation. A contact found twice does no harm,
+// and one that is outside the feature by a rounding error is still closer than c + 1e-10 l.
 #include "procedural/wind/contact.h"
 
 #include "procedural/wind/shortest.h"
@@ -33,9 +36,9 @@
 namespace marram {
 namespace {
 
-constexpr double rounding = 1e-14; // relative error of what is computed here, with room
+constexpr double rounding = 1e-14; // relative error of the computations here, with a margin
 
-struct alignas(64) Touches { // extreme turns found so far
+struct alignas(64) Touches { // extreme contact angles found so far
     VDouble positive_first, positive_last, negative_first, negative_last;
 };
 
@@ -145,7 +148,7 @@ MARRAM_INLINE void edge_touches(const Plane8& plane, const Wide3d& v, const Wide
     }
 }
 
-// Whether the edge comes within the clearance of the circle that the segment's end runs along: seldom true.
+// True: the edge comes within the clearance of the circle of the segment's end. Rarely true.
 MARRAM_INLINE VLong end_may_touch(const Plane8& plane, const Wide3d& normal, const Wide3d& v,
                                   const Wide3d& end) {
     const VDouble c = plane.clearance * (1.0 + rounding) + plane.length * rounding;
@@ -157,7 +160,7 @@ MARRAM_INLINE VLong end_may_touch(const Plane8& plane, const Wide3d& normal, con
     const VDouble low = select(level, 0.0, vmax(vmin(x0, x1), VDouble{}));
     const VDouble high = select(level, 1.0, vmin(vmax(x0, x1), 1.0));
     const VLong near_plane = (low <= high) & select(level, vabs(h0) <= c * 2.0, all_lanes);
-    // ... and its least and greatest distance from the pivot.
+    // ... and its smallest and largest distance from the pivot.
     const Wide3d e = end - v;
     const VDouble ee = dot(e, e), ve = dot(v, e), vv = dot(v, v);
     const auto squared = [&](VDouble x) MARRAM_ALWAYS_INLINE { return vv + x * (2.0 * ve + x * ee); };
@@ -168,7 +171,7 @@ MARRAM_INLINE VLong end_may_touch(const Plane8& plane, const Wide3d& normal, con
     return near_plane & (least <= outer * outer * wide) & (most * wide >= inner * inner);
 }
 
-// ---- the end against an edge: one lane at a time ------------------------------------------------------------------
+// ---- the end against an edge: one lane at a time ----
 
 struct EndOnEdge { // f(t) = k + p cos t + q sin t - (ea cos t + eb sin t)^2 l^2
     double k, p, q, ea, eb, curvature;
@@ -180,10 +183,10 @@ struct EndOnEdge { // f(t) = k + p cos t + q sin t - (ea cos t + eb sin t)^2 l^2
     }
 };
 
-// Where an edge runs along the end's circle the parabola is nearly all there is, and steps are short.
+// If an edge runs along the circle of the end, f is almost the parabola and steps are short.
 constexpr int most_steps = 20000;
 
-// The first root at or after `begin` in direction `sense` before `end`; infinity where there is none.
+// The first root at or after `begin` in direction `sense` before `end`; infinity if there is none.
 double first_root(const EndOnEdge& f, double begin, double end, double sense, double enough) {
     double t = begin;
     for (int i = 0; i < most_steps; ++i) {
@@ -194,10 +197,10 @@ double first_root(const EndOnEdge& f, double begin, double end, double sense, do
         t += sense * (slope + std::sqrt(slope * slope + 2.0 * f.curvature * value)) / f.curvature;
         if ((end - t) * sense < 0.0) return infinity;
     }
-    return t; // converging so slowly is grazing: stop short of it
+    return t; // slow convergence means grazing contact: stop before it
 }
 
-// Turns at which the projection of the end on the edge's line lies within the edge.
+// Angles at which the projection of the end onto the edge's line lies within the edge.
 int turns_beside(double a, double b, double offset, double size, double out[3][2]) {
     const double r = std::hypot(a, b), middle = std::atan2(b, a);
     const double low = offset, high = size + offset; // low <= r cos(t - middle) <= high
@@ -251,8 +254,8 @@ void end_touches(const Turning& turning, const Vec3d& v, const Vec3d& other, Tou
     const double enough = rounding * (across.squaredNorm() + l * l);
     double windows[3][2];
     const int count = turns_beside(f.ea, f.eb, v.dot(e), size, windows);
-    // Blocked turns may reach into a window from both of its ends. In between lies the turn at which the end is farthest from
-    // the line, which is free because the pivot is: windows are cut there.
+    // Blocked angles may extend into a window from both of its ends. The angle between, at which the end is
+    // farthest from the line, is free because the pivot is: windows are split there.
     const double farthest = std::atan2(f.q, f.p);
     const auto search = [&](double begin, double end) {
         const double first = first_root(f, begin, end, 1.0, enough);
@@ -291,12 +294,12 @@ MARRAM_HOT void touches_of(const Turning& turning, const Triangles8& triangles, 
     }
 }
 
-// The part of the turn that is asked for, and half-spaces that hold it. Unit vectors; where the part is wider than half a
-// turn they are 0 and exclude nothing.
+// The tested range of the turn, and half-spaces that contain its sector. Unit vectors; if the range is wider
+// than half a turn they are 0 and exclude nothing.
 struct Wedge {
-    Vec3d begin, end;     // directions at its two ends
+    Vec3d begin, end;     // directions at the two ends of the range
     Vec3d behind, beyond; // perpendicular to those, outwards
-    Vec3d back;           // away from its middle
+    Vec3d back;           // opposite to its middle
     bool narrow;          // at most half a turn wide
 };
 
@@ -313,14 +316,14 @@ Wedge wedge_of(const Turning& turning, double begin, double end) {
     wedge.beyond = turning.across * e.x() - turning.from * e.y();
     const Vec3d middle = wedge.begin + wedge.end;
     if (middle.squaredNorm() > 1e-6)
-        wedge.back = -middle.normalized(); // else the half turn has no room behind it
+        wedge.back = -middle.normalized(); // else it is half a turn and has no half-space behind it
     return wedge;
 }
 
 // The wedge, for eight lanes.
 struct alignas(64) Wedge8 {
     Wide3d begin, end, behind, beyond, from, across;
-    VDouble length, clearance; // with room for rounding
+    VDouble length, clearance; // with a margin for rounding
     bool narrow;
 
     MARRAM_INLINE Wedge8(const Turning& turning, const Wedge& wedge)
@@ -331,7 +334,7 @@ struct alignas(64) Wedge8 {
           clearance(splat(turning.clearance * (1.0 + rounding) + turning.length * rounding)),
           narrow(wedge.narrow) {}
 
-    // How far the sector reaches along n: at the pivot, at one of its ends, or where n itself points into it.
+    // Extent of the sector along n: at the pivot, at one of its ends, or where n itself points into it.
     MARRAM_INLINE VDouble reach(const Wide3d& n) const {
         VDouble most = vmax(vmax(dot(n, begin), dot(n, end)), VDouble{});
         const VLong peaks = narrow ? (dot(n, behind) <= 0.0) & (dot(n, beyond) <= 0.0) : all_lanes;
@@ -343,8 +346,9 @@ struct alignas(64) Wedge8 {
     }
 };
 
-// Which of eight triangles may be touched within the wedge: not those wholly on the far side of one of its half-spaces or of the
-// turn's plane, and not those whose own plane keeps the sector on one side, farther away than the clearance.
+// `may`: the triangles that may be touched within the wedge. Excludes those entirely on the far side of one
+// of its half-spaces or of the plane of the turn, and those whose own plane has the sector on one side,
+// farther away than the clearance.
 MARRAM_HOT void may_touch(const Turning& turning, const Wedge& wedge, const Triangles8& triangles,
                           VLong& may) {
     const Wedge8 wide(turning, wedge);
@@ -367,8 +371,8 @@ MARRAM_HOT void may_touch(const Turning& turning, const Wedge& wedge, const Tria
     may = ~(above | below | before | after | backwards | apart);
 }
 
-// The same by the plane across the shortest way from the segment at the wedge's end: it parts triangles that lie beside
-// the place of contact.
+// The same with the plane perpendicular to the shortest vector from the segment at the wedge's end: it
+// separates triangles that lie beside the point of contact.
 MARRAM_HOT void may_touch_late(const Turning& turning, const Wedge& wedge, const Triangles8& triangles,
                                VLong& may) {
     const Wedge8 wide(turning, wedge);
@@ -378,7 +382,7 @@ MARRAM_HOT void may_touch_late(const Turning& turning, const Wedge& wedge, const
     may &= ~(nearest - wide.reach(n) > vsqrt(dot(n, n)) * wide.clearance);
 }
 
-// One interval from the extreme touches of a triangle.
+// The blocked interval of a triangle from its extreme contact angles.
 bool interval_of(const Touches& touches, int lane, Blocked& out) {
     const double pf = touches.positive_first[lane], pl = touches.positive_last[lane];
     const double nf = touches.negative_first[lane], nl = touches.negative_last[lane];
@@ -388,7 +392,7 @@ bool interval_of(const Touches& touches, int lane, Blocked& out) {
         out = {pf, pl};
     else if (!positive)
         out = {4.0 + nl, 4.0 + nf};
-    else if (pf - nf > 2.0) // across the turn of pi
+    else if (pf - nf > 2.0) // contains pi
         out = {pf, 4.0 + nf};
     else
         out = {nl, pl};
@@ -415,7 +419,7 @@ MARRAM_HOT bool clear_of_pivot(std::span<Triangles8> triangles, double clearance
 
 namespace {
 
-// Where edges cross the plane of the turn within the segment's length.
+// First angle at which an edge crosses the plane of the turn within the segment's length.
 MARRAM_HOT void first_crossing(const Turning& turning, const Triangles8& t, VDouble& first) {
     const Wide3d normal = splat3(turning.normal.data());
     const Wide3d from = splat3(turning.from.data()), across = splat3(turning.across.data());
@@ -439,7 +443,8 @@ MARRAM_HOT void first_crossing(const Turning& turning, const Triangles8& t, VDou
     }
 }
 
-// Where vertices first touch. A vertex v blocks the turns t with v . u(t) > reach, see above: those around its own direction.
+// First angle at which a vertex touches. A vertex v blocks the angles t with v . u(t) > reach, see above:
+// those around its direction.
 MARRAM_HOT void first_vertex(const Turning& turning, const Triangles8& triangles, VDouble& first) {
     const Wide3d from = splat3(turning.from.data()), across = splat3(turning.across.data());
     const VDouble l = splat(turning.length), ll = l * l, cc = splat(turning.clearance * turning.clearance);
@@ -451,19 +456,19 @@ MARRAM_HOT void first_vertex(const Turning& turning, const Triangles8& triangles
         const VDouble ww = a * a + b * b - reach * reach;
         const VLong touches = ww > 0.0;
         const VDouble w = vsqrt(select(touches, ww, zero));
-        // Where it begins, times a^2 + b^2.
+        // Start of its interval, times a^2 + b^2.
         const VDouble c1 = a * reach + b * w, s1 = b * reach - a * w;
         const VDouble size = vabs(c1) + vabs(s1);
         const VDouble p = vabs(s1) / select(size > 0.0, size, one);
         const VDouble turn = select(s1 < 0.0, zero, select(c1 < 0.0, 2.0 - p, p));
-        // It begins before turn 0: then it blocks that, or only turns before.
+        // If it starts before angle 0, it blocks angle 0 or only negative angles.
         const VLong valid = touches & ((s1 >= 0.0) | (a > reach));
         first = select(valid & (turn < first), turn, first);
     }
 }
 
-// No earlier than the first contact with any of them: where a vertex touches or, on coarse meshes, where the middle of the
-// segment meets an edge; `end` where neither does.
+// Upper bound on the first contact with any of them: where a vertex touches or, on coarse meshes, where the
+// axis of the segment meets an edge; `end` if neither does.
 double certain_contact(const Turning& turning, double end, std::span<Triangles8> triangles) {
     for (const auto bound : {first_vertex, first_crossing}) {
         VDouble first = splat(end);
@@ -475,8 +480,9 @@ double certain_contact(const Turning& turning, double end, std::span<Triangles8>
     return end;
 }
 
-// Hands the interval of every triangle that blocks a turn between `begin` and `end` to `take`, which may bring the end
-// nearer and so spare the triangles still to come, or return false to stop. The triangle lies in a lane of `dense` then.
+// Calls `take` with the interval of every triangle that blocks an angle between `begin` and `end`. `take` may
+// reduce `end`, which skips triangles still to come, or return false to stop. At the call the triangle is in
+// a lane of `dense`.
 template <typename Take>
 void each_blocked(const Turning& turning, double begin, double end, std::span<Triangles8> triangles,
                   size_t count, bool late, Triangles8& dense, Take&& take) {
@@ -496,7 +502,7 @@ void each_blocked(const Turning& turning, double begin, double end, std::span<Tr
         const double before = end;
         Blocked blocked{};
         if (late) {
-            // Every touch is a contact: what closed forms know spares most searches for the end on an edge.
+            // Every touch is a contact: the closed forms avoid most searches for the end on an edge.
             for (int lane = 0; lane < filled; ++lane)
                 if (interval_of(touches, lane, blocked) && !take(blocked, lane, end)) return false;
             if (any(end_edges)) {
@@ -576,7 +582,7 @@ bool first_blocked(const Turning& turning, double end, TriangleList& triangles, 
                      nearer = std::max(std::min(nearer, first), 0.0);
                      return first >= 0.0;
                  });
-    if (first > certain && certain < end) first = certain; // only where rounding hides its contact
+    if (first > certain && certain < end) first = certain; // only if rounding hides its contact
     return first <= end;
 }
 

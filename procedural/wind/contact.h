@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Exact contact of a turning segment with triangles. See contact.cpp for the derivation.
+// Exact contact of a rotating segment with triangles. See contact.cpp for the derivation.
 #pragma once
 
 #include "core/math/simd.h"
@@ -10,8 +10,9 @@
 
 namespace marram {
 
-// A capsule of radius `clearance` about a segment that turns about the origin in a plane: at angle t the segment runs from 0
-// to length * (from cos t + across sin t). `from`, `across` and `normal` = from x across are orthonormal.
+// A capsule of radius `clearance` around a segment that rotates about the origin in a plane: at angle t the
+// segment runs from 0 to length * (from cos t + across sin t). `from`, `across` and `normal` = from x across
+// are orthonormal.
 struct Turning {
     Vec3d from, across, normal;
     double length, clearance; // > 0
@@ -19,14 +20,15 @@ struct Turning {
     Vec3d direction(double cosine, double sine) const { return from * cosine + across * sine; }
 };
 
-// Angles are ordered by a number that needs no trigonometry: the length of the way along the diamond |c| + |s| = 1, 0 at
-// angle 0, 1 at a right angle, 2 at pi, negative for negative angles; p(angle + pi) = p(angle) + 2 exactly.
+// Angles are compared by a number that needs no trigonometry, their arc length along the diamond |c| + |s| =
+// 1: 0 at angle 0, 1 at a right angle, 2 at pi, negative for negative angles; p(angle + pi) = p(angle) + 2
+// exactly.
 inline double diamond(double cosine, double sine) {
     const double across = std::abs(sine) / (std::abs(cosine) + std::abs(sine));
     const double p = cosine < 0.0 ? 2.0 - across : across;
     return sine < 0.0 ? -p : p;
 }
-// Back to the unit vector (cosine, sine).
+// The inverse: the unit vector (cosine, sine).
 inline Vec2d undiamond(double p) {
     const double r = std::remainder(p, 4.0), a = std::abs(r);
     const Vec2d v =
@@ -40,7 +42,7 @@ struct alignas(64) Triangles8 {
     Wide3d corner[3];
 };
 
-// Triangles side by side, appended one by one.
+// Triangles in blocks of eight, appended one by one.
 class TriangleList {
   public:
     void clear() { count_ = 0; }
@@ -62,7 +64,7 @@ class TriangleList {
         };
         push(corner(0), corner(1), corner(2));
     }
-    // The blocks in use; spare lanes of the last repeat its first.
+    // The blocks in use; unused lanes of the last block repeat its first triangle.
     std::span<Triangles8> blocks() {
         const size_t used = (count_ + lanes - 1) / lanes;
         for (size_t lane = count_ % lanes; lane > 0 && lane < lanes; ++lane)
@@ -79,29 +81,31 @@ class TriangleList {
     size_t count_ = 0;
 };
 
-// The turns at which a triangle is nearer than the clearance: one interval, shorter than half a turn, in diamond units with
-// -4 < low <= high < 4, high - low < 2; it is around 0 when low < 0 < high, else low >= 0.
+// The angles at which a triangle is closer than the clearance: one interval, shorter than half a turn, in
+// diamond units with -4 < low <= high < 4, high - low < 2. If it contains 0, low < 0 < high; else low >= 0.
 struct Blocked {
     double low, high;
 };
 
-// Appends the interval of every triangle that blocks any turn between `begin` and `end` (diamond units, begin <= 0 <= end,
-// each at most 2 from 0), and perhaps those of some that block other turns only. Triangles are judged exactly: the ends are
-// good to 1e-12 + 1e-15 * distance / clearance away from grazing contact; at a graze the distance is good to 1e-10 lengths.
-// The pivot must be clear of every triangle. Cost: about 5 ns for a triangle that is nowhere near, 60 ns for one that is.
+// Appends the interval of every triangle that blocks an angle between `begin` and `end` (diamond units, begin
+// <= 0 <= end, each at most 2 from 0), and possibly those of some that block other angles only. Triangles are
+// tested exactly: the ends are good to 1e-12 + 1e-15 * distance / clearance except at grazing contact, where
+// the distance is good to 1e-10 lengths. The pivot must be clear of every triangle. Cost: about 5 ns for a
+// distant triangle, 60 ns for a close one.
 void blocked_turns(const Turning& turning, double begin, double end, std::span<Triangles8> triangles,
                    size_t count, std::vector<Blocked>& out);
 
 struct FirstBlocked {
-    double turn;       // negative: turn 0 is blocked
-    Vec3d corner[3];   // of a triangle that blocks it; not a number where only rounding tells
-    TriangleList near; // to work with
+    double turn;       // negative: angle 0 is blocked
+    Vec3d corner[3];   // of a triangle that blocks it; NaN if only rounding hides the contact
+    TriangleList near; // scratch
 };
 
-// The first turn in [0, end] that a triangle blocks. False: none is.
+// The first angle in [0, end] that a triangle blocks. False: there is none.
 bool first_blocked(const Turning& turning, double end, TriangleList& triangles, FirstBlocked& found);
 
-// True: the pivot is farther than `clearance` from every triangle. False: it may be nearer (planes and boxes are looked at).
+// True: the pivot is farther than `clearance` from every triangle. False: it may be closer (a coarse test of
+// planes and boxes).
 bool clear_of_pivot(std::span<Triangles8> triangles, double clearance);
 
 } // namespace marram

@@ -9,18 +9,19 @@ namespace {
 struct DipCheck {
     const Colliders& colliders;
     const DrawnSegment& drawn;
-    double allowed, room; // distance to the polygon plus radius that need no look
+    double allowed, room; // distance to the polygon plus radius up to which no test is needed: room
     double tolerance;
     TurnScratch& scratch;
 };
 
-// Follows the curve from t = begin to end past the triangles in scratch.kept, which lie relative to `centre`: a place that is
-// farther than it must be from all of them by d lets it go on by d unseen, and never by less than a fifth of the tolerance,
-// since it is held to nine tenths of that.
+// Marches along the curve from t = begin to end past the triangles in scratch.kept, which are relative to
+// `centre`. If a point has d more than the required distance from all of them, the next d of the curve are
+// skipped. The minimum step is a fifth of the tolerance (at least 1/4096 in t), because the curve is tested
+// against nine tenths of it.
 bool follow(const DipCheck& check, double begin, double end, const Vec3d& centre) {
     const DrawnSegment& drawn = check.drawn;
     const std::span<const Triangles8> triangles = check.scratch.kept.blocks();
-    // No faster than this for t from 0 to 1: the segment, and offset(t), whose slope is at most |D| / 2.
+    // Maximum speed for t in [0, 1]: of the segment, plus offset(t), whose slope is at most |D| / 2.
     const double speed =
         (drawn.end - drawn.start).norm() + 4.0 * drawn.max_offset() + std::abs(drawn.r1 - drawn.r0);
     const double shortest = std::max(0.2 * check.tolerance / speed, 1.0 / 4096.0);
@@ -31,7 +32,8 @@ bool follow(const DipCheck& check, double begin, double end, const Vec3d& centre
         if (open < 0.0) {
             const bool inside = crosses_any(triangles, from, from + away);
             const double nearest = nearest_distance(triangles, from + away);
-            // Inside by more than the tolerance less the radius, or outside but nearer than the radius less the tolerance.
+            // Penetrates by more than the tolerance: inside by that minus the radius, or outside but closer
+            // than radius - tolerance.
             const double must = radius - check.allowed;
             if (inside ? nearest > -must : nearest < must) return true;
             open = inside ? 0.0 : nearest - std::max(must, 0.0);
@@ -41,8 +43,8 @@ bool follow(const DipCheck& check, double begin, double end, const Vec3d& centre
     }
 }
 
-// Part of a curve: nothing near, or only triangles on the side away from its offset, or it is followed. A part with many
-// triangles around it is cut in four.
+// Tests a part of the curve. It is clear if nothing is near, or if all triangles are on the side away from
+// its offset; otherwise the curve is followed. A part with many triangles around it is split in four.
 bool part_dips_in(const DipCheck& check, double begin, double end, int cuts) {
     const DrawnSegment& drawn = check.drawn;
     const Vec2d most = drawn.offset_bounds(begin, end);

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Definitions, draws and costs are those of gusts.h. What is derived here are the bounds and the culling.
+// See gusts.h for definitions, draws and costs. Derived here: the bounds and the culling.
 //
-// Bounds. An influence is felt where |x_a| <= 1 for x = M (P - C), and within |x| < 1 for spheres. With the columns
-// s_a r_a of M^-1 (a rotation r times scales s), P - C = sum over a of x_a s_a r_a, so along the world's axis j a box reaches
-// sum over a of |s_a r_aj| and a sphere the root of the sum of squares of the same. M's rows follow without inverting a
-// matrix that may be flat to 1e-12: row a is r_a / s_a, and r_a is column a over its length.
+// Bounds. An influence is not zero only if |x_a| <= 1 for x = M (P - C), and |x| < 1 for spheres. With the
+// columns s_a r_a of M^-1 (a rotation r times scales s), P - C = sum over a of x_a s_a r_a. So along world
+// axis j a box extends by sum over a of |s_a r_aj|, and a sphere by the root of the sum of squares of the
+// same. The rows of M need no inverse of a matrix that may be flat to 1e-12: row a is r_a / s_a, and r_a is
+// column a over its length.
 //
-// Rounding. x is evaluated with errors of a few 1e-16 of |M| |P - C|; widening the bounds by 1e-12 of their own size and of
-// their place makes them conservative with three digits to spare, so culling changes no bit.
+// Rounding. x is computed with errors of a few 1e-16 of |M| |P - C|. The bounds are widened by 1e-12 of their
+// size and of the centre's coordinates, so they are conservative with a margin of three digits, and culling
+// changes no bit.
 #include "procedural/wind/gusts.h"
 
 #include "core/math/hash.h"
@@ -23,14 +25,14 @@ namespace {
 
 constexpr double longest = 1e6;        // frames
 constexpr double most_lumps = 0.9;     // see gusts.h
-constexpr double lumps_a_radius = 1.5; // cells of value noise: about as many bulges on a side
+constexpr double lumps_a_radius = 1.5; // cells of value noise: about the number of bulges on a side
 constexpr double shortest_fade = 1.0;  // frames
 constexpr double bounds_slack = 1e-12; // see above
-constexpr double latest_frame = 1e12;  // beyond it repetitions cannot be told apart
-constexpr double most_draws = 4e6;     // gusts times repetitions to be looked at for one time: about a second
+constexpr double latest_frame = 1e12;  // repetitions cannot be told apart at later frames
+constexpr double most_draws = 4e6;     // gusts times repetitions tested for one time: about a second
 constexpr double upright_limit =
-    0.999;                          // a wind steeper than this has no level direction across worth the name
-constexpr uint32_t noise_bits = 24; // of a lattice value: exact in a float and a double
+    0.999;                          // for a steeper wind the horizontal direction across it is ill-defined
+constexpr uint32_t noise_bits = 24; // of a lattice value: exact in a float and in a double
 
 constexpr const char* smooth_fall = "{ knots = [[0, 1], [1, 0]], interpolation = \"smooth\" }";
 
@@ -148,9 +150,9 @@ void read_procedural(const Values& values, Gusts& gusts) {
     if (values.has("wind.gusts.distance")) gusts.distance = values.number("wind.gusts.distance");
 }
 
-// ---- Influences of a time ----
+// ---- Influences at a time ----
 
-struct Across { // the two directions across the wind
+struct Across { // the two unit directions perpendicular to the wind
     Vec3d level, upright;
 };
 
@@ -169,23 +171,24 @@ double draw(uint64_t key, Draw what, const Vec2d& range) {
 
 double smooth_step(double y) { return y * y * (3.0 - 2.0 * y); }
 
-// Widened as derived above.
+// Widens the bounds as derived above.
 void set_bounds(Influence& influence, const Vec3d& half) {
     const Vec3d reach = half + bounds_slack * (half + influence.center.cwiseAbs());
     influence.lower = influence.center - reach;
     influence.upper = influence.center + reach;
 }
 
-struct Passage { // what all gusts of a time share
+struct Passage { // data shared by all gusts at one time
     const Gusts& gusts;
-    Vec3d origin; // middle of the plane that they start from
+    Vec3d origin; // centre of the plane that they start from
     Vec3d wind;
     Across sides;
     double frame, fps;
 };
 
-// The influences of a time that touch a box, and the box of all centres, those outside included: the order of the tree, and with it
-// that of sums, does not depend on what is kept.
+// The influences at one time that overlap a box. `lower` and `upper` bound the centres of all influences,
+// also those outside: the order of the tree, and so of the sums, does not depend on which influences are
+// kept.
 struct Alive {
     const Eigen::AlignedBox3d& within;
     std::vector<Influence> kept{};
@@ -262,7 +265,7 @@ void add_control(const GustControl& control, double frame, Alive& out) {
 
 // ---- The tree ----
 
-// Place along a Morton curve through the box of all centres: neighbours in space become neighbours in the tree.
+// Index along a Morton curve through the box of all centres: neighbours in space are close in the tree.
 uint64_t curve_key(const Vec3d& center, const Vec3d& lower, const Vec3d& upper) {
     constexpr int bits = 16;
     uint64_t key = 0;
@@ -323,7 +326,7 @@ void build_tree(GustField& field) {
     }
 }
 
-// The influences below a node that touch a box, in the tree's order.
+// The influences below a node that overlap a box, in the tree's order.
 void collect(const GustField& field, size_t level, size_t node, const Vec3d& lower, const Vec3d& upper,
              std::vector<const Influence*>& out) {
     const EightBoxes& b = field.levels[level][node];
@@ -344,7 +347,7 @@ void collect(const GustField& field, size_t level, size_t node, const Vec3d& low
 
 MARRAM_INLINE VDouble blend(VDouble t, VDouble a, VDouble b) { return a + t * (b - a); }
 
-// nu of gusts.h at |x| below 2^51.
+// nu of gusts.h, for |x| below 2^51.
 MARRAM_INLINE VDouble value_noise(const Wide3d& x, uint32_t seed) {
     const VDouble coordinate[3] = {x.x, x.y, x.z};
     VInt cell[3];
@@ -382,7 +385,7 @@ MARRAM_INLINE VDouble box_distance(const Influence& influence, const Wide3d& x) 
     return t;
 }
 
-// I(P) of gusts.h. Whatever is no number (places too far for a double) is outside.
+// I(P) of gusts.h. NaN (positions too far away for a double) counts as outside.
 MARRAM_INLINE VDouble influence_at(const Influence& influence, const Wide3d& p) {
     const Wide3d d = p - splat3(influence.center.data());
     const Eigen::Matrix3d& m = influence.to_unit;

@@ -1,46 +1,54 @@
 // SPDX-License-Identifier: Apache-2.0
-// A CV's target g(s) is where the bend puts it at time s, in world space: its offset from the root and the root's own motion
-// together. CV k of n follows it as a damped oscillator does, in x, y and z alike,
+// A CV's target g(s) is its bent position at time s, in world space; it includes the motion of the root. CV k
+// of n follows it as a damped oscillator, in x, y and z alike,
 //
 //     x'' + 2 zeta omega x' + omega^2 x = omega^2 g(s),       omega = 2 pi frequency stiffness(k / (n - 1))
 //
-// with g piecewise linear between knots at absolute multiples of a step. For such a g the answer is exact.
+// with g piecewise linear between knots at absolute multiples of a step. For such a g the solution below is
+// exact.
 //
-// In the angle tau = omega s, let w = dx/dtau and e = x - g, the lag. While g moves by D over a step of tau radians,
+// In the angle tau = omega s, let w = dx/dtau and e = x - g, the lag. While g moves by D over a step of tau
+// radians,
 //
 //     de/dtau = w - D / tau          dw/dtau = -e - 2 zeta w
 //
-// Both e and w are continuous at knots, so they are all the state there is; a target that rests has D = 0, and e = w = 0 stays
-// exactly so. Let S be the homogeneous solution that starts with S(0) = 0, S'(0) = 1, and C = S' + 2 zeta S (C(0) = 1, C' = -S).
+// Both e and w are continuous at knots, so they are the whole state. A target at rest has D = 0, and e = w =
+// 0 stays exactly 0. Let S be the homogeneous solution with S(0) = 0, S'(0) = 1, and C = S' + 2 zeta S (C(0)
+// = 1, C' = -S).
 //
 //     e1 = C e0 + S w0 - F D         w1 = -S e0 + S' w0 + G D
 //     F = mean of C over the step = (S + 2 zeta (1 - C)) / tau      G = mean of S over the step = (1 - C) / tau
 //
-// S in closed form, p = sqrt(1 - zeta^2), q = sqrt(zeta^2 - 1), poles a = 1 / (zeta + q) <= 1 <= b = zeta + q:
+// S in closed form, p = sqrt(1 - zeta^2), q = sqrt(zeta^2 - 1), poles a = 1 / (zeta + q) <= 1 <= b = zeta +
+// q:
 //
 //     zeta < 1    S = e^(-zeta tau) sin(p tau) / p                  S' = e^(-zeta tau) cos(p tau) - zeta S
 //     zeta >= 1   S = e^(-a tau) (1 - e^(-2 q tau)) / (2 q)         S' = e^(-b tau) - a S
 //
-// where sin(x) / x and (1 - e^-x) / x are smooth at 0, so both hold up to zeta = 1 and meet there. For zeta >= 1 also
-// C = e^(-a tau) + a S, F = (1 - e^(-a tau)) / (a tau) + a G and G = a ((1 - e^(-a tau)) / (a tau) - S / tau): nothing is large
-// that would have to cancel. Steps with b tau <= 1 are summed from the power series instead: G keeps its digits.
+// sin(x) / x and (1 - e^-x) / x are smooth at 0, so both forms hold up to zeta = 1 and agree there. For zeta
+// >= 1 also C = e^(-a tau) + a S, F = (1 - e^(-a tau)) / (a tau) + a G and G = a ((1 - e^(-a tau)) / (a tau)
+// - S / tau): no large terms cancel. For b tau <= 1 the power series is summed instead, to keep the accuracy
+// of G.
 //
-// What a window forgets. x(t) is the integral of omega S(omega sigma) g(t - sigma) over sigma > 0. Taking the target as steady
-// before the window's first knot, T ago, changes g by at most `reach` there, and x by at most reach * tail(omega T), where
+// Length of the window. x(t) is the integral of omega S(omega sigma) g(t - sigma) over sigma > 0. Taking the
+// target as constant before the window's first knot, T ago, changes g by at most `reach` there, and x by at
+// most reach * tail(omega T), where
 //
 //     tail(X) = integral of |S| from X to infinity
 //             = C(X)                                                                       zeta >= 1, exactly: S > 0
 //             <= e^(-zeta X) min(1 / (zeta p), (1 + zeta X) / zeta^2)                      zeta < 1
 //
-// from |sin| <= 1 and from |sin x| <= x: the first is chain.md's, the second does not blow up at zeta = 1, where it meets
-// (1 + X) e^-X from the other side. The bound falls with omega: the softest CV decides.
+// from |sin| <= 1 and from |sin x| <= x. The first bound is that of chain.md. The second stays finite at zeta
+// = 1, where it equals the exact (1 + X) e^-X. The bound decreases with omega: the CV with the lowest
+// stiffness decides.
 //
-// The pose at t: offsets from the root x_k = linear offset at t + lag; they hang on the root at t, and from there to the tip each
-// segment takes its direction from x_k+1 - x_k and its length from the rest strand at t.
+// The pose at t: offsets from the root are x_k = linear offset at t + lag. They start at the root at t. From
+// root to tip each segment takes its direction from x_k+1 - x_k and its length from the rest strand at t.
 //
-// Step. A sinusoid of frequency f, linear between knots h apart, keeps the share (sin(pi f h) / (pi f h))^2 of its
-// amplitude: what is lost falls with the square of the step. Half a frame at 24 fps loses 1 % at 2.6 Hz, whole frames lose it at
-// 1.3 Hz. A groom looks at a few of its strands to find the step that its tolerance allows (procedural/groom/pilot.h).
+// Step. A sinusoid of frequency f, linear between knots h apart, keeps the fraction (sin(pi f h) / (pi f
+// h))^2 of its amplitude: the loss grows with the square of the step. Half a frame at 24 fps loses 1 % at 2.6
+// Hz, whole frames lose it at 1.3 Hz. A groom tests a few of its strands to find the step that its tolerance
+// allows (procedural/groom/pilot.h).
 #include "procedural/wind/jiggle.h"
 
 #include <algorithm>
@@ -52,14 +60,15 @@ namespace marram {
 namespace {
 
 constexpr double initial_damping = 0.3;
-constexpr double window_share = 1e-6; // of the reach, where no tolerance is given
-constexpr double most_knots = 1e5; // each costs a bend of every strand: beyond this a frame would take hours
+constexpr double window_share = 1e-6; // of the reach, if no tolerance is given
+constexpr double most_knots = 1e5; // each costs a bend of every strand: with more, a frame would take hours
 
-// A direction from two filtered points is good to about 1e-14 of the strand, 1e-11 of one of 1000 segments; below this
-// share of its own length it has no two digits.
+// The difference of two filtered points is good to about 1e-14 of the strand, 1e-11 of one of 1000 segments.
+// Below this fraction of the segment's length its direction has less than two digits.
 constexpr double least_direction = 1e-9;
 
-// Lags that no float can hold (the smallest is 1e-45 m) are taken as 0 before they decay into slow subnormal numbers.
+// Lags below this are set to 0 before they decay into slow subnormal numbers; no float can hold them (the
+// smallest is 1e-45 m).
 constexpr double least_lag = 1e-60;
 
 constexpr std::array jiggle_values = {
@@ -93,8 +102,8 @@ void refuse_without_frequency(const Values& values) {
 // (1 - e^-x) / x
 double decay_mean(double x) { return x > 0.0 ? -std::expm1(-x) / x : 1.0; }
 
-// The power series of S = sum s_n tau^n / n!, s_n+2 = -2 zeta s_n+1 - s_n, and its integrals. For b tau <= 1 term n is below
-// 1 / n!.
+// The power series of S = sum s_n tau^n / n!, s_n+2 = -2 zeta s_n+1 - s_n, and its integrals. For b tau <= 1
+// term n is below 1 / n!.
 JiggleStep series_step(double damping, double tau) {
     constexpr int terms = 20;               // 1 / 20! = 4e-19
     double s0 = 0.0, s1 = 1.0, power = 1.0; // s_n, s_n+1, tau^n / n!
@@ -130,7 +139,7 @@ JiggleStep creeping_step(double damping, double tau) { // zeta >= 1
     return {slow + a * s, s, std::exp(-b * tau) - a * s, mean_slow + a * g, g};
 }
 
-double least_stiffness(const Ramp& stiffness) { // anywhere on a strand
+double least_stiffness(const Ramp& stiffness) { // minimum over the strand
     double least = std::min(stiffness(0.0), stiffness(1.0));
     for (size_t i = 0; i < stiffness.positions().size(); ++i)
         if (stiffness.positions()[i] > 0.0 && stiffness.positions()[i] < 1.0)
@@ -138,7 +147,7 @@ double least_stiffness(const Ramp& stiffness) { // anywhere on a strand
     return least;
 }
 
-// The smallest angle whose tail is below `share`, to a thousandth; the side taken is the safe one.
+// The smallest angle whose tail is below `share`, to 0.1 %, rounded up.
 double memory_radians(double damping, double share) {
     if (!(jiggle_tail(damping, 0.0) > share)) return 0.0;
     double low = 0.0, high = 1.0;
@@ -165,7 +174,7 @@ MARRAM_INLINE WideJiggleStep wide(const JiggleStep& step) {
 }
 MARRAM_INLINE const WideJiggleStep& wide(const WideJiggleStep& step) { return step; }
 
-// Takes the state of a block from one knot to the next.
+// Advances the state of a block from one knot to the next.
 template <typename Step>
 MARRAM_INLINE void advance_cvs(const Step* steps, int cvs, const Wide3f* from, const Wide3f* to, Wide3d* lag,
                                Wide3d* velocity) {
@@ -192,8 +201,8 @@ MARRAM_HOT void advance_block(const WideJiggleStep* steps, int cvs, const Wide3f
 template <typename Step>
 struct EmitView { // one block
     int cvs;
-    const Step* steps; // from the knot before to the time of the pose
-    double share;      // of the way from that knot to the next
+    const Step* steps; // from the previous knot to the time of the pose
+    double share;      // fraction of the way from that knot to the next
     const Wide3f *from, *to, *rest;
     const Wide3d *lag, *velocity;
     Wide3f* pose;
@@ -203,7 +212,7 @@ MARRAM_INLINE VLong differ(const Wide3d& a, const Wide3d& b) {
     return (a.x != b.x) | (a.y != b.y) | (a.z != b.z);
 }
 
-// v scaled to `length`, where v says anything of its direction, as known by `scale`; else `instead`.
+// v scaled to `length`, or `instead` if v is too short to have a direction.
 MARRAM_INLINE Wide3d scaled_to(const Wide3d& v, VDouble length, const Wide3d& instead) {
     const VDouble norm = vsqrt(dot(v, v));
     const VLong good = norm > least_direction * length;
@@ -237,7 +246,7 @@ MARRAM_INLINE void emit_cvs(const EmitView<Step>& block) {
         rest = next_rest;
     }
     if (!any(~moves)) return;
-    // What has never moved is its target to the last bit.
+    // Strands that have never moved are copied from the target bit for bit.
     const VInt still = low_32_bits(~moves);
     for (int k = 1; k < block.cvs; ++k) {
         const Wide3f &to = block.to[k], &pose = block.pose[k];
@@ -248,8 +257,8 @@ MARRAM_INLINE void emit_cvs(const EmitView<Step>& block) {
 MARRAM_HOT void emit_block(const EmitView<JiggleStep>& block) { emit_cvs(block); }
 MARRAM_HOT void emit_block(const EmitView<WideJiggleStep>& block) { emit_cvs(block); }
 
-// n, turned by the shortest arc from unit a onto unit b. Opposed to within 1e-12 (the axis is then good to 1e-4 and
-// worsening) it is turned about itself.
+// n rotated by the shortest arc from unit a onto unit b. If they are opposed to within 1e-12 (where the axis
+// is only good to 1e-4 and getting worse) n is kept.
 MARRAM_INLINE Wide3d turned(const Wide3d& n, const Wide3d& a, const Wide3d& b) {
     const Wide3d axis = cross(a, b);
     const VDouble c = 1.0 + dot(a, b);
@@ -261,7 +270,7 @@ MARRAM_INLINE Wide3d turned(const Wide3d& n, const Wide3d& a, const Wide3d& b) {
 MARRAM_HOT void normals_block(int cvs, const Wide3f* bent, const Wide3f* bent_normal, const Wide3f* pose,
                               Wide3f* normal) {
     for (int k = 0; k < cvs; ++k) {
-        const int start = std::min(k, cvs - 2); // the tip shares the last segment's
+        const int start = std::min(k, cvs - 2); // the tip uses the last segment
         const Wide3d a = to_double(bent[start + 1]) - to_double(bent[start]);
         const Wide3d b = to_double(pose[start + 1]) - to_double(pose[start]);
         const VDouble aa = dot(a, a), bb = dot(b, b);
@@ -282,7 +291,7 @@ std::optional<Jiggle> read_jiggle(const Values& values) {
         refuse_without_frequency(values);
         return std::nullopt;
     }
-    if (values.number("wind.jiggle.frequency") == 0.0) return std::nullopt; // switched off by a groom, say
+    if (values.number("wind.jiggle.frequency") == 0.0) return std::nullopt; // a groom may switch it off
     Jiggle jiggle;
     jiggle.place = values.at("wind.jiggle.frequency").place;
     jiggle.frequency = values.number("wind.jiggle.frequency");
@@ -325,7 +334,7 @@ JiggleWindow jiggle_window(const Jiggle& jiggle, std::span<const double> times, 
     const double first_time = times.front() - memory, last_time = times.back();
 
     double first = std::floor(first_time / jiggle.step), last = std::ceil(last_time / jiggle.step);
-    if (first * jiggle.step > first_time) first -= 1.0; // where the division was rounded across a knot
+    if (first * jiggle.step > first_time) first -= 1.0; // if the division was rounded across a knot
     if (last * jiggle.step < last_time) last += 1.0;
     if (jiggle.start_frame) {
         const double start = std::floor(*jiggle.start_frame / jiggle.step);
@@ -416,7 +425,7 @@ void JiggleFilter::emit(double frame, const Strands& now, WideVector<Wide3f>& po
         std::copy(now.pose.begin(), now.pose.end(), pose.begin());
         return;
     }
-    // A single knot stands at the end of a step in which nothing has moved.
+    // A single knot counts as the end of a step without motion.
     const double share = std::clamp((frame - begin) / (end - begin), 0.0, 1.0);
     if (u_.empty())
         fill_steps(share * jiggle_.step, part_);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Curve jiggle: strands follow their wind-bent pose like damped springs. See jiggle.cpp for the derivation.
 //
-// Stateless between frames: each frame looks back over a window of knots, at absolute multiples of jiggle.step, as long as
-// the tolerance asks for:
+// No state is kept between frames: each frame filters a window of past knots, at absolute multiples of
+// jiggle.step. The tolerance sets the length of the window:
 //
 //     const JiggleWindow window = jiggle_window(jiggle, times, fps, reach, tolerance);
 //     filter.begin(jiggle, fps, cvs, blocks);
@@ -10,7 +10,7 @@
 //         filter.feed(knot, bent at jiggle.frame_of(knot));
 //         while (i < times.size() && times[i] <= jiggle.frame_of(knot)) filter.emit(times[i], now, pose of key i++);
 //     }
-//     while (i < times.size()) filter.emit(...) // where the window is empty
+//     while (i < times.size()) filter.emit(...) // if the window is empty
 #pragma once
 
 #include "core/math/ramp.h"
@@ -27,20 +27,21 @@
 namespace marram {
 
 struct Jiggle {
-    double frequency = 2.0; // Hz, of a CV whose stiffness is 1
+    double frequency = 2.0; // Hz, of a CV with stiffness 1
     double damping = 0.3;   // ratio to critical damping
     Ramp stiffness;         // over u, root to tip: scales the frequency, > 0
-    double step = 0.5;      // frames from one knot to the next; 0: to be found from the tolerance
+    double step = 0.5;      // frames between knots; 0: to be derived from the tolerance
     std::optional<double> start_frame;
-    std::string place; // of jiggle.frequency in the scene, for complaints
+    std::string place; // location of jiggle.frequency in the scene, for error messages
 
     double frame_of(int64_t knot) const { return double(knot) * step; }
 };
 
-// Parameters of [wind], each named "jiggle.<name>"; all may be absent, and without jiggle.frequency all must be.
+// Parameters of [wind], each named "jiggle.<name>". All are optional; without jiggle.frequency the others are
+// errors.
 std::span<const MarramParam> jiggle_params();
 
-// From values named "wind.jiggle.<name>"; nothing where the scene gives no frequency. Throws SceneFault.
+// Reads values named "wind.jiggle.<name>"; empty if the scene gives no frequency. Throws SceneFault.
 std::optional<Jiggle> read_jiggle(const Values& values);
 
 struct JiggleWindow {
@@ -48,46 +49,48 @@ struct JiggleWindow {
     int64_t count() const { return last - first + 1; }
 };
 
-// The knots that the poses at `times` (frames, ascending) need. `reach` bounds in metres how far a CV's target has ever been
-// from where it is at the window's first knot: 2 L for the bend, plus how far a root travels. What came before the window
-// moves no filtered CV by more than `tolerance` metres (0: 1e-6 of the reach). Restoring segment lengths afterwards can
-// magnify that where a filtered strand is shorter than its rest; jiggle_test measures by how much.
-// Throws SceneFault where more than 100,000 knots would be needed.
+// The knots that the poses at `times` (frames, ascending) need. `reach` in metres bounds the distance of a
+// CV's past targets from its target at the window's first knot: 2 L for the bend, plus the distance a root
+// travels. Motion before the window moves a filtered CV by at most `tolerance` metres (0: 1e-6 of the reach).
+// Restoring segment lengths afterwards can magnify this if a filtered strand is shorter than its rest;
+// jiggle_test measures by how much. Throws SceneFault if more than 100,000 knots would be needed.
 JiggleWindow jiggle_window(const Jiggle& jiggle, std::span<const double> times, double fps, double reach,
                            double tolerance);
 
-// One step of the oscillator: with the target moving evenly by D over the step, lag e and velocity w (metres a radian)
+// One step of the oscillator. The target moves linearly by D over the step; lag e and velocity w (metres a
+// radian):
 //     e' = c e + s w - f D          w' = -s e + d w + g D
 struct JiggleStep {
     double c, s, d, f, g;
 };
 
-// Eight of them.
+// Eight steps.
 struct alignas(64) WideJiggleStep {
     VDouble c, s, d, f, g;
 };
 
-// Coefficients for a step of `radians` = omega h >= 0. Error < 1e-14 (1 + radians sqrt(1 - damping^2) for damping < 1, where
-// the argument's own rounding shows).
+// Coefficients for a step of `radians` = omega h >= 0. Error < 1e-14 (1 + radians sqrt(1 - damping^2) for
+// damping < 1, due to the rounding of the argument itself).
 JiggleStep jiggle_step(double damping, double radians);
 
-// Bounds how far the filtered position can be off when all that lies more than `radians` back is off by at most 1. Exact for
-// damping >= 1, otherwise at most pi / 2 times too much; falls with `radians`. Infinite for damping 0.
+// Upper bound on the error of the filtered position if all targets more than `radians` in the past are off by
+// at most 1. Exact for damping >= 1, otherwise at most pi / 2 times too large; decreases with `radians`.
+// Infinite for damping 0.
 double jiggle_tail(double damping, double radians);
 
-// Filters the strands of one patch. Reusable: memory is kept between patches.
-// Cost: about 2 ns a CV for each knot, 10 ns for each pose, 576 bytes for eight CVs.
+// Filters the strands of one patch. Reusable: memory is kept between patches. Cost: about 2 ns a CV for each
+// knot, 10 ns a CV for each pose, 576 bytes for eight CVs.
 class JiggleFilter {
   public:
-    // u: [blocks * cvs] where the segments of a strand differ in length, else empty.
+    // u: [blocks * cvs] if the segments of a strand differ in length, else empty.
     void begin(const Jiggle& jiggle, double fps, int cvs, int blocks, std::span<const VDouble> u = {});
 
-    // bent.pose at the knot; knots follow one another without a gap.
+    // Takes bent.pose at the knot; knots are consecutive.
     void feed(int64_t knot, const Strands& bent);
 
-    // The pose at `frame`, between the last two knots fed: root and segment lengths are those of now.rest, positions are
-    // rounded once. A strand whose target has never moved gets the target bit for bit. Before the first knot, or where none
-    // was fed, it is now.pose.
+    // The pose at `frame`, between the last two knots fed. Root and segment lengths are those of now.rest;
+    // positions are rounded once. A strand whose target has never moved is copied from the target bit for
+    // bit. Before the first knot, or if none was fed, the pose is now.pose.
     void emit(double frame, const Strands& now, WideVector<Wide3f>& pose);
 
   private:
@@ -97,17 +100,18 @@ class JiggleFilter {
     Jiggle jiggle_;
     double fps_ = 24.0;
     int cvs_ = 0, blocks_ = 0;
-    int64_t knot_ = 0, first_ = 0;         // the last and the first one fed
-    int fed_ = 0;                          // 0, 1 or "2 and more"
-    std::vector<JiggleStep> whole_, part_; // [cvs]: steps of every CV level, knot to knot and knot to `frame`
-    WideVector<VDouble> u_; // where stiffness differs from strand to strand at CV k, else empty
-    WideVector<WideJiggleStep> own_whole_, own_part_; // [blocks * cvs] then
-    WideVector<Wide3d> lag_, velocity_;               // [blocks * cvs] at the last knot but one
+    int64_t knot_ = 0, first_ = 0;         // the last and the first knot fed
+    int fed_ = 0;                          // number of knots fed: 0, 1, or 2 for two and more
+    std::vector<JiggleStep> whole_, part_; // [cvs]: steps from knot to knot, and from knot to `frame`
+    WideVector<VDouble> u_;                // if the stiffness at CV k differs between strands, else empty
+    WideVector<WideJiggleStep> own_whole_, own_part_; // [blocks * cvs], used instead in that case
+    WideVector<Wide3d> lag_, velocity_;               // [blocks * cvs] at the knot before the last
     WideVector<Wide3f> from_, to_;                    // [blocks * cvs] targets at the last two knots
 };
 
-// Normals of jiggled oriented strands: now.pose_normal, turned segment by segment by the shortest arc from now.pose (both bent,
-// at the pose's own time) to `pose`. A segment that has not moved keeps its normal bit for bit.
+// Normals of jiggled oriented strands: now.pose_normal, rotated segment by segment by the shortest arc from
+// now.pose (both bent, at the time of the pose) to `pose`. A segment that has not moved keeps its normal bit
+// for bit.
 void jiggle_normals(const Strands& now, const WideVector<Wide3f>& pose, WideVector<Wide3f>& normals);
 
 } // namespace marram

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The nearest point of a triangle lies inside, where the foot of the perpendicular does (its barycentric coordinates are
-// those of the cross products with the edges), or on one of the three edges, each a clamped projection.
+// The closest point on a triangle is the projection onto its plane if that is inside (its barycentric
+// coordinates are cross products with the edges), else it is on one of the three edges, each a clamped
+// projection.
 #include "procedural/wind/near.h"
 
 #include "procedural/wind/shortest.h"
@@ -36,7 +37,8 @@ MARRAM_HOT void least_squared(std::span<const Triangles8> triangles, const Vec3d
     for (const Triangles8& t : triangles) least = vmin(least, squared_distance(t, q));
 }
 
-// The segment passes through where its ends lie on different sides and it turns the same way about all three edges.
+// The segment crosses if its ends are on different sides and it has the same orientation about all three
+// edges.
 MARRAM_HOT void crossed(std::span<const Triangles8> triangles, const Vec3d& p, const Vec3d& q,
                         VLong& any_crossed) {
     const Wide3d from = splat3(p.data()), to = splat3(q.data()), d = to - from;
@@ -45,7 +47,7 @@ MARRAM_HOT void crossed(std::span<const Triangles8> triangles, const Vec3d& p, c
         const VDouble u = dot(cross(c, b), d), v = dot(cross(a, c), d), w = dot(cross(b, a), d);
         const VLong around = ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
         const Wide3d n = cross(b - a, c - a);
-        const VDouble h0 = dot(a, n), h1 = h0 - dot(d, n); // of the plane over the two ends
+        const VDouble h0 = dot(a, n), h1 = h0 - dot(d, n); // height of the plane above the two ends
         any_crossed |=
             around & (((h0 >= 0.0) & (h1 <= 0.0)) | ((h0 <= 0.0) & (h1 >= 0.0))) & (dot(n, n) > 0.0);
     }
@@ -71,7 +73,7 @@ MARRAM_HOT void squared_distances(const TriangleCluster& cluster, const Vec3d& f
                                   Squared8& out) {
     Triangles8 triangles;
     load(cluster, from, triangles);
-    // The normal from the corners as they are: their differences are exact.
+    // Normals from the original corners: their differences are exact.
     const Wide3d a = to_double(cluster.corner[0]), e0 = to_double(cluster.corner[1]) - a,
                  e1 = to_double(cluster.corner[2]) - a;
     const VDouble towards = dot(cross(e0, e1), splat3(facing.data()));

@@ -15,17 +15,17 @@ MARRAM_INLINE VFloat with_sign(VFloat x, VUint sign_bit) {
     return bits_as<VFloat>(bits_as<VUint>(x) ^ (sign_bit << 31));
 }
 
-// gradient . (x, y, z), the gradient being one of (+-1, +-1, 0), (+-1, 0, +-1), (0, +-1, +-1) by four bits of h.
+// gradient . (x, y, z); four bits of h select one of (+-1, +-1, 0), (+-1, 0, +-1), (0, +-1, +-1).
 MARRAM_INLINE VFloat gradient3(VUint h, VFloat x, VFloat y, VFloat z) {
     const VUint low = h & 15U;
     const VFloat u = low < 8U ? x : y;
-    const VUint cube = h & 13U; // 12 and 14 are the two repeats that take x
+    const VUint cube = h & 13U; // 12 and 14 are the two repeated directions, which use x
     VFloat v = cube == 12U ? x : z;
     v = low < 4U ? y : v;
     return with_sign(u, h & 1U) + with_sign(v, (h >> 1) & 1U);
 }
 
-// The same in four dimensions: one component is 0, the other three +-1, by five bits of h.
+// The same in four dimensions: five bits of h; one component is 0, the other three +-1.
 MARRAM_INLINE VFloat gradient4(VUint h, VFloat x, VFloat y, VFloat z, VFloat w) {
     const VUint low = h & 31U;
     const VFloat a = low < 24U ? x : y;
@@ -55,7 +55,7 @@ MARRAM_INLINE Cell cell_of(const Wide3d& p) {
     return cell;
 }
 
-// Hash of one corner: each axis is mixed in before the next, so that planes of the lattice do not repeat.
+// Hash of one corner. The axes are mixed in one after the other, so that planes of the lattice do not repeat.
 MARRAM_INLINE VUint corner_hash(const Cell& cell, int i, int j, int k, uint32_t seed) {
     const VUint h = (cell.corner[0][i] ^ seed) + cell.corner[1][j] * 3U;
     return mix32((h ^ (h >> 15)) * 0x2c1b3c6dU + cell.corner[2][k]);
@@ -84,8 +84,8 @@ MARRAM_INLINE Wide3f perlin3(const Wide3d& p, uint32_t seed) {
 
 // The fourth coordinate is the same for all points of a call: its cell and blend are scalars.
 struct Layers {
-    uint32_t index; // of the layer before
-    float fraction; // towards the next
+    uint32_t index; // of the layer below w
+    float fraction; // towards the layer above
     float blend;
 };
 
@@ -132,12 +132,12 @@ MARRAM_INLINE VFloat folded(VFloat noise, Fold fold) {
            fold.scale; // without the sign bit
 }
 
-// A coordinate that a double still resolves to a quarter of a cell, else 0 (infinities too): never an index past its type.
+// Coordinates that do not resolve a quarter of a cell, and infinities, become 0: no index overflows.
 constexpr double noise_reach = 0x1p50;
 MARRAM_INLINE VDouble in_reach(VDouble x) { return select(vabs(x) <= noise_reach, x, 0.0); }
 MARRAM_INLINE Wide3d in_reach(const Wide3d& p) { return {in_reach(p.x), in_reach(p.y), in_reach(p.z)}; }
 
-// The sum over octaves of octave(point in cells, index of the octave), its strength kept.
+// The sum over octaves of octave_at(point in cells, octave), normalised to the rms of one octave.
 template <typename Octave>
 MARRAM_INLINE void sum_octaves(const FractalNoise& noise, const Wide3d* points, int count, Wide3f* out,
                                Octave&& octave_at) {

@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// After the talk, section 4: from each CV P of the rest strand the air's way is followed upwind, from P to P - w offset. A
-// triangle on the way shelters P. The share alpha of sheltered CVs scales the envelope by 1 - shield alpha.
+// After the talk, section 4: from each CV P of the rest strand a ray is traced upwind, from P to P - w
+// offset. If it hits a triangle, P is sheltered. The sheltered fraction alpha of the CVs scales the envelope
+// by 1 - shield alpha.
 //
-// The strand's own skin counts like any other mesh. A root stands on it: so that a root on the windward side is free and
-// one on the lee side is not, its ray starts off the skin, along the normal, by a distance that is the rounding error of a
-// position: 2^-20 of the largest coordinate, eight units in the last place. Other CVs need no such care.
+// The strand's own skin counts like any other mesh. A root lies on it, so its ray starts above the skin,
+// offset along the normal by the rounding error of a position: 2^-20 of the largest coordinate, eight ulp. So
+// a root on the windward side is free and one on the lee side is not. Other CVs need no offset.
 //
-// wake: an obstacle at distance d shelters by 1 - d / wake, not at all beyond. spread: the mean over directions that fill
-// the cone evenly (a Fibonacci lattice on the cap), so that shadows have soft edges and no noise. Each CV turns and shifts the
-// lattice by its number, the same for all strands: a strand's CVs together see more of the cone, which halves the rays. Air
-// does not come out of the ground: directions from below a strand's own skin count only where the wind itself comes
-// from lower still.
+// wake: an obstacle at distance d shelters by 1 - d / wake, and not at all beyond. spread: the mean over
+// directions that cover the cone evenly (a Fibonacci lattice on the spherical cap), so that shadows have soft
+// edges without noise. Each CV rotates and shifts the lattice by its index, the same for all strands:
+// together the CVs of a strand sample the cone more densely, which halves the number of rays. No wind comes
+// out of the ground: directions from below the strand's own skin count only if the wind itself comes from
+// lower still.
 #include "procedural/wind/shield.h"
 
 #include <algorithm>
@@ -106,9 +108,10 @@ std::vector<double> obstacle_heights(const Colliders& colliders) {
 
 namespace {
 
-// Directions upwind that fill the cone: equal shares of its solid angle, turned by the golden angle. [ray * cvs + CV]: the CVs'
-// lattices are shifted against each other by the sequence of M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences"
-// (2018), multiples of 1 / p and 1 / p^2 with p^3 = p + 1.
+// Upwind directions that cover the cone: equal parts of its solid angle, rotated by the golden angle. [ray *
+// cvs + CV]: the lattices of the CVs are shifted against each other by the sequence of M. Roberts, "The
+// Unreasonable Effectiveness of Quasirandom Sequences" (2018), multiples of 1 / p and 1 / p^2 with p^3 = p +
+// 1.
 std::vector<Vec3f> upwind_directions(const Shielding& shielding, const Vec3d& wind, int cvs) {
     if (!(shielding.spread > 0.0)) return {Vec3d(-wind).cast<float>()};
     Vec3d tangent, bitangent;
@@ -129,13 +132,13 @@ std::vector<Vec3f> upwind_directions(const Shielding& shielding, const Vec3d& wi
     return directions;
 }
 
-// Rays are gathered and traced many at a time.
+// Collects rays and traces them in batches.
 class Tracer {
   public:
     Tracer(const Shielding& shielding, const Colliders& colliders, std::span<const double> heights)
         : shielding_(shielding), colliders_(colliders), heights_(heights) {}
 
-    // `share` of what shelters the place from there is added to `out`.
+    // Adds `share` times the shelter of p in direction d to `out`, at the next flush.
     void add(const Vec3f& p, const Vec3f& d, float share, float* out) {
         RTCRayHit& next = rays_[count_];
         next.ray = {p.x(),

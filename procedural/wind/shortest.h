@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The shortest way from a segment to a triangle, eight triangles at a time: from one of its ends to the inside of the triangle,
-// or from the segment to an edge. Where they cross it is one of those all the same.
+// The shortest vector from a segment to a triangle, for eight triangles at once: from one of its ends to the
+// interior of the triangle, or from the segment to an edge. If they cross, the result is still one of those.
 #pragma once
 
 #include "procedural/wind/contact.h"
@@ -9,7 +9,7 @@
 
 namespace marram {
 
-// The shortest of some vectors, kept as they come.
+// Keeps the shortest of the vectors it is given.
 struct alignas(64) Shortest {
     Wide3d v{};
     VDouble squared = splat(std::numeric_limits<double>::infinity());
@@ -28,7 +28,7 @@ MARRAM_INLINE Wide3d to_edge(const Wide3d& a, const Wide3d& b, const Wide3d& p) 
     return e * t - d;
 }
 
-// From a point to the inside of a triangle, along its normal; far away where the foot is outside.
+// From a point to the interior of a triangle, along its normal; very long if the projection is outside.
 MARRAM_INLINE Wide3d to_face(const Triangles8& t, const Wide3d& p) {
     const Wide3d ab = t.corner[1] - t.corner[0], ac = t.corner[2] - t.corner[0], ap = p - t.corner[0];
     const Wide3d n = cross(ab, ac);
@@ -39,7 +39,7 @@ MARRAM_INLINE Wide3d to_face(const Triangles8& t, const Wide3d& p) {
     return select(inside, n * s, Wide3d{far, far, far} * splat(1e-200));
 }
 
-// Between two segments, from the first to the second (Ericson, 5.1.9): clamped on one, then on the other.
+// From the first segment to the second (Ericson, 5.1.9): clamped on one, then on the other.
 MARRAM_INLINE Wide3d between(const Wide3d& p, const Wide3d& d, const Wide3d& a, const Wide3d& b) {
     const Wide3d e = b - a, r = p - a;
     const VDouble dd = dot(d, d), ee = dot(e, e), de = dot(d, e), dr = dot(d, r), er = dot(e, r);
@@ -63,7 +63,7 @@ MARRAM_INLINE Shortest shortest_way(const Wide3d& p, const Wide3d& q, const Tria
     for (int i = 0; i < 3; ++i) {
         const Wide3d &a = t.corner[i], &b = t.corner[(i + 1) % 3];
         shortest.take(between(p, d, a, b));
-        shortest.take(to_edge(a, b, p)); // where the segments are parallel
+        shortest.take(to_edge(a, b, p)); // for parallel segments
         shortest.take(to_edge(a, b, q));
     }
     return shortest;

@@ -18,8 +18,9 @@ bool closest_skin_point(const Colliders& colliders, const MarramMesh& skin, cons
         if (!(any_facing ? n.squaredNorm() > 0.0 : n.dot(facing) > 0.0)) return;
         const Vec3d point = nearest_point(corners, p), normal = n.normalized();
         const double distance = (p - point).norm(), along = (p - point).dot(normal);
-        // Above an edge or a corner several triangles are equally near, to rounding; the one that sees p most from its front
-        // or back knows the side: beside a ridge the other's plane may pass on the wrong side of p.
+        // Beyond an edge or a corner several triangles are equally close, to rounding. The one with p
+        // farthest from its plane defines the side: at a ridge the plane of the other may pass on the wrong
+        // side of p.
         tie = 1e-12 * (distance + point.cwiseAbs().maxCoeff() * 1e-3);
         if (distance > best + tie) return;
         const bool nearer = distance < best - tie;
@@ -32,7 +33,8 @@ bool closest_skin_point(const Colliders& colliders, const MarramMesh& skin, cons
         most_along = std::abs(along);
     };
     if (hint != no_triangle) consider(hint);
-    // Eight distances at a time say how near it gets; only what is as near in the end is looked at closely.
+    // Distances, eight at a time, bound the minimum; only triangles within the final bound are tested
+    // exactly.
     struct Candidate {
         uint32_t triangle;
         double squared;
@@ -61,7 +63,7 @@ bool closest_skin_point(const Colliders& colliders, const MarramMesh& skin, cons
             const double squared = distances.squared[int(lane)];
             if (squared > limit()) continue;
             if (count == std::size(candidates)) drop_far();
-            if (count == std::size(candidates)) { // that many at the same distance: as good as any
+            if (count == std::size(candidates)) { // so many at equal distance: test it now
                 consider(near.cluster->triangle[lane]);
                 continue;
             }
@@ -80,8 +82,9 @@ bool push_out(const Colliders& colliders, const MarramMesh& skin, const Vec3d& r
     if (!closest_skin_point(colliders, skin, rest, facing, reach, hint, at_rest)) return false;
     hint = at_rest.triangle;
     if (!closest_skin_point(colliders, skin, p, at_rest.normal, reach, hint, now)) return false;
-    // Along the normal at rest, which does not change from frame to frame: by the normal below p the target would jump where p
-    // comes from one triangle's side to the next's. A step gains its length where the two normals agree, less where they do not.
+    // Push along the normal at rest, which does not change from frame to frame. With the normal below p the
+    // target would jump where p passes from one triangle to the next. A step gains its full length if the two
+    // normals agree, otherwise less.
     constexpr int steps = 4;
     constexpr double enough = 0.98;
     const double wanted = scale * at_rest.height;

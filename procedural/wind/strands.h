@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The strands of one patch on their way through the chain: structure of arrays, eight strands side by side.
+// The strands of one patch as the chain of stages processes them: structure of arrays, eight strands a block.
 //
-// Element [block * cvs + k] holds CV k of strands 8 * block ... 8 * block + 7. Positions are the floats that will be stored;
-// stages compute in double from them and round once. The lanes behind the last strand repeat it.
+// Element [block * cvs + k] holds CV k of strands 8 * block ... 8 * block + 7. Positions are the floats that
+// will be stored; stages compute in double from them and round once. Unused lanes repeat the last strand.
 #pragma once
 
 #include "core/math/simd.h"
@@ -16,23 +16,23 @@ struct Strands {
     int cvs = 0;    // a strand
     int blocks = 0; // of eight strands
     bool oriented = false;
-    bool has_wind_share = false; // else all take the whole wind
-    const MarramMesh* instance = nullptr; // that they stand on instead of the chain's skin
-    bool irregular = false;               // the segments of a strand differ in length, and CVs have radii of their own
+    bool has_wind_share = false;          // else every strand takes the full wind
+    const MarramMesh* instance = nullptr; // the mesh they grow on instead of the chain's skin
+    bool irregular = false; // segments of a strand differ in length, and each CV has its own radius
 
     WideVector<Wide3f> rest, pose;               // [blocks * cvs]
-    WideVector<Wide3f> rest_normal, pose_normal; // [blocks * cvs] where `oriented`, else empty
-    WideVector<VFloat> gust;                     // [blocks * cvs], sum of the gusts' influence, not clamped
-    WideVector<VFloat> envelope;                 // [blocks * cvs], 0 ... 1
-    WideVector<VFloat> shield;                   // [blocks * cvs], 0 ... 1: sheltered share
-    WideVector<Wide3d> anchor;                   // [blocks]: where noise is sampled from
-    WideVector<Wide3d> root_normal;              // [blocks]: of the skin, unit
-    WideVector<VDouble> width;                   // [blocks]: of a strand, metres; its profile scales it
-    WideVector<VFloat> wind_share;               // [blocks] where has_wind_share: factor of the envelope
-    WideVector<VDouble> u;     // [blocks * cvs] where irregular, else CV k is at k / (cvs - 1)
-    WideVector<VFloat> radius; // [blocks * cvs] where irregular, metres
-    WideVector<Wide3d> points; // [cvs] scratch
-    WideVector<Wide3f> values; // [2 * cvs] scratch
+    WideVector<Wide3f> rest_normal, pose_normal; // [blocks * cvs] if `oriented`, else empty
+    WideVector<VFloat> gust;        // [blocks * cvs], sum of the influences of all gusts, not clamped
+    WideVector<VFloat> envelope;    // [blocks * cvs], 0 ... 1
+    WideVector<VFloat> shield;      // [blocks * cvs], 0 ... 1: sheltered fraction
+    WideVector<Wide3d> anchor;      // [blocks]: root position that noise is sampled from
+    WideVector<Wide3d> root_normal; // [blocks]: normal of the skin at the root, unit
+    WideVector<VDouble> width;      // [blocks]: width of a strand, metres; the radius profile scales it
+    WideVector<VFloat> wind_share;  // [blocks] if has_wind_share: factor of the envelope
+    WideVector<VDouble> u;          // [blocks * cvs] if irregular; else CV k is at k / (cvs - 1)
+    WideVector<VFloat> radius;      // [blocks * cvs] if irregular, metres
+    WideVector<Wide3d> points;      // [cvs] scratch
+    WideVector<Wide3f> values;      // [2 * cvs] scratch
 
     size_t bytes() const {
         return (rest.capacity() + pose.capacity() + rest_normal.capacity() + pose_normal.capacity() +

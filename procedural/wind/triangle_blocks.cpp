@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sort is by counting, ten bits at a time, in chunks side by side: tbb::parallel_sort took four times as long on two
+// Counting sort, ten bits at a time, over parallel chunks: tbb::parallel_sort took four times as long on two
 // million triangles.
 #include "procedural/wind/triangle_blocks.h"
 
@@ -35,7 +35,7 @@ void extend(Box& box, const float* p) {
         box.high[axis] = std::max(box.high[axis], p[axis]);
     }
 }
-Box joined(Box a, const Box& b) { // either may hold nothing
+Box joined(Box a, const Box& b) { // either may be empty
     for (int axis = 0; axis < 3; ++axis) {
         a.low[axis] = std::min(a.low[axis], b.low[axis]);
         a.high[axis] = std::max(a.high[axis], b.high[axis]);
@@ -43,7 +43,8 @@ Box joined(Box a, const Box& b) { // either may hold nothing
     return a;
 }
 
-// Around `count` vertices in groups of eight, which are three vectors of x y z x y z ...; false: some are not finite.
+// Bounds of `groups` groups of eight vertices, each three vectors of x y z x y z ...; false: some are not
+// finite.
 MARRAM_HOT bool around_groups(const float* p, size_t groups, Box& box) {
     using Loose = float __attribute__((vector_size(lanes * 4), aligned(4)));
     VFloat low[3], high[3], sum{};
@@ -66,7 +67,7 @@ MARRAM_HOT bool around_groups(const float* p, size_t groups, Box& box) {
     return finite;
 }
 
-// Around what is finite.
+// Bounds of the finite vertices; `finite`: all are.
 struct Extent {
     Box box = no_box;
     bool finite = true;
@@ -91,7 +92,8 @@ const float* corner(const MarramMesh& mesh, uint32_t time, size_t triangle, size
     return mesh.positions[time] + 3 * size_t(mesh.triangles[3 * triangle + i]);
 }
 
-// Whether the triangle is finite at all samples (Embree drops others, too), and touches the reach at one.
+// True: the triangle is finite at all samples (Embree drops others, too), and touches the reach at one of
+// them.
 bool matters(const MarramMesh& mesh, size_t triangle, const Box& reach) {
     bool touches = false;
     for (uint32_t time = 0; time < mesh.time_count; ++time) {
@@ -118,7 +120,7 @@ uint32_t spread_bits(uint32_t x) { // abc -> a00b00c
     return (x | x << 2) & 0x09249249U;
 }
 
-// Cells of which a surface of so many triangles fills about one with every cell_holds.
+// Grid whose cells hold about cell_holds triangles each, if the mesh is a surface.
 class TriangleGrid {
   public:
     struct Cell {
@@ -155,7 +157,7 @@ class TriangleGrid {
 
   private:
     int bits_;
-    float low_[3], cells_[3], last_; // cells_: a metre; 0 along an axis without extent
+    float low_[3], cells_[3], last_; // cells_: cells a metre; 0 along an axis without extent
 };
 
 template <typename Work>
@@ -164,7 +166,7 @@ void each_chunk(size_t count, Work&& work) { // work(chunk, begin, end)
                       [&](size_t i) { work(i, i * chunk, std::min(count, (i + 1) * chunk)); });
 }
 
-// By the bits from number_bits on; equal codes stay in order.
+// Sorts by the bits from number_bits on; the sort is stable.
 void sort_by_code(std::vector<uint64_t>& codes) {
     constexpr size_t digits = 1 << axis_bits;
     std::vector<uint64_t> other(codes.size());
@@ -190,11 +192,11 @@ struct Runs {
     std::vector<uint32_t> codes; // [runs]
 };
 
-// `all`: every triangle matters.
+// `all`: every triangle passes matters().
 void add_runs(const MarramMesh& mesh, size_t begin, size_t end, const TriangleGrid& grid, bool all,
               const Box& reach, Runs& out) {
     TriangleGrid::Cell cell{};
-    uint32_t count = 0; // of the run that is open
+    uint32_t count = 0; // of the open run
     for (size_t t = begin; t < end; ++t) {
         if (!all && !matters(mesh, t, reach)) {
             count = 0;
@@ -213,7 +215,7 @@ void add_runs(const MarramMesh& mesh, size_t begin, size_t end, const TriangleGr
     }
 }
 
-// From a run on: the most that a block may hold or, if cells part before that, as many whole cells as it may.
+// Each block takes as many runs as fit or, if a cell boundary comes before that, as many whole cells as fit.
 std::vector<TriangleBlock> blocks_of(const std::vector<TriangleRun>& runs,
                                      const std::vector<uint32_t>& codes) {
     std::vector<TriangleBlock> blocks;
@@ -240,7 +242,7 @@ TriangleBlocks triangle_blocks(const MarramMesh& mesh, const Eigen::AlignedBox3d
         near.low[axis] = std::nextafter(float(reach.min()[axis]), -nowhere);
         near.high[axis] = std::nextafter(float(reach.max()[axis]), nowhere);
     }
-    // At all samples: what flies in later lies elsewhere at the first.
+    // Over all samples: a mesh that enters the reach later is elsewhere at the first.
     const Extent whole = tbb::parallel_reduce(
         tbb::blocked_range<size_t>(0, mesh.vertex_count, chunk), Extent{},
         [&](const auto& range, Extent extent) {

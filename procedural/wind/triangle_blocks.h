@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The triangles of a mesh in blocks of neighbours. Meshes list most of their triangles beside each other: so what is sorted are
-// runs, of triangles that follow each other in the mesh's table and begin in the same cell of a coarse grid, along a Morton curve
-// through its cells.
+// Groups the triangles of a mesh in blocks of neighbours. Most triangles are adjacent to the next one in the
+// mesh's table. So runs are sorted, not triangles: a run is consecutive triangles of the table in the same
+// cell of a coarse grid. Runs are sorted along a Morton curve through the cells.
 #pragma once
 
 #include "core/math/vec.h"
@@ -21,18 +21,19 @@ struct TriangleRun {
 
 struct TriangleBlock {
     uint32_t
-        code; // Morton code of its place within the mesh at the first sample, 30 bits; blocks are sorted by it
-    uint32_t first, end; // runs
+        code; // Morton code of its first run at the first motion sample, 30 bits; blocks are sorted by it
+    uint32_t first, end; // range of runs
 };
 
 struct TriangleBlocks {
     std::vector<TriangleRun> runs;
     std::vector<TriangleBlock> blocks;
-    Eigen::AlignedBox3f box; // around what is within reach, at all samples
+    Eigen::AlignedBox3f box; // bounds of the mesh within reach, over all motion samples
 };
 
-// Of every triangle that touches `reach` at any motion sample and is finite at all of them. The same for any number of threads.
-// Cost: about 14 ns a triangle on one thread where the mesh lists neighbours in order, 110 ns where it does not.
+// Takes every triangle that touches `reach` at any motion sample and is finite at all of them. The result
+// does not depend on the number of threads. Cost: about 14 ns a triangle on one thread if the mesh lists
+// neighbours in order, 110 ns if not.
 TriangleBlocks triangle_blocks(const MarramMesh& mesh, const Eigen::AlignedBox3d& reach);
 
 } // namespace marram

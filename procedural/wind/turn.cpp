@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sector that a segment sweeps is a region of which the colliders' tree is asked what may come near; where that is much, the
-// first half of the sector is looked at first, and what lies behind a contact never. Triangles that stay on one side of the
-// plane of the turn are left out at once; the rest go to first_blocked(). The result is a minimum over triangles, so it does
-// not depend on how the sector was cut.
+// The sector that a segment sweeps is a region; the collider tree finds the triangles that may be in it. If
+// there are many, the sector is halved and the first half is tested first; parts beyond a contact are never
+// tested. Triangles entirely on one side of the plane of the turn are skipped; the rest go to
+// first_blocked(). The result is a minimum over triangles, so it does not depend on how the sector was
+// divided.
 #include "procedural/wind/turn.h"
 
 #include "procedural/wind/near.h"
@@ -13,18 +14,18 @@
 namespace marram {
 namespace {
 
-constexpr size_t many = 64;   // clusters, for which a sector is cut in two
-constexpr int most_cuts = 12; // of a sector
-constexpr int out_steps = 32; // of half a turn, at which a free direction is looked for
+constexpr size_t many = 64;   // clusters: a sector with more is halved
+constexpr int most_cuts = 12; // halvings of a sector
+constexpr int out_steps = 32; // steps of half a turn in the search for a free direction
 constexpr double opposed_sine =
-    1e-9; // sine to exact opposition below which the arc's plane is taken from elsewhere
+    1e-9; // sine of the angle to exact opposition below which the lean defines the plane of the arc
 
 struct Part { // of a sector, in angles
     double begin, end;
     int cuts;
 };
 
-// The corners of polygons around pieces of arc, each at most a sixth of a turn.
+// Corners of a polygon around the arc, in pieces of at most a sixth of a full turn.
 Region sector(const Vec3d& pivot, const Turning& turning, const Part& part, double radius) {
     Region region(radius);
     region.add(pivot);
@@ -40,7 +41,8 @@ Region sector(const Vec3d& pivot, const Turning& turning, const Part& part, doub
     return region;
 }
 
-// A cluster relative to the origin, and which of its triangles do not stay on one side of the plane through that.
+// A cluster relative to the origin. `meets`: triangles not entirely on one side of the plane through the
+// origin.
 MARRAM_HOT void load_at_plane(const TriangleCluster& cluster, const Vec3d& origin, const Vec3d& normal,
                               double radius, Triangles8& triangles, VLong& meets) {
     load(cluster, origin, triangles);
@@ -50,8 +52,8 @@ MARRAM_HOT void load_at_plane(const TriangleCluster& cluster, const Vec3d& origi
     meets = (vmin(a, vmin(b, c)) <= radius) & (vmax(a, vmax(b, c)) >= -radius);
 }
 
-// Triangles of the region's clusters, relative to the pivot, but for those that stay on one side of the region's plane. False:
-// there are more than `most` clusters.
+// Triangles of the region's clusters, relative to the pivot, without those on one side of the region's plane.
+// False: there are more than `most` clusters.
 bool gather(const Colliders& colliders, const Region& region, size_t most, TurnScratch& scratch) {
     scratch.triangles.clear();
     if (!colliders.tree->find(colliders.lent, region, most, scratch.clusters)) return false;
@@ -65,7 +67,7 @@ bool gather(const Colliders& colliders, const Region& region, size_t most, TurnS
     return true;
 }
 
-// What is nearer than the clearance, and room for rounding.
+// Search radius: the clearance, plus a margin for rounding.
 double reach_of(double clearance, double length) { return clearance * (1.0 + 1e-12) + length * 1e-12; }
 
 struct Sweep {
@@ -74,7 +76,7 @@ struct Sweep {
     Vec2d at;     // its cosine and sine
 };
 
-constexpr double doubt = 1.1; // clearances within which a doubted pivot must be alone
+constexpr double doubt = 1.1; // an unverified pivot must be free by this many clearances
 
 Sweep sweep(const Colliders& colliders, const Segment& segment, const Arc& arc, TurnScratch& scratch) {
     Sweep result{false, false, std::numeric_limits<double>::infinity(), Vec2d::Zero()};
@@ -138,9 +140,9 @@ RTCRayHit trace(const Colliders& colliders, const Segment& segment, const Vec3d&
     return hit;
 }
 
-// True: a ray finds a triangle that crosses the segment.
+// True: a ray hits a triangle that crosses the segment.
 bool surely_blocked(const Colliders& colliders, const Segment& segment, TurnScratch& scratch) {
-    constexpr double beyond = 1e18; // no mesh reaches as far, and Embree takes no such ray
+    constexpr double beyond = 1e18; // no mesh reaches as far, and Embree rejects such rays
     if (!(segment.pivot.cwiseAbs().maxCoeff() < beyond)) return false;
     const RTCRayHit found = trace(colliders, segment, segment.from);
     const MarramMesh* mesh =
@@ -152,7 +154,7 @@ bool surely_blocked(const Colliders& colliders, const Segment& segment, TurnScra
     return crosses_any(scratch.triangles.blocks(), Vec3d::Zero(), segment.from * segment.length);
 }
 
-// Turn 0 is blocked: the turn at which what blocks it ends, exactly, if it does before `end`; else infinity.
+// If angle 0 is blocked: the exact angle at which the blocked interval ends, if before `end`; else infinity.
 double end_of_blocked(const Colliders& colliders, const Vec3d& pivot, const Turning& turning, double end,
                       TurnScratch& scratch) {
     gather(colliders, sector(pivot, turning, {0.0, end, 0}, reach_of(turning.clearance, turning.length)),
@@ -173,7 +175,7 @@ double end_of_blocked(const Colliders& colliders, const Vec3d& pivot, const Turn
     return std::atan2(at.y(), at.x());
 }
 
-Vec2d out_step(int i) { // its cosine and sine
+Vec2d out_step(int i) { // cosine and sine of step i
     static const auto table = [] {
         std::array<Vec2d, 2 * out_steps + 1> t;
         for (size_t k = 0; k < t.size(); ++k)
@@ -183,9 +185,10 @@ Vec2d out_step(int i) { // its cosine and sine
     return table[size_t(i)];
 }
 
-// Out of a collider within one plane, to whichever side is nearer. Rays at equal steps say how far it is blocked without
-// clearance; from two steps past the last of these, or from `most`, it turns back to the contact.
-// Returns how far it has turned; more than pi: the plane has no free direction within `most`.
+// Turns out of a collider within one plane, to the side that needs the smaller turn. Rays at equal steps find
+// the blocked range without clearance. From two steps beyond the last blocked one, or from `most`, the
+// segment turns back until contact. Returns the angle turned; more than pi: the plane has no free direction
+// within `most`.
 double turn_out_in_plane(const Colliders& colliders, const Segment& segment, const Turning& turning,
                          double most, TurnScratch& scratch, Vec3d& direction) {
     constexpr double step = pi / out_steps;
@@ -202,11 +205,11 @@ double turn_out_in_plane(const Colliders& colliders, const Segment& segment, con
             ++blocked[side];
             continue;
         }
-        // Mostly two steps on it is free, and the way back from there short: contact needs far fewer triangles than the end of
-        // what is blocked.
+        // Two steps further the segment is usually free, and the way back is short: finding the contact needs
+        // far fewer triangles than finding the end of the blocked interval.
         const auto at = [&](double turn) { return turning.direction(std::cos(turn), sign * std::sin(turn)); };
         const double free = std::min(from + 2.0 * step, most);
-        const bool last = free == most; // it must be free itself, or what is free is no nearer
+        const bool last = free == most; // must itself be free; otherwise no free direction is closer
         if (last && ray_meets(colliders, segment.pivot, at(free), segment.length)) {
             blocked[side] = 2 * out_steps;
             continue;
@@ -226,7 +229,7 @@ double turn_out_in_plane(const Colliders& colliders, const Segment& segment, con
             rest.across = rest.normal.cross(rest.from);
             turned = from + end_of_blocked(colliders, segment.pivot, rest, free - from, scratch);
         } else if (found.first > back.angle) {
-            turned = from; // rounding: that was blocked
+            turned = from; // due to rounding: `from` was blocked
         }
         if (turned < least) {
             least = turned;
@@ -241,9 +244,9 @@ double turn_out_in_plane(const Colliders& colliders, const Segment& segment, con
     }
 }
 
-// The plane of `from` and the way from the nearest triangle to the pivot, which has come from outside: straight out. Where
-// the goal is close to `from` the arc's plane is as good as arbitrary: turning out in it alone makes strands curl sideways,
-// and jump from one frame to the next.
+// Straight out: the plane of `from` and the direction from the closest point to the pivot, which is outside.
+// If the goal is close to `from`, the plane of the arc is almost arbitrary. Turning out in it alone makes
+// strands curl sideways and jump from frame to frame.
 bool plane_straight_out(const Colliders& colliders, const Segment& segment, Turning& turning) {
     const NearestTriangle nearest = nearest_triangle(colliders, segment.pivot, segment.length);
     if (!nearest.mesh) return false;
@@ -255,7 +258,7 @@ bool plane_straight_out(const Colliders& colliders, const Segment& segment, Turn
     return true;
 }
 
-// Planes turned about `from` away from the arc's, the nearest first.
+// Tries planes rotated about `from` away from the plane of the arc, smallest rotation first.
 bool turn_out(const Colliders& colliders, const Segment& segment, const Arc& arc, int planes,
               TurnScratch& scratch, Vec3d& direction) {
     for (int i = 0; i < planes; ++i) {
@@ -286,7 +289,7 @@ double free_length(const Colliders& colliders, const Segment& segment, const Vec
     return double(trace(colliders, segment, direction).ray.tfar);
 }
 
-// Nothing is free: the direction that runs the longest before it meets a triangle.
+// No direction is free: the one whose ray gets farthest before it hits a triangle.
 Vec3d least_bad(const Colliders& colliders, const Segment& segment, const Arc& arc) {
     constexpr int planes = 16, turns = 16;
     Vec3d best = segment.from;
@@ -304,7 +307,8 @@ Vec3d least_bad(const Colliders& colliders, const Segment& segment, const Arc& a
     return best;
 }
 
-// A cluster relative to the origin, and which of its triangles neither their own plane nor a box parts from the region.
+// A cluster relative to the origin. `near`: triangles that neither their own plane nor their box separates
+// from the region.
 MARRAM_HOT void load_near(const TriangleCluster& cluster, const Vec3d& origin, const Region& region,
                           Triangles8& triangles, VLong& near) {
     load(cluster, origin, triangles);
@@ -327,7 +331,8 @@ MARRAM_HOT void load_near(const TriangleCluster& cluster, const Vec3d& origin, c
              aside(a.y, b.y, c.y, least.y(), most.y()) | aside(a.z, b.z, c.z, least.z(), most.z()));
 }
 
-// Calls visit(eight, lane) for the triangles that may be near the region, relative to its first point, until it returns false.
+// Calls visit(eight, lane) for the triangles that may be near the region, relative to `origin`, until it
+// returns false.
 template <typename Visit>
 void each_near(const Region& region, const std::vector<NearCluster>& clusters, const Vec3d& origin,
                Visit&& visit) {
@@ -385,7 +390,7 @@ Arc arc_of(const Segment& segment) {
     Vec3d axis = a.cross(g);
     double sine = axis.norm();
     if (sine <= opposed_sine && !(cosine > 0.0 && sine > 0.0)) {
-        // Opposed, or the same: no plane is better than that of the strand's own lean.
+        // Opposed or equal: use the plane of the strand's lean.
         axis = a.cross(segment.lean);
         if (!(axis.squaredNorm() > 1e-12 * segment.lean.squaredNorm())) {
             Eigen::Index least;
@@ -394,7 +399,7 @@ Arc arc_of(const Segment& segment) {
         }
         sine = 0.0;
     }
-    // Of nearly equal directions the cross product is good to 1e-16 / sine only: made perpendicular once more.
+    // For nearly equal directions the cross product is only good to 1e-16 / sine: orthogonalise again.
     const Vec3d across = axis.normalized().cross(a).normalized();
     const Vec3d normal = a.cross(across).normalized();
     return {{a, across, normal, segment.length, segment.clearance}, std::atan2(sine, cosine)};
@@ -406,8 +411,8 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
     Sweep found{true, false, 0.0, Vec2d::Zero()};
     if (!segment.carried || !surely_blocked(colliders, segment, scratch))
         found = sweep(colliders, segment, arc, scratch);
-    // Planes and boxes have raised the doubt, or a start that is blocked has ended the sweep before all that is near the pivot
-    // was seen: now it is measured.
+    // Not clear by the coarse tests of planes and boxes, or blocked at the start, which ended the sweep
+    // before all triangles near the pivot were tested: measure the clearance now.
     if (found.not_clear || (found.blocked_at_start && segment.clearance_unverified)) {
         if (anything_near(colliders, segment.pivot, segment.clearance * doubt, scratch))
             return {segment.from, Outcome::not_clear, false, 0.0};
@@ -428,11 +433,11 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
         }
         if (!is_out)
             return {least_bad(colliders, segment, arc), Outcome::unresolved, true, 0.0, goal_angle, 0.0};
-        // From there towards the goal. It stands at its clearance exactly, so it goes on with a little less.
+        // Continue towards the goal. It is exactly at its clearance, so go on with a little less.
         segment.from = out.normalized();
         segment.clearance *= 1.0 - 1e-6;
-        // Mostly it stands against the collider that the goal is behind, and touches at once: where the triangle that stopped it
-        // does so within 1e-6 it stays.
+        // Usually it touches the collider in front of the goal again at once: it stays if the triangle that
+        // stopped it blocks it within 1e-6 rad.
         arc = arc_of(segment);
         constexpr double at_once = 0.05, stays = 1e-6;
         found = {false, false, std::numeric_limits<double>::infinity(), Vec2d::Zero()};

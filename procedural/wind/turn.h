@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One segment of a strand among colliders: how far it turns from where it is towards where it wants to be.
+// One segment of a strand among colliders: how far it turns from its start direction towards its goal.
 #pragma once
 
 #include "procedural/wind/colliders.h"
@@ -9,13 +9,14 @@
 
 namespace marram {
 
-// A segment that starts in `pivot`, which is farther than `clearance` from every triangle, unless that is doubted.
+// A segment that starts at `pivot`, which is farther than `clearance` from every triangle (unless
+// clearance_unverified).
 struct Segment {
     Vec3d pivot, from, goal; // directions are unit vectors
-    Vec3d lean; // of the strand behind it: decides the way where from and goal are opposed; may be 0
+    Vec3d lean; // of the strand beyond it: picks the plane if from and goal are opposed; may be 0
     double length, clearance;
-    bool clearance_unverified = false; // the pivot's clearance is to be checked
-    bool carried = false; // by turns nearer the root, perhaps into a collider: a ray is asked first
+    bool clearance_unverified = false; // check the pivot's clearance
+    bool carried = false;              // rotated by earlier turns, perhaps into a collider: test a ray first
 };
 
 enum class Outcome {
@@ -23,59 +24,67 @@ enum class Outcome {
     contact,
     unresolved,
     not_clear
-}; // not_clear: of a doubted pivot, which may be too near
+}; // not_clear: the unverified pivot may be too close to a triangle
 
 struct Turned {
     Vec3d direction;
     Outcome outcome;
     bool pushed_out;  // `from` was not free
-    double clearance; // what the result is free by; less than asked where there was no other way
-    double goal_angle = 0.0, turned_angle = 0.0; // how far it was to the goal, and how much nearer it came
+    double clearance; // of the result; less than requested if no direction had more
+    double goal_angle = 0.0,
+           turned_angle = 0.0; // angle from `from` to the goal, and the part of it that was turned
 };
 
-// The plane of a turn: across = the goal's part perpendicular to from. Where they are opposed the axis is that of the
-// strand's own lean, from x lean, else a fixed rule: across the coordinate axis that `from` is least along.
+// The plane of a turn: across = the component of goal perpendicular to from, normalised. If they are opposed,
+// the axis is from x lean; without a lean, it is from x the coordinate axis that `from` has the smallest
+// component along.
 struct Arc {
     Turning turning;
     double angle; // to the goal, 0 ... pi
 };
 Arc arc_of(const Segment& segment);
 
-// What a thread keeps from segment to segment.
+// Per-thread buffers, kept from segment to segment.
 struct TurnScratch {
     TriangleList triangles, kept;
-    TriangleList against; // what a segment that was turned out stands against
+    TriangleList against; // the triangle that a turned-out segment touches
     FirstBlocked first;
     std::vector<NearCluster> clusters;
     std::vector<Blocked> blocked;
 };
 
-// Exact: from `from` by the shortest arc to `goal`, up to the first turn at which the segment is nearer than its clearance
-// to a triangle. Where `from` is not free it is first turned out: in the plane of its arc or, if that is a smaller turn,
-// straight out, in the plane of `from` and the way from the nearest triangle to the pivot (free ranges narrower than
-// 1/16 of a half turn may be missed); if that plane has no free direction, in planes turned about `from` by 1/16
-// of a half turn and its multiples, nearest first; if none has one, again with a quarter of the clearance, down to 1e-6
-// lengths. Then it is unresolved: of the directions tried the one that runs free the longest. One that was turned out and would
-// touch again within 1e-6 rad on its way to the goal stays.
-// Contact angles are good to 1e-9 rad away from grazing contact.
+// Exact: rotates `from` by the shortest arc to `goal`, up to the first angle at which the segment is closer
+// to a triangle than its clearance. If `from` is not free, it is first turned out:
+//
+//   1. in the plane of its arc or, if that is a smaller turn, straight out: in the plane of `from` and the
+//      direction from the closest point to the pivot (free ranges narrower than 1/16 of a half turn may be
+//      missed);
+//   2. if that plane has no free direction, in planes rotated about `from` by multiples of 1/16 of a half
+//      turn, smallest first;
+//   3. if none has one, again with a quarter of the clearance, down to 1e-6 lengths (there by multiples of
+//      1/64).
+//
+// Otherwise it is unresolved, and the result is the direction with the longest free ray of those tried. A
+// segment that was turned out and would touch again within 1e-6 rad on its way to the goal stays. Contact
+// angles are good to 1e-9 rad except at grazing contact.
 Turned turn_exactly(const Colliders& colliders, const Segment& segment, TurnScratch& scratch);
 
-// The talk's way: `steps` equal turns, each tested by a ray along the segment; the last free one is kept. A segment that is
-// not free at the start is turned out by such steps, to either side, as many as there are.
+// The talk's method: `steps` equal turns, each tested by a ray along the segment; the last free one is kept.
+// A segment that is not free at the start is turned out by up to as many such steps, to either side.
 Turned turn_by_steps(const Colliders& colliders, const Segment& segment, int steps);
 
-// Whether a triangle is nearer to the centre than the radius.
+// True: the distance from the centre to some triangle is at most the radius.
 bool anything_near(const Colliders& colliders, const Vec3d& centre, double radius, TurnScratch& scratch);
 
-// True: no triangle comes near the region. False: one may.
+// True: no triangle is within the region. False: one may be.
 bool surely_clear(const Colliders& colliders, const Region& region, TurnScratch& scratch);
 
-// Fills scratch.triangles with those that may come near the region, relative to `origin`. False: they are in more than `most`
-// clusters, and not filled in.
+// Fills scratch.triangles, relative to `origin`, with all triangles that may be within the region. False:
+// they are in more than `most` clusters; the list is left empty.
 bool triangles_near(const Colliders& colliders, const Region& region, const Vec3d& origin, size_t most,
                     TurnScratch& scratch);
 
-// Whether a ray of that length from the pivot meets a triangle.
+// True: a ray of that length hits a triangle.
 bool ray_meets(const Colliders& colliders, const Vec3d& from, const Vec3d& direction, double length);
 
 } // namespace marram

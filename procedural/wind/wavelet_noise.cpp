@@ -3,14 +3,16 @@
 //
 //     c(w) = cos^6(w / 2) r(w) / r(2w).
 //
-// The numerator is a filter of 11 taps: cos^6(w / 2) has the binomials (1, 6, 15, 20, 15, 6, 1) / 64. The denominator is
-// undone exactly by recursion instead of by the paper's 32 taps (which are good to 3e-4): with y = z + 1/z,
+// The numerator is a filter of 11 taps: cos^6(w / 2) has the binomials (1, 6, 15, 20, 15, 6, 1) / 64. The
+// denominator is inverted exactly by recursive filters, not by the paper's 32 taps (which are good to 3e-4):
+// with y = z + 1/z,
 //
 //     120 r(z) = y^2 + 26 y + 64 = (y - y_1)(y - y_2),  y_1,2 = -13 +- sqrt 105,  y - y_l = -(1 - z_l z)(1 - z_l / z) / z_l
 //
-// where z_l is the root of z + 1/z = y_l inside the unit circle. So 1 / r(2w) is 120 z_1 z_2 times, for each pole, one
-// recursion forwards and one backwards over every other coefficient, a_i += z_l a_(i -+ 2). A line is periodic: each
-// recursion finds its own start by running over the end of the line first, for as far as it remembers.
+// where z_l is the root of z + 1/z = y_l inside the unit circle. So 1 / r(2w) is 120 z_1 z_2 times, for each
+// pole, one recursion forwards and one backwards over every other coefficient, a_i += z_l a_(i -+ 2). A line
+// is periodic: each recursion computes its start value by first running over the other end of the line, over
+// the pole's memory.
 #include "procedural/wind/wavelet_noise.h"
 
 #include "procedural/wind/noise.h"
@@ -28,13 +30,13 @@ constexpr std::array<double, 5> spline_products = {1.0 / 120, 26.0 / 120, 66.0 /
 constexpr std::array<double, 7> binomials = {1.0 / 64,  6.0 / 64, 15.0 / 64, 20.0 / 64,
                                              15.0 / 64, 6.0 / 64, 1.0 / 64};
 
-// Lines of the tile side by side, so that the processor's vectors are full and recursions do not wait for themselves.
+// Lines of the tile side by side, so that SIMD registers are full and recursions hide their latency.
 constexpr int side = 8 * 4;
 struct alignas(64) Bundle {
     float at[n][side];
 };
 
-// The middle tap and those to one side of a symmetric filter.
+// Taps of a symmetric filter: the middle one and those of one side.
 template <size_t reach>
 using Taps = std::array<float, reach + 1>;
 
@@ -51,7 +53,7 @@ MARRAM_INLINE void convolve(const Taps<reach>& taps, const Bundle& in, Bundle& o
 
 struct Pole {
     float at;
-    int memory; // coefficients, even, after which less than 1e-9 is left of one
+    int memory; // even; after so many coefficients less than 1e-9 of one is left
 };
 
 // a_i += pole * a_(i -+ 2) around the line, in place.
@@ -68,7 +70,7 @@ MARRAM_INLINE void recurse(Pole pole, bool forwards, Bundle& a) {
 // Applies `filter` (in, out) along one axis of a tile of Quads, in place.
 template <typename Filter>
 MARRAM_INLINE void along_axis(int axis, Quad* tile, Filter&& filter) {
-    constexpr int stride[3] = {1, n, n * n}, neighbour[3] = {n, 1, 1}; // of cells, and of lines
+    constexpr int stride[3] = {1, n, n * n}, neighbour[3] = {n, 1, 1}; // between cells, and between lines
     constexpr int at_once = side / 4;
     Bundle in, out;
     for (int far = 0; far < n; ++far)

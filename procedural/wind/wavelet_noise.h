@@ -1,29 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
-// Wavelet noise, after R. Cook & T. DeRose, "Wavelet Noise" (SIGGRAPH 2005): one band of frequencies and no other.
+// Wavelet noise, after R. Cook & T. DeRose, "Wavelet Noise" (SIGGRAPH 2005): noise limited to one band of
+// frequencies.
 //
-// The paper. Let S1 be the quadratic B-splines with knots a cell apart and S0 those with knots two cells apart; S0 lies
-// in S1. A random spline R of S1, less the best approximation (least squares) that S0 has for it, is N = R - up(down(R)):
-// nothing of it can be said at half the resolution, and nothing at twice the resolution is missing. Octaves of N share
-// no frequencies but for the B-spline's own soft edges, and one that is too fine for a pixel averages to 0 there.
+// The paper. Let S1 be the quadratic B-splines with knots one cell apart, and S0 those with knots two cells
+// apart; S0 is a subspace of S1. Let R be a random spline of S1. N is R minus its least-squares approximation
+// in S0, N = R - up(down(R)): N has no component that half the resolution can represent, and it is fully
+// represented at its own. Octaves of N share no frequencies, except through the soft edges of the B-spline's
+// spectrum, and an octave too fine for a pixel averages to 0 there.
 //
-// On one axis, with the coefficients' frequency w = 2 pi f (f in cycles a cell), B's refinement B(x) = sum p_k B(2x - k),
-// p = (1, 3, 3, 1) / 4, and the inner products of B's translates r = (1, 26, 66, 26, 1) / 120 (a quintic B-spline),
+// On one axis let w = 2 pi f be the coefficients' frequency (f in cycles a cell). With the refinement B(x) =
+// sum p_k B(2x - k), p = (1, 3, 3, 1) / 4, and the inner products of B's translates r = (1, 26, 66, 26, 1) /
+// 120 (a quintic B-spline),
 //
 //     r(w) = (66 + 52 cos w + 2 cos 2w) / 120,        c(w) = cos^6(w / 2) r(w) / r(2w),        c(w) + c(w + pi) = 1,
 //
-// the projection onto S0 multiplies frequency w by c(w), and mirrors a part of it to w + pi. c falls from 1 at f = 0
-// through 1/2 at f = 1/4 to 0 at f = 1/2, where S1 ends. In space up(down()) is the product of three axes'.
+// the projection onto S0 multiplies frequency w by c(w) and aliases a part of it to w + pi. c falls from 1 at
+// f = 0 through 1/2 at f = 1/4 to 0 at f = 1/2, the limit of S1. In space up(down()) is the product over
+// three axes.
 //
-// Even and odd. Whether S0's knots are the even or the odd cells changes N, and gives it a variance that alternates
-// between them. The paper adds to N a copy shifted by an odd number of cells, which halves the difference and lets the
-// tile repeat itself half way. Here N is the mean over all eight choices of knots, for one R. In the mean the mirrored
-// parts cancel and only c is left, so it costs nothing, is exact, N is stationary, and its energy falls off faster below
-// the band, as (1 - C)^2 where the paper's does as 1 - C, with C the product of c over the axes: below |f| = 1/4 lie 0.2 %
-// of it instead of 1.5 %, below 1/8 1e-9 instead of 7e-6:
+// Even and odd. N depends on whether S0's knots are the even or the odd cells, and its variance alternates
+// between them. The paper adds to N a copy shifted by an odd number of cells, which halves the difference but
+// makes the tile repeat at half its size. Here N is the mean over all eight choices of knots, for one R. In
+// the mean the aliased parts cancel and only c is left. So the mean costs nothing, is exact, and N is
+// stationary. Its energy also falls off faster below the band, as (1 - C)^2 where the paper's falls as 1 - C,
+// with C the product of c over the axes: 0.2 % of it lies below |f| = 1/4 instead of 1.5 %, and 1e-9 below
+// 1/8 instead of 7e-6:
 //
 //     N(w) = R(w) (1 - c(w_x) c(w_y) c(w_z)).
 //
-// Definition, for who would evaluate it independently. All indices of the tile are modulo n = 64.
+// Definition, for an independent evaluation. All indices of the tile are modulo n = 64.
 //   tile       R_a[i, j, k] = unit_float(mix32(mix32(m) ^ 0x9e3779b9)) - 1/2 with m = a n^3 + (k n + j) n + i, for the
 //              three components a. N_a as above at the tile's own frequencies 2 pi m / n (w = 0 vanishes exactly), then
 //              each scaled so that its spline's mean square over the tile is perlin_rms_3d^2. Kept as floats.
@@ -36,18 +41,19 @@
 //              ((1 - u) N(s = S ^ (W * 0x27d4eb2f)) + u N(s = S ^ ((W + 1) * 0x27d4eb2f))) / sqrt(u^2 + (1 - u)^2),
 //              32-bit arithmetic. Without evolution it is N(s = S), that is w = 0.
 //
-// So every instant is a sum of two fields of the band and is in the band itself; the two are independent, and their
-// weights' squares sum to 1, so its strength holds; u makes it C2 in time. Its period in w is 2^32.
+// At any time the field is a sum of two fields of the band, so it is in the band itself. The two are
+// independent and their squared weights sum to 1, so the rms is constant; u makes the field C2 in time. The
+// period in w is 2^32.
 //
-// What the turn Q is for: the tile repeats every 64 cells, but only along its own three axes. Along a world axis it comes
-// back exactly after 64 * 339 = 21,696 cells; a path along one, or along a diagonal between two, is 3,899 cells long before
-// it comes within 2 cells of itself in the tile; a plane across a world axis meets its own copy within 1.5 cells first at a
-// distance of 293 cells. (The best of 4,000 quaternions of whole numbers up to 15.) A wind along one of the tile's own
-// axes, to within a degree or two, does meet the same values every 64 cells. Seeds choose a place in the tile, not another
-// tile.
+// Purpose of the rotation Q: the tile repeats every 64 cells, but only along its own three axes. Along a
+// world axis it repeats exactly after 64 * 339 = 21,696 cells. A path along a world axis, or along a diagonal
+// between two, is 3,899 cells long before it comes within 2 cells of itself in the tile. A plane across a
+// world axis first comes within 1.5 cells of its own copy at a distance of 293 cells. (The best of 4,000
+// quaternions of integers up to 15.) A wind along one of the tile's own axes, to within a degree or two, does
+// see the same values every 64 cells. Seeds select a position in the tile, not another tile.
 //
-// Cost: the tile takes 4 MiB and 8 to 12 ms, once in a process, when first asked for (read_wind does, where a scene wants
-// this noise). A sample costs what Perlin's does.
+// Cost: the tile takes 4 MiB and 8 to 12 ms, once a process, at the first call (read_wind calls it if a scene
+// uses this noise). A sample costs what a sample of Perlin noise does.
 #pragma once
 
 #include "core/math/hash.h"
@@ -58,7 +64,7 @@
 
 namespace marram {
 
-// Components of a coefficient, and 0 for the fourth.
+// The three components of a coefficient; the fourth is 0.
 using Quad = float __attribute__((vector_size(16), aligned(16)));
 
 inline constexpr int wavelet_tile_size = 64; // n; a power of two, for the wrap
@@ -66,7 +72,7 @@ inline constexpr int wavelet_tile_size = 64; // n; a power of two, for the wrap
 // The tile, [(k n + j) n + i]. Safe to call from any thread.
 const Quad* wavelet_tile();
 
-// The offset o of the layer with this seed: 0 ... n cells an axis.
+// The offset o of the layer with this seed: 0 ... n cells on each axis.
 inline Wide3d wavelet_offset(uint32_t layer_seed) {
     const auto along = [&](uint32_t axis) {
         return splat(wavelet_tile_size * 0x1p-32 * mix32(layer_seed + 0x9e3779b9U * axis));
@@ -74,11 +80,11 @@ inline Wide3d wavelet_offset(uint32_t layer_seed) {
     return {along(1), along(2), along(3)};
 }
 
-// The tile comes back exactly after this many cells along a world axis, because Q is whole numbers over 339.
+// The field repeats exactly after this many cells along a world axis, because Q is integers over 339.
 inline constexpr double wavelet_period = wavelet_tile_size * 339.0;
 
-// Q p for a point in cells, |p| <= 2^50, less whole periods. They are taken off first, where it is exact (all are multiples
-// of p's last bit), so that turning p costs no accuracy far from the origin.
+// Q p for a point in cells, |p| <= 2^50, minus whole periods. The periods are subtracted first, where that is
+// exact (all are multiples of p's last bit), so that rotating p loses no accuracy far from the origin.
 MARRAM_INLINE Wide3d wavelet_turn(const Wide3d& p) {
     const auto reduced = [](VDouble x) MARRAM_ALWAYS_INLINE {
         return x - vround(x * (1.0 / wavelet_period)) * wavelet_period;
@@ -90,13 +96,14 @@ MARRAM_INLINE Wide3d wavelet_turn(const Wide3d& p) {
             x * (22.0 * s) + y * (266.0 * s) + z * (209.0 * s)};
 }
 
-// N(q) for eight places |q| < 2^30. The weights are computed for the eight at once; the coefficients are summed for one
-// place after the other, three components in one register, because they lie side by side in memory: 27 loads a place,
-// where gathering for eight places would take 81 loads a place.
+// N(q) for eight positions |q| < 2^30. The weights are computed for all eight at once. The coefficients are
+// summed one position at a time, three components in one register, because they are adjacent in memory: 27
+// loads a position, where gathering for eight positions would take 81 loads each.
 MARRAM_INLINE Wide3f wavelet_at(const Quad* tile, const Wide3d& q) {
     constexpr int n = wavelet_tile_size;
     alignas(32) float weight[3][3][lanes];
-    alignas(32) int32_t place[3][3][lanes]; // of the three coefficients on each axis, as a share of the index
+    alignas(32)
+        int32_t place[3][3][lanes]; // of the three coefficients on each axis: their parts of the index
     const VDouble coordinate[3] = {q.x, q.y, q.z};
     constexpr int stride[3] = {1, n, n * n};
     for (int axis = 0; axis < 3; ++axis) {

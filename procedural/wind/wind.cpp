@@ -95,7 +95,8 @@ Wind read_wind(const Values& values) {
     wind.waviness = values.number("wind.waviness");
     wind.reference_segments = values.integer("wind.reference_segments");
     wind.noise.type = noise_type(values.text("wind.noise.type"));
-    if (wind.noise.type == NoiseType::wavelet) wavelet_tile(); // built here, not in the first patch's time
+    if (wind.noise.type == NoiseType::wavelet)
+        wavelet_tile(); // build it here, not inside the time of the first patch
     wind.noise_amplitude = values.number("wind.noise.amplitude");
     wind.noise.frequency = values.number("wind.noise.frequency");
     wind.noise.octaves = values.integer("wind.noise.octaves");
@@ -130,7 +131,7 @@ int octaves_too_fine(const Wind& wind, double length, double tolerance) {
     const FractalNoise& noise = wind.noise;
     double squares = 0.0, weight = 1.0;
     for (int i = 0; i < noise.octaves; ++i, weight *= noise.gain) squares += weight * weight;
-    double resonance = 1.0; // 1 / (2 zeta sqrt(1 - zeta^2)), of an oscillator driven at its worst
+    double resonance = 1.0; // peak gain of a driven oscillator: 1 / (2 zeta sqrt(1 - zeta^2))
     if (wind.jiggle && wind.jiggle->damping < std::sqrt(0.5))
         resonance =
             1.0 / (2.0 * wind.jiggle->damping * std::sqrt(1.0 - wind.jiggle->damping * wind.jiggle->damping));
@@ -138,7 +139,7 @@ int octaves_too_fine(const Wind& wind, double length, double tolerance) {
     double left_out = 0.0;
     int count = 0;
     while (count + 1 < noise.octaves) {
-        weight /= noise.gain; // of the finest that is still there
+        weight /= noise.gain; // of the finest octave not left out yet
         left_out += strength * weight;
         if (!(left_out <= tolerance)) break;
         ++count;

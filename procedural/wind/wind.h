@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a scene says of its one wind.
+// The wind of a scene: the parameters of [wind].
 #pragma once
 
 #include "core/math/ramp.h"
@@ -18,48 +18,49 @@
 namespace marram {
 
 struct Wind {
-    Vec3d direction = Vec3d::UnitX(); // where the air goes to, unit
+    Vec3d direction = Vec3d::UnitX(); // unit; points downwind
     double speed = 0.0;               // m/s
-    double calm = 1.0;                // wind between gusts
+    double calm = 1.0;                // background wind, 0 ... 1
     std::optional<Gusts> gusts;
-    Ramp response; // speed in m/s -> share of the envelope; response(0) = 0
+    Ramp response; // speed in m/s -> factor of the envelope, 0 ... 1; response(0) = 0
     double global_rotate = 1.0;
     Ramp ramp_rotate;             // over u, root to tip
-    double waviness = 1.0;        // noise coordinate advance along w per arc length
-    int reference_segments = 0;   // segments that a rotation factor belongs to; 0: as many as the strand has
+    double waviness = 1.0;        // advance of the noise coordinate along the wind, per arc length
+    int reference_segments = 0;   // that the turn factor is meant for; 0: as many as the strand has
     double noise_amplitude = 0.0; // relative to the unit wind direction
     FractalNoise noise;
     double evolution = 0.0;                  // lattice cells a second along the fourth dimension
-    bool rest_anchored = false;              // noise is sampled at the root's place at bind_frame
-    bool loops = false;                      // the noise of loop_end is that of loop_begin
+    bool rest_anchored = false;              // noise is sampled at the root's position at bind_frame
+    bool loops = false;                      // the noise at loop_end equals the noise at loop_begin
     double loop_begin = 0.0, loop_end = 0.0; // frames
-    // Each stage is there when the scene asks for it.
+    // Optional stages, set if the scene uses them.
     std::optional<Shielding> shielding;
-    std::optional<Jiggle> jiggle; // strands swing into their pose
+    std::optional<Jiggle> jiggle; // damped oscillation about the bent pose
     std::optional<Collision> collision;
 };
 
-// Parameters of [wind], which every procedural receives as "wind.<name>".
+// Parameters of [wind]. Every procedural receives them as "wind.<name>".
 std::span<const MarramParam> wind_params();
 
-// Throws SceneFault for what cannot be checked value by value.
+// Throws SceneFault for errors that the range checks of single values cannot find.
 Wind read_wind(const Values& values);
 
-// response(speed), in [0, 1]: what the wind's speed leaves of the envelope.
+// response(speed), clamped to [0, 1]: the envelope's factor for this wind speed.
 double wind_response(const Wind& wind);
 
-// The greatest share of its angle to the wind that a segment turns by, 0 ... 1.
+// The largest fraction of its angle to the wind that any segment turns by, 0 ... 1.
 double most_turn(const Wind& wind);
 
-// How many of the finest octaves no more than move 99 in 100 of strands no longer than `length` by `tolerance` metres together:
-// a segment's direction is off by no more than the noise that it turns towards, relative to the wind's 1, and the noise is weaker
-// than 0.9 at 99 points in 100 (rms 0.27 a component). Jiggle may swing strands farther, by its resonance.
+// Number of the finest octaves that can be left out: for 99 % of the strands up to `length` metres long, all
+// of them together move a CV by at most `tolerance` metres. A segment's direction changes by at most the
+// noise left out, relative to the wind's 1; one octave is below 0.9 at 99 % of all points (rms 0.27 a
+// component). The resonance of jiggle is included.
 int octaves_too_fine(const Wind& wind, double length, double tolerance);
 
-// False: no strand bends in this wind, whatever its gusts.
+// False: this wind bends no strand.
 bool wind_bends(const Wind& wind);
 
-// False: a strand in this wind stands still in time (it may still be bent).
+// False: the bend does not change with time (strands may still be bent).
 bool wind_moves(const Wind& wind);
 
 } // namespace marram

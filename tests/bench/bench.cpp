@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Each ratio beside its goal: the two sides take turns in one run, and the median of their ratios counts.
+// Measures ratios against their goals. Both sides of a ratio run in turns in one process; the median ratio
+// counts.
 //
 //     build/marram_bench                                        all
 //     build/marram_bench --benchmark_filter=literal             some
@@ -24,8 +25,8 @@ double median(std::vector<double> values) {
     return values[values.size() / 2];
 }
 
-// The sides of a ratio in turns. Counters: the ratio, what it should be at most (0: nothing is asked), and both times in
-// milliseconds.
+// Runs both sides of a ratio in turns. Counters: the ratio, its goal (an upper bound; 0: none), and both
+// times in milliseconds.
 template <typename Ours, typename Reference>
 void compare(benchmark::State& state, double goal, Ours&& ours, Reference&& reference) {
     std::vector<double> ratios, mine, theirs;
@@ -86,8 +87,8 @@ void density(benchmark::State& state, const Size& fine, const Size& coarse) {
         state, 2.0, [&] { return a.run_chain(); }, [&] { return b.run_chain(); });
 }
 
-// What artists use instead: Blender 3.4's hair dynamics, 10,000 strands of 5 CVs, seconds a frame as measured on a machine of this
-// kind. It is not run here. At frame n it has to step through n frames.
+// What artists use instead: Blender 3.4's hair dynamics, 10,000 strands of 5 CVs, in seconds per frame,
+// measured on a similar machine. It is not run here. To reach frame n it has to step through n frames.
 constexpr double simulated_frame = 0.9;
 
 void chain_to_simulation(benchmark::State& state, const Size& size) {
@@ -105,8 +106,8 @@ void chain_to_simulation(benchmark::State& state, const Size& size) {
     state.counters["ms"] = 1e3 * chain;
 }
 
-// Time and memory from 10^4 to `most` strands, as the exponent of their growth: the talk's scene through the plug-in, its width
-// such that strands cover as much.
+// Scaling of time and memory from 10^4 to `most` strands, as the exponent of a power law: the talk's scene
+// through the plug-in, with a strand width that keeps the coverage constant.
 void growth(benchmark::State& state, uint64_t most) {
     struct Row {
         double strands, seconds, bytes;
@@ -118,7 +119,7 @@ void growth(benchmark::State& state, uint64_t most) {
             Product product({n, 5, 0.009 / std::sqrt(double(n) / 1e4)});
             std::vector<double> seconds;
             Product::Frame frame;
-            const int rounds = n <= 100000 ? 9 : n <= 1000000 ? 5 : 2; // the first warms up
+            const int rounds = n <= 100000 ? 9 : n <= 1000000 ? 5 : 2; // the first is a warm-up
             for (int i = 0; i < rounds; ++i) {
                 frame = product.run(false);
                 if (i > 0) seconds.push_back(frame.strands);
@@ -137,8 +138,8 @@ void growth(benchmark::State& state, uint64_t most) {
     state.counters["bytes_a_strand"] = rows.back().bytes / rows.back().strands;
 }
 
-// From the scene's file to where the first ray may be traced, against the same with the curves read from what `marram bake` has
-// written, out of the page cache. Counters besides: what 24 baked frames take to make and on the disk.
+// Time from the scene file until the first ray can be traced, relative to the same with the curves read from
+// a file of `marram bake` in the page cache. Further counters: time and disk space to bake 24 frames.
 void live_to_baked(benchmark::State& state, const Coat& coat) {
     Product product(coat);
     const std::string path =
@@ -168,7 +169,8 @@ void live_to_baked(benchmark::State& state, const Coat& coat) {
     std::filesystem::remove(path);
 }
 
-// Camera rays a second, the path tracer's against Embree's own for the same pixels; and what the rays of whole paths take.
+// Camera rays per second: the path tracer relative to Embree alone on the same pixels. Also times the rays of
+// whole paths.
 void primary_rays(benchmark::State& state, const Coat& coat) {
     Product product(coat);
     product.run(true);
@@ -192,7 +194,7 @@ void primary_rays(benchmark::State& state, const Coat& coat) {
     state.counters["rays_a_path"] = double(rays) / pixels;
 }
 
-// Where the chain's time goes, as shares of it, and what the tree costs that is made at the start of a frame.
+// Share of each stage in the chain's time, and the cost of the tree that is built at the start of a frame.
 void stages(benchmark::State& state, const Size& size) {
     Workload& work = workload(size);
     const StageClock before = work.clock();

@@ -48,7 +48,7 @@ float sheltered(const Wind& wind, const Colliders& colliders, std::span<const Ve
     return float(hits) / float(strand.size());
 }
 
-// All points behind k turn about it.
+// Rotates all points after k about point k.
 void turn_rest(std::span<Vec3f> points, size_t k, const Eigen::Quaternionf& turn) {
     for (size_t i = k + 1; i < points.size(); ++i) points[i] = points[k] + turn * (points[i] - points[k]);
 }

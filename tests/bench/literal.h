@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The talk's method as its words say it, the baseline that the chain is measured against: every CV looks upwind with one ray,
-// every segment turns all that follows it, one point at a time (O(n^2)), collision walks fixed steps with one ray a test. In
-// floats, strands in parallel, optimised by the compiler; nothing clever.
+// A literal implementation of the talk's method, the baseline for the chain: each CV traces one ray upwind,
+// each segment rotates all points after it one at a time (O(n^2)), and collision takes fixed steps with one
+// ray per test. Floats; strands in parallel; no optimisation but the compiler's.
 #pragma once
 
 #include "core/math/vec.h"
@@ -13,14 +13,14 @@
 
 namespace marram::bench {
 
-struct LiteralStrands { // CVs of one strand follow each other
+struct LiteralStrands { // the CVs of a strand are contiguous
     int cvs = 0;
     std::vector<Vec3f> rest, pose;
 
     size_t count() const { return rest.size() / size_t(cvs); }
 };
 
-// rest -> pose, with the wind's gusts (those of `field`), shielding, noise and `collision.rotation_steps` steps.
+// rest -> pose, with the gusts of `field`, shielding, noise and `collision.rotation_steps` steps.
 void blow_literally(const Wind& wind, const GustField& field, const Colliders& colliders,
                     LiteralStrands& strands);
 

@@ -11,12 +11,13 @@
 namespace marram::bench {
 namespace {
 
-// Calls visit(mesh, triangle, limit) for every triangle that may come within `radius` of `centre`, and more. visit returns the
-// radius to go on with: the same, smaller (what is farther away is then left out), or negative to stop.
-// Nothing is called where centre or radius is not finite. Cost: about 0.1 us where there is nothing, 10 ns a triangle.
+// Calls visit(mesh, triangle, limit) for every triangle that may lie within `radius` of `centre`; others may
+// be visited too. visit returns the radius to continue with: the same, a smaller one (farther triangles are
+// then skipped), or a negative one to stop. Visits nothing if centre or radius is not finite. Cost: about 0.1
+// us if there is nothing, 10 ns a triangle.
 template <typename Visit>
 void near_triangles(const Colliders& colliders, const Vec3d& centre, double radius, Visit&& visit) {
-    // Embree's nodes are boxes of floats: what rounding may lose is added.
+    // Embree's nodes are boxes of floats: the radius grows by their possible rounding error.
     const double spare = 4.0 * 0x1p-24 * (centre.cwiseAbs().maxCoeff() + radius);
     const double limit = radius + spare;
     if (!(limit < 1e18) || !(centre.cwiseAbs().maxCoeff() < 1e18)) return;
@@ -108,7 +109,7 @@ Workload::Workload(const Size& size)
         profile_.push_back(float(0.5 * groom_.width_profile(double(k) / (size.cvs - 1))));
     chain_ = frame_chain();
     roots_ = place_roots(groom_, world_.surface(0), [] { return false; }).roots;
-    if (size.strands >= F.strands) return; // what it would be compared with takes too much memory
+    if (size.strands >= F.strands) return; // the literal baseline would take too much memory
     for (uint32_t t = 0; t < keys_; ++t) {
         std::vector<Strands>& rest =
             rest_.emplace_back(grow(groom_, wind_, GrowthPoses{world_.surface(0), world_.surface(0, t)}));
@@ -149,7 +150,7 @@ double Workload::run_literally() {
 
 double Workload::run_floor() {
     const Colliders& colliders = chain_.instants[0].colliders;
-    std::atomic<size_t> seen{0}; // so that nothing is left out
+    std::atomic<size_t> seen{0}; // keeps the compiler from removing the queries
     return seconds_of([&] {
         tbb::parallel_for(size_t(0), bent_.size(), [&](size_t p) {
             Thread& thread = threads_.local();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is measured: strands on a bumpy sphere in a gusty wind, and the chain over all of them on all threads.
+// The workload of the benchmarks: strands on a bumpy sphere in a gusty wind, and the chain over all of them
+// on all threads.
 #pragma once
 
 #include "tests/bench/literal.h"
@@ -22,36 +23,39 @@ struct Size {
     const char* name;
     uint64_t strands;
     int cvs;
-    int divisions;     // of the sphere: 8 times the square of it triangles
+    int divisions;     // of the sphere, which has 8 times their square triangles
     double width;      // of a strand
-    uint32_t keys = 1; // motion samples, at each of which the sphere has another shape
+    uint32_t keys = 1; // motion samples; the sphere has a different shape at each
 };
 
-inline constexpr Size T{"T", 10000, 5, 71, 0.009};    // the talk's
-inline constexpr Size T2{"T2", 10000, 5, 500, 0.009}; // the same on 2,000,000 triangles
+inline constexpr Size T{"T", 10000, 5, 71, 0.009};    // as in the talk
+inline constexpr Size T2{"T2", 10000, 5, 500, 0.009}; // T on 2,000,000 triangles
 inline constexpr Size T10k{"10k", 10000, 5, 35, 0.009}, T4M{"4M", 10000, 5, 707, 0.009};
-inline constexpr Size D{"D", 10000, 5, 71, 0.009, 3}; // the first with its skin deforming
+inline constexpr Size D{"D", 10000, 5, 71, 0.009, 3}; // T on a deforming skin
 inline constexpr Size F{"F", 1000000, 8, 71, 0.0009}; // a fine coat
 
 class Workload {
   public:
     explicit Workload(const Size& size);
 
-    // The whole chain, jiggle off, at all motion samples: gusts, shielding of each CV, bend with two octaves, offset scale,
-    // collision. Where the skin deforms the making of what a frame keeps is in it, else that was made before. Returns seconds.
+    // Runs the whole chain without jiggle at all motion samples: gusts, shielding of each CV, bend with two
+    // octaves, offset scale, collision. On a deforming skin the time includes the chain's per-frame data;
+    // otherwise that was made before. Returns seconds.
     double run_chain();
     double run_literally();
-    // From the roots to the CVs as Embree reads them: strands laid out, the whole chain, x, y, z and radius written.
+    // From the roots to CVs in Embree's format: lays out strands, runs the whole chain, writes x, y, z and
+    // radius.
     double run_from_roots();
-    // Embree's own BVH over what run_from_roots() has written.
+    // Builds Embree's BVH over the output of run_from_roots().
     double build_bvh();
-    // The bare Embree queries that a straightforward exact chain makes: a shield ray a CV, in streams; for each segment
-    // the heights of its end at rest and bent and the triangles near it, each one point query within a segment's reach.
+    // Runs only the Embree queries of a straightforward exact chain: a shield ray for each CV, in streams;
+    // for each segment, point queries within its reach for the height of its end at rest, its height bent,
+    // and the triangles near it.
     double run_floor();
-    // Of exact collision: the tree over the colliders.
+    // Builds the tree over the colliders for exact collision.
     double make_tree();
 
-    StageClock clock() const; // thread seconds of run_chain() since it was made
+    StageClock clock() const; // sum of all threads' seconds in run_chain() so far
 
   private:
     struct Thread {
@@ -69,8 +73,8 @@ class Workload {
     ChainFrame chain_;
     std::vector<Root> roots_;
     std::vector<std::vector<Strands>> rest_; // [motion sample]
-    std::vector<Strands> bent_;              // at the first
-    std::vector<float> vertices_; // x, y, z, radius of each CV, a phantom before and behind each strand's
+    std::vector<Strands> bent_;              // at the first motion sample
+    std::vector<float> vertices_; // x, y, z, radius of each CV; a phantom before and after each strand
     std::vector<LiteralStrands> literal_; // [motion sample]
     tbb::enumerable_thread_specific<Thread> threads_;
 };

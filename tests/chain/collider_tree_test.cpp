@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The tree may name too many triangles, but never too few: regions are made around points of known triangles.
+// The tree may return too many triangles but never too few: regions are placed around points of known
+// triangles.
 #include "procedural/wind/collider_tree.h"
 
 #include "core/geometry/mesh.h"
@@ -61,7 +62,7 @@ bool names(const std::vector<NearCluster>& found, const MarramMesh* mesh, uint32
     });
 }
 
-// How many triangles the answers name, in the mean.
+// Mean number of triangles returned per query.
 double check(const Lent& lent, const ColliderTree& tree, uint32_t time, double size, int count) {
     Random random;
     std::vector<NearCluster> found;
@@ -100,7 +101,7 @@ double check(const Lent& lent, const ColliderTree& tree, uint32_t time, double s
     return named;
 }
 
-Mesh soup(size_t count, double size, const Vec3d& where) { // triangles of all sizes, some without area
+Mesh soup(size_t count, double size, const Vec3d& where) { // triangles of all sizes, some degenerate
     Random random;
     Mesh mesh;
     for (size_t i = 0; i < count; ++i) {
@@ -166,11 +167,11 @@ TEST(ColliderTree, knows_what_flies_into_reach_after_the_first_sample) {
     EXPECT_TRUE(found.empty());
 }
 
-// What is in a block is made when it is first asked for, by whoever asks first.
+// The contents of a block are built on first access, by any thread.
 TEST(ColliderTree, answers_many_threads_as_it_answers_one) {
     Lent lent;
     lent.meshes = {sphere_mesh(1.0F, 60, 0.03F, 9.0F), soup(3000, 1.0, Vec3d(1, 0, 0))};
-    // Neighbours far apart in the table: as many runs as triangles.
+    // Neighbouring triangles far apart in the table: as many runs as triangles.
     std::shuffle(lent.meshes[0].triangles.begin(), lent.meshes[0].triangles.end(), std::mt19937(3));
     lent.finish(1);
     constexpr size_t questions = 4000;
@@ -229,13 +230,13 @@ TEST(ColliderTree, finds_nothing_at_infinity_and_where_there_is_no_number) {
         }
 }
 
-// A ground that goes on for miles must not blunt the tree for what grows on it.
+// The tree is reused in later frames until the geometry or the reach changes.
 TEST(ColliderTree, serves_the_next_frames_until_something_changes) {
     Lent lent;
     lent.meshes = {sphere_mesh(1.0F, 10, 0.0F, 0.0F), soup(50, 1.0, Vec3d(2, 0, 0))};
     lent.poses = {{lent.meshes[0].positions}, {lent.meshes[1].positions, lent.meshes[1].positions}};
     lent.finish(2);
-    // Only that there is one is looked at.
+    // The scene is only checked for presence.
     lent.frame.colliders = reinterpret_cast<RTCScene>(&lent); // NOLINT
     Eigen::AlignedBox3d reach(Vec3d::Constant(-3.0), Vec3d::Constant(3.0));
     ColliderTrees trees;
@@ -269,6 +270,7 @@ TEST(ColliderTree, serves_the_next_frames_until_something_changes) {
     change(lent.frame.mesh_count, 1U);
 }
 
+// A very large ground must not make the tree coarser around the objects on it.
 TEST(ColliderTree, stays_sharp_beside_a_wide_ground) {
     Lent lent;
     lent.meshes = {sphere_mesh(1.0F, 100, 0.0F, 0.0F), plane_mesh(Vec2f(1e5F, 1e5F), 1)};
@@ -331,7 +333,7 @@ TEST(ColliderTree, is_empty_where_there_is_nothing) {
     EXPECT_TRUE(found.empty());
 }
 
-// A sector that leaves a skin: the tree leaves nearly everything out, whether its triangles are large or small.
+// A sector above a skin: the tree rejects nearly all triangles, large or small.
 TEST(ColliderTree, parts_a_strand_from_the_skin_below_it) {
     for (const int divisions : {40, 200}) {
         Lent lent;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Segments as the chain solved them, each solved again by the oracle from the same state.
+// Solves each segment of the chain again with the oracle, from the same state.
 #include "tests/chain/furred_collision.h"
 
 #include <gtest/gtest.h>
@@ -35,7 +35,7 @@ Agreement compare(const Fur& fur, const oracle::TriangleSet& set, size_t stride)
                                  std::max(margin, 1e-7 * s.clearance));
         if (trace.turned.pushed_out || !turn.start_free) {
             ++sum.pushed_out;
-            // The direction differs where a narrow free range was passed over; then the turn out is the greater one.
+            // Directions differ if a narrow free range was skipped; then the chain's turn is the larger one.
             const double mine = angle_between(s.from, trace.turned.direction);
             const double theirs = angle_between(s.from, turn.direction);
             sum.larger_out += std::abs(mine - theirs) > 1e-4;

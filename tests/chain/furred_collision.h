@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Strands on a mesh, blown and collided, with what the oracle says of them.
+// Strands on a mesh, blown and collided, and their checks by the oracle.
 #pragma once
 
 #include "tests/chain/furred_world.h"
@@ -43,7 +43,7 @@ struct Fur {
     std::vector<float> profile;
     std::vector<Strands> patches;
     CollisionCounts counts;
-    std::vector<SegmentTrace> trace; // strands are numbered through
+    std::vector<SegmentTrace> trace; // strand numbers are continuous over the patches
 
     std::vector<Vec3d> strand(size_t i) const {
         const Strands& s = patches[i / 512];

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Meshes in an Embree scene of their own and strands that grow on one of them: what a renderer lends to the chain, made by
-// hand, so that a stage can be run alone.
+// Meshes in an Embree scene of their own and strands that grow on one of them: the data that a renderer
+// passes to the chain, so that a stage can be tested alone.
 #pragma once
 
 #include "core/geometry/mesh.h"
@@ -15,11 +15,12 @@
 
 namespace marram {
 
-// Patches of a groom with everything that collide() wants.
+// Meshes and their Embree scene, with all data that collide() needs.
 class FurredWorld {
   public:
     using Positions = std::vector<Vec3f>;
-    // later: [mesh][motion sample from the second on], for meshes that deform; all have as many, or none.
+    // later: [mesh][motion sample from the second on], for deforming meshes; all have the same number of
+    // samples, or none.
     explicit FurredWorld(std::vector<Mesh> meshes, std::vector<std::vector<Positions>> later = {});
     ~FurredWorld();
     FurredWorld(const FurredWorld&) = delete;
@@ -47,7 +48,8 @@ class FurredWorld {
 // A plain coat: `count` strands of `cvs` CVs on mesh 0, lengths in a range, leaning and curved a little.
 Groom plain_coat(uint64_t count, int cvs, double shortest, double longest, double width);
 
-// All strands of the groom in patches of at most 512, at rest on the surface; on a deformed one: those of `bind`.
+// All strands of the groom in patches of at most 512, at rest on the surface. On a deformed surface: the
+// strands of `bind`.
 std::vector<Strands> grow(const Groom& groom, const Wind& wind, const GrowthPoses& poses,
                           size_t most = SIZE_MAX);
 inline std::vector<Strands> grow(const Groom& groom, const Wind& wind, const Surface& surface,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The promise of wind collision: no segment of a strand with a free root crosses a triangle, the drawn curve dips in by
-// less than the tolerance, and strands come as far towards their goal as the oracle's.
+// The guarantees of wind collision: no segment of a strand with a free root crosses a triangle, the curve
+// penetrates by less than the tolerance, and strands get as close to their targets as with the oracle.
 #include "tests/chain/furred_collision.h"
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ Kept examine(const Fur& fur, const oracle::TriangleSet& set, MarramBasis basis, 
     kept.strands = fur.count();
     for (size_t i = 0; i < kept.strands; ++i) {
         const std::vector<Vec3d> cvs = fur.strand(i);
-        // A root that stands nearer to a collider than what is drawn there is thick is not free.
+        // A root closer to a collider than the curve's radius there is not free.
         if (set.nearest(cvs[0], cvs[0]).closest.distance < fur.radii(i)[0]) {
             ++kept.rooted_within;
             continue;
@@ -47,7 +47,7 @@ Kept examine(const Fur& fur, const oracle::TriangleSet& set, MarramBasis basis, 
     return kept;
 }
 
-// The oracle solves the same strands, with the clearances that the chain had.
+// Solves the same strands with the oracle, with the chain's clearances.
 double oracle_share(const Fur& bent, const Fur& solved, const oracle::TriangleSet& set, size_t stride,
                     bool straight_out) {
     double turned = 0.0, goal = 0.0;
@@ -56,7 +56,7 @@ double oracle_share(const Fur& bent, const Fur& solved, const oracle::TriangleSe
         clearances[trace.strand].push_back(trace.segment.clearance);
     for (size_t i = 0; i < solved.count(); i += stride) {
         const Strands& s = bent.patches[i / 512];
-        if (clearances[i].size() + 1 != size_t(s.cvs)) continue; // its root is not free
+        if (clearances[i].size() + 1 != size_t(s.cvs)) continue; // the root is not free
         std::vector<Vec3d> rest;
         for (int k = 0; k < s.cvs; ++k) {
             const Wide3f& p = s.rest[i % 512 / lanes * size_t(s.cvs) + size_t(k)];
@@ -108,7 +108,7 @@ void keeps_the_promise(const char* name, std::vector<Mesh> meshes, FurOptions op
         const Fur traced = blow(world, options, true);
         Fur bent = blow(world, options, false);
         {
-            // The targets: bent, not collided.
+            // The targets: bent but not collided.
             const Ramp whole;
             ChainFrame chain = make_chain_frame(
                 {bent.wind, whole, world.frame(), &world.mesh(0), bent.profile, options.basis});
@@ -126,7 +126,7 @@ void keeps_the_promise(const char* name, std::vector<Mesh> meshes, FurOptions op
     }
 }
 
-// A cloth-like sheet with sharp folds that hang over.
+// A cloth-like sheet with sharp overhanging folds.
 Mesh folded_sheet(int n) {
     Mesh mesh;
     for (int j = 0; j <= n; ++j)
@@ -146,11 +146,11 @@ Mesh folded_sheet(int n) {
     return mesh;
 }
 
-// Meshes at a time of the shutter, 0 to 1; strands grow on the first.
+// Meshes at a time of the shutter, 0 to 1; strands grow on the first mesh.
 using Stage = std::function<std::vector<Mesh>(double time)>;
 
-// Between two keys CVs and vertices move straight; what was free at both may cross or dip there. Solved at `keys` times of
-// the shutter, looked at in 8 instants of it, the same for all numbers of keys.
+// Between two keys CVs and vertices move linearly; curves that are free at both keys may cross or penetrate
+// in between. Solves at `keys` times of the shutter and checks 8 instants, the same for every number of keys.
 Kept between_keys(const Stage& stage, size_t keys, const FurOptions& options) {
     std::vector<Mesh> meshes = stage(0.0);
     std::vector<std::vector<FurredWorld::Positions>> later(meshes.size());
@@ -159,7 +159,7 @@ Kept between_keys(const Stage& stage, size_t keys, const FurOptions& options) {
         for (size_t m = 0; m < meshes.size(); ++m) later[m].push_back(then[m].positions);
     }
     const FurredWorld world(meshes, later);
-    Fur fur; // its strands are moved along from key to key below
+    Fur fur; // its strands are interpolated between keys below
     fur.groom = plain_coat(options.count, options.cvs, options.length[0], options.length[1], options.width);
     fur.wind = plain_wind(options.wind, options.global_rotate);
     fur.wind.collision = options.collision;
@@ -268,8 +268,8 @@ TEST(Promise, is_kept_on_a_car_body) {
                       {.count = 4000, .length = {0.04, 0.06}, .width = 0.001}, 4);
 }
 
-// Half a frame of 1/24 s: a body in wind that turns (45 and 360 degrees a second), one that breathes, and a ball that is
-// pushed into the fur (2 m/s).
+// Half a frame of 1/24 s: a body that rotates in wind (45 and 360 degrees/s), one that breathes, and a ball
+// that is pushed into the fur (2 m/s).
 TEST(Promise, is_measured_between_motion_keys) {
     constexpr double shutter = 0.5 / 24.0;
     const auto body = [](const std::function<Vec3f(const Vec3f&)>& moved) {

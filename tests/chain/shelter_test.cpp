@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shelter that fades, shelter from a cone of wind, and what it costs in accuracy that jiggle looks back with the shelter
-// of the present.
+// Shelter that fades, shelter from a cone of wind, and the error because jiggle uses the present shelter for
+// past frames.
 #include "tests/chain/furred_collision.h"
 #include "tests/oracle/shield.h"
 #include "tests/whole.h"
@@ -16,7 +16,7 @@ namespace {
 Vec3d lane_of(const Wide3f& p, int lane) { return {double(p.x[lane]), double(p.y[lane]), double(p.z[lane])}; }
 Vec3d lane_of(const Wide3d& p, int lane) { return {p.x[lane], p.y[lane], p.z[lane]}; }
 
-// A furred sphere with two smaller ones upwind of it, one behind the other.
+// A furred sphere and two smaller ones upwind of it, one behind the other.
 struct Spheres {
     std::vector<Mesh> meshes = {sphere_mesh(1.0F, 24, 0.05F, 9.0F), sphere_mesh(0.5F, 12, 0.0F, 1.0F),
                                 sphere_mesh(0.3F, 12, 0.0F, 1.0F)};
@@ -68,7 +68,7 @@ TEST(Shelter, that_fades_agrees_with_the_oracle) {
             for (Strands& s : grow(groom, wind, world.surface(0))) {
                 shield(shielding, wind.direction, colliders, heights, s);
                 for (int i = 0; i < s.count; ++i, ++strands)
-                    for (int k = 1; k < s.cvs; ++k, ++cvs) { // roots stand on the skin: Stages.shielding_...
+                    for (int k = 1; k < s.cvs; ++k, ++cvs) { // roots are on the skin: Stages.shielding_...
                         const size_t at = size_t(i / lanes) * size_t(s.cvs) + size_t(k);
                         const oracle::Shelter right = oracle::shelter_from(
                             lane_of(s.rest[at], i % lanes), -wind.direction, 3.0, 1e-6, spheres.set, fade);
@@ -90,8 +90,8 @@ TEST(Shelter, that_fades_agrees_with_the_oracle) {
     }
 }
 
-// The chain's lattice of directions against the oracle's integral over the cone: the difference falls as the cone's law says,
-// and has no mean.
+// Compares the chain's lattice of directions with the oracle's integral over the cone: the difference
+// decreases as expected for a cone and has zero mean.
 TEST(Shelter, from_a_cone_of_wind_comes_to_the_oracles_integral) {
     constexpr std::array rays = {16, 64, 256, 1024};
     const Spheres spheres;
@@ -145,22 +145,22 @@ TEST(Shelter, from_a_cone_of_wind_comes_to_the_oracles_integral) {
     EXPECT_GT(partly, 300U);
     EXPECT_LT(rms[1], 0.5 * rms[0]);
     EXPECT_LT(rms[2], 0.5 * rms[1]);
-    EXPECT_LT(rms[3], 0.5 * rms[1]); // as fine as the oracle's own 1024 directions
+    EXPECT_LT(rms[3], 0.5 * rms[1]); // as fine as the oracle's 1024 directions
 }
 
 namespace {
 
-// Meshes at a frame; strands grow on the first.
+// Meshes at a frame; strands grow on the first mesh.
 using Stage = std::function<std::vector<Mesh>(double frame)>;
 
 struct Swung {
-    double worst = 0.0; // of the length
-    double share = 0.0; // of strands farther off than 1 % of their length
+    double worst = 0.0; // relative to the length
+    double share = 0.0; // fraction of strands with an error above 1 % of their length
     size_t strands = 0;
 };
 
-// Strands that jiggle at frame 20 as the chain has them, with shelter held, against the same with the shelter that each of the
-// past instants had.
+// Compares strands that jiggle at frame 20 in the chain, with present shelter, with strands that use the
+// shelter of each past time.
 Swung error_of_held_shelter(const Stage& stage, double spread) {
     const double now = 20.0;
     const FurredWorld world(stage(now));
@@ -199,7 +199,8 @@ Swung error_of_held_shelter(const Stage& stage, double spread) {
         const double time = jiggle.frame_of(knot);
         const FurredWorld then(stage(time));
         const MarramFrame past = framed(then, time);
-        const ChainFrame there = make_chain_frame({wind, whole, past, &then.mesh(0), profile, MARRAM_BSPLINE});
+        const ChainFrame there =
+            make_chain_frame({wind, whole, past, &then.mesh(0), profile, MARRAM_BSPLINE});
         ChainScratch scratch;
         history.push_back(grow(groom, wind, {at_rest.surface(0), then.surface(0)}));
         for (size_t p = 0; p < truth.size(); ++p) {
@@ -226,7 +227,7 @@ Swung error_of_held_shelter(const Stage& stage, double spread) {
         jiggle_patch(chain, expand, held, scratch);
         Strands bent = truth[p];
         ChainScratch other;
-        run_chain(chain, 0, bent, other); // the pose at the time itself, which lengths are restored from
+        run_chain(chain, 0, bent, other); // the pose at the present time, for restoring lengths
         WideVector<Wide3f> right = bent.pose;
         filters[p].emit(now, bent, right);
         for (int i = 0; i < held.count; ++i, ++swung.strands) {
@@ -254,14 +255,15 @@ void turn_about_y(Mesh& mesh, double angle) {
 
 } // namespace
 
-// An obstacle that goes across the wind in front of a field, and a body that turns in its own shelter. Where nothing moves,
-// holding is exact. Otherwise what is off is the strands that the edge of the shelter has passed while they still remember,
-// some 1 / (damping omega) = 0.18 s: their number grows with the speed, the worst of them is off by what shelter is worth.
+// An obstacle that moves across the wind in front of a field, and a body that rotates in its own shelter. If
+// nothing moves, holding the shelter is exact. Otherwise the strands that the edge of the shelter has passed
+// within their memory, about 1 / (damping omega) = 0.18 s, have errors. Their number grows with the speed;
+// the largest error is the full effect of shelter.
 TEST(Shelter, held_for_jiggle_is_off_where_its_edge_has_just_passed) {
     struct Row {
         const char* what;
         double speed, spread,
-            most; // m/s or degrees a second; most: share of strands off by 1 % of their length
+            most; // m/s or degrees/s; most: fraction of strands with an error above 1 % of their length
     };
     const auto crossing = [](double speed) -> Stage {
         return [speed](double frame) {

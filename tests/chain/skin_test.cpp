@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Offset scale: where targets are pushed to, and that they do not jump while the wind moves them on.
+// Offset scale: where targets are pushed to, and that they do not jump as the wind moves them.
 #include "procedural/wind/skin.h"
 
 #include "tests/chain/furred_collision.h"
@@ -41,8 +41,8 @@ TEST(Skin, pushes_targets_where_the_oracle_does) {
     EXPECT_LT(worst, 1e-9);
 }
 
-// Faces that stand just across the direction asked for: whether they face it is a matter of rounding, but whoever is not let in
-// must not hide those behind.
+// Faces perpendicular to the facing direction: rounding decides whether they face it, but rejected faces must
+// not hide those behind.
 TEST(Skin, finds_a_foot_where_faces_stand_across_the_direction_asked_for) {
     Mesh prism; // a square on its corner
     for (const float z : {-1.0F, 1.0F})
@@ -75,7 +75,7 @@ TEST(Skin, finds_a_foot_where_faces_stand_across_the_direction_asked_for) {
 }
 
 TEST(Skin, pushed_targets_stand_high_enough_and_follow_without_jumps) {
-    // Coarse, so that a facet's normal tells nothing of its neighbour's: ten degrees and more apart.
+    // Coarse, so that the normals of adjacent facets differ by ten degrees or more.
     const FurredWorld world({sphere_mesh(1.0F, 10, 0.05F, 7.0F)});
     const Colliders colliders = world.colliders();
     oracle::Draw draw(11);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bend, shielding and jiggle of whole strands against the oracle, on random strands.
+// Compares bend, shielding and jiggle of whole strands with the oracle, on random strands.
 #include "tests/chain/furred_collision.h"
 #include "tests/oracle/bend.h"
 #include "tests/oracle/jiggle.h"
@@ -105,8 +105,7 @@ TEST(Stages, shielding_agrees_with_the_oracle) {
                     const bool mine =
                         s.shield[size_t(i / lanes) * size_t(s.cvs) + size_t(k)][i % lanes] > 0.5F;
                     sheltered += right.hit[size_t(k)];
-                    if (k ==
-                        0) { // stands on the skin: the side that it faces decides unless something else is in the way
+                    if (k == 0) { // on the skin: its facing decides, unless something else is in the way
                         const Wide3d& n = s.root_normal[size_t(i / lanes)];
                         const Vec3d normal(n.x[i % lanes], n.y[i % lanes], n.z[i % lanes]);
                         if (normal.dot(wind.direction) < -0.3) {
@@ -132,7 +131,7 @@ TEST(Stages, shielding_agrees_with_the_oracle) {
     EXPECT_EQ(wrong_roots, 0U);
 }
 
-// Wind from a cone of directions: the ground that strands grow on takes none of it.
+// Wind from a cone of directions: the ground that strands grow on does not shelter them.
 TEST(Stages, a_cone_of_wind_is_whole_over_open_ground) {
     const FurredWorld world({plane_mesh(Vec2f(8.0F, 8.0F), 4)});
     const Groom groom = plain_coat(500, 5, 0.1, 0.3, 0.004);
@@ -205,7 +204,7 @@ TEST(Stages, jiggle_agrees_with_the_oracle) {
     EXPECT_LT(worst, 1e-5);
 }
 
-// The same strand drawn with more CVs shows the same pose.
+// More CVs give the same pose of a strand.
 TEST(Stages, poses_converge_as_cvs_are_added) {
     FurredWorld world({sphere_mesh(1.0F, 24, 0.0F, 1.0F)});
     std::vector<Vec3d> tips[4];

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The talk's fixed steps beside exact contact: what they leave unresolved, how far off they stop, and what both cost.
+// Compares the talk's fixed steps with exact contact: what they leave unresolved, how far from contact they
+// stop, and the cost of both.
 #include "tests/chain/furred_collision.h"
 
 #include <gtest/gtest.h>
@@ -17,7 +18,7 @@ size_t crossing(const Fur& fur, const oracle::TriangleSet& set) {
     return sum;
 }
 
-// What a solver's contact angles are off by, in the mean and at worst, over segments that touch and start free.
+// Mean and maximum error of a solver's contact angles over segments that touch and start free.
 struct Off {
     double mean = 0.0, worst = 0.0;
     size_t segments = 0;
@@ -29,7 +30,7 @@ Off contact_error(const Fur& fur, const oracle::TriangleSet& set, bool exact) {
         const Segment& s = trace.segment;
         if (trace.turned.outcome != Outcome::contact || trace.turned.pushed_out) continue;
         const Arc arc = arc_of(s);
-        // The steps know no clearance: their contact is that of the bare segment.
+        // The steps do not use a clearance: their contact is that of the bare segment.
         const oracle::Contact contact = oracle::first_contact(s.pivot, s.from, arc.turning.normal, arc.angle,
                                                               s.length, exact ? s.clearance : 0.0, set);
         const double error = std::abs(angle_between(s.from, trace.turned.direction) - contact.angle);
@@ -46,11 +47,11 @@ double median(std::vector<double> values) {
     return values[values.size() / 2];
 }
 
-// Seconds of collide() alone over the same bent strands, one solver after the other, several times.
+// Seconds of collide() alone for the same bent strands; the solvers alternate, several rounds.
 struct Costs {
-    double exact, steps; // in a frame, the colliders being at rest
-    double first; // exact in the first frame: the tree is made, and what is asked of it for the first time
-    double tree, tree_again; // of these
+    double exact, steps;     // per frame, with colliders at rest
+    double first;            // exact, first frame: includes building the tree and its first queries
+    double tree, tree_again; // part of these for the tree: first frame, next frame
 };
 
 Costs costs(const FurredWorld& world, double global_rotate) {
@@ -60,7 +61,8 @@ Costs costs(const FurredWorld& world, double global_rotate) {
     std::vector<float> profile;
     for (int k = 0; k < 5; ++k) profile.push_back(float(0.5 * groom.width_profile(k / 4.0)));
     const Ramp whole;
-    ChainFrame chain = make_chain_frame({wind, whole, world.frame(), &world.mesh(0), profile, MARRAM_BSPLINE});
+    ChainFrame chain =
+        make_chain_frame({wind, whole, world.frame(), &world.mesh(0), profile, MARRAM_BSPLINE});
     chain.frame.stage = MARRAM_BENT;
     ChainScratch scratch;
     std::vector<Strands> bent = grow(groom, wind, world.surface(0));
@@ -121,8 +123,9 @@ TEST(Steps, leave_strands_in_the_skin_and_stop_short_of_contact) {
     }
 }
 
-// Over a wind that bends strands more than half way and one that lays them against the skin, where exact contact alone costs
-// what the steps do that stop short of it: with vectors of 512 bits, and one and a half times that with 256, which the second bound is for.
+// Two winds: one bends strands more than half way, the other presses them against the skin. There exact
+// contact alone costs as much as the steps, which stop short of it, with 512-bit vectors, and 1.5 times as
+// much with 256-bit vectors. Hence the second bound.
 TEST(Speed, exact_collision_costs_less_than_sixteen_steps) {
     for (const int divisions : {71, 500}) {
         const auto before = std::chrono::steady_clock::now();
@@ -144,7 +147,7 @@ TEST(Speed, exact_collision_costs_less_than_sixteen_steps) {
             exact += c.exact;
             steps += c.steps;
         }
-        // On the fine skin both winds together are reported; see the README.
+        // On the fine skin the costs are only reported; see the README.
         if (divisions < 100) {
             EXPECT_LT(exact, 1.6 * steps);
         }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Mutates inputs and holds the program to its promise: bad input is refused with exit code 2 and lines that say where and what,
-// nothing crashes, no output is left behind, no input is touched.
+// Mutates inputs and checks that the program handles them: bad input is refused with exit code 2 and messages
+// that say where and what; nothing crashes, no output is left behind, no input is modified.
 //
-//     build/marram_fuzz --seconds 3600 --seed 7           for an hour, other cases for each seed
-//     build/marram_fuzz --seed 7 --kind mesh --case 123   one of them again; its folder is kept
+//     build/marram_fuzz --seconds 3600 --seed 7           for an hour; each seed gives other cases
+//     build/marram_fuzz --seed 7 --kind mesh --case 123   repeats one case and keeps its folder
 //
 // All randomness comes from seed, kind and case, so a case is the same on every run and machine.
 #include "core/cli/cli.h"
@@ -85,7 +85,7 @@ const std::vector<std::string> extremes = {"0",
                                            "[[1, 0], [0, 1]]",
                                            "1e5"};
 
-// The number that begins at or behind `at`.
+// The first number at or after `at`: its position and size.
 std::pair<size_t, size_t> number_at(const std::string& text, size_t at) {
     constexpr const char* digits = "0123456789.-+e";
     const size_t begin = text.find_first_of("0123456789", at);
@@ -120,12 +120,12 @@ void mutate_once(std::string& bytes, bool text, Random& random) {
             bytes[at + i] = char(value >> (8 * i));
         break;
     }
-    case 6: { // a number by another
+    case 6: { // replace a number
         const auto [begin, size] = number_at(bytes, at);
         if (size > 0) bytes.replace(begin, size, random.pick(extremes));
         break;
     }
-    case 7: { // a line twice, or gone
+    case 7: { // double or delete a line
         const size_t begin = bytes.rfind('\n', at) == std::string::npos ? 0 : bytes.rfind('\n', at) + 1;
         const size_t end = std::min(bytes.find('\n', at), bytes.size() - 1) + 1;
         const std::string line = bytes.substr(begin, end > begin ? end - begin : 0);
@@ -135,7 +135,7 @@ void mutate_once(std::string& bytes, bool text, Random& random) {
             bytes.erase(begin, line.size());
         break;
     }
-    default: { // two characters change places
+    default: { // swap two characters
         const size_t other = random.below(bytes.size());
         std::swap(bytes[at], bytes[other]);
     }
@@ -147,7 +147,7 @@ std::string mutated(std::string bytes, bool text, Random& random) {
     return bytes;
 }
 
-// Checksums of a PNG's chunks as they should be, so that what is behind them is looked at.
+// Corrects the checksums of a PNG's chunks, so that the decoder reads on.
 void mend_checksums(std::string& png) {
     const auto byte = [&](size_t i) { return uint32_t(static_cast<unsigned char>(png[i])); };
     for (size_t at = 8; at + 12 <= png.size();) {
@@ -222,7 +222,7 @@ clump = { size = 0.2 }
 envelope = [[0, 0.5], [1, 1]]
 )";
 
-// A layer of each kind, and a groom on what they make.
+// One layer of each kind, and a groom on the result.
 const std::string terrain_text = R"([camera]
 position = [0, 6, 14]
 target = [0, 0, 0]
@@ -345,14 +345,14 @@ std::string ply_binary() {
     return bytes;
 }
 
-// Files that are mutated, made once.
+// The files to mutate, made once.
 struct Seeds {
     std::string exr, png, state, state_scene;
 };
 
 struct Command {
     std::vector<std::string> arguments;
-    std::string output; // a picture that is to be there after exit code 0; "" for none
+    std::string output; // picture that must exist after exit code 0; "" for none
 };
 
 using Maker = Command (*)(const Seeds&, const fs::path&, Random&);
@@ -432,7 +432,7 @@ const std::string strands_ply =
     "strand_id\nproperty float length\nend_header\n0 0 0 1 1 9 8 7 1 2\n1 0 0 1 1 9 8 7 3 4\n1 1 0 1 2 9 8 7 "
     "5 6\n0 1 1 1 2 9 8 7 7 8\n2 0.5\n1 0.25\n";
 
-// Strands of a file, which are read though nobody uses them.
+// Strand files. They are read although nothing uses them.
 Command make_strands(const fs::path& folder, Random& random) {
     static const std::pair<const char*, std::string> files[] = {
         {"c.hair", hair_binary()},
@@ -563,7 +563,7 @@ Command make_set(const Seeds&, const fs::path& folder, Random& random) {
         if (random.one_in(10)) value = mutated(value, true, random);
         if (random.one_in(40)) value = std::string(5000, 'x');
         std::string setting = key + "=" + value;
-        std::erase(setting, '\0'); // an argument ends there
+        std::erase(setting, '\0'); // a NUL would end the argument
         more.insert(more.end(), {"--set", setting});
     }
     return render(folder, more);
@@ -620,7 +620,8 @@ struct Settings {
     unsigned cpu = 20; // seconds
 };
 
-// In a copy of this process: threads that a library starts here would be missing from later copies, which would wait for them.
+// Runs body in a child process. A library's threads would be missing in later children, which would wait for
+// them.
 int in_a_copy(const std::function<int()>& body) {
     std::fflush(nullptr);
     const pid_t child = ::fork();
@@ -642,7 +643,7 @@ int run_child(const std::vector<std::string>& arguments, const fs::path& streams
         };
         limit(RLIMIT_CORE, 0);
         limit(RLIMIT_CPU, cpu);
-#ifndef __SANITIZE_ADDRESS__ // which reserves terabytes
+#ifndef __SANITIZE_ADDRESS__ // it reserves terabytes
         limit(RLIMIT_AS, rlim_t(3) << 30);
 #endif
         ::close(STDIN_FILENO);
@@ -658,7 +659,7 @@ int run_child(const std::vector<std::string>& arguments, const fs::path& streams
     });
 }
 
-// What is wrong with a message; "" for nothing.
+// The fault of a message; "" if it has none.
 std::string message_fault(const std::string& err) {
     constexpr size_t longest = 2200;
     if (err.empty()) return "exit code 2 and not a word";
@@ -701,7 +702,7 @@ std::string fault_of(const Command& command, int code, const fs::path& folder,
     return command.output.empty() || in_a_copy(reads) == 0 ? "" : "the picture cannot be read";
 }
 
-// Returns whether it holds.
+// Returns whether the case passes.
 bool run_case(const Seeds& seeds, const Settings& settings, size_t kind, uint64_t number) {
     const fs::path base =
         fs::path(settings.folder) / fmt::format("{}-{}-{}", kinds[kind].name, settings.seed, number);
@@ -750,7 +751,7 @@ Seeds make_seeds(const Settings& settings) {
     return seeds;
 }
 
-// Every `workers`-th case. Returns how many did not hold.
+// Runs every `workers`-th case. Returns the number of failures.
 int run_share(const Seeds& seeds, const Settings& settings, unsigned worker, unsigned workers) {
     using Clock = std::chrono::steady_clock;
     const auto end = Clock::now() + std::chrono::duration<double>(settings.seconds);
@@ -778,7 +779,7 @@ int fuzz(Settings settings) {
         return findings;
     }
     const unsigned workers = std::max(1U, std::thread::hardware_concurrency());
-    load_image_library(); // once: each copy would load it again
+    load_image_library(); // once, or each child would load it again
     std::vector<pid_t> children;
     for (unsigned w = 0; w < workers; ++w) {
         std::fflush(nullptr);

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Noise against samples, on every scene that has a golden frame. Two renders with different seeds differ by twice the variance of
-// one, with nothing to compare either with: pixels are unbiased, so that variance is their whole error. Independent
-// samples would bring it down with the power -1 of their number, its root with -1/2; the sampler's stratification does better where
-// pixels are smooth in many dimensions, at best -3/2.
+// Noise against samples, on scenes of the golden frames. The squared difference of two renders with different
+// seeds has twice the variance of one, so no reference is needed: pixels are unbiased, and variance is their
+// whole error. With independent samples variance falls with power -1 of their number, and its root with -1/2.
+// The sampler's stratification does better where pixels are smooth in many dimensions, at best -3/2 for the
+// root.
 #include "tests/golden/goldens.h"
 
 #include <gtest/gtest.h>
@@ -15,7 +16,7 @@ namespace {
 
 constexpr std::array<uint32_t, 3> counts = {2, 8, 32};
 
-// Root of the mean variance of pixels, as a share of the picture's mean.
+// Root of the pixels' mean variance, relative to the picture's mean.
 double noise_of(const Stage& stage, uint32_t samples) {
     const Picture a = stage.render(101, samples), b = stage.render(202, samples);
     const std::vector<float>&x = a.layers[0].pixels, &y = b.layers[0].pixels;
@@ -52,7 +53,7 @@ TEST_P(Convergence, falls_with_the_root_of_the_samples_or_faster) {
     EXPECT_GT(power, -1.5);
 }
 
-// One of each kind of light and matter, and all scenes of the gallery.
+// A scene for each kind of light and material, and all scenes of the gallery.
 std::vector<Golden> looked_at() {
     std::vector<Golden> some;
     for (const Golden& golden : goldens())

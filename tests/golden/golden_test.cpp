@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every feature's picture against its golden frame; a mere change of seed passes, and planted faults do not.
+// Compares each feature's picture with its golden frame. A change of seed passes; planted faults must be
+// found.
 #include "tests/golden/goldens.h"
 #include "tests/whole.h"
 
@@ -35,7 +36,7 @@ std::string text(const Comparison& comparison) {
     return all;
 }
 
-// What failed, beside its golden, for a browser.
+// Writes a failed picture and a page that shows it beside its golden.
 std::string page_of(const Picture& picture, const Golden& golden, const Comparison& comparison) {
     fs::create_directories("golden_failures");
     const std::string path = "golden_failures/" + golden.name;
@@ -76,7 +77,7 @@ TEST(Golden, frames_take_no_more_than_five_mebibytes_and_all_are_known) {
     EXPECT_LE(bytes, size_t(5) << 20);
 }
 
-// A hundred renders that differ in the seed alone, spread over all goldens.
+// Renders that differ only in their seed, spread over all goldens.
 TEST(Golden, a_change_of_seed_is_no_fault) {
     const size_t renders = testing::whole_run() ? 2 * goldens().size() : goldens().size();
     const size_t count = goldens().size();
@@ -97,7 +98,7 @@ TEST(Golden, a_change_of_seed_is_no_fault) {
 
 // ---- faults ---------------------------------------------------------------------------------------------------------
 
-// Caught, with whatever seed.
+// Expects the fault to be caught with every seed.
 void expect_caught(
     const char* what, const Stage& stage, const Golden& golden,
     const std::function<void(Picture&)>& spoil = [](Picture&) {},
@@ -120,7 +121,7 @@ void expect_caught(const char* what, const std::string& name, const std::vector<
     expect_caught(what, Stage(golden, faults), golden);
 }
 
-// Where the cubics are traced as straight pieces.
+// Updates the straight pieces that the cubics are traced as.
 void edit_pieces(World& world, size_t g) {
     const CurveGeometry& curves = world.curves[g];
     RTCGeometry pieces = rtcGetGeometry(world.scene.get(), unsigned(world.meshes.size() + g));
@@ -133,7 +134,7 @@ void edit_pieces(World& world, size_t g) {
     rtcCommitGeometry(pieces);
 }
 
-// Moves CVs in the buffers that Embree reads, and builds its tree again.
+// Moves CVs in Embree's buffers and rebuilds its BVH.
 void edit_curves(World& world, const std::function<void(uint64_t curve, float* vertex)>& edit) {
     for (size_t g = 0; g < world.curves.size(); ++g) {
         const CurveGeometry& curves = world.curves[g];
@@ -157,7 +158,7 @@ void edit_curves(World& world, const std::function<void(uint64_t curve, float* v
 TEST(GoldenFault, strands_off_by_half_a_pixel) {
     const Golden& golden = golden_named("still");
     Stage stage(golden);
-    // At 3.4 m, 34 degrees over 72 pixels.
+    // The camera is 3.4 m away; its field of view is 34 degrees over 72 pixels.
     const float half = 0.5F * 3.4F * 2.0F * std::tan(17.0F * 3.14159265F / 180.0F) / 72.0F;
     edit_curves(stage.world(), [&](uint64_t, float* vertex) { vertex[0] += half; });
     expect_caught("strands off by half a pixel", stage, golden);
@@ -178,7 +179,8 @@ TEST(GoldenFault, jiggle_is_off) { expect_caught("jiggle is off", "jiggle", {"wi
 TEST(GoldenFault, collision_is_off_for_one_strand_in_a_hundred) {
     const Golden& golden = golden_named("collision");
     Stage stage(golden), without(golden, {"wind.collision={solver=\"none\"}"});
-    // One in a hundred of all strands, of those that collision holds off the skin by a pixel or more: of the others nothing is seen.
+    // 1 % of all strands, taken from those that collision moves by more than a pixel: of the others nothing
+    // is visible.
     const CurveGeometry &with = stage.world().curves[0], &other = without.world().curves[0];
     const size_t stride = with.cvs_per_curve + 2, strands = with.curve_count;
     const float pixel = 2.0F * 3.4F * std::tan(17.0F * 3.14159265F / 180.0F) / 72.0F;
@@ -201,7 +203,7 @@ TEST(GoldenFault, collision_is_off_for_one_strand_in_a_hundred) {
     expect_caught("collision off, one strand in 100", stage, golden);
 }
 
-// Each frame against its scene without what it shows, or with a little more or less of that.
+// Compares each frame with its scene without the feature that it shows, or with slightly more or less of it.
 TEST(GoldenFault, what_a_frame_shows_is_missed) {
     struct Missing {
         const char *golden, *what;
@@ -264,7 +266,7 @@ TEST(GoldenFault, what_a_frame_shows_is_missed) {
     }
 }
 
-// A square of a layer that holds what stands elsewhere; names that are others; one that is taken for another.
+// A square of a layer holds the values of another place.
 TEST(GoldenFault, a_layer_is_spoilt) {
     const Golden& golden = golden_named("layers");
     const Picture picture = Stage(golden).render(15);
@@ -276,7 +278,7 @@ TEST(GoldenFault, a_layer_is_spoilt) {
         const auto row = [&](int x, int y) {
             return layer->pixels.begin() + long((size_t(y) * size_t(picture.width) + size_t(x)) * channels);
         };
-        for (int y = 0; y < 16; ++y) // from the fur, into the sky or onto the floor
+        for (int y = 0; y < 16; ++y) // from the fur to the sky or the floor
             std::copy_n(row(40, 30 + y), 16 * channels, row(4, 4 + y));
         const Comparison comparison = against_golden(spoilt, golden);
         EXPECT_FALSE(comparison.alike()) << name << ": a square of another place passes";

@@ -26,14 +26,14 @@ Golden fur(const std::string& name, const std::string& shows, std::vector<std::s
     return {name, shows, "golden/fur.toml", 20, std::move(changes)};
 }
 
-// A scene of the gallery, smaller and with fewer strands.
+// A gallery scene, smaller and with fewer strands.
 Golden figure(const std::string& name, double frame, std::vector<std::string> changes) {
     changes.insert(changes.begin(), small.begin(), small.end());
     return {name, "the scene of that name, small", name + ".toml", frame, std::move(changes)};
 }
 
-// A scene of the desert, coarser; smaller still, for the frames of a folder that is to stay small. Glints are so rare that
-// renders with other seeds do not know how bright they are: fewer here.
+// A desert scene, coarser and smaller still, to keep the folder of goldens small. Glints are so rare that
+// renders with different seeds disagree about their brightness: fewer here.
 Golden desert(const std::string& name, double frame, std::vector<std::string> changes) {
     changes.insert(changes.begin(), {"film.size=[72, 54]", "film.samples=64", "film.clamp=2"});
     return {name, "the scene of that name, small and coarse", name + ".toml", frame, std::move(changes)};
@@ -157,7 +157,8 @@ std::span<const Golden> goldens() {
                {"film.samples=128", "procedural.fur.count=20000", "procedural.fur.width=0.005"}),
         figure("figure1c", 1,
                {"film.samples=128", "procedural.fur.count=20000", "procedural.fur.width=0.005"}),
-        // Wet blades in a low sun flash so seldom that renders with other seeds do not know how brightly: duller ones here.
+        // Wet blades under a low sun glint so rarely that renders with different seeds disagree about their
+        // brightness: rougher blades here.
         figure(
             "dune", 1,
             {"procedural.grass.density=300", "procedural.grass.width=0.02", "material.marram.roughness=0.8"}),
@@ -208,7 +209,7 @@ Stage::Stage(const Golden& golden, const std::vector<std::string>& faults) : fra
     overrides.settings.insert(overrides.settings.end(), faults.begin(), faults.end());
     scene_ = load_shot(MARRAM_SOURCE_DIR "/scenes/" + golden.scene, overrides, never);
     BuildSettings settings = build_settings(scene_, frame_);
-    settings.state_folder.clear(); // what an earlier build left there is not what this one makes
+    settings.state_folder.clear(); // states of an earlier build must not be used
     layers_ = golden.layers;
     settings.attributes = wanted_attributes(scene_, layers_);
     BuildProgress progress;
@@ -222,7 +223,7 @@ Picture Stage::render(uint64_t seed, uint32_t samples) const {
     RenderSettings settings = render_settings(scene_, frame_);
     std::vector<std::string> names = {"beauty"};
     names.insert(names.end(), layers_.begin(), layers_.end());
-    if (settings.noise > 0.0) names.emplace_back("variance"); // by which pixels know when they are done
+    if (settings.noise > 0.0) names.emplace_back("variance"); // adaptive sampling needs it
     Film film = make_film(width, height, names, world_);
     settings.seed = seed;
     if (samples > 0) settings.samples = samples;
@@ -241,10 +242,10 @@ Picture Stage::render(uint64_t seed, uint32_t samples) const {
 
 namespace {
 
-// Of pictures that differ in their seed alone: how many may be beyond the limits of noise.
+// The fraction of pictures, of those that differ only in their seed, that may exceed the noise limits.
 constexpr double alarms = 1e-4;
 
-// Means, and the largest of many squares, fall off like a normal distribution.
+// For means and the largest of many squares: their tails fall off like a normal distribution's.
 double limit_of(const std::vector<double>& values, double deviations) {
     double mean = 0.0, squares = 0.0;
     for (const double v : values) mean += v / double(values.size());
@@ -254,8 +255,9 @@ double limit_of(const std::vector<double>& values, double deviations) {
 
 constexpr double spread = 7.0; // standard deviations
 
-// Single pixels and their next neighbours fall off like a power, since few paths bring much of the light. The upper half tells which
-// (Hill, "A Simple General Approach to Inference About the Tail of a Distribution", 1975), within a fifth of the exponent for 48 values.
+// For single pixels and their next neighbours: their tails fall off with a power, since few paths carry much
+// of the light. The upper half of the values gives the exponent (Hill, "A Simple General Approach to
+// Inference About the Tail of a Distribution", 1975), within a fifth for 48 values.
 double tail_limit(std::vector<double> values, double chance) {
     std::ranges::sort(values, std::greater<>());
     const size_t half = values.size() / 2;
@@ -266,8 +268,8 @@ double tail_limit(std::vector<double> values, double chance) {
     return middle * std::pow(0.5 / chance, exponent);
 }
 
-// What even normally distributed noise of that variance is beyond with that chance: a few dozen renders do not know that, and some of
-// many limits would come out below it.
+// The value that even normally distributed noise of that variance exceeds with that probability. A few dozen
+// renders cannot measure it, and some of the many measured limits would be lower.
 double normal_limit(int width, int height, int size, double chance) {
     const auto across = [&](int whole) { return size > 0 ? (whole + size - 1) / size : 1; };
     return student_limit(chance / (3.0 * across(width) * across(height)), 1e9);
@@ -275,7 +277,7 @@ double normal_limit(int width, int height, int size, double chance) {
 
 using Values = std::vector<float>;
 
-// Of all renders but one: their mean, and the variance of one more render's difference from it.
+// Over all renders but `without`: their mean, and the variance of one further render's difference from it.
 void statistics(const std::vector<Values>& renders, size_t without, Values& mean, Values& variance) {
     const auto count = double(renders.size() - (without < renders.size() ? 1 : 0));
     mean.resize(renders[0].size());
@@ -345,7 +347,7 @@ Picture made(const Golden& golden) {
 void write(const Picture& picture, const std::string& path, const Golden& golden) {
     std::vector<Layer> layers;
     for (const Picture::Layer& layer : picture.layers) {
-        const bool names = layer.name == "id"; // which halves do not tell apart
+        const bool names = layer.name == "id"; // halfs cannot tell ids apart
         layers.push_back({layer.name, layer.channels, layer.pixels.data(), !layer.name.empty() && !names});
     }
     const Metadata metadata[] = {{"marram:shows", golden.shows}, {"marram:scene", golden.scene},

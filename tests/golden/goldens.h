@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Golden frames: what small pictures of every feature are to look like, in scenes/golden/NAME.exr. A golden is the mean of renders that
-// differ in their seed alone. With it stand the variance of one more render's difference from it, and the limits that comparison is to
-// keep, both measured from those renders: nothing is guessed (core/compare/compare.h says what is compared). No limit is nearer than
-// what chance alone passes in one of 10,000 renders.
+// Golden frames: small reference pictures of every feature, in scenes/golden/NAME.exr. A golden is the mean of
+// renders that differ only in their seed. Its file also holds the variance of one further render's difference
+// from the mean, and the limits of the comparison. Both are measured from those renders; nothing is guessed
+// (core/compare/compare.h says what is compared). By chance, a render exceeds each limit in at most 1 of 10,000
+// cases.
 //
-// To add one: a line in goldens.cpp, then tests/golden/update NAME --write, and a look at what it made.
+// To add one: write a line in goldens.cpp, run tests/golden/update NAME --write, and check the picture.
 #pragma once
 
 #include "core/compare/compare.h"
@@ -21,25 +22,25 @@ namespace marram::golden {
 
 struct Golden {
     std::string name, shows;
-    std::string scene; // in scenes/
+    std::string scene; // file in scenes/
     double frame = 1.0;
     std::vector<std::string> changes;  // key=value
-    std::vector<std::string> layers{}; // beside the picture; they are one render's, not a mean
+    std::vector<std::string> layers{}; // besides the picture; from one render, not a mean
 };
 
 inline void PrintTo(const Golden& golden, std::ostream* out) { *out << golden.name; }
 
 std::span<const Golden> goldens();
 const Golden& golden_named(const std::string& name);
-std::string path_of(const Golden& golden); // of its EXR
+std::string path_of(const Golden& golden); // its EXR
 
-// A golden's scene, built: renders it with as many seeds as wanted.
+// The built scene of a golden. It renders it with any number of seeds.
 class Stage {
   public:
-    // `faults` are changes that plant one.
+    // `faults`: further settings that plant a fault.
     explicit Stage(const Golden& golden, const std::vector<std::string>& faults = {});
-    Picture render(uint64_t seed, uint32_t samples = 0) const; // 0: as many as the scene asks for
-    World& world() { return world_; } // to plant a fault by hand, before the first render
+    Picture render(uint64_t seed, uint32_t samples = 0) const; // 0: the scene's own number
+    World& world() { return world_; } // for planting a fault by hand, before the first render
 
   private:
     Shot scene_;
@@ -49,9 +50,9 @@ class Stage {
     double frame_;
 };
 
-inline constexpr int seeds = 48; // that a golden is measured from
+inline constexpr int seeds = 48; // renders that a golden is measured from
 
-// Renders and measures it anew.
+// Renders and measures a golden anew.
 Picture made(const Golden& golden);
 void write(const Picture& picture, const std::string& path, const Golden& golden);
 

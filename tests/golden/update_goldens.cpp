@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// --list prints what `marram render` needs for each. Else: renders golden frames anew and shows, before anything is replaced, what was, what is to be and how they differ: one page each, and one line
-// on the terminal. Only with --write are the files replaced. Started by tests/golden/update.
+// --list prints the options of `marram render` for each golden. Otherwise renders goldens anew and shows,
+// before anything is replaced, the old picture, the new one and their differences: one page and one line on
+// the terminal for each. Replaces the files only with --write. Started by tests/golden/update.
 #include "core/compare/compare_page.h"
 #include "core/image/atomic_file.h"
 #include "core/math/problem.h"
@@ -15,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The page that shows both.
+// Writes a page that shows both. Returns the line for the terminal.
 std::string show(const Golden& golden, const std::string& before, const std::string& after,
                  const fs::path& folder) {
     ComparedFile a{after, {}}, b{before, {}};
@@ -24,7 +25,7 @@ std::string show(const Golden& golden, const std::string& before, const std::str
         a.picture = read_picture(after);
         b.picture = read_picture(before);
         comparison = compare_pictures(a.picture, b.picture, after, before);
-    } catch (const InputError& error) { // of another size, or damaged: that is what --write is for
+    } catch (const InputError& error) { // of another size, or damaged: --write replaces it
         return fmt::format("CANNOT BE COMPARED with what was ({}): {}", error.problems.front().what, after);
     }
     const std::string page = (folder / (golden.name + ".html")).string();
@@ -47,7 +48,7 @@ int run(const std::vector<std::string>& names, bool writes, const fs::path& fold
             fmt::print("{:<12} {}\n", golden.name,
                        fs::exists(before) ? show(golden, before, after, folder) : "new: " + after);
             std::fflush(stdout);
-            if (writes) { // whole or not at all
+            if (writes) { // atomically
                 fs::copy_file(after, before + ".new", fs::copy_options::overwrite_existing);
                 fs::rename(before + ".new", before);
             }
@@ -60,7 +61,7 @@ int run(const std::vector<std::string>& names, bool writes, const fs::path& fold
     return bytes <= size_t(5) << 20 ? 0 : 1;
 }
 
-// Each golden as options of `marram render`, separated by tabs.
+// Prints each golden as options of `marram render`, separated by tabs.
 void list() {
     for (const Golden& golden : goldens()) {
         fmt::print("{}\t{}\t--frame\t{}", golden.name, golden.scene, golden.frame);

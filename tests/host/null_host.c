@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A foreign host: the test of the boundary. Knows the contract and Embree, nothing of the renderer, and
- * traces what the groom of a procedural library hands over:
+ * A foreign host that tests the boundary. It knows the contract and Embree but not the renderer, and traces
+ * the output of a procedural library's groom:
  *
  *   null_host build/libmarram_procedural.so
  *
@@ -37,7 +37,7 @@ static void* allocate(size_t bytes) {
     return memory;
 }
 
-/* ---- What the host lends ---- */
+/* ---- What the host provides ---- */
 
 static void on_message(void* user, const MarramMessage* message) {
     (void)user;
@@ -46,7 +46,7 @@ static void on_message(void* user, const MarramMessage* message) {
     snprintf(last_message, sizeof last_message, "%s: %s", message->what, message->remedy);
 }
 
-/* The last message has this id. */
+/* Whether the last message has this id. */
 static int said(const char* id) {
     const int same = strcmp(last_id, id) == 0;
     if (!same) fprintf(stderr, "the last message is %s\n", last_id);
@@ -66,7 +66,7 @@ static const float corners[12] = {-1, 0, 1, 1, 0, 1, 1, 0, -1, -1, 0, -1};
 static const float corner_uvs[8] = {0, 0, 1, 0, 1, 1, 0, 1};
 static const uint32_t corner_triangles[6] = {0, 1, 2, 0, 2, 3};
 
-/* The square at a frame: it goes along x and up. */
+/* The square at a frame: it moves along x and up. */
 static MarramStatus pose(void* user, uint32_t mesh, double frame, float* positions, float* normals) {
     (void)user;
     (void)normals; /* it has none */
@@ -91,7 +91,7 @@ static RTCGeometry make_square(RTCDevice device, float positions[times][12 + spa
     return square;
 }
 
-/* ---- Values: the declared defaults, and what the scene says instead ---- */
+/* ---- Values: the declared defaults, overridden by the scene ---- */
 
 typedef struct Given {
     const char *name, *text;
@@ -110,7 +110,7 @@ static const MarramValues* lend(Values* values) {
     return &values->lent;
 }
 
-/* All numbers of a text in their order: enough to read "[[0, 0.2], [1, 1]]". */
+/* Reads all numbers of a text in order: enough for "[[0, 0.2], [1, 1]]". */
 static size_t read_numbers(const char* text, double* numbers) {
     size_t count = 0;
     while (*text) {
@@ -170,7 +170,7 @@ enum { good_count = sizeof good / sizeof *good };
 typedef struct Curves {
     MarramOutput output;
     MarramPatch* patches;
-    float* vertices[times]; /* 4 floats each, cvs + 2 a curve, all patches behind each other */
+    float* vertices[times]; /* 4 floats a vertex, cvs + 2 vertices a curve, all patches in a row */
     float *root_uv, *id;    /* 2 and 1 a curve */
 } Curves;
 
@@ -200,8 +200,8 @@ static void tessellate(const MarramProcedural* type, MarramInstance* instance, C
     CHECK(type->tessellate(instance, patch, &buffers) == MARRAM_OK);
 }
 
-/* Embree reads up to 16 bytes behind a shared buffer. Patches are made from the last to the first: any order
- * will do. */
+/* Embree reads up to 16 bytes past the end of a shared buffer. Patches are made from last to first, since
+ * any order is allowed. */
 static void make_curves(const MarramProcedural* type, MarramInstance* instance, const MarramFrame* frame,
                         Curves* curves) {
     MarramOutput* output = &curves->output;
@@ -233,7 +233,7 @@ static void free_curves(Curves* curves) {
     free(curves->id);
 }
 
-/* ---- What is checked ---- */
+/* ---- Checks ---- */
 
 static void check_bounds(const Curves* curves) {
     const uint32_t cvs = curves->output.cvs_per_curve;
@@ -241,7 +241,7 @@ static void check_bounds(const Curves* curves) {
         const MarramPatch* patch = &curves->patches[i];
         for (unsigned t = 0; t < times; ++t)
             for (uint64_t k = 0; k < (uint64_t)patch->curve_count * (cvs + 2); ++k) {
-                if (k % (cvs + 2) == 0 || k % (cvs + 2) == cvs + 1) continue; /* no CV of the curve */
+                if (k % (cvs + 2) == 0 || k % (cvs + 2) == cvs + 1) continue; /* a phantom */
                 const float* v = curves->vertices[t] + 4 * (patch->first_curve * (cvs + 2) + k);
                 for (int axis = 0; axis < 3; ++axis)
                     CHECK(v[axis] - v[3] >= patch->lower[axis] && v[axis] + v[3] <= patch->upper[axis]);
@@ -268,8 +268,8 @@ static double segment_length(const float* v) {
     return sqrt(x * x + y * y + z * z);
 }
 
-/* Wind turns segments, it does not stretch them: within 1e-5 and two units in the last place of a coordinate.
- */
+/* Wind rotates segments without stretching them: within 1e-5 and two units in the last place of a
+ * coordinate. */
 static void check_lengths(const Curves* bent, const Curves* rest) {
     const uint32_t cvs = bent->output.cvs_per_curve;
     size_t moved = 0;
@@ -286,7 +286,7 @@ static void check_lengths(const Curves* bent, const Curves* rest) {
     CHECK(moved > strands);
 }
 
-/* The root stands where its uv says on the moving square; uvs of the square run along x and against z. */
+/* The root lies at its uv on the moving square. The square's uv runs along x and against z. */
 static void check_attributes(const Curves* curves, const MarramFrame* frame) {
     const uint32_t cvs = curves->output.cvs_per_curve;
     for (uint64_t c = 0; c < curves->output.curve_count; ++c) {
@@ -317,8 +317,8 @@ static RTCScene make_world(RTCDevice device, RTCGeometry square, const Curves* c
     return world;
 }
 
-/* From far above to the middle of each strand's second segment, at a time within the shutter: something hairy
- * is hit no later than there. */
+/* Traces a ray from far above to the middle of each strand's second segment, at a time within the shutter:
+ * it must hit a curve there or before. */
 static void check_hits(RTCScene world, const Curves* curves) {
     static const float towards[3] = {0.48F, -0.6F, 0.64F};
     static const float weights[4] = {1 / 48.0F, 23 / 48.0F, 23 / 48.0F, 1 / 48.0F};
@@ -386,7 +386,7 @@ static void check_mistakes(const MarramProcedural* type, const MarramFrame* fram
     type->destroy(instance);
 }
 
-/* ---- A faulty host is told what is wrong, and nothing crashes ---- */
+/* ---- A faulty host gets a message, and nothing crashes ---- */
 
 static MarramValue* value_of(Values* values, const char* name) {
     for (uint32_t i = 0; i < values->count; ++i)
@@ -395,7 +395,7 @@ static MarramValue* value_of(Values* values, const char* name) {
     return NULL;
 }
 
-/* One value is spoilt; the message names it, and what is allowed. */
+/* Spoils one value. The message must name it and what is allowed. */
 static void check_refused(const MarramProcedural* type, Values* values, const char* name,
                           const char* allowed) {
     MarramInstance* instance = NULL;
@@ -409,7 +409,7 @@ static void check_bad_values(const MarramProcedural* type) {
     static Values values;
     static const struct {
         const char *name, *allowed;
-        size_t number_count; /* and the numbers themselves, where they are to be others */
+        size_t number_count; /* of `numbers` */
         double numbers[4];
         const char* text;
     } bad[] = {{"count", "1 to 4e+08", 1, {-5}, NULL},
@@ -505,7 +505,7 @@ static void check_bad_frames(const MarramProcedural* type, Values* values, const
     frame.meshes = &other;
     CHECK(type->begin(instance, &frame, &output) == MARRAM_ERROR && said("groom.topology"));
     other = good_frame->meshes[0];
-    other.topology += 1; /* as many triangles, but others */
+    other.topology += 1; /* as many triangles, but different ones */
     CHECK(type->begin(instance, &frame, &output) == MARRAM_ERROR && said("groom.topology"));
     type->destroy(instance);
 }
@@ -530,7 +530,7 @@ static void check_announcement(const MarramProcedural* type, const MarramFrame* 
     type->destroy(instance);
 }
 
-/* Asked to stop before roots are placed, and between two patches. */
+/* Cancels before roots are placed, and between two patches. */
 static void check_cancel(const MarramProcedural* type, Values* values, const MarramFrame* frame) {
     MarramInstance* instance = NULL;
     MarramOutput output = {sizeof(MarramOutput)};
@@ -568,8 +568,8 @@ static int same_curves(const Curves* a, const Curves* b) {
     return memcmp(a->vertices[0], b->vertices[0], 16 * vertex_count(&a->output)) == 0;
 }
 
-/* An instance that was told of a change is, to the bit, the one that is made with it; it says what it touched; a mistake leaves it as
- * it was. */
+/* An updated instance equals, to the bit, one that is created with the change. The update reports what it
+ * changed; an error leaves the instance unchanged. */
 static void check_update(const MarramProcedural* type, Values* values, const MarramFrame* frame) {
     MarramInstance *told = NULL, *fresh = NULL;
     CHECK(type->create(&host, lend(values), &told) == MARRAM_OK);
@@ -594,7 +594,7 @@ static void check_update(const MarramProcedural* type, Values* values, const Mar
     free_curves(&after);
     make_curves(type, told, frame, &after);
     CHECK(memcmp(before.id, after.id, strands * sizeof(float)) != 0);
-    /* Another mesh is no mistake once it is announced. */
+    /* Another mesh is allowed once it is announced. */
     MarramMesh mesh = frame->meshes[0];
     MarramFrame other = *frame;
     other.meshes = &mesh;
@@ -623,7 +623,8 @@ static void check_update(const MarramProcedural* type, Values* values, const Mar
 
 /* ---- Attributes of the mesh ---- */
 
-/* Half of the square is bare: the attribute is 0 at x = -1 and 1 at x = 1, the ramp cuts it in the middle. */
+/* Half of the square is bare: the attribute is 0 at x = -1 and 1 at x = 1, and the ramp cuts it in the
+ * middle. */
 static void check_masked(const MarramProcedural* type, const MarramFrame* frame) {
     static const float sand[4] = {0, 1, 1, 0};
     static const double step[4] = {0.0, 0.0, 0.5, 1.0};
@@ -672,7 +673,7 @@ static const MarramProcedural* find_groom(void* handle) {
     const MarramLibrary* library = entry(MARRAM_ABI_VERSION);
     CHECK(library != NULL && library->abi == MARRAM_ABI_VERSION &&
           library->embree_major == MARRAM_EMBREE_MAJOR);
-    static MarramProcedural groom; /* as far as both know it */
+    static MarramProcedural groom; /* the members that both sides know */
     for (uint32_t i = 0; i < library->procedural_count; ++i) {
         const size_t stride = library->procedural_stride;
         const MarramProcedural* one = MARRAM_AT(MarramProcedural, library->procedurals, stride, i);

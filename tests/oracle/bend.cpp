@@ -29,7 +29,7 @@ std::vector<double> bend_factors(const std::vector<Vec3d>& rest, const Bend& ben
 std::vector<Vec3d> bend_curve(std::vector<Vec3d> cvs, const Bend& bend) {
     const std::vector<double> factors = bend_factors(cvs, bend);
     for (size_t k = 0; k + 1 < cvs.size(); ++k) {
-        if (factors[k] == 0.0) continue; // the rest pose bit for bit
+        if (factors[k] == 0.0) continue; // keeps the rest pose bit for bit
         const Vec3d noise = bend.noise.empty() ? Vec3d::Zero() : bend.noise[k];
         const Vec3d tip = cvs.back() - cvs[k];
         const Turn turn = shortest_turn(tip, bend.wind + noise, cvs[k + 1] - cvs[k], tip, noise);

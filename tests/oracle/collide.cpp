@@ -10,7 +10,7 @@ namespace {
 
 double angle_between(const Vec3d& a, const Vec3d& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
 
-// The signed turn about `axis` to the nearer free direction of the plane.
+// Signed angle about `axis` to the nearer free direction in the plane.
 std::optional<double> nearer_free(const Vec3d& pivot, const Vec3d& start, const Vec3d& axis, double length,
                                   double c, const TriangleSet& set) {
     const auto forward = first_free(pivot, start, axis, length, c, set);
@@ -19,7 +19,8 @@ std::optional<double> nearer_free(const Vec3d& pivot, const Vec3d& start, const 
     return back && *back < *forward ? -*back : *forward;
 }
 
-// The axis of the turn straight out: from the start towards the pivot's way from the nearest triangle. 0 where they are one.
+// Axis of the rotation straight out: from the start towards the direction from the nearest triangle to the
+// pivot. 0 if they are parallel.
 Vec3d straight_axis(const Vec3d& pivot, const Vec3d& start, double reach, const TriangleSet& set) {
     const Nearest nearest = set.nearest(pivot, pivot, reach);
     if (nearest.triangle < 0) return Vec3d::Zero();
@@ -28,11 +29,10 @@ Vec3d straight_axis(const Vec3d& pivot, const Vec3d& start, double reach, const 
     return axis.norm() > 1e-6 * away.norm() ? Vec3d(axis.normalized()) : Vec3d(Vec3d::Zero());
 }
 
-// Turns out of the colliders; false if no plane has a free direction.
+// Rotates the segment out of the colliders; false if no plane has a free direction.
 bool turn_out(SegmentTurn& turn, const Vec3d& pivot, const Vec3d& start, const Vec3d& axis, double length,
               double c, const TriangleSet& set, bool straight_out) {
-    if (!is_free(pivot, start, 0.0, c, set))
-        return false; // the pivot itself is too near: so is every direction
+    if (!is_free(pivot, start, 0.0, c, set)) return false; // the pivot is too close, so no direction is free
     constexpr int planes = 8;
     for (int j = 0; j < planes; ++j) {
         const Vec3d across = turned(axis, start, j * pi / planes);

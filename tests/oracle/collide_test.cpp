@@ -38,7 +38,7 @@ TEST(OracleCollide, without_colliders_every_target_is_reached) {
 }
 
 TEST(OracleCollide, segments_start_where_the_turns_nearer_the_root_have_carried_them) {
-    // Blown flat as a whole, a straight strand turns at its root only.
+    // A straight strand that is blown flat rotates only at its root.
     const std::vector<Vec3d> rest = straight({0, 0, 0}, 0.1 * y, 6),
                              targets = straight({0, 0, 0}, 0.1 * x, 6);
     const StrandTurn turn = collide_strand(rest, targets, std::vector<double>(5, 0.0), TriangleSet{});
@@ -47,8 +47,7 @@ TEST(OracleCollide, segments_start_where_the_turns_nearer_the_root_have_carried_
 }
 
 TEST(OracleCollide, a_strand_pressed_to_the_floor_comes_to_lie_on_it) {
-    // Root at height h, targets straight down under the floor: the first tip stops at height c_0, the rest
-    // follow as far.
+    // Root at height h, targets below the floor: the end of segment k stops at height c_k.
     const TriangleSet ground(floor_mesh(0.0, 10.0));
     const double h = 0.1, l = 0.2;
     const std::vector<Vec3d> rest = straight({0, h, 0}, l * y, 6);
@@ -73,13 +72,14 @@ TEST(OracleCollide, a_segment_carried_in_is_turned_out_by_the_smaller_turn) {
     const TriangleSet ground(floor_mesh(0.0, 10.0));
     const double h = 0.6, free = std::acos(h);
     const Vec3d start(std::sin(0.2), -std::cos(0.2), 0);
-    // The goal lies ahead (x) and free: out by the shorter turn, then on to the goal.
+    // The goal is ahead (x) and free: the segment leaves by the shorter rotation and then reaches the goal.
     SegmentTurn turn = turn_segment({0, h, 0}, start, x, start, 1.0, 0.0, ground);
     EXPECT_FALSE(turn.start_free);
     EXPECT_NEAR(turn.out_angle, free - 0.2, 1e-9);
     EXPECT_NEAR(turn.remaining, 0.0, 1e-9);
     EXPECT_FALSE(turn.contact.touches);
-    // The goal lies behind, but out is shorter ahead: it comes out there, touches at once and stays.
+    // The goal is behind, but the way out is shorter ahead: the segment leaves ahead, touches at once and
+    // stays.
     const Vec3d goal(-std::sin(1.4), -std::cos(1.4), 0);
     turn = turn_segment({0, h, 0}, start, goal, start, 1.0, 0.0, ground);
     EXPECT_NEAR(turn.out_angle, free - 0.2, 1e-9);
@@ -87,7 +87,7 @@ TEST(OracleCollide, a_segment_carried_in_is_turned_out_by_the_smaller_turn) {
     EXPECT_NEAR(turn.contact.angle, 0.0, 1e-9);
     EXPECT_NEAR(turn.remaining, 1.4 + free, 1e-9);
     EXPECT_NEAR(turn.angle, free - 0.2, 1e-9);
-    // The goal itself is under the floor, ahead of the way out: it comes out beyond the goal and stays.
+    // The goal is under the floor, ahead of the start: the segment leaves beyond the goal and stays.
     const Vec3d under(std::sin(0.5), -std::cos(0.5), 0);
     turn = turn_segment({0, h, 0}, start, under, start, 1.0, 0.0, ground);
     EXPECT_NEAR(turn.out_angle, free - 0.2, 1e-9);
@@ -101,7 +101,7 @@ TEST(OracleCollide, where_one_plane_is_shut_another_is_tried_and_a_closed_box_is
     EXPECT_TRUE(shut.unresolved);
     EXPECT_EQ((shut.direction - start).norm(), 0.0);
     std::erase_if(box, [](const Triangle& t) { return area_normal(t).z() > 0.0; });
-    // Without its lid at z = 1; the plane of start and goal never comes near the opening.
+    // The box without its lid at z = 1. The plane of start and goal does not meet the opening.
     const Vec3d up = Vec3d(0.3, 0.9, 0).normalized();
     const SegmentTurn open = turn_segment(Vec3d::Zero(), up, x, up, 3.0, 0.0, TriangleSet(box));
     EXPECT_FALSE(open.unresolved);

@@ -14,7 +14,7 @@ using Reached = std::vector<Triangle>; // triangles in reach of any direction, r
 
 Reached in_reach(const Vec3d& pivot, double radius, const TriangleSet& set) {
     Reached result;
-    for (int i : set.within(pivot, pivot, radius * (1.0 + 1e-9))) { // the sweep's rounding
+    for (int i : set.within(pivot, pivot, radius * (1.0 + 1e-9))) { // allows for the sweep's rounding
         const Triangle& t = set.triangles()[size_t(i)];
         result.push_back({t.a - pivot, t.b - pivot, t.c - pivot});
     }
@@ -28,7 +28,7 @@ Reached not_proven_free(const Sweep& sweep, double begin, double end, const Reac
     return kept;
 }
 
-// Intervals looked at so far in one search.
+// Intervals examined so far in one search.
 struct Effort {
     int intervals = 0;
 
@@ -67,7 +67,7 @@ std::optional<double> free_between(const Sweep& sweep, double begin, double end,
     return before ? before : free_between(sweep, middle, end, kept, effort);
 }
 
-// Runs `search` over [0, whole] in parts of at most a quarter turn, which the bounds of sweep.h ask for.
+// Runs `search` over [0, whole] in parts of at most a quarter turn, as the bounds of sweep.h require.
 template <typename Search>
 std::optional<double> in_parts(double whole, Search&& search) {
     const int parts = std::max(1, int(std::ceil(whole / (0.5 * pi))));
@@ -86,9 +86,9 @@ std::optional<double> contact_angle(Sweep sweep, double clearance, double whole,
     });
 }
 
-// How near a direction is to being free; 0 or more: it is. Below -1 it crosses, and the share of the way that
-// lies before the first crossing ranks it; from -1 on it does not, and the share of the clearance that it
-// keeps does.
+// How close a direction is to being free; 0 means free. In [-1, 0) it crosses nothing, and the kept fraction
+// of the clearance ranks it; below -1 it crosses, and the fraction of the segment before the first crossing
+// ranks it.
 double freedom(const Vec3d& pivot, const Vec3d& u, double length, double c, const TriangleSet& set) {
     const Vec3d end = pivot + length * u;
     const std::vector<Hit> hits = set.crossings(pivot, end);
@@ -102,7 +102,7 @@ struct Ranked {
     Vec3d u;
 };
 
-// Directions drawn around the best so far in ever narrower caps.
+// Tries random directions around the best one so far, in ever narrower caps.
 std::optional<Vec3d> refined(const Vec3d& pivot, Ranked best, double length, double c, double cap,
                              const TriangleSet& set, uint64_t seed) {
     constexpr int rounds = 12, tries = 24; // the cap narrows to 1/4096 of the spacing

@@ -30,7 +30,7 @@ TEST(OracleContact, onto_a_plane_the_tip_touches_where_the_sine_says) {
     EXPECT_FALSE(first_contact({0, 2.0, 0}, x, -z, pi, 1.0, 0.5, ground).touches) << "out of reach";
 }
 
-// Something sharp at distance r from the pivot and angle phi in the plane of the sweep, and nothing nearer.
+// Contact angle of an edge or corner at distance r from the pivot and angle phi in the plane of the sweep.
 double sharp_contact(double r, double phi, double l, double c) {
     if (r * std::cos(std::asin(std::min(1.0, c / r))) <= l)
         return phi - std::asin(c / r);                               // touched by the side
@@ -43,14 +43,15 @@ TEST(OracleContact, edges_and_corners_touch_where_the_circle_around_them_says) {
                 beyond = std::cos(phi + 0.4) * x + std::sin(phi + 0.4) * y;
     for (double r : {0.2, 0.7, 0.98, 1.005})
         for (double c : {1e-4, 0.01, 0.05}) {
-            // an edge across the plane, its face leading away from the segment that comes
+            // an edge across the plane; its face points away from the approaching segment
             const TriangleSet edge({{r * at - 3.0 * z, r * at + 3.0 * z, 2.0 * beyond}});
             // a corner with its face behind it
             const TriangleSet corner({{r * at, 2.0 * beyond + z, 2.0 * beyond - z}});
             const bool touches = r < l + c;
             for (const TriangleSet* set : {&edge, &corner}) {
                 const Contact contact = first_contact(Vec3d::Zero(), x, z, 2.0, l, c, *set);
-                // A face that fans out may be touched before its corner; here both lie on the far side of it.
+                // A face that widens could be touched before its corner; these faces lie on the far side of
+                // it.
                 EXPECT_EQ(contact.touches, touches) << r << ' ' << c;
                 EXPECT_NEAR(contact.angle, touches ? sharp_contact(r, phi, l, c) : 2.0, 1e-9)
                     << r << ' ' << c;
@@ -67,8 +68,8 @@ TEST(OracleContact, a_corner_in_the_way_without_clearance_is_hit_dead_on) {
 }
 
 TEST(OracleContact, a_graze_is_told_by_the_margin) {
-    // A corner that stands beside the sweep's plane dips below the clearance by a tenth of the margin, and
-    // just not.
+    // A corner beside the plane of the sweep is closer than the clearance by a tenth of the margin, or
+    // farther by as much.
     const double c = 0.1, margin = 1e-6;
     for (double by : {-0.1, 0.1}) {
         const TriangleSet spike({{Vec3d(0.3, 0.3, c - by * margin), Vec3d(0.3, 0.4, 2), Vec3d(0.4, 0.3, 2)}});
@@ -81,7 +82,7 @@ TEST(OracleContact, a_graze_is_told_by_the_margin) {
 }
 
 TEST(OracleContact, sliding_along_a_sheet_just_outside_the_clearance_costs_nothing) {
-    // Distance constant over the whole turn: chords of the motion alone would need 1e12 intervals.
+    // The distance is constant over the whole rotation: the chord bound alone would need 1e12 intervals.
     const TriangleSet ground(floor_mesh(0.0, 10.0));
     EXPECT_FALSE(first_contact({0, 0.1 + 1e-12, 0}, x, y, 3.0, 1.0, 0.1, ground).touches);
     EXPECT_EQ(first_contact({0, 0.1 - 1e-12, 0}, x, y, 3.0, 1.0, 0.1, ground).angle, 0.0);
@@ -162,7 +163,8 @@ TEST(OracleContact, a_closed_box_has_no_free_direction_and_a_small_hole_in_it_is
     const auto found = any_free_direction(pivot, 2.5, 0.0, TriangleSet(box), 20000);
     ASSERT_TRUE(found);
     EXPECT_FALSE(TriangleSet(box).any_crossing(pivot, pivot + 2.5 * *found));
-    // Only just too long for one corner: no sample reaches it, the search around the best does.
+    // The segment only just fits into one corner: no sample is free, but the search around the best ones
+    // finds it.
     const double diagonal = (Vec3d(-1, -1, 1) - pivot).norm();
     EXPECT_TRUE(any_free_direction(pivot, diagonal - 1e-4, 0.0,
                                    TriangleSet(box_mesh({-1, -1, -1}, {1, 1, 1})), 20000));
@@ -186,7 +188,7 @@ TEST(OracleContact, a_slit_is_free_for_what_is_thinner_than_it) {
 }
 
 TEST(OracleContact, sliding_along_an_edge_within_rounding_of_it_is_decided) {
-    // Directions to the points of one edge: the segment ends beyond it and keeps to it over the whole turn.
+    // The segment points at one edge, ends beyond it and slides along it over the whole rotation.
     const TriangleSet wall({{Vec3d(-1, 1, 0), Vec3d(1, 1, 0), Vec3d(0, 1, -3)}});
     for (double above : {0.0, 1e-15, 1e-13, 1e-11, 1e-9})
         for (double c : {0.0, 1e-12, 1e-6, 1e-2}) {

@@ -10,9 +10,9 @@ struct State {
     Vec3d x, velocity;
 };
 
-// Advances by `time` with the target g + slope t. All three components at once: they do not see each other.
+// Advances by `time` with the target g + slope t. The three components are independent.
 void advance(State& state, double time, const Vec3d& g, const Vec3d& slope, double omega, double zeta) {
-    constexpr double longest = 0.25; // of 1 / (omega max(1, 2 zeta)), see the head
+    constexpr double longest = 0.25; // in 1 / (omega max(1, 2 zeta)), see jiggle.h
     constexpr int terms = 16;
     const int steps = std::max(1, int(std::ceil(time * omega * std::max(1.0, 2.0 * zeta) / longest)));
     const double h = time / steps;

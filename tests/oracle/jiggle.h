@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Jiggle by running the whole history through the oscillator, step by step.
+// Jiggle by integrating the oscillator over the whole history, step by step.
 //
-// Every component of every CV obeys x'' + 2 zeta omega x' + omega^2 x = omega^2 g(t), g linear between knots,
-// at rest in g's first value before the first knot. Differentiating gives all derivatives from x, x', g and
-// g': x^(n+2) = -2 zeta omega x^(n+1) - omega^2 x^(n) + omega^2 g^(n), g^(n) = 0 for n >= 2, so a step is a
-// Taylor sum. With h omega max(1, 2 zeta) <= 1/4 and 16 terms, what is left out is below 4^-17 / 17! < 1e-24
-// of the values a step: nothing but rounding, which grows with the root of the number of steps. Cost: 4 omega
-// max(1, 2 zeta) steps a second, CV and component.
+// Every component of every CV obeys x'' + 2 zeta omega x' + omega^2 x = omega^2 g(t), with g linear between
+// knots; before the first knot it rests at g's first value. Differentiation gives all derivatives from x, x',
+// g and g': x^(n+2) = -2 zeta omega x^(n+1) - omega^2 x^(n) + omega^2 g^(n), g^(n) = 0 for n >= 2, so a step
+// is a Taylor sum. With h omega max(1, 2 zeta) <= 1/4 and 16 terms, the truncation error is below 4^-17 / 17!
+// < 1e-24 of the values per step. Only rounding remains, which grows with the square root of the number of
+// steps. Cost: 4 omega max(1, 2 zeta) steps per second, CV and component.
 //
-// Lengths are then restored from root to tip: y_0 is the true root, y_{k+1} = y_k + rest length along x_{k+1}
-// - x_k, with x_k the filtered CV; x_0 is the true root itself, so that a moving root leaves the strand
-// behind. (A root that is filtered like the rest would shift the whole strand's filtered shape with it and
-// hide the lag.)
+// Lengths are then restored from root to tip: y_0 is the true root, y_{k+1} = y_k + the rest length along
+// x_{k+1} - x_k, with x_k the filtered CV and x_0 the true root, so that the strand lags behind a moving
+// root. (A filtered root would shift the whole filtered shape of the strand with it and hide the lag.)
 #pragma once
 
 #include "core/math/vec.h"
@@ -22,16 +21,15 @@ namespace marram::oracle {
 
 struct History {
     std::vector<double> times;             // knots in seconds, ascending
-    std::vector<std::vector<Vec3d>> poses; // of each knot, all of n CVs
+    std::vector<std::vector<Vec3d>> poses; // [knot][CV], the same CV count at all knots
 };
 
-// The history at one time, linear between knots and constant outside.
+// The pose at a time: linear between knots and constant outside.
 std::vector<Vec3d> pose_at(const History& history, double time);
 // Filtered CVs at `time`; omega of every CV in 1/s.
 std::vector<Vec3d> filtered_pose(const History& history, const std::vector<double>& omega, double zeta,
                                  double time);
-// `bent` = the target at the same time: its root is the true root, its directions stand in for vanishing
-// ones.
+// `bent`: the target at the same time. Its root is the true root; its directions replace vanishing ones.
 std::vector<Vec3d> restored_lengths(const std::vector<Vec3d>& filtered, const std::vector<Vec3d>& bent,
                                     const std::vector<double>& rest_lengths);
 

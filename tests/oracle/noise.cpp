@@ -11,10 +11,10 @@ constexpr int cube_edges[16][3] = {{1, 1, 0},  {-1, 1, 0},  {1, -1, 0}, {-1, -1,
                                    {1, 0, -1}, {-1, 0, -1}, {0, 1, 1},  {0, -1, 1},  {0, 1, -1}, {0, -1, -1},
                                    {1, 1, 0},  {0, -1, 1},  {-1, 1, 0}, {0, -1, -1}};
 
-// Edge directions of a hypercube by five bits: the top two say which axis is absent (0: x, 1: y, 2: z, 3: w,
-// counted from the top of the range downwards), the low three are the signs of the others in order.
+// Edge directions of a hypercube by five bits: the top two give the zero axis, in descending order (3: x,
+// 2: y, 1: z, 0: w), the low three the signs of the other axes in order.
 Eigen::Vector4d hypercube_edge(uint32_t bits) {
-    const int absent = 3 - int((bits >> 3) & 3U); // 24 to 31: x is absent, ..., 0 to 7: w is
+    const int absent = 3 - int((bits >> 3) & 3U); // 24 to 31: x is zero, ..., 0 to 7: w
     Eigen::Vector4d edge = Eigen::Vector4d::Zero();
     int sign = 0;
     for (int axis = 0; axis < 4; ++axis)

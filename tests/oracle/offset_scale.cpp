@@ -14,8 +14,7 @@ SkinPoint closest_on_skin(const Vec3d& p, const Vec3d& facing, const TriangleSet
     closest.found = true;
     closest.point = nearest.closest.on_triangle;
     closest.normal = normal_of(nearest.triangle);
-    // Equally near: to some thousands of roundings of the distance and a few of the coordinates that it comes
-    // from.
+    // Tolerance for equally close: some thousands of roundings of the distance and a few of the coordinates.
     const double rounding = 1e-12 * nearest.closest.distance +
                             4.0 * std::numeric_limits<double>::epsilon() * p.cwiseAbs().maxCoeff();
     double most = -1.0;

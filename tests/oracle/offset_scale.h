@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Offset scale: targets pushed out along the skin until they stand at offset_scale times their rest height.
+// Offset scale: targets are pushed away from the skin to at least offset_scale times their rest height.
 //
-// The closest of a rest CV is the nearest point of the skin among triangles that face as the root does (n .
-// n_root > 0), the closest of a bent CV the nearest among those that face as the rest closest's triangle does.
-// Height is the distance from the closest, negative below it: the sign is that of (P - closest) . n. Where several
-// triangles are equally near (the closest lies on an edge or corner) the one that n . (P - closest) is greatest in
-// size for is the closest's triangle: the only choice whose sign is right on a closed mesh for any corner. While
-// it stands lower than offset_scale h_rest (from the second time on: than 0.98 of that), P moves by what is missing along
-// the normal of the rest closest, four times at most. No such closest: skipped.
+// The closest point of a rest CV is searched on the skin triangles that face like the root (n . n_root > 0),
+// that of a bent CV on the triangles that face like the triangle of the rest CV's closest point. The height
+// is the distance from the closest point, with the sign of (P - closest) . n. If several triangles are
+// equally close (the closest point is on an edge or corner), the one with the greatest |n . (P - closest)| is
+// used: the only choice with the right sign at any corner of a closed mesh. While P is lower than
+// offset_scale h_rest (from the second step on: than 0.98 of that), it moves by the missing height along the
+// normal of the rest CV's closest point, four times at most. CVs without a closest point are skipped.
 #pragma once
 
 #include "tests/oracle/triangle_set.h"
@@ -16,8 +16,7 @@ namespace marram::oracle {
 
 struct SkinPoint {
     bool found = false;
-    bool on_edge =
-        false; // several triangles are equally near: which normal is taken is a matter of convention
+    bool on_edge = false; // several triangles are equally close; the choice of the normal is a convention
     Vec3d point = Vec3d::Zero(), normal = Vec3d::Zero();
     double height = 0.0;
 };
@@ -25,11 +24,11 @@ SkinPoint closest_on_skin(const Vec3d& p, const Vec3d& facing, const TriangleSet
 
 struct Pushed {
     std::vector<Vec3d> cvs;
-    std::vector<double> push;  // of each CV, metres
-    std::vector<bool> on_edge; // either closest lies on an edge
+    std::vector<double> push;  // per CV, m
+    std::vector<bool> on_edge; // either closest point is on an edge
     int skipped = 0;
 };
-// The root, CV 0, stays: the strand is held there.
+// The root, CV 0, does not move.
 Pushed push_targets(const std::vector<Vec3d>& rest, const std::vector<Vec3d>& bent, const Vec3d& root_normal,
                     double offset_scale, const TriangleSet& skin);
 

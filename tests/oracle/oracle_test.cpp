@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages without triangles: turning, bend, jiggle, noise.
+// Stages without triangles: rotation, bend, jiggle, noise.
 #include "tests/oracle/bend.h"
 #include "tests/oracle/jiggle.h"
 #include "tests/oracle/noise.h"
@@ -21,7 +21,7 @@ std::vector<Vec3d> upright(int segments, double length) {
 }
 
 TEST(OracleBend, a_straight_strand_turns_by_what_is_left_at_every_segment) {
-    // The part beyond P_k is straight and at angle a_k from the wind; turning it by f a_k leaves (1 - f) a_k.
+    // The part beyond P_k is straight and at angle a_k to the wind; rotating it by f a_k leaves (1 - f) a_k.
     for (int segments : {1, 4, 64}) {
         const double length = 2.0, knots[] = {0.0, 0.1, 1.0, 0.6};
         Bend bend;
@@ -86,7 +86,7 @@ TEST(OracleBend, wind_against_the_strand_turns_it_by_the_stated_axes) {
     Bend bend;
     bend.wind = -y;
     bend.global_rotate = 0.5;
-    // Tip straight over the root, bent out to +x on the way: segment 0 turns towards the tip, that is to -x.
+    // The tip is straight above the root, with a bow to +x: segment 0 rotates towards the tip, that is to -x.
     const std::vector<Vec3d> bow{{0, 0, 0}, {0.5, 1, 0}, {0, 2, 0}};
     const Turn turn = shortest_turn(bow[2], -y, bow[1], bow[2], x);
     EXPECT_NEAR((turn.axis - z).norm(), 0.0, 1e-15) << "(0.5, 1, 0) x (0, 2, 0) points along z";
@@ -94,7 +94,7 @@ TEST(OracleBend, wind_against_the_strand_turns_it_by_the_stated_axes) {
     const Vec3d segment = turned(bow[1], turn.axis, 0.1);
     EXPECT_LT(segment.x(), bow[1].x());
     for (const Vec3d& p : bend_curve(bow, bend)) EXPECT_EQ(p.z(), 0.0) << "stays in its plane";
-    // Straight: the direction of the noise decides; without noise the axis that the strand is least along.
+    // Straight strand: the direction of the noise decides, or the coordinate axis of its smallest component.
     EXPECT_NEAR((shortest_turn(y, -y, y, y, x).axis - y.cross(x)).norm(), 0.0, 1e-15);
     EXPECT_NEAR((shortest_turn(y, -y, y, y, 2 * y).axis - y.cross(x)).norm(), 0.0, 1e-15);
     EXPECT_EQ(shortest_turn(Vec3d::Zero(), y, y, y, x).angle, 0.0);
@@ -114,7 +114,7 @@ TEST(OracleBend, hard_strands_stay_finite) {
         }
 }
 
-// Answer of the oscillator at rest in 0 to the target v t from t = 0 on.
+// Response of the oscillator, at rest at 0, to the target t from t = 0 on.
 double ramp_answer(double t, double omega, double zeta) {
     const double decay = std::exp(-zeta * omega * t);
     if (zeta == 1.0) return t - 2.0 / omega + decay * (2.0 / omega + t);
@@ -128,7 +128,7 @@ TEST(OracleJiggle, a_target_that_starts_to_move_is_followed_by_the_closed_form) 
     double worst = 0.0;
     for (double zeta : {0.0, 0.05, 0.5, 1.0, 2.0, 5.0})
         for (double omega : {0.5, 2.0 * pi * 3.0, 60.0}) {
-            // From rest, up from t = 0.25 to 1.25, then steady: the difference of two ramps.
+            // At rest, rising from t = 0.25 to 1.25, then constant: the difference of two ramps.
             const Vec3d slope(1.0, -2.0, 0.5);
             History history{{-1.0, 0.25, 0.5, 1.25, 2.0}, {}};
             for (double t : history.times) history.poses.push_back({slope * std::clamp(t - 0.25, 0.0, 1.0)});
@@ -136,8 +136,7 @@ TEST(OracleJiggle, a_target_that_starts_to_move_is_followed_by_the_closed_form) 
                 double expected = t > 0.25 ? ramp_answer(t - 0.25, omega, zeta) : 0.0;
                 if (t > 1.25) expected -= ramp_answer(t - 1.25, omega, zeta);
                 const Vec3d found = filtered_pose(history, {omega}, zeta, t)[0];
-                // sinh and cosh of the closed form cancel against each other where zeta > 1: some digits go
-                // there.
+                // sinh and cosh of the closed form cancel for zeta > 1, which costs some digits.
                 worst = std::max(worst, (found - slope * expected).norm());
             }
         }
@@ -152,7 +151,7 @@ TEST(OracleJiggle, a_constant_target_stays_and_an_undamped_strand_swings_for_eve
         const std::vector<Vec3d> found = filtered_pose(still, {30.0, 10.0}, zeta, 1.7);
         for (size_t k = 0; k < 2; ++k) EXPECT_NEAR((found[k] - pose[k]).norm(), 0.0, 1e-13);
     }
-    // A step within 1e-6 s, then energy stays: x = 1 - cos(omega t).
+    // A step within 1e-6 s, then energy is conserved: x = 1 - cos(omega t).
     const History step{{0.0, 1e-6}, {{Vec3d::Zero()}, {x}}};
     for (double t : {0.5, 10.0, 100.0})
         EXPECT_NEAR(filtered_pose(step, {7.0}, 0.0, t)[0].x(), 1.0 - std::cos(7.0 * (t - 0.5e-6)), 1e-10)
@@ -176,7 +175,7 @@ TEST(OracleNoise, it_vanishes_on_the_lattice_and_has_an_edge_of_the_cube_as_its_
         const Vec3d corner(draw.below(2000) - 1000, draw.below(2000) - 1000, draw.below(2000) - 1000);
         EXPECT_EQ(perlin(corner, 7).norm(), 0.0);
         EXPECT_EQ(perlin(corner, 5.0, 7).norm(), 0.0);
-        const double h = 1e-5; // corrections go with h^3
+        const double h = 1e-5; // error O(h^3)
         Eigen::Matrix3d slope;
         for (int axis = 0; axis < 3; ++axis)
             slope.col(axis) =
@@ -190,8 +189,8 @@ TEST(OracleNoise, it_vanishes_on_the_lattice_and_has_an_edge_of_the_cube_as_its_
 }
 
 TEST(OracleNoise, gradients_are_the_edges_of_a_cube_four_of_them_twice) {
-    // Perlin 2002 repeats (1,1,0), (-1,1,0), (0,-1,1), (0,-1,-1). Three components drawn 4000 times: 750
-    // each, 1500 of those.
+    // Perlin 2002 repeats (1,1,0), (-1,1,0), (0,-1,1), (0,-1,-1). 4000 corners with three components: 750 of
+    // each edge, 1500 of the repeated ones.
     int seen[3][3][3] = {};
     const double h = 1e-4;
     for (int i = 0; i < 4000; ++i) {
@@ -233,7 +232,7 @@ TEST(OracleNoise, along_a_lattice_line_two_slopes_are_blended_by_the_quintic) {
 
 TEST(OracleNoise, it_repeats_after_the_period_and_octaves_add_up) {
     const Vec3d p(0.3, 0.6, 0.2), period(0x1p32, -0x1p32, 0x1p33);
-    const Vec3d exact(0.25, 0.625, 0.125); // survives the addition of the period
+    const Vec3d exact(0.25, 0.625, 0.125); // still exact after adding the period
     EXPECT_EQ((perlin(exact, 3) - perlin(exact + period, 3)).norm(), 0.0);
     EXPECT_EQ((perlin(exact, 0.5, 3) - perlin(exact, 0.5 + 0x1p32, 3)).norm(), 0.0);
     Fractal noise{2.0, 3, 1.5, 0.25, 9};

@@ -6,8 +6,7 @@
 namespace marram::oracle {
 namespace {
 
-// A number held exactly as a sum of doubles that do not overlap, the smallest first (Shewchuk 1997,
-// GROW-EXPANSION).
+// An exact number as a sum of non-overlapping doubles, smallest first (Shewchuk 1997, GROW-EXPANSION).
 using Expansion = std::vector<double>;
 
 void add(Expansion& sum, double x) {
@@ -20,7 +19,7 @@ void add(Expansion& sum, double x) {
         x = total;
     }
     sum.resize(kept);
-    if (x != 0.0 || sum.empty()) sum.push_back(x); // a cancelled leading part leaves the sign to the next
+    if (x != 0.0 || sum.empty()) sum.push_back(x); // if the leading part cancels, the next one has the sign
 }
 
 Expansion difference(double a, double b) {
@@ -53,7 +52,7 @@ int exact_sign(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& d) {
         for (double x : product(row[0][i], product(row[1][j], row[2][k]))) add(determinant, x);
         for (double x : product(row[0][i], product(row[1][k], row[2][j]))) add(determinant, -x);
     }
-    const double leading = determinant.back(); // zeros are dropped unless they are all there is
+    const double leading = determinant.back(); // zeros are dropped, except for a sum of 0
     return leading > 0.0 ? 1 : leading < 0.0 ? -1 : 0;
 }
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// On which side of a plane a point lies, decided exactly.
+// Exact orientation predicate: on which side of a plane a point lies.
 //
-// sign det(b - a, c - a, d - a) is first evaluated in doubles; Shewchuk ("Adaptive Precision Floating-Point
-// Arithmetic and Fast Robust Geometric Predicates", 1997) bounds the rounding error by (7 + 56 e) e times the
-// sum of the products' magnitudes, e = 2^-53. Where the value does not exceed that bound the determinant is
-// summed again as an expansion, without any rounding. Exact as long as products of three coordinate
-// differences neither overflow nor lose bits below the smallest double: differences between 1e-85 and 1e100,
-// or 0.
+// The sign of det(b - a, c - a, d - a) is first evaluated in doubles; Shewchuk ("Adaptive Precision
+// Floating-Point Arithmetic and Fast Robust Geometric Predicates", 1997) bounds the rounding error by (7 + 56
+// e) e times the sum of the products' magnitudes, e = 2^-53. If the value is within that bound, the
+// determinant is summed again as an expansion, without rounding. Exact as long as products of three
+// coordinate differences neither overflow nor lose bits below the smallest double: differences between 1e-85
+// and 1e100, or 0.
 #pragma once
 
 #include "core/math/vec.h"

@@ -31,14 +31,15 @@ std::vector<double> deepest_dips(const std::vector<Vec3d>& cvs, const std::vecto
                                  Spline spline, int samples, double reach, const TriangleSet& set) {
     std::vector<double> dips(cvs.size() - 1, -reach);
     for (size_t k = 0; k + 1 < cvs.size(); ++k) {
-        double away = 0.0; // of the drawn points from the polygon's segment
+        double away = 0.0; // greatest distance of the curve from the polygon's segment
         for (int i = 0; i <= samples; ++i) {
             const double t = double(i) / samples;
             const Vec3d polygon = cvs[k] + t * (cvs[k + 1] - cvs[k]);
             away = std::max(away, (drawn_point(cvs, spline, k, t) - polygon).norm());
         }
         const double widest = std::max(radius[k], radius[k + 1]);
-        const double far = (widest + reach + away) * (1.0 + 1e-9); // nothing so near: no sample sees anything
+        const double far =
+            (widest + reach + away) * (1.0 + 1e-9); // nothing this close: no sample can find a triangle
         if (set.nearest(cvs[k], cvs[k + 1], far).triangle < 0) continue;
         for (int i = 0; i <= samples; ++i) {
             const double t = double(i) / samples;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What looks at the skin around a strand: offset scale, the promise, shielding.
+// Stages that query the skin around a strand: offset scale, the guarantees of collision, shielding.
 #include "tests/oracle/offset_scale.h"
 #include "tests/oracle/promise.h"
 #include "tests/oracle/shield.h"
@@ -67,13 +67,13 @@ TEST(OracleOffset, at_a_sharp_ridge_the_sign_and_the_side_are_those_of_the_right
     for (int order = 0; order < 2; ++order, std::swap(faces[0], faces[1])) {
         const TriangleSet wedge(faces);
         for (double angle :
-             {15.0, 90.0, 165.0}) { // nearest is the ridge; one face's plane runs above the outer two
+             {15.0, 90.0, 165.0}) { // the ridge is nearest; the outer two points are below one face's plane
             const Vec3d p(0.1 * std::cos(angle * degree), 0.1 * std::sin(angle * degree), 0.2);
             const SkinPoint closest = closest_on_skin(p, y, wedge);
             EXPECT_TRUE(closest.on_edge);
             EXPECT_NEAR(closest.height, 0.1, 1e-15) << angle;
         }
-        // Bent over the ridge and down beside the other face, it still belongs to the face that it grows on.
+        // A CV bent over the ridge and down beside the other face still belongs to the face that it grows on.
         const Vec3d rest = Vec3d(s, -c, 0) + 0.3 * normal, bent = Vec3d(-s, -c, 0) + 0.1 * other;
         const Pushed pushed = push_targets({rest, rest}, {rest, bent}, y, 1.0, wedge);
         EXPECT_EQ(pushed.skipped, 0);
@@ -94,8 +94,8 @@ TEST(OracleOffset, around_a_sphere_heights_are_radii) {
         worst = std::max(worst, std::abs(pushed.cvs[1].norm() - std::max(1.24, bent[1].norm())));
         aside = std::max(aside, (pushed.cvs[1] - bent[1]).cross(u).norm());
     }
-    // It may stop at 0.98 of a height of 0.24. The facets stand 1.6 degrees off the sphere's normal at most, over a push of 0.56:
-    // heights 5e-4, the way 0.016.
+    // A push may stop at 0.98 of a height of 0.24. Facet normals differ from the sphere's by at most 1.6
+    // degrees, over a push of 0.56: errors of 5e-4 in height and 0.016 sideways.
     std::printf("  radius off by %.1e, the way by %.1e\n", worst, aside);
     EXPECT_LT(worst, 0.02 * 0.24 + 1e-3);
     EXPECT_LT(aside, 0.016);
@@ -212,7 +212,7 @@ TEST(OracleShield, a_ball_in_a_cone_of_wind_shelters_by_its_share_of_the_solid_a
     }
     EXPECT_NEAR(cone_shelter(p, -x, x, spread, 20000, 8.0, 1e-6, ball, [&](int) { return fade; }), faded,
                 2e-3 * faded);
-    // The half of the cone that would come out of the ground does not count.
+    // The half of the cone below the ground is excluded.
     const TriangleSet wall({{Vec3d(-1, 0, -50), Vec3d(-1, 0, 50), Vec3d(-1, -50, 0)}});
     EXPECT_EQ(cone_shelter(p, y, x, spread, 4096, 8.0, 1e-6, wall), 0.0);
     EXPECT_NEAR(cone_shelter(p, -x, x, spread, 4096, 8.0, 1e-6, wall), 0.5, 1e-3);

@@ -13,7 +13,7 @@ struct Range {
     double half;
 };
 
-// Whether a slab across n, wider than c, parts the points s0 to s1 from the triangle.
+// True if a slab perpendicular to n and wider than c separates the points s0 to s1 from the triangle.
 bool parted(const Range& range, double s0, double s1, double c, const Triangle& t, const Vec3d& n) {
     if (!(n.squaredNorm() > 0.5)) return false; // the zero vector of a degenerate triangle
     const double a = n.dot(range.u), b = n.dot(range.ahead);
@@ -54,7 +54,7 @@ bool is_free(const Sweep& sweep, double angle, const Triangle& t) {
 }
 
 bool proven_free(const Sweep& sweep, double middle, double half, const Triangle& t) {
-    constexpr double narrow = 1e-3; // rad; below it cutting the segment pays
+    constexpr double narrow = 1e-3; // rad; below it, splitting the segment is worth its cost
     const Range range{sweep.direction(middle), sweep.v * std::cos(middle) - sweep.u * std::sin(middle), half};
     return part_is_free(range, 0.0, sweep.length, sweep.clearance, t, half < narrow ? 4 : 0);
 }

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bounds on the distance between a segment that turns about its start and one triangle.
+// Bounds on the distance between a segment that rotates about its start and one triangle.
 //
 // The segment's points are P + s u(theta), 0 <= s <= l, u(theta) = u cos(theta) + v sin(theta), v = axis x u.
 //
-//  Free. For any unit n, the points s0 <= s <= s1 at the angle m + tau are no nearer to the triangle T than
-//  min over s of s (A cos tau + B sin tau) - max over T of n . (z - P), A = n . u(m), B = n . u'(m): a slab
-//  of that width lies between them. The maximum is at a corner, the minimum at s0 or s1, and for |tau| <= h
-//  at an end of that range or where the cosine is -1. As n serve the direction between nearest points at m,
-//  the triangle's normal, and the vectors across the segment and one edge; the last are exact where the first
-//  is all rounding, sliding along an edge. Also, no point moves further than the chord 2 s1 sin(h / 2), so
-//  the distance is at least the one at m minus that. Whatever shows a distance above c over the whole range
-//  counts; over narrow ranges the segment is cut in halves, down to a sixteenth, each with its own n, for a
-//  slab that lies right by the pivot knows nothing of the far end's lever.
+//  Free. For any unit n, the distance from the points s0 <= s <= s1 at the angle m + tau to the triangle T is
+//  at least min over s of s (A cos tau + B sin tau) - max over T of n . (z - P), A = n . u(m), B = n . u'(m):
+//  the width of a slab between them. The maximum is at a corner. The minimum is at s0 or s1 and, for |tau| <=
+//  h, at an end of that range or where the cosine is -1. Candidates for n are the direction between the
+//  closest points at m, the triangle's normal, and the vectors perpendicular to the segment and one edge; the
+//  last are exact for sliding along an edge, where the first is only rounding. Also, no point moves further
+//  than the chord 2 s1 sin(h / 2), so the distance is at least the one at m minus that. Any bound above c
+//  over the whole range suffices. Over narrow ranges the segment is halved, down to a sixteenth, each part
+//  with its own n, because a slab close to the pivot is a poor bound for the far end.
 //
 //  Blocked. If the distance is below c at two angles less than pi apart, with points x0, x1 of the segment
 //  and y0, y1 of T, then it is below c at every angle between: the ray at that angle meets the line x0 x1 at
@@ -19,7 +19,7 @@
 //  to it than c. For c = 0 the same with crossings. So the blocked angles of a triangle are one interval
 //  within any half turn.
 //
-// Bounds hold up to the rounding of distances, some 1e-15 (l + |P - y|): everything is done relative to P.
+// Bounds hold up to the rounding of distances, about 1e-15 (l + |P - y|): all is computed relative to P.
 #pragma once
 
 #include "tests/oracle/triangles.h"
@@ -36,7 +36,7 @@ struct Sweep {
 
 // Triangles relative to the pivot.
 bool is_free(const Sweep& sweep, double angle, const Triangle& t);
-// Free at every angle from `middle - half` to `middle + half` (true is proven, false may be either).
+// True if proven free at every angle from `middle - half` to `middle + half`; false leaves it open.
 bool proven_free(const Sweep& sweep, double middle, double half, const Triangle& t);
 
 } // namespace marram::oracle

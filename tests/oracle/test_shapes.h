@@ -9,7 +9,7 @@ namespace marram::oracle {
 
 inline const Vec3d x = Vec3d::UnitX(), y = Vec3d::UnitY(), z = Vec3d::UnitZ();
 
-// Numbers drawn one after the other from a seed; for tests only.
+// A sequence of random numbers from a seed; for tests only.
 class Draw {
   public:
     explicit Draw(uint64_t seed) : seed_(seed) {}

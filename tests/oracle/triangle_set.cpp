@@ -80,7 +80,7 @@ void TriangleSet::visit(const Vec3d& p, const Vec3d& q, double reach, Visitor&& 
     for (int layer = begin; layer <= end; ++layer) {
         double from = 0.0, to = 1.0; // the part of the segment within reach of the layer
         const double run = q[axis] - p[axis];
-        if (std::abs(run) > reach) { // shorter ones are not worth clipping, and would divide by 0
+        if (std::abs(run) > reach) { // clipping shorter ones saves little and could divide by 0
             const double low = bounds_.min()[axis] + layer * cell_ - reach, high = low + cell_ + 2.0 * reach;
             const double t0 = (low - p[axis]) / run, t1 = (high - p[axis]) / run;
             constexpr double slack = 1e-12; // the quotients' rounding, relative to the segment
@@ -111,12 +111,12 @@ Nearest TriangleSet::nearest(const Vec3d& p, const Vec3d& q, double limit, const
     if (triangles_.empty()) return best;
     Eigen::AlignedBox3d box(p);
     box.extend(q);
-    const double gap = bounds_.exteriorDistance(box.center()); // of one point: a place to start, not a bound
+    const double gap =
+        bounds_.exteriorDistance(box.center()); // of the box's centre: a starting value, not a bound
     const double everything = gap + bounds_.diagonal().norm() + box.diagonal().norm();
     double reach =
         search_ == Search::one_by_one ? everything : std::max(cell_, gap - 0.5 * box.diagonal().norm());
-    for (;;
-         reach *= 2.0) { // the best within a reach is the best of all once it is not further than the reach
+    for (;; reach *= 2.0) { // done as soon as the best distance is within the reach
         reach = std::min(reach, limit);
         visit(p, q, reach, [&](int i) {
             if (i == best.triangle) return false;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Many triangles, searched one by one or by a uniform grid; both give the same answers (triangles_test.cpp
-// proves the grid against the other).
+// A set of triangles, searched one by one or by a uniform grid. Both give the same answers
+// (triangles_test.cpp compares them).
 //
 // Each triangle is listed in every cell that its bounding box overlaps. A query visits a superset of the
-// cells that have a point within r of the segment: for each layer of cells along the segment's longest axis,
-// the part of the segment within r of the layer, its bounding box grown by r. Cell indices come from one
-// monotonic function of the coordinate, for triangles and queries alike, and r is grown by a bound of the
-// rounding in the boxes, so nothing is lost between.
+// cells that have a point within r of the segment. For each layer of cells along the segment's longest axis
+// these are the cells in the bounding box, grown by r, of the part of the segment within r of the layer.
+// Triangles and queries use one monotonic function from coordinates to cell indices, and r is increased by a
+// bound of the rounding in the boxes, so no triangle is missed.
 #pragma once
 
 #include "tests/oracle/triangles.h"
@@ -19,7 +19,7 @@
 namespace marram::oracle {
 
 struct Nearest {
-    Closest closest; // distance infinite where nothing is within the limit
+    Closest closest; // distance: infinite if nothing is within the limit
     int triangle = -1;
 };
 
@@ -35,18 +35,18 @@ class TriangleSet {
     using Filter = std::function<bool(int triangle)>;
 
     TriangleSet() = default;
-    // Cells are as wide as a mean triangle's box, or wider so that there are at most 8 a triangle: 50 to 100
-    // bytes a triangle in all.
+    // Cells are as wide as a mean triangle's box, or wider to have at most 8 cells per triangle. Memory: 50
+    // to 100 bytes per triangle in all.
     explicit TriangleSet(std::vector<Triangle> triangles, Search search = Search::grid);
 
     std::span<const Triangle> triangles() const { return triangles_; }
 
-    // The triangle nearest to the segment pq (to the point p where q = p) within `limit`, of those that the
-    // filter lets through; of equally near ones the one with the least index.
+    // The triangle nearest to the segment pq (to the point p if q = p) within `limit`, among those that pass
+    // the filter. Of equally near ones, the one with the lowest index.
     Nearest nearest(const Vec3d& p, const Vec3d& q, double limit = no_limit, const Filter& filter = {}) const;
-    // All triangles not further than `reach` from pq, ascending.
+    // All triangles within `reach` of pq, in ascending order.
     std::vector<int> within(const Vec3d& p, const Vec3d& q, double reach) const;
-    // All triangles that the segment crosses, in the order of the segment.
+    // All triangles that the segment crosses, ordered along the segment.
     std::vector<Hit> crossings(const Vec3d& p, const Vec3d& q) const;
     bool any_crossing(const Vec3d& p, const Vec3d& q) const;
 

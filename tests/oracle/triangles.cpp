@@ -8,8 +8,8 @@
 namespace marram::oracle {
 namespace {
 
-// To a rounding or two at any size: scaled, which takes longer, only where squares would overflow or lose bits below the
-// smallest normal number.
+// The length, to a rounding or two at any magnitude. The slower scaled norm is used only if squares would
+// overflow or lose bits below the smallest normal number.
 double length_of(const Vec3d& v) {
     const double squared = v.squaredNorm();
     return squared > 1e-280 && squared < 1e280 ? std::sqrt(squared) : v.stableNorm();
@@ -31,9 +31,8 @@ void take_if_nearer(Closest& best, const Vec3d& on_segment, const Vec3d& on_tria
     if (distance < best.distance) best = {distance, on_segment, on_triangle};
 }
 
-// The nearest points inside both segments, if there are such; ends are looked at by other candidates. The
-// lines' own solution is noisy where they are nearly parallel, so it is put right by projecting back and
-// forth once.
+// The nearest points in the interior of both segments, if there are any; other candidates cover the ends. The
+// closed form is noisy for nearly parallel lines, so it is refined by projecting back and forth once.
 void take_inner_pair(Closest& best, const Vec3d& p, const Vec3d& q, const Vec3d& a, const Vec3d& b) {
     const double length_p = length_of(q - p), length_a = length_of(b - a);
     if (!(length_p > 0.0) || !(length_a > 0.0)) return;
@@ -47,7 +46,8 @@ void take_inner_pair(Closest& best, const Vec3d& p, const Vec3d& q, const Vec3d&
     take_if_nearer(best, nearest_point_on_segment(on_edge, p, q), on_edge);
 }
 
-// Sign of the area of a, b, c seen along one axis, exactly: lifting one corner by 1 turns it into a volume.
+// Exact sign of the area of a, b, c projected along one axis: lifting one corner by 1 turns the area into a
+// volume.
 int orientation_seen_along(int axis, Vec3d a, Vec3d b, Vec3d c) {
     a[axis] = b[axis] = c[axis] = 0.0;
     Vec3d lifted = a;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// One triangle against points and segments: nearest points, distances, crossings. Degenerate triangles
-// (needles, doubled vertices, single points) and segments of no length are allowed everywhere.
+// Queries between one triangle and points or segments: nearest points, distances, crossings. Degenerate
+// triangles (needles, doubled vertices, single points) and segments of no length are allowed everywhere.
 //
-// Nearest points are the least of a handful of candidates, each of which lies in the triangle and on the
-// segment by its construction, so that rounding and degeneracy can only ever make a distance too great, and
-// only by rounding: two convex sets of that kind are nearest at a vertex and something, at two edges, or in
-// the interior of a face.
+// Nearest points are the best of a few candidates: two such convex sets are nearest at a vertex and
+// something, at two edges, or in the interior of a face. Each candidate lies in the triangle and on the
+// segment by construction, so rounding and degeneracy can only make a distance too great, and only by
+// rounding.
 #pragma once
 
 #include "core/math/vec.h"
@@ -16,7 +16,7 @@ struct Triangle {
     Vec3d a, b, c;
 };
 
-// (b - a) x (c - a): twice the area long; 0 for a degenerate triangle.
+// (b - a) x (c - a): its length is twice the area; 0 for a degenerate triangle.
 Vec3d area_normal(const Triangle& t);
 
 Vec3d nearest_point_on_segment(const Vec3d& p, const Vec3d& a, const Vec3d& b);
@@ -35,10 +35,9 @@ bool crosses(const Vec3d& p, const Vec3d& q, const Triangle& t);
 
 struct Crossing {
     bool crosses = false;
-    double parameter =
-        0.0; // where along pq, 0 to 1; for a segment in the triangle's plane only some place near it
-    // Length by which something would have to move before `crosses` changes: for a crossing the least of the
-    // ends' heights over the plane and of the line's distances from the three edges; otherwise the distance.
+    double parameter = 0.0; // position along pq, 0 to 1; approximate for a segment in the triangle's plane
+    // The smallest movement that could change `crosses`: for a crossing the least of the ends' heights over
+    // the plane and of the line's distances from the three edges; otherwise the distance.
     double margin = 0.0;
 };
 Crossing crossing(const Vec3d& p, const Vec3d& q, const Triangle& t);

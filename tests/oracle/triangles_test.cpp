@@ -37,7 +37,7 @@ TEST(OraclePredicates, the_sign_turns_with_the_order_of_the_points_at_any_scale)
     for (double scale : {1e-30, 1e-6, 1.0, 1e7, 1e30})
         for (int round = 0; round < 500; ++round) {
             const Vec3d a = scale * draw.in_cube(), b = scale * draw.in_cube(), c = scale * draw.in_cube();
-            Vec3d d = a + draw.unit() * (b - a) + draw.unit() * (c - a); // in the plane but for rounding
+            Vec3d d = a + draw.unit() * (b - a) + draw.unit() * (c - a); // in the plane up to rounding
             const int sign = orientation(a, b, c, d);
             EXPECT_EQ(orientation(b, c, a, d), sign);
             EXPECT_EQ(orientation(b, a, c, d), -sign);
@@ -60,7 +60,8 @@ TEST(OracleTriangles, distances_of_simple_places_are_the_obvious_ones) {
     EXPECT_DOUBLE_EQ(closest({3, 4, 0}, {3, 4, 0}, t).distance, 4.0) << "segment of no length";
 }
 
-// Two convex sets are nearest at x and y if and only if the planes across x - y at x and at y part them.
+// Two convex sets are nearest at x and y if and only if the planes perpendicular to x - y at x and at y
+// separate them.
 void expect_nearest(const Vec3d& p, const Vec3d& q, const Triangle& t, double& worst) {
     const Closest c = closest(p, q, t);
     if (c.distance == 0.0) return;
@@ -69,8 +70,8 @@ void expect_nearest(const Vec3d& p, const Vec3d& q, const Triangle& t, double& w
     for (const Vec3d& z : {t.a, t.b, t.c}) excess = std::max(excess, n.dot(z - c.on_triangle));
     for (const Vec3d& z : {p, q}) excess = std::max(excess, n.dot(c.on_segment - z));
     const double size = std::max({(t.b - t.a).norm(), (t.c - t.a).norm(), (q - p).norm(), c.distance});
-    // How much nearer they could be, relative to the sizes at hand; 1e-9 where the gap is so small that n is
-    // rounding.
+    // Bound of the error relative to the sizes at hand; weighted down if the gap is below 1e-7 of the size,
+    // where n is mostly rounding.
     worst = std::max(worst, excess / size * std::min(1.0, c.distance / size / 1e-7));
 }
 
@@ -118,7 +119,7 @@ TEST(OracleTriangles, nothing_leaks_through_edges_and_corners_of_a_closed_mesh) 
     int shots = 0;
     for (const Triangle& t : mesh)
         for (int i = 0; i < 20; ++i, ++shots) {
-            const double s = i == 0 ? 0.0 : draw.unit(); // corners first, then points of edges
+            const double s = i == 0 ? 0.0 : draw.unit(); // first the corner, then points on the edge
             const Vec3d target = t.a + s * (t.b - t.a), from = 0.1 * draw.in_cube();
             const Vec3d to = from + 3.0 * (target - from);
             EXPECT_TRUE(std::any_of(mesh.begin(), mesh.end(), [&](auto& u) { return crosses(from, to, u); }));

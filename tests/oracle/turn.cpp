@@ -25,8 +25,8 @@ Turn shortest_turn(const Vec3d& from, const Vec3d& to, const Vec3d& segment, con
     if (unit_cross(a, b, turn.axis)) return turn;
     turn.angle = a.dot(b) > 0.0 ? 0.0 : pi;
     if (unit_cross(segment, tip, turn.axis)) {
-        turn.axis =
-            (turn.axis - turn.axis.dot(a) * a).normalized(); // to rounding it is across `from` already
+        turn.axis = (turn.axis - turn.axis.dot(a) * a)
+                        .normalized(); // up to rounding, already perpendicular to `from`
         return turn;
     }
     if (unit_cross(a, noise, turn.axis)) return turn;

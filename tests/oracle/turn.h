@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The shortest turn of one direction onto another, and what to do where there is no shortest one.
+// The shortest rotation from one direction to another, with a rule for opposite directions.
 #pragma once
 
 #include "core/math/vec.h"
@@ -11,11 +11,11 @@ struct Turn {
     Vec3d axis = Vec3d::UnitX(); // unit
 };
 
-// The turn of `from` onto `to`. Where they are opposed (sine of the angle below 1e-14, where a cross product
-// of unit vectors is nothing but rounding) the axis comes from chain.md's rule: segment x tip direction,
-// which turns the segment towards the tip, where `segment` is the direction of the segment at the pivot and
-// `tip` the one from pivot to tip; else tip x noise; else tip x the coordinate axis that it is least along.
-// Either vector zero: no turn.
+// The rotation from `from` to `to`. If they are opposite (sine of the angle below 1e-14, where a cross
+// product of unit vectors is only rounding), the axis follows chain.md's rule: segment x tip, which rotates
+// the segment towards the tip, where `segment` is the direction of the segment at the pivot and `tip` the one
+// from pivot to tip; else tip x noise; else tip x the coordinate axis of its smallest component. If either
+// vector is zero, there is no rotation.
 Turn shortest_turn(const Vec3d& from, const Vec3d& to, const Vec3d& segment, const Vec3d& tip,
                    const Vec3d& noise);
 

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Procedurals that break the contract, each in the way its parameter `fault` says. Built as it stands, and
+ * Procedurals that break the contract, each in the way that its parameter `fault` selects. Built as is, and
  * with one of
  *   NO_ENTRY_POINT   nothing is exported
- *   OTHER_ABI        the table says that it is of another version
+ *   OTHER_ABI        the table gives another version
  *   OTHER_EMBREE     the table says that it was built with another Embree
- *   REFUSES          the entry point knows no version
+ *   REFUSES          the entry point accepts no version
  */
 #define _POSIX_C_SOURCE 199309L
 #include "core/plugin/marram_plugin.h"
@@ -82,7 +82,7 @@ static void pause_for(time_t seconds, long nanoseconds) {
 
 static MarramStatus tessellate(MarramInstance* instance, uint32_t index, const MarramPatchBuffers* buffers) {
     if (is(instance, "silent-tessellate")) return MARRAM_ERROR;
-    if (is(instance, "deaf")) pause_for(0, 10000000L); /* both ought to ask the host whether to go on */
+    if (is(instance, "deaf")) pause_for(0, 10000000L); /* both should ask the host whether to continue */
     if (is(instance, "stuck")) pause_for(600, 0);
     for (int c = 0; c < curves_a_patch; ++c)
         for (int k = 0; k < 6; ++k) {

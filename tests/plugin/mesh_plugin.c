@@ -55,7 +55,7 @@ static MarramStatus begin(MarramInstance* instance, const MarramFrame* frame, Ma
         say(then, MARRAM_FAULT, "pyramid.host", "the host is gone before destroy", "keep it");
         return MARRAM_ERROR;
     }
-    if (frame->colliders || frame->mesh_count > 0) { /* the contract: it names no mesh, so it is lent none */
+    if (frame->colliders || frame->mesh_count > 0) { /* the contract: it names no mesh, so it gets none */
         say(now, MARRAM_FAULT, "pyramid.colliders", "meshes are lent that it does not name", "lend none");
         return MARRAM_ERROR;
     }

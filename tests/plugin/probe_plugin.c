@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A procedural that looks at what it is given and says so in its report: its values by name, the poses of the first mesh
- * (its first vertex and normal at the frame asked for by `pose_at`, and whether they are there), and made-up seconds and
- * counts, `report` times as many. It makes one straight curve.
+ * A procedural that reports what it is given: its values by name, and the poses of the first mesh (its first
+ * vertex and normal at the frame `pose_at`, and whether they exist). It also reports made-up seconds and
+ * counts, `report` times as many, and makes one straight curve.
  */
 #include "core/plugin/marram_plugin.h"
 
@@ -13,7 +13,7 @@ enum { most_values = 64, most_name = 64, most_floats = 3 * 4096 };
 
 struct MarramInstance {
     char names[most_values][most_name];
-    double numbers[most_values][12]; /* the first; behind them how many there are */
+    double numbers[most_values][12]; /* the first numbers, then their count and the text's length */
     uint32_t value_count;
     float positions[most_floats], normals[most_floats];
 };

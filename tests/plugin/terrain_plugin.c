@@ -2,11 +2,11 @@
 /*
  * A small desert: all that a mesh procedural can do, in C.
  *
- *   hill   a square of (divisions + 1)^2 vertices. It stands on a mesh that it names and traces, its layers have types of
- *          their own, it rises beside drawn curves and by a record of numbers, it grows from frame to frame by a simulation
- *          that keeps states, it swells within the shutter, it hands out attributes and a grid, and a render mesh that is the finer the
- *          nearer the camera stands.
- *   reeds  curves of 2, 3, 4 and 5 CVs in turn, along the curves that it names or from the origin upwards.
+ *   hill   a square of (divisions + 1)^2 vertices. It stands on a mesh that it names and traces, and its layers
+ *          have their own types. It rises near drawn curves and by a table of numbers. It grows from frame to
+ *          frame by a simulation that stores states, and swells within the shutter. It outputs attributes, a
+ *          grid, and a render mesh that is finer nearer to the camera.
+ *   reeds  curves of 2, 3, 4 and 5 CVs in turn, along the curves that it names or upwards from the origin.
  */
 #include "core/plugin/marram_plugin.h"
 
@@ -17,7 +17,7 @@
 enum { most_layers = 8, most_text = 64, most_divisions = 256, most_curves = 64 };
 
 typedef struct Layer {
-    int is_bump; /* else a slab */
+    int is_bump; /* otherwise a slab */
     double height, x, z;
 } Layer;
 
@@ -32,14 +32,14 @@ typedef struct Settings {
 struct MarramInstance {
     MarramHost host;
     Settings settings;
-    /* Of the frame that has begun. */
+    /* State of the current frame. */
     double frame, times[64];
     uint32_t time_count;
-    double base;    /* height of what it stands on */
+    double base;    /* height of the mesh below */
     double grown;   /* by the simulation */
     double ridge_x; /* of the first drawn curve */
-    int simulated;  /* steps, since create */
-    float* heights; /* the grid that is handed out */
+    int simulated;  /* steps since create */
+    float* heights; /* the output grid */
     MarramGrid grid;
     int view_divisions;
     uint64_t* offsets; /* of reeds */
@@ -206,7 +206,7 @@ static void put_triangles(int divisions, uint32_t* triangles) {
         }
 }
 
-/* One frame after another, from the latest state on. What takes long asks whether to go on. */
+/* Steps from frame to frame, from the latest state on. Long work asks whether to continue. */
 static MarramStatus prepare(MarramInstance* instance, const MarramFrame* frame, const MarramStates* states) {
     MarramState state;
     memset(&state, 0, sizeof state);
@@ -236,7 +236,7 @@ static MarramStatus prepare(MarramInstance* instance, const MarramFrame* frame, 
     return MARRAM_OK;
 }
 
-/* The height of the mesh below, by a ray from far above; 0 where there is none. */
+/* The height of the mesh below, found by a ray from far above; 0 if there is none. */
 static MarramStatus find_base(MarramInstance* instance, const MarramFrame* frame) {
     struct RTCRayHit ray;
     instance->base = 0.0;
@@ -334,12 +334,12 @@ static MarramStatus mesh(MarramInstance* instance, MarramMeshBuffers* buffers) {
     return MARRAM_OK;
 }
 
-/* Squares as large as a tenth of the camera's distance. */
+/* Cells as large as a tenth of the camera's distance. */
 static MarramStatus begin_view(MarramInstance* instance, const MarramView* view, MarramOutput* out) {
     const double* p = view->positions;
     const double distance = sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
     const double divisions = ceil(10.0 * instance->settings.size / distance);
-    if (instance->settings.swell != 0.0) return MARRAM_OK; /* moves: the growth surface is what is seen */
+    if (instance->settings.swell != 0.0) return MARRAM_OK; /* it moves: the growth surface is rendered */
     instance->view_divisions = divisions > most_divisions ? most_divisions : (int)divisions;
     out->kind = MARRAM_MESH;
     out->time_count = 1;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curve wind where directions vanish, oppose each other or are of absurd size.
+// Curve wind where directions vanish, are opposite, or have extreme lengths.
 #include "procedural/wind/bend.h"
 #include "tests/oracle/bend.h"
 #include "tests/stability/scene.h"
@@ -17,7 +17,7 @@ Wind wind_along(const Vec3d& direction, double global_rotate = 1.0) {
     return wind;
 }
 
-// Bent curves; the rest curves become what the floats say.
+// Bent curves; rounds the rest curves to float.
 std::vector<Curve> bent(const Wind& wind, std::vector<Curve>& rest, float envelope = 1.0F,
                         double frame = 1.0) {
     Strands strands = strands_of(rest);
@@ -46,8 +46,8 @@ double angle_between(const Vec3d& a, const Vec3d& b) {
     return std::atan2(u.cross(v).norm(), u.dot(v));
 }
 
-// The worst CV against the oracle, as a share of what accuracy.md allows: 1e-5 of the length and two units in the last
-// place. Infinity for what is not finite.
+// Largest CV error against the oracle, relative to the tolerance in accuracy.md: 1e-5 of the length plus two
+// ulps. Infinity if not finite.
 double against_oracle(const Wind& wind, const Curve& rest, const Curve& pose, double envelope) {
     if (!is_finite(pose)) return std::numeric_limits<double>::infinity();
     oracle::Bend reference;
@@ -58,7 +58,7 @@ double against_oracle(const Wind& wind, const Curve& rest, const Curve& pose, do
     reference.reference_segments = double(rest.size() - 1);
     const Curve right = oracle::bend_curve(rest, reference);
     const double allowed =
-        1e-5 * length_of(rest) + 0x1p-22 * std::max(largest(rest), largest(pose)) + 1e-45; // least float
+        1e-5 * length_of(rest) + 0x1p-22 * std::max(largest(rest), largest(pose)) + 1e-45; // smallest float
     double worst = 0.0;
     for (size_t k = 0; k < rest.size(); ++k)
         worst = std::max(worst, (pose[k] - right[k]).stableNorm() / allowed);
@@ -96,7 +96,7 @@ std::vector<Curve> many(uint64_t seed, int count, int cvs, double length, const 
 }
 
 TEST(Bend, wind_against_the_strand) {
-    // A straight strand turns within one plane, so the angles to the wind are those of the oracle whatever plane that is.
+    // A straight strand turns within one plane; in any plane its angles to the wind equal the oracle's.
     for (const double off : {0.0, 1e-15, 1e-12, 1e-9, 1e-8, 1e-7}) {
         double angle = 0.0, length = 0.0;
         for (const int cvs : {2, 3, 9, 64})
@@ -120,7 +120,7 @@ TEST(Bend, wind_against_the_strand) {
                         const double is = angle_between(pose[k + 1] - pose[k], wind.direction);
                         const double was = angle_between(right[k + 1] - right[k],
                                                          Vec3d(std::sin(pi - off), std::cos(pi - off), 0));
-                        // Stored floats: 2 ulp of a coordinate of 1 over the segment's length.
+                        // Float storage: 2 ulp of a coordinate of 1, over the segment's length.
                         angle = std::max(angle, std::abs(is - was) / (1e-6 + 0x1p-22 * (cvs - 1)));
                     }
                     length = std::max(length, worst_length(pose, rest[0]));
@@ -133,7 +133,8 @@ TEST(Bend, wind_against_the_strand) {
 }
 
 TEST(Bend, wind_against_curved_strands) {
-    // The tip lies exactly upwind, the strand does not: its own bend is the axis, and f = 1 lays the tip downwind.
+    // The tip is exactly upwind but the strand is curved: its own bend defines the axis, and f = 1 puts the
+    // tip downwind.
     double length = 0.0, tip = 0.0;
     for (const double bow : {1e-6, 1e-3, 0.1, 0.4}) {
         std::vector<Curve> rest{{{0, 0, 0}, {bow, 0.25, 0}, {bow, 0.5, 0}, {bow, 0.75, 0}, {0, 1, 0}}};
@@ -165,7 +166,7 @@ TEST(Bend, segments_of_no_length_tiny_and_huge) {
         std::vector<Curve> gaps = many(6, 32, 9, 1.0);
         for (size_t i = 0; i < gaps.size(); ++i) {
             Curve& c = gaps[i];
-            c[1 + i % 8] = c[i % 8]; // one segment without length, the first and the last too
+            c[1 + i % 8] = c[i % 8]; // one segment of zero length, including the first and the last
             if (i % 3 == 0) c[3] = c[2] = c[1];
         }
         take(zero, compare(wind, gaps, envelope));

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A coat of fur on a bumpy ball with every stage of the chain on, at any size and anywhere: for what must not depend on either.
+// A coat of fur on a bumpy ball with all stages of the chain, at any size and position: for results that must
+// not depend on either.
 #pragma once
 
 #include "tests/chain/furred_world.h"
@@ -11,12 +12,12 @@
 namespace marram::stability {
 
 struct CoatSpec {
-    double size = 1.0;           // m, the ball's radius; everything in the scene goes with it
-    Vec3d place = Vec3d::Zero(); // of its centre
+    double size = 1.0;           // m, the ball's radius; the whole scene scales with it
+    Vec3d place = Vec3d::Zero(); // of the ball's center
     double frame = 12.0;
     std::vector<double> times{}; // motion samples; empty: the frame alone
     bool gusts = true, shielding = true, jiggle = false, collision = true;
-    double hair = 1.0; // width of strands, in thousandths of the size
+    double hair = 1.0; // strand width in thousandths of the size
     std::optional<double> offset_scale{};
 };
 

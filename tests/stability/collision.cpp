@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Strands against awkward geometry: the collision stage as a whole, judged by the oracle on the floats that are stored.
+// Strands against difficult geometry: the complete collision stage, checked by the oracle on the stored
+// floats.
 #include "tests/oracle/contact.h"
 #include "tests/stability/scene.h"
 #include "tests/stability/table.h"
@@ -18,7 +19,7 @@ using oracle::Triangle;
 
 Triangle flipped(const Triangle& t) { return {t.a, t.c, t.b}; }
 
-// Strands a metre long that grow around `root` and are blown along `wind`, straight ones and kinked ones.
+// Strands 1 m long that grow around `root` and are blown along `wind`; straight and kinked ones.
 Strands blown(const Vec3d& root, const Vec3d& up, const Vec3d& wind, int strands, int cvs, uint64_t seed,
               double spread = 0.2, double length = 1.0, double width = 0.004) {
     Draw draw(seed);
@@ -36,7 +37,7 @@ Strands blown(const Vec3d& root, const Vec3d& up, const Vec3d& wind, int strands
     return result;
 }
 
-// Six winds, three seeds.
+// Six winds, each with a seed of its own.
 Verdict in_all_winds(const Scene& scene, const Vec3d& root, const Vec3d& up, int cvs = 7,
                      const Collision& settings = {}, double spread = 0.2) {
     Verdict all;
@@ -75,7 +76,7 @@ TEST(Collision, a_concave_wedge) {
         const Scene scene({body_of(wedge)});
         char name[64];
         std::snprintf(name, sizeof name, "concave wedge, %g rad", opening);
-        // The root stands as deep as there is 2 cm of room on either side.
+        // The root is at the depth with 2 cm of room on either side.
         report(name, in_all_winds(scene, y * (0.02 / s), y, 7, {}, 0.0));
     }
 }
@@ -93,12 +94,13 @@ TEST(Collision, a_cone_tip) {
     const Scene scene({body_of(cone)});
     report("cone tip, root above it", in_all_winds(scene, y * 0.012, y, 7, {}, 0.0));
     report("cone tip, roots around it", in_all_winds(scene, y * 0.012, y, 7, {}, 0.1));
-    // Strands beside the cone, blown onto its point.
+    // Strands beside the cone, blown onto its tip.
     report("cone tip, blown onto it", in_all_winds(scene, Vec3d(-0.6, -0.4, 0.0), y));
 }
 
 TEST(Collision, vertices_and_edges_hit_dead_on) {
-    // A straight strand up y, blown to x: its segments turn in the plane z = 0, in which lie the vertex and the edges.
+    // A straight strand along y, blown to x: its segments turn in the plane z = 0, which contains the vertex
+    // and the edges.
     const Triangle vertex{Vec3d(0.5, 0.2, 0), Vec3d(1.5, -0.5, 1), Vec3d(1.5, -0.5, -1)},
         in_plane{Vec3d(0.4, 0.3, 0), Vec3d(1.4, -0.7, 0), Vec3d(1.0, -2.0, 1.0)},
         across{Vec3d(0.6, 0.2, 1), Vec3d(0.6, 0.2, -1), Vec3d(1.5, -1, 0)},
@@ -121,7 +123,7 @@ TEST(Collision, vertices_and_edges_hit_dead_on) {
 }
 
 TEST(Collision, grazing_contact) {
-    // A straight strand turns past a vertex, an edge and a face that lie a hair within or beyond its reach.
+    // A straight strand turns past a vertex, an edge and a face that are slightly within or beyond its reach.
     Verdict all;
     for (const double hair : {-1e-6, -1e-9, 0.0, 1e-9, 1e-6, 1e-4})
         for (const double width : {0.0, 0.01})
@@ -145,7 +147,7 @@ TEST(Collision, grazing_contact) {
 }
 
 TEST(Collision, open_and_non_manifold_meshes) {
-    // A fan of sheets about one edge, with gaps, and a book that stands open.
+    // A fan of sheets around one edge, with gaps, and an open book.
     std::vector<Triangle> fan;
     for (int i = 0; i < 9; ++i) {
         const double a = 0.35 * i - 1.4;
@@ -260,22 +262,22 @@ TEST(Collision, a_million_triangles) {
     report("a collider of a million triangles", all);
 }
 
-// Triangles of every kind around strands of every kind. Roots are free by construction.
+// Triangles of all kinds around strands of all kinds. Roots are free by construction.
 struct Soup {
     const char* name;
     int scenes, cvs;
     double kinks;
-    double clearance; // segments
+    double clearance; // in segment lengths
     int triangles;
     double size;
-    bool spikes = false; // one corner of three drawn out
+    bool spikes = false; // one of three corners far away
     double distance = 0.0, scale = 1.0;
     std::optional<double> offset_scale{};
     bool judge_contacts = true, far_away = false;
 };
 
 Verdict soup_of_strands(const Soup& soup, uint64_t seed) {
-    const char* many = std::getenv("MARRAM_FUZZ"); // by hand: more of it
+    const char* many = std::getenv("MARRAM_FUZZ"); // manual: more scenes
     const int scenes = many ? soup.scenes * std::max(1, std::atoi(many) / 500) : soup.scenes;
     Verdict all;
     for (int i = 0; i < scenes; ++i) {
@@ -350,12 +352,12 @@ TEST(Collision, strands_of_no_length_and_of_absurd_size) {
         for (int i = 0; i < 24; ++i) {
             Curve c =
                 wandering(draw, Vec3d(0.8 * draw.signed_unit(), 0, 0.8 * draw.signed_unit()), y, 1.0, 8, 0.5);
-            c[size_t(1 + i % 7)] = c[size_t(i % 7)]; // one segment without length
+            c[size_t(1 + i % 7)] = c[size_t(i % 7)]; // one segment of zero length
             if (i % 4 == 0) c[3] = c[2] = c[1] = c[0];
-            if (i % 6 == 0) std::fill(c.begin(), c.end(), c[0]); // all in one point
+            if (i % 6 == 0) std::fill(c.begin(), c.end(), c[0]); // all CVs at one point
             rest.push_back(c);
             Curve p = straight(c[0], Vec3d(0.1, -0.05, 0), 8);
-            if (i % 5 == 0 || i % 6 == 0) p = Curve(8, c[0]); // targets in one point
+            if (i % 5 == 0 || i % 6 == 0) p = Curve(8, c[0]); // all targets at one point
             pose.push_back(p);
         }
         Strands strands = strands_of(rest, 0.01);
@@ -388,14 +390,15 @@ TEST(Collision, strands_of_no_length_and_of_absurd_size) {
     }
     report("collision of segments without length", gaps);
     report("collision of segments of 1e-12 ... 1e-37", tiny);
-    // A ball of a metre under a reach of 1e30: what floats and Embree cannot hold may be passed through, but is finite.
+    // A ball of 1 m within a reach of 1e30 m: what floats and Embree cannot resolve may be passed through,
+    // but results are finite.
     none("collision of strands 1e6 ... 1e30 m long: not finite", huge.not_finite, "strands");
     row("collision of strands 1e6 ... 1e30 m long: lengths", huge.length, 1.0, "of allowed");
     figure("collision of strands 1e6 ... 1e30 m long: crosses", double(huge.crossed), "segments");
 }
 
 TEST(Collision, strands_at_rest_in_still_air) {
-    // Goals that are the start itself: nothing turns, unless it stands in a collider, and then it is turned out.
+    // Targets equal to the start: nothing turns, except segments inside a collider, which are turned out.
     Verdict all;
     long long moved = 0;
     for (uint64_t seed = 0; seed < 10; ++seed) {
@@ -415,7 +418,7 @@ TEST(Collision, strands_at_rest_in_still_air) {
             for (size_t k = 0; k + 1 < before.size(); ++k)
                 room =
                     std::min(room, scene.triangles().nearest(before[k], before[k + 1], 0.1).closest.distance);
-            // Drawn curve and clearance have room: it stays as it is.
+            // The curve and the clearance have room, so the strand is unchanged.
             if (room > 0.09) moved += pose_of(strands, i) != before;
         }
     }
@@ -424,7 +427,8 @@ TEST(Collision, strands_at_rest_in_still_air) {
 }
 
 TEST(Collision, straight_strands_on_grids_and_axes) {
-    // Everything on binary fractions: feet on edges, parallel edges, coplanar triangles, segments along the axes.
+    // All coordinates are binary fractions: closest points on edges, parallel edges, coplanar triangles,
+    // segments along the axes.
     std::vector<Triangle> grid;
     for (int i = -4; i < 4; ++i)
         for (int j = -4; j < 4; ++j) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The same bits whatever ran before, on however many threads, in whatever batches: of the chain itself and of the program.
+// Identical bits after any history, on any number of threads, in any batches: for the chain and for the
+// program.
 #include "tests/stability/coat.h"
 #include "tests/stability/table.h"
 #include "tests/unit/cli/program.h"
@@ -17,7 +18,7 @@ namespace {
 using testing::Folder;
 using testing::ProgramResult; // for EXPECT_DONE
 
-// A light coat: jiggle looks back over some fifty knots.
+// A light coat, because jiggle evaluates about fifty knots of history.
 const CoatSpec everything{.frame = 240.0, .times = {240.0, 240.25, 240.5}, .jiggle = true};
 
 std::vector<size_t> shuffled(size_t count, uint64_t seed) {
@@ -38,7 +39,7 @@ TEST(Determinism, patches_cut_and_ordered_in_any_way) {
     long long differ = 0, again = 0;
     for (const size_t batch : {1, 7, 8, 100}) {
         ChainScratch other;
-        // Every batch size on strands enough to fill some batches of it.
+        // For each batch size, enough strands to fill some batches.
         const size_t count = std::min(coat.roots().size(), std::max<size_t>(40, 4 * batch));
         const auto cut = coat.poses(coat.roots().first(count), batch, other);
         for (size_t t = 0; t < whole.size(); ++t)
@@ -95,7 +96,7 @@ TEST(Determinism, on_any_number_of_threads) {
     none("strands on all threads: other bits", std::accumulate(differ.begin(), differ.end(), 0LL), "strands");
 }
 
-// All stages at work on a ball.
+// All stages, on a ball.
 const std::string scene_text =
     "frames = [1, 240]\n[camera]\nposition = [0, 1, 4]\ntarget = [0, 0.2, 0]\n"
     "[film]\nsize = [32, 24]\nsamples = 1\nmax_depth = 1\n"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// NaN and infinity anywhere in the input: the program says where, exits with 2, and writes nothing. Which parameters there
-// are is asked of the procedural itself, so that a new one is covered the day it is declared.
+// NaN and infinity anywhere in the input: the program reports the place, exits with 2 and writes nothing. The
+// parameters are queried from the procedural, so new ones are covered automatically.
 #include "procedural/groom/description.h"
 #include "procedural/wind/wind.h"
 #include "tests/stability/table.h"
@@ -20,7 +20,7 @@ using testing::ProgramResult;
 
 const char* const bad_numbers[] = {"nan", "inf", "-inf"};
 
-// The value of a parameter with every number bad; "" where the type has none.
+// The value of a parameter with every number bad; "" if the type has no numbers.
 std::string bad_value(MarramParamType type, const std::string& bad) {
     switch (type) {
     case MARRAM_INTEGER:
@@ -62,7 +62,8 @@ Bad scene_of(const std::string& head, const std::vector<Line>& lines, const std:
     return bad;
 }
 
-// How many of the bad lines the program does not complain of, by line and with exit code 2; or writes something.
+// Number of bad lines that are not reported by line with exit code 2; also counts a run that writes
+// something.
 int unnoticed(const Bad& bad, const std::string& what) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", bad.text);
@@ -118,8 +119,7 @@ TEST(Input, not_a_number_in_any_parameter_of_a_groom) {
     int tried = 0, passed = 0;
     for (const std::string bad : bad_numbers) {
         std::vector<Line> lines;
-        std::map<std::string, std::vector<Line>>
-            lists; // an element for each parameter, each on a line of its own
+        std::map<std::string, std::vector<Line>> lists; // one element per parameter, each on its own line
         for (const MarramParam& param : groom_params()) {
             const std::string value = bad_value(param.type, bad), name = param.name;
             const size_t list = name.find("[].");
@@ -142,7 +142,7 @@ TEST(Input, not_a_number_in_any_parameter_of_a_groom) {
     none("NaN and infinity in a groom: not refused", passed, "values");
 }
 
-// What a parameter needs beside it to be looked at at all.
+// The key that makes a parameter take effect.
 std::string companion(const std::string& name) {
     if (name.starts_with("collision.") && name != "collision.solver") return "collision.solver = \"exact\"\n";
     if (name.starts_with("shielding.") && name != "shielding.shield") return "shielding.shield = 1\n";
@@ -152,7 +152,7 @@ std::string companion(const std::string& name) {
 }
 
 TEST(Input, one_bad_number_alone_is_refused) {
-    // Above, one complaint could hide that another is only made because of it.
+    // In the tests above, one error could hide that another is only its consequence.
     std::vector<Bad> scenes;
     for (const MarramParam& param : wind_params()) {
         const std::string value = bad_value(param.type, "nan"), name = param.name;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Jiggle at the ends of its ranges: no damping, critical, fifty times that; frames far from the shot; strands of no length.
+// Jiggle at the limits of its ranges: no damping, critical damping, fifty times that; frames far from the
+// shot; strands of zero length.
 #include "procedural/wind/jiggle.h"
 #include "tests/oracle/jiggle.h"
 #include "tests/stability/scene.h"
@@ -59,7 +60,7 @@ Curve rounded(const Curve& curve) {
     return r;
 }
 
-// The oracle's pose, from a history that begins with the window.
+// The oracle's pose, with a history from the start of the window.
 Curve right(const Jiggle& jiggle, double first, double frame, const Motion& motion) {
     oracle::History history;
     for (double f = first; f < frame + jiggle.step; f += jiggle.step) {
@@ -93,7 +94,7 @@ Motion swaying(uint64_t seed, int cvs, const Vec3d& root = Vec3d::Zero(), double
 
 TEST(Jiggle, damping_of_0_1_and_50) {
     for (const double zeta : {0.0, 1e-3, 1.0, 50.0}) {
-        // 50 forgets slowly: its slow pole takes 100 / omega.
+        // Damping 50 has a long memory: the time constant of its slow pole is 100 / omega.
         const Jiggle jiggle = jiggle_of(zeta, 90.0);
         const std::vector<double> times{90.0, 90.25, 97.0, 121.3, 150.0};
         std::vector<Motion> motions;
@@ -115,7 +116,8 @@ TEST(Jiggle, damping_of_0_1_and_50) {
 }
 
 TEST(Jiggle, frames_far_from_the_shot) {
-    // The same motion, 2.4e5 frames of period, at frames 0, -1e4 and 1e6: the same answer to the rounding of time.
+    // The same motion, with a period of 2.4e5 frames, at frames 0, -1e4 and 1e6: equal results up to the
+    // rounding of time.
     double worst = 0.0;
     for (const double zeta : {0.05, 1.0, 3.0}) {
         const Jiggle jiggle = jiggle_of(zeta, {});
@@ -153,12 +155,11 @@ TEST(Jiggle, strands_of_no_length_and_of_absurd_size) {
         for (const double size : {0.0, 1e-37, 1e-30, 1.0, 1e7, 1e18, 1e30})
             for (const int cvs : {2, 9}) {
                 std::vector<Motion> motions{swaying(7, cvs, Vec3d::Zero(), size)};
-                motions.push_back(
-                    [=](double f) { // a segment that comes and goes is no rest strand, but finite it must be
-                        Curve c = motions[0](f);
-                        c[1] = c[0];
-                        return c;
-                    });
+                motions.push_back([=](double f) { // not valid (a varying segment), but must be finite
+                    Curve c = motions[0](f);
+                    c[1] = c[0];
+                    return c;
+                });
                 const std::vector<double> times{20.0, 20.3, 20.6};
                 const auto got = run(jiggle_of(zeta, zeta == 0.0 ? std::optional(0.0) : std::nullopt), times,
                                      motions, 2.0 * size + 1e-30);
@@ -171,7 +172,7 @@ TEST(Jiggle, strands_of_no_length_and_of_absurd_size) {
             }
     none("jiggle of strands 0 ... 1e30 m long: not finite", not_finite, "strands");
     row("jiggle of strands 0 ... 1e18 m long: lengths", length, 1.0, "of allowed");
-    // A filtered strand may double up on itself: where it passes through a point there is no direction.
+    // A filtered strand may fold over: where it passes through a point there is no direction.
     const Motion flip = [](double f) {
         const double s = f < 10.0 ? 1.0 : -1.0;
         return Curve{{0, 0, 0}, {0, 0.5 * s, 0}, {0, s, 0}};
@@ -201,7 +202,8 @@ TEST(Jiggle, other_motion_samples_give_the_same_bits) {
             differ += alone[0][i] != other[1][i];
         }
     }
-    // The window begins with the first motion sample: what lies before it is below the tolerance, not nothing.
+    // The window starts relative to the first motion sample: what is before it is below the tolerance, but
+    // not zero.
     figure("jiggle with other motion samples: other bits", double(differ), "of 36 strands");
 }
 

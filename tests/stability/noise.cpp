@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Noise at lattice points and far away; gusts without size or life.
+// Noise at lattice points and far away; gusts with zero size or life.
 #include "procedural/wind/noise.h"
 #include "procedural/wind/gusts.h"
 #include "tests/oracle/noise.h"
@@ -43,7 +43,7 @@ TEST(Noise, at_lattice_points) {
     for (const Vec3d& v : noise_at(noise, lattice, false, 0.0))
         perlin = std::max(perlin, v.cwiseAbs().maxCoeff());
     row("Perlin noise at lattice points", perlin, 0.0, "1");
-    // Every type is continuous across them: a step of 1e-6 cells changes it by no more than its slope allows.
+    // Every type is continuous at lattice points: a step of 1e-6 cells changes it by at most its slope.
     double jump = 0.0;
     for (const NoiseType type : types) {
         noise.type = type;
@@ -171,7 +171,7 @@ TEST(Gusts, that_decay_longer_than_they_live_do_not_pop) {
             }
             before = now;
         }
-        // A fade lasts at least one frame, of slope 1.5 at its steepest; up to eight gusts overlap here.
+        // A fade lasts at least one frame, with a slope of at most 1.5; up to eight gusts overlap here.
         char name[96];
         std::snprintf(name, sizeof name, "gusts with decay %g frames and life 20 ... 30: step in 0.01 frames",
                       decay[0]);
@@ -186,7 +186,7 @@ TEST(Gusts, of_absurd_size_speed_and_time) {
     for (const double size : {1e-30, 1e-9, 1e9, 1e30})
         for (const double frame : {-1e4, 1e6, 1e15}) {
             Gusts gusts = gusts_of({size, 2 * size}, {30, 1e6}, {5, 1e6});
-            gusts.period = 1e6; // more than four million at a time are refused by read_gusts
+            gusts.period = 1e6; // read_gusts rejects more than four million at a time
             gusts.speed = {0.0, size};
             for (const double v : sums(gusts, frame)) {
                 finite = finite && std::isfinite(v);

@@ -12,7 +12,7 @@ namespace marram::stability {
 namespace {
 
 struct Solved {
-    std::vector<Curve> rest, pose; // in sizes of the ball, from its centre
+    std::vector<Curve> rest, pose; // in units of the ball's size, relative to its center
     long long not_finite = 0, crossed = 0;
     double length = 0.0;
     CollisionCounts counts;
@@ -70,7 +70,7 @@ TEST(Scale, other_sizes_scale_along) {
     none("the chain at size 1: unresolved", (long long)one.counts.unresolved, "segments");
     for (const double size : {1e-4, 1e-3, 1e-2, 0.1, 10.0, 1e2, 1e3, 1e4, 1e5}) {
         const Solved other = solved({.size = size});
-        long long elsewhere = 0; // a decision fell the other way
+        long long elsewhere = 0; // a decision was different
         double worst = 0.0;
         for (size_t i = 0; i < one.pose.size(); ++i) {
             const double d = deviation(one.pose[i], other.pose[i]);

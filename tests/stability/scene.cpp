@@ -31,7 +31,7 @@ Body moved(Body body, double scale, const Vec3d& by) {
 
 namespace {
 
-struct Device { // one for all scenes: making it takes longer than most of them
+struct Device { // shared by all scenes: creating it takes longer than most of them
     RTCDevice device = rtcNewDevice("start_threads=0,set_affinity=0");
     ~Device() { rtcReleaseDevice(device); }
 };
@@ -201,7 +201,7 @@ namespace {
 
 constexpr double contact_bound = 1e-4; // rad, accuracy.md
 
-// A segment as collide() solved it, against the oracle on the same state.
+// Compares a segment solved by collide() with the oracle in the same state.
 void judge(const SegmentTrace& trace, const oracle::TriangleSet& set, Verdict& verdict) {
     const Segment& s = trace.segment;
     const Turned& turned = trace.turned;
@@ -213,7 +213,7 @@ void judge(const SegmentTrace& trace, const oracle::TriangleSet& set, Verdict& v
             oracle::any_free_direction(s.pivot, s.length, 1e-5 * s.length, set, 2000).has_value();
         return;
     }
-    // What it came to is free by the clearance it claims, to its rounding.
+    // The resulting direction is free with its stated clearance, up to rounding.
     const double slack = 1e-6 * turned.clearance + 1e-9 * s.length;
     if (!oracle::is_free(s.pivot, turned.direction, s.length, std::max(turned.clearance - slack, 0.0), set)) {
         ++verdict.not_free;
@@ -252,7 +252,7 @@ CollisionCounts run(const Scene& scene, uint32_t time, Strands& strands, const C
     return counts;
 }
 
-// Strand i in a batch of its own.
+// Solves strand i in a batch of its own.
 bool repeats_alone(const Scene& scene, uint32_t time, const Strands& given, const Strands& solved, int i,
                    const Collision& settings) {
     Strands alone = strands_of({rest_of(given, i)});
@@ -294,7 +294,7 @@ Verdict solve(const Scene& scene, Strands& strands, const Collision& settings, b
         }
         verdict.length = std::max(verdict.length, worst_length(pose, rest));
         verdict.not_repeated += !repeats_alone(scene, time, given, strands, i, settings);
-        if (!solved[size_t(i)]) continue; // the root is not free, or the strand has no length
+        if (!solved[size_t(i)]) continue; // the root is not free, or the strand has zero length
         const int crossed = oracle::crossed_segments(pose, set);
         verdict.crossed_all += crossed;
         verdict.crossed += unresolved[size_t(i)] ? 0 : crossed;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The smallest cases of what the searches of this folder have once found at fault.
+// Minimal reproductions of bugs that the fuzz tests in this folder have found. The comments describe the
+// bugs.
 #include "tests/oracle/contact.h"
 #include "tests/stability/coat.h"
 #include "tests/stability/table.h"
@@ -13,7 +14,7 @@ namespace {
 
 using oracle::Triangle;
 
-// A turning in the plane z = 0 from x towards y, length 1; the triangle's one interval.
+// A turn in the plane z = 0 from x towards y, length 1; the blocked interval of the triangle.
 std::vector<Blocked> blocked_by(const Triangle& t, double clearance, double end = 2.0) {
     const Turning turning{Vec3d::UnitX(), Vec3d::UnitY(), Vec3d::UnitZ(), 1.0, clearance};
     TriangleList list;
@@ -23,9 +24,10 @@ std::vector<Blocked> blocked_by(const Triangle& t, double clearance, double end 
     return blocked;
 }
 
-// The greatest depth, in lengths, by which a turn outside of all intervals is blocked, and by which one inside is free.
+// Maximum depth, in lengths, by which a turn outside of all intervals is blocked, and by which one inside is
+// free.
 struct Wrong {
-    double missed = 0.0, invented = 0.0, ends = 0.0; // ends: by which those of the interval are off
+    double missed = 0.0, invented = 0.0, ends = 0.0; // ends: error of the interval's ends
 };
 Wrong wrong(const Triangle& t, double clearance) {
     const std::vector<Blocked> blocked = blocked_by(t, clearance);
@@ -48,13 +50,13 @@ Wrong wrong(const Triangle& t, double clearance) {
     return result;
 }
 
-// contact.cpp, end_touches(): the window of turns beside the edge is the whole circle, cut at an arbitrary turn. Where that
-// turn is blocked both searches stop there at once, and the interval is that one turn.
+// contact.cpp, end_touches(): the window of turns beside the edge is the whole circle, cut at an arbitrary
+// turn. If that turn was blocked, both searches stopped there at once, and the interval was that one turn.
 TEST(SmallestCases, an_edge_that_the_end_is_beside_all_the_way_round) {
-    // An edge across the plane, out of the segment's reach but not of its clearance, just before half a turn.
+    // An edge across the plane, beyond the segment's reach but within its clearance, just before half a turn.
     const Vec3d on = 1.1 * Vec3d(std::cos(3.1), std::sin(3.1), 0), out = 2.0 * on;
     const Triangle t{on + Vec3d(0, 0, 5), on - Vec3d(0, 0, 5), out};
-    const double half = std::acos((1.1 * 1.1 + 1.0 - 0.3 * 0.3) / 2.2); // of the blocked interval
+    const double half = std::acos((1.1 * 1.1 + 1.0 - 0.3 * 0.3) / 2.2); // half of the blocked interval
     const Scene scene({body_of({t})});
     Segment segment{
         Vec3d::Zero(), Vec3d::UnitX(), Vec3d(std::cos(3.05), std::sin(3.05), 0), Vec3d::UnitX(), 1.0, 0.3};
@@ -62,7 +64,7 @@ TEST(SmallestCases, an_edge_that_the_end_is_beside_all_the_way_round) {
     const Turned turned = turn_exactly(scene.colliders(), segment, scratch);
     row("edge across the plane at half a turn: contact angle", std::abs(turned.turned_angle - (3.1 - half)),
         1e-4, "rad");
-    // The same where the edge is slanted: BlockedTurns found it so.
+    // The same with a slanted edge, as BlockedTurns found it.
     const Triangle slanted{{-0.17695472903534887, 1.0810354548170571, 0.67055650138846756},
                            {-0.17695470923876744, 1.0810353298722895, -0.6705564769394049},
                            {-0.28527667088312308, 1.7427849325344, -5.3941843214388996e-08}};
@@ -81,8 +83,8 @@ TEST(SmallestCases, an_edge_whose_window_is_blocked_at_both_ends) {
     row("window blocked at both ends: end of the interval", wrong(t, 2.9999333).ends, 1e-8, "of the length");
 }
 
-// contact.cpp, first_root(): 200 steps of a parabola whose curvature is the circle's are not enough where the edge runs along
-// the circle: the search stops short.
+// contact.cpp, first_root(): 200 steps of a parabola with the circle's curvature were not enough if the edge
+// runs along the circle: the search stopped short.
 TEST(SmallestCases, an_edge_that_runs_along_the_circle) {
     const Triangle t{{0.9646434174128764, 0.32025752410550945, 0.00063173533663201005},
                      {0.78864522839470164, 0.6419663456204987, -0.00063173419275642378},
@@ -91,8 +93,9 @@ TEST(SmallestCases, an_edge_that_runs_along_the_circle) {
         "of the length");
 }
 
-// turn.cpp, turn_out_in_plane(): the sweep of a doubted pivot returns at once, without a contact, where a triangle is nearer to
-// the pivot than 1.1 clearances; not_clear is not looked at, so what was not swept counts as free.
+// turn.cpp, turn_out_in_plane(): the sweep of an unverified pivot returned at once, without a contact, if a
+// triangle was closer to the pivot than 1.1 clearances. not_clear was ignored, so the part that was not swept
+// counted as free.
 TEST(SmallestCases, turning_out_of_a_collider_from_a_doubted_pivot) {
     const Segment segment{{0.028476134609573257, -0.005795822719368543, 0.00077632372380043841},
                           {-0.5300602429009742, -0.6053849936075919, 0.59375512495514182},
@@ -119,7 +122,7 @@ TEST(SmallestCases, turning_out_of_a_collider_from_a_doubted_pivot) {
     TurnScratch scratch;
     const Turned turned = turn_exactly(scene.colliders(), segment, scratch);
     if (turned.outcome == Outcome::not_clear)
-        return; // to be asked again with a smaller clearance: that is right too
+        return; // solved again with a smaller clearance, which is also correct
     const double kept = scene.triangles()
                             .nearest(segment.pivot, segment.pivot + turned.direction * segment.length)
                             .closest.distance;
@@ -127,8 +130,9 @@ TEST(SmallestCases, turning_out_of_a_collider_from_a_doubted_pivot) {
         "m");
 }
 
-// turn.cpp, arc_of(): of nearly equal directions the cross product is good to 1e-16 / sine only, so the plane's normal is not
-// perpendicular to `from`, and gather() leaves out triangles by their height over that plane.
+// turn.cpp, arc_of(): for nearly equal directions the cross product has a relative error of 1e-16 / sine, so
+// the plane's normal was not perpendicular to `from`, and gather() rejects triangles by their height above
+// that plane.
 TEST(SmallestCases, the_plane_of_a_turn_that_is_hardly_one) {
     double worst = 0.0;
     long long crossed = 0;
@@ -142,7 +146,7 @@ TEST(SmallestCases, the_plane_of_a_turn_that_is_hardly_one) {
                               std::abs(turning.across.dot(turning.from)),
                               std::abs(turning.normal.dot(turning.across)),
                               std::abs(turning.normal.norm() - 1.0)});
-            // A triangle right across the segment.
+            // A triangle across the segment.
             Vec3d side, other;
             orthonormal_basis<double>(segment.from, side, other);
             const Vec3d at = 0.7 * segment.from;
@@ -156,8 +160,8 @@ TEST(SmallestCases, the_plane_of_a_turn_that_is_hardly_one) {
     none("goal nearly at the start: crosses a triangle", crossed, "segments");
 }
 
-// collide.cpp, advance(): a target is taken over where it lies within 1e-5 lengths + 2^-22 of the largest coordinate of the end,
-// which is up to four units in the last place; accuracy.md allows two.
+// collide.cpp, advance(): a target was accepted if it was within 1e-5 lengths + 2^-22 of the largest
+// coordinate of the end, which is up to four ulps; accuracy.md allows two.
 TEST(SmallestCases, lengths_where_targets_are_taken_over) {
     double worst = 0.0;
     for (const double far : {60.0, 100.0, 120.0, 200.0}) {
@@ -170,11 +174,12 @@ TEST(SmallestCases, lengths_where_targets_are_taken_over) {
     row("pushed targets 60 ... 200 sizes from the origin: lengths", worst, 1.0, "of allowed");
 }
 
-// collide.cpp, solve_strand(): where the wanted clearance is below four roundings of a CV nothing is tried, not even in open
-// air: every segment is unresolved and the strand stands at rest in the wind. By default the clearance is the greater of the
-// radius and L / 800, the rounding 2^-23 of the distance from the origin.
+// collide.cpp, solve_strand(): if the required clearance was below four roundings of a CV, nothing was tried,
+// not even in open air: every segment was unresolved and the strand stayed at rest in the wind. By default
+// the clearance is the greater of the radius and L / 800; the rounding is 2^-23 of the distance from the
+// origin.
 TEST(SmallestCases, fur_bends_a_kilometre_from_the_origin) {
-    // Strands 0.15 ... 0.25 m long; a float resolves 0.06 mm here.
+    // Strands 0.15 ... 0.25 m long; the float resolution is 0.06 mm here.
     for (const double hair : {0.1, 1.0})
         for (const double far : {300.0, 1e3}) {
             const Coat coat({.place = far * Vec3d::UnitX(), .hair = hair});
@@ -184,7 +189,7 @@ TEST(SmallestCases, fur_bends_a_kilometre_from_the_origin) {
             std::snprintf(name, sizeof name, "fur %g mm thick, %g m from the origin: unresolved", hair, far);
             none(name, (long long)scratch.counts.unresolved, "of 12000 segments");
         }
-    // In open air there is nothing to resolve, wherever it is.
+    // In open air nothing is unresolved, at any distance.
     const Vec3d far(1e5, 0, 0);
     const Scene scene({body_of(oracle::floor_mesh(-50.0, 10.0))});
     Strands strands = strands_of({straight(far, Vec3d(0, 0.1, 0), 6)}, 0.002);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// turn_exactly() on random segments among random triangles, against the oracle: the same first contact, a result that is free,
-// a way out where there is one. Every mismatch is printed with as few triangles as still show it.
+// Compares turn_exactly() with the oracle, on random segments among random triangles: the same first contact,
+// a free result, a way out if there is one. Every mismatch is printed with a minimal set of triangles that
+// shows it.
 #include "tests/oracle/contact.h"
 #include "tests/oracle/turn.h"
 #include "tests/stability/scene.h"
@@ -23,7 +24,7 @@ double log_uniform(Draw& draw, double low, double high) { return low * std::pow(
 
 struct Problem {
     Segment segment;
-    std::vector<Triangle> triangles; // floats
+    std::vector<Triangle> triangles; // rounded to float
 };
 
 Triangle to_floats(const Triangle& t) {
@@ -31,7 +32,7 @@ Triangle to_floats(const Triangle& t) {
             t.c.cast<float>().cast<double>()};
 }
 
-// What triangles look like.
+// Kinds of triangles.
 enum class Kind { soup, spikes, slivers, fan, sheets, dead_on, count };
 const char* const kind_names[] = {
     "soup", "spikes", "slivers", "fan about a point", "near-parallel sheets", "features dead on the circle"};
@@ -50,7 +51,7 @@ Triangle draw_triangle(Draw& draw, Kind kind, const Segment& s, const Vec3d& nor
     }
     case Kind::slivers:
         return {at, at + size * draw.direction(), at + size * 1e-5 * draw.in_cube()};
-    case Kind::sheets: { // almost in the plane of the turn
+    case Kind::sheets: { // nearly in the plane of the turn
         const double tilt = log_uniform(draw, 1e-9, 1e-1);
         const auto tilted = [&](const Vec3d& d) { return Vec3d(d - normal * normal.dot(d) * (1.0 - tilt)); };
         const Vec3d centre = s.pivot + l * draw.unit() * tilted(draw.direction()) +
@@ -58,7 +59,7 @@ Triangle draw_triangle(Draw& draw, Kind kind, const Segment& s, const Vec3d& nor
         return {centre + size * tilted(draw.in_cube()), centre + size * tilted(draw.in_cube()),
                 centre + size * tilted(draw.in_cube())};
     }
-    case Kind::dead_on: { // vertices and edges in the plane, at the end's circle
+    case Kind::dead_on: { // vertices and edges in the plane, on the circle of the segment's end
         const double turn = pi * draw.signed_unit();
         const Vec3d in_plane = s.from * std::cos(turn) + normal.cross(s.from) * std::sin(turn);
         const double reach = l + (draw.below(3) - 1) * s.clearance * draw.unit();
@@ -124,7 +125,8 @@ const char* const fault_names[] = {"contact angle",
                                    "undoubted pivot called not clear"};
 
 struct Seen {
-    int problems = 0, contacts = 0, outs = 0, grazes = 0, unresolved = 0, reduced = 0, clearance_unverified = 0;
+    int problems = 0, contacts = 0, outs = 0, grazes = 0, unresolved = 0, reduced = 0,
+        clearance_unverified = 0;
     double worst = 0.0;
     std::array<int, Fault::count> faults{};
 };
@@ -151,7 +153,8 @@ std::optional<Fault> fault_of(const Problem& p, Seen& seen) {
         return Fault{turned.pushed_out ? Fault::called_blocked : Fault::called_free, 0.0};
     if (turned.outcome == Outcome::unresolved) {
         ++seen.unresolved;
-        // It claims that there is nothing free by 1e-6 lengths. A cone of freedom 0.3 rad wide ought to be found.
+        // The solver states that no direction is free by 1e-6 lengths. It should find a free cone 0.3 rad
+        // wide.
         const auto way = oracle::any_free_direction(s.pivot, s.length, 1e-4 * s.length, set, 1000);
         if (way) return Fault{Fault::no_way_out, 0.0};
         return std::nullopt;
@@ -201,7 +204,7 @@ void print(const Problem& p) {
     }
 }
 
-// Leaves out triangles as long as the same kind of fault remains.
+// Removes triangles as long as the same kind of fault remains.
 Problem smallest(Problem p, Fault::Kind kind) {
     Seen ignored;
     for (size_t i = 0; i < p.triangles.size() && p.triangles.size() > 1;) {
@@ -217,7 +220,7 @@ Problem smallest(Problem p, Fault::Kind kind) {
 }
 
 void fuzz(Kind kind) {
-    const char* many = std::getenv("MARRAM_FUZZ"); // by hand: more of it
+    const char* many = std::getenv("MARRAM_FUZZ"); // manual: more problems
     const int problems = many ? std::atoi(many) : 500;
     Seen seen;
     for (const uint64_t seed : {11, 12, 13}) {
@@ -245,8 +248,8 @@ void fuzz(Kind kind) {
         none(name + ": " + fault_names[i], seen.faults[size_t(i)], "segments");
 }
 
-// One triangle: the interval that blocked_turns() gives, against the distance at many turns. A turn that is blocked by more
-// than the margin must lie in it, one that is free by more must not.
+// One triangle: compares the interval of blocked_turns() with the distance at many turns. A turn that is
+// blocked by more than the margin must be in it, one that is free by more must not.
 void fuzz_interval(Kind kind) {
     const char* many = std::getenv("MARRAM_FUZZ");
     const int problems = many ? std::atoi(many) : 500;
@@ -318,8 +321,8 @@ void fuzz_interval(Kind kind) {
     none(name + ": free turns called blocked", invented, "triangles");
 }
 
-// Many triangles, large ones and small pieces of them: the first contact that is found by leaving out most of them early
-// is the least of those of each alone.
+// Many triangles, large ones and small pieces of them: the first contact, found with early rejection, equals
+// the minimum over the single triangles.
 void fuzz_first(Kind kind) {
     const char* many = std::getenv("MARRAM_FUZZ");
     const int problems = many ? std::atoi(many) : 2000;
@@ -368,7 +371,7 @@ void fuzz_first(Kind kind) {
         const double off = started        ? (is && found.turn < 0.0 ? 0.0 : infinity)
                            : least <= end ? (is ? std::abs(found.turn - least) : infinity)
                                           : (is ? infinity : 0.0);
-        // At a graze turns are ill-conditioned: there the distance counts.
+        // At a grazing contact turns are ill-conditioned: compare distances instead.
         if (off > 1e-10 && off < infinity) {
             const Vec2d cs = undiamond(found.turn);
             const Vec3d tip = s.length * turning.direction(cs.x(), cs.y());

@@ -26,8 +26,8 @@ constexpr int rows_a_strip = 64; // handed to OpenImageIO at a time
 
 std::unique_ptr<OIIO::ImageInput> open(const std::string& path) {
     OIIO::ImageSpec config;
-    config.attribute("oiio:UnassociatedAlpha",
-                     1); // a fourth channel is a number like the others: nothing is multiplied
+    // A fourth channel is not alpha: do not multiply by it.
+    config.attribute("oiio:UnassociatedAlpha", 1);
     std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::open(path, &config);
     if (!input) refuse_state(path, "cannot be read", OIIO::geterror(), "remove it");
     return input;
@@ -42,10 +42,10 @@ DoublesHeader header_of(const OIIO::ImageSpec& spec) {
 OIIO::ImageSpec spec_of(const DoublesHeader& header) {
     OIIO::ImageSpec spec(header.width, header.height, header.channels, OIIO::TypeDesc::DOUBLE);
     for (int c = 0; c < header.channels; ++c) spec.channelnames[size_t(c)] = fmt::format("value{}", c);
-    spec.alpha_channel = -1; // the names by default would make one of the fourth
+    spec.alpha_channel = -1; // the default names would make the fourth channel alpha
     spec.attribute("compression", "none");
     spec.attribute("ImageDescription", header.description);
-    spec.attribute("DateTime", ""); // else OpenImageIO writes the time of day, and no two files are alike
+    spec.attribute("DateTime", ""); // else OpenImageIO writes the current time, and files differ
     return spec;
 }
 
@@ -78,7 +78,7 @@ void read_doubles(const std::string& path, const DoublesHeader& header,
     std::vector<double> strip(stride * size_t(std::min(rows_a_strip, header.height)));
     for (int begin = 0; begin < header.height; begin += rows_a_strip) {
         const int end = std::min(begin + rows_a_strip, header.height);
-        // Of a file cut short OpenImageIO's reader says so without failing.
+        // For a truncated file OpenImageIO sets an error but returns success.
         if (!input->read_scanlines(0, 0, begin, end, 0, 0, header.channels, OIIO::TypeDesc::DOUBLE,
                                    strip.data()) ||
             input->has_error())

@@ -27,8 +27,8 @@ namespace marram {
 namespace {
 
 constexpr int greatest_side = 65536;
-constexpr int64_t greatest_bytes = int64_t(1) << 30; // of floats in memory
-constexpr int strip_rows = 256; // rows converted at a time; a multiple of EXR's blocks of 16
+constexpr int64_t greatest_bytes = int64_t(1) << 30; // limit for the floats in memory
+constexpr int strip_rows = 256; // rows converted at a time; a multiple of EXR's 16-row blocks
 constexpr float greatest_half = 65504.0f;
 
 using InputFile = std::unique_ptr<OIIO::ImageInput>;
@@ -37,14 +37,15 @@ using InputFile = std::unique_ptr<OIIO::ImageInput>;
     throw InputError(Place{path}, what, fix);
 }
 
-// OpenImageIO's own words, on one line.
+// OpenImageIO's error message, first line only.
 std::string reason(const std::string& message) {
     std::string text = message.empty() ? "no reason given" : message.substr(0, message.find('\n'));
     return "(" + text + ")";
 }
 
-// libpng prints its complaints about a PNG to stderr beside handing them to OpenImageIO, which leaves no way to stop it: while
-// one is read stderr goes nowhere. Only for PNG files, and not while rendering: other threads' words are lost, too.
+// libpng prints its errors to stderr, besides passing them to OpenImageIO, which gives no way to disable
+// this: stderr is redirected to /dev/null while a PNG is read. Only for PNG files, and not while rendering,
+// since messages of other threads are lost too.
 class QuietPng {
   public:
     explicit QuietPng(const std::string& path) {
@@ -93,11 +94,11 @@ void check_is_file(const std::string& path) {
 
 InputFile open_image(const std::string& path) {
     check_is_file(path);
-    // First of all: the PNG library complains on its own already while it opens a file.
+    // Checked first: libpng prints errors already when it opens a file.
     if (const std::string fault = png_fault(path); !fault.empty()) refuse_truncated(path, fault);
     OIIO::ImageSpec config;
-    config.attribute("oiio:UnassociatedAlpha",
-                     1); // else 8-bit colour is multiplied by alpha, and rounded, before we see it
+    // Otherwise 8-bit colour would be multiplied by alpha and rounded.
+    config.attribute("oiio:UnassociatedAlpha", 1);
     InputFile input = OIIO::ImageInput::open(path, &config);
     if (!input)
         refuse_image(path, "is not an image that can be read " + reason(OIIO::geterror()),
@@ -105,7 +106,8 @@ InputFile open_image(const std::string& path) {
     return input;
 }
 
-// Of some files OpenImageIO counts more channels than it names (FITS), and its own look-up of a name would abort.
+// For some files (FITS) OpenImageIO reports more channels than names, and its own look-up of a name would
+// abort.
 OIIO::ImageSpec spec_of(const OIIO::ImageInput& input) {
     OIIO::ImageSpec spec = input.spec();
     if (spec.channelnames.size() != size_t(std::max(0, spec.nchannels))) spec.default_channel_names();
@@ -141,22 +143,22 @@ void check_spec(const std::string& path, const OIIO::ImageSpec& spec) {
                      "make it smaller");
 }
 
-constexpr float srgb = 0.0f; // in place of an exponent
+constexpr float srgb = 0.0f; // special exponent value
 
-// gAMA of a PNG that is sRGB without saying so in a chunk of its own (ImageMagick writes these): 45455 in units of 1e-5, which
-// libpng takes for sRGB; within 500, for those who round.
+// A PNG gAMA that means sRGB, without an sRGB chunk (ImageMagick writes these): 45455 in units of 1e-5, which
+// libpng treats as sRGB; 500 units of tolerance for rounding.
 bool is_srgb_gamma(std::string_view format, float exponent) {
     return format == "png" && std::fabs(1.0f / exponent - 0.45455f) <= 0.005f;
 }
 
-// The power of a file's colours that is light: 1 where they are linear.
+// Exponent that turns the colours of a file into linear light: 1 if they are linear, `srgb` for sRGB.
 float exponent_of(const std::string& path, const OIIO::ImageSpec& spec, std::string_view format) {
     using OIIO::Strutil::iequals;
     using OIIO::Strutil::istarts_with;
     const std::string space = spec.get_string_attribute("oiio:ColorSpace");
     if (space.empty()) return spec.format == OIIO::TypeDesc::UINT8 ? srgb : 1.0f;
     if (iequals(space, "sRGB")) return srgb;
-    // So OpenImageIO calls whatever comes as PNM: of floats, PFM, nothing says that they are for a display.
+    // OpenImageIO reports Rec709 for all PNM files. PFM holds floats: not encoded for a display.
     if (iequals(space, "Rec709")) return spec.format.is_floating_point() ? 1.0f : srgb;
     for (const char* linear : {"linear", "lin_", "scene_linear", "sRGB-linear", "ACEScg", "ACES2065"})
         if (istarts_with(space, linear)) return 1.0f;
@@ -165,7 +167,7 @@ float exponent_of(const std::string& path, const OIIO::ImageSpec& spec, std::str
         const float named = digit == std::string::npos ? 0.0f : OIIO::Strutil::stof(space.substr(digit));
         const float exponent = spec.get_float_attribute("oiio:Gamma", named);
         if (exponent >= 1.0f && std::isfinite(exponent))
-            return is_srgb_gamma(format, exponent) ? srgb : exponent; // below 1: stated the wrong way round
+            return is_srgb_gamma(format, exponent) ? srgb : exponent; // below 1: inverted, an error
     }
     refuse_image(path, "is in the colour space \"" + space + "\", which is not known here",
                  "save it again as sRGB, or linear");
@@ -194,10 +196,10 @@ void check_finite(const std::string& path, const Image& image) {
     }
 }
 
-// JPEG files cut short are decoded to the end with grey by the library; the end marker tells.
+// libjpeg fills the rest of a truncated file with grey without an error: check the end marker.
 bool jpeg_is_whole(const std::string& path) {
     std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"), &std::fclose);
-    constexpr int tail_bytes = 4096; // some cameras pad behind the marker
+    constexpr int tail_bytes = 4096; // some cameras pad after the marker
     if (!file || std::fseek(file.get(), 0, SEEK_END) != 0) return false;
     const long size = std::ftell(file.get());
     std::fseek(file.get(), std::max(0L, size - tail_bytes), SEEK_SET);
@@ -253,7 +255,7 @@ OIIO::ImageSpec exr_spec(int width, int height, std::span<const Layer> layers,
             ++spec.nchannels;
         }
     spec.attribute("compression", "zip");
-    spec.attribute("DateTime", ""); // else OpenImageIO writes the time of day, and no two files are alike
+    spec.attribute("DateTime", ""); // else OpenImageIO writes the current time, and files differ
     for (const auto& [key, value] : metadata) {
         if (const auto* text = std::get_if<std::string>(&value)) spec.attribute(key, *text);
         if (const int* number = std::get_if<int>(&value)) spec.attribute(key, *number);
@@ -263,7 +265,7 @@ OIIO::ImageSpec exr_spec(int width, int height, std::span<const Layer> layers,
     return spec;
 }
 
-// Rows [begin, end) of all layers, channels side by side as the file wants them.
+// Rows [begin, end) of all layers, channels interleaved as in the file.
 void interleave(std::span<const Layer> layers, int width, int channels, int begin, int end,
                 std::vector<float>& strip) {
     size_t offset = 0;
@@ -274,7 +276,7 @@ void interleave(std::span<const Layer> layers, int width, int channels, int begi
         for (size_t i = 0; i < pixels; ++i)
             for (size_t c = 0; c < count; ++c) {
                 const float value = from[i * count + c];
-                // A NaN fails both comparisons of clamp and stays what it is.
+                // clamp leaves a NaN unchanged: both comparisons fail.
                 strip[i * size_t(channels) + offset + c] =
                     layer.half ? std::clamp(value, -greatest_half, greatest_half) : value;
             }
@@ -296,7 +298,8 @@ std::vector<uint8_t> to_bytes(int width, int height, int channels, const float* 
         const float* from = pixels + i * size_t(channels);
         uint8_t* to = bytes.data() + i * size_t(channels);
         const float alpha = channels == 4 ? from[3] : 1.0f;
-        // PNG keeps colour apart from alpha; where alpha is 0 there is only light that was added: leave it.
+        // PNG colour is not multiplied by alpha: divide. If alpha is 0, the colour is added light only: keep
+        // it.
         const float apart = alpha > 0.0f && alpha < 1.0f ? scale / alpha : scale;
         for (int c = 0; c < 3; ++c) to[c] = to_byte(srgb_from_linear(from[c] * apart));
         if (channels == 4) to[3] = to_byte(alpha);
@@ -322,7 +325,7 @@ void write_exr(const std::string& path, int width, int height, std::span<const L
 
 namespace {
 
-void add_texts(OIIO::ImageSpec& spec, std::span<const Metadata> metadata) { // PNG knows nothing else
+void add_texts(OIIO::ImageSpec& spec, std::span<const Metadata> metadata) { // PNG metadata is text only
     for (const auto& [key, value] : metadata)
         spec.attribute(key, std::visit([](const auto& v) { return fmt::format("{}", v); }, value));
 }
@@ -332,7 +335,7 @@ OIIO::ImageSpec png_spec(int width, int height, int channels, std::span<const Me
     OIIO::ImageSpec spec(width, height, channels, OIIO::TypeDesc::UINT8);
     spec.attribute("oiio:ColorSpace", "sRGB");
     add_texts(spec, metadata);
-    spec.attribute("oiio:UnassociatedAlpha", 1); // the division by alpha is done here, before the rounding
+    spec.attribute("oiio:UnassociatedAlpha", 1); // we divide by alpha, before rounding
     return spec;
 }
 
@@ -379,7 +382,7 @@ void write_grey_tiff(const std::string& path, int width, int height, const float
     OIIO::ImageSpec spec(width, height, 1, OIIO::TypeDesc::FLOAT);
     spec.attribute("compression", "none");
     spec.attribute("ImageDescription", description);
-    spec.attribute("DateTime", ""); // else OpenImageIO writes the time of day
+    spec.attribute("DateTime", ""); // else OpenImageIO writes the current time
     ImageWriter writer(path, spec, "tiff");
     writer.write_rows(0, height, OIIO::TypeDesc::FLOAT, pixels);
     writer.commit();
@@ -421,7 +424,7 @@ InputFile open_if_image(const std::string& path) {
     std::error_code error;
     if (!std::filesystem::is_regular_file(path, error) || !png_fault(path).empty()) return nullptr;
     InputFile input = OIIO::ImageInput::open(path);
-    if (!input) (void)OIIO::geterror(); // asked for, so that it is not reported at exit
+    if (!input) (void)OIIO::geterror(); // clears the error, which would be printed at exit
     return input;
 }
 
@@ -429,7 +432,7 @@ bool reads_to_its_end(OIIO::ImageInput& input) {
     const OIIO::ImageSpec spec = input.spec();
     if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1 || spec.deep) return false;
     const int64_t row = int64_t(spec.width) * spec.nchannels;
-    if (row * strip_rows * int64_t(sizeof(float)) > greatest_bytes) return false; // as no picture's are
+    if (row * strip_rows * int64_t(sizeof(float)) > greatest_bytes) return false; // larger than any picture
     std::vector<float> strip(size_t(row) * size_t(strip_rows));
     const int end = spec.y + spec.height;
     for (int y = spec.y; y < end; y += strip_rows)

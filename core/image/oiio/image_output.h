@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// OpenImageIO's writers over an AtomicFile. The libraries behind them ignore some failed writes (PNG all of them, EXR the
-// last buffered block, TIFF its directory): here each byte goes through AtomicFile, whose commit() reports the first failure.
+// OpenImageIO's writers on top of an AtomicFile. The underlying libraries ignore some failed writes (PNG all
+// of them, EXR the last buffered block, TIFF its directory). Here every byte goes through the AtomicFile,
+// whose commit() reports the first failure.
 #pragma once
 
 #include "core/image/atomic_file.h"
@@ -13,7 +14,7 @@
 
 namespace marram {
 
-// What a library writes goes to the file; it never sees a failure.
+// Passes writes of a library to the file. The library never sees a failure.
 class AtomicProxy final : public OIIO::Filesystem::IOProxy {
   public:
     AtomicProxy(const std::string& path, AtomicFile& file) : IOProxy(path, Write), file_(file) {}
@@ -48,7 +49,7 @@ class AtomicProxy final : public OIIO::Filesystem::IOProxy {
     AtomicFile& file_;
 };
 
-// One picture on its way to a file. commit() or nothing: a failure leaves what stands under the name as it was.
+// Writes one picture. Without commit(), or after a failure, an existing file of that name is unchanged.
 class ImageWriter {
   public:
     // format: "openexr", "png", "tiff". Throws InputError that names `path`.
@@ -62,7 +63,7 @@ class ImageWriter {
     std::string path_;
     AtomicFile file_;
     AtomicProxy proxy_;
-    std::unique_ptr<OIIO::ImageOutput> output_; // closed before the proxy goes
+    std::unique_ptr<OIIO::ImageOutput> output_; // destroyed before the proxy
 };
 
 } // namespace marram

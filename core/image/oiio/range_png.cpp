@@ -14,8 +14,8 @@ void write_range_png(const std::string& path, int width, int height, int channel
     assert(width > 0 && height > 0 && channels >= 1 && channels <= 4);
     const int written = channels == 2 ? 3 : channels; // blue stays black
     OIIO::ImageSpec spec(width, height, written, OIIO::TypeDesc::UINT16);
-    spec.attribute("oiio:UnassociatedAlpha", 1); // four values, each for itself
-    for (const auto& [key, value] : metadata)    // PNG knows texts alone
+    spec.attribute("oiio:UnassociatedAlpha", 1); // the fourth channel must not scale the others
+    for (const auto& [key, value] : metadata)    // PNG metadata is text only
         spec.attribute(key, std::visit([](const auto& v) { return fmt::format("{}", v); }, value));
     ImageWriter writer(path, spec, "png");
     std::vector<uint16_t> row(size_t(width) * size_t(written), 0);

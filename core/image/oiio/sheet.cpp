@@ -14,17 +14,17 @@ namespace marram {
 
 namespace {
 
-constexpr int gap = 8;                          // pixels between pictures, and around them
-constexpr int narrowest = 32;                   // column
-constexpr int highest = 65535;                  // sheet
+constexpr int gap = 8;                          // pixels between and around pictures
+constexpr int narrowest = 32;                   // column, pixels
+constexpr int highest = 65535;                  // sheet, pixels
 constexpr double most_pixels = 89e6;            // of a sheet: 1 GiB of floats
 constexpr float background = 0.02F, ink = 0.7F; // linear light
 
-// A line of text on the sheet.
+// Font of the captions.
 struct Caption {
     std::string font; // "": no captions
     int size = 0;     // pixels
-    int height = 0;   // of its line, 0 where there is none
+    int height = 0;   // of the caption line; 0: no captions
 };
 
 int width_of(const std::string& text, const Caption& caption) {
@@ -33,11 +33,11 @@ int width_of(const std::string& text, const Caption& caption) {
 
 bool is_font(const std::string& font) {
     const bool found = OIIO::ImageBufAlgo::text_size("0", 16, font).defined();
-    (void)OIIO::geterror(); // asked for, so that it is not reported at exit
+    (void)OIIO::geterror(); // clears the error, which would be printed at exit
     return found;
 }
 
-// Throws InputError for a font that was named and is none.
+// Throws InputError if a font was given and cannot be read.
 std::string font_of(const SheetLayout& layout) {
     if (!layout.font.empty()) {
         if (!is_font(layout.font))
@@ -50,7 +50,7 @@ std::string font_of(const SheetLayout& layout) {
     return found == layout.fonts.end() ? "" : *found;
 }
 
-// The length in bytes of the UTF-8 character that begins there; 0 where none does.
+// Length in bytes of the UTF-8 character that begins at `at`; 0 if it is invalid.
 size_t character_at(const std::string& text, size_t at) {
     const auto byte = [&](size_t i) { return i < text.size() ? static_cast<unsigned char>(text[i]) : 0U; };
     const unsigned first = byte(at);
@@ -64,7 +64,7 @@ size_t character_at(const std::string& text, size_t at) {
     return length;
 }
 
-// A text as characters that can be drawn: what is none, or is a control character, is a question mark.
+// Splits a text into characters that can be drawn: invalid bytes and control characters become "?".
 std::vector<std::string> characters_of(const std::string& text) {
     std::vector<std::string> characters;
     for (size_t at = 0; at < text.size();) {
@@ -83,7 +83,8 @@ std::string joined(const std::vector<std::string>& characters, size_t begin, siz
     return text;
 }
 
-// The text, or its beginning and end, which tell names of a sequence apart, with dots between.
+// The text if it fits, otherwise its beginning and end with dots between: these distinguish names of a
+// sequence.
 std::string fitted(const std::string& text, int width, const Caption& caption) {
     const std::vector<std::string> all = characters_of(text);
     std::string whole = joined(all, 0, all.size());
@@ -99,7 +100,7 @@ std::string fitted(const std::string& text, int width, const Caption& caption) {
     return cut(fits);
 }
 
-// A picture's colours between 0 and 1, linear light: what is brighter than white would smear when it is scaled.
+// A picture's colours, linear, clamped to 0 ... 1: values above white would smear in resampling.
 OIIO::ImageBuf colours_of(const std::string& file, double exposure) {
     const Picture picture = read_picture(file);
     const Picture::Layer* layer = picture.find("");
@@ -117,7 +118,7 @@ OIIO::ImageBuf colours_of(const std::string& file, double exposure) {
 
 struct Cell {
     int x = 0, y = 0, width = 0, height = 0; // of the picture
-    int caption_y = 0;                       // top of its line
+    int caption_y = 0;                       // top of the caption line
 };
 
 struct Grid {
@@ -125,7 +126,7 @@ struct Grid {
     std::vector<Cell> cells;
 };
 
-// Where everything goes. Reads the headers.
+// Computes the layout. Reads only the headers.
 Grid grid_of(const std::string& output, const std::vector<SheetPicture>& pictures, const SheetLayout& layout,
              int columns, int column, int line) {
     Grid grid{layout.width, gap, column, {}};
@@ -143,7 +144,7 @@ Grid grid_of(const std::string& output, const std::vector<SheetPicture>& picture
             grid.cells.push_back(cell);
         }
         for (size_t i = begin; i < end; ++i) {
-            grid.cells[i].y = grid.height + row - grid.cells[i].height; // beside its caption
+            grid.cells[i].y = grid.height + row - grid.cells[i].height; // directly above its caption
             grid.cells[i].caption_y = grid.height + row;
         }
         grid.height += row + line + gap;

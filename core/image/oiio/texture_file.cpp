@@ -17,12 +17,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// One for the program: its cache is shared by all materials.
+// One per program: its cache is shared by all materials.
 OIIO::TextureSystem& texture_system() {
     static OIIO::TextureSystem* const system = [] {
         OIIO::TextureSystem* made = OIIO::TextureSystem::create(true);
         made->attribute("max_memory_MB", 1024.0F);
-        made->attribute("unassociatedalpha", 1); // as read_image: colour is what the file says
+        made->attribute("unassociatedalpha", 1); // as in read_image: colour is not multiplied by alpha
         return made;
     }();
     return *system;
@@ -30,7 +30,7 @@ OIIO::TextureSystem& texture_system() {
 
 class TiledTexture final : public TextureFile {
   public:
-    // made: the file, where it is ours.
+    // made: the temporary file, if `file` was converted.
     TiledTexture(const std::string& file, int channels, std::unique_ptr<TemporaryFile> made)
         : made_(std::move(made)), channels_(std::min(channels, 3)),
           handle_(texture_system().get_texture_handle(OIIO::ustring(file))) {}
@@ -42,25 +42,24 @@ class TiledTexture final : public TextureFile {
         options.mipmode = OIIO::TextureOpt::MipModeTrilinear;
         options.interpmode = OIIO::TextureOpt::InterpBilinear;
         float value[3] = {0.0F, 0.0F, 0.0F};
-        // Whole turns are taken off before they cost digits; rows run down from the top in files.
+        // Wrapped to 0 ... 1 here, for precision; rows run down from the top in files.
         const float s = uv.x() - std::floor(uv.x()), t = 1.0F - (uv.y() - std::floor(uv.y()));
         const float w = std::clamp(width, 0.0F, 1.0F);
         if (!texture_system().texture(handle_, texture_system().get_perthread_info(), options, s, t, w, 0.0F,
                                       0.0F, w, channels_, value))
-            texture_system().geterror(); // a tile that went bad after it was checked: black
+            texture_system().geterror(); // a tile became unreadable after the check: black
         if (channels_ < 3) value[1] = value[2] = value[0];
         const auto share = [](float v) { return v > 0.0F ? std::min(v, 1.0F) : 0.0F; }; // NaN: 0
         return {share(value[0]), share(value[1]), share(value[2])};
     }
 
   private:
-    std::unique_ptr<TemporaryFile>
-        made_; // never takes its name: it goes with this, and where the program is cut off
+    std::unique_ptr<TemporaryFile> made_; // removed with this object, or when the program is interrupted
     int channels_;
     OIIO::TextureSystem::TextureHandle* handle_;
 };
 
-// Whether a file has tiles and smaller copies of itself.
+// True if a file has tiles and MIP levels.
 bool is_tiled(const std::string& file) {
     const auto input = OIIO::ImageInput::open(file);
     return input && input->spec().tile_width > 0 && input->seek_subimage(0, 1);
@@ -74,8 +73,7 @@ std::unique_ptr<TemporaryFile> make_texture(Image& image, const std::string& fil
                          "there is no directory for temporary files to make a texture of \"" + file + "\" in",
                          "set TMPDIR to one that exists");
     auto made = std::make_unique<TemporaryFile>(file, folder / "texture.exr");
-    for (float& value : image.pixels)
-        value = std::clamp(value, 0.0F, 1.0F); // before it spreads into averages
+    for (float& value : image.pixels) value = std::clamp(value, 0.0F, 1.0F); // before it affects averages
     const OIIO::ImageSpec spec(image.width, image.height, image.channels, OIIO::TypeDesc::FLOAT);
     const OIIO::ImageBuf pixels(spec, image.pixels.data());
     OIIO::ImageSpec config;
@@ -88,8 +86,8 @@ std::unique_ptr<TemporaryFile> make_texture(Image& image, const std::string& fil
         refuse(OIIO::geterror());
     if (!made->lock_again()) refuse("the file was removed while it was made");
     try {
-        read_image(made->name(),
-                   ColorSpace::linear_data); // a full disk goes unnoticed when the writer closes its file
+        // The writer does not report a full disk when it closes its file.
+        read_image(made->name(), ColorSpace::linear_data);
     } catch (const InputError& error) {
         refuse(error.problems.front().what);
     }
@@ -100,7 +98,8 @@ std::unique_ptr<TemporaryFile> make_texture(Image& image, const std::string& fil
 
 std::shared_ptr<const TextureFile> open_texture_file(const std::string& file, ColorSpace space,
                                                      const Place& place) {
-    // Read as a whole even where it is ready: what is cut short or not finite must not be found out while rendering.
+    // The whole file is read even if it is used as it is: truncated files and non-finite pixels must not be
+    // found while rendering.
     Image image = read_image(file, space);
     const bool ready = image.as_in_file && is_tiled(file) && // else encoded values would be averaged
                        std::ranges::all_of(image.pixels, [](float v) { return v >= 0.0F && v <= 1.0F; });

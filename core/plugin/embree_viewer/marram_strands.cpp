@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Marram's strands in Embree's tutorials: see README.md beside this file. The steps are those of ../README.md.
+// Marram's strands in Embree's tutorials: see README.md in this folder. The steps are those of ../README.md.
 #include <tutorials/common/scenegraph/scenegraph.h>
 
 #include <common/algorithms/parallel_for.h>
@@ -32,7 +32,7 @@ MarramProcedural load_groom() {
     return groom;
 }
 
-// What the host itself wants to know. All else is set by name, as in a scene of Marram.
+// Settings of the host itself. All others are set by name, as in a scene of Marram.
 struct Settings {
     std::map<std::string, double> numbers = {
         {"host.fps", 24},    {"host.frame", 1},   {"host.bind_frame", 1}, {"host.tolerance", 0.001},
@@ -43,7 +43,7 @@ struct Settings {
     double operator[](const char* name) const { return numbers.at(name); }
 };
 
-Settings read(const std::string& file, MarramHostValues* values) { // step 2: `name = value` a line
+Settings read(const std::string& file, MarramHostValues* values) { // step 2: one `name = value` per line
     std::ifstream in(file);
     if (!in) throw std::runtime_error("cannot open " + file);
     Settings settings;
@@ -61,7 +61,7 @@ Settings read(const std::string& file, MarramHostValues* values) { // step 2: `n
         if (name == "host.strands")
             settings.strands = value;
         else if (own == settings.numbers.end())
-            marram_set(values, name.c_str(), value.c_str()); // where it is wrong, finish() says so
+            marram_set(values, name.c_str(), value.c_str()); // finish() reports mistakes
     }
     return settings;
 }
@@ -72,7 +72,7 @@ std::vector<float> packed(const std::vector<avector<Vec3fa>>& steps, bool unit) 
         const Vec3fa v = unit ? normalize(steps[0][i]) : steps[0][i];
         floats.insert(floats.end(), {v.x, v.y, v.z});
     }
-    floats.reserve(floats.size() + 4); // Embree reads behind buffers
+    floats.reserve(floats.size() + 4); // Embree reads beyond the end of buffers
     return floats;
 }
 
@@ -87,7 +87,7 @@ struct Lent {
     RTCScene colliders;
 };
 
-// Step 4: the triangle meshes, as mesh0, mesh1, ... in the order of the scene.
+// Step 4: lends the triangle meshes as mesh0, mesh1, ... in the order of the scene.
 Lent lend(RTCDevice device, const SceneGraph::GroupNode& scene) {
     Lent lent = {{}, {}, rtcNewScene(device)};
     for (const auto& child : scene.children) {
@@ -148,7 +148,7 @@ void add_hair(const MarramProcedural& groom, MarramInstance* grass, const Marram
         const MarramPatchBuffers buffers = {sizeof buffers, steps.data(), nullptr, 0, nullptr, nullptr};
         ok(groom.tessellate(grass, i, &buffers));
     });
-    for (size_t c = 0; c < output.curve_count; ++c) // step 7: a segment begins at each CV but the last
+    for (size_t c = 0; c < output.curve_count; ++c) // step 7: a segment begins at each CV except the last
         for (size_t k = 0; k + 1 < cvs; ++k)
             hair->hairs.emplace_back(unsigned(c * vertices + k), unsigned(c));
     scene.add(hair.cast<SceneGraph::Node>());
@@ -157,7 +157,7 @@ void add_hair(const MarramProcedural& groom, MarramInstance* grass, const Marram
     for (const auto& step : hair->positions)
         for (int part = 0; part < 2; ++part) // positions, then diameters
             for (size_t i = 0; i < step.size(); ++i) {
-                if (i % vertices == 0 || i % vertices == vertices - 1) continue; // no CV
+                if (i % vertices == 0 || i % vertices == vertices - 1) continue; // not a CV
                 const float diameter = 2 * step[i].w;
                 out.write(reinterpret_cast<const char*>(part ? &diameter : &step[i].x), part ? 4 : 12);
             }

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A host of about 200 lines, with Embree alone: grass in the wind on a square of ground, traced into a picture.
+ * A host of about 200 lines that needs only Embree: renders grass in the wind on a square of ground.
  *
  *   host meadow.ppm strands.bin
  *
- * strands.bin holds x, y, z of all control vertices, then their diameters: 32-bit floats, as a .hair file has them behind its header.
- * meadow.toml beside this file is the same scene for marram. The comments count the steps of ../README.md.
+ * strands.bin holds x, y, z of all control vertices, then their diameters, as 32-bit floats, like a .hair
+ * file after its header. meadow.toml in this folder is the same scene for marram. Step numbers in comments
+ * refer to ../README.md.
  */
 #include <marram/marram_host.h>
 
@@ -16,7 +17,7 @@ enum {
     height = 180,
     ground_id = 0,
     grass_id = 1,
-    spare_floats = 4 /* Embree reads behind buffers */
+    spare_floats = 4 /* Embree reads beyond the end of buffers */
 };
 
 static void on_message(void* user, const MarramMessage* m) {
@@ -44,7 +45,7 @@ static void ok(MarramStatus status) {
     if (status != MARRAM_OK) exit(1); /* on_message has said why */
 }
 
-/* ---- The ground: two triangles that rest ---- */
+/* ---- The ground: two static triangles ---- */
 
 static const float corners[12 + spare_floats] = {-2, 0, -2, 2, 0, -2, -2, 0, 2, 2, 0, 2};
 static const float* const samples[1] = {corners};
@@ -73,7 +74,7 @@ static MarramProcedural load_groom(const char* file) {
     void* library = dlopen(file, RTLD_NOW | RTLD_LOCAL); /* step 1; it stays loaded */
     if (!library) fprintf(stderr, "%s\n", dlerror());
     void* symbol = check(library ? dlsym(library, MARRAM_ENTRY_POINT) : NULL, "no procedural library");
-    memcpy(&entry, &symbol, sizeof entry); /* C has no cast from an object pointer to a function */
+    memcpy(&entry, &symbol, sizeof entry); /* C has no cast from an object pointer to a function pointer */
     ok(marram_find_procedural(entry(MARRAM_ABI_VERSION), "groom", &host, &groom));
     return groom;
 }
@@ -101,7 +102,7 @@ static MarramInstance* make_grass(const MarramProcedural* groom) {
     return grass;
 }
 
-/* Control vertices of all curves, 4 floats each, one before each root and one behind each tip. */
+/* Vertices of all curves, 4 floats each: the CVs, one vertex before each root and one after each tip. */
 static float* make_curves(const MarramProcedural* groom, MarramInstance* grass, const MarramFrame* frame,
                           MarramOutput* output) {
     memset(output, 0, sizeof *output);
@@ -110,7 +111,7 @@ static float* make_curves(const MarramProcedural* groom, MarramInstance* grass, 
     const size_t floats = 4 * (size_t)(output->cvs_per_curve + 2);
     float* vertices =
         check(calloc(output->curve_count * floats + spare_floats, sizeof(float)), "out of memory");
-    for (uint32_t i = 0; i < output->patch_count; ++i) { /* step 6: in parallel, if you like */
+    for (uint32_t i = 0; i < output->patch_count; ++i) { /* step 6; may run in parallel */
         MarramPatch patch = {.size = sizeof patch};
         ok(groom->patch(grass, i, &patch));
         float* step = vertices + floats * patch.first_curve;
@@ -123,18 +124,18 @@ static float* make_curves(const MarramProcedural* groom, MarramInstance* grass, 
 static RTCGeometry make_grass_geometry(RTCDevice device, const MarramOutput* output, const float* vertices) {
     const unsigned cvs = output->cvs_per_curve, curves = (unsigned)output->curve_count;
     RTCGeometry hair =
-        rtcNewGeometry(device, RTC_GEOMETRY_TYPE_ROUND_BSPLINE_CURVE); /* output->basis and shape */
+        rtcNewGeometry(device, RTC_GEOMETRY_TYPE_ROUND_BSPLINE_CURVE); /* see output->basis and shape */
     rtcSetSharedGeometryBuffer(hair, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, vertices, 0, 16,
                                curves * (cvs + 2));
     unsigned* index =
         rtcSetNewGeometryBuffer(hair, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4, curves * (cvs - 1));
-    for (unsigned c = 0; c < curves; ++c) /* a segment begins at each CV but the last */
+    for (unsigned c = 0; c < curves; ++c) /* a segment begins at each CV except the last */
         for (unsigned k = 0; k + 1 < cvs; ++k) *index++ = c * (cvs + 2) + k;
     rtcCommitGeometry(hair);
     return hair;
 }
 
-/* ---- What comes out ---- */
+/* ---- Output ---- */
 
 static void write_strands(const char* file, const MarramOutput* output, const float* vertices) {
     FILE* out = check(fopen(file, "wb"), "cannot write the strands");
@@ -186,7 +187,7 @@ int main(int argc, char** argv) {
     RTCDevice device = check(rtcNewDevice(NULL), "no Embree device");
     RTCScene colliders = rtcNewScene(device), world = rtcNewScene(device);
     RTCGeometry ground = make_ground(device);
-    rtcAttachGeometryByID(colliders, ground, ground_id); /* step 4: what is lent */
+    rtcAttachGeometryByID(colliders, ground, ground_id); /* step 4: lend the ground */
     rtcCommitScene(colliders);
     const MarramMesh mesh = {.name = "ground",
                              .geometry_id = ground_id,
@@ -203,7 +204,7 @@ int main(int argc, char** argv) {
                                .time_count = 1,
                                .times = &time,
                                .stage = MARRAM_FINAL,
-                               .tolerance = 1e-3, /* what a scene of marram asks for where it says nothing */
+                               .tolerance = 1e-3, /* the default of a marram scene */
                                .device = device,
                                .colliders = colliders,
                                .meshes = &mesh,

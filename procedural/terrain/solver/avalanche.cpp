@@ -1,22 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 // Avalanches on slip faces: sand steeper than the static angle of repose slides until it is at the dynamic one.
 //
-// The slope is that of a quad of four samples a, b (row i), c, d (row i + 1): g_b = (b - a + d - c) / 2, g_a = (c - a + d - b) / 2, a
-// gradient without a preferred direction of the grid. Where it is too steep, sand goes from d to a and from c to b,
+// The slope is that of a quad of four samples a, b (row i), c, d (row i + 1): g_b = (b - a + d - c) / 2, g_a
+// = (c - a + d - b) / 2. This gradient has no preferred grid direction. Where it is too steep, sand moves
+// from d to a and from c to b,
 //
 //   d1 = w (1 - tan(stops) / |g|) (g_b + g_a) / 2,  d2 = w (1 - tan(stops) / |g|) (g_a - g_b) / 2
 //
-// which takes the part w of the excess away along the gradient. All quads move at once: a sample belongs to four, and on an even slope
-// those beside each other add up to a diffusion with number w, stable below 1 / 2; w = 0.4. Moves are whole units, and at most a quarter of what a
-// sample has, so that none gets below 0.
+// which removes the fraction w of the excess along the gradient. All quads move at once. A sample belongs to
+// four quads; on a uniform slope neighbouring moves add up to a diffusion with number w, stable below 1 / 2;
+// w = 0.4. Moves are whole units and at most a quarter of a sample's sand, so no sand becomes negative.
 //
-// Tiles of 32 x 32 quads sleep. One wakes where a quad is steeper than the static angle, or a tile beside it has moved sand; in a tile that is awake all
-// quads above the dynamic angle plus 0.1 degrees move, towards the dynamic angle (without a slack they would come to rest unit by unit). Sweeps end when all sleep, at `most_sweeps` at the latest: what is left then is for the next
-// time step. Supply that moves down a face of n cells needs n^2 / 10 sweeps to be seen at its foot; a steady supply needs none of that, the face stands
-// a little steeper instead, in proportion to the supply: half a degree at the longest stable time step.
+// Tiles of 32 x 32 quads sleep. A tile wakes if one of its quads exceeds the static angle or a neighbouring
+// tile moved sand. In an awake tile all quads above the dynamic angle plus 0.1 degrees move towards the
+// dynamic angle. (Without that slack they would converge unit by unit.) Sweeps end when all tiles sleep, or
+// after `most_sweeps`; the rest is left for the next time step. Sand supplied at the top of a face of n cells
+// needs n^2 / 10 sweeps to reach its foot. Under steady supply this does not matter: the face is slightly
+// steeper, in proportion to the supply, by half a degree at the longest stable time step.
 //
 // Threads: first all moves are computed, then each sample gathers those of its four quads.
-// Cost: 1 ns a cell to look for steep quads (one core); 8 ns a sweep and cell of tiles that are awake.
+// Cost: 1 ns a cell to find steep quads (one core); 8 ns a sweep and cell of awake tiles.
 #include "procedural/terrain/solver/avalanche.h"
 
 #include "procedural/terrain/fields.h"
@@ -30,17 +33,17 @@
 namespace marram {
 namespace {
 
-constexpr int avalanche_side = 32;     // quads of a tile
+constexpr int avalanche_side = 32;     // quads along a tile's side
 constexpr double avalanche_part = 0.4; // w
 constexpr double avalanche_slack = 0.1 * degree;
 
-// The greatest squared difference of heights in the quads between two rows, tile by tile.
+// Sets tiles[] where a quad between two rows is too steep. `limit`: square of twice the height difference.
 MARRAM_HOT void avalanche_scan(const float* upper, const float* lower, int quads, float limit, char* tiles) {
     for (int b = 0; b < quads; b += lanes) {
         const VFloat a = vload(upper + b), next = vload(upper + b + 1);
         const VFloat c = vload(lower + b), beside = vload(lower + b + 1);
         const VFloat gb = (next - a) + (beside - c), ga = (c - a) + (beside - next);
-        const VInt steep = gb * gb + ga * ga > limit; // of twice the difference
+        const VInt steep = gb * gb + ga * ga > limit; // both are twice the difference
         int any = 0;
         for (int l = 0; l < lanes; ++l) any |= b + l < quads ? steep[l] : 0;
         if (any) tiles[b / avalanche_side] = 1;
@@ -60,7 +63,7 @@ struct AvalancheGrid {
 
 constexpr size_t avalanche_slot = size_t(2) * avalanche_side * avalanche_side; // doubles
 
-// Moves of all quads of a tile. false: none.
+// Computes the moves of all quads of a tile. Returns false if all are 0.
 bool avalanche_moves(const AvalancheGrid& grid, int tile_row, int tile_column, double stops, double still,
                      const float* ground, const double* sand, double* moves) {
     bool any = false;
@@ -92,7 +95,7 @@ bool avalanche_moves(const AvalancheGrid& grid, int tile_row, int tile_column, d
     return any;
 }
 
-// Of few tiles each is done before threads could meet.
+// Runs work(k) for each tile; few tiles are done faster without threads.
 template <typename F>
 void avalanche_each(size_t count, F&& work) {
     if (count >= 16)
@@ -111,7 +114,8 @@ int Avalanche::run(int rows, int columns, bool periodic, double cell, const Aval
     if (grid.quad_rows <= 0 || grid.quad_columns <= 0) return 0;
     grid.tile_rows = (grid.quad_rows + avalanche_side - 1) / avalanche_side;
     grid.tile_columns = (grid.quad_columns + avalanche_side - 1) / avalanche_side;
-    // Samples beyond the last quad (borders that are not periodic) lie in no tile: the gather covers them with the last one.
+    // Samples beyond the last quad (non-periodic borders) are in no tile; the gather below adds them to the
+    // last one.
 
     std::vector<char> awake(grid.tiles(), 0);
     const double start = 2.0 * std::tan(settings.starts) * cell;
@@ -149,7 +153,7 @@ int Avalanche::run(int rows, int columns, bool periodic, double cell, const Aval
                 char(avalanche_moves(grid, tile / grid.tile_columns, tile % grid.tile_columns, stops, still,
                                      ground, sand, moves_.data() + slot * avalanche_slot));
         });
-        // A tile's quads reach one sample into the tiles after it.
+        // A tile's quads extend one sample into the next tiles.
         std::fill(touched.begin(), touched.end(), char(0));
         std::fill(awake.begin(), awake.end(), char(0));
         const auto wrap = [&](int k, int count) { return periodic ? (k + count) % count : k; };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Avalanches on slip faces. The page is in avalanche.cpp.
+// Avalanches on slip faces. See avalanche.cpp for the model.
 #pragma once
 
 #include "core/math/simd.h"
@@ -12,13 +12,14 @@ namespace marram {
 struct AvalancheSettings {
     double starts = 34.0 * degree; // static angle of repose, radians
     double stops = 33.0 * degree;  // dynamic angle of repose
-    int most_sweeps = 40;          // a call
+    int most_sweeps = 40;          // per call
     bool operator==(const AvalancheSettings&) const = default;
 };
 
 class Avalanche {
   public:
-    // `sand`: whole units, as doubles; `ground`, `height`: metres; all rows of `pitch`. `height` is ground + sand, before and after.
+    // `sand`: whole units, as doubles; `ground`, `height`: metres; all with rows of `pitch`. On entry and on
+    // return `height` is ground + sand.
     // Returns the number of sweeps.
     int run(int rows, int columns, bool periodic, double cell, const AvalancheSettings& settings,
             const float* ground, double* sand, float* height, size_t pitch);

@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Levels what oblique winds cannot see.
+// Damps checkerboard patterns under oblique winds.
 //
-// Grooves along the wind are levelled by grains that roll down across it (transport.cpp). Where the wind is at 45 degrees to the grid, the narrowest grooves
-// are a checkerboard: streamlines run between its diagonals and pass high and low samples in turn, so the flux cannot tell them apart and nothing levels them.
-// Here it is done as the same physics would have it: bed of height h and flux q spreads across the wind as
+// Grains that roll down across the wind level grooves along it (transport.cpp). With wind at 45 degrees to
+// the grid the narrowest grooves form a checkerboard. Streamlines run between its diagonals and pass high and
+// low samples in turn, so the flux does not resolve them and nothing levels them. This stage applies the same
+// physics: a bed of height h and flux q spreads across the wind as
 //
 //   dh/dt = side_slope q / rho_b d2h/dy2,  the checkerboard (k = sqrt(2) pi / cell) at the rate  2 pi^2 side_slope q / (rho_b cell^2)
 //
-// The saddle of a quad of four samples a, b (row i), c, d (row i + 1) is s = (a - b - c + d) / 4. A part of it goes from a to b and from d to c. A sample belongs to
-// four quads. On a smooth surface this is a difference of fourth order, cell^4 d4h/dx2dy2: second order in the cell at the rate above. It is weighted by
-// the square of the drift (columns a row), 1 at 45 degrees. Moves are whole units, at most a quarter of what a sample has.
+// The saddle of a quad of four samples a, b (row i), c, d (row i + 1) is s = (a - b - c + d) / 4. A fraction
+// of it moves from a to b and from d to c. A sample belongs to four quads. On a smooth surface this is a
+// fourth-order difference, cell^4 d4h/dx2dy2: second order in the cell at the rate above. It is weighted by
+// the square of the drift (columns per row), 1 at 45 degrees. Moves are whole units and at most a quarter of
+// a sample's sand.
 //
 // Cost: part of `march` in build/dune_solver speed; nothing for winds along the grid.
 #include "procedural/terrain/solver/checkerboard.h"
@@ -25,11 +28,11 @@
 namespace marram {
 namespace {
 
-constexpr int checker_pad = 8;   // beside a row
-constexpr int checker_band = 16; // rows that are done together
+constexpr int checker_pad = 8;   // elements before and after a row
+constexpr int checker_band = 16; // rows per task
 
 struct CheckerRow {
-    WideVector<double> height, sand; // units; a sample before the first and one after the last
+    WideVector<double> height, sand; // units; one extra sample before the first and after the last
     WideVector<double> flux;
 };
 
@@ -45,7 +48,7 @@ MARRAM_HOT void checker_fill(const float* ground, const float* flux, const doubl
     for (double* field : {h, s, f}) field[-1] = field[columns - 1], field[columns] = field[0];
 }
 
-// The moves of quads between columns q - 1 and q, q = 0 ... count - 1, of two rows.
+// The moves of the quads between columns q - 1 and q, q = 0 ... count - 1, of two rows.
 MARRAM_HOT void checker_moves(const CheckerRow& upper, const CheckerRow& lower, int count, double part,
                               double* moves) {
     const double *const hu = upper.height.data() + checker_pad, *const hl = lower.height.data() + checker_pad;
@@ -58,8 +61,8 @@ MARRAM_HOT void checker_moves(const CheckerRow& upper, const CheckerRow& lower, 
         const VDouble flux =
             0.25 * ((vload(fu + q - 1) + vload(fu + q)) + (vload(fl + q - 1) + vload(fl + q)));
         const VDouble share = vmin(part * flux, none + 0.125);
-        const VDouble down = 0.25 * vmin(vload(su + q - 1), vload(sl + q)); // of a and d
-        const VDouble up = 0.25 * vmin(vload(su + q), vload(sl + q - 1));   // of b and c
+        const VDouble down = 0.25 * vmin(vload(su + q - 1), vload(sl + q)); // limit of a and d
+        const VDouble up = 0.25 * vmin(vload(su + q), vload(sl + q - 1));   // limit of b and c
         const VDouble most = select(saddle > none, down, up), size = select(saddle > none, saddle, -saddle);
         const VDouble wanted = vmin(share * size, most);
         const VDouble moved = vfloor(wanted);
@@ -97,7 +100,7 @@ void damp_checkerboard(int rows, int columns, bool periodic, double part, const 
             const size_t at = size_t((n + rows) % rows) * pitch;
             checker_fill(ground + at, flux + at, sand + at, columns, line(n));
         };
-        const auto moves = [&](int n, WideVector<double>& out) { // of rows n and n + 1
+        const auto moves = [&](int n, WideVector<double>& out) { // quads between rows n and n + 1
             if (!periodic && (n < 0 || n + 1 == rows)) {
                 std::fill(out.begin(), out.end(), 0.0);
                 return;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Levels what oblique winds cannot see. The page is in checkerboard.cpp.
+// Damps checkerboard patterns under oblique winds. See checkerboard.cpp for the model.
 #pragma once
 
 #include "procedural/terrain/fields.h"
@@ -8,8 +8,9 @@
 
 namespace marram {
 
-// `sand`, `sand_out`: whole units, as doubles; `ground`: metres; `flux`: kg / (m s); all rows of `pitch`. `part`: of the checkerboard's
-// height that each quad takes away per unit of flux (1/8 at most is taken). `sand_out` is not `sand`.
+// `sand`, `sand_out`: whole units, as doubles; `ground`: metres; `flux`: kg / (m s); all with rows of
+// `pitch`. `part`: fraction of the checkerboard's height that each quad removes per unit of flux; the product
+// is at most 1/8. `sand_out` must not be `sand`.
 void damp_checkerboard(int rows, int columns, bool periodic, double part, const float* ground,
                        const float* flux, const double* sand, size_t pitch, double* sand_out);
 

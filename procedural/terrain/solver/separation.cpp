@@ -1,29 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the wind leaves the ground: bubbles behind brinks and before steep faces.
+// Flow separation: bubbles behind brinks and in front of steep faces.
 //
-// Behind a brink the wind separates and meets the ground again some six heights on. Linear theory knows nothing of it, but the air above
-// flows as over a smooth surface, the ground and the streamline that bounds the bubble (O. Zeman and N. Jensen, 1988; K. Kroy, G.
-// Sauermann, H. Herrmann, Phys. Rev. E 66, 2002). With x downwind of the brink, height h_b and slope m there, meeting the ground of
-// height h_r at x = r with slope 0:
+// Behind a brink the wind separates and reattaches about six brink heights downwind. Linear theory does not
+// include this, but the air above flows as over a smooth surface: the ground and the streamline that bounds
+// the bubble (O. Zeman and N. Jensen, 1988; K. Kroy, G. Sauermann, H. Herrmann, Phys. Rev. E 66, 2002). With
+// x downwind of the brink, height h_b and slope m there, meeting the ground of height h_r at x = r with slope
+// 0:
 //
 //   s(x) = h_b + m x + b2 x^2 + b3 x^3,  b2 = -(2 m r + 3 D) / r^2,  b3 = (m r + 2 D) / r^3,  D = h_b - h_r
 //
-// It is steepest at x = -b2 / 3 b3. That it descends there with slope C, the steepest that a separated flow follows (14 degrees), gives
-// (2 m r + 3 D)^2 = 3 r (m r + 2 D) (m + C), hence r = K D with
+// It is steepest at x = -b2 / 3 b3. Setting the slope there to -C, the steepest descent of a separated flow
+// (14 degrees), gives (2 m r + 3 D)^2 = 3 r (m r + 2 D) (m + C), hence r = K D with
 //
 //   K = 3 / (C - m + sqrt(C (C + m)))     (6 for a level brink, C = 1/4)
 //
-// so that r is where the straight line of slope -1 / K from the brink meets the ground: found by looking along it, to a fraction of a cell.
-// m is limited to -C ... C. What rises above the streamline stays; the ground's slope at r is taken as 0.
+// So r is where the straight line of slope -1 / K from the brink meets the ground. It is found by tracing the
+// line, to a fraction of a cell. m is clamped to -C ... C. Ground above the streamline stays; the ground's
+// slope at r is taken as 0.
 //
-// A brink is where the ground falls more steeply than `steepest` to the next sample downwind, outside of a bubble. A face that rises more
-// steeply than it has a bubble in front, the same curve looked at upwind, with C = `windward`: linear theory then meets no slope above it.
+// A brink is where the ground falls more steeply than `steepest` to the next sample downwind, outside of a
+// bubble. A face that rises more steeply than `steepest` has a bubble in front: the same curve traced upwind,
+// with C = `windward`. So linear theory never gets a steeper slope.
 //
-// Rays. The curves run along the wind, which has any angle to the grid: ray r is at column r + n drift in the n-th row downwind. Heights
-// are interpolated linearly between columns onto the rays, and what the bubbles add linearly back, so that ground without bubbles is not
-// touched. On periodic ground a ray starts as many rows before the first as a bubble can be long.
+// Rays. The curves run along the wind, at any angle to the grid: ray r is at column r + n drift in the n-th
+// row downwind. Heights are interpolated linearly between columns onto the rays, and the excess of the
+// bubbles linearly back, so ground without bubbles is unchanged. On periodic ground a ray starts before the
+// first row by the maximum length of a bubble.
 //
-// Cost: 3 ns a cell on one core; rays are independent. Memory: 4 bytes a cell (more for oblique winds over ground that is not periodic).
+// Cost: 3 ns a cell on one core; rays are independent. Memory: 4 bytes a cell (more for oblique winds over
+// non-periodic ground).
 #include "procedural/terrain/solver/separation.h"
 
 #include <tbb/enumerable_thread_specific.h>
@@ -36,9 +41,9 @@
 namespace marram {
 namespace {
 
-constexpr int separation_rays = 16; // that are followed together
+constexpr int separation_rays = 16; // rays processed together
 
-// A profile of one ray: every 16th float.
+// Profile of one ray; its samples are 16 floats apart.
 struct SeparationRay {
     const float* height;
     float* excess;
@@ -48,7 +53,8 @@ struct SeparationRay {
     float& above(int n) const { return excess[size_t(n) * separation_rays]; }
 };
 
-// Follows the streamline from the brink at `start` in steps of `step` (1 or -1). Returns the sample before which it meets the ground.
+// Traces the streamline from the brink at `start` in steps of `step` (1 or -1). Returns the first sample at
+// or beyond the point where it meets the ground.
 int separation_fill(const SeparationRay& ray, double cell, int start, int step, double steepest) {
     const double brink = double(ray.at(start));
     const int before = start - step;
@@ -56,7 +62,8 @@ int separation_fill(const SeparationRay& ray, double cell, int start, int step, 
     const double m = std::clamp(slope, -steepest, steepest);
     const double k = 3.0 / (steepest - m + std::sqrt(steepest * (steepest + m)));
     const int last = step > 0 ? ray.length - 1 : 0;
-    double reach = 0.0, ground = brink, above = 0.0; // above: the line over the ground, at the sample before
+    double reach = 0.0, ground = brink,
+           above = 0.0; // above: line minus ground at the previous sample
     int n = start;
     while (n != last) {
         n += step;
@@ -71,7 +78,7 @@ int separation_fill(const SeparationRay& ray, double cell, int start, int step, 
         }
         above = line;
     }
-    if (reach == 0.0) { // beyond the end: the ground goes on level
+    if (reach == 0.0) { // beyond the end: the ground continues level
         ground = double(ray.at(last));
         reach = (brink - ground) * k;
     }
@@ -99,7 +106,7 @@ MARRAM_HOT bool separation_any_step(const float* from, const float* to, float st
     return sum != 0;
 }
 
-// Between each value and the next.
+// Interpolates between each value and the next.
 MARRAM_HOT void separation_between(const float* values, float part, int count, float* out) {
     int k = 0;
     for (; k + lanes <= count; k += lanes) {
@@ -109,7 +116,7 @@ MARRAM_HOT void separation_between(const float* values, float part, int count, f
     for (; k < count; ++k) out[k] = values[k] + part * (values[k + 1] - values[k]);
 }
 
-// All bubbles of sixteen rays, seen in the direction of `step`.
+// All bubbles of sixteen rays in the direction of `step`.
 void separation_sweep(const float* height, float* excess, int length, double cell, int step, double threshold,
                       double steepest) {
     const float fall = float(threshold * cell);
@@ -141,12 +148,12 @@ SeparationOffset separation_offset(const DuneCourse& course, int step) {
 void Separation::find(const DuneCourse& course, const SeparationSettings& settings, const float* height,
                       double range, size_t pitch, float* excess) {
     const int rows = course.rows, columns = course.columns;
-    const double pace = course.cell * std::hypot(1.0, course.drift); // of a ray, from row to row
+    const double pace = course.cell * std::hypot(1.0, course.drift); // length of a ray from row to row
     const double longest = 3.0 / (std::sqrt(2.0) * std::min(settings.lee, settings.windward)); // K at m = C
     const int warm =
         course.periodic ? int(std::min(std::ceil(longest * range / pace) + 2.0, double(rows))) : 0;
     const int swept = int(std::ceil(std::abs(course.drift) * (rows - 1)));
-    const int first = course.periodic || course.drift < 0.0 ? 0 : -swept; // ray
+    const int first = course.periodic || course.drift < 0.0 ? 0 : -swept; // first ray
     const int count = columns + (course.periodic ? 0 : swept + 1);
     const int groups = (count + separation_rays - 1) / separation_rays;
     const size_t ray_pitch = size_t(groups) * separation_rays;
@@ -198,7 +205,7 @@ void Separation::find(const DuneCourse& course, const SeparationSettings& settin
         float* const to = excess + row * pitch;
         if (course.periodic) {
             int r = ((-offset.whole % columns) + columns) % columns;
-            for (int b = 0; b < columns;) { // runs without a wrap
+            for (int b = 0; b < columns;) { // runs without wraparound
                 const float before = from[r == 0 ? columns - 1 : r - 1];
                 to[b] = std::max(from[r] + offset.part * (before - from[r]), 0.0F);
                 const int run = std::min(columns - b, columns - r);

@@ -1,29 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
-// The wind's shear stress over a smooth surface, by linear theory.
+// Shear stress of the wind over a smooth surface, by linear theory.
 //
-// A surface h of gentle slope changes the stress tau_0 of a turbulent boundary layer by a vector tau' that is linear in h and free of
-// scale but for logarithms (P. Jackson and J. Hunt, "Turbulent wind flow over a low hill", Q. J. R. Meteorol. Soc. 101, 1975; W. Weng
-// et al., "Air flow and sand transport over sand-dunes", Acta Mech. Suppl. 2, 1991). Without the logarithms (K. Kroy, G. Sauermann, H.
-// Herrmann, "Minimal model for aeolian sand dunes", Phys. Rev. E 66, 2002; F. Charru, B. Andreotti, P. Claudin, "Sand ripples and dunes",
-// Annu. Rev. Fluid Mech. 45, 2013), in Fourier space with x along the wind:
+// A surface h of gentle slope changes the stress tau_0 of a turbulent boundary layer by a vector tau' that is
+// linear in h and independent of scale except for logarithms (P. Jackson and J. Hunt, "Turbulent wind flow
+// over a low hill", Q. J. R. Meteorol. Soc. 101, 1975; W. Weng et al., "Air flow and sand transport over
+// sand-dunes", Acta Mech. Suppl. 2, 1991). Without the logarithms (K. Kroy, G. Sauermann, H. Herrmann,
+// "Minimal model for aeolian sand dunes", Phys. Rev. E 66, 2002; F. Charru, B. Andreotti, P. Claudin, "Sand
+// ripples and dunes", Annu. Rev. Fluid Mech. 45, 2013), in Fourier space with x along the wind:
 //
 //   tau'_x / tau_0 = (A + i B sign(k_x)) k_x^2 / |k| h
 //   tau'_y / tau_0 = cross (A + i B sign(k_x)) k_x k_y / |k| h
 //
-// For waves along the wind this is (A + i B) |k| h: the greatest stress is at a phase atan(B / A) before the crest, which is what makes
-// a flat bed unstable. Kroy et al. write A (|k| + i B k): their A B is B here. The stress acts along the wave vector, as the gradient of the
-// pressure does. What it does across is less certain: linearising |u| u gives cross = 1/2, Weng's terms for z0 = 0.1 mm and waves of 20 m give 1
-// or more. With 1/2 the horns of a barchan point outwards, with 1 sand leaves its flanks sideways; 0.75 is between.
+// For waves along the wind this is (A + i B) |k| h: the maximum stress is at a phase atan(B / A) before the
+// crest, which makes a flat bed unstable. Kroy et al. write A (|k| + i B k): their A B is B here. The stress
+// acts along the wave vector, like the pressure gradient. Its response across the wind is less certain:
+// linearising |u| u gives cross = 1/2; Weng's terms for z0 = 0.1 mm and waves of 20 m give 1 or more. With
+// 1/2 the horns of a barchan point outwards; with 1 sand leaves its flanks sideways; 0.75 is between.
 //
-// B / A decides how long a dune is for its height. A = 3.5, B = 2 (z0 of 1 mm) gives a flat bed's first waves the length that they have in nature (21 L_sat),
-// but barchans 0.55 to 0.6 times as long as the field's. With B = 1.4, cross = 1/2 and side_slope = 0.3 (transport.cpp) those of 4 to 6 m have widths and lengths
-// within 30 % of it, but first waves are half as long again and slip faces narrow. One pair of numbers without logarithms cannot do both.
+// B / A sets the ratio of a dune's length to its height. A = 3.5, B = 2 (z0 of 1 mm) gives the first waves of
+// a flat bed their natural length (21 L_sat), but barchans 0.55 to 0.6 times as long as field measurements.
+// With B = 1.4, cross = 1/2 and side_slope = 0.3 (transport.cpp) barchans of 4 to 6 m have widths and lengths
+// within 30 % of those, but first waves are half as long again and slip faces narrow. One pair of numbers
+// without logarithms cannot match both.
 //
-// Transforms: columns in pairs as real and imaginary part; the spectrum is kept for row wave numbers 0 ... rows / 2 only; along and
-// across return as real and imaginary part of one transform. At the Nyquist wave numbers, whose sign cannot be told, it is the mean of both.
-// The mean of the surface has no effect.
+// Transforms: pairs of columns are the real and imaginary part of one transform. The spectrum is kept only
+// for row wave numbers 0 ... rows / 2. The inverse transform returns along as the real and across as the
+// imaginary part. At the Nyquist wave numbers, whose sign is undefined, the response is the mean of both
+// signs. The mean of the surface has no effect.
 //
-// Error: floats; 1e-6 of the greatest stress. Linear theory holds for slopes up to some 20 degrees.
+// Error: floats; 1e-6 of the greatest stress. Linear theory holds for slopes up to about 20 degrees.
 // Cost: 1.5 complex transforms in two dimensions. Memory: 16 bytes a cell.
 #include "procedural/terrain/solver/shear.h"
 
@@ -41,7 +46,7 @@ namespace {
 
 using ShearScratch = tbb::enumerable_thread_specific<WideVector<WideComplex>>;
 
-// Eight vectors of eight: rows become columns.
+// Transposes eight vectors of eight.
 MARRAM_INLINE void shear_transpose(VFloat* r) {
     std::array<VFloat, 8> a{}, b{};
     for (int i = 0; i < 8; i += 2) { // pairs within each half of 4
@@ -59,7 +64,8 @@ MARRAM_INLINE void shear_transpose(VFloat* r) {
     }
 }
 
-// Sixteen columns: transformed as eight complex ones, told apart, and stored column by column with eight wave numbers side by side.
+// Transforms sixteen columns as eight complex ones, separates them, and stores them column by column in
+// blocks of eight wave numbers.
 MARRAM_HOT void shear_forward(const Transform& transform, const float* surface, size_t pitch, size_t columns,
                               size_t blocks, WideComplex* data, WideComplex* scratch, WideComplex* spectrum) {
     const size_t n = size_t(transform.size());
@@ -87,7 +93,7 @@ struct ShearWaves {
     double row, column;           // unit vector of the wind
     double row_step, column_step; // wave numbers
     float in_phase, out_of_phase, cross;
-    float scale; // of the transforms
+    float scale; // normalization of the transforms
 };
 
 struct ShearResponse {
@@ -105,7 +111,7 @@ MARRAM_INLINE ShearResponse shear_response(const ShearWaves& waves, VFloat k_row
     return {{re * along, im * along}, {re * s, im * s}};
 }
 
-// Eight row wave numbers, all column wave numbers: there, times the kernel, and back.
+// For eight row wave numbers: transforms over the columns, multiplies by the kernel, transforms back.
 MARRAM_HOT void shear_convolve(const Transform& transform, const ShearWaves& waves, size_t block,
                                size_t blocks, WideComplex* spectrum, WideComplex* across,
                                WideComplex* scratch) {
@@ -119,14 +125,14 @@ MARRAM_HOT void shear_convolve(const Transform& transform, const ShearWaves& wav
     for (size_t b = 0; b < n; ++b) {
         const float k_column = float(waves.column_step * (2 * b > n ? double(b) - double(n) : double(b)));
         ShearResponse response = shear_response(waves, k_row, k_column, x[b]);
-        if (2 * b == n) { // either sign
+        if (2 * b == n) { // mean of both signs
             const ShearResponse other = shear_response(waves, k_row, -k_column, x[b]);
             response = {
                 {0.5F * (response.along.re + other.along.re), 0.5F * (response.along.im + other.along.im)},
                 {0.5F * (response.across.re + other.across.re),
                  0.5F * (response.across.im + other.across.im)}};
         }
-        x[b] = {response.along.im, response.along.re}; // swapped: the inverse
+        x[b] = {response.along.im, response.along.re}; // swapped, for the inverse
         third[b] = {response.across.im, response.across.re};
     }
     const WideComplex* result = transform.run(x, spare);
@@ -135,7 +141,7 @@ MARRAM_HOT void shear_convolve(const Transform& transform, const ShearWaves& wav
     for (size_t b = 0; b < n; ++b) across[b * blocks + block] = {result[b].im, result[b].re};
 }
 
-// Eight columns of both results.
+// Inverse transform of eight columns of both results.
 MARRAM_HOT void shear_inverse(const Transform& transform, const WideComplex* along, const WideComplex* across,
                               size_t columns, size_t blocks, WideComplex* data, WideComplex* scratch,
                               size_t keep, size_t pitch, float* out_along, float* out_across) {

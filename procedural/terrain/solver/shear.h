@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The wind's shear stress over a smooth surface, by linear theory. The page is in shear.cpp.
+// Shear stress of the wind over a smooth surface, by linear theory. See shear.cpp for the model.
 #pragma once
 
 #include "procedural/terrain/solver/transform.h"
@@ -10,8 +10,8 @@ namespace marram {
 
 struct ShearCoefficients {
     double in_phase = 3.5;     // A: stress in phase with the surface, per unit of slope
-    double out_of_phase = 2.0; // B: stress a quarter wave ahead of the crest
-    double cross = 0.75;       // the response across the wind over that along it
+    double out_of_phase = 2.0; // B: stress a quarter wave upwind of the crest
+    double cross = 0.75;       // ratio of the response across the wind to that along it
     bool operator==(const ShearCoefficients&) const = default;
 };
 
@@ -22,15 +22,15 @@ class Shear {
 
     int rows() const { return rows_.size(); }
     int columns() const { return columns_.size(); }
-    // A multiple of 16, and not of 256: rows a multiple of 1 KB apart share few sets of the caches.
+    // A multiple of 16 but not of 256: rows a multiple of 1 KB apart would share few cache sets.
     static int pitch(int columns) {
         const int least = (columns + 15) / 16 * 16;
         return least % 256 == 0 ? least + 16 : least;
     }
 
-    // Relative perturbation of the stress of a wind that blows along the unit vector (down the rows, along the columns): `along` it and
-    // `across` it, towards (-wind_column, wind_row). The surface is periodic, in metres. Only `keep_rows` by `keep_columns` are
-    // written, with the pitch of keep_columns.
+    // Relative perturbation of the stress, for a wind along the unit vector (wind_row, wind_column): `along`
+    // the wind and `across` it, towards (-wind_column, wind_row). The surface is periodic, in metres. Writes
+    // only `keep_rows` by `keep_columns` values, with the pitch of keep_columns.
     void perturbation(const ShearCoefficients& coefficients, double wind_row, double wind_column,
                       const float* surface, int keep_rows, int keep_columns, float* along, float* across);
 

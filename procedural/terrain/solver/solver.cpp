@@ -1,45 +1,54 @@
 // SPDX-License-Identifier: Apache-2.0
-// The dune solver: sand that the wind moves, over years.
+// The dune solver: sand moved by the wind, over years.
 //
-// The continuum model of K. Kroy, G. Sauermann and H. Herrmann (Phys. Rev. E 66, 2002), as O. Duran and L. Moore (PNAS 110, 2013) and S. Courrech du
-// Pont, C. Narteau and X. Gao (Geology 42, 2014) use it. A time step:
+// The continuum model of K. Kroy, G. Sauermann and H. Herrmann (Phys. Rev. E 66, 2002), as used by O. Duran
+// and L. Moore (PNAS 110, 2013) and S. Courrech du Pont, C. Narteau and X. Gao (Geology 42, 2014). A time
+// step:
 //
 //   surface      heights at the middle of the step (below)
-//   separation   separation.cpp: bubbles behind brinks and before steep faces
-//   shear        shear.cpp: the stress over surface and bubbles, by Fourier transform
-//   saturation   transport.cpp: what the air can carry
-//   march        transport.cpp: what it carries; sand is taken or left: Exner's equation
-//   checkerboard checkerboard.cpp: what winds oblique to the grid cannot see
-//   avalanche    avalanche.cpp: what is too steep slides
-//   grow         plants, where they grow (below)
+//   separation   separation.cpp: bubbles behind brinks and in front of steep faces
+//   shear        shear.cpp: stress over surface and bubbles, by Fourier transform
+//   saturation   transport.cpp: saturated flux
+//   march        transport.cpp: flux, erosion and deposition: Exner's equation
+//   checkerboard checkerboard.cpp: damps patterns that oblique winds do not resolve
+//   avalanche    avalanche.cpp: slopes that are too steep slide
+//   grow         plants, if they grow (below)
 //
-// Time. The flux follows the surface at once, so the state is the sand alone. The air sees the surface half a step ahead, h + (h - h_before) / 2,
-// which makes the step one of Adams and Bashforth, second order: Euler's would add omega^2 dt / 2 to the growth of waves that travel with omega, a
-// tenth of it at the stable step. The step: waves of wave number k change at the rate
+// Time. The flux adapts to the surface instantly, so the state is the sand alone. The air gets the surface
+// half a step ahead, h + (h - h_before) / 2. This makes the step a second-order Adams-Bashforth step. An
+// Euler step would add omega^2 dt / 2 to the growth rate of waves with frequency omega, a tenth of it at the
+// stable step. Step size: waves of wave number k change at the rate
 //
 //   |s| = Q' k^2 / rho_b (sqrt(A^2 + B^2) / sqrt(1 + k^2 L_sat^2) + side_slope),  Q' = dq_sat / d ln(tau)
 //
-// which is greatest at k = pi / cell; with Q' at the greatest stress, dt = stability / |s|. The scheme holds up to 1 for what decays.
+// which is greatest at k = pi / cell; with Q' at the greatest stress, dt = stability / |s|. For decaying
+// waves the scheme is stable up to stability 1.
 //
-// Borders. Periodic; open (sand leaves, `influx` of the saturated flux enters; the ground goes on beyond as high as at the border); walled. Transforms of the
-// latter two are a quarter longer than the grid, and the surface is led smoothly from one border to the other there. Periodic borders have transforms of
-// exactly the grid's size: sizes of factors 2, 3, 5 are fast, any other is right.
+// Borders. Periodic; open (sand leaves, `influx` of the saturated flux enters, the ground continues at the
+// border's height); walled. For the latter two, transforms are a quarter longer than the grid, and the
+// surface is blended smoothly from one border to the other there. Periodic transforms have exactly the grid's
+// size: sizes with factors 2, 3, 5 are fast, all others correct.
 //
-// The march begins at a border that the flux has not reached yet. Periodic: it enters as it left there in the step before; the difference, a fraction of a step's flux, is
-// carried in `airborne` to the next one. On a first step, or one from another side, the flux is found by two marches that are thrown away.
+// The march starts at a border whose inflow is not known yet. Periodic: the inflow is the previous step's
+// outflow. The difference to this step's outflow, a fraction of a step's flux, is carried to the next step in
+// `airborne`. On the first step, and if the wind comes from another side, two marches whose sand is discarded
+// find the flux.
 //
-// The rows of the arrays are those that the wind crosses at less than 45 degrees: along z or along x; where that changes, arrays are transposed.
+// Array rows run along x or along z, so that the wind crosses them at less than 45 degrees to their normal.
+// When that changes, the arrays are transposed.
 //
-// Plants (O. Duran and H. Herrmann, "Vegetation against dune mobility", Phys. Rev. Lett. 97, 2006) have a height p that grows towards P and loses what the
-// ground rises (they are buried) or sinks (roots are blown bare), with V the rate of growth:
+// Plants (O. Duran and H. Herrmann, "Vegetation against dune mobility", Phys. Rev. Lett. 97, 2006) have a
+// height p that grows towards P and loses what the ground rises (burial) or sinks (root exposure); V is the
+// growth rate:
 //
 //   dp/dt = V (1 - p / P) - |dh/dt|,  0 <= p <= P;  cover of the ground (p / P)^2
 //
-// The frontal area that takes stress off the sand (transport.cpp) is in proportion to the cover. A barchan whose sand moves slower than plants grow at its
-// horns becomes a parabolic dune; one that is faster stays bare. The growth is exact for a steady ground.
+// The frontal area that reduces the stress (transport.cpp) is proportional to the cover. A barchan whose sand
+// moves more slowly than plants grow at its horns becomes a parabolic dune; a faster one stays bare. The
+// growth is exact for steady ground.
 //
-// Cost: 2 cores, 35 to 42 ns a cell and step from 256^2 to 4096^2 (build/dune_solver speed). Memory: 60 bytes a cell, 4 more where there are plants, 16 where
-// they grow.
+// Cost: 2 cores, 35 to 42 ns a cell and step from 256^2 to 4096^2 (build/dune_solver speed). Memory: 60 bytes
+// a cell, 4 more with plants, 16 more if they grow.
 #include "procedural/terrain/solver/solver.h"
 
 #include "procedural/terrain/solver/checkerboard.h"
@@ -56,7 +65,7 @@ namespace marram {
 namespace {
 
 constexpr double solver_deepest = 0x1p18; // metres; whole units of it are exact in a double
-constexpr size_t solver_slack = 16;       // read, never looked at, beyond the last row
+constexpr size_t solver_slack = 16;       // padding after the last row: loaded but without effect
 
 template <typename T, typename U>
 void solver_transpose(const T* from, int rows, int columns, size_t from_pitch, U* to, size_t to_pitch) {
@@ -99,7 +108,7 @@ MARRAM_HOT void solver_heights(const float* ground, const double* sand, int coun
     }
 }
 
-// height + part (height - before), and its range.
+// height + part (height - before). Extends least and most by its range.
 MARRAM_HOT void solver_ahead(const float* height, const float* before, int columns, float part, float* out,
                              float& least, float& most) {
     VFloat low = splat_float(least), high = splat_float(most);
@@ -123,7 +132,8 @@ MARRAM_HOT void solver_add(const float* a, const float* b, int count, float* out
     }
 }
 
-// Plants of height p after a step: p has made up for the part `gain` of what is missing, less what the ground moved.
+// Plant height p after a step: p gains the fraction `gain` of the missing height and loses |change of the
+// ground|.
 MARRAM_HOT void solver_grow(const float* height, const float* before, const float* most, int count,
                             double gain, double full, double* plant_height, float* plants) {
     for (int b = 0; b < count; b += lanes) {
@@ -139,7 +149,7 @@ MARRAM_HOT void solver_grow(const float* height, const float* before, const floa
 
 int solver_padded(int size) { return Transform::good_size(size + std::max(size / 4, 8)); }
 
-// From 1 at the grid's end to 0 at its start, over the padding.
+// Blend weight over the padding: from 1 at the grid's end to 0 at its start.
 float solver_blend(int k, int count) {
     const double t = double(k + 1) / (count + 1);
     return float(1.0 - t * t * (3.0 - 2.0 * t));
@@ -250,7 +260,7 @@ void DuneSolver::surface() {
              double(*std::min_element(least.begin(), least.end()));
 }
 
-// Surface and bubbles, led from border to border where they are not periodic.
+// Surface plus bubbles, blended from border to border in the padding if not periodic.
 void DuneSolver::envelope() {
     const bool periodic = settings_.border == DuneBorder::periodic;
     std::unique_ptr<Shear>& shear = shear_[transposed_ ? 1 : 0];
@@ -400,7 +410,7 @@ double DuneSolver::step(const SandWind& wind, double seconds) {
     }
     const double stable = peak.flux > 0.0 ? stable_step(peak.stress) : infinity;
     state_.step_allowed = std::min(stable, settings_.longest_step);
-    // Without flux nothing changes but what avalanches have left.
+    // Without flux only unfinished avalanches change anything.
     const double length = std::min({seconds, stable, settings_.longest_step});
     {
         const SolverClock clock(times_.march);
@@ -424,7 +434,7 @@ bool DuneSolver::advance(const WindHistory& wind, double seconds, const DuneCall
         if (callbacks.cancelled && callbacks.cancelled()) return false;
         const WindSpan span = wind(state_.time);
         const double until = std::min(span.until, end), left = until - state_.time;
-        if (step(span.wind, left) >= left) state_.time = until; // not a rounding beside it
+        if (step(span.wind, left) >= left) state_.time = until; // no rounding error
         if (callbacks.progress) callbacks.progress({state_.time, end, state_.steps});
     }
     return true;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The dune solver: sand that the wind moves, over years. The page is in solver.cpp.
+// The dune solver: sand moved by the wind, over years. See solver.cpp for the model.
 #pragma once
 
 #include "procedural/terrain/solver/avalanche.h"
@@ -16,12 +16,12 @@
 
 namespace marram {
 
-// Plants that grow, are buried and blown bare. rate 0: they stay as they are.
+// Plants that grow, are buried and lose their ground. rate 0: plants do not change.
 struct PlantGrowth {
-    double rate = 0.0;         // of their height on bare ground that is still, m/s
-    double height = 1.0;       // of those that are full grown, metres
-    double start_cover = 0.0;  // at the beginning, of the ground that they can cover
-    double frontal_area = 0.2; // per area of ground, of full grown ones
+    double rate = 0.0;         // growth of small plants on steady ground, m/s
+    double height = 1.0;       // of full-grown plants, metres
+    double start_cover = 0.0;  // initial cover, as a fraction of the mask
+    double frontal_area = 0.2; // of full-grown plants, per area of ground
     bool operator==(const PlantGrowth&) const = default;
 };
 
@@ -30,26 +30,26 @@ struct DuneSolverSettings {
     ShearCoefficients shear;
     SeparationSettings separation;
     AvalancheSettings avalanche;
-    double plant_drag = 16.0; // of stress, per frontal area of plants on an area of ground
+    double plant_drag = 16.0; // stress is divided by 1 + plant_drag * frontal area per area of ground
     PlantGrowth growth;
     DuneBorder border = DuneBorder::periodic;
-    double influx = 0.0;            // over open borders, of the saturated flux; 0 to 1
-    double stability = 0.5;         // time steps, of the fastest wave's time
+    double influx = 0.0;            // through open borders, as a fraction of the saturated flux; 0 to 1
+    double stability = 0.5;         // time step, as a fraction of the fastest wave's time scale
     double longest_step = infinity; // seconds
 };
 
-// Everything that a run needs to go on with the same bits.
+// Everything that a run needs to continue bit-identically.
 struct DuneState {
     std::vector<SandUnits> sand;                  // sample (i, j) at j * nx + i
-    std::vector<float> height_before;             // of the time step before, metres over the reference
-    std::vector<double> plant_height;             // metres; empty: plants do not grow
-    std::array<std::vector<double>, 2> seam_flux; // what crossed the border last, across z and x: kg / (m s)
-    std::array<std::vector<SandUnits>, 2> airborne; // not yet accounted for there
+    std::vector<float> height_before;             // before the last time step, metres above the reference
+    std::vector<double> plant_height;             // metres; empty if plants do not grow
+    std::array<std::vector<double>, 2> seam_flux; // last flux across the periodic z and x border, kg / (m s)
+    std::array<std::vector<SandUnits>, 2> airborne; // flux not yet balanced at that border
     std::array<int, 2> seam_direction = {0, 0};
     std::array<double, 2> seam_saturated = {0.0, 0.0};
     double time = 0.0, step_before = 0.0, step_allowed = 0.0; // seconds
     int64_t steps = 0;
-    SandUnits in = 0, out = 0; // over the borders so far
+    SandUnits in = 0, out = 0; // total across the borders
 };
 
 struct DuneProgress {
@@ -61,22 +61,22 @@ struct DuneCallbacks {
     std::function<void(const DuneProgress&)> progress;
 };
 
-// Seconds spent in each part, of all steps.
+// Total seconds spent in each stage.
 struct DuneTimes {
     double surface = 0.0, separation = 0.0, shear = 0.0, saturation = 0.0, march = 0.0, avalanche = 0.0;
 };
 
 class DuneSolver {
   public:
-    // What is wrong with such a run, or nothing. Sand must be 0 to 2^18 m deep.
+    // The problem with these inputs, or "". Bedrock must be within 2^18 m of 0, sand 0 to 2^18 m deep.
     static std::string problem(const Domain& domain, const DuneSolverSettings& settings, const float* bedrock,
                                const SandUnits* sand);
 
-    // `plants`: the share of the ground that plants cover where they are full grown, 0 to 1, or NULL. Nothing is borrowed.
+    // `plants`: fraction of the ground that full-grown plants cover, 0 to 1, or NULL. Copies all arrays.
     DuneSolver(const Domain& domain, const DuneSolverSettings& settings, const float* bedrock,
                const SandUnits* sand, const float* plants = nullptr);
 
-    // Goes on for `seconds`. false: cancelled, at a whole step.
+    // Advances by `seconds`. Returns false if cancelled, after a whole step.
     bool advance(const WindHistory& wind, double seconds, const DuneCallbacks& callbacks = {});
     // One time step of at most `seconds`. Returns its length.
     double step(const SandWind& wind, double seconds);
@@ -85,10 +85,10 @@ class DuneSolver {
     int64_t steps() const { return state_.steps; }
     SandUnits in() const { return state_.in; }
     SandUnits out() const { return state_.out; }
-    // Sand that a periodic border still owes; usually 0 or little. Bed + airborne - in + out never changes.
+    // Sand not yet balanced at periodic borders; 0 or little. Bed + airborne - in + out is constant.
     SandUnits airborne() const;
     void sand(std::span<SandUnits> out) const;
-    // The share of the ground that plants cover; of plants only.
+    // The fraction of the ground that plants cover. Requires plants.
     void cover(std::span<float> out) const;
     const DuneTimes& times() const { return times_; }
 
@@ -109,24 +109,25 @@ class DuneSolver {
 
     Domain domain_;
     DuneSolverSettings settings_;
-    double reference_ = 0.0; // metres: heights are floats over it
+    double reference_ = 0.0; // metres: heights are floats relative to it
     bool transposed_ = false;
     int rows_ = 0, columns_ = 0; // along z and x, or along x and z
     WideVector<float> ground_, height_, before_;
     WideVector<float> plants_;        // frontal area per area of ground
-    WideVector<float> most_plants_;   // where they grow: plants_ when full grown
-    WideVector<double> plant_height_; // metres; steps change it by less than a float would notice
+    WideVector<float> most_plants_;   // if they grow: plants_ when full-grown
+    WideVector<double> plant_height_; // metres; double, because the change per step is below float precision
     WideVector<double> sand_, sand_next_;
     WideVector<float> air_height_;
-    // What the air does, then, row by row in its place, what the march needs of it: along the wind, across, over bubbles, envelope.
+    // Shared buffers. First AirFields (along, across, excess) and the envelope; saturate() then overwrites
+    // them row by row with SaturationFields (flux, relax, turn, reach).
     WideVector<float> along_flux_, across_relax_, excess_turn_, envelope_reach_;
     WideVector<double> front_;
-    double range_ = 0.0;                          // of air_height_
+    double range_ = 0.0;                          // maximum - minimum of air_height_
     std::array<std::unique_ptr<Shear>, 2> shear_; // by orientation
     Separation separation_;
     March march_;
     Avalanche avalanche_;
-    DuneState state_; // without sand and height_before
+    DuneState state_; // without sand, height_before and plant_height
     DuneTimes times_;
 };
 

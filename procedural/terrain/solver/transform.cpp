@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fourier transforms of eight columns at once, one in each lane.
+// Fourier transforms of eight columns at once, one per SIMD lane.
 //
 // Stockham's self-sorting form (C. Van Loan, "Computational Frameworks for the Fast Fourier Transform", 1992, section 1.7), decimation
 // in frequency. A pass of radix r over n = r m values with stride s reads a_j = x[q + s (p + m j)], j = 0 ... r - 1, and writes
 //
 //   y[q + s (r p + k)] = w_n^(p k) sum over j of a_j w_r^(j k),  w_n = exp(-2 pi i / n),  p < m, q < s
 //
-// then continues with n = m and s = r s. Radices 4, 2, 3 and 5 are written out; any other prime factor p takes p^2 operations, so that
-// every length works but those with large primes are slow: use good_size() where the length is free.
+// then continues with n = m and s = r s. Radices 4, 2, 3 and 5 are unrolled; any other prime factor p takes
+// p^2 operations. So all lengths work, but those with large primes are slow: use good_size() if the length is
+// free.
 //
 // Error: about 1e-7 sqrt(log2 n) of the root mean square. Twiddles are computed in double.
 // Cost: 5 n log2 n operations in floats, eight columns at once: 0.5 ns a value and pass of radix 4 (AVX2).
@@ -116,7 +117,7 @@ struct TransformPasses {
     static MARRAM_INLINE void radix5(const Pass& pass, const Twiddle* w, const WideComplex* x,
                                      WideComplex* y) {
         const size_t s = size_t(pass.stride), m = size_t(pass.count) * s;
-        const float c1 = 0.30901699437494742410F, s1 = 0.95105651629515357212F; // of 72 degrees
+        const float c1 = 0.30901699437494742410F, s1 = 0.95105651629515357212F; // cos, sin of 72 degrees
         const float c2 = -0.80901699437494742410F, s2 = 0.58778525229247312917F;
         for (int p = 0; p < pass.count; ++p, w += 4)
             for (size_t q = 0; q < s; ++q) {

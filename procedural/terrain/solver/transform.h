@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fourier transforms of eight columns at once. The page is in transform.cpp.
+// Fourier transforms of eight columns at once. See transform.cpp for the algorithm.
 #pragma once
 
 #include "core/math/simd.h"
@@ -12,23 +12,24 @@ struct alignas(lanes * 4) WideComplex {
     VFloat re, im;
 };
 
-// A plan for one length; made once, then used from any thread.
+// A plan for one length. Create it once; run() is thread-safe.
 class Transform {
   public:
     explicit Transform(int size);
 
     int size() const { return size_; }
-    // X_k = sum over j of x_j exp(-2 pi i j k / size), of `size` values in `data`. `scratch` holds as many. Returns whichever of the
-    // two holds the result. Inverse (without 1 / size): hand in and take out values with re and im swapped.
+    // X_k = sum over j of x_j exp(-2 pi i j k / size), for `size` values in `data`; `scratch` has the same
+    // size. Returns the one of the two that holds the result. Inverse (without 1 / size): swap re and im of
+    // input and output.
     WideComplex* run(WideComplex* data, WideComplex* scratch) const;
 
-    // The next length from `size` on that has no prime factors but 2, 3 and 5.
+    // The smallest length >= `size` with no prime factors except 2, 3 and 5.
     static int good_size(int size);
 
   private:
     struct Pass {
-        int radix, count, stride; // butterflies of `radix`; twiddle indices; values that share a twiddle
-        size_t twiddles;          // index of the first
+        int radix, count, stride; // radix; number of twiddle indices; number of values per twiddle
+        size_t twiddles;          // index of the first twiddle
     };
     struct Twiddle {
         float re, im;

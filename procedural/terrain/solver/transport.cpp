@@ -1,46 +1,59 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sand in the wind: what it can carry, and how what it carries follows.
+// Sand transport by wind: saturated flux and its relaxation.
 //
-// Saturated flux (O. Duran, P. Claudin, B. Andreotti, Aeolian Research 3, 2011; J. Kok et al., Rep. Prog. Phys. 75, 2012: the constant
-// is about 5), kg per metre and second:
+// Saturated flux (O. Duran, P. Claudin, B. Andreotti, Aeolian Research 3, 2011; J. Kok et al., Rep. Prog.
+// Phys. 75, 2012: the constant is about 5), kg per metre and second:
 //
 //   q_sat = 5 (rho_a / g) u*_t (u*^2 - u*_t^2),  0 below the threshold
 //
-// u*^2 = tau / rho_a is the local stress: |wind (1 + tau'_x) + across tau'_y| times that of the undisturbed wind; none in a bubble, where the
-// streamline is higher than a tenth of a cell above the ground (in between in proportion, so that brinks move by less than a cell).
-// Along slopes of tangent s in the direction of the stress the bracket's threshold is that of a grain with friction mu (J. Iversen and
-// K. Rasmussen, Sedimentology 41, 1994): u*_t^2 (1 + s / mu) / sqrt(1 + s^2).
-// Across the stress grains roll downhill while they fly and bounce: the flux turns by an angle whose tangent is side_slope times the slope across. From the
-// balance of drag, friction and weight of grains in flight (G. Sauermann, K. Kroy, H. Herrmann, Phys. Rev. E 64, 2001: 1 / (v / (u_f sqrt(2 alpha)) + 1 / 2 alpha)
-// with alpha = 0.42, v near 1 m/s and u_f = 1.8 m/s) it is about 0.55. Nothing else in the model levels grooves along the wind.
-// Over plants (M. Raupach, D. Gillette, J. Leys, J. Geophys. Res. 98, 1993) stress is divided by 1 + plant_drag lambda.
+// u*^2 = tau / rho_a is the local stress: |wind (1 + tau'_x) + across tau'_y| times that of the undisturbed
+// wind. It is 0 in a bubble, where the streamline is higher than a tenth of a cell above the ground; in
+// between it falls linearly, so brinks move by less than a cell.
 //
-// Relaxation. Grains need a length L_sat = 2.2 (rho_s / rho_a) d to reach equilibrium (B. Andreotti, P. Claudin, O. Pouliquen,
-// Geomorphology 123, 2010), nearly independent of the wind. What leaves the bed stays in the air: with e the direction of the stress,
+// Along slopes of tangent s in the direction of the stress, the threshold in the bracket is that of a grain
+// with friction mu (J. Iversen and K. Rasmussen, Sedimentology 41, 1994): u*_t^2 (1 + s / mu) / sqrt(1 +
+// s^2).
 //
-//   div(q e) = (q_sat - q) / L_sat = erosion per area,  no more than there is sand
+// Across the stress, grains roll downhill as they saltate: the flux turns by an angle whose tangent is
+// side_slope times the cross slope. The balance of drag, friction and weight of grains in flight (G.
+// Sauermann, K. Kroy, H. Herrmann, Phys. Rev. E 64, 2001: 1 / (v / (u_f sqrt(2 alpha)) + 1 / 2 alpha) with
+// alpha = 0.42, v near 1 m/s and u_f = 1.8 m/s) gives about 0.55. Nothing else in the model levels grooves
+// along the wind.
 //
-// (along a straight stream tube this is dq/ds = (q_sat - q) / L_sat; where tubes widen, the divergence keeps the mass.)
+// Over plants (M. Raupach, D. Gillette, J. Leys, J. Geophys. Res. 98, 1993) the stress is divided by 1 +
+// plant_drag lambda, lambda the frontal area per area of ground.
 //
-// March. Rows are crossed one after the other, downwind. F = q e_row is what goes through the face between two rows. With a along the rows'
-// normal, b along the row and t = e_b / e_a:
+// Relaxation. Grains need a length L_sat = 2.2 (rho_s / rho_a) d to reach equilibrium (B. Andreotti, P.
+// Claudin, O. Pouliquen, Geomorphology 123, 2010), nearly independent of the wind. Eroded sand stays in the
+// air; with e the direction of the stress,
+//
+//   div(q e) = (q_sat - q) / L_sat = erosion per area, limited by the available sand
+//
+// (Along a straight stream tube this is dq/ds = (q_sat - q) / L_sat; where tubes widen, the divergence
+// conserves mass.)
+//
+// March. Rows are crossed one after the other, downwind. F = q e_row is the flux through the face between two
+// rows. With a along the rows' normal, b along the row and t = e_b / e_a:
 //
 //   dF/da + d(t F)/db = (q_sat e_a - F) / (e_a L_sat)
 //
-// a conservation law with a as its time. Half a cell of exchange with the bed, exact for a constant right side (1 - exp(-cell / 2 e_a
-// L_sat)); a cell of transport along the row (van Leer's limited slopes, flux at half the way, exact for t = 1); another half cell of
-// exchange. Each half takes q_sat from where the flux at its end comes from on the average, a reach y before that end,
+// a conservation law with a as its time. A cell has three steps: exchange with the bed over half a cell,
+// exact for a constant right side (1 - exp(-cell / 2 e_a L_sat)); transport along the row over a cell (van
+// Leer's limited slopes, flux at half the way, exact for t = 1); exchange over the other half cell. Each half
+// uses q_sat at the mean origin of the flux at its end, a distance y before that end,
 //
-//   y / cell = 1 / 2 D - 1 / 2 (exp(D) - 1),  D = cell / 2 e_a L_sat   (1/4 for short cells, 0 for long ones)
+//   y / cell = 1 / (2 D) - 1 / (2 (exp(D) - 1)),  D = cell / (2 e_a L_sat)
 //
-// along its streamline, by limited slopes of q_sat (taken at the middle of the cell the growth of waves would be wrong by k cell^2 / 12 L_sat of
-// their frequency). Second order where smooth, stable for any length of cells. Where the flux anywhere
-// turns by more than a column a row, the transport takes as many parts (up to 5: 79 degrees off the rows' normal). Fluxes are whole units of sand: rounded when they are exchanged, and no
-// more than a cell has is passed on. So the bed changes by exactly what crosses the faces, which is Exner's equation,
-// rho_b dh/dt = -div q, and the borders' account closes to the unit.
+// (1/4 for short cells, 0 for long ones) along its streamline, by limited slopes of q_sat. (With q_sat at the
+// middle of the cell, the growth rate of waves would be wrong by k cell^2 / 12 L_sat of their frequency.) The
+// scheme is second order where smooth, and stable for any cell length. If the flux anywhere turns by more
+// than a column per row, the transport is split into as many substeps (up to 5: 79 degrees off the rows'
+// normal). Fluxes are whole sand units: they are rounded at the exchange, and a cell passes on at most what
+// it has. So the bed changes by exactly what crosses the faces, which is Exner's equation, rho_b dh/dt = -div
+// q, and the balance at the borders is exact.
 //
-// Threads. Blocks of 16 rows; in a block strips of columns, each with a margin that it computes for itself: the width that 16 rows of transport
-// can reach. Every cell's numbers are the same whichever strip computes them.
+// Threads. Blocks of 16 rows; within a block, strips of columns. Each strip also computes a margin as wide as
+// 16 rows of transport can reach. A cell's values do not depend on the strip that computes them.
 //
 // Cost: 5 ns a cell for q_sat, 6 ns for the march (one core).
 #include "procedural/terrain/solver/transport.h"
@@ -55,26 +68,26 @@
 namespace marram {
 namespace {
 
-constexpr int transport_pad = 8;         // floats or doubles beside a row, so that neighbours can be read
-constexpr int transport_block_rows = 16; // of a strip
-constexpr double transport_brink = 0.1;  // cells; a streamline this far above the ground leaves no stress
+constexpr int transport_pad = 8;         // elements before and after a row, for neighbour access
+constexpr int transport_block_rows = 16; // rows per block
+constexpr double transport_brink = 0.1;  // cells; under streamlines this high the stress is 0
 
-// A hundredth more than whole is cut off.
+// An excess of up to 0.01 above a whole number is ignored.
 int transport_substeps(double turn) { return std::clamp(int(std::ceil(turn - 0.01)), 1, int(steepest_turn)); }
 
 struct SaturationRow {
-    const float *before, *here, *after; // heights; `here` has a neighbour on either side
+    const float *before, *here, *after; // heights; `here` is padded on both sides
     const float *excess, *along, *across, *plants;
     float *flux, *relax, *turn, *reach;
-    float *cell_turn, *gain, *rise;   // room for a row, with a neighbour before it
-    int columns, count;               // count: rounded up to a multiple of 8
-    float row_slope, column_slope;    // 1 / distance of the samples that the slopes are taken from
+    float *cell_turn, *gain, *rise;   // scratch rows, padded by one before the start
+    int columns, count;               // count: columns rounded up to a multiple of 8
+    float row_slope, column_slope;    // 1 / distance between the samples of the differences
     float wind_row, wind_column;      // unit vector; wind_row >= 0, downwind
     float stress, threshold, q_scale; // shear velocities squared; kg s / m^3
     float slope_scale, side_slope, plant_drag,
-        bubble;                // bubble: 1 / height of a streamline that leaves no stress
-    float steepest_turn, side; // side: -1 where rows are crossed backwards
-    double half_cell;          // / L_sat
+        bubble;                // bubble: 1 / streamline height at which the stress is 0
+    float steepest_turn, side; // side: -1 if rows are crossed backwards
+    double half_cell;          // half a cell / L_sat
 };
 
 MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
@@ -84,7 +97,7 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
         const VFloat open = vmax(none, vmin(one, one - row.bubble * vload(row.excess + b)));
         VFloat along = open * vmax(none, 1.0F + vload(row.along + b));
         VFloat across = (row.side * open) * vload(row.across + b);
-        across = vmax(-0.5F * along, vmin(0.5F * along, across)); // linear: 27 degrees at most
+        across = vmax(-0.5F * along, vmin(0.5F * along, across)); // at most 27 degrees: linear theory
         const VFloat size = vsqrt(along * along + across * across);
         const VFloat inverse = size > 0.0F ? one / size : none;
         const VFloat u = size > 0.0F ? along * inverse : one, v = size > 0.0F ? across * inverse : none;
@@ -95,7 +108,7 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
         const VFloat slope = u_row * g_row + u_column * g_column;
         const VFloat down = u_row - row.side_slope * (g_row - slope * u_row);
         const VFloat side = u_column - row.side_slope * (g_column - slope * u_column);
-        const VFloat ahead = vmax(down, splat_float(1e-3F)); // no division by 0
+        const VFloat ahead = vmax(down, splat_float(1e-3F)); // avoid division by 0
         const VFloat limit = splat_float(row.steepest_turn);
         const VFloat turn = vmax(-limit, vmin(limit, side / ahead));
         const VFloat e_row = one / vsqrt(one + turn * turn);
@@ -105,7 +118,7 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
             row.threshold * vmax(none, 1.0F + slope * row.slope_scale) / vsqrt(one + slope * slope);
         VFloat flux = e_row * row.q_scale * vmax(none, stress - threshold);
         for (int l = std::max(row.columns - b, 0); l < lanes; ++l)
-            stress[l] = flux[l] = 0.0F; // beyond the row
+            stress[l] = flux[l] = 0.0F; // padding beyond the row
         most = vmax(most, stress);
         most_flux = vmax(most_flux, flux);
         vstore(row.flux + b, flux);
@@ -113,7 +126,7 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
         const VDouble kept = vexp(-way);
         vstore(row.relax + b, to_float(1.0 - kept));
         vstore(row.reach + b,
-               to_float(row.half_cell < 0.005 // then the next term of the series is below 1e-9
+               to_float(row.half_cell < 0.005 // series; its next term is below 1e-9
                             ? 0.25 - way * (1.0 / 24.0)
                             : 0.5 / way - 0.5 * kept / (1.0 - kept)));
         vstore(row.cell_turn + b, turn);
@@ -129,7 +142,8 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
     return peak;
 }
 
-// The turn at the face before each cell. The slope along the row is that of the face itself, or steps from one cell to the next would go unseen.
+// The turn at the face before each cell. It uses the slope across the face itself: central differences would
+// miss steps between neighbours.
 MARRAM_HOT void transport_turns(const SaturationRow& row) {
     const VFloat limit = splat_float(row.steepest_turn);
     for (int b = 0; b < row.count; b += lanes) {
@@ -141,7 +155,7 @@ MARRAM_HOT void transport_turns(const SaturationRow& row) {
     }
 }
 
-// Columns [first, first + count) of a row that wraps around, or is continued by its ends.
+// Copies columns [first, first + count) of a row that wraps around (periodic) or repeats its end values.
 template <typename T>
 void transport_copy(const T* row, int columns, bool periodic, int first, int count, T* out) {
     if (!periodic) {
@@ -156,18 +170,18 @@ void transport_copy(const T* row, int columns, bool periodic, int first, int cou
     }
 }
 
-// One strip of one block of rows. Arrays have transport_pad values beside the strip's `width`.
+// One strip of a block of rows. Arrays have transport_pad values before and after the strip's `width`.
 struct MarchStrip {
-    int width = 0, wide = 0; // wide: rounded up to lanes
+    int width = 0, wide = 0; // wide: width rounded up to lanes
     int substeps = 1;
     double scale = 0.0;
     double *flux = nullptr, *sand = nullptr, *moved = nullptr;
-    float *before = nullptr, *saturated = nullptr, *after = nullptr; // of three rows
+    float *before = nullptr, *saturated = nullptr, *after = nullptr; // saturated flux of three rows
     float *relax = nullptr, *turn = nullptr, *reach = nullptr;
-    float *first = nullptr, *second = nullptr; // saturated flux where each half of a cell takes it from
+    float *first = nullptr, *second = nullptr; // saturated flux for the first and second half of a cell
 };
 
-MARRAM_INLINE VFloat transport_slope(VFloat a, VFloat b, VFloat c) { // van Leer's
+MARRAM_INLINE VFloat transport_slope(VFloat a, VFloat b, VFloat c) { // van Leer's limiter
     const VFloat rise = b - a, next = c - b, product = rise * next;
     return product > 0.0F ? 2.0F * product / (rise + next) : splat_float(0.0F);
 }
@@ -195,7 +209,7 @@ MARRAM_HOT void transport_exchange(const MarchStrip& s, const float* saturated) 
     }
 }
 
-// Four at a time: rows are short.
+// Vectors of four: rows are short.
 using MarchFloat = float __attribute__((vector_size(16), aligned(16)));
 constexpr int transport_lanes = 4;
 
@@ -213,7 +227,7 @@ MARRAM_INLINE void transport_store4(double* p, Double4 v) { std::memcpy(p, &v, s
 MARRAM_INLINE Double4 transport_min4(Double4 a, Double4 b) { return a < b ? a : b; }
 MARRAM_INLINE Double4 transport_max4(Double4 a, Double4 b) { return a > b ? a : b; }
 
-// What moves over the face between cells b - 1 and b, for b = 0 ... width.
+// Units that cross the face between cells b - 1 and b, for b = 0 ... width.
 MARRAM_HOT void transport_faces(const MarchStrip& s) {
     const double part = 1.0 / s.substeps;
     const Double4 none = {}, one = none + 1.0;
@@ -226,13 +240,14 @@ MARRAM_HOT void transport_faces(const MarchStrip& s) {
         const Long4 right = t > none;
         const Double4 size = transport_min4(transport_max4(t, -t), one);
         const Double4 donor = right ? f1 : f2, middle = f2 - f1;
-        const Double4 outer = right ? f1 - f0 : f3 - f2; // and middle: the differences beside the donor
+        const Double4 outer =
+            right ? f1 - f0 : f3 - f2; // outer, middle: differences on both sides of the donor
         const Double4 product = transport_max4(outer * middle, none);
         const Double4 sum = outer + middle;
         const Double4 slope = (product + product) / (product > none ? sum : one);
         const Double4 ahead = 0.5 * (one - size) * slope;
         const Double4 value = right ? donor + ahead : donor - ahead;
-        // a cell that gives to both sides gives each no more than half
+        // A cell that gives to both sides gives at most half to each.
         const Double4 other = right ? t0 : -t2;
         const Double4 most = other < none ? 0.5 * donor : donor;
         const Double4 wanted = transport_max4(none, transport_min4(size * value, most));
@@ -247,10 +262,10 @@ MARRAM_HOT void transport_apply(const MarchStrip& s) {
         vstore(s.flux + b, vload(s.flux + b) + vload(s.moved + b) - vload(s.moved + b + 1));
 }
 
-// The faces at the grid's own borders. What crosses an open one is counted.
+// A face at the grid's border. Adds what crosses an open border to `crossed`.
 double transport_border_face(const MarchStrip& s, DuneBorder border, double turn, int donor, double inner,
                              double outside, BorderFlux& crossed) {
-    // turn > 0: into the grid; inner > 0: what the border cell gives to its neighbour in the grid
+    // turn > 0: into the grid. inner > 0: units that the border cell gives to its inner neighbour.
     if (border == DuneBorder::walled) return 0.0;
     const double size = std::min(std::abs(turn) / s.substeps, 1.0);
     const double moved =
@@ -327,7 +342,7 @@ SaturationPeak saturate(const DuneCourse& course, DuneBorder border, const SandP
         row.gain = row.cell_turn + room, row.rise = row.gain + room;
         row.side = course.backwards ? -1.0F : 1.0F;
         row.half_cell =
-            std::min(0.5 * course.cell / physics.saturation_length(), 300.0); // exp(-300): nothing is kept
+            std::min(0.5 * course.cell / physics.saturation_length(), 300.0); // exp(-300) is practically 0
         peaks[size_t(step)] = transport_saturate(row);
         const int before = periodic ? course.columns - 1 : 0;
         for (float* field : {row.cell_turn, row.gain, row.rise}) field[-1] = field[before];
@@ -390,7 +405,7 @@ BorderFlux March::run(const DuneCourse& course, DuneBorder border, const Input& 
                 transport_sample(s);
                 transport_exchange(s, s.first);
                 for (int k = 0; k < substeps; ++k) {
-                    for (int l = 1; l <= transport_pad; ++l) { // beyond the strip
+                    for (int l = 1; l <= transport_pad; ++l) { // fill the padding
                         s.flux[-l] = whole ? s.flux[(s.width * transport_pad - l) % s.width] : s.flux[0];
                         s.flux[s.width - 1 + l] = whole ? s.flux[(l - 1) % s.width] : s.flux[s.width - 1];
                     }

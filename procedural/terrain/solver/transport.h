@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sand in the wind: what it can carry, and how what it carries follows. The page is in transport.cpp.
+// Sand transport by wind: saturated flux and its relaxation. See transport.cpp for the model.
 #pragma once
 
 #include "procedural/terrain/fields.h"
@@ -9,17 +9,17 @@ namespace marram {
 
 enum class DuneBorder { periodic, open, walled };
 
-// Sand and air. SI units.
+// Properties of sand and air. SI units.
 struct SandPhysics {
     double air_density = 1.225;
     double grain_density = 2650.0;
     double grain_diameter = 0.25e-3;
     double bulk_density = 1590.0; // of the bed: 60 % of it grains
     double gravity = 9.81;
-    double threshold = 0.22;   // shear velocity below which nothing moves on level ground, m/s
-    double flux_scale = 5.0;   // of the saturated flux
-    double slope_scale = 0.63; // tangent at which grains roll by themselves
-    double side_slope = 0.55;  // how far the flux turns down a slope across it: tangent per tangent
+    double threshold = 0.22;   // threshold shear velocity on level ground, m/s
+    double flux_scale = 5.0;   // factor of the saturated flux
+    double slope_scale = 0.63; // mu: tangent of the slope at which grains roll without wind
+    double side_slope = 0.55;  // tangent of the flux's downhill turn, per tangent of the cross slope
     double saturation_scale = 2.2;
     bool operator==(const SandPhysics&) const = default;
 
@@ -29,65 +29,67 @@ struct SandPhysics {
     }
     // Saturated flux over level ground, kg / (m s).
     double saturated_flux(double shear_velocity) const;
-    // Its change with the logarithm of the stress.
+    // Derivative of the saturated flux by the logarithm of the stress.
     double flux_response(double shear_velocity) const {
         return flux_scale * air_density / gravity * threshold * shear_velocity * shear_velocity;
     }
 };
 
-// What the air does to each cell: rows of `pitch` floats.
+// Inputs from the air, per cell; rows of `pitch` floats.
 struct AirFields {
     const float* height = nullptr; // metres
-    const float* excess = nullptr; // of the streamline over the ground, metres
+    const float* excess = nullptr; // height of the bubble's streamline above the ground, metres
     const float* along = nullptr;  // relative perturbation of the stress along the wind
-    const float* across = nullptr; // towards (-wind_column, wind_row)
+    const float* across = nullptr; // the same across the wind, towards (-wind_column, wind_row)
     const float* plants = nullptr; // frontal area of plants per area of ground; NULL: none
 };
 
-// What the march over the rows needs.
+// Inputs of the march, per cell.
 struct SaturationFields {
     float* flux = nullptr;  // saturated flux through a face between rows, kg / (m s)
-    float* relax = nullptr; // what of the difference to it is made up for in half a cell
-    float* turn = nullptr;  // columns a row, at the face before each cell
+    float* relax = nullptr; // fraction of (flux - actual flux) exchanged over half a cell
+    float* turn = nullptr;  // direction of the flux at the face before each cell, columns per row
     float* reach =
-        nullptr; // how far before the end of half a cell it takes its exchange from, on the average; cells
+        nullptr; // mean distance, from the end of half a cell, to the origin of its exchange; cells
 };
 
 struct SandWind {
-    double towards_x = 1.0, towards_z = 0.0; // unit vector to which it blows
+    double towards_x = 1.0, towards_z = 0.0; // unit vector of the direction it blows to
     double shear_velocity = 0.0;             // u*, m/s
     bool operator==(const SandWind&) const = default;
 };
 
 struct SaturationPeak {
-    double stress = 0.0; // the greatest, as shear velocity squared
+    double stress = 0.0; // maximum, as shear velocity squared
     double flux = 0.0;   // kg / (m s)
-    double turn = 0.0;   // columns a row, up to steepest_turn
+    double turn = 0.0;   // columns per row, up to steepest_turn
 };
-// The flux turns no further than this from the rows' normal (79 degrees), columns a row.
+// Maximum turn of the flux from the rows' normal, columns per row (79 degrees).
 inline constexpr double steepest_turn = 5.0;
-// Saturated flux of every cell. `wind_row`, `wind_column`: unit vector. Row by row: `out` may stand in the place of `air`, flux in along, relax in
-// across, turn in excess.
+// Computes the saturated flux of every cell, and returns the maxima. `wind_row`, `wind_column`: unit vector
+// of the wind. Works row by row, so `out` may alias `air`: flux with along, relax with across, turn with
+// excess.
 SaturationPeak saturate(const DuneCourse& course, DuneBorder border, const SandPhysics& physics,
                         double plant_drag, double wind_row, double wind_column, double shear_velocity,
                         const AirFields& air, size_t pitch, const SaturationFields& out);
 
-// Sand that one march took over the borders, in units.
+// Sand that crossed the borders in one march, in units.
 struct BorderFlux {
     SandUnits in = 0, out = 0;
 };
 
-// Marches over the rows downwind: takes sand from each cell or leaves it there. Whole units of sand, as doubles.
+// Marches over the rows downwind, with erosion and deposition in each cell. Whole sand units, as doubles.
 class March {
   public:
     struct Input {
         const SaturationFields* air = nullptr;
         const double* sand = nullptr;
-        double scale = 0.0;  // units of sand on a cell per kg / (m s): dt 2^32 / (bulk density * cell)
-        double influx = 0.0; // of the saturated flux, over open borders
-        double turn = 0.0;   // the greatest of all cells
+        double scale = 0.0;  // sand units on a cell per kg / (m s): dt 2^32 / (bulk density * cell)
+        double influx = 0.0; // through open borders, as a fraction of the saturated flux
+        double turn = 0.0;   // maximum over all cells, columns per row
     };
-    // `front`: what enters the first row, units; on return what leaves the last. `sand_out`: sand afterwards, not `sand`.
+    // `front`: inflow of the first row, units; on return the outflow of the last. `sand_out`: the new sand;
+    // must not be `sand`.
     BorderFlux run(const DuneCourse& course, DuneBorder border, const Input& input, size_t pitch,
                    double* front, double* sand_out);
 

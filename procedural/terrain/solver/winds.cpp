@@ -1,18 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// Winds over time, and what they could move.
+// Wind histories and their drift potential.
 //
-// Compass: +x is east and -z is north, so that a map seen from above has north up. Meteorology says where wind comes *from*, clockwise from
-// north; a SandWind says where it goes *to*: from the angle d it blows towards (-sin d, cos d) in (x, z).
+// Compass: +x is east and -z is north, so a map seen from above has north up. Meteorology gives the direction
+// wind comes *from*, clockwise from north. A SandWind has the direction wind blows *to*: for the angle d that
+// is (-sin d, cos d) in (x, z).
 //
-// Shear velocity from the speed U at the height z over ground of aerodynamic roughness z0, in neutral air: u* = kappa U / ln(z / z0), kappa = 0.4.
-// z0 is the roughness with sand in the air, about 1 mm (a dry flat bed has a thirtieth of the grains' diameter).
+// Shear velocity for the speed U at height z over ground of aerodynamic roughness z0, in neutral air: u* =
+// kappa U / ln(z / z0), kappa = 0.4. z0 is the roughness with sand in the air, about 1 mm (on a dry flat bed
+// it is 1/30 of the grain diameter).
 //
-// Chaotic winds: entry n of length `seconds` draws from hash(seed, n): a normal deviate by Box and Muller for the direction, and u* = scale
-// (-ln v)^(1 / shape), scale = mean / Gamma(1 + 1 / shape), which is a Weibull distribution with that mean. There is no state.
+// Chaotic winds: entry n of length `seconds` uses random numbers from hash(seed, n): a Box-Muller normal
+// deviate for the direction, and u* = scale (-ln v)^(1 / shape), scale = mean / Gamma(1 + 1 / shape), a
+// Weibull distribution with that mean. There is no state.
 //
-// Drift potential: the mean over time of the saturated flux over level ground and of its vector (RDP), kg / (m s). S. Fryberger's ("Dune forms and wind
-// regime", USGS Prof. Paper 1052, 1979) is the mean of U^2 (U - U_t) over all entries times 100, U in knots at 10 m, U_t = 11.66 knots (6 m/s) by default: in
-// his units below 200 is a low, above 400 a high energy. RDP / DP is 1 for one direction and 0 for winds that cancel.
+// Drift potential (DP): the time mean of the saturated flux over level ground, kg / (m s). RDP is the
+// magnitude of the mean flux vector. Fryberger's DP (S. Fryberger, "Dune forms and wind regime", USGS Prof.
+// Paper 1052, 1979) is the mean of U^2 (U - U_t) over all entries times 100, U in knots at 10 m, U_t = 11.66
+// knots (6 m/s) by default. In his units below 200 is low energy, above 400 high. RDP / DP is 1 for one
+// direction and 0 for winds that cancel.
 #include "procedural/terrain/solver/winds.h"
 
 #include "core/math/hash.h"
@@ -27,7 +32,7 @@ namespace {
 constexpr double winds_karman = 0.4;
 constexpr double winds_knot = 1852.0 / 3600.0; // m/s
 
-// Entries that repeat: `ends` ascending, the last one the period.
+// Repeating winds. `ends`: end times, ascending; the last one is the period.
 WindHistory winds_periodic(std::vector<SandWind> winds, std::vector<double> ends) {
     if (winds.empty()) return steady_wind({});
     return [winds = std::move(winds), ends = std::move(ends)](double time) -> WindSpan {
@@ -36,7 +41,7 @@ WindHistory winds_periodic(std::vector<SandWind> winds, std::vector<double> ends
         const double phase = std::max(time - turn * period, 0.0);
         size_t k = size_t(std::upper_bound(ends.begin(), ends.end(), phase) - ends.begin());
         if (k == ends.size()) k = 0, turn += 1.0;
-        // Rounding can put the end of an entry at the time itself: then it is the next one's turn.
+        // Rounding can make an entry end exactly at `time`; the next entry then applies.
         while (!(turn * period + ends[k] > time))
             if (++k == ends.size()) k = 0, turn += 1.0;
         return {winds[k], turn * period + ends[k]};

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures the dune solver against theory and the field, and prints tables.
+// Measures the dune solver against theory and field data, and prints tables.
 //
 //     dune_solver waves         growth and speed of small waves against linear theory
-//     dune_solver speed         time a cell and step, by part
+//     dune_solver speed         time per cell and step, by stage
 //     dune_solver barchans [n] [B]  height, width, length and celerity of n sizes after three turnovers (6)
-//     dune_solver ridges [B]    ridges across the wind: celerity against what passes the brink
-//     dune_solver directions    crests of a covered bed in pairs of winds
+//     dune_solver ridges [B]    transverse ridges: celerity against the flux over the brink
+//     dune_solver directions    orientation of crests on a sand-covered bed under pairs of winds
 //     dune_solver convergence   one dune with cells of 2, 1 and 1/2 m, and the grid turned by 45 degrees
 //     dune_solver turned cell   one dune, the grid turned by 0, 15, 30, 45 degrees
 //     dune_solver picture out.pgm hours u* [degrees]
@@ -49,7 +49,7 @@ void print_waves() {
         }
 }
 
-// A covered bed of low dunes.
+// A sand-covered bed with a small random roughness.
 std::vector<SandUnits> rough_cover(const Domain& domain, double depth, double roughness) {
     std::vector<SandUnits> sand(domain.count());
     for (size_t k = 0; k < sand.size(); ++k)
@@ -84,7 +84,7 @@ void print_speed() {
             solver.step(wind, 1e9);
             times.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
         }
-        const double busy = double(std::clock() - cpu) / CLOCKS_PER_SEC; // of all cores together
+        const double busy = double(std::clock() - cpu) / CLOCKS_PER_SEC; // CPU time of all cores together
         std::sort(times.begin(), times.end());
         const double cells = 1e9 / double(domain.count()), median = times[times.size() / 2],
                      mean = cells / steps;
@@ -99,13 +99,13 @@ void print_speed() {
 }
 
 struct DuneFigures {
-    double height = 0.0, width = 0.0, length = 0.0; // metres; length: foot to brink along the middle
+    double height = 0.0, width = 0.0, length = 0.0; // metres; length: foot to brink in the middle row
     double volume = 0.0, x = 0.0, middle = 0.0;     // x: centre of mass; middle: its row
     double brink = 0.0, slip_foot = 0.0;            // heights
-    int brink_column = 0, slip_column = 0;          // along the middle, from the crest's column on
+    int brink_column = 0, slip_column = 0;          // in the middle row, downwind of the crest
 };
 
-// Of the sand higher than `foot` on a periodic grid, wind along +x.
+// Measures the sand higher than `foot` on a periodic grid, with the wind along +x.
 DuneFigures measure_dune(const Domain& domain, const std::vector<SandUnits>& sand, double foot) {
     DuneFigures f;
     double cx = 0.0, sx = 0.0, cz = 0.0, sz = 0.0;
@@ -126,7 +126,8 @@ DuneFigures measure_dune(const Domain& domain, const std::vector<SandUnits>& san
     int crest = 0;
     for (int i = 0; i < domain.nx; ++i)
         if (at(i, row) > at(crest, row)) crest = i;
-    // The slip face: from the brink, where the ground begins to fall by more than 20 degrees, to where it no longer does.
+    // The slip face runs from the brink, where the slope first exceeds 20 degrees, to where it no longer
+    // does.
     const double steep = std::tan(20.0 * degree) * domain.cell;
     int brink = crest;
     while (brink < crest + domain.nx / 2 && at(brink, row) - at(brink + 1, row) < steep) ++brink;
@@ -204,7 +205,7 @@ void print_barchans(int count, double out_of_phase) {
     std::printf("Q / c = %.3f (H + %.2f m), R^2 %.4f\n", slope, (sy - slope * sh) / (m * slope), r2);
 }
 
-// Ridges across the wind: what passes the brink settles on the slip face.
+// Transverse ridges: all sand that passes the brink settles on the slip face.
 void print_ridges(double out_of_phase) {
     DuneSolverSettings settings;
     settings.shear.out_of_phase = out_of_phase;

@@ -74,7 +74,7 @@ GrainShape rough_rock(uint32_t n) {
     return shape;
 }
 
-// CPU seconds, so that others on the machine do not count.
+// CPU seconds, so that other processes do not count.
 double cpu_seconds(clockid_t clock) {
     timespec time{};
     clock_gettime(clock, &time);

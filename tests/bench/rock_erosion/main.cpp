@@ -3,9 +3,9 @@
 //
 //     rock_erosion sphere              a sphere worn evenly: error and order
 //     rock_erosion planes              planes at angles to the grid
-//     rock_erosion parity              levels against the finer ones, smoothed
+//     rock_erosion parity              each level against the next finer one, smoothed
 //     rock_erosion speed [n] [paths]   a pass on a grid of n^3 voxels (512, 10^7)
-//     rock_erosion ventifact OUT [voxel]    writes OUT.0.obj, OUT.1.obj, ...: one a level
+//     rock_erosion ventifact OUT [voxel]    writes OUT.0.obj, OUT.1.obj, ...: one per level
 //     rock_erosion yardang OUT [voxel]
 #include "procedural/erosion/erosion.h"
 #include "tests/unit/erosion/rock_shapes.h"

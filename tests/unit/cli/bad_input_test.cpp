@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bad input of every kind through the whole program, each in a process of its own: exit code 2, one line a mistake on stderr,
-// and nothing on the disk is touched.
+// Bad input of every kind through the whole program, each in its own process: exit code 2, one line a mistake
+// on stderr, and no file is changed.
 #include "core/cli/frames.h"
 #include "core/image/atomic_file.h"
 #include "program.h"
@@ -15,13 +15,13 @@ namespace {
 
 const fs::path corpus = MARRAM_SOURCE_DIR "/tests/broken";
 
-// "place: what is wrong: what to do", the place being a file with or without line and column.
+// "place: what is wrong: what to do". The place is a file with or without line and column.
 bool is_explanation(const std::string& line) {
     static const std::regex form("\\S.*: \\S.*: \\S.*");
     return std::regex_match(line, form);
 }
 
-// Runs it beside an old picture; stderr's lines. The folder stays as it was.
+// Runs the command beside an old picture. Returns the lines of stderr. The folder must not change.
 std::vector<std::string> refused(const Folder& folder, std::vector<std::string> command) {
     folder.write("old.exr", "an old picture");
     const auto before = folder.contents();
@@ -42,7 +42,7 @@ std::vector<std::string> refused_scene(const Folder& folder, const std::string& 
     return refused(folder, more);
 }
 
-// Exactly one mistake, that says so.
+// Expects exactly one mistake, with this message.
 void expect_refused(const std::string& text, const std::string& message, std::vector<std::string> more = {}) {
     SCOPED_TRACE(message);
     const Folder folder;
@@ -60,7 +60,7 @@ std::vector<fs::path> files_in(const fs::path& folder) {
     return files;
 }
 
-// The corpus knows a groom that needs no width; this gives the width of one that lacks it.
+// Grooms of the corpus may lack a width; this adds one.
 std::vector<std::string> with_width(const std::string& scene) {
     static const std::regex groom("\\[\\[procedural\\]\\]\nname = \"(\\w+)\"[^\n]*\ntype = \"groom\"");
     std::smatch match;
@@ -88,14 +88,14 @@ TEST(BadInput, ScenesOfTheCorpus) {
     }
 }
 
-// expected.txt: file, a tab, part of the message. `table` is the scene's with the file in the place of {}.
+// expected.txt: file, a tab, part of the message. `table` is the scene's table, with {} in place of the file.
 void refuse_files(const std::string& kind, const std::string& table) {
     if (!fs::exists(corpus / kind / "expected.txt")) GTEST_SKIP() << "no tests/broken/" << kind;
     const Folder folder;
     for (const std::string& line : lines(read_file(corpus / kind / "expected.txt"))) {
         const size_t tab = line.find('\t');
         if (line.starts_with('#') || tab == std::string::npos) continue;
-        if (line.substr(0, tab).ends_with(".stl")) continue; // the scene's check is before the reader's
+        if (line.substr(0, tab).ends_with(".stl")) continue; // the scene is checked before the file is read
         SCOPED_TRACE(line);
         const std::string file = (corpus / kind / line.substr(0, tab)).string();
         const std::string scene =
@@ -124,7 +124,7 @@ TEST(BadInput, MasksOfTheCorpus) {
 
 const std::string groom = "count = 300\nlength = 0.3\nwidth = 0.02\n";
 
-// What only the procedural knows to be wrong, at the line of the value that is.
+// Mistakes that only the procedural finds, reported at the line of the wrong value.
 TEST(BadInput, GroomsThatCannotGrow) {
     const auto with_groom = [](const std::string& text) { return SceneText{.groom = text}; };
     expect_refused(with_groom(groom + "density = 5\n"), "both density and count are given: keep one of them");
@@ -182,7 +182,7 @@ TEST(BadInput, WindsThatCannotBlow) {
                    "jiggle.stiffness is not above 0 everywhere");
 }
 
-// Nothing that a scene says is passed over in silence.
+// Settings without effect are refused, not ignored.
 TEST(BadInput, WhatWouldBeIgnored) {
     const std::string fibre = "material = \"m\"\n[[material]]\nname = \"m\"\ntype = \"hair\"\n";
     const auto with_material = [&](const std::string& text) {
@@ -220,7 +220,8 @@ TEST(BadInput, WhatWouldBeIgnored) {
     EXPECT_CONTAINS(only_line({"render", scene, "--threads", "0"}), "--threads");
 }
 
-// What a run reads it must not write, under whatever name; nor somebody's file that has the name of an unfinished picture.
+// A run must not write what it reads, under any name, nor a user's file that has the name of an unfinished
+// picture.
 TEST(BadInput, OutputsThatWouldDestroyInputs) {
     const Folder folder;
     const std::vector<float> grey(64 * 32 * 3, 0.5F);
@@ -252,10 +253,10 @@ TEST(BadInput, OutputsThatWouldDestroyInputs) {
     EXPECT_CONTAINS(said[0], "this would overwrite");
 }
 
-// However it is spelt, and whether it is there yet or not.
+// Two spellings of one path are the same file, whether it exists or not.
 TEST(BadInput, OneFileUnderTwoNames) {
     const Folder folder;
-    fs::create_symlink("picture.exr", folder / "one.exr"); // to what is not there, relative
+    fs::create_symlink("picture.exr", folder / "one.exr"); // to a missing file, relative
     fs::create_symlink("picture.exr", folder / "two.exr");
     const std::string absent = "no-such-file-" + std::to_string(::getpid()) + ".exr";
     for (const auto& [a, b] : {std::pair(absent, "./" + absent), std::pair("./" + absent, absent),
@@ -375,7 +376,7 @@ TEST(BadInput, LightsThatCannotShine) {
     };
     expect_refused(SceneText{.more = lamp("a") + lamp("b")}, "mesh \"ground\" shines already by light \"a\"");
     const Folder folder;
-    // Not by OpenImageIO, whose threads a copy of this process would wait for in vain.
+    // OpenImageIO would start threads, and a child process would wait for them in vain.
     const auto write_map = [&](float odd) {
         std::vector<float> pixels(3 * 8 * 4, 0.5F);
         pixels[4] = odd;

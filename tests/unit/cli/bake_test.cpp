@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `marram bake`: files that depend on scene and frame alone, and strands that keep their lengths in any wind.
+// `marram bake`: files depend only on scene and frame, and strands keep their lengths in any wind.
 #include "program.h"
 
 #include "core/geometry/strand_file.h"
@@ -13,12 +13,12 @@ namespace marram::testing {
 namespace {
 
 struct Hair {
-    std::vector<uint32_t> sizes; // points a curve
+    std::vector<uint32_t> sizes; // points per curve
     std::vector<std::array<float, 3>> points;
 };
 
-// Cem Yuksel's HAIR: a header of 128 bytes, then what its flags say: 1 segments of each strand, 2 points, 4
-// thickness.
+// Cem Yuksel's HAIR: a header of 128 bytes, then the arrays that its flags select: 1 segments of each strand,
+// 2 points, 4 thickness.
 Hair read_hair(const std::string& path) {
     const std::string bytes = read_file(path);
     const auto word = [&](size_t at) {
@@ -50,8 +50,8 @@ double length(const std::array<float, 3>& a, const std::array<float, 3>& b) {
     return std::hypot(double(b[0]) - a[0], double(b[1]) - a[1], double(b[2]) - a[2]);
 }
 
-// The worst segment: how far its length is off, as a share of what accuracy.md allows: 1e-5 of the length and
-// two units in the last place of the largest coordinate.
+// The worst error of a segment's length, relative to what accuracy.md allows: 1e-5 of the length and two
+// units in the last place of the largest coordinate.
 double worst_length(const Hair& bent, const Hair& rest) {
     double worst = 0.0;
     size_t first = 0;
@@ -161,7 +161,7 @@ INSTANTIATE_TEST_SUITE_P(All, StrandSize,
                          ::testing::Values(Case{2, 2000}, Case{3, 2000}, Case{8, 2000}, Case{1000, 40}),
                          [](const auto& info) { return fmt::format("{}_cvs", info.param.cvs); });
 
-// A terrain's grids by name; and the heights, read back as a layer, are the same.
+// A terrain's grids are written by name, and its heights, read back as a layer, are the same.
 TEST(Bake, WritesATerrainThatReadsBack) {
     const Folder folder;
     const std::string head =
@@ -206,7 +206,7 @@ TEST(Bake, WritesATerrainThatReadsBack) {
     EXPECT_FALSE(folder.names().contains("c.exr"));
 }
 
-// Heights as an EXR has them.
+// The heights in an EXR.
 std::vector<float> heights_of(const std::string& exr) {
     std::vector<float> values;
     for (const Picture::Layer& layer : read_picture(exr).layers)
@@ -228,7 +228,8 @@ const std::string hills =
     "[[procedural.layer]]\ntype = \"noise\"\namplitude = 20\nwavelength = 9\noffset = 300\n"
     "[[procedural.layer]]\ntype = \"mask\"\nname = \"x\"\nby = \"slope\"\n";
 
-// Baked heights are a base again without a word of where they lie: EXR and TIFF to the bit, PNG to half of one of its steps.
+// Baked heights can be a base again without settings for their place: EXR and TIFF to the bit, PNG to half of
+// one of its steps.
 TEST(Bake, HeightsReadBackWhereTheyWere) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", terrain_scene(hills));
@@ -244,7 +245,7 @@ TEST(Bake, HeightsReadBackWhereTheyWere) {
         bake(back, folder / "b.exr");
         const std::vector<float> after = heights_of(folder / "b.exr");
         ASSERT_EQ(after.size(), before.size());
-        // Half a step, and the rounding of a height to a float, twice, and of a pixel.
+        // Half a step, two roundings of a height to a float, and one of a pixel.
         const double bound =
             std::string(extension) != "png"
                 ? 0.0
@@ -267,7 +268,7 @@ TEST(Bake, HeightsReadBackWhereTheyWere) {
     EXPECT_EQ(read_metadata(folder / "heights.png", "marram:cell"), "0.1");
 }
 
-// What the scene says wins, each by itself.
+// Each setting of the scene overrides the file's metadata.
 TEST(Bake, ASceneMovesBakedHeights) {
     const Folder folder;
     bake(folder.write("a.toml", terrain_scene(hills)), folder / "a.png");
@@ -283,7 +284,7 @@ TEST(Bake, ASceneMovesBakedHeights) {
     EXPECT_EQ(moved[100 * 311 + 110], from_file[100 * 311 + 100]) << "ten cells along x";
     EXPECT_EQ(small[0], 0.0F) << "outside";
     EXPECT_GT(small[100 * 311 + 155], 200.0F) << "the file's centre and range";
-    // A terrain elsewhere sees the file where it was baked.
+    // A terrain elsewhere reads the file at the place where it was baked.
     const std::string other = folder.write(
         "c.toml",
         "[camera]\nposition = [0, 9, 30]\ntarget = [0, 0, 0]\n[[light]]\ntype = \"sky\"\n[[procedural]]\n"
@@ -305,7 +306,7 @@ TEST(Bake, RefusesMetadataThatCannotBe) {
         write_exr(folder / "a.exr", 2, 2, layers, metadata);
         return marram({"bake", scene, "-o", folder / "b.exr"});
     };
-    EXPECT_DONE(outcome({{"marram:size_x", 5.0}})); // half of it says nothing
+    EXPECT_DONE(outcome({{"marram:size_x", 5.0}})); // half of the metadata is ignored
     for (const auto& [size, what] : {std::pair(0.0, "marram:size_z 0"),
                                      {-1.0, "marram:size_z -1"},
                                      {double(INFINITY), "marram:size_z inf"},
@@ -319,7 +320,7 @@ TEST(Bake, RefusesMetadataThatCannotBe) {
     EXPECT_EQ(outcome({{"marram:range_low", std::string("low")}, {"marram:range_high", 1.0}}).code, 2);
 }
 
-// Bytes depend on the scene alone: no time of day, no threads.
+// The bytes depend only on the scene, not on time or threads.
 TEST(Bake, TerrainFilesAreTheSameBytes) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", terrain_scene(hills));
@@ -330,14 +331,14 @@ TEST(Bake, TerrainFilesAreTheSameBytes) {
         bake(scene, name(extension), {"--threads", "1"});
         first[extension] = read_file(name(extension));
     }
-    ::sleep(1); // what holds the time of day differs now
+    ::sleep(1); // so that any stored time of day differs
     for (const std::string& extension : extensions) {
         bake(scene, name(extension), {"--threads", "2"});
         EXPECT_TRUE(read_file(name(extension)) == first[extension]) << extension;
     }
 }
 
-// The growth surface as a mesh: vertices are the samples; a scene with strands writes these as .obj.
+// The growth surface as a mesh: its vertices are the samples. A scene with strands writes these as .obj.
 TEST(Bake, WritesATerrainsSurface) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", terrain_scene(hills));
@@ -386,7 +387,7 @@ TEST(Bake, WritesATerrainsSurface) {
     }
 }
 
-// A dune along a curve of a file is that along the same points in the scene.
+// A dune along a file's curve equals one along the same points in the scene.
 TEST(Bake, DunesFollowCurvesOfFiles) {
     const Folder folder;
     folder.write(
@@ -417,7 +418,7 @@ const std::string tuft =
     "size = [1, 1]\n[[procedural]]\ntype = \"groom\"\nname = \"grass\"\non = \"m\"\ncount = 20\n"
     "length = 0.3\nwidth = 0.01\ncvs = 5\n";
 
-// A range of frames in one .usda is what the frames are one by one, in any format, and comes back to the bit.
+// A range of frames in one .usda equals the single frames in any format, and is read back to the bit.
 TEST(Bake, ARangeOfFramesComesBack) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", tuft);
@@ -450,7 +451,7 @@ TEST(Bake, ARangeOfFramesComesBack) {
     EXPECT_FALSE(folder.names().contains("x.usda"));
 }
 
-// Strands of files in a scene: one that animates, one a frame, with what is not taken over told once.
+// Scenes read strand files: an animated one, and one per frame. Unsupported content is reported once.
 TEST(Bake, ScenesReadStrands) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", tuft);
@@ -484,11 +485,11 @@ TEST(Bake, ScenesReadStrands) {
     result = info("file = \"g.#.obj\"\nfile_frames = [1, 3]\n");
     EXPECT_EQ(lines(result.err).size(), 1u) << result.err;
     EXPECT_CONTAINS(result.err, "g.1.obj: 1 of 2 strands have fewer than two points");
-    // What is read is not written.
+    // A run does not write a file that it reads.
     EXPECT_EQ(marram({"bake", folder / "b.toml", "-o", folder / "g.2.obj"}).code, 2);
 }
 
-// A field's dunes, listed by info, pasted as layers in its place.
+// A field's dunes, as listed by info, replace the field as layers.
 TEST(Bake, AFieldsDunesReadBackAsDrawnOnes) {
     const Folder folder;
     const std::string head =

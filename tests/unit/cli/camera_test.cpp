@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cameras that move: where they are at a frame, and how many poses the shutter needs.
+// Moving cameras: their pose at a frame, and how many poses the shutter needs.
 #include "core/shot/scene_camera.h"
 #include "core/shot/shot.h"
 #include "tests/unit/cli/program.h"
@@ -31,8 +31,8 @@ TEST(Camera, StandsWhereItsKeysPutIt) {
     EXPECT_EQ(camera_at(moving, 6.0).poses.size(), 1U) << "the shutter is closed";
 }
 
-// Poses between those that it has are where the camera really is, to a twentieth of a pixel: turning, walking, by keys that are
-// flat at their ends, and shaken to and fro within one shutter.
+// Interpolated poses match the true camera to a twentieth of a pixel: for cameras that turn, that walk, whose
+// keys are flat at their ends, and that shake within one shutter.
 TEST(Camera, HasAsManyPosesAsItsShutterNeeds) {
     struct Move {
         const char *what, *keys;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page of `marram compare --report`, opened and used in a real browser by scripts that are added to copies of it: what it says of
-// itself, and what pixels it shows.
+// The page of `marram compare --report` in a real browser. Scripts added to copies of it check its content
+// and the pixels that it shows.
 #include "core/compare/page_view.h"
 #include "program.h"
 
@@ -14,7 +14,7 @@ bool has_browser() { return std::system("command -v chromium >/dev/null") == 0; 
 #define NEEDS_BROWSER()                                                                                      \
     if (!has_browser()) GTEST_SKIP() << "there is no chromium to open the page in"
 
-// What chromium prints of a file.
+// Chromium's output for a file.
 std::string opened(const Folder& folder, const std::string& file, int width, int height,
                    const std::string& options) {
     return output_of(
@@ -29,7 +29,8 @@ std::string with_script(const Folder& folder, const std::string& page, const std
                         page + "<script>addEventListener(\"load\", () => {" + script + "});</script>");
 }
 
-// Checks in a script: check(what, whether it is so). They end as a title. In a frame, since windows have a least width.
+// A script's checks are check(what, passes?); the result becomes the page's title. The page is loaded in a
+// frame, since windows have a minimum width.
 void expect_fine(const Folder& folder, const std::string& page, const std::string& script, int width = 1280,
                  int height = 800) {
     with_script(folder, page,
@@ -52,7 +53,7 @@ void expect_fine(const Folder& folder, const std::string& page, const std::strin
     std::printf("%s\n", words.c_str());
 }
 
-// Linear light that is shown of A, or in A's crop, alone in the window's corner.
+// The linear light that the page shows of A, or of A's crop, alone in the window's corner.
 Image seen(const Folder& folder, const std::string& page, const std::string& box, double stops) {
     const std::string path = folder / "seen.png";
     const std::string script = fmt::format(R"(
@@ -81,7 +82,7 @@ struct Pair {
             for (int x = at.x; x < at.x + at.width; ++x)
                 std::copy_n(colour.data(), 3, rgb.data() + 3 * (size_t(y) * size_t(width) + size_t(x)));
     }
-    // more: metadata of A; other: a layer's name, of the numbers in the order in which they lie.
+    // more: metadata of A; other: the name of a layer that holds the same numbers in their order.
     std::string page(const Folder& folder, bool noise = false, const std::vector<Metadata>& more = {},
                      const std::string& other = "") const {
         for (const auto* rgb : {&a, &b}) {
@@ -101,7 +102,7 @@ struct Pair {
 
 } // namespace
 
-// The page's own buttons, slider and pictures, used by a script that is added to a copy of it.
+// A script added to a copy of the page uses its buttons, slider and pictures.
 TEST(ComparePage, stands_alone_and_works_in_a_browser) {
     const Folder folder;
     const std::string scene = folder.write(
@@ -191,7 +192,7 @@ TEST(ComparePage, shows_dim_pictures_at_any_exposure) {
     const std::string page = pictures.page(folder);
     EXPECT_CONTAINS(page, "Base exposure: 9 stops brighter");
     for (const double stops : {0.0, 1.0, -4.0, 6.0}) {
-        const Image image = seen(folder, page, ".pair", stops); // 8 times as large
+        const Image image = seen(folder, page, ".pair", stops); // enlarged 8 times
         ASSERT_EQ(image.width, 480);
         const auto expect = [&](int x, int y, double value) {
             const double light = std::min(value * std::exp2(9.0 + stops), 1.0);
@@ -210,7 +211,7 @@ TEST(ComparePage, shows_dim_pictures_at_any_exposure) {
     }
 }
 
-// FLIP is greatest at (48, 4), where noise explains it.
+// FLIP is greatest at (48, 4), where noise explains the difference.
 TEST(ComparePage, frames_what_noise_cannot_explain) {
     NEEDS_BROWSER();
     const Folder folder;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `marram compare` as users run it; its page: compare_page_test.cpp.
+// `marram compare` as users run it. Its page: compare_page_test.cpp.
 #include "program.h"
 
 #include <cstdlib>
@@ -71,7 +71,7 @@ TEST(Compare, refuses_what_it_cannot_compare) {
     refused({"compare", folder / "grey.exr", folder / "a.png"}, "grey.exr: has channels Y (grey); ");
 }
 
-// What was taken for what, where it is not plain linear light.
+// Reports how files were decoded unless both are plain linear light.
 TEST(Compare, says_how_files_were_read) {
     const Folder folder;
     std::vector<float> rgb;
@@ -108,7 +108,7 @@ TEST(Compare, a_golden_frame_is_the_reference_wherever_it_stands) {
     EXPECT_CONTAINS(back.out, there.out) << "but for that line all is the same";
 }
 
-// The page takes no picture's place, by whatever name, and has a folder.
+// The page replaces no picture, under any name; its folder must exist.
 TEST(Compare, the_report_overwrites_no_picture) {
     const Folder folder;
     const std::vector<float> rgb(24 * 16 * 3, 0.5F);
@@ -134,7 +134,7 @@ TEST(Compare, the_report_overwrites_no_picture) {
     EXPECT_EQ(folder.contents(), before);
 }
 
-// As on a machine with little memory: it says what did not fit, and that is no scene.
+// With little memory the message names what did not fit, and does not speak of a scene.
 TEST(Compare, what_does_not_fit_is_named) {
 #ifdef __SANITIZE_ADDRESS__
     GTEST_SKIP() << "its own memory is beyond any limit";

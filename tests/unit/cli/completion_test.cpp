@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Completion and man pages: every option of every command is in them, bash completes, and groff has nothing to say.
+// Completion and man pages: they contain every option of every command, bash completes, and groff prints no
+// warning.
 #include "program.h"
 
 #include <algorithm>
@@ -22,14 +23,14 @@ std::string printed(const std::vector<std::string>& arguments) {
     return done.out;
 }
 
-// As the program itself lists them, and no more than these: what `marram` knows, `commands` here must know.
+// The options that the program's own help lists. A command of `marram` must also be in `commands` here.
 std::set<std::string> options_of(const std::string& command) {
     const std::string help = printed(command.empty() ? std::vector<std::string>{"--help"}
                                                      : std::vector<std::string>{command, "--help"});
     std::set<std::string> options;
     static const std::regex pattern("(^|[\\s,])(--?[a-z][a-z-]*)");
     for (const std::string& line : lines(help)) {
-        if (!line.starts_with("  -")) continue; // goes on from the line before
+        if (!line.starts_with("  -")) continue; // continues the line before
         const std::string names = line.substr(0, line.find(' ', 2));
         for (std::sregex_iterator match(names.begin(), names.end(), pattern), end; match != end; ++match)
             options.insert((*match)[2]);
@@ -81,7 +82,7 @@ TEST(Completion, ScriptsAndPagesHaveEveryOption) {
     }
 }
 
-// What bash offers for the last of these words, which are split as readline does it: sorted.
+// What bash offers for the last of these words, sorted. The words are split as readline splits them.
 class Bash {
   public:
     Bash() {
@@ -120,7 +121,7 @@ TEST(Completion, BashCompletes) {
     EXPECT_EQ(bash.complete({"--v"}), Words{"--version"});
     const Words all = bash.complete({""});
     for (const std::string& command : commands) EXPECT_TRUE(has(all, command)) << command;
-    // Options, and which belong to which.
+    // Options, and the commands that they belong to.
     EXPECT_EQ(bash.complete({"render", "--fra"}), (Words{"--frame", "--frames"}));
     EXPECT_EQ(bash.complete({"compare", "--fra"}), Words{});
     EXPECT_EQ(bash.complete({"bake", "--stage", ""}), (Words{"bent", "final", "rest"}));
@@ -136,7 +137,7 @@ TEST(Completion, BashCompletes) {
     EXPECT_EQ(bash.complete({"compare", "pi"}), Words{"picture.png"});
     EXPECT_EQ(bash.complete({"measure", "x.toml", "--out", ""}), Words{"folder"});
     EXPECT_TRUE(has(bash.complete({"render", "x.toml", ""}), "--resume"));
-    // What the libraries declare.
+    // Names that the libraries declare.
     EXPECT_EQ(bash.complete({"info", "groo"}), Words{"groom"});
     EXPECT_TRUE(has(bash.complete({"info", ""}), "grass"));
     EXPECT_TRUE(has(bash.complete({"info", ""}), "b.toml"));

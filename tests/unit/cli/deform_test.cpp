@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A mesh that deforms, from its files to blurred pixels, and strands that ride on it.
+// A deforming mesh, from its files to blurred pixels, and strands that follow it.
 #include "program.h"
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 namespace marram::testing {
 namespace {
 
-// A square in the plane z = 0 that widens from 1 m at frame 1 to 3 m at frame 2, two triangles.
+// A square in the plane z = 0, of two triangles, that widens from 1 m at frame 1 to 3 m at frame 2.
 void write_square(const Folder& folder, const std::string& name, double half_width, bool other = false) {
     folder.write(name, fmt::format("v -{0} 0 0\nv {0} 0 0\nv {0} 1 0\nv -{0} 1 0\n{1}", half_width,
                                    other ? "f 1 2 3\n" : "f 1 2 3 4\n"));

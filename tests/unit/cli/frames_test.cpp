@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// --frames: what a list means, what is wrong with one and where, and that render and bake make its frames.
+// --frames: what a list means, what errors it can have and where, and that render and bake produce its
+// frames.
 #include "program.h"
 
 #include "core/cli/frames.h"
@@ -33,7 +34,7 @@ TEST(FrameList, IsRangesStepsAndFrames) {
     EXPECT_EQ(parse_frames("120,1-2"), (Frames{120, 1, 2})) << "in the order of the list";
 }
 
-// To the bit what `--frame 0.3` gives: sums of 0.1 would be frames, and files, of other names.
+// Frames are the same to the bit as in `--frame 0.3`: sums of 0.1 would give other frames and file names.
 TEST(FrameList, CountsFractionsExactly) {
     EXPECT_EQ(parse_frames("7.25"), Frames{7.25});
     EXPECT_EQ(parse_frames("0-1x0.1"), (Frames{0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1}));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Strands that absorb nothing, on a ball that absorbs nothing, under a sky that is the same everywhere: the picture is as bright as the
-// sky, if neither shaders nor what is traced for a strand lose light.
+// White furnace: strands and a ball that absorb nothing under a uniform sky. The picture is as bright as the
+// sky if neither the shaders nor the traced shapes of strands lose light.
 #include "program.h"
 
 #include "tests/whole.h"
@@ -80,7 +80,7 @@ TEST(Furnace, white_strands_are_not_seen) {
     size_t index = 0;
     for (const auto& [name, material] : materials)
         for (const char* shape : {"round", "ribbon", "oriented-ribbon"}) {
-            if (!in_this_run(index++, 2)) continue; // of each material one shape or two
+            if (!in_this_run(index++, 2)) continue; // one or two shapes of each material
             const std::string scene = folder.write(
                 "a.toml", fmt::format("{}material = \"fibre\"\nshape = \"{}\"\n[[material]]\nname = "
                                       "\"fibre\"\n{}\n",
@@ -93,7 +93,7 @@ TEST(Furnace, white_strands_are_not_seen) {
         }
 }
 
-// Where a strand begins and ends its straight pieces are balls; one seen from its tip is mostly that.
+// A strand's straight pieces are capped by spheres at its ends; seen from its tip, a strand is mostly these.
 TEST(Furnace, a_white_strands_ends_are_not_seen) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", white_sky + R"(

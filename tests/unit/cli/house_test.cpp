@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rules of the house: who may include whom, what lies where, and what the plug-in shows to the world.
+// The project's rules: which module includes which, what belongs where, and what the plug-in exports.
 #include "core/render/lights.h"
 #include "program.h"
 #include "shaders/shader.h"
@@ -14,7 +14,7 @@ namespace {
 const fs::path source = MARRAM_SOURCE_DIR;
 const std::string plugin = MARRAM_BINARY_DIR "/libmarram_procedural.so";
 
-// Who may include what. A module may always include itself.
+// Which module includes which. A module may always include itself.
 const std::map<std::string, std::set<std::string>> rules = {
     {"core/math", {}},
     {"core/plugin", {}},
@@ -46,7 +46,7 @@ bool is_source(const fs::path& path) {
     return extension == ".h" || extension == ".cpp" || extension == ".c";
 }
 
-// Paths relative to the checkout, of all files in these folders.
+// All files in these folders, as paths relative to the checkout.
 std::vector<std::string> files_in(const std::vector<std::string>& folders) {
     std::vector<std::string> files;
     for (const std::string& folder : folders)
@@ -94,11 +94,11 @@ TEST(House, SaysItInPlainWords) {
     for (const std::string& riddle : riddles) command += " -e '" + riddle + "'";
     for (const std::string& file : files)
         if (file != "tests/unit/cli/house_test.cpp") command += " '" + file + "'";
-    // grep ends with 1 where it finds nothing.
+    // grep exits with 1 if it finds nothing.
     for (const std::string& line : lines(output_of(command + " || [ $? -eq 1 ]"))) ADD_FAILURE() << line;
 }
 
-// What is truly ours fits on a page.
+// The project's own terms fit on a page.
 TEST(House, HasAShortGlossary) {
     std::ifstream in(source / "procedural/README.md");
     int terms = 0;
@@ -120,7 +120,7 @@ TEST(House, HasAReadmeForTenMinutes) {
         EXPECT_TRUE(fs::exists(source / folder / "README.md")) << folder;
 }
 
-// The scene in README.md is one that renders, without a word of complaint.
+// The scene in README.md renders without a message.
 TEST(House, ReadmesSceneRenders) {
     std::ifstream in(source / "README.md");
     std::string scene;
@@ -173,7 +173,7 @@ TEST(House, NamesEmbreeInOnePlace) {
     EXPECT_EQ(found, 2u);
 }
 
-// In the comment that a file begins with.
+// In the comment at the head of a file.
 bool has_licence(const std::string& text) {
     for (const std::string& line : lines(text)) {
         if (line.find("SPDX-License-Identifier: Apache-2.0") != std::string::npos) return true;
@@ -204,7 +204,8 @@ TEST(House, TopLevelIsAsDesigned) {
     }
 }
 
-// Unit and default by name, of the table that a page opens with: "//   name  unit  default  meaning", aligned under a line that says so.
+// Unit and default by name, from the table at the head of a page: "//   name  unit  default  meaning", in the
+// columns of its heading.
 std::map<std::string, std::pair<std::string, std::string>> parameters_on_page(const std::string& file) {
     std::map<std::string, std::pair<std::string, std::string>> found;
     size_t unit = 0, initial = 0, meaning = 0; // columns
@@ -216,7 +217,7 @@ std::map<std::string, std::pair<std::string, std::string>> parameters_on_page(co
         }
         if (!line.starts_with("//   ")) break;
         if (line[5] == ' ' || line.find(": as in diffuse") != std::string::npos)
-            continue; // goes on; see there
+            continue; // continues, or listed there
         const auto column = [&](size_t begin, size_t end) {
             const std::string text = line.substr(std::min(begin, line.size()), end - begin);
             return text.substr(0, text.find_last_not_of(' ') + 1);

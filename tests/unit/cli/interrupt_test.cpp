@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ctrl-C in each phase. The program sees a terminal, so that its progress line tells when a phase has begun;
-// no clock is looked at.
+// Ctrl-C in each phase. The program runs on a terminal: its progress line shows when a phase has begun, so no
+// test depends on a clock.
 #include "program.h"
 
 namespace marram::testing {
 namespace {
 
-// A picture that takes hours, of more strands than can be missed on their way.
+// A picture that takes hours, with so many strands that each phase of the build can be interrupted.
 const SceneText big = {.film = "size = [256, 256]\nsamples = 65536\n",
                        .groom = "count = 500000\ncvs = 8\nlength = [0.1, 0.2]\nwidth = 0.001\n"};
 const SceneText long_picture = {.film = "size = [256, 256]\nsamples = 65536\n"};
@@ -74,7 +74,7 @@ TEST_F(Interrupt, InTheWritingOfABakeLeavesNothing) {
     expect_untouched({"a.exr", "a.toml"});
 }
 
-// A procedural that does not ask whether to go on cannot keep the program.
+// A procedural that does not poll for cancellation cannot block the program.
 TEST_F(Interrupt, OfAStuckLibraryIsCutOff) {
     const std::string scene = folder.write(
         "a.toml", "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0, 0]\n[[procedural]]\nname = \"stuck\"\n"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `marram render --png`: a layer as a picture of its own, beside an EXR or a PNG.
+// `marram render --png`: a layer as a separate picture, beside an EXR or a PNG.
 #include "program.h"
 
 #include "core/cli/layer_option.h"
@@ -48,7 +48,7 @@ TEST(LayerPictures, AreReadFromTheCommandLine) {
 
 const SceneText small{.film = "size = [24, 16]\nsamples = 2\nmax_depth = 1\n"};
 
-// Each pixel of a picture against the layer in an EXR of the same frame.
+// Compares each pixel of a picture with the layer in an EXR of the same frame.
 void expect_layer(const std::string& exr, const std::string& layer, const std::string& png, ValueRange range,
                   bool depth = false) {
     const Picture picture = read_picture(exr);
@@ -60,8 +60,9 @@ void expect_layer(const std::string& exr, const std::string& layer, const std::s
     for (size_t i = 0; i < image.pixels.size(); ++i) {
         const double value = double(values->pixels[i]);
         double expected = std::clamp((value - range.black) / (range.white - range.black), 0.0, 1.0);
-        if (depth && value == 0.0) expected = range.white > range.black ? 1.0 : 0.0;   // nothing is farther
-        ASSERT_NEAR(double(image.pixels[i]), expected, 1e-3) << png << " value " << i; // an EXR's halfs
+        // The background is farthest.
+        if (depth && value == 0.0) expected = range.white > range.black ? 1.0 : 0.0;
+        ASSERT_NEAR(double(image.pixels[i]), expected, 1e-3) << png << " value " << i; // an EXR holds halfs
         brightest = std::max(brightest, double(image.pixels[i]));
         darkest = std::min(darkest, double(image.pixels[i]));
     }
@@ -86,7 +87,7 @@ TEST(LayerPictures, HoldTheLayersValues) {
     EXPECT_EQ(read_metadata(folder / "depth.png", "marram:frame"), "1");
 }
 
-// Colours look as in the picture; a PNG needs no --aov, and its picture is none the worse.
+// Colours look as in the picture. A PNG needs no --aov, and the picture itself does not change.
 TEST(LayerPictures, StandBesideAPng) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{.film = small.film + "exposure = 1\n"});
@@ -124,7 +125,7 @@ TEST(LayerPictures, AreNumberedAndResumed) {
     EXPECT_EQ(resume(other).size(), 4u) << "another range is another picture";
 }
 
-// An interrupted frame has no pictures of layers until it is whole.
+// An interrupted frame writes no layer pictures until it is complete.
 TEST(LayerPictures, WaitForTheWholeFrame) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", small);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the program does where something runs out: the disk, memory, the length of a name; and that a sequence takes no more
-// memory than its first frames.
+// What the program does when something runs out: the disk, memory, the length of a name. A sequence takes no
+// more memory than its first frames.
 #include "program.h"
 
 #include <nlohmann/json.hpp>
@@ -20,7 +20,7 @@ rlimit limit_of(int resource, rlim_t bytes) {
     return limit;
 }
 
-// The program with one limit: RLIMIT_FSIZE or RLIMIT_AS.
+// Runs the program with one limit: RLIMIT_FSIZE or RLIMIT_AS.
 template <int resource>
 ProgramResult limited(const std::vector<std::string>& arguments, size_t bytes) {
     static size_t limit = 0;
@@ -52,7 +52,7 @@ TEST(Limits, AFullDiskIsReportedAndTheOldPictureStays) {
     }
 }
 
-// The state that an earlier run has left stays where the picture cannot be saved.
+// The state of an earlier run is kept if the picture cannot be saved.
 TEST(Limits, WhatCannotBeSavedIsKeptForResume) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText()), picture = folder / "a.exr";
@@ -86,9 +86,10 @@ TEST(Limits, StandardOutputMayBeFull) {
     EXPECT_TRUE(fs::exists(folder / "a.exr"));
 }
 
-#ifndef __SANITIZE_ADDRESS__ // which reserves terabytes of addresses
+#ifndef __SANITIZE_ADDRESS__ // it reserves terabytes of addresses
 
-// From where the loader gets along, in steps of 4 MiB: a picture, or one line and exit code 2; and the line is about memory.
+// From where the loader succeeds, in steps of 4 MiB: the result is a picture, or exit code 2 and one line
+// about memory.
 TEST(Limits, LittleMemoryIsOneLine) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText()), picture = folder / "a.exr";
@@ -113,7 +114,7 @@ TEST(Limits, LittleMemoryIsOneLine) {
     EXPECT_EQ(done, 3);
 }
 
-// The whole of it for every scene: tests/bench/memory.
+// The full test for every scene: tests/bench/memory.
 TEST(Limits, ASequenceTakesNoMoreMemoryThanItsFirstFrames) {
     const auto peak = [](const char* frames) {
         const Folder folder;
@@ -160,7 +161,7 @@ TEST(Limits, StatsOfASequenceHaveAFileAFrame) {
     EXPECT_FALSE(fs::exists(folder / "s.##.json"));
 }
 
-// What is allowed and yet hardly meant is said.
+// Warns about settings that are allowed but probably not intended.
 TEST(Limits, WhatNobodyWillSeeIsSaid) {
     const Folder folder;
     SceneText text;
@@ -188,7 +189,7 @@ TEST(Limits, WhatNobodyWillSeeIsSaid) {
     EXPECT_CONTAINS(outcome.err, "m long on a mesh of");
 }
 
-// What changes nothing, and what leaves nothing.
+// Warns about settings that change nothing, and about those that leave no strands.
 TEST(Limits, WhatChangesNothingIsTold) {
     const Folder folder;
     write_png(folder / "black.png", 1, 1, 3, std::array{0.0F, 0.0F, 0.0F}.data(), 0.0);
@@ -208,7 +209,7 @@ TEST(Limits, WhatChangesNothingIsTold) {
     EXPECT_CONTAINS(said("density = 0\n"), "no strand grows");
 }
 
-// A strand that hardly swings less from second to second is looked at for hours: said before that begins.
+// A strand whose swing hardly decays takes hours: this is announced before the work begins.
 TEST(Limits, LongWorkIsAnnounced) {
     const Folder folder;
     SceneText text;
@@ -238,7 +239,7 @@ TEST(Limits, LongWorkOnStrandsOfAFileIsAnnounced) {
     EXPECT_EQ(interrupt_in("CVs, 8000 a strand", {"render", scene, "-o", folder / "a.exr"}), 130);
 }
 
-// However far segments are turned out, and however near their goal was.
+// Stays within 0 and 1, however far segments are pushed out and however near their goal was.
 TEST(Limits, TheShareOfTheWayIsAShare) {
     const Folder folder;
     SceneText text;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `marram measure`: every dial that a scene has, its errors against the finest setting, and reports that say what was left out.
+// `marram measure`: every dial of a scene, its errors against the finest setting, and reports that list what
+// was left out.
 #include "core/measure/report.h"
 #include "program.h"
 
@@ -69,7 +70,7 @@ TEST(Measure, turns_every_dial_of_a_scene) {
         ASSERT_NE(reference, dials.at(name).end());
         for (const Row& row : dials.at(name)) {
             EXPECT_EQ(row.at("refused"), "") << row.at("setting");
-            // Both columns tell the same: seconds are those of the reference, times the ratio.
+            // Both columns are consistent: seconds are those of the reference times the ratio.
             EXPECT_NEAR(number(row, "seconds") * number(*reference, "ratio"),
                         number(*reference, "seconds") * number(row, "ratio"),
                         1e-3 * number(*reference, "seconds") * number(row, "ratio"));
@@ -86,7 +87,7 @@ TEST(Measure, turns_every_dial_of_a_scene) {
         EXPECT_EQ(own, 1);
     }
     EXPECT_EQ(folder.names(), files);
-    // Finer is better, where the answer is known to be so.
+    // Finer is better, for dials where this is known.
     for (const std::string name : {"cvs", "samples", "octaves"}) {
         const std::vector<Row>& rows = dials.at(name);
         for (size_t i = 1; i < rows.size() && rows[i].at("setting") != "by the tolerance"; ++i)
@@ -125,7 +126,7 @@ TEST(Measure, says_what_the_tolerance_chose_and_how_well_it_holds) {
     EXPECT_CONTAINS(read_file(folder / "report/measure.html"), "The tolerance, 0.5 pixels, chose");
 }
 
-// A desert without a strand: its cells, a layer's own dials, and what the camera sees of it.
+// A desert without strands: its cells, a layer's own dials, and the mesh that the camera sees.
 TEST(Measure, turns_the_dials_of_a_terrain) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", R"(tolerance_pixels = 1
@@ -180,7 +181,7 @@ height = 0.05
         }
         EXPECT_GT(number(rows[0], "error"), 0.0);
     }
-    // What the scene allows holds: of the mesh that is seen, in pixels.
+    // The scene's tolerance holds for the rendered mesh, in pixels.
     for (const Row& row : dials.at("view_detail"))
         if (row.at("setting") == "1 px") {
             EXPECT_LT(number(row, "error"), 1.0);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rendering to a noise target, and to a time.
+// Renders to a noise target and to a time limit.
 #include "program.h"
 
 #include <algorithm>
@@ -61,7 +61,8 @@ TEST(Noise, pixels_are_done_when_they_are_as_good_as_asked_for) {
     EXPECT_LT(beyond, pixels / 50);
 }
 
-// Strata leave little of what single samples tell of edges and soft shadows: no samples are spent on that.
+// Stratification removes most of the noise that single samples show at edges and in soft shadows: no samples
+// are spent on it.
 TEST(Noise, strata_count) {
     const Folder folder;
     const auto rendered = [&](const std::string& name, const char* more, const char* value) {
@@ -87,11 +88,11 @@ TEST(Noise, strata_count) {
     const double samples = number_of(folder / "b.exr", "marram:mean_samples");
     std::printf("a room: %.0f samples a pixel of 1024; off by %.2f of the noise asked for (rms)\n", samples,
                 std::sqrt(squares));
-    EXPECT_LT(samples, 160.0); // 314 were single samples believed
+    EXPECT_LT(samples, 160.0); // 314 if single samples were used
     EXPECT_LT(std::sqrt(squares), 1.0);
 }
 
-// A lamp in the picture is no reason for noise in the rest of it.
+// A lamp in the picture does not cause noise in the rest of it.
 TEST(Noise, target_holds_beside_what_shines) {
     const Folder folder;
     const std::string lamp = "[[light]]\nname = \"lamp\"\ntype = \"mesh\"\nmesh = \"bulb\"\n"
@@ -115,8 +116,8 @@ TEST(Noise, target_holds_beside_what_shines) {
     EXPECT_LT(most, 0.08);
 }
 
-// Who stops is decided by the samples that the picture is made of: those without what is rare and bright stop early. By how much that
-// darkens fur that light goes far in.
+// The samples of the picture also decide when a pixel stops: pixels that miss rare bright paths stop early.
+// Measures how much this darkens fur with much multiple scattering.
 TEST(Noise, target_darkens_little) {
     const Folder folder;
     double with = 0.0, without = 0.0;
@@ -139,7 +140,7 @@ TEST(Noise, target_darkens_little) {
     EXPECT_NEAR(with / without, 1.0, 0.003);
 }
 
-// What a clamp took is said, and is what the picture misses.
+// The reported loss by clamping is what the picture lacks.
 TEST(Noise, clamp_says_what_it_takes) {
     const Folder folder;
     const auto rendered = [&](const std::string& name, const char* clamp) {
@@ -177,10 +178,10 @@ TEST(Noise, clamp_says_what_it_takes) {
     const double missing = 1.0 - brightness("clamped.exr") / brightness("plain.exr");
     std::printf("[ clamp ] %.3f %% taken, %.3f %% missing\n", 100.0 * share, 100.0 * missing);
     EXPECT_GT(share, 1e-3);
-    EXPECT_NEAR(missing, share, 0.3 * share); // the filter weighs samples; rays to lights end elsewhere
+    EXPECT_NEAR(missing, share, 0.3 * share); // filter weights vary, and shadow rays differ
 }
 
-// EXR files are halves where these hold the picture, else floats.
+// EXR files hold halfs if these can represent the picture, otherwise floats.
 TEST(Noise, dim_pictures_lose_nothing_when_they_are_saved) {
     const Folder folder;
     const auto mean = [&](const char* strength) {
@@ -200,7 +201,7 @@ TEST(Noise, dim_pictures_lose_nothing_when_they_are_saved) {
     EXPECT_NEAR(mean("1e6") / bright, 1e6, 1e3);
 }
 
-// However little time there is, what is there is a picture of fewer samples.
+// However short the time, the result is a picture with fewer samples.
 TEST(Noise, time_is_kept_by_fewer_samples) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", noisy_grass);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// --preview: a picture that can be looked at at any moment while a frame renders.
+// --preview: a picture that can be opened at any moment while a frame renders.
 #include "program.h"
 
 #include "core/shot/preview.h"
@@ -9,14 +9,14 @@
 namespace marram::testing {
 namespace {
 
-// Wide enough that writing it takes a reader's time.
+// Wide enough that a reader can hit it while it is written.
 const SceneText wide{.film =
                          "size = [320, 200]\nsamples = 8\nmax_depth = 3\naovs = [\"variance\", \"normal\"]\n",
                      .groom = "count = 3000\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.02\n"};
 
-// What it prints goes to a file: it sees no terminal.
+// Its output goes to a file, so it has no terminal.
 pid_t start(const std::vector<std::string>& arguments, const std::string& out) {
-    load_image_library(); // once: each copy would load it again
+    load_image_library(); // once, or each child would load it again
     const pid_t child = ::fork();
     if (child == 0) {
         ::dup2(::open(out.c_str(), O_WRONLY | O_CREAT, 0600), STDOUT_FILENO);
@@ -25,7 +25,7 @@ pid_t start(const std::vector<std::string>& arguments, const std::string& out) {
     return child;
 }
 
-// Reads the preview over and over until it has been seen with as many different numbers of samples.
+// Reads the preview repeatedly until it has appeared with that many different sample counts.
 void watch(const std::string& preview, size_t states, pid_t child) {
     std::set<int> seen;
     size_t reads = 0;
@@ -50,7 +50,7 @@ void watch(const std::string& preview, size_t states, pid_t child) {
     EXPECT_GE(reads, states);
 }
 
-// Ctrl-C then leaves all that whoever reads the output waits for: the picture's name and --stats.
+// After Ctrl-C the picture's name and --stats are written, since another program may wait for them.
 void watch_endless(const std::string& name) {
     const Folder folder, streams;
     const std::string scene = folder.write("a.toml", wide);
@@ -137,7 +137,7 @@ TEST(Preview, IsAFileOfItsOwn) {
     EXPECT_CONTAINS(refused("a.exr", "no/p.png", "1-1"), "does not exist");
 }
 
-// A preview that cannot be written does not cost the frame.
+// A failing preview does not stop the frame.
 TEST(Preview, ThatFailsIsGivenUp) {
     int written = 0;
     Preview preview([&] {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The built program, run as a user runs it: in a folder of its own, on scenes that the tests write.
+// Runs the built program as a user does: in its own folder, on scenes that the tests write.
 #pragma once
 
 #include "core/cli/cli.h"
@@ -36,7 +36,7 @@ inline std::string read_file(const fs::path& path) {
     return std::string(std::istreambuf_iterator<char>(file), {});
 }
 
-// A temporary folder, gone when the test ends.
+// A temporary folder, removed when the test ends.
 class Folder {
   public:
     Folder() {
@@ -74,13 +74,13 @@ class Folder {
 };
 
 struct ProgramResult {
-    int code = -1; // 128 + signal where one ended the process
+    int code = -1; // 128 + signal if one ended the process
     std::string out, err;
 };
 
 inline int exit_code(int status) { return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status); }
 
-// The program's name and `arguments`, which they point into.
+// argv of the program's name and `arguments`. It points into them.
 inline std::vector<char*> argv_of(std::vector<std::string>& arguments) {
     arguments.insert(arguments.begin(), program);
     std::vector<char*> argv;
@@ -94,8 +94,8 @@ inline void run_program(std::vector<std::string> arguments) {
     ::_exit(127);
 }
 
-// What the program's main() calls, in a process that this one was copied to: half a second less, of loading libraries. Only
-// where this process has no threads yet.
+// Calls what the program's main() calls, in a forked child: this saves half a second of loading libraries.
+// Only valid while this process has no threads.
 inline void run_copy(std::vector<std::string> arguments) {
     std::vector<char*> argv = argv_of(arguments);
     const int code = marram::run(int(arguments.size()), argv.data());
@@ -108,8 +108,8 @@ using Run = void (*)(std::vector<std::string> arguments);
 inline ProgramResult marram(const std::vector<std::string>& arguments, Run run = run_program) {
     const Folder streams;
     const std::string out = streams / "out", err = streams / "err";
-    std::fflush(nullptr); // or a copy would write it, too
-    // Once, here: each copy would load it again.
+    std::fflush(nullptr); // or the child would write it, too
+    // Once, here, or each child would load it again.
     if (!arguments.empty() && arguments[0] == "render") load_image_library();
     const pid_t child = ::fork();
     if (child == 0) {
@@ -122,8 +122,8 @@ inline ProgramResult marram(const std::vector<std::string>& arguments, Run run =
     return {exit_code(status), read_file(out), read_file(err)};
 }
 
-// Runs the program on a terminal, so that its progress line tells what it is at, and sends it a signal once `phase` has been
-// drawn `times` times. Returns its exit code.
+// Runs the program on a terminal, so that its progress line shows the phase, and sends it a signal once
+// `phase` has been drawn `times` times. Returns its exit code.
 inline int interrupt_in(const std::string& phase, const std::vector<std::string>& arguments,
                         int signal = SIGINT, int times = 1) {
     int terminal = -1;
@@ -150,7 +150,7 @@ inline int interrupt_in(const std::string& phase, const std::vector<std::string>
     return exit_code(status);
 }
 
-// What another program prints.
+// The output of another program.
 inline std::string output_of(const std::string& command) {
     std::FILE* pipe = ::popen(command.c_str(), "r");
     std::string text;
@@ -179,8 +179,7 @@ inline std::vector<std::string> lines(const std::string& text) {
         EXPECT_EQ(done.err, "");                                                                             \
     } while (0)
 
-// ---- Scenes: a square with grass, seen in a picture of 24 x 16
-// -----------------------------------------------------
+// ---- Scenes: a square with grass, in a picture of 24 x 16 -------------------------------------------------
 
 struct SceneText {
     std::string globals = "frames = [1, 10]\n";
@@ -197,7 +196,7 @@ struct SceneText {
     }
 };
 
-// Pixels of two pictures, bit for bit.
+// Compares the pixels of two pictures bit for bit.
 inline bool same_picture(const std::string& a, const std::string& b) {
     const Image x = read_image(a), y = read_image(b);
     return x.width == y.width && x.height == y.height && x.channel_names == y.channel_names &&

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `marram render`: pictures that depend on scene and frame alone, their names, layers, metadata and figures.
+// `marram render`: pictures depend only on scene and frame; their names, layers, metadata and statistics.
 #include "program.h"
 
 #include "core/shot/frame_name.h"
@@ -69,7 +69,7 @@ TEST(Render, HoldsItsLayers) {
         EXPECT_TRUE(names.contains(name)) << name;
     EXPECT_EQ(names.size(), 19u);
     EXPECT_EQ(image.channel_names.size(), 19u);
-    // Every layer says something somewhere.
+    // No layer is zero everywhere.
     for (int c = 0; c < image.channels; ++c) {
         double sum = 0.0;
         for (size_t i = size_t(c); i < image.pixels.size(); i += size_t(image.channels))
@@ -164,10 +164,11 @@ TEST(Render, SaysWhatAFrameCosts) {
     EXPECT_EQ(list[1]["frame"], 4.0);
 }
 
-// Meshes' and cameras' motion is reported as strands' is, and what no number of keys follows is said.
+// Motion of meshes and cameras is reported like that of strands, with a warning if no number of keys is
+// enough.
 TEST(Render, SaysHowWellMotionIsFollowed) {
     const Folder folder;
-    double wheel = 0.0; // its keys
+    double wheel = 0.0; // its motion keys
     const auto run = [&](double degrees, ProgramResult& done) {
         const std::string scene = folder.write(
             "a.toml",
@@ -186,7 +187,8 @@ TEST(Render, SaysHowWellMotionIsFollowed) {
     ProgramResult done;
     const auto slow = run(100.0, done);
     EXPECT_EQ(done.err, "");
-    // A corner 0.707 m from the axis turns by 10 degrees: the height of its arc's pieces, a quarter of it with half the angle.
+    // A corner 0.707 m from the axis turns by 10 degrees. The error is the sagitta of one piece of its arc, a
+    // quarter for half the angle.
     const double piece = 10.0 * 3.14159265358979323846 / 180.0 / (wheel - 1.0);
     EXPECT_NEAR(slow["mesh_error"].get<double>(), std::sqrt(0.5) * (1.0 - std::cos(0.5 * piece)), 1e-6);
     EXPECT_LE(slow["mesh_error"], 0.001);
@@ -255,7 +257,7 @@ TEST(Render, ResumesWhereAMeshHasChanged) {
     EXPECT_EQ(lines(marram(command).out).size(), 1u);
 }
 
-// A mesh that a foreign library makes, named relative to the scene file, with grass on it.
+// A mesh made by a foreign library, whose path is relative to the scene file, with grass on it.
 TEST(Render, GrowsOnAForeignMesh) {
     const Folder folder;
     fs::create_directory(folder / "lib");
@@ -300,7 +302,7 @@ TEST(Program, SaysWhatThereIs) {
     EXPECT_EQ(marram({"info", "no_such_thing"}).code, 2);
 }
 
-// An id is a name: the mean of two strands' would be a third's.
+// Ids are discrete: the mean of two would be the id of a third strand.
 TEST(Render, IdsAreNotAveraged) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});

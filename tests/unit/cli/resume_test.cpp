@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames that go on where they were stopped, bit for bit. A frame that is to be stopped has more samples than there is time
-// for; what it has been stopped at is read from its picture, and it goes on to a few more than that. So no clock decides
-// whether it was stopped, nor whether a test passes.
+// Interrupted frames continue bit for bit. A frame to be stopped has more samples than it can ever take;
+// where it stopped is read from its picture, and it continues to a few samples more. So neither being stopped
+// nor passing depends on the clock.
 #include "program.h"
 
 #include <nlohmann/json.hpp>
@@ -28,7 +28,7 @@ uint64_t rays_of(const std::string& path) {
 
 class Resume : public ::testing::Test {
   protected:
-    // The command that renders to this picture.
+    // The command that renders this picture.
     std::vector<std::string> command(const std::string& picture,
                                      const std::vector<std::string>& more = {}) const {
         std::vector<std::string> all = {"render", scene, "-o", folder / picture, "--aov", layers};
@@ -41,7 +41,7 @@ class Resume : public ::testing::Test {
         more.insert(more.end(), {"--spp", std::to_string(samples)});
         return command(picture, more);
     }
-    // A frame that was stopped by time, which is there after its first pass. Its samples.
+    // Renders a frame that a time limit stops, after at least one pass. Returns its samples.
     int stop_by_time(const std::string& seconds = "0.001") const {
         const ProgramResult done =
             marram(command("a.exr", {"--seconds", seconds, "--spp", endless, "--resume", "--quiet"}));
@@ -62,7 +62,7 @@ class Resume : public ::testing::Test {
         EXPECT_CONTAINS(done.err, "goes on after ");
         expect_one_go(samples);
     }
-    // The finished picture is that of one go, and nothing else is left.
+    // The finished picture equals that of an uninterrupted run, and no other file is left.
     void expect_one_go(int samples) const {
         EXPECT_DONE(marram(with_samples("one.exr", samples)));
         EXPECT_TRUE(same_picture(folder / "a.exr", folder / "one.exr"));
@@ -85,7 +85,7 @@ TEST_F(Resume, GoesOnWhereItWasInterruptedAgainAndAgain) {
     expect_goes_on_to(samples_of(folder / "a.partial.exr") + 23);
 }
 
-// By then pixels of the sky have been done for long, and others come and go.
+// By then pixels of the sky have been done for a while; others stop and start again.
 TEST_F(Resume, KnowsWhichPixelsWereDone) {
     settings = {"--set", "film.noise=0.004"};
     interrupt(2);
@@ -102,7 +102,7 @@ TEST_F(Resume, GoesOnWhenTimeWasUp) {
     expect_goes_on_to(samples + 23);
 }
 
-// A state is many times as large as its picture: where there is no room for it, the picture is there all the same.
+// A state is many times as large as its picture. If there is no room for it, the picture is still written.
 TEST_F(Resume, AStateThatCannotBeWrittenTakesNoPictureWithIt) {
     constexpr rlim_t room = 4 << 20; // bytes a file
     const auto in_little_room = [](std::vector<std::string> arguments) {
@@ -121,7 +121,7 @@ TEST_F(Resume, AStateThatCannotBeWrittenTakesNoPictureWithIt) {
     EXPECT_EQ(folder.names(), (std::set<std::string>{"a.exr", "a.toml"}));
 }
 
-// Not a sample is taken twice: the rays of both halves are those of the whole.
+// No sample is taken twice: both halves together trace as many rays as the whole.
 TEST_F(Resume, TakesNoSampleTwice) {
     const auto with_stats = [&](std::vector<std::string> all, const std::string& name) {
         all.insert(all.end(), {"--stats", folder / name});
@@ -141,7 +141,7 @@ TEST_F(Resume, GoesOnFromTheStateEvenWhereThePictureIsGone) {
     expect_goes_on_to(samples + 3);
 }
 
-// Without --resume nothing that lies there counts.
+// Without --resume existing states are ignored.
 TEST_F(Resume, BeginsAnewWhereNobodyAskedForMore) {
     const int samples = stop_by_time();
     EXPECT_DONE(marram(with_samples("a.exr", samples + 3)));
@@ -163,15 +163,15 @@ TEST_F(Resume, OtherFramesAreOtherStates) {
     EXPECT_FALSE(same_picture(folder / "a.exr", folder / "f.1.exr"));
 }
 
-// Each of these says why in one line and makes the picture from its first sample.
+// Each of these prints one line with the reason and renders the frame from its first sample.
 TEST_F(Resume, AStateThatDoesNotFitIsNotUsed) {
     const int samples = stop_by_time() + 3;
     const std::string good = read_file(state);
     std::string bit = good;
     bit[bit.size() / 2] ^= 1;
-    std::string first = good; // of the first pixel's red, behind TIFF's eight bytes
+    std::string first = good; // of the first pixel's red, after TIFF's eight bytes
     first[8] ^= 1;
-    // Cut by less, it may still hold every value: TIFF ends with what describes them.
+    // Cut by less, it could still hold every value: TIFF ends with its description of them.
     const std::map<std::string, std::string> damaged = {{"a bit", bit},
                                                         {"the least bit", first},
                                                         {"half", good.substr(0, good.size() / 2)},
@@ -183,9 +183,9 @@ TEST_F(Resume, AStateThatDoesNotFitIsNotUsed) {
         EXPECT_EQ(done.code, 0) << what;
         EXPECT_EQ(done.err, state + ": is damaged or cut short: the frame begins anew\n") << what;
         expect_one_go(samples);
-        fs::remove(folder / "a.exr"); // else the next would find it whole
+        fs::remove(folder / "a.exr"); // otherwise the next run would find it complete
     }
-    folder.write("a.exr.state.tif", good); // the bytes are what decides, not the file
+    folder.write("a.exr.state.tif", good); // the content decides, not the file
     expect_goes_on_to(samples);
 }
 
@@ -220,7 +220,7 @@ TEST_F(Resume, AStateOfMoreSamplesIsNotUsed) {
     expect_one_go(more - 1);
 }
 
-// What stands under the state's name and is none belongs to somebody: nothing is written.
+// A file with the state's name that is no state belongs to the user: nothing is written.
 TEST_F(Resume, SomebodysPictureIsLeftAlone) {
     EXPECT_DONE(marram(with_samples("b.exr", 1)));
     fs::copy_file(folder / "b.exr", state);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `marram sheet`: what it prints and refuses. What is on a sheet: tests/unit/image/sheet_test.cpp.
+// `marram sheet`: its output and errors. The contents of a sheet: tests/unit/image/sheet_test.cpp.
 #include "program.h"
 
 namespace marram::testing {

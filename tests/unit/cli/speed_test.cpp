@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Speed as a ratio within one run, so that it holds on any machine: making and bending strands is small
-// beside the BVH over them that every path tracer needs.
+// Speed as a ratio within one run, so that it holds on any machine: making and bending strands takes little
+// time compared with the BVH over them, which every path tracer needs.
 #include "program.h"
 
 #include <nlohmann/json.hpp>
@@ -14,7 +14,7 @@ TEST(Speed, OfStrandsIsSmallBesideTheBvh) {
     const Folder folder;
     const std::string scene = folder.write(
         "a.toml", SceneText{.groom = "count = 200000\ncvs = 8\nlength = [0.1, 0.2]\nwidth = 0.002\n"});
-    // The median of five runs of both, each ratio within one run.
+    // The median of five runs; each ratio is taken within one run.
     std::vector<double> ratios;
     nlohmann::json stats;
     for (int run = 0; run < 5; ++run) {
@@ -35,7 +35,7 @@ TEST(Speed, OfStrandsIsSmallBesideTheBvh) {
     EXPECT_LT(extra, 8.0 * cvs);
 }
 
-// The median of three ratios, each of two runs one after the other, of a number in their statistics.
+// The median of three ratios of a number in the statistics of two consecutive runs.
 template <typename Run>
 double median_ratio(Run&& number, const std::string& many, const std::string& few) {
     std::vector<double> ratios;
@@ -58,7 +58,8 @@ double stat(const Folder& folder, const std::string& scene, const char* name,
     return nlohmann::json::parse(read_file(folder / "a.json"))["seconds"][name];
 }
 
-// Eight times the CVs a strand: twice the time a CV at most. It was eight times when each segment looked ahead to the tip.
+// Eight times the CVs per strand take at most twice the time per CV. It was eight times when each segment
+// looked ahead to the tip.
 TEST(Speed, OfContactIsLinearInCvs) {
     const Folder folder;
     SceneText text{.groom = "count = 500\nlength = [0.3, 0.5]\nwidth = 0.002\n"};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Images on surfaces: what they average to, where they stand, what is refused.
+// Images on surfaces: their averages, their orientation, and what is refused.
 #include "core/shot/texture.h"
 #include "tests/unit/cli/program.h"
 
@@ -18,7 +18,7 @@ std::string checkerboard(const Folder& folder, int side) {
     return path;
 }
 
-// Four fields of one colour each; the first row is the top.
+// Four fields of uniform colour; the first row is the top.
 std::string fields(const Folder& folder) {
     constexpr int size = 64;
     std::vector<float> pixels;
@@ -35,7 +35,7 @@ std::string fields(const Folder& folder) {
 
 } // namespace
 
-// The mean of black and white is a half in light; of their 8-bit codes it would be 0.21.
+// The mean of black and white is half of the light; half of the 8-bit codes would be 0.21.
 TEST(Texture, FromAfarIsTheMeanOfItsLight) {
     const Folder folder;
     const auto texture = open_texture(checkerboard(folder, 1), TextureContent::color, {});
@@ -44,7 +44,7 @@ TEST(Texture, FromAfarIsTheMeanOfItsLight) {
     const auto near = open_texture(checkerboard(folder, 64), TextureContent::color, {});
     EXPECT_NEAR(near->at({0.125F, 0.875F}, 0.0F).x(), 0.0, 1e-3); // the top left square
     EXPECT_NEAR(near->at({0.375F, 0.875F}, 0.0F).x(), 1.0, 1e-3);
-    EXPECT_NEAR(near->at({1.375F, -7.125F}, 0.0F).x(), 1.0, 1e-3); // and again a turn away
+    EXPECT_NEAR(near->at({1.375F, -7.125F}, 0.0F).x(), 1.0, 1e-3); // the image repeats
 }
 
 TEST(Texture, StandsUprightAndKeepsItsValues) {
@@ -57,7 +57,7 @@ TEST(Texture, StandsUprightAndKeepsItsValues) {
 
 TEST(Texture, DataIsNotTakenForColor) {
     const Folder folder;
-    std::vector<float> grey(64 * 64 * 3, linear_from_srgb(0.5F)); // written as half of full scale
+    std::vector<float> grey(64 * 64 * 3, linear_from_srgb(0.5F)); // written as half of the full scale
     const std::string path = folder / "rough.png";
     write_png(path, 64, 64, 3, grey.data(), 0.0);
     EXPECT_NEAR(open_texture(path, TextureContent::data, {})->at({0.5F, 0.5F}, 0.0F).x(), 0.5, 3e-3);
@@ -104,7 +104,7 @@ TEST(Texture, PaintsAPictureAndFaultsHaveALine) {
     }
 }
 
-// Strands have the colour of the image at their roots, whatever shades them, and from root to tip.
+// Strands take the image's colour at their roots, with any shader, from root to tip.
 TEST(Texture, ColorsStrandsByTheUvAtTheirRoots) {
     const Folder folder;
     checkerboard(folder, 64);
@@ -137,11 +137,11 @@ TEST(Texture, ColorsStrandsByTheUvAtTheirRoots) {
                         double(image.pixels[size_t(((y - 2 + i / 4) * 64 + x - 2 + i % 4) * image.channels)]);
                 (white ? bright : dark) += sum / 16.0 / 8.0;
             }
-        // Seen once, hair returns little, and some of that is white gloss.
+        // With one scattering event, hair returns little light, and some of that is white gloss.
         EXPECT_GT(bright, 0.05);
         EXPECT_LT(dark, 0.35 * bright);
     }
-    // Without a uv at the roots it would be one colour for all.
+    // Without a uv at the roots all strands would have the same colour.
     folder.write("bare.obj", "v -1 0 -1\nv 1 0 -1\nv 0 0 1\nf 3 2 1\n");
     const ProgramResult refused =
         marram({"render",
@@ -150,7 +150,7 @@ TEST(Texture, ColorsStrandsByTheUvAtTheirRoots) {
     EXPECT_EQ(refused.code, 2);
     EXPECT_NE(refused.err.find("the strands of 'fur' have no uv at their roots"), std::string::npos)
         << refused.err;
-    // Nor where a procedural makes the mesh, which is known once it is made.
+    // The same if a procedural makes the mesh, which is known only after it is made.
     std::string grown = scene("type = \"hair\"\n", "type = \"file\"\nfile = \"bare.obj\"\n");
     grown.replace(grown.find("on = \"floor\""), 12, "on = \"stone\"");
     grown += "[[procedural]]\nname = \"stone\"\ntype = \"rock\"\nmesh = \"floor\"\npaths = 1000\n";
@@ -160,7 +160,7 @@ TEST(Texture, ColorsStrandsByTheUvAtTheirRoots) {
     EXPECT_NE(bare.err.find("the strands of 'fur' have no uv at their roots"), std::string::npos) << bare.err;
 }
 
-// What the renderer cannot do for want of a folder it says; what it has made is gone afterwards.
+// A missing temporary folder is reported. Temporary files are removed afterwards.
 TEST(Texture, LeavesNothingBehindAndNeedsAFolder) {
     const Folder folder, temporary;
     ::setenv("TMPDIR", (temporary / "").c_str(), 1);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene asks for one tolerance. That what follows from it holds is measured here on the scenes that there are, with fewer strands.
+// A scene has one tolerance. These tests measure on the existing scenes, with fewer strands, that the
+// settings chosen from it meet it.
 #include "core/geometry/curve_compare.h"
 #include "core/measure/dials.h"
 #include "core/shot/settings.h"
@@ -21,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Those of this run: one in three, others for every `first`.
+// The scenes of this run: one in three, others for every `first`.
 std::vector<std::string> scenes(size_t first) {
     std::vector<std::string> files, taken;
     for (const fs::directory_entry& entry : fs::directory_iterator(MARRAM_SOURCE_DIR "/scenes"))
@@ -39,7 +40,7 @@ World built(Shot& scene, BuildSettings settings, BuildStats& stats) {
     return build_world(scene.geometry, settings, never, progress, stats);
 }
 
-// What makes the terrains of a scene coarse: strands are looked at here, and a desert would take most of the time.
+// Makes a scene's terrains coarse: these tests concern strands, and a desert would take most of the time.
 const std::vector<std::string>& coarse_terrains(const std::string& file) {
     static const std::atomic<bool> never{false};
     static std::map<std::string, std::vector<std::string>> changes;
@@ -63,13 +64,13 @@ bool has_strands(const Shot& scene) {
                                [](const Item& procedural) { return procedural.type == "groom"; });
 }
 
-// What leaves a scene with about so many strands, or with all that it has.
+// Changes that leave a scene with about that many strands, or with all of its own.
 std::vector<std::string> with_about(double strands, const std::string& file, const Shot& whole) {
-    constexpr double part = 0.02; // that is counted
+    constexpr double part = 0.02; // the part that is counted
     Shot few = loaded(file, thinned(whole, part));
     BuildSettings at_rest = build_settings(few, whole.description.globals.vec2("frames").x());
     at_rest.shutter_open = at_rest.shutter_close = 0.0;
-    at_rest.stage = MARRAM_REST; // to count them
+    at_rest.stage = MARRAM_REST; // only to count them
     BuildStats stats;
     built(few, at_rest, stats);
     return thinned(whole, std::min(1.0, strands * part / double(std::max<uint64_t>(stats.curves, 1))));
@@ -77,9 +78,9 @@ std::vector<std::string> with_about(double strands, const std::string& file, con
 
 } // namespace
 
-// Between motion keys 99 strands in 100 are no farther from where they belong than the tolerance: with the keys that the scene gets by
-// itself, against eight times as many. Where colliders let strands go these jump, and no number of keys follows: they are
-// foreseen, too. Shutters that are closed are opened for half a frame.
+// Between motion keys 99 % of the strands are within the tolerance: the scene's own choice of keys against
+// eight times as many. Strands that slip off colliders jump, which no number of keys can follow; the
+// prediction includes them. Closed shutters are opened for half a frame.
 TEST(Tolerance, holds_between_the_motion_keys_of_scenes) {
     std::printf("%-18s%13s%8s%13s%13s%13s\n", "scene", "tolerance", "keys", "foreseen", "99 in 100", "worst");
     size_t scenes_seen = 0;
@@ -109,18 +110,19 @@ TEST(Tolerance, holds_between_the_motion_keys_of_scenes) {
     EXPECT_GT(scenes_seen, 3U);
 }
 
-// The dials that scenes may leave to it, each on every scene that has it, against a setting far finer: 99 strands in 100 are no farther
-// from where they belong than the tolerance. Contact is left out: a strand on a collider's edge slides off to either side.
+// The dials that a scene can leave to the tolerance, each on every scene that has it, against a far finer
+// setting: 99 % of the strands are within the tolerance. Contact is left out: a strand on a collider's edge
+// can slide off to either side.
 struct OpenDial {
     const char* name;                      // as reported
     std::vector<std::string> open, finest; // changes to every groom
-    std::vector<std::string> both = {};    // what the scenes do not have themselves
+    std::vector<std::string> both = {};    // settings that the scenes lack
     std::function<bool(const SceneDescription&)> concerns = [](const SceneDescription&) { return true; };
-    int frames = 1;            // how many over the shot are looked at
-    bool by_tolerance = false; // the finest setting is what a tolerance of nearly nothing chooses
-    bool by_chosen = false;    // the finest setting is eight times what each groom chooses, 1000 at most
-    double strands = 1000.0;   // of a scene
-    size_t first = 0;          // which scenes of a run
+    int frames = 1;            // how many frames of the shot are tested
+    bool by_tolerance = false; // the finest setting is the choice of a tolerance near 0
+    bool by_chosen = false;    // the finest setting is eight times each groom's choice, at most 1000
+    double strands = 1000.0;   // per scene
+    size_t first = 0;          // selects the scenes of a run
 };
 
 std::vector<std::string> for_grooms(const std::vector<std::string>& changes, const Shot& scene) {
@@ -166,7 +168,7 @@ void expect_within_tolerance(const OpenDial& dial) {
             BuildStats stats;
             const World mine = built(open, still, stats);
             const std::map<std::string, double> chosen = stats.chosen;
-            const bool warned = !stats.warnings.empty(); // that the tolerance is out of reach
+            const bool warned = !stats.warnings.empty(); // the tolerance cannot be met
             if (dial.by_chosen) refine(chosen);
             BuildSettings exact = still;
             exact.tolerance = build_settings(finest, still.frame).tolerance;
@@ -187,7 +189,7 @@ void expect_within_tolerance(const OpenDial& dial) {
 TEST(Tolerance, chooses_cvs) {
     OpenDial dial{".cvs", {"cvs=0"}, {}, {"wind.reference_segments=7"}};
     dial.by_chosen = true;
-    dial.strands = whole_run() ? 250.0 : 120.0; // of up to 1000 CVs
+    dial.strands = whole_run() ? 250.0 : 120.0; // with up to 1000 CVs
     dial.first = 1;
     expect_within_tolerance(dial);
 }
@@ -232,7 +234,7 @@ double chosen_in(const std::string& file, const std::vector<std::string>& change
 
 } // namespace
 
-// A curl of 64 turns looks straight to 3, 5, 9 ... 65 CVs alike.
+// A curl of 64 turns looks straight at 3, 5, 9 ... 65 CVs.
 TEST(Tolerance, gives_curls_and_frizz_their_cvs) {
     const std::vector<std::string> still = {"procedural.strand.cvs=0", "wind.speed=0"};
     const auto with = [&](const std::string& change) {
@@ -242,11 +244,12 @@ TEST(Tolerance, gives_curls_and_frizz_their_cvs) {
     };
     EXPECT_GE(with("curl={radius=0.02, turns=64}"), 385.0);
     EXPECT_GE(with("frizz={amplitude=0.01, frequency=40}"), 241.0);
-    // A seed head near the tip is wider than what is drawn without a CV there.
+    // A seed head near the tip is wide, and missed without a CV there.
     EXPECT_GE(with("width_profile=[[0, 1], [0.85, 1], [0.9, 6], [0.95, 1], [1, 1]]"), 20.0);
 }
 
-// A skin that is keyed at whole frames stands alike at steps of 1 and 1/2, whatever it does between frames that a step of 2 sees.
+// A skin keyed at whole frames looks the same for steps of 1 and 1/2 frames, even if it moves between the
+// frames that a step of 2 samples.
 TEST(Tolerance, looks_at_every_frame_of_a_skin_that_moves) {
     std::string keys;
     for (int frame = 1; frame <= 20; ++frame)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What comparison must see and what it must not, on pictures made up with known noise.
+// Which differences comparison must find and which it must ignore, on synthetic pictures with known noise.
 #include "core/compare/compare.h"
 
 #include "core/compare/flip.h"
@@ -26,7 +26,7 @@ double normal(uint64_t seed, uint64_t i) {
     return std::sqrt(-2.0 * std::log(u)) * std::cos(2.0 * 3.14159265358979 * v);
 }
 
-// A smooth picture with an edge, and what is added to it.
+// A smooth picture with an edge, plus noise and `add`.
 Picture made(
     uint64_t seed, double noise,
     const std::function<double(int, int, int)>& add = [](int, int, int) { return 0.0; }) {
@@ -72,10 +72,9 @@ TEST(Compare, noise_of_another_seed_is_alike) {
         whole += c.scales.back().worst;
     }
     EXPECT_LE(alarms, 1) << "the level is 0.001";
-    EXPECT_GT(
-        whole / seeds,
-        0.3); // deviations are deviations: the worst of three channels is about 1.3 in the mean, of seeds that
-    EXPECT_LT(whole / seeds, 2.0); // share a reference
+    // The worst of three channels has a mean of about 1.3 standard deviations; all seeds share a reference.
+    EXPECT_GT(whole / seeds, 0.3);
+    EXPECT_LT(whole / seeds, 2.0);
 }
 
 TEST(Compare, small_steady_differences_add_up) {
@@ -109,7 +108,7 @@ TEST(Compare, without_variance_looks_decide) {
     EXPECT_FALSE(off.knows_noise);
 }
 
-// 400 pixels of 76,800: means and the 99th percentile know nothing of them.
+// 400 pixels of 76,800: too few for means and for the 99th percentile.
 TEST(Compare, without_variance_a_small_thing_is_missed) {
     constexpr int w = 320, h = 240;
     const auto with_square = [](float r, float g, float b) {
@@ -135,7 +134,8 @@ TEST(Compare, without_variance_a_small_thing_is_missed) {
             EXPECT_EQ(c.flip_window_x, 104);
             EXPECT_EQ(c.flip_window_y, 64);
         }
-    EXPECT_TRUE(std::isinf(compared(made(2, 0.05), made(1, 0.05)).flip_window_limit)) << "a test of the noise decides";
+    EXPECT_TRUE(std::isinf(compared(made(2, 0.05), made(1, 0.05)).flip_window_limit))
+        << "a test of the noise decides";
 }
 
 TEST(Compare, without_variance_light_below_zero_is_seen) {
@@ -157,7 +157,7 @@ TEST(Compare, the_verdict_names_the_channel) {
     EXPECT_NE(c.faults[0].find("the whole picture is off in green by "), std::string::npos) << c.faults[0];
 }
 
-// Believed, but not without a word.
+// Accepted, but with a note.
 TEST(Compare, much_more_noise_is_noted) {
     EXPECT_TRUE(compared(made(2, 0.05), made(1, 0.05)).notes.empty());
     EXPECT_TRUE(compared(made(2, 0.09), made(1, 0.05)).notes.empty());
@@ -176,7 +176,7 @@ TEST(Compare, one_variance_serves_both) {
     EXPECT_TRUE(c.alike());
 }
 
-// Variance, but not of how many samples: two at least.
+// The picture has a variance but no sample count: at least two are assumed.
 TEST(Compare, unknown_samples_do_not_hide_a_fault) {
     Picture reference = made(1, 0.05), seed = made(2, 0.05), bright = made(3, 0.05);
     for (float& v : bright.layers[0].pixels) v *= 1.2F;
@@ -189,14 +189,14 @@ TEST(Compare, unknown_samples_do_not_hide_a_fault) {
     EXPECT_NE(compared(without_variance(seed), reference).unknown.find("only one has"), std::string::npos);
 }
 
-// Ids of strands of which several share a pixel: another seed meets others of them, but none that is not there. More than half of the
-// picture is background.
+// Ids where several strands share a pixel: another seed finds others of them, but no strand that is not
+// there. More than half of the picture is background.
 TEST(Compare, names_are_no_quantities) {
     const auto ids = [](uint64_t seed, float first, int moved = 0, const char* name = "id") {
         Picture picture = without_variance(made(1, 0.0));
         Picture::Layer layer{name, {"Y"}, {}};
         for (int y = 0; y < height; ++y)
-            for (int x = 0; x < width; ++x) { // strands lie slantwise, three to a pixel
+            for (int x = 0; x < width; ++x) { // slanted strands, three to a pixel
                 const auto at = uint64_t(y * width + x);
                 const uint64_t strand = uint64_t(3 * (x + moved + y / 4)) + hash(seed, at) % 3;
                 layer.pixels.push_back(x < width * 9 / 20 ? first + float(hash(7, strand) & 0xfffff) : 0.0F);
@@ -211,7 +211,7 @@ TEST(Compare, names_are_no_quantities) {
     EXPECT_FALSE(compared(ids(1, 0.0F), ids(2, 0.0F, 1)).alike()) << "moved";
     EXPECT_TRUE(compared(ids(1, 0.0F, 0, "objectID"), ids(2, 0.0F, 0, "objectID")).alike());
     EXPECT_FALSE(compared(ids(1, 1.0F, 0, "objectID"), ids(1, 0.0F, 0, "objectID")).alike());
-    const auto depth = [](float upper, const char* name) { // whole numbers by another name are quantities
+    const auto depth = [](float upper, const char* name) { // whole numbers with another name are quantities
         Picture picture = without_variance(made(1, 0.0));
         Picture::Layer layer{name, {"Z"}, std::vector<float>(size_t(width * height), 0.0F)};
         std::fill_n(layer.pixels.begin(), width * height / 2, upper);
@@ -224,7 +224,8 @@ TEST(Compare, names_are_no_quantities) {
     }
 }
 
-// Where every pixel is an edge, two seeds differ by more than three hundredths; a layer that is off does too, and is different.
+// If every pixel is an edge, two seeds differ by more than 0.03. A layer with an offset also does, and is
+// different.
 TEST(Compare, layers_may_be_noisy_but_not_off) {
     const auto along = [](uint64_t seed, double add) {
         Picture picture = without_variance(made(1, 0.0));
@@ -240,7 +241,8 @@ TEST(Compare, layers_may_be_noisy_but_not_off) {
     EXPECT_TRUE(seeds.alike());
     EXPECT_FALSE(compared(along(1, 0.03), along(2, 0.0)).alike());
 
-    // A chequered layer is everywhere near its inverse, and noise that is the same for both near itself moved.
+    // A chequered layer is everywhere close to its inverse, and noise that is the same for both is close to
+    // itself when moved.
     const auto chequered = [](int odd, int moved) {
         Picture picture = without_variance(made(1, 0.0));
         Picture::Layer chequers{"normal", {"X"}, {}}, rough{"depth", {"Z"}, {}};
@@ -292,7 +294,7 @@ TEST(Compare, golden_limits_are_kept) {
         << "of 18,432 normal numbers some are beyond 3, and its variance is that of the difference";
 }
 
-// Whichever is named first, the frame that carries limits is what the other is judged by.
+// The frame with limits is the reference, whichever is named first.
 TEST(Compare, golden_limits_hold_from_either_side) {
     Picture golden = made(1, 0.05);
     golden.limits = to_text({{{1, 3.0}, {0, 2.5}}, 0.5, 0.9, 0.2});
@@ -351,13 +353,13 @@ TEST(Compare, variance_cannot_switch_judging_off) {
     Picture black = huge;
     for (float& v : black.layers[0].pixels) v = 0.0F;
     EXPECT_FALSE(compared(black, reference).alike()) << "it looks quite another";
-    one.samples = 1; // it knows nothing of its noise, whatever it says
+    one.samples = 1; // one sample gives no variance, whatever its layer says
     for (float& v : one.layers[1].pixels) v = 0.0F;
     EXPECT_TRUE(compared(one, made(2, 0.4)).knows_noise);
     EXPECT_TRUE(compared(one, one).alike());
 }
 
-// As dim as it may be, twice as bright is different.
+// However dim the picture, a difference of 5 % is found.
 TEST(Compare, dim_pictures_are_judged_too) {
     Picture a = made(1, 0.02), b = made(2, 0.02);
     for (Picture* picture : {&a, &b}) {
@@ -397,7 +399,7 @@ TEST(Compare, layers_come_whatever_their_order) {
 
 namespace {
 
-// A picture with one layer more, of what `value` gives for each pixel.
+// A picture with a further layer, filled by `value` for each pixel.
 Picture with_layer(const char* name, const std::function<double(int, int)>& value) {
     Picture picture = without_variance(made(1, 0.0));
     Picture::Layer layer{name, {"Y"}, {}};
@@ -411,9 +413,9 @@ bool in_square(int x, int y, int side) { return x >= 30 && x < 30 + side && y >=
 
 } // namespace
 
-// What covers less than three hundredths: as much as a layer may differ by in the mean.
+// A part of less than 3 %, as much as a layer may differ by in the mean.
 TEST(Compare, a_small_part_of_a_layer_is_missed) {
-    constexpr int side = 13; // of 96 x 64: 2.75 in 100
+    constexpr int side = 13; // 2.75 % of 96 x 64
     const Picture ones = with_layer("envelope", [](int x, int y) { return in_square(x, y, side); }),
                   none = with_layer("envelope", [](int, int) { return 0.0; });
     EXPECT_FALSE(compared(none, ones).alike());
@@ -435,7 +437,7 @@ TEST(Compare, a_small_part_of_a_layer_is_missed) {
         << c.faults[0];
 }
 
-// Where a layer is noise it may be other noise, but not there where it is smooth.
+// A noisy part of a layer may have other noise; a smooth part may not become noisy.
 TEST(Compare, a_layer_may_be_noise_only_where_it_is) {
     const auto half_noise = [](uint64_t seed) {
         return with_layer("strand_u", [=](int x, int y) {
@@ -444,7 +446,7 @@ TEST(Compare, a_layer_may_be_noise_only_where_it_is) {
     };
     for (uint64_t seed = 2; seed < 22; ++seed)
         EXPECT_TRUE(compared(half_noise(seed), half_noise(1)).alike()) << seed;
-    // Blocks of 3 x 3 pixels, so that each has neighbours of its own: no noise, but another picture.
+    // Blocks of 3 x 3 pixels, larger than a pixel's neighbourhood: not noise, but a different picture.
     const auto blocks = [](uint64_t seed) {
         return with_layer("strand_u", [=](int x, int y) {
             return x < width / 2 || y > 20 ? 0.5 + 0.2 * normal(1, uint64_t(y * width + x))
@@ -455,7 +457,8 @@ TEST(Compare, a_layer_may_be_noise_only_where_it_is) {
     EXPECT_FALSE(compared(blocks(4), blocks(3)).alike());
 }
 
-// Most strands share no pixel here: what is unknown among its own neighbours says how many may be in the other picture.
+// Here most strands share no pixel. The share of ids that are unknown among their own neighbours bounds how
+// many may be unknown in the other picture.
 TEST(Compare, few_other_names_are_missed) {
     const auto named = [](double renamed) {
         return with_layer("id", [=](int x, int y) {
@@ -468,7 +471,7 @@ TEST(Compare, few_other_names_are_missed) {
     EXPECT_TRUE(compared(named(0.02), named(0.0)).alike());
     EXPECT_FALSE(compared(named(0.3), named(0.0)).alike());
     EXPECT_FALSE(compared(named(0.85), named(0.0)).alike());
-    // Where forty strands share each pixel nearly all are unknown to another seed, and still not all.
+    // With forty strands in each pixel, nearly all ids of one seed are missing in another, but not all.
     const auto dense = [](uint64_t seed, uint64_t names) {
         return with_layer("id", [=](int x, int y) {
             const uint64_t strand = uint64_t(8 * (x + 1000 * y)) + hash(seed, uint64_t(y * width + x)) % 40;
@@ -477,7 +480,7 @@ TEST(Compare, few_other_names_are_missed) {
     };
     EXPECT_TRUE(compared(dense(2, 7), dense(1, 7)).alike());
     EXPECT_FALSE(compared(dense(2, 8), dense(1, 7)).alike());
-    // A small thing of its own name: one pixel in a hundred.
+    // A small object with its own id: one pixel in a hundred.
     const auto thing = [](double name) {
         return with_layer("id", [=](int x, int y) { return in_square(x, y, 8) ? name : 5.0; });
     };
@@ -522,7 +525,8 @@ TEST(Flip, goes_from_none_to_one) {
     for (const float f : flip_map(green, blue, width, height)) EXPECT_TRUE(f >= 0.0F && f <= 1.0F);
 }
 
-// Of even pictures it is a formula, here by hand: what a display shows, not exposed for the darker one's sake.
+// For uniform pictures FLIP is a formula, computed here by hand. Display pictures are compared as shown,
+// without an exposure for the darker one.
 TEST(Flip, of_display_pictures_is_as_they_are_shown) {
     const auto shown = [](const std::vector<float>& a, const std::vector<float>& b) {
         double sum = 0.0;
@@ -532,7 +536,7 @@ TEST(Flip, of_display_pictures_is_as_they_are_shown) {
     };
     EXPECT_NEAR(shown(plain(0, 1, 0), plain(0, 0, 1)), 1.0, 1e-4);
     const auto lightness = [](double y) { return 116.0 * std::cbrt(y) - 16.0; };
-    // HyAB of greys is the difference of their lightnesses; that of weakened green and blue is 203.305.
+    // HyAB of greys is the difference of their lightnesses; that of the weakened green and blue is 203.305.
     const double most = std::pow(203.305, 0.7);
     for (const auto& [dark, light] : {std::pair(0.2, 0.25), {0.02, 0.04}, {0.5, 0.9}}) {
         const double apart = std::pow(lightness(light) - lightness(dark), 0.7);
@@ -544,7 +548,7 @@ TEST(Flip, of_display_pictures_is_as_they_are_shown) {
     EXPECT_EQ(shown(plain(1, 1, 1), plain(7, 7, 7)), 0.0) << "a display shows both as white";
 }
 
-// What the eye does not resolve counts less: a fine checkerboard against the grey of its mean, and a coarse one.
+// Detail below the eye's resolution counts less: a fine and a coarse checkerboard against their mean grey.
 TEST(Flip, fine_patterns_count_less_than_coarse_ones) {
     const auto board = [](int cell) {
         std::vector<float> rgb;
@@ -571,13 +575,13 @@ TEST(Flip, sees_an_edge_that_has_moved) {
     EXPECT_LT(at(10), 0.01F);
 }
 
-// A pixel that is very bright in both pictures changes nothing of what is seen elsewhere.
+// A pixel that is very bright in both pictures does not change the result elsewhere.
 TEST(Flip, is_not_blinded_by_one_bright_pixel) {
     std::vector<float> a = plain(0.2F, 0.2F, 0.2F), b = plain(0.3F, 0.3F, 0.3F);
     const double before = mean_flip(a, b);
     for (int c = 0; c < 3; ++c) a[size_t(c)] = b[size_t(c)] = 1e9F;
     EXPECT_GT(mean_flip(a, b), 0.9 * before);
-    // A small thing before black: the median is 0, and it is exposed for the thing itself.
+    // A small object on black: the median is 0, and the exposure is chosen for the object.
     const auto dim = [](float of_it, float bright) {
         std::vector<float> rgb = plain(0, 0, 0);
         for (int i = 0; i < 300; ++i) rgb[size_t(3 * (20 * width) + i)] = of_it;

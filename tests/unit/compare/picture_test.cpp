@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `marram compare` makes of files in whatever format they come.
+// How `marram compare` reads files of all formats.
 #include "core/image/picture.h"
 
 #include "core/compare/compare.h"
@@ -24,7 +24,7 @@ struct PictureFiles : testing::Test {
     ~PictureFiles() override { fs::remove_all(folder); }
     std::string path(const char* name) const { return (folder / name).string(); }
 
-    // A row of pixels whose channels are called so: 0.1, 0.2, ...
+    // A row of pixels with these channel names: 0.125, 0.25, ...
     Picture picture_of(const std::vector<std::string>& channels) const {
         std::vector<float> pixels(2 * channels.size());
         for (size_t i = 0; i < pixels.size(); ++i) pixels[i] = 0.125F * float(i + 1);
@@ -34,7 +34,7 @@ struct PictureFiles : testing::Test {
     }
 };
 
-// PNG keeps colour apart from alpha, EXR multiplied by it.
+// PNG stores straight alpha, EXR premultiplied.
 TEST_F(PictureFiles, ColourIsMultipliedByAlphaWhateverTheFormat) {
     constexpr int side = 16;
     std::vector<float> rgba;
@@ -52,7 +52,7 @@ TEST_F(PictureFiles, ColourIsMultipliedByAlphaWhateverTheFormat) {
     for (size_t i = 0; i < exr.layers[0].pixels.size(); ++i)
         EXPECT_NEAR(png.find("")->pixels[i], exr.find("")->pixels[i], 0.005F) << i;
     EXPECT_TRUE(compare_pictures(png, exr, "png", "exr").alike());
-    // TIFF holds either, and says which.
+    // TIFF can hold either, and says which.
     OIIO::ImageSpec spec(1, 1, 4, OIIO::TypeDesc::FLOAT);
     const float straight[4] = {0.8F, 0.4F, 0.2F, 0.5F};
     for (const bool apart : {true, false}) {
@@ -79,7 +79,7 @@ TEST_F(PictureFiles, ColoursMayBeCalledOtherwise) {
         EXPECT_TRUE(picture.find("alpha")) << names[0];
         EXPECT_FALSE(picture.grey);
     }
-    // Of several with a prefix nobody knows which is the picture; and one's own come first.
+    // With several prefixes the picture is ambiguous. Channels of our own layers are never the picture.
     EXPECT_FALSE(picture_of({"a.R", "a.G", "a.B", "b.R", "b.G", "b.B"}).find(""));
     EXPECT_FALSE(picture_of({"variance.R", "variance.G", "variance.B"}).find(""));
     EXPECT_TRUE(picture_of({"R", "G", "B", "albedo.R", "albedo.G", "albedo.B"}).find("albedo"));
@@ -96,7 +96,7 @@ TEST_F(PictureFiles, OneChannelOfAnyNameIsGrey) {
     }
 }
 
-// By its header: of a file that would take more than 8 GiB nothing is read.
+// Checks the header: a file that would take more than 8 GiB is not read.
 TEST_F(PictureFiles, WhatWouldNotFitIsRefusedFirst) {
     std::ofstream(path("huge.pgm")) << "P5\n8000 6000\n255\n";
     fs::resize_file(path("huge.pgm"), 8000ULL * 6000ULL + 17);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Erosion over levels: a level is the next one's, smoothed; beds show; and what cannot be done is said.
+// Erosion over levels: each level equals the next finer one smoothed, bedding is visible, and invalid
+// requests are reported.
 #include "procedural/erosion/erosion.h"
 #include "tests/unit/erosion/rock_shapes.h"
 
@@ -12,7 +13,7 @@
 namespace marram::testing {
 namespace {
 
-// Wear by a wind along x on what faces it.
+// Wear by a wind along x on the faces that face it.
 void facing_wear(const LevelMesh& mesh, uint64_t, std::span<double> rate) {
     for (size_t v = 0; v < rate.size(); ++v)
         rate[v] = 1e-3 * std::max(0.0, -normal_of(mesh, v).dot(Vec3d(0.95, -0.1, 0.3).normalized()));
@@ -51,7 +52,7 @@ TEST(Erosion, ALevelIsTheNextOnesSmoothed) {
         EXPECT_LT(parity.at_99, 0.5);
         EXPECT_LT(parity.most, 0.75);
     }
-    // A level adds what the one before could not show.
+    // A finer level adds detail that the coarser one cannot represent.
     EXPECT_GT(mesh_area(result.levels[3].rock.mesh()), 1.02 * mesh_area(result.levels[0].rock.mesh()));
 }
 
@@ -63,7 +64,7 @@ TEST(Erosion, SoftBedsLieDeeper) {
     std::vector<double> hardness(mesh.vertex_count());
     rock_hardness(settings.hardness, mesh.positions, 0.0, hardness);
     const LevelMesh& box = sandstone();
-    LevelSet before = LevelSet::from_mesh(box.positions, box.triangles, 0.1); // its band holds all depths
+    LevelSet before = LevelSet::from_mesh(box.positions, box.triangles, 0.1); // its band covers all depths
     std::vector<float> depth(mesh.vertex_count());
     before.sample(mesh.positions, depth);
     double soft = 0.0, hard = 0.0, soft_count = 0.0, hard_count = 0.0;
@@ -81,7 +82,7 @@ TEST(Erosion, ShelteredFacesStay) {
     const LevelMesh& mesh = result.levels.back().rock.mesh();
     const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.3, Vec3d::UnitY()).toRotationMatrix();
     size_t count = 0;
-    for (size_t v = 0; v < mesh.vertex_count(); ++v) { // of the face in the lee, away from its edges
+    for (size_t v = 0; v < mesh.vertex_count(); ++v) { // on the lee face, away from its edges
         const Vec3d p = turn.transpose() * (vertex_of(mesh, v) - Vec3d(0.0, 0.5, 0.0));
         if (p.x() < 0.4 || std::abs(p.y()) > 0.3 || std::abs(p.z()) > 0.2) continue;
         EXPECT_NEAR(p.x(), 0.5, 0.03 * 0.03);
@@ -140,8 +141,8 @@ TEST(Erosion, SaysWhatCannotBeDone) {
     }
     EXPECT_THROW(erode({}, {}, layered(1, 0.1), facing_wear), LevelSetError);
     EXPECT_THROW(erode_sandstone(layered(3, 0.5)),
-                 LevelSetError); // the first level's voxels are larger than the rock
-    // Wear that is not a number, or takes all of the rock.
+                 LevelSetError); // the voxels of the first level are larger than the rock
+    // Wear that is NaN, or removes the whole rock.
     const RockWear wild = [](const LevelMesh&, uint64_t, std::span<double> rate) {
         std::fill(rate.begin(), rate.end(), std::nan(""));
     };
@@ -201,7 +202,7 @@ TEST(Hardness, HasBedsNoiseAndMasks) {
     const auto [least, greatest] = std::minmax_element(all.begin(), all.end());
     EXPECT_GT(*greatest / *least, 3.0);
     EXPECT_LT(*greatest / *least, 40.0);
-    for (const size_t k : {0u, 13u, 2999u}) { // not of the batch
+    for (const size_t k : {0u, 13u, 2999u}) { // alone: the same value as in the batch
         rock_hardness(settings, std::span(many).subspan(3 * k, 3), 0.02, one);
         EXPECT_EQ(one[0], all[k]);
     }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scenes that sand wears, with what is known of the wear. For the tests and for build/grains, which prints tables of them.
+// Scenes for wear by sand, with known results. For the tests and for build/grains, which prints tables of
+// them.
 #pragma once
 
 #include "procedural/erosion/grains.h"
@@ -21,7 +22,7 @@ struct GrainShape {
     }
 };
 
-// A grid of nu x nv cells over the parallelogram at `corner` with the edges u and v.
+// A grid of nu x nv cells over the parallelogram at `corner` with edges u and v.
 inline GrainShape grain_plate(const Vec3d& corner, const Vec3d& u, const Vec3d& v, uint32_t nu = 1,
                               uint32_t nv = 1) {
     GrainShape shape;
@@ -106,7 +107,7 @@ inline GrainResult traced(const GrainScene& scene, const WornMesh& mesh, const G
     return result;
 }
 
-// Straight level paths of one speed and an even flux; grains stay where they hit.
+// Straight level paths with equal speed and uniform flux; grains do not rebound.
 inline GrainSettings even_grains(uint64_t paths) {
     GrainSettings s;
     s.paths = paths;
@@ -118,11 +119,11 @@ inline GrainSettings even_grains(uint64_t paths) {
     s.normal_restitution = s.tangent_restitution = 0.0;
     return s;
 }
-inline double flux_of(const GrainSettings& s) { return s.transport / s.height; } // kg a year and m^2 at h = 0
+inline double flux_of(const GrainSettings& s) { return s.transport / s.height; } // kg / (year m^2) at h = 0
 
 // ---- plates at an angle to the wind ----
 
-// Wear of a plate at the angle to the wind, over its closed form.
+// Wear of a plate at `angle` to the wind, relative to the closed form.
 inline double plate_ratio(double angle, double exponent, uint64_t paths, uint32_t seed) {
     GrainScene scene;
     const unsigned id =
@@ -139,7 +140,7 @@ inline double plate_ratio(double angle, double exponent, uint64_t paths, uint32_
 
 // ---- sphere ----
 
-// Area-weighted relative error (L1) of the facets' wear, rings of facets averaged around the wind's axis in `bands`.
+// Area-weighted relative L1 error of the wear of the facets, averaged in `bands` around the wind's axis.
 inline double sphere_error(uint64_t paths, uint32_t seed, uint32_t rings = 64) {
     GrainScene scene;
     const unsigned id = scene.add(grain_sphere({0.0, 2.0, 0.0}, 1.0, rings));
@@ -175,7 +176,8 @@ inline double sphere_error(uint64_t paths, uint32_t seed, uint32_t rings = 64) {
 
 // ---- a post: the kink of the energy with height ----
 
-// Height of the strip of a post that wears most, of strips of 1 cm, and where the page of grains.cpp has it.
+// Height of the most worn strip of a post (in strips of 1 cm), and its height by the documentation in
+// grains.cpp.
 inline std::array<double, 2> post_kink(uint64_t paths) {
     GrainScene scene;
     const unsigned id =
@@ -199,13 +201,13 @@ inline std::array<double, 2> post_kink(uint64_t paths) {
 // ---- a step on a plain: its shadow, along parabolas ----
 
 struct StepWear {
-    std::vector<double> wear, expected; // by strips of 5 cm behind the step
+    std::vector<double> wear, expected; // in strips of 5 cm behind the step
     GrainReport report;
 };
 
-// Sand up to the step, rock behind it. A grain that lands at d with the vertical speed w has passed the step's edges, at d and d + b, where it was
-// at w x / v - g (x / v)^2 / 2: so w is at least the greater of h v / x + g x / (2 v). The flux through the plain is q / v w times the
-// normal density of w.
+// Sand up to the step, rock behind it. A grain that lands at d with vertical speed w passed the step's edges
+// at x = d and x = d + b upwind, where its height was w x / v - g (x / v)^2 / 2. So for both edges
+// w >= h v / x + g x / (2 v). The flux through the plain is q / v w times the normal density of w.
 inline StepWear step_wear(uint64_t paths, uint32_t seed, double step = 0.1, uint32_t strips = 40) {
     constexpr double broad = 0.3, strip = 0.05;
     GrainScene scene;
@@ -237,7 +239,7 @@ inline StepWear step_wear(uint64_t paths, uint32_t seed, double step = 0.1, uint
     const auto density = [&](double d) {
         double energy = least;
         for (const double x :
-             {d, step > 0.0 ? d + broad : d}) { // without a step: hops that begin on the sand
+             {d, step > 0.0 ? d + broad : d}) { // without a step: hops that start on the sand
             const double w = step * s.speed / x + s.gravity * x / (2.0 * s.speed);
             energy = std::max(energy, 0.5 * w * w);
         }
@@ -262,7 +264,7 @@ inline double step_error(const StepWear& step) {
 
 // ---- a cavity that grains rebound in ----
 
-// Mean wear of 4 x 4 fields of each of its five walls: back, floor, roof, sides.
+// Mean wear of each of 4 x 4 fields of the five walls: back, floor, roof, sides.
 inline std::vector<double> cavity_wear(uint64_t paths, uint32_t seed, GrainReport* report = nullptr) {
     constexpr uint32_t cells = 4;
     GrainScene scene;
@@ -294,7 +296,7 @@ inline double relative_error(const std::vector<double>& a, const std::vector<dou
     return error / sum;
 }
 
-// Slope of log(root mean square error over seeds) over log(paths), by least squares.
+// Slope of log(RMS error over seeds) over log(paths), by least squares.
 inline double error_slope(const std::function<double(uint64_t, uint32_t)>& error,
                           std::span<const uint64_t> paths, uint32_t seeds) {
     double n = 0.0, sx = 0.0, sy = 0.0, sxx = 0.0, sxy = 0.0;

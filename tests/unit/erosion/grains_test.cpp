@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Wear by traced grains against closed forms. build/grains prints the whole tables.
+// Compares wear by traced grains with closed forms. build/grains prints the complete tables.
 #include "grain_cases.h"
 
 #include <gtest/gtest.h>
@@ -38,7 +38,7 @@ TEST(Grains, BelowTheThresholdNothingWears) {
 
 TEST(Grains, SphereWearsAsItsClosedForm) { EXPECT_LT(sphere_error(1 << 16, 1, 32), 0.005); }
 
-// The plane is at its face: what stands there is no ground that the stream rises over.
+// The emission plane is at the cube's face. The cube is not taken for ground that would raise the stream.
 TEST(Grains, CubeWearsAllOverItsFace) {
     GrainScene scene;
     GrainShape cube = grain_plate(Vec3d::Zero(), {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0});
@@ -62,7 +62,7 @@ TEST(Grains, StepKeepsGrainsOffBehindIt) {
     const StepWear step = step_wear(1 << 14, 1);
     expect_accounts(step.report);
     EXPECT_LT(step_error(step), 0.12);
-    EXPECT_EQ(step.wear[0], 0.0); // nothing comes down so steeply
+    EXPECT_EQ(step.wear[0], 0.0); // no grain falls that steeply
 }
 
 TEST(Grains, SandKeepsTheStreamAsItIs) {
@@ -177,7 +177,7 @@ TEST(Grains, DegenerateTrianglesWearNothing) {
     GrainScene scene;
     GrainShape shape = grain_sphere({0.0, 0.5, 0.0}, 0.5, 8);
     const auto last = uint32_t(shape.vertices.size() / 3);
-    shape.add({0.0, 0.5, 0.0}), shape.add({0.3, 0.5, 0.0}); // a segment, and a point
+    shape.add({0.0, 0.5, 0.0}), shape.add({0.3, 0.5, 0.0}); // for a segment and a point
     for (const uint32_t k : {last, last + 1, last + 1, last, last, last}) shape.triangles.push_back(k);
     const unsigned id = scene.add(std::move(shape));
     scene.commit();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rock as a level set: it wears as fast as it is told to, evenly at any angle to the grid, and is never added to.
+// Rock as a level set: it wears at the given rate, independently of its orientation to the grid, and never
+// grows.
 #include "procedural/erosion/level_set.h"
 #include "tests/unit/erosion/rock_shapes.h"
 
@@ -22,7 +23,7 @@ LevelSet level_set_of(const LevelMesh& mesh, double voxel) {
     return LevelSet::from_mesh(mesh.positions, mesh.triangles, voxel);
 }
 
-// Uneven wear that is 0 in places, up to a voxel.
+// Nonuniform wear: 0 in places, at most a voxel.
 std::vector<double> patchy_wear(const LevelMesh& mesh, double voxel, uint64_t seed) {
     std::vector<double> depth(mesh.vertex_count());
     for (size_t v = 0; v < depth.size(); ++v) {
@@ -64,7 +65,7 @@ TEST(LevelSet, WhatGoesIsTheIntegralOfTheWear) {
     }
     const double removed = before - mesh_volume(rock.mesh());
     std::printf("removed / integral: %.4f\n", removed / integral);
-    EXPECT_NEAR(removed / integral, 1.0, 0.05); // at edges faces wear into each other
+    EXPECT_NEAR(removed / integral, 1.0, 0.05); // at edges the wear of adjacent faces overlaps
 }
 
 TEST(LevelSet, APlaneWearsEvenlyAtAnyAngleToTheGrid) {
@@ -89,7 +90,7 @@ TEST(LevelSet, RockIsNeverAdded) {
         EXPECT_LT(mesh_volume(rock.mesh()), volume);
         distance.resize(rock.mesh().vertex_count());
         before.sample(rock.mesh().positions, distance);
-        // Both surfaces lie between voxels by interpolation, which differs at creases.
+        // Both surfaces are interpolated between voxels, which differs at creases.
         EXPECT_LT(*std::max_element(distance.begin(), distance.end()), 0.1F * 0.03F) << pass;
     }
 }
@@ -133,7 +134,7 @@ TEST(LevelSet, MeshesAreClosedAndFaceOutward) {
     const LevelMesh& mesh = rock.mesh();
     EXPECT_NO_THROW(level_set_of(mesh, 0.05));
     EXPECT_GT(mesh_volume(mesh), 0.3);
-    size_t turned = 0; // at creases that are finer than voxels
+    size_t turned = 0; // flipped at creases finer than voxels
     for (size_t t = 0; t < mesh.triangles.size(); t += 3) {
         const uint32_t* const c = mesh.triangles.data() + t;
         const Vec3d a = vertex_of(mesh, c[0]),
@@ -273,7 +274,7 @@ TEST(LevelSet, RefusesMeshesThatAreNoRock) {
     LevelMesh line = ball;
     std::fill(line.positions.begin(), line.positions.end(), 0.5F);
     refused(line, 0.1, "no area");
-    // Triangles without area among good ones do no harm.
+    // Degenerate triangles among valid ones are harmless.
     LevelMesh good = ball;
     for (const uint32_t v : {3u, 3u, 9u, 7u, 7u, 7u}) good.triangles.push_back(v);
     EXPECT_NEAR(mesh_volume(level_set_of(good, 0.05).mesh()), mesh_volume(ball), 0.01);

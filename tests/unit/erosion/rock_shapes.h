@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rocks whose wear is known. For the tests and for build/rock_erosion.
+// Rocks with known wear. For the tests and for build/rock_erosion.
 #pragma once
 
 #include "core/math/vec.h"
@@ -24,7 +24,7 @@ inline void add_vertex(LevelMesh& mesh, const Vec3d& p) {
     for (int axis = 0; axis < 3; ++axis) mesh.positions.push_back(float(p[axis]));
 }
 
-// Of `rings` by 2 `rings` faces; without normals.
+// A sphere of `rings` by 2 `rings` faces, without normals.
 inline LevelMesh rock_sphere(const Vec3d& centre, double radius, uint32_t rings) {
     LevelMesh mesh;
     const uint32_t sides = 2 * rings;
@@ -43,7 +43,7 @@ inline LevelMesh rock_sphere(const Vec3d& centre, double radius, uint32_t rings)
     return mesh;
 }
 
-// A box turned about x, then about z; without normals.
+// A box rotated about x, then about z; without normals.
 inline LevelMesh rock_box(const Vec3d& centre, const Vec3d& half,
                           const Eigen::Matrix3d& turn = Eigen::Matrix3d::Identity()) {
     LevelMesh mesh;
@@ -59,12 +59,12 @@ inline LevelMesh rock_box(const Vec3d& centre, const Vec3d& half,
 
 struct SphereWear {
     double radius = 0.0, error = 0.0,
-           spread = 0.0; // m: its mean, less the expected one, and between greatest and least
-    double removed = 0.0, integral = 0.0; // m^3: by volumes, and by depth times area
+           spread = 0.0; // m; error: |mean radius - expected|; spread: greatest minus least radius
+    double removed = 0.0, integral = 0.0; // m^3: from volumes, and from depth times area
     int passes = 0;
 };
 
-// A unit sphere that loses half of its radius, at most 0.6 voxels a pass.
+// A unit sphere worn to half its radius, at most 0.6 voxels per pass.
 inline SphereWear wear_sphere(double voxel) {
     const LevelMesh sphere = rock_sphere(Vec3d::Zero(), 1.0, 120);
     LevelSet rock = LevelSet::from_mesh(sphere.positions, sphere.triangles, voxel);
@@ -90,10 +90,11 @@ inline SphereWear wear_sphere(double voxel) {
 }
 
 struct PlaneWear {
-    double depth = 0.0, mean = 0.0, least = 1e9, greatest = -1e9; // m: what was to go; the error of the faces
+    double depth = 0.0, mean = 0.0, least = 1e9, greatest = -1e9; // m: nominal depth; error of the faces
 };
 
-// A cube of half a metre, turned, that loses depth evenly in 20 passes; looked at in the middle of its faces.
+// A rotated cube with edges of 1 m that loses `voxels_a_pass` in each of 20 passes. Measured in the middle of
+// its faces.
 inline PlaneWear wear_plane(double turn_x, double turn_z, double voxel, double voxels_a_pass) {
     const Eigen::Matrix3d turn =
         (Eigen::AngleAxisd(turn_z, Vec3d::UnitZ()) * Eigen::AngleAxisd(turn_x, Vec3d::UnitX()))
@@ -119,10 +120,11 @@ inline PlaneWear wear_plane(double turn_x, double turn_z, double voxel, double v
     return result;
 }
 
-// How far a level is from the finer one, smoothed by half a voxel of its own: in voxels of the coarse one.
+// Distance between a level and the next finer one, smoothed by half a voxel of the coarse level; in voxels of
+// the coarse level.
 struct LevelParity {
-    double mean = 0.0;                         // positive: the coarse level is outside of the smoothed one
-    double rms = 0.0, most = 0.0, at_99 = 0.0; // of absolute values; at_99: 99 % of the vertices are below
+    double mean = 0.0;                         // positive: the coarse level is outside the smoothed one
+    double rms = 0.0, most = 0.0, at_99 = 0.0; // of absolute values; at_99: 99th percentile over vertices
 };
 
 inline LevelParity level_parity(LevelSet& coarse, LevelSet& fine) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Worlds for tests, built by the renderer's own two phases from a few lines of scene file.
+// Test worlds, built by the renderer's own two phases from a few lines of scene file.
 #pragma once
 
 #include "core/geometry/build.h"
@@ -29,7 +29,7 @@ inline Mesh builtin_mesh(const Item& item) {
                        float(params.number("bumps")), float(params.number("frequency")));
 }
 
-// The file of a scene from its text, which lacks a camera; it goes when the test ends.
+// Writes a scene file from its text, which lacks a camera. It is removed when the test ends.
 inline std::string write_scene(const std::string& text) {
     const std::filesystem::path file =
         std::filesystem::temp_directory_path() / ("marram_build_" + std::to_string(::getpid()) + ".toml");
@@ -44,7 +44,8 @@ inline std::string write_scene(const std::string& text) {
     return file.string();
 }
 
-// A scene from its text, without camera: planes, boxes, spheres, curves through points, and procedurals of the libraries above.
+// A scene from its text, without a camera: planes, boxes, spheres, curves through points, and procedurals of
+// the libraries above.
 class TestScene {
   public:
     explicit TestScene(const std::string& text, const std::string& terrain = terrain_library) {
@@ -80,14 +81,14 @@ class TestScene {
         }
     }
 
-    // What `text` says of procedurals is taken over instead; returns what each says that it changes.
+    // Replaces the procedurals' settings by those in `text`. Returns the changes that each reports.
     GeometryChanges update(const std::string& text) {
         description_ = load_scene(write_scene(text), {}, schema_);
         GeometryChanges changes;
         update_procedurals(geometry.procedurals, description_.procedurals, description_.wind, changes);
         return changes;
     }
-    // Makes the procedurals of `text` anew, told what geometry.curves carry now.
+    // Makes the procedurals of `text` anew, with the attributes that geometry.curves carry now.
     void tell_attributes(const std::string& text) {
         description_ = load_scene(write_scene(text), {}, schema_);
         const auto carried = std::make_shared<const CurveAttributes>(attributes_of(geometry.curves));
@@ -96,7 +97,7 @@ class TestScene {
             geometry.procedurals.push_back(std::make_unique<Procedural>(libraries_.at(item.type), item,
                                                                         description_.wind, cancel, carried));
     }
-    // The same without a word to those that depend on what changes.
+    // The same, without notifying the procedurals that depend on it.
     void update_alone(const std::string& text, size_t procedural) {
         description_ = load_scene(write_scene(text), {}, schema_);
         geometry.procedurals[procedural]->update(description_.procedurals[procedural], description_.wind,
@@ -105,7 +106,7 @@ class TestScene {
 
     World build() { return build_world(geometry, settings, cancel, progress, stats = {}); }
 
-    // All that the build objects to, as the user reads it.
+    // All errors of the build, as the user reads them.
     std::string objection() {
         try {
             build();
@@ -129,7 +130,7 @@ class TestScene {
     SceneDescription description_;
 };
 
-// What a groom needs at the least, and what a test adds.
+// The minimum settings of a groom, plus those of the test.
 inline std::string groom(const std::string& name, const std::string& on, const std::string& more = "") {
     return "\n[[procedural]]\ntype = \"groom\"\nname = \"" + name + "\"\non = \"" + on +
            "\"\nlength = [0.1, 0.2]\nwidth = 0.01\n" +

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The two-phase build: what moves is where it should be at every motion sample, curves ride along, and the
-// two scenes share their colliders under IDs that the description alone decides.
+// The two-phase build: moving objects are at the right place at every motion sample, curves move with their
+// mesh, and both scenes share colliders with IDs that depend only on the description.
 #include "build_scene.h"
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@ const std::string translating = "transform = { keys = [{ frame = 1, translate = 
 const std::string rotating =
     "transform = { keys = [{ frame = 1, rotate = [0, 0, 0] }, { frame = 3, rotate = [0, 120, 0] }] }\n";
 
-// Where the transforms above put a point of object space at a frame between 1 and 3.
+// Where the transforms above move a point of object space at a frame between 1 and 3.
 Vec3d translated(const Vec3d& p, double frame) { return p + (frame - 1.0) * Vec3d(2, -1, 4); }
 Vec3d rotated(const Vec3d& p, double frame) {
     const double angle = (frame - 1.0) * 60.0 * degree, c = std::cos(angle), s = std::sin(angle);
@@ -65,7 +65,7 @@ TEST_P(MotionKeys, MeshesAreExactAtShutterTimes) {
     check(rotating, rotated);
 }
 
-// The uv of a plane tells where on it a root is: u runs along x, v against z.
+// A plane's uv gives the place of a root: u runs along x, v against z.
 TEST_P(MotionKeys, CurvesRideOnMeshes) {
     const auto check = [&](const std::string& transform, Motion motion, const std::string& wind) {
         TestScene scene(mesh("ground", "plane", "size = [4, 4]\n" + transform) +
@@ -99,11 +99,11 @@ TEST(Motion, IsLeftOutWhereNothingMoves) {
     EXPECT_EQ(world.meshes[0].positions.size(), 1u);
     EXPECT_EQ(world.meshes[1].positions.size(), 5u);
     EXPECT_EQ(world.curves[0].vertices.size(), 1u);
-    scene.settings.frame = 20.0; // behind the last key
+    scene.settings.frame = 20.0; // after the last key
     EXPECT_EQ(scene.build().meshes[1].positions.size(), 1u);
 }
 
-// Chosen by the tolerance: for meshes by their transform, for strands by looking at some of them.
+// The tolerance chooses: for meshes from their transform, for strands by testing some of them.
 TEST(Motion, KeysAreChosenByTheTolerance) {
     const std::string windy = "wind = { speed = 6, noise = { amplitude = 1, frequency = 2 } }\n";
     const auto keys = [&](const std::string& items, double tolerance, size_t* samples = nullptr) {
@@ -139,12 +139,12 @@ TEST(Motion, KeysAreChosenByTheTolerance) {
     EXPECT_EQ(samples, blown) << "as many as it needs itself, whatever turns beside it";
     EXPECT_EQ(keys(gliding + ground + groom("hair", "ground", windy), 1e-4), blown);
 
-    // Many strands that stand nearly still do not hide a few that are blown.
+    // Many nearly still strands do not hide a few blown ones.
     const std::string calm =
         "count = 5000\nwind = { speed = 0.01, noise = { amplitude = 3, frequency = 4 } }\n";
     EXPECT_EQ(keys(ground + groom("hair", "ground", windy) + groom("grass", "ground", calm), 1e-4), blown);
 
-    // The same bits as with that many keys asked for: what was looked at leaves nothing behind.
+    // The same bits as with that number of keys set by hand: testing strands has no side effects.
     TestScene chosen(gliding + ground + groom("hair", "ground", windy)),
         asked(gliding + ground + groom("hair", "ground", windy));
     open_shutter(chosen, 0);
@@ -177,7 +177,7 @@ TEST(WorldScenes, ShareTheColliders) {
     }
 }
 
-// A ray straight down from above a point; its hit's geometry.
+// Traces a ray straight down from a point. Returns the geometry that it hits.
 unsigned first_below(RTCScene scene, const Vec3f& from) {
     RTCRayHit ray{};
     ray.ray = {from.x(), from.y(), from.z(), 0.0F, 0.0F, -1.0F, 0.0F, 0.0F, 100.0F, ~0U, 0, 0};
@@ -270,7 +270,7 @@ TEST(MirroredTransforms, KeepTheOutsideOut) {
     }
 }
 
-// Strands of a mirrored ball stand outside of it.
+// Strands on a mirrored ball grow outwards.
 TEST(MirroredTransforms, GrowHairOutwards) {
     TestScene scene(mesh("ball", "sphere", "divisions = 16\ntransform = { scale = [-1, 1, 1] }\n") +
                     groom("hair", "ball", "lean = 0\narc = 0\n"));
@@ -287,7 +287,7 @@ TEST(Baking, MakesCurvesWithoutAttachingThem) {
     scene.settings.curves_bvh = false;
     const World world = scene.build();
     EXPECT_EQ(world.curves.size(), 2u);
-    for (const CurveGeometry& curves : world.curves) // what a ray finds near a strand is a mesh or nothing
+    for (const CurveGeometry& curves : world.curves) // rays near a strand hit a mesh or nothing
         for (size_t c = 0; c < curves.curve_count; ++c) {
             const unsigned hit = first_below(world.scene.get(), cv(curves, 0, c, 4) + Vec3f(0, 0.02F, 0));
             EXPECT_TRUE(hit < 4 || hit == RTC_INVALID_GEOMETRY_ID) << hit;

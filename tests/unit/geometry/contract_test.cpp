@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a procedural gets to see of the scene and what becomes of its report, by a library that says what it is given.
+// What a procedural is given of the scene and how its report is used, tested with a library that reports its
+// input.
 #include "build_scene.h"
 
 #include <gtest/gtest.h>
@@ -7,7 +8,7 @@
 namespace marram::testing {
 namespace {
 
-// Wind of the probe's own: no library but its is asked for.
+// The probe defines its own wind parameters: no other library is loaded.
 struct ProbeScene {
     std::shared_ptr<PluginLibrary> library =
         std::make_shared<PluginLibrary>(MARRAM_BINARY_DIR "/libprobe_plugin.so", Place{});
@@ -34,13 +35,13 @@ struct ProbeScene {
     }
     World build() { return build_world(geometry, settings, cancel, progress, stats = {}); }
 
-    // The report of one probe without its made-up entries.
+    // One probe's report without its made-up entries.
     std::map<std::string, double> report(size_t index = 0) {
         std::map<std::string, double> entries;
         for (const auto& [key, value] : geometry.procedurals[index]->report()) entries[key] = value;
         return entries;
     }
-    // The values of a probe by name.
+    // One probe's values by name.
     std::map<std::string, double> values(size_t index = 0) {
         std::map<std::string, double> found;
         for (const auto& [key, value] : report(index))
@@ -71,7 +72,7 @@ TEST(Lists, AreHandedOverElementByElement) {
                                       {"wind.balls[1].keys", 4}}));
     const auto report = scene.report();
     EXPECT_EQ(report.at("numbers.wind.balls[0].keys"), 10);
-    EXPECT_EQ(report.at("letters.wind.balls[0].keys"), 6); // "linear", too
+    EXPECT_EQ(report.at("letters.wind.balls[0].keys"), 6); // includes "linear"
     EXPECT_EQ(report.at("numbers.wind.balls[1].keys"), 20);
 }
 
@@ -98,7 +99,7 @@ TEST(Lists, OfAProceduralReplaceThoseOfTheScene) {
     EXPECT_EQ(without.values(), common);
 }
 
-// A quarter turn about z between two keys and a move: a vertex and its normal at any time.
+// A vertex and its normal at any time, for a quarter turn about z between two keys and a translation.
 TEST(Poses, HaveNormalsAtAnyTime) {
     for (const double frame : {-3.0, 1.0, 2.0, 7.0}) {
         ProbeScene scene(
@@ -140,8 +141,8 @@ TEST(Report, SharesSecondsAndAddsCounts) {
     EXPECT_NEAR(report("seconds.bend"), 4.0 * unit, 1e-12);
     EXPECT_NEAR(report("seconds.shield"), 3.0 * unit, 1e-12);
     EXPECT_NEAR(report("seconds.gusts"), 2.0 * unit, 1e-12);
-    EXPECT_GE(report("seconds.expand"), unit - 1e-12); // and the time that bounds take
-    EXPECT_EQ(report("collision.contacts"), 22.0);     // nobody has declared it: a sum
+    EXPECT_GE(report("seconds.expand"), unit - 1e-12); // includes the time for bounds
+    EXPECT_EQ(report("collision.contacts"), 22.0);     // not declared: a sum
     EXPECT_EQ(report("collision.dips"), 66.0);
     EXPECT_DOUBLE_EQ(report("collision.reached"), 7.0 / 8.0);
     EXPECT_EQ(report("value.report"), 10.0); // the maximum

@@ -8,7 +8,7 @@
 namespace marram {
 namespace {
 
-// Straight strands along x, a metre apart along z, at a height for each motion sample.
+// Straight strands along x, a metre apart along z, with a height for each motion sample.
 struct Strands {
     std::vector<std::vector<float>> samples;
     World world;
@@ -42,7 +42,7 @@ TEST(CurveCompare, poses_are_compared_by_the_strands_length) {
 }
 
 TEST(CurveCompare, motion_is_compared_at_every_time_of_the_reference) {
-    // Along a parabola with samples at its ends only, and with one in the middle.
+    // A parabola with samples only at its ends, and with one in the middle.
     const Strands two(10, 4, {0.0, 1.0}, 1.0), three(10, 4, {0.0, 0.25, 1.0}, 1.0);
     EXPECT_NEAR(gap_in_motion(two.world, three.world).worst, 0.25, 1e-7);
     EXPECT_NEAR(gap_in_motion(two.world, three.world).rms, 0.25, 1e-7);
@@ -54,7 +54,7 @@ TEST(CurveCompare, motion_is_compared_at_every_time_of_the_reference) {
 TEST(CurveCompare, ninety_nine_in_a_hundred_stay_below) {
     Strands a(1000, 4, {0.0}, 1.0);
     const Strands b(1000, 4, {0.0}, 1.0);
-    for (size_t c = 0; c < 20; ++c) // one strand in fifty, the farther the higher its number
+    for (size_t c = 0; c < 20; ++c) // one strand in fifty, by c + 1 metres
         for (size_t k = 0; k < 6; ++k) a.samples[0][(c * 6 + k) * 4 + 1] = float(c + 1);
     const CurveGap gap = gap_in_motion(a.world, b.world, {}, 15.0);
     EXPECT_EQ(gap.worst, 20.0);

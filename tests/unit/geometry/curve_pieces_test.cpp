@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curves as straight pieces: how far they are off, how many the tolerance asks for, and that rays see the same strands.
+// Curves as straight pieces: their error, the number that the tolerance needs, and that rays hit the same
+// strands.
 #include "core/geometry/cubic.h"
 #include "core/geometry/curve_pieces.h"
 #include "core/geometry/hit.h"
@@ -16,7 +17,7 @@ namespace {
 
 using testing::TestScene;
 
-// Vertices of curves as the contract wants them, of CVs at random around an arc, without width at either end.
+// Curve vertices in the contract's layout: random CVs around an arc, with zero width at both ends.
 std::vector<float> random_curves(size_t curves, uint32_t cvs, double rough, uint64_t seed) {
     std::vector<float> vertices(4 * curves * (cvs + 2));
     uint64_t at = 0;
@@ -36,7 +37,7 @@ std::vector<float> random_curves(size_t curves, uint32_t cvs, double rough, uint
     return vertices;
 }
 
-// The greatest distance of a cubic segment from its pieces, point by point at the same parameter.
+// The greatest distance between a cubic segment and its pieces at equal parameters.
 double farthest(const float* segment, MarramBasis basis, uint32_t pieces, const float* chords) {
     double most = 0.0;
     constexpr uint32_t steps = 60;
@@ -72,7 +73,7 @@ TEST(CurvePieces, StayWithinTheirBound) {
                         off = std::max(off, farthest(first + 4 * segment, basis, pieces,
                                                      chords.data() + 4 * (curve * ((cvs - 1) * pieces + 1) +
                                                                           segment * pieces)));
-                    EXPECT_LE(off, errors[pieces - 1] + 1e-6); // float vertices
+                    EXPECT_LE(off, errors[pieces - 1] + 1e-6); // vertices are floats
                     tightest = std::max(tightest, off / errors[pieces - 1]);
                 }
                 EXPECT_GT(tightest, 0.5);
@@ -80,7 +81,7 @@ TEST(CurvePieces, StayWithinTheirBound) {
         }
 }
 
-// Embree closes flat pieces with half a disc at either end.
+// Embree closes flat pieces with half a disc at both ends.
 TEST(CurvePieces, EndWithTheStrand) {
     std::vector<float> vertices;
     for (int i = -1; i <= 4; ++i) vertices.insert(vertices.end(), {float(i), 0.0F, 0.0F, 0.1F}); // 0 ... 3 m
@@ -93,7 +94,7 @@ TEST(CurvePieces, EndWithTheStrand) {
     };
     EXPECT_FLOAT_EQ(ends(vertices, vertices).first, 0.1F);
     EXPECT_FLOAT_EQ(ends(vertices, vertices).second, 2.9F);
-    EXPECT_FLOAT_EQ(ends(wide, wide).first, 0.25F); // no more than half of a piece
+    EXPECT_FLOAT_EQ(ends(wide, wide).first, 0.25F); // at most half of a piece
     EXPECT_FLOAT_EQ(ends(wide, vertices).first, 0.1F);
 }
 
@@ -105,7 +106,7 @@ TEST(CurvePieces, AreAsFewAsTheLimitAllows) {
         add_chord_errors(curves, {tolerance, pixel_angle, Vec3d(0.0, 0.0, 10.0)}, errors);
         return pieces_for(greater_of(errors, ChordErrors{}), most_pieces);
     };
-    // 1.2 radians over 5 segments of 0.24: off by 0.24^2 / 8 = 0.0072 m with one piece.
+    // 1.2 radians over 5 segments of 0.24: one piece is off by 0.24^2 / 8 = 0.0072 m.
     EXPECT_EQ(chosen(0.0150, 1.0), 1U);
     EXPECT_EQ(chosen(0.0140, 1.0), 2U);
     EXPECT_EQ(chosen(0.0150 / 4.6, 1.0), 3U);
@@ -142,7 +143,7 @@ shape = ")" +
            shape + "\"\nbasis = \"" + basis + "\"\n";
 }
 
-// Oriented ribbons turn with the strand, which straight pieces do not.
+// Oriented ribbons twist along the strand; straight pieces cannot.
 TEST(CurvePieces, AreNotForOrientedRibbons) {
     TestScene scene(furred("oriented-ribbon", "bspline"));
     scene.settings.tolerance = 1.0;
@@ -153,7 +154,7 @@ TEST(CurvePieces, AreNotForOrientedRibbons) {
     EXPECT_EQ(scene.build().curves[0].pieces, 0U);
 }
 
-// Tolerances by which furred() is traced as two, three and four pieces a segment.
+// Tolerances that choose two, three and four pieces a segment for furred().
 constexpr double for_two = 0.002, for_three = 0.0009, for_four = 0.00033;
 void ask_for(double tolerance, BuildSettings& settings) {
     settings.tolerance = tolerance;
@@ -161,7 +162,8 @@ void ask_for(double tolerance, BuildSettings& settings) {
     settings.view.position = {0.0, 0.0, 5.0};
 }
 
-// Four of a ribbon at rest take half as much memory again; so do two in motion, and are not traced faster.
+// Four pieces of a ribbon at rest take half as much memory again; so do two in motion, which are not traced
+// faster.
 TEST(CurvePieces, OfRibbonsAreFewAndFewerInMotion) {
     const std::string wind = "wind.direction = [1, 0, 0]\nwind.speed = 1\nwind.global_rotate = 0.1\n"
                              "wind.noise = { amplitude = 1, frequency = 1, octaves = 2 }\n";
@@ -181,7 +183,7 @@ TEST(CurvePieces, OfRibbonsAreFewAndFewerInMotion) {
     }
 }
 
-// Not among many more ribbons, whose hits would wait for them.
+// Not if there are many more ribbons, since their hits would wait for the pieces.
 TEST(CurvePieces, OfRoundFibresWantToBeMostOfTheScene) {
     for (const auto& [count, expected] : {std::pair(2900, 2U), std::pair(3100, 0U)}) {
         const std::string blades =
@@ -197,9 +199,9 @@ TEST(CurvePieces, OfRoundFibresWantToBeMostOfTheScene) {
     }
 }
 
-// What rays from all around meet in two worlds of the same strands.
+// What rays from all around hit in two worlds of the same strands.
 struct Seen {
-    uint64_t both = 0, other = 0;                 // rays that meet the same strand, and that do not
+    uint64_t both = 0, other = 0;                 // rays that hit the same strand, and that do not
     double place = 0.0, along = 0.0, angle = 0.0; // greatest differences: m, share of the length, radians
     double share() const { return double(other) / double(both + other); }
 };
@@ -223,7 +225,7 @@ Seen look(const World& pieces, const World& cubic) {
             continue;
         }
         ++seen.both;
-        // Where a ray grazes a strand, a step aside is a long way along the ray.
+        // At grazing incidence a small step sideways is a long way along the ray.
         const double straight = std::abs(b.geometric_normal.dot(ray.direction));
         seen.place = std::max(seen.place, straight * (a.position - b.position).norm());
         seen.along = std::max(seen.along, straight * std::abs(a.strand_u - b.strand_u));
@@ -233,7 +235,7 @@ Seen look(const World& pieces, const World& cubic) {
     return seen;
 }
 
-// The same strands at the same places, but for what pieces may be off by.
+// The same strands at the same places, within the error of the pieces.
 void expect_seen_as_the_cubic(const char* shape, double most_other) {
     for (const char* basis : {"bspline", "catmull-rom"}) {
         TestScene scene(furred(shape, basis));
@@ -262,7 +264,7 @@ void expect_seen_as_the_cubic(const char* shape, double most_other) {
 TEST(CurvePieces, OfRibbonsAreSeenAsTheCubic) { expect_seen_as_the_cubic("ribbon", 0.04); }
 TEST(CurvePieces, OfRoundFibresAreSeenAsTheCubic) { expect_seen_as_the_cubic("round", 0.06); }
 
-// The cubic is what ever more pieces come to.
+// With more and more pieces the result converges to the cubic.
 TEST(CurvePieces, OfRoundFibresBecomeTheCubic) {
     TestScene scene(furred("round", "catmull-rom"));
     scene.settings.curve_pieces = 0;

@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Curves with their vertices, phantom ones included; coordinates that no short decimal gives.
+// Curves with their vertices, including phantoms. Coordinates have no short decimal form.
 struct Curves {
     std::vector<float> vertices, normals;
     CurveGeometry geometry;
@@ -50,8 +50,8 @@ struct ExportFiles : ::testing::Test {
     }
 };
 
-// ---- HAIR: a reader from the format's description
-// ---------------------------------------------------------------------
+// ---- HAIR: a reader written from the format's description
+// --------------------------------------------------
 
 struct Hair {
     uint32_t strands, points, flags, default_segments;
@@ -105,7 +105,7 @@ TEST_F(ExportFiles, HairReadsBackExactly) {
                 ASSERT_EQ(hair.thickness[point], 2.0f * curves->cv(c, i)[3]);
             }
     write_hair(path("same.hair"), std::span(all, 1));
-    EXPECT_EQ(read_hair(get("same.hair")).flags, 6u); // one length for all needs no array
+    EXPECT_EQ(read_hair(get("same.hair")).flags, 6u); // equal lengths need no array
     write_hair(path("none.hair"), {});
     EXPECT_EQ(read_hair(get("none.hair")).strands, 0u);
 }
@@ -126,13 +126,12 @@ TEST_F(ExportFiles, RefusesWhatAFormatCannotHold) {
     EXPECT_EQ(std::distance(fs::directory_iterator(folder), fs::directory_iterator()), 1);
 }
 
-// ---- USD: the part of the text grammar that is used
-// -------------------------------------------------------------------
+// ---- USD: the part of the text grammar that is used -------------------------------------------------------
 
 struct UsdAttribute {
     std::string type, interpolation;
     bool uniform = false;
-    std::vector<std::string> values; // scalars one after the other
+    std::vector<std::string> values; // scalars in a row
     size_t tuples = 0;               // of an array
 };
 using UsdPrim = std::map<std::string, UsdAttribute>;
@@ -291,8 +290,7 @@ TEST_F(ExportFiles, UsdFollowsItsGrammarAndReadsBackExactly) {
     EXPECT_EQ(usd.prims["grass_1_1"]["normals"].tuples, 4u);
 }
 
-// ---- OBJ
-// -------------------------------------------------------------------------------------------------------------
+// ---- OBJ --------------------------------------------------------------------------------------------------
 
 TEST_F(ExportFiles, ObjLinesReadBackExactly) {
     const Curves a("a", 2, 4), b("b", 1, 3);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Our library under a host that makes mistakes: each is an error with a message that has an id, none is a crash, and what was right before
-// is right after it. Seeded.
+// Our library with a host that makes mistakes: each mistake is an error with a message that has an id, never
+// a crash, and valid calls still work afterwards. Seeded.
 #include "build_scene.h"
 
 #include "core/geometry/plugin_library.h"
@@ -23,7 +23,7 @@ constexpr float not_a_number = std::numeric_limits<float>::quiet_NaN();
 
 struct Messages {
     std::vector<std::string> faults; // ids
-    std::string last;                // what the last one says
+    std::string last;                // text of the last one
     static void take(void* user, const MarramMessage* message) {
         if (message->severity != MARRAM_FAULT) return;
         auto& list = static_cast<Messages*>(user)->faults;
@@ -35,7 +35,7 @@ struct Messages {
     }
 };
 
-// A lent mesh in Embree, at the motion samples. It moves along x; bad_pose spoils what pose() says.
+// A lent mesh in Embree, at the motion samples. It moves along x; bad_pose spoils the result of pose().
 struct LentMesh {
     std::string name;
     std::vector<float> positions[times_there], uvs;
@@ -50,7 +50,7 @@ struct LentMesh {
             for (const Vec3f& p : mesh.positions)
                 positions[t].insert(positions[t].end(),
                                     {p.x() + (moves ? 0.01F * float(times[t]) : 0.0F), p.y(), p.z()});
-            positions[t].resize(positions[t].size() + 4); // Embree reads behind them
+            positions[t].resize(positions[t].size() + 4); // Embree reads past the end
             steps[t] = positions[t].data();
         }
         for (const auto& triangle : mesh.triangles)
@@ -116,7 +116,7 @@ class LentWorld {
         curves.basis = MARRAM_LINEAR;
     }
 
-    // Points into this object.
+    // The frame points into this object.
     MarramFrame frame() {
         MarramFrame frame{};
         frame.size = sizeof frame;
@@ -148,7 +148,7 @@ class LentWorld {
         other_scene{rtcNewScene(other_device.get()), rtcReleaseScene};
     std::vector<LentMesh> meshes = [] {
         std::vector<LentMesh> none;
-        none.reserve(2); // they stay where they are
+        none.reserve(2); // pointers must stay valid
         return none;
     }();
     MarramMesh lent[2];
@@ -173,7 +173,7 @@ class LentWorld {
 
 using OwnedValues = std::unique_ptr<MarramHostValues, decltype(&marram_values_free)>;
 
-// What makes each procedural do all that it can on the world above, small.
+// Settings that make each procedural do all that it can on the world above, at a small size.
 std::vector<std::pair<const char*, const char*>> settings_of(const std::string& type) {
     if (type == "groom")
         return {{"on", "ground"},
@@ -236,7 +236,7 @@ class Called {
         output.size = sizeof output;
         return calls.begin(instance, &frame, &output);
     }
-    // All that a good frame hands over, as bytes.
+    // The whole output for a good frame, as bytes.
     std::string evaluate() {
         expect_ok(begin(world.frame()));
         return calls.kind == MARRAM_CURVES ? curves() : surface(output, calls.mesh);
@@ -256,7 +256,7 @@ class Called {
         EXPECT_EQ(status, MARRAM_OK) << calls.name << ": " << messages.last;
         messages.faults.clear();
     }
-    // An error, and a message that says why.
+    // Expects an error and a message that explains it.
     void expect_error(MarramStatus status, const std::string& id, const std::string& what) {
         EXPECT_EQ(status, MARRAM_ERROR) << calls.name << ": " << what;
         ASSERT_FALSE(messages.faults.empty()) << calls.name << ": " << what;
@@ -329,7 +329,7 @@ class Called {
 
 // ---- Values ----
 
-// Values that are certainly wrong, and what they point to.
+// Values that are certainly wrong, with the data that they point to.
 struct WrongValues {
     std::vector<MarramValue> list;
     std::vector<double> numbers;
@@ -338,7 +338,7 @@ struct WrongValues {
     std::string what;
 };
 
-// Of "layer[4].seed": that of the type of element 4.
+// For "layer[4].seed": the declaration in the type of element 4.
 const MarramParam* declaration(const ProceduralType& type, const std::vector<MarramValue>& list,
                                const std::string& name) {
     std::string declared;
@@ -357,7 +357,7 @@ const MarramParam* declaration(const ProceduralType& type, const std::vector<Mar
     return nullptr;
 }
 
-// One value spoilt; false where this fault does not suit it.
+// Spoils one value. Returns false if this fault does not apply to it.
 bool spoil(const ProceduralType& type, WrongValues& wrong, size_t index, int fault) {
     MarramValue& value = wrong.list[index];
     const MarramParam* param = declaration(type, wrong.list, value.name);
@@ -379,7 +379,7 @@ bool spoil(const ProceduralType& type, WrongValues& wrong, size_t index, int fau
         if (!numeric || !(param->maximum < 1e300)) return false;
         wrong.numbers[0] = value.type == MARRAM_BOOLEAN ? 2.0 : 2.0 * std::fabs(param->maximum) + 1.0;
         break;
-    case 3: // negative counts among them
+    case 3: // too small, including negative counts
         if (!numeric || !(param->minimum > -1e300)) return false;
         wrong.numbers[0] = value.type == MARRAM_BOOLEAN ? -1.0 : -2.0 * std::fabs(param->minimum) - 1.0;
         break;
@@ -387,7 +387,7 @@ bool spoil(const ProceduralType& type, WrongValues& wrong, size_t index, int fau
         if (value.number_count == 0) return false;
         wrong.numbers.push_back(wrong.numbers.back());
         break;
-    case 5: // none: an empty ramp, too
+    case 5: // no numbers, including an empty ramp
         if (value.number_count == 0) return false;
         wrong.numbers.clear();
         break;
@@ -414,17 +414,17 @@ bool spoil(const ProceduralType& type, WrongValues& wrong, size_t index, int fau
         wrong.list.push_back(copy);
         return true;
     }
-    case 12: // an unknown choice, interpolation, type of element; a name of nothing
+    case 12: // an unknown choice, interpolation or type of element; an empty name
         if (!named && value.type != MARRAM_RAMP && value.type != MARRAM_KEYS) return false;
         wrong.text = value.type == MARRAM_MESH_NAME || value.type == MARRAM_CURVES_NAME ? "" : "nonsense";
         break;
-    case 13: // downwards
+    case 13: // descending
         if (value.type != MARRAM_RANGE && value.type != MARRAM_RAMP) return false;
         if (value.type == MARRAM_RANGE && wrong.numbers[0] == wrong.numbers[1]) return false;
         if (value.type == MARRAM_RAMP && wrong.numbers.size() < 4) return false;
         std::swap(wrong.numbers[0], wrong.numbers[value.type == MARRAM_RANGE ? 1 : 2]);
         break;
-    default: // not whole
+    default: // not a whole number
         if (value.type != MARRAM_INTEGER) return false;
         wrong.numbers[0] += 0.5;
         break;
@@ -450,8 +450,8 @@ bool make_wrong(const Called& called, size_t index, int fault, WrongValues& wron
 struct FrameFault {
     const char* what;
     const char* id;
-    std::function<void(LentWorld&, MarramFrame&)> spoil; // what it changes of the world is put back
-    bool traces_only = false;                            // only where the procedural traces, or poses
+    std::function<void(LentWorld&, MarramFrame&)> spoil; // its changes to the world are undone
+    bool traces_only = false;                            // only for procedurals that trace or need poses
 };
 
 // Copies of what a fault changes, for one frame.
@@ -618,7 +618,7 @@ TEST_F(FaultyHost, IsToldOfWrongValues) {
                                     wrong.what);
                 ++told;
             }
-        EXPECT_EQ(called.evaluate(), before) << type.calls.name; // nothing was taken over
+        EXPECT_EQ(called.evaluate(), before) << type.calls.name; // nothing was changed
     }
     EXPECT_GT(told, 1000u);
 }
@@ -641,7 +641,7 @@ TEST_F(FaultyHost, IsToldOfNullPointers) {
         host.cancelled = nullptr;
         called.expect_error(calls.create(&host, called.good, &instance), "contract.null_callback",
                             "no cancelled()");
-        host.message = nullptr; // nobody to tell
+        host.message = nullptr; // no message callback
         EXPECT_EQ(calls.create(&host, called.good, &instance), MARRAM_ERROR);
         EXPECT_EQ(calls.create(nullptr, called.good, &instance), MARRAM_ERROR);
         host = called.host;
@@ -649,7 +649,7 @@ TEST_F(FaultyHost, IsToldOfNullPointers) {
         EXPECT_EQ(calls.create(&host, called.good, &instance), MARRAM_ERROR);
         EXPECT_EQ(instance, nullptr);
 
-        // No instance, as after a create() that failed.
+        // No instance, as after a failed create().
         MarramFrame frame = world.frame();
         MarramOutput output{};
         output.size = sizeof output;
@@ -715,7 +715,7 @@ TEST_F(FaultyHost, IsToldOfWrongFrames) {
         Spoilt spoilt;
         for (const FrameFault& fault : frame_faults(spoilt)) {
             if (!concerns(fault, type.calls.name)) continue;
-            called.create(); // what needs poses asks for them at first
+            called.create(); // poses are read only after create()
             MarramFrame frame = world.frame();
             fault.spoil(world, frame);
             called.expect_error(called.begin(frame), fault.id, fault.what);
@@ -771,7 +771,7 @@ TEST_F(FaultyHost, IsToldOfCallsOutOfOrder) {
         };
         too_early();
         const std::string before = called.evaluate();
-        if (calls.view_mesh) { // a view comes after its begin_view, once
+        if (calls.view_mesh) { // view_mesh needs a begin_view each time
             called.expect_error(calls.view_mesh(called.instance, &mesh_buffers), "contract.no_view",
                                 "view_mesh");
             const std::string seen = called.view_mesh();
@@ -782,10 +782,10 @@ TEST_F(FaultyHost, IsToldOfCallsOutOfOrder) {
         MarramFrame frame = world.frame();
         frame.fps = -1.0;
         called.expect_error(called.begin(frame), "contract.frame",
-                            "a bad frame"); // and what was begun is over
+                            "a bad frame"); // it also ends the frame that had begun
         too_early();
         called.expect_ok(called.begin(world.frame()));
-        called.expect_ok(called.begin(world.frame())); // twice is no mistake
+        called.expect_ok(called.begin(world.frame())); // twice is allowed
         EXPECT_EQ(called.evaluate(), before);
         const MarramUpdate update{sizeof(MarramUpdate), called.good, MARRAM_EVERYTHING};
         uint32_t changed = 0;
@@ -891,7 +891,8 @@ TEST_F(FaultyHost, IsToldOfWrongViews) {
     EXPECT_EQ(called.view_mesh(), before);
 }
 
-// Good and bad calls in any order: each is fine, or an error that says why; a good frame is the same at the end as at the beginning.
+// Good and bad calls in any order: each succeeds, or is an error with a message; a good frame gives the same
+// result at the end as at the beginning.
 TEST_F(FaultyHost, OfAnyKindDoesNoHarm) {
     std::mt19937 random(20250118);
     const auto any = [&](size_t count) { return size_t(random() % count); };
@@ -917,7 +918,7 @@ TEST_F(FaultyHost, OfAnyKindDoesNoHarm) {
             case 0:
                 if (any(4) == 0) called.create();
                 break;
-            case 1: { // a value left out: fine where it may be absent
+            case 1: { // a value left out: allowed if it may be absent
                 WrongValues less;
                 for (uint32_t i = 0; i < called.good->count; ++i)
                     if (any(40) > 0)

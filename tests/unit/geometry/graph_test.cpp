@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The graph of geometry: what a procedural names comes before it, what it hands over reaches all that name it.
+// The graph of geometry: a procedural is built after the items that it names, and its output reaches all
+// items that name it.
 #include "build_scene.h"
 
 #include "core/geometry/hit.h"
@@ -44,7 +45,7 @@ std::vector<float> vertices_of(const CurveGeometry& curves) {
 
 // ---- order
 
-// A hill on a pyramid of 3 m with a slab of 0.5 m, and hair on the hill: in all orders.
+// A hill on a pyramid of 3 m with a slab of 0.5 m, and hair on the hill, in every order in the file.
 TEST(Graph, OrderInTheFileDoesNotMatter) {
     const std::string tomb = "[[procedural]]\ntype = \"pyramid\"\nname = \"tomb\"\nheight = 3\n",
                       dune = hill("dune", "on = \"tomb\"\nlayer = [{ type = \"slab\" }]"),
@@ -69,14 +70,14 @@ TEST(Graph, ARingIsNamed) {
     EXPECT_NE(text.find("in a ring: a -> b -> a"), std::string::npos) << text;
     TestScene itself(hill("a", "on = \"a\""));
     EXPECT_NE(itself.objection().find("in a ring: a -> a"), std::string::npos);
-    // Reeds trace the hill, as all curves do, and the hill rises beside them.
+    // Reeds trace the hill, as all curves do, and the hill rises beside the reeds.
     TestScene hidden(hill("dune", "along = \"reed\"") + reeds("reed"));
     EXPECT_NE(hidden.objection().find("dune -> reed -> dune"), std::string::npos);
     TestScene fixed(hill("dune", "along = \"reed\"\ncollides = false\nshelters = false") + reeds("reed"));
     EXPECT_EQ(fixed.objection(), "");
 }
 
-// The hill refuses a frame that lends more than it names; roots see all that collides.
+// The hill refuses a frame with more meshes than it names; grooms see all colliders.
 TEST(Graph, AMeshTracesWhatItNamesAndNothingElse) {
     TestScene scene(mesh("ground", "plane") + mesh("roof", "plane", "transform = { translate = [0, 9, 0] }") +
                     hill("dune", "on = \"ground\"") + hill("free"));
@@ -114,12 +115,12 @@ TEST(SeveralMeshes, EachCarriesTheGroom) {
         alike +=
             (cv(world.curves[1], 0, c, 0) - cv(world.curves[0], 0, c, 0) - Vec3f(0, 9, 0)).norm() < 1e-3F;
     }
-    EXPECT_LT(alike, 5); // equal meshes do not look the same
-    // What stands on a mesh does not depend on the others, nor on their order.
+    EXPECT_LT(alike, 5); // equal meshes get different strands
+    // Strands on one mesh do not depend on the other meshes or on their order.
     TestScene other(meshes + fur_on("[\"high\", \"low\"]"));
     const World again = other.build();
     EXPECT_EQ(vertices_of(again.curves[0]), vertices_of(world.curves[1]));
-    // One in brackets is that one.
+    // A list of one name equals that name.
     TestScene bracket(meshes + fur_on("[\"low\"]")), plain(meshes + fur_on("\"low\""));
     const World a = bracket.build(), b = plain.build();
     EXPECT_EQ(a.curves[0].name, "fur");
@@ -144,13 +145,13 @@ TEST(SeveralMeshes, MistakesAreTold) {
     EXPECT_NE(mistake("[\"low\", 3]").find("a part of procedural.fur.on"), std::string::npos);
     const std::string two = mistake("[\"low\", \"high\"]", "\n" + fur_on("[\"low\", \"high\"]"));
     EXPECT_NE(two.find("the name \"fur.low\" is taken"), std::string::npos) << two;
-    // Curves that other things name are those of one mesh.
+    // Curves that others name must be those of one mesh.
     const std::string guided =
         mistake("[\"low\", \"high\"]", "\n[[procedural]]\ntype = \"groom\"\nname = \"child\"\non = \"low\"\n"
                                        "count = 9\nwidth = 0.01\nguides.curves = \"fur\"\n");
     EXPECT_NE(guided.find("guides.curves: there is no curves, procedural \"fur\""), std::string::npos)
         << guided;
-    // Imported strands stand on one mesh.
+    // Imported strands need exactly one mesh.
     const std::string imported =
         mistake("\"low\"", "\n[[procedural]]\ntype = \"strands\"\nname = \"s\"\ncurves = \"fur\"\n"
                            "on = [\"low\", \"high\"]\n");
@@ -177,7 +178,7 @@ TEST(Attributes, OfAMeshReachTheWorldAndTheGroom) {
     ASSERT_EQ(mesh.grids.size(), 1u);
     EXPECT_EQ(mesh.grids[0].name, "height");
     EXPECT_EQ(mesh.grids[0].values.size(), 33u * 33u);
-    // Half of the height is at 0.83 m from the middle.
+    // The height falls to half at 0.83 m from the middle.
     for (size_t c = 0; c < world.curves[0].curve_count; ++c) {
         const Vec3f root = cv(world.curves[0], 0, c, 0);
         EXPECT_LT(std::hypot(root.x(), root.z()), 0.9F);
@@ -192,7 +193,7 @@ TEST(Attributes, ScaleLengthAndWind) {
         TestScene scene(wind + dune + groom("hair", "dune", "count = 300\n" + more));
         const World world = scene.build();
         const CurveGeometry& curves = world.curves[0];
-        std::vector<std::pair<float, float>> found; // distance of the root from the middle, length
+        std::vector<std::pair<float, float>> found; // the root's distance from the middle; length
         for (size_t c = 0; c < curves.curve_count; ++c) {
             float length = 0.0F;
             for (uint32_t k = 0; k + 1 < curves.cvs_per_curve; ++k)
@@ -206,7 +207,8 @@ TEST(Attributes, ScaleLengthAndWind) {
     ASSERT_EQ(scaled.size(), whole.size());
     for (size_t c = 0; c < scaled.size(); ++c) {
         EXPECT_EQ(scaled[c].first, whole[c].first);
-        const float sand = std::exp(-scaled[c].first * scaled[c].first); // linear over triangles: roughly
+        // Roughly: it is linear over triangles.
+        const float sand = std::exp(-scaled[c].first * scaled[c].first);
         EXPECT_NEAR(scaled[c].second, whole[c].second * sand, 0.03F * whole[c].second);
     }
     TestScene calm(
@@ -251,10 +253,11 @@ TEST(RenderMesh, IsMadeForTheCameraAndMovesNoStrand) {
         EXPECT_EQ(world.growth_surface(0).triangles.size(), growth);
         EXPECT_EQ(vertices_of(world.curves[0]), strands);
         EXPECT_EQ(scene.stats.triangles, before);
-        // In the middle: rays meet the triangle in the middle of the render mesh, strands that of the growth surface.
+        // In the middle: camera rays hit a triangle of the render mesh, strands see one of the growth
+        // surface.
         SurfacePoint point;
         Ray ray{Vec3f(0.01F, 5.0F, 0.02F), -Vec3f::UnitY()};
-        ray.tnear = 3.99F; // behind the hair: the hill is 4 m away
+        ray.tnear = 3.99F; // past the hair: the hill is 4 m away
         ASSERT_TRUE(intersect(world, ray, point, false));
         RTCRayHit collider{};
         collider.ray = {0.01F, 5.0F, 0.02F, 0.0F, 0.0F, -1.0F, 0.0F, 0.0F, 10.0F, ~0U, 0, 0};
@@ -292,7 +295,7 @@ TEST(Motion, OfAMeshThatAProceduralMakesIsFollowed) {
 
 // ---- simulation
 
-// What has been simulated before is not simulated again: from frame to frame, and from run to run.
+// Simulated frames are stored and not simulated again: from frame to frame, and from run to run.
 TEST(States, AreKept) {
     const fs::path folder = fs::temp_directory_path() / ("marram_states_" + std::to_string(::getpid()));
     fs::remove_all(folder);
@@ -310,9 +313,9 @@ TEST(States, AreKept) {
     EXPECT_EQ(run(12.0), 3.0);
     EXPECT_EQ(run(4.0), 0.0);
     EXPECT_EQ(run(4.0, "grow = 0.25", "memory"), 3.0);
-    EXPECT_EQ(run(4.0, "grow = 0.25\ntone = 2"), 3.0); // other values: another folder
+    EXPECT_EQ(run(4.0, "grow = 0.25\ntone = 2"), 3.0); // other values: a different folder
     EXPECT_EQ(std::distance(fs::directory_iterator(folder), fs::directory_iterator()), 2);
-    // A file that is damaged does not count.
+    // Damaged files are ignored.
     for (const fs::directory_entry& states : fs::directory_iterator(folder))
         for (const char* name : {"11.state", "12.state"})
             if (fs::exists(states.path() / name)) fs::resize_file(states.path() / name, 41);
@@ -338,7 +341,7 @@ TEST(States, FollowTheInputs) {
         return scene.stats.report("hill.simulated");
     };
     EXPECT_EQ(run(mesh("ground", "plane"), ""), 4.0);
-    EXPECT_EQ(run(mesh("ground", "plane"), "another"), 0.0); // no camera counts
+    EXPECT_EQ(run(mesh("ground", "plane"), "another"), 0.0); // the camera does not matter
     EXPECT_EQ(run(mesh("ground", "plane", "divisions = 2"), ""), 4.0);
     fs::remove_all(folder);
 }
@@ -363,7 +366,7 @@ TEST(States, CanBeCancelled) {
 
 // ---- updates
 
-// A scene that was told of a change is the scene that is loaded with it.
+// A scene updated with a change equals the scene loaded with it.
 TEST(Update, IsAsGoodAsNew) {
     const std::string first = hill("dune", "layer = [{ type = \"bump\" }]") + groom("hair", "dune"),
                       tone =
@@ -396,7 +399,7 @@ TEST(Update, IsAsGoodAsNew) {
     }
 }
 
-// Nobody has told the groom that its mesh is another: it says so, and reads nothing out of bounds.
+// The groom was not notified that its mesh changed: it reports an error and reads nothing out of bounds.
 TEST(Update, ThatIsNotPassedOnIsAnError) {
     TestScene scene(hill("dune") + groom("hair", "dune"));
     scene.build();
@@ -405,7 +408,7 @@ TEST(Update, ThatIsNotPassedOnIsAnError) {
               std::string::npos);
 }
 
-// What an objection kept from a groom it is told by the next update.
+// A change that a failed update did not deliver to a groom arrives with the next update.
 TEST(Update, IsNotLostWhereAnotherObjects) {
     TestScene scene(hill("dune", "layer = [{ type = \"bump\" }]") + groom("hair", "dune"));
     scene.build();
@@ -414,7 +417,7 @@ TEST(Update, IsNotLostWhereAnotherObjects) {
     scene.update(higher + groom("hair", "dune"));
     TestScene fresh(higher + groom("hair", "dune"));
     EXPECT_EQ(vertices_of(scene.build().curves[0]), vertices_of(fresh.build().curves[0]));
-    // Roles are part of it, and so are other names.
+    // This includes roles and changed names.
     const std::string second = hill("second"), through = hill("dune", "collides = false");
     TestScene roles(hill("dune") + second + groom("hair", "second", "wind.collision.solver = \"exact\""));
     roles.build();
@@ -441,11 +444,11 @@ TEST(Curves, AreLentLikeMeshes) {
     const World world = scene.build();
     ASSERT_EQ(world.curves.size(), 1u);
     EXPECT_EQ(cv(world.curves[0], 0, 0, 0), Vec3f(1, 2, 3));
-    // The hill's ridge stands where the first reed does, at x = 1.
+    // The hill's ridge is at the first reed, at x = 1.
     const MeshGeometry& dune = world.meshes[0];
     for (const Vec3f& p : dune.positions[0])
         EXPECT_NEAR(p.y(), std::exp(-(p.x() - 1.0F) * (p.x() - 1.0F)), 1e-6F);
-    // What makes no curves has none to lend.
+    // A procedural that makes no curves cannot lend any.
     TestScene none(reeds("reed", "along = \"dune\"") + hill("dune"));
     EXPECT_NE(none.objection().find("reed: 'dune' makes no curves"), std::string::npos) << none.objection();
     TestScene no_mesh(reeds("reed") + hill("dune", "on = \"reed\""));
@@ -453,7 +456,7 @@ TEST(Curves, AreLentLikeMeshes) {
         << no_mesh.objection();
 }
 
-// Curves of 2, 3, 4, 5 CVs: each is hit where it stands, and carries its own attributes.
+// Curves of 2, 3, 4, 5 CVs: rays hit each at its place, and each carries its own attributes.
 TEST(Curves, MayHaveDifferentCounts) {
     TestScene scene(reeds("reed"));
     scene.settings.attributes = {"count", "number"};
@@ -549,7 +552,7 @@ TEST(Tables, AreReadByTheHost) {
     fs::remove(file);
 }
 
-// A name that a layer and the hill have in common is not mixed up; another column's name is another table.
+// A layer's parameter is distinct from the hill's of the same name; another column name makes another table.
 TEST(Values, AreToldApart) {
     const fs::path file =
         fs::temp_directory_path() / ("marram_columns_" + std::to_string(::getpid()) + ".csv");
@@ -578,7 +581,7 @@ TEST(Roles, SayWhatMeetsAMesh) {
         none(wind + mesh("ground", "plane", "size = [2, 2]") + groom("hair", "ground"));
     const std::vector<float> free = vertices_of(none.build().curves[0]);
     EXPECT_EQ(vertices_of(ghost.build().curves[0]), free);
-    EXPECT_NE(vertices_of(soft.build().curves[0]), free); // in its lee
+    EXPECT_NE(vertices_of(soft.build().curves[0]), free); // it shelters
     EXPECT_NE(vertices_of(all.build().curves[0]), vertices_of(soft.build().curves[0]));
     TestScene unseen(mesh("wall", "box", "seen_by_camera = false"));
     const World world = unseen.build();
@@ -591,7 +594,7 @@ TEST(Roles, SayWhatMeetsAMesh) {
     EXPECT_TRUE(occluded(world, ray));
 }
 
-// A strand that begins in a point is as thick above it as one that begins with next to nothing.
+// A strand of zero width at the root is as thick above it as one whose root is nearly zero.
 TEST(Collision, ThicknessCountsWhereTheRootIsAPoint) {
     const auto built = [](const std::string& root) {
         TestScene scene("[wind]\nspeed = 9\nglobal_rotate = 1\ncollision.solver = \"exact\"\n" +
@@ -605,7 +608,7 @@ TEST(Collision, ThicknessCountsWhereTheRootIsAPoint) {
     for (size_t i = 0; i < point.size(); ++i) EXPECT_NEAR(point[i], nearly[i], 1e-4F) << i;
 }
 
-// ---- what is said
+// ---- reports and warnings
 
 TEST(Report, OfMeshesArrivesAndSoDoWarnings) {
     TestScene scene(hill("low", "layer = [{ type = \"slab\", height = 1 }]") +
@@ -616,14 +619,14 @@ TEST(Report, OfMeshesArrivesAndSoDoWarnings) {
     EXPECT_NEAR(report("hill.highest"), 200.0 * std::sin(1.0), 1e-6);
     EXPECT_EQ(report("hill.size"), 4.0);
     EXPECT_NEAR(report("hill.steepness"), 50.0 * std::sin(1.0), 1e-6);
-    ASSERT_EQ(scene.stats.warnings.size(), 1u); // once, however often the hill was made for its motion keys
+    ASSERT_EQ(scene.stats.warnings.size(), 1u); // once, although the hill is made for several motion keys
     EXPECT_NE(scene.stats.warnings[0].find("the hill swells by more than 100 m: lower swell"),
               std::string::npos);
 }
 
 // ---- growing
 
-// A plug-in that was built with a longer contract does what it does with today's, but for what nobody knows yet.
+// A plug-in built with a longer, future contract behaves as with today's, except for features unknown today.
 TEST(Growing, APluginOfTheFutureWorks) {
     const std::string text =
         mesh("ground", "plane") + line("crest", "[[1, 2, 3], [2, 2, 3]]") +

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Grids and surfaces in files: read back, with the place where they lie.
+// Grids and surfaces in files: they are read back together with their placement.
 #include "core/geometry/grid_export.h"
 #include "core/geometry/grid_placement.h"
 #include "core/image/image.h"

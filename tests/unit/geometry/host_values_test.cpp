@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Values as core/plugin/marram_host.h makes them for any host, against those of the renderer's own host.
+// Compares the values that core/plugin/marram_host.h makes for any host with those of the renderer's own
+// host.
 #include "build_scene.h"
 
 #include "core/geometry/contract_values.h"
@@ -60,7 +61,7 @@ std::map<std::string, Plain> by_name(const MarramValues* values) {
     return found;
 }
 
-// Two sets of values name by name, so that a difference names its parameter.
+// Compares two sets of values by name, so that a difference names its parameter.
 void expect_same(const std::map<std::string, Plain>& ours, const std::map<std::string, Plain>& theirs,
                  const std::string& what) {
     for (const auto& [name, value] : theirs) {
@@ -80,7 +81,8 @@ void expect_same(const std::map<std::string, Plain>& ours, const std::map<std::s
         EXPECT_TRUE(theirs.contains(name)) << what << ": " << name << " is too much";
 }
 
-// What must be given, as text of a scene, of the simplest kind that is allowed; a table or image is a file of this folder.
+// A valid value for a required parameter, as scene text, as simple as possible. Tables and images are files
+// in this folder.
 std::string something_for(const MarramParam& param, const std::string& folder) {
     const double number = std::clamp(1.0, param.minimum, param.maximum);
     switch (param.type) {
@@ -113,7 +115,7 @@ std::string something_for(const MarramParam& param, const std::string& folder) {
     }
 }
 
-// One procedural with all that must be given, in a scene and by marram_host.h.
+// One procedural with its required values, set in a scene and by marram_host.h.
 class Both {
   public:
     Both(const std::shared_ptr<PluginLibrary>& library, const ProceduralType& type)
@@ -131,7 +133,7 @@ class Both {
     }
     ~Both() { std::filesystem::remove_all(folder_); }
 
-    // One element of each list without types.
+    // Adds one element to each list without types.
     void add_elements() {
         std::set<std::string> lists;
         for (const MarramParam& param : type_.params)
@@ -148,7 +150,7 @@ class Both {
             table_ += fmt::format("{} = [{{ {} }}]\n", list, entries);
         }
     }
-    // One element of each type of each list with types; every list in it has an element, too.
+    // Adds one element of each type to each list with types; lists inside these get an element, too.
     void add_typed_elements() {
         int index = 0;
         for (const ProceduralItemType& item : type_.item_types) {
@@ -156,7 +158,7 @@ class Both {
             table_ += fmt::format("[[procedural.{}]]\ntype = \"{}\"\n", list, item.item.type);
             EXPECT_EQ(marram_add(values_.get(), item.item.list, item.item.type), index);
             const std::string prefix = fmt::format("{}[{}].", list, index++);
-            std::map<std::string, std::string> lists; // within
+            std::map<std::string, std::string> lists; // inside it
             for (const MarramParam& param : item.params) {
                 const std::string inner(list_of(param.name)), field = param.name;
                 if (inner.empty()) {
@@ -228,7 +230,7 @@ std::shared_ptr<PluginLibrary> own_library() {
     return std::make_shared<PluginLibrary>(default_library, Place{});
 }
 
-// Every parameter of every procedural: what a scene says nothing of is what the helper fills in.
+// For every parameter of every procedural, the helper fills in the same defaults as the renderer's host.
 TEST(HostValues, AreTheDeclaredDefaults) {
     const auto library = own_library();
     ASSERT_EQ(library->types().size(), 4u);
@@ -254,7 +256,8 @@ TEST(HostValues, OfElementsAreTheDeclaredDefaultsToo) {
     EXPECT_GT(typed, 10u);
 }
 
-// What is said of a value in a scene and here is taken, or refused, alike: seeded changes of the declared defaults and of others.
+// The scene loader and the helper accept and refuse the same texts: seeded changes of the declared defaults
+// and of others.
 TEST(HostValues, ReadWhatAScenesLoaderReads) {
     const auto library = own_library();
     std::mt19937 random(20240607);
@@ -317,7 +320,7 @@ TEST(HostValues, ReadWhatAScenesLoaderReads) {
 
 const ProceduralType& groom_of(const PluginLibrary& library) { return *library.find("groom"); }
 
-// As a host has them that cuts a line at its "=".
+// Some hosts split lines at "=" and keep the blanks.
 TEST(HostValues, MayHaveBlanksAround) {
     const auto library = own_library();
     const HostValues values = host_values(groom_of(*library));
@@ -348,7 +351,7 @@ TEST(HostValues, TellEveryMistakeAtOnce) {
     EXPECT_EQ(marram_set_ramp(v, "clump.profile", downwards, 2, "cubic"), MARRAM_ERROR);
     EXPECT_EQ(marram_set_number(v, "on", 1), MARRAM_ERROR);
     EXPECT_EQ(marram_set(v, "density_mask", "\"a.png\""), MARRAM_ERROR);
-    EXPECT_EQ(marram_set(v, "wind.gusts.control[1].strength", "1"), MARRAM_OK); // and no element 0
+    EXPECT_EQ(marram_set(v, "wind.gusts.control[1].strength", "1"), MARRAM_OK); // without an element 0
     EXPECT_EQ(marram_set(v, "wind.gusts.control[1].strenght", "1"), MARRAM_ERROR);
     EXPECT_EQ(marram_set(v, "wind.gusts.control[01].strength", "1"), MARRAM_ERROR);
     EXPECT_EQ(marram_add(v, "wind.gusts", nullptr), -1);
@@ -380,7 +383,7 @@ TEST(HostValues, TellEveryMistakeAtOnce) {
     for (size_t i = 0; i < expected.size(); ++i)
         EXPECT_TRUE(told.lines[i].starts_with(expected[i])) << told.lines[i];
 
-    // A complaint goes with its cause; what is missing is said once it is not otherwise wrong.
+    // An error is dropped with its cause; a missing value is reported once nothing else is wrong with it.
     for (const char* name : {"wind.spede", "frequency", "count", "seed", "length", "envelope",
                              "clump.profile", "on", "density_mask", "wind.gusts.control[1].strenght",
                              "wind.gusts.control[01].strength", "wind.gusts", "density_by"})
@@ -420,7 +423,7 @@ TEST(HostValues, OfTypedElementsNeedTheirType) {
     const auto noise = by_name(marram_values_finish(v, nullptr));
     EXPECT_EQ(noise.at("layer[0].type").text, "noise");
     EXPECT_EQ(noise.at("layer[0].amplitude").numbers, std::vector<double>{3});
-    // Another type: what was set of the one before is gone.
+    // Changing the type drops the values of the previous type.
     EXPECT_EQ(marram_set_text(v, "layer[0].type", "ripples"), MARRAM_OK);
     const auto ripples = by_name(marram_values_finish(v, nullptr));
     EXPECT_EQ(ripples.at("layer[0].type").text, "ripples");
@@ -432,7 +435,7 @@ TEST(HostValues, FindAProcedural) {
     Told told;
     const MarramHost host = told.host();
     MarramProcedural found;
-    MarramProcedural one = groom_of(*own_library()).calls; // its texts are gone with the library
+    MarramProcedural one = groom_of(*own_library()).calls; // its texts are freed with the library
     const MarramParam param{"p",    MarramParamType(MARRAM_PARAM_TYPE_COUNT), "", "0", 0, 1, "", "", nullptr,
                             nullptr};
     one.name = "groom", one.help = "", one.params = &param, one.param_count = 0,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Instances of a mesh and of what grows on it: the same strands at another place, in the wind of that place.
+// Instances of a mesh and of the strands on it: the same strands at another place, in the wind of that place.
 #include "build_scene.h"
 
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 namespace marram::testing {
 namespace {
 
-// What takes the mesh to its instance: turned by 90 degrees about y, twice as large, moved.
+// The transform from the mesh to its instance: rotated by 90 degrees about y, scaled by 2, moved.
 const std::string turned_twice_as_large =
     "{ rotate = [0, 90, 0], scale = [2, 2, 2], translate = [5, 1, -3] }";
 
@@ -40,7 +40,8 @@ std::string moved_by(double x, double y, double z) {
            "] }";
 }
 
-// The greatest distance of the CVs of the curves from `second` on from where `placed` takes those from `first` on, over all times; radii too.
+// The greatest distance, over all times, between the CVs of `count` curves from `second` on and those from
+// `first` on moved by `placed`. Radii are compared too.
 double farthest(const CurveGeometry& a, size_t first, const CurveGeometry& b, size_t second, size_t count,
                 const Eigen::Affine3d& placed) {
     const double scale = std::cbrt(std::abs(placed.linear().determinant()));
@@ -90,7 +91,8 @@ TEST(Instances, AreTheSameStrandsElsewhere) {
     }
 }
 
-// A mesh that stands there itself, with the same roots, is blown, sheltered, swings and collides as the instance does.
+// A separate mesh at that place with the same roots is blown, sheltered, jiggled and collided like the
+// instance.
 TEST(Instances, StandInTheWindOfTheirPlace) {
     const std::string wind =
         "speed = 8\ncalm = 1\nnoise = { frequency = 1 }\nshielding = { shield = 1, spread = 10 }\ncollision "
@@ -106,7 +108,7 @@ TEST(Instances, StandInTheWindOfTheirPlace) {
     const World world = scene.build();
     const CurveGeometry& fur = world.curves.at(0);
     ASSERT_EQ(fur.curve_count, 900u);
-    // Others stand beside it there, which neither touch nor shelter it; the gusts' box is that of the scene's meshes.
+    // The separate meshes neither touch nor shelter each other; the gusts' box is that of the scene's meshes.
     const double own = farthest(fur, 0, fur, 300, 300, turned_by(0, 1, {5, 0, 0}));
     EXPECT_GT(own, 0.02) << "it is the wind of another place";
     TestScene alone("\n[wind]\n" + wind + wall + mesh("ball", "sphere") +
@@ -123,7 +125,7 @@ TEST(Instances, StandInTheWindOfTheirPlace) {
     EXPECT_EQ(scene.stats.report("collision.unresolved"), 0.0);
 }
 
-// An instance that moves while the mesh rests, within the shutter and before it.
+// An instance that moves while its mesh rests, within the shutter and before it.
 TEST(Instances, MoveByThemselves) {
     const std::string rolling =
         "{ keys = [{ frame = 1, translate = [3, 0, 0] }, { frame = 11, translate = [13, 0, 0], "
@@ -145,7 +147,7 @@ TEST(Instances, MoveByThemselves) {
                     (placed * cv(fur, 0, c, k).cast<double>() - cv(fur, t, 300 + c, k).cast<double>()).norm(),
                     4e-6);
             }
-    // What moves swings.
+    // Moving instances jiggle.
     TestScene swinging(
         furred(instances({rolling}), "", "speed = 0\njiggle = { frequency = 2, damping = 0.2 }\n"));
     swinging.settings.frame = 6;
@@ -169,7 +171,7 @@ TEST(Instances, FollowGuides) {
         const World world = blown.build();
         const CurveGeometry& fur = world.curves.at(0);
         ASSERT_EQ(fur.curve_count, 300u);
-        // The wind is the same everywhere: what is only moved bends as it does on the mesh, what is turned does not.
+        // The wind is uniform: moved instances bend like the original, rotated ones do not.
         EXPECT_LT(farthest(fur, 0, fur, 200, 100, turned_by(0, 1, {0, 0, 40})), 1e-5);
         EXPECT_GT(farthest(fur, 0, fur, 100, 100, turned_by(90, 2, {5, 1, -3})), 0.01);
         TestScene still(text);
@@ -181,7 +183,7 @@ TEST(Instances, FollowGuides) {
     }
 }
 
-// Boxes that patches promise hold the strands of every instance; an instance is a collider as the mesh is.
+// The patches' bounds contain the strands of every instance; an instance is a collider like its mesh.
 TEST(Instances, AreBoundedAndCollide) {
     TestScene scene(furred(instances({turned_twice_as_large, moved_by(2.3, 0, 0)}), "",
                            "speed = 12\ncollision = { solver = \"exact\", offset_scale = 0.2 }\n"));
@@ -200,7 +202,7 @@ TEST(Instances, AreBoundedAndCollide) {
         }
 }
 
-// What is left to the tolerance is chosen for the largest instance, and for one that moves as for a mesh that does.
+// The tolerance chooses for the largest instance, and treats a moving instance like a moving mesh.
 TEST(Instances, CountWhereTheToleranceChooses) {
     const auto chosen = [](const std::string& transform, const std::string& what) {
         TestScene scene("\n[wind]\nspeed = 1\nreference_segments = 7\njiggle = { frequency = 1 }\n"
@@ -222,7 +224,7 @@ TEST(Instances, CountWhereTheToleranceChooses) {
               0.5);
 }
 
-// A procedural that makes a mesh of a mesh does not know of its instances.
+// A procedural that makes a mesh from a mesh ignores its instances.
 TEST(Instances, AreNothingToARock) {
     const auto rate = [](const std::string& more) {
         TestScene scene(

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What one frame leaves to the next: every frame has the bits that it has by itself, and what rests is not made again.
+// What is kept from frame to frame: every frame has the same bits as when it is built alone, and static
+// geometry is not rebuilt.
 #include "build_scene.h"
 
 #include <gtest/gtest.h>
@@ -35,7 +36,7 @@ const std::string rolling_ball = mesh(
     "transform = { keys = [{ frame = 1, translate = [0, 2, 0] }, { frame = 9, translate = [4, 2, 0] }] }");
 const std::string some_wind = "\n[wind]\nspeed = 6\n";
 
-// One frame after the other, each with what the one before has left.
+// Consecutive frames, each with what was kept from the one before.
 struct Sequence {
     TestScene scene;
     KeptGeometry kept{};
@@ -118,7 +119,7 @@ TEST(KeptGeometry, AnotherCameraGetsARenderMeshOfItsOwn) {
     expect_same(sequence.frame(3, -3.0), alone(text, 3, -3.0));
 }
 
-// The ball is a mesh of the scene that moves; the ruin is sand around it.
+// The ball is a moving mesh of the scene; the ruin is sand around it.
 TEST(KeptGeometry, WhatMovesIsMadeAnew) {
     for (const std::string& text : {some_wind + rolling_ball + dunes("1") + groom("grass", "dunes"),
                                     some_wind + rolling_ball + dunes("1", "") +
@@ -141,7 +142,7 @@ const std::string evolving_grass =
     groom("grass", "dunes",
           "density = 2\ndensity_by = [{ attribute = \"sand\", ramp = [[0.9, 0], [1.3, 1]] }]");
 
-// Strands come and go with the sand that they grow on: those that stay are the same.
+// Strands appear and vanish with the sand below them; those that stay are the same.
 TEST(KeptGeometry, AnEvolvingTerrainIsThatOfItsFrame) {
     const std::string& text = evolving_grass;
     Sequence sequence(text);
@@ -156,7 +157,7 @@ TEST(KeptGeometry, AnEvolvingTerrainIsThatOfItsFrame) {
     EXPECT_NE(counts[1], counts[0]);
 }
 
-// So do strands that guides of such a terrain lead, and strands of a file that are bound to it.
+// The same for strands guided by such a terrain's strands, and for a file's strands bound to it.
 TEST(KeptGeometry, WhatDependsOnAnEvolvingTerrainIsThatOfItsFrame) {
     const std::string text =
         evolving_grass + mesh("lawn", "plane") +
@@ -184,7 +185,7 @@ TEST(KeptGeometry, NothingOldIsLeftAfterAnUpdate) {
         expect_same(world, alone(text(height), 1));
         sequence.kept = kept_geometry(std::move(world));
     }
-    // A mesh of the scene that others see otherwise: the mask of its rays is Embree's.
+    // A mesh whose visibility changes: its ray mask is Embree's.
     sequence.scene.geometry.meshes[0].roles = MARRAM_CASTS_SHADOWS;
     const World world = sequence.frame(1);
     const std::string unseen =
@@ -194,7 +195,7 @@ TEST(KeptGeometry, NothingOldIsLeftAfterAnUpdate) {
     expect_same(world, alone(some_wind + unseen + dunes("1") + groom("grass", "dunes"), 1));
 }
 
-// A library that does not say what stays the same, and one whose instance is another.
+// Nothing is kept for a library that does not report what stays the same.
 TEST(KeptGeometry, WithoutAVersionNothingIsKept) {
     const std::string text =
         "\n[[procedural]]\ntype = \"hill\"\nname = \"dunes\"\n" + groom("grass", "dunes");

@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 using Triangle = std::array<uint32_t, 3>;
 using Key = std::array<float, 3>;
 
-// A folder of this test's own that goes away with it.
+// This test's own folder, removed with it.
 struct MeshFiles : ::testing::Test {
     fs::path folder = fs::temp_directory_path() / ("marram_mesh_test_" + std::to_string(::getpid()));
     MeshFiles() { fs::create_directories(folder); }
@@ -53,7 +53,7 @@ double volume(const Mesh& mesh) {
         sum += cross(mesh, t).dot(mesh.positions[t[0]].cast<double>()) / 6.0;
     return sum;
 }
-// Every directed edge between positions has exactly one partner the other way round.
+// Whether every directed edge between positions has exactly one opposite edge.
 bool is_closed(const Mesh& mesh) {
     std::map<std::pair<Key, Key>, int> edges;
     for (const Triangle& t : mesh.triangles)
@@ -79,8 +79,7 @@ void expect_sound(const Mesh& mesh) {
     ASSERT_GE(mesh.triangles.capacity() * sizeof(Triangle), mesh.triangles.size() * sizeof(Triangle) + 16);
 }
 
-// ---- Built-in meshes
-// --------------------------------------------------------------------------------------------------
+// ---- Built-in meshes --------------------------------------------------------------------------------------
 
 TEST(MeshShapes, PlaneFacesUp) {
     const Mesh mesh = plane_mesh({4.0f, 3.0f}, 5);
@@ -159,13 +158,12 @@ TEST(MeshShapes, RefuseSenselessSizes) {
     EXPECT_THROW(sphere_mesh(1.0f, 4, 1.5f, 1.0f), InputError);
 }
 
-// ---- Normals
-// ---------------------------------------------------------------------------------------------------------
+// ---- Normals ----------------------------------------------------------------------------------------------
 
 TEST(VertexNormals, WeighByAngleAndShareByPosition) {
     Mesh box = box_mesh({2.0f, 2.0f, 2.0f});
     const std::vector<Vec3f> normals = vertex_normals(box.positions, box.triangles);
-    // However the sides are cut, a cube's corner looks along its diagonal.
+    // For any triangulation, the normal at a cube's corner is its diagonal.
     for (size_t v = 0; v < normals.size(); ++v)
         EXPECT_LT((normals[v] - box.positions[v].normalized()).norm(), 1e-6f);
 }
@@ -175,7 +173,7 @@ TEST(VertexNormals, SurviveDegenerateAndOppositeTriangles) {
                                   {9, 9, 9}, {0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
     const std::vector<Triangle> t = {{0, 1, 2}, {0, 1, 3}, {0, 0, 0}, {5, 7, 6}};
     const std::vector<Vec3f> n = vertex_normals(p, t);
-    EXPECT_EQ(n[0], Vec3f(0, 0, 1)); // two sheets back to back, each its own
+    EXPECT_EQ(n[0], Vec3f(0, 0, 1)); // two sheets back to back keep separate normals
     EXPECT_EQ(n[5], Vec3f(0, 0, -1));
     for (const Vec3f& normal : n) EXPECT_NEAR(normal.norm(), 1.0f, 1e-6f);
 }
@@ -194,8 +192,7 @@ TEST(VertexNormals, KeepTheirBitsAtAnyScaleOfThreads) {
     }
 }
 
-// ---- OBJ
-// -------------------------------------------------------------------------------------------------------------
+// ---- OBJ --------------------------------------------------------------------------------------------------
 
 const std::string quad = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
@@ -209,7 +206,7 @@ TEST_F(MeshFiles, ObjReadsIndicesOfAllForms) {
         EXPECT_NEAR(area(mesh), 1.0, 1e-7);
         EXPECT_GT(cross(mesh, mesh.triangles[0]).z(), 0.0);
     }
-    EXPECT_EQ(load("late.obj", "f 1 2 3\n" + quad).triangles.size(), 1u); // vertices behind the faces
+    EXPECT_EQ(load("late.obj", "f 1 2 3\n" + quad).triangles.size(), 1u); // vertices after the faces
     std::string carriage = quad + "f 1 2 3 4";
     std::replace(carriage.begin(), carriage.end(), '\n', '\r');
     EXPECT_EQ(load("mac.obj", carriage).triangles.size(), 2u);
@@ -221,7 +218,7 @@ TEST_F(MeshFiles, ObjSplitsVerticesAndSeamsStaySmooth) {
         "v 0 0 0\nv 1 0 0\nv 1 0 -1\nv 0 0 -1\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvt 0.5 0.5\n"
         "f 1/1 2/2 3/3\nf 1/4 3/3 4/1\nf 1/2 4/3 5/1\n";
     const Mesh mesh = load("seam.obj", text, true);
-    EXPECT_EQ(mesh.positions.size(), 8u); // vertex 1 stands three times, vertex 4 twice
+    EXPECT_EQ(mesh.positions.size(), 8u); // vertex 1 appears three times, vertex 4 twice
     ASSERT_EQ(mesh.normals.size(), 8u);
     std::map<Key, Vec3f> seen;
     for (size_t v = 0; v < mesh.positions.size(); ++v) {
@@ -234,8 +231,8 @@ TEST_F(MeshFiles, ObjSplitsVerticesAndSeamsStaySmooth) {
 TEST_F(MeshFiles, ObjKeepsNormalsAndFillsMissingOnes) {
     const Mesh mesh = load("n.obj", quad + "vn 0 0 -5\nvn 0 0 0\nf 1//1 2//1 3//2\nf 1//1 3//2 4\n");
     ASSERT_EQ(mesh.normals.size(), mesh.positions.size());
-    EXPECT_EQ(mesh.normals[0], Vec3f(0, 0, -1)); // the file's, made unit
-    EXPECT_EQ(mesh.normals[2], Vec3f(0, 0, 1));  // a zero in the file
+    EXPECT_EQ(mesh.normals[0], Vec3f(0, 0, -1)); // the file's, normalised
+    EXPECT_EQ(mesh.normals[2], Vec3f(0, 0, 1));  // zero in the file
     EXPECT_EQ(mesh.normals[3], Vec3f(0, 0, 1));  // none in the file
 }
 
@@ -254,14 +251,13 @@ TEST_F(MeshFiles, PolygonsAreCutWithinThemselves) {
     for (const auto& c : cases) {
         const Mesh mesh = load("p.obj", std::string(c.vertices) + c.face + "\n");
         EXPECT_NEAR(area(mesh), c.area, 1e-6) << c.face;
-        Vec3d sum = Vec3d::Zero(); // all wound alike: areas add up with their sign too
+        Vec3d sum = Vec3d::Zero(); // all have the same winding: signed areas add up, too
         for (const Triangle& t : mesh.triangles) sum += cross(mesh, t) / 2.0;
         EXPECT_NEAR(sum.norm(), c.area, 1e-6) << c.face;
     }
 }
 
-// ---- PLY
-// -------------------------------------------------------------------------------------------------------------
+// ---- PLY --------------------------------------------------------------------------------------------------
 
 struct PlyBytes {
     std::string format, bytes;
@@ -327,8 +323,7 @@ TEST_F(MeshFiles, PlyKeepsNormalsAndFloats) {
     EXPECT_EQ(mesh.normals[2], Vec3f(0, 0, 1));
 }
 
-// ---- Faults
-// ----------------------------------------------------------------------------------------------------------
+// ---- Faults -----------------------------------------------------------------------------------------------
 
 TEST(BrokenMeshes, AreRefusedWithTheirPlace) {
     const fs::path folder = fs::path(MARRAM_SOURCE_DIR) / "tests/broken/meshes";
@@ -386,7 +381,7 @@ TEST_F(MeshFiles, MutationsNeverDoWorseThanAnInputError) {
         }
 }
 
-// A face line of many corners and a file of many lines: nothing may take the square of the file's size.
+// A face with many corners and a file with many lines: no step may take quadratic time.
 TEST_F(MeshFiles, LongFilesTakeLinearTime) {
     std::ostringstream text;
     for (int i = 0; i < 100000; ++i) text << "v " << i << " " << i % 7 << " 0\n";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One dial that the tolerance turns: the number of motion keys.
+// The tolerance chooses the number of motion keys.
 #include "core/geometry/motion_keys.h"
 
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@ using namespace marram;
 
 namespace {
 
-// A box of 2 m that turns by `degrees` about y within frame 1 ... 2, and is moved along by 3 m.
+// A box of 2 m that rotates by `degrees` about y from frame 1 to 2 and moves by 3 m.
 SceneMesh turning_box(double degrees) {
     SceneMesh mesh;
     mesh.name = "box";
@@ -32,8 +32,8 @@ TEST(MotionKeys, nothing_moves_while_the_shutter_is_closed_or_the_shot_is_over) 
     EXPECT_EQ(motion_keys_for(turning_box(90.0), 1e-6, View{}, 5.0, 6.0), 2U);
 }
 
-// A chord of angle a on a circle of radius r sags by r (1 - cos(a/2)): the tolerance is met, and with half as
-// many it was not.
+// A chord of angle a on a circle of radius r has the sagitta r (1 - cos(a/2)): the chosen keys meet the
+// tolerance, half as many do not.
 TEST(MotionKeys, a_turn_stays_within_the_tolerance) {
     const double radius = std::sqrt(2.0);
     for (const double degrees : {10.0, 90.0, 170.0})
@@ -52,7 +52,7 @@ TEST(MotionKeys, a_turn_stays_within_the_tolerance) {
     EXPECT_EQ(motion_keys_for(turning_box(170.0), 0.0, View{}, 1.0, 2.0), 64U);
 }
 
-// Whole turns between keys must not pass for rest.
+// Whole turns between keys must not be taken for rest.
 TEST(MotionKeys, whole_turns_are_seen) {
     for (const double turns : {1.0, 2.0, 3.0, 4.0, 4.003, 8.0, 12.0, 16.0}) {
         const SceneMesh box = turning_box(360.0 * turns);
@@ -63,7 +63,7 @@ TEST(MotionKeys, whole_turns_are_seen) {
 
 namespace {
 
-// Along x, frame by frame.
+// A box that moves along x, with (frame, x) keys.
 SceneMesh box_along(const std::vector<std::pair<double, double>>& ways) {
     SceneMesh mesh = turning_box(0.0);
     std::vector<double> keys;
@@ -74,7 +74,8 @@ SceneMesh box_along(const std::vector<std::pair<double, double>>& ways) {
 
 } // namespace
 
-// Where the way bends, the number of keys that has one there does: 10 is half of one shutter, 0.24 / 0.49 of another.
+// A kink in the path needs a motion key at its time: frame 10 is at 1/2 of one shutter, at 0.24 / 0.49 of
+// another.
 TEST(MotionKeys, a_bend_asks_for_a_key_where_it_is) {
     const SceneMesh box = box_along({{9, 0}, {10, 1}, {11, 1}});
     EXPECT_EQ(motion_keys_for(box, 1e-6, View{}, 9.75, 10.25), 3U);
@@ -102,7 +103,7 @@ TEST(MotionKeys, equal_keys_are_rest) {
 
 namespace {
 
-// From z = 10 along -z, 90 degrees wide; a tolerance in pixels is its metres at z = 0.
+// From z = 10 along -z, 90 degrees wide; a tolerance in pixels has its size in metres at z = 0.
 View looking() {
     return {.position = {0.0, 0.0, 10.0},
             .cosine = std::cos(45.0 * degree),
@@ -124,13 +125,14 @@ TEST(MotionKeys, pixels_are_larger_nearer) {
     EXPECT_DOUBLE_EQ(view.enlarged({0.0, 0.0, 30.0}), 0.5) << "far behind";
     EXPECT_DOUBLE_EQ(view.enlarged(view.position), 1.0);
 
-    // Of a camera that comes near while the shutter is open, and of one that turns to something then, the largest counts.
+    // The largest scale in the shutter counts, for a camera that comes closer and for one that turns towards
+    // a point.
     View moving = looking();
     moving.later.emplace_back(Vec3d(0.0, 0.0, 2.0), Vec3d(1.0, 0.0, 0.0));
     EXPECT_DOUBLE_EQ(moving.enlarged({0.0, 0.0, 5.0}), 2.0);
     EXPECT_DOUBLE_EQ(moving.enlarged({1.0, 0.0, 2.0}), 10.0);
 
-    // Four times as near asks for twice the keys less one.
+    // At a quarter of the distance: twice as many keys, less one.
     const SceneMesh box = turning_box(90.0);
     const auto keys_from = [&](double z) {
         View from = looking();
@@ -144,7 +146,7 @@ TEST(MotionKeys, pixels_are_larger_nearer) {
 
 namespace {
 
-// One CV at five instants of a unit of time.
+// Adds one CV at five instants of a unit of time.
 template <typename Path>
 void add(StrandMotion& motion, Path&& path, size_t instants, const View& view);
 template <typename Path>
@@ -164,7 +166,7 @@ void add(StrandMotion& motion, Path&& path, size_t instants, const View& view) {
     motion.add(samples, 1, view);
 }
 
-// What straight lines between so many keys leave of a path, looked for at many instants.
+// The largest error of linear interpolation of a path between that many keys, sampled at many instants.
 template <typename Path>
 double sag(Path&& path, uint32_t keys) {
     double worst = 0.0;
@@ -191,7 +193,7 @@ TEST(StrandMotion, keys_hold_a_strand_to_the_tolerance) {
             const uint32_t keys = motion.keys_for(tolerance);
             EXPECT_LE(sag(path, keys), tolerance) << turn << " in " << tolerance << ": " << keys << " keys";
             if (keys > 2) {
-                // No more than the margin asks for: with three quarters of them it does not hold.
+                // The margin is tight: three quarters of the keys are not enough.
                 EXPECT_GT(sag(path, std::max(2U, keys * 3 / 4)), 0.9 * tolerance) << turn << ", " << keys;
             }
             EXPECT_EQ(motion.jumps(tolerance), 0.0);
@@ -219,7 +221,7 @@ TEST(StrandMotion, a_tolerance_in_pixels_is_of_each_strands_own_distance) {
     EXPECT_NEAR(double(keys_at({0.0, 0.0, -30.0})) - 1.0, 0.5 * (keys - 1.0), 1.0) << "four times as far";
 }
 
-// By five instants, a strand that turns by more than a right angle between two of them is one that jumps.
+// With five instants, a strand that turns by more than a right angle between two of them counts as jumping.
 TEST(StrandMotion, what_turns_fast_is_looked_at_more_often) {
     const auto turn = [](double t) { return Vec3d(std::cos(3.0 * pi * t), std::sin(3.0 * pi * t), 0.0); };
     StrandMotion few, more;
@@ -247,7 +249,7 @@ TEST(StrandMotion, what_jumps_and_what_is_rare_asks_for_nothing) {
     EXPECT_EQ(motion.keys_for(0.001), 2U);
     EXPECT_EQ(motion.jumps(0.001), 0.5);
     EXPECT_EQ(motion.jumps(1.0), 0.0) << "too small to matter";
-    for (const int n : {2, 3, 50, 99}) { // of a few every one counts
+    for (const int n : {2, 3, 50, 99}) { // of a few strands each counts
         StrandMotion few;
         for (int i = 0; i + 1 < n; ++i) add(few, still);
         add(few, whip);

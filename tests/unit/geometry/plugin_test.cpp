@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Libraries that cannot be loaded and procedurals that break the contract: each is told what is wrong, and
-// nothing of it reaches Embree.
+// Libraries that cannot be loaded and procedurals that break the contract: each gives an error with its
+// cause, and none of its output reaches Embree.
 #include "build_scene.h"
 
 #include <gtest/gtest.h>
@@ -84,7 +84,7 @@ void PrintTo(const Fault& fault, std::ostream* out) { *out << fault.name; }
 
 std::string name_of(const ::testing::TestParamInfo<Fault>& info) {
     std::string name = info.param.name;
-    std::replace(name.begin(), name.end(), '-', '_'); // GoogleTest takes no other
+    std::replace(name.begin(), name.end(), '-', '_'); // GoogleTest allows no other characters
     return name;
 }
 
@@ -155,7 +155,7 @@ TEST(FaultyPlugin, WithoutFaultIsBuilt) {
     EXPECT_TRUE(world.bounds.contains(Vec3f(11, 3, 0)));
 }
 
-// A procedural that never asks whether to go on is stopped between its patches all the same.
+// A procedural that never polls for cancellation is still stopped between its patches.
 TEST(FaultyPlugin, ThatThrowsAwayCancelIsStopped) {
     TestScene scene(faulty("faulty_curves", "deaf"));
     std::atomic<bool> over{false};
@@ -173,7 +173,7 @@ TEST(MeshPlugin, BecomesACollider) {
     TestScene scene(mesh("ground", "plane") +
                     "[[procedural]]\ntype = \"pyramid\"\nname = \"tomb\"\nheight = 3\n" +
                     groom("hair", "ground"));
-    const World world = scene.build(); // throws when the lent host is gone
+    const World world = scene.build(); // throws if the lent host was destroyed
     ASSERT_EQ(world.meshes.size(), 2u);
     const MeshGeometry& tomb = world.meshes[1];
     EXPECT_EQ(tomb.name, "tomb");
@@ -198,7 +198,8 @@ TEST(MeshPlugin, CarriesAGroomWhateverStandsFirst) {
         ASSERT_EQ(world.curves.size(), 1u);
         const CurveGeometry& curves = world.curves[0];
         ASSERT_EQ(curves.curve_count, 200u);
-        for (size_t c = 0; c < curves.curve_count; ++c) { // roots on a face: |x| or |z| and y / 3 add up to 1
+        // Roots lie on a side, where |x| or |z| and y / 3 add up to 1, or on the base.
+        for (size_t c = 0; c < curves.curve_count; ++c) {
             const Vec3f root = cv(curves, 0, c, 0);
             const float out = std::max(std::abs(root.x()), std::abs(root.z()));
             const bool on_side = std::abs(out + root.y() / 3.0F - 1.0F) < 1e-5F;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curves from files: .obj, .ply of three kinds in three formats, .usda with every basis and wrap; and files that are cut or lie.
+// Curves from files: .obj, .ply of three kinds in three formats, .usda with every basis and wrap; and
+// truncated or inconsistent files.
 #include "core/geometry/curve_export.h"
 #include "core/geometry/polylines.h"
 #include "core/geometry/usda.h"
@@ -33,7 +34,7 @@ struct Polylines : ::testing::Test {
     std::vector<Polyline> load(const std::string& name, const std::string& bytes) const {
         return load_polylines(write(name, bytes));
     }
-    // What is said of a file that is refused; "" where it is not.
+    // The error for a refused file; "" if it is read.
     std::string refusal(const std::string& name, const std::string& bytes) const {
         try {
             load(name, bytes);
@@ -49,7 +50,7 @@ struct Polylines : ::testing::Test {
         const std::string said = refusal(name, bytes);
         EXPECT_NE(said.find(what), std::string::npos) << said << "\n" << bytes.substr(0, 400);
     }
-    // Every beginning of the file is read or refused in one line; at most `whole` of them are read.
+    // Every prefix of the file is read or refused in one line; at most `whole` of them are read.
     void expect_cuts(const std::string& name, const std::string& bytes, int whole) const {
         int read = 0;
         for (size_t size = 0; size < bytes.size(); ++size)
@@ -120,7 +121,7 @@ TEST_F(Polylines, PlyIsOneCurveWithoutMore) {
 }
 
 TEST_F(Polylines, PlyFollowsEdges) {
-    // 2 - 0 - 4 in an order of its own, 1 without an edge; a ring 3 - 5 - 6.
+    // The edges make the line 2 - 0 - 4, given out of order, and the ring 3 - 5 - 6; vertex 1 has no edge.
     PlyTable vertices = six_vertices;
     vertices.rows.push_back({6, 0, 0, 7});
     const PlyTable edges = {
@@ -194,7 +195,7 @@ TEST_F(Polylines, PlyRefusesWhatIsNoCurve) {
         expect_cuts(
             "a.ply",
             ply(format, {six_vertices, {"edge", {{"int", "vertex1"}, {"int", "vertex2"}}, {{0, 1}, {1, 2}}}}),
-            2); // the last blank and the last line end
+            2); // without the last blank, and without the last line end
 }
 
 // ---- USD
@@ -212,14 +213,14 @@ std::string basis_text(const char* type, const char* basis, const char* wrap) {
         wrap);
 }
 
-// De Casteljau's and de Boor's, and Barry and Goldman's recursions: none of the matrices that the reader has.
+// The recursions of De Casteljau, de Boor, and Barry and Goldman, independent of the reader's matrices.
 Vec3d blend(const Vec3d& a, const Vec3d& b, double t) { return a + t * (b - a); }
 Vec3d cubic_at(const std::string& basis, const std::array<Vec3d, 4>& p, double t) {
     if (basis == "bezier") {
         const Vec3d a = blend(p[0], p[1], t), b = blend(p[1], p[2], t), c = blend(p[2], p[3], t);
         return blend(blend(a, b, t), blend(b, c, t), t);
     }
-    // Knots -2 ... 3 of a uniform B-spline; knots -1 ... 2 of Catmull and Rom's.
+    // Knots -2 ... 3 of a uniform B-spline; knots -1 ... 2 of a Catmull-Rom spline.
     const auto between = [&](double from, double to) { return (t - from) / (to - from); };
     if (basis == "bspline") {
         const Vec3d a = blend(p[0], p[1], between(-2, 1)), b = blend(p[1], p[2], between(-1, 2)),
@@ -280,7 +281,7 @@ TEST_F(Polylines, UsdaEveryBasisAndWrap) {
         EXPECT_EQ(lines[1].points, std::vector<Vec3d>(seven.begin() + 3, seven.end()));
         EXPECT_EQ(lines[0].closed, wrap == "periodic");
     }
-    // What USD takes where a prim does not say: cubic, bezier, nonperiodic.
+    // USD's defaults: cubic, bezier, nonperiodic.
     EXPECT_EQ(load("a.usda", usda_head + usda_curves("", text_of(seven), "[7]"))[0].points.size(), 17u);
 }
 
@@ -294,13 +295,13 @@ const std::string one_line = usda_curves("uniform token type = \"linear\"", "[(1
 TEST_F(Polylines, UsdaHonoursTransforms) {
     const auto first = [&](const std::string& text) { return load("a.usda", usda_head + text)[0].points[0]; };
     const auto near = [](const Vec3d& a, const Vec3d& b) { return (a - b).norm() < 1e-12; };
-    // Translate is the outermost of the three: scale, then turn, then move.
+    // Translate is outermost of the three: scale, then rotate, then translate.
     const std::string all =
         "double3 xformOp:translate = (10, 0, 0)\nfloat xformOp:rotateY = 90\n"
         "float3 xformOp:scale = (2, 2, 2)\nuniform token[] xformOpOrder = [\"xformOp:translate\", "
         "\"xformOp:rotateY\", \"xformOp:scale\"]";
     EXPECT_TRUE(near(first(prim("a", all, one_line)), {16, 4, -2}));
-    // A parent's comes after its child's.
+    // The parent's transform is applied after its child's.
     EXPECT_TRUE(near(
         first(prim("p",
                    "float3 xformOp:scale = (1, 10, 1)\nuniform token[] xformOpOrder = [\"xformOp:scale\"]",
@@ -322,7 +323,7 @@ TEST_F(Polylines, UsdaHonoursTransforms) {
                         "[\"xformOp:rotateZYX:named\"]",
                         one_line)),
              {3, -2, 1}));
-    // A matrix for rows: its last row moves.
+    // A matrix for row vectors: its last row translates.
     EXPECT_TRUE(
         near(first(prim(
                  "a",
@@ -335,7 +336,7 @@ TEST_F(Polylines, UsdaHonoursTransforms) {
                                 "uniform token[] xformOpOrder = [\"xformOp:orient\"]",
                                 one_line)),
                      {-2, 1, 3}));
-    // A pivot: there and back.
+    // A pivot: translate, rotate, translate back.
     EXPECT_TRUE(
         near(first(prim(
                  "a",
@@ -344,7 +345,7 @@ TEST_F(Polylines, UsdaHonoursTransforms) {
                  "\"!invert!xformOp:translate:pivot\"]",
                  one_line)),
              {-1, 0, 3}));
-    // Of what moves the earliest time counts; an op that the order does not name does nothing.
+    // The earliest time sample is used. Ops that the order does not name are ignored.
     EXPECT_TRUE(near(first(prim("a",
                                 "double3 xformOp:translate.timeSamples = { 1: (1, 1, 1), 2: (9, 9, 9), }\n"
                                 "double3 xformOp:scale = (7, 7, 7)\n"
@@ -380,7 +381,8 @@ TEST_F(Polylines, UsdaHonoursTheLayersUnitAndAxis) {
 }
 
 TEST_F(Polylines, UsdaReadsWhatOthersWrite) {
-    // Comments, texts with brackets and quotes, references, variants, relationships, dictionaries, primvars, connections.
+    // Comments, strings with brackets and quotes, references, variants, relationships, dictionaries,
+    // primvars, connections.
     const std::string text = R"usd(#usda 1.0
 (
     """A long comment: def "x" { ( [ """
@@ -443,7 +445,7 @@ def BasisCurves "second" { int[] curveVertexCounts = [2] point3d[] points = [(0,
     EXPECT_EQ(curves[0].path, "/world/inner/hair");
     EXPECT_EQ(curves[0].widths, std::vector<double>{0.5});
     EXPECT_EQ(curves[0].width_interpolation, "constant");
-    // The tree keeps what a reader of grooms will ask for.
+    // The tree keeps what a reader of grooms needs.
     const UsdaLayer layer = read_usda("a.usda", text);
     const UsdaPrim& hair = layer.prims.at(2).children.at(0).children.at(0);
     const UsdaAttribute* of = nullptr;
@@ -456,8 +458,8 @@ def BasisCurves "second" { int[] curveVertexCounts = [2] point3d[] points = [(0,
     ASSERT_EQ(of->samples.size(), 2u);
     EXPECT_EQ(of->samples[1].first, 2.5);
     EXPECT_EQ(std::get<std::vector<double>>(of->samples[1].second)[0], 9.0);
-    expect_cuts("a.usda", text,
-                3); // behind the first line end of the last prim: none; before its own: what is there
+    // Without the last prim, cut before or after the line end; and the whole without its line end.
+    expect_cuts("a.usda", text, 3);
 }
 
 TEST_F(Polylines, UsdaReadsOurOwnBakes) {
@@ -553,7 +555,7 @@ TEST_F(Polylines, UsdaTakesNoMoreRoomThanItNeeds) {
     EXPECT_LE(x.capacity(), count + 1);
 }
 
-// ---- Both, and neither
+// ---- Other formats
 
 TEST_F(Polylines, RefusesOtherFiles) {
     expect_refusal("a.abc", "Ogawa", "are not known");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The procedural "rock" as a renderer sees it. The wear itself is tested in tests/unit/erosion.
+// The procedural "rock" as used by the renderer. The wear itself is tested in tests/unit/erosion.
 #include "build_scene.h"
 
 #include <gtest/gtest.h>
@@ -49,7 +49,7 @@ TEST(Rock, HandsOutTheMeshWithItsWear) {
         EXPECT_LE(wear[v], 1.0F);
         const float x = worn.positions[0][v].x();
         if (std::abs(x) > 1e-3F)
-            (x < 0.0F ? windward : lee) += double(wear[v]); // not the poles, which stand often
+            (x < 0.0F ? windward : lee) += double(wear[v]); // without the poles, whose vertices repeat
     }
     EXPECT_GT(windward, 5.0 * lee);
     ASSERT_EQ(worn.grids.size(), 2u);

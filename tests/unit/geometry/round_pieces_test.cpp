@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Round pieces: where rays enter one, against marching along the ray; and that tracing through Embree's flat ones finds what
-// asking every piece finds, also where fibres overlap, lie half in the skin or are close behind each other.
+// Round pieces: their entry points against ray marching; and tracing through Embree's flat pieces against a
+// test of every piece, also where fibres overlap, lie half in the skin, or are close behind each other.
 #include "core/geometry/hit.h"
 #include "core/geometry/round_pieces.h"
 #include "core/geometry/time_step.h"
@@ -26,7 +26,7 @@ struct Random { // numbers by hashing a counter
     }
 };
 
-// A cone with a ball at either end.
+// A cone with a sphere at both ends.
 bool inside(const RoundPiece& piece, const Vec3d& point) {
     const auto in_ball = [&](const Vec4d& corner) {
         return (point - corner.head<3>()).squaredNorm() < corner[3] * corner[3];
@@ -38,7 +38,8 @@ bool inside(const RoundPiece& piece, const Vec3d& point) {
     return along > 0.0 && along < 1.0 && (from - along * axis).norm() < radius;
 }
 
-// The first place, of 4000, where the ray is inside and was not one before; -1: none. Halved on until the doubles end.
+// The first of 4000 steps at which the ray is inside and was not before, refined by bisection to double
+// precision; -1: none.
 double march(const RoundPiece& piece, const Vec3d& origin, const Vec3d& direction, double far) {
     constexpr int steps = 4000;
     const auto in = [&](double t) { return inside(piece, origin + t * direction); };
@@ -72,12 +73,12 @@ TEST(RoundPieces, AreEnteredWhereMarchingEntersThem) {
             const Vec3d origin =
                 i % 4 == 0 ? Vec3d(at + 0.3 * random.within()) : Vec3d(1.5 * random.direction());
             Vec3d direction = (at - origin).normalized();
-            if (i % 7 == 0 && length > 0.0) direction = axis / length; // along it
+            if (i % 7 == 0 && length > 0.0) direction = axis / length; // along the axis
             Entry entry;
             const bool met = enter(piece, origin, direction, 0.0, entry);
             const double marched = march(piece, origin, direction, 4.0);
             if (met != (marched >= 0.0) || (met && std::abs(entry.t - marched) > 1e-3)) {
-                ++edges; // cut by less than a step
+                ++edges; // the ray cuts less than one step
                 continue;
             }
             if (!met) continue;
@@ -91,12 +92,12 @@ TEST(RoundPieces, AreEnteredWhereMarchingEntersThem) {
         EXPECT_GT(entered, rays / 3);
         EXPECT_GT(balls, rays / 20);
         EXPECT_LT(edges, rays / 250);
-        // A ball stands out of a cone by r taper^2 / 2, which a ray at an angle meets earlier.
+        // A ball extends beyond a cone by r taper^2 / 2, and an oblique ray enters it earlier.
         EXPECT_LT(off, taper > 0.0 ? 1e-3 : 1e-12);
     }
 }
 
-// A ball covered with thick fur that overlaps itself and lies half in the skin, swinging.
+// A moving ball with thick fur that overlaps itself and lies half in the skin.
 const std::string thick = R"(
 [[mesh]]
 name = "body"
@@ -120,7 +121,7 @@ shape = "round"
 basis = "catmull-rom"
 )";
 
-// The nearest of all pieces and of the meshes, by asking each.
+// The nearest hit of all pieces and meshes, found by testing each.
 struct Nearest {
     double t;
     int64_t strand; // -1: a mesh or nothing
@@ -196,7 +197,7 @@ Differences compare(const World& world, int rays, bool near) {
         const bool fibre = hit && point.shape == PointShape::round;
         differences.curves += fibre;
         const double t = hit ? point.distance : ray.tfar;
-        // Two fibres may meet the ray at the same place, to what the ray's floats resolve.
+        // Two fibres can be hit at the same distance within the ray's float precision.
         differences.other += expected.t < std::numeric_limits<double>::infinity()
                                  ? !(std::abs(t - expected.t) <= 1e-5) || fibre != (expected.strand >= 0)
                                  : hit;
@@ -223,10 +224,10 @@ TEST(RoundPieces, AreFoundAsByAskingEachOne) {
                 moving ? "moving" : "at rest", near ? "within the fur" : "outside", found.curves, found.rays,
                 found.other, found.occluded);
             EXPECT_GT(found.curves, found.rays / 5);
-            EXPECT_LE(found.other, found.rays / 300); // silhouettes, which Embree decides in float
+            EXPECT_LE(found.other, found.rays / 300); // silhouettes, which Embree decides in floats
             EXPECT_LE(found.occluded, found.rays / 300);
         }
-        // It is the reach that finds fibres whose axis lies behind what is nearer.
+        // The reach is needed to find fibres whose axis is behind a nearer hit.
         world.reach = 1e-9;
         const Differences lost = compare(world, 500, false);
         std::printf("[ round ] without reach: %d of %d meet another\n", lost.other, lost.rays);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Meshes that deform: where they are at any time, and how many motion keys that takes.
+// Deforming meshes: their shape at any time, and the number of motion keys that they need.
 #include "core/geometry/motion_keys.h"
 
 #include <gtest/gtest.h>
@@ -7,7 +7,8 @@
 namespace marram {
 namespace {
 
-// A triangle whose last corner is lifted to 1 m at frame 2, and is back on the ground at frame 3; it is carried along x by 2 m a frame.
+// A triangle whose last corner rises to 1 m at frame 2 and is back at 0 at frame 3. It moves along x by 2 m a
+// frame.
 SceneMesh flapping() {
     SceneMesh mesh;
     mesh.name = "flap";
@@ -38,7 +39,7 @@ TEST(SceneMesh, goes_straight_from_shape_to_shape_and_rests_outside) {
         EXPECT_EQ(mesh.vertices_at(std::array{size_t(2)}, frame)[0].cast<float>(), positions[2]);
         for (const Vec3f& normal : normals) EXPECT_NEAR(normal.norm(), 1.0F, 1e-6F);
     }
-    // Between shapes normals go the straight way, too: not far from those of the shape there.
+    // Normals are interpolated linearly between shapes, and stay close to those of the interpolated shape.
     const std::vector<Vec3f> halfway = mesh.positions_at(1.5);
     EXPECT_GT(mesh.normals_at(1.5)[0].dot(vertex_normals(halfway, mesh.mesh.triangles)[0]), 0.99F);
     SceneMesh facetted = flapping();
@@ -67,7 +68,7 @@ TEST(SceneMesh, motion_keys_follow_shapes) {
     EXPECT_EQ(motion_keys_for(mesh, 1e-6, View{}, 1.75, 2.25), 2U);
 }
 
-// Of 90,000 vertices one bends its way.
+// One of 90,000 vertices has a kink in its path.
 TEST(SceneMesh, one_vertex_among_many_asks_for_its_motion_keys) {
     SceneMesh mesh;
     mesh.mesh = plane_mesh(Vec2f(3.0F, 3.0F), 300);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Strands from files: .hair with every flag, .usda with every basis, wrap and interpolation, .ply and .obj; what is written comes back to
-// the bit; and files that are cut or lie.
+// Strands from files: .hair with every flag, .usda with every basis, wrap and interpolation, .ply and .obj;
+// written files are read back to the bit; truncated or inconsistent files are refused.
 #include "core/geometry/cubic.h"
 #include "core/geometry/curve_export.h"
 #include "core/geometry/hair_format.h"
@@ -41,7 +41,7 @@ struct StrandFiles : ::testing::Test {
     StrandFile load(const std::string& name, const std::string& bytes) const {
         return load_strand_file(write(name, bytes), 24.0);
     }
-    // The line that a file is refused with; "" where it is not.
+    // The error for a refused file; "" if it is read.
     std::string refusal(const std::string& name, const std::string& bytes) const {
         try {
             load(name, bytes);
@@ -57,7 +57,7 @@ struct StrandFiles : ::testing::Test {
         const std::string said = refusal(name, bytes);
         EXPECT_NE(said.find(what), std::string::npos) << said << "\n" << bytes.substr(0, 400);
     }
-    // Every beginning of the file is read or refused in one line; at most `whole` of them are read.
+    // Every prefix of the file is read or refused in one line; at most `whole` of them are read.
     void expect_cuts(const std::string& name, const std::string& bytes, int whole) const {
         int read = 0;
         for (size_t size = 0; size < bytes.size(); ++size) {
@@ -92,7 +92,7 @@ bool told(const StrandFile& strands, std::string_view what) {
     });
 }
 
-// Curves of 5, 2 and 3 CVs with widths, attributes of every kind and numbers that no short decimal gives.
+// Curves of 5, 2 and 3 CVs with widths, attributes of every kind, and numbers without a short decimal form.
 struct Groom {
     std::vector<uint32_t> counts = {5, 2, 3};
     std::vector<float> vertices;
@@ -241,7 +241,7 @@ TEST_F(StrandFiles, HairRefusesInOneLine) {
         change(header);
         return hair(header) + bytes.substr(sizeof header);
     };
-    const auto number = [](size_t index, float value) { // counted from the first point
+    const auto number = [](size_t index, float value) { // index counts from the first point
         std::string bytes = full_hair();
         std::memcpy(bytes.data() + sizeof(HairHeader) + 4 + index * 4, &value, 4);
         return bytes;
@@ -328,7 +328,7 @@ TEST_F(StrandFiles, UsdaReadsOurOwnBakes) {
     }
 }
 
-// A wavy curve of n vertices; of a Bezier curve every third lies on it, and the others make it smooth.
+// A wavy curve of n vertices. Every third vertex of a Bezier curve lies on it; the others make it smooth.
 std::string wave(int n, bool is_bezier, float shift = 0.0F) {
     std::string points;
     for (int i = 0; i < n; ++i) {
@@ -347,7 +347,8 @@ double distance(const Vec3d& p, const Vec3d& a, const Vec3d& b) {
     return (p - a - t * way).norm();
 }
 
-// Every basis and wrap: the curve that is drawn stays near the file's, which polylines are made of elsewhere.
+// For every basis and wrap the imported curve stays near the file's curve, which is evaluated as polylines
+// elsewhere.
 TEST_F(StrandFiles, UsdaDrawsWhatTheFileDraws) {
     struct Case {
         const char *basis, *wrap;
@@ -421,7 +422,8 @@ TEST_F(StrandFiles, UsdaDrawsWhatTheFileDraws) {
     }
 }
 
-// Cubics that are as Catmull-Rom curves keep one CV a joint; a sharp bend is cut, and what is left is told.
+// Cubics equal to Catmull-Rom curves keep one CV a joint. Sharp bends are subdivided, and the remaining error
+// is reported.
 TEST_F(StrandFiles, UsdaCutsAsFarAsNeeded) {
     const auto counts = [&](const std::string& points, int vertices) {
         return load("a.usda", usda(kind("bezier", "nonperiodic") +
@@ -438,7 +440,7 @@ TEST_F(StrandFiles, UsdaCutsAsFarAsNeeded) {
     EXPECT_GT(cusp.deviation, 0.0);
 }
 
-// Each prim has few primvars, all together more than memory for what the others lack is given to.
+// Each prim has few primvars, but filling their gaps over all prims would exceed the memory limit.
 TEST_F(StrandFiles, UsdaPrimvarsAreCountedOverAllPrims) {
     std::string text = "#usda 1.0\n";
     for (int p = 0; p < 70; ++p)
@@ -456,7 +458,7 @@ TEST_F(StrandFiles, UsdaPrimvarsAreCountedOverAllPrims) {
 }
 
 TEST_F(StrandFiles, UsdaSpreadsWidthsAndPrimvars) {
-    // Two Bezier curves: one straight cubic, then two; so 2 and 3 joints, 4 and 7 vertices.
+    // Two Bezier curves of one and two cubics (all straight): 2 and 3 joints, 4 and 7 vertices.
     std::string text =
         kind("bezier", "nonperiodic") + "int[] curveVertexCounts = [4, 7]\npoint3f[] points = [";
     for (int i = 0; i < 11; ++i) text += fmt::format("{}({}, 0, 0)", i > 0 ? ", " : "", i < 4 ? i : i - 4);
@@ -527,7 +529,7 @@ TEST_F(StrandFiles, UsdaSpreadsWidthsAndPrimvars) {
     EXPECT_EQ(all.attributes.size(), 10u);
 }
 
-// Between joints, where cubics are cut.
+// Values are interpolated between joints where cubics are subdivided.
 TEST_F(StrandFiles, UsdaSpreadsOverCuts) {
     const StrandFile cut =
         load("a.usda",
@@ -555,7 +557,7 @@ TEST_F(StrandFiles, UsdaAnimates) {
         "float[] primvars:wet ( interpolation = \"uniform\" )\n"
         "float[] primvars:wet.timeSamples = { 2: [0.5], 4: [0.75] }\n    }\n}\n";
     const StrandFile strands = load("a.usda", text);
-    ASSERT_EQ(strands.samples.size(), 4u); // 0, 2, 4 and 8 of 48 a second
+    ASSERT_EQ(strands.samples.size(), 4u); // time codes 0, 2, 4 and 8 at 48 a second
     const double frames[] = {0.0, 1.0, 2.0, 4.0};
     const Vec3f begins[] = {{0, 0, 0}, {0, 0, 1}, {0, 1, 2}, {0, 1, 4}};
     for (size_t i = 0; i < 4; ++i) {
@@ -583,7 +585,7 @@ TEST_F(StrandFiles, UsdaAnimates) {
                    "other counts from time to time");
 }
 
-// A turn between two samples of a transform is followed by more of them; whole turns too.
+// Rotations between two samples of a transform are resampled, including whole turns.
 TEST_F(StrandFiles, UsdaFollowsTurns) {
     const StrandFile strands =
         load("a.usda",
@@ -604,7 +606,7 @@ TEST_F(StrandFiles, UsdaFollowsTurns) {
         worst = std::max(worst, (p - Vec3d(std::cos(angle), std::sin(angle), 0.0)).norm());
     }
     EXPECT_LT(worst, 1.5e-3);
-    // Samples of a transform times many points would take their product: refused before.
+    // Transform samples times many points would need memory for their product: refused beforehand.
     std::string samples, points;
     for (int i = 0; i < 20000; ++i) samples += fmt::format("{}: ({}, 0, 0), ", i, i % 7);
     for (int i = 0; i < 2000; ++i) points += fmt::format("{}({}, 0, 0)", i > 0 ? ", " : "", i);
@@ -839,7 +841,7 @@ TEST_F(StrandFiles, ObjReadsOurOwnBakes) {
     EXPECT_EQ(cvs_of(strands.samples.at(0)), expected);
 }
 
-// ---- What is written
+// ---- Written files
 
 TEST_F(StrandFiles, PlyReadsOurOwnBakes) {
     Groom groom, other(MARRAM_BSPLINE, 5.0F);
@@ -869,7 +871,7 @@ TEST_F(StrandFiles, PlyReadsOurOwnBakes) {
         EXPECT_EQ(same.discrete, one.discrete) << one.name;
     }
     const AttributeValues& normal = attribute(strands, "normal");
-    EXPECT_EQ(normal.values[0], normals[3]); // behind the first phantom vertex
+    EXPECT_EQ(normal.values[0], normals[3]); // after the first phantom vertex
     EXPECT_EQ(normal.values[3 * 5], normals[3 * 8]);
     EXPECT_EQ(normal.values[3 * 10], 0.0F);
     groom.geometry.attributes[3].components = 2;
@@ -882,7 +884,7 @@ TEST_F(StrandFiles, PlyReadsOurOwnBakes) {
 
 const std::vector<double>& numbers(const UsdaValue& value) { return std::get<std::vector<double>>(value); }
 
-// Points go along parabolas of time; widths change once; the rest does not.
+// Points follow parabolas over time; widths change once; the rest is constant.
 TEST_F(StrandFiles, UsdaReadsOurOwnSequences) {
     const std::vector<double> frames = {1.0, 2.0, 3.0, 5.5};
     std::vector<std::vector<float>> written;
@@ -904,7 +906,7 @@ TEST_F(StrandFiles, UsdaReadsOurOwnSequences) {
     const StrandFile strands = load_strand_file(path("a.usda"), 50.0);
     ASSERT_EQ(strands.samples.size(), frames.size());
     for (size_t i = 0; i < frames.size(); ++i) {
-        EXPECT_EQ(strands.samples[i].frame, 2.0 * frames[i]); // 25 of them a second in the file
+        EXPECT_EQ(strands.samples[i].frame, 2.0 * frames[i]); // 25 time codes a second in the file
         EXPECT_EQ(cvs_of(strands.samples[i]), written[i]) << i;
     }
     expect_same_attributes(strands.attributes, Groom().geometry.attributes);
@@ -926,13 +928,13 @@ TEST_F(StrandFiles, UsdaReadsOurOwnSequences) {
     EXPECT_EQ(std::get<std::vector<int64_t>>(*fur.find("ids")), (std::vector<int64_t>{16777215, 0, 7}));
     const auto velocities = fur.samples("velocities");
     ASSERT_EQ(velocities.size(), 4u);
-    const double expected[] = {3.0 - 1.5, 3.0 - 2.0, 3.0 - 3.0, 3.0 - 0.5 * (3.0 + 5.5)}; // a frame
+    const double expected[] = {3.0 - 1.5, 3.0 - 2.0, 3.0 - 3.0, 3.0 - 0.5 * (3.0 + 5.5)}; // per frame
     for (size_t i = 0; i < 4; ++i) {
         EXPECT_EQ(velocities[i].first, frames[i]);
         EXPECT_NEAR(numbers(*velocities[i].second)[3], 25.0 * expected[i], 1e-3) << i;
         EXPECT_EQ(numbers(*velocities[i].second)[4], 0.0);
     }
-    int read = 0; // beginnings of it: no more than the whole, without its last line end
+    int read = 0; // prefixes: at most the whole without its last line end is read
     for (size_t size = 0; size < text.size(); size += 1 + size % 7) {
         try {
             read_usda_strands("cut.usda", std::string_view(text).substr(0, size), 24.0);
@@ -954,7 +956,7 @@ TEST_F(StrandFiles, UsdaSequencesThatRestOrChange) {
     EXPECT_EQ(text.find("timeSamples"), std::string::npos);
     EXPECT_EQ(text.find("velocities"), std::string::npos);
     EXPECT_EQ(cvs_of(load_strand_file(path("rest.usda"), 24.0).samples.at(0)), groom.cvs());
-    // One frame of it is what write_usda() writes.
+    // A sequence of one frame equals the output of write_usda().
     write_usda(path("one.usda"), std::span(&groom.geometry, 1), 3.0, 24.0);
     {
         UsdaSequence sequence(path("sequence.usda"), 24.0);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Imported strands: at rest they are their file's curves, on a skin they follow it, and the wind treats them like grown ones.
+// Imported strands: at rest they equal their file's curves, on a skin they follow it, and in the wind they
+// behave like grown ones.
 #include "build_scene.h"
 
 #include "core/math/hash.h"
@@ -12,7 +13,7 @@
 namespace marram::testing {
 namespace {
 
-// The name and one curve; tests put what a file would hold in its place.
+// The name and one curve; tests replace it by the content of a file.
 const std::string drawn =
     "\n[[curves]]\nname = \"file\"\ntype = \"points\"\npoints = [[0, 0, 0], [0, 1, 0]]\n";
 
@@ -22,7 +23,7 @@ std::string strands(const std::string& more) {
 
 double draw(uint64_t i, uint64_t which) { return unit_double(mix64(i * 977 + which)); }
 
-// Curves of 2 to 9 CVs with segments of different length and widths of their own.
+// Adds a curve of 2 to 9 CVs with segments of different lengths and its own widths.
 void add_curve(SceneCurves& curves, const std::vector<Vec3f>& points, const std::vector<float>& radii) {
     const auto put = [&](const Vec3f& p, float radius) {
         curves.vertices.insert(curves.vertices.end(), {p.x(), p.y(), p.z(), radius});
@@ -62,7 +63,7 @@ std::pair<Vec3d, Vec3d> on_ground(size_t c) {
 
 Vec3d point(const float* v) { return {double(v[0]), double(v[1]), double(v[2])}; }
 
-// How far two sets of vertices are apart at most.
+// The largest difference between two sets of vertices.
 double apart(const float* a, const std::vector<float>& b) {
     double most = 0.0;
     for (size_t i = 0; i < b.size(); ++i) most = std::max(most, std::abs(double(a[i]) - double(b[i])));
@@ -85,7 +86,8 @@ TEST(Strands, AtRestAreTheFilesCurvesToTheBit) {
     }
 }
 
-// One set of strands, grown and imported: the same motion, to what storing the roots as floats makes of the noise.
+// The same strands, grown and imported: equal motion, except that roots stored as floats change the noise
+// slightly.
 TEST(Strands, AreBlownLikeGrownOnes) {
     const std::string wind =
         "[wind]\ndirection = [1, 0, 0.3]\nspeed = 6\ncalm = 0.5\nnoise.amplitude = 0.5\nnoise.frequency = 3\n"
@@ -124,7 +126,7 @@ TEST(Strands, AreBlownLikeGrownOnes) {
     EXPECT_GT(apart(rest.curves[0].vertices[0], expected), 0.02) << "there is wind";
 }
 
-// ---- A skin that deforms
+// ---- A deforming skin
 
 constexpr int rings = 24, sides = 16;
 
@@ -164,7 +166,7 @@ SceneMesh cylinder() {
     return mesh;
 }
 
-// A place on triangle t of the skin.
+// A point on triangle t of the skin.
 Vec3d place_of(const std::vector<Vec3f>& positions, const std::array<uint32_t, 3>& t, const Vec3d& weights) {
     Vec3d sum = Vec3d::Zero();
     for (int i = 0; i < 3; ++i) sum += weights[i] * positions[t[size_t(i)]].cast<double>();
@@ -225,7 +227,7 @@ TEST(Strands, FollowASkinThatBendsAndTwists) {
     EXPECT_LT(stretch, 1e-6) << "m, of segments";
 }
 
-// From instant to instant a tip moves no farther than what its root's triangle does to a rod of its length.
+// Between instants a tip moves no farther than its root's triangle would move a rod of its length.
 TEST(Strands, DoNotJumpOnASkinThatDoesNot) {
     TestScene scene(mesh("tube", "sphere", "divisions = 2\n") + drawn + strands("on = \"tube\"\n"));
     furnish(scene, 300);
@@ -251,12 +253,12 @@ TEST(Strands, DoNotJumpOnASkinThatDoesNot) {
         before.assign(now, now + 4 * layout.vertex_count());
         skin_before = skin;
     }
-    // A rod of 0.3 m on a tube of 0.2 m that turns: less than 2.5 times as far; twice that is no jump.
+    // A rod of 0.3 m on a rotating tube of 0.2 m: less than 2.5 times as far; twice that is no jump.
     EXPECT_LT(most_tip, 5.0 * most_skin);
     EXPECT_GT(most_tip, 0.0);
 }
 
-// ---- Curves that move by themselves
+// ---- Curves with their own animation
 
 TEST(Strands, StandWhereAFileThatAnimatesSays) {
     TestScene scene(drawn + strands("wind.jiggle.frequency = 0\n"));
@@ -273,7 +275,7 @@ TEST(Strands, StandWhereAFileThatAnimatesSays) {
     ASSERT_EQ(world.curves[0].vertices.size(), 3u);
     for (size_t t = 0; t < 3; ++t)
         EXPECT_LT(apart(world.curves[0].vertices[t], file.vertices_at(1.5 + 0.5 * double(t))), 5e-7);
-    // Swinging behind their own motion, and still when it is long over.
+    // They jiggle behind their own motion, and are still long after it.
     TestScene swinging(drawn + strands("wind.jiggle.frequency = 2\nwind.jiggle.damping = 0.5\n"));
     swinging.geometry.curves[0] = file;
     swinging.settings.frame = 2.5;
@@ -282,7 +284,7 @@ TEST(Strands, StandWhereAFileThatAnimatesSays) {
     EXPECT_LT(apart(swinging.build().curves[0].vertices[0], file.vertices_at(400.0)), 1e-6);
 }
 
-// Anchored at rest, the noise on curves that move is that on curves that stand where these are at bind_frame.
+// With the anchor "rest", moving curves have the noise of static curves at their positions of bind_frame.
 TEST(Strands, RestAnchorsStayWhereCurvesMove) {
     const auto blown = [](const std::string& anchor, bool moves) {
         TestScene scene(drawn + strands("") +
@@ -306,7 +308,7 @@ TEST(Strands, RestAnchorsStayWhereCurvesMove) {
     EXPECT_GT(apart(still.data(), blown("world", true)), 1e-3);
 }
 
-// What an update takes away, and what a host changes under strands that are bound.
+// Errors for data that an update removes, and for curves that a host changes after strands were bound.
 TEST(Strands, MissWhatWasThereBefore) {
     TestScene scene(drawn + strands("width = 0.01\n"));
     scene.build();
@@ -327,7 +329,7 @@ TEST(Strands, MissWhatWasThereBefore) {
     };
     fill(3, 5);
     other.build();
-    fill(5, 3); // as many in all
+    fill(5, 3); // the same total
     EXPECT_NE(other.objection().find("have changed since the strands were bound"), std::string::npos)
         << other.objection();
 }
@@ -346,7 +348,7 @@ TEST(Strands, GoWithTheTransformOfTheirCurves) {
     EXPECT_NEAR(made[3], 2.0F * given[3], 1e-8F);
 }
 
-// ---- What the file carries
+// ---- Attributes of the file
 
 TEST(Strands, CarryAttributesAndAreScaledByThem) {
     const std::string text = drawn + strands("wind_by = [{ attribute = \"wet\" }]\n") + "[wind]\nspeed = 5\n";
@@ -395,7 +397,7 @@ TEST(Strands, ObjectionsSayWhatToDo) {
 
 // ---- Collision
 
-// Roots above, on and under the skin: lifted to the same height, and told.
+// Roots above, on and under the skin: those too low are lifted to the same height, with a warning.
 TEST(Strands, RootsUnderTheSkinAreLiftedAndTold) {
     TestScene scene(
         mesh("ground", "plane", "size = [4, 4]\n") + drawn +
@@ -411,14 +413,14 @@ TEST(Strands, RootsUnderTheSkinAreLiftedAndTold) {
         const float height = world.curves[0].vertices[0][4 * (layout.first_vertex(c) + 1) + 1];
         EXPECT_NEAR(height, c % 3 == 2 ? 0.01F : 0.004F, 1e-6F);
     }
-    ASSERT_EQ(scene.stats.warnings.size(), 2u); // far ones, short as they are, and these
+    ASSERT_EQ(scene.stats.warnings.size(), 2u); // one for far roots, one for these
     EXPECT_NE((scene.stats.warnings[0] + scene.stats.warnings[1])
                   .find("30 of 90 strands begin inside 'ground', up to 0.01 m deep"),
               std::string::npos)
         << scene.stats.warnings[0] << scene.stats.warnings[1];
 }
 
-// Far beside an open surface, and lower than its plane by less than a rounding: neither inside nor lifted.
+// Far beside an open surface and below its plane by less than the rounding error: neither inside nor lifted.
 TEST(Strands, BesideTheBorderOfAnOpenSkinStayWhereTheyAre) {
     TestScene scene(mesh("card", "plane", "size = [2, 2]\n") + drawn +
                     strands("on = \"card\"\nwind.collision.solver = \"exact\"\n"));
@@ -434,7 +436,7 @@ TEST(Strands, BesideTheBorderOfAnOpenSkinStayWhereTheyAre) {
         << scene.stats.warnings[0];
 }
 
-// Lodging: wind straight down onto the ground, which no CV may enter.
+// Lodging: wind blows down onto the ground, which no CV may enter.
 TEST(Strands, DoNotEnterTheSkin) {
     TestScene scene(mesh("ground", "plane", "size = [4, 4]\n") + drawn +
                     strands("on = \"ground\"\nwind.collision.solver = \"exact\"\n") +
@@ -457,7 +459,7 @@ const std::string children =
     "\n[[procedural]]\ntype = \"groom\"\nname = \"hair\"\non = \"ground\"\ncount = 2000\n"
     "width = 0.002\ncvs = 7\nguides.curves = \"file\"\n";
 
-// Guides of one shape, on a lattice over the ground.
+// Guides of equal shape on a lattice over the ground.
 void fill_with_guides(SceneCurves& file) {
     file = {};
     file.name = "file";
@@ -470,7 +472,8 @@ void fill_with_guides(SceneCurves& file) {
     }
 }
 
-// Where nothing of the wind is smaller than the guides' distances, children that follow are where the wind would blow them.
+// If the wind varies only over distances larger than the guides' spacing, interpolated children match blown
+// ones.
 TEST(Guides, ChildrenThatFollowThemAreBlownAsTheyWouldBe) {
     const std::string wind = "[wind]\nspeed = 6\nglobal_rotate = 0.7\nnoise.amplitude = 0\n"
                              "jiggle.frequency = 2\njiggle.step = 0.5\n";

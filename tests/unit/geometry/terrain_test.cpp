@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The procedural "terrain" as a renderer sees it: layers in order, masks, edits, errors.
+// The procedural "terrain" as used by the renderer: order of layers, masks, edits, errors.
 #include "build_scene.h"
 
 #include "core/image/image.h"
@@ -76,7 +76,7 @@ TEST(Terrain, StacksItsLayersInOrder) {
     EXPECT_EQ(grid.ny, 49u);
     EXPECT_EQ(grid.origin[0], -16.0);
     EXPECT_EQ(grid.axes[1][2], 0.5);
-    for (const auto& triangle : made.mesh().triangles) { // seen from above
+    for (const auto& triangle : made.mesh().triangles) { // facing up
         const Vec3f a = made.mesh().positions[0][triangle[0]], b = made.mesh().positions[0][triangle[1]],
                     c = made.mesh().positions[0][triangle[2]];
         ASSERT_GT((b - a).cross(c - a).y(), 0.0F);
@@ -99,7 +99,7 @@ TEST(Terrain, CombinesAsAsked) {
 }
 
 TEST(Terrain, MasksAreRampsOverWhatIsBelow) {
-    // A plane that rises by 1/2 along x: 65 pixels over 32 m, centres half a pixel within.
+    // A plane that rises by 1/2 along x: 65 pixels over 32 m, pixel centres half a pixel from the border.
     std::vector<float> pixels(65 * 3);
     for (int i = 0; i < 65; ++i)
         for (int j = 0; j < 3; ++j) pixels[size_t(j * 65 + i)] = float((i + 0.5) / 65.0 * 16.0);
@@ -146,7 +146,8 @@ TEST(Terrain, MasksKnowTheDistanceToDrawnCurves) {
     }
 }
 
-// A long curve in runs, and a ring about the middle, all of which is the nearest there: to the last bit as all segments say.
+// A long curve in pieces and a ring about the middle, whose segments are all equally near there: the same
+// bits as by testing all segments.
 TEST(Terrain, DistancesToManySegmentsAreExact) {
     std::vector<Vec2d> points;
     std::mt19937 random(3);
@@ -197,7 +198,7 @@ TEST(Terrain, ImagesHaveAnExtent) {
     const Made faded = make(desert(layer("image", file + "size = [16, 16]\nfade = 4")));
     EXPECT_NEAR(faded.mesh().positions[0][24 * 65 + 32].y(), 1.0F, 1e-6F);
     EXPECT_NEAR(faded.mesh().positions[0][24 * 65 + 32 - 12].y(), 0.5F, 1e-6F) << "2 m within the border";
-    // One row, one column.
+    // Images of one row or one column.
     for (const auto& [width, height] : {std::pair(1, 5), std::pair(5, 1), std::pair(1, 1)}) {
         const ImageFile thin(width, height, std::vector<float>(size_t(width * height), 0.25F));
         const Made made = make(desert(layer("image", "file = \"" + thin.path.string() + "\"")));
@@ -223,7 +224,7 @@ bool same(const Made& a, const Made& b) {
     return true;
 }
 
-// Whatever is edited in whatever order: the bits are those of a terrain made anew.
+// After any edits in any order, the bits equal those of a new terrain.
 TEST(Terrain, EditsGiveTheBitsOfAFreshOne) {
     const std::string big = "size = [120, 100]\ncell = 0.8";
     const auto text = [&](double height, double sand, bool mask, const std::string& more) {
@@ -255,7 +256,7 @@ TEST(Terrain, EditsGiveTheBitsOfAFreshOne) {
     EXPECT_GT(scene.stats.report("terrain.tiles"), 0.0);
     scene.build();
     EXPECT_EQ(scene.stats.report("terrain.tiles"), 0.0) << "nothing has changed";
-    // A layer at the top that is taken off, and another in its place.
+    // Removes the top layer, and puts another in its place.
     const std::string ground = layer("noise", "amplitude = 1.5\nwavelength = 12");
     for (const std::string& top : {layer("flat", "target = \"sand\"\nheight = 1"), std::string(),
                                    layer("noise", "target = \"sand\"\nwavelength = 5")}) {
@@ -286,8 +287,9 @@ TEST(Terrain, GrassGrowsWhereAMaskSays) {
     EXPECT_FALSE(made.values("dune.dist").empty());
 }
 
-// What the grid cannot hold, the camera sees all the same: near it crests are displaced, further away what is left is said to shaders, and the
-// two together are the ripples that were asked for. The surface that strands grow on does not know of the camera.
+// Ripples too fine for the grid are still rendered: near the camera crests are displaced, farther away the
+// rest is passed to shaders, and both together give the requested ripples. The growth surface does not depend
+// on the camera.
 TEST(Terrain, RipplesPassFromDisplacementToShading) {
     const std::string text = desert(layer("flat", "target = \"sand\"\nheight = 1") +
                                         layer("ripples", "wavelength = 0.2\nheight = 0.02\nseed = 3"),
@@ -330,10 +332,10 @@ TEST(Terrain, RipplesPassFromDisplacementToShading) {
     EXPECT_GT(between, 1000u);
     EXPECT_GT(shaded, 4u);
     EXPECT_GT(highest, 0.009);
-    // 0.02 m are two pixels of some 4.4 mrad at 2.3 m: corners are smaller.
+    // 0.02 m are two pixels of about 4.4 mrad at 2.3 m: corners are smaller.
     EXPECT_GT(furthest, 1.0);
     EXPECT_LT(furthest, 2.0);
-    // Normals are those of what is displaced: against the triangles around them.
+    // Normals are those of the displaced surface: compares them with the triangles around them.
     double worst = 0.0;
     for (size_t t = 0; t < seen.triangles.size(); ++t) {
         const auto& [a, b, c] = seen.triangles[t];
@@ -346,7 +348,7 @@ TEST(Terrain, RipplesPassFromDisplacementToShading) {
     }
     EXPECT_LT(worst, 0.12); // a triangle of an eighth of a wavelength
     EXPECT_GT(worst, 0.001);
-    // The same triangles, bit by bit, on one thread.
+    // The same triangles on one thread, bit for bit.
     const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
     const World again = scene.build();
     ASSERT_EQ(again.meshes.at(0).positions[0].size(), seen.positions[0].size());
@@ -354,7 +356,7 @@ TEST(Terrain, RipplesPassFromDisplacementToShading) {
         ASSERT_EQ(again.meshes.at(0).positions[0][v], seen.positions[0][v]);
 }
 
-// One dune of a field is moved, made lower, removed: by its id, which the layer lists.
+// One dune of a field is moved, lowered, removed by its id, which the layer lists.
 TEST(Terrain, DunesOfAFieldAreEditedById) {
     const auto text = [](const std::string& edits) {
         return desert(layer("mass_desert",
@@ -386,7 +388,7 @@ TEST(Terrain, DunesOfAFieldAreEditedById) {
     }
 }
 
-// What an edit of one dune in a thousand costs. Run by hand, on a quiet machine:
+// The cost of editing one dune in a thousand. Run it by hand on an idle machine:
 // build/test_geometry --gtest_also_run_disabled_tests --gtest_filter='Terrain.DISABLED_EditOfOneDune'
 TEST(Terrain, DISABLED_EditOfOneDune) {
     const auto text = [](const std::string& edits) {
@@ -445,7 +447,7 @@ TEST(Terrain, StonesAndDrapedSandAreTheSameHoweverTheyAreMade) {
 TEST(Terrain, LayersSayWhatTheyDid) {
     TestScene scene(desert(stones_in_sand + layer("fusion")));
     scene.build();
-    // Cells of 0.5 m hold no stone below 2 m.
+    // Stones below 2 m are too small for cells of 0.5 m.
     ASSERT_EQ(scene.stats.warnings.size(), 1u);
     EXPECT_NE(scene.stats.warnings[0].find("are smaller than 4 cells of 0.5 m: they are left out"),
               std::string::npos)
@@ -461,7 +463,7 @@ TEST(Terrain, LayersSayWhatTheyDid) {
 }
 
 TEST(Terrain, AWarningOfAWholeLayerIsSentOnceAndStandsWhereItIs) {
-    std::string high; // beyond what sand can be counted in
+    std::string high; // too high for the solver's units of sand
     for (int n = 0; n < 11; ++n) high += layer("flat", "height = 1e5");
     TestScene scene(desert(high + layer("fusion")));
     scene.build();
@@ -497,7 +499,8 @@ std::vector<float> heights_at(TestScene& scene, double frame) {
     return Made{scene.build()}.grid("height").values;
 }
 
-// A frame is the same bits from nothing, from states of earlier frames, in memory or in files, on one thread, and after others were asked for.
+// A frame has the same bits without states, with states of earlier frames in memory or in files, on one
+// thread, and after other frames.
 TEST(Terrain, DunesEvolveAndAnyFrameCanBeAskedFor) {
     TestScene scene(evolving());
     const std::vector<float> first = heights_at(scene, 1.0), fifth = heights_at(scene, 5.0);
@@ -509,11 +512,11 @@ TEST(Terrain, DunesEvolveAndAnyFrameCanBeAskedFor) {
         sum += double(fifth[k]), sum_first += double(first[k]);
     }
     EXPECT_GT(moved, 0.05);
-    EXPECT_NEAR(sum, sum_first, 1e-3 * sum_first); // what crosses the border is on its way
+    EXPECT_NEAR(sum, sum_first, 1e-3 * sum_first); // sand crosses the border over time
     const std::vector<float> half = heights_at(scene, 5.5);
     EXPECT_NE(half, fifth);
 
-    TestScene other(evolving()); // never asked before
+    TestScene other(evolving()); // without earlier frames
     EXPECT_EQ(heights_at(other, 5.0), fifth);
     const fs::path folder = fs::temp_directory_path() / ("marram_states_" + std::to_string(::getpid()));
     for (const double before : {3.0, 4.0}) {
@@ -523,7 +526,7 @@ TEST(Terrain, DunesEvolveAndAnyFrameCanBeAskedFor) {
         heights_at(early, before);
         TestScene later(evolving());
         later.settings.state_folder = folder.string();
-        later.settings.view.pixels_at = before; // another camera: the same states
+        later.settings.view.pixels_at = before; // the camera does not change the states
         later.settings.tolerance = 0.01 * before;
         EXPECT_EQ(heights_at(later, 5.0), fifth);
         EXPECT_EQ(heights_at(later, 5.5), half);
@@ -561,12 +564,13 @@ TEST(Terrain, WindsOfTheSolverDiffer) {
     expect(evolving("cover = \"meadow\""), "there are no plants whose cover could be handed out");
     expect(evolving("plants = \"no\""), "no layer below hands out a mask 'no'");
     TestScene calm(evolving("speed = 2"));
-    EXPECT_EQ(heights_at(calm, 9.0), heights_at(calm, 8.0)); // what is too steep has slid
+    EXPECT_EQ(heights_at(calm, 9.0), heights_at(calm, 8.0)); // steep slopes have slid
     ASSERT_FALSE(calm.stats.warnings.empty());
     EXPECT_NE(calm.stats.warnings[0].find("too weak to move sand"), std::string::npos);
 }
 
-// Plants grow on a still ground and die where sand moves; where they are is a mask, also before the wind has blown.
+// Plants grow where the ground rests and die where sand moves. Their cover is a mask, even before the wind
+// has blown.
 TEST(Terrain, PlantsOfTheSolverAreAMask) {
     const std::string text = evolving("plants = \"habitat\"\ngrowth = 20\ncover = \"meadow\"");
     const size_t solver = text.rfind("[[procedural.layer]]", text.find("dune_solver"));
@@ -579,7 +583,7 @@ TEST(Terrain, PlantsOfTheSolverAreAMask) {
     };
     const auto first = cover_at(1.0), later = cover_at(9.0);
     ASSERT_FALSE(first.empty());
-    EXPECT_EQ(*std::max_element(first.begin(), first.end()), 0.0F); // they start at no cover
+    EXPECT_EQ(*std::max_element(first.begin(), first.end()), 0.0F); // initially there is no cover
     EXPECT_GT(*std::max_element(later.begin(), later.end()), 0.01F);
     EXPECT_LE(*std::max_element(later.begin(), later.end()), 0.5F);
 }
@@ -589,7 +593,7 @@ TEST(Terrain, SaysWhatIsWrongAndWhere) {
         try {
             TestScene scene(text);
             return scene.objection();
-        } catch (const InputError& error) { // where it is made
+        } catch (const InputError& error) { // thrown when the scene is made
             return std::string(error.what());
         }
     };
@@ -619,7 +623,7 @@ TEST(Terrain, SaysWhatIsWrongAndWhere) {
     const ImageFile huge(1, 1, {3e9F});
     expect(desert(layer("image", "target = \"sand\"\nfile = \"" + huge.path.string() + "\"")),
            "more than 100 km");
-    // A count that no place is left for is refused before anything is drawn.
+    // A count for which there is no room is refused before strands are placed.
     expect(desert(layer("flat", "target = \"sand\"\nheight = 0")) +
                groom("grass", "desert", "count = 2000\ndensity_by = [{ attribute = \"sand\" }]"),
            "leave no room for 2000 strands");

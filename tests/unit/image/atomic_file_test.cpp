@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files are whole or not there, wherever the disk ends. The end of the disk is a limit on the size of files (RLIMIT_FSIZE): it
-// cuts a write at an exact byte.
+// Files are complete or absent, wherever the disk gets full. A limit on the file size (RLIMIT_FSIZE) stands
+// for the full disk: it cuts a write at an exact byte.
 #include "core/image/atomic_file.h"
 #include "core/image/doubles.h"
 #include "core/image/image.h"
@@ -51,7 +51,7 @@ class AtomicFiles : public ::testing::Test {
     }
     size_t count() const { return size_t(std::distance(fs::directory_iterator(folder), {})); }
 
-    // Writes with room for every number of bytes that is too small, then with just enough.
+    // Writes with every size limit that is too small, then with the smallest sufficient one.
     void expect_whole_or_not_there(const char* name,
                                    const std::function<void(const std::string&)>& write) const {
         const std::string file = path(name), old = "what stood there before";
@@ -127,7 +127,7 @@ TEST_F(AtomicFiles, OfMoreThanTheBufferAreCutToo) {
     EXPECT_TRUE(get(file) == expected);
 }
 
-// A child makes a file and waits to be killed, or is killed at once.
+// A child that creates a file and waits to be killed, or is killed at once.
 pid_t child_with_file(const std::string& file) {
     int ready[2];
     EXPECT_EQ(::pipe(ready), 0);
@@ -156,7 +156,7 @@ TEST_F(AtomicFiles, LeftByKilledProcessesAreRemovedByTheNextWriter) {
     const pid_t living = child_with_file(path("d.exr"));
     for (const pid_t child : killed) kill_and_wait(child);
     EXPECT_EQ(count(), 4U);
-    const std::string mine = path("a.marram-writing-notes.exr"); // not one of those
+    const std::string mine = path("a.marram-writing-notes.exr"); // not a temporary file
     std::ofstream(mine) << "a user's file";
     EXPECT_NO_THROW(check_writable(path("e.exr")));
     EXPECT_EQ(count(), 5U) << "nothing is written yet";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of doubles: what comes back is what was written, bit for bit, or nothing.
+// Pictures of doubles are read back bit for bit, or not at all.
 #include "core/image/doubles.h"
 
 #include "core/math/hash.h"
@@ -22,7 +22,7 @@ class Doubles : public ::testing::Test {
   protected:
     ~Doubles() override { std::filesystem::remove(path); }
 
-    // Any bits: numbers of all sizes, infinities, and what is no number.
+    // Random bits: numbers of all magnitudes, infinities, and NaNs.
     static std::vector<double> values_of(const DoublesHeader& header) {
         std::vector<double> values(size_t(header.width) * size_t(header.height) * size_t(header.channels));
         for (size_t i = 0; i < values.size(); ++i) values[i] = std::bit_cast<double>(hash(7, i));
@@ -48,7 +48,7 @@ class Doubles : public ::testing::Test {
             .string();
 };
 
-// Of four channels the last might be taken for alpha, and the others be multiplied by it.
+// Of four channels the last could be taken for alpha, and the others multiplied by it.
 TEST_F(Doubles, ComeBackBitForBit) {
     for (const int channels : {1, 2, 3, 4, 5, 11, 60}) {
         const DoublesHeader header{37, 150, channels, "what it is"};

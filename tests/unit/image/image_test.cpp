@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A folder of this test's own that goes away with it.
+// This test's own folder, removed with it.
 struct ImageFiles : testing::Test {
     fs::path folder = fs::temp_directory_path() / ("marram_image_test_" + std::to_string(::getpid()));
     ImageFiles() { fs::create_directories(folder); }
@@ -59,14 +59,14 @@ TEST(Srgb, IsTheStandardCurve) {
 }
 
 TEST_F(ImageFiles, ExrKeepsLayersAndMetadata) {
-    constexpr int width = 37, height = 300; // more than one strip, no multiple of a block
+    constexpr int width = 37, height = 300; // more than one strip, not a multiple of a block
     std::vector<float> beauty(width * height * 4), depth(width * height), albedo(width * height * 3);
     std::mt19937 random(3);
     std::uniform_real_distribution<float> uniform(0.0f, 10.0f);
     for (float& v : beauty) v = uniform(random);
     for (float& v : depth) v = uniform(random) * 1234.567f;
     for (float& v : albedo) v = uniform(random) / 10.0f;
-    beauty[0] = 1e9f; // beyond half
+    beauty[0] = 1e9f; // exceeds half
     const Layer layers[] = {{"", {"R", "G", "B", "A"}, beauty.data(), true},
                             {"depth", {"Z"}, depth.data(), false},
                             {"albedo", {"R", "G", "B"}, albedo.data(), true}};
@@ -113,7 +113,7 @@ TEST_F(ImageFiles, MetadataOfPartialFilesIsNotTrusted) {
 
 namespace {
 
-// Numbers 0 ... 255 as they stand in a file that says its colours are of that space ("" says nothing).
+// Writes 8-bit values to a file that states this colour space ("": none).
 void write_bytes(const std::string& path, const std::vector<uint8_t>& bytes, const std::string& space,
                  float gamma = 0.0f) {
     OIIO::ImageSpec spec(int(bytes.size() / 3), 1, 3, OIIO::TypeDesc::UINT8);
@@ -126,7 +126,7 @@ void write_bytes(const std::string& path, const std::vector<uint8_t>& bytes, con
 
 } // namespace
 
-// However a file says what its numbers mean, the light is the same.
+// The linear values are the same for every way in which a file states its encoding.
 TEST_F(ImageFiles, ColoursAreMadeLinearFromWhatTheFileSays) {
     const std::vector<uint8_t> bytes = {0, 0, 0, 64, 64, 64, 128, 128, 128, 255, 255, 255};
     const auto expect = [&](const char* name, auto&& light) {
@@ -145,13 +145,13 @@ TEST_F(ImageFiles, ColoursAreMadeLinearFromWhatTheFileSays) {
     EXPECT_FALSE(expect("said_nothing.tif", linear_from_srgb));
     put("a.ppm", "P6\n4 1\n255\n" + std::string(bytes.begin(), bytes.end())); // OpenImageIO calls it Rec709
     EXPECT_FALSE(expect("a.ppm", linear_from_srgb));
-    // PFM is called Rec709, too, and holds light.
+    // PFM is also called Rec709, but holds linear light.
     const float light[12] = {3.0f, 3.0f, 3.0f, 0.5f, 0.5f, 0.5f, 0.25f, 0.25f, 0.25f, 7.0f, 7.0f, 7.0f};
     put("a.pfm", "PF\n4 1\n-1.0\n" + std::string(reinterpret_cast<const char*>(light), sizeof light));
     const Image floats = read_image(path("a.pfm"));
     EXPECT_TRUE(std::equal(floats.pixels.begin(), floats.pixels.end(), light));
     EXPECT_TRUE(floats.as_in_file);
-    // A PNG that states 1 / 2.2 and no more means sRGB, as libpng has it; other files mean what they say.
+    // A PNG that states only 1 / 2.2 means sRGB, as in libpng; other files mean what they state.
     for (const float gamma : {2.2f, 2.19f}) {
         write_bytes(path("gamma22.png"), bytes, "Gamma2.2", gamma);
         EXPECT_FALSE(expect("gamma22.png", linear_from_srgb));
@@ -172,7 +172,8 @@ TEST_F(ImageFiles, ColoursAreMadeLinearFromWhatTheFileSays) {
     EXPECT_NO_THROW(read_image(path("film.dpx"), ColorSpace::linear_data));
 }
 
-// Of FITS in colour OpenImageIO names but one channel of three, and aborts where the others' names are looked up.
+// For FITS in colour OpenImageIO names only one of three channels, and aborts if the others' names are looked
+// up.
 TEST_F(ImageFiles, ChannelsWithoutNamesAreGivenSome) {
     std::string header;
     const auto card = [&](const std::string& text) { header += text + std::string(80 - text.size(), ' '); };
@@ -180,7 +181,7 @@ TEST_F(ImageFiles, ChannelsWithoutNamesAreGivenSome) {
                              "NAXIS   =                    3", "NAXIS1  =                    3",
                              "NAXIS2  =                    4", "NAXIS3  =                    2", "END"})
         card(text);
-    header.resize(2880, ' '); // FITS is written in blocks of so many bytes
+    header.resize(2880, ' '); // FITS uses blocks of this size
     put("colour.fits", header + std::string(2880, '\x40'));
     const Image image = read_image(path("colour.fits"));
     EXPECT_EQ(image.channel_names, (std::vector<std::string>{"R", "G", "B"}));
@@ -188,12 +189,12 @@ TEST_F(ImageFiles, ChannelsWithoutNamesAreGivenSome) {
     EXPECT_EQ(image_header(path("colour.fits")).channels, 3);
 }
 
-// The PNG library prints its own complaints: a damaged file never gets there, whatever is asked of it.
+// The PNG library prints errors itself: damaged files must be refused before it sees them, for every request.
 TEST_F(ImageFiles, DamagedPngsAreNotOpened) {
     write_bytes(path("a.png"), std::vector<uint8_t>(12, 100), "sRGB");
     std::string header = get("a.png"), signature = header;
-    header[19] = char(header[19] ^ 0x40); // of the width, in IHDR
-    signature[4] = '\n';                  // as text is treated that is carried from one system to another
+    header[19] = char(header[19] ^ 0x40); // width in IHDR
+    signature[4] = '\n';                  // as after a transfer in text mode
     for (const std::string& bytes : {header, signature}) {
         put("damaged.png", bytes);
         testing::internal::CaptureStderr();
@@ -204,7 +205,7 @@ TEST_F(ImageFiles, DamagedPngsAreNotOpened) {
     }
 }
 
-// A crop would be stretched over what it is a part of.
+// A crop would be stretched over the whole frame.
 TEST_F(ImageFiles, CropsAreRefused) {
     for (const int more : {-2, 0, 3}) {
         OIIO::ImageSpec spec(8, 4, 3, OIIO::TypeDesc::HALF);
@@ -224,7 +225,7 @@ TEST_F(ImageFiles, CropsAreRefused) {
     EXPECT_NE(message_of(path("crop.exr")).find("do not fill its frame"), std::string::npos);
 }
 
-// An EXR of many blocks, one of which is spoilt in the middle: --resume must not take it for whole.
+// An EXR of many blocks, one of them damaged: --resume must not take it for complete.
 TEST_F(ImageFiles, MetadataOfFilesDamagedInTheMiddleIsNotTrusted) {
     std::vector<float> pixels(64 * 640 * 3);
     std::mt19937 random(5);
@@ -250,7 +251,7 @@ TEST_F(ImageFiles, PngHoldsSrgbOfExposedPixels) {
     write_png(path("b.png"), 3, 1, 3, pixels, 1.0);
     EXPECT_EQ(std::lround(read_image(path("b.png"), ColorSpace::linear_data).pixels[8] * 255.0f), 188);
 
-    const float half_covered[] = {0.25f, 0.0f, 0.5f, 0.5f}; // colour multiplied by alpha, as the film has it
+    const float half_covered[] = {0.25f, 0.0f, 0.5f, 0.5f}; // premultiplied, as in the film
     const Metadata said[] = {{"marram:digest", std::string("abc")}, {"marram:samples", 7}};
     write_png(path("said.png"), 3, 1, 3, pixels, 0.0, said);
     EXPECT_EQ(read_metadata(path("said.png"), "marram:digest"), "abc");
@@ -317,8 +318,7 @@ TEST_F(ImageFiles, MutationsNeverDoWorseThanAnInputError) {
     }
 }
 
-// ---- Whole or not at all
-// ---------------------------------------------------------------------------------------------
+// ---- Atomic output ----------------------------------------------------------------------------------------
 
 TEST_F(ImageFiles, OutputsThatCannotBeWrittenAreRefusedEarly) {
     put("file", "x");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Values as PNGs: which value becomes which code, in each number of channels.
+// Layers as PNGs: the mapping from values to codes, for each number of channels.
 #include "core/image/range_png.h"
 
 #include <gtest/gtest.h>

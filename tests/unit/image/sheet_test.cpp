@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Contact sheets: where pictures stand, what their colours are there, captions and what they are where no font is.
+// Contact sheets: positions and colours of pictures, captions, and sheets without a font.
 #include "core/image/sheet.h"
 
 #include "core/image/image.h"
@@ -26,7 +26,7 @@ class Sheet : public ::testing::Test {
 
     std::string path(const std::string& name) const { return (folder_ / name).string(); }
 
-    // One colour all over.
+    // Writes a picture of one colour.
     std::string write(const std::string& name, int width, int height, std::array<float, 3> colour,
                       const std::vector<Metadata>& metadata = {}) const {
         std::vector<float> pixels;
@@ -50,7 +50,7 @@ class Sheet : public ::testing::Test {
         for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(at(sheet, x, y)[c], expected[c], 0.01) << x << ", " << y;
     }
 
-    // Pixels within that are brighter than the paper.
+    // The number of pixels in a box that are brighter than the background.
     static int ink_in(const Image& sheet, int x0, int x1, int y0, int y1) {
         int count = 0;
         for (int y = y0; y < y1; ++y)
@@ -107,14 +107,14 @@ TEST_F(Sheet, WritesCaptions) {
     ASSERT_GT(sheet.height, 8 + 96 + 8 + 10);
     EXPECT_GT(ink_in(sheet, 8, 200, 104, sheet.height), 15);
     EXPECT_EQ(ink_in(sheet, 208, 400, 104, sheet.height), 0);
-    // Too long: cut, within its column.
+    // Too long: cut to its column.
     write_sheet(path("t.png"), {{a, std::string(500, 'm')}, {b, "\xc3\xa9 \xff \x01"}}, layout);
     const Image cut = read_image(path("t.png"));
     EXPECT_GT(ink_in(cut, 8, 200, 104, cut.height), 200);
     EXPECT_EQ(ink_in(cut, 200, 208, 0, cut.height), 0);
     EXPECT_EQ(ink_in(cut, 0, 8, 0, cut.height), 0);
     EXPECT_GT(ink_in(cut, 208, 400, 104, cut.height), 15);
-    // The same bytes again.
+    // The same bytes on a second run.
     write_sheet(path("u.png"), {{a, "12"}, {b, ""}}, layout);
     std::ifstream first(path("s.png"), std::ios::binary), second(path("u.png"), std::ios::binary);
     EXPECT_TRUE(std::string(std::istreambuf_iterator<char>(first), {}) ==

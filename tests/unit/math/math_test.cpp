@@ -47,11 +47,12 @@ TEST(KeyedTransform, is_exact_at_keys_and_constant_outside) {
 
 TEST(KeyedTransform, euler_angles_turn_about_x_then_y_then_z) {
     const std::vector<double> keys = {0, 0, 0, 0, 90, 0, 90, 1, 1, 1};
-    // About x, y goes to z; about z, z stays.
+    // About x, y turns to z; about z, z stays.
     EXPECT_LT((KeyedTransform(keys, "linear").at(0.0) * Vec3d(0, 1, 0) - Vec3d(0, 0, 1)).norm(), 1e-12);
 }
 
-// A wheel: two turns in 24 frames, also backwards, and no turn lost where neighbouring keys are half a turn or more apart.
+// A wheel: two turns in 24 frames, also backwards. No turn is lost if neighbouring keys are half a turn or
+// more apart.
 TEST(KeyedTransform, turns_as_far_as_its_keys_say) {
     for (const double turns : {0.5, 1.0, 2.0, -2.0}) {
         const KeyedTransform wheel(

@@ -18,14 +18,13 @@ const RippleSettings settings{wavelength, 0.008, repose, 7};
 
 Vec2d heading(double angle) { return {std::cos(angle), std::sin(angle)}; }
 
-// A plane: its gradient points uphill, towards `uphill`.
+// A plane with its gradient (uphill) towards `uphill`.
 Vec2d incline(double slope, double uphill) { return std::tan(slope) * heading(uphill); }
 
 Vec3d on_plane(const Vec2d& d, const Vec2d& gradient) { return {d.x(), d.dot(gradient), d.y()}; }
 
-// Howard's law by the balance of forces on a grain at the threshold of motion: drag D along the wind plus
-// the weight along the surface has the size of the friction. D is found by bisection; the direction is that
-// of the sum.
+// Howard's law from the balance of forces on a grain at the threshold of motion: |drag D along the wind +
+// weight along the surface| = friction. D is found by bisection; the result is the direction of the sum.
 Vec3d way_by_forces(double wind, double slope, double uphill) {
     const Vec2d gradient = incline(slope, uphill);
     const Vec3d w = on_plane(heading(wind), gradient).normalized();
@@ -49,7 +48,7 @@ TEST(Ripples, DirectionIsTheBalanceOfForces) {
                 const Vec3d way = on_plane(d, gradient);
                 ASSERT_NEAR(way.norm(), 1.0, 1e-12);
                 ASSERT_LT((way - way_by_forces(wind * degree, slope * degree, uphill * degree)).norm(), 1e-9);
-                // The law in its own words, and the turn is downhill.
+                // The law as published, and the deflection is downhill.
                 const Vec3d w = on_plane(heading(wind * degree), gradient).normalized();
                 const Vec3d f = on_plane(-heading(uphill * degree), gradient).normalized();
                 const double sin_beta = w.cross(f).norm(), sin_delta = w.cross(way).norm();
@@ -59,7 +58,7 @@ TEST(Ripples, DirectionIsTheBalanceOfForces) {
     EXPECT_EQ(ripple_direction(Vec2d::Zero(), {0.1, 0.2}, repose), Vec2d::Zero());
 }
 
-// Displacements on a square of n by n points, `step` apart.
+// Displacements on a square of n by n points with spacing `step`.
 std::vector<double> patch(const RippleField& field, int n, double step, const Vec2d& origin,
                           const auto& point_at) {
     std::vector<double> metres(size_t(n) * size_t(n));
@@ -71,8 +70,8 @@ std::vector<double> patch(const RippleField& field, int n, double step, const Ve
     return metres;
 }
 
-// The direction across the crests of a rectangle of a patch, by the structure tensor in the surface; along
-// `expected`, and so that its sign is the same. Radians from it.
+// Angle in radians between `expected` and the direction across the crests in a rectangle of a patch, by the
+// structure tensor in the surface.
 double turned_from(const std::vector<double>& h, int n, double step, const Vec2d& gradient,
                    const Vec3d& expected, int i0, int j0, int side) {
     const Vec3d normal = Vec3d(-gradient.x(), 1.0, -gradient.y()).normalized(),
@@ -114,7 +113,7 @@ TEST(Ripples, MeasuredCrestsFollowTheLaw) {
     EXPECT_GT(within / windows, 0.85);
 }
 
-// Wind that turns by two degrees a wavelength.
+// The wind turns by two degrees per wavelength along x.
 TEST(Ripples, CrestsFollowAWindThatTurns) {
     const RippleField field(settings);
     constexpr int n = 577, side = 96;
@@ -162,7 +161,7 @@ TEST(Ripples, SpacingIsAsAsked) {
                 power[f] += std::norm(sum);
             }
         }
-        const double bins = double(samples) / per; // the bin of one wavelength
+        const double bins = double(samples) / per; // bin of a wavelength of 1
         double sum = 0.0, mean = 0.0, square = 0.0, smooth = 0.0, peak = 0.0;
         for (size_t f = size_t(0.5 * bins); f <= size_t(1.5 * bins); ++f) {
             const double at = double(f) / bins, around = power[f - 1] + 2.0 * power[f] + power[f + 1];
@@ -203,12 +202,12 @@ TEST(Ripples, SteepSideIsTheLeeAndTheMeanIsNought) {
     EXPECT_LE(greatest, 0.5 * 0.008);
     EXPECT_GT(greatest, 0.45 * 0.008);
     EXPECT_NEAR(std::sqrt(square / count), 0.33 * 0.008, 0.05 * 0.008);
-    EXPECT_LT(skew, 0.0);            // the steepest slopes fall downwind
-    EXPECT_GT(rising / count, 0.55); // and so take less of the length
+    EXPECT_LT(skew, 0.0);            // the steepest slopes descend downwind
+    EXPECT_GT(rising / count, 0.55); // so they take less of the length
 }
 
-// Crests along lines downwind, matched from one line to the next: one that has no partner begins, ends or
-// forks.
+// Crests along downwind lines, matched from one line to the next. A crest without a match is an end or a
+// fork.
 TEST(Ripples, HaveJunctionsButLongCrests) {
     const RippleField field(settings);
     constexpr int n = 481;
@@ -275,7 +274,7 @@ TEST(Ripples, SameBitsAloneAndFiniteForAnyPoint) {
     EXPECT_GT(differ, 100);
 }
 
-// Slopes are those of the heights: against differences of displacements, the wind, the gradient and the strength held.
+// Compares slopes with differences of displacements at constant wind, gradient and strength.
 TEST(Ripples, SlopesAreThoseOfTheHeights) {
     const RippleField field(settings);
     for (const double incline_of : {0.0, 10.0, 20.0})
@@ -314,7 +313,8 @@ TEST(Ripples, SlopesAreThoseOfTheHeights) {
         }
 }
 
-// The phase advances by the wave vector: on level ground and uphill, where a wavelength along the surface is shorter on the map.
+// The phase advances by the wave vector: on level ground and uphill, where a wavelength along the surface is
+// shorter in the map.
 TEST(Ripples, WaveIsTheSpacingOnTheGround) {
     const RippleField field(settings);
     const RipplePoint level{{0.0, 0.0}, heading(0.4), Vec2d::Zero(), 1.0};

@@ -8,7 +8,7 @@
 
 using namespace marram;
 
-// Over all of its domain, in every lane.
+// The whole domain, in every lane.
 TEST(Float4, ExponentialOfNegative) {
     double worst = 0.0;
     for (uint64_t i = 0; i < 250000; ++i) {
@@ -32,7 +32,7 @@ TEST(Float4, ExponentialOfNegative) {
     EXPECT_EQ(ends[3], 0.0F);
 }
 
-// All around, at every length and on the axes.
+// All angles, a wide range of lengths, and the axes.
 TEST(Float4, ArcTangent) {
     double worst = 0.0;
     for (uint32_t i = 0; i < 1000000; ++i) {
@@ -52,14 +52,14 @@ TEST(Float4, ArcTangent) {
                     3e-7F);
 }
 
-// Each lane by itself, in all quarters and at their borders.
+// Different values in each lane, in all quadrants and at their boundaries.
 TEST(Float4, SineAndCosine) {
     double worst = 0.0;
     for (uint32_t i = 0; i < 1000000; ++i) {
         Float4 x{};
         for (uint32_t lane = 0; lane < 4; ++lane)
             x[lane] = (i % 2 == 0 ? 14.0F : 200.0F) * (unit_float(mix32(4 * i + lane)) - 0.5F);
-        if (i % 10 == 0) x = round(x) * 1.57079633F; // of as many quarters: at most 100
+        if (i % 10 == 0) x = round(x) * 1.57079633F; // multiples of pi / 2, at most 100
         x = min(max(x, Float4{} - 100.0F), Float4{} + 100.0F);
         Float4 sine, cosine;
         fast_sin_cos(x, sine, cosine);

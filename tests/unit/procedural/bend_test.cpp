@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curve wind against the talk's own words: every point behind P_k is turned, segment after segment, in O(n^2), in double,
-// by Eigen's quaternions. And what must hold whatever the wind.
+// Compares curve wind with a literal implementation of the talk: all points behind P_k are turned, segment by
+// segment, in O(n^2), in double precision, with Eigen's quaternions. Also checks invariants for any wind.
 #include "procedural/wind/bend.h"
 #include "procedural/wind/chain.h"
 
@@ -46,7 +46,7 @@ Curve curve_of(const Strands& strands, const WideVector<Wide3f>& cvs, int i) {
     return curve;
 }
 
-// A strand of n CVs from a hash: a random walk with a drift, `length` long.
+// A random strand of n CVs, seeded by a hash: a random walk with drift, total length `length`.
 Curve random_curve(uint64_t seed, int n, double length, const Vec3d& root) {
     const auto draw = [&](uint64_t i) { return 2.0 * unit_double(hash(seed, i)) - 1.0; };
     Curve curve{root};
@@ -66,7 +66,7 @@ Vec3d noise_at(const Wind& wind, const Vec3d& root, double arc, double seconds) 
     return Vec3d(double(value.x[0]), double(value.y[0]), double(value.z[0])) * wind.noise_amplitude;
 }
 
-// The talk, word by word.
+// The talk's algorithm, literally.
 Curve literal_bend(const Wind& wind, const Curve& rest, double envelope, double seconds) {
     Curve curve = rest;
     const size_t n = rest.size();
@@ -94,7 +94,7 @@ double length_of(const Curve& curve) {
     return sum;
 }
 
-// Greatest excess of a segment's change over accuracy.md's bound, in units of the bound: <= 1 passes.
+// Largest change of a segment's length, in units of accuracy.md's bound: <= 1 passes.
 double length_error(const Curve& rest, const Curve& pose) {
     double worst = 0.0;
     for (size_t k = 1; k < rest.size(); ++k) {
@@ -208,7 +208,7 @@ TEST(Bend, no_wind_is_the_rest_pose_bit_for_bit) {
     }
 }
 
-// The result scales with the scene, from a tenth of a millimetre to a hundred kilometres.
+// The result scales with the scene, from 0.1 mm to 100 km.
 TEST(Bend, scales_along_with_the_scene) {
     const Wind base = strong_wind();
     const Curve curve = random_curve(5, 9, 1.0, Vec3d::Zero());
@@ -217,7 +217,7 @@ TEST(Bend, scales_along_with_the_scene) {
     for (const double scale : {0x1p-14, 0x1p17, 0x1p-80, 0x1p80}) { // powers of two: floats scale exactly
         Wind wind = base;
         wind.noise.frequency /= scale;
-        wind.speed *= scale; // as far as the field travels
+        wind.speed *= scale; // the distance the field travels
         wind.response = Ramp(std::vector<double>{0, 0, 5.0 * scale, 1}, "linear");
         Curve scaled = curve;
         for (Vec3d& p : scaled) p *= scale;
@@ -245,7 +245,7 @@ TEST(Bend, opposed_wind_is_finite_and_decided_by_the_strand) {
             EXPECT_LT(length_error(curve_of(strands, strands.rest, 0), pose), 1.0);
             EXPECT_GT((pose.back() - straight.back()).norm(), 0.05) << "it must turn, whichever way";
         }
-    // A strand that leans to +y against the wind falls over that way, one that leans to -y the other way.
+    // A strand that leans towards +y against the wind falls to +y, one that leans towards -y falls to -y.
     wind.noise_amplitude = 0.0;
     for (const double side : {1.0, -1.0}) {
         const Curve bowed = {{0, 0, 0}, {-0.1, -0.02 * side, 0}, {-0.2, -0.01 * side, 0}, {-0.3, 0, 0}};
@@ -259,10 +259,10 @@ TEST(Bend, degenerate_strands_do_not_move_or_break) {
     const Wind wind = strong_wind();
     const Curve point(5, Vec3d(1.0, 2.0, 3.0));
     Curve doubled = random_curve(3, 5, 0.2, Vec3d::Zero());
-    doubled[2] = doubled[1]; // a segment of length zero
+    doubled[2] = doubled[1]; // a segment of zero length
     doubled[4] = doubled[3];
     Curve closed = random_curve(4, 5, 0.2, Vec3d::Zero());
-    closed[4] = closed[0]; // no direction to the tip
+    closed[4] = closed[0]; // root and tip coincide: no direction to the tip
     Curve tiny = random_curve(6, 5, 1e-30, Vec3d::Zero()), huge = random_curve(6, 5, 1e15, Vec3d::Zero());
     Strands strands = strands_of({point, doubled, closed, tiny, huge});
     run(wind, strands);
@@ -274,7 +274,7 @@ TEST(Bend, degenerate_strands_do_not_move_or_break) {
     EXPECT_EQ(curve_of(strands, strands.pose, 0), curve_of(strands, strands.rest, 0));
 }
 
-// The same strand with 5, 9, 17, 65 CVs: reference_segments makes the poses converge.
+// The same strand with 5, 9, 17 and 65 CVs: with reference_segments the poses converge.
 TEST(Bend, more_cvs_show_the_same_pose) {
     Wind wind = strong_wind();
     wind.direction = Vec3d::UnitX();
@@ -305,7 +305,7 @@ TEST(Bend, more_cvs_show_the_same_pose) {
 TEST(Bend, noise_travels_with_the_wind_and_loops_close) {
     Wind wind = strong_wind();
     const Curve curve = random_curve(9, 6, 0.4, Vec3d::Zero());
-    // What the root sees now, a point downwind sees when the wind has got there.
+    // The field at the root now reaches a downwind point when the wind has travelled there.
     const double seconds = 0.5;
     Curve downwind = curve;
     for (Vec3d& p : downwind) p += wind.direction * (wind.speed * seconds);

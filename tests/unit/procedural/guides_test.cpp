@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Children of guides: they are their guides where these stand, change smoothly between them, and do not cross partings.
+// Child strands interpolated from guides: equal to a guide at its root, continuous between guides, separated
+// at partings.
 #include "procedural/groom/guides.h"
 
 #include "procedural/groom/roots.h"
@@ -47,7 +48,7 @@ GuideSettings settings_of(int blend, double parting = pi) {
     return settings;
 }
 
-// Guides on a lattice over [0, 1]^2, which lean to where `direction` says.
+// Guides on a lattice over [0, 1]^2 that lean towards `direction`.
 Guides lattice(
     int n, const std::function<Vec3d(const Vec3d&)>& direction,
     const std::function<double(const Vec3d&)>& length = [](const Vec3d&) { return 0.3; }) {
@@ -63,7 +64,7 @@ Guides lattice(
     return guides;
 }
 
-// Where a child at `root` would have its CVs, from its root.
+// CVs of a child at `root`, relative to its root.
 std::vector<Vec3d> child(const GuideSet& set, const Vec3d& root, int cvs) {
     const GuideBlend blend = set.blend_at(root, Vec3d::UnitY());
     const auto guides = set.resampled(cvs);
@@ -106,7 +107,8 @@ TEST(Guides, weights_sum_to_one_and_change_without_jumps) {
             if (i > 0) most = std::max(most, (now.back() - before.back()).norm());
             before = now;
         }
-        // A step is 6e-5 m; tips of neighbours, 0.14 m apart, differ by 0.2 m or so. One guide alone jumps from cell to cell.
+        // A step is 6e-5 m; tips of neighbouring guides, 0.14 m apart, differ by about 0.2 m. With one guide
+        // the tip jumps at cell borders.
         if (blend > 1)
             EXPECT_LT(most, 3e-3) << blend;
         else
@@ -163,10 +165,11 @@ TEST(Guides, on_the_far_side_of_a_thin_body_do_not_count) {
         EXPECT_NEAR(set->length_of(set->blend_at({0.01 * i, 0.0, 0.5}, Vec3d::UnitY())), 0.2, 1e-6);
 }
 
-// Grown in a groom: the shape of the guides, with equal segments of the blended length, and on a skin that has turned.
+// Children in a groom have the shape of the guides with equal segments of the blended length, also on a
+// rotated skin.
 TEST(Guides, children_of_a_groom_have_their_shape_on_a_skin_that_turns) {
     const TestSurface bind = grid_surface(8, 1.0);
-    TestSurface now = bind; // turned about x by 90 degrees: y becomes z, z becomes -y
+    TestSurface now = bind; // rotated about x by 90 degrees: y becomes z, z becomes -y
     for (size_t i = 0; i < now.positions.size(); i += 3) {
         now.positions[i + 1] = -bind.positions[i + 2];
         now.positions[i + 2] = bind.positions[i + 1];

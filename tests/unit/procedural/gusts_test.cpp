@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gusts against the definition in gusts.h, evaluated gust by gust and point by point in double by what stands there alone;
-// and what must hold of them whatever the parameters: nothing pops, nothing depends on how strands are cut into patches,
-// and only gusts that overlap a patch are evaluated there.
+// Compares gusts with the definition in gusts.h, evaluated independently, gust by gust and point by point in
+// double precision. Also checks invariants for any parameters: gusts never pop, the result does not depend on
+// how strands are grouped into patches, and only gusts that overlap a patch are evaluated there.
 #include "procedural/wind/gusts.h"
 #include "procedural/wind/wind.h"
 
@@ -21,7 +21,7 @@ namespace {
 using Points = std::vector<Vec3d>;
 constexpr int test_cvs = 4;
 
-// Points as CVs of strands of four; their places are rounded to floats as strands' are.
+// Points as CVs of strands of four, rounded to float as the CVs of strands are.
 Strands strands_at(Points& points) {
     Strands strands;
     while (points.size() % test_cvs != 0) points.push_back(points.back());
@@ -178,7 +178,7 @@ GustControl some_control(Random& random) {
         for (int i = 0; i < 3; ++i) keys.push_back(random.in(-200.0, 200.0));
         for (int i = 0; i < 3; ++i) keys.push_back(random.in(0.3, 4.0) * (random.unit() < 0.2 ? -1.0 : 1.0));
     }
-    if (count == 2) // no scale passes through 0 in the random ones
+    if (count == 2) // the random controls with two keys: no scale passes through 0
         for (int i = 7; i < 10; ++i)
             keys[size_t(i) + 10] = std::copysign(keys[size_t(i) + 10], keys[size_t(i)]);
     control.transform = KeyedTransform(keys, random.unit() < 0.5 ? "linear" : "smooth");
@@ -239,7 +239,7 @@ TEST(Gusts, controls_are_as_defined) {
     EXPECT_GT(felt, 4000);
 }
 
-// A gust whose place at its start frame is known.
+// A gust with a known position at its start frame.
 Gusts one_gust() {
     Gusts gusts;
     gusts.num_gusts = 1;
@@ -310,9 +310,9 @@ TEST(Gusts, fade_over_the_decay_and_swell_before_the_start) {
         for (const auto& [frame, value] : frames) EXPECT_NEAR(at(frame), value, 1e-5) << frame;
     };
     expect({{-11, 0}, {-10, 0}, {0, 0.5}, {10, 1}, {50, 1}, {90, 1}, {100, 0.5}, {110, 0}, {500, 0}});
-    gusts.decay = {1e6, 1e6}; // longer than the life: over all of it
+    gusts.decay = {1e6, 1e6}; // longer than the life: clamped to the life
     expect({{-90, 0}, {-40, 0.5}, {10, 1}, {60, 0.5}, {110, 0}});
-    gusts.decay = {0.0, 0.0}; // shorter than a frame: over one
+    gusts.decay = {0.0, 0.0}; // shorter than a frame: clamped to one frame
     expect({{9, 0}, {9.5, 0.5}, {10, 1}, {109, 1}, {109.5, 0.5}, {110, 0}});
     gusts.life = {0.25, 0.25};
     expect({{9.74, 0}, {9.875, 0.5}, {10, 1}, {10.125, 0.5}, {10.25, 0}});
@@ -322,8 +322,9 @@ TEST(Gusts, fade_over_the_decay_and_swell_before_the_start) {
 
 // ---- In time ----
 
-// |dI/dframe| <= strength (ramp' |dt/dframe| + s'/d), with s' and the smooth ramp's slope 1.5, t = |x| / (1 - l nu) and
-// |x| < 1: |dt| <= |dx| (1 / (1 - l) + l 1.5 |grad nu| / (1 - l)^2), |grad nu| <= sqrt(3) 1.875, |dx| = speed / (fps radius).
+// |dI/dframe| <= strength (ramp' |dt/dframe| + s'/d), where s' and the smooth ramp have a slope of at most
+// 1.5, t = |x| / (1 - l nu) and |x| < 1: |dt| <= |dx| (1 / (1 - l) + l 1.5 |grad nu| / (1 - l)^2), |grad nu|
+// <= sqrt(3) 1.875, |dx| = speed / (fps radius).
 TEST(Gusts, never_pop) {
     constexpr double slope = 1.5, grad = 1.7320508 * 1.875;
     for (const uint64_t seed : {21, 22, 23, 24, 25}) {
@@ -359,7 +360,7 @@ TEST(Gusts, never_pop) {
 TEST(Gusts, come_again_after_each_period) {
     for (const uint64_t seed : {31, 32, 33}) {
         Gusts gusts = some_gusts(seed);
-        gusts.period = 50.0; // shorter than lives: gusts of several repetitions at a time
+        gusts.period = 50.0; // shorter than the lives: gusts of several repetitions overlap
         Points points = some_points(seed, 200, 5.0);
         for (const bool redraw : {false, true}) {
             gusts.redraw = redraw;
@@ -375,7 +376,7 @@ TEST(Gusts, come_again_after_each_period) {
                     EXPECT_LT(difference, 1e-6);
             }
         }
-        double sum = 0.0; // there is wind at any time
+        double sum = 0.0; // there is wind at all times
         for (const double frame : {-1e4, 1e6})
             for (const float value : evaluate_gusts(gusts, points, frame)) sum += double(value);
         EXPECT_GT(sum, 1.0);
@@ -425,11 +426,11 @@ TEST(Gusts, do_not_depend_on_how_strands_are_cut_into_patches) {
         gusts.extent = Vec2d(60.0, 60.0);
         Random random{seed};
         for (int i = 0; i < 50; ++i) gusts.controls.push_back(some_control(random));
-        Points all = some_points(seed, 4 * 64, 20.0); // wide: touches nearly everything
+        Points all = some_points(seed, 4 * 64, 20.0); // large extent: overlaps nearly every gust
         size_t everything = 0;
         const auto values = evaluate_gusts(gusts, all, 33.0, &everything);
         size_t most = 0, least = everything;
-        for (size_t i = 0; i < all.size(); i += test_cvs) { // one strand a patch
+        for (size_t i = 0; i < all.size(); i += test_cvs) { // one strand per patch
             for (int k = 1; k < test_cvs; ++k) all[i + size_t(k)] = all[i] + 0.1 * random.vec(1.0);
         }
         const auto together = evaluate_gusts(gusts, all, 33.0, &everything);
@@ -450,7 +451,7 @@ TEST(Gusts, do_not_depend_on_how_strands_are_cut_into_patches) {
 
 TEST(Gusts, cost_a_patch_what_touches_it) {
     size_t before = 0;
-    for (const uint32_t count : {100U, 1000U, 10000U, 100000U}) { // at the same density
+    for (const uint32_t count : {100U, 1000U, 10000U, 100000U}) { // at equal density
         Gusts gusts = some_gusts(51);
         gusts.num_gusts = count;
         gusts.radius = {1.0, 2.0};
@@ -527,7 +528,7 @@ TEST(Gusts, keep_what_the_scene_fixes) {
     EXPECT_EQ(*gusts.center, Vec3d(1, 2, 3));
     EXPECT_EQ(*gusts.extent, Vec2d(0, 0));
     EXPECT_EQ(*gusts.distance, 5.0);
-    gusts.distance.reset(); // the plane stays upwind of the box though the centre is beside its middle
+    gusts.distance.reset(); // the plane stays upwind of the box although the center is off its middle
     fix_gusts(gusts, Vec3d(-9, -9, -9), Vec3d(5, 5, 5), Vec3d(1, 0, 0));
     EXPECT_NEAR(gusts.center->x() - *gusts.distance, -9.0 - 2.0, 1e-12);
     const double inf = std::numeric_limits<double>::infinity();
@@ -632,7 +633,8 @@ TEST(Gusts, of_a_box_whose_inner_is_its_outer_have_an_edge) {
 
 // ---- Reading ----
 
-// What a host would hand over: the numbers of the given values, everything else at a default of this test's.
+// Values as a host passes them: the numbers that the test sets, everything else at the defaults of this
+// class.
 class HandedOver {
   public:
     HandedOver() {
@@ -687,7 +689,7 @@ TEST(Gusts, are_read) {
     HandedOver values;
     const Gusts gusts = values.read().value();
     EXPECT_EQ(gusts.num_gusts, 3U);
-    EXPECT_EQ(gusts.speed, Vec2d(4, 4)); // the wind's
+    EXPECT_EQ(gusts.speed, Vec2d(4, 4)); // the wind's speed
     EXPECT_EQ(gusts.start_frame, Vec2d(0, 240));
     EXPECT_FALSE(gusts.center || gusts.extent || gusts.distance);
     values.set("gusts.speed_range", {1, 2});

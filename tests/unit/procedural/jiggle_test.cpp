@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Jiggle against three answers that share nothing with it: the matrix exponential of the oscillator in long double, closed-form
-// responses, and a Runge-Kutta run of the whole history. And what must hold whatever the target.
+// Compares jiggle with three independent references: the matrix exponential of the oscillator in long double,
+// closed-form responses, and a Runge-Kutta integration of the whole history. Also checks invariants for any
+// target.
 #include "procedural/wind/jiggle.h"
 #include "procedural/wind/wind.h"
 
@@ -20,8 +21,7 @@ using namespace marram;
 namespace {
 
 using Curve = std::vector<Vec3d>;
-using Motion =
-    std::function<Curve(double frame)>; // bent pose of one strand; its segments are also the rest segments'
+using Motion = std::function<Curve(double frame)>; // bent pose of one strand; also defines its rest lengths
 
 constexpr double frame_rate = 24.0;
 constexpr double zetas[] = {0.05, 0.3, 0.999999, 1.0, 1.0 + 1e-9, 1.5, 50.0};
@@ -50,7 +50,7 @@ Curve curve_of(const WideVector<Wide3f>& cvs, int n, int i) {
     return curve;
 }
 
-// The strands at one time, bent and resting alike: the lanes behind the last strand repeat it.
+// Strands at one time, bent pose equal to rest pose. Unused lanes of the last block repeat the last strand.
 void fill(Strands& strands, const std::vector<Motion>& motions, double frame) {
     const int n = int(motions[0](frame).size());
     strands.resize(int(motions.size()), n, false);
@@ -109,14 +109,14 @@ double omega_of(const Jiggle& jiggle, int k, int n) {
     return 2.0 * pi * jiggle.frequency * jiggle.stiffness(double(k) / (n - 1));
 }
 
-// A strand of two CVs whose filtered tip can be read back: the target is root + (1, g), and x lags behind nothing, so that
-// the slope of the jiggled segment is the filtered g.
+// A strand of two CVs from which the filtered tip can be read back. The target is root + (1, g), where x is
+// constant and has no lag, so the slope of the jiggled segment is the filtered g.
 Motion slope_motion(const std::function<double(double)>& g) {
     return [g](double frame) { return Curve{{0, 0, 0}, {1, g(frame), 0}}; };
 }
 double slope_of(const Curve& curve) { return (curve[1].y() - curve[0].y()) / (curve[1].x() - curve[0].x()); }
 
-// The response at `seconds` to a target that starts to rise by 1 a second at 0.
+// The response at `seconds` to a target that is 0 until time 0 and then rises by 1 per second.
 double ramp_response(double zeta, double omega, double seconds) {
     if (seconds <= 0.0) return 0.0;
     const double t = omega * seconds;
@@ -135,8 +135,8 @@ double ramp_response(double zeta, double omega, double seconds) {
     return (t + e) / omega;
 }
 
-// One scalar oscillator over a knot interval, target from g0 to g1, by Runge-Kutta of order 4 with steps of at most
-// `fine` of the fastest time constant: error about fine^4 / 100 of the change.
+// One scalar oscillator over a knot interval, target from g0 to g1, integrated by fourth-order Runge-Kutta
+// with steps of at most `fine` of the fastest time constant. Error about fine^4 / 100 of the change.
 void runge_kutta(double zeta, double omega, double seconds, double g0, double g1, double& x, double& v) {
     constexpr double fine = 0.02;
     const int steps = std::max(8, int(std::ceil(seconds * omega * std::max(1.0, 2.0 * zeta) / fine)));
@@ -155,7 +155,7 @@ void runge_kutta(double zeta, double omega, double seconds, double g0, double g1
     }
 }
 
-// The whole of the definition: history from knot `first` on, filtered CV by CV, then lengths restored.
+// The full definition: history from knot `first` on, filtered per CV, then segment lengths restored.
 Curve whole_history(const Jiggle& jiggle, int64_t first, double frame, const Motion& motion) {
     const int n = int(motion(frame).size());
     const auto last = int64_t(std::ceil(frame / jiggle.step));
@@ -190,7 +190,7 @@ bool same_bits(const Curve& a, const Curve& b) {
     return std::memcmp(a.data(), b.data(), a.size() * sizeof(Vec3d)) == 0;
 }
 
-// A strand of unit length that sways and whose root wanders; equal segments.
+// A strand of unit length with equal segments that sways while its root moves about.
 Motion swaying(uint64_t seed, int n, double root_travel = 0.3, const Vec3d& place = Vec3d::Zero()) {
     return [=](double frame) {
         const double s = frame / frame_rate;
@@ -208,7 +208,7 @@ Motion swaying(uint64_t seed, int n, double root_travel = 0.3, const Vec3d& plac
 
 using Matrix = Eigen::Matrix<long double, 3, 3>;
 
-// exp of the oscillator's generator for (e, w, slope of the target), by scaling and squaring.
+// Matrix exponential of the oscillator's generator for (e, w, slope of the target), by scaling and squaring.
 Matrix exponential(double zeta, double tau) {
     Matrix a;
     a << 0, 1, -1, -1, -2.0L * zeta, 0, 0, 0, 0;
@@ -236,7 +236,8 @@ TEST(Jiggle, one_step_is_the_matrix_exponential) {
         for (double tau = 1e-8; tau < 2e4; tau *= 1.37) {
             const JiggleStep step = jiggle_step(zeta, tau);
             const Matrix m = exponential(zeta, tau);
-            // The angle's own rounding, see jiggle.h; and that of the reference, which doubles with each squaring.
+            // Rounding of the angle (see jiggle.h), and of the reference, whose error doubles with each
+            // squaring.
             const double scale = 1.0 + (zeta < 1.0 ? tau : 0.0);
             const double reference = 8.0 * double(LDBL_EPSILON) * tau * std::max(1.0, 2.0 * zeta);
             const long double want[] = {m(0, 0), m(0, 1), m(1, 1), -m(0, 2) / tau, m(1, 2) / tau};
@@ -273,7 +274,7 @@ TEST(Jiggle, step_ramp_and_sinusoid_have_their_closed_form) {
     double worst_step = 0.0, worst_ramp = 0.0, worst_sine = 0.0;
     for (const double zeta : zetas) {
         if (std::abs(zeta - 1.0) < 1e-5 && zeta != 1.0)
-            continue; // where the closed forms of this test cancel
+            continue; // the closed forms of this test cancel there
         Jiggle jiggle = jiggle_of(2.0, zeta, 1.0);
         jiggle.start_frame = 0.0;
         const double omega = omega_of(jiggle, 1, 2), h = jiggle.step / frame_rate;
@@ -281,7 +282,7 @@ TEST(Jiggle, step_ramp_and_sinusoid_have_their_closed_form) {
         const std::vector<double> times = {0.2, 3.0, 7.25, 12.5, 19.9, 31.3};
         const Motion step = slope_motion([](double f) { return f >= 2.0 ? 1.0 : 0.0; });
         const Motion rising = slope_motion([](double f) { return f >= 2.0 ? (f - 2.0) / frame_rate : 0.0; });
-        // sin from knot to knot: its slope changes at each knot, and every change starts a ramp
+        // sin interpolated linearly between knots: the slope changes at each knot, each change starts a ramp
         const auto sine = [](double f) { return f > 0.0 ? 0.5 * std::sin(0.4 * f) : 0.0; };
         const auto got = run(jiggle, times, {step, rising, slope_motion(sine)});
         for (size_t i = 0; i < times.size(); ++i) {
@@ -344,7 +345,7 @@ TEST(Jiggle, a_constant_target_is_the_bent_pose_bit_for_bit) {
             }
 }
 
-// A still strand beside a moving one, in the same eight: the still one does not notice.
+// A still strand in the same block of eight as moving strands stays exact.
 TEST(Jiggle, a_still_strand_among_moving_ones_stays_exact) {
     const Curve still = swaying(5, 9)(3.0);
     const std::vector<Motion> motions = {swaying(1, 9), [&](double) { return still; }, swaying(2, 9)};
@@ -353,14 +354,14 @@ TEST(Jiggle, a_still_strand_among_moving_ones_stays_exact) {
     EXPECT_GT(distance(got[0][0], motions[0](10.1)), 1e-3);
 }
 
-// What lies before the window at its worst: the target went to and fro with the sign of the kernel, as far as it may.
+// Worst case before the window: the target jumps between its extremes with the sign of the kernel.
 TEST(Jiggle, the_window_forgets_no_more_than_the_tolerance) {
     constexpr double reach = 2.0, tolerance = 1e-3;
     for (const double zeta : zetas) {
         Jiggle jiggle = jiggle_of(2.0, zeta, 1.0);
         const double omega = omega_of(jiggle, 1, 2), frame = 240.3;
         const JiggleWindow window = jiggle_window(jiggle, std::array{frame}, frame_rate, reach, tolerance);
-        const int64_t past = window.first - 2 * window.count() - 20; // where the whole history begins
+        const int64_t past = window.first - 2 * window.count() - 20; // start of the whole history
         const double first_frame = jiggle.frame_of(window.first);
         const auto worst_case = [&](double f) {
             if (f >= first_frame) return 0.0;
@@ -369,7 +370,7 @@ TEST(Jiggle, the_window_forgets_no_more_than_the_tolerance) {
         std::vector<Motion> motions = {slope_motion(worst_case)};
         for (uint64_t seed = 1; seed <= 15; ++seed)
             motions.push_back(slope_motion([=](double f) {
-                // a random walk within +- reach / 2, so that no two values are further apart than the reach
+                // a random motion within +- reach / 2, so that no two values are more than reach apart
                 return 0.5 * reach * std::sin(10.0 * draw(seed, 1) + f * 0.5 * draw(seed, 2)) *
                        std::cos(f * 0.2 * draw(seed, 3));
             }));
@@ -384,7 +385,7 @@ TEST(Jiggle, the_window_forgets_no_more_than_the_tolerance) {
                     zeta, int(window.count()), worst / tolerance, random / tolerance);
         EXPECT_LE(worst, tolerance + 4e-7);
         EXPECT_LE(random, tolerance + 4e-7);
-        EXPECT_GT(worst, 0.3 * tolerance); // not longer than needed
+        EXPECT_GT(worst, 0.3 * tolerance); // the window is not longer than needed
     }
 }
 
@@ -395,7 +396,7 @@ TEST(Jiggle, truncated_strands_differ_by_little_more_than_the_tolerance) {
         std::vector<Motion> motions;
         for (uint64_t seed = 1; seed <= 64; ++seed) motions.push_back(swaying(seed, 9));
         const std::vector<double> times = {500.3};
-        const double reach = 2.0 + 0.6; // twice the length, and how far the root travels
+        const double reach = 2.0 + 0.6; // twice the length plus the travel of the root
         const JiggleWindow window = jiggle_window(jiggle, times, frame_rate, reach, tolerance);
         JiggleFilter filter;
         const auto cut = run(jiggle, window, times, motions, filter);
@@ -410,7 +411,7 @@ TEST(Jiggle, truncated_strands_differ_by_little_more_than_the_tolerance) {
 }
 
 TEST(Jiggle, segments_keep_their_lengths) {
-    double worst = 0.0; // 1: the bound
+    double worst = 0.0; // 1 is the bound
     size_t index = 0;
     for (const double zeta : zetas)
         for (const double far : {0.0, 1e3, 1e6})
@@ -448,7 +449,7 @@ TEST(Jiggle, a_root_that_moves_drags_its_strand_behind_it) {
         const Motion faster = [&](double f) {
             return strand_at(0.5 * gain * f * f / frame_rate / frame_rate);
         };
-        const double reach = 200.0; // the root has come a long way
+        const double reach = 200.0; // the root has travelled far
         const auto got = run(jiggle, {96.0}, {even, faster}, reach, 1e-7);
         const auto lean = [](const Curve& c) { return (c[1].x() - c[0].x()) / (c[1].y() - c[0].y()); };
         worst_even = std::max(worst_even, std::abs(lean(got[0][0]) + 2.0 * zeta * speed / omega));
@@ -456,16 +457,16 @@ TEST(Jiggle, a_root_that_moves_drags_its_strand_behind_it) {
         const double want = -2.0 * zeta * v / omega + (4.0 * zeta * zeta - 1.0) * gain / (omega * omega);
         worst_faster = std::max(worst_faster, std::abs(lean(got[0][1]) - want));
     }
-    // A parabola through knots h apart lies on average a h^2 / 12 below its chords.
+    // A parabola through knots a distance h apart lies on average a h^2 / 12 below its chords.
     const double chords = gain / 12.0 * 0.25 / frame_rate / frame_rate;
     std::printf("moving root: even %.2g, accelerated %.2g (chords of the step: %.2g)\n", worst_even,
                 worst_faster, chords);
-    EXPECT_LT(worst_even, 2e-6); // the root's float is good to 6e-8 * 6 m
+    EXPECT_LT(worst_even, 2e-6); // the root's float error is 6e-8 * 6 m
     EXPECT_LT(worst_faster, 2.0 * chords + 1e-5);
 }
 
 TEST(Jiggle, a_turning_strand_lags_and_settles) {
-    const Motion turning = [](double f) { // half a turn a second until frame 48, then still
+    const Motion turning = [](double f) { // half a turn per second until frame 48, then still
         const double angle = pi * std::min(f, 48.0) / frame_rate;
         Curve curve;
         for (int k = 0; k < 5; ++k) curve.push_back(0.25 * k * Vec3d(std::cos(angle), 0.2, std::sin(angle)));
@@ -475,11 +476,11 @@ TEST(Jiggle, a_turning_strand_lags_and_settles) {
         const auto got = run(jiggle_of(2.0, zeta), {47.5, 48.5, 600.0}, {turning}, 4.0, 1e-6);
         EXPECT_GT(distance(got[0][0], turning(47.5)), 0.05);
         EXPECT_GT(distance(got[1][0], turning(48.5)), 0.05);
-        EXPECT_TRUE(same_bits(got[2][0], rounded(turning(600.0)))); // all of the window is still
+        EXPECT_TRUE(same_bits(got[2][0], rounded(turning(600.0)))); // still over the whole window
     }
 }
 
-// Between keys, over knots, and over the frame before which nothing jiggles: no jump.
+// No jump between keys, at knots, or at the start frame.
 TEST(Jiggle, poses_are_continuous_in_time) {
     Jiggle jiggle = jiggle_of(2.0, 0.3);
     jiggle.start_frame = 11.0;
@@ -494,7 +495,7 @@ TEST(Jiggle, poses_are_continuous_in_time) {
         bent_step = std::max(bent_step, distance(rounded(motion(times[i])), rounded(motion(times[i - 1]))));
     std::printf("time: greatest move in 0.001 frames %.2g, of the target %.2g\n", step, bent_step);
     EXPECT_LT(step, 2.0 * bent_step);
-    EXPECT_TRUE(same_bits(got[500][0], rounded(motion(times[500])))); // 10.5: before the start
+    EXPECT_TRUE(same_bits(got[500][0], rounded(motion(times[500])))); // 10.5: before the start frame
     EXPECT_GT(distance(got[4000][0], motion(times[4000])), 1e-3);
 }
 
@@ -523,7 +524,7 @@ TEST(Jiggle, keys_of_one_frame_share_their_knots_with_the_next) {
     EXPECT_EQ(a.last + 2, b.last);
     EXPECT_LE(jiggle.frame_of(a.first), 99.75);
     EXPECT_GE(jiggle.frame_of(a.last), 100.25);
-    for (const double step : {0.1, 0.3, 1.0 / 3.0, 0.7}) { // knots that no double holds exactly
+    for (const double step : {0.1, 0.3, 1.0 / 3.0, 0.7}) { // knots that are not exact in double
         Jiggle odd = jiggle;
         odd.step = step;
         for (int i = -2000; i < 2000; ++i) {
@@ -557,7 +558,7 @@ TEST(Jiggle, far_from_the_origin_only_the_floats_are_coarse) {
         jiggle.start_frame = 0.0;
         const Motion motion = swaying(6, 5, 0.3, place);
         const auto got = run(jiggle, {30.3}, {motion});
-        // Segments of rounded points may be shorter than an ulp: the reference sees the same floats.
+        // Segments of rounded points may be shorter than an ulp, so the reference uses the same floats.
         const Curve want = whole_history(jiggle, 0, 30.3, motion);
         const double error = distance(got[0][0], want), ulp = double(FLT_EPSILON) * far;
         std::printf("%g m from the origin: error %.2g ulp\n", far, error / ulp);
@@ -574,7 +575,7 @@ TEST(Jiggle, odd_strands_give_finite_poses_and_no_motion_of_their_own) {
                 const Vec3d d = scale * Vec3d(std::sin(f), std::cos(f), 0);
                 return Curve{{0, 0, 0}, {0, 0, 0}, d, d, 2.0 * d};
             };
-            // The filtered tip passes through its root: x turns round within one step.
+            // The filtered tip passes through its root: x reverses within one step.
             const Motion flips = [=](double f) {
                 const double sign = f < 5.0 ? 1.0 : -1.0;
                 return Curve{{0, 0, 0},
@@ -616,7 +617,7 @@ TEST(Jiggle, undamped_strands_need_a_start_and_swing_for_ever) {
     Jiggle jiggle = jiggle_of(2.0, 0.0, 1.0);
     EXPECT_THROW(jiggle_window(jiggle, std::array{10.0}, frame_rate, 2.0, 1e-3), SceneFault);
     jiggle.start_frame = 0.0;
-    // Half a turn of target while a long history passes: at 2 Hz and 24 frame_rate every 12th frame is alike.
+    // A step of the target, then a long history: at 2 Hz and 24 fps the response has a period of 12 frames.
     const Motion step = slope_motion([](double f) { return f >= 2.0 ? 1.0 : 0.0; });
     const auto got = run(jiggle, {20.3, 20.3 + 12.0 * 1000.0}, {step});
     std::printf("undamped: 1000 periods later %.2g off\n", distance(got[0][0], got[1][0]));
@@ -689,7 +690,7 @@ TEST(Jiggle, normals_turn_with_their_segments) {
 
 namespace {
 
-struct Given { // what a renderer would hand over
+struct Given { // values as a renderer passes them
     std::vector<std::pair<std::string, std::vector<double>>> numbers;
     std::optional<Jiggle> read() const {
         std::vector<MarramValue> values;
@@ -750,7 +751,7 @@ TEST(Jiggle, scenes_are_read_and_contradictions_refused) {
     EXPECT_EQ(listed, jiggle_params().size());
 }
 
-// No bound: what the step between knots costs in accuracy and what a knot costs in time.
+// Prints the error of the step between knots and the cost per knot. Only the error of the step has a bound.
 TEST(Jiggle, measured_error_of_the_step_and_cost) {
     for (const double hertz : {1.0, 2.0, 5.0})
         for (const double step : {2.0, 1.0, 0.5, 0.25, 0.125}) {
@@ -766,7 +767,7 @@ TEST(Jiggle, measured_error_of_the_step_and_cost) {
             std::printf("sway of %g Hz, step %-5g frames: error %.2g of its amplitude\n", hertz, step,
                         worst / 0.5);
             EXPECT_LT(worst, 0.5 * std::pow(pi * hertz * step / frame_rate,
-                                            2.0)); // sinc^2 and the spring's own gain
+                                            2.0)); // sinc^2 and the gain of the spring
         }
     Strands strands;
     std::vector<Motion> motions;

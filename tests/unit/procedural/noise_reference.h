@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The three noises once more, one point at a time in double precision, written from the definitions at the heads of
-// noise.h and wavelet_noise.h and sharing nothing with the code that is tested but the hash. Slow.
+// Reference implementation of the three noises: one point at a time, in double precision, written from the
+// definitions at the heads of noise.h and wavelet_noise.h. Shares only the hash with the tested code. Slow.
 #pragma once
 
 #include "core/math/hash.h"
@@ -45,7 +45,7 @@ inline double gradient_4d(uint32_t bits, const double* d) {
     return sum;
 }
 
-// One octave at p cells, by the sum over the 8 or 16 corners.
+// One octave at p (in cells): sum over the 8 (or 16) corners.
 inline Vec3d perlin(const Vec3d& p, bool four, double w, uint32_t seed) {
     Vec3d value = Vec3d::Zero();
     const double base_w = four ? std::floor(w) : 0.0;
@@ -74,7 +74,7 @@ inline size_t cell(int i, int j, int k) {
     return size_t(((k & (n - 1)) * n + (j & (n - 1))) * n + (i & (n - 1)));
 }
 
-// The tile filtered along all three axes by the symmetric filter that multiplies frequency w by response(w).
+// Filters the tile along all three axes with the symmetric filter of frequency response response(w).
 inline Tile filtered(Tile tile, const std::function<double(double)>& response) {
     constexpr double pi = 3.14159265358979323846;
     std::array<double, n> taps{};
@@ -112,7 +112,7 @@ inline Tile white_tile() {
     return tile;
 }
 
-// Mean square of the splines with these coefficients, a component.
+// Mean square per component of the spline field with these coefficients.
 inline Vec3d mean_squares(const Tile& tile) {
     const Tile products = filtered(tile, products_response);
     Vec3d sum = Vec3d::Zero();
@@ -140,7 +140,7 @@ inline double spline(double x) { // B
 inline Vec3d wavelet_layer(const Vec3d& p, uint32_t seed) {
     const Eigen::Quaterniond turn = Eigen::Quaterniond(7.0, 4.0, 7.0, 15.0).normalized();
     const Vec3d near =
-        p.unaryExpr([](double x) { return std::remainder(x, 339.0 * n); }); // the period, exactly
+        p.unaryExpr([](double x) { return std::remainder(x, 339.0 * n); }); // exact reduction by the period
     Vec3d q = turn.toRotationMatrix() * near;
     for (int axis = 0; axis < 3; ++axis)
         q[axis] += n * 0x1p-32 * mix32(seed + 0x9e3779b9U * uint32_t(axis + 1));

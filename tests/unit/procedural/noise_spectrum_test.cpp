@@ -1,18 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the energy of each noise lies, in cycles a cell, in blocks of space and on the straight lines that the chain
-// samples.
+// Energy spectra of each noise, in cycles per cell: of blocks of space, and of straight lines as the chain
+// samples them.
 //
-// The band. Wavelet noise of one octave is made of splines with knots a cell apart, less what splines with knots two cells
-// apart can say: frequencies from 1/4 to 1/2 on at least one of the tile's axes and below 1/2 on all ("the box" below, the
-// paper's band). By |f| that is 1/4 to sqrt(3)/2. Perlin's and billow's lattice has its knots a cell apart too.
+// The band. One octave of wavelet noise is made of splines with knots one cell apart, minus their projection
+// onto splines with knots two cells apart: frequencies from 1/4 to 1/2 on at least one of the tile's axes and
+// below 1/2 on all of them ("the box" below, the paper's band). In |f| that is 1/4 to sqrt(3)/2. The lattice
+// of Perlin and billow noise also has knots one cell apart.
 //
-// A block of 128^3 samples a quarter of a cell apart (Nyquist: 2 cycles a cell) along the noise's own lattice axes, under a
-// Hann window on each axis, is transformed; two components go as real and imaginary part, which the sum over +-f separates.
-// Lines are 4,096 samples an eighth of a cell apart.
+// A block has 128^3 samples a quarter of a cell apart (Nyquist: 2 cycles per cell) along the noise's own
+// lattice axes, with a Hann window on each axis. Two components are transformed together as real and
+// imaginary part; the sum over +-f separates them. Lines have 4,096 samples an eighth of a cell apart.
 //
-// A line through a block sees at frequency f the energy of the whole plane f . direction = f of the block's spectrum. So no
-// field whose block spectrum is a shell can be free of low frequencies on lines: the plane through 0 cuts the shell. The
-// paper says so of 2-D slices, and projects the noise onto them instead.
+// By the projection-slice theorem a line through a block has at frequency f the energy of the whole plane
+// f . direction = f of the block's spectrum. So no field whose block spectrum is a shell is free of low
+// frequencies on lines: the plane through 0 cuts the shell. The paper says the same of 2-D slices, and
+// projects the noise onto them instead.
 #include "core/math/hash.h"
 #include "procedural/wind/noise.h"
 #include "procedural/wind/wavelet_noise.h"
@@ -31,7 +33,7 @@ namespace {
 
 using Complex = std::complex<double>;
 
-// Radix 2, in place, `stride` apart; roots[i] = e^(-2 pi i / count).
+// Radix-2 transform, in place, with elements `stride` apart; roots[i] = e^(-2 pi i / count).
 void transform(Complex* data, int count, int stride, const std::vector<Complex>& roots) {
     for (int i = 1, j = 0; i < count; ++i) { // bit reversal
         int bit = count >> 1;
@@ -59,15 +61,15 @@ std::vector<Complex> roots_of(int count) {
 
 double hann(int i, int count) { return 0.5 - 0.5 * std::cos(2.0 * pi * (i + 0.5) / count); }
 
-// Cycles a cell of bin i, with a sign.
+// Signed frequency of bin i in cycles per cell.
 double frequency_of(int i, int count, double spacing) {
     return double(i < count / 2 ? i : i - count) / (count * spacing);
 }
 
 constexpr double between_layers =
-    0.5; // of evolution: a moment when two layers blend, where that is asked for
+    0.5; // evolution for the 4-D tests: halfway between two layers, where they blend
 
-// Values at p + i step (cells), two components as one complex number.
+// Values at p + i step (in cells), two components as one complex number.
 void sample_line(const FractalNoise& noise, const Vec3d& p, const Vec3d& step, int count, Complex* out,
                  bool four = false) {
     std::vector<Wide3d> points(size_t(count / lanes));
@@ -86,7 +88,7 @@ void sample_line(const FractalNoise& noise, const Vec3d& p, const Vec3d& step, i
     }
 }
 
-// Columns are the noise's lattice axes: the world's, or the tile's.
+// Columns: the noise's lattice axes, which are the axes of the world or of the tile.
 Eigen::Matrix3d lattice_axes(NoiseType type) {
     if (type != NoiseType::wavelet) return Eigen::Matrix3d::Identity();
     return Eigen::Quaterniond(7.0, 4.0, 7.0, 15.0).normalized().toRotationMatrix().transpose();
@@ -106,7 +108,7 @@ std::vector<Complex> block_spectrum(const FractalNoise& noise, const Vec3d& corn
         }
     const std::vector<Complex> roots = roots_of(side);
     for (const int stride :
-         {1, side, side * side}) // along each axis, the lines that start in the plane across it
+         {1, side, side * side}) // transform along each axis: all lines that start in the plane across it
         for (int a = 0; a < side; ++a)
             for (int b = 0; b < side; ++b) {
                 const int first = stride == 1      ? a * side * side + b * side
@@ -117,7 +119,7 @@ std::vector<Complex> block_spectrum(const FractalNoise& noise, const Vec3d& corn
     return block;
 }
 
-// Energy by |f|, in bins of 1/64 cycle a cell; and inside the box band.
+// Energy by |f| in bins of 1/64 cycle per cell, and inside, below and above the box.
 constexpr double bin_width = 1.0 / 64.0;
 struct Spectrum {
     std::vector<double> energy = std::vector<double>(4 * 64);
@@ -127,13 +129,13 @@ struct Spectrum {
         energy[std::min(size_t(f / bin_width), energy.size() - 1)] += value;
         total += value;
     }
-    double below(double f) const { // share of the energy
+    double below(double f) const { // fraction of the energy
         double sum = 0.0;
         for (size_t i = 0; i < energy.size() && double(i + 1) * bin_width <= f; ++i) sum += energy[i];
         return sum / total;
     }
     double above(double f) const { return 1.0 - below(f); }
-    // The start of the octave that holds most energy.
+    // Start of the octave with the most energy.
     double best_octave() const {
         double best = 0.0;
         for (double f = bin_width; f <= 1.0; f += bin_width)
@@ -212,25 +214,25 @@ TEST(NoiseSpectrum, of_blocks) {
                         s.in_box / s.total, s.above_box / s.total);
         }
         const Spectrum &perlin = spectra[0], &billow = spectra[1], &wavelet = spectra[2];
-        // An octave and more below the band there is nothing: measured 1.1e-7, with Perlin at 4e-4 and billow at 2e-3.
+        // There is no energy an octave or more below the band: measured 1.1e-7; Perlin 4e-4, billow 2e-3.
         EXPECT_LT(wavelet.below(0.125), 1e-6);
         EXPECT_LT(wavelet.below(0.125), 0.01 * perlin.below(0.125));
         EXPECT_LT(wavelet.below(0.125), 0.01 * billow.below(0.125));
-        // Above it are the images of the splines' coefficients, damped as sinc^6: measured 1e-3.
+        // Above the band are the images of the spline coefficients, damped as sinc^6: measured 1e-3.
         EXPECT_LT(wavelet.above(1.0), 2e-3);
         EXPECT_LT(wavelet.above(1.0), 0.1 * perlin.above(1.0));
-        // In the band: measured 0.91, with Perlin at 0.38.
+        // Inside the band: measured 0.91; Perlin 0.38.
         EXPECT_GT(wavelet.in_box, 0.89 * wavelet.total);
         EXPECT_LT(perlin.in_box, 0.6 * perlin.total);
-        // Each against the octave that suits it best: measured 0.13 of wavelet and 0.26 of Perlin lie outside.
+        // Outside each noise's best octave: measured 0.13 for wavelet, 0.26 for Perlin.
         EXPECT_LT(wavelet.outside_best_octave(), 0.16);
         EXPECT_GT(perlin.outside_best_octave(), 0.22);
         EXPECT_GT(billow.outside_best_octave(), 0.3);
     }
 }
 
-// What the mean over the choices of knots is worth: energy by the formulas, 1 - c of the paper and (1 - c)^2 of ours, each
-// seen through the spline. The block's figures above agree with ours.
+// Gain from averaging over the choices of knots. Energy by formula: 1 - c for the paper and (1 - c)^2 for
+// ours, both filtered by the spline. The measured block figures above agree with ours.
 TEST(NoiseSpectrum, of_the_papers_construction_by_formula) {
     Spectrum paper, ours;
     std::array<double, side> response{}, spline{}, squared{};
@@ -255,7 +257,8 @@ TEST(NoiseSpectrum, of_the_papers_construction_by_formula) {
     EXPECT_LT(ours.below(0.125), 1e-3 * paper.below(0.125));
 }
 
-// Lines see low frequencies in every noise; see the head. Wavelet's has an upper end and no lower one.
+// Every noise has low frequencies on lines (see the head). On lines wavelet noise is bounded above, but not
+// below.
 TEST(NoiseSpectrum, of_lines) {
     const Vec3d oblique(1.0, 2.0, 3.0), diagonal(1.0, 1.0, 1.0);
     for (size_t t = 0; t < types.size(); ++t) {

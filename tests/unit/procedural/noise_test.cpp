@@ -42,7 +42,7 @@ struct Kind {
     NoiseType type;
     const char* name;
     double least, greatest, least_4d, greatest_4d, rms_4d, correlation,
-        correlation_4d; // as noise.h states them
+        correlation_4d; // bounds stated in noise.h
 };
 constexpr Kind kinds[] = {
     {NoiseType::perlin, "perlin", -1.04, 1.04, -1.6, 1.6, perlin_rms_4d, 0.0, 0.0},
@@ -105,7 +105,8 @@ Wide3d rotated_lanes(const Wide3d& p) {
 
 } // namespace
 
-// Figures of 2^20 points in a cube of 2000 cells; the bounds are the table's at the head of noise.h.
+// Statistics of 2^20 points in a cube of 2000 cells; the bounds are those of the table at the head of
+// noise.h.
 TEST(Noise, range_mean_rms_and_independence) {
     for (const Kind& kind : kinds)
         for (const bool four : {false, true}) {
@@ -120,7 +121,8 @@ TEST(Noise, range_mean_rms_and_independence) {
                     kind.name, four ? 4 : 3, seed, m.mean[0], m.mean[1], m.mean[2], m.rms[0], m.rms[1],
                     m.rms[2], m.correlation[0], m.correlation[1], m.correlation[2], m.least, m.greatest);
                 for (int axis = 0; axis < 3; ++axis) {
-                    // Means of 2^18 independent values of rms 0.3 err by 0.0006, correlations by 0.002; 5 of that.
+                    // Standard errors with 2^18 independent values of RMS 0.3: 0.0006 for means, 0.002 for
+                    // correlations. Limits: 5 times that.
                     EXPECT_NEAR(m.mean[axis], 0.0, 0.003);
                     EXPECT_NEAR(m.rms[axis], rms_stated, 0.003);
                     EXPECT_NEAR(m.correlation[axis], four ? kind.correlation_4d : kind.correlation, 0.01);
@@ -132,7 +134,7 @@ TEST(Noise, range_mean_rms_and_independence) {
         }
 }
 
-// The code against its definition in double precision: what issue and accuracy.md ask of noise is 1e-5.
+// Compares the code with its definition in double precision. The issue and accuracy.md require 1e-5.
 TEST(Noise, matches_the_definition) {
     for (const Kind& kind : kinds)
         for (const double extent : {4.0, 1e3, 1e6, 1e9, 1e12}) {
@@ -156,8 +158,8 @@ TEST(Noise, matches_the_definition) {
         }
 }
 
-// Along a line, near and far: no step anywhere (values change by no more than the greatest slope allows), and for those
-// that promise a slope, none in that either.
+// Along a line, near the origin and far away: no steps (values change by at most the maximum slope), and for
+// smooth noises no jumps of the slope either.
 TEST(Noise, continuous_near_and_far) {
     constexpr double h = 1.0 / 256.0; // exact at every origin below
     constexpr int steps = 256 * 64;
@@ -180,7 +182,7 @@ TEST(Noise, continuous_near_and_far) {
             std::printf("%-7s from %g: greatest slope %.2f, second difference %.1f a cell^2\n", kind.name,
                         origin, slope, bend);
             EXPECT_LT(slope, kind.type == NoiseType::billow ? 8.0 : 4.5);
-            if (kind.type != NoiseType::billow) { // a crease would have slope / h, some 500
+            if (kind.type != NoiseType::billow) { // at a crease it would be slope / h, about 500
                 EXPECT_LT(bend, 40.0);
             }
         }
@@ -220,7 +222,7 @@ TEST(Noise, extremes_stay_in_range) {
                     for (const bool four : {false, true}) {
                         FractalNoise noise{kind.type, frequency, 16, 16.0, 1.0, 0xffffffffU};
                         const Wide3f v = at(noise, x, -0.7 * x, w, four, w);
-                        for (int axis = 0; axis < 3; ++axis) // sixteen octaves of full strength: 16 / sqrt 16
+                        for (int axis = 0; axis < 3; ++axis) // sixteen octaves at full strength: 16 / sqrt 16
                             EXPECT_LE(std::abs(component(v, axis, 0)), 4.0 * kind.greatest_4d)
                                 << kind.name << " " << x << " " << w << " " << frequency;
                     }
@@ -246,7 +248,7 @@ TEST(PerlinNoise, twice_differentiable_across_faces) {
     }
 }
 
-// A slab of the field holds in 32-bit hash cells what a shifted slab does not: no short period along any axis.
+// A field with 32-bit cell hashes differs from its shifted copies: no short period along any axis.
 TEST(PerlinNoise, does_not_repeat) {
     for (const double period : {256.0, 512.0, 4096.0, 65536.0}) {
         double difference = 0.0;
@@ -275,7 +277,8 @@ TEST(Noise, octaves_keep_their_strength) {
             }
 }
 
-// The fourth dimension is a noise like any other: smooth, and as strong between whole cells as at them.
+// The fourth dimension behaves like the others: continuous, and equally strong between integer values and at
+// them.
 TEST(Noise, evolution_is_continuous) {
     for (const Kind& kind : kinds) {
         const FractalNoise noise{kind.type};
@@ -326,11 +329,12 @@ TEST(WaveletNoise, tile_is_the_definition) {
                 greatest, error, sum[0] / double(expected.size()), sum[1] / double(expected.size()),
                 sum[2] / double(expected.size()));
     EXPECT_LE(error, 2e-6);
-    EXPECT_LE(greatest, 2.35); // splines are weighted means of coefficients: the field's bound too
+    EXPECT_LE(greatest, 2.35); // splines are weighted means of coefficients, so this bounds the field too
     for (int a = 0; a < 3; ++a) EXPECT_LE(std::abs(sum[a]), 1e-7 * double(expected.size()));
 }
 
-// The whole tile passes, but a strand, or the wind along an axis, does not meet the same values again soon.
+// The whole tile repeats, but a strand, or wind along an axis, meets the same values again only after a long
+// way.
 TEST(WaveletNoise, does_not_repeat_along_world_axes) {
     const FractalNoise noise{NoiseType::wavelet};
     for (int axis = 0; axis < 3; ++axis)
@@ -349,7 +353,7 @@ TEST(WaveletNoise, does_not_repeat_along_world_axes) {
         }
 }
 
-// Printed only. One call of 64 times 8 points, like a block of strands; the points advance by a hundredth of a cell.
+// Prints only. One call with 64 times 8 points, like a block of strands; points advance by 0.01 cells.
 TEST(Noise, time_of_a_sample) {
     constexpr int count = 64;
     std::vector<Wide3d> points(count);

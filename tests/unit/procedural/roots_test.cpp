@@ -78,7 +78,7 @@ TEST(Roots, keep_their_distance) {
         const double bound = spacing * 0.5 / std::sqrt(groom.density);
         const double nearest =
             nearest_pair(places(groom, plane.surface(), place_roots(groom, plane.surface(), never).roots));
-        EXPECT_GT(nearest, 0.994 * bound); // positions in the grid are kept to a thousandth of a cell of 2 r
+        EXPECT_GT(nearest, 0.994 * bound); // grid positions are stored to 1/1000 of a cell of 2 r
         EXPECT_LT(nearest, 1.2 * bound) << "the discs are smaller than they could be";
     }
     Groom random;
@@ -89,7 +89,7 @@ TEST(Roots, keep_their_distance) {
         0.2 / std::sqrt(1000.0));
 }
 
-// Counts in sixteen squares, over several seeds: of random roots their variance would be their mean.
+// Counts in sixteen squares over several seeds. For random roots their variance would equal their mean.
 TEST(Roots, are_spread_evenly_over_large_and_small_triangles) {
     for (const int divisions : {1, 64}) {
         const TestSurface plane = grid_surface(divisions, 10.0);
@@ -119,16 +119,16 @@ TEST(Roots, do_not_notice_a_change_elsewhere) {
     Groom groom;
     groom.density = 300.0;
     const auto whole = identities(place_roots(groom, plane.surface(), never).roots);
-    std::vector<float> half(64, 0.0F); // the right half goes
+    std::vector<float> half(64, 0.0F); // mask out the right half
     std::fill_n(half.begin(), 32, 1.0F);
     groom.density_masks.image = ScalarImage{64, 1, half};
     const std::vector<Root> left = place_roots(groom, plane.surface(), never).roots;
     size_t kept = 0;
     for (const Root root : left) kept += whole.count({root.triangle, root.index});
-    // Only next to the seam may a strand stand that had been kept away by one that is gone.
+    // Only next to the seam can a strand grow that was suppressed by one that is now masked out.
     EXPECT_GT(left.size(), whole.size() / 3);
     EXPECT_GT(double(kept) / double(left.size()), 0.97);
-    // More strands: those that were there and are still there have the same identity, so the same place and shape.
+    // At a higher density all strands that still exist keep their identity, so their root and shape.
     groom = {};
     groom.density = 600.0;
     groom.spacing = 0.0;
@@ -149,7 +149,8 @@ TEST(Roots, half_a_mask_is_half_the_strands) {
     }
 }
 
-// Told at once where a factor is 0 all over its image: to look for a rest of it takes a minute for 100 strands.
+// A factor that is 0 over its whole image is rejected at once: searching for places would take a minute per
+// 100 strands.
 TEST(Roots, nothing_grows_where_an_image_is_black) {
     const TestSurface plane = grid_surface(50, 10.0);
     Groom groom;

@@ -38,7 +38,7 @@ Vec3d cv(const Strands& strands, int strand, int k) {
     return {double(v.x[strand % lanes]), double(v.y[strand % lanes]), double(v.z[strand % lanes])};
 }
 
-// Everything at once.
+// All features at once.
 Groom wild_groom(int cvs) {
     Groom groom = plain_groom(cvs);
     groom.lean = 0.4;
@@ -90,7 +90,7 @@ TEST(StrandShape, stands_up_leans_and_combs) {
         EXPECT_LT(std::hypot(d.x(), d.z()), 1e-5);
     }
     groom.combed = true;
-    groom.comb = Vec3d(0.6, 0.5, 0.8).normalized(); // its part along the surface counts
+    groom.comb = Vec3d(0.6, 0.5, 0.8).normalized(); // only its component along the surface counts
     groom.lean = 30.0 * degree;
     const Strands combed = grown(groom, plane, plane, roots);
     for (int i = 0; i < combed.count; ++i) {
@@ -128,7 +128,8 @@ TEST(StrandShape, clumps_draw_tips_together) {
     const Strands coarse = grown(groom, plane, plane, roots);
     EXPECT_LT(mean_tip_gap(coarse), 0.3 * loose);
 
-    // Fine clumps within coarse ones: tips of a fine clump are together, and it goes to a coarse clump's middle as a whole.
+    // Fine clumps inside coarse ones: tips of a fine clump stay together, and it moves to the coarse clump's
+    // center as a whole.
     groom.clumps = {{0.3, 0.5, to_the_tip}, {0.05, 1.0, to_the_tip}};
     groom.lean = groom.lean_variation = groom.arc = groom.arc_variation = 0.0;
     const Strands both = grown(groom, plane, plane, roots);
@@ -143,7 +144,7 @@ TEST(StrandShape, clumps_draw_tips_together) {
                 const Vec3d gap = cv(strands, i, 7) - cv(strands, j, 7);
                 return std::hypot(gap.x(), gap.z());
             };
-            if (apart(fine) > 1e-3) continue; // of two fine clumps
+            if (apart(fine) > 1e-3) continue; // not in the same fine clump
             (apart(both) < 4e-3 ? together : torn) += 1;
         }
     EXPECT_GT(together, 1000);
@@ -173,7 +174,7 @@ TEST(StrandShape, rides_rigidly_with_its_surface) {
             EXPECT_LT((motion * cv(rest, i, k) - cv(carried, i, k)).norm(), 2e-5);
 }
 
-// A parameter changes what it is for and nothing else.
+// A parameter changes only its own property.
 TEST(StrandShape, parameters_do_not_reshuffle_each_other) {
     const TestSurface plane = grid_surface(10, 1.0);
     const Groom groom = wild_groom(8);
@@ -223,7 +224,8 @@ TEST(StrandShape, length_masks_shorten) {
     }
 }
 
-// What a factor makes of a parameter is what a groom with that share of it has: where it is 0 nothing of it is left, where it is 1 all.
+// A factor scales its parameter: the result equals a groom with the scaled parameter. 0 removes it, 1 keeps
+// it.
 TEST(StrandShape, factors_scale_what_they_are_of) {
     const TestSurface plane = grid_surface(10, 1.0);
     Groom whole = wild_groom(8);
@@ -231,7 +233,7 @@ TEST(StrandShape, factors_scale_what_they_are_of) {
     const std::vector<Root> roots = roots_on(whole, plane);
     const Factor halves{
         "", "", ScalarImage{2, 1, {0.0F, 1.0F}},
-        Ramp(std::vector<double>{0, 0, 0.5, 1}, "constant")}; // a half of the plane 0, the other 1
+        Ramp(std::vector<double>{0, 0, 0.5, 1}, "constant")}; // 0 on one half of the plane, 1 on the other
     const auto without = [&](FactorOf what) {
         Groom groom = whole;
         if (what == of_width) groom.width = 0.0;
@@ -264,7 +266,7 @@ TEST(StrandShape, factors_scale_what_they_are_of) {
         EXPECT_GT(changed, 50);
         EXPECT_GT(kept, 50);
     }
-    // Several are multiplied.
+    // Several factors are multiplied.
     Groom twice = whole;
     twice.factors[of_width] = {
         {"", "", ScalarImage{1, 1, {0.5F}}, Ramp(std::vector<double>{0, 0, 1, 1}, "linear")},
@@ -275,7 +277,7 @@ TEST(StrandShape, factors_scale_what_they_are_of) {
                          0.5 * 0.75 * full.width[size_t(i / lanes)][i % lanes]);
 }
 
-// A map combs along u and v wherever the surface lies; where it is grey the comb decides.
+// A comb map combs along u and v in any orientation of the surface. Where it is grey, `comb` is used.
 TEST(StrandShape, comb_maps_go_by_uv) {
     const TestSurface plane = grid_surface(10, 1.0);
     Groom groom = plain_groom(8);
@@ -299,15 +301,14 @@ TEST(StrandShape, comb_maps_go_by_uv) {
     expect_towards([&](uint32_t t) { return Vec3d(-surface.uv_directions(t)[1]); });
     groom.comb_map = {ScalarImage{1, 1, {0.5F}}, ScalarImage{1, 1, {128.0F / 255.0F}}};
     expect_towards([&](uint32_t) { return groom.comb; });
-    for (uint32_t t = 0; t < surface.triangle_count;
-         ++t) { // u and v of the grid are x and z, or their opposites
+    for (uint32_t t = 0; t < surface.triangle_count; ++t) { // u and v of the grid are x and z, up to sign
         const auto [u, v] = surface.uv_directions(t);
         EXPECT_NEAR(std::abs(u.x()), 1.0, 1e-6);
         EXPECT_NEAR(std::abs(v.z()), 1.0, 1e-6);
     }
 }
 
-// Both codes of 8 bits beside the middle are grey, also where u and v enclose a small angle.
+// Both 8-bit codes next to the middle count as grey, also where the angle between u and v is small.
 TEST(StrandShape, grey_comb_maps_change_nothing) {
     TestSurface plane = grid_surface(4, 1.0);
     for (size_t v = 0; v + 1 < plane.uvs.size(); v += 2) plane.uvs[v] += 0.9F * plane.uvs[v + 1];

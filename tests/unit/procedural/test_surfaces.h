@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small meshes to grow things on.
+// Small meshes for groom tests.
 #pragma once
 
 #include "procedural/groom/surface.h"
@@ -18,7 +18,7 @@ struct TestSurface {
     }
 };
 
-// n * n squares over [0, size]^2 in the xz plane, facing up.
+// n * n squares over [0, size]^2 in the xz plane; normals point up.
 inline TestSurface grid_surface(int n, double size) {
     TestSurface mesh;
     for (int j = 0; j <= n; ++j)
@@ -34,7 +34,7 @@ inline TestSurface grid_surface(int n, double size) {
     return mesh;
 }
 
-// A unit sphere by longitude and latitude, smooth.
+// A smooth unit sphere, tessellated by longitude and latitude.
 inline TestSurface sphere_surface(int n) {
     TestSurface mesh;
     for (int j = 0; j <= n; ++j)

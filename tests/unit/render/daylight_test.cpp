@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the image of the sky is off by, and what it costs.
+// The error of the sky's image, and its cost.
 #include "core/render/daylight_lights.h"
 
 #include "core/math/hash.h"
@@ -38,7 +38,7 @@ TEST(Daylight, ImageIsTheSkyAndLiesTheRightWayRound) {
                     elevation, errors[1000], errors[1980], errors.back(), seconds.count());
         EXPECT_LT(errors[1000], 1e-3);
         EXPECT_LT(errors[1980], 0.02);
-        // Above the horizon's blur it holds everywhere.
+        // Above the blurred horizon the bound holds everywhere.
         const Vec3f sun = settings.direction.cast<float>();
         EXPECT_LT((environment_radiance(lights.sky, sun) - exact.radiance(settings.direction))
                       .cwiseAbs()

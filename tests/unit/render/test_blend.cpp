@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two materials on one mesh, by an attribute: the mean is their mixture, and where the ramp is 0 or 1 there is one of them alone.
+// Two materials on one mesh, blended by an attribute: the mean is their mixture, and where the ramp is 0 or 1
+// only one is used.
 #include "core/render/integrator.h"
 #include "tests/unit/render/world_builder.h"
 
@@ -17,7 +18,8 @@ Material grey_material(float value) {
     return {settings, ""};
 }
 
-// A square from x = -1 to 1 whose attribute rises from 0 to 1; the ramp begins at a quarter and ends at three quarters.
+// A square from x = -1 to 1 whose attribute rises from 0 to 1. The ramp rises from a quarter to three
+// quarters.
 TEST(Blend, IsTheMixtureThatTheRampSays) {
     WorldBuilder builder;
     const Triangles square = testing::quad({-1.0, -1.0, 0.0}, {2.0, 0.0, 0.0}, {0.0, 2.0, 0.0});
@@ -27,7 +29,7 @@ TEST(Blend, IsTheMixtureThatTheRampSays) {
     builder.world.meshes[0].attributes = {sand};
     BlendSettings blend;
     blend.materials[0] = 0;
-    blend.materials[1] = 3; // a blend itself, of black and black
+    blend.materials[1] = 3; // another blend, of black and black
     blend.attribute = "sand";
     constexpr double knots[] = {0.25, 0.0, 0.75, 1.0};
     blend.ramp = Ramp(knots, "linear");
@@ -52,7 +54,7 @@ TEST(Blend, IsTheMixtureThatTheRampSays) {
         const double attribute = (x + 0.5) / size, share = std::clamp((attribute - 0.25) * 2.0, 0.0, 1.0);
         const size_t at = (size / 2) * size + x;
         EXPECT_NEAR(film.layers[2].pixels[at], attribute, 2e-3) << x;
-        // Four deviations of a share of 4,096 samples; none where one material is alone.
+        // Four standard deviations of a fraction in 4,096 samples; none where only one material is used.
         const double allowed = 1e-3 + (share > 0.0 && share < 1.0 ? 0.8 * 4.0 * 0.5 / 64.0 : 0.0);
         EXPECT_NEAR(film.layers[1].pixels[3 * at], 0.8 * (1.0 - share), allowed) << x;
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The clamp on what later vertices of a path bring: it leaves the rest as it is, and tells what it takes.
+// The clamp on indirect light: it leaves direct light unchanged and reports how much it removes.
 #include "tests/unit/render/world_builder.h"
 #include "tests/unit/shaders/default_params.h"
 
@@ -14,7 +14,7 @@ namespace {
 
 using testing::Triangles;
 
-// A polished ball on a floor in the sun: the light that it throws onto the floor is found by chance, and then is bright.
+// A polished ball on a floor in the sun: its caustic on the floor is found by chance and is bright.
 const World& ball_on_floor() {
     static testing::WorldBuilder builder;
     static const World& world = [&]() -> World& {
@@ -79,8 +79,8 @@ TEST(Clamp, LeavesDirectLight) {
     EXPECT_EQ(clamped.stats.clamped, 0.0);
 }
 
-// One sample a pixel, the same path with a clamp and without: what is beyond direct light is scaled down to the clamp, and
-// what is told is what is missing.
+// One sample a pixel, the same path with and without a clamp: indirect light is scaled down to the clamp, and
+// the reported loss is the missing light.
 TEST(Clamp, TakesWhatItTells) {
     constexpr float limit = 0.5F;
     const Picture plain = picture(0.0F, 1), clamped = picture(limit, 1), direct = picture(0.0F, 1, 1);
@@ -100,8 +100,8 @@ TEST(Clamp, TakesWhatItTells) {
     EXPECT_NEAR(brightness(clamped) / brightness(plain), 1.0 - share, 1e-6);
 }
 
-// Many samples: the roulette that decides on rays to lights pays its winners no more than the clamp lets pass, so that it takes
-// no more than from the paths themselves; and what is left has less noise.
+// Many samples: the roulette on shadow rays boosts survivors by no more than the clamp lets pass, so that the
+// clamp removes no more than from the paths themselves; and the result has less noise.
 TEST(Clamp, TakesNoMoreForTheRoulette) {
     constexpr float limit = 2.0F;
     double by_paths = 0.0;
@@ -117,7 +117,8 @@ TEST(Clamp, TakesNoMoreForTheRoulette) {
     EXPECT_NEAR(1.0 - clamped / plain, by_roulette, 0.3 * by_roulette);
 }
 
-// Pixels with more noise, where a clamp takes more, get more samples: what is told is of the picture, not of the samples.
+// Noisy pixels, where the clamp removes more, get more samples: the reported loss is that of the picture, not
+// of its samples.
 TEST(Clamp, TellsOfThePictureNotOfItsSamples) {
     constexpr float limit = 2.0F;
     const Picture even = picture(limit, 256), uneven = picture(limit, 256, 6, 1, 0.02);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light that goes from fibre to fibre, against a plain random walk: a loop of its own over intersect, spawn and the fibre's
-// values, each number drawn anew, an eighth of the directions from the whole sphere, no lights, no roulette. The picture is
-// compared in bands: numbers that depend on each other from fibre to fibre move light from one part of the fur to another, and may
+// Multiple scattering in fur against a plain random walk: a separate loop over intersect, spawn and the
+// fibre's values, with fresh random numbers, an eighth of the directions uniform over the sphere, no light
+// sampling and no roulette. The picture is compared in bands: numbers that are correlated from fibre to fibre
+// move light within the fur, and can leave its mean unchanged.
 // leave the whole as it was.
 #include "tests/unit/render/world_builder.h"
 #include "tests/unit/shaders/default_params.h"
@@ -20,10 +21,11 @@ using testing::Cv;
 using testing::Triangles;
 using testing::WorldBuilder;
 
-constexpr uint32_t side = 32, bands = 4; // pixels; of rows
+constexpr uint32_t side = 32, bands = 4; // pixels; bands of rows
 constexpr uint32_t max_depth = 12;
 
-// Fur of 0.2 m, bent and combed to one side, on a brown floor: seen from the side, from root to tip, as dense as a coat.
+// Fur of 0.2 m, bent and combed to one side, on a brown floor, seen from the side from root to tip, as dense
+// as a coat.
 World& fur(WorldBuilder& builder, MarramShape shape) {
     const Triangles floor = testing::quad({-3.0, 0.0, 3.0}, {6.0, 0.0, 0.0}, {0.0, 0.0, -6.0});
     builder.mesh({floor.positions}, floor.triangles);
@@ -73,10 +75,10 @@ ShadingPoint shading_point(const SurfacePoint& hit, const Vec3f& wo) {
     return point;
 }
 
-// Which numbers a fibre's directions along its axis are drawn from.
+// The random numbers for a fibre's longitudinal directions.
 enum class Numbers {
     free,
-    stepped // the path's first ones, further by the same step at every fibre: a mistake for the test to find
+    stepped // the path's first ones, offset by a fixed step at each fibre: a planted fault
 };
 
 struct Walk {
@@ -133,7 +135,7 @@ struct Band {
 };
 using Bands = std::array<Band, bands>;
 
-// `value(i)`: the bands of the i-th of `rounds` pictures, each of its own numbers.
+// The bands over `rounds` pictures. `value(i)` gives those of the i-th, with its own random numbers.
 template <class Value>
 Bands over(int rounds, const Value& value) {
     Bands sums;
@@ -209,7 +211,7 @@ TEST_P(Fur, LightFromFibreToFibreIsThatOfARandomWalk) {
         EXPECT_NEAR(marram[b].mean, free[b].mean, 4.0 * deviation);
         worst = std::max(worst, std::abs(marram[b].mean - stepped[b].mean) / planted);
     }
-    EXPECT_GT(worst, 8.0); // the fault would be seen
+    EXPECT_GT(worst, 8.0); // the fault would be found
 }
 
 } // namespace

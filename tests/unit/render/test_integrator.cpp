@@ -75,7 +75,8 @@ TEST(Furnace, WhiteSphereInWhiteSkyIsWhite) {
     builder.commit();
     for (const Strategy strategy : {Strategy::bsdf_sampling, Strategy::mis}) {
         Shot shot = shot_from({0.0, 0.5, 4.0}, {0.0, 0.0, 0.0}, 40.0);
-        const bool exact = strategy == Strategy::bsdf_sampling; // every sample weighs one: not even noise
+        // With bsdf sampling every sample has weight one: no noise at all.
+        const bool exact = strategy == Strategy::bsdf_sampling;
         shot.settings.samples = exact ? 16 : 1024;
         shot.settings.strategy = strategy;
         const Film film = shot(builder.world);
@@ -88,7 +89,7 @@ TEST(Furnace, WhiteSphereInWhiteSkyIsWhite) {
     }
 }
 
-// Fibres of white hair: energy leaves through the fibre and after many bounces, all of it.
+// White hair fibres: all energy leaves, through the fibres and after many bounces.
 TEST(Furnace, WhiteHairInWhiteSkyIsWhite) {
     for (const MarramShape shape : {MARRAM_ROUND, MARRAM_RIBBON}) {
         WorldBuilder builder;
@@ -118,7 +119,8 @@ double square_form_factor(double a, double z) {
     return 4.0 / (2.0 * pi) * 2.0 * (x / s * std::atan(x / s));
 }
 
-// Looks at the origin of the plane y = 0 from nearby, through a narrow lens, so that all pixels see the same.
+// Views the origin of the plane y = 0 from nearby with a narrow field of view, so that all pixels see the
+// same point.
 Shot probe() {
     Shot shot = shot_from({1.0, 0.4, 0.0}, {0.0, 0.0, 0.0}, 0.05);
     shot.width = shot.height = 4;
@@ -143,7 +145,7 @@ TEST_P(Strategies, PlaneUnderEmittingSquare) {
         testing::quad({-0.5, 0.8, -0.5}, {1.0, 0.0, 0.0}, {0.0, 0.0, 1.0}); // u x v: downwards
     builder.mesh({lamp.positions}, lamp.triangles, 1, 0);
     const Triangles turned = testing::quad({-2.0, 0.5, -0.5}, {0.0, 0.0, 1.0}, {0.5, 0.0, 0.0});
-    builder.mesh({turned.positions}, turned.triangles, 1, 0); // shines upwards: nothing of it arrives
+    builder.mesh({turned.positions}, turned.triangles, 1, 0); // emits upwards: none of it arrives
     Shot shot = probe();
     shot.lights = {MeshLight{Vec3f(4.0F, 4.0F, 4.0F)}};
     shot.settings.samples = 1024;
@@ -224,7 +226,7 @@ TEST(Environment, LightsLikeTheSkyItShows) {
     EXPECT_NEAR(mean_of(by_sky, "beauty"), mean_of(by_image, "beauty"), 1e-3);
 }
 
-// All strategies and all lights at once, on surfaces and fibres: one mean.
+// All strategies and lights together, on surfaces and fibres, give the same mean.
 TEST(Strategy, AllAgree) {
     WorldBuilder builder;
     add_floor(builder);
@@ -254,7 +256,8 @@ TEST(Strategy, AllAgree) {
     EXPECT_NEAR(means[2] / means[0], 1.0, 5e-3);
 }
 
-// Roulette on rays to lights, from a film's fifth sample on, saves rays and changes no mean: many short renders have none.
+// Roulette on shadow rays, from a film's fifth sample on, saves rays and keeps the mean: many short renders
+// do not use it.
 TEST(Roulette, OnLightsSavesRaysAndKeepsTheMean) {
     WorldBuilder builder;
     add_floor(builder);
@@ -269,7 +272,7 @@ TEST(Roulette, OnLightsSavesRaysAndKeepsTheMean) {
     shot.materials = {diffuse({0.5F, 0.5F, 0.5F}), testing::material_of("hair")};
     shot.lights = {SkyLight{}, SunLight{{0.3, 1.0, 0.5}, 20.0 * degree, Vec3f::Ones()}};
     struct Result {
-        double mean, variance, rays; // rays to lights a sample
+        double mean, variance, rays; // shadow rays a sample
     };
     const auto render = [&](int renders, uint32_t samples) {
         double sum = 0.0, squares = 0.0, rays = 0.0;

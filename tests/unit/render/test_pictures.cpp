@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What ends up on the film: silhouettes, motion, layers; and that nothing but the scene decides it.
+// The film's content: silhouettes, motion, layers. It depends on the scene alone.
 #include "tests/unit/render/world_builder.h"
 #include "tests/unit/shaders/default_params.h"
 
@@ -18,7 +18,7 @@ using testing::WorldBuilder;
 
 const std::vector<Material> materials = {testing::material_of("diffuse")};
 
-// A camera at +z far enough to be orthographic to 1e-5, whose image spans `width` at the origin's depth.
+// A camera at +z, distant enough to be orthographic to 1e-5. Its image spans `width` at the origin's depth.
 Camera far_camera(double width) {
     const double distance = 3000.0 * width;
     Camera camera;
@@ -50,7 +50,7 @@ double mean_of(const FilmLayer& layer) {
     return sum / static_cast<double>(layer.pixels.size());
 }
 
-// Area that a strand of length 1 covers, seen from the side.
+// The area that a strand of length 1 covers from the side.
 double drawn_area(MarramShape shape, MarramBasis basis, double root, double tip) {
     WorldBuilder builder;
     std::vector<Cv> cvs;
@@ -64,13 +64,13 @@ TEST(Silhouette, IsAsWideAsTheRadiiSay) {
     for (const MarramShape shape : {MARRAM_ROUND, MARRAM_RIBBON, MARRAM_ORIENTED_RIBBON})
         for (const MarramBasis basis : {MARRAM_BSPLINE, MARRAM_CATMULL_ROM}) {
             EXPECT_NEAR(drawn_area(shape, basis, 0.04, 0.04), 0.08, 0.08 * 5e-3) << shape << basis;
-            // The vertex behind the tip has the radius -0.01: the tip itself has 0.
+            // The vertex after the tip has radius -0.01; the tip itself has 0.
             EXPECT_NEAR(drawn_area(shape, basis, 0.04, 0.0), 0.04, 0.04 * 5e-3) << shape << basis;
             EXPECT_NEAR(drawn_area(shape, basis, 0.04, 0.01), 0.05, 0.05 * 5e-3) << shape << basis;
         }
 }
 
-// A square of side 1 that moves by 1 to the right: alpha rises, and falls, linearly over its way.
+// A square of side 1 that moves right by 1: alpha rises and falls linearly along its path.
 TEST(Motion, SquareLeavesTheAnalyticTrace) {
     WorldBuilder builder({0.0, 0.25, 0.5});
     std::vector<std::vector<Vec3f>> positions;
@@ -85,8 +85,8 @@ TEST(Motion, SquareLeavesTheAnalyticTrace) {
     }
 }
 
-// A fibre that moves up by its own diameter: alpha rises over the first, is full in the middle only for an
-// instant.
+// A fibre that moves up by its own diameter: alpha rises over the first diameter and is full in the middle
+// only for an instant.
 TEST(Motion, FibreLeavesTheAnalyticTrace) {
     WorldBuilder builder({0.0, 1.0});
     std::vector<std::vector<Cv>> cvs(2);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A film that is gone on with, wherever it was left, becomes what one go makes of it: every sum, and who is done.
+// A film that is continued from any point equals an uninterrupted render: all sums, and which pixels have
+// converged.
 #include "tests/unit/render/world_builder.h"
 #include "tests/unit/shaders/default_params.h"
 
@@ -23,7 +24,7 @@ using testing::WorldBuilder;
 const std::vector<Material> grey = {testing::material_of("diffuse")};
 const std::vector<std::string> layers = {"beauty", "alpha", "variance", "normal", "depth", "strand_u", "id"};
 
-// Stalks on a floor in front of the sky: pixels that are done at once, soon and late, and such that come back.
+// Stalks on a floor in front of the sky: pixels that converge at once, soon and late, and pixels that resume.
 class Resume : public ::testing::Test {
   protected:
     Resume() : builder_({0.0, 0.5}) {
@@ -86,7 +87,7 @@ TEST_F(Resume, FewerSamplesBecomeMore) {
     }
 }
 
-// A pass that is late ends where it stands; the first one does not, so that there is a picture.
+// A pass that exceeds the time stops where it is. The first pass is completed, so that there is a picture.
 TEST_F(Resume, WhenTimeIsUp) {
     Film film = empty();
     RenderSettings settings;
@@ -104,7 +105,8 @@ TEST_F(Resume, WhenTimeIsUp) {
     expect_same(film, one_go(40));
 }
 
-// A clock that goes on by as much as each sample costs. What is given is used, whatever the passes are, and pixels stay even.
+// A clock that advances by a fixed cost per sample. The given time is used up for any pass sizes, and pixels
+// stay even.
 TEST_F(Resume, UsesTheTimeThatItIsGiven) {
     tbb::task_arena one_thread(1);
     one_thread.execute([&] {
@@ -129,7 +131,7 @@ TEST_F(Resume, UsesTheTimeThatItIsGiven) {
     });
 }
 
-// Each pixel has had its part of the pass or not: half of them of 16 samples, half of 32 or of the 21 asked for once.
+// Some pixels have finished the pass, others not: half of them have 16 samples, half 32 or the final 21.
 TEST_F(Resume, WithinAPass) {
     for (const double target : {0.0, 0.02, 0.04})
         for (const uint32_t reached : {32U, 21U}) {
@@ -137,7 +139,7 @@ TEST_F(Resume, WithinAPass) {
             const Film before = one_go(16), after = one_go(reached);
             Film film = before;
             for (size_t i = 0; i < film.pixels.size(); ++i) {
-                if (i % 2 == 0) { // as it was judged at 16
+                if (i % 2 == 0) { // as judged at 16
                     film.pixels[i].converged = after.pixels[i].converged;
                     film.pixels[i].luminance_stddev = after.pixels[i].luminance_stddev;
                     continue;
@@ -172,7 +174,7 @@ TEST_F(Resume, AfterManyCancels) {
     expect_same(film, one_go(samples));
 }
 
-// Samples that are not finite are dropped, and taken all the same.
+// Samples that are not finite are dropped, but counted.
 TEST_F(Resume, DroppedSamplesCount) {
     SunLight blinding{Vec3d(1.0, 2.0, 1.0)};
     blinding.irradiance = Vec3f::Constant(std::numeric_limits<float>::infinity());
@@ -200,7 +202,7 @@ TEST_F(Resume, AFilmIsShownBetweenPasses) {
         EXPECT_EQ(shown.layers[0].pixels, one_go(seen.back()).layers[0].pixels);
     };
     go_on(film, 40, &progress);
-    EXPECT_EQ(seen, (std::vector<uint32_t>{1, 4, 16, 32})); // the last is the picture
+    EXPECT_EQ(seen, (std::vector<uint32_t>{1, 4, 16, 32})); // the last pass is the picture
     EXPECT_EQ(progress.samples_done, 40U * film.pixels.size());
     expect_same(film, one_go(40));
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sample numbers, filters, cameras and the densities of lights.
+// Sample numbers, filters, cameras and pdfs of lights.
 #include "tests/unit/render/world_builder.h"
 
 #include "core/render/camera.h"
@@ -18,14 +18,14 @@ namespace {
 
 using NumberSet = std::array<float, 4>;
 
-// Of a set, over samples that begin at a multiple of their number.
+// The numbers of a set, for samples that begin at a multiple of `count`.
 std::vector<NumberSet> numbers_of(uint64_t pixel, uint32_t set, uint32_t first, uint32_t count) {
     std::vector<NumberSet> all;
     for (uint32_t s = first; s < first + count; ++s) all.push_back(Sampler(hash(1, pixel), s).numbers(set));
     return all;
 }
 
-// How many points lie in each of the cells that bits[d] halvings of each dimension make: the fewest and the most.
+// The fewest and the most points in a cell, if dimension d is halved bits[d] times.
 std::pair<size_t, size_t> points_a_cell(const std::vector<NumberSet>& points,
                                         const std::array<int, 4>& bits) {
     std::vector<size_t> cells(size_t(1) << (bits[0] + bits[1] + bits[2] + bits[3]));
@@ -42,9 +42,9 @@ std::pair<size_t, size_t> points_a_cell(const std::vector<NumberSet>& points,
 TEST(Sampler, FillsEveryElementaryInterval) {
     for (uint64_t pixel = 0; pixel < 10; ++pixel)
         for (uint32_t set = 0; set < 5; ++set)
-            for (const uint32_t first : {0U, 0x10100U, 0xabcdef00U}) // every byte of the index counts
+            for (const uint32_t first : {0U, 0x10100U, 0xabcdef00U}) // uses every byte of the index
                 for (const int bits : {2, 4, 6, 8}) {
-                    if (set > 0 && bits < 4) continue; // shuffled by sixteens
+                    if (set > 0 && bits < 4) continue; // sets are shuffled in groups of 16
                     const std::vector<NumberSet> points = numbers_of(pixel, set, first, 1U << bits);
                     for (const NumberSet& point : points)
                         for (const float x : point) ASSERT_TRUE(x >= 0.0F && x < 1.0F);
@@ -59,7 +59,7 @@ TEST(Sampler, FillsEveryElementaryInterval) {
                 }
 }
 
-// Of all four dimensions: 8 points in each of the intervals that are 8 times as large as a point's share.
+// In all four dimensions: 8 points in each elementary interval of 8 times a point's volume.
 TEST(Sampler, FillsFourDimensions) {
     for (uint64_t pixel = 0; pixel < 10; ++pixel)
         for (uint32_t set = 0; set < 3; ++set) {
@@ -72,7 +72,7 @@ TEST(Sampler, FillsFourDimensions) {
         }
 }
 
-// Root mean square error of a smooth and a discontinuous integral over 200 pixels.
+// RMSE of a smooth or a discontinuous integral over 200 pixels.
 double integration_error(uint32_t samples, bool random, bool smooth) {
     double sum = 0.0;
     for (uint64_t pixel = 0; pixel < 200; ++pixel) {
@@ -107,8 +107,8 @@ TEST(Sampler, ConvergesFasterThanRandom) {
     }
 }
 
-// Numbers of two sets, and of two pixels, are as free of each other as a random order makes them: the mean of a product varies as that
-// of free numbers does, but for the 16 that are shuffled together.
+// Numbers of two sets, and of two pixels, are as independent as a random order makes them: the mean of a
+// product has the variance of independent numbers, except within the 16 that are shuffled together.
 TEST(Sampler, SetsAreFreeOfEachOther) {
     constexpr uint32_t pixels = 4000;
     const auto left = [](float x) { return x < 0.5F ? -1.0 : 1.0; };
@@ -192,8 +192,8 @@ TEST(Camera, LooksWhereItIsToldAndFocuses) {
     }
 }
 
-// Monte Carlo with the lights' own samples gives their irradiance on all sides; densities agree with what is
-// said of a direction afterwards.
+// Monte Carlo with the lights' own samples gives their irradiance integrated over all orientations; sample
+// pdfs agree with those evaluated for a direction later.
 double check_light(const LightDescription& light) {
     const EnvironmentLight* map = std::get_if<EnvironmentLight>(&light);
     float brightest = 1e-30F;
@@ -220,9 +220,9 @@ double check_light(const LightDescription& light) {
             return 1.0F;
         });
         if (pdf < 0.0F) continue; // on the disc's rim
-        // Looked up again from a direction in float: a few 1e-7 of the way around an image.
+        // Evaluated again for a float direction: its error is a few 1e-7 of an image's width.
         EXPECT_NEAR(seen.x(), drawn.radiance.x(), 1e-5F * drawn.radiance.x() + 2e-7F * brightest * width);
-        EXPECT_NEAR(pdf / drawn.pdf, 1.0F, 0.9F); // a neighbouring cell at most
+        EXPECT_NEAR(pdf / drawn.pdf, 1.0F, 0.9F); // at most a neighbouring cell
     }
     return sum;
 }
@@ -247,8 +247,9 @@ TEST(Lights, SendWhatTheyAreToldTo) {
     EXPECT_NEAR(lamp / (1000.0 * angle), 1.0, 0.05);
 }
 
-// Samples of a map whose last blocks are cut at its borders: 1 / density adds up to the solid angle of every part of the sphere,
-// and light over density varies as little as the table promises, however fine the map needs it.
+// Samples of a map with partial blocks at its borders: 1 / pdf adds up to the solid angle of each part of the
+// sphere, and the variance of radiance over pdf is as small as the table promises, at any resolution of the
+// map.
 TEST(Environment, IsSampledByItsBrightness) {
     EnvironmentLight smooth;
     smooth.image.width = 300;
@@ -283,7 +284,7 @@ TEST(Environment, IsSampledByItsBrightness) {
         }
         std::printf("[ blocks ] %s map: variance of light over density %.4f of its mean's square\n",
                     has_sun ? "sunny" : "smooth", squares / (sum * sum) - 1.0);
-        // The sun is a pixel whose interpolant falls off over its neighbours; a table cannot follow that.
+        // The sun is one pixel, interpolated over its neighbours; a table cannot follow that.
         EXPECT_LT(squares / (sum * sum) - 1.0, has_sun ? 1.0 : 0.006);
         if (has_sun) continue;
         for (const double a : angle) EXPECT_NEAR(a / (4.0 * pi / (sectors * bands)), 1.0, 0.02);
@@ -297,7 +298,7 @@ TEST(Environment, ManyTurnsAreNone) {
     map.image.pixels.edit().assign(64 * 32, Vec3f::Ones());
     map.rotation = 0.7;
     EnvironmentLight turned = map;
-    turned.rotation += 200.0 * pi; // 36,000 degrees: as many as a scene may ask for
+    turned.rotation += 200.0 * pi; // 36,000 degrees: the limit for a scene
     const World world;
     const std::vector<LightDescription> one = {map}, other = {turned};
     const Lights a(one, world), b(other, world);

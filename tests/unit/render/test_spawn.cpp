@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rays that leave a surface must not find it again, at any size of the scene and anywhere. Shapes are such
-// that every hit is a self-hit, except that a bent fibre may rightly be met again further on: there only hits
+// Rays that leave a surface must not hit it again, at any scale and any distance from the origin. With these
+// shapes every hit is a self-hit, except that a bent fibre can be hit again farther on: there only hits
 // within 10 radii count.
 #include "tests/unit/render/world_builder.h"
 #include "tests/whole.h"
@@ -37,8 +37,8 @@ struct Rate {
     }
 };
 
-// Rays from a sphere of `radius` about the center towards points near it; from each hit one ray to the given
-// side.
+// Rays from a sphere of radius `distance` about the center towards points within `reach` of it. Each hit
+// spawns one ray to the given side.
 Rate self_hits(const World& world, const Vec3d& center, double reach, double distance, Side side,
                uint64_t count, double near = 1e30) {
     Rate rate;
@@ -105,7 +105,7 @@ TEST(Spawn, LeavesTriangles) {
     }
 }
 
-// One straight fibre, thin or thick, along a skew direction.
+// One fibre, thin or thick, straight or bent, along a skew direction.
 WorldBuilder fibre(const Setting& s, double radius, double tip, double bend, MarramShape shape,
                    MarramBasis basis, uint32_t pieces) {
     const Vec3d along = Vec3d(0.48, 0.6, 0.64), aside = along.cross(Vec3d::UnitX()).normalized();
@@ -160,12 +160,12 @@ void fibre_table(MarramShape shape, const char* shape_name, uint32_t pieces = 0)
         for (const Side side : {Side::outside, Side::through}) {
             std::printf("[ self-hit ] %-9s %-9s %-30s", shape_name, f.name,
                         side == Side::outside ? "outwards" : "through");
-            const bool drawn = shape == MARRAM_RIBBON && pieces == 0; // as quadrilaterals
+            const bool drawn = shape == MARRAM_RIBBON && pieces == 0; // Embree's ribbon, as quadrilaterals
             fibre_row(shape, f, side, f.bend == 0.0 ? 1e-5 : drawn ? 1e-4 : 1e-3, pieces);
         }
 }
 
-// A point beside the surface, always on the same side of a bend, makes paths of many bounces drift that way.
+// If hit points were always on the same side of a bend, paths of many bounces would drift that way.
 TEST(Spawn, StartsOnWhatIsTraced) {
     const Setting unit{1.0, 0.0};
     for (const auto& [name, shape, pieces] :
@@ -187,7 +187,7 @@ TEST(Spawn, StartsOnWhatIsTraced) {
                 if (!intersect(builder.world, ray, point, false)) continue;
                 ++hits;
                 const Vec3d seen = ray.origin.cast<double>() + point.distance * ray.direction.cast<double>();
-                // Ribbons turn to the ray: how deep they lie counts.
+                // Ribbons face the ray: the error is measured along it.
                 const Vec3f& across =
                     point.shape == PointShape::ribbon ? ray.direction : point.geometric_normal;
                 farthest = std::max(farthest, std::abs((point.position - seen).dot(across.cast<double>())));
@@ -195,12 +195,12 @@ TEST(Spawn, StartsOnWhatIsTraced) {
             std::printf("[   hits   ] %-16s %6llu hits, off by %.1e m\n", name,
                         static_cast<unsigned long long>(hits), farthest);
             EXPECT_GT(hits, 50U);
-            EXPECT_LT(farthest, 4e-6) << name; // the ribbon's cubic leaves what is traced by 5e-4
+            EXPECT_LT(farthest, 4e-6) << name; // the ribbon's cubic deviates from the traced shape by 5e-4
         }
 }
 
-// A ribbon that narrows to nothing: a hit is as far across it as the ray passes its axis, and lies where the ray does. (On straight
-// pieces hits on the discs between them are put above the disc's middle.)
+// A ribbon that narrows to nothing: a hit is as far across it as the ray's distance from the axis, and lies
+// on the ray. (On straight pieces, hits on the discs between them are placed above the disc's middle.)
 TEST(Hit, LiesWhereTheRayCrossesANarrowingRibbon) {
     const Setting unit{1.0, 0.0};
     const Vec3d along(0.48, 0.6, 0.64);
@@ -212,7 +212,7 @@ TEST(Hit, LiesWhereTheRayCrossesANarrowingRibbon) {
         for (uint64_t i = 0; i < rays; ++i) {
             const double t = 0.01 + 0.98 * random(), radius = 1e-2 * (1.0 - t), h = 1.9 * random() - 0.95;
             Vec3d direction = random.direction();
-            direction = (direction - direction.dot(along) * along).normalized(); // seen from the side
+            direction = (direction - direction.dot(along) * along).normalized(); // from the side
             const Vec3d side = -along.cross(direction), to = (t - 0.5) * along + h * radius * side;
             Ray ray;
             ray.origin = (to - 2.0 * direction).cast<float>();
@@ -232,7 +232,7 @@ TEST(Hit, LiesWhereTheRayCrossesANarrowingRibbon) {
     }
 }
 
-// Of an oriented ribbon's end without width Embree's normal is zero.
+// At an oriented ribbon's end of zero width Embree's normal is zero.
 TEST(Hit, HasANormalWhereAnOrientedRibbonEndsInNothing) {
     const Setting unit{1.0, 0.0};
     const Vec3d along(0.48, 0.6, 0.64);
@@ -259,7 +259,7 @@ TEST(Hit, HasANormalWhereAnOrientedRibbonEndsInNothing) {
     EXPECT_EQ(without, 0U);
 }
 
-// However uneven its CVs are, a straight fibre is not bent.
+// Uneven CVs do not give a straight fibre a curvature.
 TEST(Hit, CurvatureIsOfTheShapeNotOfTheCvs) {
     const Vec3d along = Vec3d(0.48, 0.6, 0.64);
     for (const double bend : {0.0, 1.5}) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small worlds for tests, built straight with Embree as core/geometry does it.
+// Small worlds for tests, built directly with Embree as in core/geometry.
 #pragma once
 
 #include "core/geometry/curve_pieces.h"
@@ -48,8 +48,8 @@ class WorldBuilder {
         world.meshes.push_back(std::move(mesh));
     }
 
-    // cvs: [time][curve * n + cv]; normal: of oriented ribbons, one for all; pieces: straight ones a segment, 0: the
-    // cubic. After all meshes.
+    // cvs: [time][curve * n + cv]; normal: one for all oriented ribbons; pieces: straight pieces a segment,
+    // 0: the cubic. Call it after all meshes.
     void curves(const std::vector<std::vector<Cv>>& cvs, uint32_t n, MarramShape shape, MarramBasis basis,
                 int material = 0, const Vec3f& normal = Vec3f::UnitZ(), uint32_t pieces = 0) {
         CurveGeometry curves;
@@ -154,7 +154,7 @@ struct Triangles {
     std::vector<std::array<uint32_t, 3>> triangles;
 };
 
-// Vertices on the sphere, anticlockwise from outside; normals are the sphere's.
+// Vertices on the sphere, anticlockwise from outside, with the sphere's normals.
 inline Triangles sphere(const Vec3d& center, double radius, uint32_t columns, uint32_t rows) {
     Triangles mesh;
     for (uint32_t j = 0; j <= rows; ++j)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every file of tests/broken/scenes begins with the mistakes that are to be found in it, one a line, and no
+// Every file in tests/broken/scenes begins with the list of its mistakes, one per line, and contains no
 // others:
 //   # expect: LINE:COLUMN: part of the message
 #include "scene_test.h"

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whatever stands in a file, loading it ends: with a description or with an InputError whose lines can be
-// printed.
+// Loading any file ends with a description or with an InputError that has printable lines.
 #include "scene_test.h"
 
 #include <gtest/gtest.h>
@@ -9,7 +8,7 @@
 namespace marram {
 namespace {
 
-// Bytes, lines and words that TOML or a scene gives a meaning.
+// Bytes, lines and words with a meaning in TOML or in a scene.
 const std::vector<std::string> pieces = {"[",
                                          "]",
                                          "[[",
@@ -103,12 +102,12 @@ TEST(Fuzz, MutatedScenesEndInADescriptionOrAnInputError) {
             }
         }
     }
-    EXPECT_GT(good, 0); // most mutations end in the parser; the test below gets past it
+    EXPECT_GT(good, 0); // most mutations fail in the parser; the test below gets past it
     EXPECT_GT(bad, 300);
 }
 
-// Every value of a good scene replaced by every kind of value: all parse, so the checks behind the parser are
-// what is tried.
+// Replaces every value of a good scene by every kind of value. All variants parse, so this tests the checks
+// after the parser.
 TEST(Fuzz, SwappedValuesEndInADescriptionOrAnInputError) {
     const Schema schema = test_schema();
     const Folder folder;

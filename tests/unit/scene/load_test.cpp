@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Good scenes arrive whole; files that are no scene at all are refused in one clear line.
+// Good scenes are read completely; files that are not scenes are rejected with one clear line.
 #include "core/scene/libraries.h"
 #include "scene_test.h"
 
@@ -12,7 +12,7 @@ namespace {
 
 using Numbers = std::vector<double>;
 
-// The schema outlives the description, which points into it.
+// The description points into the schema, so the schema must outlive it.
 struct FullScene {
     Schema schema = test_schema();
     Folder folder;
@@ -102,7 +102,7 @@ TEST(LoadScene, ReadsListsOfTables) {
         EXPECT_FALSE(wind.has("gusts.control[2].shape"));
         EXPECT_FALSE(wind.has("gusts.control[].shape"));
         EXPECT_EQ(wind.at("gusts.control[0].shape").place.line, text == nested ? 9 : 6);
-        // What an element leaves out stands where the element stands.
+        // A parameter that an element omits has the element's location.
         EXPECT_EQ(wind.at("gusts.control[1].strength").place.line, text == nested ? 11 : 7);
     }
     const ParamSet absent = load_scene(folder.write("b.toml", plain), {}, schema).wind;
@@ -184,7 +184,7 @@ TEST(LoadScene, NeedsNoMoreThanACamera) {
     EXPECT_EQ(scene.camera.vec3("up"), Vec3d(0, 1, 0));
     EXPECT_EQ(scene.globals.vec2("frames"), Vec2d(1, 1));
     EXPECT_TRUE(scene.film.at("aovs").texts.empty());
-    EXPECT_EQ(scene.film.at("size").place.line, 1); // of the table that the file lacks
+    EXPECT_EQ(scene.film.at("size").place.line, 1); // the table is missing: line 1 of the file
     EXPECT_TRUE(scene.lights.empty());
 }
 
@@ -258,13 +258,13 @@ TEST(LoadScene, SurvivesDepthAndLength) {
           "fps = " + std::string(100000, '{'), tables, numbers, std::string(100000, 'k') + " = 1",
           "a = \"" + std::string(100000, 'k') + "\""})
         EXPECT_FALSE(mistakes(folder.write("a.toml", text), {}, schema).empty());
-    // Dots in texts and comments are no keys.
+    // Dots in strings and comments are not key separators.
     const std::string prose = "# a.b.c.d.e.f.g.h.i.j.k.l.m.n.o.p.q.r.s.t.u.v.w.x.y.z\n" + small_scene;
     EXPECT_TRUE(mistakes(folder.write("a.toml", prose), {}, schema).empty());
 }
 
 TEST(LoadScene, AcceptsAllDefaults) {
-    // Every spec that core/scene declares has a default that passes its own checks, or none.
+    // Every spec that core/scene declares either has no default or one that passes its own checks.
     Schema schema = scene_schema();
     std::vector<ParamSpec> all;
     auto add = [&](std::vector<ParamSpec> specs, const std::string& prefix) {
@@ -281,7 +281,7 @@ TEST(LoadScene, AcceptsAllDefaults) {
     add(schema.film, "");
     for (const auto* types : {&schema.lights, &schema.meshes})
         for (const ItemSchema& type : *types) add(type.params, type.type + "_");
-    schema.wind = all; // read as one table of defaults
+    schema.wind = all; // all as one table of defaults
     const Folder folder;
     const auto lines = mistakes(folder.write("a.toml", small_scene), {}, schema);
     EXPECT_TRUE(lines.empty()) << lines.front();
@@ -334,12 +334,13 @@ TEST(SceneLibraries, NamesEachOnce) {
     EXPECT_EQ(libraries[1].path, "/y.so");
 }
 
-// Beside the scene first, then in the folders of MARRAM_PLUGIN_PATH in their order; a path with a folder is taken at its word.
+// Search order: the folder of the scene, then the folders of MARRAM_PLUGIN_PATH in order. A path with a
+// folder is used as it is.
 TEST(SceneLibraries, AreLookedForInTheSearchPath) {
     const Folder scene, first, second;
     const auto found = [&](const char* name) { return library_path(scene.path(), name); };
     ASSERT_EQ(setenv("MARRAM_PLUGIN_PATH", (first.path() + "::/nowhere:" + second.path()).c_str(), 1), 0);
-    EXPECT_EQ(found("x.so"), scene.path() + "/x.so"); // nowhere: what is missing is the scene's
+    EXPECT_EQ(found("x.so"), scene.path() + "/x.so"); // found nowhere: the scene's folder is returned
     second.write("x.so", "");
     EXPECT_EQ(found("x.so"), second.path() + "/x.so");
     first.write("x.so", "");
@@ -351,7 +352,7 @@ TEST(SceneLibraries, AreLookedForInTheSearchPath) {
     scene.write("x.so", "");
     EXPECT_EQ(found("x.so"), scene.path() + "/x.so");
     const std::vector<std::string> folders = plugin_folders();
-    ASSERT_EQ(folders.size(), 5u); // the three, the program's own, and where it is installed from there
+    ASSERT_EQ(folders.size(), 5u); // the three, the program's own, and its installed folder
     EXPECT_EQ(folders[0], first.path());
     EXPECT_EQ(folders[2], second.path());
     EXPECT_TRUE(folders[4].ends_with("/marram")) << folders[4];

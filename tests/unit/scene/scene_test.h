@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the tests of core/scene share: a schema like the real one but of their own, and scene files made on
-// the spot.
+// Helpers for the tests of core/scene: a schema of their own similar to the real one, and temporary scene
+// files.
 #pragma once
 
 #include "core/scene/description.h"
@@ -76,7 +76,7 @@ inline Schema test_schema() {
     return schema;
 }
 
-// A folder of this test's own, gone when it ends.
+// A temporary folder, removed in the destructor.
 class Folder {
   public:
     Folder() {
@@ -101,7 +101,7 @@ class Folder {
     std::string path_;
 };
 
-// The mistakes of a scene as lines; none when it is good.
+// The mistakes in a scene, one per line; empty if it is valid.
 inline std::vector<std::string> mistakes(const std::string& file, const std::vector<std::string>& settings,
                                          const Schema& schema) {
     std::vector<std::string> lines;
@@ -115,7 +115,7 @@ inline std::vector<std::string> mistakes(const std::string& file, const std::vec
 
 inline const std::string small_scene = "[camera]\nposition = [0, 1, 5]\ntarget = [0, 0, 0]\n";
 
-// Everything that a scene file can say; its mesh.obj and sky.exr are to be written next to it.
+// All keys of a scene file; mesh.obj and sky.exr must exist next to it.
 inline const std::string full_scene = R"(fps = 25
 frames = [1, 100]
 tolerance_pixels = 0.25

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// --set key=value reaches any key, and its mistakes name the setting.
+// --set key=value works for any key, and errors name the setting.
 #include "scene_test.h"
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ struct Settings : testing::Test {
         folder.write("sky.exr", "");
         file = folder.write("scene.toml", full_scene);
     }
-    // The one mistake that the settings make is this line.
+    // Expects exactly one mistake, which starts with `line`.
     void expect(const std::vector<std::string>& settings, const std::string& line) {
         const auto lines = mistakes(file, settings, schema);
         ASSERT_EQ(lines.size(), 1u) << (lines.empty() ? "no mistake" : lines.back()) << " / " << line;
@@ -47,7 +47,7 @@ TEST_F(Settings, ReachEveryKey) {
     EXPECT_EQ(scene.materials[0].params.vec3("base"), Vec3d(0.5, 0.25, 0));
     EXPECT_EQ(scene.meshes[0].params.text("file"), folder.path() + "/other.obj");
     EXPECT_EQ(scene.meshes[0].params.at("transform").numbers[7], 3);
-    EXPECT_EQ(scene.meshes[0].params.at("transform").numbers[1], 0); // replaced as a whole
+    EXPECT_EQ(scene.meshes[0].params.at("transform").numbers[1], 0); // replaced completely
     EXPECT_EQ(scene.meshes[1].params.number("radius"), 9);
     const ParamSet& grass = scene.procedurals[0].params;
     EXPECT_EQ(grass.number("wind.speed"), 3);

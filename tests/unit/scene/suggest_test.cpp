@@ -10,11 +10,11 @@ TEST(Suggest, FindsTheNearest) {
     const std::vector<std::string> names = {"speed", "direction", "fov", "up"};
     EXPECT_EQ(nearest("sped", names), "speed");
     EXPECT_EQ(nearest("SPEED", names), "speed");
-    EXPECT_EQ(nearest("psede", names), "speed"); // two swaps
+    EXPECT_EQ(nearest("psede", names), "speed"); // two transpositions
     EXPECT_EQ(nearest("dierction", names), "direction");
     EXPECT_EQ(nearest("fob", names), "fov");
     EXPECT_EQ(nearest("abc", names), "");
-    EXPECT_EQ(nearest("x", names), ""); // every short word is one edit from another
+    EXPECT_EQ(nearest("x", names), ""); // every short word is one edit away from another
     EXPECT_EQ(nearest("", names), "");
     EXPECT_EQ(nearest(std::string(1 << 24, 'x'), names), "");
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Daylight against closed forms, fine integration, a random walk with all scattering in it, and the balance of energy.
+// Compares daylight with closed forms, fine integration, a random walk with all orders of scattering, and the
+// energy balance.
 #include "shaders/daylight.h"
 
 #include "core/math/hash.h"
@@ -11,10 +12,10 @@
 namespace marram {
 namespace {
 
-constexpr int green = 8; // the band about 550 nm
+constexpr int green = 8; // the band around 550 nm
 constexpr double air_scale = 8450.0, aerosol_scale = 1200.0;
 
-Vec3d towards(double elevation, double azimuth) { // degrees, the latter from -z towards +x
+Vec3d towards(double elevation, double azimuth) { // degrees; azimuth from -z towards +x
     const double e = elevation * degree, a = azimuth * degree;
     return {std::cos(e) * std::sin(a), std::sin(e), -std::cos(e) * std::cos(a)};
 }
@@ -42,7 +43,7 @@ TEST(Daylight, MoleculesHaveTheDepthAndTheAirMassOfTheStandardAtmosphere) {
     const double depth = rayleigh_depth(wavelength_of(green));
     EXPECT_NEAR(air.transmittance(0.0, 1.0)[green], std::exp(-depth), 1e-4);
     EXPECT_NEAR(air.transmittance(air_scale, 1.0)[green], std::exp(-depth / std::exp(1.0)), 1e-3);
-    // Level, an exponential atmosphere has sqrt(pi R / 2 H) air masses (Chapman 1931): 34.4.
+    // At horizontal incidence an exponential atmosphere has sqrt(pi R / 2 H) air masses (Chapman 1931): 34.4.
     const double masses = -std::log(static_cast<double>(air.transmittance(0.0, 0.0)[green])) / depth;
     EXPECT_NEAR(masses, std::sqrt(0.5 * pi * planet_radius / air_scale), 0.2);
 }
@@ -69,12 +70,13 @@ TEST(Daylight, WithoutAirTheSkyIsBlackAndTheSunWhole) {
         EXPECT_EQ(none.transmittance(100.0, cosine).minCoeff(), 1.0F);
     }
     EXPECT_TRUE(color_of(Spectrum::Ones()).isApprox(Vec3f::Ones(), 1e-3F));
-    // The ground is then a white card in the sun, and nothing else lights it.
+    // Then the ground is lit by the sun only, like a white card.
     const Scattered ground = none.scattered(none.path(100.0, -1.0, 32), 0.5, -0.5);
     EXPECT_NEAR(ground.rest[green], 0.2 / pi * 0.5, 1e-5);
 }
 
-// Densities along a ray, written once more: numbers of molecules, aerosol and ozone over those where densest.
+// Column densities along a ray, by an independent sum: molecules, aerosol and ozone relative to their maximum
+// density.
 Vec3d column_by_sum(const Vec3d& from, const Vec3d& direction, double length, int steps) {
     Vec3d sum = Vec3d::Zero();
     for (int i = 0; i < steps; ++i) {
@@ -124,7 +126,7 @@ TEST(Daylight, SingleScatteringIsTheFineIntegral) {
         }
     std::printf("[ daylight ] single scattering against fine integration: off by at most %.2f %%\n",
                 100.0 * worst);
-    EXPECT_LT(worst, 0.02); // where both are low
+    EXPECT_LT(worst, 0.02); // with the sun and the view both low
 }
 
 struct RandomDouble {
@@ -139,8 +141,8 @@ Vec3d turned(const Vec3d& axis, double cosine, double azimuth) {
     return (sine * (std::cos(azimuth) * x + std::sin(azimuth) * y) + cosine * axis).normalized();
 }
 
-// By rejection, so that the phases themselves are what is sampled. Cosines are proposed by halves evenly and by a lobe
-// of Henyey and Greenstein; `bound` times that density is above both phases.
+// Samples the phase function by rejection. Proposals: half uniform, half Henyey-Greenstein; `bound` times the
+// proposal density is above both phase functions.
 template <typename Phase>
 Vec3d scatter(const Vec3d& direction, RandomDouble& random, Phase phase) {
     constexpr double g = 0.8, bound = 3.6;
@@ -156,7 +158,8 @@ Vec3d scatter(const Vec3d& direction, RandomDouble& random, Phase phase) {
     }
 }
 
-// One walk from the eye with Woodcock's tracking: every order of scattering with its true phase.
+// One random walk from the eye with Woodcock tracking: all orders of scattering with the exact phase
+// functions.
 double walk(const Atmosphere& air, const AirSettings& settings, Vec3d at, Vec3d direction, const Vec3d& sun,
             RandomDouble& random) {
     const double most = air.coefficients(0.0).extinction[green];
@@ -220,12 +223,12 @@ TEST(Daylight, AgreesWithARandomWalkOfAllScattering) {
     }
     std::printf("[ daylight ] against a random walk: off by at most %.1f %% in pure air, %.1f %% in haze\n",
                 100.0 * worst_air, 100.0 * worst_haze);
-    EXPECT_LT(worst_air, 0.03); // of which 1 to 2 % are the walk's noise
+    EXPECT_LT(worst_air, 0.03); // including 1 to 2 % noise of the walk
     EXPECT_LT(worst_haze, 0.06);
 }
 
-// Light that leaves the top of a planet that absorbs nothing, over the light that its disc takes in: all suns' heights
-// stand for all places.
+// Light that leaves the top of a planet without absorption, relative to the light that its disc receives.
+// Integrates over all sun elevations, which represent all places.
 TEST(Daylight, AWhitePlanetSendsBackWhatItReceives) {
     AirSettings settings;
     settings.aerosol_albedo = 1.0;
@@ -236,7 +239,7 @@ TEST(Daylight, AWhitePlanetSendsBackWhatItReceives) {
     const double top = planet_radius + atmosphere_height, rim = planet_radius / top;
     const double horizon = -std::sqrt(1.0 - rim * rim);
     double out = 0.0;
-    const auto add = [&](double cosine, double part) { // part: of cosine
+    const auto add = [&](double cosine, double part) { // part: of the cosine's range
         const Path path = air.path(atmosphere_height, cosine, 64);
         for (int i = 0; i < suns; ++i)
             for (int k = 0; k < turns; ++k) {
@@ -254,12 +257,12 @@ TEST(Daylight, AWhitePlanetSendsBackWhatItReceives) {
         const double t = (i + 0.5) / views;
         add(horizon - (1.0 + horizon) * t * t, (1.0 + horizon) * 2.0 * t / views);
         add(horizon * (1.0 - t * t), -horizon * 2.0 * t / views);
-        // Sunlight that passes the rim: a sun at this cosine is seen through the whole of the air.
+        // Sunlight through the rim: a sun at this cosine is seen through the whole atmosphere.
         const Path through = air.path(atmosphere_height, horizon * (1.0 - t * t), 64);
         out += 2.0 * t / views * -horizon * through.transmittance[green] * 2.0 * -horizon * (1.0 - t * t);
     }
     std::printf("[ daylight ] a white planet sends back %.4f of what it receives\n", out);
-    EXPECT_NEAR(out, 1.0, 0.04); // repeated scattering is even in the orders, not in the view
+    EXPECT_NEAR(out, 1.0, 0.04); // multiple scattering is approximated as isotropic
 }
 
 TEST(Daylight, IsBlueByDayAndRedWhereTheSunIsLow) {
@@ -270,20 +273,20 @@ TEST(Daylight, IsBlueByDayAndRedWhereTheSunIsLow) {
     const Vec3f glow = low.radiance(towards(1.0, 2.0));
     EXPECT_GT(glow.x(), 1.5F * glow.y());
     EXPECT_GT(glow.y(), 1.5F * glow.z());
-    const Vec3f dusk = set.radiance({0.0, 1.0, 0.0}); // blue overhead: ozone's doing
+    const Vec3f dusk = set.radiance({0.0, 1.0, 0.0}); // blue overhead because of ozone
     EXPECT_GT(dusk.z(), 1.3F * dusk.x());
     EXPECT_LT(dusk.y(), 0.05F * noon.radiance({0.0, 1.0, 0.0}).y());
     EXPECT_LT(dusk.y(), set.radiance(towards(2.0, 0.0)).y()); // darker than where the sun has set
     const Vec3f high = noon.sun_irradiance(), red = low.sun_irradiance();
-    EXPECT_GT(high.y() / sun_above_air, 0.7F); // clear air lets 70 to 90 % of green pass
+    EXPECT_GT(high.y() / sun_above_air, 0.7F); // clear air transmits 70 to 90 % of green
     EXPECT_LT(high.y() / sun_above_air, 0.9F);
     EXPECT_GT(red.x(), 2.0F * red.y());
     EXPECT_EQ(set.sun_irradiance().maxCoeff(), 0.0F);
 }
 
 TEST(Daylight, DiffuseLightHasItsUsualShare) {
-    // On level ground under a clear sky 10 to 25 % of the light is the sky's at 45 degrees (Iqbal, "An Introduction to
-    // Solar Radiation", 1983).
+    // On level ground under a clear sky, with the sun at 45 degrees, 10 to 25 % of the light is from the sky
+    // (Iqbal, "An Introduction to Solar Radiation", 1983).
     const Daylight day = at_sun(45.0, 2.0);
     Vec3f sky = Vec3f::Zero();
     std::vector<Vec3f> row(256);
@@ -312,7 +315,7 @@ TEST(Daylight, TheHorizonIsNoEdgeInHaze) {
 
 TEST(Daylight, IsFiniteAndNeverNegative) {
     constexpr std::array<double, 7> elevations = {-90.0, -18.0, -5.0, 0.0, 0.2, 45.0, 90.0};
-    constexpr std::array<int, 7> corners = {0, 5, 10, 5, 15, 10, 5}; // of the ranges: a bit a parameter
+    constexpr std::array<int, 7> corners = {0, 5, 10, 5, 15, 10, 5}; // of the ranges: one bit per parameter
     for (size_t k = 0; k < elevations.size(); ++k) {
         const double elevation = elevations[k];
         const int corner = corners[k];

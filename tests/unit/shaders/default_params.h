@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The parameters of a shader as a scene file would hand them over: defaults, and what a test sets.
+// Shader parameters as a scene file passes them: defaults, plus values set by a test.
 #pragma once
 
 #include "shaders/shader.h"

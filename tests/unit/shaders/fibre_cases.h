@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Points, directions and random numbers for tests of shaders.
 //
-// Fibres lie along y and are seen from the half-plane y, x > 0. A direction has an inclination theta towards
-// y and an azimuth phi counted from x towards tangent x wo = -z, as the hair shader counts it.
+// Fibres lie along y and are viewed from the half-plane y, x > 0. A direction has an inclination theta
+// towards y and an azimuth phi from x towards tangent x wo = -z, the convention of the hair shader.
 #pragma once
 
 #include "tests/unit/shaders/default_params.h"
@@ -25,7 +25,7 @@ inline Vec3d fibre_direction(double theta, double phi) {
 
 inline double azimuth_of(const Vec3d& direction) { return std::atan2(-direction.z(), direction.x()); }
 
-// Seen at elevation theta above its normal plane, h off its middle.
+// A fibre viewed at inclination theta above its normal plane, at offset h.
 inline ShadingPoint fibre_point(double theta, double h) {
     ShadingPoint point;
     point.tangent = Vec3f::UnitY();
@@ -37,7 +37,7 @@ inline ShadingPoint fibre_point(double theta, double h) {
     return point;
 }
 
-// A number as a scene file would hold it.
+// A number as text in a scene file.
 inline std::string text_of(double number) {
     std::ostringstream text;
     text << number;
@@ -46,7 +46,7 @@ inline std::string text_of(double number) {
 
 struct HairCase {
     double roughness = 0.3, azimuthal_roughness = 0.3, tilt_degrees = 0.0, ior = 1.55;
-    std::string color = "1"; // "1": nothing is absorbed
+    std::string color = "1"; // "1": no absorption
 };
 
 inline HairSettings hair_of(const HairCase& hair) {

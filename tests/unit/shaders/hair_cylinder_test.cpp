@@ -1,34 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
-// The hair shader against rays traced through a smooth dielectric cylinder, in double precision and sharing
-// no formula with hair.cpp.
+// Compares the hair shader with rays traced through a smooth dielectric cylinder in double precision, which
+// shares no formula with hair.cpp.
 //
-// The trace. Radius 1, axis y, everything else outside it vacuum. A ray enters at offset h with inclination
-// theta. At each interface stand the true normal n (the radius) and the two true incidences: Snell,
+// The trace. Radius 1, axis y, vacuum outside. A ray enters at offset h with inclination theta. Each
+// interface uses the true normal n (the radius) and the two true angles of incidence: Snell's law,
 //   d_t = r d + (r cos_i - cos_t) n ,   r = n_1 / n_2, n against d,
-// Fresnel's amplitudes r_s and r_p of those two cosines, unpolarised F = (r_s^2 + r_p^2) / 2, and
-// exp(-sigma l) along the 3-D length l of each inner segment. Nothing is drawn at random: the ray splits in
-// two at each interface and the outer part is an exit of the order p = number of inner segments so far.
+// Fresnel's amplitudes r_s and r_p of the two cosines, unpolarised F = (r_s^2 + r_p^2) / 2, and exp(-sigma l)
+// for the 3-D length l of each inner segment. The trace is deterministic: the ray splits in two at each
+// interface. The outer part is an exit of order p = number of inner segments so far.
 //
-// What is compared, and where the model departs from the cylinder:
-//   A_p    The shader has F at the outer incidence and T of one chord. In a circle every inner incidence is
-//          the entering ray's refraction angle, F is the same from both sides, and every chord is the same:
-//          A_p is exact for unpolarised interfaces; only the shader's floats are left. eps of a float is
-//          6e-8; a dozen roundings of numbers up to 1 stay below 1e-6.
-//   lobes  The same energies from evaluate() alone, at the least roughness, where lobes separate: a logistic
-//          of scale s holds 1 - 2 exp(-k) of its mass within k s of its middle, 1 - 4e-6 at k = 13.
-//   places Azimuths are exact: the logistic is even about the traced azimuth. Inclinations: per solid angle
-//          M ~ (c_i c_o)^-1/2 exp(-(theta_i + theta_o)^2 / 2v) for small v, whose peak lies past the mirror
-//          cone by v tan(theta_o) / 2, to a relative error of order v / cos^2.
-//   p >= 3 The model's residual is even in azimuth where the cylinder has more lobes: no more energy than
-//          A_3 is misplaced.
-//   fields Light that an interface polarised meets the next one polarised. The trace carries two fields along
-//          (flux amplitudes sqrt(1 - r^2) of s and p, real, as nothing is totally reflected that came from
-//          outside), whose planes turn from interface to interface. The model leaves that out: by how much
-//          is printed and bounded by what was measured.
-//   scales A surface of stacked cones, each widening from root to tip by tan(alpha), steps far smaller than
-//          the fibre: a cylinder whose normals lean by alpha to the root. To first order in alpha, head-on at
-//          h = 0, R leaves at -2 alpha (to the root), TT at 2 (eta - 1) alpha, TRT at (4 eta - 2) alpha. The
-//          model has -2, 1, 4 for every eta: right for eta = 1.5.
+// What is compared, and where the model deviates from the cylinder:
+//   A_p    The shader has F at the outer incidence and T of one chord. In a circle every inner angle of
+//          incidence equals the refraction angle of the entering ray, F is the same from both sides, and all
+//          chords are equal: A_p is exact for unpolarised interfaces up to the shader's float rounding. The
+//          epsilon of a float is 6e-8; a dozen roundings of numbers up to 1 stay below 1e-6.
+//   lobes  The same energies from evaluate() alone, at the minimum roughness, where lobes are separate: a
+//          logistic of scale s has 1 - 2 exp(-k) of its mass within k s of its middle, 1 - 4e-6 at k = 13.
+//   places Azimuths are exact: the logistic is symmetric about the traced azimuth. Inclinations: per solid
+//          angle M ~ (c_i c_o)^-1/2 exp(-(theta_i + theta_o)^2 / 2v) for small v. Its peak is past the mirror
+//          cone by v tan(theta_o) / 2, with a relative error of order v / cos^2.
+//   p >= 3 The model's residual is uniform in azimuth; the cylinder has more lobes. The misplaced energy is
+//          at most A_3.
+//   fields Interfaces polarise the light that reaches the next interface. The trace carries two fields (flux
+//          amplitudes sqrt(1 - r^2) of s and p; real, because light that entered from outside is never
+//          totally reflected), whose planes rotate between interfaces. The model ignores polarisation: the
+//          difference is printed and bounded by the measured value.
+//   scales A surface of stacked cones, each widening from root to tip by tan(alpha), with steps much smaller
+//          than the fibre: a cylinder with normals tilted by alpha towards the root. To first order in alpha,
+//          at normal incidence and h = 0, R leaves at -2 alpha (towards the root), TT at 2 (eta - 1) alpha,
+//          TRT at (4 eta - 2) alpha. The model has -2, 1, 4 for every eta, which is right for eta = 1.5.
 #include "tests/unit/shaders/fibre_cases.h"
 
 #include <gtest/gtest.h>
@@ -40,10 +40,10 @@ namespace {
 
 using namespace testing;
 
-constexpr int order_count = 4; // R, TT, TRT, the rest
+constexpr int order_count = 4; // R, TT, TRT, residual
 
-// Both polarisations of one ray: what of the energy of unpolarised light is left, and two fields in flux
-// amplitudes, perpendicular to each other at the start.
+// One ray in both polarisations: the remaining energy of unpolarised light, and two fields as flux
+// amplitudes, initially perpendicular to each other.
 struct Light {
     Vec3d at, direction;
     double energy = 1.0;
@@ -72,11 +72,11 @@ Interface interface_at(const Vec3d& direction, const Vec3d& normal, double from,
     return face;
 }
 
-// The part that goes on in `direction`, its fields' s and p components multiplied by these amplitudes.
+// The part of the light that continues in `direction`, with the s and p components of its fields scaled.
 Light continued(const Light& light, const Vec3d& normal, const Vec3d& direction, double share, double along_s,
                 double along_p) {
     Vec3d s = light.direction.cross(normal);
-    s = s.norm() > 1e-12 ? s.normalized() : light.direction.unitOrthogonal(); // head-on any s is as good
+    s = s.norm() > 1e-12 ? s.normalized() : light.direction.unitOrthogonal(); // head-on any s will do
     Light next{light.at, direction, light.energy * share, {}};
     for (int k = 0; k < 2; ++k)
         next.field[k] = along_s * s.dot(light.field[k]) * s +
@@ -102,7 +102,7 @@ Exit left(int order, const Light& light) {
             0.5 * (light.field[0].squaredNorm() + light.field[1].squaredNorm())};
 }
 
-// Leans the radius at a point of the cylinder by alpha towards -y, the root.
+// Tilts the normal at a point of the cylinder by alpha towards -y, the root.
 Vec3d outward(const Vec3d& at, double alpha) {
     return std::cos(alpha) * Vec3d(at.x(), 0.0, at.z()).normalized() - std::sin(alpha) * Vec3d::UnitY();
 }
@@ -111,7 +111,7 @@ struct Cylinder {
     double ior, sigma = 0.0, alpha = 0.0;
 };
 
-// The ray from far away against the view direction, met again and again by quadratics for |(x, z)| = 1.
+// Traces the ray from far away against the view direction; intersections by the quadratic for |(x, z)| = 1.
 std::vector<Exit> trace(const Cylinder& cylinder, double h, double theta) {
     const Vec3d direction = -fibre_direction(theta, 0.0);
     const Vec3d origin = h * Vec3d::UnitY().cross(Vec3d::UnitX()) - 10.0 * direction;
@@ -154,7 +154,7 @@ Energies energies_of(const std::vector<Exit>& exits) {
     return sum;
 }
 
-// A fibre with an absorption for each channel, whatever colour would have given it.
+// A fibre with a given absorption per channel, independent of its colour.
 HairSettings fibre_of(double ior, const Vec3f& sigma, double roughness = 0.3) {
     HairCase hair;
     hair.ior = ior;
@@ -173,7 +173,7 @@ double greatest(const std::array<double, order_count>& of) { return *std::max_el
 
 const std::array<double, 11> offsets = {-0.999, -0.9, -0.7, -0.4, -0.1, 0.0, 0.2, 0.5, 0.8, 0.95, 0.999};
 
-// The trace itself: energy is neither lost nor made, polarised or not.
+// Tests the trace itself: energy is conserved, polarised or not.
 TEST(HairCylinder, TheTraceKeepsEnergy) {
     double worst = 0.0;
     for (const double ior : {1.0, 1.3, 1.55, 3.0})
@@ -191,7 +191,7 @@ TEST(HairCylinder, TheTraceKeepsEnergy) {
     EXPECT_LT(worst, 1e-11);
 }
 
-// The nearest float: what the shader is given, so that its own rounding alone is measured.
+// Rounds to float, so that inputs equal the shader's and only its own rounding is measured.
 double as_given(double number) { return static_cast<double>(static_cast<float>(number)); }
 
 void compare_attenuation(const std::vector<double>& iors, const std::vector<double>& thetas,
@@ -231,7 +231,7 @@ TEST(HairCylinder, AttenuationIsTheTracedEnergy) {
     EXPECT_LT(residual, 0.16);            // measured: 0.148
 }
 
-// Where floats cancel: no refraction at all, and nearly end-on.
+// Where floats cancel: no refraction, and nearly end-on.
 TEST(HairCylinder, AttenuationHoldsAtTheEdges) {
     std::array<double, order_count> worst{}, polarised{};
     double residual = 0.0;
@@ -240,12 +240,12 @@ TEST(HairCylinder, AttenuationHoldsAtTheEdges) {
     EXPECT_LT(greatest(worst), 3e-6);
 }
 
-constexpr double sharpest = 0.02; // the least roughness: lobes of different azimuths stand apart
+constexpr double sharpest = 0.02; // minimum roughness: lobes of different azimuths are separate
 
 double turn_between(double a, double b) { return std::abs(std::remainder(a - b, 2.0 * pi)); }
 
-// Integral over inclination of evaluate() at one azimuth. Midpoints half the narrowest deviation apart: for
-// lobes that end before the poles the rule's error is exp(-2 pi^2 deviation^2 / step^2), nothing.
+// Integral over inclination of evaluate() at one azimuth. Midpoint steps of half the narrowest deviation: for
+// lobes that end before the poles the error is exp(-2 pi^2 deviation^2 / step^2), which is negligible.
 double along_meridian(const HairBsdf& bsdf, double theta, double phi) {
     const Float4& v = bsdf.variance;
     const std::array variances = {v[0], v[1], v[2], v[3]};
@@ -262,8 +262,8 @@ double along_meridian(const HairBsdf& bsdf, double theta, double phi) {
     return sum * (high - low) / count;
 }
 
-// The energies that evaluate() alone shows: each lobe's in a window about the traced azimuth, less what the
-// residual, even in azimuth, has there. Empty where windows touch.
+// Lobe energies from evaluate() alone: each lobe is integrated in a window around the traced azimuth, minus
+// the residual, which is uniform in azimuth. Empty if windows overlap.
 std::vector<double> seen_energies(const HairBsdf& bsdf, double theta, const std::vector<Exit>& exits) {
     const double half = 13.0 * bsdf.logistic_scale;
     std::array<double, order_count - 1> middle{};
@@ -272,7 +272,7 @@ std::vector<double> seen_energies(const HairBsdf& bsdf, double theta, const std:
         for (int q = 0; q < p; ++q)
             if (turn_between(middle[p], middle[q]) < 2.0 * half) return {};
     }
-    double empty = middle[0]; // an azimuth that no window reaches
+    double empty = middle[0]; // an azimuth outside of all windows
     const auto nearest = [&](double phi) {
         double least = pi;
         for (const double other : middle) least = std::min(least, turn_between(phi, other));
@@ -283,7 +283,7 @@ std::vector<double> seen_energies(const HairBsdf& bsdf, double theta, const std:
     const double background = along_meridian(bsdf, theta, empty);
     std::vector<double> energies;
     for (const double phi : middle) {
-        constexpr int count = 52; // midpoints half a scale apart
+        constexpr int count = 52; // midpoint steps of half a scale
         double sum = 0.0;
         for (int i = 0; i < count; ++i)
             sum += along_meridian(bsdf, theta, phi + half * (2.0 * (i + 0.5) / count - 1.0)) - background;
@@ -317,8 +317,8 @@ TEST(HairCylinder, LobesOfEvaluateHoldTheTracedEnergy) {
     EXPECT_LT(greatest(worst), 1e-4);
 }
 
-// Where f(x) is greatest within +- reach of middle: the finest of a row of points and the parabola through
-// its neighbours.
+// Position of the maximum of f(x) within +- reach of middle: the best of a row of points, refined by a
+// parabola.
 template <typename F>
 double peak(F f, double middle, double reach) {
     constexpr int half = 60;
@@ -334,7 +334,7 @@ double peak(F f, double middle, double reach) {
 
 struct Peaks {
     std::array<double, order_count> azimuth{}, inclination{},
-        mirror{}; // the last without the shift of the peak
+        mirror{}; // mirror: without correction for the peak's shift
 };
 
 void compare_peaks(double ior, double h, double theta, Peaks& worst) {
@@ -367,12 +367,12 @@ TEST(HairCylinder, LobesPeakWhereTheTraceLeaves) {
     print_row("azimuth of the peaks at roughness 0.02, rad", worst.azimuth);
     print_row("inclination of the peaks, rad", worst.mirror);
     print_row("  the same less v tan(theta) / 2", worst.inclination);
-    EXPECT_LT(greatest(worst.azimuth), 2e-4);     // a twentieth of the logistic's scale, 3.6e-3
-    EXPECT_LT(greatest(worst.inclination), 3e-4); // a fiftieth of the narrowest deviation, 7.4e-3
-    EXPECT_LT(greatest(worst.mirror), 3e-3);      // 2 v tan(80 deg) = 2.5e-3 of TRT
+    EXPECT_LT(greatest(worst.azimuth), 2e-4);     // 1/20 of the logistic's scale, 3.6e-3
+    EXPECT_LT(greatest(worst.inclination), 3e-4); // 1/50 of the narrowest deviation, 7.4e-3
+    EXPECT_LT(greatest(worst.mirror), 3e-3);      // 2 v tan(80 deg) = 2.5e-3 for TRT
 }
 
-// Scales that widen towards the tip, so that fur is smooth from root to tip, turn R to the root.
+// Scales that widen towards the tip, so that fur is smooth from root to tip, tilt R towards the root.
 TEST(HairCylinder, ScalesTurnLobesTheWayTheConesDo) {
     constexpr double alpha_degrees = 0.5, alpha = alpha_degrees * degree;
     HairCase hair;

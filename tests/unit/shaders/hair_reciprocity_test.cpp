@@ -1,29 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far the hair shader is from being reciprocal.
+// Measures how far the hair shader is from reciprocity.
 //
-// What would be. A piece of fibre of length l and radius 1 in a beam of irradiance E from wi sends intensity
-// sigma(wo, wi) E to wo. Across the fibre, wo sees an area 2 l cos theta_o, whose points, even in h, have
-// radiance S E, S(wo, wi, h) = f cos what evaluate() returns (it is normalised so that a white fibre has the
-// radiance of a white furnace at each h). So
+// Definition. A piece of fibre of length l and radius 1 in a beam of irradiance E from wi scatters the
+// intensity sigma(wo, wi) E to wo. Seen from wo the fibre has an area of 2 l cos theta_o. Its points, uniform
+// in h, have radiance S E, where S(wo, wi, h) = f cos is the value of evaluate() (normalised so that at each
+// h a white fibre has the radiance of a white furnace). So
 //   sigma = l cos theta_o integral_-1^1 S(wo, wi, h) dh = 2 l K(wo, wi) ,
-// and reciprocity is K(wo, wi) = K(wi, wo). A smooth cylinder has it: S holds deltas in theta_o + theta_i.
+// and reciprocity is K(wo, wi) = K(wi, wo). A smooth cylinder is reciprocal: S has deltas in theta_o +
+// theta_i.
 //
-// At one h the model names no point at which light from wi enters, but a smooth cylinder does: for each lobe,
-// by the mirror symmetry of its path, seen from wi it is at -h. Near-field, the pair is
+// The model does not define where light from wi enters for one h, but a smooth cylinder does: by the mirror
+// symmetry of each lobe's path, it is at -h seen from wi. The near-field pair is
 //   cos theta_o S(wo, wi, h)  and  cos theta_i S(wi, wo, -h) .
 //
-// Why the model is not. M_p, untilted, is symmetric, and so is N_p about a given Phi_p; but A_p, Phi_p and
-// the factor cos theta are wo's alone. All agree at theta_i = -theta_o and part by the spread of M_p, so that
-// the error goes with the roughness. At roughness 1, where S is nearly even, the cosine is all that is left
-// of it: a column has the error of S alone, without it. Near-field, narrow azimuthal lobes stand at another
-// Phi_p, and miss. Tilts: with theta_o' the tilted angle, M_p is as
+// Why the model is not reciprocal. Without tilt M_p is symmetric, and so is N_p about a given Phi_p; but A_p,
+// Phi_p and the factor cos theta depend on wo alone. Both directions agree at theta_i = -theta_o and deviate
+// by the spread of M_p, so the error grows with the roughness. At roughness 1 S is nearly uniform and mainly
+// the cosine is left; a column shows the error of S without the cosine. In the near field, narrow azimuthal
+// lobes are at a different Phi_p and do not overlap. Tilts: with the tilted angle theta_o', M_p is
+// proportional to
 //   exp(cos(theta_i + theta_o') / v) / sqrt(c_i c_o') :
 // the peak is symmetric, but there c_i = c_o' and not c_o, so that K(wo, wi) / K(wi, wo) = (c_o / c_o')^2.
 //
-// Figures. Pairs: wo even over the sphere, wi sampled with the shader's density at an h drawn evenly; each
-// counts as K(wo, wi) + K(wi, wo), over the density of being drawn in either order, so that figures are means
-// over all pairs of directions by what they exchange. A pair's error is |K - K'| / max(K, K'): by which share
-// the lesser falls short.
+// Statistics. Pairs: wo uniform over the sphere, wi sampled with the shader's density at a uniformly sampled
+// h. Each pair has the weight K(wo, wi) + K(wi, wo), divided by the sum of the densities of both orders, so
+// results are means over all pairs weighted by the exchanged energy. The error of a pair is |K - K'| / max(K,
+// K').
 #include "tests/unit/shaders/fibre_cases.h"
 
 #include <gtest/gtest.h>
@@ -43,7 +45,7 @@ struct Pair {
 };
 
 struct Exchange {
-    double value = 0.0, pdf = 0.0; // cos theta_o S, and the density of wi
+    double value = 0.0, pdf = 0.0; // cos theta_o S, and the pdf of wi
 };
 
 Exchange near_field(const HairSettings& hair, const Pair& pair, double h) {
@@ -52,9 +54,9 @@ Exchange near_field(const HairSettings& hair, const Pair& pair, double h) {
     return {std::cos(pair.theta_o) * static_cast<double>(mean(at.value)), at.pdf};
 }
 
-// Mean over h = sin(gamma), by midpoints in gamma. Phi moves by at most 2 for one of gamma, so that the step
-// is 1.6 of the least logistic scale tested, 0.024; a midpoint sum of logistics is off by
-// 2 x exp(-x), x = 2 pi^2 scale / step: 1e-4.
+// Mean over h = sin(gamma), by midpoints in gamma. d Phi / d gamma is at most 2, so a step is 1.6 of the
+// smallest tested logistic scale, 0.024. The error of a midpoint sum of logistics is 2 x exp(-x), x = 2 pi^2
+// scale / step: 1e-4.
 Exchange far_field(const HairSettings& hair, const Pair& pair) {
     constexpr int count = 160;
     Exchange sum;
@@ -69,7 +71,7 @@ Exchange far_field(const HairSettings& hair, const Pair& pair) {
 }
 
 struct Asymmetry {
-    double mean = 0.0, high = 0.0; // over pairs; the 95th percentile
+    double mean = 0.0, high = 0.0; // mean over pairs; 95th percentile
 };
 
 // errors: (error, weight) of each pair.
@@ -92,7 +94,7 @@ Asymmetry summary(std::vector<std::pair<double, double>> errors) {
 double lacking(double a, double b) { return std::abs(a - b) / std::max({a, b, 1e-300}); }
 
 struct Asymmetries {
-    Asymmetry far, near, without_cosine; // the last far-field, of S
+    Asymmetry far, near, without_cosine; // without_cosine: far-field error of S
 };
 
 Asymmetries asymmetries_of(const HairSettings& hair, uint64_t seed, int count) {
@@ -117,7 +119,7 @@ Asymmetries asymmetries_of(const HairSettings& hair, uint64_t seed, int count) {
 
 struct Row {
     HairCase hair;
-    Asymmetry far, near; // as measured
+    Asymmetry far, near; // measured values
 };
 
 const std::array<Row, 15> rows = {{
@@ -138,7 +140,7 @@ const std::array<Row, 15> rows = {{
     {{0.3, 0.3, 20, 1.55, "1"}, {0.340, 0.839}, {0.368, 0.955}},
 }};
 
-// Other seeds differ by less than a tenth; a hundredth for figures near zero.
+// Other seeds differ by less than 10 %, or by less than 0.01 for values near zero.
 void expect_as_measured(const Asymmetry& found, const Asymmetry& measured, const Row& row) {
     const auto bound = [](double figure) { return 1.15 * figure + 0.01; };
     EXPECT_LT(found.mean, bound(measured.mean)) << row.hair.roughness << " " << row.hair.azimuthal_roughness;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Hair as a density: it integrates to one, samples follow it, white fibres lose nothing, weights are bounded.
-// What its lobes hold is in hair_cylinder_test.cpp.
+// Tests hair as a pdf: it integrates to one, samples follow it, white fibres conserve energy, weights are
+// bounded. hair_cylinder_test.cpp tests the contents of its lobes.
 //
-// Quadrature. A lobe is a hill in inclination, of deviation d = sqrt(v), times one in azimuth, of scale s;
-// both can be a hundredth of the sphere or all of it. The angles are cut about each lobe's middle at 0, +-1,
-// +-2, +-4, ... widths, cuts nearer than half the least width to another left out, and each interval gets
-// Gauss's rule of four points: a lobe is at most as far as it is from an interval as that is wide, so that it
-// is smooth there. Where an interval holds a second lobe's slope, that lobe's own cuts are there too. The
-// middles come from the shader, and can only misplace points: what evaluate() returns is what is summed.
+// Quadrature. A lobe is a peak in inclination with deviation d = sqrt(v), times a peak in azimuth with scale
+// s. Both may cover 1/100 of the sphere or all of it. The angles are cut around the middle of each lobe at 0,
+// +-1, +-2, +-4, ... widths, without cuts that are closer than half the minimum width to another. Each
+// interval gets four-point Gauss quadrature: its width is at most its distance from a lobe's middle, so the
+// lobe is smooth in it. If an interval contains the slope of a second lobe, the cuts of that lobe are there
+// too. The middles come from the shader but only place the nodes: the sum is of the values of evaluate().
 #include "tests/unit/shaders/fibre_cases.h"
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ struct Hill {
     double middle, width;
 };
 
-// Cuts of [low, high], ascending, both ends included. On a circle hills also stand a turn away.
+// Cuts of [low, high], ascending, including both ends. On a circle peaks repeat after a full turn.
 std::vector<double> cuts(double low, double high, const std::vector<Hill>& hills) {
     std::vector<double> all = {high};
     double least = high - low;
@@ -55,7 +55,7 @@ SphereCuts cuts_of(const HairBsdf& bsdf) {
         const double middle = std::remainder(2.0 * bsdf.gamma_o + p * (pi - 2.0 * bsdf.gamma_t), 2.0 * pi);
         for (const double turn : {-2.0 * pi, 0.0, 2.0 * pi})
             around.push_back({middle + turn, bsdf.logistic_scale});
-        around.push_back({middle + (middle < 0.0 ? pi : -pi), 1.0}); // where the logistic is cut: a crease
+        around.push_back({middle + (middle < 0.0 ? pi : -pi), 1.0}); // end of the logistic: a crease
     }
     return {cuts(-0.5 * pi, 0.5 * pi, along), cuts(-pi, pi, around)};
 }
@@ -65,7 +65,7 @@ struct Integral {
     Vec3d value = Vec3d::Zero();
 };
 
-// Nodes and weights of Gauss's rule on [-1, 1]: Abramowitz and Stegun, table 25.4.
+// Nodes and weights of four-point Gauss quadrature on [-1, 1]: Abramowitz and Stegun, table 25.4.
 constexpr std::array<double, 4> gauss_node = {-0.861136311594053, -0.339981043584856, 0.339981043584856,
                                               0.861136311594053};
 constexpr std::array<double, 4> gauss_weight = {0.347854845137454, 0.652145154862546, 0.652145154862546,
@@ -106,7 +106,7 @@ std::string name_of(const HairCase& hair, double theta, double h) {
     return name.str();
 }
 
-const std::array<double, 5> every_roughness = {0.02, 0.07, 0.25, 0.6, 1.0}; // the ends, and between
+const std::array<double, 5> every_roughness = {0.02, 0.07, 0.25, 0.6, 1.0}; // both ends, and values between
 
 struct Worst {
     double error = 0.0;
@@ -119,7 +119,7 @@ struct Worst {
     }
 };
 
-// All roughnesses and tilts; h, theta and ior in turn, by counters of coprime lengths: all pairs occur.
+// All roughnesses and tilts. h, theta and ior cycle with counters of coprime lengths, so all pairs occur.
 TEST(Hair, DensityIntegratesToOneAndWhiteLosesNothing) {
     const std::array<double, 5> iors = {1.0, 1.3, 1.55, 2.0, 3.0};
     const std::array<double, 7> thetas = {-90.0, -72.0, -30.0, 0.0, 15.0, 55.0, 89.0};
@@ -141,13 +141,13 @@ TEST(Hair, DensityIntegratesToOneAndWhiteLosesNothing) {
                 density.error, density.where.c_str());
     std::printf("[ furnace ] white off by at most %.1e (%s)\n", white.error, white.where.c_str());
     EXPECT_LT(density.error,
-              1e-3); // measured 1.5e-4, which is the quadrature's: 1.5e-5 with cuts half as far apart
+              1e-3); // measured 1.5e-4, an error of the quadrature: 1.5e-5 with cuts half as far apart
     EXPECT_LT(white.error, 1e-3);
 }
 
-// Pearson's statistic of samples in the quadrature's cells against the density's integrals over them, cells
-// that expect too few taken together, as the chance that a true density gives one as large. The chance is
-// Wilson and Hilferty's: the statistic's cube root is normal well enough for a hundred cells.
+// p-value of Pearson's chi-square test of samples in the cells of the quadrature against the integrals of the
+// pdf. Cells with small expected counts are pooled. Wilson-Hilferty approximation: the cube root of the
+// statistic is nearly normal for a hundred cells.
 double chance_of(const HairBsdf& density, const HairBsdf& sampled, uint64_t seed, int count) {
     const SphereCuts at = cuts_of(density);
     const size_t rows = at.theta.size() - 1, columns = at.phi.size() - 1;
@@ -167,7 +167,7 @@ double chance_of(const HairBsdf& density, const HairBsdf& sampled, uint64_t seed
         const double theta = std::atan2(wi.y(), std::hypot(wi.x(), wi.z()));
         seen[cell_of(at.theta, theta) * columns + cell_of(at.phi, azimuth_of(wi))] += 1.0;
     }
-    constexpr double enough = 10.0; // below, a cell's share of the statistic is too skew
+    constexpr double enough = 10.0; // cells with fewer would skew the statistic
     double statistic = 0.0, pooled_expected = 0.0, pooled_seen = 0.0;
     int cells = 0;
     for (size_t c = 0; c < expected.size(); ++c) {
@@ -190,7 +190,7 @@ double chance_of(const HairBsdf& density, const HairBsdf& sampled, uint64_t seed
 
 const char* const brown = "[0.6, 0.45, 0.3]";
 
-// A true sampler fails once in 1000 seeds: that chance is shared out evenly among the draws (Bonferroni).
+// A correct sampler fails for one seed in 1000: the significance is divided among all draws (Bonferroni).
 TEST(Hair, SamplesFollowTheDensity) {
     struct View {
         double tilt, theta, h, ior;
@@ -225,7 +225,7 @@ TEST(Hair, SamplesFollowTheDensity) {
         draws, count, least, significance, where.c_str());
 }
 
-// The test above can fail: it sees lobes a twentieth wider than their density.
+// Shows that the test above can fail: it detects lobes 5 % wider than their pdf.
 TEST(Hair, SamplesOfAnotherDensityAreSeen) {
     const HairBsdf bsdf = hair_at(hair_of({0.1, 0.1, 0.0, 1.55, brown}), fibre_point(0.3, 0.1));
     HairBsdf wide = bsdf;
@@ -237,7 +237,7 @@ TEST(Hair, SamplesOfAnotherDensityAreSeen) {
     EXPECT_LT(chance_of(bsdf, wide, 1, 40000), 1e-6);
 }
 
-// Of value / pdf, over the fibre and directions to see it from.
+// Statistics of value / pdf over the fibre and view directions.
 struct Weights {
     double most = 0.0, mean = 0.0, off_energy = 0.0, beyond = 0.0, rounding = 0.0;
 };
@@ -250,7 +250,7 @@ Weights weights_of(const HairSettings& settings, uint64_t seed) {
         const HairBsdf bsdf = hair_at(settings, fibre_point(3.1 * (random() - 0.5), 2.0 * random() - 1.0));
         BsdfSample next;
         if (!sample(bsdf, random.four(), next)) continue;
-        // What MIS asks for is what was sampled with, but for the rounding of wi.
+        // evaluate() returns the pdf that was sampled, except for the rounding of wi.
         all.rounding = std::max(all.rounding, std::abs(double(evaluate(bsdf, next.wi).pdf / next.pdf) - 1.0));
         Vec3f energy = Vec3f::Zero();
         for (const Vec3f& lobe : bsdf.attenuation) energy += lobe;
@@ -263,8 +263,8 @@ Weights weights_of(const HairSettings& settings, uint64_t seed) {
     return all;
 }
 
-// Lobes are chosen by their mean energy E_p, so that a sample's mean weight is sum E_p whatever its
-// direction, and a channel's is at most three times that. No sample can be a firefly.
+// Lobes are chosen by their mean energy E_p, so the mean weight of a sample is sum E_p in any direction, and
+// that of a channel is at most three times as much. No sample can be a firefly.
 TEST(Hair, WeightsAreTheEnergy) {
     for (const char* color : {"1", brown, "[0.9, 0.1, 0]", "0"}) {
         Weights worst;
@@ -289,7 +289,7 @@ TEST(Hair, WeightsAreTheEnergy) {
     }
 }
 
-// R leaves where a mirror would send it: gamma_o turned towards the side on which the ray met the fibre.
+// R leaves in the mirror direction: gamma_o is on the side where the ray met the fibre.
 TEST(Hair, ReflectsLikeAMirrorTiltedByTheOffset) {
     const HairSettings hair = hair_of({0.05, 0.05, 0.0, 1.55, "0"});
     for (const double h : {-0.6, 0.0, 0.4}) {
@@ -317,7 +317,7 @@ TEST(Hair, DarkerPigmentAbsorbsMore) {
     EXPECT_LT(last, 0.3);
 }
 
-// End on, at the fibre's edge, without refraction; black without refraction gives nothing back at all.
+// End-on, at the fibre's edge, and without refraction; a black fibre without refraction returns nothing.
 TEST(Hair, IsFiniteInEveryDirection) {
     for (const char* color : {brown, "0"})
         for (const double theta : {-90.0, 0.0, 90.0, 89.99, 85.0})

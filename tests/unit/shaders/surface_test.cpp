@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Diffuse, grass, sand and surfaces as functions: what is white loses nothing, samples follow the density, light may be followed
-// either way, glints and ripples average to what they stand for.
+// Diffuse, grass, sand and surface bsdfs: white materials conserve energy, samples follow the pdf, bsdfs are
+// reciprocal, glints and ripples average to the appearance that they replace.
 #include "tests/unit/shaders/fibre_cases.h"
 
 #include <gtest/gtest.h>
@@ -19,19 +19,19 @@ Vec3f unit_vector(double y, double phi) {
     return Vec3d(r * std::cos(phi), y, r * std::sin(phi)).cast<float>();
 }
 
-// On the ground, seen at an angle of that cosine.
+// A point on the ground, viewed at an angle with this cosine.
 ShadingPoint ground_point(double cosine, double phi = 0.7) {
     ShadingPoint point;
     point.geometric_normal = point.normal = Vec3f::UnitY();
     point.wo = unit_vector(cosine, phi);
-    point.footprint = 1e6F; // glints beyond number
+    point.footprint = 1e6F; // innumerable glints
     return point;
 }
 
 struct Case {
     const char* shader;
     Settings settings;
-    double furnace; // what white may be off by
+    double furnace; // tolerance for white
 };
 
 std::string told(const Case& c) {
@@ -55,7 +55,7 @@ std::vector<Case> white_cases() {
         }
     for (const char* roughness : {"0", "0.3", "0.8", "1"})
         for (const char* sparkle :
-             {"0", "0.05", "1"}) // facets alone spread what they let through not quite as grains do
+             {"0", "0.05", "1"}) // facets alone spread transmitted light slightly differently from grains
             cases.push_back(
                 {"sand",
                  {{"color", "1"}, {"roughness", roughness}, {"sparkle", sparkle}, {"ripple_height", "0"}},
@@ -67,7 +67,7 @@ double furnace_by_samples(const Bsdf& bsdf) {
     constexpr int count = 20000;
     double sum = 0.0;
     for (int i = 0; i < count; ++i) {
-        const auto part = [&](double step) { // Korobov's lattice: powers of the root of x^4 = x + 1
+        const auto part = [&](double step) { // Korobov lattice: powers of the root of x^4 = x + 1
             const double x = 0.5 + step * i;
             return static_cast<float>(x - std::floor(x));
         };
@@ -78,8 +78,8 @@ double furnace_by_samples(const Bsdf& bsdf) {
     return sum;
 }
 
-// Grains seen at a grazing angle are bright along the horizon, in a band as thin as the angle: steps of equal ratio there. Rows
-// below the ground have nothing.
+// Grains viewed at a grazing angle are bright in a band along the horizon that is as thin as the angle. Rows
+// are spaced by a constant ratio there; directions below the ground are omitted.
 double furnace_near_the_horizon(const Bsdf& bsdf) {
     constexpr int rows = 400, columns = 300;
     double sum = 0.0, low = 0.0;
@@ -97,7 +97,7 @@ double furnace_near_the_horizon(const Bsdf& bsdf) {
 
 } // namespace
 
-// By the shader's own samples, which the next test proves to have the density that they say.
+// Uses the shader's own samples. The next tests check that they have their stated pdf.
 TEST(Surfaces, WhiteFurnaceAtEveryRoughnessAndAngle) {
     std::map<std::string, double> worst;
     for (const Case& c : white_cases()) {
@@ -115,7 +115,7 @@ TEST(Surfaces, WhiteFurnaceAtEveryRoughnessAndAngle) {
         std::printf("[ furnace ] %s: off by %.1e at most\n", shader.c_str(), off);
 }
 
-// The same by even steps over the sphere, without the sampler, where no lobe is narrower than the steps.
+// The same with uniform steps over the sphere, without the sampler, for lobes wider than the steps.
 TEST(Surfaces, WhiteFurnaceByQuadratureAndDensitiesOfOne) {
     double worst = 0.0, most = 0.0, least = 1.0;
     for (const Case& c : white_cases()) {
@@ -142,7 +142,7 @@ TEST(Surfaces, WhiteFurnaceByQuadratureAndDensitiesOfOne) {
                 least, most);
     EXPECT_LT(worst, 4e-3);
     EXPECT_LT(most, 1.0 + 1e-3);
-    EXPECT_GT(least, 0.95); // rough gloss draws some directions into the surface, and drops them
+    EXPECT_GT(least, 0.95); // rough gloss samples some directions below the surface, which are rejected
 }
 
 TEST(Surfaces, SamplesFollowTheDensity) {
@@ -171,7 +171,7 @@ TEST(Surfaces, SamplesFollowTheDensity) {
                     expected[static_cast<size_t>(i / fine * columns + j / fine)] += count * share;
                     whole += share;
                 }
-            expected.back() = count * std::max(0.0, 1.0 - whole); // drawn into the surface
+            expected.back() = count * std::max(0.0, 1.0 - whole); // sampled below the surface
             Random random{7};
             for (int k = 0; k < count; ++k) {
                 BsdfSample next;
@@ -194,12 +194,12 @@ TEST(Surfaces, SamplesFollowTheDensity) {
             }
             const double excess = (statistic - cells) / std::sqrt(2.0 * cells);
             worst = std::max(worst, excess);
-            EXPECT_LT(excess, 5.0) << told(c) << " cosine " << cosine; // deviations of chi square
+            EXPECT_LT(excess, 5.0) << told(c) << " cosine " << cosine; // standard deviations of chi-square
         }
     std::printf("[ density ] worst chi square %.1f deviations above its mean\n", worst);
 }
 
-// An image is what a surface is painted with; what it is tinted with lies over the paint.
+// The image multiplies the color; the tint blends the result towards tint_color.
 TEST(Surfaces, TintLiesOverTheImage) {
     struct Paint : Texture {
         Vec3f at(const Vec2f&, float) const override { return {0.5F, 0.25F, 0.0F}; }
@@ -230,7 +230,7 @@ TEST(Surfaces, LightMayBeFollowedEitherWay) {
         for (int i = 0; i < 500; ++i) {
             const Vec3f a = unit_vector(2.0 * random() - 1.0, 2.0 * pi * random());
             Vec3f b = unit_vector(2.0 * random() - 1.0, 2.0 * pi * random());
-            if (i % 2 == 0) // near the mirror direction, where gloss is
+            if (i % 2 == 0) // near the mirror direction, where the gloss is
                 b = (Vec3f(-a.x(), a.y(), -a.z()) + 0.1F * b).normalized();
             if (std::min(std::abs(a.y()), std::abs(b.y())) < 0.01F) continue;
             ShadingPoint from_a = ground_point(1.0), from_b = from_a;
@@ -263,7 +263,7 @@ TEST(Grass, LetsTheShareThroughThatIsAskedAndFiltersIt) {
     EXPECT_LT((through - 0.3 * Vec3d(0.4, 0.3, 0.05)).norm(), 1e-3);
 }
 
-// A folded blade's halves are planes of their own: at no place across it, and at no angle, is light lost.
+// The halves of a folded blade are separate planes: no light is lost at any offset and any angle.
 TEST(Grass, LosesNothingByItsFold) {
     double worst = 0.0;
     for (const char* fold : {"20", "60"})
@@ -282,7 +282,7 @@ TEST(Grass, LosesNothingByItsFold) {
     EXPECT_LT(worst, 4e-3);
 }
 
-// The two halves of a blade are turned against each other, each to the side on which it is; seen from below likewise.
+// The two halves of a blade are tilted outwards, each towards its own side, seen from above and from below.
 TEST(Grass, IsFoldedAlongItsMiddle) {
     const Material blade = material_of("grass", {{"fold", "30"}, {"specular", "0"}});
     for (const float wo_y : {0.8F, -0.8F}) {
@@ -327,8 +327,8 @@ TEST(Sand, GlintsAverageToTheFacetsTheyStandFor) {
         }
 }
 
-// From one frame to the next the camera goes a hundredth nearer and the light turns by a tenth of a degree: the same glints
-// are seen. One that jumped would differ by its whole deviation.
+// Between frames the camera comes 1 % closer and the light turns by 0.1 degrees: the same glints are visible.
+// Independent glints would differ by their full standard deviation.
 TEST(Sand, GlintsDoNotFlicker) {
     const Material sand = material_of("sand");
     Random random{12};
@@ -349,7 +349,7 @@ TEST(Sand, GlintsDoNotFlicker) {
     EXPECT_GT(spread / count, 0.1);
 }
 
-// The ripples of level ground at a place.
+// The ripples on level ground at a position.
 Ripple ripple_on_ground(const Material& sand, const Vec3d& at, const Footprint& seen) {
     ShadingPoint point;
     point.normal = point.geometric_normal = Vec3f::UnitY();
@@ -357,7 +357,7 @@ Ripple ripple_on_ground(const Material& sand, const Vec3d& at, const Footprint& 
     return ripple_at(sand_of(sand), point, seen);
 }
 
-// Against the height they come from, which is rebuilt by adding slopes up along a line, and against its bounds.
+// Compares slopes with the settings: integrates them along a line to a height, and checks its bounds.
 TEST(Sand, RipplesAreAsHighAndAsLongAsAskedAndSteepDownwind) {
     const Material sand = material_of("sand", {{"ripple_height", "0.01"}, {"ripple_length", "0.1"}});
     double height = 0.0, low = 0.0, high = 0.0, steepest = 0.0, rise = 0.0;
@@ -378,11 +378,12 @@ TEST(Sand, RipplesAreAsHighAndAsLongAsAskedAndSteepDownwind) {
                 1000.0 * (high - low), 1000.0 * length / crests, rise, steepest);
     EXPECT_NEAR(length / crests, 0.1, 0.01);
     EXPECT_GT(high - low, 0.008);
-    EXPECT_LT(high - low, 0.02); // heights differ, and where the phase wanders the profile's mean does
+    EXPECT_LT(high - low, 0.02); // heights vary, and the mean of the profile varies with the phase
     EXPECT_GT(-steepest, 2.0 * rise);
 }
 
-// Seen at a grazing angle, a pixel is long: crests that run away from the camera are as sharp as from above, those across fade.
+// At a grazing angle pixels are long: crests parallel to the view stay as sharp as from above, crests across
+// it fade.
 TEST(Sand, RipplesThatRunAwayStaySharp) {
     const Material sand = material_of("sand", {{"ripple_height", "0.01"}, {"ripple_length", "0.1"}});
     double from_above = 0.0, along_crests = 0.0, across_crests = 0.0;
@@ -401,7 +402,7 @@ TEST(Sand, RipplesThatRunAwayStaySharp) {
     EXPECT_LT(across_crests, 0.01 * from_above);
 }
 
-// What the shader makes of a ray is that footprint.
+// The shader derives that footprint from the ray.
 TEST(Sand, RipplesLieAcrossThePixelsTheyAreSeenBy) {
     const Material along = material_of("sand", {{"ripple_direction", "0"}}),
                    across = material_of("sand", {{"ripple_direction", "90"}});
@@ -419,7 +420,7 @@ TEST(Sand, RipplesLieAcrossThePixelsTheyAreSeenBy) {
     EXPECT_GT(spread[0], 0.1);
 }
 
-// What a wide pixel sees is the mean of what narrow ones see in it: its slope, and a roughness that stands for the rest.
+// A wide pixel has the mean radiance of the narrow pixels in it: mean slope plus additional roughness.
 TEST(Sand, RipplesFadeIntoRoughnessWithTheDistance) {
     const Material sand = material_of("sand", {{"sparkle", "0"}});
     double worst = 0.0;
@@ -440,7 +441,7 @@ TEST(Sand, RipplesFadeIntoRoughnessWithTheDistance) {
         std::printf("[ ripples ] sun at cosine %.2f: from afar %.4f of the mean from near\n", sun,
                     far / near);
     }
-    EXPECT_LT(worst, 0.07); // the lowest sun, 14 degrees high; 0.03 at 30
+    EXPECT_LT(worst, 0.07); // for the lowest sun, 14 degrees high; 0.03 at 30 degrees
 }
 
 } // namespace marram

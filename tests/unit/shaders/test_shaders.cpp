@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What all shaders share: colours, refusals, the registry. Their scattering has tests of its own: surface_test.cpp, hair_test.cpp,
-// hair_cylinder_test.cpp, hair_reciprocity_test.cpp.
+// Tests common to all shaders: colours, errors, the registry. Scattering is tested in surface_test.cpp,
+// hair_test.cpp, hair_cylinder_test.cpp and hair_reciprocity_test.cpp.
 #include "tests/unit/shaders/fibre_cases.h"
 
 #include "core/math/problem.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Triangles cut small near a camera: no cracks, none missed, as many as needed.
+// Triangles refined near a camera: no cracks, full coverage, no more triangles than needed.
 #include "procedural/terrain/dicing.h"
 
 #include "core/math/hash.h"
@@ -23,7 +23,7 @@ std::vector<Vec3d> all_positions(const std::vector<Vec3d>& given, const DicedMes
     return positions;
 }
 
-// How many triangles each side has.
+// Number of triangles at each edge.
 std::map<std::pair<uint32_t, uint32_t>, int> sides_of(std::span<const uint32_t> triangles) {
     std::map<std::pair<uint32_t, uint32_t>, int> sides;
     for (size_t t = 0; t < triangles.size(); t += 3)
@@ -37,13 +37,13 @@ double area_of(const std::vector<Vec3d>& positions, std::span<const uint32_t> tr
         const Vec3d &a = positions[triangles[t]], &b = positions[triangles[t + 1]],
                     &c = positions[triangles[t + 2]];
         const Vec3d twice = (b - a).cross(c - a);
-        EXPECT_GT(twice.y(), 0.0); // none is turned over
+        EXPECT_GT(twice.y(), 0.0); // no triangle is flipped
         area += 0.5 * twice.norm();
     }
     return area;
 }
 
-// A bumpy square of n x n cells of any size.
+// A bumpy square of n x n cells.
 struct Ground {
     std::vector<Vec3d> positions;
     std::vector<uint32_t> triangles;
@@ -81,7 +81,7 @@ TEST(Dicing, HasNoCracksAndLeavesNoSideTooLong) {
             const std::vector<Vec3d> positions = all_positions(ground.positions, mesh);
             EXPECT_NEAR(area_of(positions, mesh.triangles), area_of(ground.positions, ground.triangles),
                         1e-6);
-            // A side has two triangles, or lies on the border, where the whole of a side of before does.
+            // An edge has two triangles or lies on the border. The border keeps its total length.
             const auto before = sides_of(ground.triangles);
             double border = 0.0, border_before = 0.0;
             for (const auto& [ends, count] : sides_of(mesh.triangles)) {
@@ -96,14 +96,14 @@ TEST(Dicing, HasNoCracksAndLeavesNoSideTooLong) {
             for (const auto& [ends, count] : before)
                 if (count == 1) border_before += (positions[ends.first] - positions[ends.second]).norm();
             EXPECT_NEAR(border, border_before, 1e-9);
-            // No point twice.
+            // No duplicate points.
             std::set<std::array<double, 3>> places;
             for (const Vec3d& p : positions) places.insert({p.x(), p.y(), p.z()});
             EXPECT_EQ(places.size(), positions.size());
             most = std::max(most, mesh.triangles.size() / 3);
         }
     std::printf("[ dicing ] %zu triangles at most\n", most);
-    EXPECT_LT(most, 40000U); // some 10 m^2 are seen, a triangle of sides of 2.5 to 5 cm has 3 to 11 cm^2
+    EXPECT_LT(most, 40000U); // about 10 m^2 visible; triangles of 2.5 to 5 cm have 3 to 11 cm^2
 }
 
 TEST(Dicing, DoesNotDependOnTheOrder) {
@@ -152,7 +152,7 @@ TEST(Dicing, LeavesAloneWhatTheCameraDoesNotSee) {
         const DicedMesh mesh =
             dice(ground.positions, ground.triangles, region_at(camera, forward, 9.0, 0.05));
         EXPECT_LT(mesh.midpoints.size(),
-                  40U); // around the camera itself, as far as balls reach into what it sees
+                  40U); // around the camera: the balls reach into its view
     }
 }
 
@@ -161,14 +161,14 @@ TEST(Dicing, ShareFadesWithoutAStep) {
     EXPECT_EQ(region.share({3.5, 1.0, 0.0}), 1.0);
     EXPECT_EQ(region.share({8.5, 0.0, 0.0}), 0.0);
     EXPECT_EQ(region.share({-3.0, 1.0, 0.0}), 0.0); // behind
-    EXPECT_EQ(region.share({0.0, 2.0, 0.0}), 1.0);  // in the camera itself
+    EXPECT_EQ(region.share({0.0, 2.0, 0.0}), 1.0);  // at the camera
     double step = 0.0, before = region.share({0.0, 1.5, 0.0});
     for (double x = 0.0; x < 10.0; x += 0.001) {
         const double share = region.share({x, 1.5, 0.1});
         if (x > 1.0) step = std::max(step, std::abs(share - before));
         before = share;
     }
-    EXPECT_LT(step, 0.001); // 1.5 / 4 m of smooth step
+    EXPECT_LT(step, 0.001); // 1.5 / 4 m for the smooth step
     EXPECT_GT(step, 0.0);
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The dune along a curve against an evaluation of its page's formulas by quadrature, and what the page promises: continuity, the
-// height of the crest, the angle of the slip face, bounds, the same bits in rows and on any number of threads.
+// Compares the dune along a curve with an evaluation of its documented formulas by quadrature. Also tests
+// what the documentation states: continuity, height of the crest, angle of the slip face, bounds, identical
+// bits in rows and at any thread count.
 #include "procedural/terrain/dune_shape.h"
 
 #include "core/math/hash.h"
@@ -21,7 +22,8 @@ using Real = long double;
 
 Ramp ramp(std::vector<double> knots, const char* how = "linear") { return Ramp(knots, how); }
 
-// The page's formulas with the integrals by Gauss-Legendre quadrature: 8 points on panels that double away from t = 0.
+// The documented formulas; integrals by 8-point Gauss-Legendre quadrature on panels that double in size away
+// from t = 0.
 class Quadrature {
   public:
     Quadrature(const DuneShape& dune, const DuneSettings& settings)
@@ -68,7 +70,7 @@ class Quadrature {
             if (i > 0) longest = std::max(longest, Real((crest[i].at - crest[i - 1].at).norm()));
         }
         const Real eps = std::max(1e-3L * s_.slope_width / s_.search_accuracy, 1e-5L * longest);
-        Real sum[8] = {}; // 1, height, outer, inner, pinch, side, x, z
+        Real sum[8] = {}; // integrals of 1, height, outer, inner, pinch, side, x, z
         for (size_t i = 1; i < crest.size(); ++i) add_segment(crest[i - 1], crest[i], matrix * p, eps, sum);
         const Real d4 = 1.0L / (0.75L * sum[0]), distance = std::sqrt(std::sqrt(d4));
         const Real sigma = std::clamp(0.5L + sum[5] / (sum[0] * distance), 0.0L, 1.0L);
@@ -86,10 +88,10 @@ class Quadrature {
                      Real sum[8]) const {
         const Real ux = Real(b.at.x()) - a.at.x(), uz = Real(b.at.y()) - a.at.y(), l = std::hypot(ux, uz);
         const Real dx = Real(p.x()) - a.at.x(), dz = Real(p.y()) - a.at.y();
-        const Real foot = (dx * ux + dz * uz) / l; // along the segment from its begin
+        const Real foot = (dx * ux + dz * uz) / l; // position along the segment from its start
         const Real side = (dx * uz - dz * ux) / l * (s_.flip ? -1.0L : 1.0L);
         const Real scale = 0.5L * std::sqrt(side * side + eps * eps);
-        for (int way = -1; way <= 1; way += 2) { // both ways from the foot, or from the nearer end
+        for (int way = -1; way <= 1; way += 2) { // in both directions from the foot, or from the nearer end
             const Real begin = std::clamp(foot, 0.0L, l), end = way < 0 ? 0.0L : l;
             for (Real from = begin, size = scale + 0.5L * std::abs(foot - begin); way * (end - from) > 0.0L;
                  size *= 2.0L) {
@@ -158,7 +160,7 @@ Points spiral() {
     }
     return points;
 }
-Points arc() { // of a barchan
+Points arc() { // the crest of a barchan
     Points points;
     for (int i = 0; i <= 30; ++i) points.emplace_back(i - 15.0, 0.04 * (i - 15.0) * (i - 15.0));
     return points;
@@ -166,7 +168,7 @@ Points arc() { // of a barchan
 const Points line = {{-40.0, 0.0}, {40.0, 0.0}};
 const Points sharp_v = {{-30.0, -8.0}, {0.0, 0.0}, {-30.0, 8.0}};
 
-DuneSettings plain() { // smooth everywhere but at the crest
+DuneSettings plain() { // smooth except at the crest
     DuneSettings s;
     s.inner_slope_shape = s.outer_slope_shape;
     return s;
@@ -190,7 +192,7 @@ Vec2d random_in(const DuneShape& dune, uint64_t i) {
     const Vec2d size = dune.upper() - dune.lower();
     return dune.lower() + Vec2d(size.x() * unit_double(hash(i, 1)), size.y() * unit_double(hash(i, 2)));
 }
-// A point near the crest, at a distance that is even in its logarithm from 1e-4 m to 10 m.
+// A point near the crest, at a log-uniform distance from 1e-4 m to 10 m.
 Vec2d random_near(const Points& crest, uint64_t i) {
     const size_t k = 1 + size_t(double(crest.size() - 1) * unit_double(hash(i, 3)));
     const Vec2d at = crest[k - 1] + unit_double(hash(i, 4)) * (crest[k] - crest[k - 1]);
@@ -209,8 +211,7 @@ std::vector<Case> cases() {
     DuneSettings angle = rich(), flipped = rich(), sharp = plain(), coarse = plain();
     angle.inner_slope_angle = 33.0 * degree;
     flipped.flip = true, flipped.max_dist = 0.0;
-    flipped.main_curve_shape =
-        ramp({0.0, 0.2, 0.37, 1.0, 0.8, 0.5, 1.0, 0.2}, "smooth"); // closed: without a seam
+    flipped.main_curve_shape = ramp({0.0, 0.2, 0.37, 1.0, 0.8, 0.5, 1.0, 0.2}, "smooth"); // closed: no seam
     DuneSettings rounded = angle, stretched = angle, narrow = rich();
     rounded.crest_radius = 0.7;
     stretched.outer_slope_stretch = 2.5, stretched.outer_slope_turn = 0.4, stretched.crest_radius = 0.3;
@@ -261,7 +262,7 @@ TEST(DuneShape, AgreesWithQuadratureOfItsPage) {
     }
 }
 
-// 1,000 segments that wind, so that most of a curve is in the far field.
+// 1,000 segments of a winding curve, so that most of the curve is in the far field.
 TEST(DuneShape, FarFieldIsWithinItsBound) {
     Points points;
     for (int i = 0; i < 800; ++i) points.emplace_back(2.0 * i, 60.0 * std::sin(0.05 * i));
@@ -280,12 +281,13 @@ TEST(DuneShape, FarFieldIsWithinItsBound) {
         if (got.height > 0.0) dist = std::max(dist, std::abs(got.dist - want.dist) / dune.reach());
     }
     std::printf("far field: %.1e of max_height, %.1e of reach\n", worst, dist);
-    // The bounds are 1e-5; without any far field the distance would err by 1e-6 and the height by as much.
+    // The documented bounds are 1e-5. Dropping the far field would cause errors of about 1e-6 in distance and
+    // in height.
     EXPECT_LT(worst, 1e-8);
     EXPECT_LT(dist, 1e-8);
 }
 
-// The height on the crest between its samples, off the ends by two slope widths, against the ramp.
+// Compares the height along the crest, at least two slope widths from its ends, with the ramp.
 TEST(DuneShape, CrestFollowsTheRamp) {
     DuneSettings s = plain();
     const double length = 240.0, spacing = s.slope_width / s.search_accuracy, feature = spacing / length;
@@ -305,7 +307,7 @@ TEST(DuneShape, CrestFollowsTheRamp) {
     }
 }
 
-// The same on curves: no dips between the points of the resampled curve.
+// The same on bent curves: no dips between the points of the resampled curve.
 TEST(DuneShape, CrestOfACurveHasNoBeads) {
     DuneSettings s = plain();
     s.main_curve_shape = Ramp();
@@ -342,7 +344,8 @@ TEST(DuneShape, IsSymmetricForSymmetricSettings) {
 TEST(DuneShape, FlipSwapsTheSides) {
     DuneSettings s = plain();
     const DuneShape dune(line, false, s);
-    // Seen from above, x to the right and z down the page, the left of a walk along +x is -z: there is the outer, wider slope.
+    // Seen from above with x to the right and z down the page, the left of a walk along +x is -z. The outer,
+    // wider slope is there.
     EXPECT_GT(dune.sample({0.0, -10.0}).height, 0.0);
     EXPECT_EQ(dune.sample({0.0, 10.0}).height, 0.0);
     EXPECT_DOUBLE_EQ(dune.sample({0.0, -5.0}).outer, 1.0);
@@ -356,7 +359,8 @@ TEST(DuneShape, FlipSwapsTheSides) {
     }
 }
 
-// The greatest slope and change of slope along a path, in steps of h, where `far` says that the crest is not near.
+// Maximum slope and second difference along a path in steps of h. Second differences are taken only where the
+// distance to the crest is above `clear_of_crest`.
 struct Steepest {
     double slope = 0.0, bend = 0.0;
 };
@@ -411,10 +415,10 @@ TEST(DuneShape, HasNoStepAndNoCrease) {
         const Steepest finest = steepest(p.dune, middle - part, middle + part, 1e-5, infinity);
         std::printf("%-20s slope %.3f %.3f %.3f, bend %.3f %.3f /m\n", p.name, coarse.slope, fine.slope,
                     finest.slope, coarse.bend, fine.bend);
-        EXPECT_GT(coarse.slope, 0.05) << p.name; // the path meets the dune
+        EXPECT_GT(coarse.slope, 0.05) << p.name; // the path crosses the dune
         EXPECT_LT(fine.slope, 1.1 * coarse.slope + 0.01) << p.name;
         EXPECT_LT(finest.slope, 1.1 * coarse.slope + 0.01) << p.name;
-        EXPECT_LT(fine.bend, 1.2 * coarse.bend + 0.05) << p.name; // a crease would be 4 times as sharp
+        EXPECT_LT(fine.bend, 1.2 * coarse.bend + 0.05) << p.name; // at a crease it would be 4 times as large
         EXPECT_LT(coarse.slope, 2.0) << p.name;
     }
 }
@@ -445,7 +449,7 @@ TEST(DuneShape, CrestRadiusRoundsTheCrestAndKeepsItsHeight) {
         s.crest_radius = r;
         const DuneShape dune(straight, false, s);
         EXPECT_NEAR(dune.sample({0.0, 0.0}).height, 3.0, 3e-3);
-        for (double z = 0.1; z < foot - 0.1; z += 0.1) { // the slope is that of the page
+        for (double z = 0.1; z < foot - 0.1; z += 0.1) { // the slope follows the documented formula
             const double slope =
                 (dune.sample({0.0, z - 1e-3}).height - dune.sample({0.0, z + 1e-3}).height) / 2e-3;
             EXPECT_NEAR(slope, tangent * z / std::hypot(z, r), 1e-3) << z;
@@ -478,7 +482,7 @@ TEST(DuneShape, OuterSlopeIsStretchedAlongTheAxis) {
         while (dune.sample({0.0, 10.0 + side * z}).height > 0.0) z += 0.01;
         return z;
     };
-    // Across a straight crest the distance is stretched by the root of the share that the turn gives to either axis
+    // Across a straight crest the stretch depends on the angle between axis and crest.
     for (const double turn : {0.0, 0.5, pi / 2.0}) {
         s.outer_slope_turn = turn;
         const DuneShape dune(straight, false, s);
@@ -486,9 +490,9 @@ TEST(DuneShape, OuterSlopeIsStretchedAlongTheAxis) {
         // M = 1 + (k - 1) b b^T for b = (c, t); the distance of M P from the line of M (1, 0) is det M |P| / |M (1, 0)|
         const double stretched = k / std::hypot(1.0 + (k - 1.0) * c * c, (k - 1.0) * c * t);
         EXPECT_NEAR(foot(dune, -1.0), 12.0 / stretched, 0.02);
-        EXPECT_NEAR(foot(dune, 1.0), 7.2, 0.02); // the inner slope stays
+        EXPECT_NEAR(foot(dune, 1.0), 7.2, 0.02); // the inner slope is unchanged
         const DuneSample beside = dune.sample({0.0, 10.0 - 2.0});
-        EXPECT_NEAR(beside.dist, 2.0, 1e-3); // so do distance and direction
+        EXPECT_NEAR(beside.dist, 2.0, 1e-3); // distance and direction are unchanged
         EXPECT_NEAR((beside.sample_dir - Vec2d(0.0, 1.0)).norm(), 0.0, 1e-6);
     }
     s.outer_slope_turn = 0.0;
@@ -499,7 +503,7 @@ TEST(DuneShape, OuterSlopeIsStretchedAlongTheAxis) {
         const Vec2d p = random_in(ring, i);
         EXPECT_EQ(ring.sample(p).height, plain_ring.sample(p).height);
     }
-    Points turned; // the dune is the same when it is turned
+    Points turned; // the dune rotates with its curve
     for (const Vec2d& p : arc()) turned.emplace_back(Eigen::Rotation2Dd(0.7) * p);
     const DuneShape a(arc(), false, s), b(turned, false, s);
     for (uint64_t i = 0; i < 200; ++i) {
@@ -552,7 +556,7 @@ TEST(DuneShape, KeepsEndsAndCorners) {
     EXPECT_LT(nearest, 1e-9);
     s.smoothing = 0.3;
     for (const Vec2d& p : DuneShape(sharp_v, false, s).crest()) EXPECT_GT(p.norm(), 0.5);
-    // Pushed to the inner side, +z here, and not along the curve
+    // The crest is pushed to the inner side (+z here), not along the curve.
     s.crest_push = ramp({0.0, 0.0, 0.5, 4.0, 1.0, 0.0}, "smooth");
     double top = 0.0;
     for (const Vec2d& p : DuneShape(line, false, s).crest()) {
@@ -568,7 +572,7 @@ TEST(DuneShape, IsNothingOutsideOfItsBox) {
         const DuneShape dune(c.points, c.closed, c.settings);
         const Quadrature reference(dune, c.settings);
         const Vec2d size = dune.upper() - dune.lower();
-        for (uint64_t i = 0; i < 160; ++i) { // just outside, by the formulas, which know of no box
+        for (uint64_t i = 0; i < 160; ++i) { // just outside, by the formulas, which use no box
             Vec2d p = random_in(dune, i);
             const double off = 1e-6 + 2.0 * unit_double(hash(i, 9));
             if (i % 4 == 0) p.x() = dune.upper().x() + off;
@@ -579,7 +583,7 @@ TEST(DuneShape, IsNothingOutsideOfItsBox) {
             EXPECT_EQ(s.height, 0.0) << c.name;
             EXPECT_EQ(s.mask, 0.0) << c.name;
         }
-        // The rows' own samples: the tightest box of what is not 0
+        // The tightest box around the nonzero samples of the rows
         Vec2d low(infinity, infinity), high = -low;
         std::vector<double> height(200), mask(200);
         for (int j = 0; j < 200; ++j) {
@@ -641,7 +645,7 @@ TEST(DuneShape, NoiseIsBoundedAndPeriodic) {
         EXPECT_GE(low, 9.0);
         EXPECT_LE(high, 15.0);
         EXPECT_GT(high - low, 2.0);
-        EXPECT_GT(apart, 1.0); // the sides have noises of their own
+        EXPECT_GT(apart, 1.0); // each side has its own noise
         EXPECT_LT(step, 3.6);  // 1.5 m in a lattice cell of 4 m: at most 1.5 * 6 m * 1.5 / 4
         EXPECT_EQ(points.front().outer_width, points.back().outer_width);
     }
@@ -748,7 +752,8 @@ TEST(DuneShape, TakesAHundredThousandPoints) {
     }
 }
 
-// Both desert sizes of the page, printed; the same bits on one and two threads.
+// Both desert sizes from the documentation: timings are printed, and the bits are compared on one and two
+// threads.
 double raise(const std::vector<DuneShape>& dunes, double cell, int columns, int rows, int threads,
              std::vector<double>& heights) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fusion layer against its page: sand exact, slopes bounded on both diagonals, the same bits at any thread count.
+// Tests of the fusion layer's documentation: sand conserved exactly, slopes bounded on both diagonals,
+// identical bits at any thread count.
 #include "procedural/terrain/drape.h"
 #include "procedural/terrain/fusion.h"
 
@@ -27,7 +28,7 @@ struct FusionScene {
     explicit FusionScene(int nx, int nz, double cell = 1.0)
         : domain{nx, nz, cell, 0.0, 0.0}, rock(domain.count(), 0.0F), sand(domain.count(), 0) {}
     template <typename F>
-    void pile(F&& height) { // of metres from the middle
+    void pile(F&& height) { // height(x, z): metres, relative to the middle
         for (int j = 0; j < domain.nz; ++j)
             for (int i = 0; i < domain.nx; ++i) {
                 const double x = (i - domain.nx / 2) * domain.cell, z = (j - domain.nz / 2) * domain.cell;
@@ -39,7 +40,7 @@ struct FusionScene {
     }
 };
 
-// The steepest triangle of three sandy corners, degrees: written out on its own, corner by corner.
+// Steepest triangle with three sandy corners, in degrees. Independent code, corner by corner.
 double fusion_steepest_degrees(const FusionScene& scene) {
     const Domain& d = scene.domain;
     double steepest = 0.0;
@@ -96,7 +97,7 @@ TEST(Fusion, ARelaxedConeIsRound) {
     cone.pile([](double x, double z) { return (40.0 - std::hypot(x, z)) * std::tan(50.0 * degree); });
     fusion_expect_relaxed(cone);
     std::vector<double> radii;
-    for (int n = 0; n < 8; ++n) { // where half of the height is reached
+    for (int n = 0; n < 8; ++n) { // radius at half the height
         const double half = 0.5 * cone.height(96, 96);
         const double c = std::cos(n * pi / 4), s = std::sin(n * pi / 4);
         const auto at = [&](double distance) {
@@ -115,7 +116,7 @@ TEST(Fusion, ARelaxedConeIsRound) {
     std::printf("radii at half height: %.3f to %.3f\n", *least, *most);
     EXPECT_LT(*most / *least, 1.05); // along diagonals triangles are steeper than the cone by 1 / (4 r)
     for (size_t n = 0; n < 4; ++n) EXPECT_NEAR(radii[n] / radii[n + 4], 1.0, 0.01) << n; // no drift
-    for (size_t n = 0; n < 6; ++n) EXPECT_NEAR(radii[n] / radii[n + 2], 1.0, 0.02) << n; // x as z
+    for (size_t n = 0; n < 6; ++n) EXPECT_NEAR(radii[n] / radii[n + 2], 1.0, 0.02) << n; // x like z
 }
 
 TEST(Fusion, RandomHeapsOnRandomRock) {
@@ -135,7 +136,7 @@ TEST(Fusion, ACliffOfSandCollapses) {
     FusionScene cliff(200, 40);
     cliff.pile([](double x, double) { return x < 0.0 ? 30.0 : 0.0; });
     fusion_expect_relaxed(cliff);
-    EXPECT_LT(cliff.height(99, 20), 16.5); // a wedge about where the cliff stood
+    EXPECT_LT(cliff.height(99, 20), 16.5); // a wedge around the former cliff
     EXPECT_GT(cliff.height(99, 20), 13.5);
 }
 
@@ -160,19 +161,20 @@ TEST(Fusion, SandSlidesOffSteepRock) {
 TEST(Fusion, StableSandStaysToTheBit) {
     FusionScene scene(130, 70);
     scene.pile(
-        [](double x, double z) { // a cone with a round top: that of a sharp one is steeper than its flank
+        [](double x,
+           double z) { // a cone with a rounded top: a sharp one is steeper at its top than at its flank
             return (25.0 - std::sqrt(x * x + z * z + 25.0)) * std::tan(33.5 * degree);
         });
     const auto before = scene.sand;
     EXPECT_EQ(fusion_expect_relaxed(scene).sweeps, 0);
     EXPECT_EQ(before, scene.sand);
-    FusionScene bare(70, 70); // nothing to move on the steepest rock
+    FusionScene bare(70, 70); // no sand on very steep rock: nothing moves
     for (size_t k = 0; k < bare.rock.size(); ++k) bare.rock[k] = float(unit_double(hash(1, k)) * 1e5);
     EXPECT_EQ(fusion_expect_relaxed(bare).moved, 0.0);
 }
 
 TEST(Fusion, SandInAHollowOfASteepFaceStays) {
-    FusionScene stairs(96, 64); // treads of 8 samples that lean back, risers: mean slope 45 degrees
+    FusionScene stairs(96, 64); // treads of 8 samples that tilt backwards, and risers: mean slope 45 degrees
     for (int j = 0; j < 64; ++j)
         for (int i = 0; i < 96; ++i) {
             const bool lip = i % 8 == 0;
@@ -180,7 +182,7 @@ TEST(Fusion, SandInAHollowOfASteepFaceStays) {
             stairs.sand[stairs.domain.index(i, j)] = lip ? 0 : sand_units(0.9);
         }
     const auto before = stairs.sand;
-    stairs.sand[stairs.domain.index(91, 60)] += sand_units(3.0); // wakes the corner
+    stairs.sand[stairs.domain.index(91, 60)] += sand_units(3.0); // makes the corner unstable
     fusion_expect_relaxed(stairs);
     for (int i = 0; i < 80; ++i)
         EXPECT_EQ(before[stairs.domain.index(i, 20)], stairs.sand[stairs.domain.index(i, 20)]) << i;
@@ -227,7 +229,8 @@ TEST(Fusion, OutOfRangeAndCancelledLeaveTheSand) {
     EXPECT_EQ(before, scene.sand);
 }
 
-// A face of 60 degrees with a ledge of 12 m behind a lip of 3 m, 28 m above a floor, so that no heap at its foot reaches the lip. `down`: metres along the fall.
+// A face of 60 degrees with a ledge of 12 m behind a lip of 3 m, 28 m above a floor, so that no heap at the
+// foot reaches the lip. `down`: metres in the direction of descent.
 double pocket_rock(double down) {
     const double tangent = std::tan(60.0 * degree);
     if (down < -6.0) return 3.0 * tangent + (-6.0 - down) * tangent; // the face above
@@ -236,7 +239,8 @@ double pocket_rock(double down) {
 }
 constexpr double pocket_lip = 6.0;
 
-// What the pocket holds under a surface that rises from its lip by that angle, m^2; samples `step` apart.
+// Capacity in m^2 of the pocket below a surface that rises from its lip at angle `repose`; samples `step`
+// apart.
 double pocket_capacity(double repose, double step) {
     double sum = 0.0;
     for (double back = step; back < 30.0; back += step) {
@@ -249,10 +253,10 @@ double pocket_capacity(double repose, double step) {
 }
 
 struct Pocket {
-    double above = 0.0, inside = 0.0, beyond = 0.0; // m^2 of sand, of the middle half of the face
+    double above = 0.0, inside = 0.0, beyond = 0.0; // m^2 of sand on the middle half of the face
 };
 
-// `supply` m^2 of sand on the face above the pocket, which falls towards `angle`.
+// Puts `supply` m^2 of sand on the face above the pocket. The face descends towards `angle`.
 Pocket pocket_filled(double supply, double angle) {
     const double cell = 0.5;
     FusionScene face(200, 200, cell);
@@ -271,31 +275,31 @@ Pocket pocket_filled(double supply, double angle) {
             const double across = ((j - 100) * c - (i - 100) * s) * cell;
             if (!(across > -12.0 && across <= 12.0)) continue;
             const double u = down(i, j), area = sand_metres(face.sand[face.domain.index(i, j)]) * cell * cell;
-            // The surface of a full pocket rises by tan 34 from its lip and meets the face 22.5 m behind it.
+            // The surface of a full pocket rises from its lip by tan 34 and meets the face 22.5 m behind it.
             (u > pocket_lip ? sand.beyond : u > -17.5 ? sand.inside : sand.above) += area / 24.0;
         }
     return sand;
 }
 
 TEST(Fusion, APocketOnASteepFaceFillsToTheAngleOfReposeAndNoFurther) {
-    // The page: over steep rock up to 2.5 degrees below repose.
+    // Documented: over steep rock up to 2.5 degrees below repose.
     const double least = pocket_capacity(31.5 * degree, 0.01), most = pocket_capacity(34.5 * degree, 0.01);
     for (const double angle : {0.0, 90.0 * degree, 180.0 * degree, 45.0 * degree}) {
         const Pocket half = pocket_filled(0.5 * least, angle), over = pocket_filled(1.8 * least, angle);
         std::printf("capacity %.2f to %.2f; half: %.3f %.3f %.3f, over: %.3f %.3f %.3f\n", least, most,
                     half.above, half.inside, half.beyond, over.above, over.inside, over.beyond);
-        EXPECT_EQ(half.above, 0.0);  // stops early
-        EXPECT_EQ(half.beyond, 0.0); // passes a lip that it does not reach
+        EXPECT_EQ(half.above, 0.0);  // no sand stops above the pocket
+        EXPECT_EQ(half.beyond, 0.0); // no sand passes the lip of a half-full pocket
         EXPECT_NEAR(half.inside, 0.5 * least, 0.02 * least);
         EXPECT_EQ(over.above, 0.0);
-        EXPECT_GT(over.inside, least); // underfilled
-        EXPECT_LT(over.inside, most);  // overfilled
+        EXPECT_GT(over.inside, least); // not underfilled
+        EXPECT_LT(over.inside, most);  // not overfilled
         EXPECT_NEAR(over.inside + over.beyond, 1.8 * least, 0.04 * least);
     }
 }
 
 TEST(Fusion, SaysWhereItDidNotSettle) {
-    FusionScene cliff(120, 120); // steep rock, oblique to the grid: it takes hundreds of sweeps
+    FusionScene cliff(120, 120); // steep rock oblique to the grid needs hundreds of sweeps
     for (int j = 0; j < 120; ++j)
         for (int i = 0; i < 120; ++i)
             cliff.rock[cliff.domain.index(i, j)] = float(1.7 * std::max(0.0, i + 0.4 * j - 60.0));
@@ -342,7 +346,7 @@ FusionResult fusion_masked(FusionScene& scene, const std::vector<float>& mask, F
     for (size_t k = 0; k < before.size(); ++k) {
         lost += before[k] - scene.sand[k];
         const double share = std::clamp(double(mask[k]), 0.0, 1.0);
-        EXPECT_GE(scene.sand[k], before[k] - SandUnits(share * double(before[k]))); // that much holds
+        EXPECT_GE(scene.sand[k], before[k] - SandUnits(share * double(before[k]))); // the fixed part stays
     }
     EXPECT_EQ(lost, 0);
     return result;
@@ -352,7 +356,7 @@ TEST(Fusion, AMaskIsTheShareThatIsLoose) {
     const FusionScene heap = fusion_heap();
     FusionScene all = heap, none = heap, masked = heap;
     relax_sand(all.domain, all.rock.data(), all.sand.data(), {}, {});
-    for (const float one : {1.0F, 7.0F}) { // what is no mask counts as its end
+    for (const float one : {1.0F, 7.0F}) { // values outside of [0, 1] are clamped
         masked.sand = heap.sand;
         fusion_masked(masked, std::vector<float>(heap.sand.size(), one));
         EXPECT_EQ(masked.sand, all.sand);
@@ -361,7 +365,7 @@ TEST(Fusion, AMaskIsTheShareThatIsLoose) {
         EXPECT_EQ(fusion_masked(none, std::vector<float>(heap.sand.size(), zero)).moved, 0.0);
         EXPECT_EQ(none.sand, heap.sand);
     }
-    // Half of it: what is loose comes to rest, over what holds.
+    // Half of the sand is loose: it comes to rest on top of the fixed half.
     for (const FusionSettings settings : {FusionSettings{}, FusionSettings{.drape = 3.0}}) {
         masked.sand = heap.sand;
         EXPECT_TRUE(fusion_masked(masked, std::vector<float>(heap.sand.size(), 0.5F), settings).settled);
@@ -386,7 +390,7 @@ TEST(Fusion, ASmallMaskMovesLittleAndAnEdgeOfItIsNoWall) {
         EXPECT_GT(moved, last);
         last = moved;
     }
-    // Two masks that differ little: two results that differ little, everywhere.
+    // Slightly different masks give slightly different results everywhere.
     FusionScene a = heap, b = heap;
     std::vector<float> mask(heap.sand.size());
     for (size_t k = 0; k < mask.size(); ++k) mask[k] = float(k % 150) / 149.0F;
@@ -399,7 +403,7 @@ TEST(Fusion, ASmallMaskMovesLittleAndAnEdgeOfItIsNoWall) {
             differ, std::abs(a.height(int(k % 150), int(k / 150)) - b.height(int(k % 150), int(k / 150))));
     std::printf("masks 1e-5 apart: heights differ by %.2e m at most\n", differ);
     EXPECT_LT(differ, 1e-3);
-    // Where nothing is loose sand may arrive, but none leaves.
+    // Where no sand is loose, sand may arrive but none leaves.
     FusionScene half = heap;
     for (size_t k = 0; k < mask.size(); ++k) mask[k] = k % 150 < 75 ? 0.0F : 1.0F;
     fusion_masked(half, mask);
@@ -411,7 +415,7 @@ TEST(Fusion, ASmallMaskMovesLittleAndAnEdgeOfItIsNoWall) {
 
 // ---- drape ----
 
-// Level sand that meets rock of 25 degrees, which rises in a direction of the grid or across it.
+// Level sand that meets rock with a slope of 25 degrees, which rises towards `angle`.
 FusionScene fusion_shore(double angle, double cell = 0.1, double slope = 25.0) {
     FusionScene shore(160, 160, cell);
     for (int j = 0; j < 160; ++j)
@@ -424,7 +428,7 @@ FusionScene fusion_shore(double angle, double cell = 0.1, double slope = 25.0) {
     return shore;
 }
 
-// The greatest second difference of the surface along x or z, in the middle.
+// Maximum second difference of the surface along x or z, in the middle.
 double fusion_kink(const FusionScene& scene) {
     double most = 0.0;
     for (int j = 30; j < 130; ++j)
@@ -443,7 +447,7 @@ TEST(Drape, LeavesNoKinkWhereSandMeetsRock) {
         const double seam = fusion_kink(shore), fillet = fusion_kink(draped);
         std::printf("kink %.4f, draped %.4f\n", seam, fillet);
         EXPECT_LT(fillet, 0.15 * seam);
-        // It climbs, but not above the level by more than the drape.
+        // The sand climbs, but above its level by at most the drape.
         double highest = 0.0;
         for (int j = 30; j < 130; ++j)
             for (int i = 30; i < 130; ++i)
@@ -461,7 +465,7 @@ TEST(Drape, ThickSandKeepsItsBits) {
     size_t kept = 0;
     for (int j = 1; j < 159; ++j)
         for (int i = 1; i < 159; ++i) {
-            double least = infinity; // of it and its neighbours
+            double least = infinity; // minimum over the sample and its neighbours
             for (int n = 0; n < 9; ++n)
                 least = std::min(least,
                                  sand_metres(shore.sand[shore.domain.index(i - 1 + n % 3, j - 1 + n / 3)]));
@@ -470,7 +474,7 @@ TEST(Drape, ThickSandKeepsItsBits) {
             ASSERT_EQ(shore.sand[shore.domain.index(i, j)], draped.sand[shore.domain.index(i, j)]);
         }
     EXPECT_GT(kept, 1000u);
-    // Off is off, and what is thinner than a unit is nothing.
+    // Zero, and a drape thinner than a sand unit, change nothing.
     for (const double none : {0.0, 1e-11}) {
         draped.sand = shore.sand;
         fusion_expect_relaxed(draped, {.drape = none});

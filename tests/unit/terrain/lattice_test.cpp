@@ -35,7 +35,7 @@ LatticeNet random_net(uint64_t seed, double most, bool skewed = true) {
     return net;
 }
 
-// Bedrock, sand and a mask on a grid, and room for what a layer makes of them.
+// Bedrock, sand and a mask on a grid, with room for the output of a layer.
 struct FlatGround {
     explicit FlatGround(const Domain& d) : domain(d), bedrock(d.count()), sand(d.count()), mask(d.count()) {
         for (int j = 0; j < d.nz; ++j)
@@ -154,7 +154,7 @@ TEST(Lattice, WholeShiftMovesSamplesAndKeepsThickness) {
         }
 }
 
-// The fields are known in closed form, so that what interpolation adds can be told: third order.
+// The fields are known in closed form, so the interpolation error can be measured: third order.
 TEST(Lattice, ResampledHeightsConverge) {
     double error[2] = {0.0, 0.0};
     for (int fine = 0; fine < 2; ++fine) {
@@ -221,7 +221,7 @@ TEST(Lattice, FoldsAreFoundWhereTheyAre) {
             ASSERT_GT(lowest, LatticeMap::least_jacobian) << seed;
         } else {
             ++folded;
-            // Samples a twelfth of a cell apart may miss the lowest point by a little.
+            // Samples a twelfth of a cell apart may miss the minimum slightly.
             ASSERT_LT(in_cell, 0.03) << seed;
         }
     }
@@ -230,7 +230,7 @@ TEST(Lattice, FoldsAreFoundWhereTheyAre) {
     EXPECT_GT(free, 20);
 }
 
-// Second differences of the offset along a line through the whole support: without a jump.
+// Second differences of the offset are continuous along a line through the whole support.
 TEST(Lattice, FadesWithoutACrease) {
     const LatticeNet net = random_net(5, 1.0, false);
     const LatticeMap map(net, 1e-9);
@@ -422,7 +422,7 @@ TEST(Lattice, RefusesWhatIsNoLattice) {
 
 TEST(Lattice, RefusesAFoldAndNamesItsCell) {
     LatticeNet net = even_net(6, 5, 4.0);
-    net.offsets[size_t(2 * net.nu + 3)] = {12.0, 0.0, 0.0}; // three steps: past two neighbours
+    net.offsets[size_t(2 * net.nu + 3)] = {12.0, 0.0, 0.0}; // three cells: past two neighbours
     std::string what;
     EXPECT_EQ(fault_of(rows_of(net, false), rows_of(net, true), &what), "lattice.fold");
     const LatticeMap map(net, 1e-9);
@@ -430,7 +430,7 @@ TEST(Lattice, RefusesAFoldAndNamesItsCell) {
     ASSERT_TRUE(fold);
     EXPECT_NE(what.find("(" + std::to_string(fold->i) + ", " + std::to_string(fold->j) + ")"),
               std::string::npos);
-    // The slope of d falls to -1 and below ahead of the point that was moved: between it and two steps on.
+    // The slope of the offset falls to -1 and below ahead of the moved point, at most two cells ahead.
     EXPECT_GE(fold->i, 3);
     EXPECT_LE(fold->i, 4);
     double lowest = infinity;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The mass desert: the same seed gives the same dunes, their numbers are distributed as asked, an edit touches one dune only.
+// The mass desert: equal seeds give equal dunes, statistics match the settings, an edit changes one dune
+// only.
 #include "procedural/terrain/mass_desert.h"
 
 #include "core/math/digest.h"
@@ -20,7 +21,7 @@ namespace {
 
 const Vec2d mass_low(-700.0, -300.0), mass_high(3300.0, 3700.0);
 
-// Of all that a dune is, bit by bit.
+// Digest of all members of a dune.
 uint64_t dune_digest(const MassDune& dune) {
     Digest digest;
     digest.add(dune.id).add(uint64_t(dune.kind));
@@ -38,7 +39,8 @@ std::map<uint64_t, uint64_t> digests(const std::vector<MassDune>& dunes) {
     return by_id;
 }
 
-// The greatest difference between the distribution of `values` and F, times the root of their number (Kolmogorov and Smirnov).
+// Kolmogorov-Smirnov statistic: maximum difference between the distribution of `values` and F, times the root
+// of their number.
 template <typename Function>
 double ks(std::vector<double> values, Function&& f) {
     std::sort(values.begin(), values.end());
@@ -81,7 +83,7 @@ std::vector<SandUnits> evaluated(const Layer& layer, const MassGround& ground) {
     return sand;
 }
 
-// One dune alone whose downwind axis is x.
+// A single dune with +x downwind.
 MassDune alone(MassKind kind, double height) {
     MassSettings settings = all_of(kind);
     settings.arrangement = MassArrangement::cells;
@@ -169,17 +171,16 @@ TEST(MassDesert, spacing_and_density) {
             "random, spacing %g to %g: %zu dunes, nearest %.2f m, %.2f a square of the mean spacing\n",
             spacing.x(), spacing.y(), dunes.size(), nearest(dunes), filled);
         EXPECT_GE(nearest(dunes), spacing.x());
-        EXPECT_GT(
-            filled,
-            0.5); // dart throwing that stops for want of room ends at 0.70 where all spacings are the same
+        EXPECT_GT(filled,
+                  0.5); // dart throwing saturates at 0.70 if all spacings are equal
         EXPECT_LT(filled, 1.0);
-        std::vector<double> x; // no grid: the place in a cell of the mean spacing is uniform
+        std::vector<double> x; // no grid: positions modulo the mean spacing are uniform
         for (const MassDune& dune : dunes)
             x.push_back(dune.at.x() / spacing.y() - std::floor(dune.at.x() / spacing.y()));
         EXPECT_LT(ks(x, [](double t) { return t; }), ks_limit);
         settings.arrangement = MassArrangement::cells;
         const auto cells = generate_dunes(settings, mass_low, mass_high);
-        EXPECT_GE(nearest(cells), spacing.x() * (1.0 - 1e-12)); // positions round
+        EXPECT_GE(nearest(cells), spacing.x() * (1.0 - 1e-12)); // rounding of positions
         EXPECT_NEAR(double(cells.size()) * mean * mean / 16e6, 1.0, 0.05);
     }
     settings.density = 0.25;
@@ -195,7 +196,7 @@ TEST(MassDesert, rows_across_the_wind_and_dunes_along_a_curve) {
     MassSettings settings = all_of(MassKind::transverse);
     settings.arrangement = MassArrangement::across;
     settings.spacing = {100.0, 120.0};
-    std::set<int64_t> rows; // the wind goes to x: a row has one x
+    std::set<int64_t> rows; // the wind blows to +x: all dunes of a row have the same x
     const auto ridges = generate_dunes(settings, {0.0, 0.0}, {1100.0, 2000.0});
     for (const MassDune& dune : ridges) rows.insert(std::llround(dune.at.x()));
     EXPECT_NEAR(double(rows.size()), 10.0, 1.0);
@@ -211,7 +212,7 @@ TEST(MassDesert, rows_across_the_wind_and_dunes_along_a_curve) {
     for (size_t i = 0; i < dunes.size(); ++i) {
         EXPECT_EQ(dunes[i].at.y(), 500.0);
         if (i == 0) continue;
-        EXPECT_GE(dunes[i].at.x() - dunes[i - 1].at.x(), 100.0 - 1e-9); // positions round
+        EXPECT_GE(dunes[i].at.x() - dunes[i - 1].at.x(), 100.0 - 1e-9); // rounding of positions
         EXPECT_LE(dunes[i].at.x() - dunes[i - 1].at.x(), 120.0 + 1e-9);
     }
     settings.follow = true;
@@ -233,7 +234,7 @@ TEST(MassDesert, kinds_follow_the_regime_chart) {
     settings.height = {0.3, 0.9};
     for (const MassDune& dune : generate_dunes(settings, mass_low, mass_high))
         EXPECT_EQ(dune.kind, MassKind::dome);
-    settings.sand_cover = 0.35; // on a border, kinds mix
+    settings.sand_cover = 0.35; // at a boundary kinds mix
     settings.height = {2.0, 6.0};
     double barchans = 0.0, all = 0.0;
     for (const MassDune& dune : generate_dunes(settings, mass_low, mass_high)) {
@@ -252,7 +253,7 @@ TEST(MassDesert, barchans_lie_on_the_lines_of_the_field) {
         const DuneShape shape(dune.crests[0], false, dune.settings);
         const auto at = [&](double u, double v) { return shape.sample(dune.at + Vec2d(u, v)).height; };
         const double rim = 0.002 * height,
-                     step = dune.length / 400.0; // a smoothstep is that high 2.6 % before its foot
+                     step = dune.length / 400.0; // a smoothstep has this height 2.6 % before its foot
         double foot = 0.0, top = 0.0, windward = 0.0, slip = 0.0, half = 0.0, tip = 0.0;
         for (double u = -1.5 * dune.length; u < height; u += step) {
             const double h = at(u, 0.0), slope = (at(u + 0.5 * step, 0.0) - at(u - 0.5 * step, 0.0)) / step;
@@ -274,7 +275,7 @@ TEST(MassDesert, barchans_lie_on_the_lines_of_the_field) {
         EXPECT_NEAR(std::atan(slip) / degree, 33.0, 1.0);
         EXPECT_NEAR(tip / dune.width, 0.3, 0.1); // the horns point downwind
         if (height < 3.0 || height > 8.0)
-            continue; // lower dunes are flatter, higher ones steeper: see the page
+            continue; // lower dunes are flatter, higher dunes steeper: see the documentation
         EXPECT_NEAR(std::atan(windward) / degree, 12.0, 1.5);
     }
 }
@@ -386,7 +387,7 @@ TEST(MassDesert, an_edit_evaluates_the_tiles_of_its_dune_alone) {
 TEST(MassDesert, the_field_is_the_same_in_any_rectangles_and_in_a_part_of_the_domain) {
     const Domain domain{300, 200, 1.0, 0.0, 0.0}, part{128, 64, 1.0, 64.0, 64.0};
     MassSettings settings;
-    settings.spacing = {50.0, 70.0}; // they overlap
+    settings.spacing = {50.0, 70.0}; // dunes overlap
     const Vec2d low(-400.0, -400.0), high(700.0, 600.0);
     const MassLayer layer({}, domain, generate_dunes(settings, low, high), 1.0);
     const MassGround ground(domain);
@@ -433,10 +434,11 @@ TEST(MassDesert, the_layer_misses_nothing_of_its_dunes) {
                 }
         }
     std::printf("heights that the layer misses: %.2g m at most\n", worst);
-    EXPECT_LT(worst, 1e-9); // sand is counted in units of 2^-32 m
+    EXPECT_LT(worst, 1e-9); // the sand unit is 2^-32 m
 }
 
-// The steepest gradient of either side of barchans, away from crest and foot, and how much larger boxes are than what they hold.
+// Maximum slope of both sides of barchans away from crest and foot, and size of the bounding boxes relative
+// to their contents.
 TEST(MassDesert, sides_have_their_slopes_and_boxes_are_tight) {
     for (int k = 0; k < 8; ++k) {
         double spare = 0.0, windward = 0.0, slip = 0.0;
@@ -469,10 +471,10 @@ TEST(MassDesert, sides_have_their_slopes_and_boxes_are_tight) {
         }
         std::printf("%-10s box at most %.2f of what it holds; outer side at most %.1f, inner %.1f degrees\n",
                     std::string(mass_kind_name(MassKind(k))).c_str(), spare, windward, slip);
-        EXPECT_LT(spare, 2.6); // the bound allows for the outer width on the inner side too
+        EXPECT_LT(spare, 2.6); // the bound uses the outer width on the inner side too
         if (MassKind(k) != MassKind::barchan) continue;
         EXPECT_LT(spare, 2.1);
-        EXPECT_LT(windward, 30.0); // the flanks are steeper than the middle, and below repose
+        EXPECT_LT(windward, 30.0); // the flanks are steeper than the middle, but below repose
         EXPECT_LT(slip, 36.0);
         EXPECT_GT(slip, 32.0);
     }
@@ -501,7 +503,7 @@ TEST(MassDesert, merging_is_continuous_and_leaves_what_is_alone) {
         EXPECT_EQ(h, merged_thickness(b, 2.0, 1.0));
         EXPECT_GE(h, std::max(2.0, b));
         EXPECT_LE(h, std::max(2.0, b) + 0.25);
-        EXPECT_LT(std::abs(next - slope), 3.0 * step); // no crease: the slope turns by at most about 1 / k
+        EXPECT_LT(std::abs(next - slope), 3.0 * step); // no crease: the slope changes by at most about 1 / k
         last = h;
         slope = next;
     }

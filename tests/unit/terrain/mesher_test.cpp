@@ -38,7 +38,7 @@ std::vector<float> mesher_hills(const Domain& d) {
     return heights;
 }
 
-// Smooth windward flanks, sharp crests, flat ground between.
+// Smooth windward flanks, sharp crests, level ground between them.
 std::vector<float> mesher_dunes(const Domain& d) {
     std::vector<float> heights;
     for (int j = 0; j < d.nz; ++j)
@@ -52,7 +52,8 @@ std::vector<float> mesher_dunes(const Domain& d) {
     return heights;
 }
 
-// Every edge is used once in each direction, or lies on the border of the domain; all triangles face up and cover the domain once.
+// Every edge is used once in each direction or lies on the border of the domain; all triangles face up and
+// cover the domain exactly once.
 void expect_no_cracks(const Domain& d, const RenderMesh& mesh) {
     std::vector<std::pair<uint32_t, uint32_t>> edges;
     int64_t area = 0;
@@ -80,12 +81,13 @@ void expect_no_cracks(const Domain& d, const RenderMesh& mesh) {
     ASSERT_EQ(std::adjacent_find(edges.begin(), edges.end()), edges.end());
     for (const auto& [v, w] : edges)
         ASSERT_NE(std::binary_search(edges.begin(), edges.end(), std::pair(w, v)), side(v, w));
-    std::vector<uint32_t> sorted = mesh.samples; // no vertex twice
+    std::vector<uint32_t> sorted = mesh.samples; // no duplicate vertices
     std::sort(sorted.begin(), sorted.end());
     EXPECT_EQ(std::adjacent_find(sorted.begin(), sorted.end()), sorted.end());
 }
 
-// visit(sample, corners, u, v) for each triangle and each sample that it holds: weights 1 - u - v, u, v of its corners.
+// Calls visit(sample, corners, u, v) for each triangle and each sample inside it. Barycentric weights of the
+// corners: 1 - u - v, u, v.
 template <class Visit>
 void visit_triangles(const Domain& d, const RenderMesh& mesh, const Visit& visit) {
     for (size_t t = 0; t < mesh.triangles.size(); t += 3) {
@@ -106,7 +108,7 @@ void visit_triangles(const Domain& d, const RenderMesh& mesh, const Visit& visit
     }
 }
 
-// |height of the mesh - height of the sample| at each sample, the greatest of all triangles that hold it; -1 where none does.
+// |mesh height - sample height| at each sample, maximum over the triangles that contain it; -1 if none does.
 std::vector<double> mesher_errors(const Domain& d, const std::vector<float>& heights,
                                   const RenderMesh& mesh) {
     std::vector<double> errors(d.count(), -1.0);
@@ -127,7 +129,7 @@ Vec2d mesher_gradient(const Domain& d, const std::vector<float>& heights, size_t
             (double(heights[d.index(i, j1)]) - double(heights[d.index(i, j0)])) / ((j1 - j0) * d.cell)};
 }
 
-// The same of the gradient that the vertices interpolate.
+// The same for the gradient that the vertices interpolate.
 std::vector<double> mesher_gradient_errors(const Domain& d, const std::vector<float>& heights,
                                            const RenderMesh& mesh) {
     std::vector<double> errors(d.count(), -1.0);
@@ -185,7 +187,7 @@ TEST(TerrainMesher, HoldsTheGradientAtEverySample) {
     }
 }
 
-// A straight foot: two planes. With heights alone triangles reach across it.
+// Two planes that meet in a straight foot. With a height tolerance alone triangles cross the foot.
 TEST(TerrainMesher, TheGradientKeepsTheNormalsOfAFoot) {
     const Domain d{129, 129};
     std::vector<float> heights;
@@ -199,7 +201,7 @@ TEST(TerrainMesher, TheGradientKeepsTheNormalsOfAFoot) {
     EXPECT_GT(worst(off), 0.2);
     EXPECT_LE(worst(on), 0.03 + 1e-10);
     EXPECT_GT(worst(on), 0.02);
-    EXPECT_LT(on.triangles.size() / 3, 20U * 129); // along the foot, not on the planes
+    EXPECT_LT(on.triangles.size() / 3, 20U * 129); // refined along the foot, not on the planes
 }
 
 TEST(TerrainMesher, WithoutAGradientTheMeshesAreTheSame) {
@@ -282,7 +284,7 @@ TEST(TerrainMesher, CameraBoundsTheErrorInPixelsFromEachPosition) {
     EXPECT_GT(worst, 0.9 * tolerance.pixels);
     tolerance.cameras.pop_back();
     EXPECT_LT(mesh_terrain(d, heights.data(), tolerance).triangles.size(), mesh.triangles.size());
-    tolerance.metres = 5.0; // a floor above all
+    tolerance.metres = 5.0; // a metric tolerance above all pixel tolerances
     EXPECT_EQ(mesh_terrain(d, heights.data(), tolerance).triangles, mesher_run(d, heights, 5.0).triangles);
 }
 
@@ -291,13 +293,13 @@ TEST(TerrainMesher, TheGradientIsRelaxedWhereAPixelIsWiderThanACell) {
     const auto heights = mesher_hills(d);
     MeshTolerance tolerance;
     tolerance.pixels = 0.5, tolerance.pixel_angle = 0.02,
-    tolerance.gradient = 0.3; // a cell is a pixel at 25 m
+    tolerance.gradient = 0.3; // a pixel is as wide as a cell at 25 m
     tolerance.cameras = {Vec3d(-30.0, 20.0, 0.0), Vec3d(60.0, 25.0, 40.0)};
     const RenderMesh mesh = mesh_terrain(d, heights.data(), tolerance);
     expect_no_cracks(d, mesh);
     const auto height_errors = mesher_errors(d, heights, mesh);
     const auto errors = mesher_gradient_errors(d, heights, mesh);
-    double high = 0.0, worst_near = 0.0, worst_far = 0.0; // over what the page allows
+    double high = 0.0, worst_near = 0.0, worst_far = 0.0; // relative to the documented bounds
     for (size_t s = 0; s < d.count(); ++s) {
         const Vec3d at(d.x(int(s) % d.nx), heights[s], d.z(int(s) / d.nx));
         double pixel = infinity;
@@ -309,7 +311,7 @@ TEST(TerrainMesher, TheGradientIsRelaxedWhereAPixelIsWiderThanACell) {
     }
     for (const double worst : {high, worst_near, worst_far}) EXPECT_LE(worst, 1.0 + 1e-9);
     for (const double worst : {worst_near, worst_far}) EXPECT_GT(worst, 0.9);
-    tolerance.cameras = {Vec3d(0.0, 1e6, 0.0)}; // a pixel is wider than all
+    tolerance.cameras = {Vec3d(0.0, 1e6, 0.0)}; // a pixel wider than the whole terrain
     EXPECT_EQ(mesh_terrain(d, heights.data(), tolerance).triangles.size() / 3, 2U * 4 * 3);
 }
 

@@ -19,7 +19,7 @@ const RippleSettings settings{wavelength, 0.008, repose, 7};
 
 Vec2d heading(double angle) { return {std::cos(angle), std::sin(angle)}; }
 
-// A plane: its gradient points uphill, towards `uphill`.
+// A plane with its gradient (uphill) towards `uphill`.
 Vec2d incline(double slope, double uphill) { return std::tan(slope) * heading(uphill); }
 
 // A ridge of sand along z with a windward side of 10 degrees and a slip face of 33, on a thin sheet.
@@ -94,7 +94,7 @@ TEST(Ripples, LayerIsTheFieldOnAPlane) {
     const RipplesLayer layer({settings, heading(0.3), 30.0, ""}, d);
     const auto sand = evaluate(layer, d, plane.fields());
     const RippleField field(settings);
-    double worst = 0.0; // borders included
+    double worst = 0.0; // including borders
     for (int j = 0; j < d.nz; ++j)
         for (int i = 0; i < d.nx; ++i) {
             const double asked =
@@ -149,8 +149,9 @@ TEST(Ripples, LayerReachIsHonestAndBitsDoNotDependOnTheCut) {
     EXPECT_GT(furthest, 0.6 * layer.reach());
 }
 
-// A grid that cannot hold ripples is left as it is, and says what they need to know: the gradient of the surface, and a share of 1 in the open, 0
-// in the lee, and no more than the sand is deep.
+// On a grid too coarse for ripples the layer leaves the sand unchanged and outputs what the shader needs: the
+// gradient of the surface and a strength, which is 1 in the open, 0 in the lee, and limited by the depth of
+// the sand.
 TEST(Ripples, LayerCarriesWhatACoarseGridCannotHold) {
     for (const double cell : {wavelength / 8.0, wavelength / 5.0, wavelength, 0.3}) {
         Ridge ridge;
@@ -168,7 +169,7 @@ TEST(Ripples, LayerCarriesWhatACoarseGridCannotHold) {
     for (int j = 0; j < d.nz; ++j)
         for (int i = 0; i < d.nx; ++i) {
             const double x =
-                d.x(i); // a bank along z whose brink, 4 m high, is at 24 m; level again from 30.2 m on
+                d.x(i); // a bank along z: its brink, 4 m high, is at 24 m; level again from 30.2 m on
             bedrock[d.index(i, j)] = float(x < 24.0 ? x / 6.0 : std::max(4.0 - 0.65 * (x - 24.0), 0.0));
             if (j < 40) sand[d.index(i, j)] = sand_units(0.002);
         }
@@ -180,9 +181,10 @@ TEST(Ripples, LayerCarriesWhatACoarseGridCannotHold) {
     EXPECT_NEAR(at(10.0, 70).gradient.x(), 1.0 / 6.0, 1e-6);
     EXPECT_NEAR(at(10.0, 70).gradient.y(), 0.0, 1e-6);
     EXPECT_EQ(at(10.0, 70).strength, 1.0F);
-    EXPECT_NEAR(at(10.0, 20).strength, 0.5 / std::sqrt(1.0 + 1.0 / 36.0), 1e-6); // 2 mm of the 4 of a trough
-    EXPECT_EQ(at(33.0, 70).strength, 0.0F);                                      // in the lee
-    EXPECT_GT(at(58.0, 70).strength, 0.9F);                                      // beyond it
+    EXPECT_NEAR(at(10.0, 20).strength, 0.5 / std::sqrt(1.0 + 1.0 / 36.0),
+                1e-6);                      // sand of 2 mm, trough of 4 mm
+    EXPECT_EQ(at(33.0, 70).strength, 0.0F); // in the lee
+    EXPECT_GT(at(58.0, 70).strength, 0.9F); // behind the lee
     std::vector<uint32_t> some;
     for (uint32_t k = 0; k < d.count(); k += 37) some.push_back(uint32_t(d.count()) - 1 - k);
     std::vector<RipplesLayer::Carried> few(some.size());

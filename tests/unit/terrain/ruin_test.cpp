@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ruin layer against its page: the zones' extents, sand exact, slopes, rooms, the wind's direction, the same bits at any thread count.
+// Tests of the ruin layer's documentation: extents of the zones, sand conserved exactly, slopes, rooms, wind
+// direction, identical bits at any thread count.
 #include "procedural/terrain/ruin.h"
 
 #include "core/math/hash.h"
@@ -21,7 +22,7 @@
 namespace marram {
 namespace {
 
-// Boxes and slanted walls, turned about the y axis through the origin.
+// Boxes and slanted walls, rotated about the y axis through the origin.
 struct RuinBlocks {
     std::vector<float> positions;
     std::vector<uint32_t> triangles;
@@ -31,7 +32,7 @@ struct RuinBlocks {
         const double c = std::cos(turn), s = std::sin(turn);
         for (const double v : {c * x - s * z, y, s * x + c * z}) positions.push_back(float(v));
     }
-    // `run`: how far the top of its face at the lower x lies behind the foot.
+    // `run`: horizontal distance from the foot to the top of the face at the lower x.
     void box(double x0, double x1, double y0, double y1, double z0, double z1, double run = 0.0) {
         const auto first = uint32_t(positions.size() / 3);
         for (const double y : {y0, y1})
@@ -44,7 +45,7 @@ struct RuinBlocks {
     }
 };
 
-// A terrain, a mesh in it, and what the layer makes of both.
+// A terrain, a mesh in it, and the result of the layer.
 struct RuinField {
     Domain domain;
     std::vector<float> rock;
@@ -75,7 +76,7 @@ struct RuinField {
         result = layer().move_sand(below(), after.data(), {});
         check();
     }
-    // Sand exact to the unit, never less than none.
+    // Sand is conserved to the unit and never negative.
     void check() const {
         SandUnits change = 0, least = 0, up = 0, down = 0;
         for (size_t k = 0; k < after.size(); ++k) {
@@ -106,7 +107,8 @@ double ruin_seconds(const std::chrono::steady_clock::time_point& since) {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
 }
 
-// A wall across the wind, 0.2 `height` thick and 6 wide, its windward face at x = 0, buried by half a height. Everything in proportion.
+// A wall across the wind, 0.2 `counts` thick and 6 `counts` wide, its windward face at x = 0, its base 0.5
+// `counts` below the sand. `height` above the sand; `counts`: the height that the layer uses.
 RuinField ruin_wall(double height, double counts, double run = 0.0) {
     const double cell = counts / 16.0;
     RuinField field(16 * 10, 16 * 9, cell, counts, -3.5 * counts, -4.5 * counts);
@@ -119,7 +121,7 @@ struct RuinExtents {
     double scour = 0.0, echo = 0.0, depth = 0.0, crest = 0.0, drift = 0.0, drift_height = 0.0;
 };
 
-// Along the middle of the wall, by steps of 1/100 H.
+// Measured along the middle of the wall in steps of 1/100 H.
 RuinExtents ruin_extents(const RuinField& field, double height, double back) {
     RuinExtents e;
     const double step = 0.01 * height;
@@ -160,7 +162,7 @@ TEST(Ruin, ZonesOfWallsFollowTheirHeight) {
 TEST(Ruin, FacesOfFiftyFiveDegreesAreTheBorder) {
     for (const double angle : {40.0, 50.0, 53.0, 57.0, 65.0, 80.0}) {
         const double height = 4.0, run = height / std::tan(angle * degree);
-        // its foot lies 0.5 H below the sand, so that the face meets the sand at a third of its run
+        // the foot is 0.5 H below the sand, so the face meets the sand at a third of its run
         RuinField field = ruin_wall(height, height, 1.5 * run);
         field.settings.drift = 0.0;
         field.run();
@@ -168,7 +170,7 @@ TEST(Ruin, FacesOfFiftyFiveDegreesAreTheBorder) {
             EXPECT_EQ(field.result.windward, 0) << angle;
             EXPECT_EQ(field.after, field.before) << angle;
         } else {
-            EXPECT_EQ(field.result.windward, 192) << angle; // lines: 6 H at 32 an H
+            EXPECT_EQ(field.result.windward, 192) << angle; // lines: 6 H wide, 32 per H
             double deepest = 0.0;
             for (double x = -height; x < 0.5 * run; x += 0.05)
                 deepest = std::min(deepest, field.rise_at(x, 0.0));
@@ -177,7 +179,8 @@ TEST(Ruin, FacesOfFiftyFiveDegreesAreTheBorder) {
     }
 }
 
-// The steepest triangle of the grid, degrees, where no wall is near. Three samples of a corner of a quad.
+// Steepest triangle of the grid away from the walls, in degrees. Triangles: a sample and its two axis
+// neighbours.
 double ruin_steepest(const RuinField& field, const std::function<bool(double, double)>& leave_out) {
     const Domain& d = field.domain;
     double steepest = 0.0;
@@ -218,7 +221,7 @@ TEST(Ruin, OnGentleDunesToo) {
                 4.0 + 0.8 * std::sin(0.3 * field.domain.x(i)) + 0.4 * std::cos(0.4 * field.domain.z(j)));
     field.run();
     const double steepest = ruin_steepest(field, [](double x, double z) {
-        return x >= -0.3 && x <= 1.1 && std::abs(z) <= 12.3; // and no triangle across the wall
+        return x >= -0.3 && x <= 1.1 && std::abs(z) <= 12.3; // also leaves out triangles across the wall
     });
     std::printf("steepest triangle on dunes: %.2f degrees\n", steepest);
     EXPECT_LT(steepest, 36.0);
@@ -246,7 +249,8 @@ TEST(Ruin, SandIsAccountedForToTheUnit) {
                 EXPECT_GT(field.result.taken, 0);
             }
         }
-    // A closed field where the echo dune would lie outside of the terrain: only what has a place is taken.
+    // A closed field (supply 0) where the echo dune would be outside of the terrain: only sand that can be
+    // deposited is taken.
     RuinField border = ruin_wall(4.0, 4.0);
     border.domain.x0 = -1.0;
     border.settings.drift = 0.0, border.settings.supply = 0.0;
@@ -262,7 +266,7 @@ TEST(Ruin, ScourStopsAtBedrock) {
     field.run();
     int bare = 0;
     for (const SandUnits s : field.after) bare += s == 0;
-    EXPECT_GT(bare, 100); // 6 H by 0.2 H or so: 96 by 4 samples
+    EXPECT_GT(bare, 100); // about 6 H by 0.2 H: 96 by 4 samples
 }
 
 TEST(Ruin, AColumnScoursByItsWidthAndTrailsATaperingDrift) {
@@ -286,7 +290,7 @@ TEST(Ruin, AColumnScoursByItsWidthAndTrailsATaperingDrift) {
     EXPECT_LT(half_width(2.0), half_width(1.2) + 0.01);
 }
 
-// Four walls of 3 m above the sand, 10 x 10 m inside, a door of 1.2 m in the lee wall.
+// Four walls 3 m above the sand, 10 x 10 m inside, with a door of 1.2 m in the lee wall.
 RuinField ruin_room(bool closed = true) {
     RuinField field(180, 140, 0.2, 2.0, -12.0, -14.0);
     field.blocks.box(0.0, 0.5, 0.0, 5.0, -5.5, 5.5);
@@ -319,9 +323,9 @@ TEST(Ruin, SandInARoomLevelsUp) {
     const double spread = std::sqrt(std::max(squares / n - sum / n * (sum / n), 0.0)),
                  had = std::sqrt(were / n - was / n * (was / n));
     std::printf("room: sand up by %.3f m, spread %.4f m, before %.4f m\n", (sum - was) / n, spread, had);
-    EXPECT_NEAR((sum - was) / n, 0.2 * 2.0, 0.1); // walls of 2 m are what the powers of two see of 3 m
+    EXPECT_NEAR((sum - was) / n, 0.2 * 2.0, 0.1); // heights are rounded to powers of two: 3 m counts as 2 m
     EXPECT_LT(spread, 0.02 * had);
-    // Without the other walls there is no room.
+    // Without the closing walls there is no room.
     RuinField open = ruin_room(false);
     open.run();
     EXPECT_EQ(open.result.rooms, 0);
@@ -331,7 +335,7 @@ TEST(Ruin, WhatStandsInTheLeeIsNotScoured) {
     RuinField field(240, 96, 0.125, 2.0, -6.0, -6.0);
     field.blocks.box(0.0, 0.3, 0.0, 4.0, -5.0, 5.0);
     field.blocks.box(8.0, 8.3, 0.0, 4.0, -5.0,
-                     5.0); // four heights behind: a third of it stands out of the shelter
+                     5.0); // four heights downwind: a third of it is outside of the shelter
     field.run();
     double first = 0.0, second = 0.0;
     for (double d = 0.0; d < 1.5; d += 0.05) {
@@ -340,7 +344,7 @@ TEST(Ruin, WhatStandsInTheLeeIsNotScoured) {
     }
     EXPECT_NEAR(first, -0.5, 0.06);
     EXPECT_NEAR(second, -0.25 * 8.0 / 6.0 * (7.7 / 8.0), 0.06);
-    // A lintel that spans air stands on no sand.
+    // A lintel above the sand has no effect.
     RuinField lintel(160, 96, 0.125, 2.0, -10.0, -6.0);
     lintel.blocks.box(0.0, 0.5, 4.0, 5.0, -5.0, 5.0);
     lintel.run();
@@ -359,7 +363,7 @@ TEST(Ruin, TheWindTurnsTheResult) {
         double most = 0.0, sum = 0.0, n = 0.0;
         for (double s = -5.0; s < 12.0; s += 0.1)
             for (double t = -5.0; t < 5.0; t += 0.1) {
-                if (s > -0.2 && s < 1.2 && t > -4.2 && t < 3.2) continue; // the wall's samples differ
+                if (s > -0.2 && s < 1.2 && t > -4.2 && t < 3.2) continue; // samples at the wall differ
                 const double there = field.rise_at(s * field.wind.x() - t * field.wind.y(),
                                                    s * field.wind.y() + t * field.wind.x());
                 const double away = std::abs(there - fields[0].rise_at(s, t));
@@ -367,10 +371,10 @@ TEST(Ruin, TheWindTurnsTheResult) {
             }
         std::printf("wind turned by %3.0f degrees: differs by %.4f m at most, %.5f m on average\n",
                     turn / degree, most, sum / n);
-        EXPECT_LT(most, 0.15); // 2 H = 4 m, pit of 0.5 m: within 1.2 cells of a slope at repose
+        EXPECT_LT(most, 0.15); // 2 H = 4 m, pit of 0.5 m: within 1.2 cells at the slope of repose
         EXPECT_LT(sum / n, 0.005);
     }
-    // The wall stays and the wind turns: its pit is where the wind comes from.
+    // The wall is fixed and the wind turns: the pit is on the new windward side.
     RuinField turned(280, 280, 0.125, 2.0, -17.5, -17.5);
     turned.blocks.box(-1.0, 1.0, 1.0, 4.0, -4.0, 4.0);
     turned.wind = Vec2d(-1.0, 0.0);
@@ -390,11 +394,11 @@ TEST(Ruin, OffTheTerrainNothingChanges) {
     none.blocks = {};
     none.run();
     EXPECT_EQ(none.after, none.before);
-    RuinField over = field; // flies above the sand
+    RuinField over = field; // floats above the sand
     for (size_t v = 1; v < over.blocks.positions.size(); v += 3) over.blocks.positions[v] += 50.0F;
     over.run();
     EXPECT_EQ(over.after, over.before);
-    RuinField under = field; // wholly buried
+    RuinField under = field; // completely buried
     for (size_t v = 1; v < under.blocks.positions.size(); v += 3) under.blocks.positions[v] -= 50.0F;
     under.run();
     EXPECT_EQ(under.after, under.before);
@@ -424,7 +428,7 @@ TEST(Ruin, StrangeInputGivesNumbers) {
     wide.run();
     EXPECT_NEAR(ruin_extents(wide, 2.0, 0.4).scour, 0.8, 0.2);
     EXPECT_NEAR(ruin_extents(wide, 2.0, 0.4).depth, 0.5, 0.06);
-    RuinField sheet(160, 160, 0.125, 1.0, -10.0, -10.0); // one triangle, facing either way
+    RuinField sheet(160, 160, 0.125, 1.0, -10.0, -10.0); // one triangle in either orientation
     for (const auto& flip : {std::array{0U, 1U, 2U}, std::array{0U, 2U, 1U}}) {
         sheet.blocks = {};
         sheet.blocks.corner(0.0, 0.0, -4.0), sheet.blocks.corner(0.0, 0.0, 4.0),
@@ -524,7 +528,7 @@ TEST(Ruin, TheLayerIsMadeFromAScene) {
     context.domain.x0 += 1e4;
     EXPECT_FALSE(ruin_layer_type().make(context) == nullptr);
     EXPECT_EQ(warnings, 1);
-    rtcReleaseScene(scene); // the layer has what it needs
+    rtcReleaseScene(scene); // the layer keeps no reference to the scene
     rtcReleaseDevice(device);
     std::vector<SandUnits> sand(field.domain.count());
     EXPECT_TRUE(layer->evaluate_whole(field.below(), {nullptr, sand.data(), {}}, {}));

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stones layer against its page: places and sizes as asked, facets, burial, sand that gives way, edits that stay local.
+// Tests of the stones layer's documentation: positions and sizes, facets, burial, displaced sand, local
+// edits.
 #include "procedural/terrain/stones.h"
 
 #include "core/math/hash.h"
@@ -18,7 +19,8 @@
 namespace marram {
 namespace {
 
-// The greatest difference between the distribution of `values` and F, times the root of their number (Kolmogorov and Smirnov).
+// Kolmogorov-Smirnov statistic: maximum difference between the distribution of `values` and F, times the root
+// of their number.
 template <typename Function>
 double stones_ks(std::vector<double> values, Function&& f) {
     std::sort(values.begin(), values.end());
@@ -86,7 +88,7 @@ TEST(Stones, AreAsManyAsAskedAndAnywhere) {
     EXPECT_LT(stones_ks(z, uniform), stones_ks_limit);
     EXPECT_TRUE(std::is_sorted(stones.list.begin(), stones.list.end(),
                                [](const Stone& a, const Stone& b) { return a.id < b.id; }));
-    // Counts of areas of 31 squares vary less than those of independent places, whose variance is their mean.
+    // Counts in areas of 31 squares vary less than for independent positions, whose variance equals the mean.
     std::vector<double> counts(32 * 32);
     const double block = 400.0 / 32.0;
     for (const Stone& stone : stones.list)
@@ -108,14 +110,14 @@ TEST(Stones, SizesFollowAPowerLaw) {
         const Stones stones = place_stones(settings, 0.0, {0.0, 0.0}, {150.0, 150.0});
         std::vector<double> sizes;
         for (const Stone& stone : stones.list) sizes.push_back(stone.size);
-        const auto below = [&](double size) { // share of smaller ones
+        const auto below = [&](double size) { // fraction of smaller stones
             if (p == 0.0) return std::log(size / 0.3) / std::log(20.0);
             return (1.0 - std::pow(size / 0.3, -p)) / (1.0 - std::pow(20.0, -p));
         };
         EXPECT_LT(stones_ks(sizes, below), stones_ks_limit) << p;
         EXPECT_GE(*std::min_element(sizes.begin(), sizes.end()), 0.3);
         EXPECT_LE(*std::max_element(sizes.begin(), sizes.end()), 6.0);
-        // What is smaller than a limit is counted instead.
+        // Stones smaller than the limit are only counted.
         const Stones large = place_stones(settings, 1.0, {0.0, 0.0}, {150.0, 150.0});
         const auto count =
             size_t(std::count_if(sizes.begin(), sizes.end(), [](double s) { return s >= 1.0; }));
@@ -168,7 +170,7 @@ TEST(Stones, SandGivesWayAndTheSurfaceNeverFalls) {
     const StonesGround ground = stones_hills({256, 256, 0.1, 0.0, 0.0});
     StoneSettings settings;
     settings.density = 0.3;
-    settings.burial = {0.2, 1.2}; // some of them wholly
+    settings.burial = {0.2, 1.2}; // some completely
     const StonesMade made = stones_made(StonesLayer(settings, ground.domain), ground);
     size_t raised = 0, under = 0, bare = 0;
     SandUnits taken = 0, held = 0;
@@ -177,7 +179,7 @@ TEST(Stones, SandGivesWayAndTheSurfaceNeverFalls) {
         ASSERT_GE(rise, 0.0);
         ASSERT_GE(made.sand[k], 0);
         taken += ground.sand[k] - made.sand[k];
-        held += std::min(ground.sand[k], sand_units(rise)); // the part of its column that was sand
+        held += std::min(ground.sand[k], sand_units(rise)); // the sand in the height that the stone now fills
         if (rise == 0.0) {
             ASSERT_EQ(made.sand[k], ground.sand[k]);
             continue;
@@ -186,7 +188,7 @@ TEST(Stones, SandGivesWayAndTheSurfaceNeverFalls) {
         const double before = double(ground.bedrock[k]) + sand_metres(ground.sand[k]);
         const double after = double(made.bedrock[k]) + sand_metres(made.sand[k]);
         ASSERT_GE(after, before - 1e-9);
-        const double most = made.sand[k] > 0 ? before + 1e-9 : infinity; // a buried one shows nowhere
+        const double most = made.sand[k] > 0 ? before + 1e-9 : infinity; // a buried one is invisible
         ASSERT_LE(after, most);
         ++(made.sand[k] > 0 ? under : bare);
     }
@@ -196,11 +198,11 @@ TEST(Stones, SandGivesWayAndTheSurfaceNeverFalls) {
     EXPECT_EQ(raised, under + bare);
 }
 
-// The stone of a level terrain whose size is the greatest, and what it looks like.
+// A stone of 4 m on level terrain, and its shape.
 struct OneStone {
     double size = 0.0, top = 0.0;
     int samples = 0;
-    double flat = 0.0; // share of samples that lie on a facet: second differences are small
+    double flat = 0.0; // fraction of samples on a facet, where second differences are small
     double wide = 0.0; // metres
 };
 
@@ -226,7 +228,7 @@ OneStone one_stone(StoneSettings settings, uint64_t seed) {
                          zz = at(i, j - 1) + at(i, j + 1) - 2.0 * at(i, j),
                          xz = 0.25 *
                               (at(i + 1, j + 1) + at(i - 1, j - 1) - at(i + 1, j - 1) - at(i - 1, j + 1));
-            // A ball of 4 m bends by 0.5 / m everywhere.
+            // A sphere of 4 m diameter has a curvature of 0.5 / m everywhere.
             one.flat +=
                 std::max({std::abs(xx), std::abs(zz), std::abs(xz)}) < 0.1 * domain.cell * domain.cell;
         }
@@ -249,7 +251,7 @@ TEST(Stones, HaveFacetsAndAreNeverBalls) {
     std::printf("share of a stone that is flat: %.2f at least\n", least);
     EXPECT_GT(least, 0.5);
     settings.roundness = 1.0;
-    EXPECT_LT(one_stone(settings, 0).flat, 0.2); // the measure tells
+    EXPECT_LT(one_stone(settings, 0).flat, 0.2); // the measure detects a round stone
 }
 
 TEST(Stones, AreBuriedAsFarAsAsked) {
@@ -263,7 +265,7 @@ TEST(Stones, AreBuriedAsFarAsAsked) {
         const OneStone whole = one_stone(settings, seed);
         settings.burial = {0.5, 0.5};
         const OneStone buried = one_stone(settings, seed);
-        // Twice c at most, c = 0.6 to 1 times 0.48 to 0.72 half sizes; the tilt raises it, cuts lower it.
+        // At most 2 c, with c = 0.6 to 1 times 0.48 to 0.72 half sizes. The tilt raises it, cuts lower it.
         EXPECT_GT(whole.top, 0.6);
         EXPECT_LT(whole.top, 4.0);
         shown += whole.top, half += buried.top;
@@ -280,7 +282,7 @@ TEST(Stones, AMaskIsTheirProbability) {
     settings.burial = {0.0, 0.1};
     settings.mask = "gravel";
     const StonesLayer layer(settings, ground.domain);
-    const auto there = [&](double share) { // stones whose middle is raised
+    const auto there = [&](double share) { // ids of stones whose center is raised
         std::fill(ground.mask.begin(), ground.mask.end(), float(share));
         const StonesMade made = stones_made(layer, ground);
         std::vector<uint64_t> ids;
@@ -296,7 +298,7 @@ TEST(Stones, AMaskIsTheirProbability) {
     EXPECT_TRUE(there(0.0).empty());
     const double n = double(all.size());
     EXPECT_NEAR(double(few.size()) / n, 0.3,
-                0.05 + 0.02); // three deviations, and stones over others' middles
+                0.05 + 0.02); // three standard deviations, plus stones that cover others' centers
     EXPECT_NEAR(double(some.size()) / n, 0.5, 0.05 + 0.02);
     EXPECT_TRUE(std::includes(some.begin(), some.end(), few.begin(), few.end()));
 }
@@ -317,7 +319,7 @@ TEST(Stones, WhatTheGridCannotHoldIsLeftOutAndSaid) {
     EXPECT_EQ(StonesLayer(settings, domain).stones().too_small, 0u);
 }
 
-// Samples that differ lie in tiles of the set; the set is not all of them.
+// Samples that differ lie in the set's tiles, and the set does not contain all tiles.
 void expect_only_within(const Tiles& tiles, const StonesMade& a, const StonesMade& b, const Domain& domain) {
     size_t differ = 0;
     for (int j = 0; j < domain.nz; ++j)
@@ -348,7 +350,7 @@ TEST(Stones, AnEditEvaluatesItsOwnTilesOnly) {
         const StonesLayer edited(other, domain);
         expect_only_within(edited.changed_since(layer, domain), made, stones_made(edited, ground), domain);
     }
-    // An edit below, of one sample.
+    // An edit of one sample below the layer.
     StonesGround changed = ground;
     const Stone& stone = layer.stones().list.at(layer.stones().list.size() / 2);
     const int i = int(std::lround((stone.at.x() + 0.25 * stone.size) / 0.1)),
@@ -372,10 +374,11 @@ TEST(Stones, OutcropsHaveLedgesOfOneDip) {
     settings.dip_direction = {0.6, 0.8};
     const StonesGround ground({700, 700, 0.1, 0.0, 0.0});
     const StonesMade made = stones_made(StonesLayer(settings, ground.domain), ground);
-    // On treads the gradient is nearly that of the beds, on risers it is far steeper: two kinds of samples.
+    // Two kinds of samples: on treads the gradient is close to that of the beds, on risers it is much
+    // steeper.
     const Vec2d dip = -std::tan(settings.dip) * settings.dip_direction;
     int treads = 0, all = 0, steep = 0;
-    std::vector<int> heights(20); // above the dipping plane, within a bed
+    std::vector<int> heights(20); // above the dipping plane, modulo a bed
     for (int j = 1; j < 699; ++j)
         for (int i = 1; i < 699; ++i) {
             const auto at = [&](int a, int b) { return double(made.bedrock[ground.domain.index(a, b)]); };
@@ -391,7 +394,7 @@ TEST(Stones, OutcropsHaveLedgesOfOneDip) {
     EXPECT_GT(all, 5000);
     EXPECT_GT(treads, all * 45 / 100);
     EXPECT_GT(steep, all * 5 / 100);
-    // Ledges of all outcrops lie at the same levels of the dipping plane.
+    // Ledges of all outcrops lie at the same levels relative to the dipping plane.
     std::sort(heights.begin(), heights.end());
     const int half = std::accumulate(heights.begin() + 10, heights.end(), 0);
     EXPECT_GT(half, all * 70 / 100);

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Marram in Blender: a render engine, and wind on hair for all engines. ../README.md tells of it."""
+"""Marram in Blender: a render engine, and wind on hair for all engines. See ../README.md."""
 bl_info = {
     "name": "Marram",
     "author": "Marram's authors",

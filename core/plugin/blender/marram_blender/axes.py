@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Blender's axes and units, and Marram's: z up and Blender units there, y up and metres here.
+"""Conversion between Blender's axes and units (z up, Blender units) and Marram's (y up, metres).
 
-A point (x, y, z) of Blender is (x, z, -y) in Marram: swaps and signs alone, so that nothing is rounded where a Blender unit is a metre.
+A point (x, y, z) of Blender is (x, z, -y) in Marram. This only swaps axes and changes signs, so nothing is
+rounded if a Blender unit is a metre.
 """
 import numpy as np
 from mathutils import Matrix
 
-# Columns are Blender's axes, in Marram's.
+# Its columns are Blender's axes in Marram's axes.
 TO_MARRAM = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)))
 
 
@@ -15,7 +16,7 @@ def metres_per_unit(scene) -> float:
 
 
 def to_marram(points: np.ndarray, unit: float = 1.0) -> np.ndarray:
-    """(n, 3) points or, with unit 1, vectors."""
+    """Converts (n, 3) points or, with unit 1, vectors."""
     turned = np.stack([points[:, 0], points[:, 2], -points[:, 1]], axis=1)
     return (turned if unit == 1.0 else turned.astype("f8") * unit).astype("f4")
 
@@ -26,7 +27,7 @@ def to_blender(points: np.ndarray, unit: float = 1.0) -> np.ndarray:
 
 
 def transformed(points: np.ndarray, matrix: Matrix) -> np.ndarray:
-    """Points in Blender's axes by a 4 x 4 matrix; in double precision, not at all where that is the identity."""
+    """Transforms points in Blender's axes by a 4 x 4 matrix in double precision; unchanged for the identity."""
     if matrix == Matrix.Identity(4):
         return points
     m = np.array(matrix, dtype="f8")
@@ -34,7 +35,7 @@ def transformed(points: np.ndarray, matrix: Matrix) -> np.ndarray:
 
 
 def turned_normals(normals: np.ndarray, matrix: Matrix) -> np.ndarray:
-    """Normals stay at right angles to surfaces under the inverse transpose."""
+    """Transforms normals by the inverse transpose."""
     if matrix == Matrix.Identity(4):
         return normals
     turned = normals.astype("f8") @ np.array(matrix.to_3x3().inverted_safe(), dtype="f8")
@@ -47,7 +48,7 @@ def vector_to_marram(vector) -> tuple[float, float, float]:
 
 
 def matrix_to_marram(matrix: Matrix) -> Matrix:
-    """The same motion of points in Marram's axes."""
+    """The same transform in Marram's axes."""
     return TO_MARRAM @ matrix @ TO_MARRAM.transposed()
 
 

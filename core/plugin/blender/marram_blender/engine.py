@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The render engine "Marram": exports the frame that is asked for, runs the program, and gives its picture back."""
+"""The render engine "Marram": exports the requested frame, runs the program, and returns its picture."""
 import math
 import os
 import tempfile
@@ -12,8 +12,8 @@ from .export_camera import shutter
 from .notes import ExportError, Notes
 from .program import Cancelled, find_marram, run_marram
 
-# What the next render is to do in place of a picture: called with (engine, depsgraph). Operators that need what only a render has,
-# objects as they are set for rendering, put themselves here.
+# Called with (engine, depsgraph) by the next render, instead of rendering. Operators set it if they need
+# objects with their render settings, which only a render has.
 instead = None
 
 
@@ -21,7 +21,7 @@ class MarramEngine(bpy.types.RenderEngine):
     bl_idname = "MARRAM"
     bl_label = "Marram"
     bl_use_preview = False
-    bl_use_eevee_viewport = True  # solid and material views stay those of Blender
+    bl_use_eevee_viewport = True  # solid and material views are Blender's own
     bl_use_shading_nodes_custom = False
 
     def render(self, depsgraph):
@@ -33,7 +33,7 @@ class MarramEngine(bpy.types.RenderEngine):
             pass
         except ExportError as error:
             self._fail(str(error))
-        except Exception as error:  # a fault of the add-on must not take Blender's render job with it
+        except Exception as error:  # an error of the add-on must not break Blender's render job
             traceback.print_exc()
             self._fail(f"the add-on has failed: {error}")
 
@@ -47,7 +47,7 @@ class MarramEngine(bpy.types.RenderEngine):
 
     def frames_of(self, depsgraph, first: int, last: int, folder: str, notes: Notes, with_camera=True,
                   with_picture=True) -> export_scene.Job:
-        """An export of these frames, each evaluated as for rendering. The caller goes back to the frame that is shown."""
+        """An export job of these frames, evaluated as for rendering. The caller restores the current frame."""
         def goto(frame):
             if depsgraph.scene.frame_current != frame or depsgraph.scene.frame_subframe != 0:
                 self.frame_set(frame, 0.0)
@@ -56,7 +56,7 @@ class MarramEngine(bpy.types.RenderEngine):
                                 progress=self._progress, notes=notes)
 
     def _picture(self, depsgraph):
-        find_marram()  # before the work is done
+        find_marram()  # fails before the export
         scene = depsgraph.scene
         frame = scene.frame_current
         notes = Notes()
@@ -82,7 +82,7 @@ class MarramEngine(bpy.types.RenderEngine):
 
 
 class _Watched:
-    """A picture that shows itself while it is rendered, where somebody can see it."""
+    """Shows previews of a picture while it is rendered, unless Blender runs in the background."""
 
     def __init__(self, engine, result, preview: str, opaque: bool):
         self.engine, self.result, self.preview, self.opaque, self.shown = engine, result, preview, opaque, None
@@ -105,7 +105,7 @@ class _Watched:
 
 
 def frames_around(scene, frame: int) -> tuple[int, int]:
-    """Whole frames that a picture of one needs: those that its shutter touches, and before them what jiggle looks back to."""
+    """First and last whole frame needed to render a frame: those of its shutter, and earlier ones for jiggle."""
     opens, closes = shutter(scene)
     first, last = frame + math.floor(opens), frame + math.ceil(closes)
     if scene.marram.jiggle > 0:
@@ -119,13 +119,13 @@ def threads(scene) -> list[str]:
 
 
 def hide_alpha(path: str):
-    """The sky is part of the picture: where an EXR file has no channel A, Blender takes alpha for 1. Another name that comes before B
-    leaves the order of channels, and with it the pixels, as they are. Blender's images could do the same, but a render has a thread of
-    its own, which must not make any."""
+    """Renames the channel A of an EXR file: without it Blender takes alpha as 1, so that the sky is part of the
+    picture. The new name also sorts before B, so the order of channels, and the pixels, stay as they are.
+    Blender's images could do the same, but must not be made in the thread of a render."""
     head = b"channels\0chlist\0"
     with open(path, "r+b") as file:
         at = file.read(4096).find(head)
-        first = at + len(head) + 4  # after the list's size
+        first = at + len(head) + 4  # after the size of the list
         file.seek(first)
         if at >= 0 and file.read(2) == b"A\0":
             file.seek(first)
@@ -133,7 +133,7 @@ def hide_alpha(path: str):
 
 
 LEFT_OUT = {"VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes"}
-# What of Eevee's panels is of any use here: materials, worlds and lamps are made of the same nodes and numbers.
+# Panels of Eevee that apply here too: materials, worlds and lamps have the same nodes and values.
 OF_EEVEE = {"EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface", "EEVEE_WORLD_PT_surface", "DATA_PT_EEVEE_light"}
 
 

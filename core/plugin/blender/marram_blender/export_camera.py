@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The camera: where it is over the frames, its angle of view, lens and shutter."""
+"""The camera: its motion over the frames, angle of view, lens and shutter."""
 import math
 
 from mathutils import Vector
@@ -9,7 +9,7 @@ from .notes import ExportError
 
 
 def vertical_fov(camera, width: int, height: int) -> float:
-    """Radians. The sensor's named side spans the picture's, or its longer one."""
+    """Vertical angle of view, radians. sensor_fit selects the side of the picture that the sensor spans."""
     if camera.sensor_fit == "VERTICAL":
         return 2 * math.atan(0.5 * camera.sensor_height / camera.lens)
     across = width if camera.sensor_fit == "HORIZONTAL" else max(width, height)
@@ -17,7 +17,7 @@ def vertical_fov(camera, width: int, height: int) -> float:
 
 
 def shutter(scene) -> list[float]:
-    """When it opens and closes, in frames, relative to the frame."""
+    """Times of opening and closing in frames, relative to the frame."""
     if not scene.render.use_motion_blur:
         return [0, 0]
     length = scene.render.motion_blur_shutter
@@ -56,7 +56,7 @@ class MovingCamera:
             self.notes.add("the lens is a round disc", self.name)
 
     def entry(self, shutter_times: list[float], nearest: float, unit: float) -> dict:
-        """The table [camera]. nearest: metres to what pictures should be sharp enough for, where nothing is in focus."""
+        """The table [camera]. nearest: distance of the target in metres, if the camera has no focus distance."""
         for what, values in (("angle of view", self.fovs), ("distance of focus", self.distances)):
             if any(value != values[0] for value in values):
                 self.notes.add(f"the camera's {what} changes: it is that of frame {self.frames[0]} all along", self.name)
@@ -74,7 +74,7 @@ class MovingCamera:
         return {**entry, "fov": math.degrees(self.fovs[0]), **lens, "shutter": shutter_times if any(shutter_times) else None}
 
     def _keys(self, unit: float) -> list[dict]:
-        """A camera looks along -z with y up in both: its own axes stay, the world's change."""
+        """Keys of the transform. Cameras look along -z with y up in both programs: only world axes change."""
         keys, before = [], None
         for frame, matrix in zip(self.frames, self.matrices):
             turn = (axes.TO_MARRAM @ matrix).to_quaternion()
@@ -84,7 +84,7 @@ class MovingCamera:
         return keys
 
     def distance_to(self, point, unit: float) -> float:
-        """Along the view, in metres, at the first frame."""
+        """Depth of a point along the view direction at the first frame, in metres."""
         ahead = self.matrices[0].to_quaternion() @ Vector((0, 0, -1))
         return ahead.dot(Vector(point) - self.matrices[0].translation) * unit
 

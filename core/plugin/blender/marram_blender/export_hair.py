@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hair as Blender draws it: particle systems along their paths, children included, and Curves objects by their points.
+"""Hair: the paths of particle systems, including children, and the points of Curves objects.
 
-Marram is given the CVs that Cycles is given, with the same radii. Both draw Catmull-Rom curves through them.
+Marram gets the same CVs and radii as Cycles. Both render Catmull-Rom curves through them.
 """
 import os
 from dataclasses import dataclass, field
@@ -11,21 +11,21 @@ import numpy as np
 from . import axes, ply
 from .export_mesh import frame_text
 
-# For strands that stay as they are.
+# Wind settings that leave strands unchanged.
 CALM = {"speed": 0, "jiggle": {"frequency": 0}, "collision": {"solver": "none"}}
-DEFAULT_RADIUS = 0.005  # Cycles' for Curves without the attribute "radius"
+DEFAULT_RADIUS = 0.005  # of Cycles, for Curves without the attribute "radius"
 
 
 @dataclass
 class Hair:
-    """Strands in the world, in Blender's axes and units."""
+    """Strands in world space, in Blender's axes and units."""
     counts: np.ndarray
     points: np.ndarray
     radii: np.ndarray
 
 
 def particle_hair(thing, system, notes, rendered: bool) -> Hair | None:
-    """thing: the evaluated object. None where the system draws no paths."""
+    """thing: the evaluated object. None if the system does not render paths."""
     settings = system.settings
     if settings.type != "HAIR" or settings.render_type != "PATH":
         if settings.type == "EMITTER" and settings.render_type not in ("NONE", "OBJECT", "COLLECTION"):
@@ -39,7 +39,7 @@ def particle_hair(thing, system, notes, rendered: bool) -> Hair | None:
     counts, points = [], []
     for index in range(first, parents + children):
         path = [tuple(system.co_hair(thing, particle_no=index, step=step)) for step in range(steps)]
-        while path and path[-1] == (0.0, 0.0, 0.0):  # beyond the end of one that is cut short
+        while path and path[-1] == (0.0, 0.0, 0.0):  # missing points of a shortened path
             path.pop()
         if len(path) < 2:
             notes.add("strands of no length are left out", f"{thing.name}: {system.name}")
@@ -53,7 +53,7 @@ def particle_hair(thing, system, notes, rendered: bool) -> Hair | None:
 
 
 def _particle_radii(settings, counts, points) -> np.ndarray:
-    """From root to tip, by length along the strand, over the curve that Hair Shape sets."""
+    """Radii from root to tip by arc length, with the profile set by Hair Shape."""
     ends = np.cumsum(counts)
     firsts = ends - counts
     steps = np.zeros(len(points))
@@ -95,20 +95,20 @@ def curves_hair(curves, matrix) -> Hair | None:
 
 @dataclass
 class MovingHair:
-    """One groom over the frames of an export. Where Blender moves its points there is a file a frame, else one."""
+    """One groom over the frames of an export. One file per frame if Blender moves its points, else one file."""
     name: str
     file: str
     folder: str
     unit: float
     notes: object
     number: int
-    surface: tuple | None  # how the exporter knows the mesh that it grows on
-    carried: bool    # by that mesh, rather than as Blender moves it
+    surface: tuple | None  # the exporter's key of the mesh that it grows on
+    carried: bool    # moved by that mesh in Marram, not by Blender
     material: str
-    source: tuple    # how an import finds the object: (object, particle system or "")
-    slot: int        # of its material, on the object
-    blown: bool      # already: it has come back from Marram
-    on: str | None = None  # that mesh's name
+    source: tuple    # for an import to find the object: (object, particle system or "")
+    slot: int        # its material slot of the object
+    blown: bool      # it is the result of an import from Marram
+    on: str | None = None  # name of the mesh that it grows on
     hair: Hair | None = None
     frames: list[int] = field(default_factory=list)
     moves: bool = False
@@ -139,7 +139,7 @@ class MovingHair:
                                       np.arange(strands), np.full(strands, self.number)))
 
     def entries(self, shape: str) -> tuple[dict, dict]:
-        """A table of [[curves]] and one of [[procedural]]; writes the file of what rests."""
+        """The tables [[curves]] and [[procedural]]. Writes the file of a groom that does not move."""
         if not self.moves:
             self._write(None, self.hair)
         curves = {"name": f"{self.name} curves", "type": "strands", "file": self.file + (".####.ply" if self.moves else ".ply"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lamps and the world. Sums of several lights at infinity are Marram's business; lamps with a surface become meshes that shine."""
+"""Lamps and the world. Lamps with a surface become mesh lights."""
 import math
 import os
 
@@ -9,7 +9,7 @@ from mathutils import Matrix, Vector
 from . import axes, ply, world_image
 from .export_material import _source
 
-# Radiance of a lamp of one watt, as Cycles has it, over a square metre of its surface.
+# Radiance of a lamp of one watt with a surface of one square metre, as in Cycles.
 AREA_RADIANCE = 0.25
 POINT_RADIANCE = 0.25 / math.pi
 SPHERE_RINGS = 12
@@ -17,7 +17,7 @@ UNSEEN = {"collides": False, "shelters": False, "seen_by_camera": False}
 
 
 def lamp_entries(thing, matrix: Matrix, name: str, file: str, folder: str, unit: float, notes) -> tuple[list[dict], list[dict]]:
-    """Tables of [[mesh]] and [[light]]."""
+    """The tables [[mesh]] and [[light]] of a lamp."""
     lamp = thing.data
     if lamp.use_nodes and lamp.node_tree and any(node.type not in ("OUTPUT_LIGHT", "EMISSION") for node in lamp.node_tree.nodes):
         notes.add("nodes of lamps are not exported: colour and power are", name)
@@ -34,7 +34,7 @@ def lamp_entries(thing, matrix: Matrix, name: str, file: str, folder: str, unit:
         radius = max(lamp.shadow_soft_size, 1e-3)
         positions, triangles = _sphere(radius)
         positions = axes.to_marram(positions + np.array(matrix.translation), unit)
-        radiance = 4 * POINT_RADIANCE / _area(positions, triangles)  # as bright as the round one
+        radiance = 4 * POINT_RADIANCE / _area(positions, triangles)  # same power as an exact sphere
     else:
         notes.add("spot lamps are not exported", name)
         return [], []
@@ -44,7 +44,7 @@ def lamp_entries(thing, matrix: Matrix, name: str, file: str, folder: str, unit:
 
 
 def _panel(lamp, matrix: Matrix, unit: float):
-    """Shines along the lamp's -z. Its area in square metres."""
+    """Points and triangles of a panel that emits along the lamp's -z, and its area in square metres."""
     width, height = lamp.size, lamp.size_y if lamp.shape in ("RECTANGLE", "ELLIPSE") else lamp.size
     if lamp.shape in ("SQUARE", "RECTANGLE"):
         rim = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], "f8")
@@ -63,7 +63,7 @@ def _area(points, triangles) -> float:
 
 
 def _sphere(radius: float):
-    """(vertices, triangles) in Blender's axes, outward."""
+    """(vertices, triangles) in Blender's axes, facing outward."""
     rows, columns = SPHERE_RINGS, 2 * SPHERE_RINGS
     polar, around = np.meshgrid(np.linspace(0, math.pi, rows + 1), np.arange(columns) * (2 * math.pi / columns), indexing="ij")
     points = radius * np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1)
@@ -81,14 +81,15 @@ def _sphere(radius: float):
 # ---- The world
 
 DARK = {"name": "world", "type": "sky", "zenith": [0] * 3, "horizon": [0] * 3, "ground": [0] * 3}
-# Blender's skies over Marram's daylight at strength 1, by what they make of a grey plane: Nishita's sun and sky together, with the sun
-# 20 to 50 degrees high; its sky alone; the other models, whose unit is their own.
+# Brightness of Blender's skies relative to Marram's daylight at strength 1, measured on a grey plane: Nishita
+# sun and sky, with the sun 20 to 50 degrees high; its sky alone; the other models, which have their own unit.
 NISHITA, NISHITA_SKY, OTHER_SKY = 29.0, 11.0, 0.4
 
 
 def world_entries(world, as_daylight: bool, folder: str, notes, cancelled) -> list[dict]:
-    """Tables of [[light]]. A plain colour is one; all else is drawn into an image by Cycles, in a Blender of its own, the disc of a sun
-    apart from it; or a sky texture becomes Marram's own daylight."""
+    """The tables [[light]] of the world. A plain colour becomes a sky; a sky texture becomes Marram's daylight
+    if as_daylight is set. Other worlds are rendered into an image by Cycles in a separate Blender process, with
+    the disc of a sun as a separate light."""
     if world is None:
         return [DARK]
     plain = _plain_colour(world)

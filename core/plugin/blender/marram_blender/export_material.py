@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Materials: the surface shader of a node tree, as the nearest of Marram's. Sockets give their constant, or the image that is linked."""
+"""Materials: converts the surface shader of a node tree to the most similar one of Marram. Sockets give their
+constant, or the linked image."""
 import math
 import os
 
@@ -8,16 +9,16 @@ import numpy as np
 
 from .program import on_main_thread
 
-GREY = 0.8  # Cycles' diffuse colour of what has no material
-SPECULAR_AT_ONE = 0.08  # reflectance straight on of Principled's Specular at 1
+GREY = 0.8  # diffuse colour of objects without a material in Cycles
+SPECULAR_AT_ONE = 0.08  # reflectance at normal incidence of Principled's Specular at 1
 
-# Absorption of the two melanins per unit of concentration, as Cycles has them.
+# Absorption of the two melanins per unit of concentration, as in Cycles.
 _EUMELANIN = np.array([0.506, 0.841, 1.653])
 _PHEOMELANIN = np.array([0.343, 0.733, 1.924])
 
 
 def _roughness_polynomial(b: float) -> float:
-    """How colour and absorption of many fibres go together: Chiang et al. 2016, equation 9."""
+    """Relates the colour of many fibres to their absorption: Chiang et al. 2016, equation 9."""
     return 5.969 + b * (-0.215 + b * (2.532 + b * (-10.73 + b * (5.574 + b * 0.245))))
 
 
@@ -30,12 +31,12 @@ def absorption_of_colour(colour, azimuthal_roughness: float) -> np.ndarray:
 
 
 class Materials:
-    """Writes each material once for meshes and once for strands, under names of its own."""
+    """Writes each material once for meshes and once for strands, under unique names."""
 
     def __init__(self, folder: str, notes):
         self.folder, self.notes = folder, notes
         self.entries: list[dict] = []
-        self.radiance: dict[str, list[float]] = {}  # of what shines, by its name here
+        self.radiance: dict[str, list[float]] = {}  # of emitters, by material name in the scene
         self._names: dict[tuple, str] = {}
 
     def name_for(self, material, on_strands: bool) -> str:
@@ -70,7 +71,7 @@ class Materials:
 
 
 def _source(socket):
-    """The node that is linked to a socket; reroutes are followed."""
+    """The node that is linked to a socket, through reroutes."""
     while socket.is_linked:
         link = socket.links[0]
         if link.from_node.type != "REROUTE":
@@ -108,7 +109,7 @@ class _Shader:
         return self.matt(node)
 
     def matt(self, node) -> dict:
-        """Marram's "diffuse" takes no images: a surface without gloss is the same."""
+        """Marram's "diffuse" has no image parameters: uses an equivalent surface without specular reflection."""
         colour = self.colour(node, "Color")
         return {"type": "surface", "specular": 0, **colour} if "color_map" in colour else {"type": "diffuse", **colour}
 
@@ -199,7 +200,7 @@ class _Shader:
                 "tilt": math.degrees(self.number(node, "Offset"))}
 
     def _hair_colour(self, node, radial: float) -> list[float]:
-        """Marram is given the colour that many such fibres have. The coefficients of melanin are not the same in both."""
+        """The colour of many such fibres. Melanin is converted, as its coefficients differ in both programs."""
         if node.parametrization == "COLOR":
             return list(self.colour(node, "Color")["color"])
         if node.parametrization == "ABSORPTION":

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes as triangles, at rest, moved by keys, or a file a frame.
+"""Meshes as triangles: static, moved by keys, or with a file per frame.
 
-What rests stands in the world in one file. What moves rigidly is one file and a transform with a key a frame. What deforms, shears or is
-mirrored while it moves is a file a frame, in the world. A mesh of several materials is written once whole, unseen, for strands to grow
-on and collide with, and once for each material, seen alone.
+A static mesh is one file in world space. A rigidly moving mesh is one file and a transform with a key per frame.
+A mesh that deforms, shears or is mirrored while it moves has one file per frame in world space. A mesh with
+several materials is written once as a whole, invisible, for strands to grow on and collide with, and once for
+each material, only visible.
 """
 import math
 import os
@@ -17,17 +18,17 @@ from . import axes, ply
 
 @dataclass
 class Surface:
-    """Corners are vertices with one normal and uv: a vertex where these differ becomes several."""
-    positions: np.ndarray   # of Blender's vertices, local
+    """The triangles of an object in object space, with normals and uvs per loop (face corner)."""
+    positions: np.ndarray   # of Blender's vertices, object space
     normals: np.ndarray     # of Blender's loops; empty: all faces are flat
     loop_vertex: np.ndarray
     uvs: np.ndarray         # of loops; empty: none
-    triangles: np.ndarray   # of loops
-    material: np.ndarray    # of triangles: the slot
+    triangles: np.ndarray   # indices of loops
+    material: np.ndarray    # slot of each triangle
 
 
 def read_surface(thing) -> Surface | None:
-    """The evaluated object's triangles; None where it has none."""
+    """The evaluated object's triangles; None if it has none."""
     mesh = thing.to_mesh()
     if mesh is None:
         return None
@@ -67,14 +68,15 @@ def same_topology(a: Surface, b: Surface) -> bool:
 
 
 def is_open(surface: Surface) -> bool:
-    """Whether it has a rim: an edge of one triangle alone."""
+    """Whether it has a boundary edge, which belongs to only one triangle."""
     corners = surface.loop_vertex[surface.triangles]
     edges = np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]), axis=1)
     return bool((np.unique(edges, axis=0, return_counts=True)[1] == 1).any())
 
 
 class Part:
-    """Some of a surface's triangles, with corners that stay the same while it deforms."""
+    """Some triangles of a surface. Loops with equal vertex, normal and uv share a corner; corners stay the same
+    while the surface deforms."""
 
     def __init__(self, surface: Surface, triangles: np.ndarray):
         loops = np.unique(triangles)
@@ -86,11 +88,11 @@ class Part:
         _, first, group = np.unique(np.concatenate(keys, axis=1), axis=0, return_index=True, return_inverse=True)
         corner_of = np.zeros(len(surface.loop_vertex), dtype="i4")
         corner_of[loops] = group
-        self.corners = loops[first]  # a loop that stands for each
+        self.corners = loops[first]  # one loop of each corner
         self.triangles = corner_of[triangles]
 
     def write(self, path: str, surface: Surface, matrix: Matrix, unit: float):
-        """matrix: in Blender's axes, what the file has and no transform."""
+        """matrix: applied to the vertices of the file, in Blender's axes."""
         vertices = surface.positions[surface.loop_vertex[self.corners]]
         positions = axes.to_marram(axes.transformed(vertices, matrix), unit)
         normals = axes.to_marram(axes.turned_normals(surface.normals[self.corners], matrix)) if len(surface.normals) else None
@@ -101,7 +103,7 @@ class Part:
 
 @dataclass
 class MovingMesh:
-    """One mesh over the frames of an export. add() takes them in their order, the first one first."""
+    """One mesh over the frames of an export. Call add() in the order of frames."""
     name: str
     file: str       # without folder, number and extension
     folder: str
@@ -109,11 +111,11 @@ class MovingMesh:
     notes: object
     surface: Surface
     roles: dict
-    materials: list[str | None]  # of each slot that has triangles
+    materials: list[str | None]  # of each slot with triangles
     frames: list[int] = field(default_factory=list)
     matrices: list[Matrix] = field(default_factory=list)
     deforms: bool = False
-    alone: bool = False  # gone, or of other triangles, since some frame
+    alone: bool = False  # at some frame it is missing or has other triangles
 
     def __post_init__(self):
         slots = np.minimum(self.surface.material, len(self.materials) - 1)
@@ -149,7 +151,7 @@ class MovingMesh:
             part.write(self._path(suffix, frame), surface, matrix, self.unit)
 
     def entries(self) -> list[dict]:
-        """Tables of [[mesh]]; writes the files of what does not deform."""
+        """The tables [[mesh]]. Writes the files of meshes that do not deform."""
         moves = any(matrix != self.matrices[0] for matrix in self.matrices)
         keyed = moves and not self.deforms
         if not self.deforms:
@@ -179,7 +181,7 @@ class MovingMesh:
 
 
 def _is_rigid(matrix: Matrix) -> bool:
-    """Whether it is a translation, a rotation and a scale above 0, and nothing else."""
+    """Whether it consists of a translation, a rotation and a scale above 0 only."""
     there, turn, scale = matrix.decompose()
     again = Matrix.LocRotScale(there, turn, scale)
     size = max(abs(c) for row in matrix.to_3x3() for c in row)
@@ -187,5 +189,5 @@ def _is_rigid(matrix: Matrix) -> bool:
 
 
 def frame_text(frame: int) -> str:
-    """What marram puts in place of ####."""
+    """The text that marram substitutes for ####."""
     return f"-{-frame:04d}" if frame < 0 else f"{frame:04d}"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Blender scene as one of Marram's: scene.toml and its files in a folder.
+"""Exports a Blender scene to Marram: scene.toml and its files in a folder.
 
-Frames are evaluated one after the other by whoever calls, since only a render may move its own dependency graph to another frame.
+The caller evaluates the frames one by one, as only a render may move its dependency graph to another frame.
 """
 import json
 import os
@@ -24,20 +24,20 @@ SCENE, GROOMS = "scene.toml", "grooms.json"
 WITH_A_SURFACE = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 NOT_EXPORTED = {"VOLUME": "volumes are not exported", "POINTCLOUD": "point clouds are not exported",
                 "GPENCIL": "grease pencil is not exported", "LIGHT_PROBE": ""}
-# Pixels; for motion keys, straight pieces and all else that trades time for error.
+# Pixels, for all approximations, such as motion keys and straight curve pieces.
 TOLERANCE_PIXELS = 0.25
 
 
 @dataclass
 class Job:
-    """first, last: whole frames, both included: those of the shot, and around them what its shutter and jiggle see. goto(frame) evaluates
-    one and returns the dependency graph."""
+    """An export. first, last: whole frames, inclusive: those of the shot, and those around it that its shutter
+    and jiggle need. goto(frame) evaluates a frame and returns the dependency graph."""
     folder: str
     first: int
     last: int
     goto: Callable
     shot: tuple[int, int] | None = None  # its first and last frame; None: all
-    rendered: bool = True           # the graph is a render's: counts of children and steps are those for rendering
+    rendered: bool = True           # the graph of a render: use render counts of children and steps
     with_camera: bool = True        # its pixels set the tolerance
     with_picture: bool = True       # film and world
     cancelled: Callable = lambda: False
@@ -249,7 +249,7 @@ class _Writer:
             **({"tolerance_pixels": TOLERANCE_PIXELS} if self.job.with_camera else {"tolerance": 0})})
 
     def _camera(self) -> dict:
-        if not self.job.with_camera:  # no picture is made, but a scene has one
+        if not self.job.with_camera:  # not rendered, but every scene needs a camera
             return {"position": [0, 0, 1], "target": [0, 0, 0]}
         middles = [groom.hair.points.mean(axis=0) for groom in self.grooms.values()]
         distance = self.camera.distance_to(np.mean(middles, axis=0), self.unit) if middles else 0
@@ -290,5 +290,5 @@ class _Writer:
 
 
 def further_settings(scene) -> list[str]:
-    """Arguments of marram for the scene's setting More."""
+    """Arguments of marram from the scene's setting More."""
     return [word for key in scene.marram.more.split(";") if key.strip() for word in ("--set", key.strip())]

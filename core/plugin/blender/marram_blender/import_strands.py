@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Baked strands as Curves objects, which Cycles renders as hair.
+"""Imports baked strands as Curves objects, which Cycles renders as hair.
 
-Blender 3.4 gives Python no way to make curves of a Curves object. Geometry nodes make them, in order and to the bit, of a mesh's chains
-of edges. One frame: the result is applied, and the object is like any other. Several: the chains stay behind it as a mesh with a shape
-key for each frame, in a straight line from one to the next, and the file plays without this add-on.
+In Blender 3.4 Python cannot add curves to a Curves object. Geometry nodes make them from a mesh whose edges form
+a chain for each strand; order and positions are exact. With one frame the result is applied, and the object is
+an ordinary one. With several frames the mesh of chains is kept, with a shape key for each frame and linear
+interpolation between them, so the file plays without this add-on.
 """
 import bpy
 import numpy as np
@@ -11,17 +12,18 @@ import numpy as np
 from . import axes, ply
 
 FRAMES_BEHIND = " frames"
-SOURCE = "marram_source"  # of a blown object: what it was made of, (object, particle system or "")
+SOURCE = "marram_source"  # property of a blown object: its source, (object, particle system or "")
 
 
 def split(strands: ply.Strands) -> dict[int, tuple[np.ndarray, np.ndarray]]:
-    """For each groom which strands and which CVs are its own."""
+    """For each groom, masks of its strands and of its CVs."""
     of_cvs = np.repeat(strands.groom, strands.counts)
     return {int(groom): (strands.groom == groom, of_cvs == groom) for groom in np.unique(strands.groom)}
 
 
 def import_strands(files: list[tuple[int, str]], grooms: list[dict], collection) -> list:
-    """files: frames and what was baked there, with the same strands in all. grooms: as in grooms.json. Returns the objects."""
+    """files: frames and baked files, with the same strands in all. grooms: as in grooms.json. Returns the
+    objects."""
     first = ply.read_strands(files[0][1])
     unit = grooms[0]["unit"] if grooms else 1.0
     made = []
@@ -48,7 +50,7 @@ def import_strands(files: list[tuple[int, str]], grooms: list[dict], collection)
 
 
 def new_curves(name: str, counts, points, radii, ids=None, material=None):
-    """A Curves object of the present collection, as an import makes them of one frame. Points in the world."""
+    """A Curves object in the current collection, like an import of one frame. Points in world space."""
     thing = bpy.data.objects.new(name, bpy.data.hair_curves.new(name))
     bpy.context.collection.objects.link(thing)
     chains = _chains(name, counts, points, radii, np.arange(len(counts)) if ids is None else ids)
@@ -58,7 +60,7 @@ def new_curves(name: str, counts, points, radii, ids=None, material=None):
 
 
 def _chains(name: str, counts, points, radii, ids):
-    """An object that is linked nowhere: a mesh whose edges run along the strands."""
+    """An unlinked mesh object whose edges are the segments of the strands."""
     mesh = bpy.data.meshes.new(name + FRAMES_BEHIND)
     mesh.vertices.add(len(points))
     mesh.vertices.foreach_set("co", np.ascontiguousarray(points, "f4").ravel())
@@ -112,7 +114,7 @@ def _add_key(chains, frame: int, points):
 
 
 def _play(chains, frames: list[int]):
-    """Each key at its own frame, to the bit; straight in between."""
+    """Animates the shape keys: exact at each key's frame, linear in between."""
     keys = chains.data.shape_keys
     keys.use_relative = False
     for frame, key in zip(frames, keys.key_blocks):
@@ -133,7 +135,7 @@ def is_blown(thing) -> bool:
 
 
 class EarlierBlown:
-    """Strands that were blown before. While new ones are made what they came from is shown in their place."""
+    """Strands blown earlier. While new ones are made, their sources are shown instead."""
 
     def __init__(self, scene):
         self.things = [thing for thing in scene.objects if is_blown(thing)]
@@ -168,7 +170,7 @@ def _is_drawn(name: str, system: str) -> bool:
 
 
 def show_source(name: str, system: str, shown: bool):
-    """What has come back blown is not drawn a second time."""
+    """Shows or hides the source of blown strands, so that they are not rendered twice."""
     thing = bpy.data.objects.get(name)
     if thing is None:
         return

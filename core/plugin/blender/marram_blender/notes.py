@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an export could not take along. Each is told once, with the names of the things that have it."""
+"""Notes on features that an export does not support, each reported once with the names of the objects."""
 
 
 class ExportError(Exception):
-    """Nothing was exported: the message says what is wrong and what to do."""
+    """The export failed. The message says what is wrong and what to do."""
 
 
 class Notes:

@@ -22,7 +22,7 @@ def _frames(scene, which: str) -> tuple[int, int]:
 
 @contextmanager
 def _settings_for_render(scene):
-    """A render that makes no picture."""
+    """Sets up a render without compositing, by Marram's engine; restores the settings."""
     render, names = scene.render, ("engine", "use_compositing", "use_sequencer")
     before = {name: getattr(render, name) for name in names}
     render.engine, render.use_compositing, render.use_sequencer = engine.MarramEngine.bl_idname, False, False
@@ -34,8 +34,8 @@ def _settings_for_render(scene):
 
 
 def export_as_rendered(context, folder: str, shot: tuple[int, int], with_picture: bool) -> tuple[str, Notes]:
-    """These frames, and what pictures of them need around them. Only a render sees objects as they are set for rendering: the export is
-    done inside one. Raises ExportError."""
+    """Exports the frames of the shot and those around it that they need. The export runs inside a render, as only
+    a render evaluates objects with their render settings. Raises ExportError."""
     first, last = engine.frames_around(context.scene, shot[0])[0], engine.frames_around(context.scene, shot[1])[1]
     if bpy.app.is_job_running("RENDER"):
         raise ExportError("a render is running: wait for its end")
@@ -52,7 +52,7 @@ def export_as_rendered(context, folder: str, shot: tuple[int, int], with_picture
             done.append(export_scene.export(job, scene))
         except (ExportError, Cancelled) as fault:
             faults.append(fault)
-    if scene.camera is None:  # a render insists on one
+    if scene.camera is None:  # a render needs one
         if with_picture:
             raise ExportError("the scene has no camera: add one")
         lent = bpy.data.objects.new("lent", bpy.data.cameras.new("lent"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""PLY files, binary and little endian: meshes and strands for Marram, strands that it has baked."""
+"""Binary little-endian PLY files: writes meshes and strands for Marram, reads baked strands."""
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,9 +32,9 @@ def write_mesh(path: str, positions, triangles, normals=None, uvs=None):
 class Strands:
     counts: np.ndarray  # CVs of each strand, 2 or more
     points: np.ndarray  # (CVs, 3)
-    widths: np.ndarray  # diameters, one a CV
-    ids: np.ndarray     # one a strand
-    groom: np.ndarray   # one a strand: which export wrote it
+    widths: np.ndarray  # diameters, one per CV
+    ids: np.ndarray     # one per strand
+    groom: np.ndarray   # one per strand: number of its groom in the export
 
 
 def write_strands(path: str, strands: Strands):
@@ -51,7 +51,7 @@ def write_strands(path: str, strands: Strands):
 
 
 def _read_elements(path: str) -> dict[str, np.ndarray]:
-    """Elements of numbers alone, each an array of records."""
+    """Reads the elements, which must have only scalar properties; each is an array of records."""
     with open(path, "rb") as file:
         content = file.read()
     end = content.find(b"end_header\n")

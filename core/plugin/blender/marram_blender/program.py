@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The program marram: where it is, and a run of it with progress that can be cancelled."""
+"""The program marram: finds it, and runs it with progress and cancellation."""
 import os
 import re
 import selectors
@@ -15,7 +15,7 @@ from .notes import ExportError
 
 
 def find_marram() -> str:
-    """Its path: from the add-on's preferences, else the environment's MARRAM, else PATH."""
+    """Path of the program: from the add-on's preferences, else the environment variable MARRAM, else PATH."""
     addon = bpy.context.preferences.addons.get(__package__)
     given = bpy.path.abspath(addon.preferences.program) if addon and addon.preferences.program else ""
     for path, source in ((given, "the add-on's preferences"), (os.environ.get("MARRAM", ""), "the environment variable MARRAM")):
@@ -34,8 +34,8 @@ class Cancelled(Exception):
 
 
 def on_main_thread(call, cancelled=lambda: False):
-    """A render has a thread of its own beside a window's. What it must not do itself, such as making data or writing it, it has done there,
-    and waits."""
+    """Runs `call` on the main thread and waits. A render runs in its own thread, which must not create or write
+    Blender data."""
     if bpy.app.background or threading.get_ident() == threading.main_thread().ident:
         return call()
     done, outcome = threading.Event(), []
@@ -58,7 +58,7 @@ def on_main_thread(call, cancelled=lambda: False):
 
 
 def _terminal():
-    """marram shows its progress where it writes to a terminal. None where there is no such thing."""
+    """A pseudo-terminal, as marram prints its progress only to terminals. None if the system has none."""
     try:
         import pty
         return pty.openpty()
@@ -67,7 +67,7 @@ def _terminal():
 
 
 class _Progress:
-    """Reads lines such as "rendering [###...]  42 %  0:10 left" from a terminal, and keeps all others."""
+    """Parses progress lines such as "rendering [###...]  42 %  0:10 left", and keeps all other lines."""
     _bar = re.compile(r"([^\r\n\[\]]*) \[[#.]*\] +(\d+) %")
 
     def __init__(self):
@@ -84,8 +84,8 @@ class _Progress:
 
 
 def run_marram(arguments: list[str], cancelled=lambda: False, progress=lambda phase, fraction: None) -> list[str]:
-    """Runs it to its end and returns its warnings. Raises ExportError with its first message where it fails, Cancelled where it was
-    interrupted."""
+    """Runs marram and returns its warnings. Raises ExportError with its first message if it fails, Cancelled if
+    it was interrupted."""
     command = [find_marram(), *arguments]
     terminal = _terminal()
     reading, writing = terminal if terminal else os.pipe()
@@ -104,7 +104,7 @@ def run_marram(arguments: list[str], cancelled=lambda: False, progress=lambda ph
             wait.register(reading, selectors.EVENT_READ)
             while True:
                 chunk = _read(reading) if wait.select(0.1) else None
-                if chunk == b"":  # it has closed its end
+                if chunk == b"":  # end of file
                     break
                 if chunk:
                     state.feed(chunk.decode(errors="replace"))
@@ -130,5 +130,5 @@ def _read(descriptor) -> bytes | None:
         return os.read(descriptor, 65536)
     except BlockingIOError:
         return None
-    except OSError:  # how a terminal says that its other end is closed
+    except OSError:  # a terminal whose other end is closed
         return b""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an artist sets: wind and rendering of a scene, roles of an object, the program's path."""
+"""User settings: wind and rendering of a scene, roles of an object, the path of the program."""
 import bpy
 from bpy.props import (BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, PointerProperty,
                        StringProperty)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes as TOML text. Numbers have the fewest digits that give the same double back; where they are floats, the same float."""
+"""Writes scenes as TOML. Numbers have the fewest digits that give the same double (or float) back."""
 import json
 import math
 
@@ -28,7 +28,7 @@ def value_text(value) -> str:
 
 
 def table_text(heading: str, values: dict) -> str:
-    """A table and its keys, those with the value None left out. No heading: keys before the first table."""
+    """A table and its keys; keys with the value None are left out. No heading: keys before the first table."""
     lines = [heading] if heading else []
     lines += [f"{key} = {value_text(value)}" for key, value in values.items() if value is not None]
     return "\n".join(lines) + "\n"

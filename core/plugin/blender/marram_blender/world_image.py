@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A world as an image around the scene, by Cycles in a Blender of its own: the one that asks may be rendering.
+"""Renders a world to an environment image, by Cycles in a separate Blender process, as this one may be rendering.
 
-Run by itself it draws:  blender -b --factory-startup -P world_image.py -- WORLD.blend WORLD.exr WORLD.json
-WORLD.json holds the values of its nodes at the frame, which may be animated. The disc of a Nishita sky's sun is left out of the image,
-measured, and told there in their place as a sun.
+As a script it renders the image:  blender -b --factory-startup -P world_image.py -- WORLD.blend WORLD.exr WORLD.json
+WORLD.json has the values of the world's nodes at the frame, as they may be animated. The sun disc of a Nishita
+sky is left out of the image and measured. The script overwrites WORLD.json with it as a light "sun".
 
-An image is kept until Blender ends, and taken again while nothing in the world changes: frames of an animation share it.
+Images are cached until Blender ends, so that frames of an animation share one while the world does not change.
 """
 import atexit
 import json
@@ -20,20 +20,21 @@ import bpy
 
 WIDTH, SAMPLES = 1024, 4
 SEARCH_WIDTH, SEARCH_SAMPLES = 256, 64
-MOST_WIDTH = 2048         # where the world has images
+MOST_WIDTH = 2048         # for worlds with images
 DISC_PIXELS, DISC_SAMPLES = 64, 16
-# Middle of the picture towards +y, up to +z: Marram's -z and y.
+# Camera rotation: the center of the image is +y and up is +z, which are Marram's -z and y.
 AHEAD = (math.pi / 2, 0.0, 0.0)
 
 
 MOST_KEPT = 8
-OF_THE_EDITOR = {"location", "width", "width_hidden", "height", "color", "select"}  # of nodes, and not of what they make
-_kept: dict[str, tuple[str, dict | None]] = {}  # what a world is made of: its image, its sun
+OF_THE_EDITOR = {"location", "width", "width_hidden", "height", "color", "select"}  # node properties without effect on the image
+_kept: dict[str, tuple[str, dict | None]] = {}  # values of a world -> its image, its sun
 _store = ""
 
 
 def draw(world, folder: str, cancelled=lambda: False) -> dict:
-    """world: evaluated. The image's name in the folder, and a [[light]] "sun" without name and type, or None."""
+    """world: evaluated. Returns the name of the image in the folder, and a [[light]] "sun" without name and type,
+    or None."""
     global _store
     key = json.dumps([world.name_full, values_of(world), images_of(world)], sort_keys=True)
     if key not in _kept:
@@ -49,7 +50,7 @@ def draw(world, folder: str, cancelled=lambda: False) -> dict:
 
 
 def values_of(world) -> dict:
-    """Numbers and choices of all nodes and of their inputs, and how they are linked."""
+    """Numbers and choices of all nodes and of their inputs, and the links."""
     nodes = {}
     for node in world.node_tree.nodes:
         nodes[node.name] = {
@@ -101,7 +102,7 @@ def _draw(world, place: str, cancelled) -> tuple[str, dict | None]:
         return image, json.load(file)
 
 
-# ---- In a Blender of its own
+# ---- In the separate Blender process
 
 def _set_up(world):
     scene = bpy.context.scene
@@ -130,7 +131,7 @@ def _render(scene, path: str):
     pixels = np.empty(width * height * 4, "f4")
     picture.pixels.foreach_get(pixels)
     bpy.data.images.remove(picture)
-    return pixels.reshape(height, width, 4)[..., :3].astype("f8")  # from the bottom up
+    return pixels.reshape(height, width, 4)[..., :3].astype("f8")  # rows from the bottom up
 
 
 def _set_discs(world, on: bool):
@@ -153,7 +154,7 @@ def towards_sun(sky):
 
 
 def _search_disc(scene, world, sky, path: str):
-    """Where it is, if the sky is turned. None: nowhere."""
+    """Direction of the disc if the sky is rotated by other nodes. None: not found."""
     import numpy as np
     from mathutils import Vector
     scene.cycles.samples = SEARCH_SAMPLES
@@ -171,7 +172,7 @@ def _search_disc(scene, world, sky, path: str):
 
 
 def _disc(scene, world, sky, path: str):
-    """What the disc adds to the irradiance of a plane that faces it, and where it is. None: it is below the horizon."""
+    """Irradiance of the disc on a plane that faces it, and its direction. None: it is below the horizon."""
     return _look_at_disc(scene, world, sky, towards_sun(sky), 0.01, path) or (
         (towards := _search_disc(scene, world, sky, path)) and _look_at_disc(scene, world, sky, towards, 0.05, path))
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Growth and speed of a small wave on a flat bed, measured and by theory: shared by the tests and the printed table.
+// Growth and speed of a small wave on a flat bed, measured and from theory. Shared by the tests and the
+// printed table.
 #pragma once
 
 #include "procedural/terrain/solver/solver.h"
@@ -23,7 +24,7 @@ inline DuneWave dune_wave_theory(const DuneSolverSettings& settings, double shea
     return {omega.imag(), omega.real() / k};
 }
 
-// A wave whose crests are across the wind: `row`, `column` of them over `size` cells along z and x.
+// A wave with crests across the wind: `row` and `column` wavelengths over `size` cells along z and x.
 inline DuneWave dune_wave_measured(const DuneSolverSettings& settings, double shear_velocity, double k,
                                    int size, int row, int column, double turns = 0.02) {
     const double length = settings.physics.saturation_length(), count = std::hypot(row, column);
@@ -50,7 +51,7 @@ inline DuneWave dune_wave_measured(const DuneSolverSettings& settings, double sh
                         (settings.physics.saturated_flux(shear_velocity) * r * r);
     const DuneWave theory = dune_wave_theory(settings, shear_velocity, k);
     const double seconds = turns * 2.0 * pi / (theory.speed * k) * unit;
-    solver.advance(steady_wind(wind), 0.2 * seconds); // starts with a step of Euler's
+    solver.advance(steady_wind(wind), 0.2 * seconds); // skips the initial Euler step
     const std::complex<double> before = amplitude();
     const double start = solver.time();
     solver.advance(steady_wind(wind), seconds);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Transforms against their definition, and the shear of single waves against the formula of its page.
+// Compares transforms with their definition, and the shear of single waves with the documented formula.
 #include "procedural/terrain/solver/shear.h"
 
 #include "core/math/hash.h"
@@ -48,7 +48,7 @@ TEST(DuneTransform, GoodSizesHaveSmallFactors) {
     EXPECT_EQ(Transform::good_size(2049), 2160);
 }
 
-// The sum of two waves, evaluated by hand.
+// A sum of waves, evaluated directly.
 TEST(DuneShear, WavesHaveTheStressOfTheFormula) {
     struct Size {
         int rows, columns;

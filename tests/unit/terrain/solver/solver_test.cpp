@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The dune solver: waves against linear theory, sand to the last unit, the same bits at any thread count and after a restart, hard cases.
+// The dune solver: waves against linear theory, sand conserved to the unit, identical bits at any thread
+// count and after a restart, hard cases.
 #include "core/math/hash.h"
 #include "tests/unit/terrain/solver/dune_waves.h"
 
@@ -22,7 +23,7 @@ struct DuneScene {
     DuneScene(int nx, int nz, double cell)
         : domain{nx, nz, cell, 0.0, 0.0}, rock(domain.count(), 0.0F), sand(domain.count(), 0) {}
     template <typename F>
-    void fill(F&& metres) { // of metres from the middle
+    void fill(F&& metres) { // metres(x, z): relative to the middle
         for (int j = 0; j < domain.nz; ++j)
             for (int i = 0; i < domain.nx; ++i)
                 sand[domain.index(i, j)] =
@@ -38,7 +39,7 @@ std::vector<SandUnits> dune_sand(const DuneSolver& solver, const DuneScene& scen
     return sand;
 }
 
-// Runs, and checks what holds in every run. Returns the sand.
+// Runs the solver and checks the invariants of every run. Returns the sand.
 std::vector<SandUnits> dune_run(const DuneScene& scene, const DuneSolverSettings& settings,
                                 const WindHistory& wind, int steps, double longest = 1e7) {
     EXPECT_EQ(DuneSolver::problem(scene.domain, settings, scene.rock.data(), scene.sand.data()), "");
@@ -62,7 +63,7 @@ std::vector<SandUnits> dune_run(const DuneScene& scene, const DuneSolverSettings
     return sand;
 }
 
-double dune_lumps(double x, double z) { // heaps over bare ground and a thin cover
+double dune_lumps(double x, double z) { // heaps on bare ground and a thin cover
     return 2.5 * std::sin(0.13 * x) * std::cos(0.11 * z + 0.05 * x) + 0.4 * std::sin(0.7 * x + 0.3 * z);
 }
 
@@ -91,7 +92,7 @@ TEST(DuneSolver, WavesGrowAndTravelAsLinearTheorySays) {
             EXPECT_NEAR(wave.speed, theory.speed, 0.005 * theory.speed)
                 << k << ' ' << d.row << ' ' << d.column;
         }
-    // The fastest wave is 21.2 L_sat, the shortest that grows 13.7.
+    // The fastest-growing wave has a length of 21.2 L_sat, the shortest growing one 13.7 L_sat.
     EXPECT_NEAR(dune_wave_theory(settings, shear_velocity, 2 * pi / 13.72).growth, 0.0, 1e-4);
     EXPECT_NEAR(dune_wave_theory(settings, shear_velocity, 2 * pi / 21.2).growth, greatest, 1e-5);
 }
@@ -175,7 +176,7 @@ TEST(DuneSolver, NothingMovesBelowTheThreshold) {
 TEST(DuneSolver, PlantsHoldSand) {
     DuneScene scene(32, 32, 1.0);
     scene.fill([](double x, double z) { return 1.0 + 0.1 * std::sin(0.2 * x + 0.2 * z); });
-    const std::vector<float> plants(scene.sand.size(), 0.25F); // u* / sqrt(5)
+    const std::vector<float> plants(scene.sand.size(), 0.25F); // reduces u* to u* / sqrt(5)
     DuneSolverSettings settings;
     settings.growth.frontal_area = 1.0;
     DuneSolver solver(scene.domain, settings, scene.rock.data(), scene.sand.data(), plants.data());
@@ -183,7 +184,8 @@ TEST(DuneSolver, PlantsHoldSand) {
     EXPECT_EQ(dune_sand(solver, scene), scene.sand);
 }
 
-// What a solver has met before its state was saved, winds across among it, leaves no trace beside the state: sizes that fill no vectors.
+// The saved state is complete: nothing else that a solver has done before, such as turning to a wind across,
+// affects the result. The sizes are not multiples of the vector width.
 TEST(DuneSolver, ResumesAtAnySizeAfterWindsAcross) {
     DuneScene scene(47, 29, 1.0);
     scene.fill([](double x, double z) { return 3.0 + std::sin(0.4 * x + 0.1 * z) + std::sin(0.5 * z); });
@@ -201,7 +203,7 @@ TEST(DuneSolver, ResumesAtAnySizeAfterWindsAcross) {
     }
 }
 
-// Wind at any angle to the grid makes the same dune, without a groove along the wind that only the grid can have.
+// Wind at any angle to the grid makes the same dune, without grid-aligned grooves along the wind.
 TEST(DuneSolver, GridsTurnedByAnyAngleGiveTheSameDune) {
     DuneSolverSettings settings;
     settings.border = DuneBorder::open;
@@ -222,7 +224,8 @@ TEST(DuneSolver, GridsTurnedByAnyAngleGiveTheSameDune) {
     }
 }
 
-// p' = V (1 - p / P) where the ground is still; less what it rises or sinks elsewhere; the state goes on with the same bits.
+// p' = V (1 - p / P) where the ground is still, minus the change of its height elsewhere. A restored state
+// continues with the same bits.
 TEST(DuneSolver, PlantsGrowAndAreBuried) {
     DuneScene scene(48, 32, 1.0);
     scene.fill([](double x, double z) { return 3.0 * std::exp(-(x * x + z * z) / 40.0) - 0.01; });
@@ -231,7 +234,7 @@ TEST(DuneSolver, PlantsGrowAndAreBuried) {
     settings.growth = {2.0 / seconds_a_year, 0.5, 0.04, 0.2};
     DuneSolver still(scene.domain, settings, scene.rock.data(), scene.sand.data(), plants.data());
     const double time = 0.1 * seconds_a_year;
-    still.advance(steady_wind({1.0, 0.0, 0.1}), time); // sand lies still
+    still.advance(steady_wind({1.0, 0.0, 0.1}), time); // below the threshold: sand does not move
     std::vector<float> cover(scene.sand.size());
     still.cover(cover);
     const double height = 0.5 - (0.5 - 0.1) * std::exp(-2.0 * 0.1 / 0.5);
@@ -247,7 +250,7 @@ TEST(DuneSolver, PlantsGrowAndAreBuried) {
     blown.cover(cover), resumed.cover(again);
     EXPECT_EQ(cover, again);
     EXPECT_EQ(dune_sand(blown, scene), dune_sand(resumed, scene));
-    EXPECT_EQ(*std::min_element(cover.begin(), cover.end()), 0.0F); // buried, or blown bare
+    EXPECT_EQ(*std::min_element(cover.begin(), cover.end()), 0.0F); // buried or eroded
     EXPECT_GT(*std::max_element(cover.begin(), cover.end()), 0.5F * 0.8F * float(std::pow(height / 0.5, 2)));
 }
 
@@ -261,7 +264,8 @@ TEST(DuneSolver, ProblemsAreNamed) {
     EXPECT_NE(DuneSolver::problem(scene.domain, {}, scene.rock.data(), scene.sand.data()), "");
 }
 
-// A quarter turn of scene and wind turns the result by a quarter. Where avalanches decide by a rounding the results drift apart by millimetres.
+// A quarter turn of scene and wind rotates the result by a quarter turn. Rounding can change single avalanche
+// decisions; then the results differ by millimetres.
 TEST(DuneSolver, TurnedScenesGiveTheSame) {
     struct Case {
         double height, tolerance;
@@ -298,7 +302,7 @@ TEST(DuneSolver, AHeapBecomesABarchan) {
     DuneSolver solver(scene.domain, settings, scene.rock.data(), scene.sand.data());
     ASSERT_TRUE(solver.advance(steady_wind({1.0, 0.0, 0.5}), 420.0 * seconds_an_hour));
     const std::vector<SandUnits> sand = dune_sand(solver, scene);
-    // Downwind end of the dune (20 cm) along its middle, and the furthest one: the horns.
+    // Downwind end of the dune (20 cm high) along its middle, and the furthest downwind ends: the horns.
     int middle = 0, horns[2] = {0, 0};
     double crest = 0.0, asymmetry = 0.0, steepest = 0.0;
     for (int j = 1; j + 1 < 96; ++j)

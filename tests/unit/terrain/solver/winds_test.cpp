@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Winds over time against their definitions.
+// Winds over time, compared with their definitions.
 #include "procedural/terrain/solver/winds.h"
 
 #include <gtest/gtest.h>
@@ -30,7 +30,7 @@ TEST(DuneWinds, SequencesRepeat) {
     EXPECT_EQ(wind(14.9).until, 15.0);
     EXPECT_EQ(wind(15.0).wind.shear_velocity, 0.3);
     double time = 0.0;
-    for (int k = 0; k < 10000; ++k) { // always goes on
+    for (int k = 0; k < 10000; ++k) { // time always advances
         const WindSpan span =
             wind_sequence({{{1, 0, 0.3}, 0.1}, {{0, 1, 0.5}, 0.2}, {{0, 1, 0.5}, 0.7}})(time);
         ASSERT_GT(span.until, time);
@@ -74,7 +74,7 @@ TEST(DuneWinds, RecordsAreReadAndSummed) {
     EXPECT_NEAR(drift.dp, (2 * strong + weak) / 4, 1e-12);
     EXPECT_NEAR(drift.rdp, weak / 4, 1e-12);
     EXPECT_NEAR(drift.towards_x, -1.0, 1e-9);
-    // Knots: 10 m/s is 19.44, 8 m/s is 15.55.
+    // In knots: 10 m/s is 19.44, 8 m/s is 15.55.
     EXPECT_NEAR(fryberger_drift(record).dp,
                 100.0 * (2 * 19.438 * 19.438 * 7.778 + 15.551 * 15.551 * 3.891) / 4, 20.0);
     EXPECT_NE(drift_text(drift, "kg/(m s)").find("towards 270 deg"), std::string::npos)

@@ -79,7 +79,7 @@ constexpr int field_segments = 24;
 constexpr int polar_samples = 4, azimuth_samples = 8; // of the phase functions in a cell
 constexpr int most_orders = 10;
 constexpr float last_order = 1e-3F; // fraction of the sum; stops below it
-constexpr float steepest_series = 0.98F;
+constexpr float max_series_ratio = 0.98F;
 constexpr double least_column = 1e-3; // m at maximum density: negligible, keeps logarithms finite
 
 double square(double x) { return x * x; }
@@ -99,12 +99,12 @@ std::array<double, 3> densities(double height) {
             std::max(0.0, 1.0 - std::abs(height - ozone_middle) / ozone_half_width)};
 }
 
-struct Reach {
+struct PathExtent {
     double length;
     bool meets_ground;
 };
 
-Reach reach(double height, double cosine) {
+PathExtent reach(double height, double cosine) {
     const double radius = planet_radius + height, along = radius * cosine;
     const double above = height * (2.0 * planet_radius + height), square_along = along * along;
     if (cosine < 0.0 && square_along >= above)
@@ -143,12 +143,12 @@ Spectrum mean_transmittance(const Spectrum& x, const Spectrum& transmittance) {
 }
 
 // Position in a table for linear interpolation.
-struct Between {
+struct TablePosition {
     size_t cell;
     float part;
 };
 
-Between between(double position, size_t size) {
+TablePosition between(double position, size_t size) {
     const double at = std::clamp(position, 0.0, 1.0) * static_cast<double>(size - 1);
     const size_t cell = std::min(static_cast<size_t>(at), size - 2);
     return {cell, static_cast<float>(at - static_cast<double>(cell))};
@@ -170,7 +170,7 @@ double sun_of(size_t column) {
     return std::copysign(root * root, root);
 }
 
-float dusk_at(double sun_cosine) {
+float dusk_scale(double sun_cosine) {
     if (sun_cosine >= 0.0) return 1.0F;
     return static_cast<float>(std::exp(std::max(sun_cosine, lowest_sun) / dusk));
 }
@@ -195,7 +195,7 @@ struct Atmosphere::Cell {
     double solid_angle() const { return 2.0 * (azimuth_to - azimuth_from) * (high - low); }
 };
 
-void one_by_one(size_t count, const std::function<void(size_t)>& body) {
+void serial_loop(size_t count, const std::function<void(size_t)>& body) {
     for (size_t i = 0; i < count; ++i) body(i);
 }
 
@@ -252,8 +252,9 @@ void Atmosphere::make_columns(const Loop& loop) {
 
 std::array<double, 3> Atmosphere::columns(double height, double cosine) const {
     const double horizon = horizon_cosine(height);
-    const Between y = between(height_position(height), column_heights);
-    const Between x = between(std::sqrt(std::max(0.0, cosine - horizon) / (1.0 - horizon)), column_cosines);
+    const TablePosition y = between(height_position(height), column_heights);
+    const TablePosition x =
+        between(std::sqrt(std::max(0.0, cosine - horizon) / (1.0 - horizon)), column_cosines);
     const std::array<float, 3>* at = &columns_[y.cell * column_cosines + x.cell];
     std::array<double, 3> result{};
     for (size_t i = 0; i < 3; ++i) {
@@ -296,7 +297,7 @@ Path Atmosphere::path(double height, double cosine, int segments) const {
     Path path;
     path.radius = planet_radius + height;
     path.cosine = cosine;
-    const Reach to = reach(height, cosine);
+    const PathExtent to = reach(height, cosine);
     path.length = to.length;
     path.meets_ground = to.meets_ground;
     path.steps.reserve(static_cast<size_t>(segments) + 1);
@@ -312,26 +313,26 @@ Path Atmosphere::path(double height, double cosine, int segments) const {
 }
 
 Spectrum Atmosphere::mean_at(const Field& field, double height, double sun_cosine) {
-    const Between y = between(height_position(height), field_heights);
-    const Between x = between(sun_position(sun_cosine), field_suns);
+    const TablePosition y = between(height_position(height), field_heights);
+    const TablePosition x = between(sun_position(sun_cosine), field_suns);
     const Spectrum* at = &field.mean[y.cell * field_suns + x.cell];
-    const float scale = dusk_at(sun_cosine), top = scale * (1.0F - y.part), bottom = scale * y.part;
+    const float scale = dusk_scale(sun_cosine), top = scale * (1.0F - y.part), bottom = scale * y.part;
     return top * (1.0F - x.part) * at[0] + top * x.part * at[1] + bottom * (1.0F - x.part) * at[field_suns] +
            bottom * x.part * at[field_suns + 1];
 }
 
 Spectrum Atmosphere::ground_at(const Field& field, double sun_cosine) {
-    const Between x = between(sun_position(sun_cosine), field_suns);
-    const float scale = dusk_at(sun_cosine);
+    const TablePosition x = between(sun_position(sun_cosine), field_suns);
+    const float scale = dusk_scale(sun_cosine);
     return scale * (1.0F - x.part) * field.ground[x.cell] + scale * x.part * field.ground[x.cell + 1];
 }
 
 // Multiple scattering of a segment towards the viewer. view_cosine: of the path with the vertical at the
 // segment.
-Spectrum Atmosphere::again(const PathStep& step, double sun_cosine, double view_cosine,
-                           double view_sun) const {
-    const Between y = between(height_position(step.height), field_heights);
-    const Between x = between(sun_position(sun_cosine), field_suns);
+Spectrum Atmosphere::multiple_scattering(const PathStep& step, double sun_cosine, double view_cosine,
+                                         double view_sun) const {
+    const TablePosition y = between(height_position(step.height), field_heights);
+    const TablePosition x = between(sun_position(sun_cosine), field_suns);
     const size_t cell = y.cell * field_suns + x.cell;
     const double up = std::clamp(view_cosine, -1.0, 1.0), sine = sine_of(up);
     const double sun_sine = std::max(sine_of(sun_cosine), 1e-4); // at the zenith level moments vanish
@@ -354,7 +355,7 @@ Spectrum Atmosphere::again(const PathStep& step, double sun_cosine, double view_
     add(cell + field_suns + 1, y.part * x.part);
     const Spectrum bent = 1.5F * second - 0.5F * mean;
     const Spectrum aerosol = mean + 3.0F * aerosol_first * first + 5.0F * aerosol_second * bent;
-    return dusk_at(sun_cosine) *
+    return dusk_scale(sun_cosine) *
            (step.by_air * (mean + 5.0F * air_second * bent) + step.by_aerosol * aerosol.max(0.0F));
 }
 
@@ -369,7 +370,7 @@ Scattered Atmosphere::scattered(const Path& path, double sun_cosine, double view
         sum.by_air += step.by_air * light;
         sum.by_aerosol += step.by_aerosol * light;
         const double up = (path.radius * path.cosine + step.distance) / (planet_radius + step.height);
-        sum.rest += again(step, sun, up, view_sun);
+        sum.rest += multiple_scattering(step, sun, up, view_sun);
     }
     if (path.meets_ground) {
         const double sun = sun_at(path.length, planet_radius);
@@ -403,7 +404,7 @@ void Atmosphere::make_field(const Loop& loop) {
         if (share < last_order) return;
     }
     const auto series = [](const Spectrum& first, const Spectrum& second) -> Spectrum {
-        const Spectrum ratio = (second / first.max(1e-30F)).min(steepest_series);
+        const Spectrum ratio = (second / first.max(1e-30F)).min(max_series_ratio);
         return ratio / (1.0F - ratio);
     };
     for (size_t i = 0; i < field_.mean.size(); ++i) {
@@ -420,14 +421,14 @@ Atmosphere::Field Atmosphere::next_order(const Field* before, const Loop& loop) 
     order.mean.assign(field_heights * field_suns, Spectrum::Zero());
     order.moments.resize(field_heights * field_suns);
     order.ground.assign(field_suns, Spectrum::Zero());
-    loop(field_heights, [&](size_t row) { gather(row, before, order); });
+    loop(field_heights, [&](size_t row) { compute_table_row(row, before, order); });
     return order;
 }
 
 // Radiance that arrives along a path, averaged over a cell of directions: light of the order `before`,
 // scattered once more. nullptr: sunlight.
-Spectrum Atmosphere::arriving(const Path& path, double sun_cosine, const Cell& cell,
-                              const Field* before) const {
+Spectrum Atmosphere::incident_radiance(const Path& path, double sun_cosine, const Cell& cell,
+                                       const Field* before) const {
     Spectrum sum = Spectrum::Zero();
     const auto sun_at = [&](double distance, double radius) {
         return (path.radius * sun_cosine + distance * cell.view_sun) / radius;
@@ -486,7 +487,7 @@ void Atmosphere::average_phases(std::vector<Cell>& cells, double sun) {
 }
 
 // Computes one row of the tables. All sun positions share the paths; only the lighting differs.
-void Atmosphere::gather(size_t row, const Field* before, Field& order) const {
+void Atmosphere::compute_table_row(size_t row, const Field* before, Field& order) const {
     const double height = height_of(row, field_heights);
     std::vector<Cell> cells = cells_around(horizon_cosine(height));
     std::vector<Path> paths;
@@ -500,7 +501,7 @@ void Atmosphere::gather(size_t row, const Field* before, Field& order) const {
         for (size_t i = 0; i < cells.size(); ++i) {
             Cell& cell = cells[i];
             cell.view_sun = angle_cosine(cell.middle(), sun, 0.5 * (cell.azimuth_from + cell.azimuth_to));
-            const Spectrum light = arriving(paths[i / azimuth_cells], sun, cell, before);
+            const Spectrum light = incident_radiance(paths[i / azimuth_cells], sun, cell, before);
             const Spectrum part = light * static_cast<float>(cell.solid_angle() / (4.0 * pi));
             mean += part;
             const double middle = 0.5 * (cell.azimuth_from + cell.azimuth_to);
@@ -514,10 +515,11 @@ void Atmosphere::gather(size_t row, const Field* before, Field& order) const {
             down += light * static_cast<float>(cell.solid_angle() * std::max(0.0, cell.middle()));
         }
         const size_t at = row * field_suns + column;
-        order.mean[at] = mean / dusk_at(sun);
+        order.mean[at] = mean / dusk_scale(sun);
         for (Spectrum Moments::*moment : all_moments)
-            order.moments[at].*moment = moments.*moment / dusk_at(sun);
-        if (row == 0) order.ground[column] = down / dusk_at(sun); // at sea level the horizon is at cosine 0
+            order.moments[at].*moment = moments.*moment / dusk_scale(sun);
+        if (row == 0)
+            order.ground[column] = down / dusk_scale(sun); // at sea level the horizon is at cosine 0
     }
 }
 

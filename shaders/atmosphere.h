@@ -32,7 +32,7 @@ inline constexpr double wavelength_of(int band) { return 390.0 + 20.0 * band; }
 
 // Runs body(0) ... body(count - 1), in any order and possibly in parallel on the caller's threads.
 using Loop = std::function<void(size_t count, const std::function<void(size_t)>& body)>;
-void one_by_one(size_t count, const std::function<void(size_t)>& body);
+void serial_loop(size_t count, const std::function<void(size_t)>& body);
 
 struct AirSettings {
     double air = 1.0;                    // amount of molecules relative to the standard atmosphere
@@ -75,7 +75,7 @@ struct Scattered {
 class Atmosphere {
   public:
     // Without `scatters` only the transmittance is computed, not the scattering: much faster to build.
-    explicit Atmosphere(const AirSettings& settings, const Loop& loop = one_by_one, bool scatters = true);
+    explicit Atmosphere(const AirSettings& settings, const Loop& loop = serial_loop, bool scatters = true);
 
     // From a height to space; 0 if the ground blocks the path.
     Spectrum transmittance(double height, double cosine) const;
@@ -113,10 +113,12 @@ class Atmosphere {
     Field next_order(const Field* before, const Loop& loop) const;
     static std::vector<Cell> cells_around(double horizon);
     static void average_phases(std::vector<Cell>& cells, double sun);
-    void gather(size_t row, const Field* before, Field& order) const;
-    Spectrum arriving(const Path& path, double sun_cosine, const Cell& cell, const Field* before) const;
+    void compute_table_row(size_t row, const Field* before, Field& order) const;
+    Spectrum incident_radiance(const Path& path, double sun_cosine, const Cell& cell,
+                               const Field* before) const;
     std::array<double, 3> columns(double height, double cosine) const;
-    Spectrum again(const PathStep& step, double sun_cosine, double view_cosine, double view_sun) const;
+    Spectrum multiple_scattering(const PathStep& step, double sun_cosine, double view_cosine,
+                                 double view_sun) const;
     static Spectrum mean_at(const Field& field, double height, double sun_cosine);
     static Spectrum ground_at(const Field& field, double sun_cosine);
 

@@ -41,7 +41,7 @@ std::vector<ParamSpec> blend_params();
 BlendSettings read_blend(const ParamSet& params);
 
 // Index of the material that a path selects. `uniform` is a random number in [0, 1).
-inline int chosen(const BlendSettings& settings, double attribute, double uniform) {
+inline int select_material(const BlendSettings& settings, double attribute, double uniform) {
     return settings.materials[uniform < settings.ramp(attribute) ? 1 : 0];
 }
 

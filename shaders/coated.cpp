@@ -19,7 +19,7 @@ CoatedBsdf coated(const ShadingPoint& point, const Vec3f& normal, const Vec3f& r
     bsdf.ior = coat.ior;
     // The shading normal may face away from wo. Then E is that of grazing incidence, and there is no gloss.
     const float through = 1.0F - bsdf.gloss.at(bsdf.normal.dot(point.wo));
-    bsdf.into = through / (1.0F - bsdf.gloss.mean);
+    bsdf.base_scale = through / (1.0F - bsdf.gloss.mean);
     const float back = through * mean(reflectance), on = through * mean(transmittance);
     const float shine = bsdf.normal.dot(point.wo) > 0.0F && coat.ior > 1.0F ? 1.0F - through : 0.0F;
     const float sum = back + on + shine;
@@ -36,7 +36,7 @@ BsdfValue evaluate(const CoatedBsdf& bsdf, const Vec3f& wi) {
     const float rest = std::max(0.0F, 1.0F - bsdf.gloss_probability - bsdf.reflect_probability);
     result.pdf = density * (above ? bsdf.reflect_probability : rest);
     if (seen)
-        result.value = density * bsdf.into * (1.0F - bsdf.gloss.at(std::abs(cosine))) *
+        result.value = density * bsdf.base_scale * (1.0F - bsdf.gloss.at(std::abs(cosine))) *
                        (above ? bsdf.reflectance : bsdf.transmittance);
     const float cosine_o = bsdf.normal.dot(bsdf.wo);
     if (!above || !(cosine_o > 0.0F) || bsdf.gloss_probability == 0.0F) return result;
@@ -47,7 +47,7 @@ BsdfValue evaluate(const CoatedBsdf& bsdf, const Vec3f& wi) {
     result.pdf += bsdf.gloss_probability * bsdf.surface.half_pdf(bsdf.wo, half);
     if (seen)
         result.value += Vec3f::Constant(fresnel(bsdf.wo.dot(half), bsdf.ior) * bsdf.surface.density(half) *
-                                        bsdf.surface.visible(cosine_o, cosine) / (4.0F * cosine_o));
+                                        bsdf.surface.smith_g(cosine_o, cosine) / (4.0F * cosine_o));
     return result;
 }
 
@@ -67,7 +67,7 @@ bool sample(const CoatedBsdf& bsdf, const std::array<float, 4>& random, BsdfSamp
 }
 
 Vec3f albedo(const CoatedBsdf& bsdf) {
-    const float through = bsdf.into * (1.0F - bsdf.gloss.mean);
+    const float through = bsdf.base_scale * (1.0F - bsdf.gloss.mean);
     return through * (bsdf.reflectance + bsdf.transmittance) + Vec3f::Constant(1.0F - through);
 }
 

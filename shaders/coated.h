@@ -19,7 +19,7 @@ struct CoatedBsdf {
     Microsurface surface;
     GlossTable::Row gloss; // row of a table that must outlive the closure
     float ior;
-    float into;                                   // (1 - E(mu_o)) / (1 - <E>)
+    float base_scale;                             // (1 - E(mu_o)) / (1 - <E>)
     float gloss_probability, reflect_probability; // the rest is transmission
 };
 

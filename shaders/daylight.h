@@ -61,7 +61,7 @@ Vec3f sun_irradiance(const DaylightSettings& settings, const Atmosphere& air);
 
 class Daylight {
   public:
-    explicit Daylight(const DaylightSettings& settings, const Loop& loop = one_by_one);
+    explicit Daylight(const DaylightSettings& settings, const Loop& loop = serial_loop);
 
     // Radiance of sky and ground, without the sun's disc; y is up. W/(m2 sr), never negative.
     Vec3f radiance(const Vec3d& direction) const;

@@ -61,8 +61,8 @@ float albedo_of(float cosine, float roughness, float ior) {
                                                    (static_cast<float>(j) + 0.5F) / side);
             const float onto = wo.dot(half), down = 2.0F * onto * half.z() - wo.z();
             if (down <= 0.0F) continue;
-            sum += static_cast<double>(fresnel(onto, ior) * surface.visible(cosine, down) /
-                                       surface.visible(cosine));
+            sum += static_cast<double>(fresnel(onto, ior) * surface.smith_g(cosine, down) /
+                                       surface.smith_g(cosine));
         }
     return static_cast<float>(sum / (side * side));
 }
@@ -86,12 +86,12 @@ float Microsurface::density(const Vec3f& half) const {
     return 1.0F / (pi_f * alpha * alpha * away * away);
 }
 
-float Microsurface::visible(float cosine) const {
+float Microsurface::smith_g(float cosine) const {
     const float tan2 = (1.0F - cosine * cosine) / (cosine * cosine);
     return 2.0F / (1.0F + std::sqrt(1.0F + alpha * alpha * tan2));
 }
 
-float Microsurface::visible(float cosine_o, float cosine_i) const {
+float Microsurface::smith_g(float cosine_o, float cosine_i) const {
     const float a2 = alpha * alpha;
     const float o = std::sqrt(1.0F + a2 * (1.0F - cosine_o * cosine_o) / (cosine_o * cosine_o));
     const float i = std::sqrt(1.0F + a2 * (1.0F - cosine_i * cosine_i) / (cosine_i * cosine_i));
@@ -112,7 +112,7 @@ Vec3f Microsurface::sample_half(const Vec3f& wo, float a, float b) const {
 
 float Microsurface::half_pdf(const Vec3f& wo, const Vec3f& half) const {
     const float cosine = wo.dot(normal);
-    return cosine > 0.0F ? visible(cosine) * density(half) / (4.0F * cosine) : 0.0F;
+    return cosine > 0.0F ? smith_g(cosine) * density(half) / (4.0F * cosine) : 0.0F;
 }
 
 GlossTable::GlossTable(float ior) {

@@ -44,8 +44,8 @@ struct Microsurface {
     Microsurface() = default;
     Microsurface(const Vec3f& unit_normal, float roughness);
     float density(const Vec3f& half) const;                     // D(h), 1/sr; 0 below the surface
-    float visible(float cosine) const;                          // Smith's G1
-    float visible(float cosine_o, float cosine_i) const;        // height-correlated G2
+    float smith_g(float cosine) const;                          // Smith's G1
+    float smith_g(float cosine_o, float cosine_i) const;        // height-correlated G2
     Vec3f sample_half(const Vec3f& wo, float a, float b) const; // samples the VNDF for wo
     float half_pdf(const Vec3f& wo,
                    const Vec3f& half) const; // pdf of wi = reflection of wo about such a half vector

@@ -68,7 +68,7 @@ Float4 longitudinal(const HairBsdf& bsdf, float cos_i, float sin_i) {
 
 // N_p of all lobes.
 Float4 azimuthal(const HairBsdf& bsdf, float phi) {
-    Float4 x = abs(phi - bsdf.exit); // at most 2 pi, as both are in [-pi, pi]
+    Float4 x = abs(phi - bsdf.lobe_azimuth); // at most 2 pi, as both are in [-pi, pi]
     x = min(x, 2.0F * pi_f - x);
     const Float4 e = exp_of_negative(x * (-1.0F / bsdf.logistic_scale));
     Float4 n = e / (bsdf.logistic_scale * bsdf.logistic_norm * (1.0F + e) * (1.0F + e));
@@ -178,7 +178,7 @@ std::vector<ParamSpec> hair_params() {
 namespace {
 
 // Parameters that the chosen pigment does not read are errors: they would be ignored silently.
-void refuse_other_pigment(const ParamSet& params) {
+void reject_unused_pigment_params(const ParamSet& params) {
     const bool melanin = params.text("pigment") == "melanin";
     const std::vector<std::string_view> unread =
         melanin ? std::vector<std::string_view>{"color", "root_color", "tip_color", "color_map"}
@@ -195,7 +195,7 @@ void refuse_other_pigment(const ParamSet& params) {
 } // namespace
 
 HairSettings read_hair(const ParamSet& params, const TextureOpener& open) {
-    refuse_other_pigment(params);
+    reject_unused_pigment_params(params);
     HairSettings settings;
     settings.color = read_strand_color(params, open);
     settings.roughness = static_cast<float>(params.number("roughness"));
@@ -209,7 +209,7 @@ HairSettings read_hair(const ParamSet& params, const TextureOpener& open) {
     settings.precision = 1.0F / settings.variance;
     for (int p = 0; p < lobe_count; ++p) {
         settings.scale[p] = -1.0F / (settings.variance[p] * std::expm1(-2.0F / settings.variance[p]));
-        settings.least[p] = std::exp(-2.0F / settings.variance[p]);
+        settings.exp_neg_2_over_v[p] = std::exp(-2.0F / settings.variance[p]);
     }
     settings.logistic_scale =
         static_cast<float>(std::sqrt(pi / 8.0) * (0.265 * n + 1.194 * n * n + 5.372 * std::pow(n, 22.0)));
@@ -236,7 +236,8 @@ HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point) {
 
     const float h = std::clamp(point.h, -1.0F, 1.0F), eta = settings.ior;
     constexpr float end_on = 1e-30F; // replaces 0, at ior = 1 and wo along the axis: avoids 0 / 0
-    const float bravais = std::max(std::sqrt(bent(bsdf.cos_theta_o, eta)), end_on); // eta cos theta_t
+    const float bravais =
+        std::max(std::sqrt(ior_cos_t_squared(bsdf.cos_theta_o, eta)), end_on); // eta cos theta_t
     const float sin_gamma_t = std::clamp(h * bsdf.cos_theta_o / bravais, -1.0F, 1.0F);
     const Float4 sines{h, sin_gamma_t}, cosines = sqrt((1.0F - sines) * (1.0F + sines));
     const Float4 gammas = fast_atan2(sines, cosines);
@@ -254,10 +255,10 @@ HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point) {
     bsdf.variance = settings.variance;
     bsdf.precision = settings.precision;
     bsdf.scale = settings.scale;
-    bsdf.least = settings.least;
+    bsdf.exp_neg_2_over_v = settings.exp_neg_2_over_v;
     bsdf.logistic_scale = settings.logistic_scale;
     bsdf.logistic_norm = settings.logistic_norm;
-    bsdf.exit = wrap(exit_azimuths(bsdf.gamma_o, bsdf.gamma_t));
+    bsdf.lobe_azimuth = wrap(exit_azimuths(bsdf.gamma_o, bsdf.gamma_t));
     set_attenuation(bsdf, sigma, fresnel(bsdf.cos_theta_o * cosines[0], eta), chord);
     set_lobe_cones(bsdf, settings);
     return bsdf;
@@ -289,10 +290,10 @@ bool sample(const HairBsdf& bsdf, const std::array<float, 4>& random, BsdfSample
 
     // The angle from the lobe's specular cone, as 1 - cos, which is accurate for small angles. u is never 0.
     const float v = bsdf.variance[p], u = 1.0F - random[0];
-    const float away = std::clamp(-v * std::log(u + (1.0F - u) * bsdf.least[p]), 0.0F, 2.0F);
+    const float away = std::clamp(-v * std::log(u + (1.0F - u) * bsdf.exp_neg_2_over_v[p]), 0.0F, 2.0F);
     const float phi = p == lobe_count - 1
                           ? 2.0F * pi_f * random[1] - pi_f
-                          : wrap(Float4{} + bsdf.exit[p] +
+                          : wrap(Float4{} + bsdf.lobe_azimuth[p] +
                                  sample_logistic(random[1], bsdf.logistic_scale, bsdf.logistic_norm))[0];
     Float4 sines, cosines;
     fast_sin_cos(Float4{phi, 2.0F * pi_f * random[3]}, sines, cosines);

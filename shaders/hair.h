@@ -52,7 +52,7 @@ struct HairSettings {
     Float4 variance{};                           // v, longitudinal: R, TT, TRT, residual
     Float4 precision{};                          // 1 / v
     Float4 scale{};                              // 1 / (v (1 - exp(-2/v)))
-    Float4 least{};                              // exp(-2/v)
+    Float4 exp_neg_2_over_v{};                   // exp(-2/v)
     float logistic_scale = 0.0F;                 // s, azimuthal
     float logistic_norm = 0.0F;                  // integral of the logistic over [-pi, pi]
     std::array<float, 3> sin_tilt{}, cos_tilt{}; // of 2^k tilt
@@ -67,11 +67,11 @@ struct HairBsdf {
     float sin_theta_o, cos_theta_o;
     float gamma_o, gamma_t;
     float logistic_scale, logistic_norm;
-    std::array<Vec3f, 4> attenuation;         // A_p of each lobe
-    Float4 probability;                       // of selecting each lobe
-    Float4 variance, precision, scale, least; // as in the settings
-    Float4 lobe_sin, lobe_cos;                // sin and cos of theta_o, tilted for each lobe
-    Float4 exit;                              // Phi_p of each lobe, -pi ... pi; not used for the residual
+    std::array<Vec3f, 4> attenuation;                    // A_p of each lobe
+    Float4 probability;                                  // of selecting each lobe
+    Float4 variance, precision, scale, exp_neg_2_over_v; // as in the settings
+    Float4 lobe_sin, lobe_cos;                           // sin and cos of theta_o, tilted for each lobe
+    Float4 lobe_azimuth; // Phi_p of each lobe, -pi ... pi; not used for the residual
 };
 
 HairBsdf hair_at(const HairSettings& settings, const ShadingPoint& point);

@@ -45,7 +45,7 @@ constexpr float blur =
     static_cast<float>(1.5 * degree); // of a facet: its curvature and the angular radius of the sun
 constexpr float many = 4096.0F;       // reflecting facets: the factor is 1 +- 1/64 at most
 
-float grains_albedo(float single, float bend, float cosine) {
+float oren_nayar_albedo(float single, float bend, float cosine) {
     const float c = std::clamp(cosine, 0.0F, 1.0F), s = std::sqrt((1.0F - c) * (1.0F + c));
     const float g =
         s * (std::acos(c) - s * c - 2.0F / 3.0F) + 2.0F / 3.0F * s * c * (1.0F + s + s * s) / (1.0F + s);
@@ -70,7 +70,7 @@ float poisson(float mean_count, float u) {
 
 // Octahedral map of a direction to [-1, 1]^2 (Cigolle et al., "A Survey of Efficient Representations for
 // Independent Unit Vectors", JCGT 2014). The solid angles of equal cells agree within a factor of two.
-Vec2f on_square(const Vec3f& d) {
+Vec2f octahedral_map(const Vec3f& d) {
     const float sum = std::abs(d.x()) + std::abs(d.y()) + std::abs(d.z());
     const Vec2f p(d.x() / sum, d.z() / sum);
     if (d.y() >= 0.0F) return p;
@@ -128,7 +128,7 @@ SandSettings read_sand(const ParamSet& params, const TextureOpener& open) {
     return settings;
 }
 
-Ripple ripple_at(const SandSettings& settings, const ShadingPoint& at, const Footprint& seen_of) {
+Ripple ripple_at(const SandSettings& settings, const ShadingPoint& at, const Footprint& pixel_axes) {
     Ripple ripple;
     RipplePoint point;
     point.at = {at.position.x(), at.position.z()};
@@ -153,10 +153,10 @@ Ripple ripple_at(const SandSettings& settings, const ShadingPoint& at, const Foo
     if (!(point.strength > 0.0)) return ripple;
     const RippleField& field = given ? *given : settings.ripples;
     const Vec2d wave = field.wave(point);
-    const double a_half = 0.5 * wave.dot(seen_of.across.cast<double>()),
-                 b_half = 0.5 * wave.dot(seen_of.away.cast<double>());
+    const double a_half = 0.5 * wave.dot(pixel_axes.across.cast<double>()),
+                 b_half = 0.5 * wave.dot(pixel_axes.away.cast<double>());
     const double seen = std::exp(-0.5 * (a_half * a_half + b_half * b_half));
-    ripple.hidden = static_cast<float>(field.slope_variance(point) * (1.0 - seen * seen));
+    ripple.unresolved_variance = static_cast<float>(field.slope_variance(point) * (1.0 - seen * seen));
     constexpr double none = 1.0 / 256.0; // the slope is below 0.4, so this is negligible
     if (!(seen > none)) return ripple;
     double metres = 0.0;
@@ -172,7 +172,7 @@ float glint(const SandSettings& settings, const Vec3d& position, float width, co
     const float level = std::max(0.0F, std::log2(std::max(width, smallest) / smallest));
     if (!std::isfinite(level)) return 1.0F;
     const float whole = std::floor(level);
-    const Vec2f at = on_square(half) / (2.0F * blur);
+    const Vec2f at = octahedral_map(half) / (2.0F * blur);
     const Vec2f low = at.array().floor();
     float sum = 0.0F;
     for (int size = 0; size < 2; ++size) {
@@ -222,17 +222,18 @@ SandBsdf sand_at(const SandSettings& settings, const ShadingPoint& point) {
     normal = (normal - up * Vec3f(ripple.slope.x(), 0.0F, ripple.slope.y())).normalized();
     bsdf.normal = normal;
 
-    const float r = std::min(1.0F, std::sqrt(settings.roughness * settings.roughness + ripple.hidden));
+    const float r =
+        std::min(1.0F, std::sqrt(settings.roughness * settings.roughness + ripple.unresolved_variance));
     bsdf.single = 1.0F / (1.0F + (0.5F - 2.0F / (3.0F * pi_f)) * r);
     bsdf.bend = r * bsdf.single;
     bsdf.mean_albedo = bsdf.single * (1.0F + (2.0F / 3.0F - 28.0F / (15.0F * pi_f)) * r);
     const float cosine = std::max(normal.dot(point.wo), 0.0F);
-    bsdf.albedo_o = grains_albedo(bsdf.single, bsdf.bend, cosine);
+    bsdf.albedo_o = oren_nayar_albedo(bsdf.single, bsdf.bend, cosine);
     bsdf.color = color_at(settings.color, point);
     bsdf.color = bsdf.color.cwiseProduct(variation_factor(settings.color, point, bsdf.color));
     for (int c = 0; c < 3; ++c)
-        bsdf.color_again[c] = bsdf.color[c] * bsdf.color[c] * bsdf.mean_albedo /
-                              (1.0F - bsdf.color[c] * (1.0F - bsdf.mean_albedo));
+        bsdf.multiple_color[c] = bsdf.color[c] * bsdf.color[c] * bsdf.mean_albedo /
+                                 (1.0F - bsdf.color[c] * (1.0F - bsdf.mean_albedo));
 
     bsdf.facets = Microsurface(normal, facet_roughness);
     bsdf.gloss = settings.gloss.row(facet_roughness);
@@ -253,15 +254,15 @@ BsdfValue evaluate(const SandBsdf& bsdf, const Vec3f& wi) {
         const float o = std::max(cosine_o, 0.0F), s = bsdf.wo.dot(wi) - o * cosine;
         const float t = s > 0.0F ? std::max({o, cosine, 1e-6F}) : 1.0F; // o = cosine = 0: f cos is 0
         const float missing = 1.0F - bsdf.mean_albedo;
-        const float again =
-            missing > 0.0F
-                ? (1.0F - bsdf.albedo_o) * (1.0F - grains_albedo(bsdf.single, bsdf.bend, cosine)) / missing
-                : 0.0F;
+        const float again = missing > 0.0F
+                                ? (1.0F - bsdf.albedo_o) *
+                                      (1.0F - oren_nayar_albedo(bsdf.single, bsdf.bend, cosine)) / missing
+                                : 0.0F;
         const float share = bsdf.settings->sparkle;
         const float under =
             bsdf.through * (1.0F - share * bsdf.gloss.at(cosine)) / (1.0F - share * bsdf.gloss.mean);
         const float single = std::max(bsdf.single + bsdf.bend * s / t, 0.0F);
-        result.value = under * cosine / pi_f * (single * bsdf.color + again * bsdf.color_again);
+        result.value = under * cosine / pi_f * (single * bsdf.color + again * bsdf.multiple_color);
     }
     const Vec3f sum = bsdf.wo + wi;
     const float length = sum.norm();
@@ -272,7 +273,7 @@ BsdfValue evaluate(const SandBsdf& bsdf, const Vec3f& wi) {
     const float density = bsdf.facets.density(half);
     const float chance = std::min(1.0F, density * bsdf.normal.dot(half) * pi_f * blur * blur);
     const float facets = bsdf.settings->sparkle * fresnel(bsdf.wo.dot(half), bsdf.settings->ior) * density *
-                         bsdf.facets.visible(cosine_o, cosine) / (4.0F * cosine_o);
+                         bsdf.facets.smith_g(cosine_o, cosine) / (4.0F * cosine_o);
     if (facets > 0.0F)
         result.value +=
             Vec3f::Constant(facets * glint(*bsdf.settings, bsdf.position, bsdf.width, half, chance));
@@ -293,7 +294,7 @@ bool sample(const SandBsdf& bsdf, const std::array<float, 4>& random, BsdfSample
 }
 
 Vec3f albedo(const SandBsdf& bsdf) {
-    return bsdf.through * (bsdf.mean_albedo * bsdf.color + (1.0F - bsdf.mean_albedo) * bsdf.color_again) +
+    return bsdf.through * (bsdf.mean_albedo * bsdf.color + (1.0F - bsdf.mean_albedo) * bsdf.multiple_color) +
            Vec3f::Constant(1.0F - bsdf.through);
 }
 

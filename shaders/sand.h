@@ -62,7 +62,7 @@ SandSettings read_sand(const ParamSet& params, const TextureOpener& open);
 struct SandBsdf {
     const SandSettings* settings;       // outlives the closure
     Vec3f wo, normal, geometric_normal; // both normals on wo's side
-    Vec3f color, color_again;           // of single and of multiple scattering between grains
+    Vec3f color, multiple_color;        // of single and of multiple scattering between grains
     float single, bend;                 // A and B in sand.cpp
     float albedo_o, mean_albedo;        // E(mu_o), <E>
     Microsurface facets;
@@ -85,10 +85,10 @@ struct Footprint {
 };
 
 // The slope of the ripples, d/dx and d/dz, that a pixel with this footprint resolves, and the variance of the
-// slope that it does not resolve (`hidden`).
+// slope that it does not resolve (`unresolved_variance`).
 struct Ripple {
     Vec2f slope = Vec2f::Zero();
-    float hidden = 0.0F;
+    float unresolved_variance = 0.0F;
 };
 Ripple ripple_at(const SandSettings& settings, const ShadingPoint& point, const Footprint& seen);
 

@@ -26,7 +26,7 @@ void check_page(const CompareOptions& options) {
     }
 }
 
-std::string folder_for(const std::string& folder) {
+std::string make_report_folder(const std::string& folder) {
     std::error_code error;
     fs::create_directories(folder, error);
     if (!fs::is_directory(folder))
@@ -68,7 +68,7 @@ int compare_files(const CompareOptions& options) {
         reference{options.reference, read_picture(options.reference)};
     const Comparison comparison =
         compare_pictures(test.picture, reference.picture, options.test, options.reference);
-    const std::string page = options.report.empty() ? "" : folder_for(options.report);
+    const std::string page = options.report.empty() ? "" : make_report_folder(options.report);
     if (!page.empty()) check_writable(page);
     print_reading(test.picture, reference.picture, comparison);
     print(comparison);

@@ -15,13 +15,13 @@ namespace marram {
 namespace {
 
 std::atomic<bool> stop{false};
-std::atomic<int> no_exits{0};
+std::atomic<int> exit_blockers{0};
 
 // The documentation promises an exit within a second. Sorting roots, for example, takes up to this time
 // before it polls interrupted().
 constexpr double grace_seconds = 0.4;
 
-[[noreturn]] void cut_off() {
+[[noreturn]] void exit_now() {
     remove_temporary_files();
     _exit(exit_interrupted);
 }
@@ -35,7 +35,7 @@ void watch(sigset_t signals) {
     for (double waited = 0.0;; waited += 0.02) {
         timespec none{0, 0};
         const bool again = sigtimedwait(&signals, nullptr, &none) > 0;
-        if (again || (waited > grace_seconds && no_exits.load() == 0)) cut_off();
+        if (again || (waited > grace_seconds && exit_blockers.load() == 0)) exit_now();
         nanosleep(&pause, nullptr);
     }
 }
@@ -57,7 +57,7 @@ void watch_interrupts() {
     std::thread(watch, signals).detach();
 }
 
-NoExit::NoExit() { ++no_exits; }
-NoExit::~NoExit() { --no_exits; }
+ExitBlocker::ExitBlocker() { ++exit_blockers; }
+ExitBlocker::~ExitBlocker() { --exit_blockers; }
 
 } // namespace marram

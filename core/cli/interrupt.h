@@ -9,18 +9,18 @@ namespace marram {
 // Set by SIGINT, SIGTERM and SIGHUP. All long computations poll it.
 const std::atomic<bool>& interrupted();
 
-// From this call on, the signals set interrupted(). If the work has not ended 0.4 s later and no NoExit
+// From this call on, the signals set interrupted(). If the work has not ended 0.4 s later and no ExitBlocker
 // lives, the process removes its temporary files and exits with exit_interrupted. A second signal does so at
 // once.
 void watch_interrupts();
 
 // While one of these lives, an interrupt waits until the work ends by itself, as a picture is being saved.
-class NoExit {
+class ExitBlocker {
   public:
-    NoExit();
-    ~NoExit();
-    NoExit(const NoExit&) = delete;
-    NoExit& operator=(const NoExit&) = delete;
+    ExitBlocker();
+    ~ExitBlocker();
+    ExitBlocker(const ExitBlocker&) = delete;
+    ExitBlocker& operator=(const ExitBlocker&) = delete;
 };
 
 } // namespace marram

@@ -4,6 +4,6 @@
 
 // The loader runs this before the initialisers of shared libraries, which allocate 100 MB and start threads.
 [[gnu::section(".preinit_array"),
-  gnu::used]] static void (*const first_of_all)() = marram::watch_for_lack_of_memory;
+  gnu::used]] static void (*const preinit_hook)() = marram::watch_for_lack_of_memory;
 
 int main(int argc, char** argv) { return marram::run(argc, argv); }

@@ -24,7 +24,7 @@ void write_file(const fs::path& path, const std::string& text) {
 
 // Writes the report, with "partial" in the file names if the measurement was interrupted. Returns the paths.
 std::vector<std::string> write_report(const Measurement& measurement, const fs::path& folder, bool partial) {
-    const NoExit no_exit;
+    const ExitBlocker exit_blocker;
     const std::string middle = partial ? ".partial" : "";
     std::vector<std::string> written;
     const auto put = [&](const std::string& stem, const std::string& extension, const std::string& text) {

@@ -15,11 +15,11 @@ namespace {
 constexpr int bar_width = 30;
 constexpr auto interval = std::chrono::milliseconds(100);
 
-// `gone`: the fraction done during `elapsed`. It is less than `fraction` if a phase was resumed from a file.
-std::string time_left(double elapsed, double gone, double fraction) {
+// `fraction_done`: the fraction done during `elapsed`. It is less than `fraction` if a phase was resumed from a file.
+std::string time_left(double elapsed, double fraction_done, double fraction) {
     // No estimate before enough is done.
-    if (gone < 0.01 || elapsed < 0.5) return "";
-    const int seconds = int(elapsed * (1.0 - fraction) / gone + 0.5);
+    if (fraction_done < 0.01 || elapsed < 0.5) return "";
+    const int seconds = int(elapsed * (1.0 - fraction) / fraction_done + 0.5);
     return fmt::format("{}:{:02} left", seconds / 60, seconds % 60);
 }
 

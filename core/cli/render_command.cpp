@@ -106,17 +106,17 @@ void save(Frame& frame, Preview& preview, bool quiet) {
     for (const std::string& layer : saved.layers) fmt::print("{}\n", layer);
     fmt::print("{}\n", saved.picture);
     std::fflush(stdout); // an interrupt may end the process before a later flush
-    if (!saved.no_state.empty())
-        fmt::print(stderr, "{}\n{}: --resume will begin anew\n", saved.no_state, frame.files.picture);
+    if (!saved.state_error.empty())
+        fmt::print(stderr, "{}\n{}: --resume will begin anew\n", saved.state_error, frame.files.picture);
     if (saved.whole) remove_unfinished(frame.files);
     if (!render.cancelled) preview.finish();
     if (!preview.fault().empty()) fmt::print(stderr, "{}\n", preview.fault());
 }
 
-// Renders one frame to its files. kept: geometry kept from frame to frame. no_exit: set from the start of
+// Renders one frame to its files. kept: geometry kept from frame to frame. exit_blocker: set from the start of
 // tracing, so that an interrupt does not prevent saving.
 void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, bool quiet,
-                  std::optional<NoExit>& no_exit) {
+                  std::optional<ExitBlocker>& exit_blocker) {
     Preview preview(frame.files.preview.empty() ? std::function<void()>() : [&] { save_preview(frame); });
     const auto state = [&] { return state_of(frame.progress, prefix); };
     std::optional<World> world;
@@ -126,7 +126,7 @@ void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, b
     }
     const ResumedFrame resumed = resume_frame(frame);
     if (!resumed.message.empty() && (resumed.refused || !quiet)) fmt::print(stderr, "{}\n", resumed.message);
-    no_exit.emplace();
+    exit_blocker.emplace();
     {
         const ProgressLine line(quiet, state);
         trace_frame(frame, *world, preview);
@@ -173,10 +173,10 @@ int render_command(const RenderOptions& options) {
         stats.frame = files.frame;
         stats.threads = threads;
         stats.load = std::exchange(first, false) ? load_seconds : 0.0;
-        std::optional<NoExit> no_exit;
+        std::optional<ExitBlocker> exit_blocker;
         arena.execute([&] {
             Frame frame{shot, frame_options, files, layer_names(shot, layers), interrupted(), stats};
-            render_frame(frame, kept, prefix, options.quiet, no_exit);
+            render_frame(frame, kept, prefix, options.quiet, exit_blocker);
         });
         stats_file.add(stats);
         if (stats.render.cancelled) {

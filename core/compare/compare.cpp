@@ -103,7 +103,7 @@ const Picture::Layer* variance_of(const Picture& picture) {
     return picture.samples == 1 ? nullptr : picture.find("variance");
 }
 
-void see_deviations(Comparison& result) {
+void report_deviations(Comparison& result) {
     const auto failing = std::ranges::count_if(result.scales, &ScaleResult::fails);
     if (failing == 0) return;
     const ScaleResult* worst = result.worst_scale();
@@ -147,7 +147,7 @@ void judge_noise(const Picture& test, const Picture& reference, const std::vecto
     result.unknown.clear();
     if (va && vb && !limits) note_noise(*va, *vb, result);
     const double more = known ? double(test.samples) / double(reference.samples) : 1.0;
-    result.knows_noise = true;
+    result.has_noise_estimate = true;
     std::vector<float> variance(a.size());
     for (size_t i = 0; i < variance.size(); ++i) {
         const double mine = va ? double(va->pixels[i]) : double(vb->pixels[i]) / more;
@@ -180,7 +180,7 @@ void judge_noise(const Picture& test, const Picture& reference, const std::vecto
             for (const auto& [size, limit] : limits->deviations)
                 if (size == scale.size) scale.limit = limit;
     }
-    see_deviations(result);
+    report_deviations(result);
 }
 
 // ---- whether they can be compared -----------------------------------------------------------------------------------
@@ -292,17 +292,17 @@ std::optional<Limits> limits_from(const std::string& text) {
 std::vector<ScaleResult> deviations(const std::vector<float>& test, const std::vector<float>& reference,
                                     const std::vector<float>& variance, Halves halves, int width,
                                     int height) {
-    const std::vector<double> sure = guarded(variance, width, height);
+    const std::vector<double> guarded_variance = guarded(variance, width, height);
     double mean = 0.0;
     for (const float v : reference) mean += std::abs(double(v)) / double(reference.size());
-    const double unsure = halves == Halves::variance  ? least_half
-                          : halves == Halves::colours ? 0.25 * least_half * least_half
-                                                      : 0.0;
-    const double least = std::max(unsure, nothing * nothing * mean * mean) + 1e-60;
+    const double rounding_variance = halves == Halves::variance  ? least_half
+                                     : halves == Halves::colours ? 0.25 * least_half * least_half
+                                                                 : 0.0;
+    const double least = std::max(rounding_variance, nothing * nothing * mean * mean) + 1e-60;
     std::vector<ScaleResult> scales;
     for (int size = 1; size < std::max(width, height); size *= 2)
-        scales.push_back(worst_of(test, reference, sure, least, width, height, size));
-    scales.push_back(worst_of(test, reference, sure, least, width, height, 0));
+        scales.push_back(worst_of(test, reference, guarded_variance, least, width, height, size));
+    scales.push_back(worst_of(test, reference, guarded_variance, least, width, height, 0));
     return scales;
 }
 
@@ -348,8 +348,8 @@ void judge_layers(const Picture& test, const Picture& reference, Comparison& res
     }
 }
 
-void judge_looks(const std::vector<float>& a, const std::vector<float>& b,
-                 const std::optional<Limits>& limits, Comparison& result) {
+void judge_perception(const std::vector<float>& a, const std::vector<float>& b,
+                      const std::optional<Limits>& limits, Comparison& result) {
     const int width = result.width, height = result.height;
     result.flip = flip_map(a, b, width, height, result.display ? Range::display : Range::linear);
     std::vector<float> sorted = result.flip;
@@ -362,29 +362,32 @@ void judge_looks(const std::vector<float>& a, const std::vector<float>& b,
     result.flip_window_y = worst.y;
     result.ssim = mean_ssim(a, b, width, height);
     constexpr double infinity = std::numeric_limits<double>::infinity();
-    const bool looks_decide = !limits && !result.knows_noise;
-    result.flip_mean_limit = limits ? limits->flip_mean : looks_decide ? plain_flip_mean : noisy_flip_mean;
-    result.flip_99_limit = limits ? limits->flip_99 : looks_decide ? plain_flip_99 : infinity;
-    result.flip_window_limit = looks_decide ? plain_flip_window : infinity;
-    result.ssim_limit = limits ? limits->ssim : looks_decide ? plain_ssim : -1.0;
-    const auto see = [&](bool fine, const std::string& what, double value, double limit, const char* bound) {
+    const bool perception_decides = !limits && !result.has_noise_estimate;
+    result.flip_mean_limit = limits               ? limits->flip_mean
+                             : perception_decides ? plain_flip_mean
+                                                  : noisy_flip_mean;
+    result.flip_99_limit = limits ? limits->flip_99 : perception_decides ? plain_flip_99 : infinity;
+    result.flip_window_limit = perception_decides ? plain_flip_window : infinity;
+    result.ssim_limit = limits ? limits->ssim : perception_decides ? plain_ssim : -1.0;
+    const auto require = [&](bool fine, const std::string& what, double value, double limit,
+                             const char* bound) {
         if (!fine)
             result.faults.push_back(fmt::format("it looks different: {} {:.3g} is {} the limit of {:.3g}",
                                                 what, value, bound, limit));
     };
-    see(result.flip_mean <= result.flip_mean_limit, "mean FLIP", result.flip_mean, result.flip_mean_limit,
-        "above");
-    see(result.flip_99 <= result.flip_99_limit, "the 99th percentile of FLIP", result.flip_99,
-        result.flip_99_limit, "above");
-    see(result.flip_window <= result.flip_window_limit,
-        fmt::format("mean FLIP of {} at ({}, {})", window_text(width, height), worst.x, worst.y),
-        result.flip_window, result.flip_window_limit, "above");
-    see(result.ssim >= result.ssim_limit, "SSIM", result.ssim, result.ssim_limit, "below");
+    require(result.flip_mean <= result.flip_mean_limit, "mean FLIP", result.flip_mean, result.flip_mean_limit,
+            "above");
+    require(result.flip_99 <= result.flip_99_limit, "the 99th percentile of FLIP", result.flip_99,
+            result.flip_99_limit, "above");
+    require(result.flip_window <= result.flip_window_limit,
+            fmt::format("mean FLIP of {} at ({}, {})", window_text(width, height), worst.x, worst.y),
+            result.flip_window, result.flip_window_limit, "above");
+    require(result.ssim >= result.ssim_limit, "SSIM", result.ssim, result.ssim_limit, "below");
 }
 
 // FLIP and SSIM treat negative light as 0.
 void judge_below_zero(const std::vector<float>& a, const std::vector<float>& b, Comparison& result) {
-    if (result.golden || result.knows_noise) return;
+    if (result.golden || result.has_noise_estimate) return;
     double apart = 0.0, light = 0.0;
     for (size_t i = 0; i < b.size(); ++i) {
         apart += std::abs(std::min(double(a[i]), 0.0) - std::min(double(b[i]), 0.0));
@@ -417,7 +420,7 @@ Comparison compare_pictures(const Picture& test, const Picture& reference, const
     result.golden = limits.has_value();
     judge_noise(test, reference, a, b, limits, result);
     result.display = test.display && reference.display;
-    judge_looks(a, b, limits, result);
+    judge_perception(a, b, limits, result);
     judge_below_zero(a, b, result);
     return result;
 }

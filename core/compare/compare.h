@@ -88,7 +88,7 @@ struct Comparison {
     std::vector<LayerResult> layers;
     bool equal = false;   // bit for bit
     bool display = false; // both are display-encoded (8-bit or similar): LDR-FLIP
-    bool knows_noise = false;
+    bool has_noise_estimate = false;
     std::string unknown;  // why noise is unknown
     bool golden = false;  // the reference carries limits
     bool swapped = false; // only the first picture carries limits: it was the reference

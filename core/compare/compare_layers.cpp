@@ -21,10 +21,10 @@ namespace {
 // Limits, described in core/compare/compare.h.
 constexpr double layer_share = 0.03;   // mean difference, relative to the layer's range
 constexpr double layer_bias = 0.01;    // difference of a channel's means, likewise
-constexpr double layer_beyond = 0.015; // mean excess, likewise
-// Mean excess in a window, minus noise_beyond times the excess over the neighbours in the own picture.
-constexpr double window_beyond = 0.03;
-constexpr double noise_beyond = 1.25;
+constexpr double layer_excess = 0.015; // mean excess, likewise
+// Mean excess in a window, minus noise_excess times the excess over the neighbours in the own picture.
+constexpr double window_excess = 0.03;
+constexpr double noise_excess = 1.25;
 constexpr double noise_names = 1.1, spare_names = 0.05; // limit for unknown ids: factor on noise, offset
 constexpr double window_names = 0.1;                    // fraction of a window's pixels
 constexpr int farthest = 2;                             // maximum tested shift, pixels
@@ -70,14 +70,14 @@ std::vector<float> beyond(const Picture::Layer& mine, const Picture::Layer& othe
 }
 
 // Excess of a layer over the other picture, averaged over both directions.
-struct Beyond {
+struct Excess {
     double mean = 0.0;       // over the picture
     WorstWindow unexplained; // worst mean excess, minus noise
     size_t channel = 0;      // of that window
 };
 
-Beyond beyond_of(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
-    Beyond result;
+Excess excess_of(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
+    Excess result;
     const size_t channels = b.channels.size();
     for (size_t c = 0; c < channels; ++c) {
         std::vector<float> plane = beyond(a, b, c, frame, Around::there);
@@ -87,7 +87,7 @@ Beyond beyond_of(const Picture::Layer& a, const Picture::Layer& b, Frame frame) 
         for (size_t i = 0; i < plane.size(); ++i) {
             const double both = 0.5 * (double(plane[i]) + double(back[i]));
             result.mean += both / double(b.pixels.size());
-            plane[i] = float(both - noise_beyond * 0.5 * (double(in_a[i]) + double(in_b[i])));
+            plane[i] = float(both - noise_excess * 0.5 * (double(in_a[i]) + double(in_b[i])));
         }
         const WorstWindow worst = worst_window(plane, frame.width, frame.height);
         if (c == 0 || worst.mean > result.unexplained.mean) {
@@ -146,7 +146,7 @@ bool is_called_id(const std::string& name) {
            (name[n - 2] == 'I' && std::islower(static_cast<unsigned char>(name[n - 3])));
 }
 
-bool holds_names(const Picture::Layer& layer) {
+bool holds_ids(const Picture::Layer& layer) {
     return layer.channels.size() == 1 && is_called_id(layer.name) &&
            std::ranges::all_of(layer.pixels, [](float v) { return v == std::floor(v); });
 }
@@ -187,7 +187,7 @@ double correlation(const Picture::Layer& a, const Picture::Layer& b, Frame frame
 }
 
 // Fraction of pixels with equal ids, among those with an id in either layer.
-double share_same(const Picture::Layer& a, const Picture::Layer& b, Frame frame, Offset by) {
+double same_id_fraction(const Picture::Layer& a, const Picture::Layer& b, Frame frame, Offset by) {
     double same = 0.0, named = 0.0;
     each_pair(1, frame, by, [&](size_t i, size_t j) {
         if (a.pixels[i] == 0.0F && b.pixels[j] == 0.0F) return;
@@ -199,7 +199,7 @@ double share_same(const Picture::Layer& a, const Picture::Layer& b, Frame frame,
 
 // The shift at which a layer matches the other significantly better than without shift, given the number of
 // pixels. fit: score of an offset, at most 1.
-std::optional<Offset> moved_by(Frame frame, auto&& fit) {
+std::optional<Offset> best_shift(Frame frame, auto&& fit) {
     const double in_place = fit(Offset{}), spare = chance / std::sqrt(double(frame.width) * frame.height);
     double best = in_place + spare;
     std::optional<Offset> found;
@@ -243,7 +243,7 @@ Bias bias_of(const Picture::Layer& a, const Picture::Layer& b, double range) {
     return worst;
 }
 
-std::string fault_of_names(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
+std::string fault_of_ids(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
     const Unknown unknown = unknown_of(a, b, frame);
     const double halfway = 0.5 * (1.0 + unknown.noise); // between noise and 1, the value for different ids
     const double allowed = std::min(halfway, noise_names * unknown.noise + spare_names);
@@ -257,14 +257,14 @@ std::string fault_of_names(const Picture::Layer& a, const Picture::Layer& b, Fra
             "layer {} is of other names: of {} at ({}, {}) {:.3g} more than noise explains hold one "
             "that the other picture has nowhere near, {:.3g} are allowed",
             b.name, window_text(frame.width, frame.height), worst.x, worst.y, worst.mean, window_names);
-    const auto by = moved_by(frame, [&](Offset offset) { return share_same(a, b, frame, offset); });
+    const auto by = best_shift(frame, [&](Offset offset) { return same_id_fraction(a, b, frame, offset); });
     return by ? moved_fault(b.name, *by) : "";
 }
 
 std::string fault_of(const Picture::Layer& a, const Picture::Layer& b, const LayerResult& result,
                      Frame frame) {
     if (b.name.empty() || result.most == 0.0) return "";
-    if (holds_names(a) && holds_names(b)) return fault_of_names(a, b, frame);
+    if (holds_ids(a) && holds_ids(b)) return fault_of_ids(a, b, frame);
     const auto channel = [&](size_t c) {
         return b.channels.size() > 1 ? b.name + "." + b.channels[c] : b.name;
     };
@@ -272,20 +272,20 @@ std::string fault_of(const Picture::Layer& a, const Picture::Layer& b, const Lay
     if (bias.off > bias.allowed)
         return fmt::format("layer {} is off by {:.3g} in its mean, {:.3g} is allowed", channel(bias.channel),
                            bias.off, bias.allowed);
-    const Beyond beyond = beyond_of(a, b, frame);
+    const Excess beyond = excess_of(a, b, frame);
     const WorstWindow& worst = beyond.unexplained;
-    if (worst.mean > window_beyond * result.range)
+    if (worst.mean > window_excess * result.range)
         return fmt::format(
             "layer {} is not as in the other picture: {} at ({}, {}) are beyond what is near there "
             "by {:.3g} in the mean more than noise explains, {:.3g} is allowed",
             channel(beyond.channel), window_text(frame.width, frame.height), worst.x, worst.y, worst.mean,
-            window_beyond * result.range);
+            window_excess * result.range);
     if (result.mean <= layer_share * result.range) return "";
-    if (beyond.mean > layer_beyond * result.range)
+    if (beyond.mean > layer_excess * result.range)
         return fmt::format(
             "layer {} differs by {:.3g} in the mean, {:.3g} is allowed (three hundredths of its range)",
             b.name, result.mean, layer_share * result.range);
-    const auto by = moved_by(frame, [&](Offset offset) { return correlation(a, b, frame, offset); });
+    const auto by = best_shift(frame, [&](Offset offset) { return correlation(a, b, frame, offset); });
     return by ? moved_fault(b.name, *by) : "";
 }
 
@@ -297,8 +297,8 @@ double usual_range(std::vector<float> values) {
     const float median = values[values.size() / 2];
     std::vector<float> others;
     std::ranges::copy_if(values, std::back_inserter(others), [&](float v) { return v != median; });
-    constexpr size_t next_to_none = 1000; // one in this many
-    if (others.size() * next_to_none < values.size() || others.empty()) return std::abs(double(median));
+    constexpr size_t outlier_ratio = 1000; // one in this many
+    if (others.size() * outlier_ratio < values.size() || others.empty()) return std::abs(double(median));
     const double low = double(others[others.size() / 100]), high = double(others[others.size() * 99 / 100]);
     const double spread = std::max(high, double(median)) - std::min(low, double(median));
     return std::max(spread, std::abs(double(median)));

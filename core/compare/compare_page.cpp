@@ -78,7 +78,7 @@ Side side_of(const char* name, const char* what, const Picture::Layer& layer, co
              const Exposures* exposures) {
     Side side{name, what, {}};
     if (!exposures) {
-        side.parts.emplace_back("base", in_proportion(layer, reference));
+        side.parts.emplace_back("base", map_linearly(layer, reference));
         return side;
     }
     side.parts.emplace_back("base", exposed(layer, *exposures, Part::base));
@@ -248,7 +248,7 @@ std::string layer_section(const Picture::Layer& a, const Picture::Layer& b, cons
     const Side test = side_of("A", "A: judged", a, b, light),
                reference = side_of("B", "B: reference", b, b, light);
     std::vector<float> apart = differences(a, b);
-    const double white = white_of(apart);
+    const double white = heat_white(apart);
     std::vector<Map> maps;
     if (white > 0.0)
         maps.push_back(
@@ -325,7 +325,7 @@ std::string compare_page(const ComparedFile& test, const ComparedFile& reference
         out += "<p>A carries limits: B is judged by it, and numbers are relative to A.</p>\n";
     if (comparison.alike())
         out += comparison.equal ? "<p>Every number is the same.</p>\n"
-               : comparison.knows_noise
+               : comparison.has_noise_estimate
                    ? "<p>What differs is what their noise explains, as they know it.</p>\n"
                    : "<p>They look the same. Whether noise explains what differs nobody can tell: " +
                          escaped(comparison.unknown) + ".</p>\n";

@@ -65,7 +65,7 @@ Colour lab_of(const Colour& rgb) {
     return {116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)};
 }
 
-Colour hunted(const Colour& lab) { return {lab[0], 0.01 * lab[0] * lab[1], 0.01 * lab[0] * lab[2]}; }
+Colour hunt_adjusted(const Colour& lab) { return {lab[0], 0.01 * lab[0] * lab[1], 0.01 * lab[0] * lab[2]}; }
 
 double hyab(const Colour& a, const Colour& b) {
     return std::abs(a[0] - b[0]) + std::hypot(a[1] - b[1], a[2] - b[2]);
@@ -117,7 +117,7 @@ struct Sensitivity {
 constexpr std::array<Sensitivity, 3> sensitivities = {
     {{1.0, 0.0047, 0.0, 1e-5}, {1.0, 0.0053, 0.0, 1e-5}, {34.1, 0.04, 13.5, 0.025}}};
 
-void see(Planes& planes, Size size) {
+void filter_by_csf(Planes& planes, Size size) {
     const int radius = int(std::ceil(3.0 * std::sqrt(0.04 / (2.0 * pi * pi)) * pixels_a_degree));
     for (size_t c = 0; c < 3; ++c) {
         const Sensitivity& s = sensitivities[c];
@@ -171,19 +171,20 @@ Features features_of(const Plane& brightness, Size size) {
 
 // ---- one exposure ---------------------------------------------------------------------------------------------------
 
-double most_distant() {
+double max_color_distance() {
     static const double most =
-        std::pow(hyab(hunted(lab_of({0.0, 1.0, 0.0})), hunted(lab_of({0.0, 0.0, 1.0}))), colour_exponent);
+        std::pow(hyab(hunt_adjusted(lab_of({0.0, 1.0, 0.0})), hunt_adjusted(lab_of({0.0, 0.0, 1.0}))),
+                 colour_exponent);
     return most;
 }
 
 // Filtered colours of a picture (linear, 0 ... 1), and its features.
-struct Seen {
+struct FilteredPicture {
     std::vector<Colour> lab; // Hunt-adjusted
     Features features;
 };
 
-Seen seen(const std::vector<Colour>& rgb, Size size) {
+FilteredPicture filtered_picture(const std::vector<Colour>& rgb, Size size) {
     Planes planes;
     for (Plane& plane : planes) plane.resize(size.pixels());
     Plane brightness(size.pixels());
@@ -192,20 +193,20 @@ Seen seen(const std::vector<Colour>& rgb, Size size) {
         for (size_t k = 0; k < 3; ++k) planes[k][i] = float(c[k]);
         brightness[i] = float((c[0] + 16.0) / 116.0);
     }
-    see(planes, size);
-    Seen out{std::vector<Colour>(size.pixels()), features_of(brightness, size)};
+    filter_by_csf(planes, size);
+    FilteredPicture out{std::vector<Colour>(size.pixels()), features_of(brightness, size)};
     for (size_t i = 0; i < rgb.size(); ++i) {
         Colour c = rgb_of_ycxcz({double(planes[0][i]), double(planes[1][i]), double(planes[2][i])});
         for (double& v : c) v = std::clamp(v, 0.0, 1.0);
-        out.lab[i] = hunted(lab_of(c));
+        out.lab[i] = hunt_adjusted(lab_of(c));
     }
     return out;
 }
 
-void keep_greater(const std::vector<Colour>& test, const std::vector<Colour>& reference, Size size,
-                  std::vector<float>& map) {
-    const Seen a = seen(test, size), b = seen(reference, size);
-    const double most = most_distant();
+void accumulate_flip(const std::vector<Colour>& test, const std::vector<Colour>& reference, Size size,
+                     std::vector<float>& map) {
+    const FilteredPicture a = filtered_picture(test, size), b = filtered_picture(reference, size);
+    const double most = max_color_distance();
     for (size_t i = 0; i < map.size(); ++i) {
         const double apart = std::pow(hyab(a.lab[i], b.lab[i]), colour_exponent);
         const double colour = apart < knee * most
@@ -221,7 +222,7 @@ void keep_greater(const std::vector<Colour>& test, const std::vector<Colour>& re
 // ---- exposures ------------------------------------------------------------------------------------------------------
 
 // K. Narkowicz' fit of the ACES curve, with the usual exposure factor 0.6.
-double developed(double x) {
+double tone_mapped(double x) {
     x = 0.6 * std::max(x, 0.0);
     return std::clamp(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0.0, 1.0);
 }
@@ -233,9 +234,9 @@ constexpr int most_exposures = 24;
 // small object in front of black), the median of the pixels with light is used.
 std::pair<double, double> exposures_of(const std::vector<float>& reference) {
     constexpr double nearly_white = 0.85;
-    double low = 0.0, high = 64.0; // developed() is monotonic
+    double low = 0.0, high = 64.0; // tone_mapped() is monotonic
     for (int i = 0; i < 64; ++i)
-        (developed(0.5 * (low + high)) < nearly_white ? low : high) = 0.5 * (low + high);
+        (tone_mapped(0.5 * (low + high)) < nearly_white ? low : high) = 0.5 * (low + high);
     std::vector<double> luminance;
     for (size_t i = 0; i + 2 < reference.size(); i += 3)
         luminance.push_back(std::max(0.0, 0.2126 * double(reference[i]) + 0.7152 * double(reference[i + 1]) +
@@ -267,7 +268,7 @@ std::vector<float> flip_map(const std::vector<float>& test, const std::vector<fl
                 a[i][c] = shown(double(test[3 * i + c]));
                 b[i][c] = shown(double(reference[3 * i + c]));
             }
-        keep_greater(a, b, size, map);
+        accumulate_flip(a, b, size, map);
     };
     if (range == Range::display) {
         keep([](double v) { return std::clamp(v, 0.0, 1.0); });
@@ -277,7 +278,7 @@ std::vector<float> flip_map(const std::vector<float>& test, const std::vector<fl
     const int count = std::clamp(int(std::ceil(last - first)), 2, most_exposures);
     for (int e = 0; e < count; ++e) {
         const double gain = std::exp2(first + (last - first) * e / (count - 1));
-        keep([gain](double v) { return developed(gain * v); });
+        keep([gain](double v) { return tone_mapped(gain * v); });
     }
     return map;
 }

@@ -90,7 +90,7 @@ Pixels exposed(const Picture::Layer& layer, const Exposures& exposures, Part par
     return rgb;
 }
 
-Pixels in_proportion(const Picture::Layer& layer, const Picture::Layer& reference) {
+Pixels map_linearly(const Picture::Layer& layer, const Picture::Layer& reference) {
     const auto [least, greatest] = std::ranges::minmax(reference.pixels);
     const float low = std::min(0.0F, least), high = greatest > low ? greatest : low + 1.0F;
     const size_t channels = layer.channels.size(), count = layer.pixels.size() / channels;
@@ -134,7 +134,7 @@ std::string heat_gradient() {
     return out + ")";
 }
 
-double white_of(const std::vector<float>& values) {
+double heat_white(const std::vector<float>& values) {
     const double most = double(*std::max_element(values.begin(), values.end())),
                  usual = 4.0 * quantile(values, 0.999);
     return usual > 0.0 ? std::min(most, usual) : most;

@@ -28,7 +28,7 @@ Pixels exposed(const Picture::Layer& layer, const Exposures& exposures, Part par
 
 // A data layer: values mapped linearly, 0 or the reference's minimum, if lower, to black, its maximum to
 // white.
-Pixels in_proportion(const Picture::Layer& layer, const Picture::Layer& reference);
+Pixels map_linearly(const Picture::Layer& layer, const Picture::Layer& reference);
 
 // Maximum difference over the channels of each pixel.
 std::vector<float> differences(const Picture::Layer& a, const Picture::Layer& b);
@@ -39,7 +39,7 @@ std::string heat_gradient(); // the same colours as a CSS gradient
 
 // The value that a heat map shows white: the maximum, or less if only a few pixels reach it, so that the
 // others are not black.
-double white_of(const std::vector<float>& values);
+double heat_white(const std::vector<float>& values);
 
 struct Region {
     int x = 0, y = 0, width = 0, height = 0;

@@ -57,8 +57,8 @@ void make_all(Build& build, bool with_curves) {
         }
         const uint32_t keys = keys_of_curves(build, procedural);
         build.stats.motion_keys = std::max(build.stats.motion_keys, keys);
-        const auto refers_to_it = [&](const auto& other) { return other->names(procedural.name()); };
-        if (with_curves || std::ranges::any_of(build.geometry.procedurals, refers_to_it))
+        const auto uses_procedural = [&](const auto& other) { return other->names(procedural.name()); };
+        if (with_curves || std::ranges::any_of(build.geometry.procedurals, uses_procedural))
             make_curves(build, procedural, keys);
     }
     build.world.times = build.times(std::max(build.stats.motion_keys, 2U));
@@ -82,7 +82,7 @@ void make_device(Build& build) {
     world.device = std::move(build.kept.device);
     world.errors = std::move(build.kept.errors);
     if (world.device)
-        forget(*world.errors);
+        clear_errors(*world.errors);
     else
         world.device = make_device(world.errors);
 }

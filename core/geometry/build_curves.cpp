@@ -111,8 +111,8 @@ void allocate(Build& build, CurveBuild& item) {
     curves.normals.assign(item.normals.begin(), item.normals.end());
     const std::vector<MarramAttribute>& attributes = item.procedural->attributes();
     // If another procedural reads these curves, it may use any attribute: keep all.
-    const auto names_it = [&](const auto& other) { return other->names(curves.name); };
-    const bool lent = std::ranges::any_of(build.geometry.procedurals, names_it);
+    const auto uses_curves = [&](const auto& other) { return other->names(curves.name); };
+    const bool lent = std::ranges::any_of(build.geometry.procedurals, uses_curves);
     for (uint32_t a = 0; a < attributes.size(); ++a) {
         const MarramAttribute& attribute = attributes[a];
         if (!lent &&
@@ -235,7 +235,7 @@ uint64_t segments_of(const CurveBuild& item) { return layout_of(item.output).seg
 
 // Round pieces need a filter that slows down every hit in the scene: use them only if they are at least half
 // of all segments.
-bool round_pieces_pay(const std::vector<CurveBuild>& items) {
+bool mostly_round(const std::vector<CurveBuild>& items) {
     uint64_t all = 0, round = 0;
     for (const CurveBuild& item : items) {
         all += segments_of(item);
@@ -259,26 +259,27 @@ ChordErrors chord_errors(const CurveBuild& item, const BuildSettings& settings) 
         return errors;
     };
     return tbb::parallel_reduce(tbb::blocked_range<size_t>(0, item.patches.size()), ChordErrors{}, of_patches,
-                                greater_of);
+                                max_errors);
 }
 
-// Number of straight pieces per segment: the setting, or what the tolerance allows and most_that_pay()
+// Number of straight pieces per segment: the setting, or what the tolerance allows and max_useful_pieces()
 // limits. 0: trace the cubic, as always for oriented ribbons and curves with different CV counts.
-uint32_t choose_pieces(Build& build, const CurveBuild& item, bool round_pay) {
+uint32_t choose_pieces(Build& build, const CurveBuild& item, bool allow_round_pieces) {
     const MarramOutput& output = item.output;
     if (output.shape == MARRAM_ORIENTED_RIBBON || output.offsets) return 0;
     if (!may_be_pieces(output, build.settings)) return uint32_t(build.settings.curve_pieces);
-    const uint32_t most =
-        output.shape == MARRAM_ROUND && !round_pay ? 0 : most_that_pay(output.shape, output.time_count);
-    const uint32_t pieces = most > 0 ? pieces_for(chord_errors(item, build.settings), most) : 0;
+    const uint32_t most = output.shape == MARRAM_ROUND && !allow_round_pieces
+                              ? 0
+                              : max_useful_pieces(output.shape, output.time_count);
+    const uint32_t pieces = most > 0 ? fewest_pieces(chord_errors(item, build.settings), most) : 0;
     build.stats.chosen[item.procedural->name() + ".curve_pieces"] = pieces;
     return pieces;
 }
 
 // Attaches the curves to the world scene, as cubics or as straight pieces.
-void attach(Build& build, CurveBuild& item, unsigned id, bool round_pay) {
+void attach(Build& build, CurveBuild& item, unsigned id, bool allow_round_pieces) {
     const MarramOutput& output = item.output;
-    item.curves.pieces = choose_pieces(build, item, round_pay);
+    item.curves.pieces = choose_pieces(build, item, allow_round_pieces);
     std::shared_ptr<RTCGeometryTy> traced = item.geometry;
     if (item.curves.pieces > 0)
         traced = make_pieces(build, item);
@@ -309,7 +310,7 @@ void take_report(Build& build, Procedural& procedural, double wall) {
 constexpr uint32_t few_instants = 5, more_instants = 17; // at which strand motion is sampled
 
 // Measures the motion of strands in some patches of a procedural. Empty if its curves do not move.
-StrandMotion look_at_motion(Build& build, Procedural& procedural, uint32_t instants) {
+StrandMotion measure_motion(Build& build, Procedural& procedural, uint32_t instants) {
     StrandMotion motion;
     const LentGeometry lent(build, procedural, build.times(instants)); // may build colliders
     if (procedural.prepares()) prepare(build, procedural, lent.frame());
@@ -358,11 +359,11 @@ StrandMotion look_at_motion(Build& build, Procedural& procedural, uint32_t insta
 // between the sampled instants.
 uint32_t choose_keys(Build& build, Procedural& procedural) {
     const BuildSettings& settings = build.settings;
-    StrandMotion motion = look_at_motion(build, procedural, few_instants);
+    StrandMotion motion = measure_motion(build, procedural, few_instants);
     // With few samples, strands that turn fast look like strands that jump: sample more often.
-    constexpr double hardly_any = 0.01;
-    if (motion.jumps(settings.tolerance) > hardly_any)
-        motion = look_at_motion(build, procedural, more_instants);
+    constexpr double jump_threshold = 0.01;
+    if (motion.jumps(settings.tolerance) > jump_threshold)
+        motion = measure_motion(build, procedural, more_instants);
     uint32_t keys = motion.keys_for(settings.tolerance);
     for (const SceneMesh& mesh : build.geometry.meshes)
         if (procedural.names_mesh(mesh.object().name))
@@ -432,12 +433,13 @@ void attach_curves(Build& build) {
         return std::ranges::find_if(build.geometry.procedurals,
                                     [&](const auto& p) { return p.get() == item.procedural; });
     });
-    const bool round_pay = round_pieces_pay(build.items);
+    const bool allow_round_pieces = mostly_round(build.items);
     for (CurveBuild& item : build.items) {
         for (const MarramPatch& p : item.patches)
             build.stats.patch_bounds.emplace_back(Vec3f(p.lower), Vec3f(p.upper));
         const auto id = unsigned(build.world.meshes.size() + build.world.curves.size());
-        if (build.settings.curves_bvh && item.output.curve_count > 0) attach(build, item, id, round_pay);
+        if (build.settings.curves_bvh && item.output.curve_count > 0)
+            attach(build, item, id, allow_round_pieces);
         build.curves.push_back(item.geometry);
         build.world.curves.push_back(std::move(item.curves));
     }

@@ -16,7 +16,7 @@ namespace marram {
 namespace {
 
 // Embree silently drops vertices beyond 1e18. NaN fails every comparison.
-bool sound(const Vec3f& p) { return (p.array().abs() < 1e18F).all(); }
+bool in_embree_range(const Vec3f& p) { return (p.array().abs() < 1e18F).all(); }
 
 MeshGeometry place_mesh(const SceneMesh& source, const std::vector<double>& times, double frame) {
     const Mesh& object = source.object().mesh;
@@ -33,7 +33,7 @@ MeshGeometry place_mesh(const SceneMesh& source, const std::vector<double>& time
     // A transform can move a valid mesh out of range.
     for (const auto& positions : mesh.positions)
         for (const Vec3f& p : positions)
-            if (!sound(p))
+            if (!in_embree_range(p))
                 throw InputError({source.name}, "the mesh's transform moves it beyond 1e18 m",
                                  "use smaller translations and scales");
     mesh.roles = source.roles;
@@ -52,7 +52,7 @@ MeshGeometry place_mesh(Build& build, const SceneMesh& mesh) {
     const auto id = uint32_t(build.world.meshes.size());
     const uint64_t version = mesh.moves() ? 0 : mesh.digest() | 1U;
     if (std::optional<MeshGeometry> kept = build.kept.take_growth_surface(id, version, mesh.roles)) {
-        build.taken_over[id] = true;
+        build.reused_meshes[id] = true;
         return *std::move(kept);
     }
     const BuildSettings& settings = build.settings;
@@ -96,7 +96,7 @@ void check_mesh(const Procedural& procedural, const MeshGeometry& mesh) {
                 procedural.refuse("a normal of its mesh is not of unit length", "fix the library");
     for (const auto& positions : mesh.positions)
         for (const Vec3f& p : positions)
-            if (!sound(p))
+            if (!in_embree_range(p))
                 procedural.refuse("a vertex of its mesh is not a number below 1e18", "fix the library");
     for (const auto& triangle : mesh.triangles)
         for (const uint32_t vertex : triangle)
@@ -186,8 +186,8 @@ uint64_t version_of(const Procedural& procedural, const MarramOutput& output) {
 
 // Largest distance, half-way between motion samples, of the interpolated mesh from the procedural's pose(),
 // enlarged by the view.
-double motion_left(const Build& build, Procedural& procedural, const MeshGeometry& mesh,
-                   const std::vector<double>& times) {
+double pose_error(const Build& build, Procedural& procedural, const MeshGeometry& mesh,
+                  const std::vector<double>& times) {
     double most = 0.0;
     std::vector<Vec3f> there(mesh.positions[0].size());
     for (size_t t = 0; t + 1 < times.size() && t + 1 < mesh.positions.size(); ++t) {
@@ -228,17 +228,17 @@ MarramView view_of(const Build& build, const CameraSamples& camera) {
 void place_meshes(Build& build) {
     for (const SceneMesh& mesh : build.geometry.meshes) {
         if (build.cancel.load()) throw Cancelled{};
-        build.taken_over.push_back(false);
+        build.reused_meshes.push_back(false);
         build.world.meshes.push_back(place_mesh(build, mesh));
-        build.mesh_makers.push_back(nullptr);
+        build.mesh_procedurals.push_back(nullptr);
     }
     build.mesh_ids.resize(build.geometry.procedurals.size());
     for (size_t i = 0; i < build.geometry.procedurals.size(); ++i) {
         Procedural& procedural = *build.geometry.procedurals[i];
         if (procedural.kind() != MARRAM_MESH) continue;
         build.mesh_ids[i] = uint32_t(build.world.meshes.size());
-        build.mesh_makers.push_back(&procedural);
-        build.taken_over.push_back(false);
+        build.mesh_procedurals.push_back(&procedural);
+        build.reused_meshes.push_back(false);
         MeshGeometry& mesh = build.world.meshes.emplace_back();
         mesh.name = procedural.name();
         mesh.material = procedural.material;
@@ -264,14 +264,14 @@ void make_mesh(Build& build, Procedural& procedural, uint32_t id) {
         if (std::optional<MeshGeometry> kept =
                 build.kept.take_growth_surface(id, version, procedural.roles)) {
             build.world.meshes[id] = *std::move(kept);
-            build.taken_over[id] = true;
+            build.reused_meshes[id] = true;
             break;
         }
         MeshGeometry mesh = build.world.meshes[id];
         fill_mesh(procedural, output, mesh, &Procedural::mesh);
         mesh.version = version;
         const bool moves = output.time_count > 1;
-        const double left = moves ? motion_left(build, procedural, mesh, times) : 0.0;
+        const double left = moves ? pose_error(build, procedural, mesh, times) : 0.0;
         if (build.chooses_keys() && left > build.settings.tolerance && 2 * keys - 1 <= most_motion_keys) {
             keys = 2 * keys - 1;
             build.lent.pop_back();
@@ -342,7 +342,7 @@ RTCScene collider_scene(Build& build, const std::vector<uint32_t>& ids) {
     if (scene) return scene.get();
     const auto kept = build.kept.collider_scenes.find(ids);
     if (kept != build.kept.collider_scenes.end() &&
-        std::ranges::all_of(ids, [&](uint32_t id) { return build.taken_over[id] != 0; })) {
+        std::ranges::all_of(ids, [&](uint32_t id) { return build.reused_meshes[id] != 0; })) {
         scene = std::move(kept->second);
         return scene.get();
     }
@@ -360,13 +360,13 @@ PosedMesh pose_mesh(const Build& build, uint32_t id, double frame, bool with_nor
         const SceneMesh& mesh = build.geometry.meshes[id];
         return {mesh.positions_at(frame), with_normals ? mesh.normals_at(frame) : std::vector<Vec3f>{}};
     }
-    Procedural& procedural = *build.mesh_makers[id];
+    Procedural& procedural = *build.mesh_procedurals[id];
     if (!procedural.has_pose())
         return {placed.positions[0], with_normals ? placed.normals[0] : std::vector<Vec3f>{}};
     PosedMesh posed{embree_buffer<Vec3f>(placed.positions[0].size()), {}};
     procedural.pose(frame, components(posed.positions));
     for (const Vec3f& p : posed.positions)
-        if (!sound(p))
+        if (!in_embree_range(p))
             procedural.refuse("a vertex of its mesh is not a number below 1e18", "fix the library");
     if (with_normals) posed.normals = vertex_normals(posed.positions, placed.triangles);
     return posed;

@@ -34,9 +34,9 @@ struct Build {
     KeptGeometry& kept; // from the previous frame
     World world{};      // meshes: growth surfaces until make_render_meshes(); no positions: not made yet
     std::vector<uint32_t> mesh_ids{};                              // [procedural], for those that make meshes
-    std::vector<Procedural*> mesh_makers{};                        // [mesh ID], nullptr for the scene's
+    std::vector<Procedural*> mesh_procedurals{};                   // [mesh ID], nullptr for the scene's
     std::vector<std::shared_ptr<RTCGeometryTy>> mesh_geometries{}; // [mesh ID], made on first use
-    std::vector<char> taken_over{}; // [mesh ID], growth surfaces reused from the previous frame
+    std::vector<char> reused_meshes{}; // [mesh ID], growth surfaces reused from the previous frame
     std::vector<std::shared_ptr<LentGeometry>>
         lent{};                      // to mesh procedurals, which may read it until the frame ends
     std::vector<CurveBuild> items{}; // in the order they were made

@@ -64,7 +64,7 @@ double farthest_cv(const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
 
 // Statistics of distance(mine, reference, curve), the largest distance of each strand.
 template <typename Distance>
-CurveGap gap(const World& mine, const World& reference, double limit, Distance&& distance) {
+CurveDistance gap(const World& mine, const World& reference, double limit, Distance&& distance) {
     if (mine.curves.size() != reference.curves.size())
         throw std::invalid_argument("not the same curves are compared");
     std::vector<double> largest;
@@ -77,7 +77,7 @@ CurveGap gap(const World& mine, const World& reference, double limit, Distance&&
                           [&](uint64_t c) { largest[first + c] = distance(a, b, c); });
     }
     if (largest.empty()) return {};
-    CurveGap gap;
+    CurveDistance gap;
     gap.strands = largest.size();
     double squares = 0.0;
     for (const double d : largest) squares += d * d;
@@ -91,7 +91,7 @@ CurveGap gap(const World& mine, const World& reference, double limit, Distance&&
     return gap;
 }
 
-bool crossed(const World& world, const Vec3d& from, const Vec3d& to, double skipped) {
+bool hits_mesh(const World& world, const Vec3d& from, const Vec3d& to, double skipped) {
     const Vec3d way = to - from;
     if (!(way.squaredNorm() > 0.0)) return false;
     RTCRay ray;
@@ -113,7 +113,7 @@ bool crossed(const World& world, const Vec3d& from, const Vec3d& to, double skip
 
 } // namespace
 
-CurveGap gap_at_rest(const World& mine, const World& reference) {
+CurveDistance relative_cv_distance(const World& mine, const World& reference) {
     return gap(mine, reference, std::numeric_limits<double>::infinity(),
                [](const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
                    const double length = length_of(b, c);
@@ -121,11 +121,11 @@ CurveGap gap_at_rest(const World& mine, const World& reference) {
                });
 }
 
-CurveGap gap_in_space(const World& mine, const World& reference) {
+CurveDistance cv_distance(const World& mine, const World& reference) {
     return gap(mine, reference, std::numeric_limits<double>::infinity(), farthest_cv);
 }
 
-CurveGap gap_in_motion(const World& mine, const World& reference, const View& view, double limit) {
+CurveDistance motion_cv_distance(const World& mine, const World& reference, const View& view, double limit) {
     return gap(mine, reference, limit, [&](const CurveGeometry& a, const CurveGeometry& b, uint64_t c) {
         double largest = 0.0;
         for (size_t time = 0; time < b.vertices.size(); ++time) {
@@ -138,7 +138,7 @@ CurveGap gap_in_motion(const World& mine, const World& reference, const View& vi
     });
 }
 
-uint64_t strands_in_meshes(const World& world) {
+uint64_t count_crossing_strands(const World& world) {
     if (world.meshes.empty()) return 0;
     uint64_t count = 0;
     for (const CurveGeometry& curves : world.curves)
@@ -147,8 +147,8 @@ uint64_t strands_in_meshes(const World& world) {
             [&](const auto& range, uint64_t part) {
                 for (uint64_t c = range.begin(); c < range.end(); ++c)
                     for (uint32_t k = 0; k + 1 < curves.layout().cvs(c); ++k)
-                        if (crossed(world, cv(curves, 0, c, k), cv(curves, 0, c, k + 1),
-                                    k == 0 ? 1e-3 : 0.0)) {
+                        if (hits_mesh(world, cv(curves, 0, c, k), cv(curves, 0, c, k + 1),
+                                      k == 0 ? 1e-3 : 0.0)) {
                             ++part;
                             break;
                         }

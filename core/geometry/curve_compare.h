@@ -9,7 +9,7 @@
 
 namespace marram {
 
-struct CurveGap {
+struct CurveDistance {
     // Statistics over strands of each strand's largest distance. most: the 99th percentile.
     double rms = 0.0, most = 0.0, worst = 0.0;
     uint64_t strands = 0; // number compared
@@ -19,19 +19,19 @@ struct CurveGap {
 // Distance between CVs at the first motion sample, as a fraction of the reference strand's length. If CV
 // counts differ, each CV of the strand with more is compared with the other's CV polygon at the same fraction
 // of its CVs. Throws std::invalid_argument if the numbers of strands differ. Cost: 5 ns per CV and processor.
-CurveGap gap_at_rest(const World& mine, const World& reference);
+CurveDistance relative_cv_distance(const World& mine, const World& reference);
 
 // The same in metres.
-CurveGap gap_in_space(const World& mine, const World& reference);
+CurveDistance cv_distance(const World& mine, const World& reference);
 
 // Distance in metres, enlarged by the view, between CVs that move linearly between motion samples; at every
-// motion sample of the reference. limit: for CurveGap::beyond.
-CurveGap gap_in_motion(const World& mine, const World& reference, const View& view = {},
-                       double limit = std::numeric_limits<double>::infinity());
+// motion sample of the reference. limit: for CurveDistance::beyond.
+CurveDistance motion_cv_distance(const World& mine, const World& reference, const View& view = {},
+                                 double limit = std::numeric_limits<double>::infinity());
 
 // Number of strands with a segment that crosses a mesh, at the first motion sample. Traces a ray along each
 // segment of the CV polygon; the first thousandth of the root segment is skipped. Cost: 0.2 us per segment
 // and processor.
-uint64_t strands_in_meshes(const World& world);
+uint64_t count_crossing_strands(const World& world);
 
 } // namespace marram

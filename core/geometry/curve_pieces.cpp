@@ -44,18 +44,18 @@ void add_chord_errors(const CurveVertices& curves, const ChordLimit& limit, Chor
         errors[i] = std::max(errors[i], std::sqrt(squares[i]) / (24.0 * (i + 1) * (i + 1)));
 }
 
-uint32_t most_that_pay(MarramShape shape, size_t keys) {
+uint32_t max_useful_pieces(MarramShape shape, size_t keys) {
     if (keys > 2) return 1;
     return (shape == MARRAM_ROUND ? 4U : 3U) / uint32_t(keys);
 }
 
-ChordErrors greater_of(const ChordErrors& a, const ChordErrors& b) {
+ChordErrors max_errors(const ChordErrors& a, const ChordErrors& b) {
     ChordErrors most;
     for (uint32_t i = 0; i < most_pieces; ++i) most[i] = std::max(a[i], b[i]);
     return most;
 }
 
-uint32_t pieces_for(const ChordErrors& errors, uint32_t most) {
+uint32_t fewest_pieces(const ChordErrors& errors, uint32_t most) {
     for (uint32_t i = 0; i < most; ++i)
         if (errors[i] <= 1.0) return i + 1;
     return 0;

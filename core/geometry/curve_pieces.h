@@ -21,7 +21,7 @@
 //                                                  4     -17 %      +60 %        +15 %
 //   the same in wind, 2 motion keys                2     -17 %      +12 %        +28 %
 //   the same in more wind, 5 keys                  2       0         -9 %        +53 %
-// Therefore most_that_pay() is 3 for ribbons and 4 for round curves, half of that with two keys, 1 with more.
+// Therefore max_useful_pieces() is 3 for ribbons and 4 for round curves, half of that with two keys, 1 with more.
 // A ribbon's third piece costs as much BVH time as it saves at a few samples per pixel, and wins with more
 // samples. Round pieces also need a filter for every hit in the scene: among many more ribbons, the grass and
 // stalks of scenes/default.toml, tracing took 6 % longer. They are used if they are at least half of the
@@ -77,17 +77,17 @@ struct ChordLimit {
 // [n - 1]: bound of the error of n pieces per segment, divided by the limit; infinite if the limit is 0.
 using ChordErrors = std::array<double, most_pieces>;
 
-ChordErrors greater_of(const ChordErrors& a, const ChordErrors& b);
+ChordErrors max_errors(const ChordErrors& a, const ChordErrors& b);
 
 // Raises `errors` to the largest over all segments. About 40 ns per segment.
 void add_chord_errors(const CurveVertices& curves, const ChordLimit& limit, ChordErrors& errors);
 
 // The most pieces that trace faster than the cubic, or as fast in less memory (see above). keys: motion keys,
 // at least 1.
-uint32_t most_that_pay(MarramShape shape, size_t keys);
+uint32_t max_useful_pieces(MarramShape shape, size_t keys);
 
 // The fewest pieces, up to `most`, that are within the limit everywhere; 0: trace the cubic.
-uint32_t pieces_for(const ChordErrors& errors, uint32_t most);
+uint32_t fewest_pieces(const ChordErrors& errors, uint32_t most);
 
 // Ends of a straight piece: x, y, z, radius.
 struct Chord {

@@ -122,7 +122,7 @@ void PlyCurves::read_column(const PlyProperty& property, PlyColumn& column) {
         file_.fail(fmt::format("\"{}\" is not a finite number", property.name),
                    "write a finite number that a float holds");
     const bool is_whole = property.is_whole() && std::fabs(value) < 0x1p62 && value == std::floor(value);
-    column.values.push_back(is_whole ? whole_as_float(int64_t(value), column.folded) : float(value));
+    column.values.push_back(is_whole ? integer_to_float(int64_t(value), column.folded) : float(value));
 }
 
 void PlyCurves::read_vertices(const PlyElement& element) {

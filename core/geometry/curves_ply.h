@@ -17,7 +17,7 @@ struct PlyColumn {
     std::string name;
     PlyScalar type = PlyScalar::float32;
     std::vector<float> values;
-    uint64_t folded = 0; // integers that a float would round (whole_as_float)
+    uint64_t folded = 0; // integers that a float would round (integer_to_float)
 };
 
 struct PlyCurvesContent {

@@ -33,7 +33,7 @@ std::shared_ptr<RTCDeviceTy> make_device(std::shared_ptr<DeviceErrors>& errors) 
     return {device, [errors](RTCDevice d) { rtcReleaseDevice(d); }};
 }
 
-void forget(DeviceErrors& errors) {
+void clear_errors(DeviceErrors& errors) {
     const std::lock_guard guard(errors.lock);
     errors.code = RTC_ERROR_NONE;
     errors.text.clear();

@@ -20,7 +20,7 @@ struct DeviceErrors { // only the first error
 std::shared_ptr<RTCDeviceTy> make_device(std::shared_ptr<DeviceErrors>& errors);
 
 // Clears the reported error.
-void forget(DeviceErrors& errors);
+void clear_errors(DeviceErrors& errors);
 
 // Throws the reported error, if any: InputError or Cancelled.
 void raise(DeviceErrors& errors);

@@ -93,11 +93,11 @@ void update_procedurals(std::span<const std::unique_ptr<Procedural>> procedurals
     // The graph depends on the new values.
     for (size_t i = 0; i < procedurals.size(); ++i) {
         const uint32_t before = procedurals[i]->roles;
-        procedurals[i]->look_at(items[i], wind);
+        procedurals[i]->read_dependencies(items[i], wind);
         if (procedurals[i]->roles != before) changes[procedurals[i]->name()] |= MARRAM_EVERYTHING;
     }
     // Every dependent remembers the changes first, so that they survive if a procedural throws.
-    const auto tell = [&](const std::string& name, uint32_t change) {
+    const auto propagate = [&](const std::string& name, uint32_t change) {
         const auto made = std::ranges::find(procedurals, name, [](const auto& p) { return p->name(); });
         for (const auto& procedural : procedurals) {
             const bool traced = procedural->kind() == MARRAM_CURVES && procedural->name() != name &&
@@ -105,13 +105,13 @@ void update_procedurals(std::span<const std::unique_ptr<Procedural>> procedurals
             if (traced || procedural->names(name)) procedural->pending_inputs |= change;
         }
     };
-    for (const auto& [name, change] : changes) tell(name, change);
+    for (const auto& [name, change] : changes) propagate(name, change);
     for (const size_t i : order_of(procedurals)) {
         Procedural& procedural = *procedurals[i];
         const uint32_t change = procedural.update(items[i], wind, procedural.pending_inputs);
         procedural.pending_inputs = MARRAM_NOTHING;
         changes[procedural.name()] |= change;
-        tell(procedural.name(), change);
+        propagate(procedural.name(), change);
     }
 }
 

@@ -101,11 +101,12 @@ CurvePoint curve_at(const Control<4>& control, const CubicBasis& basis) {
 
 // Embree's oriented ribbon is C(u) + v D(u), v = -1 ... 1: D the cubic with the value and derivative of
 // r N x C' / |N x C'| at both ends of the segment.
-struct Across {
+struct HalfWidth {
     Vec3d value, first;
 };
 
-Across across_at_end(const Control<4>& control, const Control<3>& normals, MarramBasis kind, double u) {
+HalfWidth half_width_at_end(const Control<4>& control, const Control<3>& normals, MarramBasis kind,
+                            double u) {
     const CubicBasis basis = cubic_basis(kind, u);
     const CurvePoint c = curve_at(control, basis);
     const Vec3d n = weigh<3>(normals, basis.value), dn = weigh<3>(normals, basis.first);
@@ -116,9 +117,9 @@ Across across_at_end(const Control<4>& control, const Control<3>& normals, Marra
     return {c.value[3] * k, c.first[3] * k + c.value[3] * dk};
 }
 
-Across across_at(const Control<4>& control, const Control<3>& normals, MarramBasis kind, double u) {
-    const Across a = across_at_end(control, normals, kind, 0.0),
-                 b = across_at_end(control, normals, kind, 1.0);
+HalfWidth half_width_at(const Control<4>& control, const Control<3>& normals, MarramBasis kind, double u) {
+    const HalfWidth a = half_width_at_end(control, normals, kind, 0.0),
+                    b = half_width_at_end(control, normals, kind, 1.0);
     const double u2 = u * u, u3 = u2 * u;
     return {(2.0 * u3 - 3.0 * u2 + 1.0) * a.value + (u3 - 2.0 * u2 + u) * a.first +
                 (3.0 * u2 - 2.0 * u3) * b.value + (u3 - u2) * b.first,
@@ -207,7 +208,7 @@ void set_ribbon(const Vec3d& seen, const Vec3d& side, const CurvePoint& c, const
 void set_oriented(const Vec3d& seen, const Vec3d& facing, const Control<4>& control,
                   const Control<3>& normals, const CurveGeometry& curves, double u, const CurvePoint& c,
                   SurfacePoint& point) {
-    const Across across = across_at(control, normals, curves.basis, u);
+    const HalfWidth across = half_width_at(control, normals, curves.basis, u);
     const double width2 = across.value.squaredNorm();
     const double v = width2 > 0.0 ? std::clamp((seen - c.axis()).dot(across.value) / width2, -1.0, 1.0) : 0.0;
     const Vec3d w = v * across.value;
@@ -372,8 +373,8 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
 }
 
 // Additional distance to the last disc, at a corner of a ribbon's straight pieces, that the ray hits. Names
-// as in leave_fibre.
-double beyond_corner(const SurfacePoint& point, double along, double a, double b) {
+// as in exit_distance.
+double corner_distance(const SurfacePoint& point, double along, double a, double b) {
     const double w2 = point.from_axis.cast<double>().squaredNorm(), least = std::max(0.0, w2 - b * b / a);
     const double passed = b * along / a, k = std::abs(point.taper);
     const double r = point.radius + k * std::abs(passed) + margin * point.error;
@@ -393,7 +394,7 @@ double beyond_corner(const SurfacePoint& point, double along, double a, double b
 }
 
 // Distance along d at which the ray has left the fibre (head of this file).
-double leave_fibre(const SurfacePoint& point, const Vec3d& d, double error) {
+double exit_distance(const SurfacePoint& point, const Vec3d& d, double error) {
     const Vec3d tangent = point.tangent.cast<double>();
     const double along = tangent.dot(d), b = -point.from_axis.cast<double>().dot(d), r = point.radius;
     const double a = std::max((d - along * tangent).squaredNorm(), least_sine * least_sine);
@@ -413,7 +414,7 @@ double leave_fibre(const SurfacePoint& point, const Vec3d& d, double error) {
         const double x = std::max(std::abs(s * along), least);
         s = distance(error + std::min(0.5 * point.curvature * x * (x + point.piece), r));
     }
-    if (point.joints && point.piece > 0.0F) s += beyond_corner(point, along, a, b);
+    if (point.joints && point.piece > 0.0F) s += corner_distance(point, along, a, b);
     return std::min(s, 1e12); // bend tighter than the radius: the ray is lost, but stays finite
 }
 
@@ -518,7 +519,7 @@ Ray spawn(const SurfacePoint& point, const Vec3f& direction, float time) {
         point.shape == PointShape::ribbon || (point.shape == PointShape::round && outward < 0.0);
     if (through) {
         ray.origin = point.position.cast<float>();
-        ray.tnear = static_cast<float>(leave_fibre(point, d, error));
+        ray.tnear = static_cast<float>(exit_distance(point, d, error));
     } else {
         ray.origin = (point.position + std::copysign(error, outward) * n).cast<float>();
     }

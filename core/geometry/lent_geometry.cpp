@@ -48,8 +48,8 @@ LentGeometry::LentGeometry(Build& build, Procedural& to, std::vector<double> tim
         const MeshGeometry& mesh = build.world.meshes[id];
         // Curves that grow on a mesh also grow on its instances. A procedural that makes a mesh gets only the
         // mesh that it names.
-        const bool is_drawn = id < build.geometry.meshes.size() && to.kind() == MARRAM_CURVES;
-        const std::string& name = is_drawn ? build.geometry.meshes[id].object().name : mesh.name;
+        const bool use_object_name = id < build.geometry.meshes.size() && to.kind() == MARRAM_CURVES;
+        const std::string& name = use_object_name ? build.geometry.meshes[id].object().name : mesh.name;
         if (!mesh.positions.empty() && depends_on_mesh(to, name, mesh.roles)) ids.push_back(id);
     }
     lists_.reserve(ids.size() + to.curves().size()); // no reallocation: elements are pointed to
@@ -189,7 +189,7 @@ MarramStatus LentGeometry::pose(void* user, uint32_t index, double frame, float*
     } catch (const Cancelled&) {
         return MARRAM_CANCELLED;
     } catch (...) { // error of the procedural that makes the mesh, or out of memory
-        lent.to_.blame(std::current_exception());
+        lent.to_.store_exception(std::current_exception());
         return MARRAM_ERROR;
     }
 }
@@ -231,7 +231,7 @@ MarramStatus LentGeometry::pose_curves(void* user, uint32_t index, double frame,
         for (size_t i = 0; i < size; ++i) vertices[i] = a[i] + rest * (b[i] - a[i]);
         return MARRAM_OK;
     } catch (...) { // out of memory
-        lent.to_.blame(std::current_exception());
+        lent.to_.store_exception(std::current_exception());
         return MARRAM_ERROR;
     }
 }

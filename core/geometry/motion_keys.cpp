@@ -32,7 +32,7 @@ std::vector<double> motion_times(double open, double close, uint32_t keys) {
 namespace {
 
 // Vertices whose path bends most at the shape of that index: in metres, and enlarged by the view.
-std::array<size_t, 2> bend_most(const SceneMesh& mesh, size_t shape, const View& view) {
+std::array<size_t, 2> sharpest_bends(const SceneMesh& mesh, size_t shape, const View& view) {
     const std::vector<MeshShape>& shapes = mesh.object().shapes;
     const auto velocity = [&](size_t from, size_t vertex) -> Vec3d {
         if (from >= shapes.size() - 1) return Vec3d::Zero(); // before the first shape, or after the last
@@ -65,7 +65,7 @@ class MotionProbes {
                 vertices_.push_back(i);
         for (size_t i = 0; i < shapes.size() && !positions.empty(); ++i)
             if (shapes[i].frame > open && shapes[i].frame < close)
-                for (const size_t vertex : bend_most(mesh, i, view)) vertices_.push_back(vertex);
+                for (const size_t vertex : sharpest_bends(mesh, i, view)) vertices_.push_back(vertex);
         if (!shapes.empty()) return;
         Eigen::AlignedBox3d box;
         for (const Vec3f& p : positions) box.extend(p.cast<double>());

@@ -99,7 +99,7 @@ void Procedural::take_names(const ContractValues& values) {
     curves_ = values.names_of(MARRAM_CURVES_NAME);
 }
 
-void Procedural::look_at(const Item& item, const ParamSet& wind) {
+void Procedural::read_dependencies(const Item& item, const ParamSet& wind) {
     take_names(ContractValues(*type_, item, wind, *curve_attributes_));
     place_ = item.place;
     roles = role_bits(item.params);
@@ -299,7 +299,7 @@ std::vector<std::string> Procedural::take_warnings() {
     return std::exchange(warnings_, {});
 }
 
-void Procedural::blame(std::exception_ptr thrown) {
+void Procedural::store_exception(std::exception_ptr thrown) {
     const std::lock_guard lock(messages_lock_);
     thrown_ = std::move(thrown);
 }

@@ -78,9 +78,9 @@ class Procedural {
     uint32_t update(const Item& item, const ParamSet& wind, uint32_t inputs);
     // Stores the exception of a host function that the procedural has called; thrown if the procedural then
     // fails.
-    void blame(std::exception_ptr thrown);
+    void store_exception(std::exception_ptr thrown);
     // Takes the place, the roles and the geometry that the item names: they define the graph.
-    void look_at(const Item& item, const ParamSet& wind);
+    void read_dependencies(const Item& item, const ParamSet& wind);
     // Rejects the procedural's output: throws InputError.
     [[noreturn]] void refuse(const std::string& what, const std::string& fix) const;
 

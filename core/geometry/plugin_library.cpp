@@ -48,7 +48,7 @@ std::vector<ParamSpec> specs_of(const std::vector<MarramParam>& params) {
 }
 
 // True if no text is NULL: others read them without a check.
-bool is_sound(const MarramParam& param) {
+bool has_all_texts(const MarramParam& param) {
     return param.name && param.unit && param.initial && param.choices && param.help;
 }
 
@@ -59,10 +59,10 @@ std::string unusable_because(const ProceduralType& type) {
         stride_is_wrong(calls.attribute_count, calls.attribute_stride) ||
         stride_is_wrong(calls.item_type_count, calls.item_type_stride))
         return "it has an array whose stride is 0";
-    if (!std::ranges::all_of(type.params, is_sound)) return "a text of its parameters is NULL";
+    if (!std::ranges::all_of(type.params, has_all_texts)) return "a text of its parameters is NULL";
     for (const ProceduralItemType& item : type.item_types)
         if (!item.item.list || !item.item.type || !item.item.help ||
-            !std::ranges::all_of(item.params, is_sound))
+            !std::ranges::all_of(item.params, has_all_texts))
             return "a text of its lists is NULL";
     for (const MarramAttribute& attribute : type.attributes)
         if (!attribute.name || !attribute.help) return "a text of its attributes is NULL";
@@ -178,7 +178,7 @@ void PluginLibrary::read(const Place& place) {
                          "give the size of its elements");
     wind_params_ = known_parts(library.wind_params, library.wind_param_count, library.wind_param_stride);
     std::erase_if(wind_params_,
-                  [](const MarramParam& param) { return !is_known(param) || !is_sound(param); });
+                  [](const MarramParam& param) { return !is_known(param) || !has_all_texts(param); });
     report_entries_ =
         known_parts(library.report_entries, library.report_entry_count, library.report_entry_stride);
     for (const MarramProcedural& calls :

@@ -26,13 +26,13 @@ void keep(std::vector<Value>& values, size_t components, const std::vector<char>
 
 } // namespace
 
-float whole_as_float(int64_t value, uint64_t& folded) {
+float integer_to_float(int64_t value, uint64_t& folded) {
     if (value >= -greatest_whole && value <= greatest_whole) return float(value);
     ++folded;
     return float(mix64(uint64_t(value)) >> 40);
 }
 
-void leave_out_points(const std::string& file, StrandFile& strands) {
+void remove_short_curves(const std::string& file, StrandFile& strands) {
     std::vector<char> curves(strands.counts.size());
     std::ranges::transform(strands.counts, curves.begin(), [](uint32_t count) { return count > 1; });
     const auto left_out = std::ranges::count(curves, char(false));

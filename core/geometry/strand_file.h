@@ -79,9 +79,9 @@ StrandFile read_obj_strands(const std::string& file, std::string_view bytes);
 
 // Integers that a float would round are hashed to 24 bits: equal numbers give equal values.
 inline constexpr int64_t greatest_whole = int64_t(1) << 24;
-float whole_as_float(int64_t value, uint64_t& folded); // folded: their count
+float integer_to_float(int64_t value, uint64_t& folded); // folded: their count
 
 // Removes curves of fewer than two CVs, with all their values, and warns. Throws InputError if none is left.
-void leave_out_points(const std::string& file, StrandFile& strands);
+void remove_short_curves(const std::string& file, StrandFile& strands);
 
 } // namespace marram

@@ -25,14 +25,14 @@ namespace marram {
 namespace {
 
 // A file that is read in parts.
-class PartsOfFile {
+class RandomAccessFile {
   public:
-    explicit PartsOfFile(const std::string& path);
-    ~PartsOfFile() {
+    explicit RandomAccessFile(const std::string& path);
+    ~RandomAccessFile() {
         if (descriptor_ >= 0) ::close(descriptor_);
     }
-    PartsOfFile(const PartsOfFile&) = delete;
-    PartsOfFile& operator=(const PartsOfFile&) = delete;
+    RandomAccessFile(const RandomAccessFile&) = delete;
+    RandomAccessFile& operator=(const RandomAccessFile&) = delete;
     uint64_t size() const { return size_; }
     void read(uint64_t at, void* to, size_t count) const; // from any thread
 
@@ -42,7 +42,7 @@ class PartsOfFile {
     uint64_t size_ = 0;
 };
 
-PartsOfFile::PartsOfFile(const std::string& path)
+RandomAccessFile::RandomAccessFile(const std::string& path)
     : path_(path), descriptor_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
     struct stat status {};
     if (descriptor_ < 0 && errno == ENOENT)
@@ -57,7 +57,7 @@ PartsOfFile::PartsOfFile(const std::string& path)
     size_ = uint64_t(status.st_size);
 }
 
-void PartsOfFile::read(uint64_t at, void* to, size_t count) const {
+void RandomAccessFile::read(uint64_t at, void* to, size_t count) const {
     for (char* next = static_cast<char*>(to); count > 0;) {
         const ssize_t got = ::pread(descriptor_, next, count, off_t(at));
         if (got < 0 && errno == EINTR) continue;
@@ -89,7 +89,7 @@ class HairReader {
     }
 
     const std::string& path_;
-    PartsOfFile file_;
+    RandomAccessFile file_;
     HairHeader header_;
     uint64_t at_ = sizeof(HairHeader);
     StrandFile strands_;
@@ -221,7 +221,7 @@ StrandFile HairReader::read() {
     read_color(&neutral.default_transparency, 1, "transparency", (header_.flags & hair_transparency) != 0,
                &header_.default_transparency);
     read_color(neutral.default_color, 3, "color", (header_.flags & hair_color) != 0, header_.default_color);
-    leave_out_points(path_, strands_);
+    remove_short_curves(path_, strands_);
     return std::move(strands_);
 }
 

@@ -102,7 +102,7 @@ StrandFile ObjStrandsReader::read() {
                 "check that the file is complete");
         sample.points.push_back(vertices_[vertex]);
     }
-    leave_out_points(path_, strands_);
+    remove_short_curves(path_, strands_);
     return std::move(strands_);
 }
 

@@ -240,7 +240,7 @@ StrandFile PlyStrandsReader::read() {
     add_attributes(content_.of_vertices, of_vertices.rest(), vertices_, MARRAM_PER_CV);
     if (content_.has_entries)
         add_attributes(content_.of_entries, of_entries.rest(), entries_, MARRAM_PER_CURVE);
-    leave_out_points(path_, strands_);
+    remove_short_curves(path_, strands_);
     return std::move(strands_);
 }
 

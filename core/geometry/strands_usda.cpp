@@ -55,7 +55,7 @@ class UsdaStrandsReader {
         return series(prim, "primvars:widths").is_there() ? "primvars:widths" : "widths";
     }
 
-    UsdaPlacing placing(const std::vector<const UsdaPrim*>& ancestors, double time) const;
+    UsdaTransform placing(const std::vector<const UsdaPrim*>& ancestors, double time) const;
     bool is_linear_within(const std::vector<const UsdaPrim*>& ancestors, const Eigen::AlignedBox3d& box,
                           double begin, double end) const;
     void bisect(const std::vector<const UsdaPrim*>& ancestors, const Eigen::AlignedBox3d& box, double begin,
@@ -157,9 +157,9 @@ const Numbers& UsdaStrandsReader::value_at(const UsdaSeries& series, double time
     return between;
 }
 
-UsdaPlacing UsdaStrandsReader::placing(const std::vector<const UsdaPrim*>& ancestors, double time) const {
-    UsdaPlacing placing = scene_.root();
-    for (const UsdaPrim* one : ancestors) placing = scene_.placing_of(*one, placing, time);
+UsdaTransform UsdaStrandsReader::placing(const std::vector<const UsdaPrim*>& ancestors, double time) const {
+    UsdaTransform placing = scene_.root();
+    for (const UsdaPrim* one : ancestors) placing = scene_.transform_of(*one, placing, time);
     return placing;
 }
 
@@ -167,11 +167,11 @@ UsdaPlacing UsdaStrandsReader::placing(const std::vector<const UsdaPrim*>& ances
 // transforms put them.
 bool UsdaStrandsReader::is_linear_within(const std::vector<const UsdaPrim*>& ancestors,
                                          const Eigen::AlignedBox3d& box, double begin, double end) const {
-    const UsdaPlacing a = placing(ancestors, begin), b = placing(ancestors, end);
+    const UsdaTransform a = placing(ancestors, begin), b = placing(ancestors, end);
     const double size = (a.topLeftCorner<3, 3>() * box.sizes().asDiagonal()).norm();
     for (const double share :
          {0.5, 0.21, 0.83}) { // unevenly spaced, so that a whole turn in between is detected
-        const UsdaPlacing way = placing(ancestors, begin + share * (end - begin)) - (a + share * (b - a));
+        const UsdaTransform way = placing(ancestors, begin + share * (end - begin)) - (a + share * (b - a));
         for (int corner = 0; corner < 8; ++corner) {
             const Vec3d p = box.corner(Eigen::AlignedBox3d::CornerType(corner));
             const Vec3d off = way.topLeftCorner<3, 3>() * p + way.topRightCorner<3, 1>();
@@ -222,7 +222,7 @@ void UsdaStrandsReader::find_times() {
         for (const UsdaPrim* one : prim.ancestors) {
             if (!one->find("xformOpOrder")) continue;
             ancestors.push_back(one);
-            moves = moves || scene_.placing_times(*one).size() > 1;
+            moves = moves || scene_.transform_times(*one).size() > 1;
         }
         if (!moves) continue;
         Eigen::AlignedBox3d& box = moved[ancestors];
@@ -232,7 +232,7 @@ void UsdaStrandsReader::find_times() {
     for (const auto& [ancestors, box] : moved) {
         std::set<double> own;
         for (const UsdaPrim* one : ancestors)
-            for (const double time : scene_.placing_times(*one)) own.insert(time);
+            for (const double time : scene_.transform_times(*one)) own.insert(time);
         times.insert(own.begin(), own.end());
         check_room(times.size(), floats);
         for (auto next = own.begin(); next != own.end() && std::next(next) != own.end() && !box.isEmpty();
@@ -251,8 +251,8 @@ Numbers UsdaStrandsReader::placed_points(const CurvesPrim& prim, const UsdaSerie
                                          double time) const {
     Numbers between;
     const Numbers& given = value_at(points, time, between);
-    const UsdaPlacing place = placing(prim.ancestors, time);
-    const bool rests = place == UsdaPlacing::Identity();
+    const UsdaTransform place = placing(prim.ancestors, time);
+    const bool rests = place == UsdaTransform::Identity();
     Numbers placed = &given == &between ? std::move(between) : given;
     for (size_t i = 0; i + 2 < placed.size(); i += 3) {
         Eigen::Map<Vec3d> p(placed.data() + i);
@@ -269,7 +269,7 @@ Numbers UsdaStrandsReader::placed_points(const CurvesPrim& prim, const UsdaSerie
 // Cuts cubics into the fewest pieces that keep the curves near the file's.
 void UsdaStrandsReader::cut(UsdaCvs& cvs, const CurvesPrim& prim, const UsdaSeries& points,
                             StrandFile& part) {
-    if (cvs.as_they_are()) return;
+    if (cvs.keeps_vertices()) return;
     for (uint32_t pieces = 1;; pieces *= 2) {
         cvs.cut(pieces);
         part.deviation = 0.0;
@@ -435,8 +435,8 @@ void UsdaStrandsReader::place_values(const CurvesPrim& prim, std::string_view ty
     const bool is_point = type.starts_with("point3"), is_vector = type.starts_with("vector3"),
                is_normal = type.starts_with("normal3");
     if (!is_point && !is_vector && !is_normal) return;
-    const UsdaPlacing place = placing(prim.ancestors, times_.front());
-    if (place == UsdaPlacing::Identity()) return;
+    const UsdaTransform place = placing(prim.ancestors, times_.front());
+    if (place == UsdaTransform::Identity()) return;
     const Eigen::Matrix3d linear = place.topLeftCorner<3, 3>();
     if (is_normal && !(std::abs(linear.determinant()) > 0.0)) return;
     const Eigen::Matrix3d across = is_normal ? Eigen::Matrix3d(linear.inverse().transpose()) : linear;
@@ -466,7 +466,7 @@ void UsdaStrandsReader::read_attribute(const UsdaCvs& cvs, const CurvesPrim& pri
         values = *numbers;
     } else if (const auto* whole = std::get_if<std::vector<int64_t>>(value)) {
         values.reserve(whole->size());
-        for (const int64_t one : *whole) values.push_back(double(whole_as_float(one, folded)));
+        for (const int64_t one : *whole) values.push_back(double(integer_to_float(one, folded)));
         result.discrete = true;
     } else {
         return left_out("it holds text");

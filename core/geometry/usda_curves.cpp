@@ -39,10 +39,10 @@ class UsdaCurvesReader {
     std::vector<UsdaCurves> read();
 
   private:
-    void visit(const UsdaPrim& prim, const std::string& parent, const UsdaPlacing& above);
-    void read_curves(const UsdaPrim& prim, const std::string& path, const UsdaPlacing& placing);
-    void read_points(const UsdaPrim& prim, const UsdaPlacing& placing, UsdaCurves& curves) const;
-    void read_widths(const UsdaPrim& prim, const UsdaPlacing& placing, UsdaCurves& curves) const;
+    void visit(const UsdaPrim& prim, const std::string& parent, const UsdaTransform& above);
+    void read_curves(const UsdaPrim& prim, const std::string& path, const UsdaTransform& placing);
+    void read_points(const UsdaPrim& prim, const UsdaTransform& placing, UsdaCurves& curves) const;
+    void read_widths(const UsdaPrim& prim, const UsdaTransform& placing, UsdaCurves& curves) const;
 
     UsdaScene scene_;
     std::vector<UsdaCurves> all_;
@@ -50,7 +50,7 @@ class UsdaCurvesReader {
 
 // ---- Curves
 
-void UsdaCurvesReader::read_points(const UsdaPrim& prim, const UsdaPlacing& placing,
+void UsdaCurvesReader::read_points(const UsdaPrim& prim, const UsdaTransform& placing,
                                    UsdaCurves& curves) const {
     size_t at = prim.at;
     const auto* numbers = scene_.elements<std::vector<double>>(prim, "points", &at);
@@ -70,7 +70,7 @@ void UsdaCurvesReader::read_points(const UsdaPrim& prim, const UsdaPlacing& plac
     }
 }
 
-void UsdaCurvesReader::read_widths(const UsdaPrim& prim, const UsdaPlacing& placing,
+void UsdaCurvesReader::read_widths(const UsdaPrim& prim, const UsdaTransform& placing,
                                    UsdaCurves& curves) const {
     size_t at = prim.at;
     std::string_view interpolation;
@@ -103,7 +103,7 @@ void UsdaCurvesReader::read_widths(const UsdaPrim& prim, const UsdaPlacing& plac
 }
 
 void UsdaCurvesReader::read_curves(const UsdaPrim& prim, const std::string& path,
-                                   const UsdaPlacing& placing) {
+                                   const UsdaTransform& placing) {
     UsdaCurves curves;
     curves.path = path;
     static_cast<UsdaCurveKind&>(curves) = usda_curve_kind(scene_, prim);
@@ -113,10 +113,10 @@ void UsdaCurvesReader::read_curves(const UsdaPrim& prim, const std::string& path
     all_.push_back(std::move(curves));
 }
 
-void UsdaCurvesReader::visit(const UsdaPrim& prim, const std::string& parent, const UsdaPlacing& above) {
+void UsdaCurvesReader::visit(const UsdaPrim& prim, const std::string& parent, const UsdaTransform& above) {
     if (!is_usda_def(prim)) return;
     const std::string path = fmt::format("{}/{}", parent, prim.name);
-    const UsdaPlacing placing = scene_.placing_of(prim, above);
+    const UsdaTransform placing = scene_.transform_of(prim, above);
     if (prim.type == "BasisCurves") read_curves(prim, path, placing);
     for (const UsdaPrim& child : prim.children) visit(child, path, placing);
 }

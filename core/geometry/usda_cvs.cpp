@@ -54,7 +54,7 @@ double distance_near(const Vec3d& point, const std::array<Vec3d, 4>& cubic, Usda
 UsdaCvs::UsdaCvs(UsdaCurveKind kind, std::vector<uint32_t> counts) : kind_(kind), counts_(std::move(counts)) {
     const bool periodic = kind.wrap == UsdaCurveWrap::periodic,
                is_linear = kind.basis == UsdaCurveBasis::linear;
-    as_they_are_ =
+    keeps_vertices_ =
         is_linear ? !periodic : kind.wrap == UsdaCurveWrap::pinned && kind.basis != UsdaCurveBasis::bezier;
     vertices_.assign(1, 0);
     joints_.assign(1, 0);
@@ -67,14 +67,15 @@ UsdaCvs::UsdaCvs(UsdaCurveKind kind, std::vector<uint32_t> counts) : kind_(kind)
 
 MarramBasis UsdaCvs::basis() const {
     if (kind_.basis == UsdaCurveBasis::linear) return MARRAM_LINEAR;
-    return as_they_are_ && kind_.basis == UsdaCurveBasis::bspline ? MARRAM_BSPLINE : MARRAM_CATMULL_ROM;
+    return keeps_vertices_ && kind_.basis == UsdaCurveBasis::bspline ? MARRAM_BSPLINE : MARRAM_CATMULL_ROM;
 }
 
 void UsdaCvs::cut(uint32_t pieces) {
     pieces_ = pieces;
     cvs_.assign(1, 0);
     for (const uint32_t count : counts_)
-        cvs_.push_back(cvs_.back() + (as_they_are_ ? count : uint64_t(kind_.segments(count)) * pieces_ + 1));
+        cvs_.push_back(cvs_.back() +
+                       (keeps_vertices_ ? count : uint64_t(kind_.segments(count)) * pieces_ + 1));
 }
 
 std::vector<uint32_t> UsdaCvs::cv_counts() const {
@@ -90,7 +91,7 @@ uint64_t UsdaCvs::vertex_of(size_t curve, uint32_t cubic, uint32_t i) const {
 
 std::vector<double> UsdaCvs::of_vertices(std::span<const double> values, size_t components,
                                          bool discrete) const {
-    if (as_they_are_) return {values.begin(), values.end()};
+    if (keeps_vertices_) return {values.begin(), values.end()};
     std::vector<std::array<double, 4>> weights(pieces_ + 1);
     for (uint32_t k = 0; k <= pieces_; ++k) {
         if (kind_.basis == UsdaCurveBasis::linear)
@@ -122,7 +123,7 @@ std::vector<double> UsdaCvs::of_vertices(std::span<const double> values, size_t 
 
 std::vector<double> UsdaCvs::of_joints(std::span<const double> values, size_t components,
                                        bool discrete) const {
-    if (as_they_are_) return {values.begin(), values.end()};
+    if (keeps_vertices_) return {values.begin(), values.end()};
     std::vector<double> out(cv_count() * components);
     tbb::parallel_for(tbb::blocked_range<size_t>(0, curve_count(), curves_a_task), [&](const auto& range) {
         for (size_t c = range.begin(); c < range.end(); ++c) {
@@ -184,7 +185,7 @@ UsdaCvs::Deviation UsdaCvs::deviation_of(size_t curve, std::span<const double> p
 }
 
 UsdaCvs::Deviation UsdaCvs::deviation(std::span<const double> points, std::span<const double> cvs) const {
-    if (as_they_are_ || kind_.basis == UsdaCurveBasis::linear) return {};
+    if (keeps_vertices_ || kind_.basis == UsdaCurveBasis::linear) return {};
     const auto greater = [](Deviation a, Deviation b) {
         return Deviation{std::max(a.distance, b.distance), std::max(a.share, b.share)};
     };

@@ -16,8 +16,8 @@ class UsdaCvs {
     UsdaCvs(UsdaCurveKind kind, std::vector<uint32_t> counts);
 
     MarramBasis basis() const;
-    bool as_they_are() const { return as_they_are_; } // the CVs are the vertices
-    void cut(uint32_t pieces);                        // pieces per cubic; 1 at first. Only if !as_they_are()
+    bool keeps_vertices() const { return keeps_vertices_; } // the CVs are the vertices
+    void cut(uint32_t pieces); // pieces per cubic; 1 at first. Only if !keeps_vertices()
 
     size_t curve_count() const { return counts_.size(); }
     size_t vertex_count() const { return vertices_.back(); }
@@ -43,7 +43,7 @@ class UsdaCvs {
     Deviation deviation_of(size_t curve, std::span<const double> points, std::span<const double> cvs) const;
 
     UsdaCurveKind kind_;
-    bool as_they_are_;
+    bool keeps_vertices_;
     uint32_t pieces_ = 1;
     std::vector<uint32_t> counts_;
     std::vector<uint64_t> vertices_, joints_, cvs_; // index of each curve's first, and the total

@@ -223,7 +223,8 @@ namespace {
 
 // Velocities at the middle of three frames, units per second: the derivative of the parabola through them,
 // which is the central difference if they are equally spaced.
-UsdaArray velocities_amid(std::span<const std::vector<float>, 3> points, std::span<const double, 3> times) {
+UsdaArray central_velocities(std::span<const std::vector<float>, 3> points,
+                             std::span<const double, 3> times) {
     UsdaArray velocities{"vector3f[] velocities", "", 3};
     velocities.values.resize(points[0].size());
     const double before = times[1] - times[0], behind = times[2] - times[1];
@@ -315,8 +316,8 @@ void UsdaSequence::add_velocities(Curves& curves) {
     }
     double times[3];
     for (size_t i = 0; i < 3; ++i) times[i] = frames[count - 3 + i] / fps_;
-    curves.velocities->add(velocities_amid(std::span<const std::vector<float>, 3>(curves.points),
-                                           std::span<const double, 3>(times)),
+    curves.velocities->add(central_velocities(std::span<const std::vector<float>, 3>(curves.points),
+                                              std::span<const double, 3>(times)),
                            frames.first(count - 1));
     curves.points.erase(curves.points.begin());
 }

@@ -10,8 +10,8 @@ namespace marram {
 
 namespace {
 
-UsdaPlacing layer_placing(const std::string& path, const UsdaLayer& layer) {
-    UsdaPlacing placing = UsdaPlacing::Identity();
+UsdaTransform layer_placing(const std::string& path, const UsdaLayer& layer) {
+    UsdaTransform placing = UsdaTransform::Identity();
     const std::string_view up = find_metadata(layer.metadata, "upAxis"),
                            unit = find_metadata(layer.metadata, "metersPerUnit");
     if (up == "Z") {
@@ -96,7 +96,7 @@ std::optional<std::vector<double>> UsdaScene::op_numbers(const UsdaPrim& prim, s
 }
 
 // op: such as "xformOp:rotateXYZ:name".
-UsdaPlacing UsdaScene::op_of(const UsdaPrim& prim, std::string_view op, std::optional<double> time) const {
+UsdaTransform UsdaScene::op_of(const UsdaPrim& prim, std::string_view op, std::optional<double> time) const {
     size_t at = prim.at;
     const std::optional<std::vector<double>> numbers = op_numbers(prim, op, time, at);
     if (!numbers)
@@ -108,7 +108,7 @@ UsdaPlacing UsdaScene::op_of(const UsdaPrim& prim, std::string_view op, std::opt
     const std::string_view kind = op_kind(op);
     const size_t count = numbers->size();
     const double* n = numbers->data();
-    UsdaPlacing placing = UsdaPlacing::Identity();
+    UsdaTransform placing = UsdaTransform::Identity();
     if (kind == "translate" && count == 3) {
         placing.topRightCorner<3, 1>() = Vec3d(n);
     } else if (kind == "scale" && count == 3) {
@@ -116,7 +116,7 @@ UsdaPlacing UsdaScene::op_of(const UsdaPrim& prim, std::string_view op, std::opt
     } else if (kind == "orient" && count == 4 && Eigen::Map<const Vec4d>(n).stableNorm() > 0.0) {
         placing.topLeftCorner<3, 3>() = quaternion(n).normalized().toRotationMatrix();
     } else if (kind == "transform" && count == 16) {
-        placing = Eigen::Map<const UsdaPlacing>(n); // USD's rows are our columns, as Eigen stores them
+        placing = Eigen::Map<const UsdaTransform>(n); // USD's rows are our columns, as Eigen stores them
         if (placing.row(3) != Eigen::RowVector4d(0.0, 0.0, 0.0, 1.0))
             fail(at, fmt::format("\"{}\" is a perspective", op.substr(0, 64)),
                  "let its last column be 0, 0, 0, 1");
@@ -132,9 +132,9 @@ UsdaPlacing UsdaScene::op_of(const UsdaPrim& prim, std::string_view op, std::opt
     return placing;
 }
 
-UsdaPlacing UsdaScene::placing_of(const UsdaPrim& prim, const UsdaPlacing& above,
-                                  std::optional<double> time) const {
-    UsdaPlacing placing = above;
+UsdaTransform UsdaScene::transform_of(const UsdaPrim& prim, const UsdaTransform& above,
+                                      std::optional<double> time) const {
+    UsdaTransform placing = above;
     size_t at = prim.at;
     const auto* order = elements<std::vector<std::string_view>>(prim, "xformOpOrder", &at);
     if (!order) return placing;
@@ -145,7 +145,7 @@ UsdaPlacing UsdaScene::placing_of(const UsdaPrim& prim, const UsdaPlacing& above
         }
         const bool inverse = op.starts_with(op_inverse);
         if (inverse) op.remove_prefix(op_inverse.size());
-        UsdaPlacing one = op_of(prim, op, time);
+        UsdaTransform one = op_of(prim, op, time);
         if (inverse) {
             if (!(std::abs(one.determinant()) > 0.0))
                 fail(at, fmt::format("\"{}\" has no inverse", op.substr(0, 64)), "do not scale by 0");
@@ -156,7 +156,7 @@ UsdaPlacing UsdaScene::placing_of(const UsdaPrim& prim, const UsdaPlacing& above
     return placing;
 }
 
-std::vector<double> UsdaScene::placing_times(const UsdaPrim& prim) const {
+std::vector<double> UsdaScene::transform_times(const UsdaPrim& prim) const {
     std::vector<double> times;
     const auto* order = elements<std::vector<std::string_view>>(prim, "xformOpOrder");
     if (!order) return times;

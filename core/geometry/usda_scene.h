@@ -15,13 +15,13 @@
 namespace marram {
 
 // For column vectors: p' = M p. USD writes matrices for row vectors, p' = p M.
-using UsdaPlacing = Eigen::Matrix4d;
+using UsdaTransform = Eigen::Matrix4d;
 
 class UsdaScene {
   public:
     UsdaScene(const std::string& path, std::string_view bytes); // reads the layer; keeps references to both
     const UsdaLayer& layer() const { return layer_; }
-    const UsdaPlacing& root() const { return root_; } // upAxis and metersPerUnit
+    const UsdaTransform& root() const { return root_; } // upAxis and metersPerUnit
 
     // The value for every time, else the earliest sample; nullptr if there is none. Throws InputError if it
     // has another type.
@@ -33,24 +33,24 @@ class UsdaScene {
 
     // The transform by a prim's xformOpOrder, below `above`. With a time: samples are interpolated linearly,
     // quaternions by slerp; constant before the first and after the last. Without: as elements().
-    UsdaPlacing placing_of(const UsdaPrim& prim, const UsdaPlacing& above,
-                           std::optional<double> time = {}) const;
+    UsdaTransform transform_of(const UsdaPrim& prim, const UsdaTransform& above,
+                               std::optional<double> time = {}) const;
     // Times at which its ops have samples.
-    std::vector<double> placing_times(const UsdaPrim& prim) const;
+    std::vector<double> transform_times(const UsdaPrim& prim) const;
 
     [[noreturn]] void fail(size_t at, const std::string& what, const std::string& fix) const {
         throw InputError(place_of(path_, bytes_, at), what, fix);
     }
 
   private:
-    UsdaPlacing op_of(const UsdaPrim& prim, std::string_view op, std::optional<double> time) const;
+    UsdaTransform op_of(const UsdaPrim& prim, std::string_view op, std::optional<double> time) const;
     std::optional<std::vector<double>> op_numbers(const UsdaPrim& prim, std::string_view op,
                                                   std::optional<double> time, size_t& at) const;
 
     const std::string& path_;
     std::string_view bytes_;
     UsdaLayer layer_;
-    UsdaPlacing root_ = UsdaPlacing::Identity();
+    UsdaTransform root_ = UsdaTransform::Identity();
 };
 
 // True for a "def" prim that is active.

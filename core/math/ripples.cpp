@@ -71,7 +71,8 @@ namespace {
 constexpr double ripple_across = 3.2, ripple_along = 6.5; // half axes of a packet, wavelengths
 constexpr double ripple_cell = 1.25;                      // side of a packet's cell, wavelengths
 constexpr double ripple_wander = 9.0 * degree,
-                 ripple_wide = ripple_cell / 8.0; // maximum turn of d; frequency of its noise, per cell
+                 ripple_wander_frequency =
+                     ripple_cell / 8.0; // maximum turn of d; frequency of its noise, per cell
 
 // Surface coordinates in wavelengths: a = fx x + fz z normal to the crests, b = gx x + gz z along them.
 struct RippleFrame {
@@ -82,7 +83,8 @@ struct RippleDirection {
     double x, y, z; // unit vector in the surface; 0: no wind
 };
 
-MARRAM_INLINE RippleDirection ripple_way(double wx, double wz, double hx, double hz, double tan_repose) {
+MARRAM_INLINE RippleDirection ripple_crest_normal(double wx, double wz, double hx, double hz,
+                                                  double tan_repose) {
     constexpr double upright = 1e6; // steeper gradients give the same result; keeps squares finite
     hx = std::clamp(hx, -upright, upright), hz = std::clamp(hz, -upright, upright);
     const double wy = wx * hx + wz * hz, length2 = wx * wx + wy * wy + wz * wz;
@@ -107,7 +109,7 @@ MARRAM_INLINE RippleFrame ripple_frame(const RippleDirection& d, double hx, doub
 }
 
 // The factor of ripples_on_slope(): 1 up to 26 degrees, 0 from 30 on.
-MARRAM_INLINE double ripple_hold(double hx, double hz) {
+MARRAM_INLINE double ripple_slope_factor(double hx, double hz) {
     constexpr double steep = 0.86602540378443864676,
                      gentle = 0.89879404629916699278; // cosines of 30 and 26 degrees
     const double up = 1.0 / std::sqrt(1.0 + hx * hx + hz * hz);
@@ -326,15 +328,16 @@ MARRAM_INLINE void evaluate_ripples(const RippleJob& job) {
     for (size_t k = 0; k < job.count; ++k) {
         const RipplePoint& p = job.points[k];
         const double hx = p.gradient[0], hz = p.gradient[1];
-        const double height = job.half_height * p.strength * ripple_hold(hx, hz);
+        const double height = job.half_height * p.strength * ripple_slope_factor(hx, hz);
         job.metres[k] = 0.0;
         if constexpr (with_slope) job.slopes[k] = Vec2d::Zero();
         if (!(height > 0.0)) continue;
-        const RippleDirection way = ripple_way(p.wind[0], p.wind[1], hx, hz, job.tan_repose);
+        const RippleDirection way = ripple_crest_normal(p.wind[0], p.wind[1], hx, hz, job.tan_repose);
         if (way.x == 0.0 && way.y == 0.0 && way.z == 0.0) continue;
         const double x = p.at[0] * job.to_cells, z = p.at[1] * job.to_cells;
         const double turn =
-            ripple_wander * ripple_noise(ripple_place(x * ripple_wide, z * ripple_wide), ~job.seed);
+            ripple_wander *
+            ripple_noise(ripple_place(x * ripple_wander_frequency, z * ripple_wander_frequency), ~job.seed);
         const RippleProfile profile = ripple_profile<with_slope>(ripple_phasor<with_slope>(
             ripple_place(x, z), ripple_turned(ripple_frame(way, hx, hz), turn), job.seed));
         job.metres[k] = height * profile.height;
@@ -351,11 +354,12 @@ MARRAM_HOT void ripple_slopes(const RippleJob& job) { evaluate_ripples<true>(job
 } // namespace
 
 Vec2d ripple_direction(const Vec2d& wind, const Vec2d& gradient, double repose) {
-    const RippleDirection d = ripple_way(wind.x(), wind.y(), gradient.x(), gradient.y(), std::tan(repose));
+    const RippleDirection d =
+        ripple_crest_normal(wind.x(), wind.y(), gradient.x(), gradient.y(), std::tan(repose));
     return {d.x, d.z};
 }
 
-double ripples_on_slope(const Vec2d& gradient) { return ripple_hold(gradient.x(), gradient.y()); }
+double ripples_on_slope(const Vec2d& gradient) { return ripple_slope_factor(gradient.x(), gradient.y()); }
 
 RippleField::RippleField(const RippleSettings& settings)
     : settings_(settings), tan_repose_(std::tan(settings.repose)),
@@ -380,14 +384,16 @@ double RippleField::displacement(const RipplePoint& point) const {
 }
 
 Vec2d RippleField::wave(const RipplePoint& p) const {
-    const RippleDirection way = ripple_way(p.wind[0], p.wind[1], p.gradient[0], p.gradient[1], tan_repose_);
+    const RippleDirection way =
+        ripple_crest_normal(p.wind[0], p.wind[1], p.gradient[0], p.gradient[1], tan_repose_);
     const RippleFrame frame = ripple_frame(way, p.gradient[0], p.gradient[1]);
     return 2.0 * pi / settings_.wavelength * Vec2d(frame.fx, frame.fz);
 }
 
 double RippleField::slope_variance(const RipplePoint& p) const {
     constexpr double profile = 0.536, share = 0.785;
-    const double height = 0.5 * settings_.height * p.strength * ripple_hold(p.gradient[0], p.gradient[1]);
+    const double height =
+        0.5 * settings_.height * p.strength * ripple_slope_factor(p.gradient[0], p.gradient[1]);
     return profile * share * height * height * wave(p).squaredNorm();
 }
 

@@ -20,13 +20,13 @@ const ParamValue* wind_value(const Shot& shot, const Item& groom, const std::str
     return own && own->given ? own : shot.description.wind.find(name);
 }
 
-bool any_groom(const Shot& shot, const std::string& name) {
+bool any_groom_has(const Shot& shot, const std::string& name) {
     return std::ranges::any_of(shot.description.procedurals,
                                [&](const Item& groom) { return wind_value(shot, groom, name) != nullptr; });
 }
 
 // Whether all grooms that have the parameter have the same value, returned in `out`.
-bool agreed(const Shot& shot, const std::string& name, double& out) {
+bool common_wind_value(const Shot& shot, const std::string& name, double& out) {
     bool found = false;
     for (const Item& groom : shot.description.procedurals) {
         const ParamValue* value = wind_value(shot, groom, name);
@@ -67,7 +67,7 @@ std::vector<std::string> texts_of_sweep(const ParamSpec& spec) {
 
 // Whether an item gives any parameter of the same table, such as "guides" of "guides.wind". Always true for
 // "wind." and for parameters that are not in a table.
-bool has_table_of(const Item& item, const std::string& name) {
+bool gives_any_of_table(const Item& item, const std::string& name) {
     const size_t dot = name.rfind('.');
     if (dot == std::string::npos || name.starts_with("wind.")) return true;
     return std::ranges::any_of(item.params.all(), [&](const ParamValue& value) {
@@ -89,7 +89,7 @@ std::vector<double> sweep_of(const Shot& shot, const std::string& key) {
 }
 
 // Changes that set a key in every procedural that declares it and, if given, has the parameter `only_with`.
-std::vector<std::string> in_all_grooms(const Shot& shot, const std::string& key, const std::string& value,
+std::vector<std::string> set_in_grooms(const Shot& shot, const std::string& key, const std::string& value,
                                        const std::string& only_with = "") {
     std::vector<std::string> changes;
     for (const Item& groom : shot.description.procedurals)
@@ -108,12 +108,12 @@ void add_own(std::vector<std::pair<double, DialSetting>>& settings, double own, 
 }
 
 // The setting that the tolerance chooses.
-DialSetting by_tolerance(bool own, std::vector<std::string> changes) {
+DialSetting tolerance_setting(bool own, std::vector<std::string> changes) {
     if (own) changes.clear();
     return {"by the tolerance", std::move(changes), own, 0};
 }
 
-std::vector<DialSetting> without_numbers(std::vector<std::pair<double, DialSetting>> numbered) {
+std::vector<DialSetting> strip_numbers(std::vector<std::pair<double, DialSetting>> numbered) {
     std::vector<DialSetting> settings;
     for (auto& [number, setting] : numbered) settings.push_back(std::move(setting));
     return settings;
@@ -132,23 +132,22 @@ Dial contact(const Shot& shot) {
     }();
     const bool exact = solver == "exact";
     DialSetting& first = dial.settings.emplace_back(
-        DialSetting{"exact", in_all_grooms(shot, "wind.collision.solver", "\"exact\""), exact, 0});
+        DialSetting{"exact", set_in_grooms(shot, "wind.collision.solver", "\"exact\""), exact, 0});
     if (exact) first.changes.clear();
     dial.settings.push_back(
-        {"none", in_all_grooms(shot, "wind.collision.solver", "\"none\""), solver == "none", 0});
+        {"none", set_in_grooms(shot, "wind.collision.solver", "\"none\""), solver == "none", 0});
     double own = 16.0;
-    agreed(shot, "collision.rotation_steps", own);
+    common_wind_value(shot, "collision.rotation_steps", own);
     std::vector<std::pair<double, DialSetting>> steps;
     for (const double n : sweep_of(shot, "wind.collision.rotation_steps")) {
-        std::vector<std::string> changes = in_all_grooms(shot, "wind.collision.solver", "\"steps\"");
-        for (std::string& more : in_all_grooms(shot, "wind.collision.rotation_steps", fmt::format("{}", n)))
+        std::vector<std::string> changes = set_in_grooms(shot, "wind.collision.solver", "\"steps\"");
+        for (std::string& more : set_in_grooms(shot, "wind.collision.rotation_steps", fmt::format("{}", n)))
             changes.push_back(std::move(more));
         steps.emplace_back(n, DialSetting{fmt::format("{} steps", n), changes, false, 0});
     }
     if (solver == "steps") add_own(steps, own, fmt::format("{} steps", own));
-    for (DialSetting& setting : without_numbers(std::move(steps)))
-        dial.settings.push_back(std::move(setting));
-    if (any_groom(shot, "collision.rotation_steps")) { // exact contact rejects this parameter
+    for (DialSetting& setting : strip_numbers(std::move(steps))) dial.settings.push_back(std::move(setting));
+    if (any_groom_has(shot, "collision.rotation_steps")) { // exact contact rejects this parameter
         dial.reference = dial.settings.size() - 1;
         dial.explain +=
             "Error against the most steps: remove rotation_steps to measure against exact contact.";
@@ -171,7 +170,7 @@ Dial shield_per(const Shot& shot) {
               0};
     for (const std::string value : {"cv", "curve"})
         dial.settings.push_back(
-            {value, in_all_grooms(shot, "wind.shielding.shield_per", '"' + value + '"', "shielding.shield"),
+            {value, set_in_grooms(shot, "wind.shielding.shield_per", '"' + value + '"', "shielding.shield"),
              false, 0});
     bool per_cv = false;
     for (const Item& groom : shot.description.procedurals)
@@ -183,21 +182,21 @@ Dial shield_per(const Shot& shot) {
 
 // A dial over numbers, with the finest first or last. If the scene leaves the number to the tolerance, or its
 // grooms differ, the scene's own state is one more setting.
-Dial with_numbers(const Shot& shot, Dial dial, const std::string& key, const std::string& parameter,
+Dial numeric_dial(const Shot& shot, Dial dial, const std::string& key, const std::string& parameter,
                   const std::string& only_with, bool finest_first) {
     std::vector<std::pair<double, DialSetting>> settings;
     for (const double value : sweep_of(shot, key))
         settings.emplace_back(
             value, DialSetting{fmt::format("{}", value),
-                               in_all_grooms(shot, key, fmt::format("{}", value), only_with), false, 0});
+                               set_in_grooms(shot, key, fmt::format("{}", value), only_with), false, 0});
     double own = 0.0;
-    const bool one = agreed(shot, parameter, own);
+    const bool one = common_wind_value(shot, parameter, own);
     if (one) add_own(settings, own, fmt::format("{}", own));
-    dial.settings = without_numbers(std::move(settings));
+    dial.settings = strip_numbers(std::move(settings));
     dial.reference = finest_first ? 0 : dial.settings.size() - 1;
     if (!one) {
-        dial.settings.push_back(by_tolerance(true, {}));
-        if (any_groom(shot, parameter)) dial.settings.back().label = "as it is";
+        dial.settings.push_back(tolerance_setting(true, {}));
+        if (any_groom_has(shot, parameter)) dial.settings.back().label = "as it is";
     }
     return dial;
 }
@@ -219,21 +218,21 @@ Dial cvs(const Shot& shot) {
     // Fix the segments that bending is authored for, so that more CVs only sample the same pose more finely.
     std::vector<std::string> authored;
     double segments = 0.0;
-    if (!agreed(shot, "reference_segments", segments) || segments == 0.0)
-        authored = in_all_grooms(shot, "wind.reference_segments",
+    if (!common_wind_value(shot, "reference_segments", segments) || segments == 0.0)
+        authored = set_in_grooms(shot, "wind.reference_segments",
                                  std::to_string(own > 0 ? own - 1 : 7)); // 7: the groom's default
     std::vector<std::pair<double, DialSetting>> settings;
     for (const double n : sweep_of(shot, "cvs")) {
-        std::vector<std::string> changes = in_all_grooms(shot, "cvs", fmt::format("{}", n));
+        std::vector<std::string> changes = set_in_grooms(shot, "cvs", fmt::format("{}", n));
         changes.insert(changes.end(), authored.begin(), authored.end());
         settings.emplace_back(n, DialSetting{fmt::format("{}", n), changes, false, 0});
     }
     if (own > 0) add_own(settings, own, std::to_string(own));
-    dial.settings = without_numbers(std::move(settings));
+    dial.settings = strip_numbers(std::move(settings));
     dial.reference = dial.settings.size() - 1;
     dial.law = [](double n) { return 1.0 / (n - 1.0); };
     dial.law_words = "falls with the number of segments";
-    dial.settings.push_back(by_tolerance(own == 0, in_all_grooms(shot, "cvs", "0")));
+    dial.settings.push_back(tolerance_setting(own == 0, set_in_grooms(shot, "cvs", "0")));
     dial.settings.back().changes.insert(dial.settings.back().changes.end(), authored.begin(), authored.end());
     dial.weight = 4.0;
     return dial;
@@ -254,9 +253,9 @@ Dial motion_keys(uint32_t own) { // 0: chosen by the tolerance
         settings.emplace_back(
             n, DialSetting{std::to_string(n), {fmt::format("film.motion_keys={}", n)}, false, 0});
     if (own > 0) add_own(settings, own, std::to_string(own));
-    dial.settings = without_numbers(std::move(settings));
+    dial.settings = strip_numbers(std::move(settings));
     dial.reference = dial.settings.size() - 1;
-    if (own == 0) dial.settings.push_back(by_tolerance(true, {}));
+    if (own == 0) dial.settings.push_back(tolerance_setting(true, {}));
     dial.weight = 4.0;
     return dial;
 }
@@ -308,7 +307,7 @@ Dial view_detail(const Shot& shot) {
                                                   0});
     if (own > 0.0) add_own(settings, own, fmt::format("{} px", own));
     std::ranges::reverse(settings);
-    dial.settings = without_numbers(std::move(settings));
+    dial.settings = strip_numbers(std::move(settings));
     dial.reference = dial.settings.size() - 1;
     if (!(own > 0.0)) dial.settings.push_back({"as it is", {}, true, 0});
     return dial;
@@ -343,7 +342,7 @@ Dial octaves(const Shot& shot, int own) {
               0};
     for (int n = 1; n <= own; ++n)
         dial.settings.push_back(
-            {std::to_string(n), in_all_grooms(shot, "wind.noise.octaves", std::to_string(n)), n == own, 0});
+            {std::to_string(n), set_in_grooms(shot, "wind.noise.octaves", std::to_string(n)), n == own, 0});
     dial.reference = dial.settings.size() - 1;
     return dial;
 }
@@ -401,11 +400,11 @@ void add_declared(const Shot& shot, DialList& list) {
         for (const ItemSchema& schema : shot.plugins->schema.procedurals) {
             if (schema.type != item.type) continue;
             for (const ParamSpec& spec : schema.params) {
-                if (spec.sweep.empty() || !has_table_of(item, spec.name) ||
+                if (spec.sweep.empty() || !gives_any_of_table(item, spec.name) ||
                     std::ranges::find(done, spec.name) != done.end())
                     continue;
                 list.dials.push_back(declared(spec, spec.name, [&](const std::string& value) {
-                    return in_all_grooms(shot, spec.name, value);
+                    return set_in_grooms(shot, spec.name, value);
                 }));
                 done.push_back(spec.name);
             }
@@ -434,9 +433,9 @@ DialList dials_of(const Shot& shot) {
         leave_out(
             "contact, shielding, jiggle, motion keys, CVs, octaves, tolerance: the scene has no strands");
     if (strands && !description.meshes.empty()) list.dials.push_back(contact(shot));
-    if (strands && any_groom(shot, "shielding.shield")) {
+    if (strands && any_groom_has(shot, "shielding.shield")) {
         list.dials.push_back(shield_per(shot));
-        if (any_groom(shot, "shielding.spread")) {
+        if (any_groom_has(shot, "shielding.spread")) {
             Dial dial{"shield_rays",
                       "Rays a CV in the cone that wind comes from. Error against the most.",
                       "shield",
@@ -444,7 +443,7 @@ DialList dials_of(const Shot& shot) {
                       false,
                       {},
                       0};
-            dial = with_numbers(shot, std::move(dial), "wind.shielding.rays", "shielding.rays",
+            dial = numeric_dial(shot, std::move(dial), "wind.shielding.rays", "shielding.rays",
                                 "shielding.spread", false);
             dial.weight = 3.0;
             dial.law = [](double rays) { return std::pow(rays, -0.8); };
@@ -456,7 +455,7 @@ DialList dials_of(const Shot& shot) {
     } else if (strands) {
         leave_out("shield_per, shield_rays: nothing is shielded (wind.shielding)");
     }
-    if (strands && any_groom(shot, "jiggle.frequency")) {
+    if (strands && any_groom_has(shot, "jiggle.frequency")) {
         Dial dial{"jiggle_step",
                   "Frames between the samples of the past that jiggle follows. Error against the shortest.",
                   "jiggle",
@@ -465,14 +464,14 @@ DialList dials_of(const Shot& shot) {
                   {},
                   0};
         dial =
-            with_numbers(shot, std::move(dial), "wind.jiggle.step", "jiggle.step", "jiggle.frequency", true);
+            numeric_dial(shot, std::move(dial), "wind.jiggle.step", "jiggle.step", "jiggle.frequency", true);
         dial.law = [](double step) { return step * step; };
         dial.law_words = "grows with the square of the step";
         list.dials.push_back(std::move(dial));
     } else if (strands) {
         leave_out("jiggle_step: nothing jiggles (wind.jiggle)");
     }
-    if (strands && (any_groom(shot, "collision.solver") || any_groom(shot, "jiggle.frequency"))) {
+    if (strands && (any_groom_has(shot, "collision.solver") || any_groom_has(shot, "jiggle.frequency"))) {
         if (description.globals.number("tolerance") > 0.0 || description.globals.has("tolerance_pixels"))
             list.dials.push_back(tolerance(shot));
     } else if (strands) {
@@ -485,7 +484,7 @@ DialList dials_of(const Shot& shot) {
         leave_out("motion_keys: the shutter does not open (camera.shutter)");
     if (declaration(shot, "cvs")) list.dials.push_back(cvs(shot));
     double own = 0.0;
-    if (strands && agreed(shot, "noise.octaves", own) && own > 1.0)
+    if (strands && common_wind_value(shot, "noise.octaves", own) && own > 1.0)
         list.dials.push_back(octaves(shot, int(own)));
     else if (strands)
         leave_out("octaves: the noise has one octave, or not the same number in all grooms");

@@ -85,7 +85,7 @@ class Rounds {
         }
     }
     // A ratio to 0 seconds is undefined.
-    bool base_costs() const { return !seconds_[base_].empty() && seconds_[base_].front() > 0.0; }
+    bool base_is_positive() const { return !seconds_[base_].empty() && seconds_[base_].front() > 0.0; }
     void set_base(size_t base) { base_ = base; }
 
   private:
@@ -201,13 +201,14 @@ void compare_views(const Shot& shot, const World& world, const World& reference,
 void compare_strands(const Dial& dial, const Shot& shot, const World& world, const World& reference,
                      const Session& session, SettingResult& result) {
     const bool motion = dial.error == DialError::motion;
-    const CurveGap gap = motion ? gap_in_motion(world, reference, build_settings(shot, session.frame).view)
-                                : gap_at_rest(world, reference);
+    const CurveDistance gap =
+        motion ? motion_cv_distance(world, reference, build_settings(shot, session.frame).view)
+               : relative_cv_distance(world, reference);
     const double unit = motion ? pixel_of(shot, session) : 1.0;
     result.error = motion ? gap.most / unit : gap.rms;
     result.worst = gap.worst / unit;
-    if (!motion) result.most = gap_in_space(world, reference).most;
-    if (dial.counts_crossing) result.crossing = strands_in_meshes(world);
+    if (!motion) result.most = cv_distance(world, reference).most;
+    if (dial.counts_crossing) result.crossing = count_crossing_strands(world);
 }
 
 // Compares the rule that chooses motion keys with the measurement: its law over the settings, and its
@@ -341,7 +342,7 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
             build(scenes[i], dial, session, stats);
             rounds.add(i, seconds_of(dial, stats));
         }
-    result.base = rounds.base_costs() ? base : dial.reference;
+    result.base = rounds.base_is_positive() ? base : dial.reference;
     rounds.set_base(result.base);
     rounds.finish(result.settings);
     mark_front(result);

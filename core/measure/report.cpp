@@ -164,7 +164,7 @@ std::string plot(const DialResult& result) {
     if (times.empty()) return "<text x=\"20\" y=\"40\">nothing was measured</text>\n";
     const Axis x = axis_over(times, left, right), y = axis_over(errors, bottom - 30, top);
     std::string out = grid(x, y, result);
-    const auto height_of = [&](double error) { return error > 0.0 ? y.at(error) : exact_line; };
+    const auto y_of_error = [&](double error) { return error > 0.0 ? y.at(error) : exact_line; };
     if (std::ranges::any_of(result.settings,
                             [](const SettingResult& s) { return s.refused.empty() && !(s.error > 0.0); }))
         out +=
@@ -179,13 +179,13 @@ std::string plot(const DialResult& result) {
     std::ranges::sort(front, {}, [](const SettingResult* s) { return s->ratio; });
     out += "<polyline fill=\"none\" stroke=\"#1b6ca8\" stroke-width=\"1.5\" points=\"";
     for (const SettingResult* s : front)
-        out += fmt::format("{:.1f},{:.1f} ", x.at(s->ratio), height_of(s->error));
+        out += fmt::format("{:.1f},{:.1f} ", x.at(s->ratio), y_of_error(s->error));
     out += "\"/>\n";
     std::vector<Label> labels;
     for (size_t i = 0; i < result.settings.size(); ++i) {
         const SettingResult& s = result.settings[i];
         if (!s.refused.empty() || !(s.ratio > 0.0)) continue;
-        const double px = x.at(s.ratio), py = height_of(s.error);
+        const double px = x.at(s.ratio), py = y_of_error(s.error);
         if (result.dial.settings[i].own)
             out += fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"9\" fill=\"none\" stroke=\"#c2410c\" "
                                "stroke-width=\"2\"/>\n",

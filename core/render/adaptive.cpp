@@ -20,7 +20,7 @@ namespace marram {
 namespace {
 
 // Box filter: for each pixel the mean of `values` over the pixels up to `reach` away in x and y.
-std::vector<double> means_around(const Film& film, const std::vector<double>& values, uint32_t reach) {
+std::vector<double> box_filter(const Film& film, const std::vector<double>& values, uint32_t reach) {
     const uint32_t width = film.width, height = film.height;
     const auto across = [&](uint32_t x, uint32_t size) {
         return std::pair(x - std::min(x, reach), std::min(x + reach, size - 1));
@@ -46,29 +46,29 @@ std::vector<double> means_around(const Film& film, const std::vector<double>& va
 // Ratio of the true variance to the sample variance: the fraction that stratification leaves, at most 1. All
 // pixels of the neighbourhood have equal weight. With weights by variance, the edge of a lamp, which
 // stratification resolves well, would dominate its neighbourhood.
-std::vector<double> left_by_strata(const Film& film) {
+std::vector<double> stratification_factor(const Film& film) {
     constexpr uint32_t reach = 3; // pixels: 49 pixels of 2 blocks estimate it to a fifth
-    std::vector<double> left(film.pixels.size()), known(film.pixels.size());
-    for (size_t i = 0; i < left.size(); ++i) {
+    std::vector<double> factor(film.pixels.size()), has_estimate(film.pixels.size());
+    for (size_t i = 0; i < factor.size(); ++i) {
         const uint32_t blocks = film.pixels[i].samples / film_block;
-        const double told =
+        const double sample_variance =
             variance_of_mean(film.pixels[i].luminance, film.pixels[i].squares, film.pixels[i].samples);
-        if (blocks < 2 || !(told > 0.0)) continue;
-        known[i] = 1.0;
-        left[i] =
+        if (blocks < 2 || !(sample_variance > 0.0)) continue;
+        has_estimate[i] = 1.0;
+        factor[i] =
             variance_of_mean(film.pixels[i].block_luminance, film.pixels[i].block_luminance_squares, blocks) /
-            (told * film_block * film_block);
+            (sample_variance * film_block * film_block);
     }
-    left = means_around(film, left, reach);
-    known = means_around(film, known, reach);
-    for (size_t i = 0; i < left.size(); ++i)
-        left[i] = known[i] > 0.0 ? std::min(left[i] / known[i], 1.0) : 1.0;
-    return left;
+    factor = box_filter(film, factor, reach);
+    has_estimate = box_filter(film, has_estimate, reach);
+    for (size_t i = 0; i < factor.size(); ++i)
+        factor[i] = has_estimate[i] > 0.0 ? std::min(factor[i] / has_estimate[i], 1.0) : 1.0;
+    return factor;
 }
 
 // Mean brightness, with values clipped at the 95th percentile: the sun's disc or a lamp counts no more than
 // the brightest of the rest. Plain mean if the 95th percentile is 0.
-double mean_of_most(const std::vector<double>& brightness) {
+double clipped_mean(const std::vector<double>& brightness) {
     std::vector<double> sorted = brightness;
     const auto most = sorted.begin() + long(sorted.size() - 1 - sorted.size() / 20);
     std::ranges::nth_element(sorted, most);
@@ -81,24 +81,24 @@ double mean_of_most(const std::vector<double>& brightness) {
 } // namespace
 
 // Standard deviation of a sample's luminance: the variance is averaged over the pixel and its neighbours.
-void measure_spread(Film& film) {
+void estimate_deviation(Film& film) {
     constexpr uint32_t reach = 2; // pixels: 25 pixels of 4 samples estimate the deviation to a tenth
     std::vector<double> variances(film.pixels.size());
     for (size_t i = 0; i < variances.size(); ++i) {
         const double count = film.pixels[i].samples;
         variances[i] = count * variance_of_mean(film.pixels[i].luminance, film.pixels[i].squares, count);
     }
-    variances = means_around(film, variances, reach);
+    variances = box_filter(film, variances, reach);
     for (size_t i = 0; i < variances.size(); ++i)
         film.pixels[i].luminance_stddev = float(std::sqrt(variances[i]));
 }
 
 // A pixel with a noisy neighbour continues too, since its few samples may all have missed the source of the
 // noise.
-bool find_noisy(Film& film, double noise) {
+bool update_convergence(Film& film, double noise) {
     const FilmLayer* layer = find_layer(film, "variance");
     const size_t pixels = static_cast<size_t>(film.width) * film.height;
-    const std::vector<double> left = left_by_strata(film);
+    const std::vector<double> factor = stratification_factor(film);
     std::vector<double> brightness(pixels), deviation(pixels);
     for (size_t i = 0; i < pixels; ++i) {
         const double* sums = film.sums.data() + i * film.stride + layer->first;
@@ -106,9 +106,9 @@ bool find_noisy(Film& film, double noise) {
         double variance[3];
         for (size_t c = 0; c < 3; ++c) variance[c] = variance_of_mean(sums[c], sums[c + 3], count);
         brightness[i] = luminance(sums[0], sums[1], sums[2]) / count;
-        deviation[i] = std::sqrt(luminance(variance[0], variance[1], variance[2]) * left[i]);
+        deviation[i] = std::sqrt(luminance(variance[0], variance[1], variance[2]) * factor[i]);
     }
-    const double mean = mean_of_most(brightness);
+    const double mean = clipped_mean(brightness);
     const auto noisy = [&](size_t i) { return deviation[i] > noise * std::max(brightness[i], 0.1 * mean); };
     for (FilmPixel& pixel : film.pixels) pixel.converged = true;
     bool any = false;

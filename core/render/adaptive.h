@@ -8,10 +8,10 @@
 namespace marram {
 
 // Sets FilmPixel::luminance_stddev. O(pixels), called between two passes.
-void measure_spread(Film& film);
+void estimate_deviation(Film& film);
 
 // Sets FilmPixel::converged. noise: fraction of brightness, see RenderSettings::noise. Needs a layer
 // "variance". Returns false if all pixels have converged. O(pixels), called between two passes.
-bool find_noisy(Film& film, double noise);
+bool update_convergence(Film& film, double noise);
 
 } // namespace marram

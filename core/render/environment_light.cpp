@@ -201,7 +201,7 @@ void EnvironmentSampler::sample(const Vec3d&, float, float a, float b, LightSamp
     sample.pdf = densities_[at.row * columns_ + at.column];
 }
 
-SeenLight EnvironmentSampler::seen(const Vec3f& direction, bool camera_ray) const {
+LightRadiance EnvironmentSampler::along_ray(const Vec3f& direction, bool camera_ray) const {
     if (camera_ray && !light_.visible) return {};
     const Vec2f at = pixel_of(light_, direction);
     const size_t column = cell_of(at.x(), light_.image.width), row = cell_of(at.y(), light_.image.height);

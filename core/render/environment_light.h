@@ -43,7 +43,7 @@ class EnvironmentSampler {
     explicit EnvironmentSampler(const EnvironmentLight& light);
     double power(double scene_radius) const;
     void sample(const Vec3d& from, float time, float a, float b, LightSample& sample) const;
-    SeenLight seen(const Vec3f& direction, bool camera_ray) const;
+    LightRadiance along_ray(const Vec3f& direction, bool camera_ray) const;
 
   private:
     EnvironmentLight light_;

@@ -157,7 +157,7 @@ const Material& material_at(const RenderContext& context, const SurfacePoint& at
         uint64_t h = depth;
         for (int axis = 0; axis < 3; ++axis)
             h = hash(hash(h, std::bit_cast<uint64_t>(at.position[axis])), std::bit_cast<uint32_t>(wo[axis]));
-        material = &material_of(context, chosen(*blend, value, unit_double(h)));
+        material = &material_of(context, select_material(*blend, value, unit_double(h)));
     }
     return *material;
 }
@@ -300,7 +300,7 @@ PathRadiance trace(const RenderContext& context, Ray ray, float deviation, const
             return light;
         }
         if (point.light >= 0) {
-            const SeenLight lamp = context.lights.emitted(point, ray.direction);
+            const LightRadiance lamp = context.lights.emitted(point, ray.direction);
             if (lamp.pdf >= 0.0F)
                 radiance += mis_weight(context, bsdf_pdf, lamp.pdf) * throughput.cwiseProduct(lamp.radiance);
         }
@@ -538,7 +538,7 @@ uint32_t partial_pass_end(const Film& film, uint32_t end, double seconds_left, d
 }
 
 void render_passes(const RenderContext& context, Film& film, RenderStats& stats, RenderProgress* progress) {
-    constexpr uint32_t enough_to_judge = 16; // samples for a usable variance of a pixel
+    constexpr uint32_t min_adaptive_samples = 16; // samples for a usable variance of a pixel
     const RenderSettings& settings = context.settings;
     const std::function<double()> clock = settings.clock ? settings.clock : wall_seconds;
     const double start = clock();
@@ -547,8 +547,10 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
     for (uint32_t begin = progress_of(film).least; begin < settings.samples;) {
         const uint32_t end = std::min(pass_end(begin), settings.samples);
         if (is_between_passes(begin, film)) {
-            if (begin > 1) measure_spread(film);
-            if (settings.noise > 0.0 && begin >= enough_to_judge && !find_noisy(film, settings.noise)) return;
+            if (begin > 1) estimate_deviation(film);
+            if (settings.noise > 0.0 && begin >= min_adaptive_samples &&
+                !update_convergence(film, settings.noise))
+                return;
         }
         while (begin < end) { // partial passes: several only near the deadline
             if (settings.seconds > 0.0 && begin > 0) deadline.at = start + settings.seconds;

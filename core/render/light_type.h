@@ -26,7 +26,7 @@ struct LightSample {
 };
 
 // Radiance of a light along a ray.
-struct SeenLight {
+struct LightRadiance {
     Vec3f radiance = Vec3f::Zero();
     float pdf = -1.0F; // of light sampling for this direction; < 0: the ray does not see the light
 };

@@ -85,25 +85,25 @@ LightSample Lights::sample(const Vec3d& from, float time, const std::array<float
     return sample;
 }
 
-SeenLight Lights::seen_at_infinity(uint32_t light, const Vec3f& direction, bool camera_ray) const {
-    SeenLight seen = std::visit(
+LightRadiance Lights::infinite_light_radiance(uint32_t light, const Vec3f& direction, bool camera_ray) const {
+    LightRadiance along_ray = std::visit(
         [&](const auto& s) {
             if constexpr (std::decay_t<decltype(s)>::at_infinity)
-                return s.seen(direction, camera_ray);
+                return s.along_ray(direction, camera_ray);
             else
-                return SeenLight{};
+                return LightRadiance{};
         },
         samplers_[light]);
     const float chosen = empty() ? 0.0F : static_cast<float>(choice_.probability(light));
-    if (seen.pdf >= 0.0F) seen.pdf = chosen * seen.pdf;
-    return seen;
+    if (along_ray.pdf >= 0.0F) along_ray.pdf = chosen * along_ray.pdf;
+    return along_ray;
 }
 
-SeenLight Lights::emitted(const SurfacePoint& point, const Vec3f& direction) const {
+LightRadiance Lights::emitted(const SurfacePoint& point, const Vec3f& direction) const {
     if (point.light < 0 || static_cast<size_t>(point.light) >= samplers_.size() || empty()) return {};
     const auto light = static_cast<size_t>(point.light);
     const auto* mesh = std::get_if<MeshSampler>(&samplers_[light]);
-    return mesh ? mesh->seen(point, direction, choice_.probability(light)) : SeenLight{};
+    return mesh ? mesh->along_ray(point, direction, choice_.probability(light)) : LightRadiance{};
 }
 
 } // namespace marram

@@ -53,17 +53,17 @@ class Lights {
     Vec3f environment_radiance(const Vec3f& direction, bool camera_ray, Weight&& weight) const {
         Vec3f sum = Vec3f::Zero();
         for (const uint32_t light : infinite_) {
-            const SeenLight seen = seen_at_infinity(light, direction, camera_ray);
-            if (seen.pdf >= 0.0F) sum += seen.radiance * weight(seen.pdf);
+            const LightRadiance along_ray = infinite_light_radiance(light, direction, camera_ray);
+            if (along_ray.pdf >= 0.0F) sum += along_ray.radiance * weight(along_ray.pdf);
         }
         return sum;
     }
 
     // Radiance of the emitting mesh that a ray has hit.
-    SeenLight emitted(const SurfacePoint& point, const Vec3f& direction) const;
+    LightRadiance emitted(const SurfacePoint& point, const Vec3f& direction) const;
 
   private:
-    SeenLight seen_at_infinity(uint32_t light, const Vec3f& direction, bool camera_ray) const;
+    LightRadiance infinite_light_radiance(uint32_t light, const Vec3f& direction, bool camera_ray) const;
 
     std::vector<LightSampler> samplers_;
     std::vector<uint32_t> infinite_;

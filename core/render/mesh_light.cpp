@@ -50,7 +50,7 @@ void MeshSampler::sample(const Vec3d& from, float time, float a, float b, LightS
     sample.pdf = static_cast<float>(by_area_.probability(at.cell) / point.area * distance2 / cosine);
 }
 
-SeenLight MeshSampler::seen(const SurfacePoint& point, const Vec3f& direction, double choice) const {
+LightRadiance MeshSampler::along_ray(const SurfacePoint& point, const Vec3f& direction, double choice) const {
     const float cosine = -point.geometric_normal.dot(direction);
     if (!(cosine > 0.0F)) return {};
     for (const auto& [mesh, first] : first_of_mesh_) {

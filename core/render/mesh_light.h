@@ -36,7 +36,7 @@ class MeshSampler {
     double power(double scene_radius) const;
     void sample(const Vec3d& from, float time, float a, float b, LightSample& sample) const;
     // At a ray hit. `choice`: probability of choosing this light, a factor of the pdf.
-    SeenLight seen(const SurfacePoint& point, const Vec3f& direction, double choice) const;
+    LightRadiance along_ray(const SurfacePoint& point, const Vec3f& direction, double choice) const;
 
   private:
     struct Triangle {

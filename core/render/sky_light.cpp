@@ -68,7 +68,7 @@ void SkySampler::sample(const Vec3d&, float, float a, float b, LightSample& samp
     sample.pdf = static_cast<float>(by_height_.probability(at.cell) * sky_cells / (4.0 * pi));
 }
 
-SeenLight SkySampler::seen(const Vec3f& direction, bool camera_ray) const {
+LightRadiance SkySampler::along_ray(const Vec3f& direction, bool camera_ray) const {
     if (camera_ray && !sky_.visible) return {};
     const double y = std::clamp(static_cast<double>(direction.y()), -1.0, 1.0);
     const size_t cell = std::min(static_cast<size_t>(0.5 * (y + 1.0) * sky_cells), sky_cells - 1);

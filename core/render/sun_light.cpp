@@ -29,12 +29,12 @@ SunLight make_sun(const ParamSet& params) {
 
 SunSampler::SunSampler(const SunLight& light)
     : direction_(light.direction.normalized()), half_angle_(0.5 * light.angle),
-      rise_(2.0 * std::sin(0.5 * half_angle_) * std::sin(0.5 * half_angle_)), radiance_(light.irradiance),
-      delta_(half_angle_ < least_disc), visible_(light.visible) {
+      one_minus_cos_(2.0 * std::sin(0.5 * half_angle_) * std::sin(0.5 * half_angle_)),
+      radiance_(light.irradiance), delta_(half_angle_ < least_disc), visible_(light.visible) {
     orthonormal_basis(direction_, x_, y_);
     if (delta_) return;
     radiance_ = light.irradiance / static_cast<float>(pi * std::sin(half_angle_) * std::sin(half_angle_));
-    pdf_ = static_cast<float>(1.0 / (2.0 * pi * rise_));
+    pdf_ = static_cast<float>(1.0 / (2.0 * pi * one_minus_cos_));
 }
 
 double SunSampler::power(double) const {
@@ -46,7 +46,7 @@ void SunSampler::sample(const Vec3d&, float, float a, float b, LightSample& samp
     sample.delta = delta_;
     sample.radiance = radiance_;
     sample.pdf = pdf_;
-    const double w = delta_ ? 0.0 : rise_ * a;
+    const double w = delta_ ? 0.0 : one_minus_cos_ * a;
     const double sine = std::sqrt(w * (2.0 - w));
     Float4 sin_phi, cos_phi;
     fast_sin_cos(Float4{} + static_cast<float>(2.0 * pi) * b, sin_phi, cos_phi);
@@ -55,8 +55,8 @@ void SunSampler::sample(const Vec3d&, float, float a, float b, LightSample& samp
                            .cast<float>();
 }
 
-SeenLight SunSampler::seen(const Vec3f& direction, bool camera_ray) const {
-    const bool inside = (direction.cast<double>() - direction_).squaredNorm() <= 2.0 * rise_;
+LightRadiance SunSampler::along_ray(const Vec3f& direction, bool camera_ray) const {
+    const bool inside = (direction.cast<double>() - direction_).squaredNorm() <= 2.0 * one_minus_cos_;
     if (delta_ || !inside || (camera_ray && !visible_)) return {};
     return {radiance_, pdf_};
 }

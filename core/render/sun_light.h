@@ -34,12 +34,12 @@ class SunSampler {
     explicit SunSampler(const SunLight& light);
     double power(double scene_radius) const; // estimate of the irradiance it causes
     void sample(const Vec3d& from, float time, float a, float b, LightSample& sample) const;
-    SeenLight seen(const Vec3f& direction, bool camera_ray) const;
+    LightRadiance along_ray(const Vec3f& direction, bool camera_ray) const;
 
   private:
-    Vec3d direction_, x_, y_;  // orthonormal
-    double half_angle_, rise_; // rise_: 1 - cos(half_angle_)
-    Vec3f radiance_;           // irradiance if delta_
+    Vec3d direction_, x_, y_;           // orthonormal
+    double half_angle_, one_minus_cos_; // one_minus_cos_: 1 - cos(half_angle_)
+    Vec3f radiance_;                    // irradiance if delta_
     float pdf_ = 1.0F;
     bool delta_, visible_;
 };

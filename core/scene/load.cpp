@@ -48,8 +48,8 @@ ParamSet read_single(const toml::table& root, const std::string& name, std::span
 }
 
 // Reads the text of a key that every item has: `name` or `type`. Reports an empty text and other types.
-std::optional<std::string> read_word(const toml::table& table, const char* key, const std::string& label,
-                                     Reading& reading) {
+std::optional<std::string> read_text_key(const toml::table& table, const char* key, const std::string& label,
+                                         Reading& reading) {
     const toml::node* node = table.get(key);
     if (!node) return {};
     if (node->is_string() && !node->as_string()->get().empty()) return node->as_string()->get();
@@ -66,7 +66,7 @@ const ItemSchema* read_type(const toml::table& table, const std::string& kind, c
         reading.report(place_of(table, reading), fmt::format("{} has no type", label),
                        types.empty() ? hint("", types, "type of " + kind + " in this build")
                                      : fmt::format("add type = \"...\", known are {}", listed(types)));
-    const std::optional<std::string> type = read_word(table, "type", label, reading);
+    const std::optional<std::string> type = read_text_key(table, "type", label, reading);
     if (!type) return nullptr;
     for (const ItemSchema& schema : schemas)
         if (schema.type == *type) return &schema;
@@ -79,7 +79,7 @@ const ItemSchema* read_type(const toml::table& table, const std::string& kind, c
 // If a parameter with ParamSpec::each lists several names, makes one item for each: "fur" on "body" and
 // "tail" becomes "fur.body" and "fur.tail". The seed of each is hashed from the name, so that equal meshes
 // get different strands.
-std::vector<Item> one_for_each(Item item) {
+std::vector<Item> expand_each(Item item) {
     std::vector<Item> items;
     const auto of_each = std::ranges::find_if(item.params.all(), [](const ParamValue& value) {
         return value.spec->each && value.texts.size() > 1;
@@ -107,7 +107,7 @@ void read_item(const toml::table& table, const std::string& kind, std::span<cons
     Item item;
     item.place = place_of(table, reading);
     std::string label = kind;
-    if (const std::optional<std::string> name = read_word(table, "name", kind, reading)) {
+    if (const std::optional<std::string> name = read_text_key(table, "name", kind, reading)) {
         item.name = *name;
         label = join(kind, clean(*name));
         names.push_back({kind, *name, place_of(*table.get("name"), reading)});
@@ -132,7 +132,7 @@ void read_item(const toml::table& table, const std::string& kind, std::span<cons
     for (const ParamSpec& spec : schema->params) has_library = has_library || spec.name == library_spec.name;
     if (!has_library) job.specs.push_back(&library_spec);
     item.params = read_table(job, reading);
-    std::vector<Item> read = one_for_each(std::move(item));
+    std::vector<Item> read = expand_each(std::move(item));
     if (read.size() > 1 && !read.front().table_name.empty()) {
         const Name written = names.back();
         names.pop_back();

@@ -36,7 +36,7 @@ void add_once(std::vector<std::string>& words, std::string word) {
 }
 
 // Where a key of this name belongs. The usual mistake is a global key below the first table header.
-std::string home_of(const std::string& name, const TableToRead& job, const Reading& reading) {
+std::string suggest_table(const std::string& name, const TableToRead& job, const Reading& reading) {
     if (!reading.schema) return "";
     auto declares = [&](const std::vector<ParamSpec>& specs) {
         return std::any_of(specs.begin(), specs.end(),
@@ -79,7 +79,7 @@ void report_unknown(const toml::key& key, const std::string& prefix, const Table
         all.insert(all.end(), job.others.begin(), job.others.end());
         here.insert(here.end(), job.others.begin(), job.others.end());
     }
-    std::string fix = home_of(name, job, reading);
+    std::string fix = suggest_table(name, job, reading);
     if (fix.empty())
         fix = nearest(key.str(), all).empty() ? hint("", here, "key to be given here")
                                               : hint(key.str(), all, "");
@@ -108,7 +108,7 @@ void take(const toml::key& key, const toml::node& node, const ParamSpec& spec, c
 }
 
 // Reads the tables of a list, each like a single table.
-void take_list(const toml::key& key, const toml::node& node, const std::string& name, const TableToRead& job,
+void read_list(const toml::key& key, const toml::node& node, const std::string& name, const TableToRead& job,
                Given& given, Reading& reading) {
     const std::string label = label_of(name, job);
     if (given.elements.find_list(name))
@@ -138,7 +138,7 @@ void take_list(const toml::key& key, const toml::node& node, const std::string& 
 }
 
 // Reads the tables of a list whose elements have types.
-void take_typed_list(const toml::node& node, const ListSchema& schema, const TableToRead& job, Given& given,
+void read_typed_list(const toml::node& node, const ListSchema& schema, const TableToRead& job, Given& given,
                      Reading& reading) {
     const std::string label = label_of(schema.name, job);
     const toml::array* list = node.as_array();
@@ -188,7 +188,7 @@ void walk(const toml::table& table, const std::string& prefix, const TableToRead
             continue;
         if (const auto list = std::ranges::find(job.lists, name, &ListSchema::name);
             prefix.empty() && list != job.lists.end()) {
-            take_typed_list(node, *list, job, given, reading);
+            read_typed_list(node, *list, job, given, reading);
             continue;
         }
         const std::string inner = name + ".", element = name + std::string(list_mark);
@@ -203,7 +203,7 @@ void walk(const toml::table& table, const std::string& prefix, const TableToRead
         if (exact && !(nests && node.is_table()))
             take(key, node, *exact, job, given, reading);
         else if (lists)
-            take_list(key, node, name, job, given, reading);
+            read_list(key, node, name, job, given, reading);
         else if (nests && node.is_table())
             walk(*node.as_table(), inner, job, given, reading);
         else if (nests)
@@ -215,7 +215,8 @@ void walk(const toml::table& table, const std::string& prefix, const TableToRead
 }
 
 // A parameter that the file does not give: its default, or an error if it is required.
-std::optional<ParamValue> not_given(const ParamSpec& spec, const TableToRead& job, Reading& reading) {
+std::optional<ParamValue> default_or_missing(const ParamSpec& spec, const TableToRead& job,
+                                             Reading& reading) {
     if (spec.type == ParamType::unavailable || spec.initial == "none") return {};
     const std::string label = label_of(spec.name, job);
     if (!spec.initial.empty()) return default_value(spec, label, job.place, reading);
@@ -235,7 +236,7 @@ ParamSet read_table(const TableToRead& job, Reading& reading) {
         if (!is_own(*spec, job)) continue;
         const auto entry = given.values.find(spec);
         std::optional<ParamValue> value =
-            entry != given.values.end() ? std::move(entry->second) : not_given(*spec, job, reading);
+            entry != given.values.end() ? std::move(entry->second) : default_or_missing(*spec, job, reading);
         if (!value) continue;
         value->name = value_name(spec->name, job);
         params.put(std::move(*value));

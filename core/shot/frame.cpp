@@ -54,7 +54,7 @@ void save(const Frame& frame, const std::string& path, const std::vector<Metadat
 
 // The size of a pixel is measured at camera.target. If the target is far behind the strands, the tolerance is
 // too coarse for them.
-void check_target(Frame& frame) {
+void warn_far_target(Frame& frame) {
     const SceneDescription& scene = frame.shot.description;
     if (!scene.globals.has("tolerance_pixels")) return;
     const double target = (scene.camera.vec3("target") - scene.camera.vec3("position")).norm(),
@@ -161,7 +161,7 @@ World build_frame(Frame& frame, KeptGeometry kept) {
     World world = build_world(frame.shot.geometry, settings, frame.cancel, frame.progress.build,
                               frame.stats.build, std::move(kept));
     check_root_uvs(frame.shot, world);
-    check_target(frame);
+    warn_far_target(frame);
     const auto [width, height] = film_size(frame.shot);
     frame.film = make_film(width, height, frame.layers, world);
     return world;
@@ -256,7 +256,7 @@ SavedFrame save_frame(Frame& frame) {
         try {
             save_state(files.state, frame.film, files.samples_digest);
         } catch (const InputError& error) { // reported separately: the picture may still be saved
-            saved.no_state = error.what();
+            saved.state_error = error.what();
         }
     };
     if (!saved.whole) { // in parallel: the user who pressed Ctrl-C is waiting
@@ -267,7 +267,7 @@ SavedFrame save_frame(Frame& frame) {
         write_picture();
     } catch (const InputError& error) {
         write_state();
-        if (!saved.no_state.empty()) throw;
+        if (!saved.state_error.empty()) throw;
         std::vector<Problem> problems = error.problems;
         Problem& kept = problems.emplace_back();
         kept.place.file = files.state;

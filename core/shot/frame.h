@@ -108,7 +108,7 @@ std::vector<std::string> render_warnings(const Frame& frame);
 struct SavedFrame {
     std::vector<std::string> layers; // pictures of layers
     std::string picture;             // its file name
-    std::string no_state;            // why the film's state could not be saved; "": saved, or not needed
+    std::string state_error;         // why the film's state could not be saved; "": saved, or not needed
     bool whole = false;
 };
 

@@ -16,7 +16,7 @@ struct MaterialUse {
 };
 
 // The material itself and, if it is a blend, all materials that it blends, recursively.
-std::vector<size_t> parts_of(const Shot& shot, size_t material) {
+std::vector<size_t> blended_materials(const Shot& shot, size_t material) {
     std::vector<size_t> parts = {material};
     for (size_t i = 0; i < parts.size(); ++i)
         if (const auto* blend = std::get_if<BlendSettings>(&shot.materials[parts[i]].settings))
@@ -81,7 +81,7 @@ bool file_has_root_uv(const Shot& shot, const Item& procedural) {
            });
 }
 
-[[noreturn]] void refuse_image(const Item& material, const Item& procedural) {
+[[noreturn]] void reject_image(const Item& material, const Item& procedural) {
     const char* map = "color_map";
     for (const char* other : {"roughness_map", "specular_map"})
         if (!material.params.has(map)) map = other;
@@ -102,7 +102,7 @@ void check_root_uv(const Shot& shot, const Item& material, const MaterialUse& us
     const auto named = mesh ? std::ranges::find(shot.geometry.meshes, mesh->text, &SceneMesh::name)
                             : shot.geometry.meshes.end();
     const bool without = named != shot.geometry.meshes.end() && named->mesh.uvs.empty();
-    if (!has || (without && !file_has_root_uv(shot, use.item))) refuse_image(material, use.item);
+    if (!has || (without && !file_has_root_uv(shot, use.item))) reject_image(material, use.item);
 }
 
 } // namespace
@@ -114,10 +114,11 @@ std::vector<std::string> check_materials(const Shot& shot) {
     std::vector<bool> on_procedural(materials.size());
     for (const auto& procedural : shot.geometry.procedurals)
         if (procedural->material >= 0)
-            for (const size_t part : parts_of(shot, size_t(procedural->material))) on_procedural[part] = true;
+            for (const size_t part : blended_materials(shot, size_t(procedural->material)))
+                on_procedural[part] = true;
     const auto check = [&](int material, const MaterialUse& use) {
         if (material < 0) return;
-        for (const size_t part : parts_of(shot, size_t(material))) {
+        for (const size_t part : blended_materials(shot, size_t(material))) {
             if (use.is_mesh) check_on_mesh(materials[part], use, warnings);
             if (!use.is_mesh && shot.materials[part].mapped) check_root_uv(shot, materials[part], use);
             const bool blend = std::holds_alternative<BlendSettings>(shot.materials[part].settings);
@@ -152,8 +153,8 @@ void check_root_uvs(const Shot& shot, const World& world) {
         if (mesh == world.meshes.end() ||
             !world.growth_surface(uint32_t(mesh - world.meshes.begin())).uvs.empty())
             continue;
-        for (const size_t part : parts_of(shot, size_t(procedural.material)))
-            if (shot.materials[part].mapped) refuse_image(shot.description.materials[part], item);
+        for (const size_t part : blended_materials(shot, size_t(procedural.material)))
+            if (shot.materials[part].mapped) reject_image(shot.description.materials[part], item);
     }
 }
 

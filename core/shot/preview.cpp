@@ -9,15 +9,15 @@
 namespace marram {
 namespace {
 
-constexpr double shortest_pause = 1.0;  // seconds; more frequent updates look like flicker
-constexpr double greatest_share = 0.02; // of the render time, for writing previews
+constexpr double min_pause = 1.0;        // seconds; more frequent updates look like flicker
+constexpr double max_write_share = 0.02; // of the render time, for writing previews
 // Minimum pause as a share of the elapsed time: 5 % more samples reduce the noise by only 2.5 %.
 constexpr double growth = 0.05;
 
 } // namespace
 
 double preview_pause(double cost, double elapsed) {
-    return std::max({shortest_pause, cost / greatest_share, growth * elapsed});
+    return std::max({min_pause, cost / max_write_share, growth * elapsed});
 }
 
 Preview::Preview(std::function<void()> write) : write_(std::move(write)), begin_(wall_seconds()) {}

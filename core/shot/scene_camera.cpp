@@ -13,7 +13,7 @@ namespace {
 constexpr double allowed_pixels = 0.05; // far below the width of the pixel filter
 constexpr size_t most_poses = 65;
 
-void refuse_scale(const ParamValue& keys) {
+void reject_scale(const ParamValue& keys) {
     for (size_t i = 0; i + 9 < keys.numbers.size(); i += 10)
         if (Vec3d(keys.numbers.data() + i + 7) != Vec3d::Ones())
             throw InputError(keys.place, "camera.transform scales, which a camera cannot",
@@ -21,7 +21,7 @@ void refuse_scale(const ParamValue& keys) {
 }
 
 // The pose that the renderer interpolates at `share`, from poses equally spaced over 0 ... 1.
-CameraPose drawn(const std::vector<CameraPose>& poses, double share) {
+CameraPose interpolated_pose(const std::vector<CameraPose>& poses, double share) {
     const double at = share * double(poses.size() - 1);
     const size_t key = std::min(size_t(at), poses.size() - 2);
     const CameraPose &a = poses[key], &b = poses[key + 1];
@@ -31,8 +31,8 @@ CameraPose drawn(const std::vector<CameraPose>& poses, double share) {
 
 // The distance in pixels between the images of two poses: the maximum over the center, corners and edge
 // midpoints of the film, and over the shift of position seen at `distance`.
-double apart(const CameraPose& a, const CameraPose& b, const Vec2d& size, double half_height,
-             double distance) {
+double pixel_distance(const CameraPose& a, const CameraPose& b, const Vec2d& size, double half_height,
+                      double distance) {
     const double pixel = 2.0 * half_height / size.y();
     double worst = (a.position - b.position).norm() / distance;
     const Eigen::Quaterniond turn = a.orientation.conjugate() * b.orientation;
@@ -58,7 +58,7 @@ Camera camera_at(const SceneDescription& description, double frame, double* off)
 
     const CameraPose looking = look_at(position, target, params.vec3("up"));
     const ParamValue& keys = params.at("transform");
-    refuse_scale(keys);
+    reject_scale(keys);
     const KeyedTransform transform(keys.numbers, keys.text);
     const auto pose_at = [&](double time) -> CameraPose {
         const Eigen::Affine3d m = transform.at(time);
@@ -78,16 +78,17 @@ Camera camera_at(const SceneDescription& description, double frame, double* off)
         return camera;
     }
     // Test densely: with smooth keys or camera shake the error is not largest halfway between poses.
-    constexpr int looks = 512;
+    constexpr int test_count = 512;
     const Vec2d size = description.film.vec2("size");
     const double half_height = std::tan(0.5 * camera.vertical_fov);
     for (size_t count = 2; count <= most_poses; count = 2 * count - 1) {
         camera.poses = poses_of(count);
         double worst = 0.0;
-        for (int i = 0; i <= looks; ++i) {
-            const double share = double(i) / looks;
-            worst = std::max(worst, apart(drawn(camera.poses, share), pose_at(open + (close - open) * share),
-                                          size, half_height, distance));
+        for (int i = 0; i <= test_count; ++i) {
+            const double share = double(i) / test_count;
+            worst = std::max(worst, pixel_distance(interpolated_pose(camera.poses, share),
+                                                   pose_at(open + (close - open) * share), size, half_height,
+                                                   distance));
         }
         if (off) *off = worst;
         if (worst <= allowed_pixels) break;

@@ -108,12 +108,12 @@ class FileWarnings {
   public:
     explicit FileWarnings(std::vector<std::string>& all) : all_(all) {}
     void add(const std::string& file, const std::string& what) {
-        if (told_.insert(what).second) all_.push_back(fmt::format("{}: {}", file, what));
+        if (reported_.insert(what).second) all_.push_back(fmt::format("{}: {}", file, what));
     }
 
   private:
     std::vector<std::string>& all_;
-    std::set<std::string> told_;
+    std::set<std::string> reported_;
 };
 
 void check_same_strands(const std::string& file, const StrandFile& strands, const std::string& first_file,
@@ -170,9 +170,10 @@ SceneCurves load_strands(const Item& item, double fps, const std::atomic<bool>& 
         }
         curves.samples.push_back({frame, vertices_of(strands.samples.front(), curves.offsets)});
     }
-    const bool rests = curves.samples.size() == 1;
-    curves.vertices = rests ? std::move(curves.samples.front().vertices) : curves.samples.front().vertices;
-    if (rests) curves.samples.clear();
+    const bool is_static = curves.samples.size() == 1;
+    curves.vertices =
+        is_static ? std::move(curves.samples.front().vertices) : curves.samples.front().vertices;
+    if (is_static) curves.samples.clear();
     curves.attributes = std::move(first.attributes);
     return curves;
 }

@@ -31,7 +31,7 @@ void add_library(PluginSet& plugins, const std::string& key, const std::string& 
 }
 
 // Runs steps and collects their InputErrors, so that all mistakes of a scene are reported together.
-class Objections {
+class ProblemCollector {
   public:
     void operator()(const std::function<void()>& step) {
         try {
@@ -66,7 +66,7 @@ void apply(const Overrides& overrides, std::vector<std::string>& settings) {
                            std::to_string(overrides.size->second) + "]");
 }
 
-void shine(SceneMesh& mesh, const std::vector<Item>& lights, size_t by) {
+void attach_mesh_light(SceneMesh& mesh, const std::vector<Item>& lights, size_t by) {
     if (mesh.light >= 0)
         throw InputError(lights[by].params.at("mesh").place,
                          fmt::format("mesh \"{}\" shines already by light \"{}\"", mesh.name,
@@ -107,7 +107,7 @@ void resolve_blends(Shot& shot) {
     for (size_t i = 0; i < items.size(); ++i) visit(i);
 }
 
-void load_meshes(Shot& shot, const std::atomic<bool>& cancel, Objections& objections) {
+void load_meshes(Shot& shot, const std::atomic<bool>& cancel, ProblemCollector& collect_problems) {
     const SceneDescription& description = shot.description;
     for (const Item& item : description.meshes) {
         if (cancel.load()) throw Cancelled{};
@@ -115,17 +115,17 @@ void load_meshes(Shot& shot, const std::atomic<bool>& cancel, Objections& object
         mesh.roles = role_bits(item.params);
         const ParamValue& keys = item.params.at("transform");
         mesh.transform = KeyedTransform(keys.numbers, keys.text);
-        objections([&] {
+        collect_problems([&] {
             mesh.mesh = load_scene_mesh(item);
             if (item.type == "file") mesh.shapes = load_shapes(item, mesh.mesh, cancel);
         });
         for (size_t i = 0; i < description.lights.size(); ++i)
             if (description.lights[i].type == "mesh" &&
                 description.lights[i].params.text("mesh") == item.name)
-                objections([&] { shine(mesh, description.lights, i); });
+                collect_problems([&] { attach_mesh_light(mesh, description.lights, i); });
         shot.geometry.meshes.push_back(std::move(mesh));
     }
-    objections([&] { add_instances(shot.geometry.meshes, description.meshes); });
+    collect_problems([&] { add_instances(shot.geometry.meshes, description.meshes); });
 }
 
 std::shared_ptr<PluginLibrary> library_for(const PluginSet& plugins, const Item& item) {
@@ -193,17 +193,19 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
     shot.description = describe_scene(file, settings, *shot.plugins);
     const SceneDescription& description = shot.description;
 
-    Objections objections;
+    ProblemCollector collect_problems;
     for (const Item& item : description.materials)
-        objections([&] { shot.materials.push_back(make_material(item.type, item.params, open_texture)); });
-    if (shot.materials.size() == description.materials.size()) objections([&] { resolve_blends(shot); });
+        collect_problems(
+            [&] { shot.materials.push_back(make_material(item.type, item.params, open_texture)); });
+    if (shot.materials.size() == description.materials.size())
+        collect_problems([&] { resolve_blends(shot); });
     std::vector<LightDescription> suns; // of daylight; appended last, as meshes refer to lights by index
     for (const Item& item : description.lights)
-        objections([&] { shot.lights.push_back(make_light(item, suns, shot.warnings)); });
+        collect_problems([&] { shot.lights.push_back(make_light(item, suns, shot.warnings)); });
     std::ranges::move(suns, std::back_inserter(shot.lights));
-    load_meshes(shot, cancel, objections);
+    load_meshes(shot, cancel, collect_problems);
     for (const Item& item : description.curves)
-        objections([&] {
+        collect_problems([&] {
             shot.geometry.curves.push_back(
                 load_scene_curves(item, description.globals.number("fps"), cancel, shot.warnings));
         });
@@ -214,15 +216,15 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
     }
     const auto carried = std::make_shared<const CurveAttributes>(attributes_of(shot.geometry.curves));
     for (const Item& item : description.procedurals)
-        objections([&] {
+        collect_problems([&] {
             auto procedural = std::make_unique<Procedural>(library_for(*shot.plugins, item), item,
                                                            description.wind, cancel, carried);
             procedural->material = material_of(description, item);
             procedural->roles = role_bits(item.params);
             shot.geometry.procedurals.push_back(std::move(procedural));
         });
-    objections([&] { camera_at(description, description.globals.vec2("frames").x()); });
-    objections.raise();
+    collect_problems([&] { camera_at(description, description.globals.vec2("frames").x()); });
+    collect_problems.raise();
     if (shot.lights.empty()) {
         shot.warnings.push_back(fmt::format("{}: the scene has no light: it is lit by a plain sky", file));
         shot.lights.push_back(SkyLight{});

@@ -66,11 +66,11 @@ namespace {
 constexpr double longest_step = 0.9;    // voxels a pass
 constexpr double step_quantile = 0.999; // of the vertex rates; sets the time step
 constexpr int edge_rings = 3;
-constexpr double least_agreement = 0.2, edge_agreement = 0.9;
+constexpr double min_edge_cosine = 0.2, max_edge_cosine = 0.9;
 constexpr int noise_blur = 3;  // iterations, for the rates
 constexpr int level_blur = 12; // iterations: sigma = 2 edges = a voxel of the level before
 constexpr int shaping_passes = 5, settling_passes = 3;
-constexpr double greatest_quotient = 3.0, even_share = 0.05;
+constexpr double max_wear_ratio = 3.0, wear_floor_fraction = 0.05;
 constexpr double worn_voxels = 0.25; // of the level before: detail fades below this depth of wear
 
 // Neighbours of vertices along mesh edges. Each is listed twice, as each edge has two triangles.
@@ -108,7 +108,7 @@ class SurfaceNeighbours {
             for (uint32_t n = first_[v]; n < first_[v + 1]; ++n) {
                 const uint32_t u = of_[n];
                 const double agree = cosine(v, u);
-                if (!(agree > least_agreement && agree < edge_agreement) || from[u] <= most) continue;
+                if (!(agree > min_edge_cosine && agree < max_edge_cosine) || from[u] <= most) continue;
                 const double above = height(u, v);
                 if (above < 0.0 && height(v, u) < 0.0) most = std::max(most, (from[u] + above) / agree);
             }
@@ -160,7 +160,7 @@ class Eroder {
         : settings_(settings), wear_(wear), hooks_(hooks) {}
 
     bool cancelled() const { return hooks_.cancelled && hooks_.cancelled(); }
-    void tell(int level, double share) const {
+    void report_progress(int level, double share) const {
         if (!hooks_.progress) return;
         const double levels = std::min(settings_.levels, settings_.stop_after);
         hooks_.progress((level + std::clamp(share, 0.0, 1.0)) / levels,
@@ -183,7 +183,7 @@ class Eroder {
     }
 
     // Erodes the first level. False: cancelled.
-    bool wear_years(ErosionLevel& level, double& years) {
+    bool erode_first_level(ErosionLevel& level, double& years) {
         const double voxel = level.rock.voxel();
         std::vector<double> rate;
         while (years < settings_.years && level.passes < settings_.most_passes && !level.rock.empty()) {
@@ -198,13 +198,14 @@ class Eroder {
             level.rock.advance(rate);
             years += step;
             ++level.passes;
-            tell(0, years / settings_.years);
+            report_progress(0, years / settings_.years);
         }
         return true;
     }
 
     // Erodes a finer level towards the shape `coarse`; coarse_rock: `coarse` before wear. False: cancelled.
-    bool wear_detail(ErosionLevel& level, const LevelSet& coarse, const LevelSet& coarse_rock, int number) {
+    bool erode_finer_level(ErosionLevel& level, const LevelSet& coarse, const LevelSet& coarse_rock,
+                           int number) {
         const int passes = shaping_passes + settling_passes;
         std::vector<double> rate, blurred, excess;
         std::vector<float> distance, worn;
@@ -225,19 +226,19 @@ class Eroder {
             } else if (cancelled()) {
                 return false;
             }
-            const double even = shapes ? even_share * ordered_mean(blurred) : 0.0;
+            const double even = shapes ? wear_floor_fraction * ordered_mean(blurred) : 0.0;
             const double part = 1.0 / (shapes ? shaping_passes - pass : 1);
             for (size_t v = 0; v < count; ++v) {
                 const double lost = (double(distance[v]) - double(worn[v])) / (worn_voxels * coarse.voxel());
                 const double over = blurred[v] + even;
                 const double quotient =
-                    shapes && over > 0.0 ? std::min((rate[v] + even) / over, greatest_quotient) : 1.0;
+                    shapes && over > 0.0 ? std::min((rate[v] + even) / over, max_wear_ratio) : 1.0;
                 excess[v] = std::max(excess[v], 0.0) * std::clamp(lost, 0.0, 1.0) * part * quotient;
             }
             if (shapes) neighbours.wear_edges(excess);
             level.rock.advance(excess);
             ++level.passes;
-            tell(number, (pass + 1.0) / passes);
+            report_progress(number, (pass + 1.0) / passes);
         }
         return true;
     }
@@ -271,8 +272,8 @@ RTCGeometry rock_geometry(RTCDevice device, const LevelMesh& mesh) {
 } // namespace
 
 std::string erosion_settings_fault(const ErosionSettings& s) {
-    if (s.levels < 1 || s.levels > most_erosion_levels)
-        return fmt::format("levels: must be 1 to {}", most_erosion_levels);
+    if (s.levels < 1 || s.levels > max_erosion_levels)
+        return fmt::format("levels: must be 1 to {}", max_erosion_levels);
     if (s.stop_after < 1) return "stop_after: must be 1 or more";
     if (!(s.voxel > 0.0) || !std::isfinite(s.voxel)) return "voxel: must be above 0";
     if (!(s.years >= 0.0) || !std::isfinite(s.years)) return "years: must be 0 or more";
@@ -304,8 +305,8 @@ ErosionResult erode(std::span<const float> positions, std::span<const uint32_t> 
         level.start = mesh_volume(level.rock.mesh());
         result.cancelled =
             eroder.cancelled() ||
-            !(number == 0 ? eroder.wear_years(level, result.years)
-                          : eroder.wear_detail(level, result.levels.back().rock, *rock_before, number));
+            !(number == 0 ? eroder.erode_first_level(level, result.years)
+                          : eroder.erode_finer_level(level, result.levels.back().rock, *rock_before, number));
         if (result.cancelled) break;
         level.removed = level.start - mesh_volume(level.rock.mesh());
         level.pieces = level.rock.keep_largest();

@@ -15,15 +15,15 @@
 
 namespace marram {
 
-inline constexpr int most_erosion_levels = 6;
+inline constexpr int max_erosion_levels = 6;
 
 struct ErosionSettings {
-    int stop_after = most_erosion_levels; // levels to compute; a coarse level previews the finer ones
-    int levels = 3;                       // each halves the voxel size; 1 to most_erosion_levels
-    double voxel = 0.01;                  // m, of the finest level
-    double years = 1000.0;                // duration of the wind
-    double detail = 0.75;                 // depth of the added detail, 0 to 1 voxels of the level before
-    int most_passes = 200;                // limit for the first level
+    int stop_after = max_erosion_levels; // levels to compute; a coarse level previews the finer ones
+    int levels = 3;                      // each halves the voxel size; 1 to max_erosion_levels
+    double voxel = 0.01;                 // m, of the finest level
+    double years = 1000.0;               // duration of the wind
+    double detail = 0.75;                // depth of the added detail, 0 to 1 voxels of the level before
+    int most_passes = 200;               // limit for the first level
     HardnessSettings hardness;
 };
 

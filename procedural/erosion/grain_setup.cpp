@@ -12,7 +12,7 @@ namespace {
 
 constexpr double grain_most_heights = 12.0; // maximum start height in units of H: all but 6e-6 of the flux
 
-bool grain_is_near(const Vec3d& p) { return p.cwiseAbs().maxCoeff() < grain_farthest; }
+bool grain_is_near(const Vec3d& p) { return p.cwiseAbs().maxCoeff() < max_grain_coordinate; }
 
 struct WindBounds {
     Vec3d low = Vec3d::Constant(infinity), high = Vec3d::Constant(-infinity); // s, y, t
@@ -79,7 +79,7 @@ bool find_grain_box(GrainTracer& tracer) {
     const Vec3d low = whole.low.cwiseMax(worn.low - reach), high = whole.high.cwiseMin(worn.high + reach);
     const double coordinate = std::max(low.cwiseAbs().maxCoeff(), high.cwiseAbs().maxCoeff());
     box.size = (high - low).norm();
-    if (!(box.size > 0.0) || !(coordinate < grain_farthest)) return false;
+    if (!(box.size > 0.0) || !(coordinate < max_grain_coordinate)) return false;
     const double slack = 8.0 * grain_step * coordinate + 1e-6 * box.size;
     box.y0 = low.y() - slack, box.y1 = high.y() + slack;
     if (s.ground) box.y0 = std::min(box.y0, *s.ground - slack), box.y1 = std::max(box.y1, *s.ground);

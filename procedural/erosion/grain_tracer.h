@@ -8,9 +8,9 @@
 
 namespace marram {
 
-inline constexpr double grain_step = 0x1p-23; // U: relative precision of float coordinates
-inline constexpr double grain_farthest = 1e8; // m
-inline constexpr int grain_profile = 256;     // positions along the start plane where the ground is sampled
+inline constexpr double grain_step = 0x1p-23;       // U: relative precision of float coordinates
+inline constexpr double max_grain_coordinate = 1e8; // m
+inline constexpr int grain_profile = 256; // positions along the start plane where the ground is sampled
 
 // The box in which grains are traced, in the frame of the wind: s along it, y up, t across it (to the right).
 struct GrainBox {

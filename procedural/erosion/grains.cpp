@@ -91,7 +91,7 @@ constexpr double grain_margin = 2.0;      // factor on ray offsets
 constexpr double grain_sliver = 1e4;      // maximum q
 constexpr size_t grain_window = 64;       // rays traced together
 constexpr uint64_t grain_block = 4096;    // grains per task
-constexpr double grain_least_rise = 0.01; // minimum sine between a rebound and the surface
+constexpr double min_rebound_sine = 0.01; // minimum sine between a rebound and the surface
 
 int64_t grain_quanta(double energy) { return std::llround(energy / grain_quantum); }
 double grain_energy(const Vec3d& v) { return 0.5 * v.squaredNorm(); }
@@ -133,7 +133,7 @@ std::array<double, 2> event_numbers(const GrainTracer& tracer, uint64_t path, ui
     return {sobol_point(index, 0, uint32_t(hash(key, 1))), sobol_point(index, 1, uint32_t(hash(key, 2)))};
 }
 
-Grain started_grain(const GrainTracer& tracer, uint64_t path) {
+Grain emit_grain(const GrainTracer& tracer, uint64_t path) {
     const GrainSettings& s = tracer.settings;
     const GrainBox& box = tracer.box;
     const double across = grain_unit(tracer, path, 0);
@@ -155,7 +155,7 @@ Grain started_grain(const GrainTracer& tracer, uint64_t path) {
 
 // ---- flight ----
 
-GrainState flown(const GrainTracer& tracer, const Grain& grain, double t) {
+GrainState state_after(const GrainTracer& tracer, const Grain& grain, double t) {
     const double tau = tracer.settings.drag_time;
     if (tau <= 0.0) {
         const Vec3d half = 0.5 * t * grain.acceleration;
@@ -191,11 +191,11 @@ void choose_segment(const GrainTracer& tracer, Grain& grain) {
 
 // Sets up a float ray along the chord. false: too far from the origin, or the chord is too long.
 bool set_grain_ray(const GrainTracer& tracer, Grain& grain, RTCRayHit& out) {
-    grain.end = flown(tracer, grain, grain.dt);
+    grain.end = state_after(tracer, grain, grain.dt);
     const Vec3d way = grain.end.x - grain.x;
     const double length = way.norm();
     const double c = grain.x.cwiseAbs().maxCoeff();
-    if (!(length < grain_farthest) || !(c < grain_farthest)) return false;
+    if (!(length < max_grain_coordinate) || !(c < max_grain_coordinate)) return false;
     grain.ground_at = 2.0;
     if (tracer.settings.ground && grain.x.y() + way.y() < *tracer.settings.ground)
         grain.ground_at = std::clamp((grain.x.y() - *tracer.settings.ground) / -way.y(), 0.0, 1.0);
@@ -227,7 +227,7 @@ const GrainMesh* worn_mesh(const GrainTracer& tracer, unsigned id) {
     return found != tracer.meshes.end() && found->mesh.geometry == id ? &*found : nullptr;
 }
 
-GrainHit found_hit(const GrainTracer& tracer, const RTCRayHit& ray) {
+GrainHit resolve_hit(const GrainTracer& tracer, const RTCRayHit& ray) {
     GrainHit hit;
     const Vec3d origin(ray.ray.org_x, ray.ray.org_y, ray.ray.org_z);
     const Vec3d way(ray.ray.dir_x, ray.ray.dir_y, ray.ray.dir_z);
@@ -288,12 +288,12 @@ Vec3d rebound(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, con
     d /= length;
     double rise = d.dot(n);
     if (rise < 0.0) d -= 2.0 * rise * n, rise = -rise;
-    if (rise < grain_least_rise) d = (d + (grain_least_rise - rise) * n).normalized();
+    if (rise < min_rebound_sine) d = (d + (min_rebound_sine - rise) * n).normalized();
     return speed * d;
 }
 
 // Velocity of the grain that leaves sand instead of one that lands with velocity v.
-Vec3d from_sand(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, const Vec3d& n) {
+Vec3d ejection_velocity(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, const Vec3d& n) {
     const auto [u0, u1] = event_numbers(tracer, grain.path, 2 * grain.landings + 1);
     const double rise = tracer.launch * std::sqrt(-2.0 * std::log1p(-u0));
     const double yaw = tracer.settings.spread * (2.0 * u1 - 1.0);
@@ -321,7 +321,7 @@ bool lands(const GrainTracer& tracer, GrainCounts& counts, Grain& grain, const V
     const int64_t before = grain_quanta(grain_energy(v));
     counts.flight += before - grain.energy;
     ++counts.sand_hits;
-    grain.x = at, grain.v = from_sand(tracer, grain, v, n);
+    grain.x = at, grain.v = ejection_velocity(tracer, grain, v, n);
     grain.energy = grain_quanta(grain_energy(grain.v));
     counts.sand += grain.energy - before;
     grain.normal = n, grain.leaving = true;
@@ -331,8 +331,8 @@ bool lands(const GrainTracer& tracer, GrainCounts& counts, Grain& grain, const V
     return true;
 }
 
-bool strikes(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const GrainHit& hit,
-             const RTCRayHit& ray, const Vec3d& v) {
+bool hit_rock(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const GrainHit& hit,
+              const RTCRayHit& ray, const Vec3d& v) {
     const GrainSettings& s = tracer.settings;
     const double energy = grain_energy(v), speed = v.norm();
     const int64_t before = grain_quanta(energy);
@@ -363,7 +363,7 @@ bool strikes(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Grain
 // The grain continues, slightly above the surface.
 void grazes(GrainCounts& counts, Grain& grain, const GrainHit& hit, const Vec3d& v) {
     ++counts.grazes;
-    const double lack = grain_least_rise * v.norm() - v.dot(hit.normal);
+    const double lack = min_rebound_sine * v.norm() - v.dot(hit.normal);
     grain.x = hit.point + hit.offset * hit.normal;
     grain.v = lack > 0.0 ? Vec3d(v + lack * hit.normal) : v;
     const int64_t energy = grain_quanta(grain_energy(grain.v));
@@ -372,7 +372,7 @@ void grazes(GrainCounts& counts, Grain& grain, const GrainHit& hit, const Vec3d&
     grain.normal = hit.normal, grain.leaving = true;
 }
 
-bool flies_on(const GrainTracer& tracer, GrainCounts& counts, Grain& grain) {
+bool continue_flight(const GrainTracer& tracer, GrainCounts& counts, Grain& grain) {
     const GrainState end = grain.end;
     const GrainBox& box = tracer.box;
     const auto leaves = [&](GrainSide side) { return ends(counts, grain, end.v, counts.left[size_t(side)]); };
@@ -393,23 +393,23 @@ bool advance(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const RTCRa
     ++grain.segments;
     bool goes_on = true;
     if (ray.hit.geomID != RTC_INVALID_GEOMETRY_ID) {
-        const GrainHit hit = found_hit(tracer, ray);
-        const Vec3d v = flown(tracer, grain, grain.dt * std::clamp(double(ray.ray.tfar), 0.0, 1.0)).v;
+        const GrainHit hit = resolve_hit(tracer, ray);
+        const Vec3d v = state_after(tracer, grain, grain.dt * std::clamp(double(ray.ray.tfar), 0.0, 1.0)).v;
         if (std::binary_search(tracer.sand.begin(), tracer.sand.end(), ray.hit.geomID)) {
             goes_on = lands(tracer, counts, grain, hit.point + hit.offset * hit.normal, v, hit.normal);
         } else if (v.dot(hit.normal) < 0.0) {
-            goes_on = strikes(tracer, counts, grain, hit, ray, v);
+            goes_on = hit_rock(tracer, counts, grain, hit, ray, v);
         } else { // the chord hits a surface that the path is leaving
             grazes(counts, grain, hit, v);
         }
     } else if (grain.ground_at <= 1.0) {
-        const GrainState state = flown(tracer, grain, grain.dt * grain.ground_at);
+        const GrainState state = state_after(tracer, grain, grain.dt * grain.ground_at);
         const Vec3d chord = grain.end.x - grain.x;
         Vec3d at = grain.x + grain.ground_at * chord;
         at.y() = *tracer.settings.ground;
         goes_on = lands(tracer, counts, grain, at, state.v, Vec3d::UnitY());
     } else {
-        goes_on = flies_on(tracer, counts, grain);
+        goes_on = continue_flight(tracer, counts, grain);
     }
     if (goes_on && grain.segments >= tracer.settings.most_segments)
         return ends(counts, grain, grain.v, counts.given_up);
@@ -445,7 +445,7 @@ void trace_block(GrainTracer& tracer, uint64_t first, uint64_t end, GrainCounts&
     uint64_t next = first;
     while (next < end || !grains.empty()) {
         while (next < end && grains.size() < grain_window) {
-            grains.push_back(started_grain(tracer, next++));
+            grains.push_back(emit_grain(tracer, next++));
             counts.started += grains.back().energy;
         }
         size_t alive = 0;

@@ -207,7 +207,7 @@ void for_leaves(const Leaves& leaves, const auto& body) {
 // ---- input meshes ----
 
 // For each vertex the first vertex at the same position.
-std::vector<uint32_t> welded(std::span<const float> positions) {
+std::vector<uint32_t> first_vertex_at_position(std::span<const float> positions) {
     const size_t count = positions.size() / 3;
     std::vector<uint32_t> order(count), first(count);
     std::iota(order.begin(), order.end(), 0U);
@@ -253,7 +253,7 @@ std::vector<uint32_t> checked_triangles(std::span<const float> positions, std::s
     for (const uint32_t v : triangles)
         if (v >= positions.size() / 3)
             throw LevelSetError("a triangle of the rock names a vertex that is not there");
-    check_closed(triangles, welded(positions));
+    check_closed(triangles, first_vertex_at_position(positions));
 
     std::vector<uint32_t> kept;
     kept.reserve(triangles.size());
@@ -422,8 +422,8 @@ struct WornVertex {
 
 // Wear at the surface point `place` (in voxels from a leaf's first voxel): weighted mean of the vertices
 // around it.
-float wear_near(std::span<const WornVertex> vertices, const Neighbourhood<Int32Tree>& cells,
-                const Float3& place, const Float3& normal) {
+float interpolate_wear(std::span<const WornVertex> vertices, const Neighbourhood<Int32Tree>& cells,
+                       const Float3& place, const Float3& normal) {
     const auto cell = [](float x) { return std::clamp(int(std::floor(x)), -6, 13); };
     const int i = cell(place.x), j = cell(place.y), k = cell(place.z);
     for (const int reach : {1, 2}) {
@@ -447,7 +447,7 @@ float wear_near(std::span<const WornVertex> vertices, const Neighbourhood<Int32T
 }
 
 // Midpoint interpolation by the cubic through four voxels.
-float halfway(float a, float b, float c, float d) { return (9.0F * (b + c) - (a + d)) * 0.0625F; }
+float midpoint_cubic(float a, float b, float c, float d) { return (9.0F * (b + c) - (a + d)) * 0.0625F; }
 
 // Values of the eight leaves at half the voxel size that cover a leaf: 16 x 16 x 16, minus `offset` (in fine
 // voxels).
@@ -458,7 +458,7 @@ struct Doubled {
     void fill(const Block<2, float>& phi, float offset) {
         const auto along = [](auto&& value, int fine) {
             const int c = fine >> 1;
-            return fine & 1 ? halfway(value(c - 1), value(c), value(c + 1), value(c + 2)) : value(c);
+            return fine & 1 ? midpoint_cubic(value(c - 1), value(c), value(c + 1), value(c + 2)) : value(c);
         };
         std::array<float, size_t(12) * 12 * side> z_done;
         for (int i = -2; i < 10; ++i)
@@ -836,7 +836,7 @@ void LevelSet::advance(std::span<const double> depth) {
                 const int at = int(voxel.pos()), i = at >> 6, j = at >> 3 & 7, k = at & 7;
                 const Float3 normal = unit(central_gradient(phi, i, j, k));
                 const Float3 place = Float3{float(i), float(j), float(k)} - normal * phi.at(i, j, k);
-                to[at] += wear_near(vertices, cells, place, normal);
+                to[at] += interpolate_wear(vertices, cells, place, normal);
             }
         }
     });

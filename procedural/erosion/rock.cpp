@@ -142,9 +142,9 @@ constexpr std::array rock_values = {
     MarramParam{"winds[].direction", MARRAM_VEC3, "", "", -1e9, 1e9, "",
                 "a wind that takes the place of the scene's, in turn with the others"},
     MarramParam{"winds[].share", MARRAM_NUMBER, "", "1", 0, 1e6, "", "of the time, beside the other winds"},
-    MarramParam{"levels", MARRAM_INTEGER, "", "0", 0, most_erosion_levels, "",
+    MarramParam{"levels", MARRAM_INTEGER, "", "0", 0, max_erosion_levels, "",
                 "of detail that it is eroded in, coarse first; 0: it keeps its shape"},
-    MarramParam{"level", MARRAM_INTEGER, "", "none", 1, most_erosion_levels, "",
+    MarramParam{"level", MARRAM_INTEGER, "", "none", 1, max_erosion_levels, "",
                 "that is handed out; none: the last"},
     MarramParam{"voxel", MARRAM_NUMBER, "m", "none", 1e-5, 1e4, "",
                 "of the last level; none: a 128th of the mesh's greatest extent"},
@@ -603,7 +603,7 @@ bool wear_rock(RockInstance& instance, const Values& values, const MarramFrame& 
     return true;
 }
 
-void warn_of_rock(const RockInstance& instance, const Values& values, const MarramMesh& mesh) {
+void send_rock_warnings(const RockInstance& instance, const Values& values, const MarramMesh& mesh) {
     const std::string& place = values.at("mesh").place;
     if (mesh.time_count > 1)
         send(instance.host, MARRAM_WARNING, "rock.moves", place,
@@ -639,7 +639,7 @@ bool evaluate_rock(RockInstance& instance, const Values& values, const MarramFra
     if (!wear_rock(instance, values, frame, around, mesh)) return false;
     make_maps(instance, values);
     instance.digest = digest;
-    warn_of_rock(instance, values, mesh);
+    send_rock_warnings(instance, values, mesh);
     return true;
 }
 

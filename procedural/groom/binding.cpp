@@ -69,7 +69,7 @@ double curve_length(const float* vertices, uint32_t cvs) {
 Binding bind_strands(const LentCurves& curves, const float* vertices, const Surface& bind,
                      uint32_t vertex_count, const std::function<bool()>& cancelled) {
     Binding binding;
-    binding.bonds.resize(curves.count());
+    binding.root_bindings.resize(curves.count());
     const ClosestPointQuery query(bind, vertex_count);
     // Roots and skin are floats, usually transformed independently by two programs: allow for eight roundings
     // of half an ulp.
@@ -86,14 +86,15 @@ Binding bind_strands(const LentCurves& curves, const float* vertices, const Surf
             SkinPoint foot{};
             closest_skin_point(query.colliders, query.mesh, root, Vec3d::Zero(), reach, hint, foot);
             hint = foot.triangle;
-            binding.bonds[c] = {weights_of(bind.corners(foot.triangle), foot.point), foot.triangle,
-                                float((root - foot.point).norm()),
-                                float(root_height(root, foot.point, foot.normal, binding.rounding))};
+            binding.root_bindings[c] = {weights_of(bind.corners(foot.triangle), foot.point), foot.triangle,
+                                        float((root - foot.point).norm()),
+                                        float(root_height(root, foot.point, foot.normal, binding.rounding))};
         }
     });
     if (cancelled()) return binding;
     for (uint64_t c = 0; c < curves.count(); ++c) {
-        const double height = double(binding.bonds[c].height), distance = double(binding.bonds[c].distance);
+        const double height = double(binding.root_bindings[c].height),
+                     distance = double(binding.root_bindings[c].distance);
         const double length = curve_length(vertices + 4 * (curves.first_vertex(c) + 1), curves.cvs(c));
         binding.greatest_distance = std::max(binding.greatest_distance, distance);
         binding.mean_distance += distance / double(curves.count());

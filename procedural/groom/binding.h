@@ -10,7 +10,7 @@
 
 namespace marram {
 
-struct Bond {
+struct RootBinding {
     Vec3d weights;     // barycentric, of the point closest to the root
     uint32_t triangle; // of the closest point
     float distance;    // from the root to the closest point, m
@@ -26,8 +26,8 @@ inline double root_height(const Vec3d& root, const Vec3d& foot, const Vec3d& nor
 }
 
 struct Binding {
-    std::vector<Bond> bonds; // [curve]
-    double rounding = 0.0;   // m: roots less deep than this count as on the surface
+    std::vector<RootBinding> root_bindings; // [curve]
+    double rounding = 0.0;                  // m: roots less deep than this count as on the surface
     // Greatest and mean distance of the roots from the surface, m; depth of the deepest root, m; number of
     // roots farther away than a tenth of their strand's length; number of roots below the surface; number of
     // strands without length.

@@ -44,11 +44,11 @@ struct ParsedValues {
     uint64_t roots_digest = 0, digest = 0;
 };
 
-ParsedValues describe(const MarramHost& host, const Values& given, std::span<const MarramValue> values) {
+ParsedValues parse_values(const MarramHost& host, const Values& given, std::span<const MarramValue> values) {
     ParsedValues description;
     Groom& groom = description.groom = read_groom(given);
     Wind& wind = description.wind = read_wind(given);
-    warn_of_nothing(host, given, groom);
+    warn_invisible_strands(host, given, groom);
     warn_of_ignored(host, given, groom);
     description.automatic = {groom.cvs == 0,
                              wind.shielding && wind.shielding->spread > 0.0 && wind.shielding->rays == 0,
@@ -63,7 +63,7 @@ ParsedValues describe(const MarramHost& host, const Values& given, std::span<con
     return description;
 }
 
-void take(GroomInstance& instance, ParsedValues description) {
+void apply_values(GroomInstance& instance, ParsedValues description) {
     instance.groom = std::move(description.groom);
     instance.wind = std::move(description.wind);
     instance.automatic = description.automatic;
@@ -81,7 +81,7 @@ MarramStatus create(const MarramHost* host, const MarramValues* values, MarramIn
         if (!check_values(known, all_params(), list)) return MARRAM_ERROR;
         auto instance = std::make_unique<GroomInstance>();
         instance->host = known;
-        take(*instance, describe(known, Values(list), list));
+        apply_values(*instance, parse_values(known, Values(list), list));
         *out = reinterpret_cast<MarramInstance*>(instance.release());
         return MARRAM_OK;
     });
@@ -99,7 +99,7 @@ MarramStatus update(MarramInstance* opaque, const MarramUpdate* given, uint32_t*
         const MarramUpdate update = known_part(given);
         const std::vector<MarramValue> list = values_of(update.values);
         if (!check_values(instance.host, all_params(), list)) return MARRAM_ERROR;
-        ParsedValues description = describe(instance.host, Values(list), list);
+        ParsedValues description = parse_values(instance.host, Values(list), list);
         const bool same_values = description.digest == instance.digest;
         if (same_values && update.inputs == MARRAM_NOTHING) {
             *changed = MARRAM_NOTHING;
@@ -118,7 +118,7 @@ MarramStatus update(MarramInstance* opaque, const MarramUpdate* given, uint32_t*
             description.groom.cvs == instance.groom.cvs && description.groom.basis == instance.groom.basis &&
             description.groom.shape == instance.groom.shape;
         *changed = same_layout ? uint32_t(MARRAM_POSITIONS | MARRAM_ATTRIBUTES) : uint32_t(MARRAM_EVERYTHING);
-        take(instance, std::move(description));
+        apply_values(instance, std::move(description));
         if (!same_roots || (uses_guides && update.inputs != MARRAM_NOTHING)) instance.placed = false;
         if (!same_mesh) instance.mesh_may_differ = true;
         return MARRAM_OK;

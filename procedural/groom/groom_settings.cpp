@@ -7,12 +7,12 @@ namespace marram {
 namespace {
 
 // Sets `moved` if the skin moves within the jiggle's window at the default step.
-MarramStatus skin_has_moved(GroomInstance& instance, bool& moved) {
+MarramStatus find_skin_motion(GroomInstance& instance, bool& moved) {
     moved = instance.mesh->time_count > 1 || std::any_of(instance.places.begin(), instance.places.end(),
                                                          [](const Place& place) { return place.moves(); });
     if (moved) return MARRAM_OK;
     Jiggle jiggle = *instance.wind.jiggle;
-    jiggle.step = usual_jiggle_step;
+    jiggle.step = default_jiggle_step;
     PastSkin past;
     const MarramStatus status = read_past(instance.frame, uint32_t(instance.mesh - instance.meshes.data()),
                                           jiggle, longest_strand(instance.groom), past);
@@ -21,7 +21,7 @@ MarramStatus skin_has_moved(GroomInstance& instance, bool& moved) {
     return find_past_places(instance.frame, jiggle, past.window, instance.places, moved);
 }
 
-void warn_out_of_reach(GroomInstance& instance, const std::string& what) {
+void warn_tolerance_missed(GroomInstance& instance, const std::string& what) {
     instance.inexact.push_back("the tolerance is not reached with " + what);
 }
 
@@ -45,7 +45,7 @@ MarramStatus choose_settings(GroomInstance& instance) {
         return MARRAM_OK;
     }
     instance.inexact.clear();
-    wind.noise.left_out = octaves_too_fine(wind, length, tolerance);
+    wind.noise.left_out = negligible_octaves(wind, length, tolerance);
     const PilotGroom pilot{groom,
                            wind,
                            frame,
@@ -57,28 +57,28 @@ MarramStatus choose_settings(GroomInstance& instance) {
     if (open.cvs) {
         const Choice choice = cvs_for(pilot);
         groom.cvs = int(choice.value);
-        if (!choice.enough) warn_out_of_reach(instance, "cvs = " + std::to_string(groom.cvs));
+        if (!choice.enough) warn_tolerance_missed(instance, "cvs = " + std::to_string(groom.cvs));
     }
     if (open.rays) {
         bool enough = true;
-        wind.shielding->rays = cone_rays(*wind.shielding, length, most_turn(wind),
+        wind.shielding->rays = cone_rays(*wind.shielding, length, max_turn_fraction(wind),
                                          wind.reference_segments > 2 * groom.cvs, tolerance, enough);
         if (!enough)
-            warn_out_of_reach(instance, "wind.shielding.rays = " + std::to_string(wind.shielding->rays));
+            warn_tolerance_missed(instance, "wind.shielding.rays = " + std::to_string(wind.shielding->rays));
     }
     instance.width_profile.clear();
     for (int k = 0; k < groom.cvs; ++k)
         instance.width_profile.push_back(float(0.5 * groom.width_profile(double(k) / double(groom.cvs - 1))));
     if (open.step) {
-        wind.jiggle->step = usual_jiggle_step;
+        wind.jiggle->step = default_jiggle_step;
         if (frame.stage == MARRAM_FINAL) {
             bool moved = false;
-            if (const MarramStatus status = skin_has_moved(instance, moved); status != MARRAM_OK)
+            if (const MarramStatus status = find_skin_motion(instance, moved); status != MARRAM_OK)
                 return status;
             const Choice choice = jiggle_step_for(jiggle_pilot(pilot), moved);
             wind.jiggle->step = choice.value;
             if (!choice.enough)
-                warn_out_of_reach(instance, "wind.jiggle.step = " + std::to_string(choice.value));
+                warn_tolerance_missed(instance, "wind.jiggle.step = " + std::to_string(choice.value));
         }
     }
     instance.chosen_for = now;

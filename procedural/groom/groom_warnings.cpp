@@ -14,7 +14,7 @@ std::string short_number(double value) { return fmt::format("{:.3g}", value); }
 } // namespace
 
 // Invisible strands are allowed but reported.
-void warn_of_nothing(const MarramHost& host, const Values& given, const Groom& groom) {
+void warn_invisible_strands(const MarramHost& host, const Values& given, const Groom& groom) {
     const auto warn = [&](const char* name, const char* what, const char* remedy) {
         send(host, MARRAM_WARNING, "groom.invisible", given.at(name).place, what, remedy);
     };
@@ -63,7 +63,7 @@ void warn_of_guides(const GroomInstance& instance, const Binding& binding) {
         send(instance.host, MARRAM_WARNING, "groom.guides_far", instance.groom.guides->place,
              fmt::format(
                  "{} of {} guides begin farther from '{}' than a tenth of their length, up to {:.3g} m",
-                 binding.far, binding.bonds.size(), instance.groom.mesh, binding.greatest_distance),
+                 binding.far, binding.root_bindings.size(), instance.groom.mesh, binding.greatest_distance),
              "check the units and transforms of both, and bind_frame");
 }
 
@@ -75,8 +75,8 @@ void announce_long_work(GroomInstance& instance) {
     work.steps = instance.past.window.count();
     work.collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;
     work.remedy = "ask for fewer strands or CVs, a larger tolerance, or stronger jiggle.damping";
-    announce(instance.host, "groom.long_work", instance.groom.mesh_place, work, instance.frame.frame,
-             instance.announced);
+    report_long_work(instance.host, "groom.long_work", instance.groom.mesh_place, work, instance.frame.frame,
+                     instance.announced);
 }
 
 // A length in the wrong unit: every ray meets every strand, and rendering takes hours.

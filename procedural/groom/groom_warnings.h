@@ -9,7 +9,7 @@
 namespace marram {
 
 // Warns of invisible strands.
-void warn_of_nothing(const MarramHost& host, const Values& given, const Groom& groom);
+void warn_invisible_strands(const MarramHost& host, const Values& given, const Groom& groom);
 
 // Warns of values that have no effect because of other values.
 void warn_of_ignored(const MarramHost& host, const Values& given, const Groom& groom);

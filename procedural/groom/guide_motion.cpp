@@ -55,7 +55,8 @@ void expand_guides(const GroomInstance& instance, const Surface& bind, const Sur
 }
 
 // Stores blown guides. Offsets are transformed back to the space of the groom's mesh.
-void keep(const Strands& strands, const Place& place, uint32_t time, size_t first, BlownGuides& out) {
+void store_blown_guides(const Strands& strands, const Place& place, uint32_t time, size_t first,
+                        BlownGuides& out) {
     const Eigen::Matrix3d back =
         place.is_instance ? Eigen::Matrix3d(place.at(time).linear().inverse()) : Eigen::Matrix3d::Identity();
     const auto cvs = size_t(strands.cvs);
@@ -131,7 +132,7 @@ void blow_guides(GroomInstance& instance) {
         for (uint32_t time = 0; time < instance.time_count; ++time) {
             if (time < instance.mesh->time_count || place.moves()) lay_out.at_time(time, strands);
             run_chain(chain, time, strands, worker.chain);
-            keep(strands, place, time, first, motion.places[job / batches][time]);
+            store_blown_guides(strands, place, time, first, motion.places[job / batches][time]);
         }
     });
 }

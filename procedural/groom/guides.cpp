@@ -95,7 +95,7 @@ GuideSet::GuideSet(const GuideSettings& settings, const LentCurves& curves, cons
         Guide guide{};
         guide.length = curve_length(v, cvs);
         if (!(guide.length > 0.0)) continue;
-        const Bond& bond = binding_.bonds[c];
+        const RootBinding& bond = binding_.root_bindings[c];
         guide.root = guide_cv(v);
         guide.normal = frame_at(bind, bond.triangle, bond.weights).normal;
         guide.triangle = bond.triangle;
@@ -115,7 +115,7 @@ GuideSet::GuideSet(const GuideSettings& settings, const LentCurves& curves, cons
 }
 
 // True if the straight line from a root to a guide's root crosses a parting line, seen along the normal.
-bool GuideSet::parted(const Vec3d& root, const Vec3d& normal, const Vec3d& guide) const {
+bool GuideSet::crosses_parting_line(const Vec3d& root, const Vec3d& normal, const Vec3d& guide) const {
     if (parting_lines_.empty()) return false;
     Vec3d x, y;
     orthonormal_basis<double>(normal, x, y);
@@ -160,7 +160,7 @@ GuideBlend GuideSet::blend_at(const Vec3d& root, const Vec3d& normal) const {
         count = 0;
         for (size_t i = 0; i < there && count <= wanted; ++i) {
             const Guide& guide = guides_[order[i].second];
-            if (!(guide.normal.dot(normal) > 0.0) || parted(root, normal, guide.root)) continue;
+            if (!(guide.normal.dot(normal) > 0.0) || crosses_parting_line(root, normal, guide.root)) continue;
             if (count == 0) nearest = order[i].second;
             const Guide& first = guides_[nearest];
             if (count > 0 &&

@@ -90,7 +90,7 @@ class GuideSet {
 
   private:
     struct Tree;
-    bool parted(const Vec3d& root, const Vec3d& normal, const Vec3d& guide) const;
+    bool crosses_parting_line(const Vec3d& root, const Vec3d& normal, const Vec3d& guide) const;
 
     GuideSettings settings_;
     Binding binding_;

@@ -56,7 +56,7 @@ const std::vector<MarramParam>& strand_params() {
 
 // ---- Values
 
-void take_values(ImportInstance& instance, const Values& given, std::span<const MarramValue> list) {
+void apply_values(ImportInstance& instance, const Values& given, std::span<const MarramValue> list) {
     ImportSettings settings = read_import(given);
     for (const CarriedAttribute& a : settings.carried)
         for (const std::string_view own : {"envelope", "gust", "shield"})
@@ -90,7 +90,7 @@ MarramStatus create_import(const MarramHost* host, const MarramValues* values, M
         if (!check_values(known, strand_params(), list)) return MARRAM_ERROR;
         auto instance = std::make_unique<ImportInstance>();
         instance->host = known;
-        take_values(*instance, Values(list), list);
+        apply_values(*instance, Values(list), list);
         *out = reinterpret_cast<MarramInstance*>(instance.release());
         return MARRAM_OK;
     });
@@ -114,7 +114,7 @@ MarramStatus update_import(MarramInstance* opaque, const MarramUpdate* given, ui
         const uint64_t key = instance.binding_key;
         const MarramShape shape = instance.settings.shape;
         const auto basis = instance.settings.basis;
-        take_values(instance, Values(list), list);
+        apply_values(instance, Values(list), list);
         if (update.inputs != MARRAM_NOTHING || key != instance.binding_key) instance.is_bound = false;
         if (instance.is_bound && shape == instance.settings.shape && basis == instance.settings.basis)
             *changed = MARRAM_POSITIONS | MARRAM_ATTRIBUTES;
@@ -226,18 +226,19 @@ void warn_of_binding(const ImportInstance& instance) {
             "strands.far",
             fmt::format("{} of {} strands begin farther from '{}' than a tenth of their length, up to "
                         "{:.3g} m",
-                        binding.far, binding.bonds.size(), mesh, binding.greatest_distance),
+                        binding.far, binding.root_bindings.size(), mesh, binding.greatest_distance),
             "check the units and transforms of both, and bind_frame");
     if (binding.inside > 0 && instance.wind.collision)
         instance.warn(
             "strands.inside",
             fmt::format("{} of {} strands begin inside '{}', up to {:.3g} m deep, and are lifted out",
-                        binding.inside, binding.bonds.size(), mesh, binding.deepest),
+                        binding.inside, binding.root_bindings.size(), mesh, binding.deepest),
             "move their roots to the surface where that shows");
     if (binding.no_length > 0)
-        instance.warn("strands.no_length",
-                      fmt::format("{} of {} strands have no length", binding.no_length, binding.bonds.size()),
-                      "remove them from the file");
+        instance.warn(
+            "strands.no_length",
+            fmt::format("{} of {} strands have no length", binding.no_length, binding.root_bindings.size()),
+            "remove them from the file");
 }
 
 // Digest of the data that the patches depend on.
@@ -382,16 +383,16 @@ MarramStatus choose(ImportInstance& instance) {
         const auto add = [&](const std::string& what) {
             instance.inexact.push_back("the tolerance is not reached with " + what);
         };
-        wind.noise.left_out = octaves_too_fine(wind, instance.longest, tolerance);
+        wind.noise.left_out = negligible_octaves(wind, instance.longest, tolerance);
         if (instance.automatic_rays) {
             bool enough = true;
             wind.shielding->rays =
-                cone_rays(*wind.shielding, instance.longest, most_turn(wind),
+                cone_rays(*wind.shielding, instance.longest, max_turn_fraction(wind),
                           wind.reference_segments > 2 * int(instance.fewest_cvs), tolerance, enough);
             if (!enough) add("wind.shielding.rays = " + std::to_string(wind.shielding->rays));
         }
         if (instance.automatic_step) {
-            wind.jiggle->step = usual_jiggle_step;
+            wind.jiggle->step = default_jiggle_step;
             if (frame.stage == MARRAM_FINAL) {
                 if (const MarramStatus status = read_jiggle_past(instance); status != MARRAM_OK)
                     return status;
@@ -423,8 +424,8 @@ void announce_strands(ImportInstance& instance) {
     work.steps = instance.past.window.count();
     work.collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;
     work.remedy = "import strands of fewer CVs, ask for a larger tolerance, or stronger jiggle.damping";
-    announce(instance.host, "strands.long_work", instance.settings.curves_place, work, instance.frame.frame,
-             instance.announced);
+    report_long_work(instance.host, "strands.long_work", instance.settings.curves_place, work,
+                     instance.frame.frame, instance.announced);
 }
 
 MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
@@ -578,7 +579,7 @@ void report_import(MarramInstance* opaque, void (*sink)(void*, const char*, doub
     sink(user, "seconds.expand", instance.binding_seconds);
     sink(user, "seconds.collide", instance.chain_seconds);
     const Binding& binding = instance.binding;
-    sink(user, "binding.strands", double(binding.bonds.size()));
+    sink(user, "binding.strands", double(binding.root_bindings.size()));
     sink(user, "binding.greatest_distance", binding.greatest_distance);
     sink(user, "binding.mean_distance", binding.mean_distance);
     sink(user, "binding.far", double(binding.far));
@@ -589,7 +590,7 @@ void report_import(MarramInstance* opaque, void (*sink)(void*, const char*, doub
     for (const ImportPatch& patch : instance.patches)
         lists += sizeof patch + patch.order.capacity() * 4 + patch.runs.capacity() * 8;
     sink(user, "memory.curve_extra_bytes",
-         double(binding.bonds.capacity() * sizeof(Bond) + lists +
+         double(binding.root_bindings.capacity() * sizeof(RootBinding) + lists +
                 (instance.bind_positions.capacity() + instance.bind_normals.capacity() +
                  instance.bind_vertices.capacity()) *
                     sizeof(float) +

@@ -49,7 +49,7 @@ float id_of(uint32_t seed, uint64_t curve) {
 }
 
 // True for root_uv if the mesh has no uvs but the file has this attribute.
-bool only_file_has(const ImportInstance& instance, uint32_t own) {
+bool uv_only_in_file(const ImportInstance& instance, uint32_t own) {
     if (own != import_root_uv || !instance.mesh || instance.mesh->uvs) return false;
     const MarramAttribute* found = instance.curves.find(own_attributes[own].name);
     return found && found->components == 2 && found->rate == MARRAM_PER_CURVE;
@@ -68,7 +68,7 @@ void write_own_attribute(const ImportBatch& batch, const Strands& strands, uint3
             out[3 * size_t(c) + 1] = float(n.y[lane]);
             out[3 * size_t(c) + 2] = float(n.z[lane]);
         } else if (which == import_root_uv) {
-            const Bond& bond = instance.binding.bonds[curve];
+            const RootBinding& bond = instance.binding.root_bindings[curve];
             const Vec2d uv = instance.bind_surface().uv(bond.triangle, bond.weights);
             out[2 * size_t(c)] = float(uv.x());
             out[2 * size_t(c) + 1] = float(uv.y());
@@ -201,7 +201,7 @@ void write_import_attributes(const ImportBatch& batch, const Strands& strands,
         const MarramAttribute& declared = instance.attributes[buffers.attributes[a]];
         for (uint32_t own = 0; own < import_attribute_count; ++own)
             if (declared.name == own_attributes[own].name &&
-                !only_file_has(instance, own)) // compares pointers to the same constant
+                !uv_only_in_file(instance, own)) // compares pointers to the same constant
                 write_own_attribute(batch, strands, own, buffers.attribute_values[a]);
     }
 }
@@ -212,7 +212,7 @@ void write_file_attributes(const ImportInstance& instance, const ImportPatch& pa
         const MarramAttribute& declared = instance.attributes[buffers.attributes[a]];
         bool ours = false;
         for (uint32_t own = 0; own < import_attribute_count; ++own)
-            ours = ours || (declared.name == own_attributes[own].name && !only_file_has(instance, own));
+            ours = ours || (declared.name == own_attributes[own].name && !uv_only_in_file(instance, own));
         if (!ours) write_carried(instance, patch, declared, buffers.attribute_values[a]);
     }
 }

@@ -36,12 +36,13 @@ bool same_triangle(const Surface& a, const Surface& b, uint32_t triangle) {
 }
 
 // Rigid transforms of eight strands from their file to their current place: p -> turn (p - from) + to.
-struct alignas(64) Carry8 {
+struct alignas(64) RigidTransform8 {
     VDouble turn[3][3];
     Wide3d from, to;
 };
 
-void set_carry(Carry8& carry, int lane, const Eigen::Matrix3d& turn, const Vec3d& from, const Vec3d& to) {
+void set_transform(RigidTransform8& carry, int lane, const Eigen::Matrix3d& turn, const Vec3d& from,
+                   const Vec3d& to) {
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) carry.turn[i][j][lane] = turn(i, j);
     set_eight(carry.from, lane, from);
@@ -49,8 +50,8 @@ void set_carry(Carry8& carry, int lane, const Eigen::Matrix3d& turn, const Vec3d
 }
 
 // Transforms the CVs of eight strands into SIMD lanes. `source`: pointers to their first CVs.
-void carry_cvs(const Carry8& carry, const float* const* source, int cvs, Wide3f* rest, VFloat* radius,
-               double width_scale) {
+void transform_cvs(const RigidTransform8& carry, const float* const* source, int cvs, Wide3f* rest,
+                   VFloat* radius, double width_scale) {
     for (int k = 0; k < cvs; ++k) {
         Wide3d p{};
         for (int lane = 0; lane < lanes; ++lane) {
@@ -135,7 +136,7 @@ void expand_imported(const ImportInstance& instance, const SkinPoses* skin, cons
     Vec3d facings[lanes];
     for (int block = 0; block < strands.blocks; ++block) {
         const size_t at = size_t(block) * cvs;
-        Carry8 carry;
+        RigidTransform8 carry;
         const float* source[lanes];
         for (int lane = 0; lane < lanes; ++lane) {
             const uint32_t c = curves[std::min(size_t(block) * lanes + size_t(lane), curves.size() - 1)];
@@ -146,7 +147,7 @@ void expand_imported(const ImportInstance& instance, const SkinPoses* skin, cons
             Vec3d facing = cv_at(v + 4) - cv_at(v); // for unbound strands
             facing = facing.squaredNorm() > 0.0 ? Vec3d(facing.normalized()) : Vec3d(Vec3d::UnitY());
             if (skin) {
-                const Bond& bond = instance.binding.bonds[first + c];
+                const RootBinding& bond = instance.binding.root_bindings[first + c];
                 const Frame now = frame_at(skin->now, bond.triangle, bond.weights);
                 const Vec3d foot = skin->now.point(bond.triangle, bond.weights);
                 facing = now.normal;
@@ -171,7 +172,7 @@ void expand_imported(const ImportInstance& instance, const SkinPoses* skin, cons
             }
             if (instance.wind.rest_anchored)
                 anchor = cv_at(instance.bind_pose() + 4 * (lent.first_vertex(first + c) + 1));
-            set_carry(carry, lane, turn, from, to);
+            set_transform(carry, lane, turn, from, to);
             turns[lane] = turn;
             facings[lane] = facing;
             set_eight(strands.anchor[size_t(block)], lane, anchor);
@@ -179,7 +180,7 @@ void expand_imported(const ImportInstance& instance, const SkinPoses* skin, cons
             if (strands.has_wind_share)
                 strands.wind_share[size_t(block)][lane] = float(wind_share_of(instance, first + c));
         }
-        carry_cvs(carry, source, int(cvs), &strands.rest[at], &strands.radius[at], settings.width_scale);
+        transform_cvs(carry, source, int(cvs), &strands.rest[at], &strands.radius[at], settings.width_scale);
         set_arcs(int(cvs), &strands.rest[at], &strands.u[at]);
         if (settings.width) set_own_widths(settings, int(cvs), &strands.u[at], &strands.radius[at]);
         strands.width[size_t(block)] = to_double(strands.radius[at]) * 2.0;
@@ -321,7 +322,7 @@ void find_import_patch(const ImportInstance& instance, uint32_t index, MarramPat
                 continue;
             }
             // Rigid transforms keep the distance between a root and its foot.
-            const Bond& bond = instance.binding.bonds[c];
+            const RootBinding& bond = instance.binding.root_bindings[c];
             const Vec3d foot = instance.surface(t).point(bond.triangle, bond.weights);
             box.extend(foot);
             if (moves) box.extend(root);

@@ -22,12 +22,12 @@ double tolerance_of(const PilotGroom& pilot) {
 }
 
 // A sample of a groom's roots with their blends of guides.
-struct SomeRoots {
+struct RootSample {
     std::vector<Root> roots;
     std::vector<GuideBlend> blends;
     std::optional<Guided> guided; // points into blends
 
-    SomeRoots(const PilotGroom& pilot, size_t most) {
+    RootSample(const PilotGroom& pilot, size_t most) {
         const size_t count = std::min(most, pilot.roots.size());
         for (size_t i = 0; i < count; ++i) {
             roots.push_back(pilot.roots[i * pilot.roots.size() / count]);
@@ -35,13 +35,13 @@ struct SomeRoots {
         }
         if (pilot.guided) guided.emplace(Guided{pilot.guided->set, blends, pilot.guided->bind});
     }
-    SomeRoots(const SomeRoots&) = delete;
-    SomeRoots& operator=(const SomeRoots&) = delete;
+    RootSample(const RootSample&) = delete;
+    RootSample& operator=(const RootSample&) = delete;
     const Guided* how() const { return guided ? &*guided : nullptr; }
 };
 
 // The 99th percentile; of fewer than a hundred distances the maximum.
-double most_of(std::vector<double>& distances) {
+double percentile_99(std::vector<double>& distances) {
     if (distances.empty()) return 0.0;
     const auto at = distances.end() - 1 - long(distances.size() / 100);
     std::nth_element(distances.begin(), at, distances.end());
@@ -56,8 +56,8 @@ double distance(const Wide3f& a, const Wide3f& b, int lane) {
 
 // The 99th percentile over the strands of the greatest distance between a CV of `fine`, which has `every`
 // times as many segments, and the point of the polygon of `coarse` at the same parameter.
-double gap(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, size_t strands, size_t segments,
-           size_t every) {
+double polygon_error(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, size_t strands,
+                     size_t segments, size_t every) {
     const size_t cvs = segments + 1, fine_cvs = segments * every + 1;
     std::vector<double> distances;
     for (size_t i = 0; i < strands; ++i) {
@@ -71,19 +71,19 @@ double gap(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, siz
         }
         distances.push_back(most);
     }
-    return most_of(distances);
+    return percentile_99(distances);
 }
 
-void enlarge(Strands& strands, double size) {
+void scale_strands(Strands& strands, double size) {
     if (size == 1.0) return;
     const Eigen::Affine3d scaled(Eigen::Scaling(size));
     transform_strands(scaled, scaled, strands);
 }
 
-void blow(const PilotGroom& pilot, const SomeRoots& some, double frame, int cvs, Strands& strands) {
+void bend_sample(const PilotGroom& pilot, const RootSample& some, double frame, int cvs, Strands& strands) {
     strands.resize(int(some.roots.size()), cvs, false);
     expand(pilot.groom, pilot.wind, {pilot.bind, pilot.bind}, some.roots, strands, some.how());
-    enlarge(strands, pilot.size);
+    scale_strands(strands, pilot.size);
     const double response = wind_response(pilot.wind);
     for (size_t i = 0; i < strands.envelope.size(); ++i) {
         const double u = double(i % size_t(cvs)) / double(cvs - 1);
@@ -114,7 +114,7 @@ WideVector<Wide3f> jiggled(const JigglePilot& pilot, double step, const JiggleWi
 }
 
 // Greatest error in m of the radius when the width profile is interpolated linearly over so many segments.
-double width_gap(const Groom& groom, int segments) {
+double width_error(const Groom& groom, int segments) {
     constexpr int samples = 1024;
     double most = 0.0;
     for (int i = 0; i <= samples; ++i) {
@@ -145,28 +145,28 @@ Choice cvs_for(const PilotGroom& pilot) {
     int levels = 5; // the finest level has 2^levels times the fewest segments
     while (levels > 1 && least << levels > 1024) --levels;
     const int finest = least << levels;
-    const SomeRoots some(pilot, 171);
-    std::vector<double> times_segments(
+    const RootSample some(pilot, 171);
+    std::vector<double> error_times_segments(
         static_cast<size_t>(levels)); // error times segments, measured at each level
     Strands strands;
     for (const double moment : moments) {
         const double frame = pilot.frame.bind_frame + moment;
-        blow(pilot, some, frame, finest + 1, strands);
+        bend_sample(pilot, some, frame, finest + 1, strands);
         const WideVector<Wide3f> fine = strands.pose;
         for (int level = 0; level < levels; ++level) {
             const int segments = least << level;
-            blow(pilot, some, frame, segments + 1, strands);
-            const double apart =
-                gap(strands.pose, fine, some.roots.size(), size_t(segments), size_t(finest / segments));
-            double& seen = times_segments[size_t(level)];
+            bend_sample(pilot, some, frame, segments + 1, strands);
+            const double apart = polygon_error(strands.pose, fine, some.roots.size(), size_t(segments),
+                                               size_t(finest / segments));
+            double& seen = error_times_segments[size_t(level)];
             seen = std::max(seen, apart / (1.0 / segments - 1.0 / finest)); // the finest has an error, too
         }
     }
     for (int segments = least; segments <= most_segments; ++segments) {
         size_t level = 0;
-        while (level + 1 < times_segments.size() && least << (level + 1) <= segments) ++level;
-        if (spare * times_segments[level] <= tolerance * segments &&
-            pilot.size * width_gap(pilot.groom, segments) <= tolerance)
+        while (level + 1 < error_times_segments.size() && least << (level + 1) <= segments) ++level;
+        if (spare * error_times_segments[level] <= tolerance * segments &&
+            pilot.size * width_error(pilot.groom, segments) <= tolerance)
             return {double(segments + 1), true};
     }
     return {double(most_segments + 1), false};
@@ -180,7 +180,7 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot) {
     const Surface now{mesh.positions[0],   mesh.normals ? mesh.normals[0] : nullptr,
                       mesh.triangles,      mesh.uvs,
                       mesh.triangle_count, pilot.bind.attributes};
-    const auto some = std::make_shared<const SomeRoots>(pilot, 96);
+    const auto some = std::make_shared<const RootSample>(pilot, 96);
     return {pilot.wind,
             pilot.frame,
             &pilot.skin,
@@ -195,12 +195,12 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot) {
             [&groom = pilot.groom, bind = pilot.bind, now, some, size = pilot.size](const Wind& wind,
                                                                                     Strands& out) {
                 expand(groom, wind, {bind, now}, some->roots, out, some->how());
-                enlarge(out, size);
+                scale_strands(out, size);
             }};
 }
 
 Choice jiggle_step_for(const JigglePilot& pilot, bool skin_moves) {
-    constexpr double shortest = 1.0 / 64.0, looked_at = 0.25;
+    constexpr double shortest = 1.0 / 64.0, reference_step = 0.25;
     constexpr int64_t most_knots = 2048;
     const double tolerance = pilot.tolerance;
     const Jiggle& jiggle = *pilot.wind.jiggle;
@@ -210,22 +210,22 @@ Choice jiggle_step_for(const JigglePilot& pilot, bool skin_moves) {
         return jiggle_window(other, {pilot.frame.times + pilot.frame.time_count - 1, 1}, pilot.frame.fps,
                              2.0 * pilot.length, pilot.frame.tolerance);
     };
-    const Choice usual{usual_jiggle_step, true};
+    const Choice usual{default_jiggle_step, true};
     if (skin_moves || pilot.count == 0 || !wind_moves(pilot.wind)) return usual;
-    const JiggleWindow half = window_of(usual_jiggle_step);
+    const JiggleWindow half = window_of(default_jiggle_step);
     if (half.count() == 0) return usual;
-    if (half.count() * 2 > most_knots) return {usual_jiggle_step, false};
+    if (half.count() * 2 > most_knots) return {default_jiggle_step, false};
     Strands strands;
     strands.irregular = pilot.irregular;
     strands.resize(int(pilot.count), pilot.cvs, false);
-    const WideVector<Wide3f> fine = jiggled(pilot, looked_at, window_of(looked_at), strands);
+    const WideVector<Wide3f> fine = jiggled(pilot, reference_step, window_of(reference_step), strands);
     // Error of a step. A step half as long has a quarter of the error.
     const auto off_by = [&](double step) {
         const WideVector<Wide3f> coarse = jiggled(pilot, step, window_of(step), strands);
-        const double part = looked_at / step;
-        return gap(coarse, fine, pilot.count, size_t(pilot.cvs - 1), 1) / (1.0 - part * part);
+        const double part = reference_step / step;
+        return polygon_error(coarse, fine, pilot.count, size_t(pilot.cvs - 1), 1) / (1.0 - part * part);
     };
-    double step = usual_jiggle_step, off = off_by(step);
+    double step = default_jiggle_step, off = off_by(step);
     if (fine.empty()) return usual; // before jiggle.start_frame
     while (!jiggle.start_frame && step < 2.0 && spare * off <= tolerance) {
         const double longer = off_by(2.0 * step);

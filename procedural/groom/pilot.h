@@ -62,6 +62,6 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot);
 // new poses from the host. Cost: 96 strands over about 8 samples per frame.
 Choice jiggle_step_for(const JigglePilot& pilot, bool skin_moves);
 
-inline constexpr double usual_jiggle_step = 0.5;
+inline constexpr double default_jiggle_step = 0.5;
 
 } // namespace marram

@@ -144,7 +144,7 @@ struct Place3 {
 
 // The density masks over a surface, relative to `full`. A count depends only on the ratios of mask values, so
 // faint masks need no more candidates than strong ones.
-struct DensityShares {
+struct DensityMask {
     const Groom& groom;
     const Surface& bind;
     double full = 1.0;
@@ -170,7 +170,7 @@ double greatest(const Ramp& ramp, double low, double high) {
 }
 
 // False if the masks are 0 on the whole triangle, so that no candidates are sampled there.
-bool may_grow(const DensityShares& shares, uint32_t triangle) {
+bool may_grow(const DensityMask& shares, uint32_t triangle) {
     const Masks& masks = shares.groom.density_masks;
     const auto p = shares.bind.corners(triangle);
     if (masks.image && masks.image->high() <= 0.0) return false;
@@ -191,11 +191,11 @@ bool may_grow(const DensityShares& shares, uint32_t triangle) {
 }
 
 // Mean and greatest mask value over the surface, sampled densely enough to resolve a thousandth of the area.
-struct ShareStatistics {
+struct MaskStatistics {
     double mean = 1.0, most = 1.0;
 };
 
-ShareStatistics share_statistics(const DensityShares& shares, double area) {
+MaskStatistics mask_statistics(const DensityMask& shares, double area) {
     if (!shares.masked()) return {};
     constexpr uint32_t points = 1U << 18;
     double sum = 0.0, most = 0.0, passed = 0.0;
@@ -234,7 +234,7 @@ uint64_t poisson(double mean, uint64_t h) {
 // First candidate number of every triangle. The kinetics assume independent candidates, so their number is
 // Poisson distributed on each triangle. Random roots (spacing 0) are all kept and are spread more evenly:
 // area * attempts, rounded up or down by the triangle's hash.
-std::vector<uint64_t> candidate_offsets(const DensityShares& shares, double attempts, bool spaced) {
+std::vector<uint64_t> candidate_offsets(const DensityMask& shares, double attempts, bool spaced) {
     const Surface& bind = shares.bind;
     std::vector<uint64_t> first(size_t(bind.triangle_count) + 1, 0);
     tbb::parallel_for(tbb::blocked_range<uint32_t>(0, bind.triangle_count, 4096), [&](const auto& range) {
@@ -261,7 +261,7 @@ DiscGrid grid_of(const Surface& bind, double radius) {
 
 // Candidates of all triangles, sorted. Candidates with mask value 0 are skipped: blocks are counted first and
 // then filled, so that skipped ones take no memory.
-std::vector<Candidate> draw_candidates(const DensityShares& shares, const DiscGrid& grid, double attempts,
+std::vector<Candidate> draw_candidates(const DensityMask& shares, const DiscGrid& grid, double attempts,
                                        bool spaced, const std::function<bool()>& cancelled) {
     const std::vector<uint64_t> first = candidate_offsets(shares, attempts, spaced);
     constexpr uint64_t block_size = 16384;
@@ -394,7 +394,7 @@ void keep_spaced(std::vector<Candidate>& candidates, uint32_t seed, double radiu
 
 // Keeps the `count` candidates of highest priority, in their order. The hash is uniform, so a histogram of
 // its top bits finds the limit; only the bucket that contains the limit is sorted.
-void keep_first(std::vector<Candidate>& candidates, uint32_t seed, uint64_t count) {
+void keep_highest_priority(std::vector<Candidate>& candidates, uint32_t seed, uint64_t count) {
     constexpr int bucket_bits = 16;
     std::vector<uint64_t> histogram(size_t(1) << bucket_bits, 0);
     const auto bucket = [&](const Candidate& c) { return priority(seed, c.root) >> (64 - bucket_bits); };
@@ -442,7 +442,7 @@ double surface_area(const Surface& bind) {
     return area;
 }
 
-std::vector<Candidate> spaced_candidates(const DensityShares& shares, double density, double spare,
+std::vector<Candidate> spaced_candidates(const DensityMask& shares, double density, double spare,
                                          double spacing, const std::function<bool()>& cancelled,
                                          PlacedRoots& placed) {
     const double coverage = full_coverage * spacing * spacing;
@@ -460,7 +460,7 @@ std::vector<Candidate> spaced_candidates(const DensityShares& shares, double den
 
 // Candidates for a count. Starts with as many as the masks' mean suggests, and increases them until enough
 // are left.
-std::vector<Candidate> counted_candidates(DensityShares shares, double area,
+std::vector<Candidate> counted_candidates(DensityMask shares, double area,
                                           const std::function<bool()>& cancelled, PlacedRoots& placed) {
     const Groom& groom = shares.groom;
     const auto refuse = [&] {
@@ -468,7 +468,7 @@ std::vector<Candidate> counted_candidates(DensityShares shares, double area,
                          "the density masks leave no room for " + std::to_string(groom.count) + " strands",
                          "raise the masks or lower count");
     };
-    const ShareStatistics statistics = share_statistics(shares, area);
+    const MaskStatistics statistics = mask_statistics(shares, area);
     if (statistics.most > 0.0) shares.full = statistics.most;
     if (!(statistics.mean > 0.0)) { // the samples may have missed a few triangles
         bool any = false;
@@ -485,7 +485,7 @@ std::vector<Candidate> counted_candidates(DensityShares shares, double area,
         std::vector<Candidate> candidates =
             spaced_candidates(shares, density, spare, spacing, cancelled, placed);
         if (candidates.size() >= groom.count) {
-            keep_first(candidates, groom.seed, groom.count);
+            keep_highest_priority(candidates, groom.seed, groom.count);
             return candidates;
         }
         // Too few. With masks, the mean was too high; without masks, the count is small or thin parts have
@@ -510,7 +510,7 @@ PlacedRoots place_roots(const Groom& groom, const Surface& bind, const std::func
                          "strands need a surface to grow on");
     PlacedRoots placed;
     std::vector<Candidate> candidates;
-    const DensityShares shares{groom, bind};
+    const DensityMask shares{groom, bind};
     if (groom.count > 0) {
         candidates = counted_candidates(shares, area, cancelled, placed);
     } else if (groom.density > 0.0) {

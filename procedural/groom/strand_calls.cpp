@@ -97,8 +97,8 @@ CollisionCounts report_chain(Workers& workers, ReportSink sink, void* user, size
     return counts;
 }
 
-void announce(const MarramHost& host, const char* id, const std::string& place, const LongWork& work,
-              double frame, std::optional<double>& announced) {
+void report_long_work(const MarramHost& host, const char* id, const std::string& place, const LongWork& work,
+                      double frame, std::optional<double>& announced) {
     // Thread seconds per CV and motion sample (bend: or step of jiggle). Collision: 1e-6 with 5 CVs per
     // strand, 3e-6 with hundreds.
     constexpr double bend = 0.08e-6, collide = 2e-6, long_work = 10.0;

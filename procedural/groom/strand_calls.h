@@ -54,8 +54,8 @@ struct LongWork {
     const char* remedy = "";
 };
 // Announces long work before it starts, once per frame, so that unintended settings are noticed early.
-void announce(const MarramHost& host, const char* id, const std::string& place, const LongWork& work,
-              double frame, std::optional<double>& announced);
+void report_long_work(const MarramHost& host, const char* id, const std::string& place, const LongWork& work,
+                      double frame, std::optional<double>& announced);
 
 // Warns of gusts that need much memory.
 void warn_of_gusts(const MarramHost& host, const std::string& place, const ChainFrame& chain);

@@ -138,11 +138,11 @@ void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Ro
     set_lane(strands.anchor[block], lane, wind.rest_anchored ? bind_origin : origin);
     set_lane(strands.root_normal[block], lane, frame.normal);
     // The factor of a parameter at this root.
-    const auto share_of = [&](FactorOf what) {
+    const auto factor_at_root = [&](FactorOf what) {
         const Factors& factors = groom.factors[what];
         return factors.empty() ? 1.0 : product(factors, poses.bind, root.triangle, weights);
     };
-    const double width = groom.width * share_of(of_width) *
+    const double width = groom.width * factor_at_root(of_width) *
                          (1.0 - groom.width_variation * unit_double(root_hash(seed, root, Purpose::width)));
     strands.width[block][lane] = width;
 
@@ -150,25 +150,25 @@ void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Ro
     double length = range[0] + (range[1] - range[0]) * unit_double(root_hash(seed, root, Purpose::length));
     if (groom.length_masks.any()) length *= groom.length_masks(poses.bind, root.triangle, weights);
     if (strands.has_wind_share) {
-        strands.wind_share[block][lane] = float(share_of(of_wind));
+        strands.wind_share[block][lane] = float(factor_at_root(of_wind));
     }
     roots.length[lane] = length;
     const double lift =
         wind.collision ? root_offset(*wind.collision, length, 0.5 * width * groom.width_profile(0.0)) : 0.0;
     set_lane(roots.origin, lane, origin + lift * frame.normal);
     roots.lean[lane] =
-        share_of(of_lean) *
+        factor_at_root(of_lean) *
         std::clamp(groom.lean + groom.lean_variation * symmetric(seed, root, Purpose::lean), 0.0, 0.5 * pi);
     roots.arc[lane] =
-        share_of(of_arc) * (groom.arc + groom.arc_variation * symmetric(seed, root, Purpose::arc));
-    roots.curl_share[lane] = share_of(of_curl);
-    roots.frizz_share[lane] = share_of(of_frizz);
+        factor_at_root(of_arc) * (groom.arc + groom.arc_variation * symmetric(seed, root, Purpose::arc));
+    roots.curl_share[lane] = factor_at_root(of_curl);
+    roots.frizz_share[lane] = factor_at_root(of_frizz);
     roots.phase[lane] = pi * symmetric(seed, root, Purpose::curl);
     roots.frizz[lane] = unit_double(root_hash(seed, root, Purpose::frizz)) * 0x1p20;
     if (!groom.clumps.empty()) {
         // Computed in the frame of the bind pose, so that it follows the surface when that turns.
         const Frame bind = frame_at(poses.bind, root.triangle, weights);
-        const double share = share_of(of_clump);
+        const double share = factor_at_root(of_clump);
         Vec3d from = bind_origin; // the root, then the centre of its finest clump, ...
         for (size_t level = groom.clumps.size(); level-- > 0;) {
             const Clump& clump = groom.clumps[level];

@@ -50,8 +50,8 @@
 namespace marram {
 namespace {
 
-constexpr double drape_share = 0.2; // fraction of the level difference moved to one neighbour
-constexpr double drape_least_steps = 8.0;
+constexpr double drape_rate = 0.2; // fraction of the level difference moved to one neighbour
+constexpr double drape_min_steps = 8.0;
 
 // L(s) of the file head.
 MARRAM_INLINE VDouble drape_level(VDouble s, double k) { return select(s < k, 2.0 * vsqrt(k * s) - k, s); }
@@ -82,7 +82,7 @@ MARRAM_INLINE VDouble drape_flow(const DrapeSample& a, const DrapeSample& b, dou
     const VDouble give = high_sand - drape_thickness(low - high_ground, k);
     const VDouble take = drape_thickness(high - low_ground, k) - low_sand;
     const VDouble wanted = vmax(vmin(give, take), 0.0);
-    const VDouble f = vfloor(drape_share * drape_fade(vmin(a.sand, b.sand), k) * wanted);
+    const VDouble f = vfloor(drape_rate * drape_fade(vmin(a.sand, b.sand), k) * wanted);
     return select(down, f, -f);
 }
 
@@ -161,10 +161,10 @@ MARRAM_HOT bool drape_step(DrapeGrid& grid, const Rect& rect, double k) {
 
 bool drape_sand(const Domain& domain, const double* ground, double* sand, double drape,
                 const std::function<bool()>& cancelled) {
-    const double cells = std::min(drape / domain.cell, most_drape_cells);
-    const double k = cells * domain.cell * sand_units_a_metre;
+    const double cells = std::min(drape / domain.cell, max_drape_cells);
+    const double k = cells * domain.cell * sand_units_per_metre;
     if (!(k >= 1.0)) return true; // less than a unit of sand
-    const int steps = int(std::max(std::ceil(5.0 * cells * cells), drape_least_steps));
+    const int steps = int(std::max(std::ceil(5.0 * cells * cells), drape_min_steps));
     DrapeGrid grid(domain);
     const auto rows = [&](auto&& act) { tbb::parallel_for(0, domain.nz, act); };
     rows([&](int j) {

@@ -9,7 +9,7 @@
 namespace marram {
 
 // Upper limit of the drape length, in cells; longer ones are clamped.
-inline constexpr double most_drape_cells = 10.0;
+inline constexpr double max_drape_cells = 10.0;
 
 // Moves the sand in place. `ground` and `sand`: whole sand units, up to 2^52 in magnitude, row by row,
 // Domain::count() each. `drape`: metres, above 0. Returns false if cancelled; the sand is then unchanged.

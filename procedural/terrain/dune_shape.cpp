@@ -114,20 +114,20 @@
 namespace marram {
 namespace {
 
-constexpr double dune_far_away = 1e9;   // coordinates, metres
-constexpr double dune_most_value = 1e6; // of ramps and lengths
-constexpr int dune_most_segments = 4096, dune_most_breaks = 512, dune_run = 8;
+constexpr double dune_max_coordinate = 1e9; // coordinates, metres
+constexpr double dune_max_value = 1e6;      // of ramps and lengths
+constexpr int dune_max_segments = 4096, dune_max_breaks = 512, dune_run = 8;
 constexpr double dune_corner = 0.93969262078590838; // cos(20 degrees)
 
-double dune_within(double x, double low, double high) {
+double dune_clamped(double x, double low, double high) {
     return std::isfinite(x) ? std::clamp(x, low, high) : low;
 }
 
-Ramp dune_within(const Ramp& ramp) {
+Ramp dune_clamped(const Ramp& ramp) {
     std::vector<double> knots;
     for (size_t i = 0; i < ramp.values().size(); ++i) {
-        knots.push_back(dune_within(ramp.positions()[i], -dune_most_value, dune_most_value));
-        knots.push_back(dune_within(ramp.values()[i], -dune_most_value, dune_most_value));
+        knots.push_back(dune_clamped(ramp.positions()[i], -dune_max_value, dune_max_value));
+        knots.push_back(dune_clamped(ramp.values()[i], -dune_max_value, dune_max_value));
     }
     const auto how = ramp.interpolation();
     return Ramp(knots, how == Ramp::Interpolation::constant ? "constant"
@@ -135,26 +135,26 @@ Ramp dune_within(const Ramp& ramp) {
                                                             : "linear");
 }
 
-DuneSettings dune_within(DuneSettings s) {
-    constexpr double most = dune_most_value;
-    s.max_height = dune_within(s.max_height, 0.0, most);
-    s.slope_width = dune_within(s.slope_width, 1e-3, most);
-    s.outer_slope_mult = dune_within(s.outer_slope_mult, 0.0, 1e3);
-    s.inner_slope_mult = dune_within(s.inner_slope_mult, 0.0, 1e3);
+DuneSettings dune_clamped(DuneSettings s) {
+    constexpr double most = dune_max_value;
+    s.max_height = dune_clamped(s.max_height, 0.0, most);
+    s.slope_width = dune_clamped(s.slope_width, 1e-3, most);
+    s.outer_slope_mult = dune_clamped(s.outer_slope_mult, 0.0, 1e3);
+    s.inner_slope_mult = dune_clamped(s.inner_slope_mult, 0.0, 1e3);
     if (s.inner_slope_angle > 0.0)
-        s.inner_slope_angle = dune_within(s.inner_slope_angle, 0.1 * degree, 89.0 * degree);
-    s.outer_slope_stretch = dune_within(s.outer_slope_stretch, 1.0, 16.0);
-    s.outer_slope_turn = dune_within(s.outer_slope_turn, -pi, pi);
-    s.crest_radius = dune_within(s.crest_radius, 0.0, most);
-    s.boundary_noise = dune_within(s.boundary_noise, 0.0, most);
-    s.boundary_noise_length = dune_within(s.boundary_noise_length, 1e-3, most);
-    s.max_dist = dune_within(s.max_dist, 0.0, most);
-    s.smoothing = dune_within(s.smoothing, 0.0, 1e3);
-    s.search_accuracy = dune_within(s.search_accuracy, 1.0, 64.0);
+        s.inner_slope_angle = dune_clamped(s.inner_slope_angle, 0.1 * degree, 89.0 * degree);
+    s.outer_slope_stretch = dune_clamped(s.outer_slope_stretch, 1.0, 16.0);
+    s.outer_slope_turn = dune_clamped(s.outer_slope_turn, -pi, pi);
+    s.crest_radius = dune_clamped(s.crest_radius, 0.0, most);
+    s.boundary_noise = dune_clamped(s.boundary_noise, 0.0, most);
+    s.boundary_noise_length = dune_clamped(s.boundary_noise_length, 1e-3, most);
+    s.max_dist = dune_clamped(s.max_dist, 0.0, most);
+    s.smoothing = dune_clamped(s.smoothing, 0.0, 1e3);
+    s.search_accuracy = dune_clamped(s.search_accuracy, 1.0, 64.0);
     for (Ramp* ramp :
          {&s.main_curve_shape, &s.outer_slope_fall_off_along_curve, &s.inner_slope_fall_off_along_curve,
           &s.outer_slope_shape, &s.inner_slope_shape, &s.mask_fall_off, &s.crest_push, &s.crest_pinch})
-        *ramp = dune_within(*ramp);
+        *ramp = dune_clamped(*ramp);
     return s;
 }
 
@@ -203,11 +203,11 @@ struct DuneLine {
 
 // Valid points that differ by more than the rounding of their coordinates, relative to the centre of their
 // box.
-DuneLine dune_drawn(std::span<const Vec2d> points, bool closed, Vec2d& origin) {
+DuneLine dune_cleaned_polyline(std::span<const Vec2d> points, bool closed, Vec2d& origin) {
     DuneLine line;
     Vec2d low(infinity, infinity), high(-infinity, -infinity);
     for (const Vec2d& p : points) {
-        if (!(p.cwiseAbs().maxCoeff() <= dune_far_away) || !p.allFinite()) continue;
+        if (!(p.cwiseAbs().maxCoeff() <= dune_max_coordinate) || !p.allFinite()) continue;
         low = low.cwiseMin(p), high = high.cwiseMax(p);
         line.at.push_back(p);
     }
@@ -229,7 +229,7 @@ DuneLine dune_drawn(std::span<const Vec2d> points, bool closed, Vec2d& origin) {
     return line;
 }
 
-DuneLine dune_even(const DuneLine& line, int count) {
+DuneLine dune_resampled_evenly(const DuneLine& line, int count) {
     DuneLine out;
     out.closed = line.closed;
     for (int i = 0; i < count; ++i) out.at.push_back(line.point(line.length() * i / count));
@@ -239,7 +239,7 @@ DuneLine dune_even(const DuneLine& line, int count) {
 }
 
 // Keeps all points and inserts more, at most `spacing` apart.
-DuneLine dune_divided(const DuneLine& line, double spacing) {
+DuneLine dune_subdivided(const DuneLine& line, double spacing) {
     DuneLine out;
     out.closed = line.closed;
     for (size_t i = 1; i < line.at.size(); ++i) {
@@ -310,14 +310,14 @@ void dune_smooth(DuneLine& line, double deviation) { // deviation in steps of th
 }
 
 // Pushes and smooths the curve: step 1 without its last resampling.
-DuneLine dune_fine(DuneLine line, const DuneSettings& s, double spacing, double outer_sign) {
+DuneLine dune_pushed_and_smoothed(DuneLine line, const DuneSettings& s, double spacing, double outer_sign) {
     const auto pushes = s.crest_push.values();
     const bool push = std::any_of(pushes.begin(), pushes.end(), [](double v) { return v != 0.0; });
     double deviation = s.smoothing * s.slope_width;
     if (line.closed) deviation = std::min(deviation, line.length() / 16.0);
     if (!(deviation > 0.0)) {
         if (!push) return line;
-        line = dune_divided(line, std::max(spacing / 4.0, line.length() / 16384.0));
+        line = dune_subdivided(line, std::max(spacing / 4.0, line.length() / 16384.0));
         dune_push(line, s.crest_push, outer_sign);
         return line;
     }
@@ -325,11 +325,11 @@ DuneLine dune_fine(DuneLine line, const DuneSettings& s, double spacing, double 
     const double step =
         std::max({std::min(spacing / 4.0, deviation / 2.0), deviation / 16.0, line.length() / 32768.0});
     const int count = std::max(32, int(std::ceil(line.length() / step)));
-    line = dune_even(line, count);
+    line = dune_resampled_evenly(line, count);
     if (push) {
         dune_push(line, s.crest_push, outer_sign);
         if (!(line.length() > 0.0)) return line;
-        line = dune_even(line, count);
+        line = dune_resampled_evenly(line, count);
     }
     dune_smooth(line, std::min(deviation / (line.length() / count), 64.0));
     return line;
@@ -341,7 +341,7 @@ void dune_add_knots(std::vector<double>& breaks, const Ramp& ramp) {
 }
 
 // Length fractions of the fixed points of the resampled curve: ends, knots, corners.
-std::vector<double> dune_breaks(const DuneLine& line, const DuneSettings& s, double spacing) {
+std::vector<double> dune_fixed_points(const DuneLine& line, const DuneSettings& s, double spacing) {
     std::vector<double> knots, corners;
     for (const Ramp* ramp : {&s.main_curve_shape, &s.outer_slope_fall_off_along_curve,
                              &s.inner_slope_fall_off_along_curve, &s.crest_pinch})
@@ -351,8 +351,8 @@ std::vector<double> dune_breaks(const DuneLine& line, const DuneSettings& s, dou
         const Vec2d out = dune_direction(line.at[i], line.at[i + 1], in);
         if (in.dot(out) < dune_corner) corners.push_back(line.arc[i] / line.length());
     }
-    if (knots.size() > size_t(dune_most_breaks)) knots.clear();
-    if (corners.size() > size_t(dune_most_breaks)) corners.clear();
+    if (knots.size() > size_t(dune_max_breaks)) knots.clear();
+    if (corners.size() > size_t(dune_max_breaks)) corners.clear();
     std::vector<double> all(std::move(knots)), kept = {0.0};
     all.insert(all.end(), corners.begin(), corners.end());
     std::sort(all.begin(), all.end());
@@ -366,10 +366,10 @@ std::vector<double> dune_breaks(const DuneLine& line, const DuneSettings& s, dou
 
 // Length fractions of all points of the resampled curve.
 std::vector<double> dune_stations(const DuneLine& line, const DuneSettings& s, double spacing) {
-    const std::vector<double> breaks = dune_breaks(line, s, spacing);
+    const std::vector<double> breaks = dune_fixed_points(line, s, spacing);
     const double fewest = line.closed ? 8.0 : 2.0;
     const double share =
-        std::clamp(spacing / line.length(), 1.0 / (dune_most_segments - 2 * dune_most_breaks), 1.0 / fewest);
+        std::clamp(spacing / line.length(), 1.0 / (dune_max_segments - 2 * dune_max_breaks), 1.0 / fewest);
     std::vector<double> stations;
     for (size_t i = 1; i < breaks.size(); ++i) {
         const double step = breaks[i] - breaks[i - 1];
@@ -392,20 +392,20 @@ double dune_noise(double position, int64_t cells, uint64_t key) {
 }
 
 // Height, widths and pinch at a fraction of the length.
-struct DuneRules {
+struct DuneCurveProfile {
     const DuneSettings& s;
     double length, spacing;
     bool closed;
 
     double height(double u) const {
-        return std::clamp(s.max_height * s.main_curve_shape(u), 0.0, dune_most_value);
+        return std::clamp(s.max_height * s.main_curve_shape(u), 0.0, dune_max_value);
     }
     double width(double u, uint64_t side, const Ramp& fall_off, double mult) const {
         const double period = std::max(s.boundary_noise_length, 2.0 * spacing);
         const int64_t cells = closed ? std::max<int64_t>(2, std::llround(length / period)) : 0;
         const double position = closed ? u * double(cells) : u * length / period;
         const double noise = s.boundary_noise * dune_noise(position, cells, hash(s.seed, side));
-        return std::clamp((s.slope_width + noise) * fall_off(u) * mult, 0.0, dune_most_value);
+        return std::clamp((s.slope_width + noise) * fall_off(u) * mult, 0.0, dune_max_value);
     }
     DuneCrestPoint at(const Vec2d& place, double along) const {
         const double u = closed && along >= 1.0 ? 0.0 : along;
@@ -427,8 +427,8 @@ void dune_cubic(const double f[4], double c[4]) {
 }
 
 // Coefficients of the height over metres along a segment. Raises `most` to an upper bound of the height.
-void dune_heights_along(const DuneRules& rules, const DuneCrestPoint& a, const DuneCrestPoint& b, bool curved,
-                        double length, double out[4], double& most) {
+void dune_heights_along(const DuneCurveProfile& rules, const DuneCrestPoint& a, const DuneCrestPoint& b,
+                        bool curved, double length, double out[4], double& most) {
     double c[4] = {a.height, b.height - a.height, 0.0, 0.0};
     if (curved) {
         const double third = (b.along - a.along) / 3.0;
@@ -442,8 +442,8 @@ void dune_heights_along(const DuneRules& rules, const DuneCrestPoint& a, const D
     for (int k = 0; k < 4; ++k, power *= length) out[k] = c[k] / power;
 }
 
-void dune_build_segments(const DuneRules& rules, const std::vector<DuneCrestPoint>& points, DuneField& field,
-                         double& highest) {
+void dune_build_segments(const DuneCurveProfile& rules, const std::vector<DuneCrestPoint>& points,
+                         DuneField& field, double& highest) {
     const bool smooth = rules.s.main_curve_shape.interpolation() == Ramp::Interpolation::smooth;
     const bool seam = rules.closed && rules.height(0.0) != rules.height(1.0);
     const auto in_plane = [&](const Vec2d& p) {
@@ -501,7 +501,7 @@ DuneChunk dune_chunk(const DuneField& field, double outer_sign, int first, int l
 }
 
 // The widths that a field must bound: see "Bound of the support" in the file head.
-struct DuneBounded {
+struct DuneBoundedWidths {
     bool outer, inner;
     double max_dist, crest_radius, cotangent;
 };
@@ -509,7 +509,7 @@ struct DuneBounded {
 // Upper bound of the integral of ((w + crest_radius)^2 + eps^2)^2 along a segment, w the greatest of the
 // bounded widths. The integrand is convex in w, and w is a maximum of linear functions, so the mean is at
 // most that of the two ends.
-double dune_cover_weight(const DuneSegment& s, const DuneBounded& what, double softening2) {
+double dune_cover_weight(const DuneSegment& s, const DuneBoundedWidths& what, double softening2) {
     const double l = s.length, least = std::max(std::sqrt(softening2), what.max_dist);
     double begin = least, end = least;
     if (what.outer) begin = std::max(begin, s.outer[0]), end = std::max(end, s.outer[0] + l * s.outer[1]);
@@ -530,7 +530,7 @@ double dune_cover_weight(const DuneSegment& s, const DuneBounded& what, double s
     return 0.5 * l * (power(begin) + power(end));
 }
 
-void dune_build_chunks(DuneField& field, double outer_sign, const DuneBounded& what) {
+void dune_build_chunks(DuneField& field, double outer_sign, const DuneBoundedWidths& what) {
     const int count = int(field.segments.size()) - 1;
     for (int i = 0; i < count; i += dune_run) {
         DuneChunk chunk = dune_chunk(field, outer_sign, i, std::min(i + dune_run, count));
@@ -586,19 +586,19 @@ MARRAM_HOT double DuneBound::sum(const DuneField& field, double x0, double z0, d
 }
 
 // The dune is 0 where the sum is at most this. 1e-9 covers the rounding of the sum.
-constexpr double dune_enough = (1.0 - 1e-9) * 4.0 / 3.0;
+constexpr double dune_zero_limit = (1.0 - 1e-9) * 4.0 / 3.0;
 
-bool dune_clear(const DuneParts& parts, double x0, double z0, double x1, double z1) {
-    return DuneBound::sum(parts.plain, x0, z0, x1, z1, dune_enough) <= dune_enough &&
+bool dune_is_zero(const DuneParts& parts, double x0, double z0, double x1, double z1) {
+    return DuneBound::sum(parts.plain, x0, z0, x1, z1, dune_zero_limit) <= dune_zero_limit &&
            (parts.stretched.chunks.empty() ||
-            DuneBound::sum(parts.stretched, x0, z0, x1, z1, dune_enough) <= dune_enough);
+            DuneBound::sum(parts.stretched, x0, z0, x1, z1, dune_zero_limit) <= dune_zero_limit);
 }
 
 // The dune is 0 beyond this distance from the curve. A stretched distance is at least the plain one.
-double dune_farthest(const DuneField& field) {
+double dune_max_distance(const DuneField& field) {
     double total = 0.0;
     for (const DuneChunk& c : field.chunks) total += c.cover;
-    return std::pow(total / dune_enough, 0.2) * (1.0 + 1e-9);
+    return std::pow(total / dune_zero_limit, 0.2) * (1.0 + 1e-9);
 }
 
 // How far the dune extends beyond the curve's box on one side. Bisects for a line on which the dune is 0; the
@@ -615,7 +615,7 @@ double dune_margin(const DuneParts& parts, const double box[2][2], double farthe
         bool clear = true;
         for (int i = 0; i < stretches && clear; ++i) {
             a[other] = from + extent * i / stretches, b[other] = from + extent * (i + 1) / stretches;
-            clear = dune_clear(parts, a[0], a[1], b[0], b[1]);
+            clear = dune_is_zero(parts, a[0], a[1], b[0], b[1]);
         }
         (clear ? high : low) = middle;
     }
@@ -628,8 +628,8 @@ void dune_box(const DuneParts& parts, Vec2d& lower, Vec2d& upper) {
         box[0][0] = std::min(box[0][0], s.x), box[1][0] = std::max(box[1][0], s.x);
         box[0][1] = std::min(box[0][1], s.z), box[1][1] = std::max(box[1][1], s.z);
     }
-    double farthest = dune_farthest(parts.plain);
-    if (!parts.stretched.chunks.empty()) farthest = std::max(farthest, dune_farthest(parts.stretched));
+    double farthest = dune_max_distance(parts.plain);
+    if (!parts.stretched.chunks.empty()) farthest = std::max(farthest, dune_max_distance(parts.stretched));
     for (int axis = 0; axis < 2; ++axis) {
         lower[axis] = box[0][axis] - dune_margin(parts, box, farthest, axis, 0);
         upper[axis] = box[1][axis] + dune_margin(parts, box, farthest, axis, 1);
@@ -773,19 +773,21 @@ MARRAM_INLINE DuneMeans dune_means(const DuneParts& parts, double softening2, co
 }
 
 // Distance from the rounded crest, in slope widths.
-MARRAM_INLINE VDouble dune_place(const DuneParts& parts, VDouble d, VDouble width, VDouble softening) {
+MARRAM_INLINE VDouble dune_slope_coordinate(const DuneParts& parts, VDouble d, VDouble width,
+                                            VDouble softening) {
     const double r = parts.settings.crest_radius;
     if (r > 0.0) d = d * d / (vsqrt(d * d + r * r) + r);
     return d / vmax(width, softening);
 }
 
 // Computes everything except the direction from the means of the outer slope (o) and of the inner slope (i).
-MARRAM_INLINE void dune_finish(const DuneParts& parts, const DuneMeans& o, const DuneMeans& i,
-                               double outer_softening, double inner_softening, DuneLanes& out) {
+MARRAM_INLINE void dune_combine_slopes(const DuneParts& parts, const DuneMeans& o, const DuneMeans& i,
+                                       double outer_softening, double inner_softening, DuneLanes& out) {
     const DuneSettings& s = parts.settings;
     const VDouble zero{}, one = splat(1.0), b = o.share;
     const VDouble soft_o = splat(std::sqrt(outer_softening)), soft_i = splat(std::sqrt(inner_softening));
-    const VDouble xo = dune_place(parts, o.d, o.outer, soft_o), xi = dune_place(parts, i.d, i.inner, soft_i);
+    const VDouble xo = dune_slope_coordinate(parts, o.d, o.outer, soft_o),
+                  xi = dune_slope_coordinate(parts, i.d, i.inner, soft_i);
     const VDouble there = vmin(vmax(o.outer, o.inner) / soft_o, one);
     const VDouble so = dune_slope(parts.outer_slope, xo, o.pinch);
     const VDouble si =
@@ -800,7 +802,8 @@ MARRAM_INLINE void dune_finish(const DuneParts& parts, const DuneMeans& o, const
     out.dist = select(in, vmin(i.d, parts.reach), parts.reach);
 }
 
-MARRAM_INLINE void dune_direct(const DuneParts& parts, const DuneSums& sums, VDouble D, DuneLanes& out) {
+MARRAM_INLINE void dune_sample_direction(const DuneParts& parts, const DuneSums& sums, VDouble D,
+                                         DuneLanes& out) {
     const VDouble norm = vsqrt(sums.x * sums.x + sums.z * sums.z);
     const VLong in = (norm > 1e-9 * D * sums.weight) & (out.dist < parts.reach);
     out.x = select(in, sums.x / norm, 0.0);
@@ -815,8 +818,8 @@ MARRAM_INLINE void dune_evaluate(const DuneParts& parts, VDouble x, VDouble z, D
     if (stretched.chunks.empty()) {
         const DuneSums sums = dune_sums<cubic, directed>(plain, parts.outer_sign, x, z);
         const DuneMeans means = dune_means(parts, plain.softening2, sums);
-        dune_finish(parts, means, means, plain.softening2, plain.softening2, out);
-        if (directed) dune_direct(parts, sums, means.D, out);
+        dune_combine_slopes(parts, means, means, plain.softening2, plain.softening2, out);
+        if (directed) dune_sample_direction(parts, sums, means.D, out);
         return;
     }
     const DuneMeans outer =
@@ -825,11 +828,11 @@ MARRAM_INLINE void dune_evaluate(const DuneParts& parts, VDouble x, VDouble z, D
     if (directed || parts.settings.max_dist > 0.0 || any(outer.share < 1.0)) {
         const DuneSums sums = dune_sums<cubic, directed>(plain, parts.outer_sign, x, z);
         inner = dune_means(parts, plain.softening2, sums);
-        dune_finish(parts, outer, inner, stretched.softening2, plain.softening2, out);
-        if (directed) dune_direct(parts, sums, inner.D, out);
+        dune_combine_slopes(parts, outer, inner, stretched.softening2, plain.softening2, out);
+        if (directed) dune_sample_direction(parts, sums, inner.D, out);
         return;
     }
-    dune_finish(parts, outer, inner, stretched.softening2, plain.softening2, out);
+    dune_combine_slopes(parts, outer, inner, stretched.softening2, plain.softening2, out);
 }
 
 struct DuneEval {
@@ -873,8 +876,8 @@ bool dune_stretch(const std::vector<DuneCrestPoint>& crest, const DuneSettings& 
     return true;
 }
 
-void dune_build_field(const DuneRules& rules, const std::vector<DuneCrestPoint>& crest, double outer_sign,
-                      const DuneBounded& what, DuneField& field) {
+void dune_build_field(const DuneCurveProfile& rules, const std::vector<DuneCrestPoint>& crest,
+                      double outer_sign, const DuneBoundedWidths& what, DuneField& field) {
     double highest = 0.0, widest = 0.0, longest = 0.0;
     dune_build_segments(rules, crest, field, highest);
     for (const DuneSegment& s : field.segments) {
@@ -906,14 +909,14 @@ DuneRamp dune_knots(const Ramp& ramp) {
     return out;
 }
 
-void dune_build(const DuneRules& rules, const std::vector<DuneCrestPoint>& crest, DuneParts& parts) {
+void dune_build(const DuneCurveProfile& rules, const std::vector<DuneCrestPoint>& crest, DuneParts& parts) {
     const DuneSettings& s = rules.s;
     if (s.inner_slope_angle > 0.0) parts.cotangent = 1.0 / std::tan(s.inner_slope_angle);
     parts.outer_slope = dune_knots(s.outer_slope_shape);
     parts.inner_slope = dune_knots(s.inner_slope_shape);
     parts.mask = dune_knots(s.mask_fall_off);
     const bool stretched = dune_stretch(crest, s, rules.length, parts.stretched);
-    DuneBounded what{!stretched, true, s.max_dist, s.crest_radius, parts.cotangent};
+    DuneBoundedWidths what{!stretched, true, s.max_dist, s.crest_radius, parts.cotangent};
     dune_build_field(rules, crest, parts.outer_sign, what, parts.plain);
     if (stretched) {
         what = {true, false, 0.0, s.crest_radius, parts.cotangent};
@@ -928,17 +931,17 @@ void dune_build(const DuneRules& rules, const std::vector<DuneCrestPoint>& crest
 
 DuneShape::DuneShape(std::span<const Vec2d> points, bool closed, const DuneSettings& settings)
     : digest_(dune_digest(points, closed, settings)) {
-    parts_.settings = dune_within(settings);
+    parts_.settings = dune_clamped(settings);
     const DuneSettings& s = parts_.settings;
     parts_.outer_sign = s.flip ? -1.0 : 1.0;
-    DuneLine line = dune_drawn(points, closed, parts_.origin);
+    DuneLine line = dune_cleaned_polyline(points, closed, parts_.origin);
     const double drawn = line.length();
     if (!(drawn > 0.0)) return;
     const double spacing = s.slope_width / s.search_accuracy;
-    line = dune_fine(std::move(line), s, spacing, parts_.outer_sign);
+    line = dune_pushed_and_smoothed(std::move(line), s, spacing, parts_.outer_sign);
     if (!(line.length() > 1e-12 * drawn)) return; // crest_push collapsed the curve to a point
     const std::vector<double> stations = dune_stations(line, s, spacing);
-    const DuneRules rules{s, line.length(), spacing, line.closed};
+    const DuneCurveProfile rules{s, line.length(), spacing, line.closed};
     std::vector<DuneCrestPoint> crest;
     for (const double u : stations) {
         const Vec2d at = u >= 1.0 && line.closed ? line.at.front() : line.point(u * line.length());
@@ -987,7 +990,7 @@ bool DuneShape::misses(double x0, double x1, double z) const {
           z <= upper_.y()))
         return true;
     const double row = z - parts_.origin.y();
-    return dune_clear(parts_, x0 - parts_.origin.x(), row, x1 - parts_.origin.x(), row);
+    return dune_is_zero(parts_, x0 - parts_.origin.x(), row, x1 - parts_.origin.x(), row);
 }
 
 namespace {

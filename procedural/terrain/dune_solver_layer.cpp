@@ -111,8 +111,8 @@ bool DuneSolverLayer::advance(DuneSolver& solver, double from, const std::functi
     callbacks.cancelled = cancelled;
     callbacks.progress = [&](const DuneProgress& progress) {
         if (!simulation_) return;
-        const bool years = end > seconds_a_year;
-        const double unit = years ? seconds_a_year : dune_day;
+        const bool years = end > seconds_per_year;
+        const double unit = years ? seconds_per_year : dune_day;
         simulation_->progress(solver.time() / end,
                               fmt::format("{:.1f} {} of {:.1f}, {} steps", solver.time() / unit,
                                           years ? "years" : "days", end / unit, progress.steps));
@@ -239,7 +239,7 @@ WindRecord dune_record(const LayerContext& context) {
         return list;
     };
     WindRecord record{column("time"), column("speed"), column("direction")};
-    for (double& time : record.time) time *= seconds_an_hour;
+    for (double& time : record.time) time *= seconds_per_hour;
     const std::string problem = wind_record_problem(record);
     if (!problem.empty())
         throw SceneFault("terrain.wind_record", place, "the record: " + problem, "correct the file");
@@ -263,7 +263,7 @@ WindHistory dune_wind(const LayerContext& context, double& known) {
         chaos.spread = values.number("spread") * degree;
         chaos.mean = strength;
         chaos.shape = values.number("shape");
-        chaos.seconds = values.number("hold") * seconds_an_hour;
+        chaos.seconds = values.number("hold") * seconds_per_hour;
         chaos.seed = hash(context.seed, uint64_t(values.integer("seed")));
         known = 1000.0 * chaos.seconds;
         return chaotic_wind(chaos);
@@ -296,7 +296,7 @@ std::unique_ptr<Layer> make_dune_solver(const LayerContext& context) {
     double known = 0.0;
     run.wind = dune_wind(context, known);
     run.drift = drift_potential(winds_between(run.wind, 0.0, known), run.settings.physics);
-    if (values.has("plants")) run.plants = mask_named(context, "plants");
+    if (values.has("plants")) run.plants = required_mask_name(context, "plants");
     run.cover = dune_cover(values);
     if (!run.cover.empty() && run.plants.empty())
         throw SceneFault("terrain.dune_solver", values.place("cover"),
@@ -306,7 +306,7 @@ std::unique_ptr<Layer> make_dune_solver(const LayerContext& context) {
             throw SceneFault("terrain.dune_solver", values.place(name),
                              fmt::format("there are no plants for {}", name), "name a mask by plants");
     PlantGrowth& growth = run.settings.growth;
-    growth.rate = values.number("growth") / seconds_a_year;
+    growth.rate = values.number("growth") / seconds_per_year;
     growth.height = values.number("plant_height");
     growth.start_cover = values.number("start_cover");
     growth.frontal_area = values.number("frontal_area");

@@ -18,12 +18,12 @@ namespace marram {
 
 // Sand thickness in units of 2^-32 m (0.23 nm). Sums below 2^31 m fit.
 using SandUnits = int64_t;
-inline constexpr double sand_units_a_metre = 0x1p32;
+inline constexpr double sand_units_per_metre = 0x1p32;
 // Rounds to the nearest unit; clamps to 2^30 m in magnitude.
 inline SandUnits sand_units(double metres) {
-    return std::llrint(std::clamp(metres, -0x1p30, 0x1p30) * sand_units_a_metre);
+    return std::llrint(std::clamp(metres, -0x1p30, 0x1p30) * sand_units_per_metre);
 }
-inline double sand_metres(SandUnits sand) { return double(sand) * (1.0 / sand_units_a_metre); }
+inline double sand_metres(SandUnits sand) { return double(sand) * (1.0 / sand_units_per_metre); }
 
 // The sample grid: nx by nz samples, `cell` metres apart; sample (i, j) is at (x0 + i cell, z0 + j cell).
 struct Domain {

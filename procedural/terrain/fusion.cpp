@@ -82,12 +82,12 @@ constexpr int fusion_block_columns = 16,
               fusion_block_rows = 8; // quads of a block
 constexpr int fusion_tile_blocks = Tiles::side / fusion_block_columns;
 constexpr int fusion_tile_block_rows = Tiles::side / fusion_block_rows;
-constexpr int fusion_most_levels = 8, fusion_coarse_sweeps = 256;
+constexpr int fusion_max_levels = 8, fusion_coarse_sweeps = 256;
 constexpr int fusion_cycle_sweeps = 12;
-constexpr double fusion_largest = 0x1p20;        // metres; sums of heights stay exact in a double
-constexpr double fusion_smallest_cell = 0x1p-20; // metres; below, the slope's slack is only a few sand units
+constexpr double fusion_max_height = 0x1p20; // metres; sums of heights stay exact in a double
+constexpr double fusion_min_cell = 0x1p-20;  // metres; below, the slope's slack is only a few sand units
 
-constexpr double fusion_thin = 64.0; // units; thinner samples use scalar moves that do not round to 0
+constexpr double fusion_min_covered = 64.0; // units; thinner samples use scalar moves that do not round to 0
 
 // Height differences between neighbours, in sand units: tangent times sample distance.
 struct FusionSlopes {
@@ -222,8 +222,8 @@ bool fusion_edge(const FusionGrid& grid, const FusionSlopes& slopes, double far,
 }
 
 // A quad with a bare or thin corner. Returns true if sand moved.
-bool fusion_partial_quad(const FusionGrid& grid, const FusionSlopes& slopes, size_t a, size_t b, size_t c,
-                         size_t d) {
+bool fusion_bare_quad(const FusionGrid& grid, const FusionSlopes& slopes, size_t a, size_t b, size_t c,
+                      size_t d) {
     bool moved = fusion_partial_triangle(grid, slopes, a, b, c);
     moved |= fusion_partial_triangle(grid, slopes, d, c, b);
     moved |= fusion_partial_triangle(grid, slopes, b, a, d);
@@ -258,7 +258,7 @@ MARRAM_INLINE VDouble fusion_mean_steepness(const FusionHeights& h) {
     return gx * gx + gz * gz;
 }
 MARRAM_INLINE VLong fusion_covered(const FusionHeights& s) {
-    return vmin(vmin(s.a, s.b), vmin(s.c, s.d)) >= fusion_thin;
+    return vmin(vmin(s.a, s.b), vmin(s.c, s.d)) >= fusion_min_covered;
 }
 
 // Eight quads of the finest grid. Returns true if sand moved.
@@ -279,7 +279,7 @@ MARRAM_INLINE bool fusion_fine_quads(const FusionGrid& grid, const FusionSlopes&
     const VLong partial = steep & ~covered;
     if (!any(partial)) return moved;
     for (size_t l = 0; l < size_t(lanes); ++l)
-        if (partial[l]) moved |= fusion_partial_quad(grid, slopes, q.a + l, q.b + l, q.c + l, q.d + l);
+        if (partial[l]) moved |= fusion_bare_quad(grid, slopes, q.a + l, q.b + l, q.c + l, q.d + l);
     return moved;
 }
 
@@ -322,7 +322,7 @@ FusionTile fusion_tile(const FusionGrid& grid, int column, int row) {
 }
 
 // Whether a block, or a neighbour in the same tile, moved sand in this sweep.
-MARRAM_INLINE bool fusion_touched(const FusionGrid& grid, const FusionTile& tile, int column, int row) {
+MARRAM_INLINE bool fusion_moved_nearby(const FusionGrid& grid, const FusionTile& tile, int column, int row) {
     for (int r = std::max(row - 1, tile.first_row); r <= std::min(row + 1, tile.first_row + tile.rows - 1);
          ++r)
         for (int c = std::max(column - 1, tile.first_column);
@@ -338,7 +338,7 @@ MARRAM_INLINE void fusion_rows(FusionGrid& grid, const FusionSlopes& slopes, boo
         const int r = tile.first_row + (up ? n : tile.rows - 1 - n);
         int awake[fusion_tile_blocks], count = 0;
         for (int c = tile.first_column; c < tile.first_column + tile.columns; ++c)
-            if (grid.active[grid.block(c, r)] || fusion_touched(grid, tile, c, r)) awake[count++] = c;
+            if (grid.active[grid.block(c, r)] || fusion_moved_nearby(grid, tile, c, r)) awake[count++] = c;
         const int rows = std::min(fusion_block_rows, grid.nz - 1 - r * fusion_block_rows);
         for (int m = 0; count > 0 && m < fusion_block_rows; m += step) {
             const int row = up ? m + first : fusion_block_rows - 1 - m - first;
@@ -403,7 +403,7 @@ bool fusion_sweep(FusionGrid& grid, const FusionSlopes& slopes, bool fine, bool 
 }
 
 // Squared gradient of a quad's steepest triangle with sand at all three corners; 0 if there is none.
-MARRAM_INLINE VDouble fusion_sandy_steepness(const FusionHeights& h, const FusionHeights& s) {
+MARRAM_INLINE VDouble fusion_sand_steepness(const FusionHeights& h, const FusionHeights& s) {
     const VDouble none = splat(0.0);
     VDouble x0 = h.b - h.a, x1 = h.d - h.c, z0 = h.c - h.a, z1 = h.d - h.b;
     x0 *= x0, x1 *= x1, z0 *= z0, z1 *= z1;
@@ -426,7 +426,7 @@ MARRAM_INLINE void fusion_survey_quads(const FusionGrid& grid, const FusionQuads
     const VLong some = (vmax(vmax(s.a, s.b), vmax(s.c, s.d)) > 0.0) & q.valid;
     if (!any(some)) return;
     const VDouble zero = splat(0.0);
-    sandy = vmax(sandy, select(q.valid, fusion_sandy_steepness(h, s), zero));
+    sandy = vmax(sandy, select(q.valid, fusion_sand_steepness(h, s), zero));
     steepest = vmax(steepest, select(some, fusion_steepness(h), zero));
 }
 
@@ -523,8 +523,8 @@ void fusion_refine(FusionGrid& fine, const FusionGrid& coarse) {
 }
 
 FusionSlopes fusion_slopes(double repose, double slack, double target, double distance) {
-    return {std::tan(repose + slack) * distance * sand_units_a_metre,
-            std::tan(repose + target) * distance * sand_units_a_metre};
+    return {std::tan(repose + slack) * distance * sand_units_per_metre,
+            std::tan(repose + target) * distance * sand_units_per_metre};
 }
 
 // The hierarchy of grids, the finest first.
@@ -553,7 +553,7 @@ class FusionRelaxer {
 };
 
 void FusionRelaxer::add_grids() {
-    while (grids_.size() <= size_t(fusion_most_levels) && grids_.back()->nx >= 8 && grids_.back()->nz >= 8)
+    while (grids_.size() <= size_t(fusion_max_levels) && grids_.back()->nx >= 8 && grids_.back()->nz >= 8)
         grids_.push_back(std::make_unique<FusionGrid>(grids_.back()->nx / 2, grids_.back()->nz / 2));
 }
 
@@ -601,7 +601,7 @@ SandUnits fusion_loose(SandUnits sand, const float* mask, size_t sample) {
 bool fusion_read(const Domain& domain, const float* bedrock, const SandUnits* sand, const float* mask,
                  FusionGrid& grid) {
     std::vector<char> good(size_t(domain.nz), 1);
-    constexpr SandUnits most = SandUnits(fusion_largest * sand_units_a_metre);
+    constexpr SandUnits most = SandUnits(fusion_max_height * sand_units_per_metre);
     tbb::parallel_for(0, domain.nz, [&](int j) {
         bool in = true;
         double* const ground_row = grid.ground.get() + grid.row(j);
@@ -611,9 +611,9 @@ bool fusion_read(const Domain& domain, const float* bedrock, const SandUnits* sa
             const size_t k = size_t(i & 1) * size_t(grid.half) + size_t(i >> 1);
             const double rock = double(bedrock[from + size_t(i)]);
             const SandUnits units = sand[from + size_t(i)];
-            in = in && std::abs(rock) <= fusion_largest && units >= 0 && units <= most;
+            in = in && std::abs(rock) <= fusion_max_height && units >= 0 && units <= most;
             const SandUnits loose = fusion_loose(units, mask, from + size_t(i));
-            ground_row[k] = std::rint(rock * sand_units_a_metre) + double(units - loose);
+            ground_row[k] = std::rint(rock * sand_units_per_metre) + double(units - loose);
             sand_row[k] = double(loose);
         }
         grid.clear_padding(j);
@@ -665,7 +665,7 @@ FusionResult relax_sand(const Domain& domain, const float* bedrock, SandUnits* s
     const double repose = std::clamp(settings.repose, 1.0 * degree, 80.0 * degree);
     FusionRelaxer relaxer(domain, repose, settings.cycles, cancelled);
     FusionGrid& grid = relaxer.finest();
-    result.in_range = fusion_read(domain, bedrock, sand, mask, grid) && domain.cell >= fusion_smallest_cell;
+    result.in_range = fusion_read(domain, bedrock, sand, mask, grid) && domain.cell >= fusion_min_cell;
     if (!result.in_range) {
         result.settled = false;
         return result;
@@ -676,7 +676,7 @@ FusionResult relax_sand(const Domain& domain, const float* bedrock, SandUnits* s
         (drapes && (!fusion_drape(domain, settings.drape, cancelled, grid) || !relaxer.relax(result)));
     if (result.cancelled) return result;
     result.moved = drapes || result.sweeps > 0 ? fusion_write(domain, grid, mask, sand) : 0.0;
-    result.steepest = std::atan(std::sqrt(relaxer.steepest_squared()) / (domain.cell * sand_units_a_metre));
+    result.steepest = std::atan(std::sqrt(relaxer.steepest_squared()) / (domain.cell * sand_units_per_metre));
     return result;
 }
 
@@ -734,13 +734,13 @@ std::unique_ptr<Layer> fusion_make(const LayerContext& context) {
     settings.repose = values.number("repose") * degree;
     settings.drape = values.number("drape");
     const double cell = context.domain.cell;
-    if (settings.drape > most_drape_cells * cell && context.warn)
+    if (settings.drape > max_drape_cells * cell && context.warn)
         context.warn(values.place("drape"),
                      fmt::format("a drape of {:g} m is more than {:g} cells: {:g} m is what it is taken as",
-                                 settings.drape, most_drape_cells, most_drape_cells * cell),
+                                 settings.drape, max_drape_cells, max_drape_cells * cell),
                      "lower it, or take coarser cells");
     std::string mask;
-    if (values.has("mask")) mask = mask_named(context, "mask");
+    if (values.has("mask")) mask = required_mask_name(context, "mask");
     return std::make_unique<FusionLayer>(context.domain, settings, std::move(mask), values.place("type"));
 }
 

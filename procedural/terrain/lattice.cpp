@@ -412,7 +412,7 @@ LatticeLayer::LatticeLayer(const LatticeNet& net, const Domain& domain, Target t
     : net_(net), domain_(domain), target_(target), masks_(std::move(masks)), map_(net, 1e-9 * domain.cell) {}
 
 double LatticeLayer::reach() const {
-    return map_.only_lifts() ? 0.0 : map_.largest_shift() + 3.0 * domain_.cell; // 3 > 2 sqrt 2
+    return map_.is_vertical_only() ? 0.0 : map_.largest_shift() + 3.0 * domain_.cell; // 3 > 2 sqrt 2
 }
 
 void LatticeLayer::evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const {
@@ -523,7 +523,7 @@ void check_lattice_rows(std::span<const DrawnCurve> rest, std::span<const DrawnC
                                   std::to_string(rest[0].points.size()),
                               "give every row as many points");
             for (const Vec3d& p : row->points)
-                if (!p.allFinite() || p.cwiseAbs().maxCoeff() > beyond_wind)
+                if (!p.allFinite() || p.cwiseAbs().maxCoeff() > largest_wind_input)
                     lattice_fault("too_far", place, "a point of the lattice is more than 1e9 m away",
                                   "draw it near the terrain");
         }

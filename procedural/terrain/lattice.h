@@ -68,7 +68,7 @@ class LatticeMap {
     void row(double x, double z, double cell, int count, double* to_rest_x, double* to_rest_z,
              double* lift) const;
 
-    bool only_lifts() const { return only_lifts_; }
+    bool is_vertical_only() const { return only_lifts_; }
     double largest_shift() const { return largest_shift_; } // metres: upper bound of the sideways offset
     // Bounding box of the region that can move.
     void support(Vec2d& lower, Vec2d& upper) const;

@@ -51,7 +51,7 @@ struct SegmentRun {
     std::span<const CurveSegment> segments;
     Eigen::AlignedBox2d box;
 };
-constexpr size_t segments_a_run = 64;
+constexpr size_t segments_per_run = 64;
 
 double distance_to_segment(const Vec2d& p, const CurveSegment& s) {
     const Vec2d along = s.b - s.a;
@@ -76,13 +76,13 @@ class MaskLayer : public Layer {
         name_ = name_of_mask(values);
         by_ = mask_by(values.text("by"));
         ramp_ = values.ramp("ramp");
-        if (values.has("mask")) times_ = mask_named(context, "mask");
+        if (values.has("mask")) factor_mask_ = required_mask_name(context, "mask");
         const auto need = [&](const char* parameter) {
             if (!values.has(parameter))
                 throw SceneFault("terrain.mask_input", values.place("by"),
                                  "a mask by " + values.text("by") + " needs '" + parameter + "'", "give it");
         };
-        if (by_ == MaskBy::mask) need("of"), of_ = mask_named(context, "of");
+        if (by_ == MaskBy::mask) need("of"), source_mask_ = required_mask_name(context, "of");
         if (by_ == MaskBy::image) need("file"), read_pixels(*values.at("file").grid);
         noise_.frequency = 1.0 / values.number("wavelength");
         noise_.octaves = values.integer("octaves");
@@ -97,8 +97,8 @@ class MaskLayer : public Layer {
     }
 
     void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override {
-        const float* of = by_ == MaskBy::mask ? find_mask(below, of_) : nullptr;
-        const float* times = times_.empty() ? nullptr : find_mask(below, times_);
+        const float* of = by_ == MaskBy::mask ? find_mask(below, source_mask_) : nullptr;
+        const float* times = factor_mask_.empty() ? nullptr : find_mask(below, factor_mask_);
         const auto put = [&](int i, int j, double value) {
             const size_t sample = domain_.index(i, j);
             const double mask = std::clamp(ramp_(value), 0.0, 1.0);
@@ -126,10 +126,10 @@ class MaskLayer : public Layer {
             if (curve.closed && count > 2) segments_.push_back({flat(count - 1), flat(0)});
             if (count == 1) segments_.push_back({flat(0), flat(0)});
         }
-        for (size_t first = 0; first < segments_.size(); first += segments_a_run) {
+        for (size_t first = 0; first < segments_.size(); first += segments_per_run) {
             SegmentRun& run = runs_.emplace_back();
             run.segments =
-                std::span(segments_).subspan(first, std::min(segments_a_run, segments_.size() - first));
+                std::span(segments_).subspan(first, std::min(segments_per_run, segments_.size() - first));
             for (const CurveSegment& s : run.segments) run.box.extend(s.a).extend(s.b);
         }
     }
@@ -269,7 +269,7 @@ class MaskLayer : public Layer {
     }
 
     Domain domain_;
-    std::string name_, of_, times_;
+    std::string name_, source_mask_, factor_mask_;
     MaskBy by_;
     Ramp ramp_;
     std::vector<float> pixels_;

@@ -103,7 +103,7 @@ constexpr std::array<std::string_view, 8> mass_kinds = {"barchan", "barchanoid",
                                                         "star",    "dome",       "parabolic",  "nabkha"};
 
 // Keys of the random numbers of one dune.
-enum class MassUse : uint64_t {
+enum class MassRandomKey : uint64_t {
     place_x,
     place_z,
     spacing,
@@ -125,15 +125,15 @@ enum class MassUse : uint64_t {
 // The random numbers of one dune or cell.
 struct MassHash {
     uint64_t word;
-    double operator()(MassUse use, int more = 0) const { // in [0, 1)
+    double operator()(MassRandomKey use, int more = 0) const { // in [0, 1)
         return unit_double(hash(word, uint64_t(use) + uint64_t(more)));
     }
-    double in(const Vec2d& range, MassUse use) const {
+    double in(const Vec2d& range, MassRandomKey use) const {
         return range.x() + (range.y() - range.x()) * (*this)(use);
     }
-    double jitter(MassUse use, int more = 0) const { return 2.0 * (*this)(use, more) - 1.0; }
+    double jitter(MassRandomKey use, int more = 0) const { return 2.0 * (*this)(use, more) - 1.0; }
     // Approximately normal: mean 0, variance 1, bounded by 3.5 (sum of four uniform numbers).
-    double normal(MassUse use) const {
+    double normal(MassRandomKey use) const {
         double sum = -2.0;
         for (int i = 0; i < 4; ++i) sum += (*this)(use, i);
         return sum * std::sqrt(3.0);
@@ -188,7 +188,8 @@ class MassDarts {
 
     bool stays(int64_t i, int64_t j, int k) {
         Dart& dart = darts(i, j)[size_t(k)];
-        if (dart.known == Known::nothing) dart.known = beaten(i, j, dart) ? Known::goes : Known::stays;
+        if (dart.known == Known::nothing)
+            dart.known = has_accepted_rival(i, j, dart) ? Known::goes : Known::stays;
         return dart.known == Known::stays;
     }
 
@@ -211,15 +212,15 @@ class MassDarts {
         for (int k = 0; k < count_; ++k) {
             const uint64_t id = mass_id(i, j, k);
             const MassHash random{hash(seed_, id)};
-            const Vec2d at((double(i) + random(MassUse::place_x)) * spacing_.y(),
-                           (double(j) + random(MassUse::place_z)) * spacing_.y());
-            cell.push_back({at, random.in(spacing_, MassUse::spacing),
-                            hash(random.word, uint64_t(MassUse::priority)), id});
+            const Vec2d at((double(i) + random(MassRandomKey::place_x)) * spacing_.y(),
+                           (double(j) + random(MassRandomKey::place_z)) * spacing_.y());
+            cell.push_back({at, random.in(spacing_, MassRandomKey::spacing),
+                            hash(random.word, uint64_t(MassRandomKey::priority)), id});
         }
         return cell;
     }
 
-    bool beaten(int64_t i, int64_t j, const Dart& dart) {
+    bool has_accepted_rival(int64_t i, int64_t j, const Dart& dart) {
         for (int64_t b = j - 1; b <= j + 1; ++b)
             for (int64_t a = i - 1; a <= i + 1; ++a) {
                 const std::vector<Dart>& others = darts(a, b);
@@ -297,14 +298,15 @@ void lattice_places(const MassSettings& settings, const MassArea& area, std::vec
     // A place lies within one pitch of its cell.
     for (int64_t i = int64_t(std::floor(low.x())) - 1; i <= int64_t(std::floor(high.x())) + 1; ++i) {
         const MassHash row{hash(seed, uint64_t(i))};
-        const double shift = lattice.rows ? row(MassUse::stagger) : 0.5;
+        const double shift = lattice.rows ? row(MassRandomKey::stagger) : 0.5;
         for (int64_t j = int64_t(std::floor(low.y())) - 2; j <= int64_t(std::floor(high.y())) + 1; ++j) {
             const uint64_t id = mass_id(i, j, 0);
             const MassHash random{hash(seed, id)};
-            const double along = lattice.rows ? row.jitter(MassUse::row) : random.jitter(MassUse::place_x);
+            const double along =
+                lattice.rows ? row.jitter(MassRandomKey::row) : random.jitter(MassRandomKey::place_x);
             const Vec2d p((double(i) + 0.5) * lattice.pitch.x() + along * lattice.jitter.x(),
                           (double(j) + shift) * lattice.pitch.y() +
-                              random.jitter(MassUse::place_z) * lattice.jitter.y());
+                              random.jitter(MassRandomKey::place_z) * lattice.jitter.y());
             const Vec2d at = mass_turned(p, angle);
             if (area.has(at)) out.push_back({id, at, angle});
         }
@@ -334,7 +336,7 @@ void curve_places(const MassSettings& settings, const MassArea& area, std::vecto
                 const uint64_t id = mass_id(next, int64_t(c), 0);
                 const MassHash random{hash(mass_seed(settings), id)};
                 const double to =
-                    (double(next) + 0.5) * mean + free * random.jitter(MassUse::place_x) - begin;
+                    (double(next) + 0.5) * mean + free * random.jitter(MassRandomKey::place_x) - begin;
                 if (to >= length) break;
                 ++next;
                 const double t = length > 0.0 ? std::max(to, 0.0) / length : 0.0;
@@ -391,7 +393,7 @@ std::vector<MassPlace> mass_places(const MassSettings& settings, const MassArea&
     }
     const uint64_t seed = mass_seed(settings);
     std::erase_if(places, [&](const MassPlace& place) {
-        return MassHash{hash(seed, place.id)}(MassUse::density) >= settings.density;
+        return MassHash{hash(seed, place.id)}(MassRandomKey::density) >= settings.density;
     });
     std::ranges::sort(places, {}, &MassPlace::id);
     return places;
@@ -428,7 +430,8 @@ double crest_distance(const std::vector<Vec2d>& crest, const Ramp& width, double
 }
 
 // The slope_width that puts the foot of the slope at `foot`.
-double width_to(const std::vector<Vec2d>& crest, const Ramp& width, double stretch, const Vec2d& foot) {
+double slope_width_to_foot(const std::vector<Vec2d>& crest, const Ramp& width, double stretch,
+                           const Vec2d& foot) {
     double share = 1.0;
     const double distance = crest_distance(crest, width, stretch, foot, share);
     return distance / share;
@@ -495,15 +498,15 @@ void make_barchan(const MassSettings& s, const MassHash& random, MassDune& dune)
     dune.width = field_width(h);
     dune.length = field_length(h);
     DuneSettings& d = dune.settings;
-    constexpr double unlike = 0.3; // relative variation of the horns' lengths
-    const Vec2d horns(1.0 + unlike * random.jitter(MassUse::wave),
-                      1.0 + unlike * random.jitter(MassUse::wave, 1));
+    constexpr double horn_variation = 0.3; // relative variation of the horns' lengths
+    const Vec2d horns(1.0 + horn_variation * random.jitter(MassRandomKey::wave),
+                      1.0 + horn_variation * random.jitter(MassRandomKey::wave, 1));
     constexpr double span = 0.93; // crest width as a fraction of W: the flanks extend beyond the crest
     dune.crests = {crescent(span * dune.width, s.horn_length * dune.width * horns, 16)};
     d.main_curve_shape = d.outer_slope_fall_off_along_curve = crescent_share(dune.crests[0]);
     windward_along_wind(dune, barchan_stretch);
-    d.slope_width =
-        width_to(dune.crests[0], d.outer_slope_fall_off_along_curve, barchan_stretch, {-dune.length, 0.0});
+    d.slope_width = slope_width_to_foot(dune.crests[0], d.outer_slope_fall_off_along_curve, barchan_stretch,
+                                        {-dune.length, 0.0});
     d.outer_slope_shape = windward_profile(s, h, dune.length);
     d.inner_slope_angle = s.slip_angle;
 }
@@ -514,8 +517,9 @@ Ramp ridge_heights(const MassHash& random, double low) {
     constexpr std::array<double, inner> taper = {0.6, 0.9, 1.0, 1.0, 1.0, 0.9, 0.6};
     std::array<double, inner> heights;
     for (int i = 0; i < inner; ++i)
-        heights[size_t(i)] = taper[size_t(i)] * (low + (1.0 - low) * random(MassUse::crest, i));
-    heights[2 + size_t(random(MassUse::crest, inner) * 3.0)] = 1.0; // one knot has the dune's full height
+        heights[size_t(i)] = taper[size_t(i)] * (low + (1.0 - low) * random(MassRandomKey::crest, i));
+    heights[2 + size_t(random(MassRandomKey::crest, inner) * 3.0)] =
+        1.0; // one knot has the dune's full height
     std::vector<double> knots = {0.0, 0.0};
     for (int i = 0; i < inner; ++i)
         knots.insert(knots.end(), {(i + 1.0) / (inner + 1.0), heights[size_t(i)]});
@@ -526,16 +530,17 @@ Ramp ridge_heights(const MassHash& random, double low) {
 // Sideways displacement of a ridge's crest, t in [0, 1]: two sine waves with random parameters; the mean over
 // many ridges is 0.
 double ridge_wave(const MassHash& random, double length, double sinuosity, double t) {
-    const double waves = 1.5 + random(MassUse::wave), second = 2.1 + 0.8 * random(MassUse::wave, 1);
-    const double a = 2.0 * pi * (waves * t + random(MassUse::wave, 2));
-    const double b = 2.0 * pi * (waves * second * t + random(MassUse::wave, 3));
+    const double waves = 1.5 + random(MassRandomKey::wave),
+                 second = 2.1 + 0.8 * random(MassRandomKey::wave, 1);
+    const double a = 2.0 * pi * (waves * t + random(MassRandomKey::wave, 2));
+    const double b = 2.0 * pi * (waves * second * t + random(MassRandomKey::wave, 3));
     return sinuosity * length / waves * (0.7 * std::sin(a) + 0.3 * std::sin(b));
 }
 
 constexpr int ridge_segments = 32;
 
 void make_transverse(const MassSettings& s, const MassHash& random, MassDune& dune) {
-    dune.width = random.in(s.ridge_length, MassUse::length);
+    dune.width = random.in(s.ridge_length, MassRandomKey::length);
     dune.length = field_length(dune.height);
     std::vector<Vec2d> crest;
     for (int i = 0; i <= ridge_segments; ++i) {
@@ -556,7 +561,7 @@ void make_transverse(const MassSettings& s, const MassHash& random, MassDune& du
 std::vector<double> barchanoid_ends(const MassHash& random, int links) {
     std::vector<double> ends = {0.0};
     for (int link = 0; link < links; ++link)
-        ends.push_back(ends.back() + 1.0 + 0.35 * random.jitter(MassUse::arm, 8 + link));
+        ends.push_back(ends.back() + 1.0 + 0.35 * random.jitter(MassRandomKey::arm, 8 + link));
     for (double& end : ends) end /= ends.back();
     ends.back() = 1.0;
     return ends;
@@ -564,7 +569,7 @@ std::vector<double> barchanoid_ends(const MassHash& random, int links) {
 
 // Two to four crescents joined at their horns. At the joints the crest is lower and points downwind.
 void make_barchanoid(const MassSettings& s, const MassHash& random, MassDune& dune) {
-    dune.width = random.in(s.ridge_length, MassUse::length);
+    dune.width = random.in(s.ridge_length, MassRandomKey::length);
     dune.length = field_length(dune.height);
     const double wanted = std::clamp(dune.width / (0.8 * field_width(dune.height)), 2.0, 4.0);
     const int links = int(std::lround(wanted));
@@ -574,15 +579,16 @@ void make_barchanoid(const MassSettings& s, const MassHash& random, MassDune& du
     const std::vector<double> ends = barchanoid_ends(random, links);
     for (int link = 0; link < links; ++link) {
         const double from = ends[size_t(link)], to = ends[size_t(link) + 1], each = (to - from) * dune.width;
-        const double depth = s.horn_length * each * (0.8 + 0.4 * random(MassUse::wave, link));
+        const double depth = s.horn_length * each * (0.8 + 0.4 * random(MassRandomKey::wave, link));
         for (int k = link == 0 ? 0 : 1; k <= segments; ++k) {
             const Vec2d p = crescent_point(2.0 * k / segments - 1.0, each, depth);
             crest.emplace_back(p.x() - depth, p.y() + (0.5 * (from + to) - 0.5) * dune.width);
         }
         const bool last = link + 1 == links;
         heights.insert(heights.end(),
-                       {0.5 * (from + to), link == links / 2 ? 1.0 : 0.8 + 0.2 * random(MassUse::crest, link),
-                        to, last ? 0.0 : 0.45 + 0.3 * random(MassUse::arm, link)});
+                       {0.5 * (from + to),
+                        link == links / 2 ? 1.0 : 0.8 + 0.2 * random(MassRandomKey::crest, link), to,
+                        last ? 0.0 : 0.45 + 0.3 * random(MassRandomKey::arm, link)});
         widths.insert(widths.end(), {0.5 * (from + to), 1.0, to, last ? 0.2 : 0.7});
     }
     dune.crests = {std::move(crest)};
@@ -619,7 +625,7 @@ void two_slip_faces(const MassSettings& s, MassDune& dune) {
 }
 
 void make_seif(const MassSettings& s, const MassHash& random, MassDune& dune) {
-    dune.length = random.in(s.ridge_length, MassUse::length);
+    dune.length = random.in(s.ridge_length, MassRandomKey::length);
     std::vector<Vec2d> crest;
     for (int i = 0; i <= ridge_segments; ++i) {
         const double t = double(i) / ridge_segments;
@@ -633,13 +639,13 @@ void make_seif(const MassSettings& s, const MassHash& random, MassDune& dune) {
 
 void make_star(const MassSettings& s, const MassHash& random, MassDune& dune) {
     constexpr int segments = 12;
-    const int arms = 3 + int(3.0 * random(MassUse::arm));
-    const double first = 2.0 * pi * random(MassUse::arm, 1), sector = 2.0 * pi / arms;
+    const int arms = 3 + int(3.0 * random(MassRandomKey::arm));
+    const double first = 2.0 * pi * random(MassRandomKey::arm, 1), sector = 2.0 * pi / arms;
     dune.crests.clear();
     for (int arm = 0; arm < arms; ++arm) {
-        const double angle = first + sector * (arm + 0.2 * random.jitter(MassUse::arm, 2 + arm));
-        const double bend = 30.0 * degree * random.jitter(MassUse::wave, arm);
-        const double length = dune.height * (5.0 + random.jitter(MassUse::arm, 8 + arm));
+        const double angle = first + sector * (arm + 0.2 * random.jitter(MassRandomKey::arm, 2 + arm));
+        const double bend = 30.0 * degree * random.jitter(MassRandomKey::wave, arm);
+        const double length = dune.height * (5.0 + random.jitter(MassRandomKey::arm, 8 + arm));
         std::vector<Vec2d> crest;
         for (int i = 0; i <= segments; ++i) {
             const double t = double(i) / segments;
@@ -662,7 +668,7 @@ void make_dome(const MassSettings&, MassDune& dune) {
         crest.emplace_back(0.0, dune.width * 0.3 * (double(i) / segments - 0.5));
     DuneSettings& d = dune.settings;
     d.main_curve_shape = mass_ramp({0.0, 0.9, 0.5, 1.0, 1.0, 0.9});
-    d.slope_width = width_to(crest, Ramp(), 1.0, {0.0, 0.5 * dune.width});
+    d.slope_width = slope_width_to_foot(crest, Ramp(), 1.0, {0.0, 0.5 * dune.width});
     dune.crests = {std::move(crest)};
     d.outer_slope_mult = d.inner_slope_mult = 1.0;
     d.outer_slope_shape = d.inner_slope_shape = mass_ramp({0.0, 1.0, 1.0, 0.0});
@@ -700,8 +706,8 @@ void make_nabkha(const MassSettings&, MassDune& dune) {
 
 MassKind mass_kind(const MassSettings& s, const MassHash& random, double height) {
     if (s.kind) return *s.kind;
-    const double cover = s.sand_cover + s.kind_mixing * random.jitter(MassUse::cover);
-    const double variability = s.wind_variability + s.kind_mixing * random.jitter(MassUse::variability);
+    const double cover = s.sand_cover + s.kind_mixing * random.jitter(MassRandomKey::cover);
+    const double variability = s.wind_variability + s.kind_mixing * random.jitter(MassRandomKey::variability);
     const MassKind kind = regime_kind(cover, variability, s.plants);
     constexpr double lowest_barchan = 1.0; // metres: lower barchans have no slip face
     return kind == MassKind::barchan && height < lowest_barchan ? MassKind::dome : kind;
@@ -760,8 +766,8 @@ MassDune make_dune(const MassSettings& s, const MassPlace& place, const std::vec
     MassDune dune;
     dune.id = place.id;
     dune.at = place.at;
-    dune.angle = place.angle + s.dispersion * random.normal(MassUse::angle);
-    dune.height = random.in(s.height, MassUse::height);
+    dune.angle = place.angle + s.dispersion * random.normal(MassRandomKey::angle);
+    dune.height = random.in(s.height, MassRandomKey::height);
     dune.kind = mass_kind(s, random, dune.height);
     dune.settings.max_height = dune.height;
     dune.settings.crest_radius = s.crest_radius;
@@ -770,7 +776,7 @@ MassDune make_dune(const MassSettings& s, const MassPlace& place, const std::vec
     dune.settings.flip =
         true; // crests run from left to right seen along the wind, so the windward side is on their right
     constexpr uint64_t most_seeds = 1'000'000'000; // range of a layer's seed parameter
-    dune.noise_seed = hash(random.word, uint64_t(MassUse::noise)) % most_seeds;
+    dune.noise_seed = hash(random.word, uint64_t(MassRandomKey::noise)) % most_seeds;
     dune.settings.seed = dune_noise_seed(s.terrain_seed, dune.noise_seed, 0);
     make_shape(s, random, dune);
     resample_as_drawn(dune);

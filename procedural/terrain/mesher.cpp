@@ -67,7 +67,7 @@ struct MeshPoint {
 };
 
 // Twice the signed area of a, b, c; positive if their normal points up.
-MARRAM_INLINE int64_t mesh_turn(const MeshPoint& a, const MeshPoint& b, const MeshPoint& c) {
+MARRAM_INLINE int64_t mesh_twice_area(const MeshPoint& a, const MeshPoint& b, const MeshPoint& c) {
     return int64_t(b.j - a.j) * (c.i - a.i) - int64_t(b.i - a.i) * (c.j - a.j);
 }
 
@@ -81,7 +81,7 @@ struct MeshGrid {
     std::vector<float> heights, weights, slopes_x, slopes_z, slope_weights;
 };
 
-struct MeshWorst {
+struct MeshLargestError {
     double error;
     int sample; // -1: none exceeds the threshold
 };
@@ -94,7 +94,7 @@ struct MeshEdge {
 
 MARRAM_INLINE MeshEdge mesh_edge(const MeshPoint& a, const MeshPoint& b, const MeshPoint& start) {
     const double per_i = b.j - a.j, per_j = a.i - b.i;
-    return {double(mesh_turn(a, b, start)), per_i, per_j, per_i != 0.0 ? 1.0 / per_i : 0.0,
+    return {double(mesh_twice_area(a, b, start)), per_i, per_j, per_i != 0.0 ? 1.0 / per_i : 0.0,
             per_i * lane_index_double};
 }
 MARRAM_INLINE VDouble mesh_along(const MeshEdge& edge, double steps) {
@@ -113,8 +113,8 @@ struct alignas(sizeof(VDouble)) MeshLanes {
 };
 
 // The largest error of all lanes. On ties the first sample wins.
-MARRAM_INLINE MeshWorst mesh_reduce(const MeshLanes& worst) {
-    MeshWorst result{0.0, -1};
+MARRAM_INLINE MeshLargestError mesh_reduce(const MeshLanes& worst) {
+    MeshLargestError result{0.0, -1};
     for (int k = 0; k < lanes; ++k) {
         const int sample = int(worst.sample[k]);
         if (sample < 0) continue;
@@ -132,27 +132,28 @@ MARRAM_INLINE MeshEdge mesh_slope_plane(const MeshEdge& ea, const MeshEdge& eb, 
     return {ea.value * a + eb.value * b + ec.value * c, per_i, ea.per_j * a + eb.per_j * b + ec.per_j * c,
             0.0, per_i * lane_index_double};
 }
-MARRAM_INLINE VDouble mesh_eight_of(const std::vector<float>& values, int at) {
+MARRAM_INLINE VDouble mesh_load_lanes(const std::vector<float>& values, int at) {
     return to_double(vload(values.data() + at));
 }
 // Squared difference between the interpolated gradient and that of each sample, divided by the squared
 // tolerance.
 MARRAM_INLINE VDouble mesh_slope_error(const MeshGrid& grid, int at, VDouble x, VDouble z) {
-    const VDouble dx = x - mesh_eight_of(grid.slopes_x, at), dz = z - mesh_eight_of(grid.slopes_z, at);
-    return (dx * dx + dz * dz) * mesh_eight_of(grid.slope_weights, at);
+    const VDouble dx = x - mesh_load_lanes(grid.slopes_x, at), dz = z - mesh_load_lanes(grid.slopes_z, at);
+    return (dx * dx + dz * dz) * mesh_load_lanes(grid.slope_weights, at);
 }
 
 // Updates the largest error of each lane. a, b, c: edge functions, negative outside. off: errors.
-MARRAM_INLINE void mesh_keep(VDouble a, VDouble b, VDouble c, VDouble off, int at, MeshLanes& worst) {
+MARRAM_INLINE void mesh_update_largest(VDouble a, VDouble b, VDouble c, VDouble off, int at,
+                                       MeshLanes& worst) {
     const VDouble error = select(vmin(vmin(a, b), c) < 0.0, 0.0, off);
     worst.sample = select(worst.error < error, lane_index_double + double(at), worst.sample);
     worst.error = vmax(worst.error, error);
 }
 
 template <bool slopes>
-MARRAM_INLINE MeshWorst mesh_worst_of(const MeshGrid& grid, const MeshPoint& a, const MeshPoint& b,
-                                      const MeshPoint& c) {
-    const int64_t area = mesh_turn(a, b, c);
+MARRAM_INLINE MeshLargestError mesh_largest_error_of(const MeshGrid& grid, const MeshPoint& a,
+                                                     const MeshPoint& b, const MeshPoint& c) {
+    const int64_t area = mesh_twice_area(a, b, c);
     if (area <= 1) return {0.0, -1}; // contains no samples except its vertices (Pick's theorem)
     const int i0 = std::min({a.i, b.i, c.i}), i1 = std::max({a.i, b.i, c.i});
     const int j0 = std::min({a.j, b.j, c.j}), j1 = std::max({a.j, b.j, c.j});
@@ -180,10 +181,11 @@ MARRAM_INLINE MeshWorst mesh_worst_of(const MeshGrid& grid, const MeshPoint& a, 
             const VDouble wa = mesh_along(ea, steps), wb = mesh_along(eb, steps), wc = mesh_along(ec, steps);
             const int at = j * grid.stride + i;
             const VDouble height = wa * ha + wb * hb + wc * hc;
-            VDouble off = vabs(height - mesh_eight_of(grid.heights, at)) * mesh_eight_of(grid.weights, at);
+            VDouble off =
+                vabs(height - mesh_load_lanes(grid.heights, at)) * mesh_load_lanes(grid.weights, at);
             if constexpr (slopes)
                 off = vmax(off * off, mesh_slope_error(grid, at, mesh_along(x, steps), mesh_along(z, steps)));
-            mesh_keep(wa, wb, wc, off, at, worst);
+            mesh_update_largest(wa, wb, wc, off, at, worst);
         }
         ea.value += ea.per_j, eb.value += eb.per_j, ec.value += ec.per_j;
         x.value += x.per_j, z.value += z.per_j;
@@ -193,20 +195,20 @@ MARRAM_INLINE MeshWorst mesh_worst_of(const MeshGrid& grid, const MeshPoint& a, 
 
 // The largest error in a triangle if it exceeds the threshold: of heights only; of heights and slopes,
 // squared.
-MARRAM_HOT MeshWorst mesh_worst(const MeshGrid& grid, const MeshPoint& a, const MeshPoint& b,
-                                const MeshPoint& c) {
-    return mesh_worst_of<false>(grid, a, b, c);
+MARRAM_HOT MeshLargestError mesh_largest_error(const MeshGrid& grid, const MeshPoint& a, const MeshPoint& b,
+                                               const MeshPoint& c) {
+    return mesh_largest_error_of<false>(grid, a, b, c);
 }
-MARRAM_HOT MeshWorst mesh_worst_slopes(const MeshGrid& grid, const MeshPoint& a, const MeshPoint& b,
-                                       const MeshPoint& c) {
-    return mesh_worst_of<true>(grid, a, b, c);
+MARRAM_HOT MeshLargestError mesh_largest_error_slopes(const MeshGrid& grid, const MeshPoint& a,
+                                                      const MeshPoint& b, const MeshPoint& c) {
+    return mesh_largest_error_of<true>(grid, a, b, c);
 }
 
-struct MeshBad { // heap entry: a triangle that exceeds the tolerance
+struct MeshHeapEntry { // heap entry: a triangle that exceeds the tolerance
     double error;
     int triangle;
     uint32_t stamp;
-    bool operator<(const MeshBad& other) const {
+    bool operator<(const MeshHeapEntry& other) const {
         return error != other.error ? error < other.error : triangle > other.triangle;
     }
 };
@@ -215,10 +217,10 @@ struct MeshBad { // heap entry: a triangle that exceeds the tolerance
 struct MeshTile {
     MeshGrid grid;
     std::vector<MeshPoint> points;
-    std::vector<int> vertex, twin; // 3 a triangle; edge k goes from vertex k to k + 1; twin -1: border
-    std::vector<int> candidate;    // sample with the largest error of each triangle
-    std::vector<uint32_t> stamp;   // version of each triangle; heap entries with an older stamp are void
-    std::vector<MeshBad> bad;      // heap
+    std::vector<int> vertex, twin;  // 3 a triangle; edge k goes from vertex k to k + 1; twin -1: border
+    std::vector<int> candidate;     // sample with the largest error of each triangle
+    std::vector<uint32_t> stamp;    // version of each triangle; heap entries with an older stamp are void
+    std::vector<MeshHeapEntry> bad; // heap
     std::vector<int> stack, border_edge; // triangles to legalise; border edge that starts at each vertex
     bool scanning = false;               // true once the border is complete
 
@@ -257,7 +259,8 @@ struct MeshTile {
     void scan(int t) {
         const int* v = &vertex[3 * size_t(t)];
         const MeshPoint &a = points[size_t(v[0])], &b = points[size_t(v[1])], &c = points[size_t(v[2])];
-        const MeshWorst w = grid.slopes ? mesh_worst_slopes(grid, a, b, c) : mesh_worst(grid, a, b, c);
+        const MeshLargestError w =
+            grid.slopes ? mesh_largest_error_slopes(grid, a, b, c) : mesh_largest_error(grid, a, b, c);
         candidate[size_t(t)] = w.sample;
         if (w.sample < 0) return;
         bad.push_back({w.error, t, stamp[size_t(t)]});
@@ -333,8 +336,8 @@ struct MeshTile {
         const int p = add_point(at % grid.stride, at / grid.stride);
         for (int k = 0; k < 3; ++k) {
             const int e = 3 * t + k;
-            if (mesh_turn(points[size_t(vertex[size_t(e)])], points[size_t(vertex[size_t(next(e))])],
-                          points[size_t(p)]) == 0)
+            if (mesh_twice_area(points[size_t(vertex[size_t(e)])], points[size_t(vertex[size_t(next(e))])],
+                                points[size_t(p)]) == 0)
                 return split_edge(e, p);
         }
         split_triangle(t, p);
@@ -344,7 +347,7 @@ struct MeshTile {
         scanning = true;
         for (int t = 0; t < int(candidate.size()); ++t) scan(t);
         while (!bad.empty()) {
-            const MeshBad worst = bad.front();
+            const MeshHeapEntry worst = bad.front();
             std::pop_heap(bad.begin(), bad.end());
             bad.pop_back();
             if (stamp[size_t(worst.triangle)] == worst.stamp) insert(worst.triangle);
@@ -389,16 +392,16 @@ MARRAM_HOT void mesh_rises(const float* from, const float* to, double a_step, in
 }
 
 // Adds one ulp before rounding to float, because rounding to nearest may lose half an ulp.
-MARRAM_INLINE VFloat mesh_above(VDouble weight) { return to_float((1.0 + 0x1p-23) * weight); }
+MARRAM_INLINE VFloat mesh_rounded_up(VDouble weight) { return to_float((1.0 + 0x1p-23) * weight); }
 
 // Cameras and tolerances.
 struct MeshView {
     const Vec3d* cameras = nullptr; // NULL: tolerances are constant
     size_t count = 0;
-    double least = 0.0;        // minimum height tolerance, m
-    double a_metre = 0.0;      // height tolerance per metre of distance
-    double slope_weight = 0.0; // 1 / squared gradient tolerance; 0: off
-    double cells2 = 0.0;       // squared width of a pixel in cells, per squared metre of distance
+    double least = 0.0;               // minimum height tolerance, m
+    double tolerance_per_metre = 0.0; // height tolerance per metre of distance
+    double slope_weight = 0.0;        // 1 / squared gradient tolerance; 0: off
+    double cells2 = 0.0;              // squared width of a pixel in cells, per squared metre of distance
 };
 // Samples on a line: (i, j), (i + di, j + dj) and so on.
 struct MeshRun {
@@ -424,14 +427,16 @@ MARRAM_HOT void mesh_camera_weights(const MeshView& view, const Domain& domain, 
         }
         const size_t bytes = sizeof(float) * size_t(std::min(lanes, run.count - k));
         if (view.slope_weight == 0.0) {
-            const VFloat weight = mesh_above(1.0 / vmax(view.a_metre * vsqrt(nearest), view.least));
+            const VFloat weight =
+                mesh_rounded_up(1.0 / vmax(view.tolerance_per_metre * vsqrt(nearest), view.least));
             std::memcpy(weights + k, &weight, bytes);
             continue;
         }
         const VDouble inverse = to_double(1.0F / vsqrt(to_float(nearest))) * (1.0 + 0x1p-22);
-        const VFloat weight = mesh_above(vmin(inverse * (1.0 / view.a_metre), 1.0 / view.least));
+        const VFloat weight =
+            mesh_rounded_up(vmin(inverse * (1.0 / view.tolerance_per_metre), 1.0 / view.least));
         const VFloat slope =
-            mesh_above(vmin(inverse * inverse * (1.0 / view.cells2), 1.0) * view.slope_weight);
+            mesh_rounded_up(vmin(inverse * inverse * (1.0 / view.cells2), 1.0) * view.slope_weight);
         std::memcpy(weights + k, &weight, bytes), std::memcpy(slope_weights + k, &slope, bytes);
     }
 }
@@ -451,11 +456,11 @@ class MeshMeasure {
             [](float a, float b) { return std::max(a, b); });
         // Lower bound 1e-30 m: its reciprocal fits a float, and if all heights are 0 nothing is rounded.
         view_.least = std::max({1e-30, 0x1p-48 * double(highest), tolerance.metres});
-        view_.a_metre = tolerance.pixels * tolerance.pixel_angle;
-        if (view_.a_metre > 0.0)
+        view_.tolerance_per_metre = tolerance.pixels * tolerance.pixel_angle;
+        if (view_.tolerance_per_metre > 0.0)
             view_.cameras = tolerance.cameras.data(), view_.count = tolerance.cameras.size();
         if (!slopes_) return;
-        a_step_[0] = 1.0 / domain.cell, a_step_[1] = 0.5 / domain.cell;
+        inverse_steps_[0] = 1.0 / domain.cell, inverse_steps_[1] = 0.5 / domain.cell;
         const double gradient = std::max(tolerance.gradient, mesh_least_gradient);
         const double cells = tolerance.pixel_angle / domain.cell;
         view_.slope_weight = 1.0 / (gradient * gradient), view_.cells2 = cells * cells;
@@ -471,30 +476,30 @@ class MeshMeasure {
     MeshSlope slope(int i, int j) const {
         const int i0 = std::max(i - 1, 0), i1 = std::min(i + 1, domain_.nx - 1);
         const int j0 = std::max(j - 1, 0), j1 = std::min(j + 1, domain_.nz - 1);
-        return {mesh_rise(height(i0, j), height(i1, j), a_step_[i1 - i0 - 1]),
-                mesh_rise(height(i, j0), height(i, j1), a_step_[j1 - j0 - 1])};
+        return {mesh_rise(height(i0, j), height(i1, j), inverse_steps_[i1 - i0 - 1]),
+                mesh_rise(height(i, j0), height(i, j1), inverse_steps_[j1 - j0 - 1])};
     }
 
     // The same for `count` samples of a row, starting at (i, j).
     void slopes(int i, int j, int count, float* x, float* z) const {
         const int j0 = std::max(j - 1, 0), j1 = std::min(j + 1, domain_.nz - 1);
         const float* row = heights(i, j);
-        mesh_rises(heights(i, j0), heights(i, j1), a_step_[j1 - j0 - 1], count, z);
-        mesh_rises(row, row + 2, a_step_[1], count - 2, x + 1);
+        mesh_rises(heights(i, j0), heights(i, j1), inverse_steps_[j1 - j0 - 1], count, z);
+        mesh_rises(row, row + 2, inverse_steps_[1], count - 2, x + 1);
         x[0] = slope(i, j).x, x[count - 1] = slope(i + count - 1, j).x;
     }
 
     void weights(const MeshRun& run, const float* heights, float* weights, float* slope_weights) const {
         if (view_.count > 0) return mesh_camera_weights(view_, domain_, run, heights, weights, slope_weights);
-        std::fill_n(weights, run.count, slopes_ ? mesh_above(splat(1.0 / view_.least))[0] : 1.0F);
-        if (slopes_) std::fill_n(slope_weights, run.count, mesh_above(splat(view_.slope_weight))[0]);
+        std::fill_n(weights, run.count, slopes_ ? mesh_rounded_up(splat(1.0 / view_.least))[0] : 1.0F);
+        if (slopes_) std::fill_n(slope_weights, run.count, mesh_rounded_up(splat(view_.slope_weight))[0]);
     }
 
   private:
     const Domain& domain_;
     const float* heights_;
     MeshView view_;
-    double a_step_[2]{}; // 1/m: inverse length of one cell and of two cells
+    double inverse_steps_[2]{}; // 1/m: inverse length of one cell and of two cells
     bool slopes_;
 };
 
@@ -572,7 +577,7 @@ MeshLine mesh_line(const MeshMeasure& measure, int i, int j, int di, int dj, int
 }
 
 // The triangles of one tile before global numbering.
-struct MeshPiece {
+struct MeshTileResult {
     std::vector<uint32_t> inner, triangles; // samples of inner vertices; vertex indices within the tile
     uint32_t first = 0;                     // global index of the first inner vertex
     size_t first_triangle = 0;              // offset into RenderMesh::triangles
@@ -648,7 +653,7 @@ class Mesher {
         for (const int s : backwards(across(c, r).steps)) last = tile.add_border(last, s, 0);
         const size_t border = tile.points.size();
         tile.refine();
-        MeshPiece& piece = pieces_[size_t(p)];
+        MeshTileResult& piece = pieces_[size_t(p)];
         for (size_t v = border; v < tile.points.size(); ++v)
             piece.inner.push_back(
                 measure_.sample(i_[size_t(c)] + tile.points[v].i, j_[size_t(r)] + tile.points[v].j));
@@ -672,7 +677,7 @@ class Mesher {
             }
         }
         size_t vertices = samples.size(), indices = 0;
-        for (MeshPiece& piece : pieces_) {
+        for (MeshTileResult& piece : pieces_) {
             piece.first = uint32_t(vertices), piece.first_triangle = indices;
             vertices += piece.inner.size(), indices += piece.triangles.size();
         }
@@ -691,7 +696,7 @@ class Mesher {
         };
         add(along(c, r), false), add(across(c, r + 1), false), add(along(c + 1, r), true);
         add(across(c, r), true);
-        const MeshPiece& piece = pieces_[size_t(p)];
+        const MeshTileResult& piece = pieces_[size_t(p)];
         const uint32_t count = uint32_t(border.size());
         std::copy(piece.inner.begin(), piece.inner.end(), mesh.samples.begin() + ptrdiff_t(piece.first));
         for (size_t k = 0; k < piece.triangles.size(); ++k) {
@@ -704,7 +709,7 @@ class Mesher {
     std::vector<int> i_, j_; // tile borders
     int columns_, rows_;
     std::vector<MeshLine> across_, along_;
-    std::vector<MeshPiece> pieces_;
+    std::vector<MeshTileResult> pieces_;
 };
 
 } // namespace

@@ -171,7 +171,7 @@ double RipplesLayer::strength(const Fields& below, const float* mask, const Vec2
 }
 
 void RipplesLayer::carried(const Fields& terrain, std::span<const uint32_t> samples,
-                           std::span<Carried> out) const {
+                           std::span<RippleInputs> out) const {
     if (!(settings_.ripples.height > 0.0)) return;
     const float* mask = settings_.mask.empty() ? nullptr : find_mask(terrain, settings_.mask);
     const Tiles all(domain_, true);
@@ -191,7 +191,7 @@ void RipplesLayer::carried(const Fields& terrain, std::span<const uint32_t> samp
         const Surface surface(rect, terrain, domain_, knot_);
         const auto at = [&](int i, int j) {
             const Vec2d gradient = surface.gradient(i, j);
-            return Carried{gradient.cast<float>(), float(strength(terrain, mask, gradient, i, j))};
+            return RippleInputs{gradient.cast<float>(), float(strength(terrain, mask, gradient, i, j))};
         };
         for (uint32_t k = begins[t]; k < begins[t + 1]; ++k) {
             const uint32_t sample = samples[order[k]];
@@ -265,7 +265,7 @@ std::unique_ptr<Layer> make_ripples(const LayerContext& context) {
     settings.displaced = values.number("displaced");
     settings.wind = context.wind;
     settings.shelter_reach = values.number("shelter_reach");
-    if (values.has("mask")) settings.mask = mask_named(context, "mask");
+    if (values.has("mask")) settings.mask = required_mask_name(context, "mask");
     return std::make_unique<RipplesLayer>(settings, context.domain);
 }
 

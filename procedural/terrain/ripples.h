@@ -31,12 +31,12 @@ class RipplesLayer : public Layer {
     void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override;
 
     // Inputs of the ripple model at a sample, for ripples that the grid does not resolve.
-    struct Carried {
+    struct RippleInputs {
         Vec2f gradient = Vec2f::Zero(); // of the smooth surface
         float strength = 0.0F;          // fraction of full height, from sand depth, mask and shelter
     };
     // Computes these for the given samples of the finished terrain. Empty `samples`: all samples.
-    void carried(const Fields& terrain, std::span<const uint32_t> samples, std::span<Carried> out) const;
+    void carried(const Fields& terrain, std::span<const uint32_t> samples, std::span<RippleInputs> out) const;
     bool resolved() const { return resolved(settings_.ripples, domain_); }
     const Settings& settings() const { return settings_; }
     const RippleField& field() const { return field_; }

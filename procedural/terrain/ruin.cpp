@@ -83,7 +83,7 @@ constexpr double ruin_shelter = 6.0;      // reattachment length, in heights
 constexpr double ruin_farthest = 0x1p20;  // m: float resolution below this is 6 cm or better
 constexpr int ruin_most_heights = 192;    // rays on one line
 constexpr int ruin_most_lines = 1 << 15;  // along the wind
-constexpr double ruin_off_middle = 0.487; // ray position in its interval: avoids hits on symmetric geometry
+constexpr double ruin_ray_offset = 0.487; // ray position in its interval: avoids hits on symmetric geometry
 const double ruin_slope = std::tan(32.0 * degree);
 const double ruin_windward_cosine = std::cos(55.0 * degree), ruin_lee_cosine = std::cos(34.0 * degree);
 const double ruin_windward_run = 1.0 / std::tan(55.0 * degree), ruin_lee_run = 1.0 / std::tan(34.0 * degree);
@@ -109,20 +109,21 @@ struct RuinTriangles {
     std::vector<uint32_t> triangles;
 };
 
-bool ruin_good(const float* p) {
+bool ruin_valid_position(const float* p) {
     return std::abs(p[0]) <= ruin_farthest && std::abs(p[1]) <= ruin_farthest &&
            std::abs(p[2]) <= ruin_farthest;
 }
 
 // The triangles with three valid vertices: indices in range, positions finite and within ruin_farthest.
-std::vector<uint32_t> ruin_good_triangles(const MarramMesh& mesh) {
+std::vector<uint32_t> ruin_valid_triangles(const MarramMesh& mesh) {
     std::vector<uint32_t> good;
     const float* positions = mesh.positions ? mesh.positions[0] : nullptr;
     if (!positions || !mesh.triangles) return good;
     for (size_t f = 0; f < mesh.triangle_count; ++f) {
         const uint32_t* v = mesh.triangles + 3 * f;
         bool in = true;
-        for (int k = 0; k < 3; ++k) in = in && v[k] < mesh.vertex_count && ruin_good(positions + 3 * v[k]);
+        for (int k = 0; k < 3; ++k)
+            in = in && v[k] < mesh.vertex_count && ruin_valid_position(positions + 3 * v[k]);
         if (in) good.insert(good.end(), v, v + 3);
     }
     return good;
@@ -181,7 +182,7 @@ RuinMesh::RuinMesh(const MarramMesh& mesh, const Vec2d& wind, RTCScene scene) {
     const double speed = wind.stableNorm();
     if (speed > 0.0 && std::isfinite(speed)) frame_.along = wind / speed;
     frame_.across = Vec2d(-frame_.along.y(), frame_.along.x());
-    const std::vector<uint32_t> good = ruin_good_triangles(mesh);
+    const std::vector<uint32_t> good = ruin_valid_triangles(mesh);
     if (good.empty()) return;
     frame_.origin = ruin_centre(mesh, good);
     RuinTriangles own;
@@ -210,7 +211,7 @@ RuinMesh::RuinMesh(const MarramMesh& mesh, const Vec2d& wind, RTCScene scene) {
 namespace {
 
 // Filter function: records a hit and rejects it, so that the ray continues.
-void ruin_note(const RTCFilterFunctionNArguments* args) {
+void ruin_record_hit(const RTCFilterFunctionNArguments* args) {
     if (args->valid[0] == 0) return;
     constexpr size_t most = 4096; // limits the work of one ray
     auto& found = *static_cast<std::vector<RuinMesh::Hit>*>(marram_query_of(args));
@@ -230,7 +231,7 @@ void RuinMesh::hits(const Vec3d& from, const Vec3d& direction, double length, st
     query.ray = ruin_ray(from, direction, length);
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    marram_intersect1_filtered(scene_.get(), &query, 0, ruin_note, &found);
+    marram_intersect1_filtered(scene_.get(), &query, 0, ruin_record_hit, &found);
     // At equal distance the entering hit comes first, so that touching solids count as one.
     std::sort(found.begin(), found.end(), [&](const Hit& a, const Hit& b) {
         return a.at != b.at ? a.at < b.at : a.normal.dot(direction) < b.normal.dot(direction);
@@ -280,7 +281,7 @@ struct RuinHit {
 };
 
 // A face on one line. `height` starts as top - ground and becomes the effective H.
-struct RuinFoot {
+struct RuinFace {
     double s = 0.0, ground = 0.0, top = 0.0, cosine = 1.0;
     double height = 0.0;              // m
     double width = 0.0, to_end = 0.0; // m: width of the wall; distance to its nearer end
@@ -290,7 +291,7 @@ struct RuinFoot {
 
 // The faces on one line, both kinds sorted by s.
 struct RuinLine {
-    std::vector<RuinFoot> windward, lee;
+    std::vector<RuinFace> windward, lee;
 };
 
 struct RuinLines {
@@ -364,9 +365,9 @@ void ruin_link(std::vector<RuinChain>& chains, const RuinPoint& point, double ru
         chains.push_back({point});
 }
 
-class RuinSurveyor {
+class RuinFaceFinder {
   public:
-    RuinSurveyor(const RuinMesh& mesh, const RuinGround& ground) : mesh_(mesh), ground_(ground) {
+    RuinFaceFinder(const RuinMesh& mesh, const RuinGround& ground) : mesh_(mesh), ground_(ground) {
         set_heights();
         set_lines();
     }
@@ -378,7 +379,7 @@ class RuinSurveyor {
     void set_heights();
     void set_lines();
     void trace_line(int l, RuinLine& line) const;
-    std::optional<RuinFoot> foot(const RuinChain& chain, bool windward, double t) const;
+    std::optional<RuinFace> foot(const RuinChain& chain, bool windward, double t) const;
     double refined_top(const RuinChain& chain, bool windward, double t) const;
 
     const RuinMesh& mesh_;
@@ -388,7 +389,7 @@ class RuinSurveyor {
 };
 
 // Sets ray heights from the lowest and highest sand under the box of the mesh.
-void RuinSurveyor::set_heights() {
+void RuinFaceFinder::set_heights() {
     const Domain& d = ground_.domain;
     const Vec3d &low = mesh_.lower(), &high = mesh_.upper();
     Vec2d a = Vec2d::Constant(infinity), b = -a;
@@ -411,12 +412,12 @@ void RuinSurveyor::set_heights() {
     if (!(to > from)) return;
     heights_.count = int(std::clamp(std::ceil((to - from) / (0.5 * d.cell)), 1.0, double(ruin_most_heights)));
     heights_.step = (to - from) / heights_.count;
-    heights_.first = from + ruin_off_middle * heights_.step;
+    heights_.first = from + ruin_ray_offset * heights_.step;
 }
 
 // Sets lines across the mesh, at most twice the largest height beyond the terrain: lines farther out cannot
 // affect it.
-void RuinSurveyor::set_lines() {
+void RuinFaceFinder::set_lines() {
     const Domain& d = ground_.domain;
     double least = infinity, most = -infinity;
     for (const double x : {d.x(0), d.x(d.nx - 1)})
@@ -430,12 +431,12 @@ void RuinSurveyor::set_lines() {
     const double count =
         std::clamp(std::ceil(width / (0.5 * ground_.domain.cell)), 1.0, double(ruin_most_lines));
     lines_.step = width / count;
-    lines_.first = from + ruin_off_middle * lines_.step;
+    lines_.first = from + ruin_ray_offset * lines_.step;
     lines_.lines.resize(size_t(count));
 }
 
 // Finds the top of a face by bisection between its highest hit and the next ray above.
-double RuinSurveyor::refined_top(const RuinChain& chain, bool windward, double t) const {
+double RuinFaceFinder::refined_top(const RuinChain& chain, bool windward, double t) const {
     const RuinPoint& last = chain.back();
     const double run = windward ? ruin_windward_run : ruin_lee_run, reach = (run + 0.05) * heights_.step;
     const double sign = windward ? 1.0 : -1.0;
@@ -448,11 +449,11 @@ double RuinSurveyor::refined_top(const RuinChain& chain, bool windward, double t
     return 0.5 * (low + high);
 }
 
-std::optional<RuinFoot> RuinSurveyor::foot(const RuinChain& chain, bool windward, double t) const {
+std::optional<RuinFace> RuinFaceFinder::foot(const RuinChain& chain, bool windward, double t) const {
     size_t first = 0;
     const auto above = [&](size_t k) { return chain[k].y - ground(chain[k].s, t); };
     while (first < chain.size() && !(above(first) > 0.0)) ++first;
-    RuinFoot foot;
+    RuinFace foot;
     if (first == chain.size()) { // the top may still be above the sand, between two rays
         first = chain.size() - 1;
         foot.s = chain[first].s;
@@ -473,7 +474,7 @@ std::optional<RuinFoot> RuinSurveyor::foot(const RuinChain& chain, bool windward
     return foot;
 }
 
-void RuinSurveyor::trace_line(int l, RuinLine& line) const {
+void RuinFaceFinder::trace_line(int l, RuinLine& line) const {
     const double t = lines_.first + l * lines_.step;
     std::vector<RuinMesh::Hit> found;
     std::vector<RuinHit> hits;
@@ -489,14 +490,14 @@ void RuinSurveyor::trace_line(int l, RuinLine& line) const {
         });
     }
     const auto gather = [&](const std::vector<RuinChain>& chains, bool faces_wind,
-                            std::vector<RuinFoot>& feet) {
+                            std::vector<RuinFace>& feet) {
         for (const RuinChain& chain : chains)
-            if (std::optional<RuinFoot> face = foot(chain, faces_wind, t)) {
+            if (std::optional<RuinFace> face = foot(chain, faces_wind, t)) {
                 face->line = l;
                 feet.push_back(*face);
             }
         std::stable_sort(feet.begin(), feet.end(),
-                         [](const RuinFoot& a, const RuinFoot& b) { return a.s < b.s; });
+                         [](const RuinFace& a, const RuinFace& b) { return a.s < b.s; });
     };
     gather(windward, true, line.windward);
     gather(lee, false, line.lee);
@@ -505,9 +506,9 @@ void RuinSurveyor::trace_line(int l, RuinLine& line) const {
 // Reduces the height of windward faces by the part that lies in the shelter of lee faces upwind on the same
 // line.
 void ruin_shelter_line(RuinLine& line) {
-    for (RuinFoot& face : line.windward) {
+    for (RuinFace& face : line.windward) {
         double air = face.ground;
-        for (const RuinFoot& upwind : line.lee) {
+        for (const RuinFace& upwind : line.lee) {
             if (!(upwind.s < face.s)) break;
             const double height = std::min(upwind.top - upwind.ground, ruin_most_height);
             air = std::max(air, upwind.ground + height - (face.s - upwind.s) / ruin_shelter);
@@ -519,8 +520,8 @@ void ruin_shelter_line(RuinLine& line) {
 // Thickness of the solid behind each windward face and in front of each lee face: the distance to the next
 // face of the other kind.
 void ruin_measure_thickness(RuinLine& line) {
-    for (RuinFoot& face : line.windward)
-        for (RuinFoot& behind : line.lee) {
+    for (RuinFace& face : line.windward)
+        for (RuinFace& behind : line.lee) {
             if (behind.s < face.s) continue;
             face.thickness = behind.s - face.s;
             behind.thickness =
@@ -532,11 +533,11 @@ void ruin_measure_thickness(RuinLine& line) {
 // Groups faces of neighbouring lines into walls, with union-find.
 class RuinWalls {
   public:
-    RuinWalls(RuinLines& lines, std::vector<RuinFoot> RuinLine::*kind) : step_(lines.step) {
+    RuinWalls(RuinLines& lines, std::vector<RuinFace> RuinLine::*kind) : step_(lines.step) {
         std::vector<size_t> begin;
         for (RuinLine& line : lines.lines) {
             begin.push_back(feet_.size());
-            for (RuinFoot& foot : line.*kind) feet_.push_back(&foot);
+            for (RuinFace& foot : line.*kind) feet_.push_back(&foot);
         }
         begin.push_back(feet_.size());
         parent_.resize(feet_.size());
@@ -560,15 +561,15 @@ class RuinWalls {
                 parent_[std::max(x, y)] = std::min(x, y);
             }
     }
-    void smooth(const std::vector<RuinFoot*>& wall) const;
+    void smooth(const std::vector<RuinFace*>& wall) const;
 
     double step_;
-    std::vector<RuinFoot*> feet_; // in order of lines
+    std::vector<RuinFace*> feet_; // in order of lines
     std::vector<size_t> parent_;
 };
 
 // Averages H along the wall over a distance H.
-void RuinWalls::smooth(const std::vector<RuinFoot*>& wall) const {
+void RuinWalls::smooth(const std::vector<RuinFace*>& wall) const {
     std::vector<double> mean(wall.size());
     tbb::parallel_for(size_t(0), wall.size(), [&](size_t k) {
         const int reach = int(0.5 * wall[k]->height / step_);
@@ -588,12 +589,12 @@ void RuinWalls::smooth(const std::vector<RuinFoot*>& wall) const {
 }
 
 void RuinWalls::measure() {
-    std::vector<std::vector<RuinFoot*>> walls(feet_.size());
+    std::vector<std::vector<RuinFace*>> walls(feet_.size());
     for (size_t k = 0; k < feet_.size(); ++k) walls[root(k)].push_back(feet_[k]);
-    for (const std::vector<RuinFoot*>& wall : walls) {
+    for (const std::vector<RuinFace*>& wall : walls) {
         if (wall.empty()) continue;
         const int first = wall.front()->line, last = wall.back()->line;
-        for (RuinFoot* foot : wall) {
+        for (RuinFace* foot : wall) {
             foot->width = (last - first + 1) * step_;
             foot->to_end = (std::min(foot->line - first, last - foot->line) + 0.5) * step_;
             foot->height = std::min({foot->height, foot->width, ruin_most_height});
@@ -602,7 +603,7 @@ void RuinWalls::measure() {
     }
 }
 
-RuinLines RuinSurveyor::survey() {
+RuinLines RuinFaceFinder::survey() {
     tbb::parallel_for(size_t(0), lines_.lines.size(), [&](size_t l) {
         RuinLine& line = lines_.lines[l];
         trace_line(int(l), line);
@@ -626,23 +627,23 @@ class RuinZones {
     RuinShape at(const RuinLine& line, double s) const;
 
   private:
-    double echo(double d, const RuinFoot& face) const;
-    double scour(double d, const RuinFoot& face) const;
-    double drift(double x, const RuinFoot& face) const;
-    double pad(const RuinFoot& face) const { return std::min(pad_, 0.5 * face.thickness); }
+    double echo(double d, const RuinFace& face) const;
+    double scour(double d, const RuinFace& face) const;
+    double drift(double x, const RuinFace& face) const;
+    double pad(const RuinFace& face) const { return std::min(pad_, 0.5 * face.thickness); }
 
     const RuinSettings& settings_;
     double pad_; // m: how far zones extend into the mesh
 };
 
-double RuinZones::scour(double d, const RuinFoot& face) const {
+double RuinZones::scour(double d, const RuinFace& face) const {
     const double reach = ruin_scour_reach * face.height;
     if (!(d < reach)) return 0.0;
     const double depth = std::min(settings_.scour_depth * face.height, ruin_slope * reach);
     return settings_.scour * face.cosine * depth * (1.0 - std::max(d, 0.0) / reach);
 }
 
-double RuinZones::echo(double d, const RuinFoot& face) const {
+double RuinZones::echo(double d, const RuinFace& face) const {
     if (!(d > ruin_scour_reach * face.height && d < ruin_echo_reach * face.height)) return 0.0;
     const double u = d / face.height; // in H
     const double rise = u < ruin_echo_crest
@@ -652,7 +653,7 @@ double RuinZones::echo(double d, const RuinFoot& face) const {
            std::min(ruin_echo_height * face.height * rise, ruin_slope * face.to_end);
 }
 
-double RuinZones::drift(double x, const RuinFoot& face) const {
+double RuinZones::drift(double x, const RuinFace& face) const {
     const double taper = std::min(face.height, 0.5 * face.width),
                  whole = settings_.drift_length * face.height;
     if (!(x < whole)) return 0.0;
@@ -666,15 +667,15 @@ double RuinZones::drift(double x, const RuinFoot& face) const {
 // The nearest windward face downwind gives scour and echo dune, the nearest lee face upwind a drift. Either
 // is blocked by a face of the other kind in between.
 RuinShape RuinZones::at(const RuinLine& line, double s) const {
-    const RuinFoot *front = nullptr, *passed = nullptr, *behind = nullptr, *ahead = nullptr;
-    for (const RuinFoot& face : line.windward) {
+    const RuinFace *front = nullptr, *passed = nullptr, *behind = nullptr, *ahead = nullptr;
+    for (const RuinFace& face : line.windward) {
         if (face.s > s) {
             front = &face;
             break;
         }
         passed = &face;
     }
-    for (const RuinFoot& face : line.lee) {
+    for (const RuinFace& face : line.lee) {
         if (face.s >= s) {
             ahead = &face;
             break;
@@ -831,13 +832,13 @@ class RuinShaper {
     RuinRoom room_at(const Vec2d& p, double ground) const;
     double level_of(const std::vector<size_t>& room) const;
     double around(const Vec2d& p, double y, double reach) const;
-    bool from_outside(const Vec2d& p, double y, double reach) const;
+    bool hits_front_faces(const Vec2d& p, double y, double reach) const;
     void find_rooms();
     void fill_rooms(RuinResult& result);
     std::vector<size_t> flood(size_t first, std::vector<char>& seen) const;
-    void round_off(std::vector<double>& field);
-    void settle_pit();
-    void settle_deposit();
+    void smooth_field(std::vector<double>& field);
+    void collapse_pit_rim();
+    void limit_deposit_slope();
 
     const Domain& domain_;
     const Fields& below_;
@@ -901,11 +902,11 @@ constexpr int ruin_directions = 16, ruin_open = 10, ruin_enclosed = 15; // numbe
 constexpr double ruin_least_room = 0.25, ruin_tallest_room = 16.0;      // m: wall heights above the sand
 
 // Horizontal directions. The first few are far apart, so that a few rays identify open ground.
-const std::array<Vec3d, ruin_directions> ruin_round = [] {
+const std::array<Vec3d, ruin_directions> ruin_ray_directions = [] {
     std::array<Vec3d, ruin_directions> round;
     for (int n = 0; n < ruin_directions; ++n) {
         const int turn = (n * 7) % ruin_directions;
-        const double angle = 2.0 * pi * (turn + ruin_off_middle) / ruin_directions;
+        const double angle = 2.0 * pi * (turn + ruin_ray_offset) / ruin_directions;
         round[size_t(n)] = Vec3d(std::cos(angle), 0.0, std::sin(angle));
     }
     return round;
@@ -914,15 +915,15 @@ const std::array<Vec3d, ruin_directions> ruin_round = [] {
 // Enclosure of a point, 0 to 1, from the number of rays (of 16) that hit the mesh.
 double RuinShaper::around(const Vec2d& p, double y, double reach) const {
     int met = ruin_directions;
-    for (const Vec3d& way : ruin_round)
+    for (const Vec3d& way : ruin_ray_directions)
         if (!mesh_.occluded({p.x(), y, p.y()}, way, reach) && --met <= ruin_open) return 0.0;
     return ruin_smooth(double(met - ruin_open) / (ruin_enclosed - ruin_open));
 }
 
 // True if most of the faces hit are front-facing. From inside a solid most would be back-facing.
-bool RuinShaper::from_outside(const Vec2d& p, double y, double reach) const {
+bool RuinShaper::hits_front_faces(const Vec2d& p, double y, double reach) const {
     int faces = 0;
-    for (const Vec3d& way : ruin_round) {
+    for (const Vec3d& way : ruin_ray_directions) {
         const double away = mesh_.first({p.x(), y, p.y()}, way, reach).dot(way);
         faces += int(away < 0.0) - int(away > 0.0);
     }
@@ -940,7 +941,8 @@ RuinRoom RuinShaper::room_at(const Vec2d& p, double ground) const {
     for (double h = ruin_tallest_room; h >= ruin_least_room; h *= 0.5) {
         if (!(h < top && h > best.share * best.walls)) continue;
         const double share = std::min(least, around(p, ground + h, 8.0 * h));
-        if (share * h > best.share * best.walls && from_outside(p, ground + h, 8.0 * h)) best = {share, h};
+        if (share * h > best.share * best.walls && hits_front_faces(p, ground + h, 8.0 * h))
+            best = {share, h};
     }
     return best;
 }
@@ -1022,7 +1024,7 @@ void RuinShaper::fill_rooms(RuinResult& result) {
     // Enclosure is quantised by rays and blocks: blur it over half a metre, with at most 64 passes of 3
     // samples.
     const int times = int(std::clamp(0.5 / (domain_.cell * domain_.cell), 1.0, 64.0));
-    for (int n = 0; n < times; ++n) round_off(grid_.room), round_off(level);
+    for (int n = 0; n < times; ++n) smooth_field(grid_.room), smooth_field(level);
     rows([&](int, int, size_t k) {
         const double share = grid_.room[k];
         if (!(share > 0x1p-20)) return; // negligible: a millionth of a deposit
@@ -1033,7 +1035,7 @@ void RuinShaper::fill_rooms(RuinResult& result) {
 }
 
 // Lets sand at the rim of the scour slide into the pit.
-void RuinShaper::settle_pit() {
+void RuinShaper::collapse_pit_rim() {
     rows([&](int i, int j, size_t k) {
         const size_t sample = domain_.index(grid_.rect.i0 + i, grid_.rect.j0 + j);
         grid_.cap[k] = grid_.ground[k];
@@ -1042,7 +1044,7 @@ void RuinShaper::settle_pit() {
     });
     RuinCones(grid_, ruin_slope * domain_.cell).settle();
     rows([&](int, int, size_t k) { grid_.scour[k] = std::max(grid_.ground[k] - grid_.level[k], 0.0); });
-    round_off(grid_.scour);
+    smooth_field(grid_.scour);
     rows([&](int, int, size_t k) {
         grid_.scour[k] = std::min(grid_.scour[k], grid_.ground[k] - grid_.floor[k]);
     });
@@ -1050,7 +1052,7 @@ void RuinShaper::settle_pit() {
 
 // Smooths with weights 1, 2, 1 along rows and then columns, but not across walls. Without it triangles at the
 // tips and creases of cones would be up to sqrt(2) times as steep as the cones.
-void RuinShaper::round_off(std::vector<double>& field) {
+void RuinShaper::smooth_field(std::vector<double>& field) {
     const auto pass = [&](size_t stride, const std::vector<char>& walls, auto&& inner) {
         std::copy(field.begin(), field.end(), grid_.level.begin());
         rows([&](int i, int j, size_t k) {
@@ -1066,7 +1068,7 @@ void RuinShaper::round_off(std::vector<double>& field) {
 }
 
 // Limits deposits to the angle of repose.
-void RuinShaper::settle_deposit() {
+void RuinShaper::limit_deposit_slope() {
     rows([&](int, int, size_t k) {
         grid_.floor[k] = grid_.ground[k] - grid_.scour[k];
         grid_.cap[k] = infinity;
@@ -1074,12 +1076,12 @@ void RuinShaper::settle_deposit() {
     });
     RuinCones(grid_, ruin_slope * domain_.cell).settle();
     rows([&](int, int, size_t k) { grid_.deposit[k] = grid_.level[k] - grid_.floor[k]; });
-    round_off(grid_.deposit);
+    smooth_field(grid_.deposit);
 }
 
 bool RuinShaper::shape(RuinResult& result, const std::function<bool()>& cancelled) {
     const auto stop = [&] { return cancelled && cancelled(); };
-    RuinSurveyor surveyor(mesh_, RuinGround{domain_, below_});
+    RuinFaceFinder surveyor(mesh_, RuinGround{domain_, below_});
     RuinLines lines = surveyor.survey();
     if (stop()) return false;
     for (const RuinLine& line : lines.lines) {
@@ -1091,9 +1093,9 @@ bool RuinShaper::shape(RuinResult& result, const std::function<bool()>& cancelle
     if (stop()) return false;
     fill_rooms(result);
     if (stop()) return false;
-    settle_pit();
+    collapse_pit_rim();
     if (stop()) return false;
-    settle_deposit();
+    limit_deposit_slope();
     return !stop();
 }
 
@@ -1102,7 +1104,7 @@ bool RuinShaper::shape(RuinResult& result, const std::function<bool()>& cancelle
 __extension__ using RuinWide = unsigned __int128;
 
 // part * all / whole, rounded down; part <= whole, whole > 0.
-SandUnits ruin_share(SandUnits part, SandUnits all, SandUnits whole) {
+SandUnits ruin_prorated(SandUnits part, SandUnits all, SandUnits whole) {
     return SandUnits(RuinWide(part) * RuinWide(all) / RuinWide(whole));
 }
 
@@ -1114,7 +1116,7 @@ void ruin_scale(std::vector<SandUnits>& counts, SandUnits all, SandUnits whole) 
     for (SandUnits& count : counts) {
         if (count == 0) continue;
         running += count;
-        const SandUnits now = ruin_share(running, all, whole);
+        const SandUnits now = ruin_prorated(running, all, whole);
         count = now - before;
         before = now;
     }
@@ -1124,8 +1126,8 @@ SandUnits ruin_sum(const std::vector<SandUnits>& counts) {
     return std::accumulate(counts.begin(), counts.end(), SandUnits(0));
 }
 
-void ruin_settle_account(const RuinGrid& grid, const Domain& domain, double supply, SandUnits* sand,
-                         RuinResult& result) {
+void ruin_balance_sand(const RuinGrid& grid, const Domain& domain, double supply, SandUnits* sand,
+                       RuinResult& result) {
     std::vector<SandUnits> taken(grid.count()), given(grid.count());
     const auto sample = [&](size_t k) {
         return domain.index(grid.rect.i0 + int(k % size_t(grid.nx)), grid.rect.j0 + int(k / size_t(grid.nx)));
@@ -1193,7 +1195,7 @@ RuinResult RuinLayer::move_sand(const Fields& below, SandUnits* sand,
         result.cancelled = true;
         return result;
     }
-    ruin_settle_account(shaper.grid(), domain_, settings_.supply, sand, result);
+    ruin_balance_sand(shaper.grid(), domain_, settings_.supply, sand, result);
     return result;
 }
 

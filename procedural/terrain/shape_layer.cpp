@@ -73,7 +73,7 @@ std::array<MarramParam, 4> shape_params(const char* target) {
         MarramParam{"mask", MARRAM_TEXT, "", "none", 0, 0, "", "name of a mask that it is multiplied by"}};
 }
 
-std::string mask_named(const LayerContext& context, std::string_view parameter) {
+std::string required_mask_name(const LayerContext& context, std::string_view parameter) {
     const std::string name = context.values.text(parameter);
     if (std::find(context.masks.begin(), context.masks.end(), name) == context.masks.end())
         throw SceneFault("terrain.no_mask", context.values.place(parameter),
@@ -88,7 +88,7 @@ ShapeSettings read_shape(const LayerContext& context) {
     settings.level = context.values.text("target") == "level";
     settings.mode = combine_mode(context.values.text("combine"));
     settings.smooth = context.values.number("smooth");
-    if (context.values.has("mask")) settings.mask = mask_named(context, "mask");
+    if (context.values.has("mask")) settings.mask = required_mask_name(context, "mask");
     return settings;
 }
 

@@ -51,9 +51,9 @@ class ShapeLayer : public Layer {
 std::array<MarramParam, 4> shape_params(const char* target);
 ShapeSettings read_shape(const LayerContext& context);
 
-// The topmost mask with that name; NULL if there is none. Names from mask_named() always exist.
+// The topmost mask with that name; NULL if there is none. Names from required_mask_name() always exist.
 const float* find_mask(const Fields& below, std::string_view name);
 // The mask name given by `parameter`. Throws SceneFault if no layer below outputs such a mask.
-std::string mask_named(const LayerContext& context, std::string_view parameter);
+std::string required_mask_name(const LayerContext& context, std::string_view parameter);
 
 } // namespace marram

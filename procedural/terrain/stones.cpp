@@ -103,7 +103,7 @@ constexpr double outcrop_flatness = 1.0 / 3.0;
 constexpr int stone_shoulders = 5, stone_sides = 7, stone_planes = 1 + stone_shoulders + stone_sides;
 
 // Keys of the random numbers of one stone.
-enum class StoneUse : uint64_t {
+enum class StoneRandomKey : uint64_t {
     place_x,
     place_z,
     size,
@@ -123,10 +123,10 @@ enum class StoneUse : uint64_t {
 
 struct StoneHash {
     uint64_t word;
-    double operator()(StoneUse use, int more = 0) const { // in [0, 1)
+    double operator()(StoneRandomKey use, int more = 0) const { // in [0, 1)
         return unit_double(hash(word, uint64_t(use) + uint64_t(more)));
     }
-    double in(double low, double high, StoneUse use, int more = 0) const {
+    double in(double low, double high, StoneRandomKey use, int more = 0) const {
         return low + (high - low) * (*this)(use, more);
     }
 };
@@ -219,14 +219,14 @@ StoneGround stone_ground(const Fields& below, const Domain& d, const Stone& ston
 
 // The point where a plane touches the unit sphere: one on top, a ring on the shoulders, a ring around the
 // sides; jittered.
-Vec3d stone_touch(const StoneHash& hash, int plane) {
+Vec3d stone_tangent_point(const StoneHash& hash, int plane) {
     const bool top = plane == 0, shoulder = plane <= stone_shoulders;
     const int ring = shoulder ? stone_shoulders : stone_sides, first = shoulder ? 1 : 1 + stone_shoulders;
     const double low = top ? 0.0 : shoulder ? 34.0 : 70.0, high = top ? 26.0 : shoulder ? 62.0 : 89.0;
-    const double turn =
-        hash(StoneUse::turn, shoulder) + (plane - first) + hash.in(-0.38, 0.38, StoneUse::plane, 4 * plane);
-    const double azimuth = top ? 2.0 * pi * hash(StoneUse::turn, 2) : 2.0 * pi * turn / ring;
-    const double polar = hash.in(low, high, StoneUse::plane, 4 * plane + 1) * degree;
+    const double turn = hash(StoneRandomKey::turn, shoulder) + (plane - first) +
+                        hash.in(-0.38, 0.38, StoneRandomKey::plane, 4 * plane);
+    const double azimuth = top ? 2.0 * pi * hash(StoneRandomKey::turn, 2) : 2.0 * pi * turn / ring;
+    const double polar = hash.in(low, high, StoneRandomKey::plane, 4 * plane + 1) * degree;
     return {std::sin(polar) * std::cos(azimuth), std::cos(polar), std::sin(polar) * std::sin(azimuth)};
 }
 
@@ -234,11 +234,12 @@ StoneBody stone_body(const StoneSettings& settings, const Stone& stone, const St
                      const StoneGround& ground, double cell) {
     StoneBody body;
     const bool outcrop = settings.kind == StoneKind::outcrop;
-    const double a = 0.5 * stone.size, b = a * hash.in(0.6, 1.0, StoneUse::width);
-    const double flat = (1.0 - settings.flatness) * hash.in(0.8, 1.2, StoneUse::height);
+    const double a = 0.5 * stone.size, b = a * hash.in(0.6, 1.0, StoneRandomKey::width);
+    const double flat = (1.0 - settings.flatness) * hash.in(0.8, 1.2, StoneRandomKey::height);
     const double c = b * std::min(flat, 1.0) * (outcrop ? outcrop_flatness : 1.0);
-    const double heading = 2.0 * pi * hash(StoneUse::heading), side = 2.0 * pi * hash(StoneUse::tilt_side);
-    const double tilt = settings.tilt * hash(StoneUse::tilt) * (outcrop ? 0.25 : 1.0);
+    const double heading = 2.0 * pi * hash(StoneRandomKey::heading),
+                 side = 2.0 * pi * hash(StoneRandomKey::tilt_side);
+    const double tilt = settings.tilt * hash(StoneRandomKey::tilt) * (outcrop ? 0.25 : 1.0);
     const Eigen::Matrix3d turned = (Eigen::AngleAxisd(tilt, Vec3d(std::cos(side), 0.0, std::sin(side))) *
                                     Eigen::AngleAxisd(heading, Vec3d::UnitY()))
                                        .toRotationMatrix();
@@ -246,17 +247,17 @@ StoneBody stone_body(const StoneSettings& settings, const Stone& stone, const St
     // Half the height of the tilted ellipsoid.
     const double half = axes.cwiseProduct(turned.transpose() * Vec3d::UnitY()).norm();
     const double middle =
-        half * (1.0 - 2.0 * hash.in(settings.burial.x(), settings.burial.y(), StoneUse::burial));
+        half * (1.0 - 2.0 * hash.in(settings.burial.x(), settings.burial.y(), StoneRandomKey::burial));
     body.round = std::max(settings.roundness, 1e-3) * c; // avoids 0 / 0
     for (int p = 0; p < stone_planes; ++p) {
         // The ellipsoid's normal; planes below the minimum ny are made as steep as allowed.
-        const Vec3d normal = (turned * stone_touch(hash, p).cwiseQuotient(axes)).normalized();
+        const Vec3d normal = (turned * stone_tangent_point(hash, p).cwiseQuotient(axes)).normalized();
         const double level = std::hypot(normal.x(), normal.z());
         const double ny = std::max(normal.y(), stone_steepest);
         const double share = ny > normal.y() ? std::sqrt(1.0 - ny * ny) / level : 1.0;
         const Vec3d n(normal.x() * share, ny, normal.z() * share);
         const double far = axes.cwiseProduct(turned.transpose() * n).norm();
-        const double cut = hash.in(0.0, p == 0 ? 0.15 : 0.3, StoneUse::plane, 4 * p + 2);
+        const double cut = hash.in(0.0, p == 0 ? 0.15 : 0.3, StoneRandomKey::plane, 4 * p + 2);
         body.planes[size_t(p)] = {n.x() / ny, n.z() / ny, middle + far * (1.0 - cut) / ny, body.round / ny};
     }
     body.bottom = middle - half;
@@ -278,15 +279,15 @@ StoneBody stone_body(const StoneSettings& settings, const Stone& stone, const St
 
 // Maps the height above the dipping plane to the height of its ledge.
 double stone_ledge(double s, double bed, const StoneHash& beds) {
-    const auto hashed = [&](double k, StoneUse use) {
+    const auto hashed = [&](double k, StoneRandomKey use) {
         return unit_double(hash(hash(beds.word, uint64_t(use)), uint64_t(int64_t(k))));
     };
-    const auto border = [&](double k) { return bed * (k + 0.35 * (hashed(k, StoneUse::bed) - 0.5)); };
+    const auto border = [&](double k) { return bed * (k + 0.35 * (hashed(k, StoneRandomKey::bed) - 0.5)); };
     double k = std::floor(s / bed);
     if (s < border(k)) k -= 1.0;
     if (s >= border(k + 1.0)) k += 1.0;
     const double low = border(k), high = border(k + 1.0), f = (s - low) / (high - low);
-    const double q = 0.5 + 0.3 * hashed(k, StoneUse::tread);
+    const double q = 0.5 + 0.3 * hashed(k, StoneRandomKey::tread);
     const double t = std::clamp((f - q) / (1.0 - q), 0.0, 1.0);
     return low + (high - low) * (0.12 * f + 0.88 * t * t * (3.0 - 2.0 * t));
 }
@@ -333,10 +334,10 @@ Stones place_stones(const StoneSettings& settings, double smallest, const Vec2d&
         for (int64_t i = i0; i < i0 + columns; ++i) {
             const uint64_t id = stone_id(i, j0 + r);
             const StoneHash hash = stone_hash(settings.seed, id);
-            const Vec2d at =
-                side * Vec2d(double(i) + hash(StoneUse::place_x), double(j0 + r) + hash(StoneUse::place_z));
+            const Vec2d at = side * Vec2d(double(i) + hash(StoneRandomKey::place_x),
+                                          double(j0 + r) + hash(StoneRandomKey::place_z));
             if (!((at - lower).minCoeff() >= 0.0 && (upper - at).minCoeff() > 0.0)) continue;
-            const double size = stone_size(settings, hash(StoneUse::size));
+            const double size = stone_size(settings, hash(StoneRandomKey::size));
             if (size >= smallest)
                 row.list.push_back({id, at, size});
             else
@@ -402,7 +403,7 @@ void StonesLayer::raise(const Rect& rect, const Fields& below, const float* mask
         };
         const size_t at = domain_.index(near(stone.at.x() - domain_.x0, domain_.nx),
                                         near(stone.at.y() - domain_.z0, domain_.nz));
-        if (!(hash(StoneUse::there) < double(mask[at]))) return;
+        if (!(hash(StoneRandomKey::there) < double(mask[at]))) return;
     }
     const StoneBody body =
         stone_body(settings_, stone, hash, stone_ground(below, domain_, stone), domain_.cell);
@@ -533,7 +534,7 @@ StoneSettings read_stones(const LayerContext& context) {
     const double fall = values.number("dip_direction") * degree;
     settings.dip_direction = {std::cos(fall), std::sin(fall)};
     settings.seed = hash(context.seed, uint64_t(values.integer("seed")));
-    if (values.has("mask")) settings.mask = mask_named(context, "mask");
+    if (values.has("mask")) settings.mask = required_mask_name(context, "mask");
     for (const char* range : {"size", "burial"})
         if (const Vec2d r = values.vec2(range); !(r.x() <= r.y()))
             throw SceneFault("stones.range", values.place(range),

@@ -91,7 +91,7 @@ void write_attribute(const TerrainInstance& instance, uint32_t attribute, std::s
     const size_t count = samples.empty() ? instance.domain.count() : samples.size();
     if (const uint32_t first = first_ripples_attribute(instance); attribute >= first) {
         const RipplesLayer& ripples = *ripples_of(instance);
-        std::vector<RipplesLayer::Carried> carried(count);
+        std::vector<RipplesLayer::RippleInputs> carried(count);
         if (!ripples.resolved()) ripples.carried(fields, samples, carried);
         write_ripples(ripples, attribute - first, carried, std::vector<float>(count, 1.0F), out);
         return;
@@ -132,13 +132,14 @@ void write_vertices(const TerrainInstance& instance, std::span<const uint32_t> s
 }
 
 void write_ripples(const RipplesLayer& ripples, uint32_t which,
-                   std::span<const RipplesLayer::Carried> carried, std::span<const float> share, float* out) {
+                   std::span<const RipplesLayer::RippleInputs> carried, std::span<const float> share,
+                   float* out) {
     const RipplesLayer::Settings& settings = ripples.settings();
     const std::array wave = {float(settings.ripples.wavelength), float(settings.ripples.height),
                              float(std::atan2(settings.wind.y(), settings.wind.x())),
                              float(settings.ripples.seed)};
     for (size_t k = 0; k < carried.size(); ++k) {
-        const RipplesLayer::Carried& at = carried[k];
+        const RipplesLayer::RippleInputs& at = carried[k];
         const std::array own = {at.gradient.x(), at.gradient.y(), at.strength * share[k],
                                 float(settings.ripples.repose)};
         std::copy_n((which == ripples_attribute ? own : wave).data(), 4, out + 4 * k);

@@ -33,7 +33,8 @@ void write_attribute(const TerrainInstance& instance, uint32_t attribute, std::s
 // Writes one of the two ripple attributes. `share`: fraction of the ripples left to shading, a vertex.
 // `carried`: from RipplesLayer::carried().
 void write_ripples(const RipplesLayer& ripples, uint32_t which,
-                   std::span<const RipplesLayer::Carried> carried, std::span<const float> share, float* out);
+                   std::span<const RipplesLayer::RippleInputs> carried, std::span<const float> share,
+                   float* out);
 
 // Throws SceneFault if a buffer is missing or an attribute index is out of range.
 void check_mesh_buffers(const TerrainInstance& instance, const MarramMeshBuffers* buffers);

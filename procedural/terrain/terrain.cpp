@@ -381,8 +381,8 @@ double steepest_slope(const TerrainInstance& instance) {
     return *std::max_element(rows.begin(), rows.end());
 }
 
-void find_sums(TerrainInstance& instance) {
-    TerrainSums& sums = instance.sums;
+void update_totals(TerrainInstance& instance) {
+    TerrainTotals& sums = instance.sums;
     if (sums.version == instance.version) return;
     sums.layers.clear();
     for (size_t k = 0; k < instance.stack->work().size(); ++k)
@@ -395,7 +395,7 @@ void report_terrain(MarramInstance* opaque, void (*sink)(void*, const char*, dou
     if (!opaque || !sink) return;
     TerrainInstance& instance = terrain(opaque);
     if (!instance.begun) return;
-    find_sums(instance);
+    update_totals(instance);
     const Stack& stack = *instance.stack;
     const double area = instance.domain.cell * instance.domain.cell;
     const std::vector<Stack::Work> work = stack.work();

@@ -15,7 +15,7 @@
 namespace marram {
 
 // The render mesh, kept between begin_view() and view_mesh().
-struct SeenTerrain {
+struct ViewRenderMesh {
     std::vector<uint32_t> samples; // of the first vertices; empty: no mesh
     DicedMesh mesh;
     DisplacedRegion region; // reach 0: nothing is displaced
@@ -38,7 +38,7 @@ struct LayerChange {
 };
 
 // Values that report() computes from all samples, cached by version.
-struct TerrainSums {
+struct TerrainTotals {
     uint64_t version = 0; // of the terrain
     std::vector<LayerChange> layers;
     double steepest = 0.0; // degrees
@@ -54,9 +54,9 @@ struct TerrainInstance {
     std::vector<float> heights; // of the growth surface
     uint64_t version = 0;       // of everything that mesh() outputs
     uint64_t evaluated = 0;     // tiles of all layers since creation
-    SeenTerrain seen;
+    ViewRenderMesh seen;
     TerrainView view;
-    TerrainSums sums;
+    TerrainTotals sums;
     bool begun = false;
     double seconds = 0.0, prepared = 0.0; // of the last begin(), and of the prepare() before it
 

@@ -44,8 +44,9 @@ DisplacedRegion displaced_region(const RipplesLayer& ripples, const MarramView& 
     region.pixel_angle = smallest_pixel(view);
     if (settings.displaced > 0.0)
         region.reach = settings.ripples.height / (settings.displaced * region.pixel_angle);
-    constexpr double a_wavelength = 8.0; // triangle sides: two to three on the steep third of a ripple
-    region.side = settings.ripples.wavelength / a_wavelength;
+    constexpr double sides_per_wavelength =
+        8.0; // triangle sides: two to three on the steep third of a ripple
+    region.side = settings.ripples.wavelength / sides_per_wavelength;
     for (uint32_t t = 0; t < view.time_count; ++t)
         region.cameras.push_back({Vec3d(view.positions + 3 * t), Vec3d(view.directions + 3 * t)});
     return region;
@@ -70,7 +71,7 @@ void normalize_midpoints(const DicedMesh& mesh, float* normals) {
 // Displaces vertices by their ripples and adjusts the normals (NULL: none). Output `share`: the fraction of
 // the ripples left to shading.
 void displace(const RipplesLayer& ripples, const DisplacedRegion& region,
-              std::span<const RipplesLayer::Carried> carried, float* positions, float* normals,
+              std::span<const RipplesLayer::RippleInputs> carried, float* positions, float* normals,
               std::span<float> share) {
     constexpr size_t block = 64;
     tbb::parallel_for(tbb::blocked_range<size_t>(0, carried.size(), block), [&](const auto& range) {
@@ -143,7 +144,7 @@ uint64_t version_of_view(uint64_t terrain, const MarramView& view) {
 }
 
 MarramOutput make_view(TerrainInstance& instance, const MarramView& view) {
-    SeenTerrain& seen = instance.seen;
+    ViewRenderMesh& seen = instance.seen;
     seen = {};
     RenderMesh mesh = mesh_terrain(instance.domain, instance.heights.data(), tolerance_of(view));
     const RipplesLayer* ripples = ripples_of(instance);
@@ -196,7 +197,7 @@ MarramOutput begin_view(TerrainInstance& instance, const MarramView& view) {
 
 void write_view(TerrainInstance& instance, MarramMeshBuffers& buffers) {
     if (instance.seen.samples.empty()) make_view(instance, instance.view.view);
-    const SeenTerrain& seen = instance.seen;
+    const ViewRenderMesh& seen = instance.seen;
     const DicedMesh& mesh = seen.mesh;
     float* positions = buffers.positions[0];
     float* normals = MARRAM_HAS(&buffers, normals) && buffers.normals ? buffers.normals[0] : nullptr;
@@ -208,7 +209,7 @@ void write_view(TerrainInstance& instance, MarramMeshBuffers& buffers) {
 
     const RipplesLayer* ripples = ripples_of(instance);
     const uint32_t first = first_ripples_attribute(instance);
-    std::vector<RipplesLayer::Carried> carried;
+    std::vector<RipplesLayer::RippleInputs> carried;
     std::vector<float> share;
     if (ripples) {
         carried.resize(seen.samples.size() + mesh.midpoints.size());

@@ -26,16 +26,17 @@ namespace marram {
 namespace {
 
 constexpr std::array collision_values = {
-    MarramParam{"collision.solver", MARRAM_CHOICE, "", "none", -beyond_wind, beyond_wind, "exact|steps|none",
+    MarramParam{"collision.solver", MARRAM_CHOICE, "", "none", -largest_wind_input, largest_wind_input,
+                "exact|steps|none",
                 "exact: rotate until the first contact; steps: rotate in a fixed number of steps; none or "
                 "absent: no collision"},
     MarramParam{"collision.rotation_steps", MARRAM_INTEGER, "", "none", 1, 1e6, "",
                 "number of steps if solver is steps; default: 16", "4|16|64|256", "seconds.collide"},
-    MarramParam{"collision.offset_root", MARRAM_NUMBER, "m", "none", 0, beyond_wind, "",
+    MarramParam{"collision.offset_root", MARRAM_NUMBER, "m", "none", 0, largest_wind_input, "",
                 "height of roots above the skin; default: 1 % of the strand's length, at least 1.2 radii"},
     MarramParam{"collision.offset_scale", MARRAM_NUMBER, "", "none", 0, 10, "",
                 "minimum height of a CV above the skin, as a fraction of its rest height; default: none"},
-    MarramParam{"collision.clearance", MARRAM_NUMBER, "m", "none", 0, beyond_wind, "",
+    MarramParam{"collision.clearance", MARRAM_NUMBER, "m", "none", 0, largest_wind_input, "",
                 "distance that strands keep from meshes; default: their radius"},
 };
 
@@ -185,8 +186,8 @@ void advance(CollideScratch& scratch, Progress& progress, size_t k, const Segmen
     progress.start = stored;
 }
 
-DrawnSegment drawn_segment(const CollideJob& job, const StrandJob& strand, const CollideScratch& scratch,
-                           size_t k) {
+RenderedSegment drawn_segment(const CollideJob& job, const StrandJob& strand, const CollideScratch& scratch,
+                              size_t k) {
     const std::vector<Vec3f>& p = scratch.solved;
     const auto at = [&](size_t i) { return Vec3d(p[i].cast<double>()); };
     const auto bend = [&](size_t i) {
@@ -204,8 +205,8 @@ DrawnSegment drawn_segment(const CollideJob& job, const StrandJob& strand, const
 
 // Tests whether all segments from k on reach their targets without contact. If so, the rest of the strand is
 // solved at once. The upper parts of most strands are in open air.
-bool arrives_in_open_air(const CollideJob& job, const StrandJob& strand, const Progress& so_far, size_t k,
-                         CollideScratch& scratch, CollisionCounts& counts) {
+bool rest_of_strand_is_clear(const CollideJob& job, const StrandJob& strand, const Progress& so_far, size_t k,
+                             CollideScratch& scratch, CollisionCounts& counts) {
     Progress progress = so_far;
     scratch.swept.clear();
     scratch.swept.push_back(progress.start);
@@ -232,7 +233,7 @@ bool arrives_in_open_air(const CollideJob& job, const StrandJob& strand, const P
     }
     double offset = 0.0; // of the rendered cubics from the polygon, with their radii
     for (size_t i = k; i + 1 < scratch.rest.size(); ++i) {
-        const DrawnSegment drawn = drawn_segment(job, strand, scratch, i);
+        const RenderedSegment drawn = drawn_segment(job, strand, scratch, i);
         offset = std::max(offset, drawn.max_offset() + std::max(drawn.r0, drawn.r1));
     }
     Region region(std::max(arc_padding + so_far.clearance, offset) * (1.0 + 1e-9));
@@ -243,7 +244,7 @@ bool arrives_in_open_air(const CollideJob& job, const StrandJob& strand, const P
         for (const Vec3d& p : scratch.swept) box.extend(p);
         for (int i = 0; i < 8; ++i) region.add(box.corner(Eigen::AlignedBox3d::CornerType(i)));
     }
-    if (!surely_clear(*job.colliders, region, scratch.turn)) return false;
+    if (!region_is_clear(*job.colliders, region, scratch.turn)) return false;
     counts.goal_angle += goal_angle;
     counts.turned_angle += goal_angle;
     scratch.clear_from = k;
@@ -265,7 +266,7 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
     scratch.clear_from = n;
     // Looking ahead costs as much as solving the remaining segments. It is repeated once a twelfth of those
     // is solved, so in total it costs at most twelve times the solving, for any number of segments.
-    constexpr size_t share_ahead = 12;
+    constexpr size_t lookahead_divisor = 12;
     size_t next_look = 0;
     bool look_ahead = true;
     for (size_t k = 0; k + 1 < n; ++k) {
@@ -274,12 +275,12 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
         const bool ahead =
             k > 0 ? look_ahead && !job.trace && k >= next_look : progress.clearance <= min_clearance;
         if (exact && ahead) {
-            if (arrives_in_open_air(job, strand, progress, k, scratch, counts)) {
+            if (rest_of_strand_is_clear(job, strand, progress, k, scratch, counts)) {
                 std::fill(scratch.pushed_out_cvs.begin() + long(k), scratch.pushed_out_cvs.end(),
                           char(false));
                 return true;
             }
-            next_look = k + std::max<size_t>(1, (n - k) / share_ahead);
+            next_look = k + std::max<size_t>(1, (n - k) / lookahead_divisor);
         }
         Segment segment;
         scratch.pushed_out_cvs[k] = false;
@@ -326,8 +327,9 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
 // The CV at which the rendered cubic enters a collider by more than the tolerance; -1: none.
 int penetrating_cv(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch) {
     for (size_t k = 0; k < std::min(scratch.clear_from, scratch.solved.size() - 1); ++k) {
-        const DrawnSegment drawn = drawn_segment(job, strand, scratch, k);
-        if (dips_in(*job.colliders, drawn, scratch.clearance[k + 1], strand.tolerance, scratch.turn))
+        const RenderedSegment drawn = drawn_segment(job, strand, scratch, k);
+        if (penetrates_collider(*job.colliders, drawn, scratch.clearance[k + 1], strand.tolerance,
+                                scratch.turn))
             return int(drawn.d0.squaredNorm() >= drawn.d1.squaredNorm() ? k : k + 1);
     }
     return -1;
@@ -335,7 +337,7 @@ int penetrating_cv(const CollideJob& job, const StrandJob& strand, CollideScratc
 
 // The last resort: one straight segment for the whole strand, turned out from its mean direction. Without
 // kinks the cubic is straight, too.
-bool lay_straight(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch) {
+bool solve_as_straight_line(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch) {
     const std::vector<Vec3d>& rest = scratch.rest;
     double length = 0.0;
     for (size_t k = 1; k < rest.size(); ++k) length += (rest[k] - rest[k - 1]).norm();
@@ -359,8 +361,8 @@ bool lay_straight(const CollideJob& job, const StrandJob& strand, CollideScratch
 // Solves again with smaller turns until the rendered curve stays outside. A kink is reduced by turning less
 // at its segment; if that segment had to be turned out, by turning less before it. With no turn at all the
 // result is the rest strand.
-void straighten(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch,
-                CollisionCounts& counts) {
+void remove_penetration(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch,
+                        CollisionCounts& counts) {
     constexpr int tries = 64;
     constexpr double smallest = 1.0 / 32.0;
     CollideJob quiet = job;
@@ -381,7 +383,7 @@ void straighten(const CollideJob& job, const StrandJob& strand, CollideScratch& 
         break;
     }
     const std::vector<Vec3f> curved = scratch.solved;
-    if (lay_straight(job, strand, scratch)) return;
+    if (solve_as_straight_line(job, strand, scratch)) return;
     scratch.solved = curved;
     ++counts.dips;
 }
@@ -423,7 +425,7 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
             Region swept(*job.settings->offset_scale * along * (1.0 + 1e-6));
             swept.add(scratch.rest[k]);
             swept.add(scratch.target[k]);
-            if (surely_clear(*job.colliders, swept, scratch.turn)) continue;
+            if (region_is_clear(*job.colliders, swept, scratch.turn)) continue;
             counts.skipped_pushes +=
                 !push_out(*job.colliders, *job.skin, scratch.rest[k], facing, along * (1.0 + 1e-6),
                           *job.settings->offset_scale, hint, scratch.target[k]);
@@ -434,7 +436,7 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
         ++counts.unresolved;
         for (size_t k = 0; k < cvs; ++k) scratch.solved[k] = scratch.rest[k].cast<float>();
     } else if (job.settings->solver == Solver::exact) {
-        straighten(job, strand, scratch, counts);
+        remove_penetration(job, strand, scratch, counts);
     }
     if (strands.oriented) { // normals follow from the bent pose's segments to the solved ones
         Wide3f* normal = strands.pose_normal.data() + block * cvs;

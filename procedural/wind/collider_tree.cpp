@@ -272,7 +272,7 @@ void ColliderTree::prefetch(const MarramMesh* meshes, uint32_t number) const {
 ColliderTree::ColliderTree(const MarramFrame& frame, const Eigen::AlignedBox3d& reach, uint32_t time,
                            const ColliderTree* like)
     : shape_(like ? like->shape_ : make_shape(frame, reach)), time_(time), origin_(shape_->origin),
-      nodes_(shape_->nodes.size()), opened_(shape_->blocks.size()) {
+      nodes_(shape_->nodes.size()), loaded_blocks_(shape_->blocks.size()) {
     const std::vector<uint32_t>& levels = shape_->levels;
     for (size_t level = 0; level + 1 < levels.size(); ++level)
         tbb::parallel_for(tbb::blocked_range<size_t>(levels[level], levels[level + 1], 64),
@@ -297,8 +297,8 @@ ColliderTree::ColliderTree(const MarramFrame& frame, const Eigen::AlignedBox3d& 
 }
 
 ColliderTree::~ColliderTree() {
-    for (const auto& block : opened_)
-        ::operator delete(const_cast<Opened*>(block.load()), std::align_val_t(64));
+    for (const auto& block : loaded_blocks_)
+        ::operator delete(const_cast<LoadedBlock*>(block.load()), std::align_val_t(64));
 }
 
 namespace {
@@ -334,7 +334,7 @@ void part(const float (*places)[block_most], uint8_t* order, uint32_t begin, uin
 } // namespace
 
 // Several threads may open the same block at once: the first to finish is kept.
-const ColliderTree::Opened* ColliderTree::open(const MarramMesh* meshes, uint32_t number) const {
+const ColliderTree::LoadedBlock* ColliderTree::open(const MarramMesh* meshes, uint32_t number) const {
     BlockCorners all;
     load(meshes, shape_->blocks[number], all);
     float places[3][block_most];
@@ -348,8 +348,9 @@ const ColliderTree::Opened* ColliderTree::open(const MarramMesh* meshes, uint32_
         places[2][i] = group.corner[0].z[lane] + group.corner[1].z[lane] + group.corner[2].z[lane];
     }
     const uint32_t clusters = (all.count + lanes - 1) / lanes;
-    void* memory = ::operator new(sizeof(Opened) + clusters * sizeof(TriangleCluster), std::align_val_t(64));
-    auto* made = new (memory) Opened;
+    void* memory =
+        ::operator new(sizeof(LoadedBlock) + clusters * sizeof(TriangleCluster), std::align_val_t(64));
+    auto* made = new (memory) LoadedBlock;
     auto* into = new (made + 1) TriangleCluster[clusters];
     made->clusters = 0;
     part(places, order, 0, all.count, clusters, [&](uint32_t begin, uint32_t end) {
@@ -373,17 +374,17 @@ const ColliderTree::Opened* ColliderTree::open(const MarramMesh* meshes, uint32_
         made->triangles[made->clusters++] = end - begin;
     });
     for (uint32_t i = clusters; i < node_most; ++i) set_lane(made->node, i, no_bounds);
-    const Opened* there = nullptr;
-    if (opened_[number].compare_exchange_strong(there, made, std::memory_order_acq_rel)) return made;
+    const LoadedBlock* there = nullptr;
+    if (loaded_blocks_[number].compare_exchange_strong(there, made, std::memory_order_acq_rel)) return made;
     ::operator delete(memory, std::align_val_t(64));
     return there;
 }
 
 size_t ColliderTree::bytes() const {
-    size_t sum = nodes_.capacity() * sizeof(Node) + opened_.capacity() * sizeof(opened_[0]);
-    for (const auto& block : opened_)
-        if (const Opened* there = block.load(std::memory_order_acquire))
-            sum += sizeof(Opened) + there->clusters * sizeof(TriangleCluster);
+    size_t sum = nodes_.capacity() * sizeof(Node) + loaded_blocks_.capacity() * sizeof(loaded_blocks_[0]);
+    for (const auto& block : loaded_blocks_)
+        if (const LoadedBlock* there = block.load(std::memory_order_acquire))
+            sum += sizeof(LoadedBlock) + there->clusters * sizeof(TriangleCluster);
     return sum;
 }
 
@@ -392,7 +393,7 @@ size_t ColliderTree::shared_bytes() const {
            shape_->nodes.capacity() * sizeof(Run);
 }
 
-struct alignas(64) ColliderTree::Question {
+struct alignas(64) ColliderTree::RegionQuery {
     float low[3], high[3]; // of the expanded hull
     float points[Region::most_points][3];
     size_t count;
@@ -414,8 +415,8 @@ MARRAM_INLINE uint32_t bits_of(VInt mask) {
 }
 
 // Bits of the children that may overlap the region.
-template <typename Node, typename Question>
-MARRAM_INLINE uint32_t touched(const Node& node, const Question& q) {
+template <typename Node, typename RegionQuery>
+MARRAM_INLINE uint32_t touched(const Node& node, const RegionQuery& q) {
     VInt apart = (node.low.x > q.high[0]) | (node.high.x < q.low[0]) | (node.low.y > q.high[1]) |
                  (node.high.y < q.low[1]) | (node.low.z > q.high[2]) | (node.high.z < q.low[2]);
     VFloat least = splat_float(nowhere), most = -least;
@@ -465,7 +466,7 @@ MARRAM_HOT void ColliderTree::distances_to(const Node& node, const float* p, flo
 }
 
 // Traverses the tree from the root down; whole = false: more than `most` clusters.
-MARRAM_HOT void ColliderTree::walk(const MarramMesh* meshes, const Question& q, size_t most,
+MARRAM_HOT void ColliderTree::walk(const MarramMesh* meshes, const RegionQuery& q, size_t most,
                                    std::vector<NearCluster>& found, bool& whole) const {
     const Node* const nodes = nodes_.data();
     const Run* const runs = shape_->nodes.data();
@@ -487,12 +488,12 @@ MARRAM_HOT void ColliderTree::walk(const MarramMesh* meshes, const Question& q, 
             continue;
         }
         for (uint32_t later = bits; later != 0; later &= later - 1)
-            if (const Opened* next =
-                    opened_[first + uint32_t(std::countr_zero(later))].load(std::memory_order_acquire))
+            if (const LoadedBlock* next =
+                    loaded_blocks_[first + uint32_t(std::countr_zero(later))].load(std::memory_order_acquire))
                 prefetch_node(&next->node);
         for (; bits != 0; bits &= bits - 1) {
             const uint32_t number = first + uint32_t(std::countr_zero(bits));
-            const Opened& block = opened(meshes, number);
+            const LoadedBlock& block = opened(meshes, number);
             const uint32_t clusters = (1U << block.clusters) - 1U;
             for (uint32_t in = touched(block.node, q) & clusters; in != 0; in &= in - 1) {
                 if (found.size() >= most) {
@@ -510,7 +511,7 @@ bool ColliderTree::find(const MarramMesh* meshes, const Region& region, size_t m
                         std::vector<NearCluster>& found) const {
     found.clear();
     if (nodes_.empty()) return true;
-    Question q;
+    RegionQuery q;
     q.count = region.points().size();
     const Vec3d origin = origin_.cast<double>();
     Vec3d low = Vec3d::Constant(double(nowhere)), high = -low;

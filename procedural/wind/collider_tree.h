@@ -99,29 +99,29 @@ class ColliderTree {
             return float((r + spare) * (r + spare) * (1.0 + 0x1p-20));
         };
         const Vec3f place = from.cast<float>();
-        struct Waiting {
+        struct StackEntry {
             float squared; // lower bound on the squared distance
             uint32_t child;
             enum { node, block, cluster } kind;
             uint32_t of_block;
         } stack[stack_size];
         size_t top = 0;
-        stack[top++] = {0.0F, uint32_t(nodes_.size() - 1), Waiting::node, 0};
+        stack[top++] = {0.0F, uint32_t(nodes_.size() - 1), StackEntry::node, 0};
         float limit = limit_of(radius);
         while (top > 0) {
-            const Waiting next = stack[--top];
+            const StackEntry next = stack[--top];
             if (next.squared > limit) continue;
-            if (next.kind == Waiting::cluster) {
+            if (next.kind == StackEntry::cluster) {
                 limit = limit_of(visit(cluster_of(next.of_block, next.child)));
                 continue;
             }
-            const bool leaf = next.kind == Waiting::block;
+            const bool leaf = next.kind == StackEntry::block;
             const Run run = leaf ? Run{0, opened(meshes, next.child).clusters} : shape_->nodes[next.child];
             Distances8 distances;
             distances_to(leaf ? opened(meshes, next.child).node : nodes_[next.child], place.data(), limit,
                          distances);
-            const auto kind =
-                leaf ? Waiting::cluster : (next.child < shape_->levels[1] ? Waiting::block : Waiting::node);
+            const auto kind = leaf ? StackEntry::cluster
+                                   : (next.child < shape_->levels[1] ? StackEntry::block : StackEntry::node);
             const size_t first = top;
             for (uint32_t bits = distances.within & ((1U << run.count) - 1U); bits != 0; bits &= bits - 1) {
                 const auto i = uint32_t(std::countr_zero(bits));
@@ -154,7 +154,7 @@ class ColliderTree {
         Wide3f normal;        // slabs: bottom <= normal . x <= top
         VFloat bottom, top;
     };
-    struct alignas(64) Opened {                 // a block that was queried
+    struct alignas(64) LoadedBlock {            // a block that was queried
         Node node;                              // bounds of its clusters
         uint32_t clusters;                      // their number; they follow in memory
         uint32_t triangles[block_most / lanes]; // number in each
@@ -162,7 +162,7 @@ class ColliderTree {
             return reinterpret_cast<const TriangleCluster*>(this + 1)[i];
         }
     };
-    struct Question;
+    struct RegionQuery;
     struct BlockCorners;
 
     struct alignas(64) Distances8 {
@@ -175,24 +175,24 @@ class ColliderTree {
                                                    const Eigen::AlignedBox3d& reach);
     void prefetch(const MarramMesh* meshes, uint32_t block) const;
     void load(const MarramMesh* meshes, const Block& block, BlockCorners& out) const;
-    __attribute__((noinline)) const Opened* open(const MarramMesh* meshes, uint32_t block) const;
-    const Opened& opened(const MarramMesh* meshes, uint32_t block) const {
-        const Opened* there = opened_[block].load(std::memory_order_acquire);
+    __attribute__((noinline)) const LoadedBlock* open(const MarramMesh* meshes, uint32_t block) const;
+    const LoadedBlock& opened(const MarramMesh* meshes, uint32_t block) const {
+        const LoadedBlock* there = loaded_blocks_[block].load(std::memory_order_acquire);
         return there ? *there : *open(meshes, block);
     }
     NearCluster cluster_of(uint32_t block, uint32_t i) const { // of an open block
-        const Opened& there = *opened_[block].load(std::memory_order_acquire);
+        const LoadedBlock& there = *loaded_blocks_[block].load(std::memory_order_acquire);
         return {&there.cluster(i), shape_->blocks[block].mesh, there.triangles[i]};
     }
-    void walk(const MarramMesh* meshes, const Question& question, size_t most,
+    void walk(const MarramMesh* meshes, const RegionQuery& question, size_t most,
               std::vector<NearCluster>& found, bool& whole) const;
 
     std::shared_ptr<const Shape> shape_;
     uint32_t time_;
     Vec3f origin_; // of boxes and slabs
     WideVector<Node> nodes_;
-    mutable std::vector<std::atomic<const Opened*>>
-        opened_; // [blocks]; the contents depend on the block only
+    mutable std::vector<std::atomic<const LoadedBlock*>>
+        loaded_blocks_; // [blocks]; the contents depend on the block only
 };
 
 } // namespace marram

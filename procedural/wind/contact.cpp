@@ -304,7 +304,7 @@ struct Wedge {
 };
 
 Wedge wedge_of(const Turning& turning, double begin, double end) {
-    const Vec2d b = undiamond(begin), e = undiamond(end);
+    const Vec2d b = from_diamond(begin), e = from_diamond(end);
     Wedge wedge{turning.direction(b.x(), b.y()),
                 turning.direction(e.x(), e.y()),
                 Vec3d::Zero(),
@@ -373,10 +373,10 @@ MARRAM_HOT void may_touch(const Turning& turning, const Wedge& wedge, const Tria
 
 // The same with the plane perpendicular to the shortest vector from the segment at the wedge's end: it
 // separates triangles that lie beside the point of contact.
-MARRAM_HOT void may_touch_late(const Turning& turning, const Wedge& wedge, const Triangles8& triangles,
-                               VLong& may) {
+MARRAM_HOT void may_touch_at_end(const Turning& turning, const Wedge& wedge, const Triangles8& triangles,
+                                 VLong& may) {
     const Wedge8 wide(turning, wedge);
-    const Wide3d n = shortest_way(Wide3d{}, wide.end * wide.length, triangles).v;
+    const Wide3d n = shortest_vector(Wide3d{}, wide.end * wide.length, triangles).v;
     const VDouble nearest =
         vmin(dot(n, triangles.corner[0]), vmin(dot(n, triangles.corner[1]), dot(n, triangles.corner[2])));
     may &= ~(nearest - wide.reach(n) > vsqrt(dot(n, n)) * wide.clearance);
@@ -469,7 +469,7 @@ MARRAM_HOT void first_vertex(const Turning& turning, const Triangles8& triangles
 
 // Upper bound on the first contact with any of them: where a vertex touches or, on coarse meshes, where the
 // axis of the segment meets an edge; `end` if neither does.
-double certain_contact(const Turning& turning, double end, std::span<Triangles8> triangles) {
+double contact_upper_bound(const Turning& turning, double end, std::span<Triangles8> triangles) {
     for (const auto bound : {first_vertex, first_crossing}) {
         VDouble first = splat(end);
         for (const Triangles8& t : triangles) bound(turning, t, first);
@@ -507,7 +507,7 @@ void each_blocked(const Turning& turning, double begin, double end, std::span<Tr
                 if (interval_of(touches, lane, blocked) && !take(blocked, lane, end)) return false;
             if (any(end_edges)) {
                 VLong may = all_lanes;
-                may_touch_late(turning, wedge_of(turning, begin, end), dense, may);
+                may_touch_at_end(turning, wedge_of(turning, begin, end), dense, may);
                 end_edges &= may;
             }
         }
@@ -526,7 +526,7 @@ void each_blocked(const Turning& turning, double begin, double end, std::span<Tr
     for (size_t i = 0; i < triangles.size(); ++i) {
         VLong may;
         may_touch(turning, wedge, triangles[i], may);
-        if (late && any(may)) may_touch_late(turning, wedge, triangles[i], may);
+        if (late && any(may)) may_touch_at_end(turning, wedge, triangles[i], may);
         if (!any(may)) continue;
         const int used = int(std::min<size_t>(count - i * lanes, lanes));
         for (int lane = 0; lane < used; ++lane) {
@@ -571,7 +571,7 @@ bool first_blocked(const Turning& turning, double end, TriangleList& triangles, 
     if (near.size() == 0) return false;
     for (Vec3d& corner : found.corner) corner.setConstant(std::numeric_limits<double>::quiet_NaN());
     double certain = end;
-    if (near.size() > 1) certain = certain_contact(turning, end, near.blocks());
+    if (near.size() > 1) certain = contact_upper_bound(turning, end, near.blocks());
     Triangles8 dense;
     each_blocked(turning, 0.0, certain, near.blocks(), near.size(), certain < end, dense,
                  [&](const Blocked& blocked, int lane, double& nearer) {

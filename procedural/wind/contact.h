@@ -29,7 +29,7 @@ inline double diamond(double cosine, double sine) {
     return sine < 0.0 ? -p : p;
 }
 // The inverse: the unit vector (cosine, sine).
-inline Vec2d undiamond(double p) {
+inline Vec2d from_diamond(double p) {
     const double r = std::remainder(p, 4.0), a = std::abs(r);
     const Vec2d v =
         a <= 1.0 ? Vec2d(1.0 - a, std::copysign(a, r)) : Vec2d(1.0 - a, std::copysign(2.0 - a, r));

@@ -6,9 +6,9 @@
 namespace marram {
 namespace {
 
-struct DipCheck {
+struct PenetrationCheck {
     const Colliders& colliders;
-    const DrawnSegment& drawn;
+    const RenderedSegment& drawn;
     double allowed, room; // distance to the polygon plus radius up to which no test is needed: room
     double tolerance;
     TurnScratch& scratch;
@@ -18,8 +18,8 @@ struct DipCheck {
 // `centre`. If a point has d more than the required distance from all of them, the next d of the curve are
 // skipped. The minimum step is a fifth of the tolerance (at least 1/4096 in t), because the curve is tested
 // against nine tenths of it.
-bool follow(const DipCheck& check, double begin, double end, const Vec3d& centre) {
-    const DrawnSegment& drawn = check.drawn;
+bool follow(const PenetrationCheck& check, double begin, double end, const Vec3d& centre) {
+    const RenderedSegment& drawn = check.drawn;
     const std::span<const Triangles8> triangles = check.scratch.kept.blocks();
     // Maximum speed for t in [0, 1]: of the segment, plus offset(t), whose slope is at most |D| / 2.
     const double speed =
@@ -45,8 +45,8 @@ bool follow(const DipCheck& check, double begin, double end, const Vec3d& centre
 
 // Tests a part of the curve. It is clear if nothing is near, or if all triangles are on the side away from
 // its offset; otherwise the curve is followed. A part with many triangles around it is split in four.
-bool part_dips_in(const DipCheck& check, double begin, double end, int cuts) {
-    const DrawnSegment& drawn = check.drawn;
+bool part_penetrates(const PenetrationCheck& check, double begin, double end, int cuts) {
+    const RenderedSegment& drawn = check.drawn;
     const Vec2d most = drawn.offset_bounds(begin, end);
     const Vec3d b0 = drawn.d0 * most[0], b1 = drawn.d1 * most[1];
     const double widest = std::max(drawn.r0, drawn.r1);
@@ -62,8 +62,8 @@ bool part_dips_in(const DipCheck& check, double begin, double end, int cuts) {
     constexpr int most_cuts = 4, pieces = 4;
     if (!triangles_near(check.colliders, region, centre, cuts < most_cuts ? many : SIZE_MAX, check.scratch)) {
         for (int i = 0; i < pieces; ++i)
-            if (part_dips_in(check, begin + (end - begin) * i / pieces,
-                             begin + (end - begin) * (i + 1) / pieces, cuts + 1))
+            if (part_penetrates(check, begin + (end - begin) * i / pieces,
+                                begin + (end - begin) * (i + 1) / pieces, cuts + 1))
                 return true;
         return false;
     }
@@ -76,12 +76,12 @@ bool part_dips_in(const DipCheck& check, double begin, double end, int cuts) {
 
 } // namespace
 
-bool dips_in(const Colliders& colliders, const DrawnSegment& drawn, double clearance, double tolerance,
-             TurnScratch& scratch) {
+bool penetrates_collider(const Colliders& colliders, const RenderedSegment& drawn, double clearance,
+                         double tolerance, TurnScratch& scratch) {
     const double allowed = 0.9 * tolerance, room = allowed + clearance;
     if (drawn.max_offset() + std::max(drawn.r0, drawn.r1) <= room) return false;
-    const DipCheck check{colliders, drawn, allowed, room, tolerance, scratch};
-    return part_dips_in(check, 0.0, 0.5, 0) || part_dips_in(check, 0.5, 1.0, 0);
+    const PenetrationCheck check{colliders, drawn, allowed, room, tolerance, scratch};
+    return part_penetrates(check, 0.0, 0.5, 0) || part_penetrates(check, 0.5, 1.0, 0);
 }
 
 } // namespace marram

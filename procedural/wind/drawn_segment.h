@@ -18,7 +18,7 @@
 
 namespace marram {
 
-struct DrawnSegment {
+struct RenderedSegment {
     Vec3d start, end, d0, d1; // the segment, and D at its two ends
     double r0, r1;            // radii there
     bool bspline;
@@ -43,7 +43,7 @@ struct DrawnSegment {
 
 // True: the rendered curve of a segment, whose polygon is free by `clearance`, penetrates by more than the
 // tolerance.
-bool dips_in(const Colliders& colliders, const DrawnSegment& drawn, double clearance, double tolerance,
-             TurnScratch& scratch);
+bool penetrates_collider(const Colliders& colliders, const RenderedSegment& drawn, double clearance,
+                         double tolerance, TurnScratch& scratch);
 
 } // namespace marram

@@ -23,13 +23,13 @@
 namespace marram {
 namespace {
 
-constexpr double longest = 1e6;        // frames
-constexpr double most_lumps = 0.9;     // see gusts.h
-constexpr double lumps_a_radius = 1.5; // cells of value noise: about the number of bulges on a side
-constexpr double shortest_fade = 1.0;  // frames
-constexpr double bounds_slack = 1e-12; // see above
-constexpr double latest_frame = 1e12;  // repetitions cannot be told apart at later frames
-constexpr double most_draws = 4e6;     // gusts times repetitions tested for one time: about a second
+constexpr double longest = 1e6;               // frames
+constexpr double most_lumps = 0.9;            // see gusts.h
+constexpr double lump_cells_per_radius = 1.5; // cells of value noise: about the number of bulges on a side
+constexpr double shortest_fade = 1.0;         // frames
+constexpr double bounds_slack = 1e-12;        // see above
+constexpr double latest_frame = 1e12;         // repetitions cannot be told apart at later frames
+constexpr double most_draws = 4e6;            // gusts times repetitions tested for one time: about a second
 constexpr double upright_limit =
     0.999;                          // for a steeper wind the horizontal direction across it is ill-defined
 constexpr uint32_t noise_bits = 24; // of a lattice value: exact in a float and in a double
@@ -39,11 +39,11 @@ constexpr const char* smooth_fall = "{ knots = [[0, 1], [1, 0]], interpolation =
 constexpr std::array gust_values = {
     MarramParam{"gusts.num_gusts", MARRAM_INTEGER, "", "0", 0, 1000000, "",
                 "gusts in each period: spheres that travel with the wind"},
-    MarramParam{"gusts.radius_range", MARRAM_RANGE, "m", "[2, 4]", 0, beyond_wind, "",
+    MarramParam{"gusts.radius_range", MARRAM_RANGE, "m", "[2, 4]", 0, largest_wind_input, "",
                 "smallest and largest radius of a gust"},
     MarramParam{"gusts.radius_noise_range", MARRAM_RANGE, "", "[0, 0.3]", 0, most_lumps, "",
                 "depth of dents in its surface, as a share of the radius; 0: a sphere"},
-    MarramParam{"gusts.speed_range", MARRAM_RANGE, "m/s", "none", 0, beyond_wind, "",
+    MarramParam{"gusts.speed_range", MARRAM_RANGE, "m/s", "none", 0, largest_wind_input, "",
                 "slowest and fastest gust; default: the wind's speed"},
     MarramParam{"gusts.start_frame_range", MARRAM_RANGE, "frames", "none", -longest, longest, "",
                 "when a gust crosses the plane upwind, at full strength; default: any time of the period"},
@@ -53,23 +53,24 @@ constexpr std::array gust_values = {
                 "part of that time in which it fades, 1 frame or more; it swells as long before it starts"},
     MarramParam{"gusts.period", MARRAM_NUMBER, "frames", "240", 0, longest, "",
                 "the gusts repeat after this time; 0: they come once"},
-    MarramParam{"gusts.redraw", MARRAM_BOOLEAN, "", "false", -beyond_wind, beyond_wind, "",
+    MarramParam{"gusts.redraw", MARRAM_BOOLEAN, "", "false", -largest_wind_input, largest_wind_input, "",
                 "true: each period has gusts of its own; false: the same ones, for cycles"},
-    MarramParam{"gusts.center", MARRAM_VEC3, "m", "none", -beyond_wind, beyond_wind, "",
+    MarramParam{"gusts.center", MARRAM_VEC3, "m", "none", -largest_wind_input, largest_wind_input, "",
                 "point that gusts pass; default: the middle of the strands at bind_frame"},
-    MarramParam{"gusts.extent", MARRAM_VEC2, "m", "none", 0, beyond_wind, "",
+    MarramParam{"gusts.extent", MARRAM_VEC2, "m", "none", 0, largest_wind_input, "",
                 "width and height of the plane that gusts start from; default: those of the strands"},
-    MarramParam{"gusts.distance", MARRAM_NUMBER, "m", "none", -beyond_wind, beyond_wind, "",
+    MarramParam{"gusts.distance", MARRAM_NUMBER, "m", "none", -largest_wind_input, largest_wind_input, "",
                 "distance of that plane, upwind of the centre; default: just outside the strands"},
     MarramParam{"gusts.ramp", MARRAM_RAMP, "", smooth_fall, 0, 1, "",
                 "influence from the centre (0) to the surface (1), where it is 0"},
     MarramParam{"gusts.strength", MARRAM_NUMBER, "", "1", 0, 10, "", "scale of the influence of these gusts"},
     MarramParam{"gusts.seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "seed of the gusts"},
     MarramParam{
-        "gusts.control[].shape", MARRAM_CHOICE, "", "sphere", -beyond_wind, beyond_wind, "sphere|box",
+        "gusts.control[].shape", MARRAM_CHOICE, "", "sphere", -largest_wind_input, largest_wind_input,
+        "sphere|box",
         "a gust placed by hand: a sphere of radius 1 m or a box of half side 1 m, before its transform"},
-    MarramParam{"gusts.control[].transform", MARRAM_KEYS, "", "{}", -beyond_wind, beyond_wind, "",
-                "its place, rotation and scale, keyed"},
+    MarramParam{"gusts.control[].transform", MARRAM_KEYS, "", "{}", -largest_wind_input, largest_wind_input,
+                "", "its place, rotation and scale, keyed"},
     MarramParam{
         "gusts.control[].inner", MARRAM_VEC3, "", "none", 0, 1, "",
         "half sides of the inner box, where the influence is full, as shares of the outer box; default: 0.5"},
@@ -152,11 +153,11 @@ void read_procedural(const Values& values, Gusts& gusts) {
 
 // ---- Influences at a time ----
 
-struct Across { // the two unit directions perpendicular to the wind
+struct CrosswindAxes { // the two unit directions perpendicular to the wind
     Vec3d level, upright;
 };
 
-Across across(const Vec3d& w) {
+CrosswindAxes across(const Vec3d& w) {
     const Vec3d up = std::abs(w.y()) > upright_limit ? Vec3d::UnitX() : Vec3d::UnitY();
     const Vec3d level = up.cross(w).normalized();
     return {level, w.cross(level)};
@@ -178,18 +179,18 @@ void set_bounds(Influence& influence, const Vec3d& half) {
     influence.upper = influence.center + reach;
 }
 
-struct Passage { // data shared by all gusts at one time
+struct GustContext { // data shared by all gusts at one time
     const Gusts& gusts;
     Vec3d origin; // centre of the plane that they start from
     Vec3d wind;
-    Across sides;
+    CrosswindAxes sides;
     double frame, fps;
 };
 
 // The influences at one time that overlap a box. `lower` and `upper` bound the centres of all influences,
 // also those outside: the order of the tree, and so of the sums, does not depend on which influences are
 // kept.
-struct Alive {
+struct ActiveInfluences {
     const Eigen::AlignedBox3d& within;
     std::vector<Influence> kept{};
     Vec3d lower = Vec3d::Constant(infinity), upper = -lower;
@@ -203,7 +204,7 @@ struct Alive {
     }
 };
 
-void add_gust(const Passage& passage, int64_t repetition, uint64_t index, Alive& out) {
+void add_gust(const GustContext& passage, int64_t repetition, uint64_t index, ActiveInfluences& out) {
     const Gusts& gusts = passage.gusts;
     const uint64_t set = gusts.redraw ? static_cast<uint64_t>(repetition) : 0;
     const uint64_t key = hash(hash(gusts.seed, set), index);
@@ -229,9 +230,9 @@ void add_gust(const Passage& passage, int64_t repetition, uint64_t index, Alive&
     out.add(influence);
 }
 
-void add_procedural(const Gusts& gusts, const Vec3d& wind, double frame, double fps, Alive& out) {
+void add_procedural(const Gusts& gusts, const Vec3d& wind, double frame, double fps, ActiveInfluences& out) {
     if (gusts.num_gusts == 0 || gusts.strength == 0.0) return;
-    const Passage passage{gusts, *gusts.center - *gusts.distance * wind, wind, across(wind), frame, fps};
+    const GustContext passage{gusts, *gusts.center - *gusts.distance * wind, wind, across(wind), frame, fps};
     int64_t first = 0, last = 0; // repetitions that may be alive
     if (gusts.period > 0.0) {
         first = int64_t(std::ceil((frame - gusts.start_frame.y() - gusts.life.y()) / gusts.period));
@@ -241,7 +242,7 @@ void add_procedural(const Gusts& gusts, const Vec3d& wind, double frame, double 
         for (uint32_t i = 0; i < gusts.num_gusts; ++i) add_gust(passage, repetition, i, out);
 }
 
-void add_control(const GustControl& control, double frame, Alive& out) {
+void add_control(const GustControl& control, double frame, ActiveInfluences& out) {
     const Eigen::Affine3d transform = control.transform.at(frame);
     Influence influence;
     influence.center = transform.translation();
@@ -278,7 +279,7 @@ uint64_t curve_key(const Vec3d& center, const Vec3d& lower, const Vec3d& upper) 
     return key;
 }
 
-std::vector<Influence> sorted_along_curve(const Alive& alive) {
+std::vector<Influence> sorted_along_curve(const ActiveInfluences& alive) {
     std::vector<std::pair<uint64_t, size_t>> order;
     order.reserve(alive.kept.size());
     for (const Influence& influence : alive.kept)
@@ -395,7 +396,7 @@ MARRAM_INLINE VDouble influence_at(const Influence& influence, const Wide3d& p) 
     VDouble t = influence.box ? box_distance(influence, x) : vsqrt(dot(x, x));
     if (!any(t < 1.0)) return VDouble{};
     if (influence.lumps > 0.0)
-        t /= 1.0 - influence.lumps * value_noise(x * splat(lumps_a_radius), influence.lump_seed);
+        t /= 1.0 - influence.lumps * value_noise(x * splat(lump_cells_per_radius), influence.lump_seed);
     return select(t < 1.0, evaluate(*influence.ramp, t) * influence.weight, 0.0);
 }
 
@@ -441,7 +442,7 @@ std::optional<Gusts> read_gusts(const Values& values) {
 void fix_gusts(Gusts& gusts, const Vec3d& lower, const Vec3d& upper, const Vec3d& wind_direction) {
     Vec3d middle = 0.5 * lower + 0.5 * upper, half = 0.5 * upper - 0.5 * lower;
     if (!middle.allFinite() || !half.allFinite() || half.minCoeff() < 0.0) middle = half = Vec3d::Zero();
-    const Across sides = across(wind_direction);
+    const CrosswindAxes sides = across(wind_direction);
     if (!gusts.center) gusts.center = middle;
     if (!gusts.extent)
         gusts.extent = 2.0 * Vec2d(sides.level.cwiseAbs().dot(half), sides.upright.cwiseAbs().dot(half));
@@ -462,7 +463,7 @@ bool gusts_move(const Gusts& gusts) {
 GustField gusts_at(const Gusts& gusts, const Vec3d& wind_direction, double frame, double fps,
                    const Eigen::AlignedBox3d& within) {
     const double when = std::clamp(frame, -latest_frame, latest_frame);
-    Alive alive{within};
+    ActiveInfluences alive{within};
     add_procedural(gusts, wind_direction, when, fps, alive);
     for (const GustControl& control : gusts.controls) add_control(control, when, alive);
     GustField field;

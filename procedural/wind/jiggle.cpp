@@ -60,12 +60,12 @@ namespace marram {
 namespace {
 
 constexpr double initial_damping = 0.3;
-constexpr double window_share = 1e-6; // of the reach, if no tolerance is given
-constexpr double most_knots = 1e5; // each costs a bend of every strand: with more, a frame would take hours
+constexpr double default_window_tolerance = 1e-6; // of the reach, if no tolerance is given
+constexpr double max_knots = 1e5; // each costs a bend of every strand: with more, a frame would take hours
 
 // The difference of two filtered points is good to about 1e-14 of the strand, 1e-11 of one of 1000 segments.
 // Below this fraction of the segment's length its direction has less than two digits.
-constexpr double least_direction = 1e-9;
+constexpr double min_direction_ratio = 1e-9;
 
 // Lags below this are set to 0 before they decay into slow subnormal numbers; no float can hold them (the
 // smallest is 1e-45 m).
@@ -121,7 +121,7 @@ JiggleStep series_step(double damping, double tau) {
     return {1.0 - tau * g, s, d, mean_d + 2.0 * damping * g, g};
 }
 
-JiggleStep swinging_step(double damping, double tau) { // zeta < 1
+JiggleStep underdamped_step(double damping, double tau) { // zeta < 1
     const double p = std::sqrt((1.0 - damping) * (1.0 + damping));
     const double decay = std::exp(-damping * tau), angle = p * tau;
     const double s = decay * tau * (angle > 0.0 ? std::sin(angle) / angle : 1.0);
@@ -131,7 +131,7 @@ JiggleStep swinging_step(double damping, double tau) { // zeta < 1
     return {c, s, d, s / tau + 2.0 * damping * g, g};
 }
 
-JiggleStep creeping_step(double damping, double tau) { // zeta >= 1
+JiggleStep overdamped_step(double damping, double tau) { // zeta >= 1
     const double q = std::sqrt((damping - 1.0) * (damping + 1.0)), b = damping + q, a = 1.0 / b;
     const double slow = std::exp(-a * tau), mean_s = slow * decay_mean(2.0 * q * tau);
     const double s = tau * mean_s, mean_slow = decay_mean(a * tau);
@@ -148,7 +148,7 @@ double least_stiffness(const Ramp& stiffness) { // minimum over the strand
 }
 
 // The smallest angle whose tail is below `share`, to 0.1 %, rounded up.
-double memory_radians(double damping, double share) {
+double window_radians(double damping, double share) {
     if (!(jiggle_tail(damping, 0.0) > share)) return 0.0;
     double low = 0.0, high = 1.0;
     while (jiggle_tail(damping, high) > share && high < 1e300) {
@@ -215,7 +215,7 @@ MARRAM_INLINE VLong differ(const Wide3d& a, const Wide3d& b) {
 // v scaled to `length`, or `instead` if v is too short to have a direction.
 MARRAM_INLINE Wide3d scaled_to(const Wide3d& v, VDouble length, const Wide3d& instead) {
     const VDouble norm = vsqrt(dot(v, v));
-    const VLong good = norm > least_direction * length;
+    const VLong good = norm > min_direction_ratio * length;
     return select(good, v * (length / select(good, norm, 1.0)), instead);
 }
 
@@ -238,8 +238,8 @@ MARRAM_INLINE void emit_cvs(const EmitView<Step>& block) {
         const Wide3d next_filtered = next_target + lag, next_rest = to_double(block.rest[k]);
         const Wide3d segment = next_rest - rest;
         const VDouble length = vsqrt(dot(segment, segment));
-        const Wide3d unlagged = scaled_to(next_target - target, length, segment);
-        position = position + scaled_to(next_filtered - filtered, length, unlagged);
+        const Wide3d target_segment = scaled_to(next_target - target, length, segment);
+        position = position + scaled_to(next_filtered - filtered, length, target_segment);
         block.pose[k] = to_float(position);
         filtered = next_filtered;
         target = next_target;
@@ -317,7 +317,7 @@ std::optional<Jiggle> read_jiggle(const Values& values) {
 JiggleStep jiggle_step(double damping, double radians) {
     const double fastest = damping > 1.0 ? 2.0 * damping : 1.0; // pole, b < 2 zeta
     if (radians * fastest <= 1.0) return series_step(damping, radians);
-    return damping < 1.0 ? swinging_step(damping, radians) : creeping_step(damping, radians);
+    return damping < 1.0 ? underdamped_step(damping, radians) : overdamped_step(damping, radians);
 }
 
 double jiggle_tail(double damping, double radians) {
@@ -328,9 +328,9 @@ double jiggle_tail(double damping, double radians) {
 
 JiggleWindow jiggle_window(const Jiggle& jiggle, std::span<const double> times, double fps, double reach,
                            double tolerance) {
-    const double share = tolerance > 0.0 ? tolerance / reach : window_share;
+    const double share = tolerance > 0.0 ? tolerance / reach : default_window_tolerance;
     const double omega = 2.0 * pi * jiggle.frequency * least_stiffness(jiggle.stiffness);
-    const double memory = reach > 0.0 ? memory_radians(jiggle.damping, share) / omega * fps : 0.0; // frames
+    const double memory = reach > 0.0 ? window_radians(jiggle.damping, share) / omega * fps : 0.0; // frames
     const double first_time = times.front() - memory, last_time = times.back();
 
     double first = std::floor(first_time / jiggle.step), last = std::ceil(last_time / jiggle.step);
@@ -341,9 +341,9 @@ JiggleWindow jiggle_window(const Jiggle& jiggle, std::span<const double> times, 
         if (last_time < start * jiggle.step) return {};
         first = std::max(first, start);
     }
-    if (!(last - first < most_knots))
+    if (!(last - first < max_knots))
         throw SceneFault("jiggle.too_long", jiggle.place,
-                         "jiggle remembers more than " + std::to_string(int(most_knots)) +
+                         "jiggle remembers more than " + std::to_string(int(max_knots)) +
                              " samples of the past here",
                          "give more jiggle.damping, a higher frequency, a longer "
                          "jiggle.step, or a jiggle.start_frame not so far back");
@@ -368,7 +368,7 @@ void JiggleFilter::begin(const Jiggle& jiggle, double fps, int cvs, int blocks, 
     if (u_.empty())
         fill_steps(jiggle.step, whole_);
     else
-        fill_steps(jiggle.step, own_whole_);
+        fill_steps(jiggle.step, strand_full_steps_);
 }
 
 void JiggleFilter::fill_steps(double frames, std::vector<JiggleStep>& steps) const {
@@ -403,7 +403,7 @@ void JiggleFilter::feed(int64_t knot, const Strands& bent) {
                 advance_block(whole_.data(), cvs_, &from_[first], &to_[first], &lag_[first],
                               &velocity_[first]);
             else
-                advance_block(&own_whole_[first], cvs_, &from_[first], &to_[first], &lag_[first],
+                advance_block(&strand_full_steps_[first], cvs_, &from_[first], &to_[first], &lag_[first],
                               &velocity_[first]);
         }
     }
@@ -430,7 +430,7 @@ void JiggleFilter::emit(double frame, const Strands& now, WideVector<Wide3f>& po
     if (u_.empty())
         fill_steps(share * jiggle_.step, part_);
     else
-        fill_steps(share * jiggle_.step, own_part_);
+        fill_steps(share * jiggle_.step, strand_partial_steps_);
     for (int i = 0; i < blocks_; ++i) {
         const size_t first = size_t(i) * size_t(cvs_);
         const auto emit = [&](const auto* steps) {
@@ -440,7 +440,7 @@ void JiggleFilter::emit(double frame, const Strands& now, WideVector<Wide3f>& po
         if (u_.empty())
             emit(part_.data());
         else
-            emit(&own_part_[first]);
+            emit(&strand_partial_steps_[first]);
     }
 }
 

@@ -104,9 +104,10 @@ class JiggleFilter {
     int fed_ = 0;                          // number of knots fed: 0, 1, or 2 for two and more
     std::vector<JiggleStep> whole_, part_; // [cvs]: steps from knot to knot, and from knot to `frame`
     WideVector<VDouble> u_;                // if the stiffness at CV k differs between strands, else empty
-    WideVector<WideJiggleStep> own_whole_, own_part_; // [blocks * cvs], used instead in that case
-    WideVector<Wide3d> lag_, velocity_;               // [blocks * cvs] at the knot before the last
-    WideVector<Wide3f> from_, to_;                    // [blocks * cvs] targets at the last two knots
+    WideVector<WideJiggleStep> strand_full_steps_,
+        strand_partial_steps_;          // [blocks * cvs], used instead in that case
+    WideVector<Wide3d> lag_, velocity_; // [blocks * cvs] at the knot before the last
+    WideVector<Wide3f> from_, to_;      // [blocks * cvs] targets at the last two knots
 };
 
 // Normals of jiggled oriented strands: now.pose_normal, rotated segment by segment by the shortest arc from

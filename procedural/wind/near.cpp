@@ -59,7 +59,7 @@ struct Bulge {
 };
 
 MARRAM_HOT void near_bulge(const Triangles8& t, const Bulge& bulge, VLong& near) {
-    const Shortest shortest = shortest_way(splat3(bulge.p.data()), splat3(bulge.q.data()), t);
+    const Shortest shortest = shortest_vector(splat3(bulge.p.data()), splat3(bulge.q.data()), t);
     const VDouble length = vsqrt(shortest.squared);
     const VDouble zero{};
     const VDouble push = vmax(dot(shortest.v, splat3(bulge.b0.data())), zero) +

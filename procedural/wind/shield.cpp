@@ -25,13 +25,13 @@ namespace {
 constexpr std::array shielding_values = {
     MarramParam{"shielding.shield", MARRAM_NUMBER, "", "none", 0, 1, "",
                 "share of the wind that a fully sheltered strand loses; absent: no shielding"},
-    MarramParam{"shielding.offset", MARRAM_NUMBER, "m", "none", 1e-9, beyond_wind, "",
+    MarramParam{"shielding.offset", MARRAM_NUMBER, "m", "none", 1e-9, largest_wind_input, "",
                 "distance upwind in which meshes shelter; default: 10 m"},
-    MarramParam{"shielding.shield_per", MARRAM_CHOICE, "", "none", -beyond_wind, beyond_wind, "curve|cv",
-                "curve (default): one value a strand; cv: one value a CV"},
-    MarramParam{"shielding.wake", MARRAM_NUMBER, "m", "none", 1e-9, beyond_wind, "",
+    MarramParam{"shielding.shield_per", MARRAM_CHOICE, "", "none", -largest_wind_input, largest_wind_input,
+                "curve|cv", "curve (default): one value a strand; cv: one value a CV"},
+    MarramParam{"shielding.wake", MARRAM_NUMBER, "m", "none", 1e-9, largest_wind_input, "",
                 "distance behind a mesh after which shelter has faded to nothing; default: it does not fade"},
-    MarramParam{"shielding.wake_heights", MARRAM_NUMBER, "", "none", 1e-9, beyond_wind, "",
+    MarramParam{"shielding.wake_heights", MARRAM_NUMBER, "", "none", 1e-9, largest_wind_input, "",
                 "the same, in heights of the mesh (its extent in y)"},
     MarramParam{"shielding.spread", MARRAM_NUMBER, "deg", "none", 0, 89, "",
                 "half angle of the cone of directions that wind comes from, for soft edges; default: 0, one "
@@ -79,11 +79,11 @@ std::optional<Shielding> read_shielding(const Values& values) {
     return shielding;
 }
 
-int cone_rays(const Shielding& shielding, double length, double turn, bool many_turns, double tolerance,
-              bool& enough) {
+int cone_rays(const Shielding& shielding, double length, double turn, bool many_reference_segments,
+              double tolerance, bool& enough) {
     constexpr double most = 1024.0, wide = 2.5 * pi / 180.0;
     const double cone = 0.75 * -std::expm1(-shielding.spread / wide);
-    const double factor = (shielding.per_cv ? 1.6 : 1.0) * (many_turns ? 2.0 : 1.0);
+    const double factor = (shielding.per_cv ? 1.6 : 1.0) * (many_reference_segments ? 2.0 : 1.0);
     const double share = cone * factor * length * shielding.shield * std::min(turn, 1.0) / tolerance;
     const double rays = std::max(1.0, std::ceil(std::pow(share, 1.0 / 0.8)));
     enough = rays <= most;

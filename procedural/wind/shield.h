@@ -34,8 +34,8 @@ std::optional<Shielding> read_shielding(const Values& values); // empty if the s
 // which is 1.0 to 2.5 times the measured one (two grooms, cones of 4, 15 and 45 degrees, 8 to 256 rays). It
 // is multiplied by 1.6 if each CV has its own shelter (per_cv), and by 2 for turn factors meant for many more
 // segments than strands have (`reference_segments`). `marram measure` shows the fit on a scene.
-int cone_rays(const Shielding& shielding, double length, double turn, bool many_turns, double tolerance,
-              bool& enough);
+int cone_rays(const Shielding& shielding, double length, double turn, bool many_reference_segments,
+              double tolerance, bool& enough);
 
 // Vertical extent of each mesh at the time of the colliders, [geometry ID]; the unit of wake_heights.
 std::vector<double> obstacle_heights(const Colliders& colliders);

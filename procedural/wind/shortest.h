@@ -55,7 +55,7 @@ MARRAM_INLINE Wide3d between(const Wide3d& p, const Wide3d& d, const Wide3d& a, 
 }
 
 // From the segment p q to the triangle.
-MARRAM_INLINE Shortest shortest_way(const Wide3d& p, const Wide3d& q, const Triangles8& t) {
+MARRAM_INLINE Shortest shortest_vector(const Wide3d& p, const Wide3d& q, const Triangles8& t) {
     const Wide3d d = q - p;
     Shortest shortest;
     shortest.take(to_face(t, p));

@@ -94,7 +94,7 @@ const float* corner(const MarramMesh& mesh, uint32_t time, size_t triangle, size
 
 // True: the triangle is finite at all samples (Embree drops others, too), and touches the reach at one of
 // them.
-bool matters(const MarramMesh& mesh, size_t triangle, const Box& reach) {
+bool is_finite_and_in_reach(const MarramMesh& mesh, size_t triangle, const Box& reach) {
     bool touches = false;
     for (uint32_t time = 0; time < mesh.time_count; ++time) {
         Box box = no_box;
@@ -192,13 +192,13 @@ struct Runs {
     std::vector<uint32_t> codes; // [runs]
 };
 
-// `all`: every triangle passes matters().
+// `all`: every triangle passes is_finite_and_in_reach().
 void add_runs(const MarramMesh& mesh, size_t begin, size_t end, const TriangleGrid& grid, bool all,
               const Box& reach, Runs& out) {
     TriangleGrid::Cell cell{};
     uint32_t count = 0; // of the open run
     for (size_t t = begin; t < end; ++t) {
-        if (!all && !matters(mesh, t, reach)) {
+        if (!all && !is_finite_and_in_reach(mesh, t, reach)) {
             count = 0;
             continue;
         }

@@ -68,7 +68,7 @@ bool gather(const Colliders& colliders, const Region& region, size_t most, TurnS
 }
 
 // Search radius: the clearance, plus a margin for rounding.
-double reach_of(double clearance, double length) { return clearance * (1.0 + 1e-12) + length * 1e-12; }
+double search_radius(double clearance, double length) { return clearance * (1.0 + 1e-12) + length * 1e-12; }
 
 struct Sweep {
     bool blocked_at_start, not_clear;
@@ -76,11 +76,11 @@ struct Sweep {
     Vec2d at;     // its cosine and sine
 };
 
-constexpr double doubt = 1.1; // an unverified pivot must be free by this many clearances
+constexpr double pivot_check_factor = 1.1; // an unverified pivot must be free by this many clearances
 
 Sweep sweep(const Colliders& colliders, const Segment& segment, const Arc& arc, TurnScratch& scratch) {
     Sweep result{false, false, std::numeric_limits<double>::infinity(), Vec2d::Zero()};
-    const double reach = reach_of(arc.turning.clearance, segment.length);
+    const double reach = search_radius(arc.turning.clearance, segment.length);
     double end = diamond_of_angle(arc.angle);
     Part parts[most_cuts + 1];
     int top = 0;
@@ -89,8 +89,8 @@ Sweep sweep(const Colliders& colliders, const Segment& segment, const Arc& arc, 
         const Part part = parts[--top];
         if (part.begin > result.first) break;
         const bool clearance_unverified = segment.clearance_unverified && part.begin == 0.0;
-        const Region region =
-            sector(segment.pivot, arc.turning, part, clearance_unverified ? doubt * reach : reach);
+        const Region region = sector(segment.pivot, arc.turning, part,
+                                     clearance_unverified ? pivot_check_factor * reach : reach);
         if (!gather(colliders, region, part.cuts < most_cuts ? many : SIZE_MAX, scratch)) {
             const double middle = 0.5 * (part.begin + part.end);
             parts[top++] = {middle, part.end, part.cuts + 1};
@@ -98,7 +98,8 @@ Sweep sweep(const Colliders& colliders, const Segment& segment, const Arc& arc, 
             continue;
         }
         if (scratch.triangles.size() == 0) continue;
-        if (clearance_unverified && !clear_of_pivot(scratch.triangles.blocks(), segment.clearance * doubt)) {
+        if (clearance_unverified &&
+            !clear_of_pivot(scratch.triangles.blocks(), segment.clearance * pivot_check_factor)) {
             result.not_clear = true;
             return result;
         }
@@ -108,7 +109,7 @@ Sweep sweep(const Colliders& colliders, const Segment& segment, const Arc& arc, 
                 result.blocked_at_start = true;
                 return result;
             }
-            result.at = undiamond(end);
+            result.at = from_diamond(end);
             result.first = std::max(std::atan2(result.at.y(), result.at.x()), 0.0);
         }
     }
@@ -141,7 +142,7 @@ RTCRayHit trace(const Colliders& colliders, const Segment& segment, const Vec3d&
 }
 
 // True: a ray hits a triangle that crosses the segment.
-bool surely_blocked(const Colliders& colliders, const Segment& segment, TurnScratch& scratch) {
+bool ray_confirms_blocked(const Colliders& colliders, const Segment& segment, TurnScratch& scratch) {
     constexpr double beyond = 1e18; // no mesh reaches as far, and Embree rejects such rays
     if (!(segment.pivot.cwiseAbs().maxCoeff() < beyond)) return false;
     const RTCRayHit found = trace(colliders, segment, segment.from);
@@ -155,9 +156,9 @@ bool surely_blocked(const Colliders& colliders, const Segment& segment, TurnScra
 }
 
 // If angle 0 is blocked: the exact angle at which the blocked interval ends, if before `end`; else infinity.
-double end_of_blocked(const Colliders& colliders, const Vec3d& pivot, const Turning& turning, double end,
-                      TurnScratch& scratch) {
-    gather(colliders, sector(pivot, turning, {0.0, end, 0}, reach_of(turning.clearance, turning.length)),
+double blocked_interval_end(const Colliders& colliders, const Vec3d& pivot, const Turning& turning,
+                            double end, TurnScratch& scratch) {
+    gather(colliders, sector(pivot, turning, {0.0, end, 0}, search_radius(turning.clearance, turning.length)),
            SIZE_MAX, scratch);
     const double last = diamond_of_angle(end);
     std::vector<Blocked>& blocked = scratch.blocked;
@@ -171,7 +172,7 @@ double end_of_blocked(const Colliders& colliders, const Vec3d& pivot, const Turn
         up = std::max(up, b.high);
     }
     if (up >= last) return std::numeric_limits<double>::infinity();
-    const Vec2d at = undiamond(up);
+    const Vec2d at = from_diamond(up);
     return std::atan2(at.y(), at.x());
 }
 
@@ -227,7 +228,7 @@ double turn_out_in_plane(const Colliders& colliders, const Segment& segment, con
             rest.from = at(from).normalized();
             rest.normal = turning.normal * sign;
             rest.across = rest.normal.cross(rest.from);
-            turned = from + end_of_blocked(colliders, segment.pivot, rest, free - from, scratch);
+            turned = from + blocked_interval_end(colliders, segment.pivot, rest, free - from, scratch);
         } else if (found.first > back.angle) {
             turned = from; // due to rounding: `from` was blocked
         }
@@ -290,7 +291,7 @@ double free_length(const Colliders& colliders, const Segment& segment, const Vec
 }
 
 // No direction is free: the one whose ray gets farthest before it hits a triangle.
-Vec3d least_bad(const Colliders& colliders, const Segment& segment, const Arc& arc) {
+Vec3d longest_free_direction(const Colliders& colliders, const Segment& segment, const Arc& arc) {
     constexpr int planes = 16, turns = 16;
     Vec3d best = segment.from;
     double longest = free_length(colliders, segment, best);
@@ -349,7 +350,7 @@ void each_near(const Region& region, const std::vector<NearCluster>& clusters, c
 
 } // namespace
 
-bool surely_clear(const Colliders& colliders, const Region& region, TurnScratch& scratch) {
+bool region_is_clear(const Colliders& colliders, const Region& region, TurnScratch& scratch) {
     if (!colliders.tree->find(colliders.lent, region, many, scratch.clusters)) return false;
     bool clear = true;
     each_near(region, scratch.clusters, region.points()[0],
@@ -368,7 +369,8 @@ bool triangles_near(const Colliders& colliders, const Region& region, const Vec3
     return true;
 }
 
-bool anything_near(const Colliders& colliders, const Vec3d& centre, double radius, TurnScratch& scratch) {
+bool any_triangle_within(const Colliders& colliders, const Vec3d& centre, double radius,
+                         TurnScratch& scratch) {
     Region ball(radius);
     ball.add(centre);
     colliders.tree->find(colliders.lent, ball, SIZE_MAX, scratch.clusters);
@@ -409,12 +411,12 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
     Segment segment = given;
     Arc arc = arc_of(segment);
     Sweep found{true, false, 0.0, Vec2d::Zero()};
-    if (!segment.carried || !surely_blocked(colliders, segment, scratch))
+    if (!segment.carried || !ray_confirms_blocked(colliders, segment, scratch))
         found = sweep(colliders, segment, arc, scratch);
     // Not clear by the coarse tests of planes and boxes, or blocked at the start, which ended the sweep
     // before all triangles near the pivot were tested: measure the clearance now.
     if (found.not_clear || (found.blocked_at_start && segment.clearance_unverified)) {
-        if (anything_near(colliders, segment.pivot, segment.clearance * doubt, scratch))
+        if (any_triangle_within(colliders, segment.pivot, segment.clearance * pivot_check_factor, scratch))
             return {segment.from, Outcome::not_clear, false, 0.0};
         segment.clearance_unverified = false;
         found = sweep(colliders, segment, arc, scratch);
@@ -432,7 +434,12 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
                               scratch, out);
         }
         if (!is_out)
-            return {least_bad(colliders, segment, arc), Outcome::unresolved, true, 0.0, goal_angle, 0.0};
+            return {longest_free_direction(colliders, segment, arc),
+                    Outcome::unresolved,
+                    true,
+                    0.0,
+                    goal_angle,
+                    0.0};
         // Continue towards the goal. It is exactly at its clearance, so go on with a little less.
         segment.from = out.normalized();
         segment.clearance *= 1.0 - 1e-6;

@@ -74,10 +74,11 @@ Turned turn_exactly(const Colliders& colliders, const Segment& segment, TurnScra
 Turned turn_by_steps(const Colliders& colliders, const Segment& segment, int steps);
 
 // True: the distance from the centre to some triangle is at most the radius.
-bool anything_near(const Colliders& colliders, const Vec3d& centre, double radius, TurnScratch& scratch);
+bool any_triangle_within(const Colliders& colliders, const Vec3d& centre, double radius,
+                         TurnScratch& scratch);
 
 // True: no triangle is within the region. False: one may be.
-bool surely_clear(const Colliders& colliders, const Region& region, TurnScratch& scratch);
+bool region_is_clear(const Colliders& colliders, const Region& region, TurnScratch& scratch);
 
 // Fills scratch.triangles, relative to `origin`, with all triangles that may be within the region. False:
 // they are in more than `most` clusters; the list is left empty.

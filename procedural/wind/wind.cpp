@@ -12,25 +12,25 @@ namespace marram {
 namespace {
 
 constexpr std::array own_params = {
-    MarramParam{"direction", MARRAM_VEC3, "", "[1, 0, 0]", -beyond_wind, beyond_wind, "",
+    MarramParam{"direction", MARRAM_VEC3, "", "[1, 0, 0]", -largest_wind_input, largest_wind_input, "",
                 "where the air moves to; any length but 0"},
-    MarramParam{"speed", MARRAM_NUMBER, "m/s", "0", 0, beyond_wind, "",
+    MarramParam{"speed", MARRAM_NUMBER, "m/s", "0", 0, largest_wind_input, "",
                 "moves the noise field and, through response, sets the strength of the bend"},
     MarramParam{"calm", MARRAM_NUMBER, "", "none", 0, 1, "",
                 "background wind, 0 to 1; default: 0 (still air between gusts) if there are gusts, else 1"},
-    MarramParam{"response", MARRAM_RAMP, "m/s", "[[0, 0], [10, 1]]", -beyond_wind, beyond_wind, "",
-                "strength of the wind, 0 to 1, over its speed; 0 at speed 0"},
+    MarramParam{"response", MARRAM_RAMP, "m/s", "[[0, 0], [10, 1]]", -largest_wind_input, largest_wind_input,
+                "", "strength of the wind, 0 to 1, over its speed; 0 at speed 0"},
     MarramParam{"global_rotate", MARRAM_NUMBER, "", "0.6", 0, 1, "",
                 "scale of each segment's turn towards the wind"},
-    MarramParam{"ramp_rotate", MARRAM_RAMP, "", "[[0, 0.2], [1, 1]]", -beyond_wind, beyond_wind, "",
-                "scale of the turn from root (0) to tip (1)"},
+    MarramParam{"ramp_rotate", MARRAM_RAMP, "", "[[0, 0.2], [1, 1]]", -largest_wind_input, largest_wind_input,
+                "", "scale of the turn from root (0) to tip (1)"},
     MarramParam{"waviness", MARRAM_NUMBER, "", "1", -1e6, 1e6, "",
                 "how far the point where noise is sampled moves ahead along the strand, in lengths: ripples"},
     MarramParam{
         "reference_segments", MARRAM_INTEGER, "", "0", 0, 100000, "",
         "number of segments that a turn is meant for; 0: as many as the strand has (7 where cvs = 0)"},
-    MarramParam{"noise.type", MARRAM_CHOICE, "", "perlin", -beyond_wind, beyond_wind, "perlin|billow|wavelet",
-                "kind of noise field"},
+    MarramParam{"noise.type", MARRAM_CHOICE, "", "perlin", -largest_wind_input, largest_wind_input,
+                "perlin|billow|wavelet", "kind of noise field"},
     MarramParam{"noise.amplitude", MARRAM_NUMBER, "", "0.5", 0, 1e6, "",
                 "strength of the noise, relative to the unit wind direction"},
     MarramParam{"noise.frequency", MARRAM_NUMBER, "1/m", "1", 0, 1e9, "", "cells a metre"},
@@ -42,7 +42,8 @@ constexpr std::array own_params = {
                 "strength of an octave over that of the one before"},
     MarramParam{"noise.evolution", MARRAM_NUMBER, "1/s", "0", -1e6, 1e6, "",
                 "rate of change of the field in place, cells a second"},
-    MarramParam{"noise.anchor", MARRAM_CHOICE, "", "world", -beyond_wind, beyond_wind, "world|rest",
+    MarramParam{"noise.anchor", MARRAM_CHOICE, "", "world", -largest_wind_input, largest_wind_input,
+                "world|rest",
                 "world: sampled where the strand is; rest: where its root is at bind_frame, so that the "
                 "field moves with the surface"},
     MarramParam{"noise.seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "seed of the field"},
@@ -121,13 +122,13 @@ Wind read_wind(const Values& values) {
 
 double wind_response(const Wind& wind) { return std::clamp(wind.response(wind.speed), 0.0, 1.0); }
 
-double most_turn(const Wind& wind) {
+double max_turn_fraction(const Wind& wind) {
     double most = 0.0;
     for (const double share : wind.ramp_rotate.values()) most = std::max(most, share);
     return std::min(1.0, wind.global_rotate * most);
 }
 
-int octaves_too_fine(const Wind& wind, double length, double tolerance) {
+int negligible_octaves(const Wind& wind, double length, double tolerance) {
     const FractalNoise& noise = wind.noise;
     double squares = 0.0, weight = 1.0;
     for (int i = 0; i < noise.octaves; ++i, weight *= noise.gain) squares += weight * weight;

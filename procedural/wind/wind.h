@@ -49,13 +49,13 @@ Wind read_wind(const Values& values);
 double wind_response(const Wind& wind);
 
 // The largest fraction of its angle to the wind that any segment turns by, 0 ... 1.
-double most_turn(const Wind& wind);
+double max_turn_fraction(const Wind& wind);
 
 // Number of the finest octaves that can be left out: for 99 % of the strands up to `length` metres long, all
 // of them together move a CV by at most `tolerance` metres. A segment's direction changes by at most the
 // noise left out, relative to the wind's 1; one octave is below 0.9 at 99 % of all points (rms 0.27 a
 // component). The resonance of jiggle is included.
-int octaves_too_fine(const Wind& wind, double length, double tolerance);
+int negligible_octaves(const Wind& wind, double length, double tolerance);
 
 // False: this wind bends no strand.
 bool wind_bends(const Wind& wind);

@@ -12,14 +12,14 @@
 namespace marram {
 namespace {
 
-struct Kept {
+struct CollisionErrors {
     size_t strands = 0, crossed = 0, dipping = 0, rooted_within = 0;
     double deepest = 0.0;
 };
 
-Kept examine(const Fur& fur, const oracle::TriangleSet& set, MarramBasis basis, double tolerance,
-             bool told = true) {
-    Kept kept;
+CollisionErrors examine(const Fur& fur, const oracle::TriangleSet& set, MarramBasis basis, double tolerance,
+                        bool verbose = true) {
+    CollisionErrors kept;
     kept.strands = fur.count();
     for (size_t i = 0; i < kept.strands; ++i) {
         const std::vector<Vec3d> cvs = fur.strand(i);
@@ -32,14 +32,14 @@ Kept examine(const Fur& fur, const oracle::TriangleSet& set, MarramBasis basis, 
         for (size_t k = 0; k + 1 < cvs.size(); ++k)
             for (const auto& hit : set.crossings(cvs[k], cvs[k + 1])) {
                 crossed = true;
-                if (told)
+                if (verbose)
                     std::printf("    strand %zu segment %zu crosses triangle %d, margin %.3g\n", i, k,
                                 hit.triangle, hit.crossing.margin);
             }
         kept.crossed += crossed;
         const auto spline = basis == MARRAM_BSPLINE ? oracle::Spline::b_spline : oracle::Spline::catmull_rom;
         double deepest = 0.0;
-        for (const double dip : oracle::deepest_dips(cvs, fur.radii(i), spline, 24, tolerance, set))
+        for (const double dip : oracle::deepest_penetrations(cvs, fur.radii(i), spline, 24, tolerance, set))
             deepest = std::max(deepest, dip);
         kept.dipping += deepest > tolerance;
         kept.deepest = std::max(kept.deepest, deepest);
@@ -48,8 +48,8 @@ Kept examine(const Fur& fur, const oracle::TriangleSet& set, MarramBasis basis, 
 }
 
 // Solves the same strands with the oracle, with the chain's clearances.
-double oracle_share(const Fur& bent, const Fur& solved, const oracle::TriangleSet& set, size_t stride,
-                    bool straight_out) {
+double oracle_turned_fraction(const Fur& bent, const Fur& solved, const oracle::TriangleSet& set,
+                              size_t stride, bool straight_out) {
     double turned = 0.0, goal = 0.0;
     std::vector<std::vector<double>> clearances(solved.count());
     for (const SegmentTrace& trace : solved.trace)
@@ -71,7 +71,7 @@ double oracle_share(const Fur& bent, const Fur& solved, const oracle::TriangleSe
     return goal > 0.0 ? turned / goal : 1.0;
 }
 
-double traced_share(const Fur& fur, size_t stride) {
+double chain_turned_fraction(const Fur& fur, size_t stride) {
     double turned = 0.0, goal = 0.0;
     for (const SegmentTrace& trace : fur.trace) {
         if (trace.strand % stride != 0) continue;
@@ -85,7 +85,7 @@ constexpr std::array<std::array<double, 3>, 6> winds = {
     {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}};
 
 // Wind from six directions at full strength. Tolerance: 0.5 % of the shortest strand.
-void keeps_the_promise(const char* name, std::vector<Mesh> meshes, FurOptions options, size_t share_stride) {
+void check_guarantees(const char* name, std::vector<Mesh> meshes, FurOptions options, size_t share_stride) {
     const oracle::TriangleSet set = triangle_set(meshes);
     const FurredWorld world(std::move(meshes));
     options.tolerance = 0.005 * options.length[0];
@@ -93,7 +93,7 @@ void keeps_the_promise(const char* name, std::vector<Mesh> meshes, FurOptions op
     for (const auto& wind : winds) {
         options.wind = Vec3d(wind.data());
         const Fur fur = blow(world, options, false);
-        const Kept kept = examine(fur, set, options.basis, options.tolerance);
+        const CollisionErrors kept = examine(fur, set, options.basis, options.tolerance);
         std::printf("  %-14s wind %2.0f %2.0f %2.0f: %zu strands, %zu rooted in a collider, %zu crossing, "
                     "%zu dipping (deepest %.2g of %.2g); "
                     "contacts %zu, turned out %zu, unresolved %zu, dips %zu, reached %.4f\n",
@@ -116,9 +116,9 @@ void keeps_the_promise(const char* name, std::vector<Mesh> meshes, FurOptions op
             ChainScratch scratch;
             for (Strands& strands : bent.patches) run_chain(chain, 0, strands, scratch);
         }
-        const double mine = traced_share(traced, share_stride),
-                     theirs = oracle_share(bent, traced, set, share_stride, true);
-        const double arc_only = oracle_share(bent, traced, set, share_stride, false);
+        const double mine = chain_turned_fraction(traced, share_stride),
+                     theirs = oracle_turned_fraction(bent, traced, set, share_stride, true);
+        const double arc_only = oracle_turned_fraction(bent, traced, set, share_stride, false);
         std::printf("  %-14s share of the way %.4f, oracle %.4f; turning out in the arc's plane alone %.4f\n",
                     name, mine, theirs, arc_only);
         EXPECT_NEAR(mine, theirs, 0.01);
@@ -151,7 +151,7 @@ using Stage = std::function<std::vector<Mesh>(double time)>;
 
 // Between two keys CVs and vertices move linearly; curves that are free at both keys may cross or penetrate
 // in between. Solves at `keys` times of the shutter and checks 8 instants, the same for every number of keys.
-Kept between_keys(const Stage& stage, size_t keys, const FurOptions& options) {
+CollisionErrors between_keys(const Stage& stage, size_t keys, const FurOptions& options) {
     std::vector<Mesh> meshes = stage(0.0);
     std::vector<std::vector<FurredWorld::Positions>> later(meshes.size());
     for (size_t key = 1; key < keys; ++key) {
@@ -177,7 +177,7 @@ Kept between_keys(const Stage& stage, size_t keys, const FurOptions& options) {
         for (Strands& strands : solved.back()) run_chain(chain, key, strands, scratch);
     }
     constexpr int instants = 8;
-    Kept worst;
+    CollisionErrors worst;
     for (int instant = 0; instant < instants; ++instant) {
         const double at = (instant + 0.5) / instants * double(keys - 1);
         const size_t key = size_t(at);
@@ -194,7 +194,7 @@ Kept between_keys(const Stage& stage, size_t keys, const FurOptions& options) {
                 for (VFloat Wide3f::*axis : {&Wide3f::x, &Wide3f::y, &Wide3f::z})
                     fur.patches[p].pose[i].*axis = (1.0F - part) * solved[key][p].pose[i].*axis +
                                                    part * solved[key + 1][p].pose[i].*axis;
-        const Kept kept = examine(fur, triangle_set(now), options.basis, options.tolerance, false);
+        const CollisionErrors kept = examine(fur, triangle_set(now), options.basis, options.tolerance, false);
         worst.strands = kept.strands;
         worst.crossed += kept.crossed;
         worst.dipping += kept.dipping;
@@ -208,7 +208,7 @@ void holds_between_keys(const char* name, const Stage& stage) {
     options.tolerance = 0.005 * options.length[0];
     double with_two = 0.0;
     for (const size_t keys : {2U, 3U, 5U, 9U}) {
-        const Kept kept = between_keys(stage, keys, options);
+        const CollisionErrors kept = between_keys(stage, keys, options);
         const double looks = 8.0 * double(kept.strands);
         const double crossing = double(kept.crossed) / looks;
         std::printf("  between keys, %-28s %2zu keys: %.3f %% of strands cross, %.3f %% dip by more than the "
@@ -231,41 +231,41 @@ std::string shared_mesh(const char* name) {
 } // namespace
 
 TEST(Promise, is_kept_on_a_bumpy_sphere) {
-    keeps_the_promise("sphere 40k", {sphere_mesh(1.0F, 71, 0.03F, 9.0F)}, {.count = 4000}, 4);
+    check_guarantees("sphere 40k", {sphere_mesh(1.0F, 71, 0.03F, 9.0F)}, {.count = 4000}, 4);
 }
 
 TEST(Promise, is_kept_on_a_dense_sphere) {
-    keeps_the_promise("sphere 2M", {sphere_mesh(1.0F, 500, 0.03F, 9.0F)}, {.count = 1000}, 40);
+    check_guarantees("sphere 2M", {sphere_mesh(1.0F, 500, 0.03F, 9.0F)}, {.count = 1000}, 40);
 }
 
 TEST(Promise, is_kept_on_a_folded_sheet) {
-    keeps_the_promise("folded sheet", {folded_sheet(60)},
-                      {.count = 2000, .length = {0.1, 0.2}, .width = 0.002}, 2);
+    check_guarantees("folded sheet", {folded_sheet(60)},
+                     {.count = 2000, .length = {0.1, 0.2}, .width = 0.002}, 2);
 }
 
 TEST(Promise, is_kept_by_catmull_rom_strands) {
-    keeps_the_promise("catmull-rom", {sphere_mesh(1.0F, 40, 0.1F, 12.0F)},
-                      {.count = 2000, .basis = MARRAM_CATMULL_ROM}, 4);
+    check_guarantees("catmull-rom", {sphere_mesh(1.0F, 40, 0.1F, 12.0F)},
+                     {.count = 2000, .basis = MARRAM_CATMULL_ROM}, 4);
 }
 
 TEST(Promise, is_kept_on_a_creature) {
-    keeps_the_promise("creature",
-                      {load_mesh(std::string(MARRAM_SOURCE_DIR) + "/scenes/meshes/creature.ply", true)},
-                      {.count = 4000, .length = {0.05, 0.08}, .width = 0.0015}, 4);
+    check_guarantees("creature",
+                     {load_mesh(std::string(MARRAM_SOURCE_DIR) + "/scenes/meshes/creature.ply", true)},
+                     {.count = 4000, .length = {0.05, 0.08}, .width = 0.0015}, 4);
 }
 
 TEST(Promise, is_kept_on_a_cow) {
     const std::string path = shared_mesh("spot.obj");
     if (path.empty()) GTEST_SKIP() << "there is no shared data";
-    keeps_the_promise("spot", {load_mesh(path, true)},
-                      {.count = 4000, .length = {0.08, 0.12}, .width = 0.002}, 4);
+    check_guarantees("spot", {load_mesh(path, true)}, {.count = 4000, .length = {0.08, 0.12}, .width = 0.002},
+                     4);
 }
 
 TEST(Promise, is_kept_on_a_car_body) {
     const std::string path = shared_mesh("beetle.obj");
     if (path.empty()) GTEST_SKIP() << "there is no shared data";
-    keeps_the_promise("beetle", {load_mesh(path, true)},
-                      {.count = 4000, .length = {0.04, 0.06}, .width = 0.001}, 4);
+    check_guarantees("beetle", {load_mesh(path, true)},
+                     {.count = 4000, .length = {0.04, 0.06}, .width = 0.001}, 4);
 }
 
 // Half a frame of 1/24 s: a body that rotates in wind (45 and 360 degrees/s), one that breathes, and a ball

@@ -153,7 +153,7 @@ namespace {
 // Meshes at a frame; strands grow on the first mesh.
 using Stage = std::function<std::vector<Mesh>(double frame)>;
 
-struct Swung {
+struct HeldShelterError {
     double worst = 0.0; // relative to the length
     double share = 0.0; // fraction of strands with an error above 1 % of their length
     size_t strands = 0;
@@ -161,7 +161,7 @@ struct Swung {
 
 // Compares strands that jiggle at frame 20 in the chain, with present shelter, with strands that use the
 // shelter of each past time.
-Swung error_of_held_shelter(const Stage& stage, double spread) {
+HeldShelterError error_of_held_shelter(const Stage& stage, double spread) {
     const double now = 20.0;
     const FurredWorld world(stage(now));
     const FurredWorld at_rest(stage(0.0));
@@ -209,7 +209,7 @@ Swung error_of_held_shelter(const Stage& stage, double spread) {
             filters[p].feed(knot, strands);
         }
     }
-    Swung swung;
+    HeldShelterError swung;
     size_t off = 0;
     for (size_t p = 0; p < truth.size(); ++p) {
         Strands held = truth[p];
@@ -287,7 +287,8 @@ TEST(Shelter, held_for_jiggle_is_off_where_its_edge_has_just_passed) {
             for (const double speed : {0.0, 0.25, 1.0, 4.0}) {
                 if ((speed == 0.25 || speed == 4.0) && !testing::whole_run()) continue;
                 const double rate = body ? 90.0 * speed : speed;
-                const Swung swung = error_of_held_shelter(body ? turning(rate) : crossing(rate), spread);
+                const HeldShelterError swung =
+                    error_of_held_shelter(body ? turning(rate) : crossing(rate), spread);
                 std::printf("shelter held: %s %6.2f %s, cone %2.0f degrees: %zu strands, %.2f %% off by more "
                             "than 1 %% of "
                             "their length, worst %.2g\n",

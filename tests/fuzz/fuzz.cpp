@@ -148,7 +148,7 @@ std::string mutated(std::string bytes, bool text, Random& random) {
 }
 
 // Corrects the checksums of a PNG's chunks, so that the decoder reads on.
-void mend_checksums(std::string& png) {
+void fix_checksums(std::string& png) {
     const auto byte = [&](size_t i) { return uint32_t(static_cast<unsigned char>(png[i])); };
     for (size_t at = 8; at + 12 <= png.size();) {
         const size_t length = byte(at) << 24 | byte(at + 1) << 16 | byte(at + 2) << 8 | byte(at + 3);
@@ -463,7 +463,7 @@ Command make_image(const Seeds& seeds, const fs::path& folder, Random& random) {
     const bool png = random.one_in(2);
     const std::string name = png ? "i.png" : "i.exr";
     std::string bytes = mutated(png ? seeds.png : seeds.exr, false, random);
-    if (png && random.one_in(2)) mend_checksums(bytes);
+    if (png && random.one_in(2)) fix_checksums(bytes);
     write_file(folder / name, bytes);
     switch (random.below(4)) {
     case 0:
@@ -622,7 +622,7 @@ struct Settings {
 
 // Runs body in a child process. A library's threads would be missing in later children, which would wait for
 // them.
-int in_a_copy(const std::function<int()>& body) {
+int in_child_process(const std::function<int()>& body) {
     std::fflush(nullptr);
     const pid_t child = ::fork();
     if (child == 0) {
@@ -636,7 +636,7 @@ int in_a_copy(const std::function<int()>& body) {
 }
 
 int run_child(const std::vector<std::string>& arguments, const fs::path& streams, unsigned cpu) {
-    return in_a_copy([&] {
+    return in_child_process([&] {
         const auto limit = [](int resource, rlim_t most) {
             const rlimit both{most, most};
             ::setrlimit(resource, &both);
@@ -699,7 +699,7 @@ std::string fault_of(const Command& command, int code, const fs::path& folder,
             return 1;
         }
     };
-    return command.output.empty() || in_a_copy(reads) == 0 ? "" : "the picture cannot be read";
+    return command.output.empty() || in_child_process(reads) == 0 ? "" : "the picture cannot be read";
 }
 
 // Returns whether the case passes.
@@ -731,7 +731,7 @@ Seeds make_seeds(const Settings& settings) {
     const fs::path folder = fs::path(settings.folder) / "seeds";
     fs::create_directories(folder);
     Seeds seeds;
-    in_a_copy([&] {
+    in_child_process([&] {
         std::vector<float> pixels;
         for (int i = 0; i < 3 * 16 * 8; ++i) pixels.push_back(float(i % 17) / 17.0F);
         const Layer layers[] = {{"", {"R", "G", "B"}, pixels.data(), true}};

@@ -54,7 +54,7 @@ TEST_P(Convergence, falls_with_the_root_of_the_samples_or_faster) {
 }
 
 // A scene for each kind of light and material, and all scenes of the gallery.
-std::vector<Golden> looked_at() {
+std::vector<Golden> selected_goldens() {
     std::vector<Golden> some;
     for (const Golden& golden : goldens())
         for (const char* name : {"room", "sun", "lamp", "still", "hair"})
@@ -65,7 +65,7 @@ std::vector<Golden> looked_at() {
     return some;
 }
 
-INSTANTIATE_TEST_SUITE_P(Of, Convergence, ::testing::ValuesIn(looked_at()),
+INSTANTIATE_TEST_SUITE_P(Of, Convergence, ::testing::ValuesIn(selected_goldens()),
                          [](const auto& info) { return info.param.name; });
 
 } // namespace

@@ -47,7 +47,7 @@ static void on_message(void* user, const MarramMessage* message) {
 }
 
 /* Whether the last message has this id. */
-static int said(const char* id) {
+static int last_message_is(const char* id) {
     const int same = strcmp(last_id, id) == 0;
     if (!same) fprintf(stderr, "the last message is %s\n", last_id);
     return same;
@@ -374,14 +374,14 @@ static void check_mistakes(const MarramProcedural* type, const MarramFrame* fram
     make_values(type, bad, good_count + 1, &values);
     forget_messages();
     CHECK(type->create(&host, lend(&values), &instance) == MARRAM_ERROR);
-    CHECK(said("groom.density_and_count") && strcmp(last_place, "null_host") == 0);
+    CHECK(last_message_is("groom.density_and_count") && strcmp(last_place, "null_host") == 0);
 
     bad[0].text = "circle";
     make_values(type, bad, good_count, &values);
     forget_messages();
     CHECK(type->create(&host, lend(&values), &instance) == MARRAM_OK);
     MarramOutput output = {sizeof(MarramOutput)};
-    CHECK(type->begin(instance, frame, &output) == MARRAM_ERROR && said("groom.no_mesh") &&
+    CHECK(type->begin(instance, frame, &output) == MARRAM_ERROR && last_message_is("groom.no_mesh") &&
           strstr(last_message, "circle"));
     type->destroy(instance);
 }
@@ -401,7 +401,7 @@ static void check_refused(const MarramProcedural* type, Values* values, const ch
     MarramInstance* instance = NULL;
     forget_messages();
     CHECK(type->create(&host, lend(values), &instance) == MARRAM_ERROR && instance == NULL);
-    CHECK(said("contract.value"));
+    CHECK(last_message_is("contract.value"));
     if (!strstr(last_message, name) || !strstr(last_message, allowed)) fail(allowed, __LINE__);
 }
 
@@ -459,8 +459,8 @@ static void check_bad_values(const MarramProcedural* type) {
     check_refused(type, &values, "wind.gusts.control", "without gaps");
     MarramInstance* instance = NULL;
     const MarramValues none = {sizeof(MarramValues), NULL, 3, sizeof(MarramValue)};
-    CHECK(type->create(&host, NULL, &instance) == MARRAM_ERROR && said("contract.null_values"));
-    CHECK(type->create(&host, &none, &instance) == MARRAM_ERROR && said("contract.null_values"));
+    CHECK(type->create(&host, NULL, &instance) == MARRAM_ERROR && last_message_is("contract.null_values"));
+    CHECK(type->create(&host, &none, &instance) == MARRAM_ERROR && last_message_is("contract.null_values"));
     CHECK(type->create(&host, lend(&values), NULL) == MARRAM_ERROR);
     CHECK(type->create(NULL, NULL, NULL) == MARRAM_ERROR);
 }
@@ -470,7 +470,7 @@ static void check_bad_frames(const MarramProcedural* type, Values* values, const
     MarramOutput output = {sizeof(MarramOutput)};
     MarramPatch patch = {sizeof(MarramPatch)};
     CHECK(type->create(&host, lend(values), &instance) == MARRAM_OK);
-    CHECK(type->patch(instance, 0, &patch) == MARRAM_ERROR && said("contract.no_frame"));
+    CHECK(type->patch(instance, 0, &patch) == MARRAM_ERROR && last_message_is("contract.no_frame"));
     static const double downwards[times] = {2.0, 1.0};
     for (int fault = 0; fault < 8; ++fault) {
         MarramFrame frame = *good_frame;
@@ -485,28 +485,28 @@ static void check_bad_frames(const MarramProcedural* type, Values* values, const
         if (fault == 6) mesh.positions = NULL;
         if (fault == 7) mesh.triangles = NULL;
         forget_messages();
-        CHECK(type->begin(instance, &frame, &output) == MARRAM_ERROR && said("contract.frame"));
+        CHECK(type->begin(instance, &frame, &output) == MARRAM_ERROR && last_message_is("contract.frame"));
     }
     CHECK(type->begin(instance, NULL, &output) == MARRAM_ERROR &&
           type->begin(instance, good_frame, NULL) == MARRAM_ERROR);
     MarramFrame frame = *good_frame;
     CHECK(type->begin(instance, &frame, &output) == MARRAM_OK);
     forget_messages();
-    CHECK(type->patch(instance, output.patch_count, &patch) == MARRAM_ERROR && said("contract.patch_range"));
+    CHECK(type->patch(instance, output.patch_count, &patch) == MARRAM_ERROR && last_message_is("contract.patch_range"));
     CHECK(type->patch(instance, UINT32_MAX, &patch) == MARRAM_ERROR &&
           type->patch(instance, 0, NULL) == MARRAM_ERROR);
     const MarramPatchBuffers none = {sizeof(MarramPatchBuffers), NULL, NULL, 0, NULL, NULL};
-    CHECK(type->tessellate(instance, 0, &none) == MARRAM_ERROR && said("contract.null_buffer"));
+    CHECK(type->tessellate(instance, 0, &none) == MARRAM_ERROR && last_message_is("contract.null_buffer"));
     CHECK(type->tessellate(instance, 0, NULL) == MARRAM_ERROR);
     CHECK(type->tessellate(instance, output.patch_count, &none) == MARRAM_ERROR &&
-          said("contract.patch_range"));
+          last_message_is("contract.patch_range"));
     MarramMesh other = frame.meshes[0];
     other.triangle_count = 1;
     frame.meshes = &other;
-    CHECK(type->begin(instance, &frame, &output) == MARRAM_ERROR && said("groom.topology"));
+    CHECK(type->begin(instance, &frame, &output) == MARRAM_ERROR && last_message_is("groom.topology"));
     other = good_frame->meshes[0];
     other.topology += 1; /* as many triangles, but different ones */
-    CHECK(type->begin(instance, &frame, &output) == MARRAM_ERROR && said("groom.topology"));
+    CHECK(type->begin(instance, &frame, &output) == MARRAM_ERROR && last_message_is("groom.topology"));
     type->destroy(instance);
 }
 
@@ -524,7 +524,7 @@ static void check_announcement(const MarramProcedural* type, const MarramFrame* 
     CHECK(type->create(&host, lend(&values), &instance) == MARRAM_OK);
     forget_messages();
     CHECK(type->begin(instance, frame, &output) == MARRAM_OK);
-    CHECK(said("groom.long_work"));
+    CHECK(last_message_is("groom.long_work"));
     CHECK(strstr(last_message, "4e+08 CVs, 1000 a strand, at 2 motion samples") &&
           strstr(last_message, "of one processor"));
     type->destroy(instance);
@@ -600,15 +600,15 @@ static void check_update(const MarramProcedural* type, Values* values, const Mar
     other.meshes = &mesh;
     mesh.topology += 1;
     MarramOutput output = {sizeof(MarramOutput)};
-    CHECK(type->begin(told, &other, &output) == MARRAM_ERROR && said("groom.topology"));
+    CHECK(type->begin(told, &other, &output) == MARRAM_ERROR && last_message_is("groom.topology"));
     CHECK(update_with(type, told, "", "", MARRAM_TOPOLOGY) == MARRAM_EVERYTHING);
     CHECK(type->begin(told, &other, &output) == MARRAM_OK);
     values->list[values->count] = values->list[0];
     ++values->count; /* a value twice */
     const MarramUpdate wrong = {sizeof(MarramUpdate), lend(values), MARRAM_NOTHING};
     uint32_t changed = 0;
-    CHECK(type->update(told, &wrong, &changed) == MARRAM_ERROR && said("contract.value"));
-    CHECK(type->update(told, NULL, &changed) == MARRAM_ERROR && said("contract.null_update"));
+    CHECK(type->update(told, &wrong, &changed) == MARRAM_ERROR && last_message_is("contract.value"));
+    CHECK(type->update(told, NULL, &changed) == MARRAM_ERROR && last_message_is("contract.null_update"));
     --values->count;
     free_curves(&after);
     CHECK(update_with(type, told, "", "", MARRAM_TOPOLOGY) == MARRAM_EVERYTHING);
@@ -644,7 +644,7 @@ static void check_masked(const MarramProcedural* type, const MarramFrame* frame)
     MarramInstance* instance = NULL;
     CHECK(type->create(&host, lend(&values), &instance) == MARRAM_OK);
     MarramOutput output = {sizeof(MarramOutput)};
-    CHECK(type->begin(instance, frame, &output) == MARRAM_ERROR && said("groom.no_attribute"));
+    CHECK(type->begin(instance, frame, &output) == MARRAM_ERROR && last_message_is("groom.no_attribute"));
     MarramAttribute attribute = {"sand", 1, MARRAM_PER_VERTEX, 0, "", sand, 0};
     MarramMesh mesh = frame->meshes[0];
     mesh.attributes = &attribute;
@@ -657,10 +657,10 @@ static void check_masked(const MarramProcedural* type, const MarramFrame* frame)
     for (uint64_t c = 0; c < curves.output.curve_count; ++c) CHECK(curves.root_uv[2 * c] >= 0.5F);
     free_curves(&curves);
     attribute.animated = 1;
-    CHECK(type->begin(instance, &masked, &output) == MARRAM_ERROR && said("groom.animated_attribute"));
+    CHECK(type->begin(instance, &masked, &output) == MARRAM_ERROR && last_message_is("groom.animated_attribute"));
     attribute.animated = 0;
     attribute.values = NULL;
-    CHECK(type->begin(instance, &masked, &output) == MARRAM_ERROR && said("contract.frame"));
+    CHECK(type->begin(instance, &masked, &output) == MARRAM_ERROR && last_message_is("contract.frame"));
     type->destroy(instance);
 }
 

@@ -30,8 +30,8 @@ Vec3d straight_axis(const Vec3d& pivot, const Vec3d& start, double reach, const 
 }
 
 // Rotates the segment out of the colliders; false if no plane has a free direction.
-bool turn_out(SegmentTurn& turn, const Vec3d& pivot, const Vec3d& start, const Vec3d& axis, double length,
-              double c, const TriangleSet& set, bool straight_out) {
+bool rotate_out(SegmentTurn& turn, const Vec3d& pivot, const Vec3d& start, const Vec3d& axis, double length,
+                double c, const TriangleSet& set, bool straight_out) {
     if (!is_free(pivot, start, 0.0, c, set)) return false; // the pivot is too close, so no direction is free
     constexpr int planes = 8;
     for (int j = 0; j < planes; ++j) {
@@ -68,7 +68,7 @@ SegmentTurn turn_segment(const Vec3d& pivot, const Vec3d& start, const Vec3d& go
     result.axis = whole.axis;
     result.start_free = is_free(pivot, start, length, clearance, set);
     if (!result.start_free &&
-        !turn_out(result, pivot, start, whole.axis, length, clearance, set, straight_out)) {
+        !rotate_out(result, pivot, start, whole.axis, length, clearance, set, straight_out)) {
         result.unresolved = true;
         return result;
     }

@@ -10,10 +10,11 @@
 namespace marram::oracle {
 namespace {
 
-using Reached = std::vector<Triangle>; // triangles in reach of any direction, relative to the pivot
+using ReachableTriangles =
+    std::vector<Triangle>; // triangles in reach of any direction, relative to the pivot
 
-Reached in_reach(const Vec3d& pivot, double radius, const TriangleSet& set) {
-    Reached result;
+ReachableTriangles in_reach(const Vec3d& pivot, double radius, const TriangleSet& set) {
+    ReachableTriangles result;
     for (int i : set.within(pivot, pivot, radius * (1.0 + 1e-9))) { // allows for the sweep's rounding
         const Triangle& t = set.triangles()[size_t(i)];
         result.push_back({t.a - pivot, t.b - pivot, t.c - pivot});
@@ -21,15 +22,16 @@ Reached in_reach(const Vec3d& pivot, double radius, const TriangleSet& set) {
     return result;
 }
 
-Reached not_proven_free(const Sweep& sweep, double begin, double end, const Reached& triangles) {
-    Reached kept;
+ReachableTriangles not_proven_free(const Sweep& sweep, double begin, double end,
+                                   const ReachableTriangles& triangles) {
+    ReachableTriangles kept;
     for (const Triangle& t : triangles)
         if (!proven_free(sweep, 0.5 * (begin + end), 0.5 * (end - begin), t)) kept.push_back(t);
     return kept;
 }
 
 // Intervals examined so far in one search.
-struct Effort {
+struct SearchBudget {
     int intervals = 0;
 
     void spend() {
@@ -39,10 +41,10 @@ struct Effort {
     }
 };
 
-std::optional<double> contact_between(const Sweep& sweep, double begin, double end, const Reached& triangles,
-                                      Effort& effort) {
+std::optional<double> contact_between(const Sweep& sweep, double begin, double end,
+                                      const ReachableTriangles& triangles, SearchBudget& effort) {
     effort.spend();
-    const Reached kept = not_proven_free(sweep, begin, end, triangles);
+    const ReachableTriangles kept = not_proven_free(sweep, begin, end, triangles);
     if (kept.empty()) return std::nullopt;
     if (end - begin <= angle_tolerance) return begin;
     const double middle = 0.5 * (begin + end);
@@ -50,16 +52,16 @@ std::optional<double> contact_between(const Sweep& sweep, double begin, double e
     return before ? before : contact_between(sweep, middle, end, kept, effort);
 }
 
-bool blocked(const Sweep& sweep, double begin, double end, const Reached& triangles) {
+bool blocked(const Sweep& sweep, double begin, double end, const ReachableTriangles& triangles) {
     return std::any_of(triangles.begin(), triangles.end(), [&](const Triangle& t) {
         return !is_free(sweep, begin, t) && !is_free(sweep, end, t);
     });
 }
 
-std::optional<double> free_between(const Sweep& sweep, double begin, double end, const Reached& triangles,
-                                   Effort& effort) {
+std::optional<double> free_between(const Sweep& sweep, double begin, double end,
+                                   const ReachableTriangles& triangles, SearchBudget& effort) {
     effort.spend();
-    const Reached kept = not_proven_free(sweep, begin, end, triangles);
+    const ReachableTriangles kept = not_proven_free(sweep, begin, end, triangles);
     if (kept.empty()) return begin;
     if (end - begin <= angle_tolerance || blocked(sweep, begin, end, kept)) return std::nullopt;
     const double middle = 0.5 * (begin + end);
@@ -76,11 +78,12 @@ std::optional<double> in_parts(double whole, Search&& search) {
     return std::nullopt;
 }
 
-std::optional<double> contact_angle(Sweep sweep, double clearance, double whole, const Reached& triangles) {
+std::optional<double> contact_angle(Sweep sweep, double clearance, double whole,
+                                    const ReachableTriangles& triangles) {
     sweep.clearance = clearance;
     for (const Triangle& t : triangles)
         if (!is_free(sweep, 0.0, t)) return 0.0;
-    Effort effort;
+    SearchBudget effort;
     return in_parts(whole, [&](double begin, double end) {
         return contact_between(sweep, begin, end, triangles, effort);
     });
@@ -89,7 +92,7 @@ std::optional<double> contact_angle(Sweep sweep, double clearance, double whole,
 // How close a direction is to being free; 0 means free. In [-1, 0) it crosses nothing, and the kept fraction
 // of the clearance ranks it; below -1 it crosses, and the fraction of the segment before the first crossing
 // ranks it.
-double freedom(const Vec3d& pivot, const Vec3d& u, double length, double c, const TriangleSet& set) {
+double direction_score(const Vec3d& pivot, const Vec3d& u, double length, double c, const TriangleSet& set) {
     const Vec3d end = pivot + length * u;
     const std::vector<Hit> hits = set.crossings(pivot, end);
     if (!hits.empty()) return hits.front().crossing.parameter - 2.0;
@@ -98,7 +101,7 @@ double freedom(const Vec3d& pivot, const Vec3d& u, double length, double c, cons
 }
 
 struct Ranked {
-    double freedom;
+    double direction_score;
     Vec3d u;
 };
 
@@ -114,9 +117,9 @@ std::optional<Vec3d> refined(const Vec3d& pivot, Ranked best, double length, dou
             const uint64_t h = hash(seed, uint64_t(round * tries + i));
             const double angle = 2.0 * pi * unit_double(h), radius = cap * std::sqrt(unit_double(hash(h, 1)));
             const Vec3d u = (centre + radius * (x * std::cos(angle) + y * std::sin(angle))).normalized();
-            const double found = freedom(pivot, u, length, c, set);
+            const double found = direction_score(pivot, u, length, c, set);
             if (found >= 0.0) return u;
-            if (found > best.freedom) best = {found, u};
+            if (found > best.direction_score) best = {found, u};
         }
     }
     return std::nullopt;
@@ -126,7 +129,7 @@ std::optional<Vec3d> refined(const Vec3d& pivot, Ranked best, double length, dou
 
 bool is_free(const Vec3d& pivot, const Vec3d& u, double length, double c, const TriangleSet& set) {
     const Sweep sweep{u, Vec3d::Zero(), length, c};
-    const Reached triangles = in_reach(pivot, length + c, set);
+    const ReachableTriangles triangles = in_reach(pivot, length + c, set);
     return std::all_of(triangles.begin(), triangles.end(),
                        [&](const Triangle& t) { return is_free(sweep, 0.0, t); });
 }
@@ -134,7 +137,7 @@ bool is_free(const Vec3d& pivot, const Vec3d& u, double length, double c, const 
 Contact first_contact(const Vec3d& pivot, const Vec3d& u, const Vec3d& axis, double whole, double length,
                       double c, const TriangleSet& set, double margin) {
     const Sweep sweep{u, axis.cross(u), length, c};
-    const Reached triangles = in_reach(pivot, length + c + margin, set);
+    const ReachableTriangles triangles = in_reach(pivot, length + c + margin, set);
     Contact contact;
     const auto found = contact_angle(sweep, c, whole, triangles);
     contact.touches = found.has_value();
@@ -149,8 +152,8 @@ Contact first_contact(const Vec3d& pivot, const Vec3d& u, const Vec3d& axis, dou
 std::optional<double> first_free(const Vec3d& pivot, const Vec3d& u, const Vec3d& axis, double length,
                                  double c, const TriangleSet& set) {
     const Sweep sweep{u, axis.cross(u), length, c};
-    const Reached triangles = in_reach(pivot, length + c, set);
-    Effort effort;
+    const ReachableTriangles triangles = in_reach(pivot, length + c, set);
+    SearchBudget effort;
     return in_parts(2.0 * pi, [&](double begin, double end) {
         return free_between(sweep, begin, end, triangles, effort);
     });
@@ -164,12 +167,12 @@ std::optional<Vec3d> any_free_direction(const Vec3d& pivot, double length, doubl
     for (int i = 0; i < samples; ++i) { // a Fibonacci spiral over the sphere
         const double z = 1.0 - (2.0 * i + 1.0) / samples, r = std::sqrt(1.0 - z * z);
         const Vec3d u(r * std::cos(golden_angle * i), r * std::sin(golden_angle * i), z);
-        ranked.push_back({freedom(pivot, u, length, c, set), u});
-        if (ranked.back().freedom >= 0.0) return u;
+        ranked.push_back({direction_score(pivot, u, length, c, set), u});
+        if (ranked.back().direction_score >= 0.0) return u;
     }
     const size_t promising = std::min<size_t>(64, ranked.size());
     std::partial_sort(ranked.begin(), ranked.begin() + std::ptrdiff_t(promising), ranked.end(),
-                      [](const Ranked& a, const Ranked& b) { return a.freedom > b.freedom; });
+                      [](const Ranked& a, const Ranked& b) { return a.direction_score > b.direction_score; });
     const double spacing = 2.0 / std::sqrt(samples / pi);
     for (size_t i = 0; i < promising; ++i)
         if (const auto found = refined(pivot, ranked[i], length, c, spacing, set, i)) return found;

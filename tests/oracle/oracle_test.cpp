@@ -115,7 +115,7 @@ TEST(OracleBend, hard_strands_stay_finite) {
 }
 
 // Response of the oscillator, at rest at 0, to the target t from t = 0 on.
-double ramp_answer(double t, double omega, double zeta) {
+double ramp_response(double t, double omega, double zeta) {
     const double decay = std::exp(-zeta * omega * t);
     if (zeta == 1.0) return t - 2.0 / omega + decay * (2.0 / omega + t);
     const double w = omega * std::sqrt(std::abs(1.0 - zeta * zeta));
@@ -133,8 +133,8 @@ TEST(OracleJiggle, a_target_that_starts_to_move_is_followed_by_the_closed_form) 
             History history{{-1.0, 0.25, 0.5, 1.25, 2.0}, {}};
             for (double t : history.times) history.poses.push_back({slope * std::clamp(t - 0.25, 0.0, 1.0)});
             for (double t : {0.1, 0.3, 1.0, 1.25, 1.9, 3.0}) {
-                double expected = t > 0.25 ? ramp_answer(t - 0.25, omega, zeta) : 0.0;
-                if (t > 1.25) expected -= ramp_answer(t - 1.25, omega, zeta);
+                double expected = t > 0.25 ? ramp_response(t - 0.25, omega, zeta) : 0.0;
+                if (t > 1.25) expected -= ramp_response(t - 1.25, omega, zeta);
                 const Vec3d found = filtered_pose(history, {omega}, zeta, t)[0];
                 // sinh and cosh of the closed form cancel for zeta > 1, which costs some digits.
                 worst = std::max(worst, (found - slope * expected).norm());

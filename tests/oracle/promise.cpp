@@ -11,7 +11,7 @@ int crossed_segments(const std::vector<Vec3d>& cvs, const TriangleSet& set) {
     return crossed;
 }
 
-Vec3d drawn_point(const std::vector<Vec3d>& cvs, Spline spline, size_t segment, double t) {
+Vec3d spline_point(const std::vector<Vec3d>& cvs, Spline spline, size_t segment, double t) {
     const size_t last = cvs.size() - 1;
     const Vec3d& b = cvs[segment];
     const Vec3d& c = cvs[segment + 1];
@@ -27,15 +27,15 @@ Vec3d drawn_point(const std::vector<Vec3d>& cvs, Spline spline, size_t segment, 
            2.0;
 }
 
-std::vector<double> deepest_dips(const std::vector<Vec3d>& cvs, const std::vector<double>& radius,
-                                 Spline spline, int samples, double reach, const TriangleSet& set) {
+std::vector<double> deepest_penetrations(const std::vector<Vec3d>& cvs, const std::vector<double>& radius,
+                                         Spline spline, int samples, double reach, const TriangleSet& set) {
     std::vector<double> dips(cvs.size() - 1, -reach);
     for (size_t k = 0; k + 1 < cvs.size(); ++k) {
         double away = 0.0; // greatest distance of the curve from the polygon's segment
         for (int i = 0; i <= samples; ++i) {
             const double t = double(i) / samples;
             const Vec3d polygon = cvs[k] + t * (cvs[k + 1] - cvs[k]);
-            away = std::max(away, (drawn_point(cvs, spline, k, t) - polygon).norm());
+            away = std::max(away, (spline_point(cvs, spline, k, t) - polygon).norm());
         }
         const double widest = std::max(radius[k], radius[k + 1]);
         const double far =
@@ -43,7 +43,7 @@ std::vector<double> deepest_dips(const std::vector<Vec3d>& cvs, const std::vecto
         if (set.nearest(cvs[k], cvs[k + 1], far).triangle < 0) continue;
         for (int i = 0; i <= samples; ++i) {
             const double t = double(i) / samples;
-            const Vec3d point = drawn_point(cvs, spline, k, t), polygon = cvs[k] + t * (cvs[k + 1] - cvs[k]);
+            const Vec3d point = spline_point(cvs, spline, k, t), polygon = cvs[k] + t * (cvs[k + 1] - cvs[k]);
             const double r = radius[k] + t * (radius[k + 1] - radius[k]);
             const bool inside = set.any_crossing(polygon, point);
             const double limit = inside ? TriangleSet::no_limit : r + reach;

@@ -19,12 +19,12 @@ namespace marram::oracle {
 int crossed_segments(const std::vector<Vec3d>& cvs, const TriangleSet& set);
 
 enum class Spline { b_spline, catmull_rom };
-Vec3d drawn_point(const std::vector<Vec3d>& cvs, Spline spline, size_t segment, double t);
+Vec3d spline_point(const std::vector<Vec3d>& cvs, Spline spline, size_t segment, double t);
 
 // The deepest penetration on each segment, from `samples` + 1 points per segment; between samples it is
 // deeper by at most half their distance on the curve. Values below -`reach` are returned as -reach. radius:
 // per CV, linear between CVs.
-std::vector<double> deepest_dips(const std::vector<Vec3d>& cvs, const std::vector<double>& radius,
-                                 Spline spline, int samples, double reach, const TriangleSet& set);
+std::vector<double> deepest_penetrations(const std::vector<Vec3d>& cvs, const std::vector<double>& radius,
+                                         Spline spline, int samples, double reach, const TriangleSet& set);
 
 } // namespace marram::oracle

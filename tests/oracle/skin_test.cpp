@@ -110,18 +110,18 @@ TEST(OraclePromise, crossed_segments_are_counted) {
 TEST(OraclePromise, splines_meet_their_closed_forms) {
     const std::vector<Vec3d> cvs{{0, 0, 0}, {1, 2, 0}, {3, 1, 1}, {4, 4, 2}};
     for (size_t k = 0; k < 3; ++k) {
-        EXPECT_NEAR((drawn_point(cvs, Spline::catmull_rom, k, 0.0) - cvs[k]).norm(), 0.0, 1e-15);
-        EXPECT_NEAR((drawn_point(cvs, Spline::catmull_rom, k, 1.0) - cvs[k + 1]).norm(), 0.0, 1e-15);
+        EXPECT_NEAR((spline_point(cvs, Spline::catmull_rom, k, 0.0) - cvs[k]).norm(), 0.0, 1e-15);
+        EXPECT_NEAR((spline_point(cvs, Spline::catmull_rom, k, 1.0) - cvs[k + 1]).norm(), 0.0, 1e-15);
     }
     for (size_t k = 1; k < 3; ++k)
         EXPECT_NEAR(
-            (drawn_point(cvs, Spline::b_spline, k, 0.0) - (cvs[k - 1] + 4.0 * cvs[k] + cvs[k + 1]) / 6.0)
+            (spline_point(cvs, Spline::b_spline, k, 0.0) - (cvs[k - 1] + 4.0 * cvs[k] + cvs[k + 1]) / 6.0)
                 .norm(),
             0.0, 1e-15);
-    EXPECT_NEAR((drawn_point(cvs, Spline::b_spline, 0, 0.0) - cvs[0]).norm(), 0.0, 1e-15)
+    EXPECT_NEAR((spline_point(cvs, Spline::b_spline, 0, 0.0) - cvs[0]).norm(), 0.0, 1e-15)
         << "by the phantom CV";
-    EXPECT_NEAR((drawn_point(cvs, Spline::b_spline, 2, 1.0) - cvs[3]).norm(), 0.0, 1e-15);
-    EXPECT_NEAR((drawn_point({{0, 0, 0}, {2, 0, 0}}, Spline::b_spline, 0, 0.5) - x).norm(), 0.0, 1e-15);
+    EXPECT_NEAR((spline_point(cvs, Spline::b_spline, 2, 1.0) - cvs[3]).norm(), 0.0, 1e-15);
+    EXPECT_NEAR((spline_point({{0, 0, 0}, {2, 0, 0}}, Spline::b_spline, 0, 0.5) - x).norm(), 0.0, 1e-15);
 }
 
 TEST(OraclePromise, a_curve_that_cuts_the_corner_dips_by_what_it_cuts) {
@@ -130,12 +130,12 @@ TEST(OraclePromise, a_curve_that_cuts_the_corner_dips_by_what_it_cuts) {
                              {Vec3d(-0.01, 0.8, -9), Vec3d(0.01, 0.8, 9), Vec3d(0.01, 0.8, -9)}});
     const std::vector<Vec3d> cvs{{-1, 0, 0.5}, {0, 1, 0.5}, {1, 0, 0.5}};
     const double r = 0.01;
-    const std::vector<double> dips = deepest_dips(cvs, {r, r, r}, Spline::b_spline, 64, 1.0, plate);
+    const std::vector<double> dips = deepest_penetrations(cvs, {r, r, r}, Spline::b_spline, 64, 1.0, plate);
     EXPECT_NEAR(dips[0], r + 0.8 - 2.0 / 3.0, 1e-12);
     EXPECT_NEAR(dips[1], r + 0.8 - 2.0 / 3.0, 1e-12);
     const std::vector<double> above =
-        deepest_dips({{0, 0.3, 0}, {1, 0.3, 0}, {2, 0.3, 0}}, {0.1, 0.1, 0.2}, Spline::catmull_rom, 16, 1.0,
-                     TriangleSet(floor_mesh(0.0, 10.0)));
+        deepest_penetrations({{0, 0.3, 0}, {1, 0.3, 0}, {2, 0.3, 0}}, {0.1, 0.1, 0.2}, Spline::catmull_rom,
+                             16, 1.0, TriangleSet(floor_mesh(0.0, 10.0)));
     EXPECT_NEAR(above[0], 0.1 - 0.3, 1e-15);
     EXPECT_NEAR(above[1], 0.2 - 0.3, 1e-15);
 }

@@ -14,7 +14,7 @@ struct Range {
 };
 
 // True if a slab perpendicular to n and wider than c separates the points s0 to s1 from the triangle.
-bool parted(const Range& range, double s0, double s1, double c, const Triangle& t, const Vec3d& n) {
+bool separated(const Range& range, double s0, double s1, double c, const Triangle& t, const Vec3d& n) {
     if (!(n.squaredNorm() > 0.5)) return false; // the zero vector of a degenerate triangle
     const double a = n.dot(range.u), b = n.dot(range.ahead);
     const double fixed = a * std::cos(range.half), turning = std::abs(b * std::sin(range.half));
@@ -23,14 +23,14 @@ bool parted(const Range& range, double s0, double s1, double c, const Triangle& 
     return std::min(s0 * lowest, s1 * lowest) - std::max({n.dot(t.a), n.dot(t.b), n.dot(t.c)}) > c;
 }
 
-bool parted_by_any(const Range& range, double s0, double s1, double c, const Triangle& t,
-                   const Vec3d& first) {
-    if (parted(range, s0, s1, c, t, first)) return true;
+bool separated_by_any(const Range& range, double s0, double s1, double c, const Triangle& t,
+                      const Vec3d& first) {
+    if (separated(range, s0, s1, c, t, first)) return true;
     const Vec3d u = range.u;
     for (const Vec3d& n :
          {area_normal(t), Vec3d(u.cross(t.b - t.a)), Vec3d(u.cross(t.c - t.b)), Vec3d(u.cross(t.a - t.c))}) {
         const Vec3d unit = n.stableNormalized();
-        if (parted(range, s0, s1, c, t, unit) || parted(range, s0, s1, c, t, -unit)) return true;
+        if (separated(range, s0, s1, c, t, unit) || separated(range, s0, s1, c, t, -unit)) return true;
     }
     return false;
 }
@@ -40,7 +40,7 @@ bool part_is_free(const Range& range, double s0, double s1, double c, const Tria
     if (!(nearest.distance > c)) return false;
     if (nearest.distance - 2.0 * s1 * std::sin(0.5 * std::min(range.half, pi)) > c) return true;
     const Vec3d n = (nearest.on_segment - nearest.on_triangle) / nearest.distance;
-    if (parted_by_any(range, s0, s1, c, t, n)) return true;
+    if (separated_by_any(range, s0, s1, c, t, n)) return true;
     const double middle = 0.5 * (s0 + s1);
     return cuts > 0 && part_is_free(range, s0, middle, c, t, cuts - 1) &&
            part_is_free(range, middle, s1, c, t, cuts - 1);

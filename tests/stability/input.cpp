@@ -64,7 +64,7 @@ Bad scene_of(const std::string& head, const std::vector<Line>& lines, const std:
 
 // Number of bad lines that are not reported by line with exit code 2; also counts a run that writes
 // something.
-int unnoticed(const Bad& bad, const std::string& what) {
+int count_unreported(const Bad& bad, const std::string& what) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", bad.text);
     folder.write("old.exr", "an old picture");
@@ -105,8 +105,9 @@ TEST(Input, not_a_number_in_any_parameter_of_the_wind) {
                 control.push_back({name, name.substr(list + 3) + " = " + value});
         }
         tried += int(lines.size() + control.size());
-        passed += unnoticed(scene_of(head + "[wind]\n", lines, groom_head + groom_rest), "wind, " + bad);
-        passed += unnoticed(
+        passed +=
+            count_unreported(scene_of(head + "[wind]\n", lines, groom_head + groom_rest), "wind, " + bad);
+        passed += count_unreported(
             scene_of(head + plain_wind + "[[wind.gusts.control]]\n", control, groom_head + groom_rest),
             "gust control, " + bad);
     }
@@ -135,7 +136,7 @@ TEST(Input, not_a_number_in_any_parameter_of_a_groom) {
                 lines.push_back({elements[i].key, (i == 0 ? list + " = [" : "") + elements[i].text +
                                                       (i + 1 == elements.size() ? "]" : "")});
         tried += int(lines.size());
-        passed += unnoticed(scene_of(head + plain_wind + groom_head, lines, ""), "groom, " + bad);
+        passed += count_unreported(scene_of(head + plain_wind + groom_head, lines, ""), "groom, " + bad);
     }
     std::printf("  %d values in the groom\n", tried);
     EXPECT_GT(tried, 60);
@@ -162,28 +163,30 @@ TEST(Input, one_bad_number_alone_is_refused) {
     }
     EXPECT_GT(scenes.size(), 30u);
     std::atomic<int> passed = 0;
-    tbb::parallel_for(size_t(0), scenes.size(), [&](size_t i) { passed += unnoticed(scenes[i], "alone"); });
+    tbb::parallel_for(size_t(0), scenes.size(),
+                      [&](size_t i) { passed += count_unreported(scenes[i], "alone"); });
     none("one NaN alone in the wind: not refused", passed, "values");
 }
 
 TEST(Input, not_a_number_elsewhere) {
     int passed = 0;
     for (const std::string bad : bad_numbers) {
-        passed += unnoticed(scene_of("frames = [1, 10]\n[camera]\n",
-                                     {{"position", "position = [0, " + bad + ", 4]"},
-                                      {"target", "target = [" + bad + ", 0, 0]"},
-                                      {"fov", "fov = " + bad},
-                                      {"focus", "focus = " + bad}},
-                                     "[film]\nsize = [24, 16]\n" + groom_head + groom_rest +
-                                         "[[mesh]]\nname = \"ground\"\ntype = \"plane\"\nsize = [2, 2]\n"),
-                            "camera, " + bad);
+        passed +=
+            count_unreported(scene_of("frames = [1, 10]\n[camera]\n",
+                                      {{"position", "position = [0, " + bad + ", 4]"},
+                                       {"target", "target = [" + bad + ", 0, 0]"},
+                                       {"fov", "fov = " + bad},
+                                       {"focus", "focus = " + bad}},
+                                      "[film]\nsize = [24, 16]\n" + groom_head + groom_rest +
+                                          "[[mesh]]\nname = \"ground\"\ntype = \"plane\"\nsize = [2, 2]\n"),
+                             "camera, " + bad);
         for (const Line& line : {Line{"size", "size = [1, 1, " + bad + "]"},
                                  Line{"translate", "transform = { translate = [0, " + bad + ", 0] }"},
                                  Line{"rotate", "transform = { rotate = [" + bad + ", 0, 0] }"},
                                  Line{"scale", "transform = { scale = [1, 1, " + bad + "] }"},
                                  Line{"frame", "transform = { keys = [{ frame = " + bad + " }] }"}})
-            passed += unnoticed(scene_of(head + "[[mesh]]\nname = \"box\"\ntype = \"box\"\n", {line}, ""),
-                                "mesh, " + bad);
+            passed += count_unreported(
+                scene_of(head + "[[mesh]]\nname = \"box\"\ntype = \"box\"\n", {line}, ""), "mesh, " + bad);
     }
     none("NaN and infinity in camera and meshes: not refused", passed, "values");
 }

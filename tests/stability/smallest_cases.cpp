@@ -26,14 +26,14 @@ std::vector<Blocked> blocked_by(const Triangle& t, double clearance, double end 
 
 // Maximum depth, in lengths, by which a turn outside of all intervals is blocked, and by which one inside is
 // free.
-struct Wrong {
+struct IntervalError {
     double missed = 0.0, invented = 0.0, ends = 0.0; // ends: error of the interval's ends
 };
-Wrong wrong(const Triangle& t, double clearance) {
+IntervalError interval_error(const Triangle& t, double clearance) {
     const std::vector<Blocked> blocked = blocked_by(t, clearance);
-    Wrong result;
+    IntervalError result;
     const auto room_at = [&](double p) {
-        const Vec2d cs = undiamond(p);
+        const Vec2d cs = from_diamond(p);
         return oracle::closest(Vec3d::Zero(), Vec3d(cs.x(), cs.y(), 0), t).distance - clearance;
     };
     for (const Blocked& b : blocked)
@@ -68,11 +68,12 @@ TEST(SmallestCases, an_edge_that_the_end_is_beside_all_the_way_round) {
     const Triangle slanted{{-0.17695472903534887, 1.0810354548170571, 0.67055650138846756},
                            {-0.17695470923876744, 1.0810353298722895, -0.6705564769394049},
                            {-0.28527667088312308, 1.7427849325344, -5.3941843214388996e-08}};
-    row("edge across the plane: blocked turns missed", wrong(slanted, 0.211).missed, 1e-8, "of the length");
+    row("edge across the plane: blocked turns missed", interval_error(slanted, 0.211).missed, 1e-8,
+        "of the length");
     const Triangle oblique{{0.67302332749625593, 0.66698329708500737, 0.24493530042586462},
                            {0.11547694170002865, 1.5321593380842511, -0.19446857800316875},
                            {0.2651978166202153, -0.41473827699789939, 1.235952847224405}};
-    row("oblique edge: blocked turns missed", wrong(oblique, 0.286).missed, 1e-8, "of the length");
+    row("oblique edge: blocked turns missed", interval_error(oblique, 0.286).missed, 1e-8, "of the length");
 }
 
 // The same function: a window that is blocked at both ends and free in the middle.
@@ -80,7 +81,8 @@ TEST(SmallestCases, an_edge_whose_window_is_blocked_at_both_ends) {
     const Triangle t{{-1.3015711227112228, 2.7299429154451134, 0.93040389922075373},
                      {-1.2260416161781702, 2.4624718412926621, 1.6635041327451703},
                      {-1.8087500197757898, 2.7702218843802324, 1.4106442722432093}};
-    row("window blocked at both ends: end of the interval", wrong(t, 2.9999333).ends, 1e-8, "of the length");
+    row("window blocked at both ends: end of the interval", interval_error(t, 2.9999333).ends, 1e-8,
+        "of the length");
 }
 
 // contact.cpp, first_root(): 200 steps of a parabola with the circle's curvature were not enough if the edge
@@ -89,7 +91,7 @@ TEST(SmallestCases, an_edge_that_runs_along_the_circle) {
     const Triangle t{{0.9646434174128764, 0.32025752410550945, 0.00063173533663201005},
                      {0.78864522839470164, 0.6419663456204987, -0.00063173419275642378},
                      {1.0373818644638396, 0.56932647808314085, 4.9412344795690677e-08}};
-    row("edge along the circle: free turns called blocked", wrong(t, 1.73e-5).invented, 1e-7,
+    row("edge along the circle: free turns called blocked", interval_error(t, 1.73e-5).invented, 1e-7,
         "of the length");
 }
 

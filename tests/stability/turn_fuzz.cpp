@@ -274,7 +274,7 @@ void fuzz_interval(Kind kind) {
             double at = 0.0, by = 0.0;
             for (int k = 0; k <= turns && !fault; ++k) {
                 const double p = end * k / turns;
-                const Vec2d cs = undiamond(p);
+                const Vec2d cs = from_diamond(p);
                 const Vec3d tip = s.pivot + s.length * turning.direction(cs.x(), cs.y());
                 const double room = oracle::closest(s.pivot, tip, t).distance - s.clearance;
                 const double margin = 1e-8 * s.length;
@@ -289,7 +289,7 @@ void fuzz_interval(Kind kind) {
             }
             for (const Blocked& b : blocked)
                 for (const double p : {b.low, b.high}) {
-                    const Vec2d cs = undiamond(p);
+                    const Vec2d cs = from_diamond(p);
                     const Vec3d tip = s.pivot + s.length * turning.direction(cs.x(), cs.y());
                     const double room = oracle::closest(s.pivot, tip, t).distance - s.clearance;
                     if (fault || std::abs(room) <= 1e-8 * s.length) continue;
@@ -373,7 +373,7 @@ void fuzz_first(Kind kind) {
                                           : (is ? infinity : 0.0);
         // At a grazing contact turns are ill-conditioned: compare distances instead.
         if (off > 1e-10 && off < infinity) {
-            const Vec2d cs = undiamond(found.turn);
+            const Vec2d cs = from_diamond(found.turn);
             const Vec3d tip = s.length * turning.direction(cs.x(), cs.y());
             double room = infinity;
             for (const Triangle& t : alone)

@@ -428,7 +428,7 @@ InputFile open_if_image(const std::string& path) {
     return input;
 }
 
-bool reads_to_its_end(OIIO::ImageInput& input) {
+bool is_readable_to_end(OIIO::ImageInput& input) {
     const OIIO::ImageSpec spec = input.spec();
     if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1 || spec.deep) return false;
     const int64_t row = int64_t(spec.width) * spec.nchannels;
@@ -461,7 +461,7 @@ std::optional<std::string> read_metadata(const std::string& path, const std::str
 std::optional<std::string> whole_metadata(const std::string& path, const std::string& key) {
     const QuietPng quiet(path);
     const InputFile input = open_if_image(path);
-    if (!input || !reads_to_its_end(*input)) return std::nullopt;
+    if (!input || !is_readable_to_end(*input)) return std::nullopt;
     return text_of(input->spec(), key);
 }
 

@@ -14,7 +14,7 @@
 // Tiles of 32 x 32 quads sleep. A tile wakes if one of its quads exceeds the static angle or a neighbouring
 // tile moved sand. In an awake tile all quads above the dynamic angle plus 0.1 degrees move towards the
 // dynamic angle. (Without that slack they would converge unit by unit.) Sweeps end when all tiles sleep, or
-// after `most_sweeps`; the rest is left for the next time step. Sand supplied at the top of a face of n cells
+// after `max_sweeps`; the rest is left for the next time step. Sand supplied at the top of a face of n cells
 // needs n^2 / 10 sweeps to reach its foot. Under steady supply this does not matter: the face is slightly
 // steeper, in proportion to the supply, by half a degree at the longest stable time step.
 //
@@ -34,7 +34,7 @@ namespace marram {
 namespace {
 
 constexpr int avalanche_side = 32;     // quads along a tile's side
-constexpr double avalanche_part = 0.4; // w
+constexpr double avalanche_rate = 0.4; // w
 constexpr double avalanche_slack = 0.1 * degree;
 
 // Sets tiles[] where a quad between two rows is too steep. `limit`: square of twice the height difference.
@@ -77,14 +77,14 @@ bool avalanche_moves(const AvalancheGrid& grid, int tile_row, int tile_column, d
             const size_t next = size_t(grid.column(j + 1)), here = size_t(j);
             const double sa = sand[upper + here], sb = sand[upper + next], sc = sand[lower + here],
                          sd = sand[lower + next];
-            const double a = double(ground[upper + here]) * sand_units_a_metre + sa,
-                         b = double(ground[upper + next]) * sand_units_a_metre + sb,
-                         c = double(ground[lower + here]) * sand_units_a_metre + sc,
-                         d = double(ground[lower + next]) * sand_units_a_metre + sd;
+            const double a = double(ground[upper + here]) * sand_units_per_metre + sa,
+                         b = double(ground[upper + next]) * sand_units_per_metre + sb,
+                         c = double(ground[lower + here]) * sand_units_per_metre + sc,
+                         d = double(ground[lower + next]) * sand_units_per_metre + sd;
             const double gb = 0.5 * ((b - a) + (d - c)), ga = 0.5 * ((c - a) + (d - b));
             const double square = gb * gb + ga * ga;
             if (!(square > still * still)) continue;
-            const double k = 0.5 * avalanche_part * (1.0 - stops / std::sqrt(square));
+            const double k = 0.5 * avalanche_rate * (1.0 - stops / std::sqrt(square));
             const double d1 = std::trunc(std::clamp(k * (gb + ga), -0.25 * sa, 0.25 * sd));
             const double d2 = std::trunc(std::clamp(k * (ga - gb), -0.25 * sb, 0.25 * sc));
             double* const move = moves + 2 * (size_t(i - i0) * avalanche_side + size_t(j - j0));
@@ -132,13 +132,13 @@ int Avalanche::run(int rows, int columns, bool periodic, double cell, const Aval
         }
     });
 
-    const double stops = std::tan(settings.stops) * cell * sand_units_a_metre;
-    const double still = std::tan(settings.stops + avalanche_slack) * cell * sand_units_a_metre;
+    const double stops = std::tan(settings.stops) * cell * sand_units_per_metre;
+    const double still = std::tan(settings.stops + avalanche_slack) * cell * sand_units_per_metre;
     std::vector<int> slots(grid.tiles(), -1);
     std::vector<int> list, gathered;
     std::vector<char> moved, touched(grid.tiles());
     int sweep = 0;
-    for (; sweep < settings.most_sweeps; ++sweep) {
+    for (; sweep < settings.max_sweeps; ++sweep) {
         list.clear();
         for (size_t t = 0; t < awake.size(); ++t) {
             slots[t] = awake[t] ? int(list.size()) : -1;
@@ -199,7 +199,7 @@ int Avalanche::run(int rows, int columns, bool periodic, double cell, const Aval
                     if (sum == 0.0) continue;
                     const size_t at = size_t(i) * pitch + size_t(j);
                     sand[at] += sum;
-                    height[at] = float(double(ground[at]) + sand[at] * (1.0 / sand_units_a_metre));
+                    height[at] = float(double(ground[at]) + sand[at] * (1.0 / sand_units_per_metre));
                 }
         });
     }

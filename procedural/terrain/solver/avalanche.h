@@ -12,7 +12,7 @@ namespace marram {
 struct AvalancheSettings {
     double starts = 34.0 * degree; // static angle of repose, radians
     double stops = 33.0 * degree;  // dynamic angle of repose
-    int most_sweeps = 40;          // per call
+    int max_sweeps = 40;           // per call
     bool operator==(const AvalancheSettings&) const = default;
 };
 

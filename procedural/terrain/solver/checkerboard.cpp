@@ -42,7 +42,7 @@ MARRAM_HOT void checker_fill(const float* ground, const float* flux, const doubl
                   *const f = row.flux.data() + checker_pad;
     for (int b = 0; b < columns; ++b) {
         s[b] = sand[b];
-        h[b] = double(ground[b]) * sand_units_a_metre + sand[b];
+        h[b] = double(ground[b]) * sand_units_per_metre + sand[b];
         f[b] = double(flux[b]);
     }
     for (double* field : {h, s, f}) field[-1] = field[columns - 1], field[columns] = field[0];

@@ -55,7 +55,7 @@ struct SeparationRay {
 
 // Traces the streamline from the brink at `start` in steps of `step` (1 or -1). Returns the first sample at
 // or beyond the point where it meets the ground.
-int separation_fill(const SeparationRay& ray, double cell, int start, int step, double steepest) {
+int separation_trace_bubble(const SeparationRay& ray, double cell, int start, int step, double steepest) {
     const double brink = double(ray.at(start));
     const int before = start - step;
     const double slope = before >= 0 && before < ray.length ? (brink - double(ray.at(before))) / cell : 0.0;
@@ -130,7 +130,7 @@ void separation_sweep(const float* height, float* excess, int length, double cel
         for (int lane = 0; lane < separation_rays; ++lane)
             if (here[lane] - next[lane] > fall && (n - free_from[lane]) * step >= 0)
                 free_from[lane] =
-                    separation_fill({height + lane, excess + lane, length}, cell, n, step, steepest);
+                    separation_trace_bubble({height + lane, excess + lane, length}, cell, n, step, steepest);
     }
 }
 
@@ -138,14 +138,14 @@ struct SeparationOffset {
     int whole;
     float part;
 };
-SeparationOffset separation_offset(const DuneCourse& course, int step) {
+SeparationOffset separation_offset(const DownwindGrid& course, int step) {
     const double shift = step * course.drift, whole = std::floor(shift);
     return {int(whole), float(shift - whole)};
 }
 
 } // namespace
 
-void Separation::find(const DuneCourse& course, const SeparationSettings& settings, const float* height,
+void Separation::find(const DownwindGrid& course, const SeparationSettings& settings, const float* height,
                       double range, size_t pitch, float* excess) {
     const int rows = course.rows, columns = course.columns;
     const double pace = course.cell * std::hypot(1.0, course.drift); // length of a ray from row to row

@@ -9,7 +9,7 @@
 namespace marram {
 
 // How the wind crosses the grid. All downwind stages advance from row to row, never along a row.
-struct DuneCourse {
+struct DownwindGrid {
     int rows = 0, columns = 0;
     bool periodic = false; // else the ground continues beyond the border at the border's height
     double cell = 1.0;
@@ -30,8 +30,8 @@ struct SeparationSettings {
 // bubble). `height`, `excess`: rows of `pitch` floats. `range`: highest minus lowest height.
 class Separation {
   public:
-    void find(const DuneCourse& course, const SeparationSettings& settings, const float* height, double range,
-              size_t pitch, float* excess);
+    void find(const DownwindGrid& course, const SeparationSettings& settings, const float* height,
+              double range, size_t pitch, float* excess);
 
   private:
     WideVector<float> rays_;

@@ -64,8 +64,8 @@
 namespace marram {
 namespace {
 
-constexpr double solver_deepest = 0x1p18; // metres; whole units of it are exact in a double
-constexpr size_t solver_slack = 16;       // padding after the last row: loaded but without effect
+constexpr double solver_max_height = 0x1p18; // metres; whole units of it are exact in a double
+constexpr size_t solver_slack = 16;          // padding after the last row: loaded but without effect
 
 template <typename T, typename U>
 void solver_transpose(const T* from, int rows, int columns, size_t from_pitch, U* to, size_t to_pitch) {
@@ -103,14 +103,14 @@ class SolverClock {
 
 MARRAM_HOT void solver_heights(const float* ground, const double* sand, int count, float* height) {
     for (int b = 0; b < count; b += lanes) {
-        const VDouble metres = to_double(vload(ground + b)) + vload(sand + b) * (1.0 / sand_units_a_metre);
+        const VDouble metres = to_double(vload(ground + b)) + vload(sand + b) * (1.0 / sand_units_per_metre);
         vstore(height + b, to_float(metres));
     }
 }
 
 // height + part (height - before). Extends least and most by its range.
-MARRAM_HOT void solver_ahead(const float* height, const float* before, int columns, float part, float* out,
-                             float& least, float& most) {
+MARRAM_HOT void solver_extrapolate(const float* height, const float* before, int columns, float part,
+                                   float* out, float& least, float& most) {
     VFloat low = splat_float(least), high = splat_float(most);
     int b = 0;
     for (; b + lanes <= columns; b += lanes) {
@@ -164,9 +164,9 @@ std::string DuneSolver::problem(const Domain& domain, const DuneSolverSettings& 
     if (domain.nx < 1 || domain.nz < 1) return "needs at least one sample along each axis";
     if (!(domain.cell > 0.0) || !std::isfinite(domain.cell)) return "the cell must be above 0";
     for (size_t k = 0; k < domain.count(); ++k) {
-        if (!(std::abs(bedrock[k]) <= float(solver_deepest)))
+        if (!(std::abs(bedrock[k]) <= float(solver_max_height)))
             return "bedrock is not a number, or beyond 2^18 m";
-        if (sand[k] < 0 || sand_metres(sand[k]) > solver_deepest)
+        if (sand[k] < 0 || sand_metres(sand[k]) > solver_max_height)
             return "sand is below 0, or deeper than 2^18 m";
     }
     const SandPhysics& p = settings.physics;
@@ -253,8 +253,8 @@ void DuneSolver::surface() {
     std::vector<float> most(size_t(rows_), -std::numeric_limits<float>::infinity());
     tbb::parallel_for(0, rows_, [&](int r) {
         const size_t at = size_t(r) * pitch();
-        solver_ahead(height_.data() + at, before_.data() + at, columns_, float(part), air_height_.data() + at,
-                     least[size_t(r)], most[size_t(r)]);
+        solver_extrapolate(height_.data() + at, before_.data() + at, columns_, float(part),
+                           air_height_.data() + at, least[size_t(r)], most[size_t(r)]);
     });
     range_ = double(*std::max_element(most.begin(), most.end())) -
              double(*std::min_element(least.begin(), least.end()));
@@ -314,15 +314,15 @@ double DuneSolver::stable_step(double stress) const {
     return rate > 0.0 ? settings_.stability / rate : infinity;
 }
 
-void DuneSolver::march(const DuneCourse& course, double wind_row, const SandWind& wind,
-                       const SaturationPeak& peak, double seconds) {
+void DuneSolver::march(const DownwindGrid& course, double wind_row, const SandWind& wind,
+                       const SaturationMaxima& peak, double seconds) {
     const bool periodic = settings_.border == DuneBorder::periodic;
     const size_t axis = transposed_ ? 1 : 0;
     const SaturationFields air = {along_flux_.data(), across_relax_.data(), excess_turn_.data(),
                                   envelope_reach_.data()};
     March::Input input;
     input.air = &air, input.sand = sand_.data(), input.influx = settings_.influx, input.turn = peak.turn;
-    input.scale = seconds * sand_units_a_metre / (settings_.physics.bulk_density * domain_.cell);
+    input.scale = seconds * sand_units_per_metre / (settings_.physics.bulk_density * domain_.cell);
     std::fill(front_.begin(), front_.end(), 0.0);
     std::vector<double>& seam = state_.seam_flux[axis];
     std::vector<SandUnits>& airborne = state_.airborne[axis];
@@ -383,8 +383,8 @@ double DuneSolver::step(const SandWind& wind, double seconds) {
     orient(std::abs(x) > std::abs(z));
     const double wind_row = transposed_ ? x : z, wind_column = transposed_ ? z : x;
     const bool periodic = settings_.border == DuneBorder::periodic;
-    const DuneCourse course = {rows_,        columns_,       periodic,
-                               domain_.cell, wind_row < 0.0, wind_column / std::abs(wind_row)};
+    const DownwindGrid course = {rows_,        columns_,       periodic,
+                                 domain_.cell, wind_row < 0.0, wind_column / std::abs(wind_row)};
     surface();
     {
         const SolverClock clock(times_.separation);
@@ -398,7 +398,7 @@ double DuneSolver::step(const SandWind& wind, double seconds) {
                                                   envelope_reach_.data(), rows_, columns_, along_flux_.data(),
                                                   across_relax_.data());
     }
-    SaturationPeak peak;
+    SaturationMaxima peak;
     {
         const SolverClock clock(times_.saturation);
         const AirFields air = {air_height_.data(), excess_turn_.data(), along_flux_.data(),

@@ -102,8 +102,8 @@ class DuneSolver {
     void set_plants();
     void grow(double seconds);
     double stable_step(double stress) const;
-    void march(const DuneCourse& course, double wind_row, const SandWind& wind, const SaturationPeak& peak,
-               double seconds);
+    void march(const DownwindGrid& course, double wind_row, const SandWind& wind,
+               const SaturationMaxima& peak, double seconds);
 
     size_t pitch() const { return size_t(Shear::pitch(columns_)); }
 

@@ -90,7 +90,7 @@ struct SaturationRow {
     double half_cell;          // half a cell / L_sat
 };
 
-MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
+MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
     const VFloat none = splat_float(0.0F), one = splat_float(1.0F);
     VFloat most = none, most_flux = none, most_turn = none;
     for (int b = 0; b < row.count; b += lanes) {
@@ -134,7 +134,7 @@ MARRAM_HOT SaturationPeak transport_saturate(const SaturationRow& row) {
         vstore(row.gain + b, 0.5F * row.side_slope * (one - u_column * u_column) / ahead);
         vstore(row.rise + b, g_column);
     }
-    SaturationPeak peak;
+    SaturationMaxima peak;
     for (int l = 0; l < lanes; ++l)
         peak.stress = std::max(peak.stress, double(most[l])),
         peak.flux = std::max(peak.flux, double(most_flux[l])),
@@ -186,7 +186,7 @@ MARRAM_INLINE VFloat transport_slope(VFloat a, VFloat b, VFloat c) { // van Leer
     return product > 0.0F ? 2.0F * product / (rise + next) : splat_float(0.0F);
 }
 
-MARRAM_HOT void transport_sample(const MarchStrip& s) {
+MARRAM_HOT void transport_flux_origin(const MarchStrip& s) {
     for (int b = 0; b < s.wide; b += lanes) {
         const VFloat here = vload(s.saturated + b), none = splat_float(0.0F);
         const VFloat down = transport_slope(vload(s.before + b), here, vload(s.after + b));
@@ -301,11 +301,11 @@ double SandPhysics::saturated_flux(double shear_velocity) const {
            std::max(0.0, shear_velocity * shear_velocity - threshold * threshold);
 }
 
-SaturationPeak saturate(const DuneCourse& course, DuneBorder border, const SandPhysics& physics,
-                        double plant_drag, double wind_row, double wind_column, double shear_velocity,
-                        const AirFields& air, size_t pitch, const SaturationFields& out) {
+SaturationMaxima saturate(const DownwindGrid& course, DuneBorder border, const SandPhysics& physics,
+                          double plant_drag, double wind_row, double wind_column, double shear_velocity,
+                          const AirFields& air, size_t pitch, const SaturationFields& out) {
     const bool periodic = border == DuneBorder::periodic;
-    std::vector<SaturationPeak> peaks(static_cast<size_t>(course.rows));
+    std::vector<SaturationMaxima> peaks(static_cast<size_t>(course.rows));
     tbb::enumerable_thread_specific<WideVector<float>> heights;
     tbb::parallel_for(0, course.rows, [&](int step) {
         const auto height = [&](int n) {
@@ -350,14 +350,14 @@ SaturationPeak saturate(const DuneCourse& course, DuneBorder border, const SandP
         for (size_t b = size_t(course.columns); b < pitch; ++b)
             row.flux[b] = row.relax[b] = row.turn[b] = row.reach[b] = 0.0F;
     });
-    SaturationPeak peak;
-    for (const SaturationPeak& row : peaks)
+    SaturationMaxima peak;
+    for (const SaturationMaxima& row : peaks)
         peak.stress = std::max(peak.stress, row.stress), peak.flux = std::max(peak.flux, row.flux),
         peak.turn = std::max(peak.turn, row.turn);
     return peak;
 }
 
-BorderFlux March::run(const DuneCourse& course, DuneBorder border, const Input& input, size_t pitch,
+BorderFlux March::run(const DownwindGrid& course, DuneBorder border, const Input& input, size_t pitch,
                       double* front, double* sand_out) {
     const bool periodic = border == DuneBorder::periodic;
     const int columns = course.columns, substeps = transport_substeps(input.turn);
@@ -402,7 +402,7 @@ BorderFlux March::run(const DuneCourse& course, DuneBorder border, const Input& 
                 load(input.air->relax + at, s.relax);
                 load(input.air->turn + at, s.turn);
                 transport_copy(input.air->reach + at, columns, periodic, lo, hi - lo, s.reach);
-                transport_sample(s);
+                transport_flux_origin(s);
                 transport_exchange(s, s.first);
                 for (int k = 0; k < substeps; ++k) {
                     for (int l = 1; l <= transport_pad; ++l) { // fill the padding

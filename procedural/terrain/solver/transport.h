@@ -59,7 +59,7 @@ struct SandWind {
     bool operator==(const SandWind&) const = default;
 };
 
-struct SaturationPeak {
+struct SaturationMaxima {
     double stress = 0.0; // maximum, as shear velocity squared
     double flux = 0.0;   // kg / (m s)
     double turn = 0.0;   // columns per row, up to steepest_turn
@@ -69,9 +69,9 @@ inline constexpr double steepest_turn = 5.0;
 // Computes the saturated flux of every cell, and returns the maxima. `wind_row`, `wind_column`: unit vector
 // of the wind. Works row by row, so `out` may alias `air`: flux with along, relax with across, turn with
 // excess.
-SaturationPeak saturate(const DuneCourse& course, DuneBorder border, const SandPhysics& physics,
-                        double plant_drag, double wind_row, double wind_column, double shear_velocity,
-                        const AirFields& air, size_t pitch, const SaturationFields& out);
+SaturationMaxima saturate(const DownwindGrid& course, DuneBorder border, const SandPhysics& physics,
+                          double plant_drag, double wind_row, double wind_column, double shear_velocity,
+                          const AirFields& air, size_t pitch, const SaturationFields& out);
 
 // Sand that crossed the borders in one march, in units.
 struct BorderFlux {
@@ -90,7 +90,7 @@ class March {
     };
     // `front`: inflow of the first row, units; on return the outflow of the last. `sand_out`: the new sand;
     // must not be `sand`.
-    BorderFlux run(const DuneCourse& course, DuneBorder border, const Input& input, size_t pitch,
+    BorderFlux run(const DownwindGrid& course, DuneBorder border, const Input& input, size_t pitch,
                    double* front, double* sand_out);
 
   private:

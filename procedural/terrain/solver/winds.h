@@ -11,8 +11,8 @@
 
 namespace marram {
 
-inline constexpr double seconds_an_hour = 3600.0;
-inline constexpr double seconds_a_year = 365.25 * 86400.0;
+inline constexpr double seconds_per_hour = 3600.0;
+inline constexpr double seconds_per_year = 365.25 * 86400.0;
 
 // A wind and its end time, seconds.
 struct WindSpan {
@@ -44,7 +44,7 @@ WindHistory wind_sequence(std::vector<TimedWind> winds);
 struct ChaoticWind {
     double towards = 0.0, spread = 0.5; // radians
     double mean = 0.3, shape = 2.0;     // Weibull distribution of the shear velocity; mean in m/s
-    double seconds = 6.0 * seconds_an_hour;
+    double seconds = 6.0 * seconds_per_hour;
     uint64_t seed = 0;
 };
 WindHistory chaotic_wind(const ChaoticWind& chaos);

@@ -193,7 +193,7 @@ void print_barchans(int count, double out_of_phase) {
         const double c = travelled / turnover;
         std::printf("%6.2f %9.0f %7.2f %7.1f %7.1f %7.1f %7.1f %9.2f %9.2f %8d\n", cell, mean.volume,
                     mean.height, mean.width, 8.6 * mean.height + 8.8, mean.length, 5.5 * mean.height + 10.8,
-                    c * seconds_a_year, flux / c, int(solver.steps()));
+                    c * seconds_per_year, flux / c, int(solver.steps()));
         std::fflush(stdout);
         points.push_back({mean.height, flux / c});
     }
@@ -251,7 +251,7 @@ void print_ridges(double out_of_phase) {
                 mean.length += f.length / samples;
             before = f, sand = later;
         }
-        const double a_year = seconds_a_year / (interval * samples);
+        const double a_year = seconds_per_year / (interval * samples);
         std::printf("%7.2f %7.2f %7.1f %9.2f %11.1f %11.1f %7.2f%%\n", mean.height, mean.brink, mean.length,
                     travelled * a_year, law * a_year, settled * a_year, 100.0 * (law / settled - 1.0));
         std::fflush(stdout);
@@ -296,10 +296,10 @@ void print_directions() {
         const std::vector<float> rock(domain.count(), 0.0F);
         std::vector<SandUnits> sand = rough_cover(domain, 30.0, 0.2);
         DuneSolver solver(domain, settings, rock.data(), sand.data());
-        const double turn = 24.0 * seconds_an_hour;
+        const double turn = 24.0 * seconds_per_hour;
         std::vector<TimedWind> winds;
         for (const double t : angles) winds.push_back({{std::cos(t), std::sin(t), shear_velocity}, turn});
-        solver.advance(wind_sequence(winds), 4000.0 * seconds_an_hour);
+        solver.advance(wind_sequence(winds), 4000.0 * seconds_per_hour);
         solver.sand(sand);
         const double crest = crest_direction(domain, sand);
         std::printf("%8.0f %8.1f %8.1f %8.1f\n", apart, crest / degree, theory / degree,
@@ -324,7 +324,7 @@ std::array<double, 2> travelled_heap(double cell, double angle) {
     DuneSolverSettings settings;
     settings.border = DuneBorder::open;
     DuneSolver solver(domain, settings, rock.data(), sand.data());
-    solver.advance(steady_wind({cx, cz, 0.5}), 500.0 * seconds_an_hour);
+    solver.advance(steady_wind({cx, cz, 0.5}), 500.0 * seconds_per_hour);
     solver.sand(sand);
     double height = 0.0, sum = 0.0, along = 0.0;
     for (int j = 0; j < n; ++j)
@@ -382,7 +382,7 @@ bool picture(const char* path, double hours, double shear_velocity, double degre
     DuneSolverSettings settings;
     settings.border = DuneBorder::open;
     DuneSolver solver(domain, settings, rock.data(), sand.data());
-    solver.advance(steady_wind({c, s, shear_velocity}), hours * seconds_an_hour);
+    solver.advance(steady_wind({c, s, shear_velocity}), hours * seconds_per_hour);
     solver.sand(sand);
     return write_dune_picture(path, domain, sand);
 }

@@ -60,10 +60,10 @@ class Resume : public ::testing::Test {
         const ProgramResult done = marram(with_samples("a.exr", samples, {"--resume"}));
         EXPECT_EQ(done.code, 0) << done.err;
         EXPECT_CONTAINS(done.err, "goes on after ");
-        expect_one_go(samples);
+        expect_uninterrupted_result(samples);
     }
     // The finished picture equals that of an uninterrupted run, and no other file is left.
-    void expect_one_go(int samples) const {
+    void expect_uninterrupted_result(int samples) const {
         EXPECT_DONE(marram(with_samples("one.exr", samples)));
         EXPECT_TRUE(same_picture(folder / "a.exr", folder / "one.exr"));
         for (const char* key : {"marram:samples", "marram:mean_samples", "marram:digest"})
@@ -145,7 +145,7 @@ TEST_F(Resume, GoesOnFromTheStateEvenWhereThePictureIsGone) {
 TEST_F(Resume, BeginsAnewWhereNobodyAskedForMore) {
     const int samples = stop_by_time();
     EXPECT_DONE(marram(with_samples("a.exr", samples + 3)));
-    expect_one_go(samples + 3);
+    expect_uninterrupted_result(samples + 3);
 }
 
 TEST_F(Resume, OtherFramesAreOtherStates) {
@@ -182,7 +182,7 @@ TEST_F(Resume, AStateThatDoesNotFitIsNotUsed) {
         const ProgramResult done = marram(with_samples("a.exr", samples, {"--resume"}));
         EXPECT_EQ(done.code, 0) << what;
         EXPECT_EQ(done.err, state + ": is damaged or cut short: the frame begins anew\n") << what;
-        expect_one_go(samples);
+        expect_uninterrupted_result(samples);
         fs::remove(folder / "a.exr"); // otherwise the next run would find it complete
     }
     folder.write("a.exr.state.tif", good); // the content decides, not the file
@@ -200,7 +200,7 @@ TEST_F(Resume, AStateOfAnotherFrameIsNotUsed) {
         EXPECT_EQ(done.code, 0) << other[1];
         EXPECT_EQ(done.err,
                   state + ": is of another scene, size, layers, frame or version: the frame begins anew\n");
-        expect_one_go(samples);
+        expect_uninterrupted_result(samples);
     }
     settings.clear();
     folder.write("a.exr.state.tif", good);
@@ -217,7 +217,7 @@ TEST_F(Resume, AStateOfMoreSamplesIsNotUsed) {
     EXPECT_EQ(done.err,
               fmt::format("{}: has {} samples a pixel, more than the {} asked for: the frame begins anew\n",
                           state, more, more - 1));
-    expect_one_go(more - 1);
+    expect_uninterrupted_result(more - 1);
 }
 
 // A file with the state's name that is no state belongs to the user: nothing is written.

@@ -98,7 +98,7 @@ TEST(Tolerance, holds_between_the_motion_keys_of_scenes) {
         const double foreseen = stats.motion_error, jumps = stats.motion_jumps;
         settings.motion_keys = std::min(8 * (stats.motion_keys - 1) + 1, 64U);
         const World reference = built(scene, settings, stats = {});
-        const CurveGap gap = gap_in_motion(mine, reference, settings.view, settings.tolerance);
+        const CurveDistance gap = motion_cv_distance(mine, reference, settings.view, settings.tolerance);
         std::printf("%-18s%11.3g m%8zu%11.3g m%11.3g m%11.3g m%8.2f%%%8.2f%%\n",
                     fs::path(file).filename().c_str(), settings.tolerance, mine.times.size(), foreseen,
                     gap.most, gap.worst, 100.0 * gap.beyond, 100.0 * jumps);
@@ -172,7 +172,7 @@ void expect_within_tolerance(const OpenDial& dial) {
             if (dial.by_chosen) refine(chosen);
             BuildSettings exact = still;
             exact.tolerance = build_settings(finest, still.frame).tolerance;
-            const CurveGap gap = gap_in_space(mine, built(finest, exact, stats = {}));
+            const CurveDistance gap = cv_distance(mine, built(finest, exact, stats = {}));
             for (const auto& [name, value] : chosen) {
                 if (!name.ends_with(dial.name)) continue;
                 std::printf("%-18s%7g%21s%7g%11.3g m%11.3g m%s\n", fs::path(file).filename().c_str(),

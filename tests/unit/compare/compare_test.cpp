@@ -66,7 +66,7 @@ TEST(Compare, noise_of_another_seed_is_alike) {
     constexpr int seeds = 200;
     for (int i = 0; i < seeds; ++i) {
         const Comparison c = compared(made(uint64_t(2 + i), 0.05), reference);
-        EXPECT_TRUE(c.knows_noise);
+        EXPECT_TRUE(c.has_noise_estimate);
         EXPECT_FALSE(c.equal);
         alarms += !c.alike();
         whole += c.scales.back().worst;
@@ -105,7 +105,7 @@ TEST(Compare, without_variance_looks_decide) {
     const Comparison off = compared(
         without_variance(made(1, 0.002, [](int x, int, int) { return x > 60 ? 0.2 : 0.0; })), reference);
     EXPECT_FALSE(off.alike());
-    EXPECT_FALSE(off.knows_noise);
+    EXPECT_FALSE(off.has_noise_estimate);
 }
 
 // 400 pixels of 76,800: too few for means and for the 99th percentile.
@@ -172,7 +172,7 @@ TEST(Compare, much_more_noise_is_noted) {
 TEST(Compare, one_variance_serves_both) {
     const Picture reference = made(1, 0.05);
     const Comparison c = compared(without_variance(made(2, 0.05)), reference);
-    EXPECT_TRUE(c.knows_noise);
+    EXPECT_TRUE(c.has_noise_estimate);
     EXPECT_TRUE(c.alike());
 }
 
@@ -185,7 +185,7 @@ TEST(Compare, unknown_samples_do_not_hide_a_fault) {
     const Comparison c = compared(bright, reference);
     EXPECT_FALSE(c.alike());
     EXPECT_LT(c.scales.back().limit, 5.6) << "of 6,144 pixels the mean is well known";
-    EXPECT_FALSE(compared(without_variance(seed), reference).knows_noise);
+    EXPECT_FALSE(compared(without_variance(seed), reference).has_noise_estimate);
     EXPECT_NE(compared(without_variance(seed), reference).unknown.find("only one has"), std::string::npos);
 }
 
@@ -355,7 +355,7 @@ TEST(Compare, variance_cannot_switch_judging_off) {
     EXPECT_FALSE(compared(black, reference).alike()) << "it looks quite another";
     one.samples = 1; // one sample gives no variance, whatever its layer says
     for (float& v : one.layers[1].pixels) v = 0.0F;
-    EXPECT_TRUE(compared(one, made(2, 0.4)).knows_noise);
+    EXPECT_TRUE(compared(one, made(2, 0.4)).has_noise_estimate);
     EXPECT_TRUE(compared(one, one).alike());
 }
 

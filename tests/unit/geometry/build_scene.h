@@ -107,7 +107,7 @@ class TestScene {
     World build() { return build_world(geometry, settings, cancel, progress, stats = {}); }
 
     // All errors of the build, as the user reads them.
-    std::string objection() {
+    std::string build_errors() {
         try {
             build();
         } catch (const InputError& error) {

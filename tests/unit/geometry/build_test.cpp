@@ -299,7 +299,7 @@ TEST(Baking, MakesCurvesWithoutAttachingThem) {
 
 TEST(Growth, OnAMeshThatIsNotThereIsRefused) {
     TestScene scene(mesh("a", "plane") + groom("hair", "hair 2") + groom("hair 2", "a"));
-    const std::string text = scene.objection();
+    const std::string text = scene.build_errors();
     EXPECT_NE(text.find("'hair 2' makes no mesh"), std::string::npos) << text;
     EXPECT_NE(text.find(".toml:"), std::string::npos) << text;
 }

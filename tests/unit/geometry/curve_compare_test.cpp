@@ -32,23 +32,23 @@ struct Strands {
 
 TEST(CurveCompare, poses_are_compared_by_the_strands_length) {
     const Strands a(100, 5, {0.25}, 2.0), b(100, 5, {0.0}, 2.0), fine(100, 33, {0.0}, 2.0);
-    const CurveGap gap = gap_at_rest(a.world, b.world);
+    const CurveDistance gap = relative_cv_distance(a.world, b.world);
     EXPECT_NEAR(gap.rms, 0.125, 1e-12);
     EXPECT_NEAR(gap.worst, 0.125, 1e-12);
     EXPECT_EQ(gap.strands, 100U);
-    EXPECT_NEAR(gap_at_rest(a.world, fine.world).worst, 0.125, 1e-7);
-    EXPECT_NEAR(gap_at_rest(b.world, fine.world).worst, 0.0, 1e-7);
-    EXPECT_EQ(gap_at_rest(b.world, b.world).rms, 0.0);
+    EXPECT_NEAR(relative_cv_distance(a.world, fine.world).worst, 0.125, 1e-7);
+    EXPECT_NEAR(relative_cv_distance(b.world, fine.world).worst, 0.0, 1e-7);
+    EXPECT_EQ(relative_cv_distance(b.world, b.world).rms, 0.0);
 }
 
 TEST(CurveCompare, motion_is_compared_at_every_time_of_the_reference) {
     // A parabola with samples only at its ends, and with one in the middle.
     const Strands two(10, 4, {0.0, 1.0}, 1.0), three(10, 4, {0.0, 0.25, 1.0}, 1.0);
-    EXPECT_NEAR(gap_in_motion(two.world, three.world).worst, 0.25, 1e-7);
-    EXPECT_NEAR(gap_in_motion(two.world, three.world).rms, 0.25, 1e-7);
-    EXPECT_EQ(gap_in_motion(three.world, two.world).worst, 0.0) << "it is there at both ends";
+    EXPECT_NEAR(motion_cv_distance(two.world, three.world).worst, 0.25, 1e-7);
+    EXPECT_NEAR(motion_cv_distance(two.world, three.world).rms, 0.25, 1e-7);
+    EXPECT_EQ(motion_cv_distance(three.world, two.world).worst, 0.0) << "it is there at both ends";
     const Strands still(10, 4, {0.5}, 1.0);
-    EXPECT_NEAR(gap_in_motion(still.world, two.world).worst, 0.5, 1e-7);
+    EXPECT_NEAR(motion_cv_distance(still.world, two.world).worst, 0.5, 1e-7);
 }
 
 TEST(CurveCompare, ninety_nine_in_a_hundred_stay_below) {
@@ -56,22 +56,22 @@ TEST(CurveCompare, ninety_nine_in_a_hundred_stay_below) {
     const Strands b(1000, 4, {0.0}, 1.0);
     for (size_t c = 0; c < 20; ++c) // one strand in fifty, by c + 1 metres
         for (size_t k = 0; k < 6; ++k) a.samples[0][(c * 6 + k) * 4 + 1] = float(c + 1);
-    const CurveGap gap = gap_in_motion(a.world, b.world, {}, 15.0);
+    const CurveDistance gap = motion_cv_distance(a.world, b.world, {}, 15.0);
     EXPECT_EQ(gap.worst, 20.0);
     EXPECT_EQ(gap.beyond, 0.005);
     EXPECT_EQ(gap.most, 10.0);
     EXPECT_NEAR(gap.rms, std::sqrt(2870.0 / 1000.0), 1e-6);
-    EXPECT_EQ(gap_in_motion(World{}, World{}).strands, 0U);
+    EXPECT_EQ(motion_cv_distance(World{}, World{}).strands, 0U);
     const Strands c(2, 4, {0.0}, 1.0);
     Strands d(2, 4, {0.0}, 1.0);
     for (size_t k = 0; k < 6; ++k) d.samples[0][k * 4 + 1] = 3.0F;
-    EXPECT_EQ(gap_in_motion(d.world, c.world).most, 3.0) << "of two the worst";
+    EXPECT_EQ(motion_cv_distance(d.world, c.world).most, 3.0) << "of two the worst";
 }
 
 TEST(CurveCompare, other_strands_are_refused) {
     const Strands a(10, 4, {0.0}, 1.0), b(11, 4, {0.0}, 1.0);
-    EXPECT_THROW(gap_at_rest(a.world, b.world), std::invalid_argument);
-    EXPECT_THROW(gap_at_rest(a.world, World{}), std::invalid_argument);
+    EXPECT_THROW(relative_cv_distance(a.world, b.world), std::invalid_argument);
+    EXPECT_THROW(relative_cv_distance(a.world, World{}), std::invalid_argument);
 }
 
 } // namespace

@@ -104,7 +104,7 @@ TEST(CurvePieces, AreAsFewAsTheLimitAllows) {
     const auto chosen = [&](double tolerance, double pixel_angle) {
         ChordErrors errors{};
         add_chord_errors(curves, {tolerance, pixel_angle, Vec3d(0.0, 0.0, 10.0)}, errors);
-        return pieces_for(greater_of(errors, ChordErrors{}), most_pieces);
+        return fewest_pieces(max_errors(errors, ChordErrors{}), most_pieces);
     };
     // 1.2 radians over 5 segments of 0.24: one piece is off by 0.24^2 / 8 = 0.0072 m.
     EXPECT_EQ(chosen(0.0150, 1.0), 1U);
@@ -117,8 +117,8 @@ TEST(CurvePieces, AreAsFewAsTheLimitAllows) {
     EXPECT_EQ(chosen(1.0, 4.0 * 0.0073 / 10.0), 1U); // a quarter of a pixel 10 m away
     EXPECT_EQ(chosen(1.0, 4.0 * 0.0060 / 10.0), 2U);
     const ChordErrors three{2.0, 1.5, 0.9, 0.5};
-    EXPECT_EQ(pieces_for(three, 2), 0U);
-    EXPECT_EQ(pieces_for(three, 4), 3U);
+    EXPECT_EQ(fewest_pieces(three, 2), 0U);
+    EXPECT_EQ(fewest_pieces(three, 4), 3U);
 }
 
 std::string furred(const std::string& shape, const std::string& basis) {
@@ -156,7 +156,7 @@ TEST(CurvePieces, AreNotForOrientedRibbons) {
 
 // Tolerances that choose two, three and four pieces a segment for furred().
 constexpr double for_two = 0.002, for_three = 0.0009, for_four = 0.00033;
-void ask_for(double tolerance, BuildSettings& settings) {
+void set_tolerance(double tolerance, BuildSettings& settings) {
     settings.tolerance = tolerance;
     settings.view.pixel_angle = 0.1;
     settings.view.position = {0.0, 0.0, 5.0};
@@ -173,7 +173,7 @@ TEST(CurvePieces, OfRibbonsAreFewAndFewerInMotion) {
           std::tuple("round", 1U, for_two, 2U), std::tuple("round", 1U, for_four, 4U),
           std::tuple("round", 2U, for_two, 2U), std::tuple("round", 3U, for_two, 0U)}) {
         TestScene scene(furred(shape, "bspline") + wind);
-        ask_for(tolerance, scene.settings);
+        set_tolerance(tolerance, scene.settings);
         scene.settings.motion_keys = keys;
         if (keys > 1) scene.settings.shutter_close = 0.5;
         const World world = scene.build();
@@ -191,7 +191,7 @@ TEST(CurvePieces, OfRoundFibresWantToBeMostOfTheScene) {
             "count = " +
             std::to_string(count) + "\nlength = 0.2\nwidth = 0.01\nshape = \"ribbon\"\n";
         TestScene scene(furred("round", "bspline") + blades);
-        ask_for(for_two, scene.settings);
+        set_tolerance(for_two, scene.settings);
         const World world = scene.build();
         EXPECT_EQ(world.curves[0].pieces, expected);
         EXPECT_EQ(world.curves[1].pieces, 1U); // straight blades
@@ -200,14 +200,14 @@ TEST(CurvePieces, OfRoundFibresWantToBeMostOfTheScene) {
 }
 
 // What rays from all around hit in two worlds of the same strands.
-struct Seen {
+struct HitComparison {
     uint64_t both = 0, other = 0;                 // rays that hit the same strand, and that do not
     double place = 0.0, along = 0.0, angle = 0.0; // greatest differences: m, share of the length, radians
     double share() const { return double(other) / double(both + other); }
 };
 
-Seen look(const World& pieces, const World& cubic) {
-    Seen seen;
+HitComparison compare_hits(const World& pieces, const World& cubic) {
+    HitComparison seen;
     uint64_t at = 0;
     const auto random = [&] { return unit_double(hash(11, at++)); };
     for (uint64_t i = 0; i < 40000; ++i) {
@@ -239,7 +239,7 @@ Seen look(const World& pieces, const World& cubic) {
 void expect_seen_as_the_cubic(const char* shape, double most_other) {
     for (const char* basis : {"bspline", "catmull-rom"}) {
         TestScene scene(furred(shape, basis));
-        ask_for(for_two, scene.settings);
+        set_tolerance(for_two, scene.settings);
         const World pieces = scene.build();
         const uint32_t chosen = pieces.curves[0].pieces;
         EXPECT_EQ(chosen, 2U);
@@ -247,7 +247,7 @@ void expect_seen_as_the_cubic(const char* shape, double most_other) {
         scene.settings.curve_pieces = 0;
         const World cubic = scene.build();
         EXPECT_EQ(cubic.curves[0].pieces, 0U);
-        const Seen seen = look(pieces, cubic);
+        const HitComparison seen = compare_hits(pieces, cubic);
         std::printf("[ pieces ] %-6s %-11s %u a segment: %5.2f %% of %llu rays see another strand; off by "
                     "%.2g m, %.2g of the length, tangents by %.2g radians\n",
                     shape, basis, chosen, 100.0 * seen.share(),
@@ -272,7 +272,7 @@ TEST(CurvePieces, OfRoundFibresBecomeTheCubic) {
     double before = 1.0;
     for (const int pieces : {1, 4, 16}) {
         scene.settings.curve_pieces = pieces;
-        const double share = look(scene.build(), cubic).share();
+        const double share = compare_hits(scene.build(), cubic).share();
         std::printf("[ pieces ] round, %d a segment: %.2f %% of the rays see another strand\n", pieces,
                     100.0 * share);
         EXPECT_LT(share, 0.4 * before);

@@ -210,9 +210,9 @@ std::vector<std::pair<const char*, const char*>> settings_of(const std::string& 
 
 // ---- A procedural, called with good and bad arguments ----
 
-class Called {
+class TestedProcedural {
   public:
-    Called(const ProceduralType& type, LentWorld& world)
+    TestedProcedural(const ProceduralType& type, LentWorld& world)
         : type(type), calls(type.calls), world(world),
           values(marram_values_new(&type.calls), marram_values_free) {
         host = {sizeof(MarramHost), &messages, Messages::take, [](void*) { return 0; }, nullptr};
@@ -221,7 +221,7 @@ class Called {
         good = marram_values_finish(values.get(), &host);
         if (!good) throw std::runtime_error("a good value is refused: " + messages.last);
     }
-    ~Called() { destroy(); }
+    ~TestedProcedural() { destroy(); }
 
     void create() {
         destroy();
@@ -436,7 +436,7 @@ bool spoil(const ProceduralType& type, WrongValues& wrong, size_t index, int fau
 }
 constexpr int value_faults_there = 15;
 
-bool make_wrong(const Called& called, size_t index, int fault, WrongValues& wrong) {
+bool make_wrong(const TestedProcedural& called, size_t index, int fault, WrongValues& wrong) {
     wrong.list.clear();
     for (uint32_t i = 0; i < called.good->count; ++i)
         wrong.list.push_back(*MARRAM_AT(MarramValue, called.good->first, called.good->stride, i));
@@ -601,7 +601,7 @@ class FaultyHost : public ::testing::Test {
 TEST_F(FaultyHost, IsToldOfWrongValues) {
     size_t told = 0;
     for (const ProceduralType& type : library->types()) {
-        Called called(type, world);
+        TestedProcedural called(type, world);
         called.create();
         const std::string before = called.evaluate();
         WrongValues wrong;
@@ -625,7 +625,7 @@ TEST_F(FaultyHost, IsToldOfWrongValues) {
 
 TEST_F(FaultyHost, IsToldOfNullPointers) {
     for (const ProceduralType& type : library->types()) {
-        Called called(type, world);
+        TestedProcedural called(type, world);
         const MarramProcedural& calls = called.calls;
         MarramInstance* instance = nullptr;
         const MarramValues none{sizeof(MarramValues), nullptr, 3, sizeof(MarramValue)};
@@ -711,7 +711,7 @@ TEST_F(FaultyHost, IsToldOfNullPointers) {
 
 TEST_F(FaultyHost, IsToldOfWrongFrames) {
     for (const ProceduralType& type : library->types()) {
-        Called called(type, world);
+        TestedProcedural called(type, world);
         Spoilt spoilt;
         for (const FrameFault& fault : frame_faults(spoilt)) {
             if (!concerns(fault, type.calls.name)) continue;
@@ -735,7 +735,7 @@ TEST_F(FaultyHost, IsToldOfWrongFrames) {
 
 TEST_F(FaultyHost, IsToldOfCallsOutOfOrder) {
     for (const ProceduralType& type : library->types()) {
-        Called called(type, world);
+        TestedProcedural called(type, world);
         const MarramProcedural& calls = called.calls;
         called.create();
         const auto sink = [](void*, const char*, double) {};
@@ -797,7 +797,7 @@ TEST_F(FaultyHost, IsToldOfCallsOutOfOrder) {
 
 TEST_F(FaultyHost, IsToldOfWrongBuffers) {
     for (const ProceduralType& type : library->types()) {
-        Called called(type, world);
+        TestedProcedural called(type, world);
         const MarramProcedural& calls = called.calls;
         called.create();
         const std::string before = called.evaluate();
@@ -853,7 +853,7 @@ TEST_F(FaultyHost, IsToldOfWrongBuffers) {
 }
 
 TEST_F(FaultyHost, IsToldOfWrongViews) {
-    Called called(*library->find("terrain"), world);
+    TestedProcedural called(*library->find("terrain"), world);
     called.create();
     called.evaluate();
     const double bad[] = {std::nan(""), 0, 0}, zero[] = {0, 0, 0};
@@ -897,7 +897,7 @@ TEST_F(FaultyHost, OfAnyKindDoesNoHarm) {
     std::mt19937 random(20250118);
     const auto any = [&](size_t count) { return size_t(random() % count); };
     for (const ProceduralType& type : library->types()) {
-        Called called(type, world);
+        TestedProcedural called(type, world);
         const MarramProcedural& calls = called.calls;
         Spoilt spoilt;
         const std::vector<FrameFault> faults = frame_faults(spoilt);

@@ -66,15 +66,15 @@ TEST(Graph, OrderInTheFileDoesNotMatter) {
 
 TEST(Graph, ARingIsNamed) {
     TestScene scene(hill("a", "on = \"b\"") + hill("c") + hill("b", "on = \"a\""));
-    const std::string text = scene.objection();
+    const std::string text = scene.build_errors();
     EXPECT_NE(text.find("in a ring: a -> b -> a"), std::string::npos) << text;
     TestScene itself(hill("a", "on = \"a\""));
-    EXPECT_NE(itself.objection().find("in a ring: a -> a"), std::string::npos);
+    EXPECT_NE(itself.build_errors().find("in a ring: a -> a"), std::string::npos);
     // Reeds trace the hill, as all curves do, and the hill rises beside the reeds.
     TestScene hidden(hill("dune", "along = \"reed\"") + reeds("reed"));
-    EXPECT_NE(hidden.objection().find("dune -> reed -> dune"), std::string::npos);
+    EXPECT_NE(hidden.build_errors().find("dune -> reed -> dune"), std::string::npos);
     TestScene fixed(hill("dune", "along = \"reed\"\ncollides = false\nshelters = false") + reeds("reed"));
-    EXPECT_EQ(fixed.objection(), "");
+    EXPECT_EQ(fixed.build_errors(), "");
 }
 
 // The hill refuses a frame with more meshes than it names; grooms see all colliders.
@@ -223,7 +223,7 @@ TEST(Attributes, ThatAreNotThereAreNamed) {
     const auto asks = [](const std::string& name, const std::string& on) {
         TestScene scene(mesh("ground", "plane") + hill("dune") +
                         groom("hair", on, "count = 50\ndensity_by = [{ attribute = \"" + name + "\" }]"));
-        return scene.objection();
+        return scene.build_errors();
     };
     EXPECT_NE(asks("snow", "dune").find("has no attribute 'snow': choose among sand, square, age"),
               std::string::npos);
@@ -350,7 +350,7 @@ TEST(States, ThatCannotBeWrittenAreAnError) {
     TestScene scene(hill("dune", "grow = 0.25"));
     scene.settings.frame = 3.0;
     scene.settings.state_folder = "/proc/no/such/folder";
-    EXPECT_NE(scene.objection().find("--state"), std::string::npos);
+    EXPECT_NE(scene.build_errors().find("--state"), std::string::npos);
 }
 
 TEST(States, CanBeCancelled) {
@@ -404,7 +404,7 @@ TEST(Update, ThatIsNotPassedOnIsAnError) {
     TestScene scene(hill("dune") + groom("hair", "dune"));
     scene.build();
     scene.update_alone(hill("dune", "divisions = 3") + groom("hair", "dune"), 0);
-    EXPECT_NE(scene.objection().find("has other triangles than when its strands were placed"),
+    EXPECT_NE(scene.build_errors().find("has other triangles than when its strands were placed"),
               std::string::npos);
 }
 
@@ -450,10 +450,11 @@ TEST(Curves, AreLentLikeMeshes) {
         EXPECT_NEAR(p.y(), std::exp(-(p.x() - 1.0F) * (p.x() - 1.0F)), 1e-6F);
     // A procedural that makes no curves cannot lend any.
     TestScene none(reeds("reed", "along = \"dune\"") + hill("dune"));
-    EXPECT_NE(none.objection().find("reed: 'dune' makes no curves"), std::string::npos) << none.objection();
+    EXPECT_NE(none.build_errors().find("reed: 'dune' makes no curves"), std::string::npos)
+        << none.build_errors();
     TestScene no_mesh(reeds("reed") + hill("dune", "on = \"reed\""));
-    EXPECT_NE(no_mesh.objection().find("dune: 'reed' makes no mesh"), std::string::npos)
-        << no_mesh.objection();
+    EXPECT_NE(no_mesh.build_errors().find("dune: 'reed' makes no mesh"), std::string::npos)
+        << no_mesh.build_errors();
 }
 
 // Curves of 2, 3, 4, 5 CVs: rays hit each at its place, and each carries its own attributes.

@@ -22,10 +22,10 @@ namespace {
 static_assert(MARRAM_PARAM_TYPE_COUNT == 16,
               "a new type of parameter: marram_host.h has to read it, check it, and say what is wanted");
 
-struct Told {
+struct MessageLog {
     std::vector<std::string> ids, lines; // "place: what: remedy"
     static void message(void* user, const MarramMessage* m) {
-        auto& told = *static_cast<Told*>(user);
+        auto& told = *static_cast<MessageLog*>(user);
         told.ids.emplace_back(m->id);
         told.lines.push_back(fmt::format("{}: {}: {}", m->place, m->what, m->remedy));
     }
@@ -196,7 +196,7 @@ class Both {
         return by_name(&list);
     }
     std::map<std::string, Plain> of_the_helper() {
-        Told told;
+        MessageLog told;
         const MarramHost host = told.host();
         const MarramValues* values = marram_values_finish(values_.get(), &host);
         for (const std::string& line : told.lines) ADD_FAILURE() << line;
@@ -357,7 +357,7 @@ TEST(HostValues, TellEveryMistakeAtOnce) {
     EXPECT_EQ(marram_add(v, "wind.gusts", nullptr), -1);
     EXPECT_EQ(marram_add(v, "density_by", "dune"), -1);
     EXPECT_EQ(marram_set(v, "width", "0.01"), MARRAM_OK);
-    Told told;
+    MessageLog told;
     const MarramHost host = told.host();
     EXPECT_EQ(marram_values_finish(v, &host), nullptr);
     const std::vector<std::string> expected = {
@@ -410,7 +410,7 @@ TEST(HostValues, OfTypedElementsNeedTheirType) {
     MarramHostValues* v = values.get();
     EXPECT_EQ(marram_set(v, "layer[0].amplitude", "3"), MARRAM_ERROR);
     EXPECT_EQ(marram_set(v, "layer[0].type", "nois"), MARRAM_ERROR);
-    Told told;
+    MessageLog told;
     const MarramHost host = told.host();
     EXPECT_EQ(marram_values_finish(v, &host), nullptr);
     ASSERT_EQ(told.lines.size(), 2u);
@@ -432,7 +432,7 @@ TEST(HostValues, OfTypedElementsNeedTheirType) {
 }
 
 TEST(HostValues, FindAProcedural) {
-    Told told;
+    MessageLog told;
     const MarramHost host = told.host();
     MarramProcedural found;
     MarramProcedural one = groom_of(*own_library()).calls; // its texts are freed with the library

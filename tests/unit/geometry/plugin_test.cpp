@@ -91,7 +91,7 @@ std::string name_of(const ::testing::TestParamInfo<Fault>& info) {
 class CurveFault : public ::testing::TestWithParam<Fault> {};
 TEST_P(CurveFault, IsRefused) {
     TestScene scene(mesh("ground", "plane") + faulty("faulty_curves", GetParam().name));
-    const std::string text = scene.objection();
+    const std::string text = scene.build_errors();
     EXPECT_CONTAINS(text, GetParam().message);
     EXPECT_CONTAINS(text, "broken");
     EXPECT_CONTAINS(text, ".toml:"); // the procedural's place
@@ -114,7 +114,7 @@ INSTANTIATE_TEST_SUITE_P(All, CurveFault,
 class MeshFault : public ::testing::TestWithParam<Fault> {};
 TEST_P(MeshFault, IsRefused) {
     TestScene scene(mesh("ground", "plane") + faulty("faulty_mesh", GetParam().name));
-    const std::string text = scene.objection();
+    const std::string text = scene.build_errors();
     EXPECT_CONTAINS(text, GetParam().message);
     EXPECT_CONTAINS(text, "broken");
     EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 1) << text;

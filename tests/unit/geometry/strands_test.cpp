@@ -64,7 +64,7 @@ std::pair<Vec3d, Vec3d> on_ground(size_t c) {
 Vec3d point(const float* v) { return {double(v[0]), double(v[1]), double(v[2])}; }
 
 // The largest difference between two sets of vertices.
-double apart(const float* a, const std::vector<float>& b) {
+double max_difference(const float* a, const std::vector<float>& b) {
     double most = 0.0;
     for (size_t i = 0; i < b.size(); ++i) most = std::max(most, std::abs(double(a[i]) - double(b[i])));
     return most;
@@ -122,8 +122,8 @@ TEST(Strands, AreBlownLikeGrownOnes) {
     const std::vector<float> expected(blown.curves[0].vertices[0],
                                       blown.curves[0].vertices[0] +
                                           blown.curves[0].layout().vertex_count() * 4);
-    EXPECT_LT(apart(made.curves[0].vertices[0], expected), 2e-6);
-    EXPECT_GT(apart(rest.curves[0].vertices[0], expected), 0.02) << "there is wind";
+    EXPECT_LT(max_difference(made.curves[0].vertices[0], expected), 2e-6);
+    EXPECT_GT(max_difference(rest.curves[0].vertices[0], expected), 0.02) << "there is wind";
 }
 
 // ---- A deforming skin
@@ -274,14 +274,14 @@ TEST(Strands, StandWhereAFileThatAnimatesSays) {
     const World world = scene.build();
     ASSERT_EQ(world.curves[0].vertices.size(), 3u);
     for (size_t t = 0; t < 3; ++t)
-        EXPECT_LT(apart(world.curves[0].vertices[t], file.vertices_at(1.5 + 0.5 * double(t))), 5e-7);
+        EXPECT_LT(max_difference(world.curves[0].vertices[t], file.vertices_at(1.5 + 0.5 * double(t))), 5e-7);
     // They jiggle behind their own motion, and are still long after it.
     TestScene swinging(drawn + strands("wind.jiggle.frequency = 2\nwind.jiggle.damping = 0.5\n"));
     swinging.geometry.curves[0] = file;
     swinging.settings.frame = 2.5;
-    EXPECT_GT(apart(swinging.build().curves[0].vertices[0], file.vertices_at(2.5)), 1e-3);
+    EXPECT_GT(max_difference(swinging.build().curves[0].vertices[0], file.vertices_at(2.5)), 1e-3);
     swinging.settings.frame = 400.0;
-    EXPECT_LT(apart(swinging.build().curves[0].vertices[0], file.vertices_at(400.0)), 1e-6);
+    EXPECT_LT(max_difference(swinging.build().curves[0].vertices[0], file.vertices_at(400.0)), 1e-6);
 }
 
 // With the anchor "rest", moving curves have the noise of static curves at their positions of bind_frame.
@@ -304,8 +304,8 @@ TEST(Strands, RestAnchorsStayWhereCurvesMove) {
         return vertices;
     };
     const std::vector<float> still = blown("rest", false);
-    EXPECT_LT(apart(still.data(), blown("rest", true)), 1e-6);
-    EXPECT_GT(apart(still.data(), blown("world", true)), 1e-3);
+    EXPECT_LT(max_difference(still.data(), blown("rest", true)), 1e-6);
+    EXPECT_GT(max_difference(still.data(), blown("world", true)), 1e-3);
 }
 
 // Errors for data that an update removes, and for curves that a host changes after strands were bound.
@@ -313,8 +313,8 @@ TEST(Strands, MissWhatWasThereBefore) {
     TestScene scene(drawn + strands("width = 0.01\n"));
     scene.build();
     scene.update(drawn + strands(""));
-    EXPECT_NE(scene.objection().find("the curves 'file' have no widths"), std::string::npos)
-        << scene.objection();
+    EXPECT_NE(scene.build_errors().find("the curves 'file' have no widths"), std::string::npos)
+        << scene.build_errors();
 
     TestScene other(drawn + strands("width = 0.01\n"));
     SceneCurves& file = other.geometry.curves[0];
@@ -330,8 +330,8 @@ TEST(Strands, MissWhatWasThereBefore) {
     fill(3, 5);
     other.build();
     fill(5, 3); // the same total
-    EXPECT_NE(other.objection().find("have changed since the strands were bound"), std::string::npos)
-        << other.objection();
+    EXPECT_NE(other.build_errors().find("have changed since the strands were bound"), std::string::npos)
+        << other.build_errors();
 }
 
 TEST(Strands, GoWithTheTransformOfTheirCurves) {
@@ -378,18 +378,18 @@ TEST(Strands, CarryAttributesAndAreScaledByThem) {
 }
 
 TEST(Strands, ObjectionsSayWhatToDo) {
-    const auto objection = [](const std::string& more, bool widths) {
+    const auto build_errors = [](const std::string& more, bool widths) {
         TestScene scene(mesh("ground", "plane") + drawn + strands(more));
         if (widths) scene.geometry.curves[0] = irregular_curves(3, on_ground);
-        return scene.objection();
+        return scene.build_errors();
     };
-    EXPECT_NE(objection("", false).find("have no widths: give width"), std::string::npos);
-    EXPECT_EQ(objection("width = 0.01\n", false), "");
-    EXPECT_NE(objection("wind_by = [{ attribute = \"wet\" }]\n", true).find("no attribute 'wet'"),
+    EXPECT_NE(build_errors("", false).find("have no widths: give width"), std::string::npos);
+    EXPECT_EQ(build_errors("width = 0.01\n", false), "");
+    EXPECT_NE(build_errors("wind_by = [{ attribute = \"wet\" }]\n", true).find("no attribute 'wet'"),
               std::string::npos);
     TestScene no_curves(mesh("ground", "plane") + drawn + strands(""));
     no_curves.geometry.curves.clear();
-    EXPECT_NE(no_curves.objection().find("there are no curves 'file'"), std::string::npos);
+    EXPECT_NE(no_curves.build_errors().find("there are no curves 'file'"), std::string::npos);
     EXPECT_THROW(TestScene(drawn + strands("width = 0.01\nwind.collision.solver = \"exact\"\n"
                                            "wind.collision.offset_scale = 1\n")),
                  InputError);
@@ -430,7 +430,7 @@ TEST(Strands, BesideTheBorderOfAnOpenSkinStayWhereTheyAre) {
                          Vec3d(Vec3d::UnitY()));
     });
     const World world = scene.build();
-    EXPECT_LT(apart(world.curves[0].vertices[0], file.vertices), 1e-6);
+    EXPECT_LT(max_difference(world.curves[0].vertices[0], file.vertices), 1e-6);
     ASSERT_EQ(scene.stats.warnings.size(), 1u);
     EXPECT_NE(scene.stats.warnings[0].find("60 of 60 strands begin farther from 'card'"), std::string::npos)
         << scene.stats.warnings[0];
@@ -449,7 +449,7 @@ TEST(Strands, DoNotEnterTheSkin) {
         for (uint32_t k = 0; k < layout.cvs(c); ++k)
             lowest = std::min(lowest, world.curves[0].vertices[0][4 * (layout.first_vertex(c) + 1 + k) + 1]);
     EXPECT_GT(lowest, 0.0F);
-    EXPECT_GT(apart(world.curves[0].vertices[0], scene.geometry.curves[0].vertices), 0.01)
+    EXPECT_GT(max_difference(world.curves[0].vertices[0], scene.geometry.curves[0].vertices), 0.01)
         << "the wind bends them";
 }
 
@@ -489,10 +489,10 @@ TEST(Guides, ChildrenThatFollowThemAreBlownAsTheyWouldBe) {
         poses.emplace_back(made.vertices[0], made.vertices[0] + 4 * made.layout().vertex_count());
         for (const float share : attribute(made, "envelope")->values) EXPECT_NEAR(share, 0.6F, 1e-6F);
     }
-    EXPECT_LT(apart(poses[0].data(), poses[1]), 2e-5);
+    EXPECT_LT(max_difference(poses[0].data(), poses[1]), 2e-5);
     TestScene calm(ground + drawn + children);
     fill_with_guides(calm.geometry.curves[0]);
-    EXPECT_GT(apart(calm.build().curves[0].vertices[0], poses[1]), 0.05) << "there is wind";
+    EXPECT_GT(max_difference(calm.build().curves[0].vertices[0], poses[1]), 0.05) << "there is wind";
 }
 
 TEST(Guides, FarFromTheirMeshAreTold) {
@@ -513,7 +513,8 @@ TEST(Guides, ObjectionsSayWhatToDo) {
     EXPECT_THROW(TestScene(ground + drawn + children + "length = [1, 2]\n"), InputError);
     TestScene none(ground + drawn + children);
     for (float& x : none.geometry.curves[0].vertices) x = 0.0F;
-    EXPECT_NE(none.objection().find("have no guide with a length"), std::string::npos) << none.objection();
+    EXPECT_NE(none.build_errors().find("have no guide with a length"), std::string::npos)
+        << none.build_errors();
 }
 
 } // namespace

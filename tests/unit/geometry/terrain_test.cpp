@@ -553,7 +553,7 @@ TEST(Terrain, WindsOfTheSolverDiffer) {
         std::string said;
         try {
             TestScene scene(text);
-            said = scene.objection();
+            said = scene.build_errors();
         } catch (const InputError& error) {
             for (const Problem& problem : error.problems) said += to_string(problem);
         }
@@ -589,16 +589,16 @@ TEST(Terrain, PlantsOfTheSolverAreAMask) {
 }
 
 TEST(Terrain, SaysWhatIsWrongAndWhere) {
-    const auto objection = [](const std::string& text) {
+    const auto build_errors = [](const std::string& text) {
         try {
             TestScene scene(text);
-            return scene.objection();
+            return scene.build_errors();
         } catch (const InputError& error) { // thrown when the scene is made
             return std::string(error.what());
         }
     };
     const auto expect = [&](const std::string& text, const std::string& what) {
-        const std::string said = objection(text);
+        const std::string said = build_errors(text);
         EXPECT_NE(said.find(what), std::string::npos) << said;
         EXPECT_NE(said.find(".toml:"), std::string::npos) << said;
     };

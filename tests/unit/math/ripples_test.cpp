@@ -25,7 +25,7 @@ Vec3d on_plane(const Vec2d& d, const Vec2d& gradient) { return {d.x(), d.dot(gra
 
 // Howard's law from the balance of forces on a grain at the threshold of motion: |drag D along the wind +
 // weight along the surface| = friction. D is found by bisection; the result is the direction of the sum.
-Vec3d way_by_forces(double wind, double slope, double uphill) {
+Vec3d direction_by_forces(double wind, double slope, double uphill) {
     const Vec2d gradient = incline(slope, uphill);
     const Vec3d w = on_plane(heading(wind), gradient).normalized();
     const Vec3d f = on_plane(-heading(uphill), gradient).normalized();
@@ -47,7 +47,8 @@ TEST(Ripples, DirectionIsTheBalanceOfForces) {
                 const Vec2d d = ripple_direction(3.0 * heading(wind * degree), gradient, repose);
                 const Vec3d way = on_plane(d, gradient);
                 ASSERT_NEAR(way.norm(), 1.0, 1e-12);
-                ASSERT_LT((way - way_by_forces(wind * degree, slope * degree, uphill * degree)).norm(), 1e-9);
+                ASSERT_LT((way - direction_by_forces(wind * degree, slope * degree, uphill * degree)).norm(),
+                          1e-9);
                 // The law as published, and the deflection is downhill.
                 const Vec3d w = on_plane(heading(wind * degree), gradient).normalized();
                 const Vec3d f = on_plane(-heading(uphill * degree), gradient).normalized();
@@ -72,8 +73,8 @@ std::vector<double> patch(const RippleField& field, int n, double step, const Ve
 
 // Angle in radians between `expected` and the direction across the crests in a rectangle of a patch, by the
 // structure tensor in the surface.
-double turned_from(const std::vector<double>& h, int n, double step, const Vec2d& gradient,
-                   const Vec3d& expected, int i0, int j0, int side) {
+double crest_angle_error(const std::vector<double>& h, int n, double step, const Vec2d& gradient,
+                         const Vec3d& expected, int i0, int j0, int side) {
     const Vec3d normal = Vec3d(-gradient.x(), 1.0, -gradient.y()).normalized(),
                 other = normal.cross(expected);
     double aa = 0.0, ab = 0.0, bb = 0.0;
@@ -96,16 +97,16 @@ TEST(Ripples, MeasuredCrestsFollowTheLaw) {
     for (const double slope : {0.0, 8.0, 15.0, 22.0, 28.0})
         for (const double uphill : {0.0, 50.0, 90.0, 140.0, 250.0}) {
             const Vec2d gradient = incline(slope * degree, uphill * degree);
-            const Vec3d law = way_by_forces(20.0 * degree, slope * degree, uphill * degree);
+            const Vec3d law = direction_by_forces(20.0 * degree, slope * degree, uphill * degree);
             const auto h = patch(field, n, step, {uphill, slope}, [&](const Vec2d& at) {
                 return RipplePoint{at, heading(20.0 * degree), gradient, 1.0};
             });
-            const double off = turned_from(h, n, step, gradient, law, 0, 0, n) / degree;
+            const double off = crest_angle_error(h, n, step, gradient, law, 0, 0, n) / degree;
             EXPECT_LT(std::abs(off), 5.0) << slope << " " << uphill;
             worst = std::max(worst, std::abs(off));
             for (int j = 0; j + 48 < n; j += 48) // windows of four wavelengths
                 for (int i = 0; i + 48 < n; i += 48, windows += 1.0)
-                    within += std::abs(turned_from(h, n, step, gradient, law, i, j, 48)) < 5.0 * degree;
+                    within += std::abs(crest_angle_error(h, n, step, gradient, law, i, j, 48)) < 5.0 * degree;
         }
     std::printf(
         "crests of 16 wavelengths: at most %.2f degrees off the law; of 4: %.1f %% within 5 degrees\n", worst,
@@ -129,7 +130,7 @@ TEST(Ripples, CrestsFollowAWindThatTurns) {
         for (int i = 0; i + side < n; i += side, count += 1.0) {
             const Vec2d way = heading(turn(step * Vec2d(i + side / 2, j + side / 2)));
             const double off =
-                turned_from(h, n, step, Vec2d::Zero(), {way.x(), 0.0, way.y()}, i, j, side) / degree;
+                crest_angle_error(h, n, step, Vec2d::Zero(), {way.x(), 0.0, way.y()}, i, j, side) / degree;
             worst = std::max(worst, std::abs(off));
             sum += off;
         }
@@ -144,7 +145,7 @@ TEST(Ripples, SpacingIsAsAsked) {
     constexpr int samples = 1024, lines = 48, per = 16; // 64 wavelengths, 16 samples each
     for (const double slope : {0.0, 20.0}) {
         const Vec2d gradient = incline(slope * degree, 75.0 * degree);
-        const Vec3d way = way_by_forces(0.0, slope * degree, 75.0 * degree);
+        const Vec3d way = direction_by_forces(0.0, slope * degree, 75.0 * degree);
         std::vector<RipplePoint> line(samples);
         std::vector<double> h(samples), power(2 * samples / per + 1);
         for (int k = 0; k < lines; ++k) {

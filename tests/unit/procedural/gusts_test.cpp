@@ -635,9 +635,9 @@ TEST(Gusts, of_a_box_whose_inner_is_its_outer_have_an_edge) {
 
 // Values as a host passes them: the numbers that the test sets, everything else at the defaults of this
 // class.
-class HandedOver {
+class GustValues {
   public:
-    HandedOver() {
+    GustValues() {
         set("speed", {4});
         set("gusts.num_gusts", {3});
         set("gusts.radius_range", {2, 4});
@@ -686,7 +686,7 @@ class HandedOver {
 };
 
 TEST(Gusts, are_read) {
-    HandedOver values;
+    GustValues values;
     const Gusts gusts = values.read().value();
     EXPECT_EQ(gusts.num_gusts, 3U);
     EXPECT_EQ(gusts.speed, Vec2d(4, 4)); // the wind's speed
@@ -712,24 +712,24 @@ TEST(Gusts, are_read) {
     EXPECT_EQ(more.controls[1].strength, 0.5);
     values.set("gusts.num_gusts", {0});
     EXPECT_EQ(values.read()->controls.size(), 2U);
-    HandedOver none;
+    GustValues none;
     none.set("gusts.num_gusts", {0});
     EXPECT_FALSE(none.read().has_value());
 }
 
 TEST(Gusts, mistakes_are_explained) {
-    const auto expect = [](const HandedOver& values, const std::string& message) {
+    const auto expect = [](const GustValues& values, const std::string& message) {
         EXPECT_EQ(values.fault().find(message), 0U) << values.fault() << "\n  expected " << message;
     };
-    HandedOver a;
+    GustValues a;
     a.set("gusts.ramp", {0, 1, 1, 0.5}, "linear");
     expect(a, "at gusts.ramp: wind.gusts.ramp is not 0 at 1: end it with [1, 0]");
-    HandedOver b;
+    GustValues b;
     b.set("gusts.ramp", {0, 1, 0.5, 0}, "constant");
     expect(
         b,
         "at gusts.ramp: wind.gusts.ramp is constant between knots, strands would jump: use linear or smooth");
-    HandedOver c;
+    GustValues c;
     c.set("gusts.period", {0.5});
     expect(c, "at gusts.period: wind.gusts.period is shorter than a frame: give 1 or more");
     c.set("gusts.period", {0});
@@ -739,11 +739,11 @@ TEST(Gusts, mistakes_are_explained) {
     c.set("gusts.period", {1});
     c.set("gusts.num_gusts", {1000000});
     expect(c, "at gusts.period: wind.gusts has more than 4000000 gusts at a time: use fewer");
-    HandedOver d;
+    GustValues d;
     d.control(0, "sphere");
     d.set("gusts.control[0].inner", {1, 1, 1});
     expect(d, "at gusts.control[0].inner: wind.gusts.control[0].inner means nothing for a sphere: remove it");
-    HandedOver e;
+    GustValues e;
     e.control(0, "box");
     e.control(1, "box");
     e.set("gusts.control[1].ramp", {0, 1}, "linear");

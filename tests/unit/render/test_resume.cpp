@@ -46,7 +46,7 @@ class Resume : public ::testing::Test {
     }
 
     Film empty() const { return make_film(36, 24, layers, builder_.world); }
-    RenderStats go_on(Film& film, uint32_t samples, RenderProgress* progress = nullptr) const {
+    RenderStats continue_render(Film& film, uint32_t samples, RenderProgress* progress = nullptr) const {
         RenderSettings settings;
         settings.samples = samples;
         settings.noise = noise;
@@ -54,9 +54,9 @@ class Resume : public ::testing::Test {
         return render(builder_.world, Lights(lights, builder_.world), grey, camera_, settings, film,
                       progress);
     }
-    Film one_go(uint32_t samples) const {
+    Film uninterrupted_render(uint32_t samples) const {
         Film film = empty();
-        go_on(film, samples);
+        continue_render(film, samples);
         return film;
     }
     static void expect_same(const Film& a, const Film& b) {
@@ -77,9 +77,9 @@ TEST_F(Resume, FewerSamplesBecomeMore) {
         noise = target;
         Film film = empty();
         for (const uint32_t samples : {1U, 3U, 5U, 16U, 21U, 22U, 48U, 75U, 120U}) {
-            const RenderStats stats = go_on(film, samples);
+            const RenderStats stats = continue_render(film, samples);
             EXPECT_FALSE(stats.cancelled);
-            expect_same(film, one_go(samples));
+            expect_same(film, uninterrupted_render(samples));
         }
         std::set<uint32_t> counts;
         for (const FilmPixel& pixel : film.pixels) counts.insert(pixel.samples);
@@ -101,8 +101,8 @@ TEST_F(Resume, WhenTimeIsUp) {
     EXPECT_EQ(count_samples(film).total, film.pixels.size());
     EXPECT_TRUE(in_no_time().out_of_time);
     EXPECT_EQ(count_samples(film).total, film.pixels.size()) << "not a sample of a pass of three";
-    go_on(film, 40);
-    expect_same(film, one_go(40));
+    continue_render(film, 40);
+    expect_same(film, uninterrupted_render(40));
 }
 
 // A clock that advances by a fixed cost per sample. The given time is used up for any pass sizes, and pixels
@@ -136,7 +136,7 @@ TEST_F(Resume, WithinAPass) {
     for (const double target : {0.0, 0.02, 0.04})
         for (const uint32_t reached : {32U, 21U}) {
             noise = target;
-            const Film before = one_go(16), after = one_go(reached);
+            const Film before = uninterrupted_render(16), after = uninterrupted_render(reached);
             Film film = before;
             for (size_t i = 0; i < film.pixels.size(); ++i) {
                 if (i % 2 == 0) { // as judged at 16
@@ -148,8 +148,8 @@ TEST_F(Resume, WithinAPass) {
                             film.sums.data() + i * film.stride);
                 film.pixels[i] = after.pixels[i];
             }
-            go_on(film, 100);
-            expect_same(film, one_go(100));
+            continue_render(film, 100);
+            expect_same(film, uninterrupted_render(100));
         }
 }
 
@@ -166,12 +166,12 @@ TEST_F(Resume, AfterManyCancels) {
                 std::this_thread::yield();
             cancel = true;
         });
-        go_on(film, samples, &progress);
+        continue_render(film, samples, &progress);
         over = true;
         watcher.join();
     }
-    EXPECT_FALSE(go_on(film, samples).cancelled);
-    expect_same(film, one_go(samples));
+    EXPECT_FALSE(continue_render(film, samples).cancelled);
+    expect_same(film, uninterrupted_render(samples));
 }
 
 // Samples that are not finite are dropped, but counted.
@@ -181,10 +181,10 @@ TEST_F(Resume, DroppedSamplesCount) {
     blinding.visible = false;
     lights = {SkyLight{}, blinding};
     Film film = empty();
-    const RenderStats first = go_on(film, 10);
-    const RenderStats second = go_on(film, 50);
+    const RenderStats first = continue_render(film, 10);
+    const RenderStats second = continue_render(film, 50);
     Film whole = empty();
-    const RenderStats all = go_on(whole, 50);
+    const RenderStats all = continue_render(whole, 50);
     EXPECT_GT(first.dropped_samples, 0U);
     EXPECT_EQ(first.dropped_samples + second.dropped_samples, all.dropped_samples);
     EXPECT_EQ(second.mean_samples, 50.0);
@@ -199,12 +199,12 @@ TEST_F(Resume, AFilmIsShownBetweenPasses) {
     progress.between_passes = [&](Film& shown) {
         seen.push_back(count_samples(shown).most);
         resolve(shown);
-        EXPECT_EQ(shown.layers[0].pixels, one_go(seen.back()).layers[0].pixels);
+        EXPECT_EQ(shown.layers[0].pixels, uninterrupted_render(seen.back()).layers[0].pixels);
     };
-    go_on(film, 40, &progress);
+    continue_render(film, 40, &progress);
     EXPECT_EQ(seen, (std::vector<uint32_t>{1, 4, 16, 32})); // the last pass is the picture
     EXPECT_EQ(progress.samples_done, 40U * film.pixels.size());
-    expect_same(film, one_go(40));
+    expect_same(film, uninterrupted_render(40));
 }
 
 } // namespace

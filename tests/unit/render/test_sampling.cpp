@@ -26,8 +26,8 @@ std::vector<NumberSet> numbers_of(uint64_t pixel, uint32_t set, uint32_t first, 
 }
 
 // The fewest and the most points in a cell, if dimension d is halved bits[d] times.
-std::pair<size_t, size_t> points_a_cell(const std::vector<NumberSet>& points,
-                                        const std::array<int, 4>& bits) {
+std::pair<size_t, size_t> points_per_cell(const std::vector<NumberSet>& points,
+                                          const std::array<int, 4>& bits) {
     std::vector<size_t> cells(size_t(1) << (bits[0] + bits[1] + bits[2] + bits[3]));
     for (const NumberSet& point : points) {
         size_t cell = 0;
@@ -49,12 +49,12 @@ TEST(Sampler, FillsEveryElementaryInterval) {
                     for (const NumberSet& point : points)
                         for (const float x : point) ASSERT_TRUE(x >= 0.0F && x < 1.0F);
                     for (int split = 0; split <= bits; ++split)
-                        EXPECT_EQ(points_a_cell(points, {split, bits - split, 0, 0}),
+                        EXPECT_EQ(points_per_cell(points, {split, bits - split, 0, 0}),
                                   std::pair(size_t(1), size_t(1)));
                     for (size_t d = 0; d < 4; ++d) {
                         std::array<int, 4> along{};
                         along[d] = bits;
-                        EXPECT_EQ(points_a_cell(points, along), std::pair(size_t(1), size_t(1)));
+                        EXPECT_EQ(points_per_cell(points, along), std::pair(size_t(1), size_t(1)));
                     }
                 }
 }
@@ -67,7 +67,7 @@ TEST(Sampler, FillsFourDimensions) {
             for (int a = 0; a <= 6; ++a)
                 for (int b = 0; a + b <= 6; ++b)
                     for (int c = 0; a + b + c <= 6; ++c)
-                        EXPECT_EQ(points_a_cell(points, {a, b, c, 6 - a - b - c}),
+                        EXPECT_EQ(points_per_cell(points, {a, b, c, 6 - a - b - c}),
                                   std::pair(size_t(8), size_t(8)));
         }
 }

@@ -73,8 +73,8 @@ Interface interface_at(const Vec3d& direction, const Vec3d& normal, double from,
 }
 
 // The part of the light that continues in `direction`, with the s and p components of its fields scaled.
-Light continued(const Light& light, const Vec3d& normal, const Vec3d& direction, double share, double along_s,
-                double along_p) {
+Light continue_ray(const Light& light, const Vec3d& normal, const Vec3d& direction, double share,
+                   double along_s, double along_p) {
     Vec3d s = light.direction.cross(normal);
     s = s.norm() > 1e-12 ? s.normalized() : light.direction.unitOrthogonal(); // head-on any s will do
     Light next{light.at, direction, light.energy * share, {}};
@@ -86,15 +86,16 @@ Light continued(const Light& light, const Vec3d& normal, const Vec3d& direction,
 
 Light reflected(const Light& light, const Interface& face) {
     const Vec3d direction = (light.direction + 2.0 * face.cos_in * face.normal).normalized();
-    return continued(light, face.normal, direction, face.reflectance(), face.amplitude_s, face.amplitude_p);
+    return continue_ray(light, face.normal, direction, face.reflectance(), face.amplitude_s,
+                        face.amplitude_p);
 }
 
 Light refracted(const Light& light, const Interface& face) {
     const Vec3d direction =
         (face.ratio * light.direction + (face.ratio * face.cos_in - face.cos_out) * face.normal).normalized();
     const auto rest = [](double amplitude) { return std::sqrt(std::max(0.0, 1.0 - amplitude * amplitude)); };
-    return continued(light, face.normal, direction, 1.0 - face.reflectance(), rest(face.amplitude_s),
-                     rest(face.amplitude_p));
+    return continue_ray(light, face.normal, direction, 1.0 - face.reflectance(), rest(face.amplitude_s),
+                        rest(face.amplitude_p));
 }
 
 Exit left(int order, const Light& light) {
@@ -264,7 +265,7 @@ double along_meridian(const HairBsdf& bsdf, double theta, double phi) {
 
 // Lobe energies from evaluate() alone: each lobe is integrated in a window around the traced azimuth, minus
 // the residual, which is uniform in azimuth. Empty if windows overlap.
-std::vector<double> seen_energies(const HairBsdf& bsdf, double theta, const std::vector<Exit>& exits) {
+std::vector<double> lobe_energies(const HairBsdf& bsdf, double theta, const std::vector<Exit>& exits) {
     const double half = 13.0 * bsdf.logistic_scale;
     std::array<double, order_count - 1> middle{};
     for (int p = 0; p < order_count - 1; ++p) {
@@ -305,7 +306,7 @@ TEST(HairCylinder, LobesOfEvaluateHoldTheTracedEnergy) {
                     const HairBsdf bsdf =
                         hair_at(fibre_of(ior, Vec3f::Constant(static_cast<float>(sigma)), sharpest),
                                 fibre_point(theta * degree, h));
-                    const std::vector<double> seen = seen_energies(bsdf, theta * degree, exits);
+                    const std::vector<double> seen = lobe_energies(bsdf, theta * degree, exits);
                     ++(seen.empty() ? touching : compared);
                     const Energies traced = energies_of(exits);
                     for (size_t p = 0; p < seen.size(); ++p)
@@ -340,7 +341,7 @@ struct Peaks {
 void compare_peaks(double ior, double h, double theta, Peaks& worst) {
     const std::vector<Exit> exits = trace({as_given(ior)}, as_given(h), theta);
     const HairBsdf bsdf = hair_at(fibre_of(ior, Vec3f::Zero(), sharpest), fibre_point(theta, h));
-    if (seen_energies(bsdf, theta, exits).empty()) return;
+    if (lobe_energies(bsdf, theta, exits).empty()) return;
     for (int p = 0; p < order_count - 1; ++p) {
         const double phi = azimuth_of(exits[p].direction), up = std::asin(exits[p].direction.y());
         const auto seen = [&](double inclination, double azimuth) {

@@ -34,7 +34,7 @@ struct Case {
     double furnace; // tolerance for white
 };
 
-std::string told(const Case& c) {
+std::string case_name(const Case& c) {
     std::string text = c.shader;
     for (const auto& [name, value] : c.settings) text += " " + name + " " + value;
     return text;
@@ -107,7 +107,7 @@ TEST(Surfaces, WhiteFurnaceAtEveryRoughnessAndAngle) {
             const bool grains = std::string(c.shader) == "sand";
             const double sum = grains ? furnace_near_the_horizon(bsdf) : furnace_by_samples(bsdf);
             const double off = std::abs(sum - 1.0);
-            EXPECT_LT(off, c.furnace) << told(c) << " cosine " << cosine << ": " << sum;
+            EXPECT_LT(off, c.furnace) << case_name(c) << " cosine " << cosine << ": " << sum;
             worst[c.shader] = std::max(worst[c.shader], off);
         }
     }
@@ -194,7 +194,8 @@ TEST(Surfaces, SamplesFollowTheDensity) {
             }
             const double excess = (statistic - cells) / std::sqrt(2.0 * cells);
             worst = std::max(worst, excess);
-            EXPECT_LT(excess, 5.0) << told(c) << " cosine " << cosine; // standard deviations of chi-square
+            EXPECT_LT(excess, 5.0) << case_name(c) << " cosine "
+                                   << cosine; // standard deviations of chi-square
         }
     std::printf("[ density ] worst chi square %.1f deviations above its mean\n", worst);
 }
@@ -241,7 +242,7 @@ TEST(Surfaces, LightMayBeFollowedEitherWay) {
             worst =
                 std::max(worst, static_cast<double>((there - back).norm() / std::max(there.norm(), 1e-3F)));
         }
-        EXPECT_LT(worst, 1e-3) << told(c);
+        EXPECT_LT(worst, 1e-3) << case_name(c);
     }
 }
 

@@ -521,7 +521,7 @@ TEST(Drape, CancelledLeavesTheSand) {
     const Domain& d = shore.domain;
     std::vector<double> ground(d.count()), sand(d.count());
     for (size_t k = 0; k < d.count(); ++k) {
-        ground[k] = std::rint(double(shore.rock[k]) * sand_units_a_metre);
+        ground[k] = std::rint(double(shore.rock[k]) * sand_units_per_metre);
         sand[k] = double(shore.sand[k]);
     }
     const std::vector<double> before = sand;

@@ -175,7 +175,7 @@ TEST(Ripples, LayerCarriesWhatACoarseGridCannotHold) {
         }
     const Fields fields{bedrock.data(), sand.data(), {}};
     const RipplesLayer layer({settings, Vec2d::UnitX(), 30.0, ""}, d);
-    std::vector<RipplesLayer::Carried> all(d.count());
+    std::vector<RipplesLayer::RippleInputs> all(d.count());
     layer.carried(fields, {}, all);
     const auto at = [&](double x, int j) { return all[d.index(int(x / d.cell), j)]; };
     EXPECT_NEAR(at(10.0, 70).gradient.x(), 1.0 / 6.0, 1e-6);
@@ -187,7 +187,7 @@ TEST(Ripples, LayerCarriesWhatACoarseGridCannotHold) {
     EXPECT_GT(at(58.0, 70).strength, 0.9F); // behind the lee
     std::vector<uint32_t> some;
     for (uint32_t k = 0; k < d.count(); k += 37) some.push_back(uint32_t(d.count()) - 1 - k);
-    std::vector<RipplesLayer::Carried> few(some.size());
+    std::vector<RipplesLayer::RippleInputs> few(some.size());
     layer.carried(fields, some, few);
     for (size_t k = 0; k < some.size(); ++k) {
         ASSERT_EQ(few[k].gradient, all[some[k]].gradient);

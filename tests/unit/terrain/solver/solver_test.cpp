@@ -68,10 +68,10 @@ double dune_lumps(double x, double z) { // heaps on bare ground and a thin cover
 }
 
 WindHistory dune_two_winds() {
-    return wind_sequence({{{1.0, 0.0, 0.4}, 3.0 * seconds_an_hour},
-                          {{-0.3, 0.9, 0.5}, 2.0 * seconds_an_hour},
-                          {{0.7, -0.7, 0.1}, seconds_an_hour},
-                          {{0.8, -0.7, 0.6}, seconds_an_hour}});
+    return wind_sequence({{{1.0, 0.0, 0.4}, 3.0 * seconds_per_hour},
+                          {{-0.3, 0.9, 0.5}, 2.0 * seconds_per_hour},
+                          {{0.7, -0.7, 0.1}, seconds_per_hour},
+                          {{0.8, -0.7, 0.6}, seconds_per_hour}});
 }
 
 TEST(DuneSolver, WavesGrowAndTravelAsLinearTheorySays) {
@@ -131,7 +131,7 @@ TEST(DuneSolver, ResumesWithTheSameBits) {
             return DuneSolver(scene.domain, settings, scene.rock.data(), scene.sand.data());
         };
         DuneSolver whole = solver(), half = solver(), rest = solver();
-        const double hours = 6.5 * seconds_an_hour;
+        const double hours = 6.5 * seconds_per_hour;
         ASSERT_TRUE(whole.advance(dune_two_winds(), hours));
         int left = 25;
         EXPECT_FALSE(half.advance(dune_two_winds(), hours, {.cancelled = [&] { return left-- == 0; }}));
@@ -216,7 +216,7 @@ TEST(DuneSolver, GridsTurnedByAnyAngleGiveTheSameDune) {
             return 4.08 * std::exp(-(a * a + b * b) / 144.0) - 0.08;
         });
         DuneSolver solver(scene.domain, settings, scene.rock.data(), scene.sand.data());
-        solver.advance(steady_wind({cx, cz, 0.5}), 500.0 * seconds_an_hour);
+        solver.advance(steady_wind({cx, cz, 0.5}), 500.0 * seconds_per_hour);
         double most = 0.0;
         for (const SandUnits sand : dune_sand(solver, scene)) most = std::max(most, sand_metres(sand));
         if (angle == 0.0) upright = most;
@@ -231,9 +231,9 @@ TEST(DuneSolver, PlantsGrowAndAreBuried) {
     scene.fill([](double x, double z) { return 3.0 * std::exp(-(x * x + z * z) / 40.0) - 0.01; });
     const std::vector<float> plants(scene.sand.size(), 0.8F);
     DuneSolverSettings settings;
-    settings.growth = {2.0 / seconds_a_year, 0.5, 0.04, 0.2};
+    settings.growth = {2.0 / seconds_per_year, 0.5, 0.04, 0.2};
     DuneSolver still(scene.domain, settings, scene.rock.data(), scene.sand.data(), plants.data());
-    const double time = 0.1 * seconds_a_year;
+    const double time = 0.1 * seconds_per_year;
     still.advance(steady_wind({1.0, 0.0, 0.1}), time); // below the threshold: sand does not move
     std::vector<float> cover(scene.sand.size());
     still.cover(cover);
@@ -300,7 +300,7 @@ TEST(DuneSolver, AHeapBecomesABarchan) {
     DuneSolverSettings settings;
     settings.border = DuneBorder::open;
     DuneSolver solver(scene.domain, settings, scene.rock.data(), scene.sand.data());
-    ASSERT_TRUE(solver.advance(steady_wind({1.0, 0.0, 0.5}), 420.0 * seconds_an_hour));
+    ASSERT_TRUE(solver.advance(steady_wind({1.0, 0.0, 0.5}), 420.0 * seconds_per_hour));
     const std::vector<SandUnits> sand = dune_sand(solver, scene);
     // Downwind end of the dune (20 cm high) along its middle, and the furthest downwind ends: the horns.
     int middle = 0, horns[2] = {0, 0};

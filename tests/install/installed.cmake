@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-# Installs into a folder, moves that, and builds and runs core/plugin/example against it: its control vertices are those that the installed
-# program bakes, to the bit. cmake -D SOURCE=... -D BUILD=... -D WORK=... -D CC=... -D CXX=... -P installed.cmake
+# Installs into a folder, moves it, and builds and runs core/plugin/example against it: its CVs must be bit-identical to those that the
+# installed program bakes. cmake -D SOURCE=... -D BUILD=... -D WORK=... -D CC=... -D CXX=... -P installed.cmake
 cmake_minimum_required(VERSION 3.25)
 
-# Runs a command; its output is there in `out`. CODE is the exit code that is wanted, ENV what is set for it.
+# Runs a command and sets `out` to its output. CODE: the expected exit code; ENV: environment variables of the command.
 function(run code)
   cmake_parse_arguments(PARSE_ARGV 1 run "" "FOLDER" "ENV;COMMAND")
   if(NOT run_FOLDER)
@@ -32,7 +32,7 @@ set(prefix ${WORK}/prefix)
 set(program ${prefix}/bin/marram)
 set(plugin ${prefix}/lib/marram/libmarram_procedural.so)
 
-# No path of this machine is in it. The program finds the library for pictures beside the plug-in; all others are where the system has them.
+# No installed file contains a path of this machine. The program finds the image library next to the plug-in; all others are system libraries.
 run(1 COMMAND grep -rlF -e ${BUILD} -e ${SOURCE} ${prefix})
 foreach(binary ${program} ${plugin} ${prefix}/lib/marram/libmarram_images.so)
   run(0 COMMAND readelf -d ${binary})
@@ -42,7 +42,7 @@ foreach(binary ${program} ${plugin} ${prefix}/lib/marram/libmarram_images.so)
   endif()
 endforeach()
 
-# Each header by itself, as C99 and as C++20, with what pkg-config says.
+# Compiles each header by itself, as C99 and as C++20, with the flags of pkg-config.
 run(0 ENV PKG_CONFIG_PATH=${prefix}/lib/pkgconfig COMMAND pkg-config --cflags marram)
 separate_arguments(flags UNIX_COMMAND "${out}")
 run(0 ENV PKG_CONFIG_PATH=${prefix}/lib/pkgconfig COMMAND pkg-config --variable=plugin marram)
@@ -58,14 +58,14 @@ foreach(header embree marram_plugin marram_host)
   run(0 COMMAND ${CXX} -std=c++20 -Wall -Wextra -Wpedantic -Werror -fsyntax-only ${flags} ${header}.cpp)
 endforeach()
 
-# The example, as an engineer would build it.
+# Builds the example as a user would.
 set(example ${prefix}/share/doc/libmarram-procedural-dev/example)
 run(0 COMMAND ${CMAKE_COMMAND} -S ${example} -B ${WORK}/example -G Ninja -DCMAKE_C_COMPILER=${CC} -DCMAKE_BUILD_TYPE=Release
               "-DCMAKE_C_FLAGS=-Wall -Wextra -Wpedantic -Werror" -DCMAKE_PREFIX_PATH=${prefix})
 run(0 COMMAND ${CMAKE_COMMAND} --build ${WORK}/example)
 run(0 COMMAND ${WORK}/example/host meadow.ppm strands.bin)
 file(SIZE ${WORK}/meadow.ppm size)
-if(NOT size EQUAL 172815) # "P6\n320 180\n255\n" and 3 bytes a pixel
+if(NOT size EQUAL 172815) # "P6\n320 180\n255\n" and 3 bytes per pixel
   message(FATAL_ERROR "the picture has ${size} bytes")
 endif()
 run(0 COMMAND ${program} bake ${example}/meadow.toml -o meadow.hair --frame 12 --quiet)
@@ -77,7 +77,7 @@ if(NOT baked EQUAL strands OR strands LESS 256000)
 endif()
 run(0 COMMAND cmp -i 128:0 meadow.hair strands.bin)
 
-# The search path: for a library that a scene names, and for the program's own.
+# The search path of a library that a scene names, and of the program's own libraries.
 set(pyramid "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0, 0]\n[[procedural]]\nname = \"tomb\"\ntype = \"pyramid\"\nlibrary = \"libmesh_plugin.so\"\n")
 string(APPEND pyramid "[[procedural]]\nname = \"grass\"\ntype = \"groom\"\non = \"tomb\"\ncount = 10\nlength = 0.1\nwidth = 0.01\n")
 file(WRITE ${WORK}/pyramid.toml "${pyramid}")

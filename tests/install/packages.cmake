@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Makes the Debian packages and reads them. cmake -D SOURCE=... -D BUILD=... -D WORK=... -D VERSION=... -D CPACK=... -P packages.cmake
+# Makes the Debian packages and checks their contents. cmake -D SOURCE=... -D BUILD=... -D WORK=... -D VERSION=... -D CPACK=... -P packages.cmake
 cmake_minimum_required(VERSION 3.25)
 
 function(output_of)

@@ -5,6 +5,8 @@
 
 #include "core/image/atomic_file.h"
 
+#include <tbb/scalable_allocator.h>
+
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
@@ -62,7 +64,11 @@ void end_for_lack_of_memory() {
     _exit(exit_bad_input);
 }
 
-void release_free_memory() { malloc_trim(0); }
+// TBB's containers and aligned vectors have an allocator of their own, which keeps what is freed for the thread that freed it.
+void release_free_memory() {
+    scalable_allocation_command(TBBMALLOC_CLEAN_ALL_BUFFERS, nullptr);
+    malloc_trim(0);
+}
 
 void watch_for_lack_of_memory() {
     if (memory_is_short()) end_for_lack_of_memory();

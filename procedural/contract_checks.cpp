@@ -432,7 +432,7 @@ ContractFault frame_fault(const MarramFrame& frame, std::span<const MarramMesh> 
         if (meshes[m].instance_of > m) return refuse("stands before its mesh", "list the mesh first");
         const MarramMesh& mesh = meshes[meshes[m].instance_of - 1];
         if (mesh.instance_of != 0)
-            return refuse("is one of another instance", "let it be one of that one's mesh");
+            return refuse("is one of another instance", "make it an instance of the mesh itself");
         if (mesh.vertex_count != meshes[m].vertex_count || mesh.triangle_count != meshes[m].triangle_count)
             return refuse("has other triangles than its mesh", "lend it with the same");
         if (!frame.instance_transform)

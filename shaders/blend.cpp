@@ -9,7 +9,7 @@ std::vector<ParamSpec> blend_params() {
         {"second", ParamType::reference, "", "", 0.0, 0.0, "material",
          "material where the ramp is 1; either may be a blend itself"},
         {"attribute", ParamType::text, "", "", 0.0, 0.0, "",
-         "attribute, of one number, of what the material is on"},
+         "attribute of the mesh or groom, with one component"},
         {"ramp", ParamType::ramp, "", "[[0, 0], [1, 1]]", 0.0, 1.0, "",
          "share of the second material over the attribute"},
     };

@@ -9,17 +9,17 @@ namespace marram {
 std::vector<ParamSpec> grass_params() {
     std::vector<ParamSpec> params = {
         {"color", ParamType::color, "", "[0.16, 0.26, 0.06]", 0.0, 1.0, "",
-         "share of the light inside that comes out again, on either side"},
+         "reflectance + transmittance of the base, before transmission_color"},
         {"transmission", ParamType::number, "", "0.45", 0.0, 1.0, "",
-         "of that, the share that comes out on the other side"},
+         "fraction of color that is transmitted"},
         {"transmission_color", ParamType::color, "", "[1, 0.95, 0.45]", 0.0, 1.0, "",
-         "what the light that goes through is filtered by besides"},
+         "additional filter of the transmitted light"},
         {"roughness", ParamType::number, "", "0.4", least_roughness, 1.0, "",
          "of the boundary: 0.03 wet, 1 matt"},
         {"specular", ParamType::number, "", "0.03", 0.0, 0.5, "",
          "reflected by the boundary straight on; 0: no gloss"},
         {"fold", ParamType::number, "deg", "20", 0.0, 60.0, "",
-         "how far the halves of a blade are turned against each other; strands only"},
+         "rotation of the normal at the blade's edges; strands only"},
     };
     for (ParamSpec& spec : strand_color_params()) params.push_back(std::move(spec));
     return params;

@@ -161,7 +161,7 @@ std::vector<ParamSpec> hair_params() {
         {"pigment", ParamType::choice, "", "\"color\"", 0.0, 0.0, "color|melanin",
          "what sets the absorption"},
         {"color", ParamType::color, "", "[0.6, 0.45, 0.3]", 0.0, 1.0, "",
-         "colour that many such fibres together have"},
+         "multiple-scattering colour of many such fibres"},
         {"melanin", ParamType::number, "", "1.3", 0.0, 100.0, "",
          "pigment: 0 white, 0.3 blond, 1.3 brown, 8 black"},
         {"melanin_redness", ParamType::number, "", "0", 0.0, 1.0, "", "share of the pigment that is red"},
@@ -186,7 +186,7 @@ void reject_unused_pigment_params(const ParamSet& params) {
     for (const std::string_view name : unread)
         if (const ParamValue* value = params.find(name); value && value->given)
             throw InputError(value->place,
-                             "'" + std::string(name) + "' means nothing with pigment = \"" +
+                             "'" + std::string(name) + "' is not used with pigment = \"" +
                                  params.text("pigment") + "\"",
                              melanin ? "leave it out, or leave out pigment"
                                      : "add pigment = \"melanin\", or leave it out");

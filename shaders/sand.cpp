@@ -100,9 +100,9 @@ std::vector<ParamSpec> sand_params() {
         {"ripple_height", ParamType::number, "m", "0.008", 0.0, 1000.0, "", "from trough to crest; 0: none"},
         {"ripple_length", ParamType::number, "m", "0.11", 1e-6, 1e6, "", "from crest to crest"},
         {"ripple_direction", ParamType::number, "deg", "0", -36000.0, 36000.0, "",
-         "where the wind goes that made them: 0 along +x, 90 along +z"},
+         "heading of the wind that made them: 0 towards +x, 90 towards +z"},
         {"sparkle", ParamType::number, "", "0.05", 0.0, 1.0, "",
-         "share of the surface that is facets like glass; 0: none"},
+         "fraction of the surface that is glassy facets; 0: none"},
         {"grain", ParamType::number, "m", "0.0004", 1e-9, 1000.0, "", "from grain to grain"},
     };
     for (ParamSpec& spec : strand_color_params()) params.push_back(std::move(spec));

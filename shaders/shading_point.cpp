@@ -34,8 +34,7 @@ std::vector<ParamSpec> strand_color_params() {
         {"variation", ParamType::number, "", "0", 0.0, 1.0, "",
          "how much strands differ in brightness and hue"},
         {"tint", ParamType::text, "", "\"none\"", 0.0, 0.0, "",
-         "attribute whose value 0 ... 1 blends towards tint_color (of id: a share of each strand's "
-         "own), or none"},
+         "attribute, 0 ... 1, that blends towards tint_color; ids are hashed to [0, 1]; or none"},
         {"tint_color", ParamType::color, "", "[0.35, 0.2, 0.08]", 0.0, 1.0, "", "what tint blends towards"},
     };
 }

@@ -14,12 +14,11 @@ constexpr int specular_levels = 16;
 std::vector<ParamSpec> surface_params() {
     constexpr double any = std::numeric_limits<double>::infinity();
     std::vector<ParamSpec> params = {
-        {"color", ParamType::color, "", "[0.5, 0.5, 0.5]", 0.0, 1.0, "",
-         "share of light that the body returns"},
+        {"color", ParamType::color, "", "[0.5, 0.5, 0.5]", 0.0, 1.0, "", "reflectance of the base"},
         {"roughness", ParamType::number, "", "0.5", least_roughness, 1.0, "",
          "of the boundary: 0.03 polished, 1 matt"},
         {"specular", ParamType::number, "", "0.04", 0.0, 0.5, "",
-         "reflected by the boundary straight on: 0.02 water, 0.04 glass and plastic, 0 none"},
+         "reflectance of the coat at normal incidence: 0.02 water, 0.04 glass and plastic, 0 no coat"},
         {"roughness_map", ParamType::image, "", "none", -any, any, "",
          "image whose first channel multiplies roughness"},
         {"specular_map", ParamType::image, "", "none", -any, any, "",

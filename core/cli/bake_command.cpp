@@ -61,7 +61,7 @@ void check_formats(const BakeOptions& options) {
         throw InputError({options.output}, "nothing is written in the format '" + extension + "'",
                          "name it .hair, .usda, .ply or .obj for strands, .obj or .ply for the surface of a "
                          "terrain, .exr, "
-                         ".tif or .png for its grids");
+                         ".tif, .tiff or .png for its grids");
     const std::string meshes = std::filesystem::path(options.colliders).extension().string();
     if (!options.colliders.empty() && meshes != ".obj" && meshes != ".usda")
         throw InputError({options.colliders}, "colliders are written as .obj or .usda",
@@ -81,8 +81,7 @@ const MeshGeometry& mesh_with_grids(const World& world, const std::string& outpu
                              "bake a scene with one of them");
         found = &mesh;
     }
-    if (!found)
-        throw InputError({output}, "no mesh of the scene hands out grids", "bake a scene with a terrain");
+    if (!found) throw InputError({output}, "no mesh of the scene has grids", "bake a scene with a terrain");
     return *found;
 }
 

@@ -75,7 +75,8 @@ void add_scene(CLI::App& command, CommonOptions& options) {
 }
 
 void add_stats(CLI::App& command, CommonOptions& options) {
-    command.add_option("--stats", options.stats, "write what it cost to this JSON file")->type_name("FILE");
+    command.add_option("--stats", options.stats, "write statistics of the run to this JSON file")
+        ->type_name("FILE");
 }
 
 std::vector<std::string> split(const std::string& text) {
@@ -168,7 +169,7 @@ void add_bake(CLI::App& app, Commands& c) {
             "-o,--output", c.bake.output,
             "strands: .hair, .usda (several frames in one file, unless its name has a ####), .ply or "
             ".obj; a terrain's surface: .ply, or .obj where no strands are made; its height: .png "
-            "(16 bits), .tif or .exr (with all its grids)")
+            "(16 bits), .tif, .tiff or .exr (with all its grids)")
         ->required()
         ->type_name("FILE");
     CLI::Option* frame = command
@@ -181,7 +182,9 @@ void add_bake(CLI::App& app, Commands& c) {
             "several frames, such as 1-24 or 1-100x5,120; #### in a file's name stands for the frame")
         ->type_name("LIST")
         ->excludes(frame);
-    command->add_option("--stage", c.bake.stage, "how far through the chain")
+    command
+        ->add_option("--stage", c.bake.stage,
+                     "stage of the strands to write: at rest, bent by wind, or final (with collisions)")
         ->check(CLI::IsMember({"rest", "bent", "final"}))
         ->capture_default_str();
     command
@@ -199,8 +202,7 @@ void add_bake(CLI::App& app, Commands& c) {
 }
 
 void add_measure(CLI::App& app, Commands& c) {
-    CLI::App* command =
-        app.add_subcommand("measure", "speed against error: each dial of a scene through its settings");
+    CLI::App* command = app.add_subcommand("measure", "measure time and error of a scene's quality settings");
     add_scene(*command, c.measure);
     command
         ->add_option("--out", c.measure.out,
@@ -220,7 +222,7 @@ void add_compare(CLI::App& app, Commands& c) {
     CLI::App* command = app.add_subcommand(
         "compare",
         "whether two pictures are alike: exit code 0 alike, 1 different, 2 they cannot be compared");
-    command->add_option("test", c.compare.test, "picture to judge")->required()->type_name("A");
+    command->add_option("test", c.compare.test, "picture to test")->required()->type_name("A");
     command->add_option("reference", c.compare.reference, "what it is compared with")
         ->required()
         ->type_name("B");
@@ -236,7 +238,7 @@ void add_compare(CLI::App& app, Commands& c) {
 
 void add_info(CLI::App& app, Commands& c) {
     CLI::App* command =
-        app.add_subcommand("info", "what there is: procedurals, shaders, parameters, what a scene holds");
+        app.add_subcommand("info", "list procedurals, shaders and parameters, or describe a scene");
     command->add_option("subject", c.info.subject,
                         "a procedural, shader or table, or a scene file; default: everything");
     command->add_flag("--keys", c.info.keys,
@@ -361,9 +363,9 @@ int run(int argc, char** argv) {
             std::fflush(stdout);
             end_for_lack_of_memory();
         }
-        const bool output = dynamic_cast<const std::system_error*>(&error); // thrown by fmt for stdout
-        return report(
-            InputError({output ? "standard output" : "marram"}, error.what(), "check where its output goes"));
+        if (dynamic_cast<const std::system_error*>(&error)) // thrown by fmt for stdout
+            return report(InputError({"standard output"}, error.what(), "check where its output goes"));
+        return report(InputError({"marram"}, error.what(), "report it as a defect, with the scene"));
     }
 }
 

@@ -125,7 +125,7 @@ void print_mesh_reports(const Shot& shot, const Report& report) {
                            entry.declared.unit ? entry.declared.unit : "");
 }
 
-// Prints what a scene contains, and its estimated cost from measured figures (README, "How fast").
+// Prints what a scene contains, and its estimated cost.
 void print_scene(const std::string& file) {
     CommonOptions options;
     options.scene = file;

@@ -107,7 +107,8 @@ void save(Frame& frame, Preview& preview, bool quiet) {
     fmt::print("{}\n", saved.picture);
     std::fflush(stdout); // an interrupt may end the process before a later flush
     if (!saved.state_error.empty())
-        fmt::print(stderr, "{}\n{}: --resume will begin anew\n", saved.state_error, frame.files.picture);
+        fmt::print(stderr, "{}\n{}: --resume will start this frame again\n", saved.state_error,
+                   frame.files.picture);
     if (saved.whole) remove_unfinished(frame.files);
     if (!render.cancelled) preview.finish();
     if (!preview.fault().empty()) fmt::print(stderr, "{}\n", preview.fault());

@@ -4,7 +4,9 @@
 #include "core/compare/compare_layers.h"
 #include "core/compare/flip.h"
 #include "core/compare/windows.h"
+#include "core/math/color.h"
 #include "core/math/problem.h"
+#include "core/math/vec.h"
 
 #include <fmt/format.h>
 
@@ -112,7 +114,7 @@ void report_deviations(Comparison& result) {
                                                  : fmt::format("{0} x {0} pixels at ({1}, {2}) are",
                                                                worst->size, worst->x, worst->y);
     result.faults.push_back(fmt::format(
-        "noise cannot explain it: {} off in {} by {:.3g} standard deviations, {:.3g} are allowed{}", where,
+        "more than noise: {} off in {} by {:.3g} standard deviations, the limit is {:.3g}{}", where,
         std::array{"red", "green", "blue"}[size_t(worst->channel)], worst->worst, worst->limit,
         failing > 1 ? fmt::format(" ({} of {} sizes of squares fail)", failing, result.scales.size()) : ""));
 }
@@ -125,24 +127,22 @@ void note_noise(const Picture::Layer& test, const Picture::Layer& reference, Com
     if (mine > much_noisier * theirs)
         result.notes.push_back(
             theirs > 0.0
-                ? fmt::format("A says of itself that it is {:.3g} times as noisy as B (mean variance): "
-                              "differences may hide in that",
+                ? fmt::format("the mean variance of A is {:.3g} times that of B: noise may hide differences",
                               mine / theirs)
-                : std::string("A says of itself that it is noisy, and B that it is not: differences "
-                              "may hide in that"));
+                : std::string("the mean variance of B is 0, that of A is not: noise may hide differences"));
 }
 
 void judge_noise(const Picture& test, const Picture& reference, const std::vector<float>& a,
                  const std::vector<float>& b, const std::optional<Limits>& limits, Comparison& result) {
     const Picture::Layer *va = variance_of(test), *vb = variance_of(reference);
     result.unknown = test.samples == 1 || reference.samples == 1
-                         ? "of a single sample a pixel nothing is known"
+                         ? "one sample a pixel has no variance"
                          : "neither picture has a layer \"variance\" (--aov variance)";
     if (!va && !vb) return;
     // A picture without variance is assumed as noisy as the other, scaled by the sample counts.
     const bool known = test.samples > 0 && reference.samples > 0;
     result.unknown =
-        "only one has a layer \"variance\", and not both say of how many samples they are (marram:samples)";
+        "only one picture has a layer \"variance\", and a sample count (marram:samples) is missing";
     if (!limits && !(va && vb) && !known) return;
     result.unknown.clear();
     if (va && vb && !limits) note_noise(*va, *vb, result);
@@ -227,8 +227,7 @@ void check_comparable(const Picture& a, const Picture& b, const std::string& a_n
     }
     for (const auto& [picture, name] : {std::pair(&a, a_name), std::pair(&b, b_name)})
         if (!picture->limits.empty() && !limits_from(picture->limits))
-            throw InputError({name}, "its limits (marram:limits) cannot be understood",
-                             "make the golden frame anew");
+            throw InputError({name}, "its limits (marram:limits) are invalid", "make the golden frame anew");
     if (!b.limits.empty() && !b.find("variance"))
         throw InputError({b_name}, "carries limits but no variance", "make the golden frame anew");
     if (!b.limits.empty() && a.samples > 0 && a.samples != b.samples)
@@ -245,7 +244,7 @@ double student_limit(double p, double degrees) {
     double z = std::sqrt(-2.0 * std::log(p));
     for (int i = 0; i < 50; ++i) {
         const double tail = std::erfc(z / std::sqrt(2.0)),
-                     slope = std::sqrt(2.0 / 3.14159265358979323846) * std::exp(-0.5 * z * z);
+                     slope = std::sqrt(2.0 / pi) * std::exp(-0.5 * z * z);
         z += (tail - p) / slope;
     }
     const double g = (degrees - 1.5) / ((degrees - 1.0) * (degrees - 1.0));
@@ -307,10 +306,9 @@ std::vector<ScaleResult> deviations(const std::vector<float>& test, const std::v
 }
 
 double mean_ssim(const std::vector<float>& test, const std::vector<float>& reference, int width, int height) {
-    const auto luminance = [&](const std::vector<float>& rgb, int x, int y) {
+    const auto displayed = [&](const std::vector<float>& rgb, int x, int y) {
         const float* p = rgb.data() + 3 * (size_t(y) * size_t(width) + size_t(x));
-        const float l = 0.2126F * p[0] + 0.7152F * p[1] + 0.0722F * p[2];
-        return double(std::clamp(srgb_from_linear(l), 0.0F, 1.0F));
+        return double(std::clamp(srgb_from_linear(luminance(p[0], p[1], p[2])), 0.0F, 1.0F));
     };
     constexpr int window = 8, step = 4;
     constexpr double c1 = 0.01 * 0.01, c2 = 0.03 * 0.03;
@@ -320,7 +318,7 @@ double mean_ssim(const std::vector<float>& test, const std::vector<float>& refer
             double a = 0, b = 0, aa = 0, bb = 0, ab = 0, n = 0;
             for (int j = y; j < std::min(y + window, height); ++j)
                 for (int i = x; i < std::min(x + window, width); ++i) {
-                    const double p = luminance(test, i, j), q = luminance(reference, i, j);
+                    const double p = displayed(test, i, j), q = displayed(reference, i, j);
                     a += p, b += q, aa += p * p, bb += q * q, ab += p * q, n += 1.0;
                 }
             a /= n, b /= n;
@@ -395,7 +393,7 @@ void judge_below_zero(const std::vector<float>& a, const std::vector<float>& b, 
     }
     if (apart > plain_below_zero * light)
         result.faults.push_back(
-            fmt::format("its light below 0 is another: by {:.3g} in the mean, {:.3g} is allowed",
+            fmt::format("its negative values differ by {:.3g} in the mean, the limit is {:.3g}",
                         apart / double(b.size()), plain_below_zero * light / double(b.size())));
 }
 

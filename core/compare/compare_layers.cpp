@@ -213,7 +213,8 @@ std::optional<Offset> best_shift(Frame frame, auto&& fit) {
 }
 
 std::string moved_fault(const std::string& name, Offset by) {
-    return fmt::format("layer {} fits the other better when that is moved by {} pixels across and {} down",
+    return fmt::format("layer {} is shifted: it matches the other picture better if that is moved by {} "
+                       "pixels in x and {} in y",
                        name, by.x, by.y);
 }
 
@@ -248,15 +249,15 @@ std::string fault_of_ids(const Picture::Layer& a, const Picture::Layer& b, Frame
     const double halfway = 0.5 * (1.0 + unknown.noise); // between noise and 1, the value for different ids
     const double allowed = std::min(halfway, noise_names * unknown.noise + spare_names);
     if (unknown.share > allowed)
-        return fmt::format("layer {} is of other names: {:.3g} of its pixels with one hold one that the "
-                           "other picture has nowhere near, {:.3g} are allowed",
+        return fmt::format("layer {} has different ids: in {:.3g} of the pixels with an id the other picture "
+                           "has no such id nearby, the limit is {:.3g}",
                            b.name, unknown.share, allowed);
     const WorstWindow& worst = unknown.unexplained;
     if (worst.mean > window_names)
-        return fmt::format(
-            "layer {} is of other names: of {} at ({}, {}) {:.3g} more than noise explains hold one "
-            "that the other picture has nowhere near, {:.3g} are allowed",
-            b.name, window_text(frame.width, frame.height), worst.x, worst.y, worst.mean, window_names);
+        return fmt::format("layer {} has different ids: in {} at ({}, {}) the fraction of ids that the other "
+                           "picture does not have nearby exceeds noise by {:.3g}, the limit is {:.3g}",
+                           b.name, window_text(frame.width, frame.height), worst.x, worst.y, worst.mean,
+                           window_names);
     const auto by = best_shift(frame, [&](Offset offset) { return same_id_fraction(a, b, frame, offset); });
     return by ? moved_fault(b.name, *by) : "";
 }
@@ -270,21 +271,19 @@ std::string fault_of(const Picture::Layer& a, const Picture::Layer& b, const Lay
     };
     const Bias bias = bias_of(a, b, result.range);
     if (bias.off > bias.allowed)
-        return fmt::format("layer {} is off by {:.3g} in its mean, {:.3g} is allowed", channel(bias.channel),
+        return fmt::format("layer {}: the means differ by {:.3g}, the limit is {:.3g}", channel(bias.channel),
                            bias.off, bias.allowed);
     const Excess beyond = excess_of(a, b, frame);
     const WorstWindow& worst = beyond.unexplained;
     if (worst.mean > window_excess * result.range)
-        return fmt::format(
-            "layer {} is not as in the other picture: {} at ({}, {}) are beyond what is near there "
-            "by {:.3g} in the mean more than noise explains, {:.3g} is allowed",
-            channel(beyond.channel), window_text(frame.width, frame.height), worst.x, worst.y, worst.mean,
-            window_excess * result.range);
+        return fmt::format("layer {} differs locally: {} at ({}, {}) lie outside the range of nearby values "
+                           "of the other picture by a mean of {:.3g} more than noise, the limit is {:.3g}",
+                           channel(beyond.channel), window_text(frame.width, frame.height), worst.x, worst.y,
+                           worst.mean, window_excess * result.range);
     if (result.mean <= layer_share * result.range) return "";
     if (beyond.mean > layer_excess * result.range)
-        return fmt::format(
-            "layer {} differs by {:.3g} in the mean, {:.3g} is allowed (three hundredths of its range)",
-            b.name, result.mean, layer_share * result.range);
+        return fmt::format("layer {}: mean difference {:.3g} is above the limit of {:.3g} (3 % of its range)",
+                           b.name, result.mean, layer_share * result.range);
     const auto by = best_shift(frame, [&](Offset offset) { return correlation(a, b, frame, offset); });
     return by ? moved_fault(b.name, *by) : "";
 }

@@ -211,11 +211,10 @@ std::string where_words(const ScaleResult* square, const Region& at, const Pictu
             ? fmt::format("pixel ({}, {})", at.x, at.y)
             : fmt::format("{} &times; {} pixels at ({}, {})", at.width, at.height, at.x, at.y);
     if (!square) return fmt::format("Framed: {}, with the most of {}.", place, most);
-    return fmt::format("Framed: {}, off by {:.3g} standard deviations in {}, {:.3g} are allowed{}.", place,
-                       square->worst, channel_of(*square, picture), square->limit,
-                       square->fails() ? ""
-                                       : "; the whole picture fails, no square of it alone, and this one is "
-                                         "nearest to its limit");
+    return fmt::format(
+        "Framed: {}, off by {:.3g} standard deviations in {}, the limit is {:.3g}{}.", place, square->worst,
+        channel_of(*square, picture), square->limit,
+        square->fails() ? "" : "; only the whole picture fails, and this square is closest to its limit");
 }
 
 std::string worst_place(const Region& framed, Size size, const Side& test, const Side& reference,
@@ -326,8 +325,8 @@ std::string compare_page(const ComparedFile& test, const ComparedFile& reference
     if (comparison.alike())
         out += comparison.equal ? "<p>Every number is the same.</p>\n"
                : comparison.has_noise_estimate
-                   ? "<p>What differs is what their noise explains, as they know it.</p>\n"
-                   : "<p>They look the same. Whether noise explains what differs nobody can tell: " +
+                   ? "<p>All differences are within the noise given by the pictures' variance.</p>\n"
+                   : "<p>They look the same. Noise is unknown, so it cannot be tested: " +
                          escaped(comparison.unknown) + ".</p>\n";
     out += fmt::format("<p class=\"files\">A, judged: {}<br>B, reference: {}</p></div>\n", escaped(test.path),
                        escaped(reference.path));

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/compare/flip.h"
 
+#include "core/math/color.h"
+#include "core/math/vec.h"
+
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -11,7 +14,6 @@
 namespace marram {
 namespace {
 
-constexpr double pi = 3.14159265358979323846;
 constexpr double pixels_a_degree = 67.02;
 constexpr double colour_exponent = 0.7, feature_exponent = 0.5;
 // Differences up to `knee` of the maximum are mapped to 0 ... `knee_to`.
@@ -237,21 +239,21 @@ std::pair<double, double> exposures_of(const std::vector<float>& reference) {
     double low = 0.0, high = 64.0; // tone_mapped() is monotonic
     for (int i = 0; i < 64; ++i)
         (tone_mapped(0.5 * (low + high)) < nearly_white ? low : high) = 0.5 * (low + high);
-    std::vector<double> luminance;
+    std::vector<double> luminances;
     for (size_t i = 0; i + 2 < reference.size(); i += 3)
-        luminance.push_back(std::max(0.0, 0.2126 * double(reference[i]) + 0.7152 * double(reference[i + 1]) +
-                                              0.0722 * double(reference[i + 2])));
+        luminances.push_back(std::max(
+            0.0, luminance(double(reference[i]), double(reference[i + 1]), double(reference[i + 2]))));
     const auto median_from = [&](std::vector<double>::iterator begin) {
-        const auto middle = begin + (luminance.end() - begin) / 2;
-        std::nth_element(begin, middle, luminance.end());
+        const auto middle = begin + (luminances.end() - begin) / 2;
+        std::nth_element(begin, middle, luminances.end());
         return *middle;
     };
-    const double greatest = *std::max_element(luminance.begin(), luminance.end());
+    const double greatest = *std::max_element(luminances.begin(), luminances.end());
     if (!(greatest > 0.0)) return {0.0, 0.0};
-    double median = median_from(luminance.begin());
+    double median = median_from(luminances.begin());
     if (!(median > 0.0))
         median = median_from(
-            std::partition(luminance.begin(), luminance.end(), [](double l) { return !(l > 0.0); }));
+            std::partition(luminances.begin(), luminances.end(), [](double l) { return !(l > 0.0); }));
     return {std::log2(low / greatest), std::log2(low / median)};
 }
 

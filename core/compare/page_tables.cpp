@@ -72,15 +72,16 @@ std::string numbers(const Comparison& c, const Picture& picture) {
         term("relative MSE",
              "mean of squared differences, each divided by the square of B&rsquo;s number (and a "
              "hundredth of the squared mean of B, so that black does not count without bound)") +
-        term("PSNR", "20 log<sub>10</sub>(range / RMSE); the picture&rsquo;s range is 1, or more where B is "
-                     "brighter; of other layers it is that of the middle 98 in 100 of B&rsquo;s numbers") +
+        term("PSNR",
+             "20 log<sub>10</sub>(range / RMSE); the picture&rsquo;s range is 1, or more where B is "
+             "brighter; for other layers it runs from the 1st to the 99th percentile of B&rsquo;s values") +
         term("FLIP",
              fmt::format("the difference that is seen when swapping, 0 to 1, {}", c.flip_kind()).c_str()) +
         term("SSIM", "likeness of structure, of luminance as a screen shows it; 1: the same");
     if (!scales.empty())
-        out += term("standard deviations",
-                    "the difference of two means over a square, divided by what the pictures "
-                    "know of their noise; the worst square of each size");
+        out +=
+            term("standard deviations", "the difference of two means over a square, divided by its standard "
+                                        "deviation from the variance layers; the worst square of each size");
     return out + "</dl>\n";
 }
 
@@ -98,8 +99,8 @@ std::string metadata(const ComparedFile& a, const ComparedFile& b) {
         return std::string();
     };
     std::string out = fmt::format(
-        "<h2>What the files say</h2>\n<p class=\"small\"><span class=\"mark\">&ne;</span> A and B do not say "
-        "the same.</p>\n<table class=\"says\"><tr><th></th><th>A</th><th>B</th></tr>\n"
+        "<h2>What the files say</h2>\n<p class=\"small\"><span class=\"mark\">&ne;</span> the values of A "
+        "and B differ.</p>\n<table class=\"says\"><tr><th></th><th>A</th><th>B</th></tr>\n"
         "<tr><td>file</td><td>{0}</td><td>{1}</td></tr>\n<tr><td>size</td><td>{2} &times; {3}</td>"
         "<td>{2} &times; {3}</td></tr>\n",
         escaped(a.path), escaped(b.path), a.picture.width, a.picture.height);

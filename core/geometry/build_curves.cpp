@@ -412,7 +412,7 @@ void make_curves(Build& build, Procedural& procedural, uint32_t keys) {
     build.stats.report.add("seconds.expand", wall_seconds() - asked);
     check_patches(item);
     if (item.output.time_count != 1 && item.output.time_count != keys)
-        procedural.refuse("it hands over another number of motion samples than asked", "fix the library");
+        procedural.refuse("its number of motion samples is not the requested one", "fix the library");
     allocate(build, item);
     const double begin = wall_seconds();
     std::atomic<uint32_t> done{0};

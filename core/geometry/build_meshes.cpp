@@ -73,9 +73,9 @@ MeshGeometry place_mesh(Build& build, const SceneMesh& mesh) {
     }
     const auto outward = [&](double frame) { return mesh.to_world(frame).linear().determinant() > 0.0; };
     if (moves && outward(open) != outward(close))
-        build.stats.warnings.push_back(
-            mesh.name + ": turns inside out while the shutter is open: it is lit, and shines, as it is at "
-                        "the frame; keep the signs of its scale");
+        build.stats.warnings.push_back(mesh.name +
+                                       ": its scale changes sign while the shutter is open: normals and "
+                                       "emission are those at the frame; keep the signs of its scale");
     MeshGeometry placed = place_mesh(mesh, moves ? build.times(keys) : std::vector{open}, settings.frame);
     placed.topology = topology_of(placed);
     placed.version = version;
@@ -257,7 +257,7 @@ void make_mesh(Build& build, Procedural& procedural, uint32_t id) {
         build.progress.phase = "making meshes";
         const MarramOutput output = procedural.begin(lent->frame());
         if (output.time_count != 1 && output.time_count != times.size())
-            procedural.refuse("it hands over another number of motion samples than asked", "fix the library");
+            procedural.refuse("its number of motion samples is not the requested one", "fix the library");
         if (output.time_count > 1 && !procedural.has_pose())
             procedural.refuse("its mesh moves, but it has no function pose()", "fix the library");
         const uint64_t version = version_of(procedural, output);

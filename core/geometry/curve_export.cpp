@@ -40,7 +40,7 @@ void check_curves(const std::string& path, std::span<const CurveGeometry> curves
             for (uint64_t i = 0; i < layout.cvs(c) * vertex_floats; ++i)
                 if (!std::isfinite(first_cv(geometry, c)[i]))
                     refuse(path, fmt::format("curve {} of \"{}\" is not finite", c, geometry.name),
-                           "report this: no scene should lead here");
+                           "report this: it is an error of the renderer");
     }
 }
 

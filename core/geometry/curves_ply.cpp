@@ -192,8 +192,9 @@ uint32_t PlyCurves::read_end(const PlyProperty& property, uint64_t vertex_count)
 void PlyCurves::join(uint32_t vertex, uint32_t other) {
     std::array<uint32_t, 2>& both = neighbours_[vertex];
     if (both[0] == other || vertex == other)
-        file_.fail(fmt::format("the edge from {} to {} leads nowhere new", vertex, other),
-                   "join each two vertices once");
+        file_.fail(
+            fmt::format("the edge from {} to {} is a duplicate, or joins a vertex to itself", vertex, other),
+            "join each two vertices once");
     if (both[1] != nobody)
         file_.fail(fmt::format("vertex {} has three edges, a curve does not fork", vertex),
                    "split it into curves that end there");

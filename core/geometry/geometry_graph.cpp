@@ -46,8 +46,8 @@ class Sort {
         Problem problem;
         problem.place = procedurals_[*begin]->place();
         problem.what = "procedurals depend on each other in a ring: " + ring;
-        problem.fix =
-            "let one of them name other geometry, or let a mesh among them neither collide nor shelter";
+        problem.fix = "break the cycle: let one of them use other geometry, or set collides and shelters of "
+                      "one of its meshes to false";
         problem.id = "graph.ring";
         throw InputError({std::move(problem)});
     }

@@ -84,7 +84,7 @@ std::string unusable_because(const ProceduralType& type) {
         if (std::string why = unknown(item.params); !why.empty()) return why;
     const bool curves = calls.kind == MARRAM_CURVES;
     if (!curves && calls.kind != MARRAM_MESH)
-        return "it makes something that this version of the contract does not know";
+        return "its output is of a kind that this version of the contract does not know";
     if (!calls.create || !calls.begin || !calls.destroy || (curves && (!calls.patch || !calls.tessellate)) ||
         (!curves && !calls.mesh) || (!calls.begin_view != !calls.view_mesh))
         return "it lacks a function that the contract asks for";

@@ -156,10 +156,10 @@ void add_instances(std::vector<SceneMesh>& meshes, std::span<const Item> items) 
             const Place& place = keys.given ? keys.place : items[m].place;
             for (const Item& item : items)
                 if (item.name == instance.name)
-                    throw InputError(item.place, "the mesh \"" + item.name + "\" is called as an instance is",
+                    throw InputError(item.place, "the mesh \"" + item.name + "\" has the name of an instance",
                                      "give it another name");
             if (meshes[m].light >= 0)
-                throw InputError(place, "the mesh \"" + meshes[m].name + "\" shines, and has instances",
+                throw InputError(place, "the mesh \"" + meshes[m].name + "\" has a light and instances",
                                  "write a mesh and a light for each");
             for (size_t k = 7; k + 2 < keys.numbers.size(); k += 10) { // x, y, z of each key's scale
                 const double x = keys.numbers[k];
@@ -168,10 +168,9 @@ void add_instances(std::vector<SceneMesh>& meshes, std::span<const Item> items) 
                 for (size_t axis = 0; axis < 3; ++axis) // no axis may pass 0 between keys
                     even = even && (keys.numbers[k + axis] > 0.0) == (keys.numbers[7 + axis] > 0.0);
                 if (!even || x == 0.0)
-                    throw InputError(
-                        place,
-                        "the scale of an instance is 0, changes its sign, or is not as large in x, y and z",
-                        "give one number thrice, such as scale = [2, 2, 2]");
+                    throw InputError(place,
+                                     "the scale of an instance is 0, changes its sign, or is not uniform",
+                                     "give one number thrice, such as scale = [2, 2, 2]");
             }
             meshes.push_back(std::move(instance));
         }

@@ -210,7 +210,7 @@ StrandFile HairReader::read() {
     } else if (thickness == HairHeader().default_thickness || thickness == 1.0F) {
         if (thickness != 0.0F)
             strands_.warnings.emplace_back("has no thickness (its default is 1, as writers leave it): the "
-                                           "strands are of no known width");
+                                           "width of the strands is unknown");
     } else {
         if (!(thickness >= 0.0F && thickness <= farthest))
             throw InputError({path_}, fmt::format("the header's thickness is {}", thickness),

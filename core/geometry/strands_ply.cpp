@@ -158,7 +158,8 @@ void PlyStrandsReader::find_entries() {
         throw InputError({path_}, what, "give the element \"strand\" one entry for each strand");
     };
     if (content_.entries != curves)
-        refuse(fmt::format("has {} strands and {} entries about them", curves, content_.entries));
+        refuse(fmt::format("has {} strands, but {} entries in the element \"strand\"", curves,
+                           content_.entries));
     entries_.resize(curves);
     if (content_.entry_ids.empty() || content_.ids.empty())
         return std::iota(entries_.begin(), entries_.end(), 0U);
@@ -195,8 +196,8 @@ void PlyStrandsReader::add_attributes(const std::vector<PlyColumn>& columns, std
             }
         if (folded > 0 && !group.is_color)
             strands_.warnings.push_back(
-                fmt::format("\"{}\" has {} whole numbers beyond 2^24, which no float holds: they are folded "
-                            "into 24 bits, two may become one",
+                fmt::format("\"{}\" has {} integers beyond 2^24, which a float cannot hold: they are hashed "
+                            "to 24 bits, and different ones may become equal",
                             attribute.name, folded));
         strands_.attributes.push_back(std::move(attribute));
     }

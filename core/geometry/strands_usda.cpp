@@ -282,7 +282,7 @@ void UsdaStrandsReader::cut(UsdaCvs& cvs, const CurvesPrim& prim, const UsdaSeri
             if (!is_near && pieces < most_pieces) break;
         }
         if (!is_near && pieces == most_pieces)
-            warn(fmt::format("the curves \"{}\" are drawn up to {:.2g} m beside the file's", prim.path,
+            warn(fmt::format("the curves \"{}\" differ from the file's by up to {:.2g} m", prim.path,
                              part.deviation));
         if (is_near || pieces == most_pieces) return;
     }
@@ -298,8 +298,8 @@ std::vector<float> UsdaStrandsReader::widths_at(const UsdaCvs& cvs, const Curves
         prim.self(), *widths.of, name == "widths" ? Interpolation::vertex : Interpolation::constant);
     if (given.size() != expected(cvs, interpolation))
         scene_.fail(widths.of->at,
-                    fmt::format("\"{}\" has {} widths where its interpolation wants {}", prim.path,
-                                given.size(), expected(cvs, interpolation)),
+                    fmt::format("\"{}\" has {} widths, its interpolation needs {}", prim.path, given.size(),
+                                expected(cvs, interpolation)),
                     "export the curves anew");
     const double scale =
         std::cbrt(std::abs(placing(prim.ancestors, time).topLeftCorner<3, 3>().determinant()));
@@ -327,7 +327,7 @@ void UsdaStrandsReader::read_samples(const UsdaCvs& cvs, const CurvesPrim& prim,
         for (size_t i = 0; i < placed.size(); ++i) sample.points.front().data()[i] = float(placed[i]);
         if (widths.is_there()) sample.widths = widths_at(cvs, prim, widths, name, time);
         if (sample.widths.size() != part.samples.front().widths.size())
-            scene_.fail(widths.of->at, fmt::format("\"{}\" has widths at some times alone", prim.path),
+            scene_.fail(widths.of->at, fmt::format("\"{}\" has widths at some times only", prim.path),
                         "export them at every frame");
     }
 }
@@ -342,7 +342,7 @@ StrandFile UsdaStrandsReader::read_prim(const CurvesPrim& prim) {
     for (const auto& [time, value] : prim.self().samples("curveVertexCounts"))
         if (*value != *prim.self().find("curveVertexCounts"))
             scene_.fail(prim.self().at,
-                        fmt::format("the curves \"{}\" have other counts from time to time", prim.path),
+                        fmt::format("the curves \"{}\" have vertex counts that change over time", prim.path),
                         "export as many curves and vertices at every frame");
     for (const auto& [time, value] : points.samples)
         if (value->size() != points.samples.front().second->size())
@@ -482,11 +482,11 @@ void UsdaStrandsReader::read_attribute(const UsdaCvs& cvs, const CurvesPrim& pri
     const bool has_indices = expand(self, attribute, components, values);
     const size_t count = values.size() / components;
     if (interpolation == Interpolation::constant && count != 1 && !has_indices)
-        return left_out(fmt::format("it has {} values and no interpolation but constant", count));
+        return left_out(fmt::format("it has {} values but constant interpolation", count));
     if (count != expected(cvs, interpolation) || values.size() % components != 0)
         scene_.fail(attribute.at,
-                    fmt::format("\"{}\" has {} values where its interpolation wants {}", attribute.name,
-                                count, expected(cvs, interpolation)),
+                    fmt::format("\"{}\" has {} values but its interpolation needs {}", attribute.name, count,
+                                expected(cvs, interpolation)),
                     "export the curves anew");
     place_values(prim, attribute.type, values);
     if (samples.size() > 1 &&

@@ -83,7 +83,7 @@ TableFile read_table_file(const std::string& path) {
     const auto check = [&](bool good) {
         if (!good)
             throw InputError({path, reader.line, 0},
-                             fmt::format("is no CSV: {}", csv_strerror(csv_error(&parser))),
+                             fmt::format("is not valid CSV: {}", csv_strerror(csv_error(&parser))),
                              "separate numbers by commas, a row a line");
     };
     for (std::string line; std::getline(in, line);) {

@@ -121,7 +121,7 @@ class UsdaReader {
         if (next_.kind == UsdaKind::end)
             fail(next_.at, "the file ends where " + expected + " is expected",
                  "check that the file is complete");
-        fail(next_.at, fmt::format("\"{}\" stands where {} is expected", next_.text.substr(0, 32), expected),
+        fail(next_.at, fmt::format("found \"{}\", expected {}", next_.text.substr(0, 32), expected),
              "check the file against USD's text format");
     }
 

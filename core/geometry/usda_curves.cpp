@@ -87,7 +87,7 @@ void UsdaCurvesReader::read_widths(const UsdaPrim& prim, const UsdaTransform& pl
     }
     if (widths->size() != expected)
         scene_.fail(at,
-                    fmt::format("\"{}\" has {} widths where its interpolation wants {}", curves.path,
+                    fmt::format("\"{}\" has {} widths but its interpolation needs {}", curves.path,
                                 widths->size(), expected),
                     "export the curves anew");
     const double scale = std::cbrt(std::abs(placing.topLeftCorner<3, 3>().determinant()));
@@ -95,8 +95,8 @@ void UsdaCurvesReader::read_widths(const UsdaPrim& prim, const UsdaTransform& pl
     for (const double width : *widths) {
         if (!(width >= 0.0) || !std::isfinite(width * scale))
             scene_.fail(at,
-                        fmt::format("width {} of \"{}\" is not a finite number above 0", curves.widths.size(),
-                                    curves.path),
+                        fmt::format("width {} of \"{}\" is not a finite number of at least 0",
+                                    curves.widths.size(), curves.path),
                         "write diameters");
         curves.widths.push_back(width * scale);
     }

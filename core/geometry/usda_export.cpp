@@ -69,16 +69,25 @@ UsdaArray primvar(const AttributeValues& attribute, std::set<std::string>& taken
             uniform ? "uniform" : "vertex", attribute.components, attribute.discrete, attribute.values};
 }
 
-// Bounds of the curves: the box of all vertices. A pinned B-spline stays in the box of its CVs and phantom
-// points.
+// Bounds of the curves. A B-spline stays in the box of its CVs and phantom points. A Catmull-Rom segment can
+// leave it: its Bezier points p1 + (p2 - p0) / 6 and p2 - (p3 - p1) / 6 are added.
 UsdaArray extent_of(const CurveGeometry& geometry) {
     Box3f box;
-    const uint64_t vertices = geometry.layout().vertex_count();
-    for (uint64_t v = 0; v < vertices; ++v) {
-        const float* vertex = geometry.vertices[0] + v * vertex_floats;
-        const Vec3f centre(vertex[0], vertex[1], vertex[2]), reach = Vec3f::Constant(std::fabs(vertex[3]));
-        box.extend(Vec3f(centre - reach));
-        box.extend(Vec3f(centre + reach));
+    const auto add = [&](const Vec4f& vertex) {
+        const Vec3f reach = Vec3f::Constant(std::fabs(vertex[3]));
+        box.extend(Vec3f(vertex.head<3>() - reach));
+        box.extend(Vec3f(vertex.head<3>() + reach));
+    };
+    const CurveLayout layout = geometry.layout();
+    for (uint64_t c = 0; c < geometry.curve_count; ++c) {
+        const uint64_t first = layout.first_vertex(c), end = first + layout.cvs(c) + 2; // phantom points
+        const auto vertex = [&](uint64_t v) { return Vec4f(geometry.vertices[0] + v * vertex_floats); };
+        for (uint64_t v = first; v < end; ++v) add(vertex(v));
+        if (geometry.basis != MARRAM_CATMULL_ROM) continue;
+        for (uint64_t v = first + 1; v + 2 < end; ++v) {
+            add(vertex(v) + (vertex(v + 1) - vertex(v - 1)) / 6.0F);
+            add(vertex(v + 1) - (vertex(v + 2) - vertex(v)) / 6.0F);
+        }
     }
     UsdaArray extent{"float3[] extent", "", 3};
     for (const Vec3f& corner : {box.min(), box.max()})
@@ -325,7 +334,8 @@ void UsdaSequence::add_velocities(Curves& curves) {
 void UsdaSequence::refuse_change(const std::string& name, double frame) const {
     throw InputError(
         {path_},
-        fmt::format("at frame {} the curves of {} are others, or have other CVs, than before", frame, name),
+        fmt::format("at frame {} the number of curves or CVs of {} differs from the frames before", frame,
+                    name),
         "put a #### into the name: a file for each frame; or fix the number of CVs");
 }
 

@@ -173,9 +173,9 @@ void check_name_length(const std::string& path) {
     const fs::path target(path);
     const size_t most = longest_name(folder_of(target)), size = target.filename().string().size();
     if (size > most)
-        refuse_output(
-            path, "the name has " + std::to_string(size) + " bytes, " + std::to_string(most) + " are allowed",
-            "give it a shorter name");
+        refuse_output(path,
+                      "the name has " + std::to_string(size) + " bytes, the limit is " + std::to_string(most),
+                      "give it a shorter name");
 }
 
 void check_writable(const std::string& path) { const TemporaryFile file(path, checked_target(path)); }

@@ -80,7 +80,8 @@ struct Plan {
 
 Plan plan_of(const std::vector<std::string>& names) {
     const auto has = [&](const char* name) { return std::ranges::find(names, name) != names.end(); };
-    const bool colour = has("R") && has("G") && has("B"), grey = names.size() <= 2 && names[0] == "Y";
+    const bool colour = has("R") && has("G") && has("B"),
+               grey = names[0] == "Y" && (names.size() == 1 || (names.size() == 2 && names[1] == "A"));
     Plan plan;
     for (size_t c = 0; c < names.size(); ++c) {
         const std::string& whole = names[c];

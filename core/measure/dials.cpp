@@ -110,12 +110,12 @@ void add_own(std::vector<std::pair<double, DialSetting>>& settings, double own, 
 // The setting that the tolerance chooses.
 DialSetting tolerance_setting(bool own, std::vector<std::string> changes) {
     if (own) changes.clear();
-    return {"by the tolerance", std::move(changes), own, 0};
+    return {"by the tolerance", std::move(changes), own, 0, 0.0, true};
 }
 
 std::vector<DialSetting> strip_numbers(std::vector<std::pair<double, DialSetting>> numbered) {
     std::vector<DialSetting> settings;
-    for (auto& [number, setting] : numbered) settings.push_back(std::move(setting));
+    for (auto& [number, setting] : numbered) settings.emplace_back(std::move(setting)).number = number;
     return settings;
 }
 

@@ -19,6 +19,8 @@ struct DialSetting {
     std::vector<std::string> changes; // key=value
     bool own = false;                 // the scene's own setting
     uint32_t samples = 0;             // per pixel, for the dial of the picture
+    double number = 0.0;              // value of a setting that is a number
+    bool by_tolerance = false;        // the tolerance chooses it
 };
 
 // How the error of a setting is measured, against the reference setting.

@@ -118,12 +118,6 @@ double pixel_of(const Shot& shot, const Session& session) {
            (shot.description.camera.vec3("target") - settings.view.position).norm();
 }
 
-// The growth surface of a mesh, which differs from the mesh itself if that is a render mesh.
-const MeshGeometry& growth_surface(const World& world, uint32_t id) {
-    const auto growth = world.growth_surfaces.find(id);
-    return growth == world.growth_surfaces.end() ? world.meshes[id] : growth->second;
-}
-
 // Bilinear interpolation in a grid with one component; clamped beyond its border.
 double grid_at(const GridValues& values, double x, double z) {
     const MarramGrid& grid = values.grid;
@@ -143,7 +137,7 @@ double grid_at(const GridValues& values, double x, double z) {
 void compare_surfaces(const World& world, const World& reference, SettingResult& result) {
     double squares = 0.0, count = 0.0;
     for (uint32_t id = 0; id < std::min(world.meshes.size(), reference.meshes.size()); ++id) {
-        const MeshGeometry &mine = growth_surface(world, id), &exact = growth_surface(reference, id);
+        const MeshGeometry &mine = world.growth_surface(id), &exact = reference.growth_surface(id);
         if (mine.grids.empty() || exact.grids.empty() || exact.grids[0].name != "height") continue;
         const MarramGrid& grid = exact.grids[0].grid;
         for (uint32_t j = 0; j < grid.ny; ++j)
@@ -219,7 +213,7 @@ std::string motion_rule(const DialResult& result, const Shot& shot, const Sessio
     double three = 0.0, low = 1.0, high = 1.0;
     for (size_t i = 0; i < result.settings.size(); ++i) {
         if (!result.settings[i].refused.empty() || i == result.dial.reference) continue;
-        const int keys = std::atoi(result.dial.settings[i].label.c_str());
+        const double keys = result.dial.settings[i].number;
         const double error = result.settings[i].error;
         if (keys == 3) three = error;
         if (keys <= 3 || three <= 0.0) continue;
@@ -249,7 +243,7 @@ std::string motion_rule(const DialResult& result, const Shot& shot, const Sessio
 // choice of the tolerance.
 std::string dial_rule(const DialResult& result, double tolerance, const BuildStats* chosen) {
     const Dial& dial = result.dial;
-    const auto number = [&](size_t i) { return std::strtod(dial.settings[i].label.c_str(), nullptr); };
+    const auto number = [&](size_t i) { return dial.settings[i].number; };
     const double reference = dial.law(number(dial.reference)); // it has an error, too
     double least = 0.0, factor = 0.0, low = 1.0, high = 1.0, measured = 0.0;
     const auto each = [&](auto&& visit) {
@@ -271,7 +265,7 @@ std::string dial_rule(const DialResult& result, double tolerance, const BuildSta
                                    "finest setting itself is off by about {:.2g} m.",
                                    dial.law_words, low, high, factor * reference);
     for (size_t i = 0; i < result.settings.size(); ++i)
-        if (dial.settings[i].label == "by the tolerance") measured = result.settings[i].most;
+        if (dial.settings[i].by_tolerance) measured = result.settings[i].most;
     if (!chosen) return rule;
     for (const auto& [name, value] : chosen->chosen)
         if (name.ends_with("." + dial.name))
@@ -319,7 +313,7 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
         }
         rounds.add(i, seconds_of(dial, stats));
         if (dial.settings[i].own) own = stats.build;
-        if (dial.settings[i].label == "by the tolerance") by_tolerance = stats.build, chosen = true;
+        if (dial.settings[i].by_tolerance) by_tolerance = stats.build, chosen = true;
         if (i == dial.reference) reference = std::move(world);
         const World& made = i == dial.reference ? reference : world;
         if (dial.error == DialError::surface || dial.error == DialError::view) {

@@ -1304,7 +1304,7 @@ static inline void marram_host_fill(MarramHostValues* values, MarramHostParams p
             marram_host_complain(
                 values, "host.value", name, place,
                 marram_host_print("the default of %s, %s, is no valid value", name, param->initial),
-                marram_host_print("tell its maker, or set it"));
+                marram_host_print("report it to the library's author, or set it"));
         } else if (!marram_host_store(NULL, &values->defaults, &values->default_count, &values->default_room,
                                       name, param->type, place, &parsed)) {
             values->no_memory = 1;
@@ -1462,7 +1462,7 @@ static inline const char* marram_host_unusable(const MarramProcedural* type) {
         }
     }
     if (!curves && type->kind != MARRAM_MESH)
-        return "it makes something that this version of the contract does not know";
+        return "its output is of a kind that this version of the contract does not know";
     if (!type->create || !type->begin || !type->destroy || (curves && (!type->patch || !type->tessellate)) ||
         (!curves && !type->mesh))
         return "it lacks a function that the contract asks for";

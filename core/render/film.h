@@ -60,20 +60,21 @@ struct FilmPixel {
     bool operator==(const FilmPixel&) const = default;
 };
 
-// Visits every field of a pixel, in file order. Add new fields here too.
+// Visits every field of a pixel, in file order. A new field does not compile until it is named here.
 template <typename Pixel, typename Visit>
-void visit_fields(Pixel& pixel, Visit&& visit) {
-    visit(pixel.next_sample);
-    visit(pixel.samples);
-    visit(pixel.converged);
-    visit(pixel.luminance);
-    visit(pixel.squares);
-    visit(pixel.block_luminance);
-    visit(pixel.block_luminance_squares);
-    visit(pixel.clamped);
-    visit(pixel.luminance_stddev);
+constexpr void visit_fields(Pixel& pixel, Visit&& visit) {
+    auto& [next_sample, samples, converged, luminance, squares, block_luminance, block_luminance_squares,
+           clamped, luminance_stddev] = pixel;
+    const auto each = [&](auto&... fields) { (visit(fields), ...); };
+    each(next_sample, samples, converged, luminance, squares, block_luminance, block_luminance_squares,
+         clamped, luminance_stddev);
 }
-inline constexpr uint32_t film_pixel_fields = 9;
+inline constexpr uint32_t film_pixel_fields = [] {
+    FilmPixel pixel;
+    uint32_t count = 0;
+    visit_fields(pixel, [&](const auto&) { ++count; });
+    return count;
+}();
 
 struct Film {
     uint32_t width = 0, height = 0;

@@ -29,7 +29,7 @@ struct RenderSettings {
     // at least one sample, even if that takes longer.
     double seconds = 0.0;
     std::function<double()> clock; // seconds, for `seconds`; called from any thread. Empty: the steady clock
-    uint32_t max_depth = 16;       // maximum surface interactions of a path; 0: directly visible lights only
+    uint32_t max_depth = 12;       // maximum surface interactions of a path; 0: directly visible lights only
     uint32_t roulette_depth = 4;   // interactions before Russian roulette may end a path
     // > 0: clamps the indirect light (from the second interaction on) of each sample: it is scaled so that
     // its greatest channel is at most this. Removes fireflies, and with them their energy

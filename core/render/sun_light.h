@@ -23,7 +23,7 @@ namespace marram {
 
 struct SunLight {
     Vec3d direction = Vec3d::UnitY(); // towards the sun, any length
-    double angle = 0.533 * degree;    // angular diameter, radians, 0 ... pi; 0: parallel rays, invisible
+    double angle = 0.53 * degree;     // angular diameter, radians, 0 ... pi; 0: parallel rays, invisible
     Vec3f irradiance = Vec3f::Ones(); // W/m^2 on a plane that faces it, independent of `angle`
     bool visible = true;              // to camera rays
 };

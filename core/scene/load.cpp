@@ -70,9 +70,9 @@ const ItemSchema* read_type(const toml::table& table, const std::string& kind, c
     if (!type) return nullptr;
     for (const ItemSchema& schema : schemas)
         if (schema.type == *type) return &schema;
-    reading.report(place_of(*table.get("type"), reading),
-                   fmt::format("{} is no type of {}", in_quotes(*type), kind),
-                   hint(*type, types, fmt::format("type of {} in this build", kind)));
+    reading.report(
+        place_of(*table.get("type"), reading), fmt::format("{} is no type of {}", in_quotes(*type), kind),
+        hint(*type, types, fmt::format("type of {} in this build", kind)), "scene.unknown_" + kind);
     return nullptr;
 }
 
@@ -157,7 +157,7 @@ void read_items(const toml::table& root, const std::string& kind, std::span<cons
             read_item(*table, kind, schemas, items, names, reading);
         else
             reading.report(place_of(entry, reading),
-                           fmt::format("in the list of {}s stands {}", kind, found(entry)),
+                           fmt::format("the list of {}s contains {}", kind, found(entry)),
                            fmt::format("write a table [[{}]]", kind));
     }
 }

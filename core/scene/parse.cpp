@@ -47,7 +47,7 @@ std::string fix(std::string_view description) {
     if (says("utf-8")) return "save the file as UTF-8";
     if (says("nested")) return "take the brackets out";
     if (says("end-of-file")) return "close what is open at the end of the file";
-    return "write it as TOML wants it (key = value, texts in quotes; see toml.io)";
+    return "use TOML syntax (key = value, texts in quotes; see toml.io)";
 }
 
 } // namespace

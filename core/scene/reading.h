@@ -20,8 +20,8 @@ struct Reading {
     // Defaults are TOML texts. Each is parsed once and cached.
     std::unordered_map<const ParamSpec*, std::optional<ParamValue>> defaults;
 
-    void report(Place place, std::string what, std::string fix) {
-        problems.push_back({std::move(place), std::move(what), std::move(fix)});
+    void report(Place place, std::string what, std::string fix, std::string id = "") {
+        problems.push_back({std::move(place), std::move(what), std::move(fix), std::move(id)});
     }
 };
 

@@ -181,7 +181,7 @@ Target find_target(toml::table& root, const std::string& address, const std::str
     if (table) return {table, address.substr(0, kind.size() + 1 + name_size), rest.substr(name_size + 1)};
     const std::string name = rest.substr(0, rest.find('.'));
     if (name.size() == rest.size())
-        reading.report({source, 0, 0}, fmt::format("{} says no name and key", in_quotes(address)),
+        reading.report({source, 0, 0}, fmt::format("{} has no name and key", in_quotes(address)),
                        fmt::format("write {}.NAME.KEY=value", kind));
     else
         reading.report({source, 0, 0}, fmt::format("no {} is named {}", kind, in_quotes(name)),

@@ -226,7 +226,7 @@ std::optional<ParamValue> default_value(const ParamSpec& spec, const std::string
             reading.report(
                 table,
                 fmt::format("the default of {}, {}, is no valid value", label, in_quotes(spec.initial)),
-                "tell its maker, or give a value (" + wanted(spec) + ")");
+                "report it to the library's author, or give a value (" + wanted(spec) + ")");
     }
     if (!entry->second) return {};
     ParamValue value = *entry->second;

@@ -100,7 +100,7 @@ void check_state_name(const std::string& state) {
     const std::optional<DoublesHeader> header = try_header(state);
     const bool ours = header ? header->description.starts_with(mark) : begins_like_tiff(state);
     if (!ours)
-        throw InputError({state}, "this file stands where an unfinished frame's state would be written",
+        throw InputError({state}, "this file would be overwritten by the state of an unfinished frame",
                          "move it, or choose another output");
 }
 

@@ -120,7 +120,7 @@ bool is_rendered(const FrameFiles& files) {
 void check_partial_name(const std::string& partial) {
     std::error_code error;
     if (fs::exists(partial, error) && read_metadata(partial, digest_key) != unfinished)
-        throw InputError({partial}, "this file stands where an unfinished picture would be written",
+        throw InputError({partial}, "this file would be overwritten by an unfinished picture",
                          "move it, or choose another output");
 }
 
@@ -173,10 +173,11 @@ ResumedFrame resume_frame(Frame& frame) {
     if (!frame.options.resume || !fs::exists(files.state, error)) return {};
     const std::string reason =
         load_state(files.state, files.samples_digest, frame.settings.samples, frame.film);
-    if (!reason.empty()) return {fmt::format("{}: {}: the frame begins anew", files.state, reason), true};
-    return {fmt::format("{}: goes on after {:.4g} samples a pixel", files.picture,
-                        count_samples(frame.film).mean),
-            false};
+    if (!reason.empty())
+        return {fmt::format("{}: {}: the frame is rendered from the start", files.state, reason), true};
+    return {
+        fmt::format("{}: resumed at {:.4g} samples per pixel", files.picture, count_samples(frame.film).mean),
+        false};
 }
 
 void trace_frame(Frame& frame, const World& world, Preview& preview) {
@@ -228,7 +229,7 @@ std::vector<std::string> render_warnings(const Frame& frame) {
                         picture, depth, 100.0 * render.cut_throughput));
     if (render.dropped_samples > 0)
         warnings.push_back(
-            fmt::format("{}: {} samples were left out, as their light was no finite number: look for huge "
+            fmt::format("{}: {} samples were discarded because their radiance was not finite: look for huge "
                         "values in lights and materials",
                         picture, render.dropped_samples));
     return warnings;

@@ -36,7 +36,7 @@ LightImage read(const ParamValue& file, double strength, std::vector<std::string
     constexpr float most = 1e15F; // its square does not overflow a float
     if (!(brightest * float(strength) <= most))
         throw InputError(file.place,
-                         fmt::format("\"{}\" is as bright as {:.3g} times strength, {:.0e} is allowed",
+                         fmt::format("\"{}\" has a value of {:.3g} times strength, the limit is {:.0e}",
                                      file.text, brightest, most),
                          "fix its hot pixels, or use less strength");
     return light;

@@ -126,7 +126,7 @@ void check_same_strands(const std::string& file, const StrandFile& strands, cons
                                      first.counts.size(), first.samples.front().points.size()),
                          fix);
     if (strands.basis != first.basis)
-        throw InputError({file}, fmt::format("its strands are not drawn as those of '{}'", first_file), fix);
+        throw InputError({file}, fmt::format("its curve basis differs from that of '{}'", first_file), fix);
     if (strands.samples.front().widths.empty() != first.samples.front().widths.empty())
         throw InputError({file}, fmt::format("either it or '{}' has widths, the other has none", first_file),
                          fix);
@@ -154,7 +154,7 @@ SceneCurves load_strands(const Item& item, double fps, const std::atomic<bool>& 
         curves.samples.push_back({files[0].first, vertices_of(first.samples.front(), curves.offsets)});
         if (first.samples.size() > 1)
             warnings.add(first_file,
-                         "moves by itself: of each file of file_frames the first sample is taken");
+                         "has motion samples: only the first sample of each file of file_frames is used");
     }
     for (size_t i = 1; i < files.size(); ++i) {
         if (cancel.load()) throw Cancelled{};

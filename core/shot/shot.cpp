@@ -69,14 +69,14 @@ void apply(const Overrides& overrides, std::vector<std::string>& settings) {
 void attach_mesh_light(SceneMesh& mesh, const std::vector<Item>& lights, size_t by) {
     if (mesh.light >= 0)
         throw InputError(lights[by].params.at("mesh").place,
-                         fmt::format("mesh \"{}\" shines already by light \"{}\"", mesh.name,
+                         fmt::format("mesh \"{}\" is already used by light \"{}\"", mesh.name,
                                      lights[size_t(mesh.light)].name),
                          "add their radiances up in one light");
     mesh.light = int(by);
     // For MIS, light sampling and bsdf sampling must agree on visibility.
     if ((mesh.roles & MARRAM_CASTS_SHADOWS) == 0)
         throw InputError(lights[by].params.at("mesh").place,
-                         fmt::format("mesh \"{}\" shines but casts no shadows", mesh.name),
+                         fmt::format("mesh \"{}\" is a light but casts no shadows", mesh.name),
                          "leave its casts_shadows out");
 }
 
@@ -177,8 +177,7 @@ SceneDescription describe_scene(const std::string& file, const std::vector<std::
                      "build the library, correct its path, or name its folder in MARRAM_PLUGIN_PATH"});
         }
         for (const Problem& problem : error.problems)
-            if (missing.empty() || problem.what.find("is no type of procedural") == std::string::npos)
-                problems.push_back(problem);
+            if (missing.empty() || problem.id != "scene.unknown_procedural") problems.push_back(problem);
         throw InputError(std::move(problems));
     }
 }

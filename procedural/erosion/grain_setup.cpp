@@ -3,6 +3,8 @@
 // model is documented in grains.cpp.
 #include "procedural/erosion/grain_tracer.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -174,8 +176,7 @@ std::string grain_settings_fault(const GrainSettings& s) {
     };
     for (const Bound& b : bounds)
         if (!(b.value >= b.low && b.value <= b.high))
-            return std::string(b.name) + ": must be " + std::to_string(b.low) + " to " +
-                   std::to_string(b.high);
+            return fmt::format("{}: must be {:g} to {:g}", b.name, b.low, b.high);
     if (!s.wind.allFinite()) return "wind: must be finite";
     return "";
 }

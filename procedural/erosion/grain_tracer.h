@@ -20,7 +20,6 @@ struct GrainBox {
     double base = 0.0;          // height of the ground where no mesh is below the start plane
     double top = 0.0;           // maximum start height above the ground
     double size = 0.0;          // diagonal
-    double lead = 0.0;          // not used
     std::vector<double> ground; // y along the start plane from t0 to t1
 };
 

@@ -106,8 +106,9 @@ MarramStatus guarded_rock(const MarramHost& host, Body&& body) {
 constexpr std::array rock_values = {
     MarramParam{"mesh", MARRAM_MESH_NAME, "", "", 0, 0, "", "the mesh that wears"},
     MarramParam{"sand_level", MARRAM_NUMBER, "m", "none", -1e6, 1e6, "",
-                "height of level sand everywhere; none: there is only what is named"},
-    MarramParam{"sand[].mesh", MARRAM_MESH_NAME, "", "", 0, 0, "", "a mesh of sand, which sends grains on"},
+                "height of level sand everywhere; none: only the meshes in sand"},
+    MarramParam{"sand[].mesh", MARRAM_MESH_NAME, "", "", 0, 0, "",
+                "a mesh of sand: a grain that lands is replaced by a new one"},
     MarramParam{"shelter[].mesh", MARRAM_MESH_NAME, "", "", 0, 0, "", "a mesh that stops grains"},
     MarramParam{"paths", MARRAM_INTEGER, "", "250000", 1, 0x1p28, "", "grains that are traced",
                 "16000|64000|250000|1000000|4000000", ""},
@@ -125,7 +126,7 @@ constexpr std::array rock_values = {
     MarramParam{"spread", MARRAM_NUMBER, "deg", "10", 0, 45, "",
                 "greatest angle of a grain to the wind's direction"},
     MarramParam{"drag_time", MARRAM_NUMBER, "s", "0.2", 0, 1e3, "",
-                "in which a grain's velocity comes closer to the air's by e; 0: grains fly freely"},
+                "time in which the velocity difference to the air falls by a factor e; 0: no drag"},
     MarramParam{"threshold", MARRAM_NUMBER, "m/s", "1", 0, 100, "",
                 "grains that hit more slowly wear nothing"},
     MarramParam{"energy_per_volume", MARRAM_NUMBER, "J/m^3", "1e9", 1e3, 1e15, "",
@@ -138,14 +139,14 @@ constexpr std::array rock_values = {
     MarramParam{"scatter", MARRAM_NUMBER, "", "0.3", 0, 1, "", "how far rebounds leave the mirror direction"},
     MarramParam{"reach", MARRAM_NUMBER, "m", "20", 0, 1e6, "", "how far around the mesh grains are traced"},
     MarramParam{"full", MARRAM_NUMBER, "mm", "none", 1e-9, 1e9, "",
-                "rate a year at which wear is 1; none: that of 95 % of the worn area"},
+                "wear rate per year at which wear is 1; none: the 95 % quantile over the worn area"},
     MarramParam{"winds[].direction", MARRAM_VEC3, "", "", -1e9, 1e9, "",
                 "a wind that takes the place of the scene's, in turn with the others"},
     MarramParam{"winds[].share", MARRAM_NUMBER, "", "1", 0, 1e6, "", "of the time, beside the other winds"},
     MarramParam{"levels", MARRAM_INTEGER, "", "0", 0, max_erosion_levels, "",
-                "of detail that it is eroded in, coarse first; 0: it keeps its shape"},
+                "number of erosion levels, coarse first; 0: no erosion"},
     MarramParam{"level", MARRAM_INTEGER, "", "none", 1, max_erosion_levels, "",
-                "that is handed out; none: the last"},
+                "level to output; none: the last"},
     MarramParam{"voxel", MARRAM_NUMBER, "m", "none", 1e-5, 1e4, "",
                 "of the last level; none: a 128th of the mesh's greatest extent"},
     MarramParam{"years", MARRAM_NUMBER, "", "1000", 0, 1e9, "", "of wind"},
@@ -550,7 +551,7 @@ bool erode_rock(RockInstance& instance, const Values& values, const RockSurround
             send(instance.host, MARRAM_WARNING, "rock.ended_early", values.at("years").place,
                  fmt::format("erosion ended after {:.3g} of {:.3g} years", instance.erosion.years,
                              settings.years),
-                 "less rock is left, or larger voxels get further: lower years or raise voxel");
+                 "lower years, or raise voxel: larger voxels allow longer time steps");
     } catch (const LevelSetError& error) {
         const std::string what = error.what();
         const bool sizes = what.find("voxels") != std::string::npos;
@@ -607,7 +608,7 @@ void send_rock_warnings(const RockInstance& instance, const Values& values, cons
     const std::string& place = values.at("mesh").place;
     if (mesh.time_count > 1)
         send(instance.host, MARRAM_WARNING, "rock.moves", place,
-             fmt::format("the mesh '{}' moves while the shutter is open; worn rock rests", mesh.name),
+             fmt::format("the mesh '{}' has motion keys, but worn rock does not move", mesh.name),
              "use a mesh without keys");
     if (instance.report.worn_hits == 0)
         send(instance.host, MARRAM_WARNING, "rock.no_hits", place,
@@ -693,7 +694,7 @@ void check_rock_buffers(const RockInstance& instance, const MarramMeshBuffers* b
     }
     if (!there)
         throw SceneFault("contract.null_buffer", "", "a buffer is NULL",
-                         "give positions, triangles, and values for each attribute that is asked for");
+                         "pass positions, triangles and a value buffer for each requested attribute");
 }
 
 MarramStatus mesh_rock(MarramInstance* opaque, MarramMeshBuffers* buffers) {

@@ -72,7 +72,7 @@ constexpr std::array groom_values = {
     MarramParam{"lean", MARRAM_NUMBER, "deg", "10", 0, 90, "",
                 "angle between strand and surface normal at the root"},
     MarramParam{"lean_variation", MARRAM_NUMBER, "deg", "5", 0, 90, "", "largest deviation from lean"},
-    MarramParam{"arc", MARRAM_NUMBER, "deg", "20", -720, 720, "", "how much further it leans at the tip"},
+    MarramParam{"arc", MARRAM_NUMBER, "deg", "20", -720, 720, "", "additional lean at the tip"},
     MarramParam{"arc_variation", MARRAM_NUMBER, "deg", "10", 0, 360, "", "largest deviation from arc"},
     MarramParam{"curl.radius", MARRAM_NUMBER, "m", "0", 0, largest, "", "radius of the helix at the tip"},
     MarramParam{"curl.turns", MARRAM_NUMBER, "", "3", 0, 1000, "", "turns of the helix over the strand"},
@@ -94,7 +94,7 @@ constexpr std::array groom_values = {
     MarramParam{"width_profile", MARRAM_RAMP, "", "[[0, 1], [1, 0.1]]", -largest, largest, "",
                 "scale of the width from root to tip"},
     MarramParam{"width_variation", MARRAM_NUMBER, "", "0.1", 0, 1, "",
-                "largest share by which strands are thinner"},
+                "largest random reduction of the width, as a fraction"},
     MarramParam{"cvs", MARRAM_INTEGER, "", "8", 0, 1000, "",
                 "control vertices a strand; 0: as many as the tolerance asks for, with the bends of strands "
                 "of 8 unless "
@@ -362,7 +362,7 @@ void find_attributes(Groom& groom, std::span<const MarramAttribute> attributes) 
             if (found->animated)
                 throw SceneFault("groom.animated_attribute", factor.place,
                                  "the attribute '" + factor.attribute + "' differs from frame to frame",
-                                 "strands are placed once: name one that stays");
+                                 "strands are placed once: name an attribute that is not animated");
             factor.index = size_t(found - attributes.begin());
         }
 }
@@ -372,8 +372,10 @@ uint64_t roots_digest(const Values& values) {
     const auto add = [&](const MarramValue& value) {
         digest.add(value.name).add(value.text).add(value.numbers, value.number_count * sizeof(double));
         if (const MarramGrid* grid = value.grid)
-            digest.add(grid->nx).add(grid->ny).add(grid->values, size_t(grid->nx) * grid->ny *
-                                                                     grid->components * sizeof(float));
+            digest.add(grid->nx)
+                .add(grid->ny)
+                .add(grid->components)
+                .add(grid->values, size_t(grid->nx) * grid->ny * grid->components * sizeof(float));
     };
     for (const char* name : {"on", "density", "count", "density_mask", "density_by_height",
                              "density_by_slope", "spacing", "seed", "guides.curves", "guides.blend",
@@ -405,7 +407,7 @@ Groom read_groom(const Values& values) {
     if (groom.guides && values.has("length"))
         throw SceneFault("groom.length_of_guides", values.at("length").place,
                          "length is given, but strands have guides",
-                         "give guides.length, as a share of theirs");
+                         "give guides.length, a factor of the guides' length");
     if (!groom.guides && !values.has("length"))
         throw SceneFault("groom.no_length", values.at("on").place, "length is not given",
                          "add length = [shortest, longest] in metres");

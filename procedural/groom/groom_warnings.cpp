@@ -32,7 +32,8 @@ void warn_of_ignored(const MarramHost& host, const Values& given, const Groom& g
     };
     for (const char* name : {"comb", "comb_map"})
         if (groom.guides && given.has(name))
-            warn(given.at(name).place, std::string(name) + " changes nothing: guides say where strands lean",
+            warn(given.at(name).place,
+                 std::string(name) + " has no effect: guides define the direction of strands",
                  "leave it out, or leave guides out");
     const struct {
         FactorOf of;
@@ -40,8 +41,8 @@ void warn_of_ignored(const MarramHost& host, const Values& given, const Groom& g
         bool ignored;
         const char* because;
     } factors[] = {
-        {of_lean, "lean_by", groom.guides.has_value(), "guides say how strands lean"},
-        {of_arc, "arc_by", groom.guides.has_value(), "guides say how strands lean"},
+        {of_lean, "lean_by", groom.guides.has_value(), "guides define the shape of strands"},
+        {of_arc, "arc_by", groom.guides.has_value(), "guides define the shape of strands"},
         {of_curl, "curl_by", groom.curl_radius == 0.0, "curl.radius is 0"},
         {of_clump, "clump_by", groom.clumps.empty(), "clump.size is 0"},
         {of_frizz, "frizz_by", groom.frizz_amplitude == 0.0, "frizz.amplitude is 0"},
@@ -55,7 +56,7 @@ void warn_of_ignored(const MarramHost& host, const Values& given, const Groom& g
 void warn_of_no_strands(const GroomInstance& instance) {
     if (instance.roots.empty())
         send(instance.host, MARRAM_WARNING, "groom.no_strands", instance.groom.count_place,
-             "no strand grows: the density, or what masks leave of it, is 0 or close to it", "raise it");
+             "no strands: the density, or the density times the masks, is 0 or almost 0", "raise it");
 }
 
 void warn_of_guides(const GroomInstance& instance, const Binding& binding) {

@@ -18,14 +18,14 @@ constexpr std::array guide_values = {
     MarramParam{"guides.blend", MARRAM_INTEGER, "", "3", 1, most_blended, "",
                 "how many of the nearest guides a strand blends"},
     MarramParam{"guides.parting", MARRAM_NUMBER, "deg", "60", 0, 180, "",
-                "guides that point elsewhere than the nearest by more than this are not blended with it; "
+                "guides whose direction differs from the nearest guide's by more than this are not blended; "
                 "180: all are"},
     MarramParam{"guides.parting_lines", MARRAM_CURVES_NAME, "", "none", -1e18, 1e18, "",
                 "drawn partings on the skin: no guides beyond them are blended"},
     MarramParam{"guides.length", MARRAM_RANGE, "", "[1, 1]", 0, 1e6, "",
                 "shortest and longest strand, in lengths of its guides"},
     MarramParam{"guides.wind", MARRAM_CHOICE, "", "strands", -1e18, 1e18, "strands|guides",
-                "what the wind blows: every strand for itself; or the guides, whose motion strands blend: "
+                "what the wind blows: each strand, or only the guides, whose motion the strands blend: "
                 "quicker, less exact",
                 "guides|strands", ""},
 };

@@ -25,7 +25,8 @@ constexpr std::array own_attributes = {
     MarramAttribute{"root_uv", 2, MARRAM_PER_CURVE, 0, "surface uv at the root", nullptr, 0},
     MarramAttribute{"id", 1, MARRAM_PER_CURVE, 1, "a number below 2^24 of the strand", nullptr, 0},
     MarramAttribute{"envelope", 1, MARRAM_PER_CV, 0, "share of the wind that reaches a CV", nullptr, 0},
-    MarramAttribute{"gust", 1, MARRAM_PER_CV, 0, "sum of the gusts at a CV; 1 is a whole one", nullptr, 0},
+    MarramAttribute{"gust", 1, MARRAM_PER_CV, 0, "sum of the gusts at a CV; 1: the full strength of one gust",
+                    nullptr, 0},
     MarramAttribute{"shield", 1, MARRAM_PER_CV, 0,
                     "sheltered share of a CV, or of its strand (see wind.shielding)", nullptr, 0},
 };

@@ -108,7 +108,7 @@ void report_long_work(const MarramHost& host, const char* id, const std::string&
     if (seconds < long_work || announced == frame) return;
     announced = frame;
     const std::string what = fmt::format(
-        "{:.3g} CVs, {:.4g} a strand, at {} motion samples and {} steps of jiggle take {:.0f} s of "
+        "{:.3g} CVs, {:.4g} a strand, at {} motion samples and {} steps of jiggle take about {:.0f} s of "
         "one processor or more each frame",
         work.cvs, work.cvs_a_strand, work.samples, steps, seconds);
     send(host, MARRAM_INFO, id, place, what, work.remedy);
@@ -132,8 +132,8 @@ void warn_of_collisions(const MarramHost& host, const std::string& place, bool a
     };
     const std::string of = all_samples ? " (all motion samples together)" : "";
     warn(counts.unresolved, "collision.unresolved", " segments or roots have no free direction" + of,
-         "raise wind.collision.offset_root, or let less stand around them");
-    warn(counts.dips, "collision.dips", " drawn strands dip into a mesh by more than the tolerance" + of,
+         "raise wind.collision.offset_root, or leave more space around the strands");
+    warn(counts.dips, "collision.dips", " rendered strands penetrate a mesh by more than the tolerance" + of,
          "roots are closer to the mesh than the strand radius, or the gap is too narrow: use thinner strands "
          "or raise "
          "wind.collision.offset_root");

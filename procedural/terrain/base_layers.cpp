@@ -131,7 +131,7 @@ class ImageLayer : public ShapeLayer {
             if (std::isfinite(pixel)) largest = std::max(largest, std::abs(pixel));
         if (!(double(largest) <= most_metres))
             throw SceneFault("terrain.image_range", values.place("file"),
-                             "the image makes heights of " + std::to_string(double(largest)) +
+                             "image heights reach " + std::to_string(double(largest)) +
                                  " m, more than 100 km",
                              "give another range, or scale the image");
         const Vec2d domain_size(domain_.cell * (domain_.nx - 1), domain_.cell * (domain_.nz - 1));
@@ -140,10 +140,8 @@ class ImageLayer : public ShapeLayer {
             choose("center", said.has_center, said.center, Vec2d(domain_.x0, domain_.z0) + 0.5 * domain_size);
         if (!(size_.allFinite() && center.allFinite() && size_.minCoeff() >= least_extent &&
               size_.maxCoeff() <= most_extent && center.cwiseAbs().maxCoeff() <= most_extent))
-            throw SceneFault(
-                "terrain.image_placement", file.place,
-                "the file says that the image lies where no terrain does, or is too small or large",
-                "give size and center");
+            throw SceneFault("terrain.image_placement", file.place,
+                             "the file's size or center is out of range", "give size and center");
         begin_ = center - 0.5 * size_;
         fade_ = values.number("fade");
         constexpr double share_of_cell = 1e-6; // far above the rounding of coordinates
@@ -225,12 +223,12 @@ LayerType flat_layer_type() {
 LayerType noise_layer_type() {
     static const auto params = with_shape<7>(
         {MarramParam{"amplitude", MARRAM_NUMBER, "m", "2", 0, most_metres, "",
-                     "height above and below the mean that it seldom exceeds"},
+                     "three standard deviations of the height about the mean"},
          MarramParam{"offset", MARRAM_NUMBER, "m", "0", -most_metres, most_metres, "", "the mean"},
          MarramParam{"wavelength", MARRAM_NUMBER, "m", "60", 1e-3, 1e6, "", "of the coarsest octave"},
          MarramParam{"octaves", MARRAM_INTEGER, "", "5", 1, 16, "", "each half as long as the one before"},
          MarramParam{"gain", MARRAM_NUMBER, "", "0.45", 0, 1, "",
-                     "height of an octave over that of the one before"},
+                     "amplitude ratio of an octave to the one before"},
          MarramParam{"kind", MARRAM_CHOICE, "", "\"perlin\"", 0, 0, "perlin|billow|wavelet",
                      "billow: rounded heaps"},
          MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "another number, another noise"}},
@@ -247,7 +245,7 @@ LayerType image_layer_type() {
                      "x and z; absent: the file's, else the terrain's"},
          MarramParam{"range", MARRAM_VEC2, "m", "none", -most_metres, most_metres, "",
                      "heights of the values 0 and 1; absent: the file's, else [0, 1]"},
-         MarramParam{"fade", MARRAM_NUMBER, "m", "0", 0, 1e6, "", "over which it fades in from its border"}},
+         MarramParam{"fade", MARRAM_NUMBER, "m", "0", 0, 1e6, "", "width of the fade at the image border"}},
         "\"bedrock\"");
     return {"image", "heights from an image", params, make_base<ImageLayer>};
 }

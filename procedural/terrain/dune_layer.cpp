@@ -225,7 +225,7 @@ const auto dune_values = std::to_array<MarramParam>({
     {"search_accuracy", MARRAM_NUMBER, "", "8", 1, 64, "", "points of the curve within a slope width",
      "2|4|8|16", "seconds.terrain"},
     {"flip", MARRAM_BOOLEAN, "", "false", 0, 0, "",
-     "the outer side is the left one as one walks along the curve; true: the right one"},
+     "false: the outer side is on the left along the curve; true: on the right"},
     {"attributes", MARRAM_BOOLEAN, "", "false", 0, 0, "",
      "hand out NAME.mask, .outer, .inner, .dist, .dir_x, .dir_z"},
     {"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "another number, another boundary noise"},

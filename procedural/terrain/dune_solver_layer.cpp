@@ -173,20 +173,21 @@ constexpr std::array dune_solver_values = {
     MarramParam{"days_per_frame", MARRAM_NUMBER, "days", "10", 0, 1e6, "",
                 "that the wind blows from frame to frame"},
     MarramParam{"border", MARRAM_CHOICE, "", "\"periodic\"", 0, 0, "periodic|open|walled",
-                "what leaves on one side comes back on the other; leaves and comes in (influx); neither"},
+                "periodic: sand wraps around; open: sand leaves, `influx` enters; walled: no sand crosses"},
     MarramParam{"influx", MARRAM_NUMBER, "", "0", 0, 1, "", "over open borders, share of the saturated flux"},
     MarramParam{"wind", MARRAM_CHOICE, "", "\"steady\"", 0, 0, "steady|chaotic|record",
                 "how it changes with time"},
     MarramParam{"speed", MARRAM_NUMBER, "m/s", "none", 0, 150, "",
-                "10 m above the ground; of chaotic wind the mean; absent: the scene's wind.speed"},
+                "wind speed 10 m above the ground (chaotic: the mean); absent: the scene's wind.speed"},
     MarramParam{"second_turn", MARRAM_NUMBER, "deg", "90", -360, 360, "",
-                "of a steady wind's second direction from the first, from +x towards +z"},
-    MarramParam{"second_share", MARRAM_NUMBER, "", "0", 0, 1, "", "of the time that the second wind blows"},
+                "angle from the first to the second direction of a steady wind, from +x towards +z"},
+    MarramParam{"second_share", MARRAM_NUMBER, "", "0", 0, 1, "",
+                "fraction of the season in which the second wind blows"},
     MarramParam{"season", MARRAM_NUMBER, "days", "30", 1e-3, 1e6, "", "both winds together"},
     MarramParam{"spread", MARRAM_NUMBER, "deg", "40", 0, 1e4, "",
                 "of a chaotic wind's directions: deviation"},
     MarramParam{"shape", MARRAM_NUMBER, "", "3", 0.5, 100, "",
-                "of Weibull's distribution: large, always alike"},
+                "shape of the Weibull distribution of shear velocity; larger: less variation"},
     MarramParam{"hold", MARRAM_NUMBER, "h", "24", 1e-3, 1e6, "", "how long a chaotic wind stays as it is"},
     MarramParam{
         "record", MARRAM_TABLE, "", "none", 0, 0, "time|speed|direction",
@@ -203,8 +204,9 @@ constexpr std::array dune_solver_values = {
     MarramParam{"cover", MARRAM_TEXT, "", "none", 0, 0, "",
                 "name of the mask handed out: where plants are now"},
     MarramParam{"repose", MARRAM_NUMBER, "deg", "34", 5, 80, "",
-                "at which sand begins to slide; it stops 1 degree below"},
-    MarramParam{"keep_every", MARRAM_INTEGER, "frames", "10", 1, 1e6, "", "states that are kept"},
+                "static angle of repose: sand starts to slide; it stops 1 degree below"},
+    MarramParam{"keep_every", MARRAM_INTEGER, "frames", "10", 1, 1e6, "",
+                "a state is stored every so many frames"},
     MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "of chaotic wind"},
 };
 
@@ -252,7 +254,7 @@ WindHistory dune_wind(const LayerContext& context, double& known) {
     const std::string kind = values.text("wind");
     if (kind == "record") {
         const WindRecord record = dune_record(context);
-        known = record.time.back() - record.time.front();
+        known = record.time.back() - record.time.front() + last_duration(record);
         return recorded_wind(record);
     }
     const double strength = dune_shear_velocity(context),
@@ -299,12 +301,12 @@ std::unique_ptr<Layer> make_dune_solver(const LayerContext& context) {
     if (values.has("plants")) run.plants = required_mask_name(context, "plants");
     run.cover = dune_cover(values);
     if (!run.cover.empty() && run.plants.empty())
-        throw SceneFault("terrain.dune_solver", values.place("cover"),
-                         "there are no plants whose cover could be handed out", "name a mask by plants");
+        throw SceneFault("terrain.dune_solver", values.place("cover"), "cover needs plants",
+                         "name a mask by plants");
     for (const char* name : {"growth", "start_cover"})
         if (run.plants.empty() && values.number(name) > 0.0)
-            throw SceneFault("terrain.dune_solver", values.place(name),
-                             fmt::format("there are no plants for {}", name), "name a mask by plants");
+            throw SceneFault("terrain.dune_solver", values.place(name), fmt::format("{} needs plants", name),
+                             "name a mask by plants");
     PlantGrowth& growth = run.settings.growth;
     growth.rate = values.number("growth") / seconds_per_year;
     growth.height = values.number("plant_height");
@@ -316,8 +318,9 @@ std::unique_ptr<Layer> make_dune_solver(const LayerContext& context) {
     run.keep_every = values.integer("keep_every");
     run.place = values.place("type");
     if (run.drift.dp == 0.0 && context.warn)
-        context.warn(values.place("type"), "the wind is too weak to move sand: it only slides",
-                     "give a speed above 6 m/s, or so");
+        context.warn(values.place("type"),
+                     "the wind never exceeds the threshold of sand transport: only avalanches move sand",
+                     "set speed above about 6 m/s");
     return std::make_unique<DuneSolverLayer>(std::move(run), context.domain, context.simulation);
 }
 

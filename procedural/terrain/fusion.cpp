@@ -736,7 +736,7 @@ std::unique_ptr<Layer> fusion_make(const LayerContext& context) {
     const double cell = context.domain.cell;
     if (settings.drape > max_drape_cells * cell && context.warn)
         context.warn(values.place("drape"),
-                     fmt::format("a drape of {:g} m is more than {:g} cells: {:g} m is what it is taken as",
+                     fmt::format("drape {:g} m is above the limit of {:g} cells: {:g} m is used",
                                  settings.drape, max_drape_cells, max_drape_cells * cell),
                      "lower it, or take coarser cells");
     std::string mask;

@@ -603,8 +603,7 @@ std::unique_ptr<Layer> make_lattice(const LayerContext& context) {
     for (const std::string& name : masks)
         if (std::find(context.masks.begin(), context.masks.end(), name) == context.masks.end())
             throw SceneFault("terrain.no_mask", values.place("masks"),
-                             "no layer below hands out a mask '" + name + "'",
-                             "name masks of earlier layers");
+                             "no layer below outputs a mask '" + name + "'", "name masks of earlier layers");
     auto layer = std::make_unique<LatticeLayer>(net, context.domain, target, masks);
     if (const auto fold = layer->map().fold()) {
         const Vec2d at = net.origin + (fold->i + 0.5) * net.along_row + (fold->j + 0.5) * net.across_rows;

@@ -36,7 +36,7 @@ std::span<const MarramItemType> layer_item_types() {
     static constexpr std::array common = {
         MarramParam{"name", MARRAM_TEXT, "", "none", 0, 0, "",
                     "for masks, edits and reports; absent: its type"},
-        MarramParam{"on", MARRAM_BOOLEAN, "", "true", 0, 0, "", "false: as if it were not there"},
+        MarramParam{"on", MARRAM_BOOLEAN, "", "true", 0, 0, "", "false: the layer is ignored"},
     };
     static const std::vector<std::vector<MarramParam>> params = [] {
         std::vector<std::vector<MarramParam>> lists;

@@ -281,7 +281,7 @@ class MaskLayer : public Layer {
 
 constexpr std::array mask_params = {
     MarramParam{"by", MARRAM_CHOICE, "", "", 0, 0, "height|sand|slope|curvature|mask|image|distance|noise",
-                "what the ramp is over"},
+                "input of the ramp"},
     MarramParam{"ramp", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -1e9, 1e9, "",
                 "m, deg, 1/m or 0 to 1 -> the mask"},
     MarramParam{"of", MARRAM_TEXT, "", "none", 0, 0, "", "the mask, by mask"},
@@ -290,7 +290,7 @@ constexpr std::array mask_params = {
     MarramParam{"wavelength", MARRAM_NUMBER, "m", "5", 1e-3, 1e6, "", "by noise: of the coarsest octave"},
     MarramParam{"octaves", MARRAM_INTEGER, "", "3", 1, 16, "",
                 "by noise: each half as long as the one before"},
-    MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "by noise: another number, another noise"},
+    MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "by noise: random seed"},
     MarramParam{"mask", MARRAM_TEXT, "", "none", 0, 0, "", "name of a mask that it is multiplied by"},
 };
 
@@ -302,7 +302,7 @@ void check_mask_name(const std::string& name, const std::string& place) {
     for (const char* taken : {"sand", "slope", "height", "bedrock", "ripples", "ripple_wave"})
         if (name == taken)
             throw SceneFault("terrain.mask_name", place,
-                             "'" + name + "' is what every terrain hands out itself",
+                             "'" + name + "' is the name of a built-in terrain attribute",
                              "give the mask another name");
     const auto bad = [](char c) { return static_cast<unsigned char>(c) < ' ' || c == ','; };
     if (name.empty() || std::any_of(name.begin(), name.end(), bad))

@@ -244,14 +244,13 @@ constexpr std::array ripple_values = {
     MarramParam{"repose", MARRAM_NUMBER, "deg", "34", 5, 80, "",
                 "angle of repose: how far ripples on a slope turn downhill"},
     MarramParam{"shelter_reach", MARRAM_NUMBER, "m", "30", 0, 1e6, "",
-                "distance in which a crest upwind shelters; 0: no lee"},
-    MarramParam{
-        "displaced", MARRAM_NUMBER, "px", "2", 0, 1e6, "",
-        "how high ripples are on the film where displacement ends and shading goes on alone; 0: shading "
-        "only",
-        "8|4|2|1|0.5", "seconds.view"},
+                "how far downwind a crest shelters the sand; 0: no lee"},
+    MarramParam{"displaced", MARRAM_NUMBER, "px", "2", 0, 1e6, "",
+                "ripple height on the film below which ripples are shaded instead of displaced; 0: shading "
+                "only",
+                "8|4|2|1|0.5", "seconds.view"},
     MarramParam{"mask", MARRAM_TEXT, "", "none", 0, 0, "", "name of a mask that the height is multiplied by"},
-    MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "another draw of the same ripples"},
+    MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "random seed of the ripples"},
 };
 
 std::unique_ptr<Layer> make_ripples(const LayerContext& context) {

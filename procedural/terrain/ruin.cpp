@@ -1219,9 +1219,8 @@ namespace {
 
 constexpr std::array ruin_params = {
     MarramParam{"mesh", MARRAM_MESH_NAME, "", "", 0, 0, "", "the mesh that stands in the sand"},
-    MarramParam{
-        "scour", MARRAM_NUMBER, "", "1", 0, 1, "",
-        "how much the wind scours in front of walls steeper than 55 degrees and drops in an echo dune"},
+    MarramParam{"scour", MARRAM_NUMBER, "", "1", 0, 1, "",
+                "strength of scour in front of walls steeper than 55 degrees, and of the echo dune upwind"},
     MarramParam{"scour_depth", MARRAM_NUMBER, "", "0.25", 0, 1, "",
                 "at the wall, in its heights above the sand; the sand's slope allows 0.26"},
     MarramParam{"drift", MARRAM_NUMBER, "", "1", 0, 1, "", "how much sand gathers in the lee and in rooms"},
@@ -1229,10 +1228,9 @@ constexpr std::array ruin_params = {
     MarramParam{"drift_height", MARRAM_NUMBER, "", "0.3", 0, 1, "", "at the wall, in its heights"},
     MarramParam{"inside", MARRAM_NUMBER, "", "0.2", 0, 1, "",
                 "rise of the sand in rooms, in heights of their walls"},
-    MarramParam{
-        "supply", MARRAM_NUMBER, "", "1", 0, 1, "",
-        "share of the sand that echo dunes, drifts and rooms lack beyond what scour gives that comes from "
-        "outside; 0: no sand is added"},
+    MarramParam{"supply", MARRAM_NUMBER, "", "1", 0, 1, "",
+                "fraction of the deposited sand not covered by scour that is added from "
+                "outside; 0: no sand is added"},
 };
 
 std::unique_ptr<Layer> ruin_make(const LayerContext& context) {

@@ -65,7 +65,7 @@ void ShapeLayer::evaluate(const Rect& rect, const Fields& below, const LayerOutp
 std::array<MarramParam, 4> shape_params(const char* target) {
     return {
         MarramParam{"target", MARRAM_CHOICE, "", target, 0, 0, "sand|level|bedrock",
-                    "what it shapes; level: sand up to its height"},
+                    "field that the layer changes; level: fills sand up to its height"},
         MarramParam{"combine", MARRAM_CHOICE, "", "\"add\"", 0, 0, "add|maximum|replace|smooth_maximum",
                     "how its height meets what is there"},
         MarramParam{"smooth", MARRAM_NUMBER, "m", "1", 0, widest, "",
@@ -77,7 +77,7 @@ std::string required_mask_name(const LayerContext& context, std::string_view par
     const std::string name = context.values.text(parameter);
     if (std::find(context.masks.begin(), context.masks.end(), name) == context.masks.end())
         throw SceneFault("terrain.no_mask", context.values.place(parameter),
-                         fmt::format("no layer below hands out a mask '{}'", name),
+                         fmt::format("no layer below outputs a mask '{}'", name),
                          "name the mask of an earlier layer");
     return name;
 }

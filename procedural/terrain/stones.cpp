@@ -502,7 +502,7 @@ constexpr std::array stones_params = {
     MarramParam{"size", MARRAM_VEC2, "m", "[0.5, 4]", 1e-3, stone_most_metres, "",
                 "longest axis, least and most"},
     MarramParam{"size_power", MARRAM_NUMBER, "", "2", 0, 6, "",
-                "stones larger than D: as D to the minus this"},
+                "exponent p of the size distribution N(> D) ~ D^-p"},
     MarramParam{"flatness", MARRAM_NUMBER, "", "0.4", 0, 0.9, "", "0: as high as wide"},
     MarramParam{"burial", MARRAM_VEC2, "", "[0.35, 0.65]", 0, 1, "", "share of the height below the surface"},
     MarramParam{"tilt", MARRAM_NUMBER, "deg", "20", 0, 60, "", "at most; of outcrops a quarter"},

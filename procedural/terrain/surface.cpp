@@ -37,11 +37,10 @@ void declare_attributes(TerrainInstance& instance, const Values& values) {
         instance.attributes.push_back({instance.attribute_names[a].c_str(), 1, MARRAM_PER_VERTEX, 0,
                                        attribute_help[std::min(a, own_attributes)], nullptr, 0});
     if (masks_end == instance.attribute_names.size()) return;
-    instance.attributes.push_back(
-        {"ripples", 4, MARRAM_PER_VERTEX, 0,
-         "of ripples that shading adds: slope of the ground along x and z, share of "
-         "their height, angle of repose in radians",
-         nullptr, 0});
+    instance.attributes.push_back({"ripples", 4, MARRAM_PER_VERTEX, 0,
+                                   "ripples for shading: slope of the ground along x and z, fraction of "
+                                   "their height, angle of repose in radians",
+                                   nullptr, 0});
     instance.attributes.push_back({"ripple_wave", 4, MARRAM_PER_VERTEX, 1,
                                    "of all ripples: wavelength and height, m, where the wind goes to, "
                                    "radians from +x to +z, seed",
@@ -159,7 +158,7 @@ void check_mesh_buffers(const TerrainInstance& instance, const MarramMeshBuffers
     }
     if (!there)
         throw SceneFault("contract.null_buffer", "", "a buffer is NULL",
-                         "give positions, triangles, and values for each attribute that is asked for");
+                         "pass positions, triangles and a value buffer for each requested attribute");
 }
 
 } // namespace marram

@@ -62,8 +62,8 @@ const std::vector<MarramParam>& terrain_params() {
             {"size", MARRAM_VEC2, "m", "[100, 100]", 1e-3, 1e6, "",
              "extent in x and z, rounded to whole cells"},
             {"center", MARRAM_VEC2, "m", "[0, 0]", -1e7, 1e7, "", "x and z of its middle"},
-            {"cell", MARRAM_NUMBER, "m", "0.5", 1e-4, 1e4, "", "from sample to sample", "2|1|0.5|0.25|0.125",
-             "seconds.terrain"},
+            {"cell", MARRAM_NUMBER, "m", "0.5", 1e-4, 1e4, "", "distance between samples",
+             "2|1|0.5|0.25|0.125", "seconds.terrain"},
             {"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "of all its random numbers"},
         };
         for (const MarramParam& param : wind_params())

@@ -163,7 +163,7 @@ MarramOutput make_view(TerrainInstance& instance, const MarramView& view) {
                 fmt::format("ripples are displaced within {:.3g} m of the camera, not {:.3g}: there would be "
                             "more than {} million triangles",
                             seen.mesh.reach, seen.region.reach, 16),
-                "ask for less by the layer's displaced");
+                "raise `displaced` of the ripples layer");
         seen.region.reach = seen.mesh.reach;
     } else {
         seen.mesh = {uint32_t(mesh.samples.size()), {}, std::move(mesh.triangles), 0.0};

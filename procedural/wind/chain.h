@@ -22,19 +22,6 @@ struct StageClock {
     StageClock& operator+=(const StageClock& other);
 };
 
-// Adds the time between construction and destruction to a counter.
-class StageTimer {
-  public:
-    explicit StageTimer(double& seconds) : seconds_(seconds), begin_(wall_seconds()) {}
-    ~StageTimer() { seconds_ += wall_seconds() - begin_; }
-    StageTimer(const StageTimer&) = delete;
-    StageTimer& operator=(const StageTimer&) = delete;
-
-  private:
-    double& seconds_;
-    double begin_;
-};
-
 // Data shared by all patches of a frame; made once a frame. Holds pointers to data of the caller.
 struct ChainFrame {
     const Wind* wind = nullptr;

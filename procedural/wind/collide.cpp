@@ -50,7 +50,8 @@ std::optional<Collision> read_collision(const Values& values) {
             const std::string name = std::string("wind.") + param.name;
             if (values.has(name))
                 throw SceneFault("collision.no_solver", values.at(name).place,
-                                 name + " is given but no solver", "add wind.collision.solver = \"exact\"");
+                                 name + " has no effect without a solver",
+                                 "add wind.collision.solver = \"exact\"");
         }
         return std::nullopt;
     }

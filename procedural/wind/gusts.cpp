@@ -42,19 +42,20 @@ constexpr std::array gust_values = {
     MarramParam{"gusts.radius_range", MARRAM_RANGE, "m", "[2, 4]", 0, largest_wind_input, "",
                 "smallest and largest radius of a gust"},
     MarramParam{"gusts.radius_noise_range", MARRAM_RANGE, "", "[0, 0.3]", 0, most_lumps, "",
-                "depth of dents in its surface, as a share of the radius; 0: a sphere"},
+                "noise on the radius of a gust, as a fraction of the radius; 0: a sphere"},
     MarramParam{"gusts.speed_range", MARRAM_RANGE, "m/s", "none", 0, largest_wind_input, "",
                 "slowest and fastest gust; default: the wind's speed"},
     MarramParam{"gusts.start_frame_range", MARRAM_RANGE, "frames", "none", -longest, longest, "",
                 "when a gust crosses the plane upwind, at full strength; default: any time of the period"},
     MarramParam{"gusts.life_range", MARRAM_RANGE, "frames", "[120, 240]", 0, longest, "",
                 "shortest and longest time from its start to its end"},
-    MarramParam{"gusts.decay_range", MARRAM_RANGE, "frames", "[24, 48]", 0, longest, "",
-                "part of that time in which it fades, 1 frame or more; it swells as long before it starts"},
+    MarramParam{
+        "gusts.decay_range", MARRAM_RANGE, "frames", "[24, 48]", 0, longest, "",
+        "fade-out time at the end of the life, at least 1 frame; also the fade-in time before the start"},
     MarramParam{"gusts.period", MARRAM_NUMBER, "frames", "240", 0, longest, "",
                 "the gusts repeat after this time; 0: they come once"},
     MarramParam{"gusts.redraw", MARRAM_BOOLEAN, "", "false", -largest_wind_input, largest_wind_input, "",
-                "true: each period has gusts of its own; false: the same ones, for cycles"},
+                "true: new random gusts in each period; false: the same gusts in each period, for loops"},
     MarramParam{"gusts.center", MARRAM_VEC3, "m", "none", -largest_wind_input, largest_wind_input, "",
                 "point that gusts pass; default: the middle of the strands at bind_frame"},
     MarramParam{"gusts.extent", MARRAM_VEC2, "m", "none", 0, largest_wind_input, "",
@@ -86,10 +87,10 @@ Ramp read_ramp(const Values& values, const std::string& name) {
     const Ramp ramp = values.ramp(name);
     if (ramp.interpolation() == Ramp::Interpolation::constant)
         throw SceneFault("gusts.ramp_jumps", values.at(name).place,
-                         name + " is constant between knots, strands would jump", "use linear or smooth");
+                         name + " is constant between knots: strands would jump", "use linear or smooth");
     if (ramp(1.0) != 0.0)
         throw SceneFault("gusts.ramp_end", values.at(name).place, name + " is not 0 at 1",
-                         "end it with [1, 0], where a gust ends");
+                         "end the ramp with the knot [1, 0]");
     return ramp;
 }
 
@@ -100,8 +101,8 @@ GustControl read_control(const Values& values, const std::string& prefix) {
     control.transform = KeyedTransform(std::span(keys.numbers, keys.number_count), keys.text);
     const std::string inner = prefix + "inner";
     if (values.has(inner) && !control.box)
-        throw SceneFault("gusts.inner_of_sphere", values.at(inner).place,
-                         inner + " means nothing for a sphere", "remove it, or make it a box");
+        throw SceneFault("gusts.inner_of_sphere", values.at(inner).place, inner + " applies to boxes only",
+                         "remove it, or make it a box");
     control.inner = values.has(inner) ? values.vec3(inner) : Vec3d::Constant(0.5);
     control.ramp = read_ramp(values, prefix + "ramp");
     control.strength = values.number(prefix + "strength");
@@ -117,7 +118,7 @@ void check_period(const Gusts& gusts, const Values& values) {
     if (gusts.period == 0.0) return;
     if (gusts.period < 1.0)
         throw SceneFault("gusts.short_period", place, "wind.gusts.period is shorter than a frame",
-                         "give 1 or more, or 0 for gusts that come once");
+                         "give at least 1 frame, or 0 for gusts that do not repeat");
     const double window =
         gusts.start_frame.y() - gusts.start_frame.x() + gusts.life.y() + longest_fade(gusts);
     if (gusts.num_gusts * (window / gusts.period + 1.0) > most_draws)
@@ -139,7 +140,7 @@ void read_procedural(const Values& values, Gusts& gusts) {
         gusts.start_frame = Vec2d(0.0, gusts.period);
     else
         throw SceneFault("gusts.no_start", values.at("wind.gusts.period").place,
-                         "wind.gusts.period is 0 and nothing says when gusts start",
+                         "wind.gusts.period is 0 and wind.gusts.start_frame_range is missing",
                          "give a start_frame_range or a period");
     check_period(gusts, values);
     gusts.redraw = values.boolean("wind.gusts.redraw");

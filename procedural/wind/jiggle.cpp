@@ -94,7 +94,7 @@ void refuse_without_frequency(const Values& values) {
     for (const MarramParam& param : jiggle_values) {
         const std::string name = std::string("wind.") + param.name;
         if (values.has(name))
-            refuse(values, name.c_str(), std::string(param.name) + " is given but no jiggle.frequency",
+            refuse(values, name.c_str(), std::string(param.name) + " has no effect without jiggle.frequency",
                    "add it in Hz, such as jiggle.frequency = 2");
     }
 }
@@ -309,7 +309,8 @@ std::optional<Jiggle> read_jiggle(const Values& values) {
                    "it scales the frequency, keep it positive");
     if (values.has("wind.jiggle.start_frame")) jiggle.start_frame = values.number("wind.jiggle.start_frame");
     if (jiggle.damping == 0.0 && !jiggle.start_frame)
-        refuse(values, "wind.jiggle.damping", "jiggle.damping = 0 never forgets how it began",
+        refuse(values, "wind.jiggle.damping",
+               "jiggle.damping = 0 needs a start: the oscillation never decays",
                "give jiggle.start_frame, or some damping");
     return jiggle;
 }
@@ -343,10 +344,10 @@ JiggleWindow jiggle_window(const Jiggle& jiggle, std::span<const double> times, 
     }
     if (!(last - first < max_knots))
         throw SceneFault("jiggle.too_long", jiggle.place,
-                         "jiggle remembers more than " + std::to_string(int(max_knots)) +
-                             " samples of the past here",
+                         "jiggle needs more than " + std::to_string(int(max_knots)) +
+                             " samples of past frames",
                          "give more jiggle.damping, a higher frequency, a longer "
-                         "jiggle.step, or a jiggle.start_frame not so far back");
+                         "jiggle.step, or a later jiggle.start_frame");
     return {int64_t(first), int64_t(last)};
 }
 

@@ -52,7 +52,8 @@ std::optional<Shielding> read_shielding(const Values& values) {
             const std::string name = std::string("wind.") + param.name;
             if (values.has(name))
                 throw SceneFault("shielding.no_strength", values.at(name).place,
-                                 name + " is given but no strength", "add wind.shielding.shield = 1");
+                                 name + " has no effect without shielding.shield",
+                                 "add wind.shielding.shield = 1");
         }
         return std::nullopt;
     }

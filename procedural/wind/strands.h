@@ -38,7 +38,8 @@ struct Strands {
         return (rest.capacity() + pose.capacity() + rest_normal.capacity() + pose_normal.capacity() +
                 values.capacity()) *
                    sizeof(Wide3f) +
-               (envelope.capacity() + shield.capacity() + gust.capacity() + radius.capacity()) *
+               (envelope.capacity() + shield.capacity() + gust.capacity() + wind_share.capacity() +
+                radius.capacity()) *
                    sizeof(VFloat) +
                (anchor.capacity() + root_normal.capacity() + points.capacity()) * sizeof(Wide3d) +
                (width.capacity() + u.capacity()) * sizeof(VDouble);

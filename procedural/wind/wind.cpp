@@ -25,10 +25,11 @@ constexpr std::array own_params = {
     MarramParam{"ramp_rotate", MARRAM_RAMP, "", "[[0, 0.2], [1, 1]]", -largest_wind_input, largest_wind_input,
                 "", "scale of the turn from root (0) to tip (1)"},
     MarramParam{"waviness", MARRAM_NUMBER, "", "1", -1e6, 1e6, "",
-                "how far the point where noise is sampled moves ahead along the strand, in lengths: ripples"},
-    MarramParam{
-        "reference_segments", MARRAM_INTEGER, "", "0", 0, 100000, "",
-        "number of segments that a turn is meant for; 0: as many as the strand has (7 where cvs = 0)"},
+                "advance of the noise sample point along the wind per length of strand; larger: more ripples "
+                "on a strand"},
+    MarramParam{"reference_segments", MARRAM_INTEGER, "", "0", 0, 100000, "",
+                "number of segments for which the turn is defined, so that it does not depend on cvs; 0: "
+                "those of the strand (7 if cvs = 0)"},
     MarramParam{"noise.type", MARRAM_CHOICE, "", "perlin", -largest_wind_input, largest_wind_input,
                 "perlin|billow|wavelet", "kind of noise field"},
     MarramParam{"noise.amplitude", MARRAM_NUMBER, "", "0.5", 0, 1e6, "",
@@ -81,18 +82,18 @@ Wind read_wind(const Values& values) {
     wind.response = values.ramp("wind.response");
     if (wind.response(0.0) != 0.0)
         throw SceneFault("wind.response_at_rest", values.at("wind.response").place,
-                         "wind.response is not 0 at speed 0",
-                         "begin the ramp with [0, 0], still air bends nothing");
+                         "wind.response is not 0 at speed 0", "start the ramp with the knot [0, 0]");
     for (const double value : wind.response.values())
         if (value < 0.0 || value > 1.0)
             throw SceneFault("wind.response_range", values.at("wind.response").place,
-                             "wind.response leaves 0 ... 1", "keep its values inside");
+                             "wind.response has values outside 0 ... 1", "keep its values inside");
     wind.global_rotate = values.number("wind.global_rotate");
     wind.ramp_rotate = values.ramp("wind.ramp_rotate");
     for (const double share : wind.ramp_rotate.values())
         if (share < 0.0)
             throw SceneFault("wind.ramp_rotate_range", values.at("wind.ramp_rotate").place,
-                             "wind.ramp_rotate goes below 0", "strands do not turn away from the wind");
+                             "wind.ramp_rotate goes below 0",
+                             "use values of at least 0: strands cannot turn away from the wind");
     wind.waviness = values.number("wind.waviness");
     wind.reference_segments = values.integer("wind.reference_segments");
     wind.noise.type = noise_type(values.text("wind.noise.type"));

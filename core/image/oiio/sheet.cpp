@@ -42,7 +42,7 @@ std::string font_of(const SheetLayout& layout) {
     if (!layout.font.empty()) {
         if (!is_font(layout.font))
             throw InputError(
-                {"--font " + layout.font}, "this is no font that can be read",
+                {"--font " + layout.font}, "this font cannot be read",
                 "name a .ttf or .otf file, such as /usr/share/fonts/truetype/dejavu/DejaVuSans.ttf");
         return layout.font;
     }

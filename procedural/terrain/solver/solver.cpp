@@ -51,13 +51,13 @@
 // a cell, 4 more with plants, 16 more if they grow.
 #include "procedural/terrain/solver/solver.h"
 
+#include "core/math/clock.h"
 #include "procedural/terrain/solver/checkerboard.h"
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstring>
 
@@ -85,21 +85,6 @@ void solver_copy(const T* from, int rows, int columns, size_t from_pitch, U* to,
         for (int c = 0; c < columns; ++c)
             to[size_t(r) * to_pitch + size_t(c)] = U(from[size_t(r) * from_pitch + size_t(c)]);
 }
-
-double solver_seconds() {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-class SolverClock {
-  public:
-    explicit SolverClock(double& sum) : sum_(sum), start_(solver_seconds()) {}
-    ~SolverClock() { sum_ += solver_seconds() - start_; }
-    SolverClock(const SolverClock&) = delete;
-    SolverClock& operator=(const SolverClock&) = delete;
-
-  private:
-    double& sum_;
-    double start_;
-};
 
 MARRAM_HOT void solver_heights(const float* ground, const double* sand, int count, float* height) {
     for (int b = 0; b < count; b += lanes) {
@@ -246,7 +231,7 @@ void DuneSolver::orient(bool transposed) {
 }
 
 void DuneSolver::surface() {
-    const SolverClock clock(times_.surface);
+    const StageTimer clock(times_.surface);
     const double expected = std::min(state_.step_allowed, settings_.longest_step);
     const double part = state_.step_before > 0.0 ? std::min(0.5 * expected / state_.step_before, 0.5) : 0.0;
     std::vector<float> least(size_t(rows_), std::numeric_limits<float>::infinity());
@@ -387,12 +372,12 @@ double DuneSolver::step(const SandWind& wind, double seconds) {
                                  domain_.cell, wind_row < 0.0, wind_column / std::abs(wind_row)};
     surface();
     {
-        const SolverClock clock(times_.separation);
+        const StageTimer clock(times_.separation);
         separation_.find(course, settings_.separation, air_height_.data(), range_, pitch(),
                          excess_turn_.data());
     }
     {
-        const SolverClock clock(times_.shear);
+        const StageTimer clock(times_.shear);
         envelope();
         shear_[transposed_ ? 1 : 0]->perturbation(settings_.shear, wind_row, wind_column,
                                                   envelope_reach_.data(), rows_, columns_, along_flux_.data(),
@@ -400,7 +385,7 @@ double DuneSolver::step(const SandWind& wind, double seconds) {
     }
     SaturationMaxima peak;
     {
-        const SolverClock clock(times_.saturation);
+        const StageTimer clock(times_.saturation);
         const AirFields air = {air_height_.data(), excess_turn_.data(), along_flux_.data(),
                                across_relax_.data(), plants_.empty() ? nullptr : plants_.data()};
         peak =
@@ -413,11 +398,11 @@ double DuneSolver::step(const SandWind& wind, double seconds) {
     // Without flux only unfinished avalanches change anything.
     const double length = std::min({seconds, stable, settings_.longest_step});
     {
-        const SolverClock clock(times_.march);
+        const StageTimer clock(times_.march);
         march(course, wind_row, wind, peak, length);
     }
     {
-        const SolverClock clock(times_.avalanche);
+        const StageTimer clock(times_.avalanche);
         avalanche_.run(rows_, columns_, periodic, domain_.cell, settings_.avalanche, ground_.data(),
                        sand_.data(), height_.data(), pitch());
     }

@@ -105,14 +105,19 @@ std::string wind_record_problem(const WindRecord& record) {
     return {};
 }
 
+double last_duration(const WindRecord& record) {
+    const size_t count = record.time.size();
+    return count > 1 ? record.time[count - 1] - record.time[count - 2] : seconds_per_hour;
+}
+
 WindHistory recorded_wind(const WindRecord& record) {
     std::vector<SandWind> winds;
     std::vector<double> ends;
     const size_t count = record.time.size();
     for (size_t k = 0; k < count; ++k) {
         winds.push_back(wind_from(record.from[k], shear_velocity_of(record.speed[k], 10.0, record.z0)));
-        const double last = count > 1 ? record.time[count - 1] - record.time[count - 2] : seconds_per_hour;
-        ends.push_back((k + 1 < count ? record.time[k + 1] : record.time[count - 1] + last) - record.time[0]);
+        ends.push_back((k + 1 < count ? record.time[k + 1] : record.time[k] + last_duration(record)) -
+                       record.time[0]);
     }
     return winds_periodic(std::move(winds), std::move(ends));
 }

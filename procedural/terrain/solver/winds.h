@@ -59,6 +59,8 @@ struct WindRecord {
 };
 // The problem with a record, or "".
 std::string wind_record_problem(const WindRecord& record);
+double
+last_duration(const WindRecord& record); // seconds that the last entry blows: as long as the one before
 WindHistory recorded_wind(const WindRecord& record);
 
 // Drift potential: mean of the saturated flux (dp), and magnitude of its mean vector (rdp).

@@ -153,28 +153,30 @@ TEST(BadInput, WindsThatCannotBlow) {
     const auto with_wind = [](const std::string& text) { return SceneText{.wind = text}; };
     expect_refused(with_wind("direction = [0, 0, 0]\n"), "the wind's direction is zero: give a vector");
     expect_refused(with_wind("response = [[0, 0.5], [10, 1]]\n"), "wind.response is not 0 at speed 0");
-    expect_refused(with_wind("response = [[0, 0], [10, 2]]\n"), "wind.response leaves 0 ... 1");
+    expect_refused(with_wind("response = [[0, 0], [10, 2]]\n"), "wind.response has values outside 0 ... 1");
     expect_refused(with_wind("noise.type = \"simplex\"\n"), "simplex");
     expect_refused(with_wind("noise.loop = [5, 5]\n"), "noise.loop has no length: give two different frames");
     expect_refused(with_wind("speed = 1e12\n"), "speed");
     expect_refused(with_wind("ramp_rotate = [[0, -1], [1, 1]]\n"), "wind.ramp_rotate goes below 0");
     expect_refused(with_wind("[wind.gusts]\nnum_gusts = 5\nramp = [[0, 1]]\n"),
                    "wind.gusts.ramp is not 0 at 1");
-    expect_refused(with_wind("[wind.gusts]\nnum_gusts = 5\nperiod = 0\n"), "nothing says when gusts start");
+    expect_refused(with_wind("[wind.gusts]\nnum_gusts = 5\nperiod = 0\n"),
+                   "wind.gusts.start_frame_range is missing");
     expect_refused(with_wind("gusts.control = [{}, { inner = [1, 1, 1] }]\n"),
-                   "wind.gusts.control[1].inner means nothing for a sphere");
+                   "wind.gusts.control[1].inner applies to boxes only");
     expect_refused(SceneText{.groom = groom + "wind.direction = [0, 0, 0]\n"},
                    "the wind's direction is zero");
     expect_refused(SceneText{.groom = groom + "wind.jiggle = { damping = 1 }\n"},
-                   "jiggle.damping is given but no jiggle.frequency");
-    expect_refused(with_wind("[wind.shielding]\noffset = 3\n"),
-                   "wind.shielding.offset is given but no strength: add wind.shielding.shield = 1");
+                   "jiggle.damping has no effect without jiggle.frequency");
+    expect_refused(
+        with_wind("[wind.shielding]\noffset = 3\n"),
+        "wind.shielding.offset has no effect without shielding.shield: add wind.shielding.shield = 1");
     expect_refused(with_wind("[wind.shielding]\nshield = 1\nwake = 2\nwake_heights = 2\n"),
                    "both wake and wake_heights");
     expect_refused(with_wind("[wind.shielding]\nshield = 1\nrays = 4\n"), "shielding.rays needs a cone");
     expect_refused(
         with_wind("[wind.collision]\noffset_root = 0.1\n"),
-        "wind.collision.offset_root is given but no solver: add wind.collision.solver = \"exact\"");
+        "wind.collision.offset_root has no effect without a solver: add wind.collision.solver = \"exact\"");
     expect_refused(with_wind("[wind.collision]\nsolver = \"exact\"\nrotation_steps = 4\n"),
                    "rotation_steps belongs to solver");
     expect_refused(with_wind("[wind.jiggle]\nfrequency = 2\ndamping = 0\n"), "give jiggle.start_frame");
@@ -191,9 +193,9 @@ TEST(BadInput, WhatWouldBeIgnored) {
     expect_refused(with_material("tint = \"envelop\"\n"),
                    "'grass' has no attribute 'envelop' of one number to tint by");
     expect_refused(with_material("tint = \"root_normal\"\n"), "of one number to tint by");
-    expect_refused(with_material("melanin = 8\n"), "'melanin' means nothing with pigment = \"color\"");
+    expect_refused(with_material("melanin = 8\n"), "'melanin' is not used with pigment = \"color\"");
     expect_refused(with_material("pigment = \"melanin\"\nroot_color = [1, 0, 0]\n"),
-                   "'root_color' means nothing with pigment = \"melanin\"");
+                   "'root_color' is not used with pigment = \"melanin\"");
     expect_refused(
         SceneText{.groom = groom + "lean_by = [{}]\n"},
         "lean_by: neither attribute nor image is given: name an attribute of the mesh, or an image");
@@ -246,7 +248,7 @@ TEST(BadInput, OutputsThatWouldDestroyInputs) {
     expect({"-o", folder / "b.exr", "--stats", folder / "b.exr.state.tif"}, "this would overwrite");
     expect({"-o", folder / "b.#.exr", "--frames", "1-2", "--stats", folder / "b.2.exr"},
            "this would overwrite");
-    expect({"-o", folder / "a.png"}, "this file stands where an unfinished picture would be written");
+    expect({"-o", folder / "a.png"}, "this file would be overwritten by an unfinished picture");
     const std::vector<std::string> said =
         refused(folder, {"bake", scene, "-o", folder / "s.obj", "--colliders", folder / "triangle.obj"});
     ASSERT_EQ(said.size(), 1u);
@@ -374,7 +376,8 @@ TEST(BadInput, LightsThatCannotShine) {
     const auto lamp = [](const char* name) {
         return fmt::format("[[light]]\nname = \"{}\"\ntype = \"mesh\"\nmesh = \"ground\"\n", name);
     };
-    expect_refused(SceneText{.more = lamp("a") + lamp("b")}, "mesh \"ground\" shines already by light \"a\"");
+    expect_refused(SceneText{.more = lamp("a") + lamp("b")},
+                   "mesh \"ground\" is already used by light \"a\"");
     const Folder folder;
     // OpenImageIO would start threads, and a child process would wait for them in vain.
     const auto write_map = [&](float odd) {
@@ -387,7 +390,7 @@ TEST(BadInput, LightsThatCannotShine) {
         fmt::format("[[light]]\nname = \"e\"\ntype = \"environment\"\nfile = \"{}\"\nstrength = 10\n",
                     folder / "hot.pfm");
     write_map(3e38F);
-    expect_refused(SceneText{.more = environment}, "times strength, 1e+15 is allowed");
+    expect_refused(SceneText{.more = environment}, "times strength, the limit is 1e+15");
     write_map(-1.0F);
     const std::string scene = folder.write("a.toml", SceneText{.more = environment});
     const ProgramResult outcome = marram({"render", scene, "-o", folder / "a.exr", "--quiet"});

@@ -311,7 +311,7 @@ TEST(Bake, RefusesMetadataThatCannotBe) {
                                      {-1.0, "marram:size_z -1"},
                                      {double(INFINITY), "marram:size_z inf"},
                                      {double(NAN), "marram:size_z"},
-                                     {1e9, "lies where no terrain does"}}) {
+                                     {1e9, "size or center is out of range"}}) {
         const ProgramResult result = outcome({{"marram:size_x", 5.0}, {"marram:size_z", size}});
         EXPECT_EQ(result.code, 2);
         EXPECT_EQ(lines(result.err).size(), 1u) << result.err;

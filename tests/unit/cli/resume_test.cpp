@@ -59,7 +59,7 @@ class Resume : public ::testing::Test {
     void expect_goes_on_to(int samples) const {
         const ProgramResult done = marram(with_samples("a.exr", samples, {"--resume"}));
         EXPECT_EQ(done.code, 0) << done.err;
-        EXPECT_CONTAINS(done.err, "goes on after ");
+        EXPECT_CONTAINS(done.err, "resumed at ");
         expect_uninterrupted_result(samples);
     }
     // The finished picture equals that of an uninterrupted run, and no other file is left.
@@ -114,7 +114,7 @@ TEST_F(Resume, AStateThatCannotBeWrittenTakesNoPictureWithIt) {
     const ProgramResult done = marram(
         command("a.exr", {"--seconds", "0.001", "--spp", endless, "--size", "256x192"}), in_little_room);
     EXPECT_EQ(done.code, 0) << done.err;
-    EXPECT_CONTAINS(done.err, "--resume will begin anew");
+    EXPECT_CONTAINS(done.err, "--resume will start this frame again");
     EXPECT_CONTAINS(done.err, state);
     EXPECT_EQ(done.out, folder / "a.exr" + "\n");
     EXPECT_EQ(read_image(folder / "a.exr").width, 256);
@@ -156,7 +156,9 @@ TEST_F(Resume, OtherFramesAreOtherStates) {
     const int samples = samples_of(folder / "f.1.exr") + 3;
     const ProgramResult other = marram(with_samples("a.exr", samples, {"--frame", "2", "--resume"}));
     EXPECT_EQ(other.code, 0);
-    EXPECT_CONTAINS(other.err, "is of another scene, size, layers, frame or version: the frame begins anew");
+    EXPECT_CONTAINS(
+        other.err,
+        "is of another scene, size, layers, frame or version: the frame is rendered from the start");
     fs::remove(folder / "f.2.exr.state.tif");
     EXPECT_EQ(marram(with_samples("f.#.exr", samples, {"--frames", "1-2", "--resume", "--quiet"})).code, 0);
     EXPECT_TRUE(same_picture(folder / "a.exr", folder / "f.2.exr"));
@@ -181,7 +183,8 @@ TEST_F(Resume, AStateThatDoesNotFitIsNotUsed) {
         folder.write("a.exr.state.tif", bytes);
         const ProgramResult done = marram(with_samples("a.exr", samples, {"--resume"}));
         EXPECT_EQ(done.code, 0) << what;
-        EXPECT_EQ(done.err, state + ": is damaged or cut short: the frame begins anew\n") << what;
+        EXPECT_EQ(done.err, state + ": is damaged or cut short: the frame is rendered from the start\n")
+            << what;
         expect_uninterrupted_result(samples);
         fs::remove(folder / "a.exr"); // otherwise the next run would find it complete
     }
@@ -198,8 +201,8 @@ TEST_F(Resume, AStateOfAnotherFrameIsNotUsed) {
         settings = other;
         const ProgramResult done = marram(with_samples("a.exr", samples, {"--resume"}));
         EXPECT_EQ(done.code, 0) << other[1];
-        EXPECT_EQ(done.err,
-                  state + ": is of another scene, size, layers, frame or version: the frame begins anew\n");
+        EXPECT_EQ(done.err, state + ": is of another scene, size, layers, frame or version: the frame is "
+                                    "rendered from the start\n");
         expect_uninterrupted_result(samples);
     }
     settings.clear();
@@ -214,9 +217,11 @@ TEST_F(Resume, AStateOfMoreSamplesIsNotUsed) {
     const int more = stop_by_time("0.05");
     ASSERT_GT(more, samples);
     const ProgramResult done = marram(with_samples("a.exr", more - 1, {"--resume"}));
-    EXPECT_EQ(done.err,
-              fmt::format("{}: has {} samples a pixel, more than the {} asked for: the frame begins anew\n",
-                          state, more, more - 1));
+    EXPECT_EQ(
+        done.err,
+        fmt::format(
+            "{}: has {} samples a pixel, more than the {} asked for: the frame is rendered from the start\n",
+            state, more, more - 1));
     expect_uninterrupted_result(more - 1);
 }
 
@@ -230,7 +235,7 @@ TEST_F(Resume, SomebodysPictureIsLeftAlone) {
         const ProgramResult done = marram(with_samples("a.exr", 1));
         EXPECT_EQ(done.code, 2);
         EXPECT_CONTAINS(done.err,
-                        state + ": this file stands where an unfinished frame's state would be written");
+                        state + ": this file would be overwritten by the state of an unfinished frame");
         EXPECT_TRUE(folder.contents() == before);
     }
 }

@@ -52,7 +52,7 @@ TEST(SheetCommand, RefusesWithoutTouchingAFile) {
     refuse({folder / "a.png", "-o", folder / "no/s.png"}, "does not exist");
     refuse({folder / "a.png", "-o", folder / "s.png", "--columns", "0"}, "--columns");
     refuse({folder / "a.png", "-o", folder / "s.png", "--captions", "all"}, "--captions");
-    refuse({folder / "a.png", "-o", folder / "s.png", "--font", "none.ttf"}, "this is no font");
+    refuse({folder / "a.png", "-o", folder / "s.png", "--font", "none.ttf"}, "this font cannot be read");
     refuse({folder / "a.png", folder / "a.png", "-o", folder / "s.png", "--columns", "2", "--width", "60"},
            "too narrow: give fewer --columns, or a --width of 88 or more");
 }

@@ -164,7 +164,7 @@ TEST(Compare, much_more_noise_is_noted) {
     const Comparison c = compared(made(2, 0.15), made(1, 0.05));
     EXPECT_TRUE(c.alike());
     ASSERT_EQ(c.notes.size(), 1U);
-    EXPECT_NE(c.notes[0].find("A says of itself that it is 9 times as noisy as B"), std::string::npos)
+    EXPECT_NE(c.notes[0].find("the mean variance of A is 9 times that of B"), std::string::npos)
         << c.notes[0];
     EXPECT_TRUE(compared(without_variance(made(2, 0.15)), made(1, 0.05)).notes.empty()) << "it says nothing";
 }
@@ -186,7 +186,8 @@ TEST(Compare, unknown_samples_do_not_hide_a_fault) {
     EXPECT_FALSE(c.alike());
     EXPECT_LT(c.scales.back().limit, 5.6) << "of 6,144 pixels the mean is well known";
     EXPECT_FALSE(compared(without_variance(seed), reference).has_noise_estimate);
-    EXPECT_NE(compared(without_variance(seed), reference).unknown.find("only one has"), std::string::npos);
+    EXPECT_NE(compared(without_variance(seed), reference).unknown.find("only one picture has"),
+              std::string::npos);
 }
 
 // Ids where several strands share a pixel: another seed finds others of them, but no strand that is not
@@ -432,8 +433,7 @@ TEST(Compare, a_small_part_of_a_layer_is_missed) {
     EXPECT_TRUE(compared(depth(2.01), depth(2.0)).alike());
     const Comparison c = compared(depth(2.0), depth(10.0));
     ASSERT_EQ(c.faults.size(), 1U);
-    EXPECT_NE(c.faults[0].find("layer depth is not as in the other picture: 16 x 16 pixels at (2"),
-              std::string::npos)
+    EXPECT_NE(c.faults[0].find("layer depth differs locally: 16 x 16 pixels at (2"), std::string::npos)
         << c.faults[0];
 }
 
@@ -488,7 +488,7 @@ TEST(Compare, few_other_names_are_missed) {
     for (const double other : {0.0, 5.0, 8.0}) {
         const Comparison c = compared(thing(other), thing(7.0));
         ASSERT_EQ(c.faults.size(), 1U) << other;
-        EXPECT_NE(c.faults[0].find("layer id is of other names: of 16 x 16 pixels at (2"), std::string::npos)
+        EXPECT_NE(c.faults[0].find("layer id has different ids: in 16 x 16 pixels at (2"), std::string::npos)
             << c.faults[0];
     }
 }

@@ -97,19 +97,19 @@ TEST_P(CurveFault, IsRefused) {
     EXPECT_CONTAINS(text, ".toml:"); // the procedural's place
     EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 1) << text;
 }
-INSTANTIATE_TEST_SUITE_P(All, CurveFault,
-                         ::testing::Values(Fault{"silent-begin", "failed without saying why"},
-                                           Fault{"silent-tessellate", "failed without saying why"},
-                                           Fault{"nan", "a CV is not a finite number"},
-                                           Fault{"infinite", "a CV is not a finite number"},
-                                           Fault{"one-cv", "fewer than 2 CVs"},
-                                           Fault{"shape", "a shape or basis that the contract does not have"},
-                                           Fault{"times", "another number of motion samples than asked"},
-                                           Fault{"too-many", "its patches do not add up"},
-                                           Fault{"too-few", "its patches do not add up"},
-                                           Fault{"gap", "its patches do not follow each other"},
-                                           Fault{"mesh", "another kind of output than it declares"}),
-                         name_of);
+INSTANTIATE_TEST_SUITE_P(
+    All, CurveFault,
+    ::testing::Values(Fault{"silent-begin", "failed without saying why"},
+                      Fault{"silent-tessellate", "failed without saying why"},
+                      Fault{"nan", "a CV is not a finite number"},
+                      Fault{"infinite", "a CV is not a finite number"}, Fault{"one-cv", "fewer than 2 CVs"},
+                      Fault{"shape", "a shape or basis that the contract does not have"},
+                      Fault{"times", "number of motion samples is not the requested one"},
+                      Fault{"too-many", "its patches do not add up"},
+                      Fault{"too-few", "its patches do not add up"},
+                      Fault{"gap", "its patches do not follow each other"},
+                      Fault{"mesh", "another kind of output than it declares"}),
+    name_of);
 
 class MeshFault : public ::testing::TestWithParam<Fault> {};
 TEST_P(MeshFault, IsRefused) {

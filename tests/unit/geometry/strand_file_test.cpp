@@ -202,7 +202,7 @@ TEST_F(StrandFiles, HairWithDefaults) {
     EXPECT_EQ(plain.counts, (std::vector<uint32_t>{3, 3}));
     EXPECT_TRUE(plain.samples[0].widths.empty() && plain.attributes.empty() && plain.warnings.empty());
     header.default_thickness = 1.0F;
-    EXPECT_TRUE(told(load("a.hair", hair(header) + points), "of no known width"));
+    EXPECT_TRUE(told(load("a.hair", hair(header) + points), "the width of the strands is unknown"));
     header.default_thickness = 0.25F;
     header.default_transparency = 0.5F;
     header.default_color[1] = 0.25F;
@@ -414,7 +414,7 @@ TEST_F(StrandFiles, UsdaDrawsWhatTheFileDraws) {
         }
         EXPECT_LE(worst, 1.02 * strands.deviation + 1e-5 * length) << what;
         EXPECT_LE(strands.deviation, 1e-3 * length * 1.01) << what;
-        EXPECT_FALSE(told(strands, "beside")) << what;
+        EXPECT_FALSE(told(strands, "differ from the file's")) << what;
         const bool exact = one.drawn != MARRAM_CATMULL_ROM || std::strcmp(one.wrap, "pinned") == 0;
         if (exact && !is_bezier) {
             EXPECT_EQ(strands.deviation, 0.0) << what;
@@ -436,7 +436,7 @@ TEST_F(StrandFiles, UsdaCutsAsFarAsNeeded) {
     EXPECT_LE(bent.counts[0], 9u);
     const StrandFile cusp = counts("(0,0,0), (3,1,0), (-2,1,0), (1,0,0)", 4);
     EXPECT_EQ(cusp.counts[0], 9u);
-    EXPECT_TRUE(told(cusp, "beside"));
+    EXPECT_TRUE(told(cusp, "differ from the file's"));
     EXPECT_GT(cusp.deviation, 0.0);
 }
 
@@ -582,7 +582,7 @@ TEST_F(StrandFiles, UsdaAnimates) {
                    usda(kind("linear", "nonperiodic") +
                         "point3f[] points = [(0, 0, 0), (1, 0, 0)]\n"
                         "int[] curveVertexCounts.timeSamples = { 1: [2], 2: [1, 1] }\n"),
-                   "other counts from time to time");
+                   "vertex counts that change over time");
 }
 
 // Rotations between two samples of a transform are resampled, including whole turns.
@@ -694,7 +694,7 @@ TEST_F(StrandFiles, UsdaRefusesInOneLine) {
     curves("float[] widths = [1, nan]\n", "width 1 of");
     curves("float[] widths = [1, -1]\n", "width 1 of");
     curves("float[] primvars:x = [1, 2, 3] ( interpolation = \"vertex\" )\n",
-           "has 3 values where its interpolation wants 2");
+           "has 3 values but its interpolation needs 2");
     curves("float primvars:x = nan\n", "is not finite");
     curves("double primvars:x = 1e300\n", "is not finite");
     curves("float[] primvars:x = [1] ( interpolation = \"spiral\" )\n", "is not known");
@@ -777,9 +777,9 @@ TEST_F(StrandFiles, PlyRefusesInOneLine) {
     const std::string two = "element vertex 2\n" + ply_vertex + "property int strand_id\n";
     const std::string rows = "0 0 0 1\n1 0 0 1\n";
     expect_refusal("a.ply", ply(two + "element strand 2\nproperty float a\n", rows + "1\n2\n"),
-                   "has 1 strands and 2 entries");
+                   "has 1 strands, but 2 entries");
     expect_refusal("a.ply", ply(two + "element strand 4000000000\n", rows),
-                   "has 1 strands and 4000000000 entries");
+                   "has 1 strands, but 4000000000 entries");
     expect_refusal("a.ply", ply(two + "element strand 4000000000\nproperty float a\n", rows + "1\n"),
                    "do not fit");
     expect_refusal("a.ply", ply(two + "element strand 1\nproperty int strand_id\n", rows + "3\n"),

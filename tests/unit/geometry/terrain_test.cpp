@@ -561,12 +561,12 @@ TEST(Terrain, WindsOfTheSolverDiffer) {
     };
     expect(evolving("wind = \"record\""), "a recorded wind has no record: give record");
     expect(evolving() + layer("dune_solver"), "a terrain has one layer that evolves");
-    expect(evolving("cover = \"meadow\""), "there are no plants whose cover could be handed out");
-    expect(evolving("plants = \"no\""), "no layer below hands out a mask 'no'");
+    expect(evolving("cover = \"meadow\""), "cover needs plants");
+    expect(evolving("plants = \"no\""), "no layer below outputs a mask 'no'");
     TestScene calm(evolving("speed = 2"));
     EXPECT_EQ(heights_at(calm, 9.0), heights_at(calm, 8.0)); // steep slopes have slid
     ASSERT_FALSE(calm.stats.warnings.empty());
-    EXPECT_NE(calm.stats.warnings[0].find("too weak to move sand"), std::string::npos);
+    EXPECT_NE(calm.stats.warnings[0].find("never exceeds the threshold"), std::string::npos);
 }
 
 // Plants grow where the ground rests and die where sand moves. Their cover is a mask, even before the wind
@@ -603,7 +603,7 @@ TEST(Terrain, SaysWhatIsWrongAndWhere) {
         EXPECT_NE(said.find(".toml:"), std::string::npos) << said;
     };
     expect(desert(layer("flat", "mask = \"m\"") + layer("mask", "name = \"m\"\nby = \"sand\"")),
-           "no layer below hands out a mask 'm'");
+           "no layer below outputs a mask 'm'");
     expect(desert(layer("mask", "by = \"sand\"")), "has no name");
     expect(desert(layer("mask", "name = \"m\"\nby = \"distance\"")), "needs 'along'");
     expect(desert("", "size = [1, 1]\ncell = 3"), "2 x 2 is the least");
@@ -618,8 +618,8 @@ TEST(Terrain, SaysWhatIsWrongAndWhere) {
            "the wind's direction is zero");
     expect(desert(layer("stones", "size = [3, 2]")), "give the smaller number first");
     expect(desert(layer("stones", "density = 1e6")), "stones are too many");
-    expect(desert(layer("stones", "mask = \"m\"")), "no layer below hands out a mask 'm'");
-    expect(desert(layer("fusion", "mask = \"m\"")), "no layer below hands out a mask 'm'");
+    expect(desert(layer("stones", "mask = \"m\"")), "no layer below outputs a mask 'm'");
+    expect(desert(layer("fusion", "mask = \"m\"")), "no layer below outputs a mask 'm'");
     const ImageFile huge(1, 1, {3e9F});
     expect(desert(layer("image", "target = \"sand\"\nfile = \"" + huge.path.string() + "\"")),
            "more than 100 km");

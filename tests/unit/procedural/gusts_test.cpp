@@ -723,17 +723,17 @@ TEST(Gusts, mistakes_are_explained) {
     };
     GustValues a;
     a.set("gusts.ramp", {0, 1, 1, 0.5}, "linear");
-    expect(a, "at gusts.ramp: wind.gusts.ramp is not 0 at 1: end it with [1, 0]");
+    expect(a, "at gusts.ramp: wind.gusts.ramp is not 0 at 1: end the ramp with the knot [1, 0]");
     GustValues b;
     b.set("gusts.ramp", {0, 1, 0.5, 0}, "constant");
     expect(
         b,
-        "at gusts.ramp: wind.gusts.ramp is constant between knots, strands would jump: use linear or smooth");
+        "at gusts.ramp: wind.gusts.ramp is constant between knots: strands would jump: use linear or smooth");
     GustValues c;
     c.set("gusts.period", {0.5});
-    expect(c, "at gusts.period: wind.gusts.period is shorter than a frame: give 1 or more");
+    expect(c, "at gusts.period: wind.gusts.period is shorter than a frame: give at least 1 frame");
     c.set("gusts.period", {0});
-    expect(c, "at gusts.period: wind.gusts.period is 0 and nothing says when gusts start: give");
+    expect(c, "at gusts.period: wind.gusts.period is 0 and wind.gusts.start_frame_range is missing: give");
     c.set("gusts.start_frame_range", {1, 10});
     expect(c, "");
     c.set("gusts.period", {1});
@@ -742,7 +742,7 @@ TEST(Gusts, mistakes_are_explained) {
     GustValues d;
     d.control(0, "sphere");
     d.set("gusts.control[0].inner", {1, 1, 1});
-    expect(d, "at gusts.control[0].inner: wind.gusts.control[0].inner means nothing for a sphere: remove it");
+    expect(d, "at gusts.control[0].inner: wind.gusts.control[0].inner applies to boxes only: remove it");
     GustValues e;
     e.control(0, "box");
     e.control(1, "box");

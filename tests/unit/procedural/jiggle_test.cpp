@@ -735,7 +735,7 @@ TEST(Jiggle, scenes_are_read_and_contradictions_refused) {
         const std::string whole = std::string("wind.jiggle.") + name;
         EXPECT_EQ(Given({{{whole, {1}}}}).fault(),
                   whole + ": jiggle." + name +
-                      " is given but no jiggle.frequency: add it in Hz, such as jiggle.frequency = 2");
+                      " has no effect without jiggle.frequency: add it in Hz, such as jiggle.frequency = 2");
     }
     EXPECT_FALSE(Given({{{"wind.jiggle.frequency", {0}}, {"wind.jiggle.damping", {1}}}}).read())
         << "switched off";

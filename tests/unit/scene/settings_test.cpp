@@ -117,8 +117,8 @@ TEST_F(Settings, ExplainTheirMistakes) {
     expect({"mesh.hil.file=x.obj"},
            "--set mesh.hil.file=x.obj: no mesh is named \"hil\": did you mean \"hill\"?");
     expect({"mesh.hill=3"},
-           "--set mesh.hill=3: \"mesh.hill\" says no name and key: write mesh.NAME.KEY=value");
-    expect({"mesh=3"}, "--set mesh=3: \"mesh\" says no name and key");
+           "--set mesh.hill=3: \"mesh.hill\" has no name and key: write mesh.NAME.KEY=value");
+    expect({"mesh=3"}, "--set mesh=3: \"mesh\" has no name and key");
     expect({"mesh.hill.file=x.obj"},
            "--set mesh.hill.file=x.obj: mesh.hill.file: there is no file \"x.obj\"");
     expect({"wind.shielding.shield=1"},

@@ -70,7 +70,8 @@ void apply_values(GroomInstance& instance, ParsedValues description) {
     instance.roots_digest = description.roots_digest;
     instance.digest = description.digest;
     instance.chosen_for.reset();
-    instance.gusts_fixed = instance.begun = false;
+    instance.gust_start = {};
+    instance.begun = false;
 }
 
 MarramStatus create(const MarramHost* host, const MarramValues* values, MarramInstance** out) {
@@ -337,7 +338,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
             return status;
         if (instance.guides) instance.groom.length = {0.0, instance.guides->longest()};
         if (const MarramStatus status =
-                fix_gusts_once(instance.frame, {}, instance.wind, instance.gusts_fixed);
+                fix_gusts_once(instance.host, instance.frame, {}, instance.wind, instance.gust_start);
             status != MARRAM_OK)
             return status;
         const double open = wall_seconds();

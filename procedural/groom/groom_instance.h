@@ -87,7 +87,7 @@ struct GroomInstance {
     ChainFrame chain;
     ColliderTrees trees;
     PastSkin past;
-    bool gusts_fixed = false;
+    GustStart gust_start;
     std::vector<float> width_profile; // [cvs]: half of the profile, the radius of a strand of width 1
 
     Workers workers;

@@ -79,7 +79,8 @@ void apply_values(ImportInstance& instance, const Values& given, std::span<const
     instance.digest = digest_of_values(list);
     instance.binding_key = binding_digest(instance.settings);
     instance.choice_key.reset();
-    instance.gusts_fixed = instance.begun = false;
+    instance.gust_start = {};
+    instance.begun = false;
 }
 
 MarramStatus create_import(const MarramHost* host, const MarramValues* values, MarramInstance** out) {
@@ -450,8 +451,8 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
         if (const MarramStatus status = bind_again(instance); status != MARRAM_OK) return status;
         check_widths(instance);
         instance.longest = longest_in_frame(instance);
-        MarramStatus status =
-            fix_gusts_once(instance.frame, instance.bind_box, instance.wind, instance.gusts_fixed);
+        MarramStatus status = fix_gusts_once(instance.host, instance.frame, instance.bind_box, instance.wind,
+                                             instance.gust_start);
         if (status == MARRAM_OK) status = choose(instance);
         if (status == MARRAM_OK) status = read_jiggle_past(instance);
         if (status != MARRAM_OK) return status;

@@ -62,7 +62,7 @@ struct ImportInstance {
     ChainFrame chain;
     ColliderTrees trees;
     PastSkin past; // its window is used even without a skin
-    bool gusts_fixed = false;
+    GustStart gust_start;
     Workers workers;
 
     void warn(const char* id, const std::string& what, const std::string& remedy) const {

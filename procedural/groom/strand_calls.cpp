@@ -24,9 +24,9 @@ std::vector<MarramParam> with_wind_params(std::span<const MarramParam> own) {
     return list;
 }
 
-MarramStatus fix_gusts_once(const MarramFrame& frame, const Eigen::AlignedBox3d& of_strands, Wind& wind,
-                            bool& fixed) {
-    if (!wind.gusts || fixed) return MARRAM_OK;
+MarramStatus fix_gusts_once(const MarramHost& host, const MarramFrame& frame,
+                            const Eigen::AlignedBox3d& of_strands, Wind& wind, GustStart& start) {
+    if (!wind.gusts || (start.fixed && !start.automatic)) return MARRAM_OK;
     Eigen::AlignedBox3d box;
     if (frame.mesh_count == 0) box = of_strands;
     std::vector<float> positions;
@@ -37,8 +37,22 @@ MarramStatus fix_gusts_once(const MarramFrame& frame, const Eigen::AlignedBox3d&
         for (size_t v = 0; v + 2 < positions.size(); v += 3)
             box.extend(Vec3d(double(positions[v]), double(positions[v + 1]), double(positions[v + 2])));
     }
-    fix_gusts(*wind.gusts, box.min(), box.max(), wind.direction);
-    fixed = true;
+    Gusts& gusts = *wind.gusts;
+    if (!start.fixed) {
+        start = {true, gusts.num_gusts > 0 && (!gusts.center || !gusts.extent || !gusts.distance), box};
+        fix_gusts(gusts, box.min(), box.max(), wind.direction);
+    } else if (box.min() != start.box.min() || box.max() != start.box.max()) {
+        send(host, MARRAM_WARNING, "gusts.start", "wind.gusts.num_gusts",
+             fmt::format("the meshes differ from those of the first frame rendered, whose bounds decide "
+                         "where gusts start: "
+                         "frame {:.6g} rendered alone would have other gusts",
+                         frame.frame),
+             fmt::format("give wind.gusts.center = [{:.4g}, {:.4g}, {:.4g}], extent = [{:.4g}, {:.4g}] and "
+                         "distance = {:.4g}",
+                         gusts.center->x(), gusts.center->y(), gusts.center->z(), gusts.extent->x(),
+                         gusts.extent->y(), *gusts.distance));
+        start.automatic = false; // warn once
+    }
     return MARRAM_OK;
 }
 

@@ -25,10 +25,17 @@ using ReportSink = void (*)(void* user, const char* path, double value);
 // A procedural's own parameters, followed by the wind's as "wind.<name>". The names are static.
 std::vector<MarramParam> with_wind_params(std::span<const MarramParam> own);
 
-// Unless the scene gives their start, gusts start across the scene's bounds at bind_frame. `box`: of the
-// strands, used if there are no meshes. Does nothing if `fixed`, and sets it.
-MarramStatus fix_gusts_once(const MarramFrame& frame, const Eigen::AlignedBox3d& box, Wind& wind,
-                            bool& fixed);
+// Where random gusts start.
+struct GustStart {
+    bool fixed = false;
+    bool automatic = false;  // the scene does not give center, extent and distance
+    Eigen::AlignedBox3d box; // of the meshes in the frame that fixed it
+};
+// Unless the scene gives their start, random gusts start across the bounds of the meshes at bind_frame.
+// `box`: of the strands, used if there are no meshes. Fixed once, so that gusts do not jump from frame to frame. Warns if the
+// bounds differ later: an evolving terrain has no pose at bind_frame, so a frame rendered alone would have other gusts.
+MarramStatus fix_gusts_once(const MarramHost& host, const MarramFrame& frame, const Eigen::AlignedBox3d& box,
+                            Wind& wind, GustStart& start);
 
 // True if meshes that move within the shutter affect the strands: by collision or by shielding.
 bool moving_meshes_matter(const Wind& wind, const MarramFrame& frame);

@@ -157,6 +157,36 @@ TEST(KeptGeometry, AnEvolvingTerrainIsThatOfItsFrame) {
     EXPECT_NE(counts[1], counts[0]);
 }
 
+// Random gusts start across the bounds of the meshes in the first frame rendered. An evolving terrain has others later: that is
+// reported, once, and what the message says to give makes each frame that of itself alone.
+TEST(KeptGeometry, GustsOnAnEvolvingTerrainAreReported) {
+    const auto text = [](const std::string& start) {
+        return evolving_grass + "wind.gusts = { num_gusts = 5, radius_range = [3, 5], period = 24" + start +
+               " }\n";
+    };
+    const auto warnings = [](const Sequence& sequence) {
+        return std::ranges::count_if(sequence.scene.stats.warnings, [](const std::string& warning) {
+            return warning.find("give wind.gusts.center = [") != std::string::npos;
+        });
+    };
+    Sequence automatic(text(""));
+    std::vector<std::ptrdiff_t> counts;
+    for (const double frame : {1.0, 3.0, 5.0}) {
+        World world = automatic.frame(frame);
+        counts.push_back(warnings(automatic));
+        automatic.kept = kept_geometry(std::move(world));
+    }
+    EXPECT_EQ(counts, (std::vector<std::ptrdiff_t>{0, 1, 0}));
+    const std::string given = text(", center = [0, 1, 0], extent = [30, 3], distance = 20");
+    Sequence fixed(given);
+    for (const double frame : {1.0, 3.0}) {
+        World world = fixed.frame(frame);
+        EXPECT_EQ(warnings(fixed), 0);
+        expect_same(world, alone(given, frame));
+        fixed.kept = kept_geometry(std::move(world));
+    }
+}
+
 // The same for strands guided by such a terrain's strands, and for a file's strands bound to it.
 TEST(KeptGeometry, WhatDependsOnAnEvolvingTerrainIsThatOfItsFrame) {
     const std::string text =

@@ -333,7 +333,8 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
             const MarramStatus status = place(instance);
             if (status != MARRAM_OK) return status;
         }
-        if (const MarramStatus status = find_places(instance.frame, *instance.mesh, instance.places);
+        if (const MarramStatus status =
+                find_mesh_instances(instance.frame, *instance.mesh, instance.mesh_instances);
             status != MARRAM_OK)
             return status;
         if (instance.guides) instance.groom.length = {0.0, instance.guides->longest()};
@@ -346,22 +347,24 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         instance.placing_seconds += wall_seconds() - open;
         const bool blown = instance.frame.stage != MARRAM_REST;
         bool moves =
-            instance.mesh->time_count > 1 || std::ranges::any_of(instance.places, &Place::moves) ||
+            instance.mesh->time_count > 1 ||
+            std::ranges::any_of(instance.mesh_instances, &MeshInstance::moves) ||
             (blown && (wind_moves(instance.wind) || moving_meshes_matter(instance.wind, instance.frame)));
         instance.past = {};
         if (instance.wind.jiggle && instance.frame.stage == MARRAM_FINAL) {
             double travel = 0.0;
-            if (const MarramStatus found = find_travel(instance.frame, instance.places, travel);
+            if (const MarramStatus found = find_travel(instance.frame, instance.mesh_instances, travel);
                 found != MARRAM_OK)
                 return found;
             const MarramStatus status = read_past(
                 instance.frame, uint32_t(instance.mesh - instance.meshes.data()), *instance.wind.jiggle,
-                longest_strand(instance.groom) * greatest_scale(instance.places), instance.past, travel);
+                longest_strand(instance.groom) * greatest_scale(instance.mesh_instances), instance.past,
+                travel);
             if (status != MARRAM_OK) return status;
             bool instances_moved = false;
             if (const MarramStatus past =
-                    find_past_places(instance.frame, *instance.wind.jiggle, instance.past.window,
-                                     instance.places, instances_moved);
+                    find_past_transforms(instance.frame, *instance.wind.jiggle, instance.past.window,
+                                         instance.mesh_instances, instances_moved);
                 past != MARRAM_OK)
                 return past;
             // Without motion there is no jiggle.
@@ -387,7 +390,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         instance.chain_seconds = instance.wind.collision ? wall_seconds() - before : 0.0;
         MarramOutput output{};
         output.kind = MARRAM_CURVES;
-        output.curve_count = instance.places.size() * instance.roots.size();
+        output.curve_count = instance.mesh_instances.size() * instance.roots.size();
         output.cvs_per_curve = uint32_t(instance.groom.cvs);
         output.patch_count = instance.patch_count();
         output.time_count = instance.time_count;
@@ -421,29 +424,34 @@ MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
 
 Expand expand_of(const GroomInstance& instance, const GroomPatch& patch, StageClock& clock) {
     const std::span<const Root> roots = patch.roots;
-    const Place& place = patch.place;
-    return {[&instance, roots, &place, &clock](uint32_t time, Strands& strands) {
+    const MeshInstance& mesh_instance = patch.mesh_instance;
+    return {[&instance, roots, &mesh_instance, &clock](uint32_t time, Strands& strands) {
                 const StageTimer timer(clock.expand);
                 const auto guided = instance.guided(roots);
                 expand(instance.groom, instance.wind, instance.poses(time), roots, strands,
                        guided ? &*guided : nullptr);
-                if (place.is_instance)
-                    transform_strands(place.at(time),
-                                      instance.wind.rest_anchored ? place.at_bind : place.at(time), strands);
+                if (mesh_instance.is_instance)
+                    transform_strands(mesh_instance.transform(time),
+                                      instance.wind.rest_anchored ? mesh_instance.transform_at_bind
+                                                                  : mesh_instance.transform(time),
+                                      strands);
             },
-            [&instance, roots, &place](int64_t knot, Strands& strands) { // timed as jiggle
+            [&instance, roots, &mesh_instance](int64_t knot, Strands& strands) { // timed as jiggle
                 GrowthPoses then{instance.poses(0).bind, instance.past.at(knot, *instance.mesh)};
                 then.now.attributes = instance.attributes;
                 const auto guided = instance.guided(roots);
                 expand(instance.groom, instance.wind, then, roots, strands, guided ? &*guided : nullptr);
-                if (!place.is_instance) return;
-                const Eigen::Affine3d& placed = place.at_knot[size_t(knot - instance.past.window.first)];
-                transform_strands(placed, instance.wind.rest_anchored ? place.at_bind : placed, strands);
+                if (!mesh_instance.is_instance) return;
+                const Eigen::Affine3d& placed =
+                    mesh_instance.transforms_at_knots[size_t(knot - instance.past.window.first)];
+                transform_strands(
+                    placed, instance.wind.rest_anchored ? mesh_instance.transform_at_bind : placed, strands);
             },
-            [&instance, &place](int64_t knot) {
+            [&instance, &mesh_instance](int64_t knot) {
                 if (!instance.past.rests_at(knot)) return false;
                 const auto at = size_t(knot - instance.past.window.first);
-                return !place.is_instance || place.at_knot[at].matrix() == place.at_knot[at - 1].matrix();
+                return !mesh_instance.is_instance || mesh_instance.transforms_at_knots[at].matrix() ==
+                                                         mesh_instance.transforms_at_knots[at - 1].matrix();
             }};
 }
 
@@ -461,14 +469,15 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
         Strands& strands = worker.strands;
         strands.has_wind_share = !instance.groom.factors[of_wind].empty();
         strands.resize(int(roots.size()), instance.groom.cvs, instance.groom.shape == MARRAM_ORIENTED_RIBBON);
-        strands.instance = patch.place.is_instance ? patch.place.mesh : nullptr;
+        strands.instance = patch.mesh_instance.is_instance ? patch.mesh_instance.mesh : nullptr;
         const Expand lay_out = expand_of(instance, patch, worker.chain.clock);
-        const bool follows = !instance.guide_motion.places.empty();
+        const bool follows = !instance.guide_motion.mesh_instances.empty();
         if (instance.past.window.count() > 0 && !follows)
             jiggle_patch(instance.chain, lay_out, strands, worker.chain);
         for (uint32_t time = 0; time < instance.time_count; ++time) {
             // If the mesh rests, later motion samples reuse the rest strands.
-            if (time < instance.mesh->time_count || patch.place.moves()) lay_out.at_time(time, strands);
+            if (time < instance.mesh->time_count || patch.mesh_instance.moves())
+                lay_out.at_time(time, strands);
             if (follows) {
                 {
                     const StageTimer timer(worker.chain.clock.bend);
@@ -510,8 +519,8 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
                            (instance.guides ? instance.guides->bytes() : 0) + instance.past.bytes() +
                            instance.trees.bytes() + instance.chain.gust_bytes() + scratch;
     sink(user, "memory.curve_extra_bytes", double(std::max(lasting, instance.placing_bytes)));
-    if (instance.places.size() < 2) return;
-    sink(user, "instances.count", double(instance.places.size() - 1));
+    if (instance.mesh_instances.size() < 2) return;
+    sink(user, "instances.count", double(instance.mesh_instances.size() - 1));
     sink(user, "instances.shared_bytes",
          double(instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 +
                 instance.blends.capacity() * sizeof(GuideBlend) +

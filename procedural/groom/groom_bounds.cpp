@@ -22,8 +22,8 @@ double reach_from_root(const GroomInstance& instance, double scale) {
         lift = root_offset(*collision, length, groom.width * instance.width_profile[0]);
         clearance = std::max(collision->clearance.value_or(0.0), lift);
     }
-    const double size =
-        std::max(greatest_scale(instance.places), 1.0); // at least 1: clearances do not shrink with instances
+    const double size = std::max(greatest_scale(instance.mesh_instances),
+                                 1.0); // at least 1: clearances do not shrink with instances
     return size * (length + beyond + groom.width * widest + lift + clearance) * (1.0 + 1e-5) +
            4.0 * (scale + size * (length + lift)) * 0x1p-23;
 }
@@ -31,13 +31,14 @@ double reach_from_root(const GroomInstance& instance, double scale) {
 // Extends `box` by the mesh's box at each place, at a motion sample.
 void extend_by_places(const GroomInstance& instance, uint32_t time, const Eigen::AlignedBox3d& on_mesh,
                       Eigen::AlignedBox3d& box) {
-    for (const Place& place : instance.places)
-        box.extend(place.is_instance ? transformed_box(place.at(time), on_mesh) : on_mesh);
+    for (const MeshInstance& mesh_instance : instance.mesh_instances)
+        box.extend(mesh_instance.is_instance ? transformed_box(mesh_instance.transform(time), on_mesh)
+                                             : on_mesh);
 }
 
 uint32_t time_count_of(const GroomInstance& instance) {
-    return std::any_of(instance.places.begin(), instance.places.end(),
-                       [](const Place& place) { return place.moves(); })
+    return std::any_of(instance.mesh_instances.begin(), instance.mesh_instances.end(),
+                       [](const MeshInstance& mesh_instance) { return mesh_instance.moves(); })
                ? std::max(instance.time_count, instance.mesh->time_count)
                : instance.mesh->time_count;
 }
@@ -72,9 +73,10 @@ Eigen::AlignedBox3d bounds_at_rest(const GroomInstance& instance) {
     for (const PastSkin::Pose& pose : instance.past.poses)
         extend_by_rest(instance.groom, pose.positions, past.emplace_back());
     for (const Eigen::AlignedBox3d& on_mesh : past) box.extend(on_mesh);
-    for (const Place& place : instance.places)
-        for (size_t k = 0; k < place.at_knot.size() && k < instance.past.of_knot.size(); ++k)
-            box.extend(transformed_box(place.at_knot[k], past[instance.past.of_knot[k]]));
+    for (const MeshInstance& mesh_instance : instance.mesh_instances)
+        for (size_t k = 0; k < mesh_instance.transforms_at_knots.size() && k < instance.past.of_knot.size();
+             ++k)
+            box.extend(transformed_box(mesh_instance.transforms_at_knots[k], past[instance.past.of_knot[k]]));
     return box;
 }
 
@@ -83,13 +85,13 @@ void find_patch(const GroomInstance& instance, uint32_t index, MarramPatch* out)
     out->first_curve = patch.first_curve;
     out->curve_count = uint32_t(patch.roots.size());
     Vec3d lower = Vec3d::Constant(std::numeric_limits<double>::infinity()), upper = -lower;
-    const uint32_t poses =
-        std::min(instance.time_count, patch.place.moves() ? instance.time_count : instance.mesh->time_count);
+    const uint32_t poses = std::min(
+        instance.time_count, patch.mesh_instance.moves() ? instance.time_count : instance.mesh->time_count);
     for (uint32_t time = 0; time < poses; ++time) {
         const Surface now = instance.poses(time).now;
         for (const Root root : patch.roots) {
             Vec3d p = now.point(root.triangle, root_weights(instance.groom.seed, root));
-            if (patch.place.is_instance) p = patch.place.at(time) * p;
+            if (patch.mesh_instance.is_instance) p = patch.mesh_instance.transform(time) * p;
             lower = lower.cwiseMin(p);
             upper = upper.cwiseMax(p);
         }

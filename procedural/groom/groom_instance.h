@@ -4,8 +4,8 @@
 #pragma once
 
 #include "procedural/groom/description.h"
+#include "procedural/groom/mesh_instances.h"
 #include "procedural/groom/past.h"
-#include "procedural/groom/places.h"
 #include "procedural/groom/roots.h"
 #include "procedural/groom/strand_calls.h"
 #include "procedural/groom/strand_shape.h"
@@ -43,12 +43,12 @@ struct GuideMotion {
     Wind wind; // the wind of the guides, without collision
     // [place][motion sample]; empty: the wind is evaluated for every strand. Offsets are in the space of the
     // groom's mesh.
-    std::vector<std::vector<BlownGuides>> places;
+    std::vector<std::vector<BlownGuides>> mesh_instances;
 };
 
 // A range of strands of one place.
 struct GroomPatch {
-    const Place& place;
+    const MeshInstance& mesh_instance;
     std::span<const Root> roots;
     uint64_t first_curve;
 };
@@ -75,10 +75,10 @@ struct GroomInstance {
     bool begun = false;              // a frame has begun without errors
     std::optional<double> announced; // the frame for which long work was announced
     MarramFrame frame{};
-    std::vector<MarramMesh> meshes;          // the frame's
-    const MarramMesh* mesh = nullptr;        // the mesh that strands grow on
-    std::vector<Place> places;               // the mesh and its instances
-    std::vector<MarramAttribute> attributes; // of the mesh
+    std::vector<MarramMesh> meshes;           // the frame's
+    const MarramMesh* mesh = nullptr;         // the mesh that strands grow on
+    std::vector<MeshInstance> mesh_instances; // the mesh and its instances
+    std::vector<MarramAttribute> attributes;  // of the mesh
     // Digests taken when the roots were placed: of the mesh's topology, and of all mesh data that determines
     // the roots.
     uint64_t placed_topology = 0, placed_mesh = 0, placed_guides = 0; // the last: of guides and parting lines
@@ -115,18 +115,18 @@ struct GroomInstance {
     std::optional<Guided> guided(std::span<const Root> of) const {
         return guided(size_t(of.data() - roots.data()), of.size());
     }
-    uint32_t patches_a_place() const {
+    uint32_t patches_per_instance() const {
         const auto size = uint64_t(strands_per_patch(groom.cvs));
         return uint32_t((roots.size() + size - 1) / size);
     }
-    uint32_t patch_count() const { return uint32_t(places.size()) * patches_a_place(); }
-    // Patches are grouped by place.
+    uint32_t patch_count() const { return uint32_t(mesh_instances.size()) * patches_per_instance(); }
+    // Patches are grouped by mesh instance.
     GroomPatch patch_at(uint32_t patch) const {
-        const size_t place = patch / patches_a_place(), within = patch % patches_a_place();
+        const size_t index = patch / patches_per_instance(), within = patch % patches_per_instance();
         const auto size = size_t(strands_per_patch(groom.cvs));
         const size_t first = within * size;
-        return {places[place], std::span(roots).subspan(first, std::min(size, roots.size() - first)),
-                place * roots.size() + first};
+        return {mesh_instances[index], std::span(roots).subspan(first, std::min(size, roots.size() - first)),
+                index * roots.size() + first};
     }
 };
 

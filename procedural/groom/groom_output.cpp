@@ -68,12 +68,12 @@ void write_attribute(const GroomInstance& instance, const GroomPatch& patch, con
                      uint32_t which, float* out) {
     const GrowthPoses poses = instance.poses(0);
     const std::span<const Root> roots = patch.roots;
-    const Eigen::Matrix3d turn = patch.place.at(0).linear();
+    const Eigen::Matrix3d turn = patch.mesh_instance.transform(0).linear();
     for (size_t i = 0; i < roots.size(); ++i) {
         const Vec3d weights = root_weights(instance.groom.seed, roots[i]);
         if (which == root_normal) {
             Vec3d n = frame_at(poses.now, roots[i].triangle, weights).normal;
-            if (patch.place.is_instance) n = (turn * n).normalized();
+            if (patch.mesh_instance.is_instance) n = (turn * n).normalized();
             for (int axis = 0; axis < 3; ++axis) out[3 * i + size_t(axis)] = float(n[axis]);
         } else if (which == root_uv) {
             const Vec2d uv = poses.now.uv(roots[i].triangle, weights);

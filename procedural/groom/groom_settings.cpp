@@ -8,8 +8,9 @@ namespace {
 
 // Sets `moved` if the skin moves within the jiggle's window at the default step.
 MarramStatus find_skin_motion(GroomInstance& instance, bool& moved) {
-    moved = instance.mesh->time_count > 1 || std::any_of(instance.places.begin(), instance.places.end(),
-                                                         [](const Place& place) { return place.moves(); });
+    moved = instance.mesh->time_count > 1 ||
+            std::any_of(instance.mesh_instances.begin(), instance.mesh_instances.end(),
+                        [](const MeshInstance& mesh_instance) { return mesh_instance.moves(); });
     if (moved) return MARRAM_OK;
     Jiggle jiggle = *instance.wind.jiggle;
     jiggle.step = default_jiggle_step;
@@ -18,7 +19,7 @@ MarramStatus find_skin_motion(GroomInstance& instance, bool& moved) {
                                           jiggle, longest_strand(instance.groom), past);
     moved = past.moves();
     if (status != MARRAM_OK) return status;
-    return find_past_places(instance.frame, jiggle, past.window, instance.places, moved);
+    return find_past_transforms(instance.frame, jiggle, past.window, instance.mesh_instances, moved);
 }
 
 void warn_tolerance_missed(GroomInstance& instance, const std::string& what) {
@@ -32,7 +33,7 @@ MarramStatus choose_settings(GroomInstance& instance) {
     Wind& wind = instance.wind;
     const auto& open = instance.automatic;
     const MarramFrame& frame = instance.frame;
-    const double size = greatest_scale(instance.places), length = size * longest_strand(groom);
+    const double size = greatest_scale(instance.mesh_instances), length = size * longest_strand(groom);
     const double tolerance = frame.tolerance > 0.0 ? frame.tolerance : 1e-3 * length;
     const ChosenFor now{frame.frame, frame.times[0], frame.times[frame.time_count - 1], tolerance,
                         frame.stage};

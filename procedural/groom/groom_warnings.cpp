@@ -70,7 +70,7 @@ void warn_of_guides(const GroomInstance& instance, const Binding& binding) {
 
 void announce_long_work(GroomInstance& instance) {
     LongWork work;
-    work.cvs = double(instance.roots.size() * instance.places.size()) * instance.groom.cvs;
+    work.cvs = double(instance.roots.size() * instance.mesh_instances.size()) * instance.groom.cvs;
     work.cvs_a_strand = instance.groom.cvs;
     work.samples = instance.time_count;
     work.steps = instance.past.window.count();
@@ -102,7 +102,8 @@ void warn_of_rounding(const GroomInstance& instance) {
     for (size_t v = 0; v < mesh.vertex_count; ++v)
         on_mesh.extend(Eigen::Map<const Vec3f>(mesh.positions[0] + 3 * v).cast<double>());
     if (on_mesh.isEmpty()) return;
-    for (const Place& place : instance.places) box.extend(transformed_box(place.at(0), on_mesh));
+    for (const MeshInstance& mesh_instance : instance.mesh_instances)
+        box.extend(transformed_box(mesh_instance.transform(0), on_mesh));
     const double farthest = std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff());
     const double step = farthest * 0x1p-23; // between neighbouring floats
     const double segment = longest_strand(instance.groom) / (instance.groom.cvs - 1);

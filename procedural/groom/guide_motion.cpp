@@ -55,10 +55,11 @@ void expand_guides(const GroomInstance& instance, const Surface& bind, const Sur
 }
 
 // Stores blown guides. Offsets are transformed back to the space of the groom's mesh.
-void store_blown_guides(const Strands& strands, const Place& place, uint32_t time, size_t first,
-                        BlownGuides& out) {
-    const Eigen::Matrix3d back =
-        place.is_instance ? Eigen::Matrix3d(place.at(time).linear().inverse()) : Eigen::Matrix3d::Identity();
+void store_blown_guides(const Strands& strands, const MeshInstance& mesh_instance, uint32_t time,
+                        size_t first, BlownGuides& out) {
+    const Eigen::Matrix3d back = mesh_instance.is_instance
+                                     ? Eigen::Matrix3d(mesh_instance.transform(time).linear().inverse())
+                                     : Eigen::Matrix3d::Identity();
     const auto cvs = size_t(strands.cvs);
     for (size_t i = 0; i < size_t(strands.count); ++i)
         for (size_t k = 0; k < cvs; ++k) {
@@ -66,7 +67,8 @@ void store_blown_guides(const Strands& strands, const Place& place, uint32_t tim
             const auto lane = int(i % lanes);
             const Wide3f &p = strands.pose[from + k], &root = strands.pose[from];
             out.offsets[at] = {p.x[lane] - root.x[lane], p.y[lane] - root.y[lane], p.z[lane] - root.z[lane]};
-            if (place.is_instance) out.offsets[at] = (back * out.offsets[at].cast<double>()).cast<float>();
+            if (mesh_instance.is_instance)
+                out.offsets[at] = (back * out.offsets[at].cast<double>()).cast<float>();
             out.envelope[at] = strands.envelope[from + k][lane];
             out.gust[at] = strands.gust[from + k][lane];
             out.shield[at] = strands.shield[from + k][lane];
@@ -77,7 +79,7 @@ void store_blown_guides(const Strands& strands, const Place& place, uint32_t tim
 
 void blow_guides(GroomInstance& instance) {
     GuideMotion& motion = instance.guide_motion;
-    motion.places.clear();
+    motion.mesh_instances.clear();
     if (!instance.guides || !instance.groom.guides->wind_on_guides || instance.frame.stage == MARRAM_REST ||
         !wind_bends(instance.wind))
         return;
@@ -89,10 +91,10 @@ void blow_guides(GroomInstance& instance) {
         make_chain_frame({motion.wind, instance.groom.envelope, instance.frame, instance.mesh,
                           instance.width_profile, instance.groom.basis, instance.past.window});
     const size_t size = set.count() * size_t(instance.groom.cvs);
-    motion.places.resize(instance.places.size());
-    for (size_t place = 0; place < instance.places.size(); ++place)
+    motion.mesh_instances.resize(instance.mesh_instances.size());
+    for (size_t i = 0; i < instance.mesh_instances.size(); ++i)
         for (uint32_t t = 0; t < instance.time_count; ++t) {
-            BlownGuides& at = motion.places[place].emplace_back();
+            BlownGuides& at = motion.mesh_instances[i].emplace_back();
             at.offsets.resize(size);
             at.envelope.resize(size);
             at.gust.resize(size);
@@ -102,10 +104,10 @@ void blow_guides(GroomInstance& instance) {
                 at.normals.push_back(frame_at(now, set.guide(g).triangle, set.guide(g).weights).normal);
         }
     const size_t batches = (set.count() + guides_at_once - 1) / guides_at_once;
-    tbb::parallel_for(size_t{0}, batches * instance.places.size(), [&](size_t job) {
+    tbb::parallel_for(size_t{0}, batches * instance.mesh_instances.size(), [&](size_t job) {
         const size_t first = job % batches * guides_at_once,
                      count = std::min(guides_at_once, set.count() - first);
-        const Place& place = instance.places[job / batches];
+        const MeshInstance& mesh_instance = instance.mesh_instances[job / batches];
         Worker& worker = instance.workers.local();
         Strands& strands = worker.strands;
         strands.irregular = false;
@@ -114,41 +116,49 @@ void blow_guides(GroomInstance& instance) {
         const Expand lay_out{
             [&](uint32_t time, Strands& out) {
                 expand_guides(instance, guided->bind, instance.poses(time).now, first, out);
-                if (place.is_instance)
-                    transform_strands(place.at(time),
-                                      instance.wind.rest_anchored ? place.at_bind : place.at(time), out);
+                if (mesh_instance.is_instance)
+                    transform_strands(mesh_instance.transform(time),
+                                      instance.wind.rest_anchored ? mesh_instance.transform_at_bind
+                                                                  : mesh_instance.transform(time),
+                                      out);
             },
             [&](int64_t knot, Strands& out) {
                 Surface then = instance.past.at(knot, *instance.mesh);
                 then.attributes = instance.attributes;
                 expand_guides(instance, guided->bind, then, first, out);
-                if (place.is_instance) {
-                    const auto& placed = place.at_knot[size_t(knot - instance.past.window.first)];
-                    transform_strands(placed, instance.wind.rest_anchored ? place.at_bind : placed, out);
+                if (mesh_instance.is_instance) {
+                    const auto& placed =
+                        mesh_instance.transforms_at_knots[size_t(knot - instance.past.window.first)];
+                    transform_strands(
+                        placed, instance.wind.rest_anchored ? mesh_instance.transform_at_bind : placed, out);
                 }
             },
-            [&](int64_t knot) { return !place.is_instance && instance.past.rests_at(knot); }};
+            [&](int64_t knot) { return !mesh_instance.is_instance && instance.past.rests_at(knot); }};
         if (instance.past.window.count() > 0) jiggle_patch(chain, lay_out, strands, worker.chain);
         for (uint32_t time = 0; time < instance.time_count; ++time) {
-            if (time < instance.mesh->time_count || place.moves()) lay_out.at_time(time, strands);
+            if (time < instance.mesh->time_count || mesh_instance.moves()) lay_out.at_time(time, strands);
             run_chain(chain, time, strands, worker.chain);
-            store_blown_guides(strands, place, time, first, motion.places[job / batches][time]);
+            store_blown_guides(strands, mesh_instance, time, first,
+                               motion.mesh_instances[job / batches][time]);
         }
     });
 }
 
 void follow_guides(const GroomInstance& instance, const GroomPatch& patch, uint32_t time, Strands& strands) {
     const std::span<const Root> roots = patch.roots;
-    const Place& place = patch.place;
-    const BlownGuides& blown = instance.guide_motion.places[size_t(&place - instance.places.data())][time];
+    const MeshInstance& mesh_instance = patch.mesh_instance;
+    const BlownGuides& blown =
+        instance.guide_motion.mesh_instances[size_t(&mesh_instance - instance.mesh_instances.data())][time];
     const std::optional<Guided> at_rest = instance.guided(roots);
     const Guided guided{at_rest->set, at_rest->blends, instance.poses(time).now, blown.offsets,
                         blown.normals};
     std::swap(strands.rest, strands.pose);
     std::swap(strands.rest_normal, strands.pose_normal);
     expand(instance.groom, instance.wind, instance.poses(time), roots, strands, &guided);
-    if (place.is_instance)
-        transform_strands(place.at(time), instance.wind.rest_anchored ? place.at_bind : place.at(time),
+    if (mesh_instance.is_instance)
+        transform_strands(mesh_instance.transform(time),
+                          instance.wind.rest_anchored ? mesh_instance.transform_at_bind
+                                                      : mesh_instance.transform(time),
                           strands);
     std::swap(strands.rest, strands.pose);
     std::swap(strands.rest_normal, strands.pose_normal);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/groom/pilot.h"
 
-#include "procedural/groom/places.h"
+#include "procedural/groom/mesh_instances.h"
 
 #include "procedural/wind/bend.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "procedural/groom/places.h"
+#include "procedural/groom/mesh_instances.h"
 
 #include "procedural/border.h"
 
@@ -13,11 +13,12 @@ double uniform_scale(const Eigen::Affine3d& placed) {
     return std::cbrt(std::abs(placed.linear().determinant()));
 }
 
-double greatest_scale(std::span<const Place> places) {
+double greatest_scale(std::span<const MeshInstance> mesh_instances) {
     double most = 0.0;
-    for (const Place& place : places) {
-        for (const auto& placed : place.at_time) most = std::max(most, uniform_scale(placed));
-        for (const auto& placed : place.at_knot) most = std::max(most, uniform_scale(placed));
+    for (const MeshInstance& mesh_instance : mesh_instances) {
+        for (const auto& placed : mesh_instance.transforms) most = std::max(most, uniform_scale(placed));
+        for (const auto& placed : mesh_instance.transforms_at_knots)
+            most = std::max(most, uniform_scale(placed));
     }
     return most;
 }
@@ -30,64 +31,68 @@ Eigen::AlignedBox3d transformed_box(const Eigen::Affine3d& placed, const Eigen::
     return out;
 }
 
-MarramStatus find_places(const MarramFrame& frame, const MarramMesh& mesh, std::vector<Place>& places) {
-    places.assign(1, Place{&mesh});
+MarramStatus find_mesh_instances(const MarramFrame& frame, const MarramMesh& mesh,
+                                 std::vector<MeshInstance>& mesh_instances) {
+    mesh_instances.assign(1, MeshInstance{&mesh});
     const auto own = uint32_t(&mesh - frame.meshes) + 1;
     for (uint32_t m = 0; m < frame.mesh_count; ++m) {
         if (frame.meshes[m].instance_of != own) continue;
-        Place place{&frame.meshes[m], true};
-        if (const MarramStatus status = place_lent_instance(frame, m, frame.bind_frame, place.at_bind);
+        MeshInstance mesh_instance{&frame.meshes[m], true};
+        if (const MarramStatus status =
+                place_lent_instance(frame, m, frame.bind_frame, mesh_instance.transform_at_bind);
             status != MARRAM_OK)
             return status;
-        place.at_time.resize(frame.time_count);
+        mesh_instance.transforms.resize(frame.time_count);
         for (uint32_t t = 0; t < frame.time_count; ++t)
-            if (const MarramStatus status = place_lent_instance(frame, m, frame.times[t], place.at_time[t]);
+            if (const MarramStatus status =
+                    place_lent_instance(frame, m, frame.times[t], mesh_instance.transforms[t]);
                 status != MARRAM_OK)
                 return status;
         const auto same = [&](const Eigen::Affine3d& placed) {
-            return placed.matrix() == place.at_time[0].matrix();
+            return placed.matrix() == mesh_instance.transforms[0].matrix();
         };
-        if (std::ranges::all_of(place.at_time, same)) place.at_time.resize(1);
-        places.push_back(std::move(place));
+        if (std::ranges::all_of(mesh_instance.transforms, same)) mesh_instance.transforms.resize(1);
+        mesh_instances.push_back(std::move(mesh_instance));
     }
     return MARRAM_OK;
 }
 
-MarramStatus find_travel(const MarramFrame& frame, std::span<const Place> places, double& travel) {
+MarramStatus find_travel(const MarramFrame& frame, std::span<const MeshInstance> mesh_instances,
+                         double& travel) {
     travel = 0.0;
     Eigen::AlignedBox3d box;
-    const MarramMesh& mesh = *places[0].mesh;
-    for (size_t v = 0; v < mesh.vertex_count && places.size() > 1; ++v)
+    const MarramMesh& mesh = *mesh_instances[0].mesh;
+    for (size_t v = 0; v < mesh.vertex_count && mesh_instances.size() > 1; ++v)
         box.extend(Eigen::Map<const Vec3f>(mesh.positions[0] + 3 * v).cast<double>());
-    for (const Place& place : places) {
-        if (!place.is_instance) continue;
+    for (const MeshInstance& mesh_instance : mesh_instances) {
+        if (!mesh_instance.is_instance) continue;
         for (const double back : {1.0, 4.0, 16.0, 64.0, 256.0}) {
             Eigen::Affine3d then;
-            const MarramStatus status =
-                place_lent_instance(frame, uint32_t(place.mesh - frame.meshes), frame.times[0] - back, then);
+            const MarramStatus status = place_lent_instance(
+                frame, uint32_t(mesh_instance.mesh - frame.meshes), frame.times[0] - back, then);
             if (status != MARRAM_OK) return status;
             for (int c = 0; c < 8 && !box.isEmpty(); ++c) {
                 const Vec3d corner = box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(c));
-                travel = std::max(travel, (place.at(0) * corner - then * corner).norm());
+                travel = std::max(travel, (mesh_instance.transform(0) * corner - then * corner).norm());
             }
         }
     }
     return MARRAM_OK;
 }
 
-MarramStatus find_past_places(const MarramFrame& frame, const Jiggle& jiggle, const JiggleWindow& window,
-                              std::span<Place> places, bool& moved) {
-    for (Place& place : places) {
-        if (!place.is_instance) continue;
-        const auto mesh = uint32_t(place.mesh - frame.meshes);
-        place.at_knot.clear();
+MarramStatus find_past_transforms(const MarramFrame& frame, const Jiggle& jiggle, const JiggleWindow& window,
+                                  std::span<MeshInstance> mesh_instances, bool& moved) {
+    for (MeshInstance& mesh_instance : mesh_instances) {
+        if (!mesh_instance.is_instance) continue;
+        const auto mesh = uint32_t(mesh_instance.mesh - frame.meshes);
+        mesh_instance.transforms_at_knots.clear();
         for (int64_t knot = window.first; knot <= window.last; ++knot)
-            if (const MarramStatus status =
-                    place_lent_instance(frame, mesh, jiggle.frame_of(knot), place.at_knot.emplace_back());
+            if (const MarramStatus status = place_lent_instance(
+                    frame, mesh, jiggle.frame_of(knot), mesh_instance.transforms_at_knots.emplace_back());
                 status != MARRAM_OK)
                 return status;
-        for (const Eigen::Affine3d& placed : place.at_knot)
-            moved = moved || placed.matrix() != place.at_time[0].matrix();
+        for (const Eigen::Affine3d& placed : mesh_instance.transforms_at_knots)
+            moved = moved || placed.matrix() != mesh_instance.transforms[0].matrix();
     }
     return MARRAM_OK;
 }

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// The meshes on which a groom grows: its mesh and each instance of it. Roots, guides and the settings chosen by
+// the tolerance are computed once. A strand of an instance is laid out on the mesh and transformed to the
+// instance; from then on it is an independent strand in the wind at its own position. Lengths, widths and
+// heights above the skin scale with the instance.
+#pragma once
+
+#include "procedural/wind/jiggle.h"
+#include "procedural/wind/strands.h"
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <span>
+#include <vector>
+
+namespace marram {
+
+struct MeshInstance {
+    const MarramMesh* mesh = nullptr;
+    bool is_instance = false; // if not, the transforms below are the identity
+    // Transforms from the groom's mesh to this one, both in world space.
+    Eigen::Affine3d transform_at_bind = Eigen::Affine3d::Identity();
+    std::vector<Eigen::Affine3d> transforms = {Eigen::Affine3d::Identity()}; // [motion sample], or one
+    std::vector<Eigen::Affine3d> transforms_at_knots;                        // [knot of the jiggle's window]
+
+    const Eigen::Affine3d& transform(uint32_t time) const {
+        return transforms[std::min<size_t>(time, transforms.size() - 1)];
+    }
+    bool moves() const { return transforms.size() > 1; }
+};
+
+// The uniform scale of a transform, and the greatest one of all mesh instances. Transforms are similarities, as
+// checked by place_lent_instance().
+double uniform_scale(const Eigen::Affine3d& placed);
+double greatest_scale(std::span<const MeshInstance> mesh_instances);
+
+// The bounds of the transformed box.
+Eigen::AlignedBox3d transformed_box(const Eigen::Affine3d& placed, const Eigen::AlignedBox3d& box);
+
+// Finds the groom's mesh (mesh_instances[0]) and its instances among the frame's meshes. Throws SceneFault if the
+// host cannot place an instance.
+MarramStatus find_mesh_instances(const MarramFrame& frame, const MarramMesh& mesh,
+                                 std::vector<MeshInstance>& mesh_instances);
+
+// The largest displacement in m of an instance between the first motion sample and 1, 4, 16, 64 and 256
+// frames before it. A rough estimate is enough: the jiggle's window grows with its logarithm. Throws as
+// find_mesh_instances().
+MarramStatus find_travel(const MarramFrame& frame, std::span<const MeshInstance> mesh_instances,
+                         double& travel);
+
+// Fills MeshInstance::transforms_at_knots for the knots of the window. Sets `moved` if an instance is elsewhere at a knot than
+// at the first motion sample. Throws as find_mesh_instances().
+MarramStatus find_past_transforms(const MarramFrame& frame, const Jiggle& jiggle, const JiggleWindow& window,
+                                  std::span<MeshInstance> mesh_instances, bool& moved);
+
+// Transforms rest strands. anchor: the transform of the points at which noise is sampled.
+void transform_strands(const Eigen::Affine3d& placed, const Eigen::Affine3d& anchor, Strands& strands);
+
+} // namespace marram

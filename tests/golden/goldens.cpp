@@ -74,7 +74,7 @@ std::span<const Golden> goldens() {
          "what a picture has beside its colours",
          "golden/fur.toml",
          20,
-         {"wind.shielding={shield=1, spread=10, rays=16}",
+         {"film.size=[72, 54]", "wind.shielding={shield=1, spread=10, rays=16}",
           "wind.gusts.control=[{shape=\"sphere\", transform={translate=[-0.3, 0.3, 0.4], scale=0.45}}]"},
          {"alpha", "albedo", "normal", "depth", "strand_u", "id", "shield", "gust", "envelope", "root_uv"}},
         room("round", "round strands of Catmull-Rom curves, with clumps, curl and frizz",
@@ -177,6 +177,13 @@ std::span<const Golden> goldens() {
         desert("ruin", 1,
                {"procedural.desert.cell=0.25", "procedural.grass.density=100", "procedural.grass.width=0.02",
                 "material.sand.sparkle=0", "material.marram.roughness=0.8"}),
+        {"strands",
+         "strands of a file, bound to a mesh and blown, and grass that is guided by them",
+         "golden/strands.toml",
+         6,
+         {"film.size=[60, 45]"}},
+        desert("tussocks", 30,
+               {"film.size=[60, 45]", "procedural.tussock.count=60", "procedural.tussock.width=0.025"}),
         figure("gust_field", 24, {"procedural.near.density=30", "procedural.far.density=7"}),
     };
     return all;

@@ -30,7 +30,7 @@ uint64_t digest_of(const Build& build, const Procedural& procedural) {
                             mesh.roles))
             digest.add(mesh.name).add(mesh.digest());
     for (const SceneCurves& curves : geometry.curves)
-        if (procedural.names_curves(curves.name)) digest.add(curves.name).add(curves.digest());
+        if (procedural.refers_to_curves(curves.name)) digest.add(curves.name).add(curves.digest());
     for (const auto& other : geometry.procedurals)
         if (other.get() != &procedural && depends_on(procedural, *other))
             digest.add(other->name()).add(digest_of(build, *other));
@@ -55,7 +55,7 @@ void make_all(Build& build, bool with_curves) {
             build.stats.terrain += wall_seconds() - start - (build.stats.colliders - colliders_before);
             continue;
         }
-        const uint32_t keys = keys_of_curves(build, procedural);
+        const uint32_t keys = motion_keys_of_curves(build, procedural);
         build.stats.motion_keys = std::max(build.stats.motion_keys, keys);
         const auto uses_procedural = [&](const auto& other) { return other->names(procedural.name()); };
         if (with_curves || std::ranges::any_of(build.geometry.procedurals, uses_procedural))
@@ -106,10 +106,10 @@ std::shared_ptr<RTCSceneTy> new_scene(const Build& build, RTCSceneFlags flags) {
     return {scene, [device](RTCScene s) { rtcReleaseScene(s); }};
 }
 
-void prepare(Build& build, Procedural& procedural, const MarramFrame& of_view) {
-    MarramFrame frame = of_view;
-    // A tolerance in pixels depends on the camera; simulated states must not.
-    if (build.settings.view.pixels_at > 0.0) frame.tolerance = 0.0;
+void prepare(Build& build, Procedural& procedural, const MarramFrame& lent_frame) {
+    MarramFrame frame = lent_frame;
+    // reference_depth > 0: the tolerance is in pixels and depends on the camera; simulated states must not.
+    if (build.settings.view.reference_depth > 0.0) frame.tolerance = 0.0;
     build.progress.fraction = 0.0;
     build.progress.phase = "simulating";
     const uint64_t digest = Digest()

@@ -30,7 +30,8 @@ void check_output(const Procedural& procedural, const MarramOutput& output) {
             procedural.refuse("the offsets of its curves do not begin at 0", "fix the library");
         for (uint64_t c = 0; c < output.curve_count; ++c)
             if (output.offsets[c + 1] < output.offsets[c] || output.offsets[c + 1] - output.offsets[c] < 2)
-                procedural.refuse("its curves have fewer than 2 CVs", "fix the library");
+                procedural.refuse("the offsets of its curves decrease, or leave a curve fewer than 2 CVs",
+                                  "fix the library");
     } else if (output.cvs_per_curve < 2) {
         procedural.refuse("its curves have fewer than 2 CVs", "fix the library");
     }
@@ -112,16 +113,16 @@ void allocate(Build& build, CurveBuild& item) {
     const std::vector<MarramAttribute>& attributes = item.procedural->attributes();
     // If another procedural reads these curves, it may use any attribute: keep all.
     const auto uses_curves = [&](const auto& other) { return other->names(curves.name); };
-    const bool lent = std::ranges::any_of(build.geometry.procedurals, uses_curves);
+    const bool read_by_others = std::ranges::any_of(build.geometry.procedurals, uses_curves);
     for (uint32_t a = 0; a < attributes.size(); ++a) {
         const MarramAttribute& attribute = attributes[a];
-        if (!lent &&
+        if (!read_by_others &&
             std::ranges::find(build.settings.attributes, attribute.name) == build.settings.attributes.end())
             continue;
         if ((attribute.rate != MARRAM_PER_CURVE && attribute.rate != MARRAM_PER_CV) ||
             attribute.components < 1 || attribute.components > 4)
             item.procedural->refuse(
-                fmt::format("its attribute '{}' is not 1 to 4 floats a curve or CV", attribute.name),
+                fmt::format("its attribute '{}' is not 1 to 4 floats per curve or per CV", attribute.name),
                 "fix the library");
         item.attributes.push_back(a);
         const size_t values =
@@ -136,8 +137,8 @@ void allocate(Build& build, CurveBuild& item) {
     build.stats.curve_bytes += vertices * output.time_count * (oriented ? 28 : 16);
 }
 
-// True if the tolerance chooses the number of straight pieces.
-bool may_be_pieces(const MarramOutput& output, const BuildSettings& settings) {
+// True if the tolerance, not film.curve_pieces, chooses the number of straight pieces (linear segments).
+bool tolerance_chooses_pieces(const MarramOutput& output, const BuildSettings& settings) {
     return settings.curves_bvh && settings.curve_pieces < 0 && !output.offsets &&
            output.shape != MARRAM_ORIENTED_RIBBON;
 }
@@ -154,8 +155,8 @@ void tessellate_patch(CurveBuild& item, uint32_t index) {
     const CurveLayout layout = layout_of(item.output);
     const size_t first_vertex = layout.first_vertex(patch.first_curve);
     const size_t vertex_count = layout.first_vertex(patch.first_curve + patch.curve_count) - first_vertex;
-    float* vertices[64];
-    float* normals[64];
+    float* vertices[most_motion_keys];
+    float* normals[most_motion_keys];
     std::vector<float*> attributes(item.attributes.size());
     for (uint32_t t = 0; t < item.output.time_count; ++t) {
         vertices[t] = item.vertices[t] + 4 * first_vertex;
@@ -267,7 +268,7 @@ ChordErrors chord_errors(const CurveBuild& item, const BuildSettings& settings) 
 uint32_t choose_pieces(Build& build, const CurveBuild& item, bool allow_round_pieces) {
     const MarramOutput& output = item.output;
     if (output.shape == MARRAM_ORIENTED_RIBBON || output.offsets) return 0;
-    if (!may_be_pieces(output, build.settings)) return uint32_t(build.settings.curve_pieces);
+    if (!tolerance_chooses_pieces(output, build.settings)) return uint32_t(build.settings.curve_pieces);
     const uint32_t most = output.shape == MARRAM_ROUND && !allow_round_pieces
                               ? 0
                               : max_useful_pieces(output.shape, output.time_count);
@@ -333,13 +334,13 @@ StrandMotion measure_motion(Build& build, Procedural& procedural, uint32_t insta
         const size_t first = layout.first_vertex(patch.first_curve);
         const size_t vertices = layout.first_vertex(patch.first_curve + patch.curve_count) - first;
         const bool oriented = output.shape == MARRAM_ORIENTED_RIBBON;
-        std::vector<std::vector<float>> positions(instants), directions(instants);
+        std::vector<std::vector<float>> positions(instants), normal_storage(instants);
         std::vector<float*> at(instants), normals(instants);
         for (uint32_t t = 0; t < instants; ++t) {
             positions[t].resize(4 * vertices);
-            if (oriented) directions[t].resize(3 * vertices);
+            if (oriented) normal_storage[t].resize(3 * vertices);
             at[t] = positions[t].data();
-            normals[t] = directions[t].data();
+            normals[t] = normal_storage[t].data();
         }
         procedural.tessellate(index, {sizeof(MarramPatchBuffers), at.data(),
                                       oriented ? normals.data() : nullptr, 0, nullptr, nullptr});
@@ -362,32 +363,32 @@ uint32_t choose_keys(Build& build, Procedural& procedural) {
     StrandMotion motion = measure_motion(build, procedural, few_instants);
     // With few samples, strands that turn fast look like strands that jump: sample more often.
     constexpr double jump_threshold = 0.01;
-    if (motion.jumps(settings.tolerance) > jump_threshold)
+    if (motion.jump_fraction(settings.tolerance) > jump_threshold)
         motion = measure_motion(build, procedural, more_instants);
     uint32_t keys = motion.keys_for(settings.tolerance);
     for (const SceneMesh& mesh : build.geometry.meshes)
-        if (procedural.names_mesh(mesh.object().name))
+        if (procedural.refers_to_mesh(mesh.object().name))
             keys =
                 motion_keys_for(mesh, settings.tolerance, settings.view, build.open(), build.close(), keys);
     for (const MeshGeometry& mesh : build.world.meshes) // including those made by procedurals
         if (procedural.names(mesh.name)) keys = std::max(keys, uint32_t(mesh.positions.size()));
     for (const CurveBuild& item : build.items)
-        if (procedural.names_curves(item.curves.name)) keys = std::max(keys, item.output.time_count);
-    const double left = motion.left(keys, settings.tolerance);
-    build.stats.motion_error = std::max(build.stats.motion_error, left);
-    build.stats.motion_jumps = std::max(build.stats.motion_jumps, motion.jumps(settings.tolerance));
+        if (procedural.refers_to_curves(item.curves.name)) keys = std::max(keys, item.output.time_count);
+    const double residual_error = motion.residual_error(keys, settings.tolerance);
+    build.stats.motion_error = std::max(build.stats.motion_error, residual_error);
+    build.stats.motion_jumps = std::max(build.stats.motion_jumps, motion.jump_fraction(settings.tolerance));
     build.stats.chosen[procedural.name() + ".motion_keys"] = keys;
-    if (left > settings.tolerance)
+    if (residual_error > settings.tolerance)
         build.stats.warnings.push_back(fmt::format(
             "{}: strands move so fast that {} motion keys are off by {:.3g} m, the tolerance is {:.3g} m: "
             "shorten camera.shutter, or give more tolerance",
-            procedural.name(), keys, left, settings.tolerance));
+            procedural.name(), keys, residual_error, settings.tolerance));
     return keys;
 }
 
 } // namespace
 
-uint32_t keys_of_curves(Build& build, Procedural& procedural) {
+uint32_t motion_keys_of_curves(Build& build, Procedural& procedural) {
     if (!(build.open() < build.close())) return 1;
     if (!build.chooses_keys()) return std::max(build.settings.motion_keys, 2U);
     const double begin = wall_seconds();
@@ -405,11 +406,11 @@ void make_curves(Build& build, Procedural& procedural, uint32_t keys) {
     build.progress.phase = "expanding";
     item.output = procedural.begin(lent.frame());
     check_output(procedural, item.output);
-    const double asked = wall_seconds();
+    const double patches_start = wall_seconds();
     item.patches.resize(item.output.patch_count);
     tbb::parallel_for(uint32_t{0}, item.output.patch_count,
                       [&](uint32_t i) { item.patches[i] = procedural.patch(i); });
-    build.stats.report.add("seconds.expand", wall_seconds() - asked);
+    build.stats.report.add("seconds.expand", wall_seconds() - patches_start);
     check_patches(item);
     if (item.output.time_count != 1 && item.output.time_count != keys)
         procedural.refuse("its number of motion samples is not the requested one", "fix the library");

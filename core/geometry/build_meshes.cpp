@@ -216,8 +216,8 @@ MarramView view_of(const Build& build, const CameraSamples& camera) {
     view.width = camera.width;
     view.height = camera.height;
     const View& seen = build.settings.view;
-    if (seen.pixels_at > 0.0) // convert a tolerance in pixels back from metres
-        view.tolerance_pixels = build.settings.tolerance / (seen.pixel_angle * seen.pixels_at);
+    if (seen.reference_depth > 0.0) // convert a tolerance in pixels back from metres
+        view.tolerance_pixels = build.settings.tolerance / (seen.pixel_angle * seen.reference_depth);
     else
         view.tolerance = build.settings.tolerance;
     return view;

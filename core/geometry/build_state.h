@@ -90,7 +90,7 @@ PosedMesh pose_mesh(const Build& build, uint32_t id, double frame, bool with_nor
 // ---- build_curves.cpp
 
 // Number of motion keys for the curves of a procedural.
-uint32_t keys_of_curves(Build& build, Procedural& procedural);
+uint32_t motion_keys_of_curves(Build& build, Procedural& procedural);
 // Lets one procedural make its curves.
 void make_curves(Build& build, Procedural& procedural, uint32_t keys);
 // Attaches all curves to the world scene, in the scene's order.

@@ -7,7 +7,7 @@ namespace marram {
 
 bool depends_on(const Procedural& procedural, const Procedural& other) {
     if (other.kind() == MARRAM_MESH) return depends_on_mesh(procedural, other.name(), other.roles);
-    return procedural.names_curves(other.name());
+    return procedural.refers_to_curves(other.name());
 }
 
 namespace {
@@ -62,7 +62,7 @@ class Sort {
 bool depends_on_mesh(const Procedural& procedural, const std::string& mesh, uint32_t roles) {
     const bool traced =
         procedural.kind() == MARRAM_CURVES && (roles & (MARRAM_COLLIDES | MARRAM_SHELTERS)) != 0;
-    return traced || procedural.names_mesh(mesh);
+    return traced || procedural.refers_to_mesh(mesh);
 }
 
 namespace {

@@ -60,7 +60,7 @@ class MotionProbes {
         const std::vector<Vec3f>& positions = mesh.object().mesh.positions;
         const std::vector<MeshShape>& shapes = mesh.object().shapes;
         constexpr size_t enough = 1024;
-        if (!shapes.empty() || view.pixels_at > 0.0)
+        if (!shapes.empty() || view.reference_depth > 0.0)
             for (size_t i = 0; i < positions.size(); i += 1 + positions.size() / enough)
                 vertices_.push_back(i);
         for (size_t i = 0; i < shapes.size() && !positions.empty(); ++i)
@@ -184,13 +184,13 @@ bool StrandMotion::jumps(const Gap& gap, double tolerance) const {
     return double(fewer) > tolerance && more > 0.5F * fewer;
 }
 
-double StrandMotion::jumps(double tolerance) const {
+double StrandMotion::jump_fraction(double tolerance) const {
     const auto count =
         std::count_if(gaps_.begin(), gaps_.end(), [&](const Gap& gap) { return jumps(gap, tolerance); });
     return gaps_.empty() ? 0.0 : double(count) / double(gaps_.size());
 }
 
-double StrandMotion::left(uint32_t keys, double tolerance) const {
+double StrandMotion::residual_error(uint32_t keys, double tolerance) const {
     size_t level = 0;
     while (level + 1 < levels_ && (size_t{1} << (level + 1)) + 1 <= keys) ++level;
     std::vector<float> gaps;
@@ -207,7 +207,7 @@ uint32_t StrandMotion::keys_for(double tolerance) const {
     // Only some patches are measured, and others may move faster. Fitted to the scenes: see the README.
     constexpr double spare = 1.25;
     uint32_t keys = 2;
-    while (keys < most_motion_keys && spare * left(keys, tolerance) > tolerance) ++keys;
+    while (keys < most_motion_keys && spare * residual_error(keys, tolerance) > tolerance) ++keys;
     return keys;
 }
 

@@ -46,9 +46,9 @@ class StrandMotion {
     // up to half of the samples; with more keys it falls with the square of keys - 1. Strands that jump are
     // excluded: those off by more than the tolerance for which twice as many keys leave more than half of the
     // distance.
-    double left(uint32_t keys, double tolerance) const;
-    double jumps(double tolerance) const; // the fraction of strands that jump
-    // The smallest number of keys, 2 ... 64, that keeps left() within the tolerance with a margin of 1.25;
+    double residual_error(uint32_t keys, double tolerance) const;
+    double jump_fraction(double tolerance) const; // the fraction of strands that jump
+    // The smallest number of keys, 2 ... 64, that keeps residual_error() within the tolerance with a margin of 1.25;
     // else 64.
     uint32_t keys_for(double tolerance) const;
 

@@ -157,11 +157,11 @@ void Procedural::forget_faults() {
     thrown_ = nullptr;
 }
 
-bool Procedural::names_mesh(const std::string& mesh) const {
+bool Procedural::refers_to_mesh(const std::string& mesh) const {
     return std::ranges::find(meshes_, mesh, &GeometryName::name) != meshes_.end();
 }
 
-bool Procedural::names_curves(const std::string& curves) const {
+bool Procedural::refers_to_curves(const std::string& curves) const {
     return std::ranges::find(curves_, curves, &GeometryName::name) != curves_.end();
 }
 

@@ -43,9 +43,11 @@ class Procedural {
     // Geometry that its parameters name, each once: it depends on them.
     const std::vector<GeometryName>& meshes() const { return meshes_; }
     const std::vector<GeometryName>& curves() const { return curves_; }
-    bool names_mesh(const std::string& mesh) const;
-    bool names_curves(const std::string& curves) const;
-    bool names(const std::string& geometry) const { return names_mesh(geometry) || names_curves(geometry); }
+    bool refers_to_mesh(const std::string& mesh) const;
+    bool refers_to_curves(const std::string& curves) const;
+    bool names(const std::string& geometry) const {
+        return refers_to_mesh(geometry) || refers_to_curves(geometry);
+    }
     // Digest of its values, the contents of files that they name, and the library's version.
     uint64_t digest() const { return digest_; }
 

@@ -18,12 +18,12 @@ struct View {
     double pixel_angle = 0.0;                     // radians per pixel at the centre of the image
     // Metres along forward at which a tolerance in pixels equals BuildSettings::tolerance; 0: it is in metres
     // anywhere.
-    double pixels_at = 0.0;
+    double reference_depth = 0.0;
 
-    // Factor by which lengths at p appear larger than at `pixels_at`. For a moving camera: the largest. At
+    // Factor by which lengths at p appear larger than at `reference_depth`. For a moving camera: the largest. At
     // most 1 for points out of view, which can only cast shadows.
     double enlarged(const Vec3d& p) const {
-        if (pixels_at <= 0.0) return 1.0;
+        if (reference_depth <= 0.0) return 1.0;
         double most = enlarged_from(p, position, forward);
         for (const auto& [from, ahead] : later) most = std::max(most, enlarged_from(p, from, ahead));
         return most;
@@ -36,8 +36,8 @@ struct View {
         // A point so close to the camera that float vertices cannot separate them has no position on the
         // film.
         const bool seen =
-            depth >= cosine * distance && depth > std::numeric_limits<float>::epsilon() * pixels_at;
-        return seen ? pixels_at / depth : pixels_at / std::max(distance, pixels_at);
+            depth >= cosine * distance && depth > std::numeric_limits<float>::epsilon() * reference_depth;
+        return seen ? reference_depth / depth : reference_depth / std::max(distance, reference_depth);
     }
 };
 

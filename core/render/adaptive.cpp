@@ -3,7 +3,7 @@
 //
 // The sample variance of a pixel estimates the variance of its mean as if samples were independent. Samples
 // are stratified, so the true variance is smaller: much smaller at edges, little in dense fur. The gain is
-// measured in blocks of film_block samples, each well stratified by itself. The variance of the mean of nb
+// measured in blocks of samples_per_block samples, each well stratified by itself. The variance of the mean of nb
 // blocks includes the gain from stratification within a block, but not the gain across blocks, and has only
 // nb - 1 degrees of freedom. So the ratio of the two variances is averaged over the neighbourhood and
 // multiplied with the pixel's own sample variance, which is based on many more samples.
@@ -19,23 +19,23 @@ namespace marram {
 
 namespace {
 
-// Box filter: for each pixel the mean of `values` over the pixels up to `reach` away in x and y.
-std::vector<double> box_filter(const Film& film, const std::vector<double>& values, uint32_t reach) {
+// Box filter: for each pixel the mean of `values` over the pixels up to `radius` away in x and y.
+std::vector<double> box_filter(const Film& film, const std::vector<double>& values, uint32_t radius) {
     const uint32_t width = film.width, height = film.height;
-    const auto across = [&](uint32_t x, uint32_t size) {
-        return std::pair(x - std::min(x, reach), std::min(x + reach, size - 1));
+    const auto window = [&](uint32_t x, uint32_t size) {
+        return std::pair(x - std::min(x, radius), std::min(x + radius, size - 1));
     };
     std::vector<double> rows(values.size()), means(values.size());
     for (uint32_t y = 0; y < height; ++y)
         for (uint32_t x = 0; x < width; ++x) {
-            const auto [first, last] = across(x, width);
+            const auto [first, last] = window(x, width);
             double sum = 0.0;
             for (size_t i = size_t(y) * width + first; i <= size_t(y) * width + last; ++i) sum += values[i];
             rows[size_t(y) * width + x] = sum / (last - first + 1);
         }
     for (uint32_t y = 0; y < height; ++y)
         for (uint32_t x = 0; x < width; ++x) {
-            const auto [first, last] = across(y, height);
+            const auto [first, last] = window(y, height);
             double sum = 0.0;
             for (uint32_t j = first; j <= last; ++j) sum += rows[size_t(j) * width + x];
             means[size_t(y) * width + x] = sum / (last - first + 1);
@@ -47,22 +47,22 @@ std::vector<double> box_filter(const Film& film, const std::vector<double>& valu
 // pixels of the neighbourhood have equal weight. With weights by variance, the edge of a lamp, which
 // stratification resolves well, would dominate its neighbourhood.
 std::vector<double> stratification_factor(const Film& film) {
-    constexpr uint32_t reach = 3; // pixels: 49 pixels of 2 blocks estimate it to a fifth
-    std::vector<double> factor(film.pixels.size()), has_estimate(film.pixels.size());
+    constexpr uint32_t radius = 3; // pixels: 49 pixels of 2 blocks estimate it to within a fifth
+    std::vector<double> factor(film.pixels.size()), estimate_weight(film.pixels.size());
     for (size_t i = 0; i < factor.size(); ++i) {
-        const uint32_t blocks = film.pixels[i].samples / film_block;
-        const double sample_variance =
-            variance_of_mean(film.pixels[i].luminance, film.pixels[i].squares, film.pixels[i].samples);
+        const uint32_t blocks = film.pixels[i].samples / samples_per_block;
+        const double sample_variance = variance_of_mean(
+            film.pixels[i].luminance, film.pixels[i].luminance_squares, film.pixels[i].samples);
         if (blocks < 2 || !(sample_variance > 0.0)) continue;
-        has_estimate[i] = 1.0;
+        estimate_weight[i] = 1.0;
         factor[i] =
             variance_of_mean(film.pixels[i].block_luminance, film.pixels[i].block_luminance_squares, blocks) /
-            (sample_variance * film_block * film_block);
+            (sample_variance * samples_per_block * samples_per_block);
     }
-    factor = box_filter(film, factor, reach);
-    has_estimate = box_filter(film, has_estimate, reach);
+    factor = box_filter(film, factor, radius);
+    estimate_weight = box_filter(film, estimate_weight, radius);
     for (size_t i = 0; i < factor.size(); ++i)
-        factor[i] = has_estimate[i] > 0.0 ? std::min(factor[i] / has_estimate[i], 1.0) : 1.0;
+        factor[i] = estimate_weight[i] > 0.0 ? std::min(factor[i] / estimate_weight[i], 1.0) : 1.0;
     return factor;
 }
 
@@ -70,9 +70,9 @@ std::vector<double> stratification_factor(const Film& film) {
 // the brightest of the rest. Plain mean if the 95th percentile is 0.
 double clipped_mean(const std::vector<double>& brightness) {
     std::vector<double> sorted = brightness;
-    const auto most = sorted.begin() + long(sorted.size() - 1 - sorted.size() / 20);
-    std::ranges::nth_element(sorted, most);
-    const double limit = *most > 0.0 ? *most : std::numeric_limits<double>::infinity();
+    const auto percentile_95 = sorted.begin() + long(sorted.size() - 1 - sorted.size() / 20);
+    std::ranges::nth_element(sorted, percentile_95);
+    const double limit = *percentile_95 > 0.0 ? *percentile_95 : std::numeric_limits<double>::infinity();
     double sum = 0.0;
     for (const double b : brightness) sum += std::min(b, limit);
     return sum / double(brightness.size());
@@ -82,18 +82,20 @@ double clipped_mean(const std::vector<double>& brightness) {
 
 // Standard deviation of a sample's luminance: the variance is averaged over the pixel and its neighbours.
 void estimate_deviation(Film& film) {
-    constexpr uint32_t reach = 2; // pixels: 25 pixels of 4 samples estimate the deviation to a tenth
+    constexpr uint32_t radius = 2; // pixels: 25 pixels of 4 samples estimate the deviation to within a tenth
     std::vector<double> variances(film.pixels.size());
     for (size_t i = 0; i < variances.size(); ++i) {
         const double count = film.pixels[i].samples;
-        variances[i] = count * variance_of_mean(film.pixels[i].luminance, film.pixels[i].squares, count);
+        variances[i] =
+            count * variance_of_mean(film.pixels[i].luminance, film.pixels[i].luminance_squares, count);
     }
-    variances = box_filter(film, variances, reach);
+    variances = box_filter(film, variances, radius);
     for (size_t i = 0; i < variances.size(); ++i)
         film.pixels[i].luminance_stddev = float(std::sqrt(variances[i]));
 }
 
-// A pixel with a noisy neighbour continues too, since its few samples may all have missed the source of the
+// `noise`: target ratio of the deviation of a pixel's mean to its brightness. True: some pixel has not converged. A pixel
+// with a noisy neighbour continues too, since its few samples may all have missed the source of the
 // noise.
 bool update_convergence(Film& film, double noise) {
     const FilmLayer* layer = find_layer(film, "variance");
@@ -101,8 +103,8 @@ bool update_convergence(Film& film, double noise) {
     const std::vector<double> factor = stratification_factor(film);
     std::vector<double> brightness(pixels), deviation(pixels);
     for (size_t i = 0; i < pixels; ++i) {
-        const double* sums = film.sums.data() + i * film.stride + layer->first;
-        const double count = std::max(sums[layer->sums], 1.0);
+        const double* sums = film.sums.data() + i * film.stride + layer->sums_offset;
+        const double count = std::max(sums[layer->sum_count], 1.0);
         double variance[3];
         for (size_t c = 0; c < 3; ++c) variance[c] = variance_of_mean(sums[c], sums[c + 3], count);
         brightness[i] = luminance(sums[0], sums[1], sums[2]) / count;

@@ -72,10 +72,10 @@ Film make_film(uint32_t width, uint32_t height, std::span<const std::string> nam
         FilmLayer layer = describe(name, world);
         if (layer.channels == 0)
             throw InputError(Place{}, "there is no layer \"" + name + "\"", "one of " + known_names(world));
-        layer.first = film.stride;
+        layer.sums_offset = film.stride;
         // The variance layer sums colours and their squares.
-        layer.sums = layer.kind == LayerKind::variance ? 2 * layer.channels : layer.channels;
-        film.stride += layer.sums + 1;
+        layer.sum_count = layer.kind == LayerKind::variance ? 2 * layer.channels : layer.channels;
+        film.stride += layer.sum_count + 1;
         film.layers.push_back(std::move(layer));
     }
     clear(film);
@@ -90,7 +90,7 @@ void clear(Film& film) {
 
 void add_luminance(FilmPixel& pixel, double luminance) {
     pixel.luminance += luminance;
-    pixel.squares += luminance * luminance;
+    pixel.luminance_squares += luminance * luminance;
 }
 
 void end_block(FilmPixel& pixel) {
@@ -136,8 +136,8 @@ void resolve(Film& film) {
     for (FilmLayer& layer : film.layers) {
         layer.pixels.resize(pixels * layer.channels);
         for (size_t pixel = 0; pixel < pixels; ++pixel) {
-            const double* sums = film.sums.data() + pixel * film.stride + layer.first;
-            const double count = sums[layer.sums];
+            const double* sums = film.sums.data() + pixel * film.stride + layer.sums_offset;
+            const double count = sums[layer.sum_count];
             for (uint32_t c = 0; c < layer.channels; ++c)
                 layer.pixels[pixel * layer.channels + c] =
                     static_cast<float>(layer.kind == LayerKind::variance

@@ -41,8 +41,8 @@ struct FilmLayer {
     std::string name;
     LayerKind kind = LayerKind::beauty;
     uint32_t channels = 3;
-    uint32_t first = 0;        // offset of this layer in a pixel's sums
-    uint32_t sums = 3;         // number of its sums; the layer's sample count follows them
+    uint32_t sums_offset = 0;  // offset of this layer in a pixel's sums
+    uint32_t sum_count = 3;    // number of its sums; the layer's sample count follows them
     std::vector<float> pixels; // filled by resolve: rows from the top, channels interleaved
 };
 
@@ -51,10 +51,10 @@ struct FilmPixel {
     uint32_t next_sample = 0; // index in its sequence; earlier ones were taken, or skipped when converged
     uint32_t samples = 0;     // taken, including non-finite ones
     bool converged = false;   // skipped by the current pass
-    double luminance = 0.0, squares = 0.0; // sums over samples of luminance and its square
-    double block_luminance = 0.0;          // sum of luminance over complete blocks of film_block samples
-    double block_luminance_squares = 0.0;  // sum over complete blocks of the block's squared sum
-    double clamped = 0.0;                  // luminance removed by the clamp
+    double luminance = 0.0, luminance_squares = 0.0; // sums over samples of luminance and its square
+    double block_luminance = 0.0; // sum of luminance over complete blocks of samples_per_block samples
+    double block_luminance_squares = 0.0; // sum over complete blocks of the block's squared sum
+    double clamped = 0.0;                 // luminance removed by the clamp
     // Standard deviation of a sample's luminance around this pixel, measured before the current pass; 0: unknown.
     float luminance_stddev = 0.0F;
     bool operator==(const FilmPixel&) const = default;
@@ -63,11 +63,11 @@ struct FilmPixel {
 // Visits every field of a pixel, in file order. A new field does not compile until it is named here.
 template <typename Pixel, typename Visit>
 constexpr void visit_fields(Pixel& pixel, Visit&& visit) {
-    auto& [next_sample, samples, converged, luminance, squares, block_luminance, block_luminance_squares,
-           clamped, luminance_stddev] = pixel;
+    auto& [next_sample, samples, converged, luminance, luminance_squares, block_luminance,
+           block_luminance_squares, clamped, luminance_stddev] = pixel;
     const auto each = [&](auto&... fields) { (visit(fields), ...); };
-    each(next_sample, samples, converged, luminance, squares, block_luminance, block_luminance_squares,
-         clamped, luminance_stddev);
+    each(next_sample, samples, converged, luminance, luminance_squares, block_luminance,
+         block_luminance_squares, clamped, luminance_stddev);
 }
 inline constexpr uint32_t film_pixel_fields = [] {
     FilmPixel pixel;
@@ -86,7 +86,7 @@ struct Film {
 };
 
 // Each aligned block of this many samples of a pixel's sequence is well stratified by itself.
-constexpr uint32_t film_block = 16;
+constexpr uint32_t samples_per_block = 16;
 
 // add_luminance: after each sample. end_block: after the last sample of a block.
 void add_luminance(FilmPixel& pixel, double luminance);
@@ -116,7 +116,7 @@ double variance_of_mean(double sum, double squares, double count);
 // Number of channels of a layer in this world; 0: unknown layer.
 uint32_t layer_channels(std::string_view name, const World& world);
 
-// Throws InputError, without a place, that names an unknown layer and lists the known ones. Names must be
+// Throws InputError, without a file position, that names an unknown layer and lists the known ones. Names must be
 // unique.
 Film make_film(uint32_t width, uint32_t height, std::span<const std::string> names, const World& world);
 

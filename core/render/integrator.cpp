@@ -58,7 +58,7 @@ namespace marram {
 
 namespace {
 
-constexpr uint32_t time_set = 1, first_vertex_set = 2, sets_a_vertex = 2;
+constexpr uint32_t time_set = 1, first_vertex_set = 2, sets_per_vertex = 2;
 // The weight w of the shadow-ray roulette (see above), at the first vertex and at later ones.
 constexpr float nee_weight_first = 0.3F, nee_weight_indirect = 0.8F;
 
@@ -210,8 +210,8 @@ ShadingPoint shading_point(const RenderContext& context, const Material& materia
     if (!point.fibre) {
         if (std::holds_alternative<SandSettings>(material.settings)) point.ripples = ripples_at(context, at);
         // The footprint is stretched by 1 / cosine in one direction: use the square of equal area.
-        const float onto = std::max(std::abs(at.geometric_normal.dot(wo)), 0.01F);
-        point.uv_width = uv_width(context, at, width / std::sqrt(onto));
+        const float cos_wo = std::max(std::abs(at.geometric_normal.dot(wo)), 0.01F);
+        point.uv_width = uv_width(context, at, width / std::sqrt(cos_wo));
         return point;
     }
     if (const AttributeValues* uvs = context.root_uvs[at.geometry])
@@ -318,7 +318,7 @@ PathRadiance trace(const RenderContext& context, Ray ray, float deviation, const
             bsdf_at(material, shading_point(context, material, point, -ray.direction, cone.width));
         if (depth == 0 && context.wants_albedo) first.albedo = albedo(bsdf);
         if (last) return light;
-        const uint32_t set = first_vertex_set + sets_a_vertex * depth;
+        const uint32_t set = first_vertex_set + sets_per_vertex * depth;
         const auto [light_u, light_v, light_choice, rr_sample] = sampler.numbers(set);
         if (!context.lights.empty())
             (depth == 0 ? light.direct : light.indirect) += direct_light(
@@ -377,7 +377,7 @@ void add_sample(const RenderContext& context, const Vec3f& radiance, const First
     const bool strand = first.hit && first.point.shape != PointShape::triangle;
     for (size_t i = 0; i < film.layers.size(); ++i) {
         const FilmLayer& layer = film.layers[i];
-        double* sums = pixel + layer.first;
+        double* sums = pixel + layer.sums_offset;
         switch (layer.kind) {
         case LayerKind::beauty:
             add(radiance, sums);
@@ -459,7 +459,7 @@ void render_pixel(const RenderContext& context, uint32_t x, uint32_t y, uint32_t
             ++stats.dropped_samples;
         }
         stats.cut_throughput += double(path.cut_throughput);
-        if ((s + 1) % film_block == 0) end_block(pixel);
+        if ((s + 1) % samples_per_block == 0) end_block(pixel);
     }
 }
 
@@ -527,13 +527,13 @@ bool is_between_passes(uint32_t begin, const Film& film) {
 // End of the next partial pass. Sized for half of the remaining time: at least one sample, at most to the end
 // of the pass. So the deadline interrupts only partial passes of one sample, unless samples become twice as
 // slow.
-uint32_t partial_pass_end(const Film& film, uint32_t end, double seconds_left, double seconds_a_sample) {
+uint32_t partial_pass_end(const Film& film, uint32_t end, double seconds_left, double seconds_per_sample) {
     const uint32_t begin = progress_of(film).least;
-    if (!(seconds_a_sample > 0.0)) return std::min(begin + 1, end); // unknown: one sample measures it
+    if (!(seconds_per_sample > 0.0)) return std::min(begin + 1, end); // unknown: one sample measures it
     const double pixels =
         double(std::ranges::count(film.pixels, false, &FilmPixel::converged)); // not converged
     const double samples =
-        std::max(1.0, std::floor(0.5 * seconds_left / (seconds_a_sample * std::max(pixels, 1.0))));
+        std::max(1.0, std::floor(0.5 * seconds_left / (seconds_per_sample * std::max(pixels, 1.0))));
     return samples < double(end - begin) ? begin + uint32_t(samples) : end;
 }
 
@@ -543,7 +543,7 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
     const std::function<double()> clock = settings.clock ? settings.clock : wall_seconds;
     const double start = clock();
     Deadline deadline{clock, std::nullopt};
-    double seconds_a_sample = 0.0; // 0: not known yet
+    double seconds_per_sample = 0.0; // 0: not known yet
     for (uint32_t begin = progress_of(film).least; begin < settings.samples;) {
         const uint32_t end = std::min(pass_end(begin), settings.samples);
         if (is_between_passes(begin, film)) {
@@ -558,7 +558,7 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
             if (stats.out_of_time) return;
             const double left = deadline.at ? *deadline.at - clock() : 0.0;
             const uint32_t partial_end =
-                deadline.at ? partial_pass_end(film, end, left, seconds_a_sample) : end;
+                deadline.at ? partial_pass_end(film, end, left, seconds_per_sample) : end;
             const uint64_t samples_before = count_samples(film).total;
             const double before = clock();
             render_pass(context, partial_end, film, stats, progress, deadline);
@@ -567,7 +567,7 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
             stats.out_of_time = progress_of(film).least < partial_end;
             if (stats.out_of_time) return;
             const uint64_t samples_taken = count_samples(film).total - samples_before;
-            if (samples_taken > 0) seconds_a_sample = (clock() - before) / double(samples_taken);
+            if (samples_taken > 0) seconds_per_sample = (clock() - before) / double(samples_taken);
             begin = partial_end;
         }
         if (begin < settings.samples && progress && progress->between_passes) progress->between_passes(film);

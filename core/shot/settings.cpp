@@ -44,10 +44,10 @@ BuildSettings build_settings(const Shot& shot, double frame) {
     settings.state_folder = shot.state_folder;
     settings.tolerance = globals.number("tolerance");
     if (globals.has("tolerance_pixels")) {
-        settings.view.pixels_at =
+        settings.view.reference_depth =
             (description.camera.vec3("target") - description.camera.vec3("position")).norm();
         settings.tolerance =
-            globals.number("tolerance_pixels") * settings.view.pixel_angle * settings.view.pixels_at;
+            globals.number("tolerance_pixels") * settings.view.pixel_angle * settings.view.reference_depth;
     }
     settings.motion_keys =
         description.film.has("motion_keys") ? uint32_t(description.film.integer("motion_keys")) : 0;

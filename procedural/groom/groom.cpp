@@ -45,30 +45,30 @@ struct ParsedValues {
 };
 
 ParsedValues parse_values(const MarramHost& host, const Values& given, std::span<const MarramValue> values) {
-    ParsedValues description;
-    Groom& groom = description.groom = read_groom(given);
-    Wind& wind = description.wind = read_wind(given);
+    ParsedValues parsed_values;
+    Groom& groom = parsed_values.groom = read_groom(given);
+    Wind& wind = parsed_values.wind = read_wind(given);
     warn_invisible_strands(host, given, groom);
     warn_of_ignored(host, given, groom);
-    description.automatic = {groom.cvs == 0,
-                             wind.shielding && wind.shielding->spread > 0.0 && wind.shielding->rays == 0,
-                             wind.jiggle && wind.jiggle->step == 0.0};
+    parsed_values.automatic = {groom.cvs == 0,
+                               wind.shielding && wind.shielding->spread > 0.0 && wind.shielding->rays == 0,
+                               wind.jiggle && wind.jiggle->step == 0.0};
     // The wind turns each segment of the authored strand. With automatic CVs and no reference_segments, a
     // strand of 8 CVs is assumed.
     constexpr int default_reference_segments = 7;
-    if (description.automatic.cvs && wind.reference_segments == 0)
+    if (parsed_values.automatic.cvs && wind.reference_segments == 0)
         wind.reference_segments = default_reference_segments;
-    description.roots_digest = roots_digest(given);
-    description.digest = digest_of_values(values);
-    return description;
+    parsed_values.roots_digest = roots_digest(given);
+    parsed_values.digest = digest_of_values(values);
+    return parsed_values;
 }
 
-void apply_values(GroomInstance& instance, ParsedValues description) {
-    instance.groom = std::move(description.groom);
-    instance.wind = std::move(description.wind);
-    instance.automatic = description.automatic;
-    instance.roots_digest = description.roots_digest;
-    instance.digest = description.digest;
+void apply_values(GroomInstance& instance, ParsedValues parsed_values) {
+    instance.groom = std::move(parsed_values.groom);
+    instance.wind = std::move(parsed_values.wind);
+    instance.automatic = parsed_values.automatic;
+    instance.roots_digest = parsed_values.roots_digest;
+    instance.digest = parsed_values.digest;
     instance.chosen_for.reset();
     instance.gust_start = {};
     instance.begun = false;
@@ -100,26 +100,27 @@ MarramStatus update(MarramInstance* opaque, const MarramUpdate* given, uint32_t*
         const MarramUpdate update = known_part(given);
         const std::vector<MarramValue> list = values_of(update.values);
         if (!check_values(instance.host, all_params(), list)) return MARRAM_ERROR;
-        ParsedValues description = parse_values(instance.host, Values(list), list);
-        const bool same_values = description.digest == instance.digest;
+        ParsedValues parsed_values = parse_values(instance.host, Values(list), list);
+        const bool same_values = parsed_values.digest == instance.digest;
         if (same_values && update.inputs == MARRAM_NOTHING) {
             *changed = MARRAM_NOTHING;
             return MARRAM_OK;
         }
-        const bool same_roots = description.roots_digest == instance.roots_digest;
-        // Only begin() can compare the meshes: note that it must check.
-        const bool uses_guides = description.groom.guides.has_value();
-        const bool uses_attributes = !description.groom.density_masks.factors.empty();
+        const bool same_roots = parsed_values.roots_digest == instance.roots_digest;
+        // Only begin() can compare the meshes: mesh_may_differ tells it to.
+        const bool uses_guides = parsed_values.groom.guides.has_value();
+        const bool uses_attributes = !parsed_values.groom.density_masks.factors.empty();
         const uint32_t placement_inputs =
             MARRAM_POSITIONS | MARRAM_TOPOLOGY | (uses_attributes ? uint32_t(MARRAM_ATTRIBUTES) : 0U);
         const bool same_mesh = (update.inputs & placement_inputs) == 0;
-        const bool same_layout =
-            same_roots && same_mesh && !(uses_guides && update.inputs != MARRAM_NOTHING) &&
-            !description.automatic.cvs && !instance.automatic.cvs &&
-            description.groom.cvs == instance.groom.cvs && description.groom.basis == instance.groom.basis &&
-            description.groom.shape == instance.groom.shape;
+        const bool same_layout = same_roots && same_mesh &&
+                                 !(uses_guides && update.inputs != MARRAM_NOTHING) &&
+                                 !parsed_values.automatic.cvs && !instance.automatic.cvs &&
+                                 parsed_values.groom.cvs == instance.groom.cvs &&
+                                 parsed_values.groom.basis == instance.groom.basis &&
+                                 parsed_values.groom.shape == instance.groom.shape;
         *changed = same_layout ? uint32_t(MARRAM_POSITIONS | MARRAM_ATTRIBUTES) : uint32_t(MARRAM_EVERYTHING);
-        apply_values(instance, std::move(description));
+        apply_values(instance, std::move(parsed_values));
         if (!same_roots || (uses_guides && update.inputs != MARRAM_NOTHING)) instance.placed = false;
         if (!same_mesh) instance.mesh_may_differ = true;
         return MARRAM_OK;
@@ -339,12 +340,12 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
             return status;
         if (instance.guides) instance.groom.length = {0.0, instance.guides->longest()};
         if (const MarramStatus status =
-                fix_gusts_once(instance.host, instance.frame, {}, instance.wind, instance.gust_start);
+                set_gust_plane_once(instance.host, instance.frame, {}, instance.wind, instance.gust_start);
             status != MARRAM_OK)
             return status;
-        const double open = wall_seconds();
+        const double choose_start = wall_seconds();
         if (const MarramStatus status = choose_settings(instance); status != MARRAM_OK) return status;
-        instance.placing_seconds += wall_seconds() - open;
+        instance.placing_seconds += wall_seconds() - choose_start;
         const bool blown = instance.frame.stage != MARRAM_REST;
         bool moves =
             instance.mesh->time_count > 1 ||
@@ -422,7 +423,7 @@ MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
     });
 }
 
-Expand expand_of(const GroomInstance& instance, const GroomPatch& patch, StageClock& clock) {
+RestStrandSource expand_of(const GroomInstance& instance, const GroomPatch& patch, StageClock& clock) {
     const std::span<const Root> roots = patch.roots;
     const MeshInstance& mesh_instance = patch.mesh_instance;
     return {[&instance, roots, &mesh_instance, &clock](uint32_t time, Strands& strands) {
@@ -470,14 +471,14 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
         strands.has_wind_share = !instance.groom.factors[of_wind].empty();
         strands.resize(int(roots.size()), instance.groom.cvs, instance.groom.shape == MARRAM_ORIENTED_RIBBON);
         strands.instance = patch.mesh_instance.is_instance ? patch.mesh_instance.mesh : nullptr;
-        const Expand lay_out = expand_of(instance, patch, worker.chain.clock);
+        const RestStrandSource rest_strands = expand_of(instance, patch, worker.chain.clock);
         const bool follows = !instance.guide_motion.mesh_instances.empty();
         if (instance.past.window.count() > 0 && !follows)
-            jiggle_patch(instance.chain, lay_out, strands, worker.chain);
+            jiggle_patch(instance.chain, rest_strands, strands, worker.chain);
         for (uint32_t time = 0; time < instance.time_count; ++time) {
             // If the mesh rests, later motion samples reuse the rest strands.
             if (time < instance.mesh->time_count || patch.mesh_instance.moves())
-                lay_out.at_time(time, strands);
+                rest_strands.at_time(time, strands);
             if (follows) {
                 {
                     const StageTimer timer(worker.chain.clock.bend);
@@ -569,9 +570,10 @@ std::span<const MarramReportEntry> groom_report_entries() {
         sum("seconds.expand", "s", "placing roots, choosing settings"),
         sum("seconds.collide", "s", "preparing collision"),
         sum("collision.contacts", "count", "segments that touch a mesh"),
-        sum("collision.pushed_out", "count", "segments that were turned out of a mesh"),
+        sum("collision.pushed_out", "count", "segments that started inside a mesh and were turned out of it"),
         sum("collision.unresolved", "count", "segments or roots without a free direction"),
-        sum("collision.skipped_pushes", "count", "pushes skipped because an earlier push was enough"),
+        sum("collision.skipped_pushes", "count",
+            "CVs not pushed out: offset_scale found no consistent side of the skin"),
         sum("collision.dips", "count",
             "strands whose rendered curve enters a mesh by more than the tolerance"),
         sum("collision.goal_angle", "rad", "sum of the angles between start and goal of all segments"),
@@ -579,7 +581,7 @@ std::span<const MarramReportEntry> groom_report_entries() {
             "sum of the angles by which segments turned towards their goals"),
         MarramReportEntry{"collision.reached", "1", MARRAM_RATIO, "collision.turned_angle",
                           "collision.goal_angle", "fraction of the goal angle that was reached"},
-        sum("memory.curve_extra_bytes", "bytes", "the most held at any time besides CVs"),
+        sum("memory.curve_extra_bytes", "bytes", "peak memory of the groom besides its CVs"),
         sum("instances.count", "count", "instances that strands grow on, each in the wind of its place"),
         sum("instances.shared_bytes", "bytes",
             "roots, guides and the mesh's past, kept once for all instances; CVs are each one's own"),

@@ -71,7 +71,7 @@ void warn_of_guides(const GroomInstance& instance, const Binding& binding) {
 void announce_long_work(GroomInstance& instance) {
     LongWork work;
     work.cvs = double(instance.roots.size() * instance.mesh_instances.size()) * instance.groom.cvs;
-    work.cvs_a_strand = instance.groom.cvs;
+    work.cvs_per_strand = instance.groom.cvs;
     work.samples = instance.time_count;
     work.steps = instance.past.window.count();
     work.collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;

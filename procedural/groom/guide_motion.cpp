@@ -11,7 +11,7 @@ namespace {
 
 constexpr size_t guides_at_once = 256;
 
-Eigen::Matrix3d axes_of(const Frame& frame) {
+Eigen::Matrix3d axes_of(const SurfaceFrame& frame) {
     Eigen::Matrix3d m;
     m << frame.tangent, frame.bitangent, frame.normal;
     return m;
@@ -27,7 +27,7 @@ void expand_guides(const GroomInstance& instance, const Surface& bind, const Sur
         for (int lane = 0; lane < lanes; ++lane) {
             const size_t i = std::min(size_t(block) * lanes + size_t(lane), size_t(strands.count) - 1);
             const GuideSet::Guide& guide = set.guide(first + i);
-            const Frame frame = frame_at(now, guide.triangle, guide.weights);
+            const SurfaceFrame frame = frame_at(now, guide.triangle, guide.weights);
             const Eigen::Matrix3d turn =
                 axes_of(frame) * axes_of(frame_at(bind, guide.triangle, guide.weights)).transpose();
             const Vec3d root = now.point(guide.triangle, guide.weights);
@@ -113,7 +113,7 @@ void blow_guides(GroomInstance& instance) {
         strands.irregular = false;
         strands.has_wind_share = !instance.groom.factors[of_wind].empty();
         strands.resize(int(count), instance.groom.cvs, false);
-        const Expand lay_out{
+        const RestStrandSource lay_out{
             [&](uint32_t time, Strands& out) {
                 expand_guides(instance, guided->bind, instance.poses(time).now, first, out);
                 if (mesh_instance.is_instance)

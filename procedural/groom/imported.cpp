@@ -420,7 +420,7 @@ void announce_strands(ImportInstance& instance) {
     const auto strands = double(instance.curves.count()), cvs = double(instance.curves.cv_count());
     LongWork work;
     work.cvs = strands > 0.0 ? cvs * std::max(lanes / strands, 1.0) : 0.0; // few strands leave lanes idle
-    work.cvs_a_strand = strands > 0.0 ? cvs / strands : 0.0;
+    work.cvs_per_strand = strands > 0.0 ? cvs / strands : 0.0;
     work.samples = instance.time_count;
     work.steps = instance.past.window.count();
     work.collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;
@@ -451,8 +451,8 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
         if (const MarramStatus status = bind_again(instance); status != MARRAM_OK) return status;
         check_widths(instance);
         instance.longest = longest_in_frame(instance);
-        MarramStatus status = fix_gusts_once(instance.host, instance.frame, instance.bind_box, instance.wind,
-                                             instance.gust_start);
+        MarramStatus status = set_gust_plane_once(instance.host, instance.frame, instance.bind_box,
+                                                  instance.wind, instance.gust_start);
         if (status == MARRAM_OK) status = choose(instance);
         if (status == MARRAM_OK) status = read_jiggle_past(instance);
         if (status != MARRAM_OK) return status;
@@ -549,7 +549,7 @@ MarramStatus tessellate_import(MarramInstance* opaque, uint32_t index, const Mar
             const ImportBatch batch{instance, patch, curves, instance.curves.cvs(patch.first + curves[0])};
             strands.resize(int(curves.size()), int(batch.cvs),
                            instance.settings.shape == MARRAM_ORIENTED_RIBBON);
-            const Expand expand = import_expand(batch, worker.chain.clock);
+            const RestStrandSource expand = import_expand(batch, worker.chain.clock);
             if (instance.past.window.count() > 0) jiggle_patch(instance.chain, expand, strands, worker.chain);
             for (uint32_t time = 0; time < instance.time_count; ++time) {
                 // If the sources rest, later motion samples reuse the rest strands.

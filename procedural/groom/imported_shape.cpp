@@ -19,7 +19,7 @@ void set_eight(Wide3d& v, int lane, const Vec3d& value) {
     v.z[lane] = value.z();
 }
 
-Eigen::Matrix3d matrix_of(const Frame& frame) {
+Eigen::Matrix3d matrix_of(const SurfaceFrame& frame) {
     Eigen::Matrix3d m;
     m << frame.tangent, frame.bitangent, frame.normal;
     return m;
@@ -148,14 +148,14 @@ void expand_imported(const ImportInstance& instance, const SkinPoses* skin, cons
             facing = facing.squaredNorm() > 0.0 ? Vec3d(facing.normalized()) : Vec3d(Vec3d::UnitY());
             if (skin) {
                 const RootBinding& bond = instance.binding.root_bindings[first + c];
-                const Frame now = frame_at(skin->now, bond.triangle, bond.weights);
+                const SurfaceFrame now = frame_at(skin->now, bond.triangle, bond.weights);
                 const Vec3d foot = skin->now.point(bond.triangle, bond.weights);
                 facing = now.normal;
                 double height = double(bond.height);
                 if (moves) {
                     height = root_height(cv_at(v), foot, now.normal, instance.binding.rounding);
                 } else if (!same_triangle(skin->bind, skin->now, bond.triangle)) {
-                    const Frame bind = frame_at(skin->bind, bond.triangle, bond.weights);
+                    const SurfaceFrame bind = frame_at(skin->bind, bond.triangle, bond.weights);
                     turn = matrix_of(now) * matrix_of(bind).transpose();
                     from = skin->bind.point(bond.triangle, bond.weights);
                     to = foot;

@@ -24,11 +24,11 @@ std::vector<MarramParam> with_wind_params(std::span<const MarramParam> own) {
     return list;
 }
 
-MarramStatus fix_gusts_once(const MarramHost& host, const MarramFrame& frame,
-                            const Eigen::AlignedBox3d& of_strands, Wind& wind, GustStart& start) {
+MarramStatus set_gust_plane_once(const MarramHost& host, const MarramFrame& frame,
+                                 const Eigen::AlignedBox3d& strand_bounds, Wind& wind, GustStart& start) {
     if (!wind.gusts || (start.fixed && !start.automatic)) return MARRAM_OK;
     Eigen::AlignedBox3d box;
-    if (frame.mesh_count == 0) box = of_strands;
+    if (frame.mesh_count == 0) box = strand_bounds;
     std::vector<float> positions;
     for (uint32_t i = 0; i < frame.mesh_count; ++i) {
         positions.resize(3 * size_t(frame.meshes[i].vertex_count));
@@ -40,7 +40,7 @@ MarramStatus fix_gusts_once(const MarramHost& host, const MarramFrame& frame,
     Gusts& gusts = *wind.gusts;
     if (!start.fixed) {
         start = {true, gusts.num_gusts > 0 && (!gusts.center || !gusts.extent || !gusts.distance), box};
-        fix_gusts(gusts, box.min(), box.max(), wind.direction);
+        set_gust_plane(gusts, box.min(), box.max(), wind.direction);
     } else if (box.min() != start.box.min() || box.max() != start.box.max()) {
         send(host, MARRAM_WARNING, "gusts.start", "wind.gusts.num_gusts",
              fmt::format("the meshes differ from those of the first frame rendered, whose bounds decide "
@@ -113,7 +113,7 @@ CollisionCounts report_chain(Workers& workers, ReportSink sink, void* user, size
 
 void report_long_work(const MarramHost& host, const char* id, const std::string& place, const LongWork& work,
                       double frame, std::optional<double>& announced) {
-    // Thread seconds per CV and motion sample (bend: or step of jiggle). Collision: 1e-6 with 5 CVs per
+    // Thread seconds per CV of one motion sample; `bend` also of one step of jiggle. Collision: 1e-6 with 5 CVs per
     // strand, 3e-6 with hundreds.
     constexpr double bend = 0.08e-6, collide = 2e-6, long_work = 10.0;
     const auto steps = double(std::max<int64_t>(work.steps, 0));
@@ -122,9 +122,9 @@ void report_long_work(const MarramHost& host, const char* id, const std::string&
     if (seconds < long_work || announced == frame) return;
     announced = frame;
     const std::string what = fmt::format(
-        "{:.3g} CVs, {:.4g} a strand, at {} motion samples and {} steps of jiggle take about {:.0f} s of "
+        "{:.3g} CVs, {:.4g} per strand, at {} motion samples and {} steps of jiggle take about {:.0f} s of "
         "one processor or more each frame",
-        work.cvs, work.cvs_a_strand, work.samples, steps, seconds);
+        work.cvs, work.cvs_per_strand, work.samples, steps, seconds);
     send(host, MARRAM_INFO, id, place, what, work.remedy);
 }
 

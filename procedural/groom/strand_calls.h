@@ -34,8 +34,8 @@ struct GustStart {
 // Unless the scene gives their start, random gusts start across the bounds of the meshes at bind_frame.
 // `box`: of the strands, used if there are no meshes. Fixed once, so that gusts do not jump from frame to frame. Warns if the
 // bounds differ later: an evolving terrain has no pose at bind_frame, so a frame rendered alone would have other gusts.
-MarramStatus fix_gusts_once(const MarramHost& host, const MarramFrame& frame, const Eigen::AlignedBox3d& box,
-                            Wind& wind, GustStart& start);
+MarramStatus set_gust_plane_once(const MarramHost& host, const MarramFrame& frame,
+                                 const Eigen::AlignedBox3d& box, Wind& wind, GustStart& start);
 
 // True if meshes that move within the shutter affect the strands: by collision or by shielding.
 bool moving_meshes_matter(const Wind& wind, const MarramFrame& frame);
@@ -54,7 +54,7 @@ void warn_of_collisions(const MarramHost& host, const std::string& place, bool a
 
 // The amount of work of the chain in a frame.
 struct LongWork {
-    double cvs = 0.0, cvs_a_strand = 0.0;
+    double cvs = 0.0, cvs_per_strand = 0.0;
     uint32_t samples = 1; // of motion
     int64_t steps = 0;    // of jiggle
     bool collides = false;

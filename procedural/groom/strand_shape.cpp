@@ -99,7 +99,7 @@ double azimuth(const Groom& groom, const Surface& bind, Root root, const Vec3d& 
 // Writes the centre line of a child in its frame to one lane of `centre`.
 void set_centre(const Guided& guided, const GuideBlend& blend, std::span<const Vec3f> guides, Root root,
                 const Vec3d& weights, int cvs, int lane, Wide3f* centre) {
-    const Frame frame = frame_at(guided.bind, root.triangle, weights);
+    const SurfaceFrame frame = frame_at(guided.bind, root.triangle, weights);
     Eigen::Matrix3d to_frame;
     to_frame << frame.tangent, frame.bitangent, frame.normal;
     Eigen::Matrix3d turns[most_blended];
@@ -126,7 +126,7 @@ void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Ro
               size_t block) {
     const uint32_t seed = groom.seed;
     const Vec3d weights = root_weights(seed, root);
-    const Frame frame = frame_at(poses.now, root.triangle, weights);
+    const SurfaceFrame frame = frame_at(poses.now, root.triangle, weights);
     const Vec3d origin = poses.now.point(root.triangle, weights);
     const Vec3d bind_origin = poses.bind.point(root.triangle, weights);
     const double angle = blend ? 0.0 : azimuth(groom, poses.bind, root, weights);
@@ -167,7 +167,7 @@ void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Ro
     roots.frizz[lane] = unit_double(root_hash(seed, root, Purpose::frizz)) * 0x1p20;
     if (!groom.clumps.empty()) {
         // Computed in the frame of the bind pose, so that it follows the surface when that turns.
-        const Frame bind = frame_at(poses.bind, root.triangle, weights);
+        const SurfaceFrame bind = frame_at(poses.bind, root.triangle, weights);
         const double share = factor_at_root(of_clump);
         Vec3d from = bind_origin; // the root, then the centre of its finest clump, ...
         for (size_t level = groom.clumps.size(); level-- > 0;) {

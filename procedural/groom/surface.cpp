@@ -3,7 +3,7 @@
 
 namespace marram {
 
-Frame frame_at(const Surface& surface, uint32_t triangle, const Vec3d& weights) {
+SurfaceFrame frame_at(const Surface& surface, uint32_t triangle, const Vec3d& weights) {
     const auto p = surface.corners(triangle);
     const Vec3d plane = plane_normal(p);
     Vec3d normal = plane;

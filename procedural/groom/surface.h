@@ -103,7 +103,7 @@ struct Surface {
 };
 
 // Orthonormal frame that moves with the surface: the normal, and a tangent along the triangle's first edge.
-struct Frame {
+struct SurfaceFrame {
     Vec3d tangent, bitangent, normal;
 };
 
@@ -112,6 +112,6 @@ inline Vec3d plane_normal(const std::array<Vec3d, 3>& p) {
     return (p[1] - p[0]).cross(p[2] - p[0]).stableNormalized();
 }
 
-Frame frame_at(const Surface& surface, uint32_t triangle, const Vec3d& weights);
+SurfaceFrame frame_at(const Surface& surface, uint32_t triangle, const Vec3d& weights);
 
 } // namespace marram

@@ -207,7 +207,7 @@ class ImageLayer : public ShapeLayer {
 };
 
 template <typename Made>
-std::unique_ptr<Layer> make_base(const LayerContext& context) {
+std::unique_ptr<TerrainLayer> make_base(const LayerContext& context) {
     return std::make_unique<Made>(context);
 }
 

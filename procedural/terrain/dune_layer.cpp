@@ -122,7 +122,7 @@ class DuneLayer : public ShapeLayer {
             }
     }
 
-    Tiles changed_since(const Layer& before, const Domain& domain) const override {
+    Tiles changed_since(const TerrainLayer& before, const Domain& domain) const override {
         const auto* old = dynamic_cast<const DuneLayer*>(&before);
         if (!old || old->smooth_ != smooth_ || !(old->settings() == settings())) return Tiles(domain, true);
         Tiles tiles(domain);
@@ -284,7 +284,7 @@ LayerType dune_layer_type() {
         return all;
     }();
     return {"dune", "a dune along each drawn curve", params,
-            [](const LayerContext& context) -> std::unique_ptr<Layer> {
+            [](const LayerContext& context) -> std::unique_ptr<TerrainLayer> {
                 return std::make_unique<DuneLayer>(context);
             },
             [](const LayerValues& values) {

@@ -76,7 +76,7 @@ struct DuneRun {
     std::string place;
 };
 
-class DuneSolverLayer : public Layer {
+class DuneSolverLayer : public TerrainLayer {
   public:
     DuneSolverLayer(DuneRun run, const Domain& domain, Simulation* simulation)
         : run_(std::move(run)), domain_(domain), simulation_(simulation) {}
@@ -285,7 +285,7 @@ std::string dune_cover(const LayerValues& values) {
     return values.text("cover");
 }
 
-std::unique_ptr<Layer> make_dune_solver(const LayerContext& context) {
+std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
     const LayerValues& values = context.values;
     DuneRun run;
     const std::string border = values.text("border");

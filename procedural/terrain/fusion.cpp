@@ -712,7 +712,7 @@ bool FusionLayer::evaluate_whole(const Fields& below, const LayerOutput& out,
     return true;
 }
 
-Tiles FusionLayer::changed_since(const Layer& before, const Domain& domain) const {
+Tiles FusionLayer::changed_since(const TerrainLayer& before, const Domain& domain) const {
     const auto* other = dynamic_cast<const FusionLayer*>(&before);
     const bool same =
         other && other->settings_ == settings_ && other->mask_ == mask_ && other->domain_ == domain_;
@@ -728,7 +728,7 @@ constexpr std::array fusion_params = {
     MarramParam{"mask", MARRAM_TEXT, "", "none", 0, 0, "", "name of a mask: share of the sand that is loose"},
 };
 
-std::unique_ptr<Layer> fusion_make(const LayerContext& context) {
+std::unique_ptr<TerrainLayer> fusion_make(const LayerContext& context) {
     const LayerValues& values = context.values;
     FusionSettings settings;
     settings.repose = values.number("repose") * degree;

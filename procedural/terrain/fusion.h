@@ -32,7 +32,7 @@ FusionResult relax_sand(const Domain& domain, const float* bedrock, SandUnits* s
                         const FusionSettings& settings, const std::function<bool()>& cancelled,
                         const float* mask = nullptr);
 
-class FusionLayer : public Layer {
+class FusionLayer : public TerrainLayer {
   public:
     // mask: name of a mask from below; "": none. place: scene location for warnings.
     FusionLayer(const Domain& domain, const FusionSettings& settings, std::string mask = "",
@@ -44,7 +44,7 @@ class FusionLayer : public Layer {
     void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override;
     bool evaluate_whole(const Fields& below, const LayerOutput& out,
                         const std::function<bool()>& cancelled) const override;
-    Tiles changed_since(const Layer& before, const Domain& domain) const override;
+    Tiles changed_since(const TerrainLayer& before, const Domain& domain) const override;
 
   private:
     Domain domain_;

@@ -467,7 +467,7 @@ void LatticeLayer::evaluate_row(const Span& span, const Fields& below, const Lay
     }
 }
 
-Tiles LatticeLayer::changed_since(const Layer& before, const Domain& domain) const {
+Tiles LatticeLayer::changed_since(const TerrainLayer& before, const Domain& domain) const {
     const auto* other = dynamic_cast<const LatticeLayer*>(&before);
     if (!other || other->masks_ != masks_) return Tiles(domain, true);
     Tiles tiles(domain);
@@ -589,7 +589,7 @@ std::vector<std::string> lattice_masks(const LayerValues& values) {
     return values.has("masks") ? lattice_names(values.text("masks")) : std::vector<std::string>();
 }
 
-std::unique_ptr<Layer> make_lattice(const LayerContext& context) {
+std::unique_ptr<TerrainLayer> make_lattice(const LayerContext& context) {
     const LayerValues& values = context.values;
     const auto rest = context.curves(values.text("rest")), bent = context.curves(values.text("bent"));
     const std::string place = values.place("bent");

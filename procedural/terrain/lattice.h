@@ -88,7 +88,7 @@ class LatticeMap {
     bool only_lifts_ = true;
 };
 
-class LatticeLayer : public Layer {
+class LatticeLayer : public TerrainLayer {
   public:
     enum class Target { bedrock, sand };
     LatticeLayer(const LatticeNet& net, const Domain& domain, Target target, std::vector<std::string> masks);
@@ -97,7 +97,7 @@ class LatticeLayer : public Layer {
     std::vector<std::string> mask_names() const override { return masks_; }
     double reach() const override;
     void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override;
-    Tiles changed_since(const Layer& before, const Domain& domain) const override;
+    Tiles changed_since(const TerrainLayer& before, const Domain& domain) const override;
 
     const LatticeMap& map() const { return map_; }
 

@@ -31,17 +31,17 @@ struct LayerNotes {
 struct LayerOutput {
     float* bedrock = nullptr;
     SandUnits* sand = nullptr;
-    std::span<float* const> masks; // as many as Layer::mask_names()
+    std::span<float* const> masks; // as many as TerrainLayer::mask_names()
     LayerNotes* notes = nullptr;   // of evaluate_whole(); may be NULL
 };
 
-class Layer {
+class TerrainLayer {
   public:
     struct Writes {
         bool bedrock = false, sand = false;
     };
 
-    virtual ~Layer() = default;
+    virtual ~TerrainLayer() = default;
 
     // Which fields it writes; the others pass through from below.
     virtual Writes writes() const = 0;
@@ -75,7 +75,7 @@ class Layer {
 
     // Tiles whose result may differ from that of `before`, a layer of the same type with other parameters,
     // over the same fields. `domain`: as at creation.
-    virtual Tiles changed_since(const Layer& before, const Domain& domain) const {
+    virtual Tiles changed_since(const TerrainLayer& before, const Domain& domain) const {
         (void)before;
         return Tiles(domain, true);
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Layer types by the scene's name, [[procedural.layer]] type = "...", and the inputs that create a layer.
+// TerrainLayer types by the scene's name, [[procedural.layer]] type = "...", and the inputs that create a layer.
 #pragma once
 
 #include "procedural/terrain/layer.h"
@@ -53,10 +53,10 @@ struct LayerContext {
     std::function<const MarramMesh&(std::string_view name)> mesh;
     RTCScene scene = nullptr;
     std::function<void(const std::string& place, const std::string& what, const std::string& remedy)> warn;
-    double frame = 0.0;               // for types with `evolves`
-    double wind_speed = 0.0;          // the scene's, m/s
-    Simulation* simulation = nullptr; // states of earlier frames; outlives the layer; may be NULL
-    const Layer* before = nullptr;    // the layer of this type that it replaces in the stack; may be NULL
+    double frame = 0.0;                   // for types with `evolves`
+    double wind_speed = 0.0;              // the scene's, m/s
+    Simulation* simulation = nullptr;     // states of earlier frames; outlives the layer; may be NULL
+    const TerrainLayer* before = nullptr; // the layer of this type that it replaces in the stack; may be NULL
 };
 
 struct LayerType {
@@ -64,7 +64,7 @@ struct LayerType {
     const char* help;
     std::span<const MarramParam> params; // without those common to all layers (layers.cpp)
     // Throws SceneFault if the values are inconsistent.
-    std::unique_ptr<Layer> (*make)(const LayerContext& context);
+    std::unique_ptr<TerrainLayer> (*make)(const LayerContext& context);
     // Names of its output masks, known before the layer is created. NULL: none.
     std::vector<std::string> (*masks)(const LayerValues& values) = nullptr;
     bool evolves = false; // simulated from frame to frame

@@ -69,7 +69,7 @@ std::string name_of_mask(const LayerValues& values) {
                      "give it one: name = \"...\"");
 }
 
-class MaskLayer : public Layer {
+class MaskLayer : public TerrainLayer {
   public:
     explicit MaskLayer(const LayerContext& context) : domain_(context.domain) {
         const LayerValues& values = context.values;
@@ -312,7 +312,7 @@ void check_mask_name(const std::string& name, const std::string& place) {
 
 LayerType mask_layer_type() {
     return {"mask", "a mask by height, slope, sand, an image, or the distance to curves", mask_params,
-            [](const LayerContext& context) -> std::unique_ptr<Layer> {
+            [](const LayerContext& context) -> std::unique_ptr<TerrainLayer> {
                 return std::make_unique<MaskLayer>(context);
             },
             [](const LayerValues& values) { return std::vector<std::string>{name_of_mask(values)}; }};

@@ -1040,7 +1040,7 @@ std::string MassLayer::described(size_t index, const Fields& below) const {
     return text;
 }
 
-Tiles MassLayer::changed_since(const Layer& before, const Domain& domain) const {
+Tiles MassLayer::changed_since(const TerrainLayer& before, const Domain& domain) const {
     const auto* old = dynamic_cast<const MassLayer*>(&before);
     if (!old || old->merge_ != merge_ || !(old->settings() == settings()) || !(old->domain_ == domain_))
         return Tiles(domain, true);
@@ -1208,7 +1208,7 @@ void warn_of_lost_edits(const LayerContext& context, const MassSettings& setting
     }
 }
 
-std::unique_ptr<Layer> make_mass_layer(const LayerContext& context) {
+std::unique_ptr<TerrainLayer> make_mass_layer(const LayerContext& context) {
     const MassSettings settings = read_mass(context);
     const MassArea area = read_area(context, settings);
     if (const double about = mass_count(bounded(settings), area); about > most_mass_dunes)

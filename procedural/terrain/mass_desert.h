@@ -86,7 +86,7 @@ class MassLayer : public ShapeLayer {
 
     // The dunes of the layer, for display, editing and baking.
     const std::vector<MassDune>& dunes() const { return dunes_; }
-    Tiles changed_since(const Layer& before, const Domain& domain) const override;
+    Tiles changed_since(const TerrainLayer& before, const Domain& domain) const override;
     // x, z and height of each dune, by id, if listing is on.
     std::vector<std::pair<std::string, double>> report() const override;
     // The dunes as [[curves]] and layers of type dune, if listing is on. mass_desert.cpp gives the accuracy.

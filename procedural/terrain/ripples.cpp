@@ -253,7 +253,7 @@ constexpr std::array ripple_values = {
     MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "random seed of the ripples"},
 };
 
-std::unique_ptr<Layer> make_ripples(const LayerContext& context) {
+std::unique_ptr<TerrainLayer> make_ripples(const LayerContext& context) {
     const LayerValues& values = context.values;
     RipplesLayer::Settings settings;
     settings.ripples.wavelength = values.number("wavelength");

@@ -12,7 +12,7 @@ namespace marram {
 
 // Ripples on the sand. If the grid resolves them, they are part of its heights; otherwise the render mesh and
 // shaders add them.
-class RipplesLayer : public Layer {
+class RipplesLayer : public TerrainLayer {
   public:
     struct Settings {
         RippleSettings ripples;

@@ -1204,7 +1204,7 @@ bool RuinLayer::evaluate_whole(const Fields& below, const LayerOutput& out,
     return !out.sand || !move_sand(below, out.sand, cancelled).cancelled;
 }
 
-Tiles RuinLayer::changed_since(const Layer& before, const Domain& domain) const {
+Tiles RuinLayer::changed_since(const TerrainLayer& before, const Domain& domain) const {
     const auto* other = dynamic_cast<const RuinLayer*>(&before);
     if (!other || other->domain_ != domain_ || domain != domain_) return Tiles(domain, true);
     Tiles tiles(domain);
@@ -1233,7 +1233,7 @@ constexpr std::array ruin_params = {
                 "outside; 0: no sand is added"},
 };
 
-std::unique_ptr<Layer> ruin_make(const LayerContext& context) {
+std::unique_ptr<TerrainLayer> ruin_make(const LayerContext& context) {
     const LayerValues& values = context.values;
     RuinSettings settings;
     settings.scour = values.number("scour");

@@ -67,7 +67,7 @@ class RuinMesh {
     std::shared_ptr<RTCSceneTy> scene_;
 };
 
-class RuinLayer : public Layer {
+class RuinLayer : public TerrainLayer {
   public:
     // Only the device of `scene` is used; NULL: creates its own device.
     RuinLayer(const Domain& domain, const Vec2d& wind, const MarramMesh& mesh, RTCScene scene,
@@ -78,7 +78,7 @@ class RuinLayer : public Layer {
     void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override;
     bool evaluate_whole(const Fields& below, const LayerOutput& out,
                         const std::function<bool()>& cancelled) const override;
-    Tiles changed_since(const Layer& before, const Domain& domain) const override;
+    Tiles changed_since(const TerrainLayer& before, const Domain& domain) const override;
 
     // evaluate_whole() with statistics. If cancelled, `sand` is a copy of the sand below.
     RuinResult move_sand(const Fields& below, SandUnits* sand, const std::function<bool()>& cancelled) const;

@@ -24,7 +24,7 @@ struct ShapeSettings {
     bool operator==(const ShapeSettings&) const = default;
 };
 
-class ShapeLayer : public Layer {
+class ShapeLayer : public TerrainLayer {
   public:
     explicit ShapeLayer(ShapeSettings settings) : settings_(std::move(settings)) {}
 

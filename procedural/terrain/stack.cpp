@@ -33,19 +33,20 @@ Stack::Stack(const Domain& domain)
     : domain_(domain), flat_(zeros<float>(domain.count())), bare_(zeros<SandUnits>(domain.count())),
       changed_(domain, true) {}
 
-std::shared_ptr<const Layer> Stack::find(size_t index, const std::string& type) const {
+std::shared_ptr<const TerrainLayer> Stack::find(size_t index, const std::string& type) const {
     return index < entries_.size() && entries_[index].made.type == type ? entries_[index].made.layer
                                                                         : nullptr;
 }
 
-std::shared_ptr<const Layer> Stack::find(size_t index, const std::string& type, uint64_t digest) const {
+std::shared_ptr<const TerrainLayer> Stack::find(size_t index, const std::string& type,
+                                                uint64_t digest) const {
     if (index >= entries_.size()) return nullptr;
     const StackLayer& there = entries_[index].made;
     return there.type == type && there.digest == digest ? there.layer : nullptr;
 }
 
 void Stack::allocate(Entry& entry) {
-    const Layer::Writes writes = entry.made.layer->writes();
+    const TerrainLayer::Writes writes = entry.made.layer->writes();
     if (writes.bedrock) entry.bedrock.reset(allocated<float>(domain_.count()));
     if (writes.sand) entry.sand.reset(allocated<SandUnits>(domain_.count()));
     for (size_t m = 0; m < entry.made.layer->mask_names().size(); ++m)
@@ -62,7 +63,7 @@ void Stack::set_layers(std::vector<StackLayer> layers) {
         // A layer of the same type and index keeps its buffers if it writes the same fields and masks.
         Entry* old = k < before.size() && before[k].made.type == given.type ? &before[k] : nullptr;
         if (old) {
-            const Layer &a = *old->made.layer, &b = *given.layer;
+            const TerrainLayer &a = *old->made.layer, &b = *given.layer;
             if (a.writes().sand != b.writes().sand || a.writes().bedrock != b.writes().bedrock ||
                 a.mask_names() != b.mask_names())
                 old = nullptr;
@@ -99,7 +100,7 @@ LayerOutput Stack::output(Entry& entry, std::vector<float*>& masks) const {
 
 bool Stack::evaluate(size_t index, const std::function<bool()>& cancelled) {
     Entry& entry = entries_[index];
-    const Layer& layer = *entry.made.layer;
+    const TerrainLayer& layer = *entry.made.layer;
     const Fields below = fields(index);
     std::vector<float*> masks;
     LayerOutput out = output(entry, masks);

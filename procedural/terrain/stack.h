@@ -16,7 +16,7 @@ namespace marram {
 struct StackLayer {
     std::string type;
     uint64_t digest = 0; // of its values and inputs; same type and digest: same layer
-    std::shared_ptr<const Layer> layer;
+    std::shared_ptr<const TerrainLayer> layer;
 };
 
 class Stack {
@@ -30,8 +30,8 @@ class Stack {
     explicit Stack(const Domain& domain);
 
     // The current layer at this index if it has this type (and digest), else NULL.
-    std::shared_ptr<const Layer> find(size_t index, const std::string& type) const;
-    std::shared_ptr<const Layer> find(size_t index, const std::string& type, uint64_t digest) const;
+    std::shared_ptr<const TerrainLayer> find(size_t index, const std::string& type) const;
+    std::shared_ptr<const TerrainLayer> find(size_t index, const std::string& type, uint64_t digest) const;
 
     // Replaces the layers, bottom to top. Evaluates nothing.
     void set_layers(std::vector<StackLayer> layers);
@@ -47,7 +47,7 @@ class Stack {
     Fields fields(size_t layer) const;
     std::vector<Work> work() const;
     const std::string& type(size_t layer) const { return entries_[layer].made.type; }
-    const Layer& layer(size_t index) const { return *entries_[index].made.layer; }
+    const TerrainLayer& layer(size_t index) const { return *entries_[index].made.layer; }
     // Notes of the last evaluate_whole() of the layer.
     const LayerNotes& notes(size_t layer) const { return entries_[layer].notes; }
     size_t bytes() const;

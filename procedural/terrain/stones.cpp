@@ -462,7 +462,7 @@ void StonesLayer::evaluate(const Rect& rect, const Fields& below, const LayerOut
     }
 }
 
-Tiles StonesLayer::changed_since(const Layer& before, const Domain& domain) const {
+Tiles StonesLayer::changed_since(const TerrainLayer& before, const Domain& domain) const {
     const auto* other = dynamic_cast<const StonesLayer*>(&before);
     if (!other || other->domain_ != domain_ || domain != domain_) return Tiles(domain, true);
     // Effects of density, size and size_power show in the list of stones; any other setting changes every
@@ -543,7 +543,7 @@ StoneSettings read_stones(const LayerContext& context) {
     return settings;
 }
 
-std::unique_ptr<Layer> make_stones(const LayerContext& context) {
+std::unique_ptr<TerrainLayer> make_stones(const LayerContext& context) {
     auto layer =
         std::make_unique<StonesLayer>(read_stones(context), context.domain, context.values.place("density"));
     if (const size_t small = layer->stones().too_small; small > 0 && context.warn)

@@ -50,7 +50,7 @@ inline constexpr double most_stones = 1e7;
 Stones place_stones(const StoneSettings& settings, double smallest, const Vec2d& lower, const Vec2d& upper,
                     const std::string& place = "");
 
-class StonesLayer : public Layer {
+class StonesLayer : public TerrainLayer {
   public:
     // Minimum size in cells; smaller stones are omitted.
     static constexpr double least_cells = 4.0;
@@ -61,7 +61,7 @@ class StonesLayer : public Layer {
     Writes writes() const override { return {true, true}; }
     double reach() const override { return reach_; }
     void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override;
-    Tiles changed_since(const Layer& before, const Domain& domain) const override;
+    Tiles changed_since(const TerrainLayer& before, const Domain& domain) const override;
     std::vector<std::pair<std::string, double>> report() const override;
 
   private:

@@ -176,7 +176,7 @@ void set_layers(TerrainInstance& instance, const MarramFrame& frame, std::span<c
         if (!made.layer) {
             LayerContext context{own, instance.domain, wind, seed};
             context.masks = masks;
-            const std::shared_ptr<const Layer> before = instance.stack->find(layers.size(), made.type);
+            const std::shared_ptr<const TerrainLayer> before = instance.stack->find(layers.size(), made.type);
             context.before = before.get();
             context.frame = frame.frame;
             context.wind_speed = values.number("wind.speed");

@@ -121,7 +121,8 @@ void shelter(const ChainFrame& chain, uint32_t time, Strands& strands, StageCloc
 
 } // namespace
 
-void jiggle_patch(const ChainFrame& chain, const Expand& expand, Strands& strands, ChainScratch& scratch) {
+void jiggle_patch(const ChainFrame& chain, const RestStrandSource& expand, Strands& strands,
+                  ChainScratch& scratch) {
     const std::span times(chain.frame.times, chain.frame.time_count);
     const Wind& wind = *chain.wind;
     scratch.jiggled.resize(times.size());

@@ -69,7 +69,7 @@ struct ChainScratch {
 
 // Fills the rest strands (rest, rest_normal, anchor, root_normal, width) of the patch at a motion sample or
 // at a knot of the jiggle window.
-struct Expand {
+struct RestStrandSource {
     std::function<void(uint32_t time, Strands&)> at_time;
     std::function<void(int64_t knot, Strands&)> at_knot;
     // True: at this knot they are the same as at the previous one, as on a static skin. May be empty: never.
@@ -83,7 +83,8 @@ struct Expand {
 // crosses the wind at 1 m/s, at 3 Hz and damping 0.3: a third of the strands behind it are off by more than
 // 1 % of their length, the worst by their whole length, or by a quarter if a cone of 10 degrees softens the
 // edge (tests/chain/shelter_test.cpp prints more).
-void jiggle_patch(const ChainFrame& chain, const Expand& expand, Strands& strands, ChainScratch& scratch);
+void jiggle_patch(const ChainFrame& chain, const RestStrandSource& expand, Strands& strands,
+                  ChainScratch& scratch);
 
 // Expanded strands at motion sample `time` -> pose, pose_normal, envelope, gust, shield. If the wind has no
 // strength, the pose is the rest pose bit for bit, except for collision.

@@ -135,7 +135,7 @@ double measured_clearance(const Colliders& colliders, const Vec3d& start, double
 // Progress of the solution: start of the next segment, and the rotation that carries the rest strand there.
 struct Progress {
     Vec3d start;
-    Eigen::Quaterniond carried = Eigen::Quaterniond::Identity();
+    Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();
     double clearance = 0.0;
     bool turned = false; // some segment has turned
 };
@@ -146,11 +146,11 @@ bool next_segment(const CollideScratch& scratch, const Progress& progress, size_
     const Vec3d d = rest[k + 1] - rest[k];
     const double length = d.norm();
     if (!(length > 0.0)) return false;
-    const Vec3d from = progress.turned ? Vec3d(progress.carried * (d / length)) : Vec3d(d / length);
+    const Vec3d from = progress.turned ? Vec3d(progress.rotation * (d / length)) : Vec3d(d / length);
     const Vec3d to_target = scratch.target[k + 1] - progress.start;
     const Vec3d goal =
         to_target.squaredNorm() > 1e-24 * length * length ? Vec3d(to_target.normalized()) : from;
-    const Vec3d to_tip = progress.carried * (rest.back() - rest[k]);
+    const Vec3d to_tip = progress.rotation * (rest.back() - rest[k]);
     segment = {progress.start, from, goal, to_tip, length, progress.clearance};
     if (scratch.turn_fraction[k] < 1.0) {
         const Arc arc = arc_of(segment);
@@ -174,8 +174,8 @@ void advance(CollideScratch& scratch, Progress& progress, size_t k, const Segmen
              (scratch.target[k] == progress.start || k == 0))
         end = target;
     if (!still) {
-        progress.carried =
-            (Eigen::Quaterniond::FromTwoVectors(segment.from, direction) * progress.carried).normalized();
+        progress.rotation =
+            (Eigen::Quaterniond::FromTwoVectors(segment.from, direction) * progress.rotation).normalized();
         progress.turned = true;
     }
     scratch.solved[k + 1] = end.cast<float>();
@@ -204,10 +204,10 @@ RenderedSegment drawn_segment(const CollideJob& job, const StrandJob& strand, co
             job.basis == MARRAM_BSPLINE};
 }
 
-// Tests whether all segments from k on reach their targets without contact. If so, the rest of the strand is
+// Looks ahead: tests whether all segments from k on reach their targets without contact. If so, the rest of the strand is
 // solved at once. The upper parts of most strands are in open air.
-bool rest_of_strand_is_clear(const CollideJob& job, const StrandJob& strand, const Progress& so_far, size_t k,
-                             CollideScratch& scratch, CollisionCounts& counts) {
+bool remaining_segments_are_clear(const CollideJob& job, const StrandJob& strand, const Progress& so_far,
+                                  size_t k, CollideScratch& scratch, CollisionCounts& counts) {
     Progress progress = so_far;
     scratch.swept.clear();
     scratch.swept.push_back(progress.start);
@@ -237,8 +237,8 @@ bool rest_of_strand_is_clear(const CollideJob& job, const StrandJob& strand, con
         const RenderedSegment drawn = drawn_segment(job, strand, scratch, i);
         offset = std::max(offset, drawn.max_offset() + std::max(drawn.r0, drawn.r1));
     }
-    Region region(std::max(arc_padding + so_far.clearance, offset) * (1.0 + 1e-9));
-    if (scratch.swept.size() <= Region::most_points) {
+    SearchRegion region(std::max(arc_padding + so_far.clearance, offset) * (1.0 + 1e-9));
+    if (scratch.swept.size() <= SearchRegion::most_points) {
         for (const Vec3d& p : scratch.swept) region.add(p);
     } else {
         Eigen::AlignedBox3d box;
@@ -276,15 +276,15 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
         const bool ahead =
             k > 0 ? look_ahead && !job.trace && k >= next_look : progress.clearance <= min_clearance;
         if (exact && ahead) {
-            if (rest_of_strand_is_clear(job, strand, progress, k, scratch, counts)) {
-                std::fill(scratch.pushed_out_cvs.begin() + long(k), scratch.pushed_out_cvs.end(),
+            if (remaining_segments_are_clear(job, strand, progress, k, scratch, counts)) {
+                std::fill(scratch.segment_pushed_out.begin() + long(k), scratch.segment_pushed_out.end(),
                           char(false));
                 return true;
             }
             next_look = k + std::max<size_t>(1, (n - k) / lookahead_divisor);
         }
         Segment segment;
-        scratch.pushed_out_cvs[k] = false;
+        scratch.segment_pushed_out[k] = false;
         if (!next_segment(scratch, progress, k, segment)) {
             scratch.solved[k + 1] = scratch.solved[k];
             scratch.clearance[k + 1] = progress.clearance;
@@ -297,7 +297,7 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
             if (segment.clearance < std::max(min_clearance, 1e-6 * segment.length))
                 segment.clearance = measured_clearance(*job.colliders, segment.pivot, wanted);
             segment.clearance_unverified = progress.start == scratch.rest[0];
-            segment.carried = k > 0;
+            segment.rotated_by_parent = k > 0;
             turned = segment.clearance > min_clearance
                          ? turn_exactly(*job.colliders, segment, scratch.turn)
                          : Turned{segment.from, Outcome::unresolved, false, 0.0};
@@ -312,7 +312,7 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
             turned = turn_by_steps(*job.colliders, segment, job.settings->rotation_steps);
         }
         look_ahead = turned.outcome == Outcome::arrived;
-        scratch.pushed_out_cvs[k] = turned.pushed_out;
+        scratch.segment_pushed_out[k] = turned.pushed_out;
         counts.contacts += turned.outcome == Outcome::contact;
         counts.pushed_out += turned.pushed_out && turned.outcome != Outcome::unresolved;
         counts.unresolved += turned.outcome == Outcome::unresolved;
@@ -369,14 +369,14 @@ void remove_penetration(const CollideJob& job, const StrandJob& strand, CollideS
     CollideJob quiet = job;
     quiet.trace = nullptr;
     for (int i = 0; i < tries; ++i) {
-        int corner = penetrating_cv(job, strand, scratch);
-        if (corner < 0) return;
-        while (corner >= 0 &&
-               (scratch.turn_fraction[size_t(corner)] == 0.0 || scratch.pushed_out_cvs[size_t(corner)]))
-            --corner;
-        if (corner < 0) break; // the rest shape itself penetrates
-        double& limit = scratch.turn_fraction[size_t(corner)];
-        limit = limit > smallest ? 0.5 * limit : 0.0;
+        int segment = penetrating_cv(job, strand, scratch);
+        if (segment < 0) return;
+        while (segment >= 0 &&
+               (scratch.turn_fraction[size_t(segment)] == 0.0 || scratch.segment_pushed_out[size_t(segment)]))
+            --segment;
+        if (segment < 0) break; // the rest shape itself penetrates
+        double& fraction = scratch.turn_fraction[size_t(segment)];
+        fraction = fraction > smallest ? 0.5 * fraction : 0.0;
         const std::vector<Vec3f> before = scratch.solved;
         CollisionCounts again;
         if (solve_strand(quiet, strand, scratch, again) && again.unresolved == 0) continue;
@@ -396,22 +396,22 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
     const int lane = int(i % lanes);
     const Wide3f* rest = strands.rest.data() + block * cvs;
     Wide3f* pose = strands.pose.data() + block * cvs;
-    double scale = 0.0, whole = 0.0;
+    double max_coordinate = 0.0, strand_length = 0.0;
     for (size_t k = 0; k < cvs; ++k) {
         scratch.rest[k] = lane_of(rest[k], lane);
         scratch.target[k] = lane_of(pose[k], lane);
         scratch.turn_fraction[k] = 1.0;
-        if (k > 0) whole += (scratch.rest[k] - scratch.rest[k - 1]).norm();
-        scale = std::max(scale, scratch.rest[k].cwiseAbs().maxCoeff());
+        if (k > 0) strand_length += (scratch.rest[k] - scratch.rest[k - 1]).norm();
+        max_coordinate = std::max(max_coordinate, scratch.rest[k].cwiseAbs().maxCoeff());
     }
-    if (!(whole > 0.0)) return;
+    if (!(strand_length > 0.0)) return;
     StrandJob strand{};
     strand.strand = i;
     const double root_radius = read_radii(job, strands, i, scratch.radius);
     strand.radius = scratch.radius.data();
-    strand.offset = root_offset(*job.settings, whole, root_radius);
-    strand.rounding = 0x1p-24 * (scale + whole);
-    strand.tolerance = job.tolerance > 0.0 ? job.tolerance : 1e-3 * whole;
+    strand.offset = root_offset(*job.settings, strand_length, root_radius);
+    strand.rounding = 0x1p-24 * (max_coordinate + strand_length);
+    strand.tolerance = job.tolerance > 0.0 ? job.tolerance : 1e-3 * strand_length;
     if (job.settings->offset_scale && job.skin) {
         const Vec3d facing(strands.root_normal[block].x[lane], strands.root_normal[block].y[lane],
                            strands.root_normal[block].z[lane]);
@@ -423,7 +423,7 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
             // offset_scale times that length of the path from rest to target, no push is needed; this is the
             // usual case. It also holds around a rim, where a target may be in open air below the plane of
             // the skin.
-            Region swept(*job.settings->offset_scale * along * (1.0 + 1e-6));
+            SearchRegion swept(*job.settings->offset_scale * along * (1.0 + 1e-6));
             swept.add(scratch.rest[k]);
             swept.add(scratch.target[k]);
             if (region_is_clear(*job.colliders, swept, scratch.turn)) continue;
@@ -469,7 +469,7 @@ void collide(const CollideJob& job, Strands& strands, CollideScratch& scratch, C
     scratch.solved.resize(cvs);
     scratch.radius.resize(cvs);
     scratch.turn_fraction.resize(cvs);
-    scratch.pushed_out_cvs.assign(cvs, false);
+    scratch.segment_pushed_out.assign(cvs, false);
     scratch.clearance.resize(cvs);
     for (size_t i = 0; i < size_t(strands.count); ++i) collide_strand(job, strands, i, scratch, counts);
 }

@@ -64,11 +64,11 @@ struct CollideScratch {
     TurnScratch turn;
     std::vector<Vec3d> rest, target, swept;
     std::vector<Vec3f> solved;
-    std::vector<double> radius;        // of the strand at each CV
-    std::vector<double> turn_fraction; // fraction of its turn that a segment may take
-    std::vector<char> pushed_out_cvs;  // [cvs]: the segment that starts here was turned out
-    std::vector<double> clearance;     // [cvs]: of the segment that ends at the CV
-    size_t clear_from = 0;             // rendered curves of the segments from here on are known to be clear
+    std::vector<double> radius;           // of the strand at each CV
+    std::vector<double> turn_fraction;    // fraction of its turn that a segment may take
+    std::vector<char> segment_pushed_out; // [cvs]: the segment that starts here was turned out
+    std::vector<double> clearance;        // [cvs]: of the segment that ends at the CV
+    size_t clear_from = 0; // rendered curves of the segments from here on are known to be clear
 };
 
 // strands.rest, pose (bent) -> pose. Reads strands.width and, for offset_scale, root_normal. Segments keep

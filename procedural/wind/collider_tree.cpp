@@ -395,7 +395,7 @@ size_t ColliderTree::shared_bytes() const {
 
 struct alignas(64) ColliderTree::RegionQuery {
     float low[3], high[3]; // of the expanded hull
-    float points[Region::most_points][3];
+    float points[SearchRegion::most_points][3];
     size_t count;
     float radius;
     bool flat;
@@ -507,7 +507,7 @@ MARRAM_HOT void ColliderTree::walk(const MarramMesh* meshes, const RegionQuery& 
     }
 }
 
-bool ColliderTree::find(const MarramMesh* meshes, const Region& region, size_t most,
+bool ColliderTree::find(const MarramMesh* meshes, const SearchRegion& region, size_t most,
                         std::vector<NearCluster>& found) const {
     found.clear();
     if (nodes_.empty()) return true;

@@ -34,11 +34,11 @@ namespace marram {
 
 // The convex hull of some points, expanded by a radius; optionally only the part within the radius of a
 // plane.
-class Region {
+class SearchRegion {
   public:
     static constexpr size_t most_points = 24;
 
-    explicit Region(double radius) : radius_(radius) {}
+    explicit SearchRegion(double radius) : radius_(radius) {}
     void add(const Vec3d& p) { points_[count_++] = p; }
     void flatten(const Vec3d& unit_normal) {
         normal_ = unit_normal;
@@ -85,7 +85,7 @@ class ColliderTree {
 
     // Finds the clusters that may have a triangle within the region (none if it is not finite or its radius
     // is beyond 1e18). False: there are more than `most` (found has some of them).
-    bool find(const MarramMesh* meshes, const Region& region, size_t most,
+    bool find(const MarramMesh* meshes, const SearchRegion& region, size_t most,
               std::vector<NearCluster>& found) const;
 
     // Calls visit(cluster) for those that may have a triangle within `radius` of p, roughly closest first.

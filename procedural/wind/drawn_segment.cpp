@@ -53,7 +53,7 @@ bool part_penetrates(const PenetrationCheck& check, double begin, double end, in
     if (b0.norm() + b1.norm() + widest <= check.room) return false;
     const Vec3d centre = drawn.on_polygon(0.5 * (begin + end));
     const double distance = std::max(widest - check.allowed, 0.0);
-    Region region(distance);
+    SearchRegion region(distance);
     for (const double t : {begin, end}) {
         const Vec3d p = drawn.on_polygon(t);
         for (const Vec3d& away : {Vec3d(Vec3d::Zero()), b0, b1, Vec3d(b0 + b1)}) region.add(p + away);

@@ -57,11 +57,12 @@ constexpr std::array gust_values = {
     MarramParam{"gusts.redraw", MARRAM_BOOLEAN, "", "false", -largest_wind_input, largest_wind_input, "",
                 "true: new random gusts in each period; false: the same gusts in each period, for loops"},
     MarramParam{"gusts.center", MARRAM_VEC3, "m", "none", -largest_wind_input, largest_wind_input, "",
-                "point that gusts pass; default: the middle of the strands at bind_frame"},
-    MarramParam{"gusts.extent", MARRAM_VEC2, "m", "none", 0, largest_wind_input, "",
-                "width and height of the plane that gusts start from; default: those of the strands"},
+                "point that gusts pass; default: the middle of the bounds of all meshes at bind_frame"},
+    MarramParam{
+        "gusts.extent", MARRAM_VEC2, "m", "none", 0, largest_wind_input, "",
+        "width and height of the plane that gusts start from; default: those of the bounds of all meshes"},
     MarramParam{"gusts.distance", MARRAM_NUMBER, "m", "none", -largest_wind_input, largest_wind_input, "",
-                "distance of that plane, upwind of the centre; default: just outside the strands"},
+                "distance of that plane, upwind of the centre; default: just outside these bounds"},
     MarramParam{"gusts.ramp", MARRAM_RAMP, "", smooth_fall, 0, 1, "",
                 "influence from the centre (0) to the surface (1), where it is 0"},
     MarramParam{"gusts.strength", MARRAM_NUMBER, "", "1", 0, 10, "", "scale of the influence of these gusts"},
@@ -440,7 +441,7 @@ std::optional<Gusts> read_gusts(const Values& values) {
     return gusts;
 }
 
-void fix_gusts(Gusts& gusts, const Vec3d& lower, const Vec3d& upper, const Vec3d& wind_direction) {
+void set_gust_plane(Gusts& gusts, const Vec3d& lower, const Vec3d& upper, const Vec3d& wind_direction) {
     Vec3d middle = 0.5 * lower + 0.5 * upper, half = 0.5 * upper - 0.5 * lower;
     if (!middle.allFinite() || !half.allFinite() || half.minCoeff() < 0.0) middle = half = Vec3d::Zero();
     const CrosswindAxes sides = across(wind_direction);

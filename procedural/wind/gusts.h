@@ -43,7 +43,7 @@
 // At its start frame a gust is at the plane upwind, at full strength. It fades out over the last d frames of
 // its life: over all of it if decay is longer, and over at least one frame, so that nothing pops. For the
 // same reason it fades in over the d frames *before* its start frame, on its way to the plane. That is
-// visible only if the artist has placed the plane among the strands; the plane that fix_gusts() computes lies
+// visible only if the artist has placed the plane among the strands; the plane that set_gust_plane() computes lies
 // outside by the largest radius.
 //
 // nu is value noise: lattice points have values h * 2^-24, h the upper 24 bits of mix32(mix32(mix32(seed + i)
@@ -110,7 +110,7 @@ std::optional<Gusts> read_gusts(const Values& values);
 // Sets center, extent and distance if the scene does not give them, from a box that contains all strands.
 // Call it once a shot, with the box at bind_frame, never with the box of the current frame. The plane is
 // placed upwind of the box by the largest radius. A box that is empty or not finite counts as the point 0.
-void fix_gusts(Gusts& gusts, const Vec3d& lower, const Vec3d& upper, const Vec3d& wind_direction);
+void set_gust_plane(Gusts& gusts, const Vec3d& lower, const Vec3d& upper, const Vec3d& wind_direction);
 
 // False: the influences are the same at every time.
 bool gusts_move(const Gusts& gusts);
@@ -142,7 +142,7 @@ struct GustField {
     size_t bytes() const;
 };
 
-// Center, extent and distance must be set if num_gusts > 0 (fix_gusts). `wind_direction` is unit. Keeps only
+// Center, extent and distance must be set if num_gusts > 0 (set_gust_plane). `wind_direction` is unit. Keeps only
 // influences that overlap the box `within`, about 0.3 KB each: add_gusts() gives the same bits for CVs in the
 // box.
 GustField gusts_at(const Gusts& gusts, const Vec3d& wind_direction, double frame, double fps,

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sector that a segment sweeps is a region; the collider tree finds the triangles that may be in it. If
+// Exact contact: rotates a segment about its start towards its goal until it touches a triangle. The sector that it
+// sweeps is a convex region; the collider tree finds the triangles that may be in it. If
 // there are many, the sector is halved and the first half is tested first; parts beyond a contact are never
 // tested. Triangles entirely on one side of the plane of the turn are skipped; the rest go to
 // first_blocked(). The result is a minimum over triangles, so it does not depend on how the sector was
@@ -14,11 +15,11 @@
 namespace marram {
 namespace {
 
-constexpr size_t many = 64;   // clusters: a sector with more is halved
-constexpr int most_cuts = 12; // halvings of a sector
-constexpr int out_steps = 32; // steps of half a turn in the search for a free direction
+constexpr size_t max_clusters = 64; // a sector with more is halved
+constexpr int max_halvings = 12;    // halvings of a sector
+constexpr int push_out_steps = 32;  // steps of half a turn in the search for a free direction
 constexpr double opposed_sine =
-    1e-9; // sine of the angle to exact opposition below which the lean defines the plane of the arc
+    1e-9; // from and goal count as opposed if the sine between them is smaller: the strand beyond picks the plane
 
 struct Part { // of a sector, in angles
     double begin, end;
@@ -26,8 +27,8 @@ struct Part { // of a sector, in angles
 };
 
 // Corners of a polygon around the arc, in pieces of at most a sixth of a full turn.
-Region sector(const Vec3d& pivot, const Turning& turning, const Part& part, double radius) {
-    Region region(radius);
+SearchRegion sector(const Vec3d& pivot, const Turning& turning, const Part& part, double radius) {
+    SearchRegion region(radius);
     region.add(pivot);
     region.flatten(turning.normal);
     const int pieces = std::max(int(std::ceil((part.end - part.begin) * (3.0 / pi))), 1);
@@ -54,7 +55,7 @@ MARRAM_HOT void load_at_plane(const TriangleCluster& cluster, const Vec3d& origi
 
 // Triangles of the region's clusters, relative to the pivot, without those on one side of the region's plane.
 // False: there are more than `most` clusters.
-bool gather(const Colliders& colliders, const Region& region, size_t most, TurnScratch& scratch) {
+bool gather(const Colliders& colliders, const SearchRegion& region, size_t most, TurnScratch& scratch) {
     scratch.triangles.clear();
     if (!colliders.tree->find(colliders.lent, region, most, scratch.clusters)) return false;
     for (const NearCluster& near : scratch.clusters) {
@@ -81,17 +82,17 @@ constexpr double pivot_check_factor = 1.1; // an unverified pivot must be free b
 Sweep sweep(const Colliders& colliders, const Segment& segment, const Arc& arc, TurnScratch& scratch) {
     Sweep result{false, false, std::numeric_limits<double>::infinity(), Vec2d::Zero()};
     const double reach = search_radius(arc.turning.clearance, segment.length);
-    double end = diamond_of_angle(arc.angle);
-    Part parts[most_cuts + 1];
+    double end = diamond_of_angle(arc.angle); // in diamond units (contact.h), as FirstBlocked::turn
+    Part parts[max_halvings + 1];
     int top = 0;
     parts[top++] = {0.0, arc.angle, 0};
     while (top > 0) {
         const Part part = parts[--top];
         if (part.begin > result.first) break;
         const bool clearance_unverified = segment.clearance_unverified && part.begin == 0.0;
-        const Region region = sector(segment.pivot, arc.turning, part,
-                                     clearance_unverified ? pivot_check_factor * reach : reach);
-        if (!gather(colliders, region, part.cuts < most_cuts ? many : SIZE_MAX, scratch)) {
+        const SearchRegion region = sector(segment.pivot, arc.turning, part,
+                                           clearance_unverified ? pivot_check_factor * reach : reach);
+        if (!gather(colliders, region, part.cuts < max_halvings ? max_clusters : SIZE_MAX, scratch)) {
             const double middle = 0.5 * (part.begin + part.end);
             parts[top++] = {middle, part.end, part.cuts + 1};
             parts[top++] = {part.begin, middle, part.cuts + 1};
@@ -166,7 +167,7 @@ double blocked_interval_end(const Colliders& colliders, const Vec3d& pivot, cons
     blocked_turns(turning, 0.0, last, scratch.triangles.blocks(), scratch.triangles.size(), blocked);
     std::sort(blocked.begin(), blocked.end(),
               [](const Blocked& a, const Blocked& b) { return a.low < b.low; });
-    double up = 0.0;
+    double up = 0.0; // diamond units, as Blocked
     for (const Blocked& b : blocked) {
         if (b.low > up) break;
         up = std::max(up, b.high);
@@ -178,9 +179,9 @@ double blocked_interval_end(const Colliders& colliders, const Vec3d& pivot, cons
 
 Vec2d out_step(int i) { // cosine and sine of step i
     static const auto table = [] {
-        std::array<Vec2d, 2 * out_steps + 1> t;
+        std::array<Vec2d, 2 * push_out_steps + 1> t;
         for (size_t k = 0; k < t.size(); ++k)
-            t[k] = {std::cos(pi / out_steps * double(k)), std::sin(pi / out_steps * double(k))};
+            t[k] = {std::cos(pi / push_out_steps * double(k)), std::sin(pi / push_out_steps * double(k))};
         return t;
     }();
     return table[size_t(i)];
@@ -192,7 +193,7 @@ Vec2d out_step(int i) { // cosine and sine of step i
 // within `most`.
 double turn_out_in_plane(const Colliders& colliders, const Segment& segment, const Turning& turning,
                          double most, TurnScratch& scratch, Vec3d& direction) {
-    constexpr double step = pi / out_steps;
+    constexpr double step = pi / push_out_steps;
     constexpr double none = 2.0 * pi;
     int blocked[2] = {0, 0};
     double least = none;
@@ -212,7 +213,7 @@ double turn_out_in_plane(const Colliders& colliders, const Segment& segment, con
         const double free = std::min(from + 2.0 * step, most);
         const bool last = free == most; // must itself be free; otherwise no free direction is closer
         if (last && ray_meets(colliders, segment.pivot, at(free), segment.length)) {
-            blocked[side] = 2 * out_steps;
+            blocked[side] = 2 * push_out_steps;
             continue;
         }
         Arc back{turning, free - from};
@@ -224,29 +225,29 @@ double turn_out_in_plane(const Colliders& colliders, const Segment& segment, con
         if (found.blocked_at_start && last) {
             turned = none;
         } else if (found.blocked_at_start) {
-            Turning rest = turning;
-            rest.from = at(from).normalized();
-            rest.normal = turning.normal * sign;
-            rest.across = rest.normal.cross(rest.from);
-            turned = from + blocked_interval_end(colliders, segment.pivot, rest, free - from, scratch);
+            Turning remaining = turning;
+            remaining.from = at(from).normalized();
+            remaining.normal = turning.normal * sign;
+            remaining.across = remaining.normal.cross(remaining.from);
+            turned = from + blocked_interval_end(colliders, segment.pivot, remaining, free - from, scratch);
         } else if (found.first > back.angle) {
             turned = from; // due to rounding: `from` was blocked
         }
         if (turned < least) {
             least = turned;
             direction = at(turned);
-            scratch.against.clear();
+            scratch.contact_triangle.clear();
             if (!found.blocked_at_start && found.first <= back.angle) {
                 const auto& p = scratch.first.corner;
-                scratch.against.push(p[0], p[1], p[2]);
+                scratch.contact_triangle.push(p[0], p[1], p[2]);
             }
         }
-        blocked[side] = turned <= pi || last ? 2 * out_steps : blocked[side] + 2;
+        blocked[side] = turned <= pi || last ? 2 * push_out_steps : blocked[side] + 2;
     }
 }
 
 // Straight out: the plane of `from` and the direction from the closest point to the pivot, which is outside.
-// If the goal is close to `from`, the plane of the arc is almost arbitrary. Turning out in it alone makes
+// If the goal is close to `from`, the plane of the arc is almost arbitrary. A push-out in it alone makes
 // strands curl sideways and jump from frame to frame.
 bool plane_straight_out(const Colliders& colliders, const Segment& segment, Turning& turning) {
     const NearestTriangle nearest = nearest_triangle(colliders, segment.pivot, segment.length);
@@ -310,7 +311,7 @@ Vec3d longest_free_direction(const Colliders& colliders, const Segment& segment,
 
 // A cluster relative to the origin. `near`: triangles that neither their own plane nor their box separates
 // from the region.
-MARRAM_HOT void load_near(const TriangleCluster& cluster, const Vec3d& origin, const Region& region,
+MARRAM_HOT void load_near(const TriangleCluster& cluster, const Vec3d& origin, const SearchRegion& region,
                           Triangles8& triangles, VLong& near) {
     load(cluster, origin, triangles);
     const Wide3d &a = triangles.corner[0], &b = triangles.corner[1], &c = triangles.corner[2];
@@ -335,9 +336,9 @@ MARRAM_HOT void load_near(const TriangleCluster& cluster, const Vec3d& origin, c
 // Calls visit(eight, lane) for the triangles that may be near the region, relative to `origin`, until it
 // returns false.
 template <typename Visit>
-void each_near(const Region& region, const std::vector<NearCluster>& clusters, const Vec3d& origin,
+void each_near(const SearchRegion& region, const std::vector<NearCluster>& clusters, const Vec3d& origin,
                Visit&& visit) {
-    Region moved(region.radius());
+    SearchRegion moved(region.radius());
     for (const Vec3d& q : region.points()) moved.add(q - origin);
     for (const NearCluster& cluster : clusters) {
         Triangles8 eight;
@@ -350,15 +351,15 @@ void each_near(const Region& region, const std::vector<NearCluster>& clusters, c
 
 } // namespace
 
-bool region_is_clear(const Colliders& colliders, const Region& region, TurnScratch& scratch) {
-    if (!colliders.tree->find(colliders.lent, region, many, scratch.clusters)) return false;
+bool region_is_clear(const Colliders& colliders, const SearchRegion& region, TurnScratch& scratch) {
+    if (!colliders.tree->find(colliders.lent, region, max_clusters, scratch.clusters)) return false;
     bool clear = true;
     each_near(region, scratch.clusters, region.points()[0],
               [&](const Triangles8&, int) { return clear = false; });
     return clear;
 }
 
-bool triangles_near(const Colliders& colliders, const Region& region, const Vec3d& origin, size_t most,
+bool triangles_near(const Colliders& colliders, const SearchRegion& region, const Vec3d& origin, size_t most,
                     TurnScratch& scratch) {
     scratch.triangles.clear();
     if (!colliders.tree->find(colliders.lent, region, most, scratch.clusters)) return false;
@@ -371,7 +372,7 @@ bool triangles_near(const Colliders& colliders, const Region& region, const Vec3
 
 bool any_triangle_within(const Colliders& colliders, const Vec3d& centre, double radius,
                          TurnScratch& scratch) {
-    Region ball(radius);
+    SearchRegion ball(radius);
     ball.add(centre);
     colliders.tree->find(colliders.lent, ball, SIZE_MAX, scratch.clusters);
     bool found = false;
@@ -393,8 +394,8 @@ Arc arc_of(const Segment& segment) {
     double sine = axis.norm();
     if (sine <= opposed_sine && !(cosine > 0.0 && sine > 0.0)) {
         // Opposed or equal: use the plane of the strand's lean.
-        axis = a.cross(segment.lean);
-        if (!(axis.squaredNorm() > 1e-12 * segment.lean.squaredNorm())) {
+        axis = a.cross(segment.tip_direction);
+        if (!(axis.squaredNorm() > 1e-12 * segment.tip_direction.squaredNorm())) {
             Eigen::Index least;
             a.cwiseAbs().minCoeff(&least);
             axis = a.cross(Vec3d::Unit(least));
@@ -411,10 +412,10 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
     Segment segment = given;
     Arc arc = arc_of(segment);
     Sweep found{true, false, 0.0, Vec2d::Zero()};
-    if (!segment.carried || !ray_confirms_blocked(colliders, segment, scratch))
+    if (!segment.rotated_by_parent || !ray_confirms_blocked(colliders, segment, scratch))
         found = sweep(colliders, segment, arc, scratch);
-    // Not clear by the coarse tests of planes and boxes, or blocked at the start, which ended the sweep
-    // before all triangles near the pivot were tested: measure the clearance now.
+    // The pivot may be too close: the coarse tests (planes, boxes) say so, or the sweep was blocked at angle 0 and ended
+    // before it had tested all triangles near the pivot. Measure the clearance exactly.
     if (found.not_clear || (found.blocked_at_start && segment.clearance_unverified)) {
         if (any_triangle_within(colliders, segment.pivot, segment.clearance * pivot_check_factor, scratch))
             return {segment.from, Outcome::not_clear, false, 0.0};
@@ -449,8 +450,8 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
         constexpr double at_once = 0.05, stays = 1e-6;
         found = {false, false, std::numeric_limits<double>::infinity(), Vec2d::Zero()};
         double most = std::min(arc.angle, at_once);
-        if (scratch.against.size() > 0 &&
-            first_blocked(arc.turning, diamond_of_angle(most), scratch.against, scratch.first))
+        if (scratch.contact_triangle.size() > 0 &&
+            first_blocked(arc.turning, diamond_of_angle(most), scratch.contact_triangle, scratch.first))
             found.blocked_at_start = scratch.first.turn < stays;
         if (!found.blocked_at_start) {
             Arc near = arc;

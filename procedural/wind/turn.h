@@ -13,10 +13,10 @@ namespace marram {
 // clearance_unverified).
 struct Segment {
     Vec3d pivot, from, goal; // directions are unit vectors
-    Vec3d lean; // of the strand beyond it: picks the plane if from and goal are opposed; may be 0
+    Vec3d tip_direction; // of the strand beyond it: picks the plane if from and goal are opposed; may be 0
     double length, clearance;
     bool clearance_unverified = false; // check the pivot's clearance
-    bool carried = false;              // rotated by earlier turns, perhaps into a collider: test a ray first
+    bool rotated_by_parent = false;    // rotated by earlier turns, perhaps into a collider: test a ray first
 };
 
 enum class Outcome {
@@ -47,7 +47,7 @@ Arc arc_of(const Segment& segment);
 // Per-thread buffers, kept from segment to segment.
 struct TurnScratch {
     TriangleList triangles, kept;
-    TriangleList against; // the triangle that a turned-out segment touches
+    TriangleList contact_triangle; // the triangle that a turned-out segment touches
     FirstBlocked first;
     std::vector<NearCluster> clusters;
     std::vector<Blocked> blocked;
@@ -78,11 +78,11 @@ bool any_triangle_within(const Colliders& colliders, const Vec3d& centre, double
                          TurnScratch& scratch);
 
 // True: no triangle is within the region. False: one may be.
-bool region_is_clear(const Colliders& colliders, const Region& region, TurnScratch& scratch);
+bool region_is_clear(const Colliders& colliders, const SearchRegion& region, TurnScratch& scratch);
 
 // Fills scratch.triangles, relative to `origin`, with all triangles that may be within the region. False:
 // they are in more than `most` clusters; the list is left empty.
-bool triangles_near(const Colliders& colliders, const Region& region, const Vec3d& origin, size_t most,
+bool triangles_near(const Colliders& colliders, const SearchRegion& region, const Vec3d& origin, size_t most,
                     TurnScratch& scratch);
 
 // True: a ray of that length hits a triangle.

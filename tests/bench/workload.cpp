@@ -62,7 +62,7 @@ Wind gusty_wind() {
     gusts.life = {40.0, 60.0};
     gusts.decay = {8.0, 8.0};
     gusts.ramp = Ramp(std::vector<double>{0, 1, 1, 0}, "smooth");
-    fix_gusts(gusts, Vec3d::Constant(-1.3), Vec3d::Constant(1.3), wind.direction);
+    set_gust_plane(gusts, Vec3d::Constant(-1.3), Vec3d::Constant(1.3), wind.direction);
     wind.gusts = gusts;
     Shielding shielding;
     shielding.shield = 0.7;

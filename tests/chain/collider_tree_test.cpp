@@ -91,7 +91,7 @@ double check(const Lent& lent, const ColliderTree& tree, uint32_t time, double s
             if (flat) point -= normal * normal.dot(point);
             mean += point / double(points.size());
         }
-        Region region(radius);
+        SearchRegion region(radius);
         for (const Vec3d& point : points) region.add(point - mean + inside);
         if (flat) region.flatten(normal);
         EXPECT_TRUE(tree.find(lent.frame.meshes, region, SIZE_MAX, found));
@@ -160,7 +160,7 @@ TEST(ColliderTree, knows_what_flies_into_reach_after_the_first_sample) {
     const Eigen::AlignedBox3d reach(Vec3d::Constant(-2), Vec3d::Constant(2));
     const ColliderTree first(lent.frame, reach, 0), second(lent.frame, reach, 1, &first);
     check(lent, second, 1, 1.0, 1000);
-    Region all(2.0);
+    SearchRegion all(2.0);
     all.add(Vec3d::Zero());
     std::vector<NearCluster> found;
     first.find(lent.frame.meshes, all, SIZE_MAX, found);
@@ -178,7 +178,7 @@ TEST(ColliderTree, answers_many_threads_as_it_answers_one) {
     const auto ask = [&](const ColliderTree& tree, size_t i) {
         Random random;
         random.bits.seed(i);
-        Region region(std::pow(10.0, random(-4, -1)));
+        SearchRegion region(std::pow(10.0, random(-4, -1)));
         for (int k = 0; k < 4; ++k) region.add(1.1 * random.in_ball());
         std::vector<NearCluster> found;
         tree.find(lent.frame.meshes, region, 64, found);
@@ -222,7 +222,7 @@ TEST(ColliderTree, finds_nothing_at_infinity_and_where_there_is_no_number) {
     for (const double x : {infinity, -infinity, nan, 0.0})
         for (const double radius : {infinity, nan, 1.0}) {
             if (x == 0.0 && radius == 1.0) continue;
-            Region region(radius);
+            SearchRegion region(radius);
             region.add(Vec3d(x, 0, 0));
             region.add(Vec3d(0, 0, 0));
             EXPECT_TRUE(tree.find(lent.frame.meshes, region, SIZE_MAX, found));
@@ -283,7 +283,7 @@ TEST(ColliderTree, stays_sharp_beside_a_wide_ground) {
     size_t named[2] = {0, 0};
     for (int i = 0; i < 1000; ++i) {
         const Vec3d up = random.in_ball().normalized();
-        Region sweep(1e-4);
+        SearchRegion sweep(1e-4);
         sweep.add(up * 1.001);
         sweep.add(up * 1.02);
         tree.find(lent.frame.meshes, sweep, SIZE_MAX, found);
@@ -301,7 +301,7 @@ TEST(ColliderTree, leaves_out_what_is_out_of_reach_or_not_finite) {
     lent.finish(1);
     const Eigen::AlignedBox3d reach(Vec3d(-2, 0.5, -2), Vec3d(2, 2, 2));
     const ColliderTree tree(lent.frame, reach, 0);
-    Region all(10.0);
+    SearchRegion all(10.0);
     all.add(Vec3d::Zero());
     std::vector<NearCluster> found;
     ASSERT_TRUE(tree.find(lent.frame.meshes, all, SIZE_MAX, found));
@@ -326,7 +326,7 @@ TEST(ColliderTree, is_empty_where_there_is_nothing) {
     lent.finish(1);
     const ColliderTree tree(lent.frame, everywhere(), 0);
     EXPECT_TRUE(tree.empty());
-    Region all(10.0);
+    SearchRegion all(10.0);
     all.add(Vec3d::Zero());
     std::vector<NearCluster> found(1);
     EXPECT_TRUE(tree.find(lent.frame.meshes, all, SIZE_MAX, found));
@@ -346,14 +346,14 @@ TEST(ColliderTree, parts_a_strand_from_the_skin_below_it) {
         for (int i = 0; i < 1000; ++i) {
             const Vec3d up = random.in_ball().normalized(), side = up.unitOrthogonal();
             const Vec3d root = up * 1.01;
-            Region sweep(0.004);
+            SearchRegion sweep(0.004);
             sweep.add(root);
             sweep.add(root + 0.1 * up);
             sweep.add(root + 0.1 * (up + side));
             sweep.add(root + 0.1 * side);
             tree.find(lent.frame.meshes, sweep, SIZE_MAX, found);
             for (const NearCluster& near : found) named += near.count;
-            Region ball(0.1);
+            SearchRegion ball(0.1);
             ball.add(root);
             tree.find(lent.frame.meshes, ball, SIZE_MAX, found);
             for (const NearCluster& near : found) in_ball += near.count;

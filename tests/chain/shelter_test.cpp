@@ -221,7 +221,7 @@ HeldShelterError error_of_held_shelter(const Stage& stage, double spread) {
             to.root_normal = from.root_normal;
             to.width = from.width;
         };
-        const Expand expand{
+        const RestStrandSource expand{
             [&](uint32_t, Strands& s) { rest_of(truth[p], s); },
             [&](int64_t knot, Strands& s) { rest_of(history[size_t(knot - window.first)][p], s); }};
         jiggle_patch(chain, expand, held, scratch);

@@ -90,7 +90,7 @@ Coat::Coat(const CoatSpec& spec) : spec_(spec) {
         make_chain_frame({wind_, groom_.envelope, frame_, &world_->mesh(0), profile_, groom_.basis, window});
 }
 
-Expand Coat::expand_of(std::span<const Root> roots) const {
+RestStrandSource Coat::expand_of(std::span<const Root> roots) const {
     const auto lay_out = [this, roots](Strands& patch) {
         const Surface surface = world_->surface(0);
         expand(groom_, wind_, {surface, surface}, roots, patch);
@@ -106,7 +106,7 @@ std::vector<std::vector<Curve>> Coat::poses(std::span<const Root> roots, size_t 
     for (size_t first = 0; first < roots.size(); first += batch) {
         const std::span<const Root> some = roots.subspan(first, std::min(batch, roots.size() - first));
         patch.resize(int(some.size()), cvs, false);
-        const Expand lay_out = expand_of(some);
+        const RestStrandSource lay_out = expand_of(some);
         if (spec_.jiggle) jiggle_patch(chain_, lay_out, patch, scratch);
         for (uint32_t t = 0; t < times_.size(); ++t) {
             lay_out.at_time(t, patch);

@@ -36,7 +36,7 @@ class Coat {
     std::vector<Curve> rest(std::span<const Root> roots) const;
 
   private:
-    Expand expand_of(std::span<const Root> roots) const;
+    RestStrandSource expand_of(std::span<const Root> roots) const;
 
     CoatSpec spec_;
     std::unique_ptr<FurredWorld> world_;

@@ -108,7 +108,7 @@ View looking() {
     return {.position = {0.0, 0.0, 10.0},
             .cosine = std::cos(45.0 * degree),
             .pixel_angle = 1e-3,
-            .pixels_at = 10.0};
+            .reference_depth = 10.0};
 }
 
 } // namespace
@@ -196,7 +196,7 @@ TEST(StrandMotion, keys_hold_a_strand_to_the_tolerance) {
                 // The margin is tight: three quarters of the keys are not enough.
                 EXPECT_GT(sag(path, std::max(2U, keys * 3 / 4)), 0.9 * tolerance) << turn << ", " << keys;
             }
-            EXPECT_EQ(motion.jumps(tolerance), 0.0);
+            EXPECT_EQ(motion.jump_fraction(tolerance), 0.0);
         }
     EXPECT_EQ(StrandMotion{}.keys_for(0.0), 2U);
 }
@@ -227,15 +227,15 @@ TEST(StrandMotion, what_turns_fast_is_looked_at_more_often) {
     StrandMotion few, more;
     add(few, turn);
     add(more, turn, 17, View{});
-    EXPECT_EQ(few.jumps(0.01), 1.0);
-    EXPECT_EQ(more.jumps(0.01), 0.0);
+    EXPECT_EQ(few.jump_fraction(0.01), 1.0);
+    EXPECT_EQ(more.jump_fraction(0.01), 0.0);
     const uint32_t keys = more.keys_for(0.01);
     EXPECT_LE(sag(turn, keys), 0.01) << keys;
     EXPECT_GT(sag(turn, keys * 3 / 4), 0.009) << keys;
     StrandMotion jumps;
     add(
         jumps, [](double t) { return Vec3d(t < 0.6 ? 0.0 : 0.1, 0.0, 0.0); }, 17, View{});
-    EXPECT_EQ(jumps.jumps(0.01), 1.0);
+    EXPECT_EQ(jumps.jump_fraction(0.01), 1.0);
     EXPECT_EQ(jumps.keys_for(0.01), 2U);
 }
 
@@ -247,8 +247,8 @@ TEST(StrandMotion, what_jumps_and_what_is_rare_asks_for_nothing) {
     for (int i = 0; i < 50; ++i) add(motion, still);
     for (int i = 0; i < 50; ++i) add(motion, jump);
     EXPECT_EQ(motion.keys_for(0.001), 2U);
-    EXPECT_EQ(motion.jumps(0.001), 0.5);
-    EXPECT_EQ(motion.jumps(1.0), 0.0) << "too small to matter";
+    EXPECT_EQ(motion.jump_fraction(0.001), 0.5);
+    EXPECT_EQ(motion.jump_fraction(1.0), 0.0) << "too small to matter";
     for (const int n : {2, 3, 50, 99}) { // of a few strands each counts
         StrandMotion few;
         for (int i = 0; i + 1 < n; ++i) add(few, still);

@@ -526,7 +526,7 @@ TEST(Terrain, DunesEvolveAndAnyFrameCanBeAskedFor) {
         heights_at(early, before);
         TestScene later(evolving());
         later.settings.state_folder = folder.string();
-        later.settings.view.pixels_at = before; // the camera does not change the states
+        later.settings.view.reference_depth = before; // the camera does not change the states
         later.settings.tolerance = 0.01 * before;
         EXPECT_EQ(heights_at(later, 5.0), fifth);
         EXPECT_EQ(heights_at(later, 5.5), half);

@@ -499,7 +499,7 @@ TEST(Gusts, start_outside_the_scene_and_pass_through_it) {
         gusts.distance.reset();
         gusts.num_gusts = 500;
         gusts.start_frame = {0.0, 0.0};
-        fix_gusts(gusts, lower, upper, direction);
+        set_gust_plane(gusts, lower, upper, direction);
         Points points;
         for (int i = 0; i < 400; ++i) {
             Random random{uint64_t(i) + 60};
@@ -524,12 +524,12 @@ TEST(Gusts, start_outside_the_scene_and_pass_through_it) {
 
 TEST(Gusts, keep_what_the_scene_fixes) {
     Gusts gusts = one_gust();
-    fix_gusts(gusts, Vec3d(-9, -9, -9), Vec3d(5, 5, 5), Vec3d(1, 0, 0));
+    set_gust_plane(gusts, Vec3d(-9, -9, -9), Vec3d(5, 5, 5), Vec3d(1, 0, 0));
     EXPECT_EQ(*gusts.center, Vec3d(1, 2, 3));
     EXPECT_EQ(*gusts.extent, Vec2d(0, 0));
     EXPECT_EQ(*gusts.distance, 5.0);
     gusts.distance.reset(); // the plane stays upwind of the box although the center is off its middle
-    fix_gusts(gusts, Vec3d(-9, -9, -9), Vec3d(5, 5, 5), Vec3d(1, 0, 0));
+    set_gust_plane(gusts, Vec3d(-9, -9, -9), Vec3d(5, 5, 5), Vec3d(1, 0, 0));
     EXPECT_NEAR(gusts.center->x() - *gusts.distance, -9.0 - 2.0, 1e-12);
     const double inf = std::numeric_limits<double>::infinity();
     for (const Vec3d& empty : {Vec3d(inf, inf, inf), Vec3d(1, 1, 1), Vec3d(NAN, 0, 0)}) {
@@ -537,7 +537,7 @@ TEST(Gusts, keep_what_the_scene_fixes) {
         lost.center.reset();
         lost.extent.reset();
         lost.distance.reset();
-        fix_gusts(lost, empty, -empty, Vec3d(1, 0, 0));
+        set_gust_plane(lost, empty, -empty, Vec3d(1, 0, 0));
         EXPECT_EQ(*lost.center, Vec3d(0, 0, 0));
         EXPECT_EQ(*lost.extent, Vec2d(0, 0));
         EXPECT_EQ(*lost.distance, 2.0);

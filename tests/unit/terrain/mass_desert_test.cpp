@@ -74,7 +74,7 @@ struct MassGround {
     std::vector<SandUnits> sand;
 };
 
-std::vector<SandUnits> evaluated(const Layer& layer, const MassGround& ground) {
+std::vector<SandUnits> evaluated(const TerrainLayer& layer, const MassGround& ground) {
     std::vector<SandUnits> sand(ground.domain.count());
     const std::vector<Rect> rects = Tiles(ground.domain, true).rects();
     tbb::parallel_for(size_t(0), rects.size(), [&](size_t r) {

@@ -524,7 +524,7 @@ TEST(Ruin, TheLayerIsMadeFromAScene) {
         return mesh;
     };
     context.warn = [&](const std::string&, const std::string&, const std::string&) { ++warnings; };
-    const std::unique_ptr<Layer> layer = ruin_layer_type().make(context);
+    const std::unique_ptr<TerrainLayer> layer = ruin_layer_type().make(context);
     context.domain.x0 += 1e4;
     EXPECT_FALSE(ruin_layer_type().make(context) == nullptr);
     EXPECT_EQ(warnings, 1);

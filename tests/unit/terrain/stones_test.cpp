@@ -50,7 +50,7 @@ struct StonesMade {
     bool operator==(const StonesMade&) const = default;
 };
 
-StonesMade stones_made(const Layer& layer, const StonesGround& ground) {
+StonesMade stones_made(const TerrainLayer& layer, const StonesGround& ground) {
     StonesMade made{std::vector<float>(ground.domain.count()), std::vector<SandUnits>(ground.domain.count())};
     const std::vector<Rect> rects = Tiles(ground.domain, true).rects();
     tbb::parallel_for(size_t(0), rects.size(), [&](size_t r) {

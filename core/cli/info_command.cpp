@@ -248,8 +248,10 @@ int info_command(const InfoOptions& options) {
     }
     if (found) return 0;
     std::string known = "layers";
-    for (const Topic& topic : topics(plugins.schema)) known += ", " + topic.name;
-    throw InputError({"marram info " + subject}, "there is no such thing",
+    std::set<std::string> listed; // strands are curves and a procedural
+    for (const Topic& topic : topics(plugins.schema))
+        if (listed.insert(topic.name).second) known += ", " + topic.name;
+    throw InputError({"marram info " + subject}, "there is no such subject",
                      "ask for a scene file (.toml) or one of: " + known);
 }
 

@@ -368,9 +368,10 @@ void remove_penetration(const CollideJob& job, const StrandJob& strand, CollideS
     constexpr double smallest = 1.0 / 32.0;
     CollideJob quiet = job;
     quiet.trace = nullptr;
-    for (int i = 0; i < tries; ++i) {
+    for (int i = 0;; ++i) {
         int segment = penetrating_cv(job, strand, scratch);
         if (segment < 0) return;
+        if (i == tries) break;
         while (segment >= 0 &&
                (scratch.turn_fraction[size_t(segment)] == 0.0 || scratch.segment_pushed_out[size_t(segment)]))
             --segment;

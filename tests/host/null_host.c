@@ -525,7 +525,7 @@ static void check_announcement(const MarramProcedural* type, const MarramFrame* 
     forget_messages();
     CHECK(type->begin(instance, frame, &output) == MARRAM_OK);
     CHECK(last_message_is("groom.long_work"));
-    CHECK(strstr(last_message, "4e+08 CVs, 1000 a strand, at 2 motion samples") &&
+    CHECK(strstr(last_message, "4e+08 CVs, 1000 per strand, at 2 motion samples") &&
           strstr(last_message, "of one processor"));
     type->destroy(instance);
 }

@@ -236,7 +236,7 @@ TEST(Limits, LongWorkOnStrandsOfAFileIsAnnounced) {
     text.more = "[[curves]]\ntype = \"strands\"\nname = \"one\"\nfile = \"one.obj\"\n"
                 "[[procedural]]\ntype = \"strands\"\nname = \"hair\"\ncurves = \"one\"\nwidth = 0.01\n";
     const std::string scene = folder.write("a.toml", text);
-    EXPECT_EQ(interrupt_in("CVs, 8000 a strand", {"render", scene, "-o", folder / "a.exr"}), 130);
+    EXPECT_EQ(interrupt_in("CVs, 8000 per strand", {"render", scene, "-o", folder / "a.exr"}), 130);
 }
 
 // Stays within 0 and 1, however far segments are pushed out and however near their goal was.

@@ -73,6 +73,8 @@ void check_patches(const CurveBuild& item) {
     for (const MarramPatch& patch : item.patches) {
         if (patch.first_curve != next)
             procedural.refuse("its patches do not follow each other", "fix the library");
+        if (patch.curve_count > output.curve_count - next) // a sum could overflow
+            procedural.refuse("its patches do not add up to its curves", "fix the library");
         next += patch.curve_count;
     }
     if (next != output.curve_count)

@@ -34,13 +34,15 @@ FilmLayer describe(std::string_view name, const World& world) {
 }
 
 std::string known_names(const World& world) {
-    std::string names;
-    for (const BuiltInLayer& known : built_in_layers())
-        names += (names.empty() ? "" : ", ") + std::string(known.name);
-    for_each_attribute(world, [&](const AttributeValues& attribute) {
-        if (names.find(attribute.name) == std::string::npos) names += ", " + attribute.name;
-    });
-    return names;
+    std::vector<std::string> names;
+    const auto add = [&](std::string_view name) {
+        if (std::ranges::find(names, name) == names.end()) names.emplace_back(name);
+    };
+    for (const BuiltInLayer& known : built_in_layers()) add(known.name);
+    for_each_attribute(world, [&](const AttributeValues& attribute) { add(attribute.name); });
+    std::string text;
+    for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+    return text;
 }
 
 } // namespace

@@ -25,9 +25,10 @@
 // well sampled, and its highlights must stay. The roulette threshold w S is kept far below the clamp, because
 // otherwise the clamp would cut the contributions that survive.
 //
-// Textures are filtered over a ray cone. It is one pixel wide at the camera; after each vertex it spreads by
-// the solid angle that the sampled direction represents, 1 / p (after Akenine-Moller et al., "Texture Level
-// of Detail Strategies for Real-Time Ray Tracing", 2019). Surface curvature is ignored.
+// Textures are filtered over a ray cone. It is one pixel wide at the camera. After each vertex its width grows
+// by at least 1 / sqrt(pi p) per metre: the radius of a disc of solid angle 1 / p, which the sampled direction
+// represents (after Akenine-Moller et al., "Texture Level of Detail Strategies for Real-Time Ray Tracing",
+// 2019). Surface curvature is ignored.
 //
 // Random numbers come in sets of four. Set 0: film and lens; set 1: time (set 0 if there is no lens). Then
 // two sets per vertex: one for lights and roulette, one for the BSDF. The sets of a vertex do not depend on

@@ -134,7 +134,9 @@ std::vector<ListSchema> lists_of(const ProceduralType& type) {
 PluginLibrary::PluginLibrary(const std::string& path, const Place& place) : path_(path) {
     // dlopen would search the system's folders for a bare name.
     const std::string absolute = std::filesystem::absolute(path).string();
-    handle_ = dlopen(absolute.c_str(), RTLD_NOW | RTLD_LOCAL);
+    // Never unmapped: when a parallel loop of the library has ended, a worker thread of TBB may still be
+    // returning through its code.
+    handle_ = dlopen(absolute.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
     if (!handle_) {
         const std::string reason = dlerror();
         if (reason.find("failed to map segment") != std::string::npos ||

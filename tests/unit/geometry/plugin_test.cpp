@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <thread>
 
+#include <dlfcn.h>
+
 namespace marram::testing {
 namespace {
 
@@ -56,6 +58,15 @@ TEST(PluginLibrary, LoadsAndFindsItsTypes) {
     EXPECT_TRUE(std::any_of(params.begin(), params.end(),
                             [](const ParamSpec& p) { return p.name == "height" && p.unit == "m"; }));
     EXPECT_TRUE(wind_specs(library).empty());
+}
+
+// A worker thread of TBB may still return through a library's code when its last parallel loop has ended.
+TEST(PluginLibrary, StaysMapped) {
+    const std::string file = MARRAM_BINARY_DIR "/libprobe_plugin.so";
+    const auto is_mapped = [&] { return dlopen(file.c_str(), RTLD_NOW | RTLD_NOLOAD) != nullptr; };
+    ASSERT_FALSE(is_mapped());
+    { const PluginLibrary library(file, {}); }
+    EXPECT_TRUE(is_mapped());
 }
 
 TEST(PluginLibrary, OfAnotherTypeIsSaid) {

@@ -11,7 +11,7 @@
 namespace marram {
 namespace {
 
-constexpr size_t own_attributes = 2; // before the masks
+constexpr size_t own_attribute_count = 2; // before the masks
 constexpr std::array attribute_help = {"thickness of the sand, m", "steepness, deg", "a mask of its layers"};
 
 bool makes_ripples(const Values& values) {
@@ -35,7 +35,7 @@ void declare_attributes(TerrainInstance& instance, const Values& values) {
     instance.attributes.clear();
     for (size_t a = 0; a < masks_end; ++a)
         instance.attributes.push_back({instance.attribute_names[a].c_str(), 1, MARRAM_PER_VERTEX, 0,
-                                       attribute_help[std::min(a, own_attributes)], nullptr, 0});
+                                       attribute_help[std::min(a, own_attribute_count)], nullptr, 0});
     if (masks_end == instance.attribute_names.size()) return;
     instance.attributes.push_back({"ripples", 4, MARRAM_PER_VERTEX, 0,
                                    "ripples for shading: slope of the ground along x and z, fraction of "
@@ -75,7 +75,7 @@ double slope_at(const TerrainInstance& instance, int i, int j) {
 
 std::vector<const float*> mask_values(const TerrainInstance& instance, const Fields& fields) {
     std::vector<const float*> values;
-    for (size_t a = own_attributes; a < first_ripples_attribute(instance); ++a) {
+    for (size_t a = own_attribute_count; a < first_ripples_attribute(instance); ++a) {
         const float* found = nullptr;
         for (const MaskView& mask : fields.masks)
             if (mask.name == instance.attribute_names[a]) found = mask.values;
@@ -95,8 +95,9 @@ void write_attribute(const TerrainInstance& instance, uint32_t attribute, std::s
         write_ripples(ripples, attribute - first, carried, std::vector<float>(count, 1.0F), out);
         return;
     }
-    const float* mask =
-        attribute < own_attributes ? nullptr : mask_values(instance, fields)[attribute - own_attributes];
+    const float* mask = attribute < own_attribute_count
+                            ? nullptr
+                            : mask_values(instance, fields)[attribute - own_attribute_count];
     const auto value = [&](size_t sample) {
         if (mask) return mask[sample];
         const int i = int(sample % size_t(instance.domain.nx)), j = int(sample / size_t(instance.domain.nx));

@@ -53,7 +53,7 @@ TerrainInstance& terrain(MarramInstance* instance) { return *reinterpret_cast<Te
 
 template <typename Body>
 MarramStatus guarded_terrain(const MarramHost& host, Body&& body) {
-    return guarded(host, "terrain", "make cell larger or size smaller", std::forward<Body>(body));
+    return marram::guarded(host, "terrain", "make cell larger or size smaller", std::forward<Body>(body));
 }
 
 const std::vector<MarramParam>& terrain_params() {

@@ -113,7 +113,7 @@ DialSetting tolerance_setting(bool own, std::vector<std::string> changes) {
     return {"by the tolerance", std::move(changes), own, 0, 0.0, true};
 }
 
-std::vector<DialSetting> strip_numbers(std::vector<std::pair<double, DialSetting>> numbered) {
+std::vector<DialSetting> settings_of(std::vector<std::pair<double, DialSetting>> numbered) {
     std::vector<DialSetting> settings;
     for (auto& [number, setting] : numbered) settings.emplace_back(std::move(setting)).number = number;
     return settings;
@@ -146,7 +146,7 @@ Dial contact(const Shot& shot) {
         steps.emplace_back(n, DialSetting{fmt::format("{} steps", n), changes, false, 0});
     }
     if (solver == "steps") add_own(steps, own, fmt::format("{} steps", own));
-    for (DialSetting& setting : strip_numbers(std::move(steps))) dial.settings.push_back(std::move(setting));
+    for (DialSetting& setting : settings_of(std::move(steps))) dial.settings.push_back(std::move(setting));
     if (any_groom_has(shot, "collision.rotation_steps")) { // exact contact rejects this parameter
         dial.reference = dial.settings.size() - 1;
         dial.explain +=
@@ -192,11 +192,11 @@ Dial numeric_dial(const Shot& shot, Dial dial, const std::string& key, const std
     double own = 0.0;
     const bool one = common_wind_value(shot, parameter, own);
     if (one) add_own(settings, own, fmt::format("{}", own));
-    dial.settings = strip_numbers(std::move(settings));
+    dial.settings = settings_of(std::move(settings));
     dial.reference = finest_first ? 0 : dial.settings.size() - 1;
     if (!one) {
-        dial.settings.push_back(tolerance_setting(true, {}));
-        if (any_groom_has(shot, parameter)) dial.settings.back().label = "as it is";
+        dial.settings.push_back(any_groom_has(shot, parameter) ? DialSetting{"as it is", {}, true, 0}
+                                                               : tolerance_setting(true, {}));
     }
     return dial;
 }
@@ -228,7 +228,7 @@ Dial cvs(const Shot& shot) {
         settings.emplace_back(n, DialSetting{fmt::format("{}", n), changes, false, 0});
     }
     if (own > 0) add_own(settings, own, std::to_string(own));
-    dial.settings = strip_numbers(std::move(settings));
+    dial.settings = settings_of(std::move(settings));
     dial.reference = dial.settings.size() - 1;
     dial.law = [](double n) { return 1.0 / (n - 1.0); };
     dial.law_words = "falls with the number of segments";
@@ -253,7 +253,7 @@ Dial motion_keys(uint32_t own) { // 0: chosen by the tolerance
         settings.emplace_back(
             n, DialSetting{std::to_string(n), {fmt::format("film.motion_keys={}", n)}, false, 0});
     if (own > 0) add_own(settings, own, std::to_string(own));
-    dial.settings = strip_numbers(std::move(settings));
+    dial.settings = settings_of(std::move(settings));
     dial.reference = dial.settings.size() - 1;
     if (own == 0) dial.settings.push_back(tolerance_setting(true, {}));
     dial.weight = 4.0;
@@ -307,7 +307,7 @@ Dial view_detail(const Shot& shot) {
                                                   0});
     if (own > 0.0) add_own(settings, own, fmt::format("{} px", own));
     std::ranges::reverse(settings);
-    dial.settings = strip_numbers(std::move(settings));
+    dial.settings = settings_of(std::move(settings));
     dial.reference = dial.settings.size() - 1;
     if (!(own > 0.0)) dial.settings.push_back({"as it is", {}, true, 0});
     return dial;

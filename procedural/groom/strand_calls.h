@@ -28,8 +28,9 @@ std::vector<MarramParam> with_wind_params(std::span<const MarramParam> own);
 // Where random gusts start.
 struct GustStart {
     bool fixed = false;
-    bool automatic = false;  // the scene does not give center, extent and distance
-    Eigen::AlignedBox3d box; // of the meshes in the frame that fixed it
+    bool automatic =
+        false; // at least one of center, extent and distance is computed; false after the warning
+    Eigen::AlignedBox3d box; // bounds at bind_frame of the meshes, or of the strands if there are none
 };
 // Unless the scene gives their start, random gusts start across the bounds of the meshes at bind_frame.
 // `box`: of the strands, used if there are no meshes. Fixed once, so that gusts do not jump from frame to frame. Warns if the

@@ -6,4 +6,7 @@
 [[gnu::section(".preinit_array"),
   gnu::used]] static void (*const preinit_hook)() = marram::watch_for_lack_of_memory;
 
-int main(int argc, char** argv) { return marram::run(argc, argv); }
+int main(int argc, char** argv) {
+    marram::return_large_blocks_when_freed();
+    return marram::run(argc, argv);
+}

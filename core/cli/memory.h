@@ -6,6 +6,12 @@
 
 namespace marram {
 
+// From this call on, blocks of 1 MB and more are returned to the system as soon as they are freed. Otherwise
+// glibc raises that limit up to 32 MB as blocks are freed, the buffers of a frame come from the heaps of its
+// threads, and in one run of three the peak of a sequence is 3 % above that of the others. Costs less than
+// 1 % in page faults.
+void return_large_blocks_when_freed();
+
 // Returns freed memory to the system. Call it between frames: otherwise fragmentation makes the heaps of
 // several threads grow by 1 to 8 MB per frame. Takes a few milliseconds.
 void release_free_memory();

@@ -4,7 +4,6 @@
 #include "core/cli/commands.h"
 #include "core/cli/exit_codes.h"
 #include "core/cli/interrupt.h"
-#include "core/cli/layer_option.h"
 #include "core/cli/memory.h"
 
 #include <CLI/CLI.hpp>
@@ -285,7 +284,7 @@ void add_completion(CLI::App& app, Commands& c) {
         ->required()
         ->check(CLI::IsMember({"bash", "zsh"}));
     command->callback([&c, &app] {
-        c.chosen = [&c, &app] { return completion_command(c.texts.shell, program_text(app)); };
+        c.chosen = [&c, &app] { return completion_command(c.texts.shell, program_text(app, exit_codes)); };
     });
 }
 
@@ -299,7 +298,7 @@ void add_man(CLI::App& app, Commands& c) {
     command->add_option("--out", c.man.folder, "write the page, or all of them, to this folder instead")
         ->type_name("DIR");
     command->callback(
-        [&c, &app] { c.chosen = [&c, &app] { return man_command(c.man, program_text(app)); }; });
+        [&c, &app] { c.chosen = [&c, &app] { return man_command(c.man, program_text(app, exit_codes)); }; });
 }
 
 int report(const InputError& error) {

@@ -4,10 +4,11 @@
 // To add one: its options here, its function in a file of its own, and its parser in cli.cpp.
 #pragma once
 
-#include "core/cli/command_text.h"
 #include "core/cli/exit_codes.h"
-#include "core/cli/frames.h"
 #include "core/image/sheet.h"
+#include "core/manual/command_text.h"
+#include "core/shot/bake.h"
+#include "core/shot/frame_list.h"
 #include "core/shot/layer_picture.h"
 #include "core/shot/shot.h"
 
@@ -39,12 +40,8 @@ struct RenderOptions : CommonOptions {
     double seconds = 0.0; // time limit for tracing a frame; 0: none
 };
 
-struct BakeOptions : CommonOptions {
-    std::string output;
+struct BakeOptions : CommonOptions, BakeSettings {
     FrameRequest frames; // default: the scene's first frame
-    std::string stage = "final";
-    std::string colliders;               // "" for none
-    std::vector<std::string> attributes; // of curves, besides id
 };
 
 struct MeasureOptions : CommonOptions {
@@ -84,8 +81,5 @@ int info_command(const InfoOptions& options);
 int sheet_command(const SheetOptions& options);
 int completion_command(const std::string& shell, const ProgramText& text); // "bash" or "zsh"
 int man_command(const ManOptions& options, const ProgramText& text);
-
-// The subjects of `info`, and image layers: info_command.cpp.
-CompletionWords completion_words();
 
 } // namespace marram

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/commands.h"
 #include "core/image/atomic_file.h"
+#include "core/manual/man_page.h"
+#include "core/manual/scene_reference.h"
 
 #include <fmt/format.h>
 
@@ -10,7 +12,7 @@
 namespace marram {
 
 int completion_command(const std::string& shell, const ProgramText& text) {
-    const CompletionWords words = completion_words();
+    const CompletionWords words = completion_words(default_plugins());
     fmt::print("{}", shell == "bash" ? bash_completion(text, words) : zsh_completion(text, words));
     return exit_done;
 }

@@ -2,6 +2,8 @@
 // Exit codes of `marram`.
 #pragma once
 
+#include "core/manual/command_text.h"
+
 namespace marram {
 
 inline constexpr int exit_done = 0;
@@ -9,10 +11,6 @@ inline constexpr int exit_different = 1;
 inline constexpr int exit_bad_input = 2;
 inline constexpr int exit_interrupted = 130; // 128 + SIGINT, as shells have it
 
-struct ExitCode {
-    int code;
-    const char* meaning;
-};
 inline constexpr ExitCode exit_codes[] = {
     {exit_done, "done; the pictures of marram compare are alike"},
     {exit_different, "the pictures of marram compare are different"},

@@ -6,6 +6,7 @@
 #include "core/cli/progress.h"
 #include "core/image/atomic_file.h"
 #include "core/image/image_library.h"
+#include "core/image/run_files.h"
 #include "core/shot/film_state.h"
 #include "core/shot/frame.h"
 #include "core/shot/frame_name.h"

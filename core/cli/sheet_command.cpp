@@ -3,6 +3,7 @@
 #include "core/cli/interrupt.h"
 #include "core/cli/progress.h"
 #include "core/image/atomic_file.h"
+#include "core/image/run_files.h"
 #include "core/image/sheet.h"
 #include "core/shot/picture_file.h"
 

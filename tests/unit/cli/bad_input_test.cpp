@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Bad input of every kind through the whole program, each in its own process: exit code 2, one line a mistake
 // on stderr, and no file is changed.
-#include "core/cli/frames.h"
 #include "core/image/atomic_file.h"
+#include "core/image/run_files.h"
+#include "core/shot/frame_list.h"
 #include "program.h"
 
 #include <unistd.h>

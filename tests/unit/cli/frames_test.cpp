@@ -3,7 +3,7 @@
 // frames.
 #include "program.h"
 
-#include "core/cli/frames.h"
+#include "core/shot/frame_list.h"
 
 #include <nlohmann/json.hpp>
 

@@ -28,9 +28,10 @@ const std::map<std::string, std::set<std::string>> rules = {
     {"core/compare", {"core/math", "core/image", "core/page"}},
     {"core/measure",
      {"core/math", "core/scene", "core/image", "core/geometry", "core/render", "core/page", "core/shot"}},
+    {"core/manual", {"core/math", "core/scene", "core/geometry", "core/render", "core/shot"}},
     {"core/cli",
      {"core/math", "core/scene", "core/image", "core/geometry", "core/render", "core/page", "core/shot",
-      "core/compare", "core/measure"}},
+      "core/compare", "core/measure", "core/manual"}},
     {"shaders", {"core/math"}},
     {"procedural", {"core/math", "core/plugin"}},
 };

@@ -2,8 +2,8 @@
 // `marram render --png`: a layer as a separate picture, beside an EXR or a PNG.
 #include "program.h"
 
-#include "core/cli/layer_option.h"
 #include "core/image/picture.h"
+#include "core/shot/layer_picture.h"
 
 #include <cmath>
 

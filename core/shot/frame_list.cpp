@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "core/cli/frames.h"
+#include "core/shot/frame_list.h"
 
-#include "core/image/atomic_file.h"
 #include "core/math/problem.h"
 
 #include <fmt/format.h>
@@ -102,18 +101,6 @@ class FrameList {
 };
 
 } // namespace
-
-RunFiles::RunFiles(const std::vector<std::string>& read) {
-    for (const std::string& file : read) known_.emplace(destination_of(file), file);
-}
-
-void RunFiles::write(const std::string& file) {
-    if (file.empty()) return;
-    const auto [other, fresh] = known_.emplace(destination_of(file), file);
-    if (!fresh)
-        throw InputError({file}, "this would overwrite '" + other->second + "'",
-                         "give every file a name of its own");
-}
 
 std::vector<double> parse_frames(const std::string& list, const std::string& option) {
     return FrameList(list, option).frames();

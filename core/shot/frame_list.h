@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which frames to make, and checks of the files of a run.
+// Lists of frames as users write them, and which frames a run makes.
 #pragma once
 
 #include "core/math/vec.h"
 
-#include <filesystem>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -27,16 +25,6 @@ struct FrameRequest {
 // the frames in the order of the list, each once. Throws InputError with the column of the mistake in the
 // place "OPTION LIST", also for a range that goes backwards and for more than a million frames.
 std::vector<double> parse_frames(const std::string& list, const std::string& option = "--frames");
-
-// The files of one run. No file may be both read and written, or written twice.
-class RunFiles {
-  public:
-    explicit RunFiles(const std::vector<std::string>& read);
-    void write(const std::string& file); // "": no file; throws InputError if it would overwrite another
-
-  private:
-    std::map<std::filesystem::path, std::string> known_; // by path with links resolved
-};
 
 // The frames requested. If the request is empty: the scene's range if the output's name has a ####, else the
 // scene's first frame. Throws InputError as parse_frames() does, and for several frames without a #### in the

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "core/cli/command_text.h"
+#include "core/manual/command_text.h"
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
@@ -62,8 +62,8 @@ CommandText command_text(const CLI::App& app) {
 
 } // namespace
 
-ProgramText program_text(const CLI::App& app) {
-    ProgramText text{command_text(app), {}};
+ProgramText program_text(const CLI::App& app, std::span<const ExitCode> exit_codes) {
+    ProgramText text{command_text(app), {}, {exit_codes.begin(), exit_codes.end()}};
     for (const CLI::App* command : app.get_subcommands({})) text.commands.push_back(command_text(*command));
     return text;
 }

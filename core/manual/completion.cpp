@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Completion scripts for bash and zsh. Options and words are written into the script when it is made. Only
-// the keys of a scene are queried from the program at each completion.
-#include "core/cli/command_text.h"
+// Options and words are written into the script when it is made. Only the keys of a scene are queried from the
+// program at each completion.
+#include "core/manual/completion.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Man pages, with the macros of man(7).
-#include "core/cli/command_text.h"
-#include "core/cli/exit_codes.h"
+#include "core/manual/man_page.h"
 
 #include <fmt/format.h>
 
@@ -71,9 +69,9 @@ std::string option_section(const CommandText& command) {
     return text;
 }
 
-std::string exit_section() {
+std::string exit_section(const ProgramText& program) {
     std::string text = ".SH EXIT STATUS\n";
-    for (const ExitCode& code : exit_codes)
+    for (const ExitCode& code : program.exit_codes)
         text += fmt::format(".TP\n.B {}\n{}\n", code.code, roff(sentence(code.meaning)));
     return text;
 }
@@ -99,7 +97,7 @@ std::string program_page(const ProgramText& text) {
            roff(sentence(text.program.help)) + "\n.SH COMMANDS\n";
     for (const CommandText& command : text.commands)
         out += fmt::format(".TP\n.BR {} (1)\n{}\n", roff(page_of(command)), roff(sentence(command.help)));
-    return out + option_section(text.program) + exit_section() + see_also(text, "marram");
+    return out + option_section(text.program) + exit_section(text) + see_also(text, "marram");
 }
 
 std::string command_page(const ProgramText& text, const CommandText& command) {
@@ -115,7 +113,7 @@ std::string command_page(const ProgramText& text, const CommandText& command) {
             out += fmt::format("\\fB{}\\fR \\fI{}\\fR\n", roff(option.names[0]), roff(option.value));
     }
     out += "[\\fIOPTION\\fR ...]\n.SH DESCRIPTION\n" + roff(sentence(command.help)) + "\n";
-    return out + option_section(command) + exit_section() + see_also(text, page);
+    return out + option_section(command) + exit_section(text) + see_also(text, page);
 }
 
 } // namespace marram

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The commands and options declared in cli.cpp as plain text, for completion and man pages.
+// The commands and options of a program as plain text, read from its command line parser, for completion and
+// man pages.
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
@@ -26,25 +28,17 @@ struct CommandText {
     std::vector<OptionText> options; // in the order of their declaration, --help first
 };
 
+struct ExitCode {
+    int code;
+    const char* meaning;
+};
+
 struct ProgramText {
     CommandText program;
     std::vector<CommandText> commands;
+    std::vector<ExitCode> exit_codes;
 };
 
-ProgramText program_text(const CLI::App& app);
-
-// Words that complete values and do not depend on a scene.
-struct CompletionWords {
-    std::vector<std::string> subjects; // arguments of `marram info`
-    std::vector<std::string> layers;
-};
-
-// What `marram completion` prints.
-std::string bash_completion(const ProgramText& text, const CompletionWords& words);
-std::string zsh_completion(const ProgramText& text, const CompletionWords& words);
-
-// Man pages in roff: of the program, or of one of its commands.
-std::string program_page(const ProgramText& text);
-std::string command_page(const ProgramText& text, const CommandText& command);
+ProgramText program_text(const CLI::App& app, std::span<const ExitCode> exit_codes);
 
 } // namespace marram

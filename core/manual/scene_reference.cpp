@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/manual/scene_reference.h"
+
+#include "core/geometry/plugin_library.h"
+#include "core/render/film.h"
+#include "core/shot/picture_file.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <iterator>
+#include <set>
+#include <span>
+#include <string_view>
+
+namespace marram {
+namespace {
+
+constexpr const char* type_names[] = {"boolean",   "integer",      "number",    "[a, b]",
+                                      "[x, y, z]", "range",        "color",     "text",
+                                      "choice",    "ramp",         "file",      "image",
+                                      "name of a", "list of text", "transform", "list of [x, y, z]",
+                                      "table",     "unavailable"};
+
+std::string kind_of(const ParamSpec& spec) {
+    if (spec.type == ParamType::choice) return spec.choices;
+    std::string kind = type_names[int(spec.type)];
+    if (spec.type == ParamType::reference) kind += " " + spec.choices;
+    return kind;
+}
+
+std::string default_of(const ParamSpec& spec) {
+    if (spec.type == ParamType::unavailable) return "-";
+    if (spec.initial.empty()) return "required";
+    return spec.initial == "none" ? "-" : spec.initial;
+}
+
+std::string params_text(std::span<const ParamSpec> params) {
+    size_t name = 0, kind = 0, initial = 0, unit = 0;
+    for (const ParamSpec& spec : params) {
+        name = std::max(name, spec.name.size());
+        kind = std::max(kind, kind_of(spec).size());
+        initial = std::max(initial, default_of(spec).size());
+        unit = std::max(unit, spec.unit.size());
+    }
+    std::string text;
+    for (const ParamSpec& spec : params)
+        text += fmt::format("    {:{}}  {:{}}  {:{}}  {:{}}  {}\n", spec.name, name, kind_of(spec), kind,
+                            default_of(spec), initial, spec.unit, unit, spec.help);
+    std::string_view last; // the list explained last
+    for (const ParamSpec& spec : params) {
+        const std::string_view list = list_of(spec.name);
+        if (list.empty() || list == last) continue;
+        text += fmt::format("    {0}[] belongs to every table of a list: {0} = [{{ ... }}, ...]\n", list);
+        last = list;
+    }
+    return text;
+}
+
+// One table of the scene language. name: the subject that names it.
+struct Topic {
+    std::string name, title, help;
+    std::span<const ParamSpec> params;
+};
+
+std::vector<Topic> topics(const Schema& schema) {
+    std::vector<Topic> list = {{"globals", "before the first table", "", schema.globals},
+                               {"camera", "[camera]", "", schema.camera},
+                               {"film", "[film]", "", schema.film},
+                               {"wind", "[wind]", "", schema.wind}};
+    const auto add = [&](const std::vector<ItemSchema>& items, const std::string& table) {
+        for (const ItemSchema& item : items) {
+            const std::string title = fmt::format("[[{}]] type = \"{}\"", table, item.type);
+            const std::string why = item.unusable.empty() ? "" : " (cannot be used: " + item.unusable + ")";
+            list.push_back({item.type, title, item.help + why, item.params});
+            for (const ListSchema& inner : item.lists)
+                for (const ItemSchema& one : inner.types)
+                    list.push_back({one.type,
+                                    fmt::format("[[{}.{}]] type = \"{}\", of a {}", table, inner.name,
+                                                one.type, item.type),
+                                    one.help, one.params});
+        }
+    };
+    add(schema.lights, "light");
+    add(schema.materials, "material");
+    add(schema.meshes, "mesh");
+    add(schema.curves, "curves");
+    add(schema.procedurals, "procedural");
+    return list;
+}
+
+std::string topic_text(const Topic& topic) {
+    std::string text = fmt::format("{}{}{}\n{}\n", topic.title, topic.help.empty() ? "" : ": ", topic.help,
+                                   params_text(topic.params));
+    if (topic.title.starts_with("[[procedural]]"))
+        text += "    library (file; default: libmarram_procedural.so; without a folder it is looked for "
+                "beside the "
+                "scene, in MARRAM_PLUGIN_PATH and where the program is installed): the shared library that "
+                "has the "
+                "type\n\n";
+    return text;
+}
+
+// The image layers for film.aovs and --aov, each with its channels in an EXR; the list that check_layers() accepts.
+std::string layers_text(const PluginSet& plugins) {
+    std::string text = "image layers (film.aovs, --aov, --png), in an EXR as LAYER.CHANNEL; beauty and alpha "
+                       "are R, G, B, A\n";
+    const auto add = [&](std::string_view name, std::string_view channels, std::string_view help) {
+        text += fmt::format("    {:<14} {:<8} {}\n", name, channels, help);
+    };
+    for (const BuiltInLayer& layer : built_in_layers()) add(layer.name, layer.channel_names, layer.help);
+    std::set<std::string> told; // attributes of several procedurals may have the same name
+    for (const auto& [path, library] : plugins.libraries)
+        for (const ProceduralType& type : library->types())
+            for (const MarramAttribute& attribute : type.attributes)
+                if (told.insert(attribute.name).second)
+                    add(attribute.name,
+                        fmt::format("{}", fmt::join(attribute_channels(attribute.components), " ")),
+                        fmt::format("of a {}: {}", type.calls.name, attribute.help));
+    return text + "\n";
+}
+
+} // namespace
+
+std::vector<std::string> reference_subjects(const PluginSet& plugins) {
+    std::vector<std::string> subjects = {"layers"};
+    for (const Topic& topic : topics(plugins.schema)) // strands are curves and a procedural
+        if (std::ranges::find(subjects, topic.name) == subjects.end()) subjects.push_back(topic.name);
+    return subjects;
+}
+
+std::string reference_text(const PluginSet& plugins, const std::string& subject) {
+    std::string text;
+    for (const Topic& topic : topics(plugins.schema))
+        if (subject.empty() || subject == topic.name) text += topic_text(topic);
+    if (subject.empty() || subject == "layers") text += layers_text(plugins);
+    return text;
+}
+
+CompletionWords completion_words(const PluginSet& plugins) {
+    CompletionWords words{reference_subjects(plugins), {}};
+    for (const BuiltInLayer& layer : built_in_layers()) words.layers.emplace_back(layer.name);
+    for (const auto& [path, library] : plugins.libraries)
+        for (const ProceduralType& type : library->types())
+            for (const MarramAttribute& attribute : type.attributes)
+                if (std::ranges::find(words.layers, attribute.name) == words.layers.end())
+                    words.layers.emplace_back(attribute.name);
+    return words;
+}
+
+} // namespace marram

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/shot/bake.h"
+
+#include "core/geometry/curve_export.h"
+#include "core/geometry/grid_export.h"
+#include "core/math/problem.h"
+#include "core/shot/settings.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <filesystem>
+
+namespace marram {
+namespace {
+
+MarramStage stage_of(const std::string& name) {
+    return name == "rest" ? MARRAM_REST : name == "bent" ? MARRAM_BENT : MARRAM_FINAL;
+}
+
+// What a file format can hold.
+enum class Baked { strands, strands_or_surface, surface_or_strands, grids };
+
+struct BakedFormat {
+    const char* extension;
+    Baked what;
+};
+constexpr BakedFormat baked_formats[] = {{".hair", Baked::strands},
+                                         {".usda", Baked::strands},
+                                         {".obj", Baked::strands_or_surface},
+                                         {".ply", Baked::surface_or_strands},
+                                         {".exr", Baked::grids},
+                                         {".png", Baked::grids},
+                                         {".tif", Baked::grids},
+                                         {".tiff", Baked::grids}};
+
+std::string extension_of_output(const BakeSettings& settings) {
+    return std::filesystem::path(settings.output).extension().string();
+}
+
+const BakedFormat* baked_format(const std::string& extension) {
+    const auto found =
+        std::ranges::find_if(baked_formats, [&](const BakedFormat& f) { return extension == f.extension; });
+    return found == std::end(baked_formats) ? nullptr : found;
+}
+
+// The only mesh with grids. Throws InputError if there is none or more than one.
+const MeshGeometry& mesh_with_grids(const World& world, const std::string& output) {
+    const MeshGeometry* found = nullptr;
+    for (const MeshGeometry& mesh : world.meshes) {
+        if (mesh.grids.empty()) continue;
+        if (found)
+            throw InputError({output}, "'" + found->name + "' and '" + mesh.name + "' both hand out grids",
+                             "bake a scene with one of them");
+        found = &mesh;
+    }
+    if (!found) throw InputError({output}, "no mesh of the scene has grids", "bake a scene with a terrain");
+    return *found;
+}
+
+bool makes_strands(const Shot& shot) {
+    return std::ranges::any_of(shot.geometry.procedurals,
+                               [](const auto& p) { return p->kind() == MARRAM_CURVES; });
+}
+
+bool has_grids(const World& world) {
+    return std::ranges::any_of(world.meshes, [](const MeshGeometry& mesh) { return !mesh.grids.empty(); });
+}
+
+} // namespace
+
+void check_baked_formats(const BakeSettings& settings) {
+    const std::string extension = extension_of_output(settings);
+    if (!baked_format(extension))
+        throw InputError({settings.output}, "nothing is written in the format '" + extension + "'",
+                         "name it .hair, .usda, .ply or .obj for strands, .obj or .ply for the surface of a "
+                         "terrain, .exr, "
+                         ".tif, .tiff or .png for its grids");
+    const std::string meshes = std::filesystem::path(settings.colliders).extension().string();
+    if (!settings.colliders.empty() && meshes != ".obj" && meshes != ".usda")
+        throw InputError({settings.colliders}, "colliders are written as .obj or .usda",
+                         "name the file .obj or .usda");
+    if (!settings.attributes.empty() && extension != ".usda" && extension != ".ply")
+        throw InputError({"--attributes"}, "'" + extension + "' holds no attributes",
+                         "bake strands to .usda or .ply");
+}
+
+void check_baked_attributes(const Shot& shot, const std::vector<std::string>& names) {
+    std::vector<std::string> known;
+    for (const auto& procedural : shot.geometry.procedurals)
+        if (procedural->kind() == MARRAM_CURVES)
+            for (const MarramAttribute& attribute : procedural->attributes())
+                known.emplace_back(attribute.name);
+    for (const std::string& name : names)
+        if (std::ranges::find(known, name) == known.end())
+            throw InputError({"--attributes " + name}, "no curves of the scene have this attribute",
+                             fmt::format("choose among {}", fmt::join(known, ", ")));
+}
+
+BuildSettings bake_settings(const Shot& shot, const BakeSettings& settings, double frame) {
+    BuildSettings build = build_settings(shot, frame);
+    build.shutter_open = build.shutter_close = 0.0; // no motion samples
+    build.stage = stage_of(settings.stage);
+    build.curves_bvh = false;
+    build.camera.reset(); // growth surfaces, not render meshes
+    build.attributes = settings.attributes;
+    build.attributes.emplace_back("id");
+    return build;
+}
+
+void write_baked(const Shot& shot, const World& world, const BakeSettings& settings,
+                 const std::string& output) {
+    const Baked what = baked_format(extension_of_output(settings))->what;
+    const bool strands = what == Baked::strands ||
+                         (what == Baked::strands_or_surface && makes_strands(shot)) ||
+                         (what == Baked::surface_or_strands && makes_strands(shot) && !has_grids(world));
+    if (strands)
+        return write_curves(output, world.curves, world.frame, shot.description.globals.number("fps"));
+    const MeshGeometry& mesh = mesh_with_grids(world, output);
+    if (what == Baked::grids) return write_grids(output, mesh);
+    if (!settings.attributes.empty())
+        throw InputError({"--attributes"}, "'" + output + "' is the surface of '" + mesh.name + "'",
+                         "bake strands to .usda, or leave --attributes out");
+    if (output.ends_with(".ply")) return write_surface_ply(output, mesh);
+    write_colliders_obj(output, std::span(&mesh, 1));
+}
+
+void write_colliders(const World& world, const std::string& file, double fps) {
+    if (file.ends_with(".obj")) write_colliders_obj(file, world.meshes);
+    if (file.ends_with(".usda")) write_colliders_usda(file, world.meshes, world.frame, fps);
+}
+
+} // namespace marram

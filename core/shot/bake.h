@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bakes a frame: builds it without motion, then writes its strands, or the surface or grids of a terrain.
+//
+//   check_baked_formats(settings)
+//   World world = build_world(shot.geometry, bake_settings(shot, settings, frame), ...)
+//   write_baked(shot, world, settings, file)
+#pragma once
+
+#include "core/shot/shot.h"
+
+#include <string>
+#include <vector>
+
+namespace marram {
+
+struct BakeSettings {
+    std::string output;                  // its extension chooses the format
+    std::string colliders;               // .obj or .usda; "" for none
+    std::string stage = "final";         // of the strands: rest, bent, final
+    std::vector<std::string> attributes; // of curves, besides id
+};
+
+// Throws InputError for a format that is not written, or cannot hold what the settings name.
+void check_baked_formats(const BakeSettings& settings);
+
+// Throws InputError for a name that is not an attribute of any curves of the scene.
+void check_baked_attributes(const Shot& shot, const std::vector<std::string>& names);
+
+BuildSettings bake_settings(const Shot& shot, const BakeSettings& settings, double frame);
+
+// Writes the strands, or for a scene without strands and for the formats of images the only mesh with grids.
+// file: settings.output with the number of the frame. Throws InputError if the world has nothing for this
+// format, or the file cannot be written.
+void write_baked(const Shot& shot, const World& world, const BakeSettings& settings, const std::string& file);
+
+// file: settings.colliders with the number of the frame; "" writes nothing.
+void write_colliders(const World& world, const std::string& file, double fps);
+
+} // namespace marram

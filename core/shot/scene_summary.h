@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "core/shot/shot.h"
+
+#include <atomic>
+#include <string>
+
+namespace marram {
+
+// What a scene contains and its estimated cost, as text: what `marram info SCENE` prints. Builds the geometry of
+// the scene's first frame without motion, and tries motion keys; throws InputError and Cancelled.
+std::string scene_summary(Shot& shot, const std::atomic<bool>& cancel);
+
+} // namespace marram

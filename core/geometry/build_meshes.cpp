@@ -50,8 +50,8 @@ uint64_t topology_of(const MeshGeometry& mesh) {
 // Places a mesh of the scene. One that does not move is reused from the previous frame.
 MeshGeometry place_mesh(Build& build, const SceneMesh& mesh) {
     const auto id = uint32_t(build.world.meshes.size());
-    const uint64_t version = mesh.moves() ? 0 : mesh.digest() | 1U;
-    if (std::optional<MeshGeometry> kept = build.kept.take_growth_surface(id, version, mesh.roles)) {
+    const uint64_t digest = mesh.moves() ? 0 : mesh.digest() | 1U;
+    if (std::optional<MeshGeometry> kept = build.kept.take_growth_surface(id, digest, mesh.roles)) {
         build.reused_meshes[id] = true;
         return *std::move(kept);
     }
@@ -78,7 +78,7 @@ MeshGeometry place_mesh(Build& build, const SceneMesh& mesh) {
                                        "emission are those at the frame; keep the signs of its scale");
     MeshGeometry placed = place_mesh(mesh, moves ? build.times(keys) : std::vector{open}, settings.frame);
     placed.topology = topology_of(placed);
-    placed.version = version;
+    placed.digest = digest;
     return placed;
 }
 
@@ -177,11 +177,11 @@ void fill_mesh(Procedural& procedural, const MarramOutput& output, MeshGeometry&
     mesh.topology = topology_of(mesh);
 }
 
-// MeshGeometry::version of a procedural's mesh: unique to this instance. 0 if the mesh moves or has no
-// version.
-uint64_t version_of(const Procedural& procedural, const MarramOutput& output) {
-    if (output.version == 0 || output.time_count != 1) return 0;
-    return Digest().add(procedural.instance_number()).add(output.version).value() | 1U;
+// MeshGeometry::digest of a procedural's mesh: unique to this instance. 0 if the mesh moves or has no
+// digest.
+uint64_t digest_of(const Procedural& procedural, const MarramOutput& output) {
+    if (output.digest == 0 || output.time_count != 1) return 0;
+    return Digest().add(procedural.instance_number()).add(output.digest).value() | 1U;
 }
 
 // Largest distance, half-way between motion samples, of the interpolated mesh from the procedural's pose(),
@@ -260,16 +260,15 @@ void make_mesh(Build& build, Procedural& procedural, uint32_t id) {
             procedural.refuse("its number of motion samples is not the requested one", "fix the library");
         if (output.time_count > 1 && !procedural.has_pose())
             procedural.refuse("its mesh moves, but it has no function pose()", "fix the library");
-        const uint64_t version = version_of(procedural, output);
-        if (std::optional<MeshGeometry> kept =
-                build.kept.take_growth_surface(id, version, procedural.roles)) {
+        const uint64_t digest = digest_of(procedural, output);
+        if (std::optional<MeshGeometry> kept = build.kept.take_growth_surface(id, digest, procedural.roles)) {
             build.world.meshes[id] = *std::move(kept);
             build.reused_meshes[id] = true;
             break;
         }
         MeshGeometry mesh = build.world.meshes[id];
         fill_mesh(procedural, output, mesh, &Procedural::mesh);
-        mesh.version = version;
+        mesh.digest = digest;
         const bool moves = output.time_count > 1;
         const double left = moves ? pose_error(build, procedural, mesh, times) : 0.0;
         if (build.chooses_keys() && left > build.settings.tolerance && 2 * keys - 1 <= most_motion_keys) {
@@ -305,12 +304,12 @@ void make_render_meshes(Build& build) {
         MeshGeometry& growth = build.world.meshes[id];
         if (growth.positions.size() > 1)
             procedural.refuse("it makes a render mesh of a growth surface that moves", "fix the library");
-        const uint64_t version = version_of(procedural, output);
-        std::optional<MeshGeometry> mesh = build.kept.take_render_mesh(id, version);
+        const uint64_t digest = digest_of(procedural, output);
+        std::optional<MeshGeometry> mesh = build.kept.take_render_mesh(id, digest);
         if (!mesh) {
             mesh = MeshGeometry{growth.name, growth.material, growth.light, {}, {}, {}, {}};
             fill_mesh(procedural, output, *mesh, &Procedural::view_mesh);
-            mesh->version = version;
+            mesh->digest = digest;
         }
         mesh->roles = growth.roles;
         build.world.growth_surfaces.emplace(id, std::move(growth));

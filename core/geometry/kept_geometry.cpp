@@ -7,24 +7,24 @@
 namespace marram {
 namespace {
 
-std::optional<MeshGeometry> take(std::map<uint32_t, MeshGeometry>& meshes, uint32_t id, uint64_t version) {
+std::optional<MeshGeometry> take(std::map<uint32_t, MeshGeometry>& meshes, uint32_t id, uint64_t digest) {
     auto node = meshes.extract(id);
-    if (!node || version == 0 || node.mapped().version != version) return std::nullopt;
+    if (!node || digest == 0 || node.mapped().digest != digest) return std::nullopt;
     return std::move(node.mapped());
 }
 
 } // namespace
 
-std::optional<MeshGeometry> KeptGeometry::take_growth_surface(uint32_t id, uint64_t version, uint32_t roles) {
-    std::optional<MeshGeometry> mesh = take(growth_surfaces, id, version);
+std::optional<MeshGeometry> KeptGeometry::take_growth_surface(uint32_t id, uint64_t digest, uint32_t roles) {
+    std::optional<MeshGeometry> mesh = take(growth_surfaces, id, digest);
     if (mesh && mesh->roles == roles) return mesh; // Embree's mask is made of the roles
     std::erase_if(collider_scenes,
                   [&](const auto& scene) { return std::ranges::find(scene.first, id) != scene.first.end(); });
     return std::nullopt;
 }
 
-std::optional<MeshGeometry> KeptGeometry::take_render_mesh(uint32_t id, uint64_t version) {
-    return take(render_meshes, id, version);
+std::optional<MeshGeometry> KeptGeometry::take_render_mesh(uint32_t id, uint64_t digest) {
+    return take(render_meshes, id, digest);
 }
 
 KeptGeometry kept_geometry(World world) {
@@ -33,8 +33,8 @@ KeptGeometry kept_geometry(World world) {
         const auto growth = world.growth_surfaces.find(id);
         const bool has_render_mesh = growth != world.growth_surfaces.end();
         MeshGeometry& surface = has_render_mesh ? growth->second : world.meshes[id];
-        if (surface.version != 0) kept.growth_surfaces.emplace(id, std::move(surface));
-        if (has_render_mesh && world.meshes[id].version != 0)
+        if (surface.digest != 0) kept.growth_surfaces.emplace(id, std::move(surface));
+        if (has_render_mesh && world.meshes[id].digest != 0)
             kept.render_meshes.emplace(id, std::move(world.meshes[id]));
     }
     for (auto& [ids, scene] : world.collider_scenes)

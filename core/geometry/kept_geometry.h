@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Geometry that the next frame reuses: unchanged meshes, and collider scenes that hold only these. A mesh is
-// reused if its version (MeshGeometry::version) is the same; it is not copied or checked again, and its BVH
+// reused if its digest (MeshGeometry::digest) is the same; it is not copied or checked again, and its BVH
 // is not rebuilt. Arrays are moved from one world to the next, never duplicated.
 #pragma once
 
@@ -17,10 +17,10 @@ struct KeptGeometry {
     std::map<uint32_t, MeshGeometry> growth_surfaces, render_meshes; // by geometry ID
     ColliderScenes collider_scenes;
 
-    // Moves out the mesh of that ID and version (0 never matches). If its version or roles differ, it is
+    // Moves out the mesh of that ID and digest (0 never matches). If its digest or roles differ, it is
     // freed, and with a growth surface also the scenes that hold it.
-    std::optional<MeshGeometry> take_growth_surface(uint32_t id, uint64_t version, uint32_t roles);
-    std::optional<MeshGeometry> take_render_mesh(uint32_t id, uint64_t version);
+    std::optional<MeshGeometry> take_growth_surface(uint32_t id, uint64_t digest, uint32_t roles);
+    std::optional<MeshGeometry> take_render_mesh(uint32_t id, uint64_t digest);
 };
 
 // Takes what can be reused out of a world and frees the rest.

@@ -31,7 +31,7 @@ struct MeshGeometry {
     std::vector<GridValues> grids{};
     uint32_t roles = MARRAM_ALL_ROLES;
     uint64_t topology = 0; // digest of its triangles
-    uint64_t version = 0;  // same geometry ID and version in two frames: the same mesh; 0: unknown
+    uint64_t digest = 0;   // same geometry ID and digest in two frames: the same mesh; 0: unknown
 };
 
 // The curves of one procedural. Their geometry ID is World::meshes.size() + their index in World::curves.

@@ -377,10 +377,10 @@ typedef struct MarramOutput { /* the host sets size, and all other fields to zer
     /* MARRAM_MESH */
     uint32_t vertex_count, triangle_count, has_uvs;
     uint32_t has_normals; /* 0: the host makes vertex normals from the triangles */
-    /* Version of the output of mesh(), and separately of view_mesh(). Outputs of this instance with the same
-     * version are equal to the bit, including attributes and grids, so the host may keep the output and skip
-     * the call. 0: always call. */
-    uint64_t version;
+    /* Digest of what mesh() outputs, and separately of what view_mesh() does. Outputs of this instance with the
+     * same digest are equal to the bit, including attributes and grids, so the host may keep the output and
+     * skip the call. 0: always call. */
+    uint64_t digest;
 } MarramOutput;
 
 typedef struct MarramPatch {

@@ -674,7 +674,7 @@ MarramStatus begin_rock(MarramInstance* opaque, const MarramFrame* given, Marram
         output.triangle_count = uint32_t(instance.triangles.size() / 3);
         output.has_uvs = instance.uvs.empty() ? 0 : 1;
         output.has_normals = instance.normals.empty() ? 0 : 1;
-        output.version = instance.digest;
+        output.digest = instance.digest;
         fill_known_part(output, out);
         instance.begun = true;
         return MARRAM_OK;

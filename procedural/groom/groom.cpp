@@ -9,6 +9,7 @@
 #include "procedural/groom/groom_settings.h"
 #include "procedural/groom/groom_warnings.h"
 #include "procedural/groom/guide_motion.h"
+#include "procedural/groom/rest_strands.h"
 #include "procedural/groom/strand_calls.h"
 
 #include <fmt/format.h>
@@ -423,37 +424,14 @@ MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
     });
 }
 
-RestStrandSource expand_of(const GroomInstance& instance, const GroomPatch& patch, StageClock& clock) {
+RestStrandSource rest_strands_of(const GroomInstance& instance, const GroomPatch& patch, StageClock& clock) {
     const std::span<const Root> roots = patch.roots;
-    const MeshInstance& mesh_instance = patch.mesh_instance;
-    return {[&instance, roots, &mesh_instance, &clock](uint32_t time, Strands& strands) {
-                const StageTimer timer(clock.expand);
-                const auto guided = instance.guided(roots);
-                expand(instance.groom, instance.wind, instance.poses(time), roots, strands,
-                       guided ? &*guided : nullptr);
-                if (mesh_instance.is_instance)
-                    transform_strands(mesh_instance.transform(time),
-                                      instance.wind.rest_anchored ? mesh_instance.transform_at_bind
-                                                                  : mesh_instance.transform(time),
-                                      strands);
-            },
-            [&instance, roots, &mesh_instance](int64_t knot, Strands& strands) { // timed as jiggle
-                GrowthPoses then{instance.poses(0).bind, instance.past.at(knot, *instance.mesh)};
-                then.now.attributes = instance.attributes;
-                const auto guided = instance.guided(roots);
-                expand(instance.groom, instance.wind, then, roots, strands, guided ? &*guided : nullptr);
-                if (!mesh_instance.is_instance) return;
-                const Eigen::Affine3d& placed =
-                    mesh_instance.transforms_at_knots[size_t(knot - instance.past.window.first)];
-                transform_strands(
-                    placed, instance.wind.rest_anchored ? mesh_instance.transform_at_bind : placed, strands);
-            },
-            [&instance, &mesh_instance](int64_t knot) {
-                if (!instance.past.rests_at(knot)) return false;
-                const auto at = size_t(knot - instance.past.window.first);
-                return !mesh_instance.is_instance || mesh_instance.transforms_at_knots[at].matrix() ==
-                                                         mesh_instance.transforms_at_knots[at - 1].matrix();
-            }};
+    const auto lay_out = [&instance, roots](const Surface& now, Strands& strands) {
+        const auto guided = instance.guided(roots);
+        expand(instance.groom, instance.wind, {instance.poses(0).bind, now}, roots, strands,
+               guided ? &*guided : nullptr);
+    };
+    return rest_strands_on(instance, patch.mesh_instance, lay_out, &clock);
 }
 
 MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatchBuffers* buffers) {
@@ -471,8 +449,8 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
         strands.has_wind_share = !instance.groom.factors[of_wind].empty();
         strands.resize(int(roots.size()), instance.groom.cvs, instance.groom.shape == MARRAM_ORIENTED_RIBBON);
         strands.instance = patch.mesh_instance.is_instance ? patch.mesh_instance.mesh : nullptr;
-        const RestStrandSource rest_strands = expand_of(instance, patch, worker.chain.clock);
-        const bool follows = !instance.guide_motion.mesh_instances.empty();
+        const RestStrandSource rest_strands = rest_strands_of(instance, patch, worker.chain.clock);
+        const bool follows = !instance.guide_motion.blown.empty();
         if (instance.past.window.count() > 0 && !follows)
             jiggle_patch(instance.chain, rest_strands, strands, worker.chain);
         for (uint32_t time = 0; time < instance.time_count; ++time) {

@@ -28,9 +28,9 @@ double reach_from_root(const GroomInstance& instance, double scale) {
            4.0 * (scale + size * (length + lift)) * 0x1p-23;
 }
 
-// Extends `box` by the mesh's box at each place, at a motion sample.
-void extend_by_places(const GroomInstance& instance, uint32_t time, const Eigen::AlignedBox3d& on_mesh,
-                      Eigen::AlignedBox3d& box) {
+// Extends `box` by the mesh's box at each of its instances, at a motion sample.
+void extend_by_instances(const GroomInstance& instance, uint32_t time, const Eigen::AlignedBox3d& on_mesh,
+                         Eigen::AlignedBox3d& box) {
     for (const MeshInstance& mesh_instance : instance.mesh_instances)
         box.extend(mesh_instance.is_instance ? transformed_box(mesh_instance.transform(time), on_mesh)
                                              : on_mesh);
@@ -53,7 +53,7 @@ Eigen::AlignedBox3d bounds_of_strands(const GroomInstance& instance) {
         const float* positions = mesh.positions[std::min(time, mesh.time_count - 1)];
         for (size_t v = 0; v < mesh.vertex_count; ++v)
             on_mesh.extend(Eigen::Map<const Vec3f>(positions + 3 * v).cast<double>());
-        extend_by_places(instance, time, on_mesh, box);
+        extend_by_instances(instance, time, on_mesh, box);
     }
     const double reach =
         reach_from_root(instance, std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff()));
@@ -67,7 +67,7 @@ Eigen::AlignedBox3d bounds_at_rest(const GroomInstance& instance) {
         Eigen::AlignedBox3d on_mesh;
         const float* positions = mesh.positions[std::min(time, mesh.time_count - 1)];
         extend_by_rest(instance.groom, std::span(positions, 3 * size_t(mesh.vertex_count)), on_mesh);
-        extend_by_places(instance, time, on_mesh, box);
+        extend_by_instances(instance, time, on_mesh, box);
     }
     std::vector<Eigen::AlignedBox3d> past;
     for (const PastSkin::Pose& pose : instance.past.poses)

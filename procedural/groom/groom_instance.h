@@ -41,12 +41,12 @@ struct Automatic {
 // The motion of the guides in the wind, if children follow it.
 struct GuideMotion {
     Wind wind; // the wind of the guides, without collision
-    // [place][motion sample]; empty: the wind is evaluated for every strand. Offsets are in the space of the
-    // groom's mesh.
-    std::vector<std::vector<BlownGuides>> mesh_instances;
+    // [mesh instance][motion sample]; empty: the wind is evaluated for every strand. Offsets are in the space
+    // of the groom's mesh.
+    std::vector<std::vector<BlownGuides>> blown;
 };
 
-// A range of strands of one place.
+// A range of the strands on one mesh instance.
 struct GroomPatch {
     const MeshInstance& mesh_instance;
     std::span<const Root> roots;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/groom/guide_motion.h"
 
+#include "procedural/groom/rest_strands.h"
+
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -79,7 +81,7 @@ void store_blown_guides(const Strands& strands, const MeshInstance& mesh_instanc
 
 void blow_guides(GroomInstance& instance) {
     GuideMotion& motion = instance.guide_motion;
-    motion.mesh_instances.clear();
+    motion.blown.clear();
     if (!instance.guides || !instance.groom.guides->wind_on_guides || instance.frame.stage == MARRAM_REST ||
         !wind_bends(instance.wind))
         return;
@@ -91,10 +93,10 @@ void blow_guides(GroomInstance& instance) {
         make_chain_frame({motion.wind, instance.groom.envelope, instance.frame, instance.mesh,
                           instance.width_profile, instance.groom.basis, instance.past.window});
     const size_t size = set.count() * size_t(instance.groom.cvs);
-    motion.mesh_instances.resize(instance.mesh_instances.size());
+    motion.blown.resize(instance.mesh_instances.size());
     for (size_t i = 0; i < instance.mesh_instances.size(); ++i)
         for (uint32_t t = 0; t < instance.time_count; ++t) {
-            BlownGuides& at = motion.mesh_instances[i].emplace_back();
+            BlownGuides& at = motion.blown[i].emplace_back();
             at.offsets.resize(size);
             at.envelope.resize(size);
             at.gust.resize(size);
@@ -113,33 +115,16 @@ void blow_guides(GroomInstance& instance) {
         strands.irregular = false;
         strands.has_wind_share = !instance.groom.factors[of_wind].empty();
         strands.resize(int(count), instance.groom.cvs, false);
-        const RestStrandSource lay_out{
-            [&](uint32_t time, Strands& out) {
-                expand_guides(instance, guided->bind, instance.poses(time).now, first, out);
-                if (mesh_instance.is_instance)
-                    transform_strands(mesh_instance.transform(time),
-                                      instance.wind.rest_anchored ? mesh_instance.transform_at_bind
-                                                                  : mesh_instance.transform(time),
-                                      out);
-            },
-            [&](int64_t knot, Strands& out) {
-                Surface then = instance.past.at(knot, *instance.mesh);
-                then.attributes = instance.attributes;
-                expand_guides(instance, guided->bind, then, first, out);
-                if (mesh_instance.is_instance) {
-                    const auto& placed =
-                        mesh_instance.transforms_at_knots[size_t(knot - instance.past.window.first)];
-                    transform_strands(
-                        placed, instance.wind.rest_anchored ? mesh_instance.transform_at_bind : placed, out);
-                }
-            },
-            [&](int64_t knot) { return !mesh_instance.is_instance && instance.past.rests_at(knot); }};
-        if (instance.past.window.count() > 0) jiggle_patch(chain, lay_out, strands, worker.chain);
+        const auto lay_out = [&](const Surface& now, Strands& out) {
+            expand_guides(instance, guided->bind, now, first, out);
+        };
+        const RestStrandSource rest_strands = rest_strands_on(instance, mesh_instance, lay_out, nullptr);
+        if (instance.past.window.count() > 0) jiggle_patch(chain, rest_strands, strands, worker.chain);
         for (uint32_t time = 0; time < instance.time_count; ++time) {
-            if (time < instance.mesh->time_count || mesh_instance.moves()) lay_out.at_time(time, strands);
+            if (time < instance.mesh->time_count || mesh_instance.moves())
+                rest_strands.at_time(time, strands);
             run_chain(chain, time, strands, worker.chain);
-            store_blown_guides(strands, mesh_instance, time, first,
-                               motion.mesh_instances[job / batches][time]);
+            store_blown_guides(strands, mesh_instance, time, first, motion.blown[job / batches][time]);
         }
     });
 }
@@ -148,18 +133,14 @@ void follow_guides(const GroomInstance& instance, const GroomPatch& patch, uint3
     const std::span<const Root> roots = patch.roots;
     const MeshInstance& mesh_instance = patch.mesh_instance;
     const BlownGuides& blown =
-        instance.guide_motion.mesh_instances[size_t(&mesh_instance - instance.mesh_instances.data())][time];
+        instance.guide_motion.blown[size_t(&mesh_instance - instance.mesh_instances.data())][time];
     const std::optional<Guided> at_rest = instance.guided(roots);
     const Guided guided{at_rest->set, at_rest->blends, instance.poses(time).now, blown.offsets,
                         blown.normals};
     std::swap(strands.rest, strands.pose);
     std::swap(strands.rest_normal, strands.pose_normal);
     expand(instance.groom, instance.wind, instance.poses(time), roots, strands, &guided);
-    if (mesh_instance.is_instance)
-        transform_strands(mesh_instance.transform(time),
-                          instance.wind.rest_anchored ? mesh_instance.transform_at_bind
-                                                      : mesh_instance.transform(time),
-                          strands);
+    transform_to_instance(instance, mesh_instance, time, strands);
     std::swap(strands.rest, strands.pose);
     std::swap(strands.rest_normal, strands.pose_normal);
     const auto cvs = size_t(strands.cvs);

@@ -549,11 +549,12 @@ MarramStatus tessellate_import(MarramInstance* opaque, uint32_t index, const Mar
             const ImportBatch batch{instance, patch, curves, instance.curves.cvs(patch.first + curves[0])};
             strands.resize(int(curves.size()), int(batch.cvs),
                            instance.settings.shape == MARRAM_ORIENTED_RIBBON);
-            const RestStrandSource expand = import_expand(batch, worker.chain.clock);
-            if (instance.past.window.count() > 0) jiggle_patch(instance.chain, expand, strands, worker.chain);
+            const RestStrandSource rest_strands = imported_rest_strands(batch, worker.chain.clock);
+            if (instance.past.window.count() > 0)
+                jiggle_patch(instance.chain, rest_strands, strands, worker.chain);
             for (uint32_t time = 0; time < instance.time_count; ++time) {
                 // If the sources rest, later motion samples reuse the rest strands.
-                if (time < own_times) expand.at_time(time, strands);
+                if (time < own_times) rest_strands.at_time(time, strands);
                 run_chain(instance.chain, time, strands, worker.chain);
                 const StageTimer timer(worker.chain.clock.write);
                 write_import_vertices(batch, strands, buffers->vertices[time]);

@@ -117,7 +117,7 @@ std::vector<MarramAttribute> import_attribute_list(const ImportSettings& setting
     return list;
 }
 
-RestStrandSource import_expand(const ImportBatch& batch, StageClock& clock) {
+RestStrandSource imported_rest_strands(const ImportBatch& batch, StageClock& clock) {
     const ImportInstance& instance = batch.instance;
     const auto first_float = 4 * instance.curves.first_vertex(batch.patch.first);
     return {

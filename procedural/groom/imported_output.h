@@ -33,7 +33,7 @@ struct ImportBatch {
 
 // Callbacks that give the chain the batch's rest strands. The batch is copied; the data it refers to and the
 // clock must outlive the result.
-RestStrandSource import_expand(const ImportBatch& batch, StageClock& clock);
+RestStrandSource imported_rest_strands(const ImportBatch& batch, StageClock& clock);
 
 // Write one motion sample to the patch's buffers, including the phantom CVs at both ends: four floats per
 // vertex, three per normal.

@@ -9,25 +9,26 @@
 
 namespace marram {
 
-double uniform_scale(const Eigen::Affine3d& placed) {
-    return std::cbrt(std::abs(placed.linear().determinant()));
+double uniform_scale(const Eigen::Affine3d& transform) {
+    return std::cbrt(std::abs(transform.linear().determinant()));
 }
 
 double greatest_scale(std::span<const MeshInstance> mesh_instances) {
     double most = 0.0;
     for (const MeshInstance& mesh_instance : mesh_instances) {
-        for (const auto& placed : mesh_instance.transforms) most = std::max(most, uniform_scale(placed));
-        for (const auto& placed : mesh_instance.transforms_at_knots)
-            most = std::max(most, uniform_scale(placed));
+        for (const auto& transform : mesh_instance.transforms)
+            most = std::max(most, uniform_scale(transform));
+        for (const auto& transform : mesh_instance.transforms_at_knots)
+            most = std::max(most, uniform_scale(transform));
     }
     return most;
 }
 
-Eigen::AlignedBox3d transformed_box(const Eigen::Affine3d& placed, const Eigen::AlignedBox3d& box) {
+Eigen::AlignedBox3d transformed_box(const Eigen::Affine3d& transform, const Eigen::AlignedBox3d& box) {
     Eigen::AlignedBox3d out;
     if (box.isEmpty()) return out;
     for (int corner = 0; corner < 8; ++corner)
-        out.extend(Vec3d(placed * box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner))));
+        out.extend(Vec3d(transform * box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner))));
     return out;
 }
 
@@ -48,8 +49,8 @@ MarramStatus find_mesh_instances(const MarramFrame& frame, const MarramMesh& mes
                     place_lent_instance(frame, m, frame.times[t], mesh_instance.transforms[t]);
                 status != MARRAM_OK)
                 return status;
-        const auto same = [&](const Eigen::Affine3d& placed) {
-            return placed.matrix() == mesh_instance.transforms[0].matrix();
+        const auto same = [&](const Eigen::Affine3d& transform) {
+            return transform.matrix() == mesh_instance.transforms[0].matrix();
         };
         if (std::ranges::all_of(mesh_instance.transforms, same)) mesh_instance.transforms.resize(1);
         mesh_instances.push_back(std::move(mesh_instance));
@@ -60,9 +61,10 @@ MarramStatus find_mesh_instances(const MarramFrame& frame, const MarramMesh& mes
 MarramStatus find_travel(const MarramFrame& frame, std::span<const MeshInstance> mesh_instances,
                          double& travel) {
     travel = 0.0;
+    if (mesh_instances.size() == 1) return MARRAM_OK; // no instances
     Eigen::AlignedBox3d box;
     const MarramMesh& mesh = *mesh_instances[0].mesh;
-    for (size_t v = 0; v < mesh.vertex_count && mesh_instances.size() > 1; ++v)
+    for (size_t v = 0; v < mesh.vertex_count; ++v)
         box.extend(Eigen::Map<const Vec3f>(mesh.positions[0] + 3 * v).cast<double>());
     for (const MeshInstance& mesh_instance : mesh_instances) {
         if (!mesh_instance.is_instance) continue;
@@ -91,8 +93,8 @@ MarramStatus find_past_transforms(const MarramFrame& frame, const Jiggle& jiggle
                     frame, mesh, jiggle.frame_of(knot), mesh_instance.transforms_at_knots.emplace_back());
                 status != MARRAM_OK)
                 return status;
-        for (const Eigen::Affine3d& placed : mesh_instance.transforms_at_knots)
-            moved = moved || placed.matrix() != mesh_instance.transforms[0].matrix();
+        for (const Eigen::Affine3d& transform : mesh_instance.transforms_at_knots)
+            moved = moved || transform.matrix() != mesh_instance.transforms[0].matrix();
     }
     return MARRAM_OK;
 }
@@ -103,33 +105,33 @@ struct WideMap {
     std::array<std::array<VDouble, 3>, 3> linear;
     Wide3d translation;
 
-    explicit WideMap(const Eigen::Affine3d& placed) {
+    explicit WideMap(const Eigen::Affine3d& transform) {
         for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j) linear[size_t(i)][size_t(j)] = splat(placed.linear()(i, j));
-        translation = splat3(placed.translation().data());
+            for (int j = 0; j < 3; ++j) linear[size_t(i)][size_t(j)] = splat(transform.linear()(i, j));
+        translation = splat3(transform.translation().data());
     }
-    Wide3d turned(const Wide3d& v) const {
+    Wide3d direction(const Wide3d& v) const {
         const auto row = [&](size_t i) {
             return linear[i][0] * v.x + linear[i][1] * v.y + linear[i][2] * v.z;
         };
         return {row(0), row(1), row(2)};
     }
-    Wide3d operator()(const Wide3d& p) const { return turned(p) + translation; }
+    Wide3d operator()(const Wide3d& p) const { return direction(p) + translation; }
 };
 
 } // namespace
 
-void transform_strands(const Eigen::Affine3d& placed, const Eigen::Affine3d& anchor, Strands& strands) {
-    const double size = uniform_scale(placed);
-    const WideMap map(placed), to_anchor(anchor);
+void transform_strands(const Eigen::Affine3d& transform, const Eigen::Affine3d& anchor, Strands& strands) {
+    const double size = uniform_scale(transform);
+    const WideMap map(transform), to_anchor(anchor);
     Eigen::Affine3d unit =
-        placed; // without the scale: normals keep their length and, if mirrored, their side
+        transform; // without the scale: normals keep their length and, if mirrored, their side
     unit.linear() /= size;
     const WideMap turn(unit);
     for (Wide3f& rest : strands.rest) rest = to_float(map(to_double(rest)));
-    for (Wide3f& normal : strands.rest_normal) normal = to_float(turn.turned(to_double(normal)));
+    for (Wide3f& normal : strands.rest_normal) normal = to_float(turn.direction(to_double(normal)));
     for (Wide3d& at : strands.anchor) at = to_anchor(at);
-    for (Wide3d& normal : strands.root_normal) normal = turn.turned(normal);
+    for (Wide3d& normal : strands.root_normal) normal = turn.direction(normal);
     for (VDouble& width : strands.width) width = width * splat(size);
 }
 

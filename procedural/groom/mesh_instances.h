@@ -32,11 +32,11 @@ struct MeshInstance {
 
 // The uniform scale of a transform, and the greatest one of all mesh instances. Transforms are similarities, as
 // checked by place_lent_instance().
-double uniform_scale(const Eigen::Affine3d& placed);
+double uniform_scale(const Eigen::Affine3d& transform);
 double greatest_scale(std::span<const MeshInstance> mesh_instances);
 
 // The bounds of the transformed box.
-Eigen::AlignedBox3d transformed_box(const Eigen::Affine3d& placed, const Eigen::AlignedBox3d& box);
+Eigen::AlignedBox3d transformed_box(const Eigen::Affine3d& transform, const Eigen::AlignedBox3d& box);
 
 // Finds the groom's mesh (mesh_instances[0]) and its instances among the frame's meshes. Throws SceneFault if the
 // host cannot place an instance.
@@ -55,6 +55,6 @@ MarramStatus find_past_transforms(const MarramFrame& frame, const Jiggle& jiggle
                                   std::span<MeshInstance> mesh_instances, bool& moved);
 
 // Transforms rest strands. anchor: the transform of the points at which noise is sampled.
-void transform_strands(const Eigen::Affine3d& placed, const Eigen::Affine3d& anchor, Strands& strands);
+void transform_strands(const Eigen::Affine3d& transform, const Eigen::Affine3d& anchor, Strands& strands);
 
 } // namespace marram

@@ -210,11 +210,11 @@ Choice jiggle_step_for(const JigglePilot& pilot, bool skin_moves) {
         return jiggle_window(other, {pilot.frame.times + pilot.frame.time_count - 1, 1}, pilot.frame.fps,
                              2.0 * pilot.length, pilot.frame.tolerance);
     };
-    const Choice usual{default_jiggle_step, true};
-    if (skin_moves || pilot.count == 0 || !wind_moves(pilot.wind)) return usual;
-    const JiggleWindow half = window_of(default_jiggle_step);
-    if (half.count() == 0) return usual;
-    if (half.count() * 2 > most_knots) return {default_jiggle_step, false};
+    const Choice default_choice{default_jiggle_step, true};
+    if (skin_moves || pilot.count == 0 || !wind_moves(pilot.wind)) return default_choice;
+    const JiggleWindow default_window = window_of(default_jiggle_step);
+    if (default_window.count() == 0) return default_choice;
+    if (default_window.count() * 2 > most_knots) return {default_jiggle_step, false};
     Strands strands;
     strands.irregular = pilot.irregular;
     strands.resize(int(pilot.count), pilot.cvs, false);
@@ -226,14 +226,14 @@ Choice jiggle_step_for(const JigglePilot& pilot, bool skin_moves) {
         return polygon_error(coarse, fine, pilot.count, size_t(pilot.cvs - 1), 1) / (1.0 - part * part);
     };
     double step = default_jiggle_step, off = off_by(step);
-    if (fine.empty()) return usual; // before jiggle.start_frame
+    if (fine.empty()) return default_choice; // before jiggle.start_frame
     while (!jiggle.start_frame && step < 2.0 && spare * off <= tolerance) {
         const double longer = off_by(2.0 * step);
         if (spare * longer > tolerance) break;
         step *= 2.0;
         off = longer;
     }
-    int64_t knots = half.count();
+    int64_t knots = default_window.count();
     while (spare * off > tolerance) {
         if (step <= shortest || knots * 2 > most_knots) return {step, false};
         step *= 0.5;

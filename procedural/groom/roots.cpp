@@ -38,7 +38,7 @@ constexpr double full_distance = 0.5;
 constexpr double full_coverage = full_distance * full_distance * pi / 4.0;
 
 // Attempts per kept disc up to coverage c: the integral of dc / phi(c), divided by c.
-double attempts_a_disc(double coverage) {
+double attempts_per_disc(double coverage) {
     if (coverage <= 0.0) return 1.0;
     constexpr int steps = 256;
     constexpr double b2 = 3.30797, b3 = 1.40688;
@@ -170,9 +170,9 @@ double greatest(const Ramp& ramp, double low, double high) {
 }
 
 // False if the masks are 0 on the whole triangle, so that no candidates are sampled there.
-bool may_grow(const DensityMask& shares, uint32_t triangle) {
-    const Masks& masks = shares.groom.density_masks;
-    const auto p = shares.bind.corners(triangle);
+bool may_grow(const DensityMask& mask, uint32_t triangle) {
+    const Masks& masks = mask.groom.density_masks;
+    const auto p = mask.bind.corners(triangle);
     if (masks.image && masks.image->high() <= 0.0) return false;
     if (masks.by_slope) {
         const Vec3d n = plane_normal(p);
@@ -184,7 +184,7 @@ bool may_grow(const DensityMask& shares, uint32_t triangle) {
         if (greatest(*masks.by_height, low, high) <= 0.0) return false;
     }
     for (const Factor& factor : masks.factors) {
-        const auto [low, high] = factor.input_range(shares.bind, triangle);
+        const auto [low, high] = factor.input_range(mask.bind, triangle);
         if (greatest(factor.ramp, low, high) <= 0.0) return false;
     }
     return true;
@@ -195,15 +195,15 @@ struct MaskStatistics {
     double mean = 1.0, most = 1.0;
 };
 
-MaskStatistics mask_statistics(const DensityMask& shares, double area) {
-    if (!shares.masked()) return {};
+MaskStatistics mask_statistics(const DensityMask& mask, double area) {
+    if (!mask.masked()) return {};
     constexpr uint32_t points = 1U << 18;
     double sum = 0.0, most = 0.0, passed = 0.0;
     uint32_t drawn = 0; // one point per area / points, in the order of the triangles
-    for (uint32_t t = 0; t < shares.bind.triangle_count; ++t) {
-        passed += shares.bind.area(t);
+    for (uint32_t t = 0; t < mask.bind.triangle_count; ++t) {
+        passed += mask.bind.area(t);
         for (uint32_t i = 0; drawn < points && (drawn + 0.5) * area < passed * points; ++drawn, ++i) {
-            const double share = shares.at(t, root_weights(~shares.groom.seed, {t, i}));
+            const double share = mask.at(t, root_weights(~mask.groom.seed, {t, i}));
             sum += share;
             most = std::max(most, share);
         }
@@ -234,13 +234,13 @@ uint64_t poisson(double mean, uint64_t h) {
 // First candidate number of every triangle. The kinetics assume independent candidates, so their number is
 // Poisson distributed on each triangle. Random roots (spacing 0) are all kept and are spread more evenly:
 // area * attempts, rounded up or down by the triangle's hash.
-std::vector<uint64_t> candidate_offsets(const DensityMask& shares, double attempts, bool spaced) {
-    const Surface& bind = shares.bind;
+std::vector<uint64_t> candidate_offsets(const DensityMask& mask, double attempts, bool spaced) {
+    const Surface& bind = mask.bind;
     std::vector<uint64_t> first(size_t(bind.triangle_count) + 1, 0);
     tbb::parallel_for(tbb::blocked_range<uint32_t>(0, bind.triangle_count, 4096), [&](const auto& range) {
         for (uint32_t t = range.begin(); t < range.end(); ++t) {
-            const double mean = shares.masked() && !may_grow(shares, t) ? 0.0 : bind.area(t) * attempts;
-            const uint64_t h = hash(hash(shares.groom.seed, 0x7472'6961), t);
+            const double mean = mask.masked() && !may_grow(mask, t) ? 0.0 : bind.area(t) * attempts;
+            const uint64_t h = hash(hash(mask.groom.seed, 0x7472'6961), t);
             first[size_t(t) + 1] = spaced ? poisson(mean, h) : uint64_t(std::floor(mean + unit_double(h)));
         }
     });
@@ -261,9 +261,9 @@ DiscGrid grid_of(const Surface& bind, double radius) {
 
 // Candidates of all triangles, sorted. Candidates with mask value 0 are skipped: blocks are counted first and
 // then filled, so that skipped ones take no memory.
-std::vector<Candidate> draw_candidates(const DensityMask& shares, const DiscGrid& grid, double attempts,
+std::vector<Candidate> draw_candidates(const DensityMask& mask, const DiscGrid& grid, double attempts,
                                        bool spaced, const std::function<bool()>& cancelled) {
-    const std::vector<uint64_t> first = candidate_offsets(shares, attempts, spaced);
+    const std::vector<uint64_t> first = candidate_offsets(mask, attempts, spaced);
     constexpr uint64_t block_size = 16384;
     const uint64_t blocks = (first.back() + block_size - 1) / block_size;
     // Calls body(root) for every candidate of a block that the masks do not exclude.
@@ -273,14 +273,14 @@ std::vector<Candidate> draw_candidates(const DensityMask& shares, const DiscGrid
         for (uint64_t i = begin; i < end; ++i) {
             while (i >= first[size_t(t) + 1]) ++t;
             const Root root{t, uint32_t(i - first[t])};
-            if (!shares.masked() || shares.at(root) > 0.0) body(root);
+            if (!mask.masked() || mask.at(root) > 0.0) body(root);
         }
     };
     std::vector<uint64_t> start(blocks + 1, 0);
     tbb::parallel_for(uint64_t{0}, blocks, [&](uint64_t block) {
         if (cancelled()) return;
         uint64_t count = std::min(block_size, first.back() - block * block_size);
-        if (shares.masked()) {
+        if (mask.masked()) {
             count = 0;
             visit(block, [&](Root) { ++count; });
         }
@@ -294,7 +294,7 @@ std::vector<Candidate> draw_candidates(const DensityMask& shares, const DiscGrid
         uint64_t at = start[block];
         visit(block, [&](Root root) {
             candidates[at++] =
-                grid.candidate(root, shares.bind.point(root.triangle, root_weights(shares.groom.seed, root)));
+                grid.candidate(root, mask.bind.point(root.triangle, root_weights(mask.groom.seed, root)));
         });
     });
     if (cancelled()) return {};
@@ -442,40 +442,40 @@ double surface_area(const Surface& bind) {
     return area;
 }
 
-std::vector<Candidate> spaced_candidates(const DensityMask& shares, double density, double spare,
+std::vector<Candidate> spaced_candidates(const DensityMask& mask, double density, double spare,
                                          double spacing, const std::function<bool()>& cancelled,
                                          PlacedRoots& placed) {
     const double coverage = full_coverage * spacing * spacing;
     const double radius = 2.0 * std::sqrt(coverage / (pi * density));
-    const DiscGrid grid = grid_of(shares.bind, radius);
+    const DiscGrid grid = grid_of(mask.bind, radius);
     std::vector<Candidate> candidates =
-        draw_candidates(shares, grid, density * attempts_a_disc(coverage) * spare, radius > 0.0, cancelled);
+        draw_candidates(mask, grid, density * attempts_per_disc(coverage) * spare, radius > 0.0, cancelled);
     placed.peak_bytes = std::max(placed.peak_bytes, candidates.capacity() * (sizeof(Candidate) + 1));
-    if (radius > 0.0) keep_spaced(candidates, shares.groom.seed, radius / grid.unit, cancelled);
+    if (radius > 0.0) keep_spaced(candidates, mask.groom.seed, radius / grid.unit, cancelled);
     // Masks thin the roots after spacing: a mask of 0.5 keeps half the strands, and a strand does not depend
     // on masks elsewhere.
-    if (shares.masked()) std::erase_if(candidates, [&](const Candidate& c) { return !shares.keeps(c.root); });
+    if (mask.masked()) std::erase_if(candidates, [&](const Candidate& c) { return !mask.keeps(c.root); });
     return candidates;
 }
 
 // Candidates for a count. Starts with as many as the masks' mean suggests, and increases them until enough
 // are left.
-std::vector<Candidate> counted_candidates(DensityMask shares, double area,
+std::vector<Candidate> counted_candidates(DensityMask mask, double area,
                                           const std::function<bool()>& cancelled, PlacedRoots& placed) {
-    const Groom& groom = shares.groom;
+    const Groom& groom = mask.groom;
     const auto refuse = [&] {
         throw SceneFault("groom.masks_too_small", groom.count_place,
                          "the density masks leave no room for " + std::to_string(groom.count) + " strands",
                          "raise the masks or lower count");
     };
-    const MaskStatistics statistics = mask_statistics(shares, area);
-    if (statistics.most > 0.0) shares.full = statistics.most;
+    const MaskStatistics statistics = mask_statistics(mask, area);
+    if (statistics.most > 0.0) mask.full = statistics.most;
     if (!(statistics.mean > 0.0)) { // the samples may have missed a few triangles
         bool any = false;
-        for (uint32_t t = 0; t < shares.bind.triangle_count && !any; ++t) any = may_grow(shares, t);
+        for (uint32_t t = 0; t < mask.bind.triangle_count && !any; ++t) any = may_grow(mask, t);
         if (!any) refuse();
     }
-    const double mean = statistics.mean > 0.0 ? statistics.mean / shares.full : 1e-3;
+    const double mean = statistics.mean > 0.0 ? statistics.mean / mask.full : 1e-3;
     const double first = double(groom.count) / (area * mean);
     double density = first, spacing = groom.spacing;
     const double spare =
@@ -483,7 +483,7 @@ std::vector<Candidate> counted_candidates(DensityMask shares, double area,
     constexpr int tries = 24;
     for (int i = 0; i < tries && !cancelled(); ++i) {
         std::vector<Candidate> candidates =
-            spaced_candidates(shares, density, spare, spacing, cancelled, placed);
+            spaced_candidates(mask, density, spare, spacing, cancelled, placed);
         if (candidates.size() >= groom.count) {
             keep_highest_priority(candidates, groom.seed, groom.count);
             return candidates;
@@ -491,8 +491,8 @@ std::vector<Candidate> counted_candidates(DensityMask shares, double area,
         // Too few. With masks, the mean was too high; without masks, the count is small or thin parts have
         // their two sides within r of each other.
         const double share = double(candidates.size()) / double(groom.count), densest = 1e3 * first;
-        if (shares.masked() && density >= densest) break; // would give the same candidates again
-        if (shares.masked())
+        if (mask.masked() && density >= densest) break; // would give the same candidates again
+        if (mask.masked())
             density = std::min(density * std::clamp(1.1 / share, 1.2, 10.0), densest);
         else
             spacing = i > 8 ? 0.0 : spacing * 0.85;
@@ -510,15 +510,15 @@ PlacedRoots place_roots(const Groom& groom, const Surface& bind, const std::func
                          "strands need a surface to grow on");
     PlacedRoots placed;
     std::vector<Candidate> candidates;
-    const DensityMask shares{groom, bind};
+    const DensityMask mask{groom, bind};
     if (groom.count > 0) {
-        candidates = counted_candidates(shares, area, cancelled, placed);
+        candidates = counted_candidates(mask, area, cancelled, placed);
     } else if (groom.density > 0.0) {
         if (groom.density * area > 4e8)
             throw SceneFault("groom.too_many", groom.count_place,
                              "density asks for " + std::to_string(groom.density * area) + " strands",
                              "more than 4e8 do not fit, ask for fewer a square metre");
-        candidates = spaced_candidates(shares, groom.density, 1.0, groom.spacing, cancelled, placed);
+        candidates = spaced_candidates(mask, groom.density, 1.0, groom.spacing, cancelled, placed);
     }
     placed.roots = in_space_order(candidates);
     return placed;

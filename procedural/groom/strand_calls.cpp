@@ -26,32 +26,34 @@ std::vector<MarramParam> with_wind_params(std::span<const MarramParam> own) {
 
 MarramStatus set_gust_plane_once(const MarramHost& host, const MarramFrame& frame,
                                  const Eigen::AlignedBox3d& strand_bounds, Wind& wind, GustStart& start) {
-    if (!wind.gusts || (start.fixed && !start.automatic)) return MARRAM_OK;
-    Eigen::AlignedBox3d box;
-    if (frame.mesh_count == 0) box = strand_bounds;
+    if (!wind.gusts || (start.fixed && (!start.follows_bounds || start.warned))) return MARRAM_OK;
+    Eigen::AlignedBox3d bounds;
+    if (frame.mesh_count == 0) bounds = strand_bounds;
     std::vector<float> positions;
     for (uint32_t i = 0; i < frame.mesh_count; ++i) {
         positions.resize(3 * size_t(frame.meshes[i].vertex_count));
         const MarramStatus status = pose_lent_mesh(frame, i, frame.bind_frame, positions.data(), nullptr);
         if (status != MARRAM_OK) return status;
         for (size_t v = 0; v + 2 < positions.size(); v += 3)
-            box.extend(Vec3d(double(positions[v]), double(positions[v + 1]), double(positions[v + 2])));
+            bounds.extend(Vec3d(double(positions[v]), double(positions[v + 1]), double(positions[v + 2])));
     }
     Gusts& gusts = *wind.gusts;
     if (!start.fixed) {
-        start = {true, gusts.num_gusts > 0 && (!gusts.center || !gusts.extent || !gusts.distance), box};
-        set_gust_plane(gusts, box.min(), box.max(), wind.direction);
-    } else if (box.min() != start.box.min() || box.max() != start.box.max()) {
+        start.fixed = true;
+        start.follows_bounds = gusts.num_gusts > 0 && (!gusts.center || !gusts.extent || !gusts.distance);
+        start.bounds = bounds;
+        set_gust_plane(gusts, bounds.min(), bounds.max(), wind.direction);
+    } else if (bounds.min() != start.bounds.min() || bounds.max() != start.bounds.max()) {
         send(host, MARRAM_WARNING, "gusts.start", "wind.gusts.num_gusts",
-             fmt::format("the meshes differ from those of the first frame rendered, whose bounds decide "
-                         "where gusts start: "
-                         "frame {:.6g} rendered alone would have other gusts",
-                         frame.frame),
+             fmt::format(
+                 "gusts start across the bounds that the meshes had in the first frame rendered, and in "
+                 "frame {:.6g} the bounds differ: rendered alone it would have other gusts",
+                 frame.frame),
              fmt::format("give wind.gusts.center = [{:.4g}, {:.4g}, {:.4g}], extent = [{:.4g}, {:.4g}] and "
                          "distance = {:.4g}",
                          gusts.center->x(), gusts.center->y(), gusts.center->z(), gusts.extent->x(),
                          gusts.extent->y(), *gusts.distance));
-        start.automatic = false; // warn once
+        start.warned = true;
     }
     return MARRAM_OK;
 }

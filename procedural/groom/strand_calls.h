@@ -28,15 +28,17 @@ std::vector<MarramParam> with_wind_params(std::span<const MarramParam> own);
 // Where random gusts start.
 struct GustStart {
     bool fixed = false;
-    bool automatic =
-        false; // at least one of center, extent and distance is computed; false after the warning
-    Eigen::AlignedBox3d box; // bounds at bind_frame of the meshes, or of the strands if there are none
+    bool follows_bounds = false; // center, extent or distance is computed from `bounds`
+    bool warned = false;
+    Eigen::AlignedBox3d bounds; // at bind_frame, of the meshes, or of the strands if there are none
 };
-// Unless the scene gives their start, random gusts start across the bounds of the meshes at bind_frame.
-// `box`: of the strands, used if there are no meshes. Fixed once, so that gusts do not jump from frame to frame. Warns if the
-// bounds differ later: an evolving terrain has no pose at bind_frame, so a frame rendered alone would have other gusts.
+// Unless the scene gives their start, random gusts start across the bounds of the meshes at bind_frame. It is
+// fixed in the first frame, so that gusts do not jump from frame to frame. Warns once if the bounds differ in a
+// later frame: an evolving terrain has no pose at bind_frame, so that frame rendered alone would have other
+// gusts. strand_bounds: used if there are no meshes. Poses all meshes, in later frames only if the start
+// follows their bounds.
 MarramStatus set_gust_plane_once(const MarramHost& host, const MarramFrame& frame,
-                                 const Eigen::AlignedBox3d& box, Wind& wind, GustStart& start);
+                                 const Eigen::AlignedBox3d& strand_bounds, Wind& wind, GustStart& start);
 
 // True if meshes that move within the shutter affect the strands: by collision or by shielding.
 bool moving_meshes_matter(const Wind& wind, const MarramFrame& frame);

@@ -219,9 +219,9 @@ bool evaluate_layers(TerrainInstance& instance, const MarramFrame& frame,
     }
 }
 
-// A version of the current terrain: a digest of its values, its layers with their inputs, and the number of
+// A digest of all that mesh() outputs: of the terrain's values, its layers with their inputs, and the number of
 // tiles evaluated so far.
-uint64_t version_of(const TerrainInstance& instance) {
+uint64_t output_digest(const TerrainInstance& instance) {
     return Digest().add(instance.digest).add(instance.stack->digest()).add(instance.evaluated).value() | 1U;
 }
 
@@ -277,7 +277,7 @@ MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, Mar
         send_warnings(instance);
         if (!whole) return MARRAM_CANCELLED;
         find_heights(instance);
-        instance.version = version_of(instance);
+        instance.output_digest = output_digest(instance);
         instance.seconds = wall_seconds() - begin + std::exchange(instance.prepared, 0.0);
         const Domain& d = instance.domain;
         MarramOutput output{};
@@ -286,7 +286,7 @@ MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, Mar
         output.vertex_count = uint32_t(d.count());
         output.triangle_count = uint32_t(2 * size_t(d.nx - 1) * size_t(d.nz - 1));
         output.has_uvs = 1;
-        output.version = instance.version;
+        output.digest = instance.output_digest;
         fill_known_part(output, out);
         instance.begun = true;
         return MARRAM_OK;
@@ -383,12 +383,12 @@ double steepest_slope(const TerrainInstance& instance) {
 
 void update_totals(TerrainInstance& instance) {
     TerrainTotals& sums = instance.sums;
-    if (sums.version == instance.version) return;
+    if (sums.digest == instance.output_digest) return;
     sums.layers.clear();
     for (size_t k = 0; k < instance.stack->work().size(); ++k)
         sums.layers.push_back(change_of_layer(instance, k));
     sums.steepest = steepest_slope(instance);
-    sums.version = instance.version;
+    sums.digest = instance.output_digest;
 }
 
 void report_terrain(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {

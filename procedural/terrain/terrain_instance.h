@@ -25,7 +25,7 @@ struct ViewRenderMesh {
 struct TerrainView {
     MarramView view{}; // points into the vectors below
     std::vector<double> times, positions, directions, ups;
-    MarramOutput output{}; // version: a digest of the terrain's version and of the view except its times
+    MarramOutput output{}; // digest: of the terrain's output and of the view except its times
     bool begun = false;    // between begin_view() and view_mesh()
 
     void take(const MarramView& given);
@@ -37,9 +37,9 @@ struct LayerChange {
     SandUnits sand = 0;   // sum over samples
 };
 
-// Values that report() computes from all samples, cached by version.
+// Values that report() computes from all samples, cached by digest.
 struct TerrainTotals {
-    uint64_t version = 0; // of the terrain
+    uint64_t digest = 0; // output_digest of the terrain
     std::vector<LayerChange> layers;
     double steepest = 0.0; // degrees
 };
@@ -52,7 +52,7 @@ struct TerrainInstance {
     Simulation simulation; // declared before the stack, whose layers use it
     std::unique_ptr<Stack> stack;
     std::vector<float> heights; // of the growth surface
-    uint64_t version = 0;       // of everything that mesh() outputs
+    uint64_t output_digest = 0; // of everything that mesh() outputs
     uint64_t evaluated = 0;     // tiles of all layers since creation
     ViewRenderMesh seen;
     TerrainView view;

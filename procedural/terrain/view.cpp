@@ -128,7 +128,7 @@ void TerrainView::take(const MarramView& given) {
 
 namespace {
 
-uint64_t version_of_view(uint64_t terrain, const MarramView& view) {
+uint64_t view_digest(uint64_t terrain, const MarramView& view) {
     const size_t bytes = 3 * sizeof(double) * view.time_count;
     const std::array numbers{view.fov, view.tolerance, view.tolerance_pixels};
     return Digest()
@@ -180,16 +180,16 @@ MarramOutput make_view(TerrainInstance& instance, const MarramView& view) {
 
 } // namespace
 
-// Reuses the output of an unchanged version: the host may have kept that mesh. If it asks for the mesh,
+// Reuses the output of an unchanged digest: the host may have kept that mesh. If it asks for the mesh,
 // write_view() makes it again.
 MarramOutput begin_view(TerrainInstance& instance, const MarramView& view) {
     TerrainView& kept = instance.view;
-    const uint64_t version = version_of_view(instance.version, view);
-    if (kept.output.version != version) {
+    const uint64_t digest = view_digest(instance.output_digest, view);
+    if (kept.output.digest != digest) {
         kept.output = {};
         kept.take(view);
         kept.output = make_view(instance, kept.view);
-        kept.output.version = version;
+        kept.output.digest = digest;
     }
     kept.begun = true;
     return kept.output;

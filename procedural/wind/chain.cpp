@@ -121,12 +121,12 @@ void shelter(const ChainFrame& chain, uint32_t time, Strands& strands, StageCloc
 
 } // namespace
 
-void jiggle_patch(const ChainFrame& chain, const RestStrandSource& expand, Strands& strands,
+void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands, Strands& strands,
                   ChainScratch& scratch) {
     const std::span times(chain.frame.times, chain.frame.time_count);
     const Wind& wind = *chain.wind;
     scratch.jiggled.resize(times.size());
-    expand.at_time(0, strands);
+    rest_strands.at_time(0, strands);
     shelter(chain, 0, strands, scratch.clock);
     Strands& past = scratch.past;
     past.has_wind_share = strands.has_wind_share;
@@ -138,14 +138,14 @@ void jiggle_patch(const ChainFrame& chain, const RestStrandSource& expand, Stran
     const StageTimer timer(scratch.clock.jiggle);
     uint32_t next = 0;
     for (int64_t knot = chain.window.first; knot <= chain.window.last; ++knot) {
-        if (knot == chain.window.first || !expand.as_before || !expand.as_before(knot))
-            expand.at_knot(knot, past);
+        if (knot == chain.window.first || !rest_strands.as_before || !rest_strands.as_before(knot))
+            rest_strands.at_knot(knot, past);
         const auto at = size_t(knot - chain.window.first);
         bend_at(chain, at < chain.past_gusts.size() ? &chain.past_gusts[at] : nullptr,
                 wind.jiggle->frame_of(knot), past, inner);
         scratch.filter.feed(knot, past);
         for (; next < times.size() && times[next] <= wind.jiggle->frame_of(knot); ++next) {
-            expand.at_time(next, strands);
+            rest_strands.at_time(next, strands);
             if (times[next] < wind.jiggle->frame_of(chain.window.first))
                 scratch.jiggled[next].clear(); // before jiggle.start_frame
             else

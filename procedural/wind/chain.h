@@ -83,7 +83,7 @@ struct RestStrandSource {
 // crosses the wind at 1 m/s, at 3 Hz and damping 0.3: a third of the strands behind it are off by more than
 // 1 % of their length, the worst by their whole length, or by a quarter if a cone of 10 degrees softens the
 // edge (tests/chain/shelter_test.cpp prints more).
-void jiggle_patch(const ChainFrame& chain, const RestStrandSource& expand, Strands& strands,
+void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands, Strands& strands,
                   ChainScratch& scratch);
 
 // Expanded strands at motion sample `time` -> pose, pose_normal, envelope, gust, shield. If the wind has no

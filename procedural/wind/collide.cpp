@@ -9,13 +9,13 @@
 // one, minus the rounding. It is measured again if it gets too small (a thousand CVs far from the origin),
 // and at the root if the first turn reports not_clear.
 //
-// The rendered cubic deviates from its control polygon (drawn_segment.h). A strand whose cubic penetrates a
+// The rendered cubic deviates from its control polygon (rendered_segment.h). A strand whose cubic penetrates a
 // collider by more than the tolerance is solved again with smaller turns; if that does not help, it is laid
 // straight.
 #include "procedural/wind/collide.h"
 
-#include "procedural/wind/drawn_segment.h"
 #include "procedural/wind/near.h"
+#include "procedural/wind/rendered_segment.h"
 #include "procedural/wind/skin.h"
 
 #include <algorithm>
@@ -187,8 +187,8 @@ void advance(CollideScratch& scratch, Progress& progress, size_t k, const Segmen
     progress.start = stored;
 }
 
-RenderedSegment drawn_segment(const CollideJob& job, const StrandJob& strand, const CollideScratch& scratch,
-                              size_t k) {
+RenderedSegment rendered_segment(const CollideJob& job, const StrandJob& strand,
+                                 const CollideScratch& scratch, size_t k) {
     const std::vector<Vec3f>& p = scratch.solved;
     const auto at = [&](size_t i) { return Vec3d(p[i].cast<double>()); };
     const auto bend = [&](size_t i) {
@@ -234,7 +234,7 @@ bool remaining_segments_are_clear(const CollideJob& job, const StrandJob& strand
     }
     double offset = 0.0; // of the rendered cubics from the polygon, with their radii
     for (size_t i = k; i + 1 < scratch.rest.size(); ++i) {
-        const RenderedSegment drawn = drawn_segment(job, strand, scratch, i);
+        const RenderedSegment drawn = rendered_segment(job, strand, scratch, i);
         offset = std::max(offset, drawn.max_offset() + std::max(drawn.r0, drawn.r1));
     }
     SearchRegion region(std::max(arc_padding + so_far.clearance, offset) * (1.0 + 1e-9));
@@ -328,7 +328,7 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
 // The CV at which the rendered cubic enters a collider by more than the tolerance; -1: none.
 int penetrating_cv(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch) {
     for (size_t k = 0; k < std::min(scratch.clear_from, scratch.solved.size() - 1); ++k) {
-        const RenderedSegment drawn = drawn_segment(job, strand, scratch, k);
+        const RenderedSegment drawn = rendered_segment(job, strand, scratch, k);
         if (penetrates_collider(*job.colliders, drawn, scratch.clearance[k + 1], strand.tolerance,
                                 scratch.turn))
             return int(drawn.d0.squaredNorm() >= drawn.d1.squaredNorm() ? k : k + 1);

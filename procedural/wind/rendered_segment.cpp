@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "procedural/wind/drawn_segment.h"
+#include "procedural/wind/rendered_segment.h"
 
 #include "procedural/wind/near.h"
 

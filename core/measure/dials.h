@@ -3,7 +3,7 @@
 // few changes to the scene. Dials of features that a scene does not use are left out, with the reason.
 //
 // To add a dial: give a parameter of a procedural its `sweep` where it is declared. A dial that needs more
-// than a list of values gets a function in dials.cpp and a line in dials_of().
+// than a list of values gets a function: in strand_dials.cpp if it is about strands, else in dials.cpp.
 #pragma once
 
 #include "core/shot/shot.h"

@@ -6,9 +6,12 @@
 //     dune_solver barchans [n] [B]  height, width, length and celerity of n sizes after three turnovers (6)
 //     dune_solver ridges [B]    transverse ridges: celerity against the flux over the brink
 //     dune_solver directions    orientation of crests on a sand-covered bed under pairs of winds
+//     dune_solver fingers [DIR] orientation of what extends from a source of sand on hard ground
+//     dune_solver kinds [DIR]   a heap in one wind, in two, in five: barchan, seif, star; pictures to DIR
 //     dune_solver convergence   one dune with cells of 2, 1 and 1/2 m, and the grid turned by 45 degrees
 //     dune_solver turned cell   one dune, the grid turned by 0, 15, 30, 45 degrees
 //     dune_solver picture out.pgm hours u* [degrees]
+#include "tests/bench/dune_solver/kinds.h"
 #include "tests/bench/dune_solver/picture.h"
 #include "tests/unit/terrain/solver/dune_waves.h"
 
@@ -401,6 +404,10 @@ int main(int argc, char** argv) {
                                argc > 3 ? std::atof(argv[3]) : marram::ShearCoefficients().out_of_phase);
     else if (is("directions"))
         marram::print_directions();
+    else if (is("fingers"))
+        marram::print_fingers(argc > 2 ? argv[2] : "");
+    else if (is("kinds"))
+        marram::print_kinds(argc > 2 ? argv[2] : "");
     else if (is("convergence"))
         marram::print_convergence();
     else if (is("ridges"))
@@ -413,10 +420,12 @@ int main(int argc, char** argv) {
                    ? 0
                    : 1;
     else {
-        std::puts("dune_solver waves | speed | barchans [COUNT] [B] | ridges [B] | directions | convergence "
-                  "| turned CELL "
-                  "| picture OUT.pgm "
-                  "HOURS U* [DEGREES]");
+        std::puts(
+            "dune_solver waves | speed | barchans [COUNT] [B] | ridges [B] | directions | fingers [DIR] "
+            "| kinds [DIR] | convergence "
+            "| turned CELL "
+            "| picture OUT.pgm "
+            "HOURS U* [DEGREES]");
         return 2;
     }
     return 0;

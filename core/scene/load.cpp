@@ -62,10 +62,15 @@ const ItemSchema* read_type(const toml::table& table, const std::string& kind, c
                             std::span<const ItemSchema> schemas, Reading& reading) {
     std::vector<std::string> types;
     for (const ItemSchema& schema : schemas) types.push_back(schema.type);
-    if (!table.contains("type"))
+    if (!table.contains("type")) {
+        std::vector<std::string> keys;
+        for (const auto& [key, value] : table) keys.emplace_back(key.str());
+        const std::string misspelt = nearest("type", keys);
         reading.report(place_of(table, reading), fmt::format("{} has no type", label),
-                       types.empty() ? hint("", types, "type of " + kind + " in this build")
-                                     : fmt::format("add type = \"...\", known are {}", listed(types)));
+                       types.empty()       ? hint("", types, "type of " + kind + " in this build")
+                       : !misspelt.empty() ? fmt::format("write type in place of {}", in_quotes(misspelt))
+                                           : fmt::format("add type = \"...\", known are {}", listed(types)));
+    }
     const std::optional<std::string> type = read_text_key(table, "type", label, reading);
     if (!type) return nullptr;
     for (const ItemSchema& schema : schemas)

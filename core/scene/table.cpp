@@ -204,6 +204,10 @@ void walk(const toml::table& table, const std::string& prefix, const TableToRead
             take(key, node, *exact, job, given, reading);
         else if (lists)
             read_list(key, node, name, job, given, reading);
+        else if (nests && node.is_table() && node.as_table()->empty()) // reads as if it switched something on
+            reading.report(place_of(node, reading),
+                           fmt::format("{} is an empty table, which changes nothing", label),
+                           "give a key in it, or remove it");
         else if (nests && node.is_table())
             walk(*node.as_table(), inner, job, given, reading);
         else if (nests)

@@ -142,6 +142,8 @@ TEST(LoadScene, ReportsMistakesInListsOfTables) {
     expect("a.list = [[]]\n", ":5:11", "wind.a.list[0] is an empty list: give a table, { ... }");
     expect("a.list = []\n\"a.list\" = []\n", ":6:1", "wind.a.list is given twice: remove one of them");
     expect("a = [{}]\n", ":5:5", "wind.a is a list of 1: give a table");
+    expect("a = {}\n", ":5:5", "wind.a is an empty table, which changes nothing: give a key in it");
+    expect("[wind.a]\n", ":5:1", "wind.a is an empty table, which changes nothing: give a key in it");
 }
 
 TEST(LoadScene, ReadsThingsInOrder) {
@@ -195,6 +197,15 @@ TEST(LoadScene, ReadsWindowsLinesAndByteOrderMarks) {
         folder.write("a.toml", "\xEF\xBB\xBF"
                                "[camera]\r\nposition = [0, 1, 5]\r\ntarget = [0, 0, 0]\r\n");
     EXPECT_EQ(load_scene(file, {}, schema).camera.vec3("position"), Vec3d(0, 1, 5));
+}
+
+TEST(LoadScene, FindsAMisspeltType) {
+    const Folder folder;
+    const auto lines = mistakes(
+        folder.write("a.toml", small_scene + "[[mesh]]\nname = \"s\"\ntyp = \"plane\"\n"), {}, test_schema());
+    ASSERT_EQ(lines.size(), 1u);
+    EXPECT_NE(lines[0].find("mesh.s has no type: write type in place of \"typ\""), std::string::npos)
+        << lines[0];
 }
 
 TEST(LoadScene, IsFreeOfScaleInTheCamera) {

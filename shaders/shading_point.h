@@ -24,7 +24,7 @@ struct SurfaceRipples {
 
 struct ShadingPoint {
     Vec3f wo = Vec3f::UnitZ();               // unit, towards the viewer
-    Vec3f geometric_normal = Vec3f::UnitZ(); // unit, on either side
+    Vec3f geometric_normal = Vec3f::UnitZ(); // unit, on either side; see SurfacePoint::side_normal
     Vec3f normal = Vec3f::UnitZ();           // unit, shading normal
     Vec3f tangent = Vec3f::UnitX();          // fibres: unit, root to tip
     Vec2f uv = Vec2f::Zero();                // fibres: uv of the surface at the root

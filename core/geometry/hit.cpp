@@ -146,21 +146,42 @@ void set_triangle(const MeshGeometry& mesh, uint32_t triangle, const Vec2f& bary
     point.uv = mesh.uvs.empty()
                    ? barycentrics
                    : Vec2f(w * mesh.uvs[corner[0]] + u * mesh.uvs[corner[1]] + v * mesh.uvs[corner[2]]);
+    point.to_smooth = {Vec3f::Zero(), Vec3f::Zero()};
     if (!mesh.normals.empty()) {
         const Step step = step_of(mesh.normals.size(), time);
-        const auto normal_at = [&](size_t key) -> Vec3f {
-            const std::vector<Vec3f>& n = mesh.normals[key];
-            return w * n[corner[0]] + u * n[corner[1]] + v * n[corner[2]];
+        const auto normal_of = [&](size_t k) -> Vec3f {
+            const Vec3f& n = mesh.normals[step.first][corner[k]];
+            if (!(step.within > 0.0)) return n;
+            return n + static_cast<float>(step.within) * (mesh.normals[step.first + 1][corner[k]] - n);
         };
-        Vec3f n = normal_at(step.first);
-        if (step.within > 0.0) n += static_cast<float>(step.within) * (normal_at(step.first + 1) - n);
+        const std::array<Vec3f, 3> normals = {normal_of(0), normal_of(1), normal_of(2)};
+        const Vec3f n = w * normals[0] + u * normals[1] + v * normals[2];
         const float length = n.norm();
         if (length > 0.0F) point.normal = n / length;
+        const std::array<float, 3> weight = {w, u, v};
+        const std::array<const Vec3d*, 3> vertex = {&a, &b, &c};
+        for (size_t k = 0; k < 3; ++k) {
+            const float height = (point.position - *vertex[k]).cast<float>().dot(normals[k]);
+            point.to_smooth[height < 0.0F ? 0 : 1] -= weight[k] * height * normals[k];
+        }
     }
+    point.side_normal = point.geometric_normal;
     point.strand_u = point.h = point.radius = 0.0F;
     point.barycentrics = barycentrics;
     point.material = mesh.material;
     point.light = mesh.light;
+}
+
+// Shading with vertex normals lights parts of a triangle that its own plane, or a neighbour's, keeps from the light:
+// the border of the shadow would show the triangles. So shading and rays that leave treat the surface as the smooth one:
+// a direction is on the side where the smooth normal has it, and the ray starts on a curved patch (Hanika, "Hacking the
+// Shadow Terminator", Ray Tracing Gems II, 2021). Not at silhouettes, where the smooth surface faces away from the ray.
+void use_smooth_side(const Vec3f& direction, SurfacePoint& point) {
+    const float to_plane = point.geometric_normal.dot(direction), to_smooth = point.normal.dot(direction);
+    if ((to_plane < 0.0F) == (to_smooth < 0.0F) && point.geometric_normal.dot(point.normal) > 0.0F)
+        point.side_normal = point.normal;
+    else
+        point.to_smooth = {Vec3f::Zero(), Vec3f::Zero()};
 }
 
 // Some direction across the fibre, for a ray along it.
@@ -487,6 +508,7 @@ bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coh
     if (query.hit.geomID < world.meshes.size()) {
         set_triangle(world.meshes[query.hit.geomID], query.hit.primID, {query.hit.u, query.hit.v}, ray.time,
                      point);
+        use_smooth_side(ray.direction, point);
     } else {
         point.normal = Vec3f(query.hit.Ng_x, query.hit.Ng_y, query.hit.Ng_z).normalized();
         set_curve(world.curves[query.hit.geomID - world.meshes.size()], query.ray, query.hit, t, point);
@@ -520,6 +542,10 @@ Ray spawn(const SurfacePoint& point, const Vec3f& direction, float time) {
     if (through) {
         ray.origin = point.position.cast<float>();
         ray.tnear = static_cast<float>(exit_distance(point, d, error));
+    } else if (point.shape == PointShape::triangle) {
+        const float side = point.side_normal.dot(direction);
+        const Vec3d start = point.position + point.to_smooth[side < 0.0F ? 1 : 0].cast<double>();
+        ray.origin = (start + std::copysign(error, static_cast<double>(side)) * n).cast<float>();
     } else {
         ray.origin = (point.position + std::copysign(error, outward) * n).cast<float>();
     }

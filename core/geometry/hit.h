@@ -5,6 +5,7 @@
 
 #include "core/geometry/world.h"
 
+#include <array>
 #include <cstdint>
 #include <string_view>
 
@@ -36,7 +37,11 @@ struct SurfacePoint {
     double error = 0.0; // bound of |position - the surface as Embree computes it|, along the normal
     Vec3f geometric_normal =
         Vec3f::UnitZ(); // mesh: its anticlockwise side; round: away from the axis; ribbon: see hit.cpp
-    Vec3f normal = Vec3f::UnitZ();  // for shading: interpolated vertex normals if the mesh has them
+    Vec3f normal = Vec3f::UnitZ(); // for shading: interpolated vertex normals if the mesh has them
+    // Triangles: the smooth surface that vertex normals mean (hit.cpp). The sign of side_normal says on which side of
+    // it a direction is, and rays that leave start at position + to_smooth[0] on side_normal's side, [1] on the other.
+    Vec3f side_normal = Vec3f::UnitZ();
+    std::array<Vec3f, 2> to_smooth = {Vec3f::Zero(), Vec3f::Zero()};
     Vec3f tangent = Vec3f::UnitX(); // curves: unit, root to tip; meshes: a unit vector in the surface
     Vec2f uv =
         Vec2f::Zero();     // mesh: its uvs (barycentrics where it has none); curves: (strand_u, (1 + h) / 2)

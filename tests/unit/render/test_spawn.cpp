@@ -105,6 +105,69 @@ TEST(Spawn, LeavesTriangles) {
     }
 }
 
+// A ball of few triangles with smooth normals: where these face a light, nothing of the ball shadows it; where they face
+// away, all is in shadow.
+TEST(Spawn, StartsOnTheSmoothSurface) {
+    const Vec3f light = Vec3f(0.48F, 0.6F, 0.64F);
+    for (const Setting& s : settings) {
+        Triangles ball = testing::sphere(Vec3d::Zero(), 1.0, 16, 8);
+        const std::vector<Vec3f> normals = ball.positions;
+        for (Vec3f& p : ball.positions) p = (place(s) + s.scale * p.cast<double>()).cast<float>();
+        WorldBuilder builder;
+        builder.mesh({ball.positions}, ball.triangles, 0, -1, {normals});
+        const World& world = builder.commit();
+        Random random{9};
+        uint64_t lit = 0, shadowed = 0, wrong = 0, by_planes = 0;
+        for (uint64_t i = 0; i < rays; ++i) {
+            const Vec3d from = place(s) + 3.0 * s.scale * random.direction(),
+                        to = place(s) + 0.9 * s.scale * random() * random.direction();
+            Ray ray;
+            ray.origin = from.cast<float>();
+            ray.direction = (to - from).normalized().cast<float>();
+            SurfacePoint point;
+            if (!intersect(world, ray, point, false)) continue;
+            const float cosine = point.normal.dot(light);
+            if (std::abs(cosine) < 1e-3F || point.side_normal != point.normal) continue;
+            const bool dark = occluded(world, spawn(point, light, 0.0F));
+            ++(cosine > 0.0F ? lit : shadowed);
+            wrong += dark == (cosine > 0.0F);
+            point.to_smooth = {Vec3f::Zero(), Vec3f::Zero()}; // the triangle's own plane
+            point.side_normal = point.geometric_normal;
+            by_planes += occluded(world, spawn(point, light, 0.0F)) == (cosine > 0.0F);
+        }
+        std::printf("[ shadow   ] %.0e@%.0e: %d lit, %d shadowed, %d wrong, %d wrong by planes\n", s.scale,
+                    s.away, int(lit), int(shadowed), int(wrong), int(by_planes));
+        EXPECT_GT(lit, rays / 4);
+        EXPECT_EQ(wrong, 0U);
+        EXPECT_GT(by_planes, rays / 100);
+    }
+}
+
+// At a silhouette the smooth surface may face away from the ray: then the triangle's own plane decides.
+TEST(Spawn, LeavesTheTriangleThatWasHit) {
+    Triangles ball = testing::sphere(Vec3d::Zero(), 1.0, 16, 8);
+    WorldBuilder builder;
+    builder.mesh({ball.positions}, ball.triangles, 0, -1, {ball.positions});
+    const World& world = builder.commit();
+    Random random{11};
+    uint64_t grazing = 0;
+    for (uint64_t i = 0; i < rays; ++i) {
+        const Vec3d from = 3.0 * random.direction(), to = 0.99 * random.direction();
+        Ray ray;
+        ray.origin = from.cast<float>();
+        ray.direction = (to - from).normalized().cast<float>();
+        SurfacePoint point;
+        if (!intersect(world, ray, point, false)) continue;
+        EXPECT_LT(point.side_normal.dot(ray.direction), 0.0F);
+        if (point.normal.dot(ray.direction) < 0.0F) continue;
+        ++grazing;
+        EXPECT_EQ(point.side_normal, point.geometric_normal);
+        EXPECT_EQ(point.to_smooth[0], Vec3f::Zero());
+        EXPECT_FALSE(occluded(world, spawn(point, -ray.direction, 0.0F)));
+    }
+    EXPECT_GT(grazing, 10U);
+}
+
 // One fibre, thin or thick, straight or bent, along a skew direction.
 WorldBuilder fibre(const Setting& s, double radius, double tip, double bend, MarramShape shape,
                    MarramBasis basis, uint32_t pieces) {

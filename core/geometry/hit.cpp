@@ -19,8 +19,9 @@
 //             drift that way: a million ribbons without absorption on a black ball reflected 2 % more.
 //
 // The origin is offset along the geometric normal by that error, times a margin, to the side of the new
-// direction. From there a ray cannot hit the same plane or convex surface again, at any angle. Two cases need
-// more. Let T be the tangent, w = position - axis, a = |d - (T.d) T|^2 = sin^2 of the angle between ray and
+// direction. From there a ray cannot hit the same plane or convex surface again, at any angle; only in hollows of
+// meshes with vertex normals, a ray above the smooth surface and below the triangle's plane hits the triangle. Two
+// cases need more. Let T be the tangent, w = position - axis, a = |d - (T.d) T|^2 = sin^2 of the angle between ray and
 // fibre, b = -w.d.
 //
 //   The ray passes through a round fibre (b > 0), a cone of slope r' = dr / dlength. It is e behind it where
@@ -60,6 +61,9 @@ namespace {
 
 constexpr double float_step = 0x1p-23; // U
 constexpr double margin = 2.0;         // measured: tests/unit/render/test_spawn.cpp prints the rates
+// Up to this cosine to the triangle's plane rays start on the patch, wholly at 0. Shadows that show the triangles are of
+// grazing light.
+constexpr double greatest_patch_cosine = 0.1;
 constexpr double curve_residual =
     64.0; // Newton's tolerance in Embree is 16, and it may stop on both sides of a surface
 constexpr double huge_residual = 4.0;  // 1/m
@@ -152,7 +156,10 @@ void set_triangle(const MeshGeometry& mesh, uint32_t triangle, const Vec2f& bary
         const auto normal_of = [&](size_t k) -> Vec3f {
             const Vec3f& n = mesh.normals[step.first][corner[k]];
             if (!(step.within > 0.0)) return n;
-            return n + static_cast<float>(step.within) * (mesh.normals[step.first + 1][corner[k]] - n);
+            const Vec3f between =
+                n + static_cast<float>(step.within) * (mesh.normals[step.first + 1][corner[k]] - n);
+            const float length = between.norm();
+            return length > 0.0F ? Vec3f(between / length) : n;
         };
         const std::array<Vec3f, 3> normals = {normal_of(0), normal_of(1), normal_of(2)};
         const Vec3f n = w * normals[0] + u * normals[1] + v * normals[2];
@@ -174,8 +181,9 @@ void set_triangle(const MeshGeometry& mesh, uint32_t triangle, const Vec2f& bary
 
 // Shading with vertex normals lights parts of a triangle that its own plane, or a neighbour's, keeps from the light:
 // the border of the shadow would show the triangles. So shading and rays that leave treat the surface as the smooth one:
-// a direction is on the side where the smooth normal has it, and the ray starts on a curved patch (Hanika, "Hacking the
-// Shadow Terminator", Ray Tracing Gems II, 2021). Not at silhouettes, where the smooth surface faces away from the ray.
+// a direction is on the side where the smooth normal has it, and a ray near the plane or below it starts on a curved patch
+// (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021). Not at silhouettes, where the smooth surface faces
+// away from the ray.
 void use_smooth_side(const Vec3f& direction, SurfacePoint& point) {
     const float to_plane = point.geometric_normal.dot(direction), to_smooth = point.normal.dot(direction);
     if ((to_plane < 0.0F) == (to_smooth < 0.0F) && point.geometric_normal.dot(point.normal) > 0.0F)
@@ -454,6 +462,7 @@ SurfacePoint mesh_point(const World& world, uint32_t mesh, uint32_t triangle, co
     point.geometry = mesh;
     point.primitive = triangle;
     set_triangle(world.meshes[mesh], triangle, barycentrics, time, point);
+    point.to_smooth = {Vec3f::Zero(), Vec3f::Zero()};
     return point;
 }
 
@@ -543,9 +552,11 @@ Ray spawn(const SurfacePoint& point, const Vec3f& direction, float time) {
         ray.origin = point.position.cast<float>();
         ray.tnear = static_cast<float>(exit_distance(point, d, error));
     } else if (point.shape == PointShape::triangle) {
-        const float side = point.side_normal.dot(direction);
-        const Vec3d start = point.position + point.to_smooth[side < 0.0F ? 1 : 0].cast<double>();
-        ray.origin = (start + std::copysign(error, static_cast<double>(side)) * n).cast<float>();
+        const double side = std::copysign(1.0, static_cast<double>(point.side_normal.dot(direction)));
+        // A ray well above the triangle's plane needs no patch, which may lie beyond what shadows the triangle.
+        const double share = std::clamp(1.0 - side * outward / greatest_patch_cosine, 0.0, 1.0);
+        const Vec3d to_patch = share * point.to_smooth[side < 0.0 ? 1 : 0].cast<double>();
+        ray.origin = (point.position + to_patch + side * error * n).cast<float>();
     } else {
         ray.origin = (point.position + std::copysign(error, outward) * n).cast<float>();
     }

@@ -200,7 +200,7 @@ ShadingPoint shading_point(const RenderContext& context, const Material& materia
                            const Vec3f& wo, float width) {
     ShadingPoint point;
     point.wo = wo;
-    point.geometric_normal = at.shape == PointShape::triangle ? at.side_normal : at.geometric_normal;
+    point.side_normal = at.shape == PointShape::triangle ? at.side_normal : at.geometric_normal;
     point.normal = at.normal;
     point.tangent = at.tangent;
     point.uv = at.uv;

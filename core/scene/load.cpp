@@ -63,9 +63,7 @@ const ItemSchema* read_type(const toml::table& table, const std::string& kind, c
     std::vector<std::string> types;
     for (const ItemSchema& schema : schemas) types.push_back(schema.type);
     if (!table.contains("type")) {
-        std::vector<std::string> keys;
-        for (const auto& [key, value] : table) keys.emplace_back(key.str());
-        const std::string misspelt = nearest("type", keys);
+        const std::string misspelt = misspelt_type(table);
         reading.report(place_of(table, reading), fmt::format("{} has no type", label),
                        types.empty()       ? hint("", types, "type of " + kind + " in this build")
                        : !misspelt.empty() ? fmt::format("write type in place of {}", in_quotes(misspelt))

@@ -158,8 +158,10 @@ void read_typed_list(const toml::node& node, const ListSchema& schema, const Tab
         }
         const toml::node* type = element.table->get("type");
         if (!type) {
+            const std::string misspelt = misspelt_type(*element.table);
             reading.report(element.place, fmt::format("{} has no type", shown),
-                           "add type = " + wanted(schema.type));
+                           misspelt.empty() ? "add type = " + wanted(schema.type)
+                                            : fmt::format("write type in place of {}", in_quotes(misspelt)));
             continue;
         }
         std::optional<ParamValue> value = read_value(*type, schema.type, shown + ".type", reading);
@@ -204,7 +206,8 @@ void walk(const toml::table& table, const std::string& prefix, const TableToRead
             take(key, node, *exact, job, given, reading);
         else if (lists)
             read_list(key, node, name, job, given, reading);
-        else if (nests && node.is_table() && node.as_table()->empty()) // reads as if it switched something on
+        else if (nests && node.is_table() && node.as_table()->empty() && place_of(node, reading).line > 0)
+            // It reads as if it switched something on. With --set (no line) it removes what the file gives.
             reading.report(place_of(node, reading),
                            fmt::format("{} is an empty table, which changes nothing", label),
                            "give a key in it, or remove it");
@@ -231,6 +234,12 @@ std::optional<ParamValue> default_or_missing(const ParamSpec& spec, const TableT
 }
 
 } // namespace
+
+std::string misspelt_type(const toml::table& table) {
+    std::vector<std::string> keys;
+    for (const auto& [key, value] : table) keys.emplace_back(key.str());
+    return nearest("type", keys);
+}
 
 ParamSet read_table(const TableToRead& job, Reading& reading) {
     Given given;

@@ -20,6 +20,9 @@ struct TableToRead {
 
 // Returns every declared parameter, given or default, and for lists those of every element. Values that are
 // wrong are reported and left out.
+// The key of a table without a type that may be a misspelt "type"; "" if there is none.
+std::string misspelt_type(const toml::table& table);
+
 ParamSet read_table(const TableToRead& job, Reading& reading);
 
 inline std::vector<const ParamSpec*> pointers(std::span<const ParamSpec> specs) {

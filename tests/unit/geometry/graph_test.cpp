@@ -510,6 +510,8 @@ TEST(Layers, ThatAreWrongAreNamedByTheirPlaces) {
     EXPECT_NE(mistake("layer = [{ height = 2 }]").find(":5:10: procedural.dune.layer[0] has no type"),
               std::string::npos)
         << mistake("layer = [{ height = 2 }]");
+    EXPECT_NE(mistake("layer = [{ typ = \"slab\" }]").find("write type in place of \"typ\""),
+              std::string::npos);
     EXPECT_NE(mistake("layer = [{ type = \"slab\" }, { type = \"bumb\" }]").find("did you mean"),
               std::string::npos);
     EXPECT_NE(

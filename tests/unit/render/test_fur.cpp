@@ -63,7 +63,7 @@ Camera camera() {
 ShadingPoint shading_point(const SurfacePoint& hit, const Vec3f& wo) {
     ShadingPoint point;
     point.wo = wo;
-    point.geometric_normal = hit.geometric_normal;
+    point.side_normal = hit.geometric_normal;
     point.normal = hit.normal;
     point.tangent = hit.tangent;
     point.uv = hit.uv;

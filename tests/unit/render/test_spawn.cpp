@@ -143,6 +143,36 @@ TEST(Spawn, StartsOnTheSmoothSurface) {
     }
 }
 
+// A slab with the vertex normals of a ball, of which the curved patch is more than a metre high, 0.3 m below a board: the
+// board shadows it.
+TEST(Spawn, DoesNotStartBeyondWhatShadows) {
+    WorldBuilder builder;
+    std::vector<Vec3f> slab, normals, board;
+    for (int k = 0; k < 8; ++k) {
+        const Vec3f corner(k & 1 ? 1.0F : -1.0F, k & 2 ? 1.0F : -1.0F, k & 4 ? 1.0F : -1.0F);
+        slab.push_back(corner.cwiseProduct(Vec3f(2.0F, 0.1F, 2.0F)));
+        normals.push_back(corner.normalized());
+    }
+    builder.mesh({slab}, {{2, 6, 7}, {2, 7, 3}}, 0, -1, {normals}); // its upper side
+    for (int k = 0; k < 4; ++k) board.emplace_back(k & 1 ? 6.0F : -6.0F, 0.4F, k & 2 ? 6.0F : -6.0F);
+    builder.mesh({board}, {{0, 2, 3}, {0, 3, 1}});
+    const World& world = builder.commit();
+    Random random{5};
+    double highest = 0.0;
+    for (int i = 0; i < 10000; ++i) {
+        Ray ray;
+        ray.origin = Vec3f(float(3.8 * random() - 1.9), 0.35F, float(3.8 * random() - 1.9));
+        ray.direction = -Vec3f::UnitY();
+        SurfacePoint point;
+        ASSERT_TRUE(intersect(world, ray, point, false));
+        ASSERT_EQ(point.geometry, 0U);
+        highest = std::max({highest, double(point.to_smooth[0].y()), double(point.to_smooth[1].y())});
+        const Vec3f light = (Vec3f::UnitY() + 0.5F * random.direction().cast<float>()).normalized();
+        EXPECT_TRUE(occluded(world, spawn(point, light, 0.0F)));
+    }
+    EXPECT_GT(highest, 0.5);
+}
+
 // At a silhouette the smooth surface may face away from the ray: then the triangle's own plane decides.
 TEST(Spawn, LeavesTheTriangleThatWasHit) {
     Triangles ball = testing::sphere(Vec3d::Zero(), 1.0, 16, 8);

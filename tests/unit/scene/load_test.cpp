@@ -144,6 +144,10 @@ TEST(LoadScene, ReportsMistakesInListsOfTables) {
     expect("a = [{}]\n", ":5:5", "wind.a is a list of 1: give a table");
     expect("a = {}\n", ":5:5", "wind.a is an empty table, which changes nothing: give a key in it");
     expect("[wind.a]\n", ":5:1", "wind.a is an empty table, which changes nothing: give a key in it");
+    // With --set an empty table removes what the file gives.
+    const std::string file = folder.write("b.toml", small_scene + "[wind]\na.list = [{ needed = 0.5 }]\n");
+    EXPECT_EQ(load_scene(file, {}, schema).wind.find_list("a.list")->size, 1U);
+    EXPECT_EQ(load_scene(file, {"wind.a={}"}, schema).wind.find_list("a.list"), nullptr);
 }
 
 TEST(LoadScene, ReadsThingsInOrder) {

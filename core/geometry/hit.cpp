@@ -61,9 +61,9 @@ namespace {
 
 constexpr double float_step = 0x1p-23; // U
 constexpr double margin = 2.0;         // measured: tests/unit/render/test_spawn.cpp prints the rates
-// Up to this cosine to the triangle's plane rays start on the patch, wholly at 0. Shadows that show the triangles are of
-// grazing light.
-constexpr double greatest_patch_cosine = 0.1;
+// Rays whose sine to the triangle's plane is below this start above the triangle, at 0 wholly on the smooth surface: only
+// the shadows of grazing light show the triangles. Larger values let light in from beyond near occluders (test_spawn.cpp).
+constexpr double grazing_sine = 0.1;
 constexpr double curve_residual =
     64.0; // Newton's tolerance in Embree is 16, and it may stop on both sides of a surface
 constexpr double huge_residual = 4.0;  // 1/m
@@ -182,8 +182,8 @@ void set_triangle(const MeshGeometry& mesh, uint32_t triangle, const Vec2f& bary
 // Shading with vertex normals lights parts of a triangle that its own plane, or a neighbour's, keeps from the light:
 // the border of the shadow would show the triangles. So shading and rays that leave treat the surface as the smooth one:
 // a direction is on the side where the smooth normal has it, and a ray near the plane or below it starts on a curved patch
-// (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021). Not at silhouettes, where the smooth surface faces
-// away from the ray.
+// (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021). Not at silhouettes, where the smooth surface
+// faces away from the ray.
 void use_smooth_side(const Vec3f& direction, SurfacePoint& point) {
     const float to_plane = point.geometric_normal.dot(direction), to_smooth = point.normal.dot(direction);
     if ((to_plane < 0.0F) == (to_smooth < 0.0F) && point.geometric_normal.dot(point.normal) > 0.0F)
@@ -554,7 +554,7 @@ Ray spawn(const SurfacePoint& point, const Vec3f& direction, float time) {
     } else if (point.shape == PointShape::triangle) {
         const double side = std::copysign(1.0, static_cast<double>(point.side_normal.dot(direction)));
         // A ray well above the triangle's plane needs no patch, which may lie beyond what shadows the triangle.
-        const double share = std::clamp(1.0 - side * outward / greatest_patch_cosine, 0.0, 1.0);
+        const double share = std::clamp(1.0 - side * outward / grazing_sine, 0.0, 1.0);
         const Vec3d to_patch = share * point.to_smooth[side < 0.0 ? 1 : 0].cast<double>();
         ray.origin = (point.position + to_patch + side * error * n).cast<float>();
     } else {

@@ -38,8 +38,9 @@ struct SurfacePoint {
     Vec3f geometric_normal =
         Vec3f::UnitZ(); // mesh: its anticlockwise side; round: away from the axis; ribbon: see hit.cpp
     Vec3f normal = Vec3f::UnitZ(); // for shading: interpolated vertex normals if the mesh has them
-    // Triangles: the smooth surface that vertex normals mean (hit.cpp). The sign of side_normal says on which side of
-    // it a direction is; grazing rays start up to to_smooth[0] away on side_normal's side, [1] on the other.
+    // Triangles: vertex normals stand for a smooth surface (Hanika 2021, see hit.cpp). The sign of side_normal . d says
+    // on which side of it a direction d is. to_smooth: m, from the position to that surface where it is above the
+    // triangle on side_normal's side [0], or on the other [1]; spawn() starts grazing rays there.
     Vec3f side_normal = Vec3f::UnitZ();
     std::array<Vec3f, 2> to_smooth = {Vec3f::Zero(), Vec3f::Zero()};
     Vec3f tangent = Vec3f::UnitX(); // curves: unit, root to tip; meshes: a unit vector in the surface

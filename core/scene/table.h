@@ -18,11 +18,11 @@ struct TableToRead {
     std::vector<std::string> others; // keys that are not parameters, checked elsewhere: name, type, film, ...
 };
 
-// Returns every declared parameter, given or default, and for lists those of every element. Values that are
-// wrong are reported and left out.
 // The key of a table without a type that may be a misspelt "type"; "" if there is none.
 std::string misspelt_type(const toml::table& table);
 
+// Returns every declared parameter, given or default, and for lists those of every element. Values that are
+// wrong are reported and left out.
 ParamSet read_table(const TableToRead& job, Reading& reading);
 
 inline std::vector<const ParamSpec*> pointers(std::span<const ParamSpec> specs) {

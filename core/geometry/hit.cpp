@@ -61,8 +61,8 @@ namespace {
 
 constexpr double float_step = 0x1p-23; // U
 constexpr double margin = 2.0;         // measured: tests/unit/render/test_spawn.cpp prints the rates
-// Rays whose sine to the triangle's plane is below this start above the triangle, at 0 wholly on the smooth surface: only
-// the shadows of grazing light show the triangles. Larger values let light in from beyond near occluders (test_spawn.cpp).
+// The start of a ray blends from the smooth surface (sine of its angle to the triangle's plane <= 0) to the triangle (this
+// and more): only grazing light shows the triangles, and a start on the smooth surface may be beyond what shadows it.
 constexpr double grazing_sine = 0.1;
 constexpr double curve_residual =
     64.0; // Newton's tolerance in Embree is 16, and it may stop on both sides of a surface
@@ -150,7 +150,7 @@ void set_triangle(const MeshGeometry& mesh, uint32_t triangle, const Vec2f& bary
     point.uv = mesh.uvs.empty()
                    ? barycentrics
                    : Vec2f(w * mesh.uvs[corner[0]] + u * mesh.uvs[corner[1]] + v * mesh.uvs[corner[2]]);
-    point.to_smooth = {Vec3f::Zero(), Vec3f::Zero()};
+    point.patch_offset = {Vec3f::Zero(), Vec3f::Zero()};
     if (!mesh.normals.empty()) {
         const Step step = step_of(mesh.normals.size(), time);
         const auto normal_of = [&](size_t k) -> Vec3f {
@@ -169,7 +169,7 @@ void set_triangle(const MeshGeometry& mesh, uint32_t triangle, const Vec2f& bary
         const std::array<const Vec3d*, 3> vertex = {&a, &b, &c};
         for (size_t k = 0; k < 3; ++k) {
             const float height = (point.position - *vertex[k]).cast<float>().dot(normals[k]);
-            point.to_smooth[height < 0.0F ? 0 : 1] -= weight[k] * height * normals[k];
+            point.patch_offset[height < 0.0F ? 0 : 1] -= weight[k] * height * normals[k];
         }
     }
     point.side_normal = point.geometric_normal;
@@ -181,15 +181,15 @@ void set_triangle(const MeshGeometry& mesh, uint32_t triangle, const Vec2f& bary
 
 // Shading with vertex normals lights parts of a triangle that its own plane, or a neighbour's, keeps from the light:
 // the border of the shadow would show the triangles. So shading and rays that leave treat the surface as the smooth one:
-// a direction is on the side where the smooth normal has it, and a ray near the plane or below it starts on a curved patch
+// the sign of normal . d says on which side a direction d is, and a ray near the plane or below it starts on a curved patch
 // (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021). Not at silhouettes, where the smooth surface
-// faces away from the ray.
-void use_smooth_side(const Vec3f& direction, SurfacePoint& point) {
-    const float to_plane = point.geometric_normal.dot(direction), to_smooth = point.normal.dot(direction);
-    if ((to_plane < 0.0F) == (to_smooth < 0.0F) && point.geometric_normal.dot(point.normal) > 0.0F)
+// faces away from the ray, and not where the vertex normals oppose the triangle's.
+void choose_side_normal(const Vec3f& direction, SurfacePoint& point) {
+    const float cos_plane = point.geometric_normal.dot(direction), cos_smooth = point.normal.dot(direction);
+    if ((cos_plane < 0.0F) == (cos_smooth < 0.0F) && point.geometric_normal.dot(point.normal) > 0.0F)
         point.side_normal = point.normal;
     else
-        point.to_smooth = {Vec3f::Zero(), Vec3f::Zero()};
+        point.patch_offset = {Vec3f::Zero(), Vec3f::Zero()};
 }
 
 // Some direction across the fibre, for a ray along it.
@@ -462,7 +462,7 @@ SurfacePoint mesh_point(const World& world, uint32_t mesh, uint32_t triangle, co
     point.geometry = mesh;
     point.primitive = triangle;
     set_triangle(world.meshes[mesh], triangle, barycentrics, time, point);
-    point.to_smooth = {Vec3f::Zero(), Vec3f::Zero()};
+    point.patch_offset = {Vec3f::Zero(), Vec3f::Zero()}; // no ray says on which side it is seen
     return point;
 }
 
@@ -517,7 +517,7 @@ bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coh
     if (query.hit.geomID < world.meshes.size()) {
         set_triangle(world.meshes[query.hit.geomID], query.hit.primID, {query.hit.u, query.hit.v}, ray.time,
                      point);
-        use_smooth_side(ray.direction, point);
+        choose_side_normal(ray.direction, point);
     } else {
         point.normal = Vec3f(query.hit.Ng_x, query.hit.Ng_y, query.hit.Ng_z).normalized();
         set_curve(world.curves[query.hit.geomID - world.meshes.size()], query.ray, query.hit, t, point);
@@ -554,9 +554,9 @@ Ray spawn(const SurfacePoint& point, const Vec3f& direction, float time) {
     } else if (point.shape == PointShape::triangle) {
         const double side = std::copysign(1.0, static_cast<double>(point.side_normal.dot(direction)));
         // A ray well above the triangle's plane needs no patch, which may lie beyond what shadows the triangle.
-        const double share = std::clamp(1.0 - side * outward / grazing_sine, 0.0, 1.0);
-        const Vec3d to_patch = share * point.to_smooth[side < 0.0 ? 1 : 0].cast<double>();
-        ray.origin = (point.position + to_patch + side * error * n).cast<float>();
+        const double patch_weight = std::clamp(1.0 - side * outward / grazing_sine, 0.0, 1.0);
+        const Vec3d to_start = patch_weight * point.patch_offset[side < 0.0 ? 1 : 0].cast<double>();
+        ray.origin = (point.position + to_start + side * error * n).cast<float>();
     } else {
         ray.origin = (point.position + std::copysign(error, outward) * n).cast<float>();
     }

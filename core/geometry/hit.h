@@ -39,10 +39,10 @@ struct SurfacePoint {
         Vec3f::UnitZ(); // mesh: its anticlockwise side; round: away from the axis; ribbon: see hit.cpp
     Vec3f normal = Vec3f::UnitZ(); // for shading: interpolated vertex normals if the mesh has them
     // Triangles: vertex normals stand for a smooth surface (Hanika 2021, see hit.cpp). The sign of side_normal . d says
-    // on which side of it a direction d is. to_smooth: m, from the position to that surface where it is above the
-    // triangle on side_normal's side [0], or on the other [1]; spawn() starts grazing rays there.
+    // on which side of it a direction d is. patch_offset: m, where spawn() starts grazing rays, from the position: [0]
+    // for rays on side_normal's side, [1] for those on the other. Not set on curves.
     Vec3f side_normal = Vec3f::UnitZ();
-    std::array<Vec3f, 2> to_smooth = {Vec3f::Zero(), Vec3f::Zero()};
+    std::array<Vec3f, 2> patch_offset = {Vec3f::Zero(), Vec3f::Zero()};
     Vec3f tangent = Vec3f::UnitX(); // curves: unit, root to tip; meshes: a unit vector in the surface
     Vec2f uv =
         Vec2f::Zero();     // mesh: its uvs (barycentrics where it has none); curves: (strand_u, (1 + h) / 2)

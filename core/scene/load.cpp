@@ -63,7 +63,7 @@ const ItemSchema* read_type(const toml::table& table, const std::string& kind, c
     std::vector<std::string> types;
     for (const ItemSchema& schema : schemas) types.push_back(schema.type);
     if (!table.contains("type")) {
-        const std::string misspelt = misspelt_type(table);
+        const std::string misspelt = key_like_type(table);
         reading.report(place_of(table, reading), fmt::format("{} has no type", label),
                        types.empty()       ? hint("", types, "type of " + kind + " in this build")
                        : !misspelt.empty() ? fmt::format("write type in place of {}", in_quotes(misspelt))

@@ -158,7 +158,7 @@ void read_typed_list(const toml::node& node, const ListSchema& schema, const Tab
         }
         const toml::node* type = element.table->get("type");
         if (!type) {
-            const std::string misspelt = misspelt_type(*element.table);
+            const std::string misspelt = key_like_type(*element.table);
             reading.report(element.place, fmt::format("{} has no type", shown),
                            misspelt.empty() ? "add type = " + wanted(schema.type)
                                             : fmt::format("write type in place of {}", in_quotes(misspelt)));
@@ -235,7 +235,7 @@ std::optional<ParamValue> default_or_missing(const ParamSpec& spec, const TableT
 
 } // namespace
 
-std::string misspelt_type(const toml::table& table) {
+std::string key_like_type(const toml::table& table) {
     std::vector<std::string> keys;
     for (const auto& [key, value] : table) keys.emplace_back(key.str());
     return nearest("type", keys);

@@ -19,7 +19,7 @@ struct TableToRead {
 };
 
 // The key of a table without a type that may be a misspelt "type"; "" if there is none.
-std::string misspelt_type(const toml::table& table);
+std::string key_like_type(const toml::table& table);
 
 // Returns every declared parameter, given or default, and for lists those of every element. Values that are
 // wrong are reported and left out.

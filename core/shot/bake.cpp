@@ -99,7 +99,7 @@ void check_baked_attributes(const Shot& shot, const std::vector<std::string>& na
                              fmt::format("choose among {}", fmt::join(known, ", ")));
 }
 
-BuildSettings bake_settings(const Shot& shot, const BakeSettings& settings, double frame) {
+BuildSettings build_settings_for_bake(const Shot& shot, const BakeSettings& settings, double frame) {
     BuildSettings build = build_settings(shot, frame);
     build.shutter_open = build.shutter_close = 0.0; // no motion samples
     build.stage = stage_of(settings.stage);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bakes a frame: builds it without motion, then writes its strands, or the surface or grids of a terrain.
+// Bakes a frame: settings to build it without motion; then writes its strands, or the surface or grids of a terrain.
 //
-//   check_baked_formats(settings)
-//   World world = build_world(shot.geometry, bake_settings(shot, settings, frame), ...)
+//   check_baked_formats(settings), check_baked_attributes(shot, settings.attributes)
+//   World world = build_world(shot.geometry, build_settings_for_bake(shot, settings, frame), ...)
 //   write_baked(shot, world, settings, file)
 #pragma once
 
@@ -26,11 +26,12 @@ void check_baked_formats(const BakeSettings& settings);
 // Throws InputError for a name that is not an attribute of any curves of the scene.
 void check_baked_attributes(const Shot& shot, const std::vector<std::string>& names);
 
-BuildSettings bake_settings(const Shot& shot, const BakeSettings& settings, double frame);
+BuildSettings build_settings_for_bake(const Shot& shot, const BakeSettings& settings, double frame);
 
-// Writes the strands, or for a scene without strands and for the formats of images the only mesh with grids.
-// file: settings.output with the number of the frame. Throws InputError if the world has nothing for this
-// format, or the file cannot be written.
+// Writes the strands. For the formats of images, and for .obj and .ply of a scene without strands, writes the only
+// mesh with grids; for .ply also if the scene has both. file: settings.output with the number of the frame. Throws
+// InputError if the world has nothing for this format, if settings.attributes are asked of a surface, or if the
+// file cannot be written.
 void write_baked(const Shot& shot, const World& world, const BakeSettings& settings, const std::string& file);
 
 // file: settings.colliders with the number of the frame; "" writes nothing.

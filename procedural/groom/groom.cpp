@@ -424,14 +424,15 @@ MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
     });
 }
 
-RestStrandSource rest_strands_of(const GroomInstance& instance, const GroomPatch& patch, StageClock& clock) {
+RestStrandSource patch_rest_strand_source(const GroomInstance& instance, const GroomPatch& patch,
+                                          StageClock& clock) {
     const std::span<const Root> roots = patch.roots;
     const auto lay_out = [&instance, roots](const Surface& now, Strands& strands) {
         const auto guided = instance.guided(roots);
         expand(instance.groom, instance.wind, {instance.poses(0).bind, now}, roots, strands,
                guided ? &*guided : nullptr);
     };
-    return rest_strands_on(instance, patch.mesh_instance, lay_out, &clock);
+    return rest_strand_source(instance, patch.mesh_instance, lay_out, &clock);
 }
 
 MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatchBuffers* buffers) {
@@ -449,7 +450,7 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
         strands.has_wind_share = !instance.groom.factors[of_wind].empty();
         strands.resize(int(roots.size()), instance.groom.cvs, instance.groom.shape == MARRAM_ORIENTED_RIBBON);
         strands.instance = patch.mesh_instance.is_instance ? patch.mesh_instance.mesh : nullptr;
-        const RestStrandSource rest_strands = rest_strands_of(instance, patch, worker.chain.clock);
+        const RestStrandSource rest_strands = patch_rest_strand_source(instance, patch, worker.chain.clock);
         const bool follows = !instance.guide_motion.blown.empty();
         if (instance.past.window.count() > 0 && !follows)
             jiggle_patch(instance.chain, rest_strands, strands, worker.chain);

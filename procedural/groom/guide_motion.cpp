@@ -118,7 +118,7 @@ void blow_guides(GroomInstance& instance) {
         const auto lay_out = [&](const Surface& now, Strands& out) {
             expand_guides(instance, guided->bind, now, first, out);
         };
-        const RestStrandSource rest_strands = rest_strands_on(instance, mesh_instance, lay_out, nullptr);
+        const RestStrandSource rest_strands = rest_strand_source(instance, mesh_instance, lay_out, nullptr);
         if (instance.past.window.count() > 0) jiggle_patch(chain, rest_strands, strands, worker.chain);
         for (uint32_t time = 0; time < instance.time_count; ++time) {
             if (time < instance.mesh->time_count || mesh_instance.moves())

@@ -18,8 +18,8 @@ void transform_to_instance(const GroomInstance& instance, const MeshInstance& me
     transform_by(instance, mesh_instance, mesh_instance.transform(time), strands);
 }
 
-RestStrandSource rest_strands_on(const GroomInstance& instance, const MeshInstance& mesh_instance,
-                                 LayOutStrands lay_out, StageClock* clock) {
+RestStrandSource rest_strand_source(const GroomInstance& instance, const MeshInstance& mesh_instance,
+                                    LayOutStrands lay_out, StageClock* clock) {
     const auto at_knot = [&instance, &mesh_instance](int64_t knot) -> const Eigen::Affine3d& {
         return mesh_instance.is_instance
                    ? mesh_instance.transforms_at_knots[size_t(knot - instance.past.window.first)]

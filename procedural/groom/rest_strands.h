@@ -9,15 +9,16 @@
 
 namespace marram {
 
-// Lays out strands on the groom's own mesh, whose skin is `now`.
-using LayOutStrands = std::function<void(const Surface& now, Strands& strands)>;
+// Lays out strands on a pose of the groom's own mesh.
+using LayOutStrands = std::function<void(const Surface& surface, Strands& strands)>;
 
-// `clock`: gets the time of motion samples as `expand`; nullptr: it is not measured. That of knots is part of
-// jiggle's. All references must outlive the result.
-RestStrandSource rest_strands_on(const GroomInstance& instance, const MeshInstance& mesh_instance,
-                                 LayOutStrands lay_out, StageClock* clock);
+// `clock`: its `expand` gets the time taken at motion samples; nullptr: not measured. The time at knots counts as
+// jiggle. All references must outlive the result.
+RestStrandSource rest_strand_source(const GroomInstance& instance, const MeshInstance& mesh_instance,
+                                    LayOutStrands lay_out, StageClock* clock);
 
-// Transforms strands laid out on the groom's own mesh to where the mesh instance is, at a motion sample.
+// Transforms strands laid out on the groom's own mesh to where the mesh instance is at motion sample `time`. Leaves
+// them as they are if it is that mesh itself.
 void transform_to_instance(const GroomInstance& instance, const MeshInstance& mesh_instance, uint32_t time,
                            Strands& strands);
 

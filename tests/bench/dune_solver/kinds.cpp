@@ -48,7 +48,6 @@ double finger_direction(std::span<const double> towards, std::span<const double>
 } // namespace
 
 void print_fingers(const std::string& pictures) {
-    const DuneSolverSettings physics;
     constexpr double shear_velocity = 0.44, height = 5.0, cell = 2.0;
     constexpr int n = 192;
     std::printf(
@@ -67,13 +66,13 @@ void print_fingers(const std::string& pictures) {
         DuneSolverSettings settings;
         settings.border = DuneBorder::open;
         DuneSolver solver(domain, settings, rock.data(), source.data());
-        const double turn = 6.0 * 86400.0;
+        const double cycle = 6.0 * 86400.0; // of both winds, seconds
         const WindHistory winds = wind_sequence(
-            {{{std::cos(towards[0]), std::sin(towards[0]), shear_velocity}, turn * share},
-             {{std::cos(towards[1]), std::sin(towards[1]), shear_velocity}, turn * (1.0 - share)}});
+            {{{std::cos(towards[0]), std::sin(towards[0]), shear_velocity}, cycle * share},
+             {{std::cos(towards[1]), std::sin(towards[1]), shear_velocity}, cycle * (1.0 - share)}});
         for (int k = 0; k < 100; ++k) {
-            solver.advance(winds, turn);
-            DuneState state = solver.save(); // the source is filled up after each turn of the winds
+            solver.advance(winds, cycle);
+            DuneState state = solver.save(); // theory has a source that does not run dry
             for (size_t c = 0; c < source.size(); ++c) state.sand[c] = std::max(state.sand[c], source[c]);
             solver.restore(state);
         }
@@ -110,8 +109,8 @@ struct Shape {
 };
 
 // The furthest sand of at least `low` metres in 36 directions from the middle, smoothed over three.
-std::array<double, 36> outline(const Domain& domain, std::span<const SandUnits> sand, double x, double z,
-                               double low) {
+std::array<double, 36> reach_by_direction(const Domain& domain, std::span<const SandUnits> sand, double x,
+                                          double z, double low) {
     std::array<double, 36> reach{}, smooth{};
     for (int j = 0; j < domain.nz; ++j)
         for (int i = 0; i < domain.nx; ++i) {
@@ -125,7 +124,7 @@ std::array<double, 36> outline(const Domain& domain, std::span<const SandUnits> 
 }
 
 // Maxima of a periodic function that rise above the minima on both sides by `prominence` at least.
-int peaks(std::span<const double> f, double prominence) {
+int count_peaks(std::span<const double> f, double prominence) {
     const size_t n = f.size(), start = size_t(std::ranges::min_element(f) - f.begin());
     int count = 0;
     double low = f[start], high = f[start];
@@ -154,7 +153,7 @@ Shape measure_shape(const Domain& domain, const std::vector<SandUnits>& sand) {
         }
     x /= mass, z /= mass;
     double xx = 0.0, xz = 0.0, zz = 0.0;
-    std::array<double, 36> steep{}; // area of steep sand by aspect
+    std::array<double, 36> steep{}; // cells of steep sand by aspect
     for (int j = 1; j + 1 < domain.nz; ++j)
         for (int i = 1; i + 1 < domain.nx; ++i) {
             const auto at = [&](int a, int b) { return sand_metres(sand[domain.index(i + a, j + b)]); };
@@ -168,12 +167,12 @@ Shape measure_shape(const Domain& domain, const std::vector<SandUnits>& sand) {
         }
     const double middle = 0.5 * (xx + zz), difference = std::hypot(0.5 * (xx - zz), xz);
     shape.elongation = std::sqrt((middle + difference) / (middle - difference));
-    const auto reach = outline(domain, sand, x, z, 0.1 * shape.height);
+    const auto reach = reach_by_direction(domain, sand, x, z, 0.1 * shape.height);
     double mean = 0.0;
     for (const double r : reach) mean += r / 36.0;
-    shape.arms = peaks(reach, 0.15 * mean);
+    shape.arms = count_peaks(reach, 0.15 * mean);
     const double most = *std::ranges::max_element(steep);
-    shape.slip_faces = most > 0.0 ? peaks(steep, 0.2 * most) : 0;
+    shape.slip_faces = most > 0.0 ? count_peaks(steep, 0.2 * most) : 0;
     return shape;
 }
 

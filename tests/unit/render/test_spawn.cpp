@@ -131,7 +131,7 @@ TEST(Spawn, StartsOnTheSmoothSurface) {
             const bool dark = occluded(world, spawn(point, light, 0.0F));
             ++(cosine > 0.0F ? lit : shadowed);
             wrong += dark == (cosine > 0.0F);
-            point.to_smooth = {Vec3f::Zero(), Vec3f::Zero()}; // the triangle's own plane
+            point.patch_offset = {Vec3f::Zero(), Vec3f::Zero()}; // the triangle's own plane
             point.side_normal = point.geometric_normal;
             by_planes += occluded(world, spawn(point, light, 0.0F)) == (cosine > 0.0F);
         }
@@ -166,7 +166,7 @@ TEST(Spawn, DoesNotStartBeyondWhatShadows) {
         SurfacePoint point;
         ASSERT_TRUE(intersect(world, ray, point, false));
         ASSERT_EQ(point.geometry, 0U);
-        highest = std::max({highest, double(point.to_smooth[0].y()), double(point.to_smooth[1].y())});
+        highest = std::max({highest, double(point.patch_offset[0].y()), double(point.patch_offset[1].y())});
         const Vec3f light = (Vec3f::UnitY() + 0.5F * random.direction().cast<float>()).normalized();
         EXPECT_TRUE(occluded(world, spawn(point, light, 0.0F)));
     }
@@ -192,7 +192,7 @@ TEST(Spawn, LeavesTheTriangleThatWasHit) {
         if (point.normal.dot(ray.direction) < 0.0F) continue;
         ++grazing;
         EXPECT_EQ(point.side_normal, point.geometric_normal);
-        EXPECT_EQ(point.to_smooth[0], Vec3f::Zero());
+        EXPECT_EQ(point.patch_offset[0], Vec3f::Zero());
         EXPECT_FALSE(occluded(world, spawn(point, -ray.direction, 0.0F)));
     }
     EXPECT_GT(grazing, 10U);

@@ -7,6 +7,7 @@
 #include "core/math/known_part.h"
 #include "core/math/vec.h"
 #include "procedural/contract_checks.h"
+#include "procedural/parallel.h"
 #include "procedural/values.h"
 
 #include <cmath>
@@ -17,11 +18,12 @@
 
 namespace marram {
 
-// Runs the body of a call and turns exceptions into messages to the host. subject: e.g. "groom", for message
+// Runs the body of a call, its loops on the host's executor, and turns exceptions into messages to the host. subject: e.g. "groom", for message
 // ids and texts. less: the remedy if memory runs out.
 template <typename Body>
 MarramStatus guarded(const MarramHost& host, const char* subject, const char* less, Body&& body) {
     const std::string name = subject;
+    const ExecutorScope executor(&host);
     try {
         return body();
     } catch (const SceneFault& fault) {

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Traces rays against a frame's world. Hits are exact enough for shading, and rays that leave them do not hit
-// the same surface again. The head of hit.cpp derives the offsets.
+// the same surface again. The head of spawn.cpp derives the offsets.
 #pragma once
 
 #include "core/geometry/world.h"
 
 #include <array>
 #include <cstdint>
-#include <string_view>
+#include <limits>
 
 namespace marram {
 

@@ -48,10 +48,9 @@
 
 #include "core/math/clock.h"
 #include "core/math/hash.h"
+#include "procedural/parallel.h"
 
 #include <fmt/format.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
@@ -120,11 +119,11 @@ class SurfaceNeighbours {
     void repeat(int times, std::span<double> values, auto&& of) const {
         std::vector<double> other(values.size());
         for (int n = 0; n < times; ++n) {
-            tbb::parallel_for(tbb::blocked_range<size_t>(0, values.size(), 4096),
-                              [&](const tbb::blocked_range<size_t>& range) {
-                                  for (size_t v = range.begin(); v < range.end(); ++v)
-                                      other[v] = of(values, v);
-                              });
+            marram::parallel_for(tbb::blocked_range<size_t>(0, values.size(), 4096),
+                                 [&](const tbb::blocked_range<size_t>& range) {
+                                     for (size_t v = range.begin(); v < range.end(); ++v)
+                                         other[v] = of(values, v);
+                                 });
             std::copy(other.begin(), other.end(), values.begin());
         }
     }

@@ -75,8 +75,7 @@
 #include "core/math/hash.h"
 #include "procedural/erosion/grain_tracer.h"
 #include "procedural/erosion/sobol.h"
-
-#include <tbb/parallel_for.h>
+#include "procedural/parallel.h"
 
 #include <algorithm>
 #include <atomic>
@@ -523,7 +522,7 @@ GrainReport trace_grains(RTCScene scene, std::span<const WornMesh> meshes, const
     const uint64_t blocks = (settings.paths + grain_block - 1) / grain_block;
     std::vector<GrainCounts> counts(blocks);
     const auto stopped = [&] { return hooks.cancelled && hooks.cancelled(); };
-    tbb::parallel_for(uint64_t(0), blocks, [&](uint64_t k) {
+    marram::parallel_for(uint64_t(0), blocks, [&](uint64_t k) {
         if (!stopped())
             trace_block(tracer, k * grain_block, std::min((k + 1) * grain_block, settings.paths), counts[k]);
     });

@@ -23,10 +23,8 @@
 #include "procedural/erosion/hardness.h"
 
 #include "core/math/hash.h"
+#include "procedural/parallel.h"
 #include "procedural/wind/noise.h"
-
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <array>
@@ -127,7 +125,7 @@ void rock_hardness(const HardnessSettings& settings, std::span<const float> poin
     const BedRates fine{strata.thickness / laminae_a_bed, contrast * strata.laminae, hash(settings.seed, 2)};
     const double log_noise = std::log(std::max(settings.noise, 1.0)) / 4.0; // extremes: twice the rms
     const size_t batches = (hardness.size() + lanes - 1) / lanes;
-    tbb::parallel_for(
+    marram::parallel_for(
         tbb::blocked_range<size_t>(0, batches, 64), [&](const tbb::blocked_range<size_t>& range) {
             for (size_t b = range.begin(); b < range.end(); ++b) {
                 const HardnessBatch batch = hardness_batch(points, b * lanes);

@@ -35,6 +35,8 @@
 // build from a mesh. Memory: 26 bytes per voxel, three times that during wear.
 #include "procedural/erosion/level_set.h"
 
+#include "procedural/parallel.h"
+
 #include <openvdb/Grid.h>
 #include <openvdb/io/File.h>
 #include <openvdb/openvdb.h>
@@ -51,10 +53,6 @@ extern template class openvdb::tree::Tree<openvdb::FloatTree::RootNodeType>;
 extern template class openvdb::tree::Tree<openvdb::Int32Tree::RootNodeType>;
 extern template class openvdb::Grid<openvdb::FloatTree>;
 #endif
-
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_sort.h>
 
 #include <algorithm>
 #include <array>
@@ -200,8 +198,8 @@ CellVertex cell_vertex(const std::array<float, 8>& corner, const std::array<Floa
 }
 
 void for_leaves(const Leaves& leaves, const auto& body) {
-    tbb::parallel_for(tbb::blocked_range<size_t>(0, leaves.leafCount(), 8),
-                      [&](const tbb::blocked_range<size_t>& range) { body(range.begin(), range.end()); });
+    marram::parallel_for(tbb::blocked_range<size_t>(0, leaves.leafCount(), 8),
+                         [&](const tbb::blocked_range<size_t>& range) { body(range.begin(), range.end()); });
 }
 
 // ---- input meshes ----
@@ -214,7 +212,7 @@ std::vector<uint32_t> first_vertex_at_position(std::span<const float> positions)
     const auto key = [&](uint32_t v) {
         return std::array{positions[3 * v], positions[3 * v + 1], positions[3 * v + 2]};
     };
-    tbb::parallel_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
+    marram::parallel_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
         const auto ka = key(a), kb = key(b);
         return ka != kb ? ka < kb : a < b;
     });
@@ -230,7 +228,7 @@ void check_closed(std::span<const uint32_t> triangles, const std::vector<uint32_
         const uint64_t a = first[triangles[n]], b = first[triangles[n % 3 == 2 ? n - 2 : n + 1]];
         edges[n] = std::min(a, b) << 32 | std::max(a, b);
     }
-    tbb::parallel_sort(edges.begin(), edges.end());
+    marram::parallel_sort(edges.begin(), edges.end());
     for (size_t begin = 0, end; begin < edges.size(); begin = end) {
         for (end = begin; end < edges.size() && edges[end] == edges[begin];) ++end;
         const bool point = edges[begin] >> 32 == (edges[begin] & 0xffffffffU);
@@ -925,7 +923,7 @@ size_t LevelSet::keep_largest() {
 }
 
 void LevelSet::sample(std::span<const float> points, std::span<float> distance) const {
-    tbb::parallel_for(tbb::blocked_range<size_t>(0, distance.size(), 1024), [&](const auto& range) {
+    marram::parallel_for(tbb::blocked_range<size_t>(0, distance.size(), 1024), [&](const auto& range) {
         const openvdb::tree::ValueAccessor<const FloatTree> accessor(*data_->phi);
         for (size_t n = range.begin(); n < range.end(); ++n) {
             const float* const p = points.data() + 3 * n;

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/groom/binding.h"
 
+#include "procedural/parallel.h"
 #include "procedural/wind/skin.h"
-
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
@@ -75,7 +74,7 @@ Binding bind_strands(const LentCurves& curves, const float* vertices, const Surf
     // of half an ulp.
     binding.rounding =
         0x1p-21 * std::max(query.box.min().cwiseAbs().maxCoeff(), query.box.max().cwiseAbs().maxCoeff());
-    tbb::parallel_for(tbb::blocked_range<uint64_t>(0, curves.count(), 256), [&](const auto& range) {
+    marram::parallel_for(tbb::blocked_range<uint64_t>(0, curves.count(), 256), [&](const auto& range) {
         if (cancelled()) return;
         uint32_t hint = no_triangle; // triangle of the previous strand, which is usually close
         for (uint64_t c = range.begin(); c < range.end(); ++c) {

@@ -11,9 +11,9 @@
 #include "procedural/groom/guide_motion.h"
 #include "procedural/groom/rest_strands.h"
 #include "procedural/groom/strand_calls.h"
+#include "procedural/parallel.h"
 
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
 
 #include <array>
 #include <cmath>
@@ -260,7 +260,7 @@ MarramStatus place_guides(GroomInstance& instance, const std::function<bool()>& 
     if (cancelled()) return MARRAM_CANCELLED;
     warn_of_guides(instance, instance.guides->binding());
     instance.blends.resize(instance.roots.size());
-    tbb::parallel_for(tbb::blocked_range<size_t>(0, instance.roots.size(), 256), [&](const auto& range) {
+    marram::parallel_for(tbb::blocked_range<size_t>(0, instance.roots.size(), 256), [&](const auto& range) {
         if (cancelled()) return;
         for (size_t i = range.begin(); i < range.end(); ++i) {
             const Root root = instance.roots[i];

@@ -2,8 +2,7 @@
 #include "procedural/groom/guide_motion.h"
 
 #include "procedural/groom/rest_strands.h"
-
-#include <tbb/parallel_for.h>
+#include "procedural/parallel.h"
 
 #include <algorithm>
 #include <numeric>
@@ -106,7 +105,7 @@ void blow_guides(GroomInstance& instance) {
                 at.normals.push_back(frame_at(now, set.guide(g).triangle, set.guide(g).weights).normal);
         }
     const size_t batches = (set.count() + guides_at_once - 1) / guides_at_once;
-    tbb::parallel_for(size_t{0}, batches * instance.mesh_instances.size(), [&](size_t job) {
+    marram::parallel_for(size_t{0}, batches * instance.mesh_instances.size(), [&](size_t job) {
         const size_t first = job % batches * guides_at_once,
                      count = std::min(guides_at_once, set.count() - first);
         const MeshInstance& mesh_instance = instance.mesh_instances[job / batches];

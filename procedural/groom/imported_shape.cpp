@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/groom/imported_shape.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_reduce.h>
+#include "procedural/parallel.h"
 
 #include <algorithm>
 #include <cmath>
@@ -219,7 +218,7 @@ void make_patches(ImportInstance& instance) {
         c = end;
     }
     std::vector<Eigen::AlignedBox3d> boxes(patches.size());
-    tbb::parallel_for(size_t{0}, patches.size(), [&](size_t p) {
+    marram::parallel_for(size_t{0}, patches.size(), [&](size_t p) {
         ImportPatch& patch = patches[p];
         patch.order.resize(patch.count);
         std::iota(patch.order.begin(), patch.order.end(), 0U);
@@ -257,7 +256,7 @@ void make_patches(ImportInstance& instance) {
 double longest_in_frame(const ImportInstance& instance) {
     const LentCurves& lent = instance.curves;
     if (!lent.curves.moves) return instance.longest_at_bind;
-    return tbb::parallel_reduce(
+    return marram::parallel_reduce(
         tbb::blocked_range<uint64_t>(0, lent.count(), 512), instance.longest_at_bind,
         [&](const tbb::blocked_range<uint64_t>& range, double longest) {
             for (uint32_t t = 0; t < lent.curves.time_count; ++t)
@@ -337,7 +336,7 @@ void find_import_patch(const ImportInstance& instance, uint32_t index, MarramPat
 }
 
 Eigen::AlignedBox3d bounds_of_import(const ImportInstance& instance) {
-    return tbb::parallel_reduce(
+    return marram::parallel_reduce(
         tbb::blocked_range<uint32_t>(0, uint32_t(instance.patches.size())), Eigen::AlignedBox3d(),
         [&](const tbb::blocked_range<uint32_t>& range, Eigen::AlignedBox3d box) {
             for (uint32_t i = range.begin(); i < range.end(); ++i) {

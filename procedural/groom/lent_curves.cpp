@@ -2,9 +2,9 @@
 #include "procedural/groom/lent_curves.h"
 
 #include "core/math/known_part.h"
+#include "procedural/parallel.h"
 
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
 
 #include <atomic>
 #include <cmath>
@@ -63,7 +63,7 @@ LentCurves find_curves(const MarramFrame& frame, std::string_view name, const st
         for (uint32_t t = 0; t < lent.curves.time_count; ++t) {
             const float* v = lent.curves.vertices[t];
             std::atomic<bool> usable{true};
-            tbb::parallel_for(tbb::blocked_range<size_t>(0, floats, 1 << 16), [&](const auto& range) {
+            marram::parallel_for(tbb::blocked_range<size_t>(0, floats, 1 << 16), [&](const auto& range) {
                 bool good = true;
                 for (size_t k = range.begin(); k < range.end(); ++k) good &= std::abs(v[k]) < 1e18F;
                 if (!good) usable = false;

@@ -20,9 +20,7 @@
 // five cells. These runs advance together with the candidate along the array.
 #include "procedural/groom/roots.h"
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_reduce.h>
+#include "procedural/parallel.h"
 
 #include <algorithm>
 #include <atomic>
@@ -98,7 +96,7 @@ void sort_by_cell(std::span<Candidate> list) {
         if (count > 1) sort_by_cell(list.subspan(begin[b], count));
     };
     if (list.size() > many)
-        tbb::parallel_for(size_t{0}, next.size(), sort_bucket);
+        marram::parallel_for(size_t{0}, next.size(), sort_bucket);
     else
         for (size_t b = 0; b < next.size(); ++b) sort_bucket(b);
 }
@@ -237,7 +235,7 @@ uint64_t poisson(double mean, uint64_t h) {
 std::vector<uint64_t> candidate_offsets(const DensityMask& mask, double attempts, bool spaced) {
     const Surface& bind = mask.bind;
     std::vector<uint64_t> first(size_t(bind.triangle_count) + 1, 0);
-    tbb::parallel_for(tbb::blocked_range<uint32_t>(0, bind.triangle_count, 4096), [&](const auto& range) {
+    marram::parallel_for(tbb::blocked_range<uint32_t>(0, bind.triangle_count, 4096), [&](const auto& range) {
         for (uint32_t t = range.begin(); t < range.end(); ++t) {
             const double mean = mask.masked() && !may_grow(mask, t) ? 0.0 : bind.area(t) * attempts;
             const uint64_t h = hash(hash(mask.groom.seed, 0x7472'6961), t);
@@ -277,7 +275,7 @@ std::vector<Candidate> draw_candidates(const DensityMask& mask, const DiscGrid& 
         }
     };
     std::vector<uint64_t> start(blocks + 1, 0);
-    tbb::parallel_for(uint64_t{0}, blocks, [&](uint64_t block) {
+    marram::parallel_for(uint64_t{0}, blocks, [&](uint64_t block) {
         if (cancelled()) return;
         uint64_t count = std::min(block_size, first.back() - block * block_size);
         if (mask.masked()) {
@@ -289,7 +287,7 @@ std::vector<Candidate> draw_candidates(const DensityMask& mask, const DiscGrid& 
     for (uint64_t block = 0; block < blocks; ++block) start[block + 1] += start[block];
     if (cancelled()) return {};
     std::vector<Candidate> candidates(start.back());
-    tbb::parallel_for(uint64_t{0}, blocks, [&](uint64_t block) {
+    marram::parallel_for(uint64_t{0}, blocks, [&](uint64_t block) {
         if (cancelled()) return;
         uint64_t at = start[block];
         visit(block, [&](Root root) {
@@ -380,7 +378,7 @@ void keep_spaced(std::vector<Candidate>& candidates, uint32_t seed, double radiu
     const tbb::blocked_range<size_t> all(0, candidates.size(), 8192);
     bool waiting = !candidates.empty();
     while (waiting && !cancelled())
-        waiting = tbb::parallel_reduce(
+        waiting = marram::parallel_reduce(
             all, false,
             [&](const auto& range, bool any) {
                 return decide(candidates, state, seed, squared_radius, range.begin(), range.end()) || any;
@@ -421,7 +419,7 @@ uint64_t spread_bits(uint64_t x) { // inserts two zeros above each of 21 bits
 
 // Roots in Morton order of the grid's cells: neighbours in the list are close in space.
 std::vector<Root> in_space_order(std::vector<Candidate>& candidates) {
-    tbb::parallel_for(tbb::blocked_range<size_t>(0, candidates.size(), 16384), [&](const auto& range) {
+    marram::parallel_for(tbb::blocked_range<size_t>(0, candidates.size(), 16384), [&](const auto& range) {
         for (size_t i = range.begin(); i < range.end(); ++i) {
             const uint64_t cell = candidates[i].cell;
             const uint64_t x = (cell & ((1U << x_bits) - 1)) / 4,

@@ -37,8 +37,7 @@
 #include "procedural/terrain/drape.h"
 
 #include "core/math/simd.h"
-
-#include <tbb/parallel_for.h>
+#include "procedural/parallel.h"
 
 #include <algorithm>
 #include <atomic>
@@ -166,7 +165,7 @@ bool drape_sand(const Domain& domain, const double* ground, double* sand, double
     if (!(k >= 1.0)) return true; // less than a unit of sand
     const int steps = int(std::max(std::ceil(5.0 * cells * cells), drape_min_steps));
     DrapeGrid grid(domain);
-    const auto rows = [&](auto&& act) { tbb::parallel_for(0, domain.nz, act); };
+    const auto rows = [&](auto&& act) { marram::parallel_for(0, domain.nz, act); };
     rows([&](int j) {
         std::copy_n(ground + domain.index(0, j), domain.nx, &grid.ground[grid.at(0, j)]);
         std::copy_n(sand + domain.index(0, j), domain.nx, &grid.sand[grid.at(0, j)]);
@@ -178,9 +177,9 @@ bool drape_sand(const Domain& domain, const double* ground, double* sand, double
         const std::vector<Rect> rects = awake.rects();
         std::vector<char> moved(rects.size());
         // Sleeping tiles keep the levels of the previous step: their sand has not changed.
-        tbb::parallel_for(size_t(0), rects.size(), [&](size_t r) { drape_levels(grid, rects[r], k); });
-        tbb::parallel_for(size_t(0), rects.size(),
-                          [&](size_t r) { moved[r] = drape_step(grid, rects[r], k); });
+        marram::parallel_for(size_t(0), rects.size(), [&](size_t r) { drape_levels(grid, rects[r], k); });
+        marram::parallel_for(size_t(0), rects.size(),
+                             [&](size_t r) { moved[r] = drape_step(grid, rects[r], k); });
         std::swap(grid.sand, grid.next);
         Tiles still(domain);
         for (size_t r = 0; r < rects.size(); ++r)

@@ -87,7 +87,7 @@ struct DuneChunk {
     double radius, cover;               // radius about the centre; sum of the weights of its DuneCover
 };
 // Discs about the midpoints of a run of 8 segments. They bound its part of F, which tells where the dune is
-// 0.
+// 0: see dune_bound.cpp.
 struct alignas(64) DuneCover {
     double x[lanes], z[lanes], half[lanes], weight[lanes];
 };
@@ -96,7 +96,7 @@ struct DuneField {
     std::vector<DuneSegment> segments; // plus one more that holds the end of the last
     std::vector<DuneChunk> chunks;
     std::vector<DuneCover> covers; // one a chunk
-    double softening2 = 0.0;       // eps^2 of the file head
+    double softening2 = 0.0;       // eps^2, see dune_shape.cpp
     double reach = 0.0;            // slopes and mask are 0 beyond this distance
     double xx = 1.0, xz = 0.0, zz = 1.0;
 };

@@ -43,11 +43,12 @@
 // 0.6 %, with full moves by 2 %. Level l relaxes to repose - 0.1 - 0.1 l degrees from 0.1 above that: without
 // slack for the roughness of the next finer grid, that grid would be diffusive again. So beside oversteep
 // sand these levels may lower sand at repose by as much. If the finest grid does not settle in 12 sweeps, the
-// cycle repeats.
+// cycle repeats. Now and then the coarse and the finest grid undo each other's moves forever: after 16 cycles the
+// finest has 24 sweeps, after 32 cycles 48, and so on.
 //
 // Range. |bedrock| and sand up to 2^20 m (1,049 km), cells from 2^-20 m (1 um): there all sums are exact in a
 // double. If an input is outside or not a number, the sand is unchanged and `settled` is false. `settled` is
-// also false if 256 cycles do not suffice. Borders are walls. A single row or column has no triangle and
+// also false if 160 cycles do not suffice. Borders are walls. A single row or column has no triangle and
 // stays.
 //
 // Sand that slides over steep rock into a hollow comes to rest up to 2.5 degrees below repose there, because
@@ -56,17 +57,16 @@
 // Report: sweeps, m^3 moved, the steepest all-sand triangle and `settled`; a warning if it did not settle.
 //
 // Cost: 35 ns a sample where nothing moves (one core), of which half is copying; 2048^2 samples with 1,000
-// dunes of 40 degrees: 1.1 to 1.3 s of one core. A steep rock face oblique to the grid settles slowest: 800
-// sweeps for 512^2 samples. Where a heap at its foot extends over a ledge, 256 cycles did not suffice in one
-// case (34.64 degrees remained). 16 bytes a sample, plus a third for the coarser grids.
+// dunes of 40 degrees: 1.1 to 1.3 s of one core. A steep rock face oblique to the grid settles slowest: 20 to 10,500
+// sweeps for 200^2 samples, up to 1.7 s. 16 bytes a sample, plus a third for the coarser grids.
 #include "procedural/terrain/fusion.h"
 
 #include "core/math/simd.h"
+#include "procedural/parallel.h"
 #include "procedural/terrain/drape.h"
 #include "procedural/terrain/shape_layer.h"
 
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <array>
@@ -83,7 +83,7 @@ constexpr int fusion_block_columns = 16,
 constexpr int fusion_tile_blocks = Tiles::side / fusion_block_columns;
 constexpr int fusion_tile_block_rows = Tiles::side / fusion_block_rows;
 constexpr int fusion_max_levels = 8, fusion_coarse_sweeps = 256;
-constexpr int fusion_cycle_sweeps = 12;
+constexpr int fusion_cycle_sweeps = 12, fusion_patient_cycles = 16;
 constexpr double fusion_max_height = 0x1p20; // metres; sums of heights stay exact in a double
 constexpr double fusion_min_cell = 0x1p-20;  // metres; below, the slope's slack is only a few sand units
 
@@ -188,7 +188,7 @@ MARRAM_INLINE void fusion_flatten(const FusionHeights& h, double target, VLong w
 }
 
 // A triangle with possibly bare corners: sand moves only if all corners that must give carry some. Returns
-// true if it did.
+// true if sand moved.
 bool fusion_partial_triangle(const FusionGrid& grid, const FusionSlopes& slopes, size_t p, size_t q,
                              size_t r) {
     const double gx = grid.height(q) - grid.height(p), gz = grid.height(r) - grid.height(p);
@@ -207,7 +207,17 @@ bool fusion_partial_triangle(const FusionGrid& grid, const FusionSlopes& slopes,
     const double missing = std::min(0.0, sand[p] + (q_to_p + r_to_p));
     (q_to_p < 0.0 ? q_to_p : r_to_p) -= missing;
     sand[q] -= q_to_p, sand[r] -= r_to_p, sand[p] += q_to_p + r_to_p;
-    return q_to_p != 0.0 || r_to_p != 0.0;
+    if (q_to_p != 0.0 || r_to_p != 0.0) return true;
+    // Rounded to nothing, as a corner that must give has a few units only: it gives them and is bare.
+    const size_t corners[] = {p, q, r};
+    size_t lowest = p, thinnest = p;
+    for (const size_t k : corners) {
+        if (grid.height(k) < grid.height(lowest)) lowest = k;
+        if (sand[k] < sand[thinnest]) thinnest = k;
+    }
+    if (lowest == thinnest || !(sand[thinnest] > 0.0 && sand[thinnest] < fusion_min_covered)) return false;
+    sand[lowest] += sand[thinnest], sand[thinnest] = 0.0;
+    return true;
 }
 
 // Moves sand down an edge that is too steep; `far`: edge length in cells. Returns true if sand moved.
@@ -394,7 +404,7 @@ bool fusion_sweep(FusionGrid& grid, const FusionSlopes& slopes, bool fine, bool 
             for (int column = colour & 1; column < grid.tile_columns(); column += 2)
                 if (const FusionTile tile = fusion_tile(grid, column, row); fusion_tile_awake(grid, tile))
                     tiles.push_back(tile);
-        tbb::parallel_for(size_t(0), tiles.size(), [&](size_t t) {
+        marram::parallel_for(size_t(0), tiles.size(), [&](size_t t) {
             fusion_pass(grid, slopes, fine, tiles[t], !flip);
             fusion_pass(grid, slopes, fine, tiles[t], flip);
         });
@@ -458,8 +468,8 @@ MARRAM_HOT void fusion_survey_row(FusionGrid& grid, double trigger, int r, Fusio
 
 FusionSurvey fusion_survey(FusionGrid& grid, double trigger) {
     std::vector<FusionSurvey> rows(size_t(grid.block_rows));
-    tbb::parallel_for(0, grid.block_rows,
-                      [&](int r) { fusion_survey_row(grid, trigger, r, rows[size_t(r)]); });
+    marram::parallel_for(0, grid.block_rows,
+                         [&](int r) { fusion_survey_row(grid, trigger, r, rows[size_t(r)]); });
     FusionSurvey all;
     for (const FusionSurvey& row : rows) {
         all.steepest = std::max(all.steepest, row.steepest);
@@ -489,7 +499,7 @@ void fusion_coarsen_row(const FusionGrid& fine, FusionGrid& coarse, int j) {
 }
 
 void fusion_coarsen(const FusionGrid& fine, FusionGrid& coarse) {
-    tbb::parallel_for(0, coarse.nz, [&](int j) { fusion_coarsen_row(fine, coarse, j); });
+    marram::parallel_for(0, coarse.nz, [&](int j) { fusion_coarsen_row(fine, coarse, j); });
     std::fill(coarse.active.begin(), coarse.active.end(), char(0));
     for (int r = 0; r < fine.block_rows; ++r)
         for (int c = 0; c < fine.block_columns; ++c)
@@ -514,7 +524,7 @@ void fusion_refine_row(FusionGrid& fine, const FusionGrid& coarse, int j) {
 void fusion_refine(FusionGrid& fine, const FusionGrid& coarse) {
     constexpr int rows =
         fusion_block_rows / 2; // coarse rows of one fine block row, so only one task sets a block's flag
-    tbb::parallel_for(0, (coarse.nz + rows - 1) / rows, [&](int r) {
+    marram::parallel_for(0, (coarse.nz + rows - 1) / rows, [&](int r) {
         for (int j = r * rows; j < std::min((r + 1) * rows, coarse.nz); ++j)
             fusion_refine_row(fine, coarse, j);
     });
@@ -580,7 +590,8 @@ bool FusionRelaxer::relax(FusionResult& result) {
     if (!fusion_survey(finest(), slopes.trigger).awake) return true;
     for (int cycle = 0; cycle < cycles_; ++cycle) {
         if (!cascade()) return false;
-        for (int sweep = 0; sweep < fusion_cycle_sweeps; ++sweep) {
+        const int sweeps = fusion_cycle_sweeps << std::min(cycle / fusion_patient_cycles, 20);
+        for (int sweep = 0; sweep < sweeps; ++sweep) {
             if (stop()) return false;
             ++result.sweeps;
             if (!fusion_sweep(finest(), slopes, true, sweep & 1)) return true;
@@ -602,7 +613,7 @@ bool fusion_read(const Domain& domain, const float* bedrock, const SandUnits* sa
                  FusionGrid& grid) {
     std::vector<char> good(size_t(domain.nz), 1);
     constexpr SandUnits most = SandUnits(fusion_max_height * sand_units_per_metre);
-    tbb::parallel_for(0, domain.nz, [&](int j) {
+    marram::parallel_for(0, domain.nz, [&](int j) {
         bool in = true;
         double* const ground_row = grid.ground.get() + grid.row(j);
         double* const sand_row = grid.sand.get() + grid.row(j);
@@ -625,7 +636,7 @@ bool fusion_read(const Domain& domain, const float* bedrock, const SandUnits* sa
 // Copies the sand out. Returns the amount that moved, in metres times samples.
 double fusion_write(const Domain& domain, const FusionGrid& grid, const float* mask, SandUnits* sand) {
     std::vector<double> moved(size_t(domain.nz), 0.0);
-    tbb::parallel_for(0, domain.nz, [&](int j) {
+    marram::parallel_for(0, domain.nz, [&](int j) {
         for (int i = 0; i < domain.nx; ++i) {
             const size_t sample = domain.index(i, j);
             const SandUnits gain =
@@ -645,7 +656,7 @@ bool fusion_drape(const Domain& domain, double drape, const std::function<bool()
     const auto ground = std::make_unique_for_overwrite<double[]>(domain.count());
     const auto sand = std::make_unique_for_overwrite<double[]>(domain.count());
     const auto samples = [&](auto&& act) {
-        tbb::parallel_for(0, domain.nz, [&](int j) {
+        marram::parallel_for(0, domain.nz, [&](int j) {
             for (int i = 0; i < domain.nx; ++i) act(domain.index(i, j), grid.at(i, j));
         });
     };

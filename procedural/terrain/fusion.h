@@ -13,7 +13,7 @@ namespace marram {
 struct FusionSettings {
     double repose = 34.0 * degree; // radians; clamped to 1 ... 80 degrees
     double drape = 0.0;            // metres; 0: off. See drape.cpp
-    int cycles = 256;              // maximum of multigrid cycles, each with 12 sweeps of the finest grid
+    int cycles = 160; // maximum of multigrid cycles, each with 12 or more sweeps of the finest grid
     bool operator==(const FusionSettings&) const = default;
 };
 

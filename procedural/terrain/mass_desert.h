@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A field of many dunes from a few parameters. Each dune is a description (crest curves and settings) with a
-// stable id, so that it can be edited individually. The model is documented in mass_desert.cpp.
+// stable id, so that it can be edited individually. The model is documented in mass_desert.cpp and the files
+// that it lists.
 #pragma once
 
 #include "procedural/terrain/dune_shape.h"
@@ -41,9 +42,9 @@ struct MassSettings {
     double dispersion = 8.0 * degree;         // standard deviation of the orientation
     double slip_angle = 33.0 * degree;
     double windward_angle = 12.0 * degree; // steepest part of the windward side, within the profile's limits
-    double horn_length = 0.3;              // of a barchan, as a fraction of its width
-    double sinuosity = 0.08;               // amplitude of a ridge's waves, as a fraction of their wavelength
-    double crest_radius = 0.0;             // metres over which crests are rounded
+    double horn_length = 0.3;  // of a barchan or a barchanoid's crescent, as a fraction of its width
+    double sinuosity = 0.08;   // amplitude of a ridge's waves, as a fraction of their wavelength
+    double crest_radius = 0.0; // metres over which crests are rounded
     double boundary_noise = 0.0, boundary_noise_length = 20.0;
     Vec2d wind = Vec2d(1.0, 0.0); // unit: where the resultant wind goes to, x and z
     uint64_t seed = 0;
@@ -62,7 +63,7 @@ struct MassDune {
     uint64_t noise_seed = 0;                        // seed of the equivalent drawn dune; gives settings.seed
     Vec2d at = Vec2d::Zero();                       // middle of the crest; for stars and nabkhas the peak
     double angle = 0.0;                             // downwind axis, from x to z
-    double height = 0.0, width = 0.0, length = 0.0; // metres, as defined in mass_desert.cpp
+    double height = 0.0, width = 0.0, length = 0.0; // metres, as defined in mass_shapes.cpp
 };
 
 // The kind given by the regime chart. All arguments are between 0 and 1.
@@ -89,7 +90,7 @@ class MassLayer : public ShapeLayer {
     Tiles changed_since(const TerrainLayer& before, const Domain& domain) const override;
     // x, z and height of each dune, by id, if listing is on.
     std::vector<std::pair<std::string, double>> report() const override;
-    // The dunes as [[curves]] and layers of type dune, if listing is on. mass_desert.cpp gives the accuracy.
+    // The dunes as [[curves]] and layers of type dune, if listing is on. mass_layer.cpp gives the accuracy.
     std::string described(size_t index, const Fields& below) const override;
     void list_dunes(bool list) { lists_ = list; }
 

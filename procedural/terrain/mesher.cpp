@@ -46,11 +46,9 @@
 #include "procedural/terrain/mesher.h"
 
 #include "core/math/simd.h"
+#include "procedural/parallel.h"
 
-#include <tbb/blocked_range.h>
 #include <tbb/enumerable_thread_specific.h>
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_reduce.h>
 
 #include <algorithm>
 #include <cmath>
@@ -446,7 +444,7 @@ class MeshMeasure {
   public:
     MeshMeasure(const Domain& domain, const float* heights, const MeshTolerance& tolerance)
         : domain_(domain), heights_(heights), slopes_(tolerance.gradient > 0.0) {
-        const float highest = tbb::parallel_reduce(
+        const float highest = marram::parallel_reduce(
             tbb::blocked_range<size_t>(0, domain.count()), 0.0F,
             [&](const tbb::blocked_range<size_t>& range, float most) {
                 for (size_t s = range.begin(); s < range.end(); ++s)
@@ -592,11 +590,11 @@ class Mesher {
           pieces_(size_t(columns_) * size_t(rows_)) {}
 
     RenderMesh run() {
-        tbb::parallel_for(0, rows_ + 1, [&](int r) { simplify_lines(r); });
+        marram::parallel_for(0, rows_ + 1, [&](int r) { simplify_lines(r); });
         tbb::enumerable_thread_specific<MeshTile> tiles;
-        tbb::parallel_for(0, int(pieces_.size()), [&](int p) { refine(p, tiles.local()); });
+        marram::parallel_for(0, int(pieces_.size()), [&](int p) { refine(p, tiles.local()); });
         RenderMesh mesh = number();
-        tbb::parallel_for(0, int(pieces_.size()), [&](int p) { join(p, mesh); });
+        marram::parallel_for(0, int(pieces_.size()), [&](int p) { join(p, mesh); });
         return mesh;
     }
 

@@ -32,12 +32,11 @@
 // Cost: about 10 to 14 vectors of 8 wave packets a point, and 50 shelter tests.
 #include "procedural/terrain/ripples.h"
 
+#include "procedural/parallel.h"
 #include "procedural/terrain/lattice.h"
 #include "procedural/terrain/shape_layer.h"
 
 #include "core/math/hash.h"
-
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <array>
@@ -185,7 +184,7 @@ void RipplesLayer::carried(const Fields& terrain, std::span<const uint32_t> samp
     for (size_t t = 1; t < begins.size(); ++t) begins[t] += begins[t - 1];
     std::vector<uint32_t> next(begins.begin(), begins.end() - 1);
     for (uint32_t k = 0; k < samples.size(); ++k) order[next[tile_of(samples[k])]++] = k;
-    tbb::parallel_for(size_t(0), next.size(), [&](size_t t) {
+    marram::parallel_for(size_t(0), next.size(), [&](size_t t) {
         if (!samples.empty() && begins[t] == begins[t + 1]) return;
         const Rect rect = all.rect(int(t % size_t(all.columns())), int(t / size_t(all.columns())));
         const Surface surface(rect, terrain, domain_, knot_);

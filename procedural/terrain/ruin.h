@@ -2,13 +2,10 @@
 // The ruin layer: scour and deposition of wind-blown sand around a mesh. The model is documented in ruin.cpp.
 #pragma once
 
-#include "core/plugin/embree.h"
 #include "procedural/terrain/layer_types.h"
+#include "procedural/terrain/ruin_mesh.h"
 
-#include <cstdint>
 #include <functional>
-#include <memory>
-#include <vector>
 
 namespace marram {
 
@@ -30,41 +27,6 @@ struct RuinResult {
     int windward = 0, lee = 0; // number of faces, counted on each line along the wind
     int rooms = 0;
     bool cancelled = false;
-};
-
-// The wind frame: s along the wind, t across it, origin at the centre of the mesh.
-struct RuinFrame {
-    Vec2d origin = Vec2d::Zero(), along = Vec2d(1.0, 0.0), across = Vec2d(0.0, 1.0);
-    Vec2d world(double s, double t) const { return origin + s * along + t * across; }
-    Vec2d frame(const Vec2d& p) const { return {(p - origin).dot(along), (p - origin).dot(across)}; }
-};
-
-// A copy of the mesh in its own Embree scene, in the wind frame (x = s, y = height, z = t). It may outlive
-// the scene of the mesh.
-class RuinMesh {
-  public:
-    RuinMesh(const MarramMesh& mesh, const Vec2d& wind, RTCScene scene);
-
-    bool empty() const { return !scene_; }
-    const RuinFrame& frame() const { return frame_; }
-    const Vec3d& lower() const { return lower_; }
-    const Vec3d& upper() const { return upper_; }
-    uint64_t digest() const { return digest_; }
-    struct Hit {
-        double at;    // m along the ray
-        Vec3d normal; // unit, outward
-    };
-    // All hits of a ray of `length` from `from` along the unit vector `direction`, sorted by distance.
-    void hits(const Vec3d& from, const Vec3d& direction, double length, std::vector<Hit>& found) const;
-    // The normal at the nearest hit; zero if there is none.
-    Vec3d first(const Vec3d& from, const Vec3d& direction, double length) const;
-    bool occluded(const Vec3d& from, const Vec3d& direction, double length) const;
-
-  private:
-    RuinFrame frame_;
-    Vec3d lower_ = Vec3d::Zero(), upper_ = Vec3d::Zero();
-    uint64_t digest_ = 0;
-    std::shared_ptr<RTCSceneTy> scene_;
 };
 
 class RuinLayer : public TerrainLayer {

@@ -3,8 +3,7 @@
 
 #include "core/math/clock.h"
 #include "core/math/digest.h"
-
-#include <tbb/parallel_for.h>
+#include "procedural/parallel.h"
 
 #include <atomic>
 #include <new>
@@ -111,7 +110,7 @@ bool Stack::evaluate(size_t index, const std::function<bool()>& cancelled) {
     out.notes = nullptr; // notes are not thread-safe
     const std::vector<Rect> rects = entry.stale.rects();
     std::atomic<bool> stopped = false;
-    tbb::parallel_for(size_t(0), rects.size(), [&](size_t r) {
+    marram::parallel_for(size_t(0), rects.size(), [&](size_t r) {
         if (stopped.load(std::memory_order_relaxed)) return;
         if (cancelled()) stopped = true;
         layer.evaluate(rects[r], below, out);

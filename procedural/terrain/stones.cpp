@@ -79,11 +79,11 @@
 
 #include "core/math/hash.h"
 #include "core/math/simd.h"
+#include "procedural/parallel.h"
 #include "procedural/terrain/shape_layer.h"
 #include "procedural/wind/noise.h"
 
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <array>
@@ -329,7 +329,7 @@ Stones place_stones(const StoneSettings& settings, double smallest, const Vec2d&
     const auto i0 = int64_t(low.x()), j0 = int64_t(low.y());
     const auto columns = int64_t(many.x()), rows = int64_t(many.y());
     std::vector<Stones> found(static_cast<size_t>(rows));
-    tbb::parallel_for(int64_t(0), rows, [&](int64_t r) {
+    marram::parallel_for(int64_t(0), rows, [&](int64_t r) {
         Stones& row = found[size_t(r)];
         for (int64_t i = i0; i < i0 + columns; ++i) {
             const uint64_t id = stone_id(i, j0 + r);

@@ -2,9 +2,7 @@
 #include "procedural/terrain/surface.h"
 
 #include "procedural/border.h"
-
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
+#include "procedural/parallel.h"
 
 #include <array>
 
@@ -103,7 +101,7 @@ void write_attribute(const TerrainInstance& instance, uint32_t attribute, std::s
         const int i = int(sample % size_t(instance.domain.nx)), j = int(sample / size_t(instance.domain.nx));
         return attribute == 0 ? float(sand_metres(fields.sand[sample])) : float(slope_at(instance, i, j));
     };
-    tbb::parallel_for(tbb::blocked_range<size_t>(0, count, 4096), [&](const auto& range) {
+    marram::parallel_for(tbb::blocked_range<size_t>(0, count, 4096), [&](const auto& range) {
         for (size_t k = range.begin(); k < range.end(); ++k) out[k] = value(samples.empty() ? k : samples[k]);
     });
 }
@@ -112,7 +110,7 @@ void write_vertices(const TerrainInstance& instance, std::span<const uint32_t> s
                     float* normals, float* uvs) {
     const Domain& d = instance.domain;
     const size_t count = samples.empty() ? d.count() : samples.size();
-    tbb::parallel_for(tbb::blocked_range<size_t>(0, count, 4096), [&](const auto& range) {
+    marram::parallel_for(tbb::blocked_range<size_t>(0, count, 4096), [&](const auto& range) {
         for (size_t k = range.begin(); k < range.end(); ++k) {
             const size_t sample = samples.empty() ? k : samples[k];
             const int i = int(sample % size_t(d.nx)), j = int(sample / size_t(d.nx));

@@ -35,12 +35,11 @@
 
 #include "core/math/clock.h"
 #include "procedural/border.h"
+#include "procedural/parallel.h"
 #include "procedural/terrain/surface.h"
 #include "procedural/wind/wind.h"
 
 #include <fmt/format.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 
 #include <array>
 #include <utility>
@@ -133,7 +132,7 @@ MarramStatus update_terrain(MarramInstance* opaque, const MarramUpdate* given, u
 // ---- outputs ----
 
 void for_rows(const Domain& domain, const auto& body) {
-    tbb::parallel_for(0, domain.nz, [&](int j) { body(j); });
+    marram::parallel_for(0, domain.nz, [&](int j) { body(j); });
 }
 
 // Updates the heights of the tiles that layers have changed.
@@ -141,7 +140,7 @@ void find_heights(TerrainInstance& instance) {
     const Fields fields = instance.stack->fields();
     instance.heights.resize(instance.domain.count());
     const std::vector<Rect> rects = instance.stack->take_changed().rects();
-    tbb::parallel_for(size_t(0), rects.size(), [&](size_t r) {
+    marram::parallel_for(size_t(0), rects.size(), [&](size_t r) {
         for (int j = rects[r].j0; j < rects[r].j1; ++j)
             for (int i = rects[r].i0; i < rects[r].i1; ++i) {
                 const size_t sample = instance.domain.index(i, j);
@@ -157,7 +156,7 @@ void write_triangles(const TerrainInstance& instance, uint32_t* triangles) {
     const Domain& d = instance.domain;
     const bool evolving = evolves(Values(instance.values.all()));
     const auto nx = uint32_t(d.nx);
-    tbb::parallel_for(0, d.nz - 1, [&](int j) {
+    marram::parallel_for(0, d.nz - 1, [&](int j) {
         uint32_t* out = triangles + 6 * size_t(j) * (nx - 1);
         for (uint32_t i = 0; i + 1 < nx; ++i, out += 6) {
             const uint32_t a = uint32_t(j) * nx + i, b = a + 1, c = a + nx, e = c + 1;

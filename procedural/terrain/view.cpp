@@ -3,10 +3,9 @@
 #include "procedural/terrain/surface.h"
 
 #include "procedural/border.h"
+#include "procedural/parallel.h"
 
 #include <fmt/format.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 
 #include <array>
 
@@ -74,7 +73,7 @@ void displace(const RipplesLayer& ripples, const DisplacedRegion& region,
               std::span<const RipplesLayer::RippleInputs> carried, float* positions, float* normals,
               std::span<float> share) {
     constexpr size_t block = 64;
-    tbb::parallel_for(tbb::blocked_range<size_t>(0, carried.size(), block), [&](const auto& range) {
+    marram::parallel_for(tbb::blocked_range<size_t>(0, carried.size(), block), [&](const auto& range) {
         std::array<RipplePoint, block> points;
         std::array<double, block> metres{};
         std::array<Vec2d, block> slopes;

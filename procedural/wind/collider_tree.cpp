@@ -4,7 +4,7 @@
 // coordinate, and the query is expanded by that much.
 #include "procedural/wind/collider_tree.h"
 
-#include <tbb/parallel_for.h>
+#include "procedural/parallel.h"
 
 #include <algorithm>
 #include <bit>
@@ -275,25 +275,25 @@ ColliderTree::ColliderTree(const MarramFrame& frame, const Eigen::AlignedBox3d& 
       nodes_(shape_->nodes.size()), loaded_blocks_(shape_->blocks.size()) {
     const std::vector<uint32_t>& levels = shape_->levels;
     for (size_t level = 0; level + 1 < levels.size(); ++level)
-        tbb::parallel_for(tbb::blocked_range<size_t>(levels[level], levels[level + 1], 64),
-                          [&](const auto& range) {
-                              BlockCorners corners;
-                              for (size_t n = range.begin(); n < range.end(); ++n) {
-                                  const Run run = shape_->nodes[n];
-                                  for (uint32_t i = 0; i < node_most; ++i) {
-                                      Bounds bounds = no_bounds;
-                                      if (i < run.count && level > 0) {
-                                          bounds = around(nodes_[run.first + i]);
-                                      } else if (i < run.count) {
-                                          prefetch(frame.meshes, run.first + i);
-                                          load(frame.meshes, shape_->blocks[run.first + i], corners);
-                                          bound(corners.corners, (corners.count + lanes - 1) / lanes,
-                                                origin_.data(), bounds);
-                                      }
-                                      set_lane(nodes_[n], i, bounds);
-                                  }
-                              }
-                          });
+        marram::parallel_for(tbb::blocked_range<size_t>(levels[level], levels[level + 1], 64),
+                             [&](const auto& range) {
+                                 BlockCorners corners;
+                                 for (size_t n = range.begin(); n < range.end(); ++n) {
+                                     const Run run = shape_->nodes[n];
+                                     for (uint32_t i = 0; i < node_most; ++i) {
+                                         Bounds bounds = no_bounds;
+                                         if (i < run.count && level > 0) {
+                                             bounds = around(nodes_[run.first + i]);
+                                         } else if (i < run.count) {
+                                             prefetch(frame.meshes, run.first + i);
+                                             load(frame.meshes, shape_->blocks[run.first + i], corners);
+                                             bound(corners.corners, (corners.count + lanes - 1) / lanes,
+                                                   origin_.data(), bounds);
+                                         }
+                                         set_lane(nodes_[n], i, bounds);
+                                     }
+                                 }
+                             });
 }
 
 ColliderTree::~ColliderTree() {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/wind/colliders.h"
 
-#include <tbb/parallel_for.h>
+#include "procedural/parallel.h"
 
 #define XXH_INLINE_ALL
 #include <xxhash.h>
@@ -34,7 +34,7 @@ void add_hash(const void* bytes, size_t count, std::vector<uint64_t>& key) {
     constexpr size_t chunk = size_t(1) << 20;
     const size_t chunks = (count + chunk - 1) / chunk, first = key.size();
     key.resize(first + 2 * chunks);
-    tbb::parallel_for(size_t(0), chunks, [&](size_t i) {
+    marram::parallel_for(size_t(0), chunks, [&](size_t i) {
         const size_t begin = i * chunk, end = std::min(count, begin + chunk);
         const XXH128_hash_t hash = XXH3_128bits(static_cast<const char*>(bytes) + begin, end - begin);
         key[first + 2 * i] = hash.low64;

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Counting sort, ten bits at a time, over parallel chunks: tbb::parallel_sort took four times as long on two
+// Counting sort, ten bits at a time, over parallel chunks: a parallel sort by TBB took four times as long on two
 // million triangles.
 #include "procedural/wind/triangle_blocks.h"
 
 #include "core/math/simd.h"
-
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_reduce.h>
+#include "procedural/parallel.h"
 
 #include <algorithm>
 #include <array>
@@ -162,8 +160,8 @@ class TriangleGrid {
 
 template <typename Work>
 void each_chunk(size_t count, Work&& work) { // work(chunk, begin, end)
-    tbb::parallel_for(size_t(0), (count + chunk - 1) / chunk,
-                      [&](size_t i) { work(i, i * chunk, std::min(count, (i + 1) * chunk)); });
+    marram::parallel_for(size_t(0), (count + chunk - 1) / chunk,
+                         [&](size_t i) { work(i, i * chunk, std::min(count, (i + 1) * chunk)); });
 }
 
 // Sorts by the bits from number_bits on; the sort is stable.
@@ -243,7 +241,7 @@ TriangleBlocks triangle_blocks(const MarramMesh& mesh, const Eigen::AlignedBox3d
         near.high[axis] = std::nextafter(float(reach.max()[axis]), nowhere);
     }
     // Over all samples: a mesh that enters the reach later is elsewhere at the first.
-    const Extent whole = tbb::parallel_reduce(
+    const Extent whole = marram::parallel_reduce(
         tbb::blocked_range<size_t>(0, mesh.vertex_count, chunk), Extent{},
         [&](const auto& range, Extent extent) {
             for (uint32_t time = 0; time < mesh.time_count; ++time)
@@ -272,7 +270,7 @@ TriangleBlocks triangle_blocks(const MarramMesh& mesh, const Eigen::AlignedBox3d
     for (size_t i = 0; i < parts.size(); ++i) first[i + 1] = first[i] + parts[i].runs.size();
     std::vector<TriangleRun> runs(first.back());
     std::vector<uint64_t> order(first.back());
-    tbb::parallel_for(size_t(0), parts.size(), [&](size_t i) {
+    marram::parallel_for(size_t(0), parts.size(), [&](size_t i) {
         std::copy(parts[i].runs.begin(), parts[i].runs.end(), runs.begin() + long(first[i]));
         for (size_t r = 0; r < parts[i].codes.size(); ++r)
             order[first[i] + r] = uint64_t(parts[i].codes[r]) << number_bits | (first[i] + r);

@@ -22,9 +22,8 @@
 // Cost: 1 ns a cell to find steep quads (one core); 8 ns a sweep and cell of awake tiles.
 #include "procedural/terrain/solver/avalanche.h"
 
+#include "procedural/parallel.h"
 #include "procedural/terrain/fields.h"
-
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
@@ -99,7 +98,7 @@ bool avalanche_moves(const AvalancheGrid& grid, int tile_row, int tile_column, d
 template <typename F>
 void avalanche_each(size_t count, F&& work) {
     if (count >= 16)
-        tbb::parallel_for(size_t(0), count, work);
+        marram::parallel_for(size_t(0), count, work);
     else
         for (size_t k = 0; k < count; ++k) work(k);
 }
@@ -119,7 +118,7 @@ int Avalanche::run(int rows, int columns, bool periodic, double cell, const Aval
 
     std::vector<char> awake(grid.tiles(), 0);
     const double start = 2.0 * std::tan(settings.starts) * cell;
-    tbb::parallel_for(0, grid.tile_rows, [&](int t) {
+    marram::parallel_for(0, grid.tile_rows, [&](int t) {
         char* const flags = awake.data() + grid.tile(t, 0);
         for (int i = t * avalanche_side; i < std::min((t + 1) * avalanche_side, grid.quad_rows); ++i) {
             float* const upper = height + size_t(i) * pitch;

@@ -18,9 +18,9 @@
 #include "procedural/terrain/solver/checkerboard.h"
 
 #include "core/math/simd.h"
+#include "procedural/parallel.h"
 
 #include <tbb/enumerable_thread_specific.h>
-#include <tbb/parallel_for.h>
 
 #include <array>
 #include <cstring>
@@ -90,7 +90,7 @@ void damp_checkerboard(int rows, int columns, bool periodic, double part, const 
                        const float* flux, const double* sand, size_t pitch, double* sand_out) {
     const size_t room = size_t(columns) + 4 * checker_pad;
     tbb::enumerable_thread_specific<CheckerScratch> scratches;
-    tbb::parallel_for(0, (rows + checker_band - 1) / checker_band, [&](int band) {
+    marram::parallel_for(0, (rows + checker_band - 1) / checker_band, [&](int band) {
         CheckerScratch& mine = scratches.local();
         for (CheckerRow& row : mine.rows)
             row.height.resize(room), row.sand.resize(room), row.flux.resize(room);

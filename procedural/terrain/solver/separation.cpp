@@ -31,8 +31,9 @@
 // non-periodic ground).
 #include "procedural/terrain/solver/separation.h"
 
+#include "procedural/parallel.h"
+
 #include <tbb/enumerable_thread_specific.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
@@ -163,7 +164,7 @@ void Separation::find(const DownwindGrid& course, const SeparationSettings& sett
         WideVector<float> height, excess;
     };
     tbb::enumerable_thread_specific<Scratch> scratches;
-    tbb::parallel_for(0, groups, [&](int group) {
+    marram::parallel_for(0, groups, [&](int group) {
         Scratch& mine = scratches.local();
         const int length = warm + rows + (course.periodic ? warm : 0), r0 = first + group * separation_rays;
         mine.height.resize(size_t(length) * separation_rays);
@@ -198,7 +199,7 @@ void Separation::find(const DownwindGrid& course, const SeparationSettings& sett
                         separation_rays * sizeof(float));
     });
 
-    tbb::parallel_for(0, rows, [&](int step) {
+    marram::parallel_for(0, rows, [&](int step) {
         const SeparationOffset offset = separation_offset(course, step);
         const size_t row = size_t(course.row(step));
         const float* const from = rays_.data() + row * ray_pitch;

@@ -33,9 +33,9 @@
 #include "procedural/terrain/solver/shear.h"
 
 #include "core/math/vec.h"
+#include "procedural/parallel.h"
 
 #include <tbb/enumerable_thread_specific.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <array>
@@ -182,7 +182,7 @@ void Shear::forward(const float* surface) {
     const size_t columns = size_t(columns_.size()), n = size_t(rows_.size());
     const size_t row_pitch = size_t(pitch(columns_.size()));
     ShearScratch scratch;
-    tbb::parallel_for(size_t(0), (columns + 15) / 16, [&](size_t group) {
+    marram::parallel_for(size_t(0), (columns + 15) / 16, [&](size_t group) {
         WideVector<WideComplex>& mine = scratch.local();
         mine.resize(2 * n);
         shear_forward(rows_, surface + group * 16, row_pitch, std::min(columns - group * 16, size_t(16)),
@@ -202,7 +202,7 @@ void Shear::convolve(const ShearCoefficients& coefficients, double wind_row, dou
                               float(coefficients.cross),
                               float(1.0 / (double(rows_.size()) * columns_.size()))};
     ShearScratch scratch;
-    tbb::parallel_for(size_t(0), blocks_, [&](size_t block) {
+    marram::parallel_for(size_t(0), blocks_, [&](size_t block) {
         WideVector<WideComplex>& mine = scratch.local();
         mine.resize(3 * n);
         shear_convolve(columns_, waves, block, blocks_, spectrum_.data(), across_.data(), mine.data());
@@ -213,7 +213,7 @@ void Shear::inverse(int keep_rows, int keep_columns, float* along, float* across
     const size_t n = size_t(rows_.size()), columns = size_t(columns_.size());
     const size_t row_pitch = size_t(pitch(keep_columns));
     ShearScratch scratch;
-    tbb::parallel_for(size_t(0), size_t(keep_columns + 15) / 16, [&](size_t group) {
+    marram::parallel_for(size_t(0), size_t(keep_columns + 15) / 16, [&](size_t group) {
         WideVector<WideComplex>& mine = scratch.local();
         mine.resize(2 * n);
         for (size_t b = group * 16; b < group * 16 + 16; b += 8) {

@@ -52,10 +52,8 @@
 #include "procedural/terrain/solver/solver.h"
 
 #include "core/math/clock.h"
+#include "procedural/parallel.h"
 #include "procedural/terrain/solver/checkerboard.h"
-
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
@@ -70,7 +68,7 @@ constexpr size_t solver_slack = 16;          // padding after the last row: load
 template <typename T, typename U>
 void solver_transpose(const T* from, int rows, int columns, size_t from_pitch, U* to, size_t to_pitch) {
     constexpr int side = 16;
-    tbb::parallel_for(0, (columns + side - 1) / side, [&](int block) {
+    marram::parallel_for(0, (columns + side - 1) / side, [&](int block) {
         const int c1 = std::min((block + 1) * side, columns);
         for (int r0 = 0; r0 < rows; r0 += side)
             for (int c = block * side; c < c1; ++c)
@@ -236,7 +234,7 @@ void DuneSolver::surface() {
     const double part = state_.step_before > 0.0 ? std::min(0.5 * expected / state_.step_before, 0.5) : 0.0;
     std::vector<float> least(size_t(rows_), std::numeric_limits<float>::infinity());
     std::vector<float> most(size_t(rows_), -std::numeric_limits<float>::infinity());
-    tbb::parallel_for(0, rows_, [&](int r) {
+    marram::parallel_for(0, rows_, [&](int r) {
         const size_t at = size_t(r) * pitch();
         solver_extrapolate(height_.data() + at, before_.data() + at, columns_, float(part),
                            air_height_.data() + at, least[size_t(r)], most[size_t(r)]);
@@ -255,7 +253,7 @@ void DuneSolver::envelope() {
     const int rows = shear->rows(), columns = shear->columns();
     const size_t wide = size_t(Shear::pitch(columns));
     envelope_reach_.resize(std::max(envelope_reach_.size(), wide * size_t(rows) + solver_slack));
-    tbb::parallel_for(0, rows_, [&](int r) {
+    marram::parallel_for(0, rows_, [&](int r) {
         float* const out = envelope_reach_.data() + size_t(r) * wide;
         const size_t at = size_t(r) * pitch();
         solver_add(air_height_.data() + at, excess_turn_.data() + at, solver_lanes(columns_), out);
@@ -265,7 +263,7 @@ void DuneSolver::envelope() {
         for (size_t c = size_t(columns); c < wide; ++c) out[c] = 0.0F;
     });
     const float *const first = envelope_reach_.data(), *const last = first + size_t(rows_ - 1) * wide;
-    tbb::parallel_for(rows_, std::max(rows, rows_), [&](int r) {
+    marram::parallel_for(rows_, std::max(rows, rows_), [&](int r) {
         const float blend = solver_blend(r - rows_, rows - rows_);
         float* const out = envelope_reach_.data() + size_t(r) * wide;
         for (size_t c = 0; c < wide; ++c) out[c] = first[c] + blend * (last[c] - first[c]);
@@ -281,7 +279,7 @@ void DuneSolver::set_plants() {
 
 void DuneSolver::grow(double seconds) {
     const double full = settings_.growth.height, gain = -std::expm1(-settings_.growth.rate / full * seconds);
-    tbb::parallel_for(0, rows_, [&](int r) {
+    marram::parallel_for(0, rows_, [&](int r) {
         const size_t at = size_t(r) * pitch();
         solver_grow(height_.data() + at, before_.data() + at, most_plants_.data() + at,
                     solver_lanes(columns_), gain, full, plant_height_.data() + at, plants_.data() + at);
@@ -355,7 +353,7 @@ void DuneSolver::march(const DownwindGrid& course, double wind_row, const SandWi
         state_.seam_direction[1 - axis] = 0;
     } else
         for (int b = 0; b < columns_; ++b) state_.out += SandUnits(front_[size_t(b)]);
-    tbb::parallel_for(0, rows_, [&](int r) {
+    marram::parallel_for(0, rows_, [&](int r) {
         const size_t at = size_t(r) * pitch();
         std::memcpy(before_.data() + at, height_.data() + at, size_t(columns_) * sizeof(float));
         solver_heights(ground_.data() + at, sand_.data() + at, solver_lanes(columns_), height_.data() + at);

@@ -58,8 +58,9 @@
 // Cost: 5 ns a cell for q_sat, 6 ns for the march (one core).
 #include "procedural/terrain/solver/transport.h"
 
+#include "procedural/parallel.h"
+
 #include <tbb/enumerable_thread_specific.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
@@ -307,7 +308,7 @@ SaturationMaxima saturate(const DownwindGrid& course, DuneBorder border, const S
     const bool periodic = border == DuneBorder::periodic;
     std::vector<SaturationMaxima> peaks(static_cast<size_t>(course.rows));
     tbb::enumerable_thread_specific<WideVector<float>> heights;
-    tbb::parallel_for(0, course.rows, [&](int step) {
+    marram::parallel_for(0, course.rows, [&](int step) {
         const auto height = [&](int n) {
             const int wrapped =
                 periodic ? (n + course.rows) % course.rows : std::clamp(n, 0, course.rows - 1);
@@ -435,7 +436,7 @@ BorderFlux March::run(const DownwindGrid& course, DuneBorder border, const Input
         if (strips == 1)
             work(0);
         else
-            tbb::parallel_for(0, strips, work);
+            marram::parallel_for(0, strips, work);
         std::memcpy(front, next_.data(), size_t(columns) * sizeof(double));
     }
     BorderFlux sum;

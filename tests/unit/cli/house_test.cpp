@@ -173,6 +173,14 @@ TEST(House, IncludesOnlyWhatTheDesignAllows) {
     }
 }
 
+// The host may bring its own executor: procedural/parallel.h chooses between it and TBB.
+TEST(House, RunsTheLibrarysLoopsInOnePlace) {
+    for (const std::string& file : files_in(std::vector<std::string>{"procedural"})) {
+        if (!is_source(file) || file == "procedural/parallel.h") continue;
+        EXPECT_EQ(read_file(source / file).find("tbb::parallel"), std::string::npos) << file;
+    }
+}
+
 TEST(House, NamesEmbreeInOnePlace) {
     static const std::regex embree("\\s*#\\s*include\\s*[<\"]embree[0-9]*/.*");
     size_t found = 0;
@@ -275,6 +283,15 @@ TEST(Plugin, ExportsItsEntryPointAlone) {
     const std::vector<std::string> symbols = lines(output_of("nm -D --defined-only " + plugin));
     ASSERT_EQ(symbols.size(), 1u) << fmt::format("{}", fmt::join(symbols, "\n"));
     EXPECT_TRUE(symbols[0].ends_with(" T marram_library")) << symbols[0];
+}
+
+// A host that replaces malloc or operator new replaces it for the plug-in too.
+TEST(Plugin, ImportsItsAllocator) {
+    const std::vector<std::string> symbols = lines(output_of("nm -D --undefined-only " + plugin));
+    for (const char* name : {" malloc@", " free@", " _Znwm@", " _ZdlPvm@"})
+        EXPECT_TRUE(std::any_of(symbols.begin(), symbols.end(), [&](const std::string& symbol) {
+            return symbol.find(name) != std::string::npos;
+        })) << name;
 }
 
 TEST(Plugin, KnowsNothingOfTheRenderer) {

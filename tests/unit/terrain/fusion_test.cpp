@@ -298,6 +298,10 @@ TEST(Fusion, APocketOnASteepFaceFillsToTheAngleOfReposeAndNoFurther) {
     }
 }
 
+TEST(Fusion, AnObliqueFaceSettlesWhereCoarseAndFineGridsUndoEachOther) {
+    for (const double angle : {20.0 * degree, 30.0 * degree, 65.0 * degree}) pocket_filled(120.0, angle);
+}
+
 TEST(Fusion, SaysWhereItDidNotSettle) {
     FusionScene cliff(120, 120); // steep rock oblique to the grid needs hundreds of sweeps
     for (int j = 0; j < 120; ++j)

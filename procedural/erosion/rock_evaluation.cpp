@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: Apache-2.0
+// Computes the output of a rock: the eroded shape, and wear, rate and hardness at its vertices. The head of
+// rock.cpp documents them.
+#include "core/math/clock.h"
+#include "procedural/border.h"
+#include "procedural/erosion/rock_instance.h"
+#include "procedural/erosion/rock_values.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <functional>
+#include <numeric>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace marram {
+namespace {
+
+const MarramMesh& rock_mesh_named(std::span<const MarramMesh> meshes, const MarramValue& value) {
+    for (const MarramMesh& mesh : meshes)
+        if (mesh.name && std::string_view(mesh.name) == value.text) return mesh;
+    throw SceneFault("rock.no_mesh", value.place, fmt::format("there is no mesh '{}'", value.text),
+                     "name one of the scene's");
+}
+
+// For each vertex the first vertex at the same position.
+std::vector<uint32_t> first_at_place(const std::vector<float>& positions) {
+    const size_t count = positions.size() / 3;
+    std::vector<uint32_t> order(count), first(count);
+    std::iota(order.begin(), order.end(), 0U);
+    const auto place = [&](uint32_t v) {
+        const float* p = positions.data() + 3 * size_t(v);
+        return std::array{p[0], p[1], p[2]};
+    };
+    std::sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
+        const auto pa = place(a), pb = place(b);
+        return pa != pb ? pa < pb : a < b;
+    });
+    for (size_t k = 0; k < count; ++k)
+        first[order[k]] = k > 0 && place(order[k]) == place(order[k - 1]) ? first[order[k - 1]] : order[k];
+    return first;
+}
+
+// Area-weighted quantile of the rate over the worn area.
+double rate_of_area(const std::vector<float>& positions, const std::vector<uint32_t>& triangles,
+                    const std::vector<float>& rate, double share) {
+    std::vector<std::pair<double, double>> areas; // rate, area
+    double sum = 0.0;
+    for (size_t f = 0; f + 2 < triangles.size(); f += 3) {
+        std::array<Vec3d, 3> p;
+        double mean = 0.0;
+        for (size_t k = 0; k < 3; ++k) {
+            const size_t v = triangles[f + k];
+            p[k] = Vec3d(positions[3 * v], positions[3 * v + 1], positions[3 * v + 2]);
+            mean += double(rate[v]) / 3.0;
+        }
+        const double area = (p[1] - p[0]).cross(p[2] - p[0]).norm();
+        if (!(mean > 0.0) || !(area > 0.0)) continue;
+        areas.emplace_back(mean, area);
+        sum += area;
+    }
+    std::sort(areas.begin(), areas.end());
+    double below = 0.0;
+    for (const auto& [mean, area] : areas)
+        if ((below += area) >= share * sum) return mean;
+    return 0.0;
+}
+
+uint64_t digest_of_rock(const RockInstance& instance, std::span<const MarramMesh> meshes) {
+    Digest digest;
+    digest.add(instance.values_digest);
+    for (const MarramMesh& mesh : meshes) {
+        digest.add(mesh.name ? mesh.name : "")
+            .add(mesh.positions[0], 12 * size_t(mesh.vertex_count))
+            .add(mesh.triangles, 12 * size_t(mesh.triangle_count));
+        if (mesh.normals) digest.add(mesh.normals[0], 12 * size_t(mesh.vertex_count));
+        if (mesh.uvs) digest.add(mesh.uvs, 8 * size_t(mesh.vertex_count));
+    }
+    return digest.value() | 1U;
+}
+
+void copy_mesh(RockInstance& instance, const MarramMesh& mesh) {
+    const size_t vertices = mesh.vertex_count;
+    instance.positions.assign(mesh.positions[0], mesh.positions[0] + 3 * vertices);
+    instance.triangles.assign(mesh.triangles, mesh.triangles + 3 * size_t(mesh.triangle_count));
+    instance.normals.clear(), instance.uvs.clear();
+    if (mesh.normals && mesh.normals[0])
+        instance.normals.assign(mesh.normals[0], mesh.normals[0] + 3 * vertices);
+    if (mesh.uvs) instance.uvs.assign(mesh.uvs, mesh.uvs + 2 * vertices);
+}
+
+struct RockSurroundings {
+    RockScenery scenery;
+    std::function<bool()> cancelled;
+};
+
+RockSurroundings rock_surroundings(const RockInstance& instance, const Values& values,
+                                   const MarramFrame& frame, std::span<const MarramMesh> meshes,
+                                   const MarramMesh& mesh) {
+    RockSurroundings around;
+    around.cancelled = [&instance] { return instance.host.cancelled(instance.host.user) != 0; };
+    around.scenery.device = frame.device;
+    around.scenery.rock_id = mesh.geometry_id;
+    around.scenery.winds = rock_winds(values);
+    for (const RockWind& wind : around.scenery.winds)
+        if (const std::string fault = grain_settings_fault(wind.grains); !fault.empty())
+            throw SceneFault("rock.value", values.at("mesh").place, fault, "change that value");
+    for (const MarramMesh& other : meshes)
+        if (other.geometry_id != mesh.geometry_id && frame.colliders)
+            around.scenery.others.emplace_back(other.geometry_id,
+                                               rtcGetGeometry(frame.colliders, other.geometry_id));
+    for (const MarramValue& value : instance.values.all())
+        if (is_list_mesh(value.name, "sand["))
+            around.scenery.sand.push_back(rock_mesh_named(meshes, value).geometry_id);
+    return around;
+}
+
+// Erodes the mesh. false: cancelled.
+bool erode_rock(RockInstance& instance, const Values& values, const RockSurroundings& around,
+                const MarramMesh& mesh) {
+    const double begin = wall_seconds();
+    ErosionHooks hooks;
+    hooks.cancelled = around.cancelled;
+    if (MARRAM_HAS(&instance.host, progress) && instance.host.progress)
+        hooks.progress = [&](double share, const std::string& words) {
+            instance.host.progress(instance.host.user, share, ("erosion: " + words).c_str());
+        };
+    try {
+        const ErosionSettings settings = rock_erosion_settings(values, mesh);
+        instance.erosion = erode({mesh.positions[0], 3 * size_t(mesh.vertex_count)},
+                                 {mesh.triangles, 3 * size_t(mesh.triangle_count)}, settings,
+                                 grain_wear(around.scenery, around.cancelled), hooks);
+        if (instance.erosion.cancelled) return false;
+        if (const size_t pieces =
+                instance.erosion.levels.empty() ? 0 : instance.erosion.levels.front().pieces)
+            send(instance.host, MARRAM_WARNING, "rock.pieces", values.at("mesh").place,
+                 fmt::format("the rock has fallen apart, or was {} pieces: the largest is kept", pieces + 1),
+                 "give each piece a rock of its own");
+        if (instance.erosion.years < settings.years)
+            send(instance.host, MARRAM_WARNING, "rock.ended_early", values.at("years").place,
+                 fmt::format("erosion ended after {:.3g} of {:.3g} years", instance.erosion.years,
+                             settings.years),
+                 "lower years, or raise voxel: larger voxels allow longer time steps");
+    } catch (const LevelSetError& error) {
+        const std::string what = error.what();
+        const bool sizes = what.find("voxels") != std::string::npos;
+        throw SceneFault("rock.level_set", values.at(sizes && values.has("voxel") ? "voxel" : "mesh").place,
+                         sizes ? what.substr(0, what.find(':')) : what,
+                         what.find("larger than the rock") != std::string::npos ? "make voxel smaller"
+                         : sizes                                                ? "make voxel larger"
+                                                                                : "give a closed mesh");
+    }
+    LevelSet& rock = instance.erosion.levels.back().rock;
+    if (rock.mesh().triangles.empty())
+        throw SceneFault("rock.nothing_left", values.at("years").place, "the wind wears away all of the rock",
+                         "lower years, or make the rock harder");
+    instance.positions = rock.mesh().positions;
+    instance.normals = rock.mesh().normals;
+    instance.triangles = rock.mesh().triangles;
+    instance.uvs.clear();
+    instance.erosion_seconds = wall_seconds() - begin;
+    return true;
+}
+
+// Computes the attributes. false: cancelled.
+bool wear_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
+               const RockSurroundings& around, const MarramMesh& mesh) {
+    const std::vector<uint32_t> first = first_at_place(instance.positions);
+    std::vector<double> depth(first.size()), hardness(first.size());
+    if (!instance.erosion.levels.empty()) {
+        LevelSet& rock = instance.erosion.levels.back().rock;
+        instance.report = wear_by_grains(around.scenery, rock.mesh(), 0, depth, around.cancelled);
+        blur_over_surface(rock.mesh(), 3, depth);
+    } else {
+        std::vector<uint32_t> joined(instance.triangles.size());
+        std::transform(instance.triangles.begin(), instance.triangles.end(), joined.begin(),
+                       [&](uint32_t v) { return first[v]; });
+        const WornMesh worn{mesh.geometry_id, instance.positions.data(), instance.positions.size() / 3,
+                            joined.data(), joined.size() / 3};
+        instance.report = trace_winds(frame.colliders, worn, around.scenery, 0, depth, around.cancelled);
+    }
+    if (instance.report.cancelled) return false;
+    rock_hardness(rock_hardness_settings(values), instance.positions, 0.0, hardness);
+    instance.hardness.assign(hardness.begin(), hardness.end());
+    instance.rate.resize(first.size()), instance.wear.resize(first.size());
+    for (size_t v = 0; v < first.size(); ++v)
+        instance.rate[v] = float(1e3 * depth[first[v]] / hardness[v]); // mm
+    const double full = values.has("full")
+                            ? values.number("full")
+                            : rate_of_area(instance.positions, instance.triangles, instance.rate, 0.95);
+    for (size_t v = 0; v < first.size(); ++v)
+        instance.wear[v] = full > 0.0 ? float(std::min(double(instance.rate[v]) / full, 1.0)) : 0.0F;
+    return true;
+}
+
+void send_rock_warnings(const RockInstance& instance, const Values& values, const MarramMesh& mesh) {
+    const std::string& place = values.at("mesh").place;
+    if (mesh.time_count > 1)
+        send(instance.host, MARRAM_WARNING, "rock.moves", place,
+             fmt::format("the mesh '{}' has motion keys, but worn rock does not move", mesh.name),
+             "use a mesh without keys");
+    if (instance.report.worn_hits == 0)
+        send(instance.host, MARRAM_WARNING, "rock.no_hits", place,
+             fmt::format("no grain has hit the mesh '{}'", mesh.name),
+             "raise height or paths, or see whether something upwind shelters all of it");
+    else if (instance.report.worn == 0)
+        send(instance.host, MARRAM_WARNING, "rock.no_wear", place,
+             fmt::format("grains hit the mesh '{}', but none above the threshold", mesh.name),
+             "raise speed or lower threshold");
+}
+
+} // namespace
+
+bool evaluate_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
+                   std::span<const MarramMesh> meshes) {
+    const MarramMesh& mesh = rock_mesh_named(meshes, values.at("mesh"));
+    const bool erodes = values.integer("levels") > 0;
+    if (!frame.colliders)
+        throw SceneFault("contract.no_colliders", "", "MarramFrame.colliders is NULL",
+                         "pass the committed scene of all meshes");
+    if (erodes && !frame.device)
+        throw SceneFault("contract.no_device", "", "MarramFrame.device is NULL", "pass Embree's device");
+    if (!erodes) copy_mesh(instance, mesh);
+    const uint64_t digest = digest_of_rock(instance, meshes);
+    if (digest == instance.digest) return true;
+    instance.digest = 0;
+    instance.erosion = {};
+    const RockSurroundings around = rock_surroundings(instance, values, frame, meshes, mesh);
+    if (erodes && !erode_rock(instance, values, around, mesh)) return false;
+    if (!wear_rock(instance, values, frame, around, mesh)) return false;
+    make_rock_maps(instance, values);
+    instance.digest = digest;
+    send_rock_warnings(instance, values, mesh);
+    return true;
+}
+
+} // namespace marram

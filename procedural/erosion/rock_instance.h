@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// One rock between create and destroy, and what computes its output.
+#pragma once
+
+#include "core/plugin/marram_plugin.h"
+#include "procedural/erosion/erosion.h"
+#include "procedural/terrain/stored_values.h"
+#include "procedural/values.h"
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace marram {
+
+// mesh_rock() writes their values in this order; make_rock_maps() bakes the first two.
+inline constexpr std::array rock_attributes = {
+    MarramAttribute{"wear", 1, MARRAM_PER_VERTEX, 0, "what the wind wears, 0 to 1 of the parameter full",
+                    nullptr, 0},
+    MarramAttribute{"wear_rate", 1, MARRAM_PER_VERTEX, 0, "rock that the wind wears, mm a year", nullptr, 0},
+    MarramAttribute{"hardness", 1, MARRAM_PER_VERTEX, 0, "hardness of the rock, which divides the wear",
+                    nullptr, 0},
+};
+
+struct RockInstance {
+    MarramHost host{};
+    StoredValues values;
+    uint64_t values_digest = 0;
+    uint64_t digest = 0;                        // of all inputs of `wear`; 0: not computed yet
+    std::vector<float> positions, normals, uvs; // per vertex: 3 (m), 3 or none, 2 or none
+    std::vector<uint32_t> triangles;            // 3 vertices each
+    std::vector<float> wear, rate, hardness;    // per vertex; rate: mm a year
+    ErosionResult erosion;                      // no levels if the mesh is not eroded
+    double erosion_seconds = 0.0;
+    std::array<std::vector<float>, 2> maps; // wear, rate: a pixel each, row by row; or none
+    std::array<MarramGrid, 2> grids{};      // point into maps
+    GrainReport report;
+    bool begun = false;
+};
+
+// Computes the output unless it is up to date: the mesh, its attributes and images by uv (rock_evaluation.cpp).
+// `meshes`: those of the frame. false: cancelled. Throws SceneFault.
+bool evaluate_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
+                   std::span<const MarramMesh> meshes);
+
+// Bakes wear and wear_rate to images by uv, `map` pixels a side; 0: to none (rock_maps.cpp). Throws SceneFault
+// if the mesh has no uvs.
+void make_rock_maps(RockInstance& instance, const Values& values);
+
+} // namespace marram

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+// The parameters of a rock, and the settings of grains, hardness and erosion that they give.
+#include "procedural/erosion/rock_values.h"
+
+#include "procedural/wind/wind.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <string>
+#include <utility>
+
+namespace marram {
+namespace {
+
+constexpr std::array rock_values = {
+    MarramParam{"mesh", MARRAM_MESH_NAME, "", "", 0, 0, "", "the mesh that wears"},
+    MarramParam{"sand_level", MARRAM_NUMBER, "m", "none", -1e6, 1e6, "",
+                "height of level sand everywhere; none: only the meshes in sand"},
+    MarramParam{"sand[].mesh", MARRAM_MESH_NAME, "", "", 0, 0, "",
+                "a mesh of sand: a grain that lands is replaced by a new one"},
+    MarramParam{"shelter[].mesh", MARRAM_MESH_NAME, "", "", 0, 0, "", "a mesh that stops grains"},
+    MarramParam{"paths", MARRAM_INTEGER, "", "250000", 1, 0x1p28, "", "grains that are traced",
+                "16000|64000|250000|1000000|4000000", ""},
+    MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "of all its random numbers"},
+    MarramParam{"transport", MARRAM_NUMBER, "kg/m", "30000", 0, 1e9, "",
+                "sand that the wind carries in a year across each metre of width"},
+    MarramParam{"height", MARRAM_NUMBER, "m", "0.1", 1e-4, 1e4, "",
+                "over which the flux of sand falls by e; 0.03 over sand, 0.1 over stones"},
+    MarramParam{"speed", MARRAM_NUMBER, "m/s", "none", 0, 100, "",
+                "of grains high above the ground; none: the wind's speed"},
+    MarramParam{"bed_speed", MARRAM_NUMBER, "m/s", "1", 0, 100, "",
+                "of grains at the ground, no more than speed"},
+    MarramParam{"speed_height", MARRAM_NUMBER, "m", "0.4", 1e-4, 1e4, "",
+                "over which the grains' speed comes closer to speed by e"},
+    MarramParam{"spread", MARRAM_NUMBER, "deg", "10", 0, 45, "",
+                "greatest angle of a grain to the wind's direction"},
+    MarramParam{"drag_time", MARRAM_NUMBER, "s", "0.2", 0, 1e3, "",
+                "time in which the velocity difference to the air falls by a factor e; 0: no drag"},
+    MarramParam{"threshold", MARRAM_NUMBER, "m/s", "1", 0, 100, "",
+                "grains that hit more slowly wear nothing"},
+    MarramParam{"energy_per_volume", MARRAM_NUMBER, "J/m^3", "1e9", 1e3, 1e15, "",
+                "energy that it takes to wear rock; 5e8 for weak sandstone, 4e9 for granite"},
+    MarramParam{"angle_exponent", MARRAM_NUMBER, "", "2", 0, 8, "",
+                "n of energy sin^n(angle to the surface): 2 for brittle rock, 0 for all of the energy"},
+    MarramParam{"normal_restitution", MARRAM_NUMBER, "", "0.6", 0, 1, "",
+                "speed off the surface after a rebound, over that before"},
+    MarramParam{"tangent_restitution", MARRAM_NUMBER, "", "0.85", 0, 1, "", "the same along the surface"},
+    MarramParam{"scatter", MARRAM_NUMBER, "", "0.3", 0, 1, "", "how far rebounds leave the mirror direction"},
+    MarramParam{"reach", MARRAM_NUMBER, "m", "20", 0, 1e6, "", "how far around the mesh grains are traced"},
+    MarramParam{"full", MARRAM_NUMBER, "mm", "none", 1e-9, 1e9, "",
+                "wear rate per year at which wear is 1; none: the 95 % quantile over the worn area"},
+    MarramParam{"winds[].direction", MARRAM_VEC3, "", "", -1e9, 1e9, "",
+                "a wind that takes the place of the scene's, in turn with the others"},
+    MarramParam{"winds[].share", MARRAM_NUMBER, "", "1", 0, 1e6, "", "of the time, beside the other winds"},
+    MarramParam{"levels", MARRAM_INTEGER, "", "0", 0, max_erosion_levels, "",
+                "number of erosion levels, coarse first; 0: no erosion"},
+    MarramParam{"level", MARRAM_INTEGER, "", "none", 1, max_erosion_levels, "",
+                "level to output; none: the last"},
+    MarramParam{"voxel", MARRAM_NUMBER, "m", "none", 1e-5, 1e4, "",
+                "of the last level; none: a 128th of the mesh's greatest extent"},
+    MarramParam{"years", MARRAM_NUMBER, "", "1000", 0, 1e9, "", "of wind"},
+    MarramParam{"detail", MARRAM_NUMBER, "", "0.75", 0, 1, "",
+                "depth of what a level adds, in voxels of the one before"},
+    MarramParam{"hardness", MARRAM_NUMBER, "", "1", 1e-3, 1e6, "", "of all of it: divides the wear"},
+    MarramParam{"strata.thickness", MARRAM_NUMBER, "m", "0", 0, 1e4, "", "mean of a bed; 0: no beds"},
+    MarramParam{"strata.contrast", MARRAM_NUMBER, "", "4", 1, 1e3, "", "of the hardest and the softest bed"},
+    MarramParam{"strata.laminae", MARRAM_NUMBER, "", "0", 0, 1, "",
+                "contrast of beds within the beds, as a power of strata.contrast"},
+    MarramParam{"strata.dip", MARRAM_NUMBER, "deg", "0", -90, 90, "", "angle of the beds to level"},
+    MarramParam{"strata.dip_direction", MARRAM_NUMBER, "deg", "0", -360, 360, "",
+                "where the beds go down, from x towards z"},
+    MarramParam{"strata.fold", MARRAM_NUMBER, "m", "0", 0, 1e4, "", "amplitude of their folds"},
+    MarramParam{"strata.fold_length", MARRAM_NUMBER, "m", "10", 1e-4, 1e6, "", "length of their folds"},
+    MarramParam{"noise.contrast", MARRAM_NUMBER, "", "1", 1, 1e3, "",
+                "of the hardest and the softest place by noise; 1: none"},
+    MarramParam{"noise.length", MARRAM_NUMBER, "m", "1", 1e-4, 1e6, "", "of the noise's coarsest octave"},
+    MarramParam{"noise.octaves", MARRAM_INTEGER, "", "3", 1, 8, "", "each half as long and as strong"},
+    MarramParam{"hard[].center", MARRAM_VEC3, "m", "", -1e7, 1e7, "", "of an ellipsoid of other hardness"},
+    MarramParam{"hard[].radius", MARRAM_VEC3, "m", "[1, 1, 1]", 1e-6, 1e7, "", "along x, y and z"},
+    MarramParam{"hard[].hardness", MARRAM_NUMBER, "", "4", 1e-3, 1e6, "", "factor of the hardness in it"},
+    MarramParam{"hard[].edge", MARRAM_NUMBER, "", "0.2", 0, 1, "",
+                "share of the radius over which it begins"},
+    MarramParam{"map", MARRAM_INTEGER, "", "0", 0, 16384, "",
+                "pixels of a side of the images by uv; 0: none"},
+};
+
+} // namespace
+
+const std::vector<MarramParam>& rock_params() {
+    static const std::vector<MarramParam> params = [] {
+        std::vector<MarramParam> list(rock_values.begin(), rock_values.end());
+        for (const MarramParam& param : wind_params())
+            for (const auto& [name, full] :
+                 {std::pair("direction", "wind.direction"), std::pair("speed", "wind.speed")})
+                if (std::string_view(param.name) == name) {
+                    list.push_back(param);
+                    list.back().name = full;
+                }
+        return list;
+    }();
+    return params;
+}
+
+namespace {
+
+double rock_speed(const Values& values) {
+    return std::min(values.has("speed") ? values.number("speed") : values.number("wind.speed"), 100.0);
+}
+
+GrainSettings grain_settings_of(const Values& values) {
+    GrainSettings s;
+    s.paths = uint64_t(values.number("paths"));
+    s.seed = uint32_t(values.integer("seed"));
+    s.wind = values.vec3("wind.direction");
+    s.transport = values.number("transport");
+    s.height = values.number("height");
+    s.speed = rock_speed(values);
+    s.bed_speed = std::min(values.number("bed_speed"), s.speed);
+    s.speed_height = values.number("speed_height");
+    s.spread = radians(values, "spread");
+    s.drag_time = values.number("drag_time");
+    s.threshold_speed = values.number("threshold");
+    s.energy_per_volume = values.number("energy_per_volume");
+    s.angle_exponent = values.number("angle_exponent");
+    s.normal_restitution = values.number("normal_restitution");
+    s.tangent_restitution = values.number("tangent_restitution");
+    s.scatter = values.number("scatter");
+    s.reach = values.number("reach");
+    if (values.has("sand_level")) s.ground = values.number("sand_level");
+    s.ray_mask = MARRAM_NAMED;
+    return s;
+}
+
+} // namespace
+
+std::vector<RockWind> rock_winds(const Values& values) {
+    const GrainSettings grains = grain_settings_of(values);
+    std::vector<RockWind> winds;
+    for (size_t n = 0; values.has(fmt::format("winds[{}].direction", n)); ++n) {
+        winds.push_back({grains, values.number(fmt::format("winds[{}].share", n))});
+        winds.back().grains.wind = values.vec3(fmt::format("winds[{}].direction", n));
+    }
+    if (winds.empty()) winds.push_back({grains, 1.0});
+    return winds;
+}
+
+HardnessSettings rock_hardness_settings(const Values& values) {
+    HardnessSettings s;
+    s.hardness = values.number("hardness");
+    s.strata.thickness = values.number("strata.thickness");
+    s.strata.contrast = values.number("strata.contrast");
+    s.strata.laminae = values.number("strata.laminae");
+    s.strata.dip = radians(values, "strata.dip");
+    s.strata.dip_direction = radians(values, "strata.dip_direction");
+    s.strata.fold = values.number("strata.fold");
+    s.strata.fold_length = values.number("strata.fold_length");
+    s.noise = values.number("noise.contrast");
+    s.noise_length = values.number("noise.length");
+    s.noise_octaves = values.integer("noise.octaves");
+    s.seed = uint32_t(values.integer("seed"));
+    for (size_t n = 0; values.has(fmt::format("hard[{}].center", n)); ++n) {
+        const auto name = [n](const char* field) { return fmt::format("hard[{}].{}", n, field); };
+        s.masks.push_back({values.vec3(name("center")), values.vec3(name("radius")),
+                           values.number(name("hardness")), values.number(name("edge"))});
+    }
+    return s;
+}
+
+ErosionSettings rock_erosion_settings(const Values& values, const MarramMesh& mesh) {
+    ErosionSettings s;
+    s.levels = values.integer("levels");
+    s.stop_after = values.has("level") ? std::min(values.integer("level"), s.levels) : s.levels;
+    Box3f box;
+    for (size_t c = 0; c < 3 * size_t(mesh.triangle_count); ++c)
+        box.extend(Vec3f(mesh.positions[0] + 3 * size_t(mesh.triangles[c])));
+    s.voxel = values.has("voxel") || box.isEmpty() ? (values.has("voxel") ? values.number("voxel") : 1.0)
+                                                   : double(box.sizes().maxCoeff()) / 128.0;
+    s.years = values.number("years");
+    s.detail = values.number("detail");
+    s.hardness = rock_hardness_settings(values);
+    return s;
+}
+
+bool is_list_mesh(std::string_view name, std::string_view list) {
+    return name.starts_with(list) && name.ends_with("].mesh");
+}
+
+} // namespace marram

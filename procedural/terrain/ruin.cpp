@@ -104,8 +104,11 @@ Rect ruin_touched(const Domain& domain, const RuinMesh& mesh, const RuinSettings
     const auto index = [&](double metres, double origin, int count) {
         return int(std::clamp(std::ceil((metres - origin) / domain.cell), 0.0, double(count)));
     };
-    return {index(a.x(), domain.x0, domain.nx), index(a.y(), domain.z0, domain.nz),
-            index(b.x(), domain.x0, domain.nx), index(b.y(), domain.z0, domain.nz)};
+    // Blocks of rooms are counted from its corner. Aligned, they do not move when a parameter changes the rectangle.
+    const int block = ruin_block_side(domain.cell);
+    return {index(a.x(), domain.x0, domain.nx) / block * block,
+            index(a.y(), domain.z0, domain.nz) / block * block, index(b.x(), domain.x0, domain.nx),
+            index(b.y(), domain.z0, domain.nz)};
 }
 
 void ruin_copy(const Domain& domain, const Rect& rect, const SandUnits* from, SandUnits* to) {

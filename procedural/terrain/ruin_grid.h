@@ -4,10 +4,15 @@
 
 #include "procedural/terrain/fields.h"
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <vector>
 
 namespace marram {
+
+// Samples along a side of the blocks in which one sample is traced for rooms: half a metre, at most 16.
+inline int ruin_block_side(double cell) { return int(std::clamp(std::floor(0.5 / cell), 1.0, 16.0)); }
 
 // The samples of a rectangle, row by row: 67 bytes a sample. (i, j) are relative to the rectangle's first
 // sample.

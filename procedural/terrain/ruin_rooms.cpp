@@ -65,7 +65,7 @@ RuinRoom RuinShaper::room_at(const Vec2d& p, double ground) const {
 
 // Traces one sample in each block of half a metre, and the samples that a wall separates from it.
 void RuinShaper::find_rooms() {
-    const int side = int(std::clamp(std::floor(0.5 / domain_.cell), 1.0, 16.0));
+    const int side = ruin_block_side(domain_.cell);
     const auto parted = [&](int i, int j, int i1, int j1) { // path along the row, then the column
         for (int x = i; x < i1; ++x)
             if (grid_.wall_x[grid_.at(x, j)]) return true;

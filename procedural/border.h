@@ -18,8 +18,8 @@
 
 namespace marram {
 
-// Runs the body of a call, its loops on the host's executor, and turns exceptions into messages to the host. subject: e.g. "groom", for message
-// ids and texts. less: the remedy if memory runs out.
+// Runs the body of a call, its loops on the host's executor, and turns exceptions into messages to the
+// host. subject: e.g. "groom", for message ids and texts. less: the remedy if memory runs out.
 template <typename Body>
 MarramStatus guarded(const MarramHost& host, const char* subject, const char* less, Body&& body) {
     const std::string name = subject;

@@ -4,10 +4,10 @@
 //
 // Exceptions: the first that a body throws is rethrown when all tasks have returned; tasks that start after it do
 // nothing. Loops may be nested. Only OpenVDB's own loops (rock with erosion) always run on TBB, and builds of Embree's
-// scenes on the host's RTCDevice.
+// scenes on the threads of their RTCDevice.
 #pragma once
 
-#include "core/plugin/marram_plugin.h"
+#include "procedural/values.h"
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -15,6 +15,7 @@
 #include <tbb/parallel_sort.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <concepts>
 #include <exception>
@@ -40,33 +41,42 @@ class ExecutorScope {
     const MarramHost* before_;
 };
 
-// Runs body(i) for i below count as tasks of the host's executor.
+// A loop is split into at most this many tasks: enough to balance the load, and few against their overhead.
+inline constexpr uint64_t most_tasks = 256;
+
+// Runs body(i) for i below count, at most most_tasks, as tasks of the host's executor. Throws SceneFault if the host
+// leaves some out.
 template <typename Body>
 void run_tasks(const MarramHost& host, uint64_t count, const Body& body) {
     struct Loop {
         const MarramHost& host;
         const Body& body;
+        uint64_t count;
+        std::array<std::atomic<bool>, most_tasks> started{};
+        std::atomic<uint64_t> returned{0};
         std::atomic<bool> failed{false};
         std::mutex mutex;
         std::exception_ptr error{};
-    } loop{host, body};
+    } loop{host, body, count};
     const auto task = [](void* data, uint64_t index) {
         Loop& shared = *static_cast<Loop*>(data);
-        if (shared.failed.load(std::memory_order_relaxed)) return;
+        if (index >= shared.count || shared.started[index].exchange(true)) return; // a mistake of the host
         const ExecutorScope scope(&shared.host);
         try {
-            shared.body(index);
+            if (!shared.failed.load(std::memory_order_relaxed)) shared.body(index);
         } catch (...) {
             const std::scoped_lock lock(shared.mutex);
             if (!shared.failed.exchange(true)) shared.error = std::current_exception();
         }
+        shared.returned.fetch_add(1, std::memory_order_release);
     };
-    if (count > 0) host.parallel_for(host.user, count, task, &loop);
+    host.parallel_for(host.user, count, task, &loop);
     if (loop.error) std::rethrow_exception(loop.error);
+    if (loop.returned.load(std::memory_order_acquire) != count)
+        throw SceneFault("contract.parallel_for", "",
+                         "MarramHost.parallel_for has not called the task for each index",
+                         "call it for 0 to count - 1, and return when all calls have returned");
 }
-
-// A loop is split into at most this many tasks: enough to balance the load, and few against their overhead.
-inline constexpr uint64_t most_tasks = 256;
 
 // Part k of `parts` equal parts of a range.
 template <typename T>
@@ -81,7 +91,7 @@ tbb::blocked_range<T> part_of(const tbb::blocked_range<T>& range, uint64_t k, ui
 template <typename T>
 uint64_t parts_of(const tbb::blocked_range<T>& range) {
     const uint64_t size = uint64_t(range.size()), grain = std::max<uint64_t>(range.grainsize(), 1);
-    return std::min((size + grain - 1) / grain, most_tasks);
+    return size == 0 ? 0 : std::min((size - 1) / grain + 1, most_tasks);
 }
 
 template <typename T, typename Body>
@@ -110,14 +120,17 @@ Value parallel_reduce(const tbb::blocked_range<T>& range, const Value& identity,
     if (!host) return tbb::parallel_reduce(range, identity, body, join);
     if (range.empty()) return identity;
     const uint64_t parts = parts_of(range);
-    std::vector<Value> values(parts, identity);
-    run_tasks(*host, parts, [&](uint64_t k) { values[k] = body(part_of(range, k, parts), identity); });
+    struct Part { // not Value alone: std::vector<bool> packs bits, which threads cannot write side by side
+        Value value;
+    };
+    std::vector<Part> values(parts, Part{identity});
+    run_tasks(*host, parts, [&](uint64_t k) { values[k].value = body(part_of(range, k, parts), identity); });
     Value all = identity;
-    for (const Value& value : values) all = join(all, value);
+    for (const Part& part : values) all = join(all, part.value);
     return all;
 }
 
-// Elements that compare equal must be equal.
+// Elements that compare equal must be equal. One thread if the host has an executor.
 template <typename Iterator, typename... Less>
 void parallel_sort(Iterator begin, Iterator end, const Less&... less) {
     if (executing_host) return std::sort(begin, end, less...);

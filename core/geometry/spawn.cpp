@@ -8,7 +8,7 @@
 // fibre, and a ray from a camera-facing ribbon.
 //
 //   The ray grazes a triangle with vertex normals, which stand for a smooth surface (choose_side_normal in
-//   hit.cpp). The sign of side_normal . d is its side, for the offset by the error, too. It starts on a curved
+//   hit.cpp). The sign of side_normal . d is its side, for the offset by the error, too. The ray starts on a curved
 //   patch: the position is moved by the patch offset (m)
 //     - sum of c_k h_k n_k,   h_k = (position - v_k) . n_k,
 //   with the barycentric coordinates c_k of the vertices v_k and their normals n_k. The sum is over the

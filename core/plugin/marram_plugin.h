@@ -272,13 +272,14 @@ typedef struct MarramHost { /* valid from create to destroy; every function may 
     size_t size;
     void* user;
     void (*message)(void* user, const MarramMessage* message);
-    int (*cancelled)(void* user); /* cheap; call it at least every few milliseconds */
+    /* Cheap: called at least every few milliseconds. Once it is nonzero it stays so until the call has returned. */
+    int (*cancelled)(void* user);
     /* Progress of prepare(): 0 ... 1, and a text, "4.2 years of 10". May be NULL. */
     void (*progress)(void* user, double share, const char* words);
     /*
      * The host's task executor: calls task(data, index) once for each index below count, in any order, from any
-     * threads, and returns when all calls have returned. May be called from within a task. NULL: the library
-     * runs its loops on TBB.
+     * threads, and returns when all calls have returned and what they wrote is visible. A call stays on one
+     * thread and throws nothing. May be called from within a task. NULL: the library runs its loops on TBB.
      */
     void (*parallel_for)(void* user, uint64_t count, void (*task)(void* data, uint64_t index), void* data);
 } MarramHost;

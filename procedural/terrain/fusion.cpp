@@ -46,10 +46,10 @@
 // cycle repeats. Now and then the coarse and the finest grid undo each other's moves forever: after 16 cycles the
 // finest has 24 sweeps, after 32 cycles 48, and so on.
 //
-// Range. |bedrock| and sand up to 2^20 m (1,049 km), cells from 2^-20 m (1 um): there all sums are exact in a
-// double. If an input is outside or not a number, the sand is unchanged and `settled` is false. `settled` is
-// also false if 160 cycles do not suffice. Borders are walls. A single row or column has no triangle and
-// stays.
+// Range. |bedrock| and sand up to 2^20 m (1,049 km), cells from 2^-20 m (1 um): there all sums are exact in
+// a double. If an input is outside or not a number, the sand is unchanged and `settled` is false. `settled`
+// is also false if 160 cycles do not suffice, or as much work as 4096 sweeps of the whole grid. Borders are
+// walls. A single row or column has no triangle and stays.
 //
 // Sand that slides over steep rock into a hollow comes to rest up to 2.5 degrees below repose there, because
 // of the coarser grids. It never rests above repose.
@@ -57,8 +57,9 @@
 // Report: sweeps, m^3 moved, the steepest all-sand triangle and `settled`; a warning if it did not settle.
 //
 // Cost: 35 ns a sample where nothing moves (one core), of which half is copying; 2048^2 samples with 1,000
-// dunes of 40 degrees: 1.1 to 1.3 s of one core. A steep rock face oblique to the grid settles slowest: 20 to 10,500
-// sweeps for 200^2 samples, up to 1.7 s. 16 bytes a sample, plus a third for the coarser grids.
+// dunes of 40 degrees: 1.1 to 1.3 s of one core. A steep rock face oblique to the grid settles slowest: 20
+// to 10,500 sweeps for 200^2 samples, up to 1.7 s; with a mask, or on larger grids, it can take many times
+// that. 16 bytes a sample, plus a third for the coarser grids.
 #include "procedural/terrain/fusion.h"
 
 #include "core/math/simd.h"
@@ -84,8 +85,10 @@ constexpr int fusion_tile_blocks = Tiles::side / fusion_block_columns;
 constexpr int fusion_tile_block_rows = Tiles::side / fusion_block_rows;
 constexpr int fusion_max_levels = 8, fusion_coarse_sweeps = 256;
 constexpr int fusion_cycle_sweeps = 12, fusion_patient_cycles = 16;
-constexpr double fusion_max_height = 0x1p20; // metres; sums of heights stay exact in a double
-constexpr double fusion_min_cell = 0x1p-20;  // metres; below, the slope's slack is only a few sand units
+constexpr size_t fusion_most_sweeps = 4096;           // of the whole finest grid, where all of it is awake
+constexpr size_t fusion_least_work = size_t(1) << 22; // blocks: 10 s of one core at most
+constexpr double fusion_max_height = 0x1p20;          // metres; sums of heights stay exact in a double
+constexpr double fusion_min_cell = 0x1p-20; // metres; below, the slope's slack is only a few sand units
 
 constexpr double fusion_min_covered = 64.0; // units; thinner samples use scalar moves that do not round to 0
 
@@ -215,7 +218,9 @@ bool fusion_partial_triangle(const FusionGrid& grid, const FusionSlopes& slopes,
         if (grid.height(k) < grid.height(lowest)) lowest = k;
         if (sand[k] < sand[thinnest]) thinnest = k;
     }
-    if (lowest == thinnest || !(sand[thinnest] > 0.0 && sand[thinnest] < fusion_min_covered)) return false;
+    // The corner stays above the lowest one, so that the potential energy falls.
+    const double give = sand[thinnest], fall = grid.height(thinnest) - grid.height(lowest);
+    if (!(give > 0.0 && give < fusion_min_covered && fall > give)) return false;
     sand[lowest] += sand[thinnest], sand[thinnest] = 0.0;
     return true;
 }
@@ -588,13 +593,18 @@ bool FusionRelaxer::cascade() {
 bool FusionRelaxer::relax(FusionResult& result) {
     const FusionSlopes slopes = fine_slopes();
     if (!fusion_survey(finest(), slopes.trigger).awake) return true;
+    size_t work = 0; // blocks that were awake, over all sweeps of the finest grid
+    const size_t most_work = std::max(fusion_most_sweeps * finest().blocks(), fusion_least_work);
     for (int cycle = 0; cycle < cycles_; ++cycle) {
         if (!cascade()) return false;
         const int sweeps = fusion_cycle_sweeps << std::min(cycle / fusion_patient_cycles, 20);
+        if (work > most_work) break;
         for (int sweep = 0; sweep < sweeps; ++sweep) {
             if (stop()) return false;
             ++result.sweeps;
+            work += size_t(std::count(finest().active.begin(), finest().active.end(), char(1)));
             if (!fusion_sweep(finest(), slopes, true, sweep & 1)) return true;
+            if (work > most_work) break;
         }
     }
     result.settled = false;

@@ -91,8 +91,8 @@ RuinSettings ruin_within_ranges(RuinSettings s) {
 Rect ruin_touched(const Domain& domain, const RuinMesh& mesh, const RuinSettings& settings) {
     if (mesh.empty() || domain.nx < 1 || domain.nz < 1) return {};
     const Vec3d &low = mesh.lower(), &high = mesh.upper();
-    // A face may start a quarter of its height above the sand (ruin_faces.cpp).
-    const double height = std::min(4.0 / 3.0 * (high.y() - low.y()), ruin_most_height);
+    // A face may start a quarter of its height, or 1.5 rays, above the sand (ruin_faces.cpp).
+    const double height = std::min(4.0 / 3.0 * (high.y() - low.y()) + domain.cell, ruin_most_height);
     const double side = height + 2.0 * domain.cell;
     Vec2d a = Vec2d::Constant(infinity), b = -a;
     for (const double s : {low.x() - ruin_echo_reach * height - side,
@@ -104,11 +104,13 @@ Rect ruin_touched(const Domain& domain, const RuinMesh& mesh, const RuinSettings
     const auto index = [&](double metres, double origin, int count) {
         return int(std::clamp(std::ceil((metres - origin) / domain.cell), 0.0, double(count)));
     };
+    Rect rect{index(a.x(), domain.x0, domain.nx), index(a.y(), domain.z0, domain.nz),
+              index(b.x(), domain.x0, domain.nx), index(b.y(), domain.z0, domain.nz)};
+    if (rect.empty()) return {};
     // Blocks of rooms are counted from its corner. Aligned, they do not move when a parameter changes the rectangle.
     const int block = ruin_block_side(domain.cell);
-    return {index(a.x(), domain.x0, domain.nx) / block * block,
-            index(a.y(), domain.z0, domain.nz) / block * block, index(b.x(), domain.x0, domain.nx),
-            index(b.y(), domain.z0, domain.nz)};
+    rect.i0 -= rect.i0 % block, rect.j0 -= rect.j0 % block;
+    return rect;
 }
 
 void ruin_copy(const Domain& domain, const Rect& rect, const SandUnits* from, SandUnits* to) {

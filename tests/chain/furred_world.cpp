@@ -32,6 +32,7 @@ FurredWorld::FurredWorld(std::vector<Mesh> meshes, std::vector<std::vector<Posit
         for (unsigned t = 0; t < pointers.size(); ++t)
             rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, t, RTC_FORMAT_FLOAT3, pointers[t], 0,
                                        12, mesh.positions.size());
+        rtcSetGeometryMask(geometry, MARRAM_ALL_ROLES | MARRAM_NAMED); // Embree 4: 1 by default
         rtcCommitGeometry(geometry);
         rtcAttachGeometryByID(scene, geometry, unsigned(i));
         rtcReleaseGeometry(geometry);

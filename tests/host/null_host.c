@@ -87,6 +87,7 @@ static RTCGeometry make_square(RTCDevice device, float positions[times][12 + spa
                                    4);
     memcpy(rtcSetNewGeometryBuffer(square, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, 2),
            corner_triangles, sizeof corner_triangles);
+    rtcSetGeometryMask(square, MARRAM_ALL_ROLES | MARRAM_NAMED); /* Embree 4: 1 by default */
     rtcCommitGeometry(square);
     return square;
 }
@@ -308,6 +309,7 @@ static RTCScene make_world(RTCDevice device, RTCGeometry square, const Curves* c
                                               curves->output.curve_count * (cvs - 1));
     for (unsigned c = 0; c < curves->output.curve_count; ++c)
         for (unsigned k = 0; k + 1 < cvs; ++k) *index++ = c * (cvs + 2) + k;
+    rtcSetGeometryMask(hair, 0xffffffffu);
     rtcCommitGeometry(hair);
     RTCScene world = rtcNewScene(device);
     rtcAttachGeometryByID(world, square, 0);
@@ -492,7 +494,8 @@ static void check_bad_frames(const MarramProcedural* type, Values* values, const
     MarramFrame frame = *good_frame;
     CHECK(type->begin(instance, &frame, &output) == MARRAM_OK);
     forget_messages();
-    CHECK(type->patch(instance, output.patch_count, &patch) == MARRAM_ERROR && last_message_is("contract.patch_range"));
+    CHECK(type->patch(instance, output.patch_count, &patch) == MARRAM_ERROR &&
+          last_message_is("contract.patch_range"));
     CHECK(type->patch(instance, UINT32_MAX, &patch) == MARRAM_ERROR &&
           type->patch(instance, 0, NULL) == MARRAM_ERROR);
     const MarramPatchBuffers none = {sizeof(MarramPatchBuffers), NULL, NULL, 0, NULL, NULL};
@@ -657,7 +660,8 @@ static void check_masked(const MarramProcedural* type, const MarramFrame* frame)
     for (uint64_t c = 0; c < curves.output.curve_count; ++c) CHECK(curves.root_uv[2 * c] >= 0.5F);
     free_curves(&curves);
     attribute.animated = 1;
-    CHECK(type->begin(instance, &masked, &output) == MARRAM_ERROR && last_message_is("groom.animated_attribute"));
+    CHECK(type->begin(instance, &masked, &output) == MARRAM_ERROR &&
+          last_message_is("groom.animated_attribute"));
     attribute.animated = 0;
     attribute.values = NULL;
     CHECK(type->begin(instance, &masked, &output) == MARRAM_ERROR && last_message_is("contract.frame"));

@@ -65,6 +65,7 @@ Scene::Scene(std::vector<Body> bodies) : bodies_(std::move(bodies)) {
         for (size_t t = 0; t < pointers_[i].size(); ++t)
             rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, unsigned(t), RTC_FORMAT_FLOAT3,
                                        pointers_[i][t], 0, 12, body.positions.size());
+        rtcSetGeometryMask(geometry, MARRAM_ALL_ROLES | MARRAM_NAMED); // Embree 4: 1 by default
         rtcCommitGeometry(geometry);
         rtcAttachGeometryByID(scene, geometry, unsigned(i));
         rtcReleaseGeometry(geometry);

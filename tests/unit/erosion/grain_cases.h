@@ -73,6 +73,7 @@ class GrainScene {
                                    kept.vertices.data(), 0, 12, vertices);
         rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                    kept.triangles.data(), 0, 12, triangles);
+        rtcSetGeometryMask(geometry, 0xffffffffU); // Embree 4: 1 by default
         rtcCommitGeometry(geometry);
         const unsigned id = rtcAttachGeometry(scene_, geometry);
         rtcReleaseGeometry(geometry);

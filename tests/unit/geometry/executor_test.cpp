@@ -45,7 +45,9 @@ MarramHost host_of(ExecutorUser& user) {
     };
     host.cancelled = [](void* of) -> int {
         std::atomic<int>& left = static_cast<ExecutorUser*>(of)->calls_until_cancelled;
-        return left.load() == 0 || (left.load() > 0 && --left == 0);
+        for (int n = left.load(); n > 0;) // stays 0
+            if (left.compare_exchange_weak(n, n - 1)) break;
+        return left.load() == 0;
     };
     host.parallel_for = [](void* of, uint64_t count, void (*task)(void*, uint64_t), void* data) {
         ThreadsOfTheHost::parallel_for(&static_cast<ExecutorUser*>(of)->threads, count, task, data);
@@ -118,6 +120,25 @@ TEST_F(ExecutorOfTheHost, IsCancelledWithinTasks) {
         EXPECT_TRUE(seen.contains(MARRAM_CANCELLED)) << type.calls.name;
         user.calls_until_cancelled = -1;
         EXPECT_FALSE(called.evaluate().empty());
+    }
+}
+
+// An executor that leaves out the last task, calls the first twice and one that does not exist.
+TEST_F(ExecutorOfTheHost, IsToldOfTasksThatItLeavesOut) {
+    for (const ProceduralType& type : library->types()) {
+        ExecutorUser user;
+        TestedProcedural called(type, world, large_settings_of(type.calls.name));
+        called.host = host_of(user);
+        called.host.parallel_for = [](void*, uint64_t count, void (*task)(void*, uint64_t), void* data) {
+            for (uint64_t i = 0; i + 1 < count; ++i) task(data, i);
+            task(data, count);
+            if (count > 1) task(data, 0);
+        };
+        MarramStatus status = type.calls.create(&called.host, called.good, &called.instance);
+        if (status == MARRAM_OK) status = called.begin(world.frame());
+        EXPECT_EQ(status, MARRAM_ERROR) << type.calls.name;
+        ASSERT_FALSE(user.messages.faults.empty()) << type.calls.name;
+        EXPECT_EQ(user.messages.faults.back(), "contract.parallel_for");
     }
 }
 

@@ -13,6 +13,7 @@
 #include <cstring>
 #include <limits>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <utility>
 #include <vector>
@@ -25,8 +26,10 @@ inline constexpr float not_a_number = std::numeric_limits<float>::quiet_NaN();
 struct Messages {
     std::vector<std::string> faults; // ids
     std::string last;                // text of the last one
+    std::mutex mutex;
     static void take(void* user, const MarramMessage* message) {
         if (message->severity != MARRAM_FAULT) return;
+        const std::scoped_lock lock(static_cast<Messages*>(user)->mutex); // from any thread
         auto& list = static_cast<Messages*>(user)->faults;
         list.emplace_back(message->id);
         static_cast<Messages*>(user)->last = message->what;

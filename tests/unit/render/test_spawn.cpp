@@ -254,7 +254,9 @@ void fibre_table(MarramShape shape, const char* shape_name, uint32_t pieces = 0)
             std::printf("[ self-hit ] %-9s %-9s %-30s", shape_name, f.name,
                         side == Side::outside ? "outwards" : "through");
             const bool drawn = shape == MARRAM_RIBBON && pieces == 0; // Embree's ribbon, as quadrilaterals
-            fibre_row(shape, f, side, f.bend == 0.0 ? 1e-5 : drawn ? 1e-4 : 1e-3, pieces);
+            // Embree 4 computes hits with round cubics less accurately: one ray of 19,000 meets a fibre again.
+            const double straight = MARRAM_EMBREE_MAJOR == 4 ? 2e-4 : 1e-5;
+            fibre_row(shape, f, side, f.bend == 0.0 ? straight : drawn ? 1e-4 : 1e-3, pieces);
         }
 }
 
@@ -288,7 +290,10 @@ TEST(Spawn, StartsOnWhatIsTraced) {
             std::printf("[   hits   ] %-16s %6llu hits, off by %.1e m\n", name,
                         static_cast<unsigned long long>(hits), farthest);
             EXPECT_GT(hits, 50U);
-            EXPECT_LT(farthest, 4e-6) << name; // the ribbon's cubic deviates from the traced shape by 5e-4
+            // The ribbon's cubic deviates from the traced shape by 5e-4. Embree 4 finds some hits with round cubics up
+            // to 3.6e-5 beside the fibre, whose radius is 1e-3.
+            const bool inexact = MARRAM_EMBREE_MAJOR == 4 && shape == MARRAM_ROUND;
+            EXPECT_LT(farthest, inexact ? 5e-5 : 4e-6) << name;
         }
 }
 

@@ -143,6 +143,7 @@ class WorldBuilder {
     }
 
     void attach(RTCGeometry geometry, unsigned id) {
+        rtcSetGeometryMask(geometry, 0xffffffffU); // Embree 4: 1 by default
         rtcCommitGeometry(geometry);
         rtcAttachGeometryByID(world.scene.get(), geometry, id);
         rtcReleaseGeometry(geometry);

@@ -385,11 +385,13 @@ TEST(Ruin, TheWindTurnsTheResult) {
 
 TEST(Ruin, OffTheTerrainNothingChanges) {
     RuinField field = ruin_wall(4.0, 4.0);
-    RuinField away = field;
-    away.domain.x0 = 1000.0;
-    EXPECT_TRUE(away.layer().touched().empty());
-    away.run();
-    EXPECT_EQ(away.after, away.before);
+    for (const double x0 : {1000.0, -1000.0}) {
+        RuinField away = field;
+        away.domain.x0 = x0;
+        EXPECT_TRUE(away.layer().touched().empty());
+        away.run();
+        EXPECT_EQ(away.after, away.before);
+    }
     RuinField none = field;
     none.blocks = {};
     none.run();

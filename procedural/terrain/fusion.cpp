@@ -84,11 +84,11 @@ constexpr int fusion_block_columns = 16,
 constexpr int fusion_tile_blocks = Tiles::side / fusion_block_columns;
 constexpr int fusion_tile_block_rows = Tiles::side / fusion_block_rows;
 constexpr int fusion_max_levels = 8, fusion_coarse_sweeps = 256;
-constexpr int fusion_cycle_sweeps = 12, fusion_patient_cycles = 16;
-constexpr size_t fusion_most_sweeps = 4096;           // of the whole finest grid, where all of it is awake
-constexpr size_t fusion_least_work = size_t(1) << 22; // blocks: 10 s of one core at most
-constexpr double fusion_max_height = 0x1p20;          // metres; sums of heights stay exact in a double
-constexpr double fusion_min_cell = 0x1p-20; // metres; below, the slope's slack is only a few sand units
+constexpr int fusion_cycle_sweeps = 12, fusion_doubling_cycles = 16; // sweeps a cycle double after so many
+constexpr size_t fusion_most_sweeps = 4096; // of the whole finest grid, where all of it is awake
+constexpr size_t fusion_smallest_work_limit = size_t(1) << 22; // blocks: 10 s of one core at most
+constexpr double fusion_max_height = 0x1p20; // metres; sums of heights stay exact in a double
+constexpr double fusion_min_cell = 0x1p-20;  // metres; below, the slope's slack is only a few sand units
 
 constexpr double fusion_min_covered = 64.0; // units; thinner samples use scalar moves that do not round to 0
 
@@ -594,10 +594,10 @@ bool FusionRelaxer::relax(FusionResult& result) {
     const FusionSlopes slopes = fine_slopes();
     if (!fusion_survey(finest(), slopes.trigger).awake) return true;
     size_t work = 0; // blocks that were awake, over all sweeps of the finest grid
-    const size_t most_work = std::max(fusion_most_sweeps * finest().blocks(), fusion_least_work);
+    const size_t most_work = std::max(fusion_most_sweeps * finest().blocks(), fusion_smallest_work_limit);
     for (int cycle = 0; cycle < cycles_; ++cycle) {
         if (!cascade()) return false;
-        const int sweeps = fusion_cycle_sweeps << std::min(cycle / fusion_patient_cycles, 20);
+        const int sweeps = fusion_cycle_sweeps << std::min(cycle / fusion_doubling_cycles, 20);
         if (work > most_work) break;
         for (int sweep = 0; sweep < sweeps; ++sweep) {
             if (stop()) return false;

@@ -3,6 +3,7 @@
 
 #include "core/math/known_part.h"
 #include "core/math/vec.h"
+#include "procedural/values.h"
 
 #include <fmt/format.h>
 
@@ -278,7 +279,7 @@ std::vector<ContractFault> value_faults(std::span<const MarramParam> params,
 namespace {
 
 // Embree silently drops vertices slightly beyond this, and aborts on rays that are not finite.
-constexpr float greatest_coordinate = 1e18F;
+constexpr auto greatest_coordinate = float(largest_coordinate);
 
 // Branch-free, so that it vectorises. NaN counts as out of range.
 bool within(const float* numbers, size_t count, float most) {
@@ -451,12 +452,13 @@ ContractFault view_fault(const MarramView& view) {
     if (ContractFault fault = times_fault(view.times, view.time_count); !fault.what.empty()) return fault;
     if (!view.positions || !view.directions || !view.ups)
         return {"", "the view lacks positions, directions or ups", "give one of each a motion sample"};
-    constexpr double farthest = 1e18, shortest = 0.5; // m; shortest accepted length of a unit vector
+    constexpr double shortest = 0.5; // shortest accepted length of a unit vector
     for (uint32_t t = 0; t < view.time_count; ++t) {
         const double *p = view.positions + 3 * t, *d = view.directions + 3 * t, *u = view.ups + 3 * t;
         bool good = std::hypot(d[0], d[1], d[2]) >= shortest && std::hypot(u[0], u[1], u[2]) >= shortest;
         for (int i = 0; i < 3; ++i)
-            good = good && std::fabs(p[i]) <= farthest && std::isfinite(d[i]) && std::isfinite(u[i]);
+            good =
+                good && std::fabs(p[i]) <= largest_coordinate && std::isfinite(d[i]) && std::isfinite(u[i]);
         if (!good)
             return {"", "the view has a position or direction that is no usable vector",
                     "give finite positions and unit directions"};

@@ -15,7 +15,8 @@
 
 namespace marram {
 
-inline constexpr double largest_wind_input = 1e9; // m or m/s; a limit that keeps products finite
+inline constexpr double largest_coordinate = 1e18; // m; Embree drops vertices slightly beyond it
+inline constexpr double largest_wind_input = 1e9;  // m or m/s; a limit that keeps products finite
 
 // An error in the scene that only the procedural can detect. guarded() catches it and sends it to the host.
 struct SceneFault : std::runtime_error {
@@ -70,5 +71,15 @@ class Values {
 
 // The value in radians of a parameter given in degrees.
 inline double radians(const Values& values, std::string_view name) { return values.number(name) * degree; }
+
+// A ramp whose values must be within [0, 1]. `id`: of the fault if they are not.
+inline Ramp unit_ramp(const Values& values, std::string_view name, const char* id) {
+    Ramp ramp = values.ramp(name);
+    for (const double value : ramp.values())
+        if (value < 0.0 || value > 1.0)
+            throw SceneFault(id, values.at(name).place, std::string(name) + " leaves 0 ... 1",
+                             "keep its values inside");
+    return ramp;
+}
 
 } // namespace marram

@@ -12,8 +12,6 @@ namespace {
 
 constexpr double far_share = 0.1; // of a strand's length
 
-Vec3d point_at(const float* v) { return {double(v[0]), double(v[1]), double(v[2])}; }
-
 // Barycentric coordinates of a point of a triangle that has an area.
 Vec3d weights_of(const std::array<Vec3d, 3>& p, const Vec3d& q) {
     const Vec3d n = (p[1] - p[0]).cross(p[2] - p[0]);
@@ -61,7 +59,7 @@ struct ClosestPointQuery {
 double curve_length(const float* vertices, uint32_t cvs) {
     double length = 0.0;
     for (uint32_t k = 0; k + 1 < cvs; ++k)
-        length += (point_at(vertices + 4 * (k + 1)) - point_at(vertices + 4 * k)).norm();
+        length += (cv_at(vertices + 4 * (k + 1)) - cv_at(vertices + 4 * k)).norm();
     return length;
 }
 
@@ -78,12 +76,13 @@ Binding bind_strands(const LentCurves& curves, const float* vertices, const Surf
         if (cancelled()) return;
         uint32_t hint = no_triangle; // triangle of the previous strand, which is usually close
         for (uint64_t c = range.begin(); c < range.end(); ++c) {
-            const Vec3d root = point_at(vertices + 4 * (curves.first_vertex(c) + 1));
+            const Vec3d root = cv_at(vertices + 4 * (curves.first_vertex(c) + 1));
             // No triangle is farther away than this.
             const double reach =
                 (query.box.exteriorDistance(root) + query.box.diagonal().norm()) * (1.0 + 1e-9);
             SkinPoint foot{};
-            closest_skin_point(query.colliders, query.mesh, root, Vec3d::Zero(), reach, hint, foot);
+            closest_skin_point(query.colliders, query.mesh, root, /*facing: any*/ Vec3d::Zero(), reach, hint,
+                               foot);
             hint = foot.triangle;
             binding.root_bindings[c] = {weights_of(bind.corners(foot.triangle), foot.point), foot.triangle,
                                         float((root - foot.point).norm()),

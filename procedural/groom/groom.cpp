@@ -3,10 +3,10 @@
 
 #include "core/math/clock.h"
 #include "procedural/border.h"
+#include "procedural/groom/automatic_settings.h"
 #include "procedural/groom/groom_bounds.h"
 #include "procedural/groom/groom_instance.h"
 #include "procedural/groom/groom_output.h"
-#include "procedural/groom/groom_settings.h"
 #include "procedural/groom/groom_warnings.h"
 #include "procedural/groom/guide_motion.h"
 #include "procedural/groom/rest_strands.h"
@@ -42,7 +42,7 @@ struct ParsedValues {
     Groom groom;
     Wind wind;
     Automatic automatic;
-    uint64_t roots_digest = 0, digest = 0;
+    uint64_t roots_digest = 0, values_digest = 0;
 };
 
 ParsedValues parse_values(const MarramHost& host, const Values& given, std::span<const MarramValue> values) {
@@ -60,7 +60,7 @@ ParsedValues parse_values(const MarramHost& host, const Values& given, std::span
     if (parsed_values.automatic.cvs && wind.reference_segments == 0)
         wind.reference_segments = default_reference_segments;
     parsed_values.roots_digest = roots_digest(given);
-    parsed_values.digest = digest_of_values(values);
+    parsed_values.values_digest = digest_of_values(values);
     return parsed_values;
 }
 
@@ -69,7 +69,7 @@ void apply_values(GroomInstance& instance, ParsedValues parsed_values) {
     instance.wind = std::move(parsed_values.wind);
     instance.automatic = parsed_values.automatic;
     instance.roots_digest = parsed_values.roots_digest;
-    instance.digest = parsed_values.digest;
+    instance.values_digest = parsed_values.values_digest;
     instance.chosen_for.reset();
     instance.gust_start = {};
     instance.begun = false;
@@ -102,7 +102,7 @@ MarramStatus update(MarramInstance* opaque, const MarramUpdate* given, uint32_t*
         const std::vector<MarramValue> list = values_of(update.values);
         if (!check_values(instance.host, all_params(), list)) return MARRAM_ERROR;
         ParsedValues parsed_values = parse_values(instance.host, Values(list), list);
-        const bool same_values = parsed_values.digest == instance.digest;
+        const bool same_values = parsed_values.values_digest == instance.values_digest;
         if (same_values && update.inputs == MARRAM_NOTHING) {
             *changed = MARRAM_NOTHING;
             return MARRAM_OK;
@@ -162,16 +162,16 @@ void check_uvs(GroomInstance& instance) {
 }
 
 // Digest of a mesh's topology. If the host gives none, only the counts are compared.
-uint64_t topology_of(const MarramMesh& mesh) {
+uint64_t topology_digest(const MarramMesh& mesh) {
     return Digest().add(mesh.topology).add(mesh.vertex_count).add(mesh.triangle_count).value();
 }
 
 // Digest of everything in the mesh that determines the roots: triangles, bind pose, uvs, and attributes that
 // scale the density.
-uint64_t digest_of_mesh(const GroomInstance& instance) {
+uint64_t mesh_digest(const GroomInstance& instance) {
     const MarramMesh& mesh = *instance.mesh;
     Digest digest;
-    digest.add(topology_of(mesh))
+    digest.add(topology_digest(mesh))
         .add(mesh.triangles, 12 * size_t(mesh.triangle_count))
         .add(instance.bind_positions);
     if (mesh.uvs) digest.add(mesh.uvs, 8 * size_t(mesh.vertex_count));
@@ -194,8 +194,8 @@ MarramStatus read_bind_pose(GroomInstance& instance) {
 }
 
 // Reads the vertices of the guides in the bind pose.
-MarramStatus read_guides(const GroomInstance& instance, const LentCurves& curves,
-                         std::vector<float>& vertices) {
+MarramStatus guide_vertices_at_bind(const GroomInstance& instance, const LentCurves& curves,
+                                    std::vector<float>& vertices) {
     const MarramFrame& frame = instance.frame;
     vertices.resize(4 * (curves.cv_count() + 2 * curves.count()));
     if (!curves.curves.moves) {
@@ -204,20 +204,20 @@ MarramStatus read_guides(const GroomInstance& instance, const LentCurves& curves
     }
     if (!frame.pose_curves)
         throw SceneFault("contract.no_pose_curves", "", "MarramFrame.pose_curves is NULL",
-                         "give a function that poses curves at any time, or curves that rest");
+                         "give a function that poses curves at any time, or static curves");
     return pose_lent_curves(frame, curves.index, frame.bind_frame, 0, curves.count(), vertices);
 }
 
 // Digest of the guide curves and parting lines. If a procedural grows them on an evolving terrain, they
 // differ from frame to frame.
-MarramStatus digest_guides(const GroomInstance& instance, uint64_t& out) {
+MarramStatus guides_digest(const GroomInstance& instance, uint64_t& out) {
     Digest digest;
     out = 0;
     if (!instance.groom.guides) return MARRAM_OK;
     const GuideSettings& settings = *instance.groom.guides;
     const LentCurves curves = find_curves(instance.frame, settings.curves, settings.place);
     std::vector<float> vertices;
-    if (const MarramStatus status = read_guides(instance, curves, vertices); status != MARRAM_OK)
+    if (const MarramStatus status = guide_vertices_at_bind(instance, curves, vertices); status != MARRAM_OK)
         return status;
     digest.add(vertices).add(curves.count());
     if (!settings.lines.empty()) {
@@ -229,7 +229,7 @@ MarramStatus digest_guides(const GroomInstance& instance, uint64_t& out) {
 }
 
 // Builds the guides in the bind pose, and each strand's blend of them.
-MarramStatus place_guides(GroomInstance& instance, const std::function<bool()>& cancelled) {
+MarramStatus build_guides(GroomInstance& instance, const std::function<bool()>& cancelled) {
     instance.guides.reset();
     instance.blends.clear();
     if (!instance.groom.guides) return MARRAM_OK;
@@ -237,15 +237,15 @@ MarramStatus place_guides(GroomInstance& instance, const std::function<bool()>& 
     const MarramFrame& frame = instance.frame;
     const LentCurves curves = find_curves(frame, settings.curves, settings.place);
     std::vector<float> vertices;
-    if (const MarramStatus status = read_guides(instance, curves, vertices); status != MARRAM_OK)
+    if (const MarramStatus status = guide_vertices_at_bind(instance, curves, vertices); status != MARRAM_OK)
         return status;
     std::vector<std::vector<Vec3d>> lines;
     if (!settings.lines.empty()) {
-        const LentCurves drawn = find_curves(frame, settings.lines, settings.lines_place);
-        for (uint64_t c = 0; c < drawn.count(); ++c) {
+        const LentCurves parting_curves = find_curves(frame, settings.lines, settings.lines_place);
+        for (uint64_t c = 0; c < parting_curves.count(); ++c) {
             std::vector<Vec3d>& line = lines.emplace_back();
-            const float* v = drawn.curves.vertices[0] + 4 * (drawn.first_vertex(c) + 1);
-            for (uint32_t k = 0; k < drawn.cvs(c); ++k)
+            const float* v = parting_curves.curves.vertices[0] + 4 * (parting_curves.first_vertex(c) + 1);
+            for (uint32_t k = 0; k < parting_curves.cvs(c); ++k)
                 line.emplace_back(double(v[4 * k]), double(v[4 * k + 1]), double(v[4 * k + 2]));
         }
     }
@@ -274,12 +274,12 @@ MarramStatus place_guides(GroomInstance& instance, const std::function<bool()>& 
 
 // Keeps the roots if everything that places them is unchanged. On an evolving terrain they are placed again
 // in each frame. Whether a strand exists depends on its own hash, so most strands persist between frames.
-MarramStatus check_mesh_again(GroomInstance& instance) {
+MarramStatus invalidate_roots_if_mesh_changed(GroomInstance& instance) {
     MarramStatus status = read_bind_pose(instance);
     uint64_t guides = 0;
-    if (status == MARRAM_OK) status = digest_guides(instance, guides);
+    if (status == MARRAM_OK) status = guides_digest(instance, guides);
     if (status == MARRAM_OK &&
-        (digest_of_mesh(instance) != instance.placed_mesh || guides != instance.placed_guides))
+        (mesh_digest(instance) != instance.placed_mesh_digest || guides != instance.placed_guides_digest))
         instance.placed = false;
     instance.mesh_may_differ = false;
     return status;
@@ -294,12 +294,13 @@ MarramStatus place(GroomInstance& instance) {
     instance.placing_bytes = placed.peak_bytes;
     if (cancelled()) return MARRAM_CANCELLED;
     warn_of_no_strands(instance);
-    if (const MarramStatus status = place_guides(instance, cancelled); status != MARRAM_OK) return status;
+    if (const MarramStatus status = build_guides(instance, cancelled); status != MARRAM_OK) return status;
     instance.placed = true;
     instance.mesh_may_differ = false;
-    instance.placed_topology = topology_of(*instance.mesh);
-    instance.placed_mesh = digest_of_mesh(instance);
-    if (const MarramStatus status = digest_guides(instance, instance.placed_guides); status != MARRAM_OK)
+    instance.placed_topology_digest = topology_digest(*instance.mesh);
+    instance.placed_mesh_digest = mesh_digest(instance);
+    if (const MarramStatus status = guides_digest(instance, instance.placed_guides_digest);
+        status != MARRAM_OK)
         return status;
     instance.placing_seconds = wall_seconds() - begin;
     return MARRAM_OK;
@@ -321,16 +322,16 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         instance.placing_seconds = 0.0;
         find_mesh(instance);
         check_uvs(instance);
-        find_attributes(instance.groom, instance.attributes);
+        resolve_attributes(instance.groom, instance.attributes);
         if (instance.placed && !instance.mesh_may_differ &&
-            instance.placed_topology != topology_of(*instance.mesh))
+            instance.placed_topology_digest != topology_digest(*instance.mesh))
             throw SceneFault("groom.topology", instance.groom.mesh_place,
                              "the mesh '" + instance.groom.mesh +
                                  "' has other triangles than when its strands were placed",
-                             "keep "
-                             "its topology, or make the groom anew");
+                             "keep its topology, or create the procedural again");
         if (instance.placed)
-            if (const MarramStatus status = check_mesh_again(instance); status != MARRAM_OK) return status;
+            if (const MarramStatus status = invalidate_roots_if_mesh_changed(instance); status != MARRAM_OK)
+                return status;
         if (!instance.placed) {
             const MarramStatus status = place(instance);
             if (status != MARRAM_OK) return status;
@@ -355,18 +356,18 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         instance.past = {};
         if (instance.wind.jiggle && instance.frame.stage == MARRAM_FINAL) {
             double travel = 0.0;
-            if (const MarramStatus found = find_travel(instance.frame, instance.mesh_instances, travel);
+            if (const MarramStatus found = measure_travel(instance.frame, instance.mesh_instances, travel);
                 found != MARRAM_OK)
                 return found;
             const MarramStatus status = read_past(
                 instance.frame, uint32_t(instance.mesh - instance.meshes.data()), *instance.wind.jiggle,
-                longest_strand(instance.groom) * greatest_scale(instance.mesh_instances), instance.past,
+                longest_strand(instance.groom) * max_instance_scale(instance.mesh_instances), instance.past,
                 travel);
             if (status != MARRAM_OK) return status;
             bool instances_moved = false;
             if (const MarramStatus past =
-                    find_past_transforms(instance.frame, *instance.wind.jiggle, instance.past.window,
-                                         instance.mesh_instances, instances_moved);
+                    sample_past_transforms(instance.frame, *instance.wind.jiggle, instance.past.window,
+                                           instance.mesh_instances, instances_moved);
                 past != MARRAM_OK)
                 return past;
             // Without motion there is no jiggle.
@@ -380,7 +381,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         const double before = wall_seconds();
         instance.chain = {}; // release the last frame's trees before building new ones
         instance.chain = make_chain_frame(
-            {instance.wind, instance.groom.envelope, instance.frame, instance.mesh, instance.width_profile,
+            {instance.wind, instance.groom.envelope, instance.frame, instance.mesh, instance.radius_profile,
              instance.groom.basis, instance.past.window,
              instance.wind.collision ? bounds_of_strands(instance) : everywhere(),
              instance.wind.gusts ? bounds_at_rest(instance) : everywhere(), &instance.trees});
@@ -389,7 +390,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         warn_of_length(instance);
         announce_long_work(instance);
         blow_guides(instance);
-        instance.chain_seconds = instance.wind.collision ? wall_seconds() - before : 0.0;
+        instance.prepare_seconds = wall_seconds() - before;
         MarramOutput output{};
         output.kind = MARRAM_CURVES;
         output.curve_count = instance.mesh_instances.size() * instance.roots.size();
@@ -418,7 +419,7 @@ MarramStatus patch(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
         if (!out) throw SceneFault("contract.null_patch", "", "the patch is NULL", "pass a non-NULL pointer");
         check_patch(instance, index);
         MarramPatch patch{};
-        find_patch(instance, index, &patch);
+        patch_bounds(instance, index, &patch);
         fill_known_part(patch, out);
         return MARRAM_OK;
     });
@@ -455,7 +456,7 @@ MarramStatus tessellate(MarramInstance* opaque, uint32_t index, const MarramPatc
         if (instance.past.window.count() > 0 && !follows)
             jiggle_patch(instance.chain, rest_strands, strands, worker.chain);
         for (uint32_t time = 0; time < instance.time_count; ++time) {
-            // If the mesh rests, later motion samples reuse the rest strands.
+            // If the mesh is static, later motion samples reuse the rest strands.
             if (time < instance.mesh->time_count || patch.mesh_instance.moves())
                 rest_strands.at_time(time, strands);
             if (follows) {
@@ -491,8 +492,8 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     if (instance.automatic.step && instance.past.window.count() > 0)
         sink(user, "chosen.jiggle_step", wind.jiggle->step);
     if (wind.noise.left_out > 0) sink(user, "chosen.octaves", wind.noise.octaves - wind.noise.left_out);
-    sink(user, "seconds.expand", instance.placing_seconds);
-    sink(user, "seconds.collide", instance.chain_seconds);
+    sink(user, "seconds.place_roots", instance.placing_seconds);
+    sink(user, "seconds.prepare_wind", instance.prepare_seconds);
     // Peak memory: the candidates are freed before scratch memory is allocated.
     const size_t lasting = instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 +
                            instance.blends.capacity() * sizeof(GuideBlend) +
@@ -546,13 +547,13 @@ std::span<const MarramReportEntry> groom_report_entries() {
         sum("thread_seconds.bend", "thread s", "bend"),
         sum("thread_seconds.jiggle", "thread s", "jiggle"),
         sum("thread_seconds.collide", "thread s", "collision"),
-        sum("seconds.expand", "s", "placing roots, choosing settings"),
-        sum("seconds.collide", "s", "preparing collision"),
+        sum("seconds.place_roots", "s", "placing roots, choosing settings"),
+        sum("seconds.prepare_wind", "s", "collider trees, gusts, and the wind on guides"),
         sum("collision.contacts", "count", "segments that touch a mesh"),
         sum("collision.pushed_out", "count", "segments that started inside a mesh and were turned out of it"),
         sum("collision.unresolved", "count", "segments or roots without a free direction"),
-        sum("collision.skipped_pushes", "count",
-            "CVs not pushed out: offset_scale found no consistent side of the skin"),
+        sum("collision.targets_not_raised", "count",
+            "CVs not raised: offset_scale found no consistent side of the skin"),
         sum("collision.dips", "count",
             "strands whose rendered curve enters a mesh by more than the tolerance"),
         sum("collision.goal_angle", "rad", "sum of the angles between start and goal of all segments"),
@@ -561,7 +562,7 @@ std::span<const MarramReportEntry> groom_report_entries() {
         MarramReportEntry{"collision.reached", "1", MARRAM_RATIO, "collision.turned_angle",
                           "collision.goal_angle", "fraction of the goal angle that was reached"},
         sum("memory.curve_extra_bytes", "bytes", "peak memory of the groom besides its CVs"),
-        sum("instances.count", "count", "instances that strands grow on, each in the wind of its place"),
+        sum("instances.count", "count", "instances that strands grow on, each with the wind at its position"),
         sum("instances.shared_bytes", "bytes",
             "roots, guides and the mesh's past, kept once for all instances; CVs are each one's own"),
         each("chosen.cvs", "1", "CVs per strand"),

@@ -7,25 +7,26 @@
 namespace marram {
 namespace {
 
-// Greatest distance of any part of a strand from its root, including width and clearance. `scale`: the
-// greatest coordinate. Bending preserves length, so a strand stays in a ball about its root. B-splines stay
-// in the convex hull of their CVs, also in the end spans with phantom CVs; Catmull-Rom leaves it by less than
-// a third of a segment.
-double reach_from_root(const GroomInstance& instance, double scale) {
+// Greatest distance of any part of a strand from its root, including width and clearance. `max_coordinate`:
+// of the roots. Bending preserves length, so a strand stays in a ball about its root. B-splines stay in the
+// convex hull of their CVs, also in the end spans with phantom CVs; Catmull-Rom leaves it by less than a
+// third of a segment.
+double reach_from_root(const GroomInstance& instance, double max_coordinate) {
     const Groom& groom = instance.groom;
     const double length = longest_strand(groom);
-    double widest = 0.0;
-    for (const float half : instance.width_profile) widest = std::max(widest, double(half));
-    const double beyond = groom.basis == MARRAM_CATMULL_ROM ? length / (3.0 * (groom.cvs - 1)) : 0.0;
-    double lift = 0.0, clearance = 0.0;
+    double max_radius = 0.0; // of a strand of width 1
+    for (const float radius : instance.radius_profile) max_radius = std::max(max_radius, double(radius));
+    const double overshoot = groom.basis == MARRAM_CATMULL_ROM ? length / (3.0 * (groom.cvs - 1)) : 0.0;
+    double offset = 0.0, clearance = 0.0;
     if (const auto& collision = instance.wind.collision) {
-        lift = root_offset(*collision, length, groom.width * instance.width_profile[0]);
-        clearance = std::max(collision->clearance.value_or(0.0), lift);
+        offset = root_offset(*collision, length, groom.width * instance.radius_profile[0]);
+        clearance = std::max(collision->clearance.value_or(0.0), offset);
     }
-    const double size = std::max(greatest_scale(instance.mesh_instances),
-                                 1.0); // at least 1: clearances do not shrink with instances
-    return size * (length + beyond + groom.width * widest + lift + clearance) * (1.0 + 1e-5) +
-           4.0 * (scale + size * (length + lift)) * 0x1p-23;
+    // At least 1: clearances do not shrink with instances.
+    const double instance_scale = std::max(max_instance_scale(instance.mesh_instances), 1.0);
+    return instance_scale * (length + overshoot + groom.width * max_radius + offset + clearance) *
+               (1.0 + 1e-5) +
+           4.0 * (max_coordinate + instance_scale * (length + offset)) * 0x1p-23;
 }
 
 // Extends `box` by the mesh's box at each of its instances, at a motion sample.
@@ -74,13 +75,14 @@ Eigen::AlignedBox3d bounds_at_rest(const GroomInstance& instance) {
         extend_by_rest(instance.groom, pose.positions, past.emplace_back());
     for (const Eigen::AlignedBox3d& on_mesh : past) box.extend(on_mesh);
     for (const MeshInstance& mesh_instance : instance.mesh_instances)
-        for (size_t k = 0; k < mesh_instance.transforms_at_knots.size() && k < instance.past.of_knot.size();
-             ++k)
-            box.extend(transformed_box(mesh_instance.transforms_at_knots[k], past[instance.past.of_knot[k]]));
+        for (size_t k = 0;
+             k < mesh_instance.past_transforms.size() && k < instance.past.pose_of_sample.size(); ++k)
+            box.extend(
+                transformed_box(mesh_instance.past_transforms[k], past[instance.past.pose_of_sample[k]]));
     return box;
 }
 
-void find_patch(const GroomInstance& instance, uint32_t index, MarramPatch* out) {
+void patch_bounds(const GroomInstance& instance, uint32_t index, MarramPatch* out) {
     const GroomPatch patch = instance.patch_at(index);
     out->first_curve = patch.first_curve;
     out->curve_count = uint32_t(patch.roots.size());

@@ -9,10 +9,10 @@ namespace marram {
 // All strands at all motion samples, widths and clearances included.
 Eigen::AlignedBox3d bounds_of_strands(const GroomInstance& instance);
 
-// All rest CVs, now and at the past knots that jiggle uses. Gusts are evaluated in this box.
+// All rest CVs, now and at the past samples that jiggle uses. Gusts are evaluated in this box.
 Eigen::AlignedBox3d bounds_at_rest(const GroomInstance& instance);
 
 // The box and the range of strands of one patch.
-void find_patch(const GroomInstance& instance, uint32_t index, MarramPatch* out);
+void patch_bounds(const GroomInstance& instance, uint32_t index, MarramPatch* out);
 
 } // namespace marram

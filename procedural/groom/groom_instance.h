@@ -3,7 +3,7 @@
 // frame.
 #pragma once
 
-#include "procedural/groom/description.h"
+#include "procedural/groom/groom_settings.h"
 #include "procedural/groom/mesh_instances.h"
 #include "procedural/groom/past.h"
 #include "procedural/groom/roots.h"
@@ -25,13 +25,6 @@ inline constexpr int patch_cvs = 4096;
 inline int strands_per_patch(int cvs) {
     return std::clamp((patch_cvs / cvs + lanes - 1) / lanes * lanes, lanes, 512);
 }
-
-// Inputs, besides the description, of the settings chosen by the tolerance.
-struct ChosenFor {
-    double frame, first, last, tolerance;
-    MarramStage stage;
-    bool operator==(const ChosenFor&) const = default;
-};
 
 // Settings that the tolerance chooses.
 struct Automatic {
@@ -58,7 +51,7 @@ struct GroomInstance {
     Groom groom;
     Wind wind; // groom and wind include the settings chosen for the frame
     Automatic automatic;
-    uint64_t digest = 0, roots_digest = 0; // of all values; of those that determine the roots
+    uint64_t values_digest = 0, roots_digest = 0; // of all values; of those that determine the roots
     std::optional<ChosenFor> chosen_for;
     std::vector<std::string> inexact; // warnings where no setting reaches the tolerance
 
@@ -69,7 +62,7 @@ struct GroomInstance {
     std::vector<float> bind_normals;        // if there are guides and the mesh has normals
     GuideMotion guide_motion;
     bool placed = false;
-    double placing_seconds = 0.0, chain_seconds = 0.0; // wall time within begin
+    double placing_seconds = 0.0, prepare_seconds = 0.0; // wall time within begin
     size_t placing_bytes = 0;
 
     bool begun = false;              // a frame has begun without errors
@@ -79,23 +72,23 @@ struct GroomInstance {
     const MarramMesh* mesh = nullptr;         // the mesh that strands grow on
     std::vector<MeshInstance> mesh_instances; // the mesh and its instances
     std::vector<MarramAttribute> attributes;  // of the mesh
-    // Digests taken when the roots were placed: of the mesh's topology, and of all mesh data that determines
-    // the roots.
-    uint64_t placed_topology = 0, placed_mesh = 0, placed_guides = 0; // the last: of guides and parting lines
-    bool mesh_may_differ = false;                                     // as announced by update()
+    // Digests taken when the roots were placed: of the mesh's topology, of all mesh data that determines the
+    // roots, and of guides and parting lines.
+    uint64_t placed_topology_digest = 0, placed_mesh_digest = 0, placed_guides_digest = 0;
+    bool mesh_may_differ = false; // as announced by update()
     uint32_t time_count = 1;
     ChainFrame chain;
     ColliderTrees trees;
     PastSkin past;
     GustStart gust_start;
-    std::vector<float> width_profile; // [cvs]: half of the profile, the radius of a strand of width 1
+    std::vector<float> radius_profile; // [cvs]: radius of a strand of width 1, half of Groom::width_profile
 
     Workers workers;
 
     void warn(const char* id, const std::string& what, const std::string& remedy) const {
         send(host, MARRAM_WARNING, id, groom.mesh_place, what, remedy);
     }
-    GrowthPoses poses(uint32_t time) const {
+    SkinPoses poses(uint32_t time) const {
         const uint32_t t = std::min(time, mesh->time_count - 1);
         const Surface now{mesh->positions[t],   mesh->normals ? mesh->normals[t] : nullptr,
                           mesh->triangles,      mesh->uvs,

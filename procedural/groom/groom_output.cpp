@@ -28,7 +28,7 @@ std::span<const MarramAttribute> groom_attributes() { return attributes; }
 void write_vertices(const GroomInstance& instance, std::span<const Root> roots, const Strands& strands,
                     float* out) {
     const int cvs = strands.cvs;
-    const std::vector<float>& profile = instance.width_profile;
+    const std::vector<float>& profile = instance.radius_profile;
     for (size_t i = 0; i < roots.size(); ++i) {
         const Wide3f* pose = strands.pose.data() + (i / lanes) * size_t(cvs);
         const auto lane = int(i % lanes);
@@ -66,14 +66,14 @@ void write_normals(const Strands& strands, size_t count, float* out) {
 
 void write_attribute(const GroomInstance& instance, const GroomPatch& patch, const Strands& strands,
                      uint32_t which, float* out) {
-    const GrowthPoses poses = instance.poses(0);
+    const SkinPoses poses = instance.poses(0);
     const std::span<const Root> roots = patch.roots;
-    const Eigen::Matrix3d turn = patch.mesh_instance.transform(0).linear();
+    const Eigen::Matrix3d linear = patch.mesh_instance.transform(0).linear();
     for (size_t i = 0; i < roots.size(); ++i) {
         const Vec3d weights = root_weights(instance.groom.seed, roots[i]);
         if (which == root_normal) {
             Vec3d n = frame_at(poses.now, roots[i].triangle, weights).normal;
-            if (patch.mesh_instance.is_instance) n = (turn * n).normalized();
+            if (patch.mesh_instance.is_instance) n = (linear * n).normalized();
             for (int axis = 0; axis < 3; ++axis) out[3 * i + size_t(axis)] = float(n[axis]);
         } else if (which == root_uv) {
             const Vec2d uv = poses.now.uv(roots[i].triangle, weights);

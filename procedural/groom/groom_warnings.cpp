@@ -73,11 +73,11 @@ void announce_long_work(GroomInstance& instance) {
     work.cvs = double(instance.roots.size() * instance.mesh_instances.size()) * instance.groom.cvs;
     work.cvs_per_strand = instance.groom.cvs;
     work.samples = instance.time_count;
-    work.steps = instance.past.window.count();
+    work.past_samples = instance.past.window.count();
     work.collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;
     work.remedy = "ask for fewer strands or CVs, a larger tolerance, or stronger jiggle.damping";
-    report_long_work(instance.host, "groom.long_work", instance.groom.mesh_place, work, instance.frame.frame,
-                     instance.announced);
+    announce_long_work(instance.host, "groom.long_work", instance.groom.mesh_place, work,
+                       instance.frame.frame, instance.announced);
 }
 
 // A length in the wrong unit: every ray meets every strand, and rendering takes hours.
@@ -105,13 +105,13 @@ void warn_of_rounding(const GroomInstance& instance) {
     for (const MeshInstance& mesh_instance : instance.mesh_instances)
         box.extend(transformed_box(mesh_instance.transform(0), on_mesh));
     const double farthest = std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff());
-    const double step = farthest * 0x1p-23; // between neighbouring floats
+    const double float_spacing = farthest * 0x1p-23;
     const double segment = longest_strand(instance.groom) / (instance.groom.cvs - 1);
     const double finest = instance.groom.width > 0.0 ? std::min(instance.groom.width, segment) : segment;
     constexpr double seen = 0.1; // visible rounding, as a fraction of a width or segment
-    if (!(step > seen * finest) || !(finest > 0.0)) return;
+    if (!(float_spacing > seen * finest) || !(finest > 0.0)) return;
     const std::string what = "positions " + short_number(farthest) + " m from the origin are rounded to " +
-                             short_number(step) + " m, which shows on strands " +
+                             short_number(float_spacing) + " m, which shows on strands " +
                              short_number(instance.groom.width) + " m wide with segments of " +
                              short_number(segment) + " m";
     instance.warn("groom.rounding", what, "move the scene to the origin, or use larger units");

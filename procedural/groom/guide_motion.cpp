@@ -12,12 +12,6 @@ namespace {
 
 constexpr size_t guides_at_once = 256;
 
-Eigen::Matrix3d axes_of(const SurfaceFrame& frame) {
-    Eigen::Matrix3d m;
-    m << frame.tangent, frame.bitangent, frame.normal;
-    return m;
-}
-
 // Lays out the rest strands of some guides on the skin `now`.
 void expand_guides(const GroomInstance& instance, const Surface& bind, const Surface& now, size_t first,
                    Strands& strands) {
@@ -29,28 +23,20 @@ void expand_guides(const GroomInstance& instance, const Surface& bind, const Sur
             const size_t i = std::min(size_t(block) * lanes + size_t(lane), size_t(strands.count) - 1);
             const GuideSet::Guide& guide = set.guide(first + i);
             const SurfaceFrame frame = frame_at(now, guide.triangle, guide.weights);
-            const Eigen::Matrix3d turn =
+            const Eigen::Matrix3d rotation =
                 axes_of(frame) * axes_of(frame_at(bind, guide.triangle, guide.weights)).transpose();
             const Vec3d root = now.point(guide.triangle, guide.weights);
-            const Vec3d anchor = instance.wind.rest_anchored ? guide.root : root;
-            const auto put = [lane](Wide3d& v, const Vec3d& value) {
-                v.x[lane] = value.x();
-                v.y[lane] = value.y();
-                v.z[lane] = value.z();
-            };
-            put(strands.anchor[size_t(block)], anchor);
-            put(strands.root_normal[size_t(block)], frame.normal);
+            set_lane(strands.noise_origin[size_t(block)], lane,
+                     instance.wind.noise_at_bind_frame ? guide.root : root);
+            set_lane(strands.root_normal[size_t(block)], lane, frame.normal);
             strands.width[size_t(block)][lane] = 0.0;
             if (strands.has_wind_share) {
                 strands.wind_share[size_t(block)][lane] =
                     float(product(instance.groom.factors[of_wind], now, guide.triangle, guide.weights));
             }
             for (size_t k = 0; k < cvs; ++k) {
-                const Vec3d p = root + turn * (*offsets)[(first + i) * cvs + k].cast<double>();
-                Wide3f& rest = strands.rest[size_t(block) * cvs + k];
-                rest.x[lane] = float(p.x());
-                rest.y[lane] = float(p.y());
-                rest.z[lane] = float(p.z());
+                const Vec3d p = root + rotation * (*offsets)[(first + i) * cvs + k].cast<double>();
+                set_lane(strands.rest[size_t(block) * cvs + k], lane, p);
             }
         }
 }
@@ -90,7 +76,7 @@ void blow_guides(GroomInstance& instance) {
     motion.wind.collision.reset();
     const ChainFrame chain =
         make_chain_frame({motion.wind, instance.groom.envelope, instance.frame, instance.mesh,
-                          instance.width_profile, instance.groom.basis, instance.past.window});
+                          instance.radius_profile, instance.groom.basis, instance.past.window});
     const size_t size = set.count() * size_t(instance.groom.cvs);
     motion.blown.resize(instance.mesh_instances.size());
     for (size_t i = 0; i < instance.mesh_instances.size(); ++i)
@@ -115,7 +101,7 @@ void blow_guides(GroomInstance& instance) {
         strands.has_wind_share = !instance.groom.factors[of_wind].empty();
         strands.resize(int(count), instance.groom.cvs, false);
         const auto lay_out = [&](const Surface& now, Strands& out) {
-            expand_guides(instance, guided->bind, now, first, out);
+            expand_guides(instance, guided->skin, now, first, out);
         };
         const RestStrandSource rest_strands = rest_strand_source(instance, mesh_instance, lay_out, nullptr);
         if (instance.past.window.count() > 0) jiggle_patch(chain, rest_strands, strands, worker.chain);
@@ -136,6 +122,8 @@ void follow_guides(const GroomInstance& instance, const GroomPatch& patch, uint3
     const std::optional<Guided> at_rest = instance.guided(roots);
     const Guided guided{at_rest->set, at_rest->blends, instance.poses(time).now, blown.offsets,
                         blown.normals};
+    // expand() writes to rest and rest_normal. Swapped with pose and pose_normal, these get the blown
+    // strands, and the rest strands are kept.
     std::swap(strands.rest, strands.pose);
     std::swap(strands.rest_normal, strands.pose_normal);
     expand(instance.groom, instance.wind, instance.poses(time), roots, strands, &guided);

@@ -13,30 +13,29 @@ namespace marram {
 namespace {
 
 constexpr std::array guide_values = {
-    MarramParam{"guides.curves", MARRAM_CURVES_NAME, "", "none", -1e18, 1e18, "",
+    MarramParam{"guides.curves", MARRAM_CURVES_NAME, "", "none", -largest_coordinate, largest_coordinate, "",
                 "curves that strands grow between, with their shape and length; absent: none"},
     MarramParam{"guides.blend", MARRAM_INTEGER, "", "3", 1, most_blended, "",
                 "how many of the nearest guides a strand blends"},
     MarramParam{"guides.parting", MARRAM_NUMBER, "deg", "60", 0, 180, "",
                 "guides whose direction differs from the nearest guide's by more than this are not blended; "
                 "180: all are"},
-    MarramParam{"guides.parting_lines", MARRAM_CURVES_NAME, "", "none", -1e18, 1e18, "",
-                "drawn partings on the skin: no guides beyond them are blended"},
+    MarramParam{"guides.parting_lines", MARRAM_CURVES_NAME, "", "none", -largest_coordinate,
+                largest_coordinate, "", "drawn partings on the skin: no guides beyond them are blended"},
     MarramParam{"guides.length", MARRAM_RANGE, "", "[1, 1]", 0, 1e6, "",
                 "shortest and longest strand, in lengths of its guides"},
-    MarramParam{"guides.wind", MARRAM_CHOICE, "", "strands", -1e18, 1e18, "strands|guides",
+    MarramParam{"guides.wind", MARRAM_CHOICE, "", "strands", -largest_coordinate, largest_coordinate,
+                "strands|guides",
                 "what the wind blows: each strand, or only the guides, whose motion the strands blend: "
                 "quicker, less exact",
                 "guides|strands", ""},
 };
 
-Vec3d guide_cv(const float* v) { return {double(v[0]), double(v[1]), double(v[2])}; }
-
 } // namespace
 
 std::span<const MarramParam> guide_params() { return guide_values; }
 
-std::optional<GuideSettings> read_guides(const Values& values) {
+std::optional<GuideSettings> parse_guide_settings(const Values& values) {
     if (!values.has("guides.curves")) {
         if (values.has("guides.parting_lines"))
             throw SceneFault("groom.no_guides", values.at("guides.parting_lines").place,
@@ -58,7 +57,7 @@ std::optional<GuideSettings> read_guides(const Values& values) {
     return settings;
 }
 
-Eigen::Matrix3d shortest_turn(const Vec3d& a, const Vec3d& b) {
+Eigen::Matrix3d shortest_rotation(const Vec3d& a, const Vec3d& b) {
     return Eigen::Quaterniond::FromTwoVectors(a, b).toRotationMatrix();
 }
 
@@ -95,15 +94,15 @@ GuideSet::GuideSet(const GuideSettings& settings, const LentCurves& curves, cons
         Guide guide{};
         guide.length = curve_length(v, cvs);
         if (!(guide.length > 0.0)) continue;
-        const RootBinding& bond = binding_.root_bindings[c];
-        guide.root = guide_cv(v);
-        guide.normal = frame_at(bind, bond.triangle, bond.weights).normal;
-        guide.triangle = bond.triangle;
-        guide.weights = bond.weights;
-        const Vec3d reach = guide_cv(v + 4 * (cvs - 1)) - guide.root;
-        guide.direction = reach.norm() > 1e-9 * guide.length ? Vec3d(reach.normalized()) : guide.normal;
+        const RootBinding& root_binding = binding_.root_bindings[c];
+        guide.root = cv_at(v);
+        guide.normal = frame_at(bind, root_binding.triangle, root_binding.weights).normal;
+        guide.triangle = root_binding.triangle;
+        guide.weights = root_binding.weights;
+        const Vec3d to_tip = cv_at(v + 4 * (cvs - 1)) - guide.root;
+        guide.direction = to_tip.norm() > 1e-9 * guide.length ? Vec3d(to_tip.normalized()) : guide.normal;
         for (uint32_t k = 0; k < cvs; ++k)
-            guide.points.emplace_back((guide_cv(v + 4 * k) - guide.root).cast<float>());
+            guide.points.emplace_back((cv_at(v + 4 * k) - guide.root).cast<float>());
         longest_ = std::max(longest_, guide.length * settings.length[1]);
         roots.push_back(guide.root);
         guides_.push_back(std::move(guide));
@@ -142,7 +141,7 @@ GuideBlend GuideSet::blend_at(const Vec3d& root, const Vec3d& normal) const {
     constexpr size_t most_neighbors = 32;
     std::array<uint32_t, most_neighbors> found{};
     std::array<double, most_neighbors> squared{};
-    const double same_side = std::cos(settings_.parting);
+    const double min_cosine = std::cos(settings_.parting);
     const auto wanted = size_t(settings_.blend);
     struct Chosen {
         uint32_t guide;
@@ -152,20 +151,20 @@ GuideBlend GuideSet::blend_at(const Vec3d& root, const Vec3d& normal) const {
     // Query a few neighbours first, and more if most of them are excluded.
     for (size_t ask = 2 * wanted + 2; count <= wanted; ask *= 2) {
         ask = std::min(ask, std::min(most_neighbors, guides_.size()));
-        const size_t there = tree_->index.knnSearch(root.data(), ask, found.data(), squared.data());
+        const size_t found_count = tree_->index.knnSearch(root.data(), ask, found.data(), squared.data());
         // Order equally distant guides as in the file, independent of the tree.
         std::array<std::pair<double, uint32_t>, most_neighbors> order;
-        for (size_t i = 0; i < there; ++i) order[i] = {squared[i], found[i]};
-        std::sort(order.begin(), order.begin() + long(there));
+        for (size_t i = 0; i < found_count; ++i) order[i] = {squared[i], found[i]};
+        std::sort(order.begin(), order.begin() + long(found_count));
         count = 0;
-        for (size_t i = 0; i < there && count <= wanted; ++i) {
+        for (size_t i = 0; i < found_count && count <= wanted; ++i) {
             const Guide& guide = guides_[order[i].second];
             if (!(guide.normal.dot(normal) > 0.0) || crosses_parting_line(root, normal, guide.root)) continue;
             if (count == 0) nearest = order[i].second;
             const Guide& first = guides_[nearest];
             if (count > 0 &&
-                (shortest_turn(guide.normal, first.normal) * guide.direction).dot(first.direction) <
-                    same_side)
+                (shortest_rotation(guide.normal, first.normal) * guide.direction).dot(first.direction) <
+                    min_cosine)
                 continue;
             chosen[count++] = {order[i].second, std::sqrt(order[i].first)};
         }

@@ -45,7 +45,7 @@ struct GuideSettings {
 };
 
 std::span<const MarramParam> guide_params();
-std::optional<GuideSettings> read_guides(const Values& values);
+std::optional<GuideSettings> parse_guide_settings(const Values& values);
 
 // The guides of a child and their weights. Weights sum to 1; unused slots have weight 0.
 struct GuideBlend {
@@ -54,7 +54,7 @@ struct GuideBlend {
 };
 
 // The rotation from unit vector a to b along the shortest arc; about an arbitrary axis if they are opposite.
-Eigen::Matrix3d shortest_turn(const Vec3d& a, const Vec3d& b);
+Eigen::Matrix3d shortest_rotation(const Vec3d& a, const Vec3d& b);
 
 class GuideSet {
   public:
@@ -106,9 +106,10 @@ class GuideSet {
 struct Guided {
     const GuideSet& set;
     std::span<const GuideBlend> blends; // [root]
-    Surface bind;                       // with the mesh's normals, if it has any
-    // Blown guides and the skin's normals at their roots; `bind` is then the skin at that time. Empty: guides
-    // at rest.
+    // At the time of the offsets: the bind pose for guides at rest, else the skin at the motion sample. With
+    // the mesh's normals, if it has any.
+    Surface skin;
+    // Blown guides and the skin's normals at their roots. Empty: guides at rest.
     std::span<const Vec3f> offsets{};
     std::span<const Vec3d> normals{};
 };

@@ -23,7 +23,7 @@
 //
 // The wind turns each segment, so strands with more segments bend more unless wind.reference_segments is
 // given. With collision, roots must be root_offset above the skin (wind.collision.offset_root): strands with
-// lower roots are lifted. The number of roots below the skin is reported.
+// lower roots are raised. The number of roots below the skin is reported.
 #include "procedural/groom/imported.h"
 
 #include "core/math/clock.h"
@@ -58,9 +58,9 @@ const std::vector<MarramParam>& strand_params() {
 
 void apply_values(ImportInstance& instance, const Values& given, std::span<const MarramValue> list) {
     ImportSettings settings = read_import(given);
-    for (const CarriedAttribute& a : settings.carried)
-        for (const std::string_view own : {"envelope", "gust", "shield"})
-            if (a.name == own)
+    for (const PassedAttribute& a : settings.passed_attributes)
+        for (const std::string_view computed : {"envelope", "gust", "shield"})
+            if (a.name == computed)
                 send(instance.host, MARRAM_WARNING, "strands.attribute_replaced", given.at("curves").place,
                      "the file's attribute '" + a.name +
                          "' is not taken over: the wind computes one of that name",
@@ -76,9 +76,9 @@ void apply_values(ImportInstance& instance, const Values& given, std::span<const
                               instance.wind.shielding->rays == 0;
     instance.automatic_step = instance.wind.jiggle && instance.wind.jiggle->step == 0.0;
     instance.attributes = import_attribute_list(instance.settings);
-    instance.digest = digest_of_values(list);
-    instance.binding_key = binding_digest(instance.settings);
-    instance.choice_key.reset();
+    instance.values_digest = digest_of_values(list);
+    instance.binding_digest = binding_digest(instance.settings);
+    instance.chosen_for.reset();
     instance.gust_start = {};
     instance.begun = false;
 }
@@ -108,15 +108,16 @@ MarramStatus update_import(MarramInstance* opaque, const MarramUpdate* given, ui
         const MarramUpdate update = known_part(given);
         const std::vector<MarramValue> list = values_of(update.values);
         if (!check_values(instance.host, strand_params(), list)) return MARRAM_ERROR;
-        if (digest_of_values(list) == instance.digest && update.inputs == MARRAM_NOTHING) {
+        if (digest_of_values(list) == instance.values_digest && update.inputs == MARRAM_NOTHING) {
             *changed = MARRAM_NOTHING; // the current frame stays valid
             return MARRAM_OK;
         }
-        const uint64_t key = instance.binding_key;
+        const uint64_t previous_digest = instance.binding_digest;
         const MarramShape shape = instance.settings.shape;
         const auto basis = instance.settings.basis;
         apply_values(instance, Values(list), list);
-        if (update.inputs != MARRAM_NOTHING || key != instance.binding_key) instance.is_bound = false;
+        if (update.inputs != MARRAM_NOTHING || previous_digest != instance.binding_digest)
+            instance.is_bound = false;
         if (instance.is_bound && shape == instance.settings.shape && basis == instance.settings.basis)
             *changed = MARRAM_POSITIONS | MARRAM_ATTRIBUTES;
         else
@@ -149,8 +150,8 @@ void find_skin(ImportInstance& instance) {
         throw SceneFault("strands.no_mesh", settings.mesh_place,
                          "there is no mesh '" + settings.mesh + "' to bind strands to",
                          "name one of the scene's");
-    const auto own = uint32_t(instance.mesh - instance.meshes.data()) + 1;
-    const auto instances = std::ranges::count(instance.meshes, own, &MarramMesh::instance_of);
+    const auto instance_of = uint32_t(instance.mesh - instance.meshes.data()) + 1; // of its instances
+    const auto instances = std::ranges::count(instance.meshes, instance_of, &MarramMesh::instance_of);
     if (instances > 0)
         instance.warn("strands.instances",
                       fmt::format("the {} instances of '{}' get no strands: only grooms grow on instances",
@@ -164,7 +165,7 @@ void find_strands(ImportInstance& instance) {
     const LentCurves& lent = instance.curves;
     if (lent.curves.moves && !instance.frame.pose_curves)
         throw SceneFault("contract.no_pose_curves", "", "MarramFrame.pose_curves is NULL",
-                         "give a function that poses curves at any time, or curves that rest");
+                         "give a function that poses curves at any time, or static curves");
     instance.basis =
         settings.basis.value_or(lent.curves.basis == MARRAM_BSPLINE ? MARRAM_BSPLINE : MARRAM_CATMULL_ROM);
     for (const CurveFactor& factor : settings.wind_by) {
@@ -232,7 +233,7 @@ void warn_of_binding(const ImportInstance& instance) {
     if (binding.inside > 0 && instance.wind.collision)
         instance.warn(
             "strands.inside",
-            fmt::format("{} of {} strands begin inside '{}', up to {:.3g} m deep, and are lifted out",
+            fmt::format("{} of {} strands begin inside '{}', up to {:.3g} m deep, and are raised out",
                         binding.inside, binding.root_bindings.size(), mesh, binding.deepest),
             "move their roots to the surface where that shows");
     if (binding.no_length > 0)
@@ -264,14 +265,14 @@ MarramStatus bind(ImportInstance& instance) {
     }
     if (cancelled()) return MARRAM_CANCELLED;
     instance.is_bound = true;
-    instance.bind_layout = layout_digest(instance.curves);
-    instance.bind_topology = instance.mesh ? instance.mesh->topology : 0;
+    instance.bind_layout_digest = layout_digest(instance.curves);
+    instance.bind_topology_digest = instance.mesh ? instance.mesh->topology : 0;
     instance.binding_seconds = wall_seconds() - begin;
     warn_of_binding(instance);
     return MARRAM_OK;
 }
 
-uint64_t bind_digest(const ImportInstance& instance) {
+uint64_t bind_pose_digest(const ImportInstance& instance) {
     return Digest()
         .add(instance.bind_positions)
         .add(instance.bind_normals)
@@ -281,19 +282,19 @@ uint64_t bind_digest(const ImportInstance& instance) {
 
 // The bind pose of an evolving terrain, for example, may differ between frames. If it does, binds the strands
 // again.
-MarramStatus bind_again(ImportInstance& instance) {
-    const uint64_t before = bind_digest(instance);
+MarramStatus rebind_if_changed(ImportInstance& instance) {
+    const uint64_t before = bind_pose_digest(instance);
     if (const MarramStatus status = read_bind_poses(instance); status != MARRAM_OK) return status;
-    return bind_digest(instance) == before ? MARRAM_OK : bind(instance);
+    return bind_pose_digest(instance) == before ? MARRAM_OK : bind(instance);
 }
 
 void check_still_bound(const ImportInstance& instance) {
-    if (instance.mesh && instance.bind_topology != instance.mesh->topology)
+    if (instance.mesh && instance.bind_topology_digest != instance.mesh->topology)
         throw SceneFault("strands.topology", instance.settings.mesh_place,
                          "the triangles of the mesh '" + instance.settings.mesh +
                              "' have changed since the strands were bound to it",
                          "keep its topology, or create the procedural again");
-    if (instance.bind_layout != layout_digest(instance.curves))
+    if (instance.bind_layout_digest != layout_digest(instance.curves))
         throw SceneFault("strands.counts", instance.settings.curves_place,
                          "the numbers of curves or of CVs of '" + instance.settings.curves +
                              "' have changed since the strands were bound, or whether they move",
@@ -348,7 +349,8 @@ JigglePilot pilot_of(const ImportInstance& instance, double tolerance) {
     for (uint64_t c = 0; c < instance.curves.count(); ++c) ++by_cvs[instance.curves.cvs(c)];
     const auto most = std::ranges::max_element(by_cvs, {}, [](const auto& one) { return one.second; });
     const uint32_t cvs = most == by_cvs.end() ? 2 : most->first;
-    const uint64_t there = most == by_cvs.end() ? 0 : most->second, step = std::max<uint64_t>(there / 96, 1);
+    const uint64_t count_of_cvs = most == by_cvs.end() ? 0 : most->second,
+                   step = std::max<uint64_t>(count_of_cvs / 96, 1);
     std::vector<uint32_t> some;
     for (uint64_t c = 0, seen = 0; c < instance.curves.count() && some.size() < 96; ++c)
         if (instance.curves.cvs(c) == cvs && seen++ % step == 0) some.push_back(uint32_t(c));
@@ -368,8 +370,8 @@ JigglePilot pilot_of(const ImportInstance& instance, double tolerance) {
             [&instance, cvs, some = std::move(some)](const Wind&, Strands& out) {
                 const float* vertices = instance.bind_pose();
                 if (!instance.mesh) return expand_imported(instance, nullptr, vertices, 0, some, cvs, out);
-                const SkinPoses rests{instance.bind_surface(), instance.bind_surface()};
-                expand_imported(instance, &rests, vertices, 0, some, cvs, out);
+                const SkinPoses at_bind{instance.bind_surface(), instance.bind_surface()};
+                expand_imported(instance, &at_bind, vertices, 0, some, cvs, out);
             }};
 }
 
@@ -377,9 +379,9 @@ MarramStatus choose(ImportInstance& instance) {
     Wind& wind = instance.wind;
     const MarramFrame& frame = instance.frame;
     const double tolerance = frame.tolerance > 0.0 ? frame.tolerance : 1e-3 * instance.longest;
-    const ImportChoice now{frame.frame, frame.times[0], frame.times[frame.time_count - 1], tolerance,
-                           frame.stage};
-    if (instance.choice_key != now) {
+    const ChosenFor now{frame.frame, frame.times[0], frame.times[frame.time_count - 1], tolerance,
+                        frame.stage};
+    if (instance.chosen_for != now) {
         instance.inexact.clear();
         const auto add = [&](const std::string& what) {
             instance.inexact.push_back("the tolerance is not reached with " + what);
@@ -387,9 +389,9 @@ MarramStatus choose(ImportInstance& instance) {
         wind.noise.left_out = negligible_octaves(wind, instance.longest, tolerance);
         if (instance.automatic_rays) {
             bool enough = true;
-            wind.shielding->rays =
-                cone_rays(*wind.shielding, instance.longest, max_turn_fraction(wind),
-                          wind.reference_segments > 2 * int(instance.fewest_cvs), tolerance, enough);
+            const bool many_reference_segments = wind.reference_segments > 2 * int(instance.fewest_cvs);
+            wind.shielding->rays = cone_rays(*wind.shielding, instance.longest, max_turn_fraction(wind),
+                                             many_reference_segments, tolerance, enough);
             if (!enough) add("wind.shielding.rays = " + std::to_string(wind.shielding->rays));
         }
         if (instance.automatic_step) {
@@ -403,7 +405,7 @@ MarramStatus choose(ImportInstance& instance) {
                 if (!choice.enough) add("wind.jiggle.step = " + std::to_string(choice.value));
             }
         }
-        instance.choice_key = now;
+        instance.chosen_for = now;
     }
     for (const std::string& text : instance.inexact)
         instance.warn("strands.inexact", text, "set it by hand, or give a larger tolerance");
@@ -416,17 +418,17 @@ bool strands_move(const ImportInstance& instance) {
            (blown && (wind_moves(instance.wind) || moving_meshes_matter(instance.wind, instance.frame)));
 }
 
-void announce_strands(ImportInstance& instance) {
+void announce_long_work(ImportInstance& instance) {
     const auto strands = double(instance.curves.count()), cvs = double(instance.curves.cv_count());
     LongWork work;
     work.cvs = strands > 0.0 ? cvs * std::max(lanes / strands, 1.0) : 0.0; // few strands leave lanes idle
     work.cvs_per_strand = strands > 0.0 ? cvs / strands : 0.0;
     work.samples = instance.time_count;
-    work.steps = instance.past.window.count();
+    work.past_samples = instance.past.window.count();
     work.collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;
     work.remedy = "import strands of fewer CVs, ask for a larger tolerance, or stronger jiggle.damping";
-    report_long_work(instance.host, "strands.long_work", instance.settings.curves_place, work,
-                     instance.frame.frame, instance.announced);
+    announce_long_work(instance.host, "strands.long_work", instance.settings.curves_place, work,
+                       instance.frame.frame, instance.announced);
 }
 
 MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
@@ -448,7 +450,7 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
         if (!instance.is_bound)
             if (const MarramStatus status = bind(instance); status != MARRAM_OK) return status;
         check_still_bound(instance);
-        if (const MarramStatus status = bind_again(instance); status != MARRAM_OK) return status;
+        if (const MarramStatus status = rebind_if_changed(instance); status != MARRAM_OK) return status;
         check_widths(instance);
         instance.longest = longest_in_frame(instance);
         MarramStatus status = set_gust_plane_once(instance.host, instance.frame, instance.bind_box,
@@ -468,7 +470,8 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
         instance.frame.time_count = instance.time_count; // the motion samples that the chain computes
         const double before = wall_seconds();
         instance.chain = {}; // release the last frame's trees before building new ones
-        const Eigen::AlignedBox3d reach = instance.wind.collision ? bounds_of_import(instance) : everywhere();
+        const Eigen::AlignedBox3d query_bounds =
+            instance.wind.collision ? bounds_of_import(instance) : everywhere();
         instance.chain = make_chain_frame({instance.wind,
                                            instance.settings.envelope,
                                            instance.frame,
@@ -476,12 +479,12 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
                                            {},
                                            instance.basis,
                                            instance.past.window,
-                                           reach,
+                                           query_bounds,
                                            everywhere(),
                                            &instance.trees});
         warn_of_gusts(instance.host, instance.settings.curves_place, instance.chain);
-        announce_strands(instance);
-        instance.chain_seconds = instance.wind.collision ? wall_seconds() - before : 0.0;
+        announce_long_work(instance);
+        instance.prepare_seconds = wall_seconds() - before;
         const MarramCurves& lent = instance.curves.curves;
         MarramOutput output{};
         output.kind = MARRAM_CURVES;
@@ -523,7 +526,7 @@ MarramStatus patch_of_import(MarramInstance* opaque, uint32_t index, MarramPatch
         if (!out) throw SceneFault("contract.null_patch", "", "the patch is NULL", "pass a non-NULL pointer");
         check_import_patch(instance, index);
         MarramPatch patch{};
-        find_import_patch(instance, index, &patch);
+        import_patch_bounds(instance, index, &patch);
         fill_known_part(patch, out);
         return MARRAM_OK;
     });
@@ -542,7 +545,7 @@ MarramStatus tessellate_import(MarramInstance* opaque, uint32_t index, const Mar
         Strands& strands = worker.strands;
         strands.has_wind_share = !instance.settings.wind_by.empty();
         strands.irregular = true;
-        const uint32_t own_times =
+        const uint32_t rest_time_count =
             std::max(instance.mesh ? instance.mesh->time_count : 1U, instance.curves.curves.time_count);
         for (const auto& run : patch.runs) {
             const std::span curves(patch.order.data() + run[0], run[1] - run[0]);
@@ -553,8 +556,8 @@ MarramStatus tessellate_import(MarramInstance* opaque, uint32_t index, const Mar
             if (instance.past.window.count() > 0)
                 jiggle_patch(instance.chain, rest_strands, strands, worker.chain);
             for (uint32_t time = 0; time < instance.time_count; ++time) {
-                // If the sources rest, later motion samples reuse the rest strands.
-                if (time < own_times) rest_strands.at_time(time, strands);
+                // If skin and curves are static, later motion samples reuse the rest strands.
+                if (time < rest_time_count) rest_strands.at_time(time, strands);
                 run_chain(instance.chain, time, strands, worker.chain);
                 const StageTimer timer(worker.chain.clock.write);
                 write_import_vertices(batch, strands, buffers->vertices[time]);
@@ -578,8 +581,8 @@ void report_import(MarramInstance* opaque, void (*sink)(void*, const char*, doub
     if (instance.automatic_step && instance.past.window.count() > 0)
         sink(user, "chosen.jiggle_step", wind.jiggle->step);
     if (wind.noise.left_out > 0) sink(user, "chosen.octaves", wind.noise.octaves - wind.noise.left_out);
-    sink(user, "seconds.expand", instance.binding_seconds);
-    sink(user, "seconds.collide", instance.chain_seconds);
+    sink(user, "seconds.bind", instance.binding_seconds);
+    sink(user, "seconds.prepare_wind", instance.prepare_seconds);
     const Binding& binding = instance.binding;
     sink(user, "binding.strands", double(binding.root_bindings.size()));
     sink(user, "binding.greatest_distance", binding.greatest_distance);
@@ -634,6 +637,7 @@ std::span<const MarramReportEntry> strands_report_entries() {
         return MarramReportEntry{path, unit, combine, nullptr, nullptr, help};
     };
     static constexpr std::array entries = {
+        entry("seconds.bind", "s", MARRAM_SUM, "binding imported strands to their mesh"),
         entry("binding.strands", "count", MARRAM_SUM, "strands that are bound to a mesh"),
         entry("binding.greatest_distance", "m", MARRAM_MAXIMUM, "of a root from its mesh, as in the file"),
         entry("binding.mean_distance", "m", MARRAM_EACH, "of roots from their mesh, as in the file"),

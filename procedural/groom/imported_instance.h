@@ -22,22 +22,16 @@ struct ImportPatch {
     std::vector<std::array<uint32_t, 2>> runs; // ranges of `order` with equal CV count
 };
 
-// Inputs, besides the settings, of the choices made by the tolerance.
-struct ImportChoice {
-    double frame, first, last, tolerance;
-    MarramStage stage;
-    bool operator==(const ImportChoice&) const = default;
-};
-
 struct ImportInstance {
     MarramHost host{};
     ImportSettings settings;
     Wind wind; // includes the settings chosen for the frame
     bool automatic_rays = false, automatic_step = false;
-    uint64_t digest = 0, binding_key = 0; // of all values; of those that determine the binding
-    std::optional<ImportChoice> choice_key;
-    std::vector<std::string> inexact;        // warnings where no setting reaches the tolerance
-    std::vector<MarramAttribute> attributes; // output; names point into settings.carried or are constants
+    uint64_t values_digest = 0, binding_digest = 0; // of all values; of those that determine the binding
+    std::optional<ChosenFor> chosen_for;
+    std::vector<std::string> inexact; // warnings where no setting reaches the tolerance
+    std::vector<MarramAttribute>
+        attributes; // output; names point into settings.passed_attributes or are constants
 
     bool is_bound = false;
     std::vector<float> bind_positions, bind_normals; // of the mesh; empty if strands are not bound
@@ -45,12 +39,12 @@ struct ImportInstance {
     Binding binding;                  // empty if strands are not bound
     std::vector<ImportPatch> patches;
     Eigen::AlignedBox3d bind_box; // of all CVs in the bind pose
-    uint64_t bind_layout = 0,
-             bind_topology = 0; // digests: of CV counts and whether curves move; of the topology
-    uint32_t fewest_cvs = 2;    // of a strand
+    // Of CV counts and whether curves move; of the mesh's topology.
+    uint64_t bind_layout_digest = 0, bind_topology_digest = 0;
+    uint32_t fewest_cvs = 2;                     // of a strand
     double longest_at_bind = 0.0, longest = 0.0; // longest strand, m: in the bind pose; also over the frame
-    double binding_seconds = 0.0, chain_seconds = 0.0;
-    std::optional<double> announced; // the frame for which long work was announced
+    double binding_seconds = 0.0, prepare_seconds = 0.0; // wall time within begin
+    std::optional<double> announced;                     // the frame for which long work was announced
 
     bool begun = false; // a frame has begun without errors
     MarramFrame frame{};

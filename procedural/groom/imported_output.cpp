@@ -20,7 +20,7 @@ enum ImportAttribute : uint32_t {
     import_attribute_count
 };
 
-constexpr std::array own_attributes = {
+constexpr std::array computed_attribute_list = {
     MarramAttribute{"root_normal", 3, MARRAM_PER_CURVE, 0, "surface normal at the root", nullptr, 0},
     MarramAttribute{"root_uv", 2, MARRAM_PER_CURVE, 0, "surface uv at the root", nullptr, 0},
     MarramAttribute{"id", 1, MARRAM_PER_CURVE, 1, "a number below 2^24 of the strand", nullptr, 0},
@@ -30,16 +30,16 @@ constexpr std::array own_attributes = {
     MarramAttribute{"shield", 1, MARRAM_PER_CV, 0,
                     "sheltered share of a CV, or of its strand (see wind.shielding)", nullptr, 0},
 };
-static_assert(own_attributes.size() == import_attribute_count);
+static_assert(computed_attribute_list.size() == import_attribute_count);
 
 // True if the attribute comes from the file: "id" if the file has one, root_normal and root_uv only without a
 // mesh. The attributes of the wind are always computed.
-bool from_file(const ImportSettings& settings, const MarramAttribute& own) {
-    const std::string_view name = own.name;
+bool from_file(const ImportSettings& settings, const MarramAttribute& computed) {
+    const std::string_view name = computed.name;
     const bool of_surface = name == "root_normal" || name == "root_uv";
     if (name != "id" && !(of_surface && settings.mesh.empty())) return false;
-    return std::ranges::any_of(settings.carried, [&](const CarriedAttribute& a) {
-        return a.name == name && a.components == own.components && a.rate == own.rate;
+    return std::ranges::any_of(settings.passed_attributes, [&](const PassedAttribute& a) {
+        return a.name == name && a.components == computed.components && a.rate == computed.rate;
     });
 }
 
@@ -50,13 +50,13 @@ float id_of(uint32_t seed, uint64_t curve) {
 }
 
 // True for root_uv if the mesh has no uvs but the file has this attribute.
-bool uv_only_in_file(const ImportInstance& instance, uint32_t own) {
-    if (own != import_root_uv || !instance.mesh || instance.mesh->uvs) return false;
-    const MarramAttribute* found = instance.curves.find(own_attributes[own].name);
+bool uv_only_in_file(const ImportInstance& instance, uint32_t computed) {
+    if (computed != import_root_uv || !instance.mesh || instance.mesh->uvs) return false;
+    const MarramAttribute* found = instance.curves.find(computed_attribute_list[computed].name);
     return found && found->components == 2 && found->rate == MARRAM_PER_CURVE;
 }
 
-void write_own_attribute(const ImportBatch& batch, const Strands& strands, uint32_t which, float* out) {
+void write_computed_attribute(const ImportBatch& batch, const Strands& strands, uint32_t which, float* out) {
     const ImportInstance& instance = batch.instance;
     const auto cvs = size_t(batch.cvs);
     for (size_t i = 0; i < batch.curves.size(); ++i) {
@@ -69,8 +69,8 @@ void write_own_attribute(const ImportBatch& batch, const Strands& strands, uint3
             out[3 * size_t(c) + 1] = float(n.y[lane]);
             out[3 * size_t(c) + 2] = float(n.z[lane]);
         } else if (which == import_root_uv) {
-            const RootBinding& bond = instance.binding.root_bindings[curve];
-            const Vec2d uv = instance.bind_surface().uv(bond.triangle, bond.weights);
+            const RootBinding& root_binding = instance.binding.root_bindings[curve];
+            const Vec2d uv = instance.bind_surface().uv(root_binding.triangle, root_binding.weights);
             out[2 * size_t(c)] = float(uv.x());
             out[2 * size_t(c) + 1] = float(uv.y());
         } else if (which == import_id) {
@@ -86,8 +86,8 @@ void write_own_attribute(const ImportBatch& batch, const Strands& strands, uint3
 }
 
 // Copies an attribute of the file; 0 if these curves do not have it.
-void write_carried(const ImportInstance& instance, const ImportPatch& patch, const MarramAttribute& declared,
-                   float* out) {
+void write_passed_attribute(const ImportInstance& instance, const ImportPatch& patch,
+                            const MarramAttribute& declared, float* out) {
     const LentCurves& lent = instance.curves;
     const MarramAttribute* found = lent.find(declared.name);
     const bool per_cv = declared.rate == MARRAM_PER_CV;
@@ -102,16 +102,17 @@ void write_carried(const ImportInstance& instance, const ImportPatch& patch, con
 
 } // namespace
 
-std::span<const MarramAttribute> computed_attributes() { return own_attributes; }
+std::span<const MarramAttribute> computed_attributes() { return computed_attribute_list; }
 
 std::vector<MarramAttribute> import_attribute_list(const ImportSettings& settings) {
     std::vector<MarramAttribute> list;
-    for (const MarramAttribute& own : own_attributes) {
+    for (const MarramAttribute& computed : computed_attribute_list) {
         const bool of_surface =
-            std::string_view(own.name) == "root_normal" || std::string_view(own.name) == "root_uv";
-        if (!(of_surface && settings.mesh.empty()) && !from_file(settings, own)) list.push_back(own);
+            std::string_view(computed.name) == "root_normal" || std::string_view(computed.name) == "root_uv";
+        if (!(of_surface && settings.mesh.empty()) && !from_file(settings, computed))
+            list.push_back(computed);
     }
-    for (const CarriedAttribute& a : settings.carried)
+    for (const PassedAttribute& a : settings.passed_attributes)
         if (std::ranges::none_of(list, [&](const MarramAttribute& other) { return a.name == other.name; }))
             list.push_back({a.name.c_str(), a.components, a.rate, a.discrete, "as in the file", nullptr, 0});
     return list;
@@ -131,16 +132,16 @@ RestStrandSource imported_rest_strands(const ImportBatch& batch, StageClock& clo
             const SkinPoses skin{instance.bind_surface(), instance.surface(time)};
             expand_imported(instance, &skin, vertices, batch.patch.first, batch.curves, batch.cvs, strands);
         },
-        [&instance, batch, first_float](int64_t knot, Strands& strands) { // timed as jiggle
+        [&instance, batch, first_float](int64_t past_sample, Strands& strands) { // timed as jiggle
             const MarramFrame& frame = instance.frame;
             std::vector<float> then;
             const float* vertices = instance.bind_pose() + first_float;
             if (instance.curves.curves.moves) {
                 const ImportPatch& patch = batch.patch;
                 then.resize(4 * (instance.curves.first_vertex(patch.first + patch.count)) - first_float);
-                const MarramStatus status =
-                    pose_lent_curves(frame, instance.curves.index, instance.wind.jiggle->frame_of(knot),
-                                     patch.first, patch.count, then);
+                const MarramStatus status = pose_lent_curves(frame, instance.curves.index,
+                                                             instance.wind.jiggle->frame_of(past_sample),
+                                                             patch.first, patch.count, then);
                 if (status != MARRAM_OK)
                     throw SceneFault("strands.pose", instance.settings.curves_place,
                                      "the curves cannot be posed at an earlier frame",
@@ -150,11 +151,12 @@ RestStrandSource imported_rest_strands(const ImportBatch& batch, StageClock& clo
             if (!instance.mesh)
                 return expand_imported(instance, nullptr, vertices, batch.patch.first, batch.curves,
                                        batch.cvs, strands);
-            const SkinPoses skin{instance.bind_surface(), instance.past.at(knot, *instance.mesh)};
+            const SkinPoses skin{instance.bind_surface(), instance.past.at(past_sample, *instance.mesh)};
             expand_imported(instance, &skin, vertices, batch.patch.first, batch.curves, batch.cvs, strands);
         },
-        [&instance](int64_t knot) {
-            return !instance.curves.curves.moves && (!instance.mesh || instance.past.rests_at(knot));
+        [&instance](int64_t past_sample) {
+            return !instance.curves.curves.moves &&
+                   (!instance.mesh || instance.past.unchanged_at(past_sample));
         }};
 }
 
@@ -200,10 +202,10 @@ void write_import_attributes(const ImportBatch& batch, const Strands& strands,
     const ImportInstance& instance = batch.instance;
     for (uint32_t a = 0; a < buffers.attribute_count; ++a) {
         const MarramAttribute& declared = instance.attributes[buffers.attributes[a]];
-        for (uint32_t own = 0; own < import_attribute_count; ++own)
-            if (declared.name == own_attributes[own].name &&
-                !uv_only_in_file(instance, own)) // compares pointers to the same constant
-                write_own_attribute(batch, strands, own, buffers.attribute_values[a]);
+        for (uint32_t computed = 0; computed < import_attribute_count; ++computed)
+            if (declared.name == computed_attribute_list[computed].name &&
+                !uv_only_in_file(instance, computed)) // compares pointers to the same constant
+                write_computed_attribute(batch, strands, computed, buffers.attribute_values[a]);
     }
 }
 
@@ -211,10 +213,11 @@ void write_file_attributes(const ImportInstance& instance, const ImportPatch& pa
                            const MarramPatchBuffers& buffers) {
     for (uint32_t a = 0; a < buffers.attribute_count; ++a) {
         const MarramAttribute& declared = instance.attributes[buffers.attributes[a]];
-        bool ours = false;
-        for (uint32_t own = 0; own < import_attribute_count; ++own)
-            ours = ours || (declared.name == own_attributes[own].name && !uv_only_in_file(instance, own));
-        if (!ours) write_carried(instance, patch, declared, buffers.attribute_values[a]);
+        bool is_computed = false;
+        for (uint32_t computed = 0; computed < import_attribute_count; ++computed)
+            is_computed = is_computed || (declared.name == computed_attribute_list[computed].name &&
+                                          !uv_only_in_file(instance, computed));
+        if (!is_computed) write_passed_attribute(instance, patch, declared, buffers.attribute_values[a]);
     }
 }
 

@@ -9,43 +9,37 @@
 namespace marram {
 namespace {
 
-constexpr double no_limit = 1e18; // the largest coordinate that Embree accepts
-
 constexpr std::array import_values = {
-    MarramParam{"curves", MARRAM_CURVES_NAME, "", "", -no_limit, no_limit, "",
+    MarramParam{"curves", MARRAM_CURVES_NAME, "", "", -largest_coordinate, largest_coordinate, "",
                 "the strands: a [[curves]] of type \"strands\""},
-    MarramParam{"on", MARRAM_MESH_NAME, "", "none", -no_limit, no_limit, "",
+    MarramParam{"on", MARRAM_MESH_NAME, "", "none", -largest_coordinate, largest_coordinate, "",
                 "mesh that they are bound to and follow; absent: they stand in the world"},
-    MarramParam{"width", MARRAM_NUMBER, "m", "none", 0, no_limit, "",
+    MarramParam{"width", MARRAM_NUMBER, "m", "none", 0, largest_coordinate, "",
                 "diameter, of a ribbon its width; default: the file's"},
-    MarramParam{"width_profile", MARRAM_RAMP, "", "[[0, 1], [1, 0.1]]", -no_limit, no_limit, "",
+    MarramParam{"width_profile", MARRAM_RAMP, "", "[[0, 1], [1, 0.1]]", -largest_coordinate,
+                largest_coordinate, "",
                 "scale of `width` from root to tip; the file's widths are taken as they are"},
-    MarramParam{"width_scale", MARRAM_NUMBER, "", "1", 0, no_limit, "", "scale of all widths"},
-    MarramParam{"basis", MARRAM_CHOICE, "", "file", -no_limit, no_limit, "file|bspline|catmull-rom",
+    MarramParam{"width_scale", MARRAM_NUMBER, "", "1", 0, largest_coordinate, "", "scale of all widths"},
+    MarramParam{"basis", MARRAM_CHOICE, "", "file", -largest_coordinate, largest_coordinate,
+                "file|bspline|catmull-rom",
                 "file: as the file says, else catmull-rom, which passes through the CVs"},
-    MarramParam{"shape", MARRAM_CHOICE, "", "round", -no_limit, no_limit, "round|ribbon|oriented-ribbon",
+    MarramParam{"shape", MARRAM_CHOICE, "", "round", -largest_coordinate, largest_coordinate,
+                "round|ribbon|oriented-ribbon",
                 "tube; flat, facing the camera; or flat, with an orientation of its own"},
-    MarramParam{"envelope", MARRAM_RAMP, "", "[[0, 1]]", -no_limit, no_limit, "",
+    MarramParam{"envelope", MARRAM_RAMP, "", "[[0, 1]]", -largest_coordinate, largest_coordinate, "",
                 "share of the wind from root to tip"},
-    MarramParam{"wind_by[].attribute", MARRAM_TEXT, "", "", -no_limit, no_limit, "",
+    MarramParam{"wind_by[].attribute", MARRAM_TEXT, "", "", -largest_coordinate, largest_coordinate, "",
                 "attribute of the strands, one number a curve, that scales the wind"},
-    MarramParam{"wind_by[].ramp", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -no_limit, no_limit, "",
-                "share of the wind over the attribute"},
+    MarramParam{"wind_by[].ramp", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest_coordinate,
+                largest_coordinate, "", "share of the wind over the attribute"},
     MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "",
                 "seed of the ids of strands that have none in the file"},
 };
 
-Ramp import_share(const Values& values, std::string_view name) {
-    Ramp ramp = values.ramp(name);
-    for (const double share : ramp.values())
-        if (share < 0.0 || share > 1.0)
-            throw SceneFault("strands.share_range", values.at(name).place,
-                             std::string(name) + " leaves 0 ... 1", "keep its values inside");
-    return ramp;
-}
+constexpr const char* import_ramp_fault = "strands.share_range";
 
-std::vector<CarriedAttribute> carried_attributes(const MarramValue& curves) {
-    std::vector<CarriedAttribute> list;
+std::vector<PassedAttribute> passed_attributes_of(const MarramValue& curves) {
+    std::vector<PassedAttribute> list;
     for (const MarramAttribute& a :
          known_parts(curves.attributes, curves.attribute_count, curves.attribute_stride))
         if (a.name && a.components >= 1 && a.components <= 4 &&
@@ -78,16 +72,16 @@ ImportSettings read_import(const Values& values) {
     settings.shape = values.text("shape") == "round"    ? MARRAM_ROUND
                      : values.text("shape") == "ribbon" ? MARRAM_RIBBON
                                                         : MARRAM_ORIENTED_RIBBON;
-    settings.envelope = import_share(values, "envelope");
+    settings.envelope = unit_ramp(values, "envelope", import_ramp_fault);
     for (size_t i = 0;; ++i) {
         const std::string element = "wind_by[" + std::to_string(i) + "].";
         if (!values.has(element + "attribute")) break;
         settings.wind_by.push_back({std::string(values.text(element + "attribute")),
                                     values.at(element + "attribute").place,
-                                    import_share(values, element + "ramp")});
+                                    unit_ramp(values, element + "ramp", import_ramp_fault)});
     }
     settings.seed = uint32_t(values.integer("seed"));
-    settings.carried = carried_attributes(values.at("curves"));
+    settings.passed_attributes = passed_attributes_of(values.at("curves"));
     return settings;
 }
 

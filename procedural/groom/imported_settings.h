@@ -20,7 +20,7 @@ struct CurveFactor {
 };
 
 // An attribute of the file that is passed on.
-struct CarriedAttribute {
+struct PassedAttribute {
     std::string name;
     uint32_t components;
     MarramRate rate;
@@ -38,7 +38,7 @@ struct ImportSettings {
     Ramp envelope;
     std::vector<CurveFactor> wind_by;
     uint32_t seed = 0;
-    std::vector<CarriedAttribute> carried;
+    std::vector<PassedAttribute> passed_attributes;
 };
 
 std::span<const MarramParam> import_params();

@@ -10,20 +10,6 @@
 namespace marram {
 namespace {
 
-Vec3d cv_at(const float* v) { return {double(v[0]), double(v[1]), double(v[2])}; }
-
-void set_eight(Wide3d& v, int lane, const Vec3d& value) {
-    v.x[lane] = value.x();
-    v.y[lane] = value.y();
-    v.z[lane] = value.z();
-}
-
-Eigen::Matrix3d matrix_of(const SurfaceFrame& frame) {
-    Eigen::Matrix3d m;
-    m << frame.tangent, frame.bitangent, frame.normal;
-    return m;
-}
-
 bool same_triangle(const Surface& a, const Surface& b, uint32_t triangle) {
     for (size_t i = 0; i < 3; ++i) {
         const size_t v = 3 * size_t(a.triangles[3 * size_t(triangle) + i]);
@@ -34,22 +20,22 @@ bool same_triangle(const Surface& a, const Surface& b, uint32_t triangle) {
     return true;
 }
 
-// Rigid transforms of eight strands from their file to their current place: p -> turn (p - from) + to.
+// Rigid transforms of eight strands from their file to their current place: p -> rotation (p - from) + to.
 struct alignas(64) RigidTransform8 {
-    VDouble turn[3][3];
+    VDouble rotation[3][3];
     Wide3d from, to;
 };
 
-void set_transform(RigidTransform8& carry, int lane, const Eigen::Matrix3d& turn, const Vec3d& from,
+void set_transform(RigidTransform8& transform, int lane, const Eigen::Matrix3d& rotation, const Vec3d& from,
                    const Vec3d& to) {
     for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j) carry.turn[i][j][lane] = turn(i, j);
-    set_eight(carry.from, lane, from);
-    set_eight(carry.to, lane, to);
+        for (int j = 0; j < 3; ++j) transform.rotation[i][j][lane] = rotation(i, j);
+    set_lane(transform.from, lane, from);
+    set_lane(transform.to, lane, to);
 }
 
 // Transforms the CVs of eight strands into SIMD lanes. `source`: pointers to their first CVs.
-void transform_cvs(const RigidTransform8& carry, const float* const* source, int cvs, Wide3f* rest,
+void transform_cvs(const RigidTransform8& transform, const float* const* source, int cvs, Wide3f* rest,
                    VFloat* radius, double width_scale) {
     for (int k = 0; k < cvs; ++k) {
         Wide3d p{};
@@ -60,16 +46,17 @@ void transform_cvs(const RigidTransform8& carry, const float* const* source, int
             p.z[lane] = double(v[2]);
             radius[k][lane] = float(double(v[3]) * width_scale);
         }
-        const Wide3d d = p - carry.from;
+        const Wide3d d = p - transform.from;
         const auto row = [&](int i) {
-            return carry.turn[i][0] * d.x + carry.turn[i][1] * d.y + carry.turn[i][2] * d.z;
+            return transform.rotation[i][0] * d.x + transform.rotation[i][1] * d.y +
+                   transform.rotation[i][2] * d.z;
         };
-        rest[k] = to_float(Wide3d{row(0), row(1), row(2)} + carry.to);
+        rest[k] = to_float(Wide3d{row(0), row(1), row(2)} + transform.to);
     }
 }
 
 // Computes u of every CV from the rest strands; 0 everywhere if a strand has no length.
-void set_arcs(int cvs, const Wide3f* rest, VDouble* u) {
+void set_u(int cvs, const Wide3f* rest, VDouble* u) {
     u[0] = VDouble{};
     for (int k = 0; k + 1 < cvs; ++k) {
         const Wide3d d = to_double(rest[k + 1]) - to_double(rest[k]);
@@ -95,11 +82,11 @@ double wind_share_of(const ImportInstance& instance, uint64_t curve) {
 
 // A ribbon's normal: the file's "normal", else the component of the skin's normal perpendicular to the
 // strand.
-Vec3d ribbon_normal(const MarramAttribute* given, uint64_t cv, const Eigen::Matrix3d& turn,
+Vec3d ribbon_normal(const MarramAttribute* given, uint64_t cv, const Eigen::Matrix3d& rotation,
                     const Vec3d& tangent, const Vec3d& skin_normal) {
     if (given) {
-        const Vec3d n = turn * Vec3d(double(component(*given, cv, 0)), double(component(*given, cv, 1)),
-                                     double(component(*given, cv, 2)));
+        const Vec3d n = rotation * Vec3d(double(component(*given, cv, 0)), double(component(*given, cv, 1)),
+                                         double(component(*given, cv, 2)));
         if (n.squaredNorm() > 0.0) return n.normalized();
     }
     if (!(tangent.squaredNorm() > 0.0)) return skin_normal;
@@ -112,7 +99,7 @@ Vec3d ribbon_normal(const MarramAttribute* given, uint64_t cv, const Eigen::Matr
 }
 
 // Sets the radii from the scene's width.
-void set_own_widths(const ImportSettings& settings, int cvs, const VDouble* u, VFloat* radius) {
+void set_radii_from_width(const ImportSettings& settings, int cvs, const VDouble* u, VFloat* radius) {
     for (int k = 0; k < cvs; ++k)
         for (int lane = 0; lane < lanes; ++lane)
             radius[k][lane] =
@@ -131,35 +118,37 @@ void expand_imported(const ImportInstance& instance, const SkinPoses* skin, cons
     const MarramAttribute* given_normal = lent.find("normal");
     if (given_normal && (given_normal->components != 3 || given_normal->rate != MARRAM_PER_CV))
         given_normal = nullptr;
-    Eigen::Matrix3d turns[lanes];
-    Vec3d facings[lanes];
+    Eigen::Matrix3d rotations[lanes];
+    Vec3d root_normals[lanes];
     for (int block = 0; block < strands.blocks; ++block) {
         const size_t at = size_t(block) * cvs;
-        RigidTransform8 carry;
+        RigidTransform8 transform;
         const float* source[lanes];
         for (int lane = 0; lane < lanes; ++lane) {
             const uint32_t c = curves[std::min(size_t(block) * lanes + size_t(lane), curves.size() - 1)];
             const float* v = vertices + 4 * (lent.first_vertex(first + c) + 1 - first_vertex);
             source[lane] = v;
-            Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-            Vec3d from = Vec3d::Zero(), to = Vec3d::Zero(), anchor = cv_at(v);
-            Vec3d facing = cv_at(v + 4) - cv_at(v); // for unbound strands
-            facing = facing.squaredNorm() > 0.0 ? Vec3d(facing.normalized()) : Vec3d(Vec3d::UnitY());
+            Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+            Vec3d from = Vec3d::Zero(), to = Vec3d::Zero(), noise_origin = cv_at(v);
+            Vec3d root_normal = cv_at(v + 4) - cv_at(v); // for unbound strands
+            root_normal =
+                root_normal.squaredNorm() > 0.0 ? Vec3d(root_normal.normalized()) : Vec3d(Vec3d::UnitY());
             if (skin) {
-                const RootBinding& bond = instance.binding.root_bindings[first + c];
-                const SurfaceFrame now = frame_at(skin->now, bond.triangle, bond.weights);
-                const Vec3d foot = skin->now.point(bond.triangle, bond.weights);
-                facing = now.normal;
-                double height = double(bond.height);
+                const RootBinding& root_binding = instance.binding.root_bindings[first + c];
+                const SurfaceFrame now = frame_at(skin->now, root_binding.triangle, root_binding.weights);
+                const Vec3d foot = skin->now.point(root_binding.triangle, root_binding.weights);
+                root_normal = now.normal;
+                double height = double(root_binding.height);
                 if (moves) {
                     height = root_height(cv_at(v), foot, now.normal, instance.binding.rounding);
-                } else if (!same_triangle(skin->bind, skin->now, bond.triangle)) {
-                    const SurfaceFrame bind = frame_at(skin->bind, bond.triangle, bond.weights);
-                    turn = matrix_of(now) * matrix_of(bind).transpose();
-                    from = skin->bind.point(bond.triangle, bond.weights);
+                } else if (!same_triangle(skin->bind, skin->now, root_binding.triangle)) {
+                    const SurfaceFrame bind =
+                        frame_at(skin->bind, root_binding.triangle, root_binding.weights);
+                    rotation = axes_of(now) * axes_of(bind).transpose();
+                    from = skin->bind.point(root_binding.triangle, root_binding.weights);
                     to = foot;
                 }
-                anchor = turn * (anchor - from) + to; // before lifting, as for grown strands
+                noise_origin = rotation * (noise_origin - from) + to; // before raising, as for grown strands
                 if (collision) {
                     const double radius = settings.width ? 0.5 * *settings.width * settings.width_scale *
                                                                settings.width_profile(0.0)
@@ -169,19 +158,20 @@ void expand_imported(const ImportInstance& instance, const SkinPoses* skin, cons
                     if (lift > 0.0 && length > 0.0) to += lift * now.normal;
                 }
             }
-            if (instance.wind.rest_anchored)
-                anchor = cv_at(instance.bind_pose() + 4 * (lent.first_vertex(first + c) + 1));
-            set_transform(carry, lane, turn, from, to);
-            turns[lane] = turn;
-            facings[lane] = facing;
-            set_eight(strands.anchor[size_t(block)], lane, anchor);
-            set_eight(strands.root_normal[size_t(block)], lane, facing);
+            if (instance.wind.noise_at_bind_frame)
+                noise_origin = cv_at(instance.bind_pose() + 4 * (lent.first_vertex(first + c) + 1));
+            set_transform(transform, lane, rotation, from, to);
+            rotations[lane] = rotation;
+            root_normals[lane] = root_normal;
+            set_lane(strands.noise_origin[size_t(block)], lane, noise_origin);
+            set_lane(strands.root_normal[size_t(block)], lane, root_normal);
             if (strands.has_wind_share)
                 strands.wind_share[size_t(block)][lane] = float(wind_share_of(instance, first + c));
         }
-        transform_cvs(carry, source, int(cvs), &strands.rest[at], &strands.radius[at], settings.width_scale);
-        set_arcs(int(cvs), &strands.rest[at], &strands.u[at]);
-        if (settings.width) set_own_widths(settings, int(cvs), &strands.u[at], &strands.radius[at]);
+        transform_cvs(transform, source, int(cvs), &strands.rest[at], &strands.radius[at],
+                      settings.width_scale);
+        set_u(int(cvs), &strands.rest[at], &strands.u[at]);
+        if (settings.width) set_radii_from_width(settings, int(cvs), &strands.u[at], &strands.radius[at]);
         strands.width[size_t(block)] = to_double(strands.radius[at]) * 2.0;
         if (!strands.oriented) continue;
         for (int lane = 0; lane < lanes; ++lane) {
@@ -189,13 +179,10 @@ void expand_imported(const ImportInstance& instance, const SkinPoses* skin, cons
             for (uint32_t k = 0; k < cvs; ++k) {
                 const uint32_t a = std::min(k, cvs - 2);
                 const Vec3d tangent =
-                    turns[lane] * (cv_at(source[lane] + 4 * (a + 1)) - cv_at(source[lane] + 4 * a));
-                const Vec3d n = ribbon_normal(given_normal, lent.first_cv(first + c) + k, turns[lane],
-                                              tangent, facings[lane]);
-                Wide3f& normal = strands.rest_normal[at + k];
-                normal.x[lane] = float(n.x());
-                normal.y[lane] = float(n.y());
-                normal.z[lane] = float(n.z());
+                    rotations[lane] * (cv_at(source[lane] + 4 * (a + 1)) - cv_at(source[lane] + 4 * a));
+                const Vec3d n = ribbon_normal(given_normal, lent.first_cv(first + c) + k, rotations[lane],
+                                              tangent, root_normals[lane]);
+                set_lane(strands.rest_normal[at + k], lane, n);
             }
         }
     }
@@ -279,23 +266,23 @@ double max_radius_of(const ImportSettings& settings, double of_file) {
 
 // Greatest distance of any part of a strand from its root: see groom_bounds.cpp.
 double import_reach(const ImportInstance& instance, double longest, double longest_segment, double max_radius,
-                    double scale) {
+                    double max_coordinate) {
     const double radius = max_radius_of(instance.settings, max_radius);
-    const double beyond = instance.basis == MARRAM_CATMULL_ROM ? longest_segment / 3.0 : 0.0;
+    const double overshoot = instance.basis == MARRAM_CATMULL_ROM ? longest_segment / 3.0 : 0.0;
     double offset = 0.0, clearance = 0.0;
     if (const auto& collision = instance.wind.collision) {
         offset = root_offset(*collision, longest, radius);
         clearance = std::max(collision->clearance.value_or(0.0), offset);
     }
-    return (longest + beyond + radius + offset + clearance) * (1.0 + 1e-5) +
-           4.0 * (scale + longest) * 0x1p-23;
+    return (longest + overshoot + radius + offset + clearance) * (1.0 + 1e-5) +
+           4.0 * (max_coordinate + longest) * 0x1p-23;
 }
 
 } // namespace
 
-// The box of the roots, grown by the reach. Lifting moves a root by at most its depth plus root_offset; twice
-// `lift` also covers the distance to the foot (the closest point).
-void find_import_patch(const ImportInstance& instance, uint32_t index, MarramPatch* out) {
+// The box of the feet (closest points on the skin), grown by the reach. A root is at most max_foot_distance
+// from its foot, and raising moves it by at most that plus root_offset; hence reach + 2 max_foot_distance.
+void import_patch_bounds(const ImportInstance& instance, uint32_t index, MarramPatch* out) {
     const ImportPatch& patch = instance.patches[index];
     const LentCurves& lent = instance.curves;
     out->first_curve = patch.first;
@@ -311,7 +298,7 @@ void find_import_patch(const ImportInstance& instance, uint32_t index, MarramPat
                 max_radius = std::max(max_radius, double(v[4 * k + 3]));
         }
     if (moves) segment = longest;
-    double lift = 0.0;
+    double max_foot_distance = 0.0;
     for (uint32_t t = 0; t < instance.time_count; ++t)
         for (uint64_t c = patch.first; c < patch.first + patch.count; ++c) {
             const Vec3d root =
@@ -321,14 +308,16 @@ void find_import_patch(const ImportInstance& instance, uint32_t index, MarramPat
                 continue;
             }
             // Rigid transforms keep the distance between a root and its foot.
-            const RootBinding& bond = instance.binding.root_bindings[c];
-            const Vec3d foot = instance.surface(t).point(bond.triangle, bond.weights);
+            const RootBinding& root_binding = instance.binding.root_bindings[c];
+            const Vec3d foot = instance.surface(t).point(root_binding.triangle, root_binding.weights);
             box.extend(foot);
             if (moves) box.extend(root);
-            lift = std::max(lift, moves ? (root - foot).norm() : double(bond.distance));
+            max_foot_distance =
+                std::max(max_foot_distance, moves ? (root - foot).norm() : double(root_binding.distance));
         }
-    const double scale = std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff());
-    const double reach = import_reach(instance, longest, segment, max_radius, scale) + 2.0 * lift;
+    const double max_coordinate = std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff());
+    const double reach =
+        import_reach(instance, longest, segment, max_radius, max_coordinate) + 2.0 * max_foot_distance;
     for (int axis = 0; axis < 3; ++axis) {
         out->lower[axis] = float(box.min()[axis] - reach);
         out->upper[axis] = float(box.max()[axis] + reach);
@@ -341,7 +330,7 @@ Eigen::AlignedBox3d bounds_of_import(const ImportInstance& instance) {
         [&](const tbb::blocked_range<uint32_t>& range, Eigen::AlignedBox3d box) {
             for (uint32_t i = range.begin(); i < range.end(); ++i) {
                 MarramPatch patch{};
-                find_import_patch(instance, i, &patch);
+                import_patch_bounds(instance, i, &patch);
                 box.extend(Eigen::Map<const Vec3f>(patch.lower).cast<double>());
                 box.extend(Eigen::Map<const Vec3f>(patch.upper).cast<double>());
             }

@@ -8,20 +8,15 @@
 
 namespace marram {
 
-// The skin in the bind pose and at the requested time.
-struct SkinPoses {
-    Surface bind, now;
-};
-
-// Fills strands.rest (rest_normal, anchor, root_normal, width, radius, u, wind_share) for some curves of one
-// CV count, given by their numbers relative to `first`. `vertices`: of the curves from `first` on, at this
-// time if they move, else in the bind pose.
+// Fills strands.rest (rest_normal, noise_origin, root_normal, width, radius, u, wind_share) for some curves
+// of one CV count, given by their numbers relative to `first`. `vertices`: of the curves from `first` on, at
+// this time if they move, else in the bind pose.
 //
-// Strands without motion in their file are carried rigidly by the frame of their bond: P' = R (P - foot) +
-// foot', R = F' F^T, with F the orthonormal frame of normal and first edge, and foot the closest point of the
-// root. If the triangle is as in the bind pose, P' = P exactly. Strands that move in their file are placed as
-// in the file. With collision, roots that are lower than root_offset() above the skin are lifted to that
-// height together with their strands.
+// Strands without motion in their file follow the frame of their triangle rigidly: P' = R (P - foot) + foot',
+// R = F' F^T, with F the orthonormal frame of normal and first edge, and foot the point of the skin closest
+// to the root. If the triangle is as in the bind pose, P' = P exactly. Strands that move in their file are
+// placed as in the file. With collision, roots that are lower than root_offset() above the skin are raised to
+// that height together with their strands.
 void expand_imported(const ImportInstance& instance, const SkinPoses* skin, const float* vertices,
                      uint64_t first, std::span<const uint32_t> curves, uint32_t cvs, Strands& strands);
 
@@ -33,9 +28,9 @@ void make_patches(ImportInstance& instance);
 double longest_in_frame(const ImportInstance& instance);
 
 // The range of curves of one patch, and its box at all motion samples of the frame, bent or at rest.
-void find_import_patch(const ImportInstance& instance, uint32_t index, MarramPatch* out);
+void import_patch_bounds(const ImportInstance& instance, uint32_t index, MarramPatch* out);
 
-// The union of the boxes of all patches, widths and clearances included. Poses at the past knots of jiggle
+// The union of the boxes of all patches, widths and clearances included. Poses at the past samples of jiggle
 // are not included.
 Eigen::AlignedBox3d bounds_of_import(const ImportInstance& instance);
 

@@ -26,13 +26,13 @@ void check_layout(const LentCurves& lent, std::string_view name, const std::stri
     if (curves.time_count != 1 && curves.time_count != time_count)
         refuse(fmt::format("have {} motion samples", curves.time_count),
                fmt::format("give 1 or the frame's {}", time_count));
-    bool there = curves.vertices != nullptr;
-    for (uint32_t t = 0; there && t < curves.time_count; ++t)
-        there = curves.vertices[t] != nullptr || curves.curve_count == 0;
-    if (!there) refuse("have vertices that are NULL", "point to them");
+    bool valid = curves.vertices != nullptr;
+    for (uint32_t t = 0; valid && t < curves.time_count; ++t)
+        valid = curves.vertices[t] != nullptr || curves.curve_count == 0;
+    if (!valid) refuse("have vertices that are NULL", "pass non-NULL vertex pointers");
     if (curves.curve_count > UINT32_MAX) refuse("are more than 2^32", "split them");
     if (curves.offsets && curves.offsets[0] != 0)
-        refuse("have offsets that do not begin with 0", "begin there");
+        refuse("have offsets that do not begin with 0", "offsets[0] must be 0");
     for (uint64_t c = 0; curves.offsets && c < curves.curve_count; ++c)
         if (curves.offsets[c + 1] < curves.offsets[c] + 2 ||
             curves.offsets[c + 1] - curves.offsets[c] > (1U << 24))
@@ -65,7 +65,8 @@ LentCurves find_curves(const MarramFrame& frame, std::string_view name, const st
             std::atomic<bool> usable{true};
             marram::parallel_for(tbb::blocked_range<size_t>(0, floats, 1 << 16), [&](const auto& range) {
                 bool good = true;
-                for (size_t k = range.begin(); k < range.end(); ++k) good &= std::abs(v[k]) < 1e18F;
+                for (size_t k = range.begin(); k < range.end(); ++k)
+                    good &= std::abs(v[k]) < float(largest_coordinate);
                 if (!good) usable = false;
             });
             if (!usable)

@@ -32,6 +32,9 @@ struct LentCurves {
     }
 };
 
+// The position of a vertex of four floats.
+inline Vec3d cv_at(const float* vertex) { return {double(vertex[0]), double(vertex[1]), double(vertex[2])}; }
+
 // Finds the curves of that name in a frame. Throws SceneFault if there are none, or if counts, pointers or
 // numbers are invalid. Reads every number once.
 LentCurves find_curves(const MarramFrame& frame, std::string_view name, const std::string& place);

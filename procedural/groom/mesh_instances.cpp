@@ -13,12 +13,12 @@ double uniform_scale(const Eigen::Affine3d& transform) {
     return std::cbrt(std::abs(transform.linear().determinant()));
 }
 
-double greatest_scale(std::span<const MeshInstance> mesh_instances) {
+double max_instance_scale(std::span<const MeshInstance> mesh_instances) {
     double most = 0.0;
     for (const MeshInstance& mesh_instance : mesh_instances) {
         for (const auto& transform : mesh_instance.transforms)
             most = std::max(most, uniform_scale(transform));
-        for (const auto& transform : mesh_instance.transforms_at_knots)
+        for (const auto& transform : mesh_instance.past_transforms)
             most = std::max(most, uniform_scale(transform));
     }
     return most;
@@ -35,9 +35,9 @@ Eigen::AlignedBox3d transformed_box(const Eigen::Affine3d& transform, const Eige
 MarramStatus find_mesh_instances(const MarramFrame& frame, const MarramMesh& mesh,
                                  std::vector<MeshInstance>& mesh_instances) {
     mesh_instances.assign(1, MeshInstance{&mesh});
-    const auto own = uint32_t(&mesh - frame.meshes) + 1;
+    const auto instance_of = uint32_t(&mesh - frame.meshes) + 1; // of its instances
     for (uint32_t m = 0; m < frame.mesh_count; ++m) {
-        if (frame.meshes[m].instance_of != own) continue;
+        if (frame.meshes[m].instance_of != instance_of) continue;
         MeshInstance mesh_instance{&frame.meshes[m], true};
         if (const MarramStatus status =
                 place_lent_instance(frame, m, frame.bind_frame, mesh_instance.transform_at_bind);
@@ -58,8 +58,8 @@ MarramStatus find_mesh_instances(const MarramFrame& frame, const MarramMesh& mes
     return MARRAM_OK;
 }
 
-MarramStatus find_travel(const MarramFrame& frame, std::span<const MeshInstance> mesh_instances,
-                         double& travel) {
+MarramStatus measure_travel(const MarramFrame& frame, std::span<const MeshInstance> mesh_instances,
+                            double& travel) {
     travel = 0.0;
     if (mesh_instances.size() == 1) return MARRAM_OK; // no instances
     Eigen::AlignedBox3d box;
@@ -82,18 +82,19 @@ MarramStatus find_travel(const MarramFrame& frame, std::span<const MeshInstance>
     return MARRAM_OK;
 }
 
-MarramStatus find_past_transforms(const MarramFrame& frame, const Jiggle& jiggle, const JiggleWindow& window,
-                                  std::span<MeshInstance> mesh_instances, bool& moved) {
+MarramStatus sample_past_transforms(const MarramFrame& frame, const Jiggle& jiggle,
+                                    const JiggleWindow& window, std::span<MeshInstance> mesh_instances,
+                                    bool& moved) {
     for (MeshInstance& mesh_instance : mesh_instances) {
         if (!mesh_instance.is_instance) continue;
         const auto mesh = uint32_t(mesh_instance.mesh - frame.meshes);
-        mesh_instance.transforms_at_knots.clear();
-        for (int64_t knot = window.first; knot <= window.last; ++knot)
-            if (const MarramStatus status = place_lent_instance(
-                    frame, mesh, jiggle.frame_of(knot), mesh_instance.transforms_at_knots.emplace_back());
+        mesh_instance.past_transforms.clear();
+        for (int64_t past_sample = window.first; past_sample <= window.last; ++past_sample)
+            if (const MarramStatus status = place_lent_instance(frame, mesh, jiggle.frame_of(past_sample),
+                                                                mesh_instance.past_transforms.emplace_back());
                 status != MARRAM_OK)
                 return status;
-        for (const Eigen::Affine3d& transform : mesh_instance.transforms_at_knots)
+        for (const Eigen::Affine3d& transform : mesh_instance.past_transforms)
             moved = moved || transform.matrix() != mesh_instance.transforms[0].matrix();
     }
     return MARRAM_OK;
@@ -121,18 +122,18 @@ struct WideMap {
 
 } // namespace
 
-void transform_strands(const Eigen::Affine3d& transform, const Eigen::Affine3d& anchor, Strands& strands) {
-    const double size = uniform_scale(transform);
-    const WideMap map(transform), to_anchor(anchor);
-    Eigen::Affine3d unit =
-        transform; // without the scale: normals keep their length and, if mirrored, their side
-    unit.linear() /= size;
-    const WideMap turn(unit);
+void transform_strands(const Eigen::Affine3d& transform, const Eigen::Affine3d& noise_transform,
+                       Strands& strands) {
+    const double scale = uniform_scale(transform);
+    const WideMap map(transform), noise_map(noise_transform);
+    Eigen::Affine3d unscaled = transform; // normals keep their length and, if mirrored, their side
+    unscaled.linear() /= scale;
+    const WideMap unscaled_map(unscaled);
     for (Wide3f& rest : strands.rest) rest = to_float(map(to_double(rest)));
-    for (Wide3f& normal : strands.rest_normal) normal = to_float(turn.direction(to_double(normal)));
-    for (Wide3d& at : strands.anchor) at = to_anchor(at);
-    for (Wide3d& normal : strands.root_normal) normal = turn.direction(normal);
-    for (VDouble& width : strands.width) width = width * splat(size);
+    for (Wide3f& normal : strands.rest_normal) normal = to_float(unscaled_map.direction(to_double(normal)));
+    for (Wide3d& origin : strands.noise_origin) origin = noise_map(origin);
+    for (Wide3d& normal : strands.root_normal) normal = unscaled_map.direction(normal);
+    for (VDouble& width : strands.width) width = width * splat(scale);
 }
 
 } // namespace marram

@@ -22,7 +22,7 @@ struct MeshInstance {
     // Transforms from the groom's mesh to this one, both in world space.
     Eigen::Affine3d transform_at_bind = Eigen::Affine3d::Identity();
     std::vector<Eigen::Affine3d> transforms = {Eigen::Affine3d::Identity()}; // [motion sample], or one
-    std::vector<Eigen::Affine3d> transforms_at_knots;                        // [knot of the jiggle's window]
+    std::vector<Eigen::Affine3d> past_transforms; // [past sample of the jiggle's window]
 
     const Eigen::Affine3d& transform(uint32_t time) const {
         return transforms[std::min<size_t>(time, transforms.size() - 1)];
@@ -33,7 +33,7 @@ struct MeshInstance {
 // The uniform scale of a transform, and the greatest one of all mesh instances. Transforms are similarities, as
 // checked by place_lent_instance().
 double uniform_scale(const Eigen::Affine3d& transform);
-double greatest_scale(std::span<const MeshInstance> mesh_instances);
+double max_instance_scale(std::span<const MeshInstance> mesh_instances);
 
 // The bounds of the transformed box.
 Eigen::AlignedBox3d transformed_box(const Eigen::Affine3d& transform, const Eigen::AlignedBox3d& box);
@@ -46,15 +46,17 @@ MarramStatus find_mesh_instances(const MarramFrame& frame, const MarramMesh& mes
 // The largest displacement in m of an instance between the first motion sample and 1, 4, 16, 64 and 256
 // frames before it. A rough estimate is enough: the jiggle's window grows with its logarithm. Throws as
 // find_mesh_instances().
-MarramStatus find_travel(const MarramFrame& frame, std::span<const MeshInstance> mesh_instances,
-                         double& travel);
+MarramStatus measure_travel(const MarramFrame& frame, std::span<const MeshInstance> mesh_instances,
+                            double& travel);
 
-// Fills MeshInstance::transforms_at_knots for the knots of the window. Sets `moved` if an instance is elsewhere at a knot than
-// at the first motion sample. Throws as find_mesh_instances().
-MarramStatus find_past_transforms(const MarramFrame& frame, const Jiggle& jiggle, const JiggleWindow& window,
-                                  std::span<MeshInstance> mesh_instances, bool& moved);
+// Fills MeshInstance::past_transforms for the window. Sets `moved` if an instance is elsewhere at a past
+// sample than at the first motion sample. Throws as find_mesh_instances().
+MarramStatus sample_past_transforms(const MarramFrame& frame, const Jiggle& jiggle,
+                                    const JiggleWindow& window, std::span<MeshInstance> mesh_instances,
+                                    bool& moved);
 
-// Transforms rest strands. anchor: the transform of the points at which noise is sampled.
-void transform_strands(const Eigen::Affine3d& transform, const Eigen::Affine3d& anchor, Strands& strands);
+// Transforms rest strands. `noise_transform`: of the points at which noise is sampled.
+void transform_strands(const Eigen::Affine3d& transform, const Eigen::Affine3d& noise_transform,
+                       Strands& strands);
 
 } // namespace marram

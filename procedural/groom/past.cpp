@@ -9,14 +9,14 @@
 namespace marram {
 
 size_t PastSkin::bytes() const {
-    size_t sum = of_knot.capacity() * sizeof(uint32_t);
+    size_t sum = pose_of_sample.capacity() * sizeof(uint32_t);
     for (const Pose& pose : poses)
         sum += (pose.positions.capacity() + pose.normals.capacity()) * sizeof(float);
     return sum;
 }
 
-Surface PastSkin::at(int64_t knot, const MarramMesh& mesh) const {
-    const Pose& pose = poses[of_knot[size_t(knot - window.first)]];
+Surface PastSkin::at(int64_t past_sample, const MarramMesh& mesh) const {
+    const Pose& pose = poses[pose_of_sample[size_t(past_sample - window.first)]];
     return {pose.positions.data(), pose.normals.empty() ? nullptr : pose.normals.data(),
             mesh.triangles,        mesh.uvs,
             mesh.triangle_count,   {}};
@@ -58,14 +58,14 @@ MarramStatus read_past(const MarramFrame& frame, uint32_t mesh, const Jiggle& ji
         travel = std::max(travel, farthest(now.positions, then.positions));
     }
     past.window = jiggle_window(jiggle, times, frame.fps, 2.0 * length + travel, frame.tolerance);
-    for (int64_t knot = past.window.first; knot <= past.window.last; ++knot) {
-        if (const MarramStatus status = pose_at(frame, mesh, jiggle.frame_of(knot), then);
+    for (int64_t past_sample = past.window.first; past_sample <= past.window.last; ++past_sample) {
+        if (const MarramStatus status = pose_at(frame, mesh, jiggle.frame_of(past_sample), then);
             status != MARRAM_OK)
             return status;
         if (past.poses.empty() || past.poses.back().positions != then.positions ||
             past.poses.back().normals != then.normals)
             past.poses.push_back(then);
-        past.of_knot.push_back(uint32_t(past.poses.size() - 1));
+        past.pose_of_sample.push_back(uint32_t(past.poses.size() - 1));
     }
     return MARRAM_OK;
 }

@@ -13,12 +13,13 @@
 namespace marram {
 namespace {
 
-constexpr double spare = 1.25;
-constexpr double default_share = 1e-3; // of the longest strand, if the frame has no tolerance
+constexpr double safety_factor = 1.25;
+constexpr double default_tolerance_ratio = 1e-3; // of the longest strand, if the frame has no tolerance
 
 double tolerance_of(const PilotGroom& pilot) {
-    return pilot.frame.tolerance > 0.0 ? pilot.frame.tolerance
-                                       : default_share * pilot.size * longest_strand(pilot.groom);
+    return pilot.frame.tolerance > 0.0
+               ? pilot.frame.tolerance
+               : default_tolerance_ratio * pilot.instance_scale * longest_strand(pilot.groom);
 }
 
 // A sample of a groom's roots with their blends of guides.
@@ -33,11 +34,11 @@ struct RootSample {
             roots.push_back(pilot.roots[i * pilot.roots.size() / count]);
             if (pilot.guided) blends.push_back(pilot.guided->blends[i * pilot.roots.size() / count]);
         }
-        if (pilot.guided) guided.emplace(Guided{pilot.guided->set, blends, pilot.guided->bind});
+        if (pilot.guided) guided.emplace(Guided{pilot.guided->set, blends, pilot.guided->skin});
     }
     RootSample(const RootSample&) = delete;
     RootSample& operator=(const RootSample&) = delete;
-    const Guided* how() const { return guided ? &*guided : nullptr; }
+    const Guided* guides() const { return guided ? &*guided : nullptr; }
 };
 
 // The 99th percentile; of fewer than a hundred distances the maximum.
@@ -74,16 +75,16 @@ double polygon_error(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>&
     return percentile_99(distances);
 }
 
-void scale_strands(Strands& strands, double size) {
-    if (size == 1.0) return;
-    const Eigen::Affine3d scaled(Eigen::Scaling(size));
-    transform_strands(scaled, scaled, strands);
+void scale_strands(Strands& strands, double scale) {
+    if (scale == 1.0) return;
+    const Eigen::Affine3d scaling(Eigen::Scaling(scale));
+    transform_strands(scaling, scaling, strands);
 }
 
 void bend_sample(const PilotGroom& pilot, const RootSample& some, double frame, int cvs, Strands& strands) {
     strands.resize(int(some.roots.size()), cvs, false);
-    expand(pilot.groom, pilot.wind, {pilot.bind, pilot.bind}, some.roots, strands, some.how());
-    scale_strands(strands, pilot.size);
+    expand(pilot.groom, pilot.wind, {pilot.bind, pilot.bind}, some.roots, strands, some.guides());
+    scale_strands(strands, pilot.instance_scale);
     const double response = wind_response(pilot.wind);
     for (size_t i = 0; i < strands.envelope.size(); ++i) {
         const double u = double(i % size_t(cvs)) / double(cvs - 1);
@@ -95,7 +96,7 @@ void bend_sample(const PilotGroom& pilot, const RootSample& some, double frame, 
         std::copy(strands.rest.begin(), strands.rest.end(), strands.pose.begin());
 }
 
-// Poses of jiggled strands on a resting skin at the frame's last motion sample.
+// Poses of jiggled strands on a static skin at the frame's last motion sample.
 WideVector<Wide3f> jiggled(const JigglePilot& pilot, double step, const JiggleWindow& window,
                            Strands& strands) {
     Wind wind = pilot.wind;
@@ -165,8 +166,8 @@ Choice cvs_for(const PilotGroom& pilot) {
     for (int segments = least; segments <= most_segments; ++segments) {
         size_t level = 0;
         while (level + 1 < error_times_segments.size() && least << (level + 1) <= segments) ++level;
-        if (spare * error_times_segments[level] <= tolerance * segments &&
-            pilot.size * width_error(pilot.groom, segments) <= tolerance)
+        if (safety_factor * error_times_segments[level] <= tolerance * segments &&
+            pilot.instance_scale * width_error(pilot.groom, segments) <= tolerance)
             return {double(segments + 1), true};
     }
     return {double(most_segments + 1), false};
@@ -176,7 +177,8 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot) {
     const MarramMesh& mesh = pilot.skin;
     Eigen::AlignedBox3d rest;
     extend_by_rest(pilot.groom, std::span(mesh.positions[0], 3 * size_t(mesh.vertex_count)), rest);
-    if (pilot.size != 1.0) rest = transformed_box(Eigen::Affine3d(Eigen::Scaling(pilot.size)), rest);
+    if (pilot.instance_scale != 1.0)
+        rest = transformed_box(Eigen::Affine3d(Eigen::Scaling(pilot.instance_scale)), rest);
     const Surface now{mesh.positions[0],   mesh.normals ? mesh.normals[0] : nullptr,
                       mesh.triangles,      mesh.uvs,
                       mesh.triangle_count, pilot.bind.attributes};
@@ -186,22 +188,22 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot) {
             &pilot.skin,
             pilot.groom.envelope,
             pilot.groom.basis,
-            pilot.size * longest_strand(pilot.groom),
+            pilot.instance_scale * longest_strand(pilot.groom),
             tolerance_of(pilot),
             rest,
             some->roots.size(),
             pilot.groom.cvs,
             false,
-            [&groom = pilot.groom, bind = pilot.bind, now, some, size = pilot.size](const Wind& wind,
-                                                                                    Strands& out) {
-                expand(groom, wind, {bind, now}, some->roots, out, some->how());
-                scale_strands(out, size);
+            [&groom = pilot.groom, bind = pilot.bind, now, some,
+             scale = pilot.instance_scale](const Wind& wind, Strands& out) {
+                expand(groom, wind, {bind, now}, some->roots, out, some->guides());
+                scale_strands(out, scale);
             }};
 }
 
 Choice jiggle_step_for(const JigglePilot& pilot, bool skin_moves) {
     constexpr double shortest = 1.0 / 64.0, reference_step = 0.25;
-    constexpr int64_t most_knots = 2048;
+    constexpr int64_t max_past_samples = 2048;
     const double tolerance = pilot.tolerance;
     const Jiggle& jiggle = *pilot.wind.jiggle;
     const auto window_of = [&](double step) {
@@ -214,31 +216,32 @@ Choice jiggle_step_for(const JigglePilot& pilot, bool skin_moves) {
     if (skin_moves || pilot.count == 0 || !wind_moves(pilot.wind)) return default_choice;
     const JiggleWindow default_window = window_of(default_jiggle_step);
     if (default_window.count() == 0) return default_choice;
-    if (default_window.count() * 2 > most_knots) return {default_jiggle_step, false};
+    if (default_window.count() * 2 > max_past_samples) return {default_jiggle_step, false};
     Strands strands;
     strands.irregular = pilot.irregular;
     strands.resize(int(pilot.count), pilot.cvs, false);
     const WideVector<Wide3f> fine = jiggled(pilot, reference_step, window_of(reference_step), strands);
     // Error of a step. A step half as long has a quarter of the error.
-    const auto off_by = [&](double step) {
+    const auto error_of = [&](double step) {
         const WideVector<Wide3f> coarse = jiggled(pilot, step, window_of(step), strands);
-        const double part = reference_step / step;
-        return polygon_error(coarse, fine, pilot.count, size_t(pilot.cvs - 1), 1) / (1.0 - part * part);
+        const double step_ratio = reference_step / step;
+        return polygon_error(coarse, fine, pilot.count, size_t(pilot.cvs - 1), 1) /
+               (1.0 - step_ratio * step_ratio);
     };
-    double step = default_jiggle_step, off = off_by(step);
+    double step = default_jiggle_step, error = error_of(step);
     if (fine.empty()) return default_choice; // before jiggle.start_frame
-    while (!jiggle.start_frame && step < 2.0 && spare * off <= tolerance) {
-        const double longer = off_by(2.0 * step);
-        if (spare * longer > tolerance) break;
+    while (!jiggle.start_frame && step < 2.0 && safety_factor * error <= tolerance) {
+        const double error_of_longer = error_of(2.0 * step);
+        if (safety_factor * error_of_longer > tolerance) break;
         step *= 2.0;
-        off = longer;
+        error = error_of_longer;
     }
-    int64_t knots = default_window.count();
-    while (spare * off > tolerance) {
-        if (step <= shortest || knots * 2 > most_knots) return {step, false};
+    int64_t past_samples = default_window.count();
+    while (safety_factor * error > tolerance) {
+        if (step <= shortest || past_samples * 2 > max_past_samples) return {step, false};
         step *= 0.5;
-        off *= 0.25;
-        knots *= 2;
+        error *= 0.25;
+        past_samples *= 2;
     }
     return {step, true};
 }

@@ -3,7 +3,7 @@
 // the 99th percentile over these strands, times a safety factor of 1.25.
 #pragma once
 
-#include "procedural/groom/description.h"
+#include "procedural/groom/groom_settings.h"
 #include "procedural/groom/roots.h"
 #include "procedural/groom/strand_shape.h"
 #include "procedural/wind/chain.h"
@@ -21,7 +21,7 @@ struct PilotGroom {
     std::span<const Root> roots;
     Surface bind;
     std::optional<Guided> guided{}; // with one blend per root
-    double size = 1.0;              // scale of the sampled strands: that of the largest instance
+    double instance_scale = 1.0;    // of the sampled strands: max_instance_scale()
 };
 
 struct Choice {
@@ -37,7 +37,7 @@ struct Choice {
 // 132 CVs.
 Choice cvs_for(const PilotGroom& pilot);
 
-// A sample of strands of one CV count that swing on a resting skin.
+// A sample of strands of one CV count that swing on a static skin.
 struct JigglePilot {
     const Wind& wind;
     const MarramFrame& frame;

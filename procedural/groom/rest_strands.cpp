@@ -7,8 +7,8 @@ namespace {
 void transform_by(const GroomInstance& instance, const MeshInstance& mesh_instance,
                   const Eigen::Affine3d& transform, Strands& strands) {
     if (!mesh_instance.is_instance) return;
-    transform_strands(transform, instance.wind.rest_anchored ? mesh_instance.transform_at_bind : transform,
-                      strands);
+    transform_strands(
+        transform, instance.wind.noise_at_bind_frame ? mesh_instance.transform_at_bind : transform, strands);
 }
 
 } // namespace
@@ -20,9 +20,9 @@ void transform_to_instance(const GroomInstance& instance, const MeshInstance& me
 
 RestStrandSource rest_strand_source(const GroomInstance& instance, const MeshInstance& mesh_instance,
                                     LayOutStrands lay_out, StageClock* clock) {
-    const auto at_knot = [&instance, &mesh_instance](int64_t knot) -> const Eigen::Affine3d& {
+    const auto transform_at = [&instance, &mesh_instance](int64_t past_sample) -> const Eigen::Affine3d& {
         return mesh_instance.is_instance
-                   ? mesh_instance.transforms_at_knots[size_t(knot - instance.past.window.first)]
+                   ? mesh_instance.past_transforms[size_t(past_sample - instance.past.window.first)]
                    : mesh_instance.transforms[0];
     };
     return {[&instance, &mesh_instance, lay_out, clock](uint32_t time, Strands& strands) {
@@ -31,14 +31,15 @@ RestStrandSource rest_strand_source(const GroomInstance& instance, const MeshIns
                 lay_out(instance.poses(time).now, strands);
                 transform_to_instance(instance, mesh_instance, time, strands);
             },
-            [&instance, &mesh_instance, lay_out, at_knot](int64_t knot, Strands& strands) {
-                Surface then = instance.past.at(knot, *instance.mesh);
+            [&instance, &mesh_instance, lay_out, transform_at](int64_t past_sample, Strands& strands) {
+                Surface then = instance.past.at(past_sample, *instance.mesh);
                 then.attributes = instance.attributes;
                 lay_out(then, strands);
-                transform_by(instance, mesh_instance, at_knot(knot), strands);
+                transform_by(instance, mesh_instance, transform_at(past_sample), strands);
             },
-            [&instance, at_knot](int64_t knot) {
-                return instance.past.rests_at(knot) && at_knot(knot).matrix() == at_knot(knot - 1).matrix();
+            [&instance, transform_at](int64_t past_sample) {
+                return instance.past.unchanged_at(past_sample) &&
+                       transform_at(past_sample).matrix() == transform_at(past_sample - 1).matrix();
             }};
 }
 

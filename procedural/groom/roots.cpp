@@ -15,9 +15,9 @@
 // have no influence. A count samples more candidates and keeps the highest priorities, which equals stopping
 // the throws at that number.
 //
-// Neighbours: candidates are sorted by grid cell, row by row. Cells are r/2 long along a row and 2r wide
-// across it, so a candidate's neighbours are in its own row and in the three rows on its side, in runs of
-// five cells. These runs advance together with the candidate along the array.
+// Neighbours: candidates are sorted by grid cell, row by row along x. Cells are r/2 long in x and 2r wide in
+// y and z. So neighbours within r lie in the candidate's row and in the three rows adjoining its half of the
+// cell, in runs of five cells. The runs advance along the array together with the candidate.
 #include "procedural/groom/roots.h"
 
 #include "procedural/parallel.h"
@@ -48,9 +48,9 @@ double attempts_per_disc(double coverage) {
     return attempts / steps;
 }
 
-// A cell's key: z, y, x from the most significant bits. A cell measures r/2 along x, and 2r along y and z.
+// A cell's key holds its indices z, y and x, from the most to the least significant bits.
 constexpr int x_bits = 23, row_bits = 20;
-constexpr double x_unit = 0.5, row_unit = 2.0;
+constexpr double x_unit = 0.5, row_unit = 2.0; // size of a cell along x, and along y and z, in units of r
 constexpr double most_rows = double((1U << row_bits) - 4); // along y and z; x has the bits for as much
 constexpr int in_cell_steps = 1023;                        // positions within a cell have 10 bits per axis
 
@@ -159,7 +159,7 @@ struct DensityMask {
     bool keeps(Root root) const { return unit_double(root_hash(groom.seed, root, Purpose::mask)) < at(root); }
 };
 
-// Greatest value of a ramp over an interval: between two knots it is monotone.
+// Greatest value of a ramp over an interval: between two ramp points it is monotone.
 double greatest(const Ramp& ramp, double low, double high) {
     double most = std::max(ramp(low), ramp(high));
     for (size_t i = 0; i < ramp.positions().size(); ++i)
@@ -197,10 +197,11 @@ MaskStatistics mask_statistics(const DensityMask& mask, double area) {
     if (!mask.masked()) return {};
     constexpr uint32_t points = 1U << 18;
     double sum = 0.0, most = 0.0, passed = 0.0;
-    uint32_t drawn = 0; // one point per area / points, in the order of the triangles
+    uint32_t sample_count = 0; // one point per area / points, in the order of the triangles
     for (uint32_t t = 0; t < mask.bind.triangle_count; ++t) {
         passed += mask.bind.area(t);
-        for (uint32_t i = 0; drawn < points && (drawn + 0.5) * area < passed * points; ++drawn, ++i) {
+        for (uint32_t i = 0; sample_count < points && (sample_count + 0.5) * area < passed * points;
+             ++sample_count, ++i) {
             const double share = mask.at(t, root_weights(~mask.groom.seed, {t, i}));
             sum += share;
             most = std::max(most, share);
@@ -231,13 +232,13 @@ uint64_t poisson(double mean, uint64_t h) {
 
 // First candidate number of every triangle. The kinetics assume independent candidates, so their number is
 // Poisson distributed on each triangle. Random roots (spacing 0) are all kept and are spread more evenly:
-// area * attempts, rounded up or down by the triangle's hash.
-std::vector<uint64_t> candidate_offsets(const DensityMask& mask, double attempts, bool spaced) {
+// area * candidate_density, rounded up or down by the triangle's hash.
+std::vector<uint64_t> candidate_offsets(const DensityMask& mask, double candidate_density, bool spaced) {
     const Surface& bind = mask.bind;
     std::vector<uint64_t> first(size_t(bind.triangle_count) + 1, 0);
     marram::parallel_for(tbb::blocked_range<uint32_t>(0, bind.triangle_count, 4096), [&](const auto& range) {
         for (uint32_t t = range.begin(); t < range.end(); ++t) {
-            const double mean = mask.masked() && !may_grow(mask, t) ? 0.0 : bind.area(t) * attempts;
+            const double mean = mask.masked() && !may_grow(mask, t) ? 0.0 : bind.area(t) * candidate_density;
             const uint64_t h = hash(hash(mask.groom.seed, 0x7472'6961), t);
             first[size_t(t) + 1] = spaced ? poisson(mean, h) : uint64_t(std::floor(mean + unit_double(h)));
         }
@@ -259,9 +260,10 @@ DiscGrid grid_of(const Surface& bind, double radius) {
 
 // Candidates of all triangles, sorted. Candidates with mask value 0 are skipped: blocks are counted first and
 // then filled, so that skipped ones take no memory.
-std::vector<Candidate> draw_candidates(const DensityMask& mask, const DiscGrid& grid, double attempts,
-                                       bool spaced, const std::function<bool()>& cancelled) {
-    const std::vector<uint64_t> first = candidate_offsets(mask, attempts, spaced);
+std::vector<Candidate> draw_candidates(const DensityMask& mask, const DiscGrid& grid,
+                                       double candidate_density, bool spaced,
+                                       const std::function<bool()>& cancelled) {
+    const std::vector<uint64_t> first = candidate_offsets(mask, candidate_density, spaced);
     constexpr uint64_t block_size = 16384;
     const uint64_t blocks = (first.back() + block_size - 1) / block_size;
     // Calls body(root) for every candidate of a block that the masks do not exclude.
@@ -440,14 +442,14 @@ double surface_area(const Surface& bind) {
     return area;
 }
 
-std::vector<Candidate> spaced_candidates(const DensityMask& mask, double density, double spare,
+std::vector<Candidate> spaced_candidates(const DensityMask& mask, double density, double oversampling,
                                          double spacing, const std::function<bool()>& cancelled,
                                          PlacedRoots& placed) {
     const double coverage = full_coverage * spacing * spacing;
     const double radius = 2.0 * std::sqrt(coverage / (pi * density));
     const DiscGrid grid = grid_of(mask.bind, radius);
-    std::vector<Candidate> candidates =
-        draw_candidates(mask, grid, density * attempts_per_disc(coverage) * spare, radius > 0.0, cancelled);
+    std::vector<Candidate> candidates = draw_candidates(
+        mask, grid, density * attempts_per_disc(coverage) * oversampling, radius > 0.0, cancelled);
     placed.peak_bytes = std::max(placed.peak_bytes, candidates.capacity() * (sizeof(Candidate) + 1));
     if (radius > 0.0) keep_spaced(candidates, mask.groom.seed, radius / grid.unit, cancelled);
     // Masks thin the roots after spacing: a mask of 0.5 keeps half the strands, and a strand does not depend
@@ -476,12 +478,12 @@ std::vector<Candidate> counted_candidates(DensityMask mask, double area,
     const double mean = statistics.mean > 0.0 ? statistics.mean / mask.full : 1e-3;
     const double first = double(groom.count) / (area * mean);
     double density = first, spacing = groom.spacing;
-    const double spare =
+    const double oversampling =
         1.1 + 8.0 / std::sqrt(double(groom.count)); // eight standard deviations of a random count
     constexpr int tries = 24;
     for (int i = 0; i < tries && !cancelled(); ++i) {
         std::vector<Candidate> candidates =
-            spaced_candidates(mask, density, spare, spacing, cancelled, placed);
+            spaced_candidates(mask, density, oversampling, spacing, cancelled, placed);
         if (candidates.size() >= groom.count) {
             keep_highest_priority(candidates, groom.seed, groom.count);
             return candidates;

@@ -2,7 +2,7 @@
 // Placement of strand roots.
 #pragma once
 
-#include "procedural/groom/description.h"
+#include "procedural/groom/groom_settings.h"
 #include "procedural/groom/surface.h"
 
 #include <functional>

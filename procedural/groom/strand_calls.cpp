@@ -67,21 +67,21 @@ bool moving_meshes_matter(const Wind& wind, const MarramFrame& frame) {
 
 void check_buffers(const MarramPatchBuffers* buffers, uint32_t time_count, bool oriented,
                    size_t attribute_count) {
-    bool there = buffers && buffers->vertices &&
+    bool valid = buffers && buffers->vertices &&
                  (buffers->attribute_count == 0 || (buffers->attributes && buffers->attribute_values));
-    for (uint32_t t = 0; there && t < time_count; ++t) there = buffers->vertices[t] != nullptr;
-    if (there && oriented) {
-        there = buffers->normals != nullptr;
-        for (uint32_t t = 0; there && t < time_count; ++t) there = buffers->normals[t] != nullptr;
+    for (uint32_t t = 0; valid && t < time_count; ++t) valid = buffers->vertices[t] != nullptr;
+    if (valid && oriented) {
+        valid = buffers->normals != nullptr;
+        for (uint32_t t = 0; valid && t < time_count; ++t) valid = buffers->normals[t] != nullptr;
     }
-    for (uint32_t a = 0; there && a < buffers->attribute_count; ++a) {
+    for (uint32_t a = 0; valid && a < buffers->attribute_count; ++a) {
         if (buffers->attributes[a] >= attribute_count)
             throw SceneFault("contract.attribute_range", "",
                              "there is no attribute " + std::to_string(buffers->attributes[a]),
                              "ask for 0 to " + std::to_string(attribute_count - 1));
-        there = buffers->attribute_values[a] != nullptr;
+        valid = buffers->attribute_values[a] != nullptr;
     }
-    if (!there)
+    if (!valid)
         throw SceneFault("contract.null_buffer", "", "a buffer is NULL",
                          "give vertices for each motion sample, normals for oriented ribbons, and "
                          "values for each attribute that is asked for");
@@ -106,27 +106,27 @@ CollisionCounts report_chain(Workers& workers, ReportSink sink, void* user, size
     sink(user, "collision.contacts", double(counts.contacts));
     sink(user, "collision.pushed_out", double(counts.pushed_out));
     sink(user, "collision.unresolved", double(counts.unresolved));
-    sink(user, "collision.skipped_pushes", double(counts.skipped_pushes));
+    sink(user, "collision.targets_not_raised", double(counts.targets_not_raised));
     sink(user, "collision.dips", double(counts.dips));
     sink(user, "collision.goal_angle", counts.goal_angle);
     sink(user, "collision.turned_angle", counts.turned_angle);
     return counts;
 }
 
-void report_long_work(const MarramHost& host, const char* id, const std::string& place, const LongWork& work,
-                      double frame, std::optional<double>& announced) {
-    // Thread seconds per CV of one motion sample; `bend` also of one step of jiggle. Collision: 1e-6 with 5 CVs per
-    // strand, 3e-6 with hundreds.
-    constexpr double bend = 0.08e-6, collide = 2e-6, long_work = 10.0;
-    const auto steps = double(std::max<int64_t>(work.steps, 0));
+void announce_long_work(const MarramHost& host, const char* id, const std::string& place,
+                        const LongWork& work, double frame, std::optional<double>& announced) {
+    // Thread seconds per CV of one motion sample; `bend` also of one past sample of jiggle. Collision: 1e-6
+    // with 5 CVs per strand, 3e-6 with hundreds.
+    constexpr double bend = 0.05e-6, collide = 2e-6, long_work = 10.0;
+    const auto past_samples = double(std::max<int64_t>(work.past_samples, 0));
     const double seconds =
-        work.cvs * (bend * (work.samples + steps) + (work.collides ? collide * work.samples : 0.0));
+        work.cvs * (bend * (work.samples + past_samples) + (work.collides ? collide * work.samples : 0.0));
     if (seconds < long_work || announced == frame) return;
     announced = frame;
-    const std::string what = fmt::format(
-        "{:.3g} CVs, {:.4g} per strand, at {} motion samples and {} steps of jiggle take about {:.0f} s of "
-        "one processor or more each frame",
-        work.cvs, work.cvs_per_strand, work.samples, steps, seconds);
+    const std::string what = fmt::format("{:.3g} CVs, {:.4g} per strand, at {} motion samples and {} past "
+                                         "samples of jiggle take about {:.0f} s of "
+                                         "one processor for each frame",
+                                         work.cvs, work.cvs_per_strand, work.samples, past_samples, seconds);
     send(host, MARRAM_INFO, id, place, what, work.remedy);
 }
 
@@ -136,7 +136,7 @@ void warn_of_gusts(const MarramHost& host, const std::string& place, const Chain
     if (bytes < much) return;
     const std::string what = "gusts among the strands take " + std::to_string(bytes >> 20) + " MiB, for " +
                              std::to_string(chain.instants.size()) + " motion samples and " +
-                             std::to_string(chain.past_gusts.size()) + " steps of jiggle";
+                             std::to_string(chain.past_gusts.size()) + " past samples of jiggle";
     send(host, MARRAM_WARNING, "gusts.memory", place, what,
          "lower wind.gusts.num_gusts, radius_range or life_range");
 }

@@ -19,6 +19,13 @@ struct Worker { // per-thread memory, reused between patches
 };
 using Workers = tbb::enumerable_thread_specific<Worker>;
 
+// Inputs, besides the scene's values, of the settings chosen by the tolerance.
+struct ChosenFor {
+    double frame, first, last, tolerance;
+    MarramStage stage;
+    bool operator==(const ChosenFor&) const = default;
+};
+
 // Receives the entries of a report.
 using ReportSink = void (*)(void* user, const char* path, double value);
 
@@ -58,14 +65,14 @@ void warn_of_collisions(const MarramHost& host, const std::string& place, bool a
 // The amount of work of the chain in a frame.
 struct LongWork {
     double cvs = 0.0, cvs_per_strand = 0.0;
-    uint32_t samples = 1; // of motion
-    int64_t steps = 0;    // of jiggle
+    uint32_t samples = 1;     // of motion
+    int64_t past_samples = 0; // of jiggle
     bool collides = false;
     const char* remedy = "";
 };
 // Announces long work before it starts, once per frame, so that unintended settings are noticed early.
-void report_long_work(const MarramHost& host, const char* id, const std::string& place, const LongWork& work,
-                      double frame, std::optional<double>& announced);
+void announce_long_work(const MarramHost& host, const char* id, const std::string& place,
+                        const LongWork& work, double frame, std::optional<double>& announced);
 
 // Warns of gusts that need much memory.
 void warn_of_gusts(const MarramHost& host, const std::string& place, const ChainFrame& chain);

@@ -68,12 +68,6 @@ struct alignas(64) Roots8 {
     VDouble clump_along[most_clumps], clump_side[most_clumps];
 };
 
-void set_lane(Wide3d& v, int lane, const Vec3d& value) {
-    v.x[lane] = value.x();
-    v.y[lane] = value.y();
-    v.z[lane] = value.z();
-}
-
 // Angle from the frame's tangent to the direction in which the strand leans.
 double azimuth(const Groom& groom, const Surface& bind, Root root, const Vec3d& weights) {
     const double draw = symmetric(groom.seed, root, Purpose::comb);
@@ -84,11 +78,11 @@ double azimuth(const Groom& groom, const Surface& bind, Root root, const Vec3d& 
     if (groom.comb_map) {
         const Vec2d uv = bind.uv(root.triangle, weights);
         const auto [along_u, along_v] = bind.uv_directions(root.triangle);
-        const Vec2d drawn(2.0 * (*groom.comb_map)[0](uv.x(), uv.y()) - 1.0,
-                          2.0 * (*groom.comb_map)[1](uv.x(), uv.y()) - 1.0);
+        const Vec2d map_direction(2.0 * (*groom.comb_map)[0](uv.x(), uv.y()) - 1.0,
+                                  2.0 * (*groom.comb_map)[1](uv.x(), uv.y()) - 1.0);
         constexpr double grey = 1.5 / 255.0; // 0.5 lies between two codes of 8 bits
-        const Vec3d way = drawn.x() * along_u + drawn.y() * along_v;
-        if (drawn.norm() > grey && way.squaredNorm() > 0.0) comb = way.normalized();
+        const Vec3d way = map_direction.x() * along_u + map_direction.y() * along_v;
+        if (map_direction.norm() > grey && way.squaredNorm() > 0.0) comb = way.normalized();
     }
     const double x = comb.dot(t), y = comb.dot(n.cross(t));
     // If comb is along the normal, no direction is defined: use a random one.
@@ -99,29 +93,28 @@ double azimuth(const Groom& groom, const Surface& bind, Root root, const Vec3d& 
 // Writes the centre line of a child in its frame to one lane of `centre`.
 void set_centre(const Guided& guided, const GuideBlend& blend, std::span<const Vec3f> guides, Root root,
                 const Vec3d& weights, int cvs, int lane, Wide3f* centre) {
-    const SurfaceFrame frame = frame_at(guided.bind, root.triangle, weights);
-    Eigen::Matrix3d to_frame;
-    to_frame << frame.tangent, frame.bitangent, frame.normal;
-    Eigen::Matrix3d turns[most_blended];
+    const SurfaceFrame frame = frame_at(guided.skin, root.triangle, weights);
+    const Eigen::Matrix3d axes = axes_of(frame);
+    Eigen::Matrix3d weighted_rotations[most_blended];
     for (int i = 0; i < most_blended; ++i)
         if (blend.weight[i] > 0.0F)
-            turns[i] = double(blend.weight[i]) *
-                       (to_frame.transpose() * shortest_turn(guided.normals.empty()
-                                                                 ? guided.set.normal(blend.guide[i])
-                                                                 : guided.normals[blend.guide[i]],
-                                                             frame.normal));
+            weighted_rotations[i] =
+                double(blend.weight[i]) *
+                (axes.transpose() * shortest_rotation(guided.normals.empty()
+                                                          ? guided.set.normal(blend.guide[i])
+                                                          : guided.normals[blend.guide[i]],
+                                                      frame.normal));
     for (int k = 0; k < cvs; ++k) {
         Vec3d sum = Vec3d::Zero();
         for (int i = 0; i < most_blended; ++i)
             if (blend.weight[i] > 0.0F)
-                sum += turns[i] * guides[blend.guide[i] * size_t(cvs) + size_t(k)].cast<double>();
-        centre[k].x[lane] = float(sum.x());
-        centre[k].y[lane] = float(sum.y());
-        centre[k].z[lane] = float(sum.z());
+                sum +=
+                    weighted_rotations[i] * guides[blend.guide[i] * size_t(cvs) + size_t(k)].cast<double>();
+        set_lane(centre[k], lane, sum);
     }
 }
 
-void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Root root,
+void set_root(const Groom& groom, const Wind& wind, const SkinPoses& poses, Root root,
               const GuideBlend* blend, const Guided* guided, int lane, Roots8& roots, Strands& strands,
               size_t block) {
     const uint32_t seed = groom.seed;
@@ -135,7 +128,7 @@ void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Ro
     set_lane(roots.along, lane, along);
     set_lane(roots.side, lane, side);
     set_lane(roots.normal, lane, frame.normal);
-    set_lane(strands.anchor[block], lane, wind.rest_anchored ? bind_origin : origin);
+    set_lane(strands.noise_origin[block], lane, wind.noise_at_bind_frame ? bind_origin : origin);
     set_lane(strands.root_normal[block], lane, frame.normal);
     // The factor of a parameter at this root.
     const auto factor_at_root = [&](FactorOf what) {
@@ -153,9 +146,9 @@ void set_root(const Groom& groom, const Wind& wind, const GrowthPoses& poses, Ro
         strands.wind_share[block][lane] = float(factor_at_root(of_wind));
     }
     roots.length[lane] = length;
-    const double lift =
+    const double offset =
         wind.collision ? root_offset(*wind.collision, length, 0.5 * width * groom.width_profile(0.0)) : 0.0;
-    set_lane(roots.origin, lane, origin + lift * frame.normal);
+    set_lane(roots.origin, lane, origin + offset * frame.normal);
     roots.lean[lane] =
         factor_at_root(of_lean) *
         std::clamp(groom.lean + groom.lean_variation * symmetric(seed, root, Purpose::lean), 0.0, 0.5 * pi);
@@ -209,7 +202,7 @@ MARRAM_INLINE Wide3d with_length(const Wide3d& v, VDouble length, const Wide3d& 
 // `guides`: centre lines in the frame, or nullptr.
 MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep* steps, int cvs,
                         const Wide3f* frizz, const Wide3f* guides, Wide3f* rest, Wide3f* normals) {
-    const VDouble step = roots.length / double(cvs - 1);
+    const VDouble segment_length = roots.length / double(cvs - 1);
     const bool curls = groom.curl_radius > 0.0 && groom.curl_turns > 0.0;
     const size_t clumps = groom.clumps.size();
     Wide3d centre{}, previous{}, position{}; // in the frame (A, S, N), from the root
@@ -219,10 +212,10 @@ MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep
     for (int k = 1; k < cvs; ++k) {
         VDouble sine, cosine;
         sincos(roots.lean + roots.arc * steps[k].u_middle, sine, cosine);
-        Wide3d straight{sine * step, VDouble{}, cosine * step};
+        Wide3d straight{sine * segment_length, VDouble{}, cosine * segment_length};
         Wide3d across_e{cosine, VDouble{}, -sine}, across_s{VDouble{}, splat(1.0), VDouble{}};
         if (guides) {
-            straight = with_length(to_double(guides[k]) - to_double(guides[k - 1]), step, straight);
+            straight = with_length(to_double(guides[k]) - to_double(guides[k - 1]), segment_length, straight);
             across_e = with_length(cross(across_s, straight), splat(1.0), across_e);
             across_s = with_length(cross(straight, across_e), splat(1.0), across_s);
         }
@@ -246,8 +239,9 @@ MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep
         Wide3d d = displaced - previous;
         const VDouble squared = dot(d, d);
         const VLong usable =
-            squared > 1e-24 * step * step; // else the displacements cancel the step: keep it straight
-        d = select(usable, d * (step / vsqrt(select(usable, squared, 1.0))), straight);
+            squared > 1e-24 * segment_length *
+                          segment_length; // else the displacements cancel the segment: keep it straight
+        d = select(usable, d * (segment_length / vsqrt(select(usable, squared, 1.0))), straight);
         previous = displaced;
         position = position + d;
         rest[k] = to_float(roots.origin + roots.along * position.x + roots.side * position.y +
@@ -256,7 +250,7 @@ MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep
             const Wide3d tangent = roots.along * d.x + roots.side * d.y + roots.normal * d.z;
             Wide3d n = cross(roots.side, tangent);
             const VDouble nn = dot(n, n);
-            const VLong good = nn > 1e-24 * step * step;
+            const VLong good = nn > 1e-24 * segment_length * segment_length;
             n = select(good, n * (1.0 / vsqrt(select(good, nn, 1.0))), roots.along);
             normals[k] = to_float(n);
         }
@@ -266,7 +260,7 @@ MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep
 
 } // namespace
 
-void expand(const Groom& groom, const Wind& wind, const GrowthPoses& poses, std::span<const Root> roots,
+void expand(const Groom& groom, const Wind& wind, const SkinPoses& poses, std::span<const Root> roots,
             Strands& strands, const Guided* guided) {
     const int cvs = strands.cvs;
     const auto rest_guides = guided && guided->offsets.empty() ? guided->set.resampled(cvs) : nullptr;
@@ -307,8 +301,9 @@ void extend_by_rest(const Groom& groom, std::span<const float> positions, Eigen:
         roots.extend(Eigen::Map<const Vec3f>(positions.data() + v).cast<double>());
     if (roots.isEmpty()) return;
     // A rest strand stays in a ball of its length about its root; its CVs are rounded to floats.
-    const double scale = std::max(roots.min().cwiseAbs().maxCoeff(), roots.max().cwiseAbs().maxCoeff());
-    const double length = longest_strand(groom), reach = length * 1.001 + 1e-6 * (scale + length);
+    const double max_coordinate =
+        std::max(roots.min().cwiseAbs().maxCoeff(), roots.max().cwiseAbs().maxCoeff());
+    const double length = longest_strand(groom), reach = length * 1.001 + 1e-6 * (max_coordinate + length);
     box.extend(Vec3d(roots.min().array() - reach));
     box.extend(Vec3d(roots.max().array() + reach));
 }

@@ -2,7 +2,7 @@
 // The rest shape of each strand.
 #pragma once
 
-#include "procedural/groom/description.h"
+#include "procedural/groom/groom_settings.h"
 #include "procedural/groom/surface.h"
 #include "procedural/wind/strands.h"
 #include "procedural/wind/wind.h"
@@ -11,19 +11,12 @@
 
 namespace marram {
 
-// The mesh in the bind pose, which determines shape and comb, and at the requested time, which carries the
-// strands.
-struct GrowthPoses {
-    Surface bind, now;
-};
-
-// Fills strands.rest (and rest_normal), root_normal and width for a patch's roots, and strands.anchor with
-// the roots' positions at `bind` or now (Wind::rest_anchored). With collision, roots are raised above the
-// skin by root_offset(). strands must have been resized to roots.size(). Segments of a strand are equally
-// long and add up to the requested length. Cost: about 0.3 us per root + 15 ns per CV of a plain strand,
-// single thread.
-// guided: for a groom with guides; its blends belong to `roots`.
-void expand(const Groom& groom, const Wind& wind, const GrowthPoses& poses, std::span<const Root> roots,
+// Fills strands.rest (and rest_normal), root_normal and width for a patch's roots, and strands.noise_origin
+// with the roots' positions at `bind` or now (Wind::noise_at_bind_frame). With collision, roots are raised
+// above the skin by root_offset(). strands must have been resized to roots.size(). Segments of a strand are
+// equally long and add up to the requested length. Cost: about 0.3 us per root + 15 ns per CV of a plain
+// strand, single thread. guided: for a groom with guides; its blends belong to `roots`.
+void expand(const Groom& groom, const Wind& wind, const SkinPoses& poses, std::span<const Root> roots,
             Strands& strands, const Guided* guided = nullptr);
 
 // Upper bound of the strands' lengths, m.

@@ -102,6 +102,12 @@ struct Surface {
     }
 };
 
+// The skin in the bind pose, which determines shape and comb, and at the requested time, which carries the
+// strands.
+struct SkinPoses {
+    Surface bind, now;
+};
+
 // Orthonormal frame that moves with the surface: the normal, and a tangent along the triangle's first edge.
 struct SurfaceFrame {
     Vec3d tangent, bitangent, normal;
@@ -113,5 +119,12 @@ inline Vec3d plane_normal(const std::array<Vec3d, 3>& p) {
 }
 
 SurfaceFrame frame_at(const Surface& surface, uint32_t triangle, const Vec3d& weights);
+
+// The rotation from the frame's coordinates to the world's: its columns are the axes.
+inline Eigen::Matrix3d axes_of(const SurfaceFrame& frame) {
+    Eigen::Matrix3d axes;
+    axes << frame.tangent, frame.bitangent, frame.normal;
+    return axes;
+}
 
 } // namespace marram

@@ -113,26 +113,27 @@ NoiseTime noise_time(const Wind& wind, double frame, double fps) {
     return {far ? std::fmod(travel, period) : travel, std::fmod(wind.evolution * seconds, 0x1p32)};
 }
 
-MARRAM_HOT void sample_points(const Wind& wind, double travel, const Wide3d& anchor, const VDouble* arc,
+MARRAM_HOT void sample_points(const Wind& wind, double travel, const Wide3d& noise_origin, const VDouble* arc,
                               int count, Wide3d* points) {
     const Wide3d direction = splat3(wind.direction.data());
-    for (int k = 0; k < count; ++k) points[k] = anchor + direction * (arc[k] * wind.waviness - travel);
+    for (int k = 0; k < count; ++k) points[k] = noise_origin + direction * (arc[k] * wind.waviness - travel);
 }
 
-void sample_noise(const Wind& wind, NoiseTime time, const Wide3d& anchor, const VDouble* arc, int count,
+void sample_noise(const Wind& wind, NoiseTime time, const Wide3d& noise_origin, const VDouble* arc, int count,
                   Wide3d* points, Wide3f* out) {
-    sample_points(wind, time.travel, anchor, arc, count, points);
+    sample_points(wind, time.travel, noise_origin, arc, count, points);
     vector_noise(wind.noise, points, count, wind.evolution != 0.0, time.w, out);
 }
 
 // Noise at the segment starts of one block. In a loop, the field is blended with the field one cycle earlier,
 // so that the last frame continues in the first. Dividing by the norm of the weights keeps the rms constant
 // (the two fields are independent).
-void block_noise(const Wind& wind, double frame, double fps, const Wide3d& anchor, const VDouble* arc,
+void block_noise(const Wind& wind, double frame, double fps, const Wide3d& noise_origin, const VDouble* arc,
                  int count, Strands& strands) {
     Wide3f* out = strands.values.data();
     if (!wind.loops) {
-        sample_noise(wind, noise_time(wind, frame, fps), anchor, arc, count, strands.points.data(), out);
+        sample_noise(wind, noise_time(wind, frame, fps), noise_origin, arc, count, strands.points.data(),
+                     out);
         return;
     }
     const double length = wind.loop_end - wind.loop_begin;
@@ -140,8 +141,8 @@ void block_noise(const Wind& wind, double frame, double fps, const Wide3d& ancho
     const double blend = phase - std::floor(phase);
     const double now = wind.loop_begin + blend * length;
     Wide3f* earlier = out + count;
-    sample_noise(wind, noise_time(wind, now, fps), anchor, arc, count, strands.points.data(), out);
-    sample_noise(wind, noise_time(wind, now - length, fps), anchor, arc, count, strands.points.data(),
+    sample_noise(wind, noise_time(wind, now, fps), noise_origin, arc, count, strands.points.data(), out);
+    sample_noise(wind, noise_time(wind, now - length, fps), noise_origin, arc, count, strands.points.data(),
                  earlier);
     const double norm = 1.0 / std::sqrt(blend * blend + (1.0 - blend) * (1.0 - blend));
     const VFloat a = splat_float(float((1.0 - blend) * norm)), b = splat_float(float(blend * norm));
@@ -217,7 +218,8 @@ void bend(const Wind& wind, double frame, double fps, Strands& strands) {
     for (int i = 0; i < strands.blocks; ++i) {
         const size_t first = size_t(i) * size_t(cvs);
         arc_lengths(strands.rest.data() + first, cvs, arc.data());
-        if (noisy) block_noise(wind, frame, fps, strands.anchor[size_t(i)], arc.data(), cvs - 1, strands);
+        if (noisy)
+            block_noise(wind, frame, fps, strands.noise_origin[size_t(i)], arc.data(), cvs - 1, strands);
         const BlockView block{cvs,
                               strands.rest.data() + first,
                               strands.oriented ? strands.rest_normal.data() + first : nullptr,

@@ -47,11 +47,12 @@ ChainFrame make_chain_frame(const ChainInput& input) {
         std::vector<Colliders*> colliders;
         for (ChainFrame::Instant& instant : chain.instants) colliders.push_back(&instant.colliders);
         ColliderTrees fresh;
-        (input.trees ? *input.trees : fresh).give(frame, input.reach, colliders);
+        (input.trees ? *input.trees : fresh).build_or_reuse(frame, input.query_bounds, colliders);
     }
-    for (int64_t knot = chain.window.first; knot <= chain.window.last && wind.gusts && bends; ++knot)
+    for (int64_t past_sample = chain.window.first; past_sample <= chain.window.last && wind.gusts && bends;
+         ++past_sample)
         chain.past_gusts.push_back(
-            gusts_at(*wind.gusts, wind.direction, wind.jiggle->frame_of(knot), frame.fps, input.rest));
+            gusts_at(*wind.gusts, wind.direction, wind.jiggle->frame_of(past_sample), frame.fps, input.rest));
     return chain;
 }
 
@@ -137,14 +138,15 @@ void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands,
     StageClock inner; // not reported: the past bends count as the cost of jiggle
     const StageTimer timer(scratch.clock.jiggle);
     uint32_t next = 0;
-    for (int64_t knot = chain.window.first; knot <= chain.window.last; ++knot) {
-        if (knot == chain.window.first || !rest_strands.as_before || !rest_strands.as_before(knot))
-            rest_strands.at_knot(knot, past);
-        const auto at = size_t(knot - chain.window.first);
+    for (int64_t past_sample = chain.window.first; past_sample <= chain.window.last; ++past_sample) {
+        if (past_sample == chain.window.first || !rest_strands.unchanged_at ||
+            !rest_strands.unchanged_at(past_sample))
+            rest_strands.at_past_sample(past_sample, past);
+        const auto at = size_t(past_sample - chain.window.first);
         bend_at(chain, at < chain.past_gusts.size() ? &chain.past_gusts[at] : nullptr,
-                wind.jiggle->frame_of(knot), past, inner);
-        scratch.filter.feed(knot, past);
-        for (; next < times.size() && times[next] <= wind.jiggle->frame_of(knot); ++next) {
+                wind.jiggle->frame_of(past_sample), past, inner);
+        scratch.filter.feed(past_sample, past);
+        for (; next < times.size() && times[next] <= wind.jiggle->frame_of(past_sample); ++next) {
             rest_strands.at_time(next, strands);
             if (times[next] < wind.jiggle->frame_of(chain.window.first))
                 scratch.jiggled[next].clear(); // before jiggle.start_frame

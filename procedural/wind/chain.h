@@ -37,7 +37,7 @@ struct ChainFrame {
     };
     std::vector<Instant> instants;     // [motion sample]
     JiggleWindow window;               // empty: strands do not jiggle
-    std::vector<GustField> past_gusts; // [knot of the window]
+    std::vector<GustField> past_gusts; // [past sample of the window]
 
     size_t gust_bytes() const;
 };
@@ -50,9 +50,10 @@ struct ChainInput {
     std::span<const float> radius_profile;
     MarramBasis basis;
     JiggleWindow window{};
-    Eigen::AlignedBox3d reach = everywhere(); // contains every strand at every motion sample, in any wind
+    Eigen::AlignedBox3d query_bounds =
+        everywhere(); // contains every strand at every motion sample, in any wind
     Eigen::AlignedBox3d rest =
-        everywhere();               // contains every rest CV at every motion sample and knot of the window
+        everywhere(); // contains every rest CV at every motion sample and past sample of the window
     ColliderTrees* trees = nullptr; // of the previous frame; reused if the colliders have not changed
 };
 ChainFrame make_chain_frame(const ChainInput& input);
@@ -67,13 +68,14 @@ struct ChainScratch {
     StageClock clock;
 };
 
-// Fills the rest strands (rest, rest_normal, anchor, root_normal, width) of the patch at a motion sample or
-// at a knot of the jiggle window.
+// Fills the rest strands (rest, rest_normal, noise_origin, root_normal, width) of the patch at a motion sample or
+// at a past sample of the jiggle window.
 struct RestStrandSource {
     std::function<void(uint32_t time, Strands&)> at_time;
-    std::function<void(int64_t knot, Strands&)> at_knot;
-    // True: at this knot they are the same as at the previous one, as on a static skin. May be empty: never.
-    std::function<bool(int64_t knot)> as_before{};
+    std::function<void(int64_t past_sample, Strands&)> at_past_sample;
+    // True: at this past sample they are the same as at the previous one, as on a static skin. May be empty:
+    // never.
+    std::function<bool(int64_t past_sample)> unchanged_at{};
 };
 
 // Jiggle for one patch: computes its poses at all motion samples from past bent poses, into scratch.jiggled.

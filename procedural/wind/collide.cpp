@@ -4,10 +4,10 @@
 // it gets there or touches a collider. Its start is free because the segment before it was resolved; the root
 // is above the skin.
 //
-// clearance[k] is a lower bound on the distance from CV k to every collider. Storing a CV rounds it to
-// floats, which moves its segment by no more than the CV itself. So each CV's bound is that of the previous
-// one, minus the rounding. It is measured again if it gets too small (a thousand CVs far from the origin),
-// and at the root if the first turn reports not_clear.
+// free_distance[k] is a lower bound on the distance from CV k, and from the segment that ends there, to every
+// collider. Storing a CV rounds it to floats, which moves its segment by no more than the CV itself. So each
+// CV's bound is that of the previous one, minus the rounding. It is measured again if it gets too small (a
+// thousand CVs far from the origin), and at the root if the first turn reports not_clear.
 //
 // The rendered cubic deviates from its control polygon (rendered_segment.h). A strand whose cubic penetrates a
 // collider by more than the tolerance is solved again with smaller turns; if that does not help, it is laid
@@ -82,7 +82,7 @@ CollisionCounts& CollisionCounts::operator+=(const CollisionCounts& other) {
     contacts += other.contacts;
     pushed_out += other.pushed_out;
     unresolved += other.unresolved;
-    skipped_pushes += other.skipped_pushes;
+    targets_not_raised += other.targets_not_raised;
     dips += other.dips;
     goal_angle += other.goal_angle;
     turned_angle += other.turned_angle;
@@ -118,7 +118,7 @@ double read_radii(const CollideJob& job, const Strands& strands, size_t strand, 
     return at_root;
 }
 
-// The clearance to keep at CV k, before the clearance left at the segment start limits it.
+// The distance to keep at CV k; the solver uses less if the segment's start is already closer.
 double wanted_clearance(const CollideJob& job, const StrandJob& strand, size_t k) {
     const double asked = job.settings->clearance.value_or(strand.radius[k]);
     // Reserve for the float rounding of 16 CVs, at most half of the root offset; matters far from the origin.
@@ -136,8 +136,8 @@ double measured_clearance(const Colliders& colliders, const Vec3d& start, double
 struct Progress {
     Vec3d start;
     Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();
-    double clearance = 0.0;
-    bool turned = false; // some segment has turned
+    double free_distance = 0.0; // of the start
+    bool turned = false;        // some segment has turned
 };
 
 // The next segment. False: it has zero length, so nothing turns.
@@ -151,7 +151,7 @@ bool next_segment(const CollideScratch& scratch, const Progress& progress, size_
     const Vec3d goal =
         to_target.squaredNorm() > 1e-24 * length * length ? Vec3d(to_target.normalized()) : from;
     const Vec3d to_tip = progress.rotation * (rest.back() - rest[k]);
-    segment = {progress.start, from, goal, to_tip, length, progress.clearance};
+    segment = {progress.start, from, goal, to_tip, length, progress.free_distance};
     if (scratch.turn_fraction[k] < 1.0) {
         const Arc arc = arc_of(segment);
         const double angle = arc.angle * scratch.turn_fraction[k];
@@ -179,11 +179,11 @@ void advance(CollideScratch& scratch, Progress& progress, size_t k, const Segmen
         progress.turned = true;
     }
     scratch.solved[k + 1] = end.cast<float>();
-    // Rounding moves the CV; subtract that and the error of computing it from the clearance.
+    // Rounding moves the CV; subtract that and the error of computing it from the free distance.
     const Vec3d stored = scratch.solved[k + 1].cast<double>();
     const double moved = (stored - (progress.start + direction * segment.length)).norm();
-    progress.clearance -= moved + 1e-10 * segment.length + 0x1p-50 * stored.cwiseAbs().maxCoeff();
-    scratch.clearance[k + 1] = std::max(progress.clearance, 0.0);
+    progress.free_distance -= moved + 1e-10 * segment.length + 0x1p-50 * stored.cwiseAbs().maxCoeff();
+    scratch.free_distance[k + 1] = std::max(progress.free_distance, 0.0);
     progress.start = stored;
 }
 
@@ -191,23 +191,24 @@ RenderedSegment rendered_segment(const CollideJob& job, const StrandJob& strand,
                                  const CollideScratch& scratch, size_t k) {
     const std::vector<Vec3f>& p = scratch.solved;
     const auto at = [&](size_t i) { return Vec3d(p[i].cast<double>()); };
-    const auto bend = [&](size_t i) {
+    const auto second_difference = [&](size_t i) {
         return i == 0 || i + 1 == p.size() ? Vec3d(Vec3d::Zero())
                                            : Vec3d(at(i - 1) - 2.0 * at(i) + at(i + 1));
     };
     return {at(k),
             at(k + 1),
-            bend(k),
-            bend(k + 1),
+            second_difference(k),
+            second_difference(k + 1),
             strand.radius[k],
             strand.radius[k + 1],
             job.basis == MARRAM_BSPLINE};
 }
 
-// Looks ahead: tests whether all segments from k on reach their targets without contact. If so, the rest of the strand is
-// solved at once. The upper parts of most strands are in open air.
-bool remaining_segments_are_clear(const CollideJob& job, const StrandJob& strand, const Progress& so_far,
-                                  size_t k, CollideScratch& scratch, CollisionCounts& counts) {
+// Looks ahead: moves all segments from k on to their targets and tests the region that they sweep. True: it
+// is clear, so the strand is solved; this is usual for the upper part of a strand. False: something may be
+// near; scratch.solved and scratch.free_distance beyond k must be computed again.
+bool solve_remaining_without_contact(const CollideJob& job, const StrandJob& strand, const Progress& so_far,
+                                     size_t k, CollideScratch& scratch, CollisionCounts& counts) {
     Progress progress = so_far;
     scratch.swept.clear();
     scratch.swept.push_back(progress.start);
@@ -234,10 +235,10 @@ bool remaining_segments_are_clear(const CollideJob& job, const StrandJob& strand
     }
     double offset = 0.0; // of the rendered cubics from the polygon, with their radii
     for (size_t i = k; i + 1 < scratch.rest.size(); ++i) {
-        const RenderedSegment drawn = rendered_segment(job, strand, scratch, i);
-        offset = std::max(offset, drawn.max_offset() + std::max(drawn.r0, drawn.r1));
+        const RenderedSegment rendered = rendered_segment(job, strand, scratch, i);
+        offset = std::max(offset, rendered.max_offset() + std::max(rendered.r0, rendered.r1));
     }
-    SearchRegion region(std::max(arc_padding + so_far.clearance, offset) * (1.0 + 1e-9));
+    SearchRegion region(std::max(arc_padding + so_far.free_distance, offset) * (1.0 + 1e-9));
     if (scratch.swept.size() <= SearchRegion::most_points) {
         for (const Vec3d& p : scratch.swept) region.add(p);
     } else {
@@ -260,13 +261,13 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
     const double min_clearance = 2.0 * strand.rounding; // storing may move a CV by this distance
     Progress progress;
     progress.start = scratch.rest[0];
-    progress.clearance =
+    progress.free_distance =
         exact ? wanted_clearance(job, strand, 0) : 0.0; // unless a collider is closer, see below
     scratch.solved[0] = progress.start.cast<float>();
-    scratch.clearance[0] = progress.clearance;
+    scratch.free_distance[0] = progress.free_distance;
     scratch.clear_from = n;
-    // Looking ahead costs as much as solving the remaining segments. It is repeated once a twelfth of those
-    // is solved, so in total it costs at most twelve times the solving, for any number of segments.
+    // Looking ahead costs about one solve of the remaining segments; it is retried only after 1/12 of them is
+    // solved, so all tries together cost at most about 12 solves of the strand.
     constexpr size_t lookahead_divisor = 12;
     size_t next_look = 0;
     bool look_ahead = true;
@@ -274,9 +275,9 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
         // If rounding leaves the root no usable clearance, looking ahead may still prove the whole strand
         // clear.
         const bool ahead =
-            k > 0 ? look_ahead && !job.trace && k >= next_look : progress.clearance <= min_clearance;
+            k > 0 ? look_ahead && !job.trace && k >= next_look : progress.free_distance <= min_clearance;
         if (exact && ahead) {
-            if (remaining_segments_are_clear(job, strand, progress, k, scratch, counts)) {
+            if (solve_remaining_without_contact(job, strand, progress, k, scratch, counts)) {
                 std::fill(scratch.segment_pushed_out.begin() + long(k), scratch.segment_pushed_out.end(),
                           char(false));
                 return true;
@@ -287,13 +288,13 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
         scratch.segment_pushed_out[k] = false;
         if (!next_segment(scratch, progress, k, segment)) {
             scratch.solved[k + 1] = scratch.solved[k];
-            scratch.clearance[k + 1] = progress.clearance;
+            scratch.free_distance[k + 1] = progress.free_distance;
             continue;
         }
         Turned turned;
         if (exact) {
             const double wanted = wanted_clearance(job, strand, k);
-            segment.clearance = std::min(progress.clearance, wanted);
+            segment.clearance = std::min(progress.free_distance, wanted);
             if (segment.clearance < std::max(min_clearance, 1e-6 * segment.length))
                 segment.clearance = measured_clearance(*job.colliders, segment.pivot, wanted);
             segment.clearance_unverified = progress.start == scratch.rest[0];
@@ -307,7 +308,7 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
                 segment.clearance_unverified = false;
                 turned = turn_exactly(*job.colliders, segment, scratch.turn);
             }
-            progress.clearance = turned.clearance;
+            progress.free_distance = turned.clearance;
         } else {
             turned = turn_by_steps(*job.colliders, segment, job.settings->rotation_steps);
         }
@@ -328,10 +329,10 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
 // The CV at which the rendered cubic enters a collider by more than the tolerance; -1: none.
 int penetrating_cv(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch) {
     for (size_t k = 0; k < std::min(scratch.clear_from, scratch.solved.size() - 1); ++k) {
-        const RenderedSegment drawn = rendered_segment(job, strand, scratch, k);
-        if (penetrates_collider(*job.colliders, drawn, scratch.clearance[k + 1], strand.tolerance,
+        const RenderedSegment rendered = rendered_segment(job, strand, scratch, k);
+        if (penetrates_collider(*job.colliders, rendered, scratch.free_distance[k + 1], strand.tolerance,
                                 scratch.turn))
-            return int(drawn.d0.squaredNorm() >= drawn.d1.squaredNorm() ? k : k + 1);
+            return int(rendered.d0.squaredNorm() >= rendered.d1.squaredNorm() ? k : k + 1);
     }
     return -1;
 }
@@ -353,7 +354,7 @@ bool solve_as_straight_line(const CollideJob& job, const StrandJob& strand, Coll
     for (size_t k = 0; k < rest.size(); ++k) {
         if (k > 0) along += (rest[k] - rest[k - 1]).norm();
         scratch.solved[k] = (rest[0] + turned.direction * along).cast<float>();
-        scratch.clearance[k] = turned.clearance - 2.0 * strand.rounding;
+        scratch.free_distance[k] = turned.clearance - 2.0 * strand.rounding;
     }
     scratch.clear_from = rest.size();
     return penetrating_cv(job, strand, scratch) < 0;
@@ -369,6 +370,7 @@ void remove_penetration(const CollideJob& job, const StrandJob& strand, CollideS
     CollideJob quiet = job;
     quiet.trace = nullptr;
     for (int i = 0;; ++i) {
+        // The segment that starts at the penetrating CV: turning it less straightens the curve there.
         int segment = penetrating_cv(job, strand, scratch);
         if (segment < 0) return;
         if (i == tries) break;
@@ -414,23 +416,22 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
     strand.rounding = 0x1p-24 * (max_coordinate + strand_length);
     strand.tolerance = job.tolerance > 0.0 ? job.tolerance : 1e-3 * strand_length;
     if (job.settings->offset_scale && job.skin) {
-        const Vec3d facing(strands.root_normal[block].x[lane], strands.root_normal[block].y[lane],
-                           strands.root_normal[block].z[lane]);
+        const Vec3d root_normal(strands.root_normal[block].x[lane], strands.root_normal[block].y[lane],
+                                strands.root_normal[block].z[lane]);
         double along = strand.offset;
         uint32_t hint = no_triangle;
         for (size_t k = 1; k < cvs; ++k) {
             along += (scratch.rest[k] - scratch.rest[k - 1]).norm();
-            // A CV's rest height is at most its arc length from the skin. So if no collider is within
-            // offset_scale times that length of the path from rest to target, no push is needed; this is the
-            // usual case. It also holds around a rim, where a target may be in open air below the plane of
-            // the skin.
+            // A CV's rest height is at most its arc length from the skin. If no collider lies within
+            // offset_scale times that length of the path rest to target, the target is high enough. This
+            // avoids raising targets that hang over the edge of an open skin.
             SearchRegion swept(*job.settings->offset_scale * along * (1.0 + 1e-6));
             swept.add(scratch.rest[k]);
             swept.add(scratch.target[k]);
             if (region_is_clear(*job.colliders, swept, scratch.turn)) continue;
-            counts.skipped_pushes +=
-                !push_out(*job.colliders, *job.skin, scratch.rest[k], facing, along * (1.0 + 1e-6),
-                          *job.settings->offset_scale, hint, scratch.target[k]);
+            counts.targets_not_raised += !raise_to_min_height(
+                *job.colliders, *job.skin, scratch.rest[k], root_normal, along * (1.0 + 1e-6),
+                *job.settings->offset_scale, hint, scratch.target[k]);
         }
     }
     if (!solve_strand(job, strand, scratch, counts)) {
@@ -471,7 +472,7 @@ void collide(const CollideJob& job, Strands& strands, CollideScratch& scratch, C
     scratch.radius.resize(cvs);
     scratch.turn_fraction.resize(cvs);
     scratch.segment_pushed_out.assign(cvs, false);
-    scratch.clearance.resize(cvs);
+    scratch.free_distance.resize(cvs);
     for (size_t i = 0; i < size_t(strands.count); ++i) collide_strand(job, strands, i, scratch, counts);
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Wind collision: the last node of the talk. Strands bend around colliders on their way from the rest pose to
-// the bent pose.
+// Wind collision: the last stage of Somasundaram's wind (SIGGRAPH 2019 Talks). Strands bend around colliders
+// on their way from the rest pose to the bent pose.
 #pragma once
 
 #include "procedural/values.h"
@@ -18,7 +18,7 @@ struct Collision {
     Solver solver = Solver::exact;
     int rotation_steps = 16;            // of Solver::steps
     std::optional<double> offset_root;  // m; empty: see root_offset()
-    std::optional<double> offset_scale; // empty: target CVs are not pushed out
+    std::optional<double> offset_scale; // empty: target CVs are not raised
     std::optional<double> clearance;    // m; empty: the strand's radius
 };
 
@@ -30,11 +30,11 @@ std::optional<Collision> read_collision(const Values& values); // empty if the s
 double root_offset(const Collision& collision, double length, double root_radius);
 
 struct CollisionCounts {
-    uint64_t contacts = 0;       // segments that stopped at a collider
-    uint64_t pushed_out = 0;     // segments that started inside a collider and were turned out
-    uint64_t unresolved = 0;     // segments without a free direction, and strands whose root is not free
-    uint64_t skipped_pushes = 0; // CVs for which offset_scale found no consistent side of the skin
-    uint64_t dips = 0;           // strands whose rendered curve still penetrates by more than the tolerance
+    uint64_t contacts = 0;           // segments that stopped at a collider
+    uint64_t pushed_out = 0;         // segments that started inside a collider and were turned out
+    uint64_t unresolved = 0;         // segments without a free direction, and strands whose root is not free
+    uint64_t targets_not_raised = 0; // CVs for which offset_scale found no consistent side of the skin
+    uint64_t dips = 0; // strands whose rendered curve still penetrates by more than the tolerance
     double goal_angle = 0.0,
            turned_angle = 0.0; // sums over segments: angle to the goal, and the part of it that was turned
 
@@ -47,7 +47,7 @@ struct SegmentTrace {
     int index;
     Segment segment;
     Turned turned;
-    double rounding; // metres by which rounding may reduce the clearance of the next start
+    double rounding; // metres by which rounding may reduce the free distance of the next start
 };
 
 struct CollideJob {
@@ -67,7 +67,8 @@ struct CollideScratch {
     std::vector<double> radius;           // of the strand at each CV
     std::vector<double> turn_fraction;    // fraction of its turn that a segment may take
     std::vector<char> segment_pushed_out; // [cvs]: the segment that starts here was turned out
-    std::vector<double> clearance;        // [cvs]: of the segment that ends at the CV
+    // [cvs]: a lower bound on the distance from the CV, and from the segment that ends there, to every collider
+    std::vector<double> free_distance;
     size_t clear_from = 0; // rendered curves of the segments from here on are known to be clear
 };
 

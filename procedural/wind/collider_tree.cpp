@@ -5,6 +5,7 @@
 #include "procedural/wind/collider_tree.h"
 
 #include "procedural/parallel.h"
+#include "procedural/values.h"
 
 #include <algorithm>
 #include <bit>
@@ -18,12 +19,11 @@ namespace {
 
 constexpr uint32_t node_most = lanes; // blocks or nodes
 
-constexpr float nowhere = std::numeric_limits<float>::infinity();
-constexpr double far_away = 1e18; // beyond the coordinates of any mesh
+constexpr float float_infinity = std::numeric_limits<float>::infinity();
 
 float round_down(double x) {
     const auto f = float(x);
-    return double(f) > x ? std::nextafter(f, -nowhere) : f;
+    return double(f) > x ? std::nextafter(f, -float_infinity) : f;
 }
 float round_up(double x) { return -round_down(-x); }
 
@@ -42,44 +42,44 @@ size_t run_end(size_t begin, size_t most, const std::vector<uint64_t>& keys) {
 } // namespace
 
 // Keys: mesh index in the high bits, Morton code in the low bits.
-std::shared_ptr<const ColliderTree::Shape> ColliderTree::make_shape(const MarramFrame& frame,
-                                                                    const Eigen::AlignedBox3d& reach) {
-    auto shape = std::make_shared<Shape>();
+std::shared_ptr<const ColliderTree::Topology>
+ColliderTree::build_topology(const MarramFrame& frame, const Eigen::AlignedBox3d& query_bounds) {
+    auto topology = std::make_shared<Topology>();
     std::vector<uint64_t> keys; // of blocks, then of each level of nodes
     Eigen::AlignedBox3f box;
     for (uint32_t m = 0; m < frame.mesh_count; ++m) {
         if ((frame.meshes[m].roles & MARRAM_COLLIDES) == 0) continue;
-        const TriangleBlocks part = triangle_blocks(frame.meshes[m], reach);
-        const auto base = uint32_t(shape->runs.size());
-        shape->runs.insert(shape->runs.end(), part.runs.begin(), part.runs.end());
+        const TriangleBlocks part = triangle_blocks(frame.meshes[m], query_bounds);
+        const auto base = uint32_t(topology->runs.size());
+        topology->runs.insert(topology->runs.end(), part.runs.begin(), part.runs.end());
         for (const TriangleBlock& block : part.blocks) {
-            shape->blocks.push_back({m, base + block.first, base + block.end});
+            topology->blocks.push_back({m, base + block.first, base + block.end});
             keys.push_back(uint64_t(m) << 32 | block.code);
         }
         if (!part.blocks.empty()) box.extend(part.box);
     }
-    // The centre of the triangles within reach. A ground plane that is miles wide must not move it far away,
-    // which would cost accuracy.
-    if (!keys.empty()) shape->origin = 0.5F * box.min() + 0.5F * box.max();
+    // The centre of the triangles within the query bounds. A ground plane that is miles wide must not move it
+    // far away, which would cost accuracy.
+    if (!keys.empty()) topology->origin = 0.5F * box.min() + 0.5F * box.max();
     // Builds levels of nodes until one node is left.
     size_t below = 0; // start of the level below in its own table
     while (!keys.empty()) {
-        shape->levels.push_back(uint32_t(shape->nodes.size()));
+        topology->levels.push_back(uint32_t(topology->nodes.size()));
         std::vector<uint64_t> above;
         for (size_t begin = 0; begin < keys.size();) {
             const size_t end = run_end(begin, node_most, keys);
-            shape->nodes.push_back({uint32_t(below + begin), uint32_t(end - begin)});
+            topology->nodes.push_back({uint32_t(below + begin), uint32_t(end - begin)});
             above.push_back(keys[begin]);
             begin = end;
         }
-        below = shape->levels.back();
+        below = topology->levels.back();
         if (above.size() == 1) break;
         keys = std::move(above);
     }
-    shape->levels.push_back(uint32_t(shape->nodes.size()));
-    if (lanes * (shape->levels.size() + 2) > stack_size)
+    topology->levels.push_back(uint32_t(topology->nodes.size()));
+    if (lanes * (topology->levels.size() + 2) > stack_size)
         throw std::length_error("the colliders' tree is too deep");
-    return shape;
+    return topology;
 }
 
 namespace {
@@ -89,8 +89,11 @@ struct Bounds {
     float low[3], high[3], normal[3], bottom, top;
 };
 
-constexpr Bounds no_bounds{
-    {nowhere, nowhere, nowhere}, {-nowhere, -nowhere, -nowhere}, {0, 0, 0}, nowhere, -nowhere};
+constexpr Bounds no_bounds{{float_infinity, float_infinity, float_infinity},
+                           {-float_infinity, -float_infinity, -float_infinity},
+                           {0, 0, 0},
+                           float_infinity,
+                           -float_infinity};
 
 template <typename Node>
 void set_lane(Node& node, uint32_t i, const Bounds& bounds) {
@@ -137,7 +140,7 @@ MARRAM_INLINE Wide3f upper(const Wide3f& a, const Wide3f& b) {
 // 3. The bounds are widened by that.
 MARRAM_HOT void bound(const Corners8* triangles, size_t groups, const float* origin, Bounds& out) {
     const Wide3f o{splat_float(origin[0]), splat_float(origin[1]), splat_float(origin[2])};
-    Wide3f low{splat_float(nowhere), splat_float(nowhere), splat_float(nowhere)};
+    Wide3f low{splat_float(float_infinity), splat_float(float_infinity), splat_float(float_infinity)};
     Wide3f high = Wide3f{} - low, n{};
     for (size_t i = 0; i < groups; ++i) {
         const Wide3f &a = triangles[i].corner[0], &b = triangles[i].corner[1], &c = triangles[i].corner[2];
@@ -163,7 +166,7 @@ MARRAM_HOT void bound(const Corners8* triangles, size_t groups, const float* ori
     const double size = std::sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]);
     const bool flat = size > 0.0 && size < 1e300;
     for (int axis = 0; axis < 3; ++axis) out.normal[axis] = flat ? float(sum[axis] / size) : 0.0F;
-    VFloat bottom = splat_float(nowhere), top = -bottom;
+    VFloat bottom = splat_float(float_infinity), top = -bottom;
     for (size_t i = 0; i < groups; ++i)
         for (const Wide3f& p : triangles[i].corner) {
             const VFloat h =
@@ -178,11 +181,11 @@ MARRAM_HOT void bound(const Corners8* triangles, size_t groups, const float* ori
 // Bounds of a node's children. The extent along n of something in the slab [bottom, top] across m is limited
 // by the slab and by its box: n . x = m . x + (n - m) . x.
 template <typename Node>
-Bounds around(const Node& node) {
+Bounds bounds_of_children(const Node& node) {
     const auto lane = [](const Wide3f& v, int i) {
         return Vec3d(double(v.x[i]), double(v.y[i]), double(v.z[i]));
     };
-    Vec3d low = Vec3d::Constant(double(nowhere)), high = -low, n = Vec3d::Zero();
+    Vec3d low = Vec3d::Constant(infinity), high = -low, n = Vec3d::Zero();
     for (int i = 0; i < lanes; ++i) {
         if (!(node.low.x[i] <= node.high.x[i])) continue;
         low = low.cwiseMin(lane(node.low, i));
@@ -192,7 +195,7 @@ Bounds around(const Node& node) {
     const double size = n.norm();
     const Vec3f normal = size > 0.0 ? Vec3f((n / size).cast<float>()) : Vec3f(Vec3f::Zero());
     n = normal.cast<double>();
-    double bottom = double(nowhere), top = -bottom;
+    double bottom = infinity, top = -bottom;
     for (int i = 0; i < lanes; ++i) {
         if (!(node.low.x[i] <= node.high.x[i])) continue;
         const Vec3d centre = 0.5 * (lane(node.low, i) + lane(node.high, i)),
@@ -200,9 +203,10 @@ Bounds around(const Node& node) {
         const Vec3d rest = n - lane(node.normal, i);
         const double middle = n.dot(centre), by_box = n.cwiseAbs().dot(half);
         const double off = rest.dot(centre), by_slab = rest.cwiseAbs().dot(half);
-        const double spare = 1e-14 * (centre.cwiseAbs().maxCoeff() + half.maxCoeff());
-        top = std::max(top, std::min(middle + by_box, double(node.top[i]) + off + by_slab) + spare);
-        bottom = std::min(bottom, std::max(middle - by_box, double(node.bottom[i]) + off - by_slab) - spare);
+        const double rounding_margin = 1e-14 * (centre.cwiseAbs().maxCoeff() + half.maxCoeff());
+        top = std::max(top, std::min(middle + by_box, double(node.top[i]) + off + by_slab) + rounding_margin);
+        bottom = std::min(bottom, std::max(middle - by_box, double(node.bottom[i]) + off - by_slab) -
+                                      rounding_margin);
     }
     Bounds bounds{};
     for (int axis = 0; axis < 3; ++axis) {
@@ -225,13 +229,13 @@ struct ColliderTree::BlockCorners {
 
 // Neighbours in space may be far apart in the tables of a large mesh, so indices are loaded first, then
 // corners.
-void ColliderTree::load(const MarramMesh* meshes, const Block& block, BlockCorners& out) const {
+void ColliderTree::gather_corners(const MarramMesh* meshes, const Block& block, BlockCorners& out) const {
     const MarramMesh& mesh = meshes[block.mesh];
     const float* positions = mesh.positions[mesh.time_count > 1 ? time_ : 0];
     uint32_t vertices[block_most][3];
     out.count = 0;
     for (uint32_t r = block.first; r < block.end; ++r) {
-        const TriangleRun run = shape_->runs[r];
+        const TriangleRun run = topology_->runs[r];
         const uint32_t* from = mesh.triangles + 3 * size_t(run.first);
         std::memcpy(vertices[out.count], from, 3 * sizeof(uint32_t) * run.count);
         for (uint32_t i = 0; i < run.count; ++i) out.triangles[out.count++] = run.first + i;
@@ -253,9 +257,9 @@ void ColliderTree::load(const MarramMesh* meshes, const Block& block, BlockCorne
 // While one block is bounded, the corners of the next and the indices of the third next are prefetched.
 void ColliderTree::prefetch(const MarramMesh* meshes, uint32_t number) const {
     const auto each = [&](uint32_t ahead, auto&& visit) {
-        if (number + ahead >= shape_->blocks.size()) return;
-        const Block& block = shape_->blocks[number + ahead];
-        for (uint32_t r = block.first; r < block.end; ++r) visit(meshes[block.mesh], shape_->runs[r]);
+        if (number + ahead >= topology_->blocks.size()) return;
+        const Block& block = topology_->blocks[number + ahead];
+        for (uint32_t r = block.first; r < block.end; ++r) visit(meshes[block.mesh], topology_->runs[r]);
     };
     each(3, [](const MarramMesh& mesh, const TriangleRun& run) {
         __builtin_prefetch(mesh.triangles + 3 * size_t(run.first));
@@ -269,36 +273,37 @@ void ColliderTree::prefetch(const MarramMesh* meshes, uint32_t number) const {
     });
 }
 
-ColliderTree::ColliderTree(const MarramFrame& frame, const Eigen::AlignedBox3d& reach, uint32_t time,
-                           const ColliderTree* like)
-    : shape_(like ? like->shape_ : make_shape(frame, reach)), time_(time), origin_(shape_->origin),
-      nodes_(shape_->nodes.size()), loaded_blocks_(shape_->blocks.size()) {
-    const std::vector<uint32_t>& levels = shape_->levels;
+ColliderTree::ColliderTree(const MarramFrame& frame, const Eigen::AlignedBox3d& query_bounds, uint32_t time,
+                           const ColliderTree* share_with)
+    : topology_(share_with ? share_with->topology_ : build_topology(frame, query_bounds)), time_(time),
+      origin_(topology_->origin), nodes_(topology_->nodes.size()),
+      clustered_blocks_(topology_->blocks.size()) {
+    const std::vector<uint32_t>& levels = topology_->levels;
     for (size_t level = 0; level + 1 < levels.size(); ++level)
-        marram::parallel_for(tbb::blocked_range<size_t>(levels[level], levels[level + 1], 64),
-                             [&](const auto& range) {
-                                 BlockCorners corners;
-                                 for (size_t n = range.begin(); n < range.end(); ++n) {
-                                     const Run run = shape_->nodes[n];
-                                     for (uint32_t i = 0; i < node_most; ++i) {
-                                         Bounds bounds = no_bounds;
-                                         if (i < run.count && level > 0) {
-                                             bounds = around(nodes_[run.first + i]);
-                                         } else if (i < run.count) {
-                                             prefetch(frame.meshes, run.first + i);
-                                             load(frame.meshes, shape_->blocks[run.first + i], corners);
-                                             bound(corners.corners, (corners.count + lanes - 1) / lanes,
-                                                   origin_.data(), bounds);
-                                         }
-                                         set_lane(nodes_[n], i, bounds);
-                                     }
-                                 }
-                             });
+        marram::parallel_for(
+            tbb::blocked_range<size_t>(levels[level], levels[level + 1], 64), [&](const auto& range) {
+                BlockCorners corners;
+                for (size_t n = range.begin(); n < range.end(); ++n) {
+                    const Run run = topology_->nodes[n];
+                    for (uint32_t i = 0; i < node_most; ++i) {
+                        Bounds bounds = no_bounds;
+                        if (i < run.count && level > 0) {
+                            bounds = bounds_of_children(nodes_[run.first + i]);
+                        } else if (i < run.count) {
+                            prefetch(frame.meshes, run.first + i);
+                            gather_corners(frame.meshes, topology_->blocks[run.first + i], corners);
+                            bound(corners.corners, (corners.count + lanes - 1) / lanes, origin_.data(),
+                                  bounds);
+                        }
+                        set_lane(nodes_[n], i, bounds);
+                    }
+                }
+            });
 }
 
 ColliderTree::~ColliderTree() {
-    for (const auto& block : loaded_blocks_)
-        ::operator delete(const_cast<LoadedBlock*>(block.load()), std::align_val_t(64));
+    for (const auto& block : clustered_blocks_)
+        ::operator delete(const_cast<ClusteredBlock*>(block.load()), std::align_val_t(64));
 }
 
 namespace {
@@ -315,7 +320,7 @@ void part(const float (*places)[block_most], uint8_t* order, uint32_t begin, uin
     int longest = 0;
     float most = -1.0F;
     for (int axis = 0; axis < 3; ++axis) {
-        float low = nowhere, high = -nowhere;
+        float low = float_infinity, high = -float_infinity;
         for (uint32_t i = begin; i < end; ++i) {
             low = std::min(low, places[axis][order[i]]);
             high = std::max(high, places[axis][order[i]]);
@@ -333,10 +338,11 @@ void part(const float (*places)[block_most], uint8_t* order, uint32_t begin, uin
 
 } // namespace
 
-// Several threads may open the same block at once: the first to finish is kept.
-const ColliderTree::LoadedBlock* ColliderTree::open(const MarramMesh* meshes, uint32_t number) const {
+// Several threads may build the clusters of a block at once: the first to finish is kept.
+const ColliderTree::ClusteredBlock* ColliderTree::build_clusters(const MarramMesh* meshes,
+                                                                 uint32_t number) const {
     BlockCorners all;
-    load(meshes, shape_->blocks[number], all);
+    gather_corners(meshes, topology_->blocks[number], all);
     float places[3][block_most];
     uint8_t order[block_most];
     for (uint32_t i = 0; i < all.count; ++i) {
@@ -349,8 +355,8 @@ const ColliderTree::LoadedBlock* ColliderTree::open(const MarramMesh* meshes, ui
     }
     const uint32_t clusters = (all.count + lanes - 1) / lanes;
     void* memory =
-        ::operator new(sizeof(LoadedBlock) + clusters * sizeof(TriangleCluster), std::align_val_t(64));
-    auto* made = new (memory) LoadedBlock;
+        ::operator new(sizeof(ClusteredBlock) + clusters * sizeof(TriangleCluster), std::align_val_t(64));
+    auto* made = new (memory) ClusteredBlock;
     auto* into = new (made + 1) TriangleCluster[clusters];
     made->clusters = 0;
     part(places, order, 0, all.count, clusters, [&](uint32_t begin, uint32_t end) {
@@ -374,23 +380,25 @@ const ColliderTree::LoadedBlock* ColliderTree::open(const MarramMesh* meshes, ui
         made->triangles[made->clusters++] = end - begin;
     });
     for (uint32_t i = clusters; i < node_most; ++i) set_lane(made->node, i, no_bounds);
-    const LoadedBlock* there = nullptr;
-    if (loaded_blocks_[number].compare_exchange_strong(there, made, std::memory_order_acq_rel)) return made;
+    const ClusteredBlock* existing = nullptr;
+    if (clustered_blocks_[number].compare_exchange_strong(existing, made, std::memory_order_acq_rel))
+        return made;
     ::operator delete(memory, std::align_val_t(64));
-    return there;
+    return existing;
 }
 
 size_t ColliderTree::bytes() const {
-    size_t sum = nodes_.capacity() * sizeof(Node) + loaded_blocks_.capacity() * sizeof(loaded_blocks_[0]);
-    for (const auto& block : loaded_blocks_)
-        if (const LoadedBlock* there = block.load(std::memory_order_acquire))
-            sum += sizeof(LoadedBlock) + there->clusters * sizeof(TriangleCluster);
+    size_t sum =
+        nodes_.capacity() * sizeof(Node) + clustered_blocks_.capacity() * sizeof(clustered_blocks_[0]);
+    for (const auto& block : clustered_blocks_)
+        if (const ClusteredBlock* built = block.load(std::memory_order_acquire))
+            sum += sizeof(ClusteredBlock) + built->clusters * sizeof(TriangleCluster);
     return sum;
 }
 
 size_t ColliderTree::shared_bytes() const {
-    return shape_->runs.capacity() * sizeof(TriangleRun) + shape_->blocks.capacity() * sizeof(Block) +
-           shape_->nodes.capacity() * sizeof(Run);
+    return topology_->runs.capacity() * sizeof(TriangleRun) + topology_->blocks.capacity() * sizeof(Block) +
+           topology_->nodes.capacity() * sizeof(Run);
 }
 
 struct alignas(64) ColliderTree::RegionQuery {
@@ -399,7 +407,7 @@ struct alignas(64) ColliderTree::RegionQuery {
     size_t count;
     float radius;
     bool flat;
-    Wide3f normal, normal_size; // of its plane, in all lanes
+    Wide3f normal, abs_normal; // of its plane, in all lanes
     float height;
 };
 
@@ -419,7 +427,7 @@ template <typename Node, typename RegionQuery>
 MARRAM_INLINE uint32_t touched(const Node& node, const RegionQuery& q) {
     VInt apart = (node.low.x > q.high[0]) | (node.high.x < q.low[0]) | (node.low.y > q.high[1]) |
                  (node.high.y < q.low[1]) | (node.low.z > q.high[2]) | (node.high.z < q.low[2]);
-    VFloat least = splat_float(nowhere), most = -least;
+    VFloat least = splat_float(float_infinity), most = -least;
     for (size_t i = 0; i < q.count; ++i) {
         const VFloat h =
             node.normal.x * q.points[i][0] + node.normal.y * q.points[i][1] + node.normal.z * q.points[i][2];
@@ -431,7 +439,7 @@ MARRAM_INLINE uint32_t touched(const Node& node, const RegionQuery& q) {
         const VFloat half = splat_float(0.5F), wider = splat_float(1.0F + 0x1p-20F);
         const Wide3f centre = (node.low + node.high) * half, extent = (node.high - node.low) * half;
         const VFloat h = dot(centre, q.normal) - q.height;
-        const VFloat reach = dot(extent, q.normal_size) * wider + q.radius;
+        const VFloat reach = dot(extent, q.abs_normal) * wider + q.radius;
         apart |= (h > reach) | (h < -reach);
     }
     return bits_of(~apart);
@@ -458,27 +466,27 @@ MARRAM_HOT void ColliderTree::distances_to(const Node& node, const float* p, flo
     const VFloat h = dot(node.normal, place);
     const VFloat gap = outside(node.bottom - h, h - node.top);
     const Wide3f from = place - (node.low + node.high) * half, extent = (node.high - node.low) * half;
-    const VFloat across = dot(from, node.normal), whole = dot(from, from);
-    const VFloat along = vsqrt(greater(whole * (1.0F - 0x1p-20F) - across * across, zero));
-    const VFloat beyond = greater(along - vsqrt(dot(extent, extent)) * (1.0F + 0x1p-20F), zero);
-    out.squared = greater(x * x + y * y + z * z, gap * gap + beyond * beyond);
+    const VFloat height = dot(from, node.normal), squared = dot(from, from);
+    const VFloat lateral = vsqrt(greater(squared * (1.0F - 0x1p-20F) - height * height, zero));
+    const VFloat lateral_gap = greater(lateral - vsqrt(dot(extent, extent)) * (1.0F + 0x1p-20F), zero);
+    out.squared = greater(x * x + y * y + z * z, gap * gap + lateral_gap * lateral_gap);
     out.within = bits_of(out.squared <= limit);
 }
 
-// Traverses the tree from the root down; whole = false: more than `most` clusters.
+// Traverses the tree from the root down; complete = false: more than `most` clusters.
 MARRAM_HOT void ColliderTree::walk(const MarramMesh* meshes, const RegionQuery& q, size_t most,
-                                   std::vector<NearCluster>& found, bool& whole) const {
+                                   std::vector<NearCluster>& found, bool& complete) const {
     const Node* const nodes = nodes_.data();
-    const Run* const runs = shape_->nodes.data();
-    const uint32_t above_blocks = shape_->levels[1]; // from here on the children of nodes are nodes
+    const Run* const runs = topology_->nodes.data();
+    const uint32_t above_blocks = topology_->levels[1]; // from here on the children of nodes are nodes
     uint32_t stack[stack_size];
     size_t top = 0;
     stack[top++] = uint32_t(nodes_.size() - 1);
     while (top > 0) {
         const uint32_t n = stack[--top];
         const uint32_t first = runs[n].first;
-        const uint32_t there = (1U << runs[n].count) - 1U;
-        uint32_t bits = touched(nodes[n], q) & there;
+        const uint32_t child_mask = (1U << runs[n].count) - 1U;
+        uint32_t bits = touched(nodes[n], q) & child_mask;
         if (n >= above_blocks) {
             for (; bits != 0; bits &= bits - 1) {
                 const uint32_t child = first + uint32_t(std::countr_zero(bits));
@@ -488,20 +496,21 @@ MARRAM_HOT void ColliderTree::walk(const MarramMesh* meshes, const RegionQuery& 
             continue;
         }
         for (uint32_t later = bits; later != 0; later &= later - 1)
-            if (const LoadedBlock* next =
-                    loaded_blocks_[first + uint32_t(std::countr_zero(later))].load(std::memory_order_acquire))
+            if (const ClusteredBlock* next =
+                    clustered_blocks_[first + uint32_t(std::countr_zero(later))].load(
+                        std::memory_order_acquire))
                 prefetch_node(&next->node);
         for (; bits != 0; bits &= bits - 1) {
             const uint32_t number = first + uint32_t(std::countr_zero(bits));
-            const LoadedBlock& block = opened(meshes, number);
-            const uint32_t clusters = (1U << block.clusters) - 1U;
-            for (uint32_t in = touched(block.node, q) & clusters; in != 0; in &= in - 1) {
+            const ClusteredBlock& block = clusters_of(meshes, number);
+            const uint32_t cluster_mask = (1U << block.clusters) - 1U;
+            for (uint32_t in = touched(block.node, q) & cluster_mask; in != 0; in &= in - 1) {
                 if (found.size() >= most) {
-                    whole = false;
+                    complete = false;
                     return;
                 }
                 const auto i = uint32_t(std::countr_zero(in));
-                found.push_back({&block.cluster(i), shape_->blocks[number].mesh, block.triangles[i]});
+                found.push_back({&block.cluster(i), topology_->blocks[number].mesh, block.triangles[i]});
             }
         }
     }
@@ -514,7 +523,7 @@ bool ColliderTree::find(const MarramMesh* meshes, const SearchRegion& region, si
     RegionQuery q;
     q.count = region.points().size();
     const Vec3d origin = origin_.cast<double>();
-    Vec3d low = Vec3d::Constant(double(nowhere)), high = -low;
+    Vec3d low = Vec3d::Constant(infinity), high = -low;
     double greatest = 0.0;
     for (size_t i = 0; i < q.count; ++i) {
         const Vec3d p = region.points()[i] - origin;
@@ -525,7 +534,7 @@ bool ColliderTree::find(const MarramMesh* meshes, const SearchRegion& region, si
         for (int axis = 0; axis < 3; ++axis) q.points[i][axis] = float(p[axis]);
     }
     const double radius = region.radius() + rounding_of(greatest + region.radius());
-    if (!(radius < far_away)) return true;
+    if (!(radius < largest_coordinate)) return true;
     for (int axis = 0; axis < 3; ++axis) {
         q.low[axis] = float(low[axis] - radius);
         q.high[axis] = float(high[axis] + radius);
@@ -534,12 +543,11 @@ bool ColliderTree::find(const MarramMesh* meshes, const SearchRegion& region, si
     q.flat = !region.normal().isZero(0.0);
     const Vec3f n = region.normal().cast<float>();
     q.normal = {splat_float(n.x()), splat_float(n.y()), splat_float(n.z())};
-    q.normal_size = {splat_float(std::abs(n.x())), splat_float(std::abs(n.y())),
-                     splat_float(std::abs(n.z()))};
+    q.abs_normal = {splat_float(std::abs(n.x())), splat_float(std::abs(n.y())), splat_float(std::abs(n.z()))};
     q.height = q.flat ? float(region.normal().dot(region.points()[0] - origin)) : 0.0F;
-    bool whole = true;
-    walk(meshes, q, most, found, whole);
-    return whole;
+    bool complete = true;
+    walk(meshes, q, most, found, complete);
+    return complete;
 }
 
 } // namespace marram

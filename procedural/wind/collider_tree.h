@@ -6,10 +6,10 @@
 // skin below it before any triangle is tested.
 //
 // It is built from the mesh tables of the plugin interface, for one motion sample, over the triangles within
-// a groom's reach: blocks of up to 64 neighbours (triangle_blocks.h), and nodes above them, of at most eight
-// blocks or nodes each (T. Karras, "Maximizing Parallelism in the Construction of BVHs, Octrees, and k-d
-// Trees", 2012: cells are common prefixes). The contents of a block, clusters of up to eight triangles, are
-// built at the first query that reaches it: fur and grass query a small part of a fine skin.
+// a groom's query bounds: blocks of up to 64 neighbours (triangle_blocks.h), and nodes above them, of at most
+// eight blocks or nodes each (T. Karras, "Maximizing Parallelism in the Construction of BVHs, Octrees, and
+// k-d Trees", 2012: cells are common prefixes). The contents of a block, clusters of up to eight triangles,
+// are built at the first query that reaches it: fur and grass query a small part of a fine skin.
 //
 // It holds no pointer into the frame, and can be reused in later frames with the same meshes.
 //
@@ -40,13 +40,12 @@ class SearchRegion {
 
     explicit SearchRegion(double radius) : radius_(radius) {}
     void add(const Vec3d& p) { points_[count_++] = p; }
-    void flatten(const Vec3d& unit_normal) {
-        normal_ = unit_normal;
-    } // the plane passes through the first point
+    // Keeps only the part within the radius of the plane with this normal through the first point.
+    void limit_to_slab(const Vec3d& unit_normal) { normal_ = unit_normal; }
 
     std::span<const Vec3d> points() const { return {points_, count_}; }
     double radius() const { return radius_; }
-    const Vec3d& normal() const { return normal_; } // 0: not flat
+    const Vec3d& normal() const { return normal_; } // 0: no slab
 
   private:
     Vec3d points_[most_points];
@@ -69,10 +68,11 @@ struct NearCluster {
 
 class ColliderTree {
   public:
-    // Contains the triangles of all colliding meshes that touch `reach` at any motion sample, at sample
-    // `time`. `like`: the tree of another sample of the same frame and reach, whose blocks are shared.
-    ColliderTree(const MarramFrame& frame, const Eigen::AlignedBox3d& reach, uint32_t time,
-                 const ColliderTree* like = nullptr);
+    // Contains the triangles of all colliding meshes that touch `query_bounds` at any motion sample, at
+    // sample `time`. `share_with`: the tree of another sample of the same frame and query bounds, whose
+    // blocks are shared.
+    ColliderTree(const MarramFrame& frame, const Eigen::AlignedBox3d& query_bounds, uint32_t time,
+                 const ColliderTree* share_with = nullptr);
     ~ColliderTree();
     ColliderTree(const ColliderTree&) = delete;
     ColliderTree& operator=(const ColliderTree&) = delete;
@@ -84,7 +84,7 @@ class ColliderTree {
     // `meshes` below: the meshes it was built from, or equal ones.
 
     // Finds the clusters that may have a triangle within the region (none if it is not finite or its radius
-    // is beyond 1e18). False: there are more than `most` (found has some of them).
+    // is beyond largest_coordinate). False: there are more than `most` (found has some of them).
     bool find(const MarramMesh* meshes, const SearchRegion& region, size_t most,
               std::vector<NearCluster>& found) const;
 
@@ -94,9 +94,9 @@ class ColliderTree {
     void nearest(const MarramMesh* meshes, const Vec3d& p, double radius, Visit&& visit) const {
         if (nodes_.empty()) return;
         const Vec3d from = p - origin_.cast<double>();
-        const double spare = rounding_of(from.cwiseAbs().maxCoeff() + radius);
-        const auto limit_of = [spare](double r) {
-            return float((r + spare) * (r + spare) * (1.0 + 0x1p-20));
+        const double rounding_margin = rounding_of(from.cwiseAbs().maxCoeff() + radius);
+        const auto limit_of = [rounding_margin](double r) {
+            return float((r + rounding_margin) * (r + rounding_margin) * (1.0 + 0x1p-20));
         };
         const Vec3f place = from.cast<float>();
         struct StackEntry {
@@ -116,12 +116,14 @@ class ColliderTree {
                 continue;
             }
             const bool leaf = next.kind == StackEntry::block;
-            const Run run = leaf ? Run{0, opened(meshes, next.child).clusters} : shape_->nodes[next.child];
+            const Run run =
+                leaf ? Run{0, clusters_of(meshes, next.child).clusters} : topology_->nodes[next.child];
             Distances8 distances;
-            distances_to(leaf ? opened(meshes, next.child).node : nodes_[next.child], place.data(), limit,
-                         distances);
-            const auto kind = leaf ? StackEntry::cluster
-                                   : (next.child < shape_->levels[1] ? StackEntry::block : StackEntry::node);
+            distances_to(leaf ? clusters_of(meshes, next.child).node : nodes_[next.child], place.data(),
+                         limit, distances);
+            const auto kind =
+                leaf ? StackEntry::cluster
+                     : (next.child < topology_->levels[1] ? StackEntry::block : StackEntry::node);
             const size_t first = top;
             for (uint32_t bits = distances.within & ((1U << run.count) - 1U); bits != 0; bits &= bits - 1) {
                 const auto i = uint32_t(std::countr_zero(bits));
@@ -142,7 +144,7 @@ class ColliderTree {
         uint32_t mesh;       // index in the frame
         uint32_t first, end; // in the list of runs
     };
-    struct Shape { // the same at every motion sample
+    struct Topology { // the same at every motion sample
         std::vector<TriangleRun> runs;
         std::vector<Block> blocks;
         std::vector<Run> nodes;       // their children: blocks in the first level, nodes above
@@ -154,7 +156,7 @@ class ColliderTree {
         Wide3f normal;        // slabs: bottom <= normal . x <= top
         VFloat bottom, top;
     };
-    struct alignas(64) LoadedBlock {            // a block that was queried
+    struct alignas(64) ClusteredBlock {         // a block that was queried
         Node node;                              // bounds of its clusters
         uint32_t clusters;                      // their number; they follow in memory
         uint32_t triangles[block_most / lanes]; // number in each
@@ -171,28 +173,29 @@ class ColliderTree {
     };
     static double rounding_of(double greatest) { return 16.0 * 0x1p-24 * greatest + 0x1p-120; }
     static void distances_to(const Node& node, const float* p, float limit, Distances8& out);
-    static std::shared_ptr<const Shape> make_shape(const MarramFrame& frame,
-                                                   const Eigen::AlignedBox3d& reach);
+    static std::shared_ptr<const Topology> build_topology(const MarramFrame& frame,
+                                                          const Eigen::AlignedBox3d& query_bounds);
     void prefetch(const MarramMesh* meshes, uint32_t block) const;
-    void load(const MarramMesh* meshes, const Block& block, BlockCorners& out) const;
-    __attribute__((noinline)) const LoadedBlock* open(const MarramMesh* meshes, uint32_t block) const;
-    const LoadedBlock& opened(const MarramMesh* meshes, uint32_t block) const {
-        const LoadedBlock* there = loaded_blocks_[block].load(std::memory_order_acquire);
-        return there ? *there : *open(meshes, block);
+    void gather_corners(const MarramMesh* meshes, const Block& block, BlockCorners& out) const;
+    __attribute__((noinline)) const ClusteredBlock* build_clusters(const MarramMesh* meshes,
+                                                                   uint32_t block) const;
+    const ClusteredBlock& clusters_of(const MarramMesh* meshes, uint32_t block) const {
+        const ClusteredBlock* built = clustered_blocks_[block].load(std::memory_order_acquire);
+        return built ? *built : *build_clusters(meshes, block);
     }
-    NearCluster cluster_of(uint32_t block, uint32_t i) const { // of an open block
-        const LoadedBlock& there = *loaded_blocks_[block].load(std::memory_order_acquire);
-        return {&there.cluster(i), shape_->blocks[block].mesh, there.triangles[i]};
+    NearCluster cluster_of(uint32_t block, uint32_t i) const { // of a block with clusters
+        const ClusteredBlock& built = *clustered_blocks_[block].load(std::memory_order_acquire);
+        return {&built.cluster(i), topology_->blocks[block].mesh, built.triangles[i]};
     }
     void walk(const MarramMesh* meshes, const RegionQuery& question, size_t most,
-              std::vector<NearCluster>& found, bool& whole) const;
+              std::vector<NearCluster>& found, bool& complete) const;
 
-    std::shared_ptr<const Shape> shape_;
+    std::shared_ptr<const Topology> topology_;
     uint32_t time_;
     Vec3f origin_; // of boxes and slabs
     WideVector<Node> nodes_;
-    mutable std::vector<std::atomic<const LoadedBlock*>>
-        loaded_blocks_; // [blocks]; the contents depend on the block only
+    mutable std::vector<std::atomic<const ClusteredBlock*>>
+        clustered_blocks_; // [blocks]; the contents depend on the block only
 };
 
 } // namespace marram

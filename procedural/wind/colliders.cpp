@@ -48,10 +48,10 @@ bool any_moves(const MarramFrame& frame) {
 }
 
 // All data that the trees depend on.
-std::vector<uint64_t> key_of(const MarramFrame& frame, const Eigen::AlignedBox3d& reach,
+std::vector<uint64_t> key_of(const MarramFrame& frame, const Eigen::AlignedBox3d& query_bounds,
                              std::span<Colliders* const> colliders) {
     std::vector<uint64_t> key;
-    for (const Vec3d& corner : {reach.min(), reach.max()})
+    for (const Vec3d& corner : {query_bounds.min(), query_bounds.max()})
         for (int axis = 0; axis < 3; ++axis) key.push_back(std::bit_cast<uint64_t>(corner[axis]));
     // If nothing moves, one tree serves any number of samples.
     const bool moves = any_moves(frame);
@@ -69,19 +69,19 @@ std::vector<uint64_t> key_of(const MarramFrame& frame, const Eigen::AlignedBox3d
 
 } // namespace
 
-bool ColliderTrees::give(const MarramFrame& frame, const Eigen::AlignedBox3d& reach,
-                         std::span<Colliders* const> colliders) {
-    std::vector<uint64_t> key = key_of(frame, reach, colliders);
+bool ColliderTrees::build_or_reuse(const MarramFrame& frame, const Eigen::AlignedBox3d& query_bounds,
+                                   std::span<Colliders* const> colliders) {
+    std::vector<uint64_t> key = key_of(frame, query_bounds, colliders);
     const bool changed = key != key_;
     if (changed) {
         key_.clear();
         trees_.clear(); // free the old ones before building
         const size_t count = any_moves(frame) ? colliders.size() : std::min<size_t>(colliders.size(), 1);
         for (size_t i = 0; i < count; ++i)
-            trees_.push_back(colliders[i]->any()
-                                 ? std::make_shared<ColliderTree>(frame, reach, colliders[i]->time_index,
-                                                                  i > 0 ? trees_[0].get() : nullptr)
-                                 : nullptr);
+            trees_.push_back(colliders[i]->any() ? std::make_shared<ColliderTree>(
+                                                       frame, query_bounds, colliders[i]->time_index,
+                                                       i > 0 ? trees_[0].get() : nullptr)
+                                                 : nullptr);
         key_ = std::move(key);
     }
     for (size_t i = 0; i < colliders.size(); ++i) colliders[i]->tree = trees_[std::min(i, trees_.size() - 1)];

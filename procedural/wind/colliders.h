@@ -45,16 +45,16 @@ Colliders colliders_at(const MarramFrame& frame, uint32_t time_index);
 
 inline Eigen::AlignedBox3d everywhere() { return {Vec3d::Constant(-infinity), Vec3d::Constant(infinity)}; }
 
-// The trees of a frame, kept for the next one: they are reused if neither the meshes nor the reach have
+// The trees of a frame, kept for the next one: they are reused if neither the meshes nor the query bounds have
 // changed. This is detected by a hash of all mesh data (XXH3, 128 bits): 36 ms a gigabyte on two threads, a
 // thirtieth of the build time.
 class ColliderTrees {
   public:
-    // Assigns trees over the triangles that touch `reach` to the colliders of a frame's motion samples; all
-    // samples share one tree if no mesh moves. Strands outside the reach must not be collided. Returns true
-    // if the trees were built, false if they were reused.
-    bool give(const MarramFrame& frame, const Eigen::AlignedBox3d& reach,
-              std::span<Colliders* const> colliders);
+    // Assigns trees over the triangles that touch `query_bounds` to the colliders of a frame's motion
+    // samples; all samples share one tree if no mesh moves. Strands outside them must not be collided.
+    // Returns true if the trees were built, false if they were reused.
+    bool build_or_reuse(const MarramFrame& frame, const Eigen::AlignedBox3d& query_bounds,
+                        std::span<Colliders* const> colliders);
 
     size_t bytes() const;
 

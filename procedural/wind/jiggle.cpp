@@ -4,7 +4,7 @@
 //
 //     x'' + 2 zeta omega x' + omega^2 x = omega^2 g(s),       omega = 2 pi frequency stiffness(k / (n - 1))
 //
-// with g piecewise linear between knots at absolute multiples of a step. For such a g the solution below is
+// with g piecewise linear between samples at absolute multiples of a step. For such a g the solution below is
 // exact.
 //
 // In the angle tau = omega s, let w = dx/dtau and e = x - g, the lag. While g moves by D over a step of tau
@@ -12,7 +12,7 @@
 //
 //     de/dtau = w - D / tau          dw/dtau = -e - 2 zeta w
 //
-// Both e and w are continuous at knots, so they are the whole state. A target at rest has D = 0, and e = w =
+// Both e and w are continuous at samples, so they are the whole state. A static target has D = 0, and e = w =
 // 0 stays exactly 0. Let S be the homogeneous solution with S(0) = 0, S'(0) = 1, and C = S' + 2 zeta S (C(0)
 // = 1, C' = -S).
 //
@@ -31,7 +31,7 @@
 // of G.
 //
 // Length of the window. x(t) is the integral of omega S(omega sigma) g(t - sigma) over sigma > 0. Taking the
-// target as constant before the window's first knot, T ago, changes g by at most `reach` there, and x by at
+// target as constant before the window's first sample, T ago, changes g by at most `reach` there, and x by at
 // most reach * tail(omega T), where
 //
 //     tail(X) = integral of |S| from X to infinity
@@ -45,7 +45,7 @@
 // The pose at t: offsets from the root are x_k = linear offset at t + lag. They start at the root at t. From
 // root to tip each segment takes its direction from x_k+1 - x_k and its length from the rest strand at t.
 //
-// Step. A sinusoid of frequency f, linear between knots h apart, keeps the fraction (sin(pi f h) / (pi f
+// Step. A sinusoid of frequency f, linear between samples h apart, keeps the fraction (sin(pi f h) / (pi f
 // h))^2 of its amplitude: the loss grows with the square of the step. Half a frame at 24 fps loses 1 % at 2.6
 // Hz, whole frames lose it at 1.3 Hz. A groom tests a few of its strands to find the step that its tolerance
 // allows (procedural/groom/pilot.h).
@@ -61,7 +61,8 @@ namespace {
 
 constexpr double initial_damping = 0.3;
 constexpr double default_window_tolerance = 1e-6; // of the reach, if no tolerance is given
-constexpr double max_knots = 1e5; // each costs a bend of every strand: with more, a frame would take hours
+constexpr double max_past_samples =
+    1e5; // each costs a bend of every strand: with more, a frame would take hours
 
 // The difference of two filtered points is good to about 1e-14 of the strand, 1e-11 of one of 1000 segments.
 // Below this fraction of the segment's length its direction has less than two digits.
@@ -82,7 +83,7 @@ constexpr std::array jiggle_values = {
                 "time between samples of the past; default: as long as the tolerance allows",
                 "0.125|0.25|0.5|1|2", "seconds.jiggle"},
     MarramParam{"jiggle.start_frame", MARRAM_NUMBER, "frames", "none", -1e7, 1e7, "",
-                "strands rest in their bent pose until this frame; required if damping is 0"},
+                "strands stay in their bent pose until this frame; required if damping is 0"},
 };
 
 [[noreturn]] void refuse(const Values& values, const char* name, const std::string& what,
@@ -174,7 +175,7 @@ MARRAM_INLINE WideJiggleStep wide(const JiggleStep& step) {
 }
 MARRAM_INLINE const WideJiggleStep& wide(const WideJiggleStep& step) { return step; }
 
-// Advances the state of a block from one knot to the next.
+// Advances the state of a block from one past sample to the next.
 template <typename Step>
 MARRAM_INLINE void advance_cvs(const Step* steps, int cvs, const Wide3f* from, const Wide3f* to, Wide3d* lag,
                                Wide3d* velocity) {
@@ -201,8 +202,8 @@ MARRAM_HOT void advance_block(const WideJiggleStep* steps, int cvs, const Wide3f
 template <typename Step>
 struct EmitView { // one block
     int cvs;
-    const Step* steps; // from the previous knot to the time of the pose
-    double share;      // fraction of the way from that knot to the next
+    const Step* steps; // from the previous past sample to the time of the pose
+    double share;      // fraction of the way from that sample to the next
     const Wide3f *from, *to, *rest;
     const Wide3d *lag, *velocity;
     Wide3f* pose;
@@ -335,16 +336,16 @@ JiggleWindow jiggle_window(const Jiggle& jiggle, std::span<const double> times, 
     const double first_time = times.front() - memory, last_time = times.back();
 
     double first = std::floor(first_time / jiggle.step), last = std::ceil(last_time / jiggle.step);
-    if (first * jiggle.step > first_time) first -= 1.0; // if the division was rounded across a knot
+    if (first * jiggle.step > first_time) first -= 1.0; // if the division was rounded across a sample
     if (last * jiggle.step < last_time) last += 1.0;
     if (jiggle.start_frame) {
         const double start = std::floor(*jiggle.start_frame / jiggle.step);
         if (last_time < start * jiggle.step) return {};
         first = std::max(first, start);
     }
-    if (!(last - first < max_knots))
+    if (!(last - first < max_past_samples))
         throw SceneFault("jiggle.too_long", jiggle.place,
-                         "jiggle needs more than " + std::to_string(int(max_knots)) +
+                         "jiggle needs more than " + std::to_string(int(max_past_samples)) +
                              " samples of past frames",
                          "give more jiggle.damping, a higher frequency, a longer "
                          "jiggle.step, or a later jiggle.start_frame");
@@ -395,8 +396,8 @@ void JiggleFilter::fill_steps(double frames, WideVector<WideJiggleStep>& steps) 
         }
 }
 
-void JiggleFilter::feed(int64_t knot, const Strands& bent) {
-    assert(bent.cvs == cvs_ && bent.blocks == blocks_ && (fed_ == 0 || knot == knot_ + 1));
+void JiggleFilter::feed(int64_t past_sample, const Strands& bent) {
+    assert(bent.cvs == cvs_ && bent.blocks == blocks_ && (fed_ == 0 || past_sample == last_ + 1));
     if (fed_ == 2) {
         for (int i = 0; i < blocks_; ++i) {
             const size_t first = size_t(i) * size_t(cvs_);
@@ -412,21 +413,21 @@ void JiggleFilter::feed(int64_t knot, const Strands& bent) {
     std::copy(bent.pose.begin(), bent.pose.end(), to_.begin());
     if (fed_ == 0) {
         std::copy(bent.pose.begin(), bent.pose.end(), from_.begin());
-        first_ = knot;
+        first_ = past_sample;
     }
-    knot_ = knot;
+    last_ = past_sample;
     fed_ = std::min(fed_ + 1, 2);
 }
 
 void JiggleFilter::emit(double frame, const Strands& now, WideVector<Wide3f>& pose) {
     assert(now.cvs == cvs_ && now.blocks == blocks_);
     pose.resize(now.pose.size());
-    const double begin = jiggle_.frame_of(knot_ - 1), end = jiggle_.frame_of(knot_);
+    const double begin = jiggle_.frame_of(last_ - 1), end = jiggle_.frame_of(last_);
     if (fed_ == 0 || frame < jiggle_.frame_of(first_)) {
         std::copy(now.pose.begin(), now.pose.end(), pose.begin());
         return;
     }
-    // A single knot counts as the end of a step without motion.
+    // A single sample counts as the end of a step without motion.
     const double share = std::clamp((frame - begin) / (end - begin), 0.0, 1.0);
     if (u_.empty())
         fill_steps(share * jiggle_.step, part_);

@@ -7,7 +7,7 @@
 //     uniform cubic B-spline  P_k + t (P_{k+1} - P_k) + ((1-t)^3 D_k + t^3 D_{k+1}) / 6
 //     Catmull-Rom             P_k + t (P_{k+1} - P_k) - (t (1-t)^2 D_k + t^2 (1-t) D_{k+1}) / 2
 //
-// so its offset from the polygon is at most max |D| / 6 or / 8. If offset + radius <= clearance + tolerance,
+// so its offset from the polygon is at most max |D| / 6 or / 8. If offset + radius <= free distance + tolerance,
 // it cannot penetrate too far. Otherwise it is tested point by point. A point counts as outside the colliders
 // unless the straight line from the polygon to it crosses a triangle.
 #pragma once
@@ -41,9 +41,9 @@ struct RenderedSegment {
     double max_offset() const { return std::max(d0.norm(), d1.norm()) / (bspline ? 6.0 : 8.0); }
 };
 
-// True: the rendered curve of a segment, whose polygon is free by `clearance`, penetrates by more than the
-// tolerance.
-bool penetrates_collider(const Colliders& colliders, const RenderedSegment& drawn, double clearance,
+// True: the rendered curve of a segment, whose polygon has a distance of at least `free_distance` from every
+// collider, penetrates by more than the tolerance.
+bool penetrates_collider(const Colliders& colliders, const RenderedSegment& segment, double free_distance,
                          double tolerance, TurnScratch& scratch);
 
 } // namespace marram

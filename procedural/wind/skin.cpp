@@ -41,9 +41,9 @@ bool closest_skin_point(const Colliders& colliders, const MarramMesh& skin, cons
     } candidates[64];
     size_t count = 0;
     double bound = best;
-    const double spare = 1e-12 * (reach + (p.cwiseAbs().maxCoeff() + reach) * 1e-3);
+    const double rounding_margin = 1e-12 * (reach + (p.cwiseAbs().maxCoeff() + reach) * 1e-3);
     const auto limit = [&] {
-        const double far = (bound + spare) * (1.0 + 1e-9);
+        const double far = (bound + rounding_margin) * (1.0 + 1e-9);
         return far * far;
     };
     const auto drop_far = [&] {
@@ -51,8 +51,8 @@ bool closest_skin_point(const Colliders& colliders, const MarramMesh& skin, cons
                                          [&](const Candidate& c) { return c.squared > limit(); });
         count = size_t(end - candidates);
     };
-    colliders.tree->nearest(colliders.lent, p, bound + spare, [&](const NearCluster& near) {
-        if (&colliders.lent[near.mesh] != &skin) return bound + spare;
+    colliders.tree->nearest(colliders.lent, p, bound + rounding_margin, [&](const NearCluster& near) {
+        if (&colliders.lent[near.mesh] != &skin) return bound + rounding_margin;
         Squared8 distances;
         squared_distances(*near.cluster, p, facing, distances);
         double least = bound * bound;
@@ -69,20 +69,20 @@ bool closest_skin_point(const Colliders& colliders, const MarramMesh& skin, cons
             }
             candidates[count++] = {near.cluster->triangle[lane], squared};
         }
-        return bound + spare;
+        return bound + rounding_margin;
     });
     drop_far();
     for (size_t i = 0; i < count; ++i) consider(candidates[i].triangle);
     return found;
 }
 
-bool push_out(const Colliders& colliders, const MarramMesh& skin, const Vec3d& rest, const Vec3d& facing,
-              double reach, double scale, uint32_t& hint, Vec3d& p) {
+bool raise_to_min_height(const Colliders& colliders, const MarramMesh& skin, const Vec3d& rest,
+                         const Vec3d& facing, double reach, double scale, uint32_t& hint, Vec3d& p) {
     SkinPoint at_rest, now;
     if (!closest_skin_point(colliders, skin, rest, facing, reach, hint, at_rest)) return false;
     hint = at_rest.triangle;
     if (!closest_skin_point(colliders, skin, p, at_rest.normal, reach, hint, now)) return false;
-    // Push along the normal at rest, which does not change from frame to frame. With the normal below p the
+    // Raise along the normal at rest, which does not change from frame to frame. With the normal below p the
     // target would jump where p passes from one triangle to the next. A step gains its full length if the two
     // normals agree, otherwise less.
     constexpr int steps = 4;

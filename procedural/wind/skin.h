@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Heights above the skin that a strand grows on, and the push that keeps a fraction of them.
+// Heights above the skin that a strand grows on, and raising a CV to a fraction of its height at rest.
 #pragma once
 
 #include "procedural/wind/colliders.h"
@@ -22,13 +22,13 @@ inline constexpr uint32_t no_triangle = ~0U;
 bool closest_skin_point(const Colliders& colliders, const MarramMesh& skin, const Vec3d& p,
                         const Vec3d& facing, double reach, uint32_t hint, SkinPoint& closest);
 
-// Call this if something is near the path from `rest` to p. Moves p out along the skin's normal below `rest`
+// Call this if something is near the path from `rest` to p. Raises p along the skin's normal below `rest`
 // until its height is at least 0.98 x `scale` times that of `rest`, whose closest point defines the side of
 // the skin. At most four steps; if the normals below the two differ by more than a right angle, p may end
 // lower. The result is continuous in p as long as the closest point on that side does not jump. `facing`: the
 // normal at the root. `hint`: see closest_skin_point(); it becomes the triangle below `rest`. False: there is
 // no consistent side; p is unchanged.
-bool push_out(const Colliders& colliders, const MarramMesh& skin, const Vec3d& rest, const Vec3d& facing,
-              double reach, double scale, uint32_t& hint, Vec3d& p);
+bool raise_to_min_height(const Colliders& colliders, const MarramMesh& skin, const Vec3d& rest,
+                         const Vec3d& facing, double reach, double scale, uint32_t& hint, Vec3d& p);
 
 } // namespace marram

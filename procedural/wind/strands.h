@@ -11,6 +11,18 @@
 
 namespace marram {
 
+inline void set_lane(Wide3d& v, int lane, const Vec3d& value) {
+    v.x[lane] = value.x();
+    v.y[lane] = value.y();
+    v.z[lane] = value.z();
+}
+// Rounds to float.
+inline void set_lane(Wide3f& v, int lane, const Vec3d& value) {
+    v.x[lane] = float(value.x());
+    v.y[lane] = float(value.y());
+    v.z[lane] = float(value.z());
+}
+
 struct Strands {
     int count = 0;  // strands
     int cvs = 0;    // a strand
@@ -22,17 +34,17 @@ struct Strands {
 
     WideVector<Wide3f> rest, pose;               // [blocks * cvs]
     WideVector<Wide3f> rest_normal, pose_normal; // [blocks * cvs] if `oriented`, else empty
-    WideVector<VFloat> gust;        // [blocks * cvs], sum of the influences of all gusts, not clamped
-    WideVector<VFloat> envelope;    // [blocks * cvs], 0 ... 1
-    WideVector<VFloat> shield;      // [blocks * cvs], 0 ... 1: sheltered fraction
-    WideVector<Wide3d> anchor;      // [blocks]: root position that noise is sampled from
-    WideVector<Wide3d> root_normal; // [blocks]: normal of the skin at the root, unit
-    WideVector<VDouble> width;      // [blocks]: width of a strand, metres; the radius profile scales it
-    WideVector<VFloat> wind_share;  // [blocks] if has_wind_share: factor of the envelope
-    WideVector<VDouble> u;          // [blocks * cvs] if irregular; else CV k is at k / (cvs - 1)
-    WideVector<VFloat> radius;      // [blocks * cvs] if irregular, metres
-    WideVector<Wide3d> points;      // [cvs] scratch
-    WideVector<Wide3f> values;      // [2 * cvs] scratch
+    WideVector<VFloat> gust;         // [blocks * cvs], sum of the influences of all gusts, not clamped
+    WideVector<VFloat> envelope;     // [blocks * cvs], 0 ... 1
+    WideVector<VFloat> shield;       // [blocks * cvs], 0 ... 1: sheltered fraction
+    WideVector<Wide3d> noise_origin; // [blocks]: root position that noise is sampled from
+    WideVector<Wide3d> root_normal;  // [blocks]: normal of the skin at the root, unit
+    WideVector<VDouble> width;       // [blocks]: width of a strand, metres; the radius profile scales it
+    WideVector<VFloat> wind_share;   // [blocks] if has_wind_share: factor of the envelope
+    WideVector<VDouble> u;           // [blocks * cvs] if irregular; else CV k is at k / (cvs - 1)
+    WideVector<VFloat> radius;       // [blocks * cvs] if irregular, metres
+    WideVector<Wide3d> points;       // [cvs] scratch
+    WideVector<Wide3f> values;       // [2 * cvs] scratch
 
     size_t bytes() const {
         return (rest.capacity() + pose.capacity() + rest_normal.capacity() + pose_normal.capacity() +
@@ -41,7 +53,7 @@ struct Strands {
                (envelope.capacity() + shield.capacity() + gust.capacity() + wind_share.capacity() +
                 radius.capacity()) *
                    sizeof(VFloat) +
-               (anchor.capacity() + root_normal.capacity() + points.capacity()) * sizeof(Wide3d) +
+               (noise_origin.capacity() + root_normal.capacity() + points.capacity()) * sizeof(Wide3d) +
                (width.capacity() + u.capacity()) * sizeof(VDouble);
     }
 
@@ -58,7 +70,7 @@ struct Strands {
         gust.resize(size);
         envelope.resize(size);
         shield.resize(size);
-        anchor.resize(size_t(blocks));
+        noise_origin.resize(size_t(blocks));
         root_normal.resize(size_t(blocks));
         width.resize(size_t(blocks));
         wind_share.resize(has_wind_share ? size_t(blocks) : 0);

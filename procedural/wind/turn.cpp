@@ -30,7 +30,7 @@ struct Part { // of a sector, in angles
 SearchRegion sector(const Vec3d& pivot, const Turning& turning, const Part& part, double radius) {
     SearchRegion region(radius);
     region.add(pivot);
-    region.flatten(turning.normal);
+    region.limit_to_slab(turning.normal);
     const int pieces = std::max(int(std::ceil((part.end - part.begin) * (3.0 / pi))), 1);
     const double half = 0.5 * (part.end - part.begin) / pieces, beyond = turning.length / std::cos(half);
     const auto add = [&](double angle, double distance) {
@@ -144,8 +144,8 @@ RTCRayHit trace(const Colliders& colliders, const Segment& segment, const Vec3d&
 
 // True: a ray hits a triangle that crosses the segment.
 bool ray_confirms_blocked(const Colliders& colliders, const Segment& segment, TurnScratch& scratch) {
-    constexpr double beyond = 1e18; // no mesh reaches as far, and Embree rejects such rays
-    if (!(segment.pivot.cwiseAbs().maxCoeff() < beyond)) return false;
+    // Beyond there is no mesh, and Embree rejects such rays.
+    if (!(segment.pivot.cwiseAbs().maxCoeff() < largest_coordinate)) return false;
     const RTCRayHit found = trace(colliders, segment, segment.from);
     const MarramMesh* mesh =
         found.hit.geomID == RTC_INVALID_GEOMETRY_ID ? nullptr : colliders.mesh_of(found.hit.geomID);

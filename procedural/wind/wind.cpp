@@ -106,7 +106,7 @@ Wind read_wind(const Values& values) {
     wind.noise.gain = values.number("wind.noise.gain");
     wind.noise.seed = static_cast<uint32_t>(values.integer("wind.noise.seed"));
     wind.evolution = values.number("wind.noise.evolution");
-    wind.rest_anchored = values.text("wind.noise.anchor") == "rest";
+    wind.noise_at_bind_frame = values.text("wind.noise.anchor") == "rest";
     if (values.has("wind.noise.loop")) {
         wind.loops = true;
         wind.loop_begin = values.range("wind.noise.loop").x();

@@ -30,7 +30,7 @@ struct Wind {
     double noise_amplitude = 0.0; // relative to the unit wind direction
     FractalNoise noise;
     double evolution = 0.0;                  // lattice cells a second along the fourth dimension
-    bool rest_anchored = false;              // noise is sampled at the root's position at bind_frame
+    bool noise_at_bind_frame = false;        // noise is sampled at the root's position at bind_frame
     bool loops = false;                      // the noise at loop_end equals the noise at loop_begin
     double loop_begin = 0.0, loop_end = 0.0; // frames
     // Optional stages, set if the scene uses them.

@@ -112,7 +112,7 @@ Workload::Workload(const Size& size)
     if (size.strands >= F.strands) return; // the literal baseline would take too much memory
     for (uint32_t t = 0; t < keys_; ++t) {
         std::vector<Strands>& rest =
-            rest_.emplace_back(grow(groom_, wind_, GrowthPoses{world_.surface(0), world_.surface(0, t)}));
+            rest_.emplace_back(grow(groom_, wind_, SkinPoses{world_.surface(0), world_.surface(0, t)}));
         LiteralStrands& literal = literal_.emplace_back();
         literal.cvs = size.cvs;
         each_cv(rest, [&](const Strands& patch, int i, int k) {

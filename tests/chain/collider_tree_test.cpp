@@ -93,7 +93,7 @@ double check(const Lent& lent, const ColliderTree& tree, uint32_t time, double s
         }
         SearchRegion region(radius);
         for (const Vec3d& point : points) region.add(point - mean + inside);
-        if (flat) region.flatten(normal);
+        if (flat) region.limit_to_slab(normal);
         EXPECT_TRUE(tree.find(lent.frame.meshes, region, SIZE_MAX, found));
         EXPECT_TRUE(names(found, &mesh, triangle)) << "triangle " << triangle << ", question " << i;
         for (const NearCluster& near : found) named += double(near.count) / count;
@@ -242,7 +242,7 @@ TEST(ColliderTree, serves_the_next_frames_until_something_changes) {
     ColliderTrees trees;
     const auto given = [&] {
         Colliders at[2] = {colliders_at(lent.frame, 0), colliders_at(lent.frame, 1)};
-        const bool made = trees.give(lent.frame, reach, std::array{&at[0], &at[1]});
+        const bool made = trees.build_or_reuse(lent.frame, reach, std::array{&at[0], &at[1]});
         EXPECT_TRUE(at[0].tree && at[1].tree);
         EXPECT_EQ(at[0].tree == at[1].tree, lent.frame.mesh_count == 1); // the other mesh moves
         return made;

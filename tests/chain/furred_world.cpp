@@ -77,7 +77,7 @@ Groom plain_coat(uint64_t count, int cvs, double shortest, double longest, doubl
     return groom;
 }
 
-std::vector<Strands> grow(const Groom& groom, const Wind& wind, const GrowthPoses& poses, size_t most) {
+std::vector<Strands> grow(const Groom& groom, const Wind& wind, const SkinPoses& poses, size_t most) {
     std::vector<Root> roots = place_roots(groom, poses.bind, [] { return false; }).roots;
     roots.resize(std::min(roots.size(), most));
     std::vector<Strands> patches;

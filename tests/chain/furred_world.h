@@ -4,7 +4,7 @@
 #pragma once
 
 #include "core/geometry/mesh.h"
-#include "procedural/groom/description.h"
+#include "procedural/groom/groom_settings.h"
 #include "procedural/groom/roots.h"
 #include "procedural/groom/strand_shape.h"
 #include "procedural/wind/chain.h"
@@ -31,7 +31,7 @@ class FurredWorld {
     Surface surface(size_t i, uint32_t time = 0) const;
     Colliders colliders() const {
         Colliders colliders = colliders_at(frame_, 0);
-        ColliderTrees().give(frame_, everywhere(), std::array{&colliders});
+        ColliderTrees().build_or_reuse(frame_, everywhere(), std::array{&colliders});
         return colliders;
     }
 
@@ -50,11 +50,11 @@ Groom plain_coat(uint64_t count, int cvs, double shortest, double longest, doubl
 
 // All strands of the groom in patches of at most 512, at rest on the surface. On a deformed surface: the
 // strands of `bind`.
-std::vector<Strands> grow(const Groom& groom, const Wind& wind, const GrowthPoses& poses,
+std::vector<Strands> grow(const Groom& groom, const Wind& wind, const SkinPoses& poses,
                           size_t most = SIZE_MAX);
 inline std::vector<Strands> grow(const Groom& groom, const Wind& wind, const Surface& surface,
                                  size_t most = SIZE_MAX) {
-    return grow(groom, wind, GrowthPoses{surface, surface}, most);
+    return grow(groom, wind, SkinPoses{surface, surface}, most);
 }
 
 // A steady wind along `direction` with two octaves of noise.

@@ -194,9 +194,9 @@ HeldShelterError error_of_held_shelter(const Stage& stage, double spread) {
     std::vector<Strands> truth = grow(groom, wind, {at_rest.surface(0), world.surface(0)});
     std::vector<JiggleFilter> filters(truth.size());
     for (size_t p = 0; p < truth.size(); ++p) filters[p].begin(jiggle, 24.0, 6, truth[p].blocks);
-    std::vector<std::vector<Strands>> history; // [knot][patch], at rest
-    for (int64_t knot = window.first; knot <= window.last; ++knot) {
-        const double time = jiggle.frame_of(knot);
+    std::vector<std::vector<Strands>> history; // [sample][patch], at rest
+    for (int64_t past_sample = window.first; past_sample <= window.last; ++past_sample) {
+        const double time = jiggle.frame_of(past_sample);
         const FurredWorld then(stage(time));
         const MarramFrame past = framed(then, time);
         const ChainFrame there =
@@ -206,7 +206,7 @@ HeldShelterError error_of_held_shelter(const Stage& stage, double spread) {
         for (size_t p = 0; p < truth.size(); ++p) {
             Strands strands = history.back()[p];
             run_chain(there, 0, strands, scratch);
-            filters[p].feed(knot, strands);
+            filters[p].feed(past_sample, strands);
         }
     }
     HeldShelterError swung;
@@ -217,13 +217,14 @@ HeldShelterError error_of_held_shelter(const Stage& stage, double spread) {
         const auto rest_of = [](const Strands& from, Strands& to) {
             to.rest = from.rest;
             to.rest_normal = from.rest_normal;
-            to.anchor = from.anchor;
+            to.noise_origin = from.noise_origin;
             to.root_normal = from.root_normal;
             to.width = from.width;
         };
-        const RestStrandSource expand{
-            [&](uint32_t, Strands& s) { rest_of(truth[p], s); },
-            [&](int64_t knot, Strands& s) { rest_of(history[size_t(knot - window.first)][p], s); }};
+        const RestStrandSource expand{[&](uint32_t, Strands& s) { rest_of(truth[p], s); },
+                                      [&](int64_t past_sample, Strands& s) {
+                                          rest_of(history[size_t(past_sample - window.first)][p], s);
+                                      }};
         jiggle_patch(chain, expand, held, scratch);
         Strands bent = truth[p];
         ChainScratch other;

@@ -28,7 +28,7 @@ TEST(Skin, pushes_targets_where_the_oracle_does) {
         const oracle::Pushed expected = oracle::push_targets(rest, bent, up, scale, set);
         uint32_t hint = no_triangle;
         Vec3d p = bent[1];
-        const bool done = push_out(colliders, world.mesh(0), rest[1], up, 0.5, scale, hint, p);
+        const bool done = raise_to_min_height(colliders, world.mesh(0), rest[1], up, 0.5, scale, hint, p);
         EXPECT_EQ(done, expected.skipped == 0);
         skipped += expected.skipped;
         pushed += expected.push[1] > 0.0;
@@ -94,7 +94,8 @@ TEST(Skin, pushed_targets_stand_high_enough_and_follow_without_jumps) {
             const double angle = 1.9 * s / steps;
             Vec3d p = up * 1.08 + 0.9 * length * (up * std::cos(angle) + side * std::sin(angle));
             const Vec3d asked_at = p;
-            if (!push_out(colliders, world.mesh(0), rest, up, 2.0 * length, scale, hint, p)) continue;
+            if (!raise_to_min_height(colliders, world.mesh(0), rest, up, 2.0 * length, scale, hint, p))
+                continue;
             SkinPoint at_rest, now;
             ASSERT_TRUE(closest_skin_point(colliders, world.mesh(0), rest, up, 1.0, no_triangle, at_rest));
             ASSERT_TRUE(

@@ -171,11 +171,11 @@ TEST(Stages, jiggle_agrees_with_the_oracle) {
             std::fill(s.envelope.begin(), s.envelope.end(), splat_float(0.8F));
             filter.begin(jiggle, fps, s.cvs, s.blocks);
             std::vector<oracle::History> histories(static_cast<size_t>(s.count));
-            for (int64_t knot = window.first; knot <= window.last; ++knot) {
-                bend(b.wind, jiggle.frame_of(knot), fps, s);
-                filter.feed(knot, s);
+            for (int64_t past_sample = window.first; past_sample <= window.last; ++past_sample) {
+                bend(b.wind, jiggle.frame_of(past_sample), fps, s);
+                filter.feed(past_sample, s);
                 for (int i = 0; i < s.count; ++i) {
-                    histories[size_t(i)].times.push_back(jiggle.frame_of(knot) / fps);
+                    histories[size_t(i)].times.push_back(jiggle.frame_of(past_sample) / fps);
                     histories[size_t(i)].poses.push_back(pose_of(s, i));
                 }
             }

@@ -72,7 +72,7 @@ Costs costs(const FurredWorld& world, double global_rotate) {
     double tree[2];
     for (double& seconds : tree) {
         const auto begin = std::chrono::steady_clock::now();
-        trees.give(world.frame(), everywhere(), std::array{&colliders});
+        trees.build_or_reuse(world.frame(), everywhere(), std::array{&colliders});
         seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     }
     std::vector<double> seconds[2];

@@ -95,7 +95,7 @@ static MarramStatus tessellate(MarramInstance* instance, uint32_t index, const M
 
 static void report(MarramInstance* instance, void (*sink)(void*, const char*, double), void* user) {
     static const char* const stages[] = {"expand", "gusts", "shield", "bend", "jiggle", "collide"};
-    static const char* const counts[] = {"contacts", "pushed_out",   "unresolved", "skipped_pushes",
+    static const char* const counts[] = {"contacts", "pushed_out",   "unresolved", "targets_not_raised",
                                          "dips",     "turned_angle", "goal_angle"};
     static const char* const axes[] = {"x", "y", "z"};
     char key[64];

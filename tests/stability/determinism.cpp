@@ -34,7 +34,8 @@ TEST(Determinism, patches_cut_and_ordered_in_any_way) {
     const auto whole = coat.poses(coat.roots(), 512, scratch);
     std::printf("  %zu strands, %d contacts, %d pushed out, %d skipped pushes, %.3g of %.3g rad\n",
                 coat.roots().size(), int(scratch.counts.contacts), int(scratch.counts.pushed_out),
-                int(scratch.counts.skipped_pushes), scratch.counts.turned_angle, scratch.counts.goal_angle);
+                int(scratch.counts.targets_not_raised), scratch.counts.turned_angle,
+                scratch.counts.goal_angle);
     EXPECT_GT(scratch.counts.contacts, 1000u);
     long long differ = 0, again = 0;
     for (const size_t batch : {1, 7, 8, 100}) {

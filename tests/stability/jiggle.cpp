@@ -46,9 +46,9 @@ std::vector<std::vector<Curve>> run(const Jiggle& jiggle, const std::vector<doub
         std::vector<Curve>& curves = result.emplace_back();
         for (int i = 0; i < now.count; ++i) curves.push_back(curve_of(now, pose, i));
     };
-    for (int64_t knot = window.first; knot <= window.last; ++knot) {
-        filter.feed(knot, at(motions, jiggle.frame_of(knot)));
-        while (result.size() < times.size() && times[result.size()] <= jiggle.frame_of(knot)) emit();
+    for (int64_t past_sample = window.first; past_sample <= window.last; ++past_sample) {
+        filter.feed(past_sample, at(motions, jiggle.frame_of(past_sample)));
+        while (result.size() < times.size() && times[result.size()] <= jiggle.frame_of(past_sample)) emit();
     }
     while (result.size() < times.size()) emit();
     return result;

@@ -123,7 +123,7 @@ Strands strands_of(const std::vector<Curve>& rest, double width, const Vec3d& no
         strands.width[size_t(i)] = splat(width);
         strands.root_normal[size_t(i)] = splat3(normal.data());
         const Wide3f& root = strands.rest[size_t(i) * size_t(strands.cvs)];
-        strands.anchor[size_t(i)] = to_double(root);
+        strands.noise_origin[size_t(i)] = to_double(root);
     }
     return strands;
 }

@@ -37,7 +37,7 @@ class Scene {
     const MarramMesh& mesh(size_t i) const { return lent_[i]; }
     Colliders colliders(uint32_t time = 0) const {
         Colliders colliders = colliders_at(frame_, time);
-        ColliderTrees().give(frame_, everywhere(), std::array{&colliders});
+        ColliderTrees().build_or_reuse(frame_, everywhere(), std::array{&colliders});
         return colliders;
     }
     // The same triangles, rounded to float, for the oracle.

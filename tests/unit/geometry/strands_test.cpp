@@ -397,7 +397,7 @@ TEST(Strands, ObjectionsSayWhatToDo) {
 
 // ---- Collision
 
-// Roots above, on and under the skin: those too low are lifted to the same height, with a warning.
+// Roots above, on and under the skin: those too low are raised to the same height, with a warning.
 TEST(Strands, RootsUnderTheSkinAreLiftedAndTold) {
     TestScene scene(
         mesh("ground", "plane", "size = [4, 4]\n") + drawn +
@@ -420,7 +420,7 @@ TEST(Strands, RootsUnderTheSkinAreLiftedAndTold) {
         << scene.stats.warnings[0] << scene.stats.warnings[1];
 }
 
-// Far beside an open surface and below its plane by less than the rounding error: neither inside nor lifted.
+// Far beside an open surface and below its plane by less than the rounding error: neither inside nor raised.
 TEST(Strands, BesideTheBorderOfAnOpenSkinStayWhereTheyAre) {
     TestScene scene(mesh("card", "plane", "size = [2, 2]\n") + drawn +
                     strands("on = \"card\"\nwind.collision.solver = \"exact\"\n"));

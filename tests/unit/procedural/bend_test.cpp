@@ -29,10 +29,10 @@ Strands strands_of(const std::vector<Curve>& curves) {
             cv.y[i % lanes] = float(curve[k].y());
             cv.z[i % lanes] = float(curve[k].z());
         }
-        Wide3d& anchor = strands.anchor[size_t(i / lanes)];
-        anchor.x[i % lanes] = double(float(curve[0].x()));
-        anchor.y[i % lanes] = double(float(curve[0].y()));
-        anchor.z[i % lanes] = double(float(curve[0].z()));
+        Wide3d& noise_origin = strands.noise_origin[size_t(i / lanes)];
+        noise_origin.x[i % lanes] = double(float(curve[0].x()));
+        noise_origin.y[i % lanes] = double(float(curve[0].y()));
+        noise_origin.z[i % lanes] = double(float(curve[0].z()));
     }
     return strands;
 }

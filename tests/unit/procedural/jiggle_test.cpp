@@ -80,10 +80,10 @@ std::vector<std::vector<Curve>> run(const Jiggle& jiggle, const JiggleWindow& wi
         std::vector<Curve>& curves = result.emplace_back();
         for (int i = 0; i < strands.count; ++i) curves.push_back(curve_of(pose, strands.cvs, i));
     };
-    for (int64_t knot = window.first; knot <= window.last; ++knot) {
-        fill(strands, motions, jiggle.frame_of(knot));
-        filter.feed(knot, strands);
-        while (result.size() < times.size() && times[result.size()] <= jiggle.frame_of(knot)) emit();
+    for (int64_t past_sample = window.first; past_sample <= window.last; ++past_sample) {
+        fill(strands, motions, jiggle.frame_of(past_sample));
+        filter.feed(past_sample, strands);
+        while (result.size() < times.size() && times[result.size()] <= jiggle.frame_of(past_sample)) emit();
     }
     while (result.size() < times.size()) emit();
     return result;
@@ -135,7 +135,7 @@ double ramp_response(double zeta, double omega, double seconds) {
     return (t + e) / omega;
 }
 
-// One scalar oscillator over a knot interval, target from g0 to g1, integrated by fourth-order Runge-Kutta
+// One scalar oscillator over a sample interval, target from g0 to g1, integrated by fourth-order Runge-Kutta
 // with steps of at most `fine` of the fastest time constant. Error about fine^4 / 100 of the change.
 void runge_kutta(double zeta, double omega, double seconds, double g0, double g1, double& x, double& v) {
     constexpr double fine = 0.02;
@@ -155,16 +155,16 @@ void runge_kutta(double zeta, double omega, double seconds, double g0, double g1
     }
 }
 
-// The full definition: history from knot `first` on, filtered per CV, then segment lengths restored.
+// The full definition: history from sample `first` on, filtered per CV, then segment lengths restored.
 Curve whole_history(const Jiggle& jiggle, int64_t first, double frame, const Motion& motion) {
     const int n = int(motion(frame).size());
     const auto last = int64_t(std::ceil(frame / jiggle.step));
     Curve x = rounded(motion(jiggle.frame_of(first))), v(size_t(n), Vec3d::Zero());
     Curve target = x;
-    for (int64_t knot = first; knot < last; ++knot) {
-        const Curve from = rounded(motion(jiggle.frame_of(knot))),
-                    to = rounded(motion(jiggle.frame_of(knot + 1)));
-        const double share = std::min(1.0, (frame - jiggle.frame_of(knot)) / jiggle.step);
+    for (int64_t past_sample = first; past_sample < last; ++past_sample) {
+        const Curve from = rounded(motion(jiggle.frame_of(past_sample))),
+                    to = rounded(motion(jiggle.frame_of(past_sample + 1)));
+        const double share = std::min(1.0, (frame - jiggle.frame_of(past_sample)) / jiggle.step);
         for (size_t k = 0; k < size_t(n); ++k) {
             target[k] = from[k] + share * (to[k] - from[k]);
             for (int c = 0; c < 3 && k > 0; ++c)
@@ -282,7 +282,7 @@ TEST(Jiggle, step_ramp_and_sinusoid_have_their_closed_form) {
         const std::vector<double> times = {0.2, 3.0, 7.25, 12.5, 19.9, 31.3};
         const Motion step = slope_motion([](double f) { return f >= 2.0 ? 1.0 : 0.0; });
         const Motion rising = slope_motion([](double f) { return f >= 2.0 ? (f - 2.0) / frame_rate : 0.0; });
-        // sin interpolated linearly between knots: the slope changes at each knot, each change starts a ramp
+        // sin interpolated linearly between samples: the slope changes at each sample, each change starts a ramp
         const auto sine = [](double f) { return f > 0.0 ? 0.5 * std::sin(0.4 * f) : 0.0; };
         const auto got = run(jiggle, times, {step, rising, slope_motion(sine)});
         for (size_t i = 0; i < times.size(); ++i) {
@@ -457,7 +457,7 @@ TEST(Jiggle, a_root_that_moves_drags_its_strand_behind_it) {
         const double want = -2.0 * zeta * v / omega + (4.0 * zeta * zeta - 1.0) * gain / (omega * omega);
         worst_faster = std::max(worst_faster, std::abs(lean(got[0][1]) - want));
     }
-    // A parabola through knots a distance h apart lies on average a h^2 / 12 below its chords.
+    // A parabola through samples a distance h apart lies on average a h^2 / 12 below its chords.
     const double chords = gain / 12.0 * 0.25 / frame_rate / frame_rate;
     std::printf("moving root: even %.2g, accelerated %.2g (chords of the step: %.2g)\n", worst_even,
                 worst_faster, chords);
@@ -480,7 +480,7 @@ TEST(Jiggle, a_turning_strand_lags_and_settles) {
     }
 }
 
-// No jump between keys, at knots, or at the start frame.
+// No jump between keys, at samples, or at the start frame.
 TEST(Jiggle, poses_are_continuous_in_time) {
     Jiggle jiggle = jiggle_of(2.0, 0.3);
     jiggle.start_frame = 11.0;
@@ -524,7 +524,7 @@ TEST(Jiggle, keys_of_one_frame_share_their_knots_with_the_next) {
     EXPECT_EQ(a.last + 2, b.last);
     EXPECT_LE(jiggle.frame_of(a.first), 99.75);
     EXPECT_GE(jiggle.frame_of(a.last), 100.25);
-    for (const double step : {0.1, 0.3, 1.0 / 3.0, 0.7}) { // knots that are not exact in double
+    for (const double step : {0.1, 0.3, 1.0 / 3.0, 0.7}) { // samples that are not exact in double
         Jiggle odd = jiggle;
         odd.step = step;
         for (int i = -2000; i < 2000; ++i) {
@@ -751,7 +751,7 @@ TEST(Jiggle, scenes_are_read_and_contradictions_refused) {
     EXPECT_EQ(listed, jiggle_params().size());
 }
 
-// Prints the error of the step between knots and the cost per knot. Only the error of the step has a bound.
+// Prints the error of the step between samples and the cost per sample. Only the error of the step has a bound.
 TEST(Jiggle, measured_error_of_the_step_and_cost) {
     for (const double hertz : {1.0, 2.0, 5.0})
         for (const double step : {2.0, 1.0, 0.5, 0.25, 0.125}) {
@@ -776,21 +776,22 @@ TEST(Jiggle, measured_error_of_the_step_and_cost) {
     JiggleFilter filter;
     const Jiggle jiggle = jiggle_of(2.0, 0.3);
     WideVector<Wide3f> pose;
-    constexpr int repeats = 200, knots = 20;
+    constexpr int repeats = 200, past_samples = 20;
     double feeding = 0.0, emitting = 0.0;
     for (int r = 0; r < repeats; ++r) {
         filter.begin(jiggle, frame_rate, strands.cvs, strands.blocks);
         const auto t0 = std::chrono::steady_clock::now();
-        for (int64_t knot = 0; knot < knots; ++knot) {
+        for (int64_t past_sample = 0; past_sample < past_samples; ++past_sample) {
             strands.pose[1].x += 0.001F;
-            filter.feed(knot, strands);
+            filter.feed(past_sample, strands);
         }
         const auto t1 = std::chrono::steady_clock::now();
-        for (int i = 0; i < knots; ++i) filter.emit(0.5 * knots - 0.8 + 0.01 * i, strands, pose);
+        for (int i = 0; i < past_samples; ++i)
+            filter.emit(0.5 * past_samples - 0.8 + 0.01 * i, strands, pose);
         feeding += std::chrono::duration<double>(t1 - t0).count();
         emitting += std::chrono::duration<double>(std::chrono::steady_clock::now() - t1).count();
     }
-    const double cvs = 128.0 * 9.0 * repeats * knots;
-    std::printf("cost: %.2f ns a CV and knot, %.2f ns a CV and pose\n", feeding / cvs * 1e9,
+    const double cvs = 128.0 * 9.0 * repeats * past_samples;
+    std::printf("cost: %.2f ns a CV and past sample, %.2f ns a CV and pose\n", feeding / cvs * 1e9,
                 emitting / cvs * 1e9);
 }
